@@ -218,7 +218,8 @@ fn changes(timing: &Value) -> Vec<(String, Value)> {
     let others =
         |number: u64| [2 * number, number / 2, number + 1, number.saturating_sub(1)].into_iter().filter(move |other| *other != number);
     let left_out = json!({"engines": 2, "queue": "longest", "project": {"multipliers": 4}, "ellipse": {"multipliers": 16},
-        "fragment": {"units": 2, "merges_in_flight": 2, "hazard": 1}, "shade": {"units": 2}, "resolve": {"units": 2}});
+        "fragment": {"units": 2, "merges_in_flight": 2, "hazard": 1}, "shade": {"units": 2}, "resolve": {"units": 2},
+        "memory": {"channels": 2, "ranks": 2, "interleave_bytes": 256, "write_batch": 4, "bytes_per_cycle_permille": 500}});
     let mut all = Vec::new();
     for (nth, tree) in [timing, &left_out].into_iter().enumerate() {
         for (unit, fields) in tree.as_object().unwrap() {
@@ -244,8 +245,21 @@ fn changes(timing: &Value) -> Vec<(String, Value)> {
 
 #[test]
 fn no_field_of_timing_gains_for_nothing_unless_it_is_marked_as_given() {
-    let machines =
-        [("tiny", &[][..], "glass-spheres"), ("lean", &["timing.organisation=immediate"], "torus-knot"), ("gaussian", &[], "bouquet")];
+    let bought = [
+        "timing.memory.channels=2",
+        "timing.memory.refresh_interval_cycles=400",
+        "timing.memory.refresh_cycles=30",
+        "timing.memory.turnaround_cycles=10",
+        "timing.memory.write_batch=2",
+        "timing.memory.row_cycles=20",
+        "timing.memory.four_rows_cycles=30",
+    ];
+    let machines = [
+        ("tiny", &[][..], "glass-spheres"),
+        ("lean", &["timing.organisation=immediate"], "torus-knot"),
+        ("gaussian", &[], "bouquet"),
+        ("tiny", &bought, "torus-knot"),
+    ];
     let (mut tried, mut marked) = (0, 0);
     for (name, settings, scene) in machines {
         let base = with_least_latencies(name, settings);

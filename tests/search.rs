@@ -701,6 +701,14 @@ fn what_has_no_price_is_no_field_of_a_search() {
         assert!(!out.exists());
     };
     with(json!([{"field": "timing.memory.bytes_per_cycle", "values": [64]}]), "is given, and can be set with --set: memory is bought");
+    for (field, values) in
+        [("preset", json!(["hbm2"])), ("channels", json!([4])), ("refresh_cycles", json!([1])), ("row_cycles", json!([1]))]
+    {
+        with(
+            json!([{"field": format!("timing.memory.{field}"), "values": values}]),
+            "is given, and can be set with --set: memory is bought",
+        );
+    }
     with(json!([{"field": "timing.cache.ways", "values": [64]}]), "is given");
     with(json!([{"field": "gauss.weight", "values": ["U0F8"]}]), "is no field of timing; --target-psnr searches words");
     with(json!([{"field": "timing.raster.fofi", "values": [4]}]), "timing.raster.fofi is no known field");

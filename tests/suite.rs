@@ -14,6 +14,7 @@ mod cli;
 mod compare;
 mod cosimulation;
 mod diff;
+mod dram;
 mod edge_cases;
 mod filters;
 mod fixed_laws;

@@ -5,6 +5,7 @@ use crate::hardware::searched::SearchRecord;
 use crate::output::text::{clipped, is_unprintable, one_line};
 use crate::scene::{Scene, strict_json, validate};
 use rtl_model::Machine;
+use rtl_model::machine::timing::Memory;
 use rtl_model::num::Format;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -162,7 +163,16 @@ pub fn pointer(path: &str) -> String {
 
 /// Lays one change over a machine's fields, unchecked; the path is one of a machine.
 pub fn lay(fields: &mut Value, path: &str, leaf: Value) {
-    merge(fields, nested(path, whole(leaf)));
+    lay_over(fields, nested(path, whole(leaf)));
+}
+
+/// Lays changes over a machine's fields: a preset of memory replaces what was said before it of the fields that it fills.
+fn lay_over(fields: &mut Value, changes: Value) {
+    let has_preset = changes.pointer("/timing/memory/preset").is_some_and(Value::is_string);
+    if let (true, Some(Value::Object(memory))) = (has_preset, fields.pointer_mut("/timing/memory")) {
+        Memory::FILLED.iter().for_each(|field| drop(memory.remove(*field)));
+    }
+    merge(fields, changes);
 }
 
 /// Refuses a path that no machine can have, before a value as deep is made of it.
@@ -263,7 +273,7 @@ fn described(value: Value, whose: &str, usual_name: &str) -> Result<(Value, Opti
     let base = base.as_str().and_then(Machine::named).ok_or_else(|| input_error(format!("base must be one of {names}, but is {base}")))?;
     let mut value = self::value(&base);
     fields.entry("name").or_insert_with(|| usual_name.into());
-    merge(&mut value, Value::Object(fields));
+    lay_over(&mut value, Value::Object(fields));
     Ok((value, searched))
 }
 

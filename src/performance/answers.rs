@@ -183,11 +183,13 @@ enum Way {
 fn way(name: &str) -> Option<Way> {
     Some(match name {
         "fifo" | "units" | "multipliers" | "buffers" | "lines" | "ways" | "misses" | "bytes_per_cycle" | "outstanding" | "lanes"
-        | "engines" | "merges_in_flight" => Way::More,
+        | "engines" | "merges_in_flight" | "channels" | "write_batch" => Way::More,
         "latency" | "interval" | "hazard" | "merge" => Way::Less,
         "side_px" | "line_px" | "burst_bytes" => Way::Both,
         "queue" => Way::Other,
         "clock_hz" | "technology" | "organisation" | "ideal" | "hit_latency" | "miss_latency" | "row_bytes" | "banks" => Way::Given,
+        "preset" | "bytes_per_cycle_permille" | "interleave_bytes" | "ranks" | "rank_switch_cycles" => Way::Given,
+        "refresh_interval_cycles" | "refresh_cycles" | "turnaround_cycles" | "row_cycles" | "four_rows_cycles" => Way::Given,
         _ => return None,
     })
 }

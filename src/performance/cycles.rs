@@ -9,7 +9,6 @@
 use crate::output::chart::{Axis, Bars, Mark, Panel, Series, Shape};
 use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
-use rtl_model::machine::timing::Memory;
 use rtl_model::timing::{self, CLIENTS, Client, Cycles, Direction, Limit, Limited, Request, Share, TileCycles, Tiles, Wait};
 use rtl_model::work::Work;
 use schemars::JsonSchema;
@@ -168,7 +167,8 @@ impl CyclesReport {
         let per_second = |amount: u64| if cycles.total == 0 { 0.0 } else { amount as f64 / seconds };
         let memory = &cycles.memory;
         let requests: u64 = memory.requests.iter().sum();
-        let Memory { ideal, bytes_per_cycle, .. } = timing.timing.memory;
+        let of_memory = &timing.timing.memory;
+        let ideal = of_memory.ideal;
         let of_client = |client: Client| {
             let [bytes_read, bytes_written] = memory.bytes[client as usize];
             ClientReport { name: client.name(), requests: memory.requests[client as usize], bytes_read, bytes_written }
@@ -192,7 +192,7 @@ impl CyclesReport {
                 busy: memory.busy,
                 bytes: memory.total_bytes(),
                 bytes_per_second: per_second(memory.total_bytes()),
-                peak_bytes_per_second: (!ideal).then(|| clock_hz as f64 * f64::from(bytes_per_cycle)),
+                peak_bytes_per_second: (!ideal).then(|| clock_hz as f64 * of_memory.bytes_per_1000_cycles() as f64 / 1000.0),
                 row_hit_share: (requests > 0 && !ideal).then(|| memory.row_hits as f64 / requests as f64),
                 clients: CLIENTS.into_iter().filter(|client| memory.requests[*client as usize] > 0).map(of_client).collect(),
                 read_latency_log2: memory.latencies[..last].to_vec(),
@@ -417,20 +417,26 @@ impl Requests {
         segment.map_or(address, |segment| segment.base + (address - segment.model.start))
     }
 
+    /// Every burst as the trace has it.
+    pub fn in_trace(&self) -> impl Iterator<Item = Request> {
+        self.requests.iter().flat_map(|request| {
+            let first = self.mapped(request.address);
+            let at = (first..first + request.bytes).step_by(self.burst_bytes as usize);
+            at.map(|address| Request { address, bytes: self.burst_bytes, ..*request })
+        })
+    }
+
     /// Writes a trace, a burst a line.
     ///
     /// # Errors
     /// Those of the file.
     pub fn write(&self, format: Trace, file: &mut impl std::io::Write) -> std::io::Result<()> {
-        for Request { cycle, address, bytes, direction } in &self.requests {
-            let first = self.mapped(*address);
-            for at in (first..first + bytes).step_by(self.burst_bytes as usize) {
-                match (format, direction) {
-                    (Trace::Ramulator2, Direction::Read) => writeln!(file, "LD 0x{at:x}")?,
-                    (Trace::Ramulator2, Direction::Write) => writeln!(file, "ST 0x{at:x}")?,
-                    (Trace::Dramsim3, Direction::Read) => writeln!(file, "0x{at:x} READ {cycle}")?,
-                    (Trace::Dramsim3, Direction::Write) => writeln!(file, "0x{at:x} WRITE {cycle}")?,
-                }
+        for Request { cycle, address: at, direction, .. } in self.in_trace() {
+            match (format, direction) {
+                (Trace::Ramulator2, Direction::Read) => writeln!(file, "LD 0x{at:x}")?,
+                (Trace::Ramulator2, Direction::Write) => writeln!(file, "ST 0x{at:x}")?,
+                (Trace::Dramsim3, Direction::Read) => writeln!(file, "0x{at:x} READ {cycle}")?,
+                (Trace::Dramsim3, Direction::Write) => writeln!(file, "0x{at:x} WRITE {cycle}")?,
             }
         }
         Ok(())

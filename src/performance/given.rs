@@ -7,7 +7,7 @@
 pub const CLOCK: &str = "timing.clock_hz";
 
 /// Fields without a price, and why.
-pub const GIVEN: [(&str, &str); 11] = [
+pub const GIVEN: [(&str, &str); 22] = [
     ("timing.technology", "a better one takes less energy, and what it costs to build in it has no price"),
     ("timing.memory.ideal", MEMORY),
     ("timing.memory.bytes_per_cycle", MEMORY),
@@ -16,6 +16,17 @@ pub const GIVEN: [(&str, &str); 11] = [
     ("timing.memory.burst_bytes", MEMORY),
     ("timing.memory.row_bytes", MEMORY),
     ("timing.memory.banks", MEMORY),
+    ("timing.memory.preset", MEMORY),
+    ("timing.memory.bytes_per_cycle_permille", MEMORY),
+    ("timing.memory.channels", MEMORY),
+    ("timing.memory.interleave_bytes", MEMORY),
+    ("timing.memory.ranks", MEMORY),
+    ("timing.memory.rank_switch_cycles", MEMORY),
+    ("timing.memory.refresh_interval_cycles", MEMORY),
+    ("timing.memory.refresh_cycles", MEMORY),
+    ("timing.memory.turnaround_cycles", MEMORY),
+    ("timing.memory.row_cycles", MEMORY),
+    ("timing.memory.four_rows_cycles", MEMORY),
     ("timing.cache.ways", "what compares the ways of a set has no price"),
     ("timing.cache.latency", "a look-up takes as long as its memory, which nothing here knows"),
     ("timing.walk.stack", "a tree's depth asks for it"),

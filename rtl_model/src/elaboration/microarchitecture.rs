@@ -148,6 +148,9 @@ pub struct Microarchitecture {
     pub pipelines: [Pipeline; 8],
     /// Words that wait and that are kept on the chip.
     pub storage: Storage,
+    /// Memory that is bought as a preset has it, at this clock.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub memory: Option<Memory>,
     /// A unit that is infinitely fast, to see what it costs: no machine has one.
     #[serde(skip)]
     pub lifted: Option<&'static str>,
@@ -313,6 +316,9 @@ const ADDRESS_BITS: i32 = 48;
 const TAG_BITS: u64 = 32;
 /// The most that a field of memory may say.
 const MOST: u32 = 1 << 20;
+/// The most channels, and ranks of each.
+const MOST_CHANNELS: u32 = 64;
+const MOST_RANKS: u32 = 8;
 
 fn bytes(bits: i32) -> u32 {
     (bits.max(0) as u32).div_ceil(8)
@@ -326,8 +332,10 @@ fn bits(words: &[(i32, Word)]) -> i32 {
 impl Machine {
     /// Elaborates the microarchitecture, from the longest way through each unit; misfits are added to those of the formats.
     pub fn elaborate_timing(&self, e: &mut Elaboration, paths: &Paths) -> Microarchitecture {
-        let t = &self.timing;
+        let memory = self.timing.memory.resolved(self.timing.clock_hz);
+        let t = &Timing { memory, ..self.timing };
         check(t, e);
+        check_memory(&self.timing.memory, &memory, e);
         // Who replaces, or has one sheet open, merges no two.
         let merges = t.technology != Technology::Ideal && self.fragment.sheets.is_none() && self.fragment.merge != Merge::Replace;
         check_paths(t, paths, self.colour.as_ref().map_or(0, |colour| colour.degree), merges, e);
@@ -458,6 +466,7 @@ impl Machine {
         ];
         Microarchitecture {
             timing: *t,
+            memory: t.memory.preset.map(|_| t.memory),
             fetch: stage(Some(1), 1, t.fetch.fifo),
             project,
             ellipse,
@@ -541,9 +550,11 @@ impl Machine {
         e.copies(engines, |e| e.choice(unit::SHADE, shade.units, fragment_bits + light));
         // Each resolve unit reads another pixel of the same tile; their words leave by one way.
         e.choice(unit::RESOLVE, resolve.units, self.fragment.layers.min(64) as i32 * fragment_bits + word);
-        // Engines ask, and are answered, through one channel.
-        let request = 8 * self.timing.memory.bytes_per_cycle.min(MOST) as i32 + ADDRESS_BITS;
+        // Engines ask, and are answered, by one way, whatever channels that leads to.
+        let memory = self.timing.memory.resolved(self.timing.clock_hz);
+        let request = 8 * memory.bytes_per_cycle.min(MOST) as i32 + ADDRESS_BITS;
         e.choice(unit::FETCH, engines, 2 * request);
+        e.choice(unit::FETCH, memory.channels().clamp(1, MOST_CHANNELS), request);
     }
 
     /// The map of surroundings, and what it cannot be.
@@ -667,6 +678,9 @@ impl Machine {
         // What fetch has asked for, and what resolve writes, waits in whole requests.
         let requests = 16u64.saturating_mul(t.memory.outstanding.into()).saturating_mul(t.memory.burst_bytes.into());
         let requests = requests.saturating_mul(engines.into());
+        // What a channel gathers before it turns to writing.
+        let gathered = u64::from(t.memory.write_batch.filter(|batch| *batch > 1).unwrap_or(0)).saturating_mul(t.memory.channels().into());
+        let requests = requests.saturating_add(gathered.saturating_mul(8 * u64::from(t.memory.burst_bytes) + ADDRESS_BITS as u64));
         // Both digits of the lengths of lists are counted at once.
         let length_counts = if t.queue == Queue::Longest { 2 * LENGTH_VALUES * LENGTH_COUNT_BITS } else { 0 };
         // Number of a first child and how many there are, for each entry; and what counts nodes by size where the largest come first: while one
@@ -828,14 +842,6 @@ fn check(timing: &Timing, e: &mut Elaboration) {
     // Each look-up compares them all at once.
     e.require(ways <= 64, || format!("timing.cache.ways is {ways}: at most 64 are compared in a cycle"));
     e.require(ways > 64 || ways <= lines, || format!("timing.cache has {lines} lines in sets of {ways}: no set is full"));
-    let Memory { burst_bytes, row_bytes, hit_latency, miss_latency, .. } = timing.memory;
-    e.require(burst_bytes <= row_bytes, || format!("timing.memory reads {burst_bytes} bytes at a time from rows of {row_bytes}"));
-    e.require(burst_bytes >= ENTRY_BYTES, || {
-        format!("timing.memory.burst_bytes is {burst_bytes}: an entry of a tile's list has {ENTRY_BYTES}")
-    });
-    e.require((hit_latency..=MOST).contains(&miss_latency), || {
-        format!("timing.memory.miss_latency is {miss_latency}: it can be {hit_latency}, the latency of an open row, to {MOST}")
-    });
     let Tile { side_px, buffers } = timing.tile;
     e.require(side_px % 16 == 0 && (16..=1024).contains(&side_px), || {
         format!("timing.tile.side_px is {side_px}: it must be a multiple of 16 up to 1024")
@@ -852,4 +858,54 @@ fn check(timing: &Timing, e: &mut Elaboration) {
         "timing.queue is longest, but an immediate machine has no tiles: order would do".into()
     });
     e.require((1..=2).contains(&buffers), || format!("timing.tile.buffers is {buffers}: it can be 1 or 2"));
+}
+
+/// Refuses what no memory can be: as a machine gives it, and with what its preset fills.
+fn check_memory(given: &Memory, memory: &Memory, e: &mut Elaboration) {
+    let Memory { burst_bytes, row_bytes, hit_latency, miss_latency, .. } = *memory;
+    e.require(burst_bytes <= row_bytes, || format!("timing.memory reads {burst_bytes} bytes at a time from rows of {row_bytes}"));
+    e.require(burst_bytes >= ENTRY_BYTES, || {
+        format!("timing.memory.burst_bytes is {burst_bytes}: an entry of a tile's list has {ENTRY_BYTES}")
+    });
+    e.require((hit_latency..=MOST).contains(&miss_latency), || {
+        format!("timing.memory.miss_latency is {miss_latency}: it can be {hit_latency}, the latency of an open row, to {MOST}")
+    });
+    let permille = memory.bytes_per_cycle_permille.unwrap_or(0);
+    e.require(permille < 1000, || format!("timing.memory.bytes_per_cycle_permille is {permille}: it can be 0 to 999, more are a byte"));
+    let interleave = memory.interleave_bytes();
+    for (name, value, most) in [
+        ("channels", memory.channels(), MOST_CHANNELS),
+        ("ranks", memory.ranks.unwrap_or(1), MOST_RANKS),
+        ("interleave_bytes", given.interleave_bytes.unwrap_or(1), MOST),
+    ] {
+        e.require(value.is_power_of_two() && value <= most, || {
+            format!("timing.memory.{name} is {value}: it must be a power of two up to {most}")
+        });
+    }
+    e.require(given.interleave_bytes.is_none() || interleave >= burst_bytes, || {
+        format!("timing.memory.interleave_bytes is {interleave}: a burst of {burst_bytes} bytes comes from one channel")
+    });
+    let cycles = [
+        ("rank_switch_cycles", memory.rank_switch_cycles, 0),
+        ("refresh_interval_cycles", memory.refresh_interval_cycles, 0),
+        ("refresh_cycles", memory.refresh_cycles, 0),
+        ("turnaround_cycles", memory.turnaround_cycles, 0),
+        ("write_batch", memory.write_batch, 1),
+        ("row_cycles", memory.row_cycles, 0),
+        ("four_rows_cycles", memory.four_rows_cycles, 0),
+    ];
+    for (name, value, least) in cycles {
+        let value = value.unwrap_or(least);
+        e.require((least..=MOST).contains(&value), || format!("timing.memory.{name} is {value}: it can be {least} to {MOST}"));
+    }
+    let [interval, refresh] = [memory.refresh_interval_cycles, memory.refresh_cycles].map(|cycles| cycles.unwrap_or(0));
+    if interval > 0 {
+        e.require(refresh < interval, || {
+            format!("timing.memory.refresh_cycles is {refresh}: it must be less than refresh_interval_cycles, {interval}, for memory to move anything")
+        });
+    } else {
+        e.require(given.refresh_cycles.unwrap_or(0) == 0, || {
+            format!("timing.memory.refresh_cycles is {refresh}, but refresh_interval_cycles is 0 or left out: nothing is refreshed")
+        });
+    }
 }

@@ -334,28 +334,267 @@ pub struct Resolve {
     pub interval: u32,
 }
 
-/// Memory: one channel.
+/// Memory outside of the chip: channels, each with rows that are open. A field that a preset fills is 0, or left out, unless the machine says
+/// otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "MemoryTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Memory {
+    /// Memory that can be bought: fills every field below that is left out with the numbers of its data sheet at the clock of the machine, but
+    /// for `outstanding`. Left out, the fields from `bytes_per_cycle` to `banks` are needed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub preset: Option<Preset>,
     /// Every request is answered after the latency of an open row, whatever else is under way: for asking what the datapath alone takes.
     #[serde(default)]
     pub ideal: bool,
-    /// Bytes a cycle.
+    /// Bytes a cycle, of each channel.
+    #[serde(default, skip_serializing_if = "is_left_out")]
     pub bytes_per_cycle: u32,
+    /// Thousandths of a byte a cycle more than that, below 1000; left out, 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bytes_per_cycle_permille: Option<u32>,
     /// Cycles from a request to its first byte where its row is open.
+    #[serde(default, skip_serializing_if = "is_left_out")]
     pub hit_latency: u32,
     /// The same where another row is.
+    #[serde(default, skip_serializing_if = "is_left_out")]
     pub miss_latency: u32,
     /// Bytes of a request, a power of two, at least the 4 of a list's entry.
+    #[serde(default, skip_serializing_if = "is_left_out")]
     pub burst_bytes: u32,
     /// Requests that fetch, and resolve, can have on their way at a time.
     pub outstanding: u32,
     /// Bytes of a row, a power of two.
+    #[serde(default, skip_serializing_if = "is_left_out")]
     pub row_bytes: u32,
-    /// Rows that can be open at a time, a power of two; each its own share of addresses.
+    /// Rows of a rank that can be open at a time, a power of two; each its own share of addresses.
+    #[serde(default, skip_serializing_if = "is_left_out")]
     pub banks: u32,
+    /// Channels, a power of two up to 64, each as fast as is said above, with banks of its own; left out, 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub channels: Option<u32>,
+    /// Bytes after which addresses go on in the next channel, a power of two, at least a burst; left out, a burst.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub interleave_bytes: Option<u32>,
+    /// Ranks of a channel, a power of two up to 8, each with as many banks; left out, 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ranks: Option<u32>,
+    /// Cycles for which a channel moves nothing between bytes of two ranks; left out, 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rank_switch_cycles: Option<u32>,
+    /// Cycles from one refresh to the next, all ranks at once (tREFI); 0 or left out, nothing is refreshed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refresh_interval_cycles: Option<u32>,
+    /// Cycles of a refresh, in which a channel moves nothing; every row is closed after it (tRFC). Fewer than from one to the next.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refresh_cycles: Option<u32>,
+    /// Cycles for which a channel moves nothing when it turns from reading to writing and back; left out, 0.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub turnaround_cycles: Option<u32>,
+    /// Bursts that a channel gathers and writes at one turn, if it has so many; left out, 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub write_batch: Option<u32>,
+    /// Cycles between two rows that the same bank opens (tRC); left out, 0: no limit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub row_cycles: Option<u32>,
+    /// Cycles in which a rank opens at most four rows (tFAW); left out, 0: no limit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub four_rows_cycles: Option<u32>,
+}
+
+fn is_left_out(value: &u32) -> bool {
+    *value == 0
+}
+
+/// Memory that can be bought, with the numbers of its data sheet.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub enum Preset {
+    /// LPDDR4 of 3200 MT/s, four channels of 32 bits (two devices of 8 Gbit and 16 bits each): 51.2 GB/s.
+    #[serde(rename = "lpddr4-3200-x4")]
+    Lpddr4,
+    /// LPDDR5 of 6400 MT/s, four channels of 16 bits (a device of 8 Gbit each): 51.2 GB/s.
+    #[serde(rename = "lpddr5-6400-x4")]
+    Lpddr5,
+    /// DDR5 of 4800 MT/s, one module: two channels of 32 bits (four devices of 16 Gbit and 8 bits each): 38.4 GB/s.
+    #[serde(rename = "ddr5-4800")]
+    Ddr5,
+    /// HBM2 of 2 Gbit/s a pin, one stack: eight channels of 128 bits (8 Gbit each): 256 GB/s.
+    #[serde(rename = "hbm2")]
+    Hbm2,
+}
+
+/// Numbers of a data sheet: picoseconds, bytes.
+struct DataSheet {
+    /// A second, of a channel.
+    bytes: u64,
+    channels: u32,
+    burst_bytes: u32,
+    row_bytes: u32,
+    banks: u32,
+    /// CL or RL, tRCD, tRP.
+    read: u64,
+    activate: u64,
+    precharge: u64,
+    /// tRC, tFAW, tREFI, tRFC of all banks.
+    row_cycle: u64,
+    four_rows: u64,
+    refresh_interval: u64,
+    refresh: u64,
+    /// tWTR_L and the read latency, and two clocks of the bus.
+    turnaround: u64,
+    /// Between ranks: two clocks of the bus.
+    rank_switch: u64,
+}
+
+impl Preset {
+    /// JESD209-4, JESD209-5B, JESD79-5 (speed bin 4800B) and JESD235; where these leave the last word to a maker, usual values.
+    fn data_sheet(self) -> DataSheet {
+        match self {
+            Preset::Lpddr4 => DataSheet {
+                bytes: 12_800_000_000,
+                channels: 4,
+                burst_bytes: 64,
+                row_bytes: 4096,
+                banks: 8,
+                read: 17_500,
+                activate: 18_000,
+                precharge: 18_000,
+                row_cycle: 60_000,
+                four_rows: 40_000,
+                refresh_interval: 3_904_000,
+                refresh: 280_000,
+                turnaround: 28_750,
+                rank_switch: 1_250,
+            },
+            Preset::Lpddr5 => DataSheet {
+                bytes: 12_800_000_000,
+                channels: 4,
+                burst_bytes: 32,
+                row_bytes: 2048,
+                banks: 16,
+                read: 21_250,
+                activate: 18_000,
+                precharge: 18_000,
+                row_cycle: 60_000,
+                four_rows: 20_000,
+                refresh_interval: 3_906_000,
+                refresh: 210_000,
+                turnaround: 35_750,
+                rank_switch: 2_500,
+            },
+            Preset::Ddr5 => DataSheet {
+                bytes: 19_200_000_000,
+                channels: 2,
+                burst_bytes: 64,
+                row_bytes: 4096,
+                banks: 32,
+                read: 16_640,
+                activate: 16_000,
+                precharge: 16_000,
+                row_cycle: 48_000,
+                four_rows: 13_333,
+                refresh_interval: 3_900_000,
+                refresh: 295_000,
+                turnaround: 27_500,
+                rank_switch: 832,
+            },
+            Preset::Hbm2 => DataSheet {
+                bytes: 32_000_000_000,
+                channels: 8,
+                burst_bytes: 64,
+                row_bytes: 2048,
+                banks: 16,
+                read: 14_000,
+                activate: 14_000,
+                precharge: 14_000,
+                row_cycle: 48_000,
+                four_rows: 30_000,
+                refresh_interval: 3_900_000,
+                refresh: 260_000,
+                turnaround: 24_000,
+                rank_switch: 2_000,
+            },
+        }
+    }
+}
+
+/// Bursts that the controller of a preset writes at one turn: half of the usual 32 places of its queue.
+const WRITE_BATCH: u32 = 16;
+
+impl Memory {
+    /// Fields that a preset fills.
+    pub const FILLED: [&str; 17] = [
+        "bytes_per_cycle",
+        "bytes_per_cycle_permille",
+        "hit_latency",
+        "miss_latency",
+        "burst_bytes",
+        "row_bytes",
+        "banks",
+        "channels",
+        "interleave_bytes",
+        "ranks",
+        "rank_switch_cycles",
+        "refresh_interval_cycles",
+        "refresh_cycles",
+        "turnaround_cycles",
+        "write_batch",
+        "row_cycles",
+        "four_rows_cycles",
+    ];
+
+    /// Nothing left out: fields that the machine leaves out are those of its preset at this clock. Bandwidth is rounded down to thousandths of
+    /// a byte a cycle, times are rounded up to cycles.
+    pub fn resolved(self, clock_hz: u64) -> Self {
+        let Some(preset) = self.preset else { return self };
+        let sheet = preset.data_sheet();
+        // A clock of 1 Hz has more bytes a cycle than a field holds.
+        let number = |value: u128| u32::try_from(value).unwrap_or(u32::MAX);
+        let cycles = |picoseconds: u64| number((u128::from(picoseconds) * u128::from(clock_hz)).div_ceil(1_000_000_000_000).max(1));
+        let thousandths = u128::from(sheet.bytes) * 1000 / u128::from(clock_hz.max(1));
+        let or = |said: u32, value: u32| if said == 0 { value } else { said };
+        // Thousandths are those of the preset's bytes.
+        let permille = if self.bytes_per_cycle == 0 { number(thousandths % 1000) } else { 0 };
+        let burst_bytes = or(self.burst_bytes, sheet.burst_bytes);
+        let interval = self.refresh_interval_cycles.unwrap_or(cycles(sheet.refresh_interval));
+        Memory {
+            bytes_per_cycle: or(self.bytes_per_cycle, number(thousandths / 1000)),
+            bytes_per_cycle_permille: self.bytes_per_cycle_permille.or(Some(permille)),
+            hit_latency: or(self.hit_latency, cycles(sheet.read)),
+            miss_latency: or(self.miss_latency, cycles(sheet.precharge + sheet.activate + sheet.read)),
+            burst_bytes,
+            row_bytes: or(self.row_bytes, sheet.row_bytes),
+            banks: or(self.banks, sheet.banks),
+            channels: self.channels.or(Some(sheet.channels)),
+            interleave_bytes: self.interleave_bytes.or(Some(burst_bytes)),
+            ranks: self.ranks.or(Some(1)),
+            rank_switch_cycles: self.rank_switch_cycles.or(Some(cycles(sheet.rank_switch))),
+            refresh_interval_cycles: self.refresh_interval_cycles.or(Some(interval)),
+            // With a slow clock both are a cycle.
+            refresh_cycles: self.refresh_cycles.or(Some(cycles(sheet.refresh).min(interval.saturating_sub(1)))),
+            turnaround_cycles: self.turnaround_cycles.or(Some(cycles(sheet.turnaround))),
+            write_batch: self.write_batch.or(Some(WRITE_BATCH)),
+            row_cycles: self.row_cycles.or(Some(cycles(sheet.row_cycle))),
+            four_rows_cycles: self.four_rows_cycles.or(Some(cycles(sheet.four_rows))),
+            ..self
+        }
+    }
+
+    /// Channels.
+    pub fn channels(&self) -> u32 {
+        self.channels.unwrap_or(1)
+    }
+
+    /// Bytes after which addresses go on in the next channel.
+    pub fn interleave_bytes(&self) -> u32 {
+        self.interleave_bytes.unwrap_or(self.burst_bytes)
+    }
+
+    /// Thousandths of a byte that all channels move in a cycle.
+    pub fn bytes_per_1000_cycles(&self) -> u64 {
+        let of_one = u64::from(self.bytes_per_cycle) * 1000 + u64::from(self.bytes_per_cycle_permille.unwrap_or(0));
+        of_one * u64::from(self.channels())
+    }
 }
 
 /// The default microarchitecture: tiles, one stamp of 4×1 pixels a cycle, everything pipelined, memory of 6.4 GB/s.
@@ -379,13 +618,25 @@ pub const DEFAULT: Timing = Timing {
     environment: None,
     resolve: Resolve { units: None, latency: None, interval: 1 },
     memory: Memory {
+        preset: None,
         ideal: false,
         bytes_per_cycle: 16,
+        bytes_per_cycle_permille: None,
         hit_latency: 20,
         miss_latency: 50,
         burst_bytes: 64,
         outstanding: 16,
         row_bytes: 2048,
         banks: 8,
+        channels: None,
+        interleave_bytes: None,
+        ranks: None,
+        rank_switch_cycles: None,
+        refresh_interval_cycles: None,
+        refresh_cycles: None,
+        turnaround_cycles: None,
+        write_batch: None,
+        row_cycles: None,
+        four_rows_cycles: None,
     },
 };

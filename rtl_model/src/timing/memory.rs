@@ -1,4 +1,4 @@
-//! Memory: one channel, rows that are open, latencies.
+//! Memory: one channel, rows that are open, latencies; what there is beyond that is in `channels.rs`.
 //!
 //! ```text
 //! request ─►( first free moment of the channel at or after it )─► bytes ÷ bandwidth ─►( + latency of an open or another row )─► done
@@ -16,6 +16,7 @@
 //! Laws: `a_frame_bound_by_memory_takes_its_bytes_over_the_bandwidth`, `replayed_scenes_are_at_most_a_hundredth_off`,
 //! `a_frame_with_narrow_memory_moves_the_same_bytes_in_about_the_time`.
 
+use super::channels::Channels;
 use crate::machine::timing::Memory as Description;
 use std::collections::VecDeque;
 use std::ops::Range;
@@ -79,7 +80,7 @@ pub const LATENCY_BINS: usize = 24;
 /// Traffic of a frame.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct MemoryCycles {
-    /// Cycles in which bytes were moved, rounded up; 0 of ideal memory.
+    /// Cycles in which bytes were moved, by all channels at once, rounded up; 0 of ideal memory.
     pub busy: u64,
     /// Bytes read and written by each client.
     pub bytes: [[u64; 2]; CLIENTS.len()],
@@ -107,16 +108,87 @@ struct Later {
     bytes: u64,
 }
 
+/// What was not given away of something, since the first cycle: gaps, and all from the last of them on.
+#[derive(Clone, Debug, Default)]
+pub struct Free {
+    gaps: VecDeque<Range<u64>>,
+    never_used: u64,
+}
+
+impl Free {
+    /// Gives so much away from here on, the first that is left; says what follows it.
+    #[inline(always)]
+    pub fn take(&mut self, now: u64, amount: u64) -> u64 {
+        // Mostly nothing was given away after it.
+        if self.never_used <= now {
+            if self.never_used < now {
+                self.gaps.push_back(self.never_used..now);
+            }
+            self.never_used = now + amount;
+            self.never_used
+        } else {
+            self.fill_gaps(now, amount)
+        }
+    }
+
+    fn fill_gaps(&mut self, now: u64, mut amount: u64) -> u64 {
+        let mut index = self.gaps.partition_point(|gap| gap.end <= now);
+        loop {
+            let Some(gap) = self.gaps.get_mut(index) else {
+                self.never_used += amount;
+                return self.never_used;
+            };
+            let from = now.max(gap.start);
+            let to = gap.end.min(from + amount);
+            amount -= to - from;
+            let after = to..std::mem::replace(&mut gap.end, from);
+            if from == gap.start {
+                // From its beginning on: what is left of it stays.
+                *gap = after;
+                if gap.is_empty() {
+                    self.gaps.remove(index);
+                }
+            } else {
+                index += 1;
+                if !after.is_empty() {
+                    self.gaps.insert(index, after);
+                }
+            }
+            if amount == 0 {
+                return to;
+            }
+        }
+    }
+
+    /// Gives so much away in one piece, from here on, the first that is left; says where it begins.
+    pub fn take_whole(&mut self, now: u64, amount: u64) -> u64 {
+        let first = self.gaps.partition_point(|gap| gap.end <= now);
+        let fits = |gap: &Range<u64>| gap.end.saturating_sub(gap.start.max(now)) >= amount;
+        let from = match self.gaps.range(first..).find(|gap| fits(gap)) {
+            Some(gap) => gap.start.max(now),
+            None => self.never_used.max(now),
+        };
+        self.take(from, amount);
+        from
+    }
+
+    /// Nothing will be taken before this one.
+    pub fn forget(&mut self, before: u64) {
+        while self.gaps.pop_front_if(|gap| gap.end <= before).is_some() {}
+    }
+}
+
 /// The channel.
 #[derive(Clone, Debug)]
 pub struct Memory {
     description: Description,
     /// Logarithms of a burst's and a row's bytes.
     log: [u32; 2],
-    /// What was not given away, in bytes since the first cycle: gaps, and all from the last of them on.
-    free: VecDeque<Range<u64>>,
-    never_used: u64,
+    /// In bytes.
+    bus: Free,
     open: Box<[u64]>,
+    /// In the place of these, where there is more than one channel of open rows.
+    channels: Option<Box<Channels>>,
     /// What is still to be written, by cycle, and when the last that was is there.
     later: VecDeque<Later>,
     written: u64,
@@ -152,9 +224,9 @@ impl Memory {
         Memory {
             description,
             log: [description.burst_bytes, description.row_bytes].map(u32::ilog2),
-            free: VecDeque::new(),
-            never_used: 0,
+            bus: Free::default(),
             open: vec![u64::MAX; description.banks as usize].into(),
+            channels: Channels::new(description).map(Box::new),
             later: VecDeque::new(),
             written: 0,
             cycles: MemoryCycles::default(),
@@ -198,8 +270,10 @@ impl Memory {
 
     fn forget_gaps(&mut self, before: u64) {
         self.write_until(before);
-        let before = before * u64::from(self.description.bytes_per_cycle);
-        while self.free.pop_front_if(|gap| gap.end <= before).is_some() {}
+        match &mut self.channels {
+            Some(channels) => channels.forget(before),
+            None => self.bus.forget(before * u64::from(self.description.bytes_per_cycle)),
+        }
     }
 
     /// Writes what is to be written up to a cycle.
@@ -244,6 +318,12 @@ impl Memory {
     fn serve(&mut self, now: u64, client: Client, direction: Direction, address: u64, bytes: u64) -> u64 {
         let row = 1 << self.log[1];
         let [mut from, end] = self.count(now, client, direction, address, bytes);
+        if let Some(channels) = &mut self.channels {
+            let [done, hits] = channels.serve(now, direction, from, end);
+            self.cycles.row_hits += hits;
+            self.count_latency(direction, done - now);
+            return done;
+        }
         let mut done = now;
         while from < end {
             let nth = from / row;
@@ -269,55 +349,14 @@ impl Memory {
     #[inline(always)]
     fn move_bytes(&mut self, now: u64, bytes: u64) -> u64 {
         let a_cycle = u64::from(self.description.bytes_per_cycle);
-        let now = now * a_cycle;
-        // Mostly nothing was given away after it.
-        let to = if self.never_used <= now {
-            if self.never_used < now {
-                self.free.push_back(self.never_used..now);
-            }
-            self.never_used = now + bytes;
-            self.never_used
-        } else {
-            self.fill_gaps(now, bytes)
-        };
-        to.div_ceil(a_cycle)
-    }
-
-    /// Gives so many bytes away from this one on, the first that are left; says which one follows them.
-    fn fill_gaps(&mut self, now: u64, mut bytes: u64) -> u64 {
-        let mut index = self.free.partition_point(|gap| gap.end <= now);
-        loop {
-            let Some(gap) = self.free.get_mut(index) else {
-                self.never_used += bytes;
-                return self.never_used;
-            };
-            let from = now.max(gap.start);
-            let to = gap.end.min(from + bytes);
-            bytes -= to - from;
-            let after = to..std::mem::replace(&mut gap.end, from);
-            if from == gap.start {
-                // From its beginning on: what is left of it stays.
-                *gap = after;
-                if gap.is_empty() {
-                    self.free.remove(index);
-                }
-            } else {
-                index += 1;
-                if !after.is_empty() {
-                    self.free.insert(index, after);
-                }
-            }
-            if bytes == 0 {
-                return to;
-            }
-        }
+        self.bus.take(now * a_cycle, bytes).div_ceil(a_cycle)
     }
 
     /// The traffic, for how long the channel was busy with it, what was logged, and when all is written for which nobody waited.
     pub fn finish(mut self) -> (MemoryCycles, Vec<Request>, u64) {
         self.write_until(u64::MAX);
-        let Description { ideal, bytes_per_cycle, .. } = self.description;
-        let busy = if ideal { 0 } else { self.cycles.total_bytes().div_ceil(bytes_per_cycle.into()) };
+        let thousandths = self.description.bytes_per_1000_cycles();
+        let busy = if self.description.ideal { 0 } else { (1000 * self.cycles.total_bytes()).div_ceil(thousandths) };
         (MemoryCycles { busy, ..self.cycles }, self.logged.unwrap_or_default(), self.written)
     }
 }
@@ -344,4 +383,19 @@ impl Outstanding {
         self.done[self.next] = done;
         self.next = if self.next + 1 == self.done.len() { 0 } else { self.next + 1 };
     }
+}
+
+/// Cycles that memory takes for requests in this order, at most `queue` of them under way, whatever their own cycles are.
+pub fn serve(memory: Description, requests: impl IntoIterator<Item = Request>, queue: u32) -> u64 {
+    let mut served = Memory::new(memory, false);
+    let mut outstanding = Outstanding::new(queue);
+    let (mut asked, mut last) = (0, 0);
+    for Request { address, bytes, direction, .. } in requests {
+        asked = asked.max(outstanding.free());
+        served.forget(asked);
+        let done = served.request(asked, Client::Lists, direction, address, bytes);
+        outstanding.push(done);
+        last = last.max(done);
+    }
+    last
 }

@@ -14,13 +14,14 @@
 //!
 //! Exact, cycle by cycle, is all of this but memory that is not ideal: its one channel serves requests in the order in which items are gone
 //! through, not first come, first served (`memory.rs`). A frame is off by at most 0.6 % on small versions of the built-in scenes, by 0.63 % on
-//! themselves. Not modelled: refresh, and turning the channel from reading to writing.
+//! themselves. More channels, ranks, refresh, turnaround and limits of rows are in `channels.rs`.
 //!
 //! Laws: `a_frame_ticks_as_it_is_replayed`, `a_binned_frame_ticks_as_it_is_replayed`, `replayed_scenes_are_at_most_a_hundredth_off`.
 
 mod account;
 mod binned;
 mod cache;
+mod channels;
 mod hazards;
 mod immediate;
 mod limit;
@@ -35,7 +36,7 @@ mod walk;
 pub use account::{Account, Detail, Timeline, UnitCycles, Wait};
 pub use binned::abreast::replay_all;
 pub use limit::{Limit, Limited, limit, limits, most_gained};
-pub use memory::{CLIENTS, Client, Direction, MemoryCycles, Request};
+pub use memory::{CLIENTS, Client, Direction, MemoryCycles, Request, serve};
 pub use stops::EarlyTermination;
 pub use tiles::{Share, TileCycles, Tiles};
 

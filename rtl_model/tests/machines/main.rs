@@ -3,6 +3,7 @@
 mod drawing;
 mod elaboration;
 mod frames;
+mod memory;
 mod mutation;
 mod reach;
 #[path = "../../../tests/tier/mod.rs"]

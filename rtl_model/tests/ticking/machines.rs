@@ -20,6 +20,7 @@ pub fn ideal(latency: u32, outstanding: u32, burst_bytes: u32) -> Memory {
         outstanding,
         row_bytes: 2048,
         banks: 4,
+        ..DEFAULT.memory
     }
 }
 

@@ -1,4 +1,5 @@
-//! What does memory do in each cycle? One channel moves the bytes of the request that came first, and opens rows as it meets them.
+//! What does memory do in each cycle? Each channel moves the bytes of the request that came first, and opens rows as it meets them. Where it
+//! can open a row only now and then, those that came first open theirs first, and of requests whose row is open the first goes.
 //!
 //! Of requests of the same cycle, splats go first, then lists and what they point to, then what leaves the frame, then what comes back, then texels;
 //! those of one client in the order of asking. Bytes come a latency after the channel has moved them: that of the row, open or another,
@@ -7,7 +8,7 @@
 use rtl_model::machine::timing::Memory as Description;
 use rtl_model::timing::{CLIENTS, Client, Direction};
 use std::cell::Cell;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
 use std::rc::Rc;
 
@@ -74,30 +75,60 @@ pub struct Traffic {
     pub row_hits: u64,
 }
 
-/// A request that waits, or part of whose bytes are moved.
-struct Waiting {
-    bytes: Range<u64>,
-    /// Of the row whose bytes are being moved.
-    latency: Option<u64>,
-    /// When what is moved has come.
-    here: u64,
+/// A request, the last of whose parts says when it is done.
+struct Request {
+    parts: Cell<u64>,
+    here: Cell<u64>,
     done: Done,
 }
 
-/// The channel.
+/// What of a request lies in one channel, and waits.
+struct Part {
+    /// In the channel's own addresses.
+    bytes: Range<u64>,
+    is_write: bool,
+    /// Its row was opened for it.
+    has_opened: bool,
+    /// Thousandths of bytes of the row that are still to be moved, once it is begun, and the latency.
+    begun: Option<(u64, u64)>,
+    request: Rc<Request>,
+}
+
+#[derive(Default)]
+struct Channel {
+    /// By cycle, client and order of asking.
+    waiting: BTreeMap<(u64, usize, u64), Part>,
+    /// Whose bytes are being moved.
+    now: Option<(u64, usize, u64)>,
+    open: Vec<Option<u64>>,
+    /// When each bank opened a row last, and each rank its last four.
+    opened: Vec<Option<u64>>,
+    opened_by_rank: Vec<VecDeque<u64>>,
+    rank: usize,
+    gathered: u64,
+    has_read: bool,
+}
+
+/// All channels.
 pub struct Memory {
     description: Description,
-    /// By cycle, client and order of asking.
-    waiting: BTreeMap<(u64, usize, u64), Waiting>,
+    channels: Vec<Channel>,
     asked: u64,
-    open: Vec<Option<u64>>,
     pub traffic: Traffic,
 }
 
 impl Memory {
     pub fn new(description: Description) -> Self {
-        let open = vec![None; description.banks as usize];
-        Memory { description, waiting: BTreeMap::new(), asked: 0, open, traffic: Traffic::default() }
+        let ranks = description.ranks.unwrap_or(1) as usize;
+        let banks = description.banks as usize * ranks;
+        let channel = || Channel {
+            open: vec![None; banks],
+            opened: vec![None; banks],
+            opened_by_rank: vec![VecDeque::new(); ranks],
+            ..Channel::default()
+        };
+        let channels = (0..description.channels.unwrap_or(1)).map(|_| channel()).collect();
+        Memory { description, channels, asked: 0, traffic: Traffic::default() }
     }
 
     /// Asks, in this cycle or one to come, for whole bursts.
@@ -114,38 +145,137 @@ impl Memory {
             Client::Environment => 4,
         };
         self.asked += 1;
-        self.waiting.insert((when, turn, self.asked), Waiting { bytes, latency: None, here: 0, done: done.clone() });
+        // Line after line goes to the next channel, which has those of its own side by side.
+        let count = self.channels.len() as u64;
+        let line_bytes =
+            if count == 1 { 1 << 60 } else { u64::from(self.description.interleave_bytes.unwrap_or(self.description.burst_bytes)) };
+        let mut parts: Vec<Option<Range<u64>>> = vec![None; self.channels.len()];
+        let mut at = bytes.start;
+        while at < bytes.end {
+            let end = bytes.end.min((at / line_bytes + 1) * line_bytes);
+            let own = at / line_bytes / count * line_bytes + at % line_bytes;
+            let part = &mut parts[(at / line_bytes % count) as usize];
+            *part = Some(part.take().map_or(own, |part| part.start)..own + (end - at));
+            at = end;
+        }
+        let many = parts.iter().flatten().count() as u64;
+        let request = Rc::new(Request { parts: Cell::new(many), here: Cell::new(0), done: done.clone() });
+        for (channel, part) in self.channels.iter_mut().zip(parts) {
+            let Some(bytes) = part else { continue };
+            let is_write = direction == Direction::Write;
+            let part = Part { bytes, is_write, has_opened: false, begun: None, request: request.clone() };
+            channel.waiting.insert((when, turn, self.asked), part);
+        }
     }
 
     /// After all that is asked in a cycle.
     pub fn tick(&mut self, now: u64) {
-        let Description { bytes_per_cycle, hit_latency, miss_latency, burst_bytes, row_bytes, banks, .. } = self.description;
-        let [bytes_per_cycle, burst_bytes, row_bytes, banks] = [bytes_per_cycle, burst_bytes, row_bytes, banks].map(u64::from);
-        let mut left = bytes_per_cycle;
-        while left > 0
-            && let Some(mut first) = self.waiting.first_entry().filter(|first| first.key().0 <= now)
-        {
-            let request = first.get_mut();
-            let row = request.bytes.start / row_bytes;
-            let end = request.bytes.end.min((row + 1) * row_bytes);
-            let latency = *request.latency.get_or_insert_with(|| {
-                let is_open = self.open[(row % banks) as usize].replace(row) == Some(row);
-                // Its first burst opens the row for the others.
-                self.traffic.row_hits += (end - request.bytes.start) / burst_bytes - u64::from(!is_open);
-                u64::from(if is_open { hit_latency } else { miss_latency })
-            });
-            let moved = left.min(end - request.bytes.start);
-            left -= moved;
-            request.bytes.start += moved;
-            if request.bytes.start == end {
-                request.here = request.here.max(now + 1 + latency);
-                request.latency = None;
+        let is_busy = self.channels.iter_mut().filter_map(|channel| channel.tick(now, &self.description, &mut self.traffic.row_hits));
+        self.traffic.busy += u64::from(is_busy.count() > 0);
+    }
+}
+
+impl Channel {
+    /// Moves what it can in a cycle; something if it does.
+    fn tick(&mut self, now: u64, d: &Description, row_hits: &mut u64) -> Option<()> {
+        let [row_bytes, banks, burst] = [d.row_bytes, d.banks, d.burst_bytes].map(u64::from);
+        let [interval, refresh, still, turn, row_cycles, four_rows] =
+            [d.refresh_interval_cycles, d.refresh_cycles, d.rank_switch_cycles, d.turnaround_cycles, d.row_cycles, d.four_rows_cycles]
+                .map(|cycles| u64::from(cycles.unwrap_or(0)));
+        if interval > 0 {
+            if now % interval == 0 {
+                self.open.fill(None);
+                self.waiting.values_mut().for_each(|part| part.has_opened = false);
             }
-            if request.bytes.is_empty() {
-                let Waiting { here, done, .. } = first.remove();
-                done.0.set(Some(here));
+            if now % interval >= interval - refresh {
+                return None;
             }
         }
-        self.traffic.busy += u64::from(left < bytes_per_cycle);
+        let place = |part: &Part, banks_of_all: usize| {
+            let row = part.bytes.start / row_bytes;
+            let bank = (row % banks_of_all as u64) as usize;
+            (row, bank, bank / banks as usize)
+        };
+        let all = self.open.len();
+        let is_limited = row_cycles > 0 || four_rows > 0;
+        if is_limited {
+            // The first that asks for a bank opens its row there, as soon as that may be.
+            let mut claimed = vec![false; all];
+            for (_, part) in self.waiting.iter_mut().take_while(|((when, ..), _)| *when <= now) {
+                let (row, bank, rank) = place(part, all);
+                if std::mem::replace(&mut claimed[bank], true) || self.open[bank] == Some(row) {
+                    continue;
+                }
+                let last = &mut self.opened_by_rank[rank];
+                let is_rank_free = last.len() < 4 || last[0] + four_rows <= now;
+                if self.opened[bank].is_none_or(|at| at + row_cycles <= now) && is_rank_free {
+                    (self.open[bank], self.opened[bank]) = (Some(row), Some(now));
+                    part.has_opened = true;
+                    last.push_back(now);
+                    if last.len() > 4 {
+                        last.pop_front();
+                    }
+                }
+            }
+        }
+        let whole = u64::from(d.bytes_per_cycle) * 1000 + u64::from(d.bytes_per_cycle_permille.unwrap_or(0));
+        let mut left = whole;
+        while left > 0 {
+            let is_ready = |part: &Part| {
+                let (row, bank, _) = place(part, all);
+                !is_limited || self.open[bank] == Some(row)
+            };
+            let first = self.waiting.iter().take_while(|((when, ..), _)| *when <= now).find(|(_, part)| is_ready(part));
+            let Some(key) = self.now.or(first.map(|(key, _)| *key)) else { break };
+            self.now = Some(key);
+            let Some(part) = self.waiting.get_mut(&key) else { break };
+            let (row, bank, rank) = place(part, all);
+            let end = part.bytes.end.min((row + 1) * row_bytes);
+            let bursts = (end - part.bytes.start) / burst;
+            let (mut rest, latency) = part.begun.unwrap_or_else(|| {
+                if !is_limited {
+                    part.has_opened = self.open[bank].replace(row) != Some(row);
+                }
+                // Its first burst opens the row for the others.
+                *row_hits += bursts - u64::from(part.has_opened);
+                let mut nothing = 0;
+                if std::mem::replace(&mut self.rank, rank) != rank {
+                    nothing += still;
+                }
+                if part.is_write {
+                    if self.gathered == 0 && std::mem::take(&mut self.has_read) {
+                        nothing += turn;
+                    }
+                    self.gathered += bursts;
+                    if self.gathered >= u64::from(d.write_batch.unwrap_or(1)) {
+                        self.gathered = 0;
+                    }
+                } else {
+                    self.has_read = true;
+                }
+                let latency = if part.has_opened { d.miss_latency } else { d.hit_latency };
+                (1000 * (end - part.bytes.start) + nothing * whole, u64::from(latency))
+            });
+            let moved = left.min(rest);
+            (left, rest) = (left - moved, rest - moved);
+            part.begun = Some((rest, latency));
+            if rest > 0 {
+                continue;
+            }
+            (part.bytes.start, part.begun, part.has_opened, self.now) = (end, None, false, None);
+            let request = part.request.clone();
+            request.here.set(request.here.get().max(now + 1 + latency));
+            if part.bytes.is_empty() {
+                self.waiting.remove(&key);
+                request.parts.set(request.parts.get() - 1);
+                if request.parts.get() == 0 {
+                    request.done.0.set(Some(request.here.get()));
+                }
+            } else if !is_limited {
+                // The next row is that of the same request.
+                self.now = Some(key);
+            }
+        }
+        (left < whole).then_some(())
     }
 }

@@ -204,15 +204,27 @@ impl Bought {
         let Some(clock) = clock.filter(|clock| *clock > 0) else { return Vec::new() };
         let [own, clock] = [self.clock_hz, clock].map(u128::from);
         let slower = |cycles: u32| (u128::from(cycles) * clock).div_ceil(own.max(1));
-        let Memory { bytes_per_cycle, hit_latency, miss_latency, .. } = self.memory;
+        let m = self.memory;
+        let thousandths = (u128::from(m.bytes_per_cycle) * 1000 + u128::from(m.bytes_per_cycle_permille.unwrap_or(0))) * own / clock;
+        // What is left out is the preset's at any clock, or nothing.
+        let filled = |name, said: u32, number| (said > 0).then_some((name, number));
+        let given = |name, said: Option<u32>| said.map(|cycles| (name, slower(cycles)));
         let fields = [
-            ("bytes_per_cycle", u128::from(bytes_per_cycle) * own / clock),
-            ("hit_latency", slower(hit_latency)),
-            ("miss_latency", slower(miss_latency)),
+            filled("bytes_per_cycle", m.bytes_per_cycle, thousandths / 1000),
+            m.bytes_per_cycle_permille.map(|_| ("bytes_per_cycle_permille", thousandths % 1000)),
+            filled("hit_latency", m.hit_latency, slower(m.hit_latency)),
+            filled("miss_latency", m.miss_latency, slower(m.miss_latency)),
+            given("rank_switch_cycles", m.rank_switch_cycles),
+            // As often a second: rounded to the worse.
+            m.refresh_interval_cycles.map(|cycles| ("refresh_interval_cycles", u128::from(cycles) * clock / own.max(1))),
+            given("refresh_cycles", m.refresh_cycles),
+            given("turnaround_cycles", m.turnaround_cycles),
+            given("row_cycles", m.row_cycles),
+            given("four_rows_cycles", m.four_rows_cycles),
         ];
         // What no field can say cannot be built either.
         let value = |number: u128| json!(u32::try_from(number).unwrap_or(u32::MAX));
-        fields.into_iter().map(|(name, number)| (format!("timing.memory.{name}"), value(number))).collect()
+        fields.into_iter().flatten().map(|(name, number)| (format!("timing.memory.{name}"), value(number))).collect()
     }
 }
 
@@ -233,6 +245,24 @@ mod tests {
             }
         }
         assert!(bought.fields_at(&[("timing.raster.fifo".into(), json!(4))]).is_empty());
+    }
+
+    /// Memory of a data sheet is that of the data sheet at any clock; what is said besides stays as long in nanoseconds.
+    #[test]
+    fn memory_of_a_preset_stays_as_fast_whatever_the_clock() {
+        let settings =
+            ["timing.memory.preset=lpddr4-3200-x4", "timing.memory.turnaround_cycles=20", "timing.memory.refresh_interval_cycles=1000"];
+        let machine = machines::load("reference", &settings.map(String::from)).unwrap();
+        let bought = Bought::of(&machine);
+        for clock_hz in [100_000_000_u64, 1_000_000_000] {
+            let changes = [(CLOCK.to_owned(), json!(clock_hz))];
+            let fields: Vec<_> = changes.iter().cloned().chain(bought.fields_at(&changes)).collect();
+            let memory = fixed::elaborate(&machines::with(&machine, &fields, "").unwrap()).unwrap().timing.timing.memory;
+            assert_eq!(memory.bytes_per_1000_cycles(), 51_200_000_000_000 / clock_hz, "{clock_hz}");
+            let said = [memory.turnaround_cycles, memory.refresh_interval_cycles].map(|cycles| u64::from(cycles.unwrap()));
+            assert_eq!(said, [20, 1000].map(|cycles| cycles * clock_hz / 400_000_000), "{clock_hz}");
+            assert_eq!(u64::from(memory.row_cycles.unwrap()), 60 * clock_hz / 1_000_000_000, "tRC is 60 ns");
+        }
     }
 
     #[test]

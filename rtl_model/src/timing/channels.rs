@@ -1,0 +1,210 @@
+//! Channels: what memory takes beyond one channel of open rows: several channels, ranks, refresh, turning from reading to writing, and how
+//! often rows can be opened.
+//!
+//! ```text
+//! request ─►( split by channel and row )─► row open? ─ no ─►( bank: one row in row_cycles ─► rank: four rows in four_rows_cycles )─┐
+//!                                           └─ yes ───────────────────────────────────────────────────────────────────────────────┴─►( bus )
+//! ```
+//! Time is counted without refreshes, as if memory slept through them: `awake` and `asleep` turn one into the other. A refresh is at the end of
+//! each interval, and closes every row. Bus, bank and rank keep the gaps between what they gave away, as one channel does.
+//!
+//! Writes are gathered: a channel pays the turn to writing and back once for a batch of them, if anything was read since the last.
+//!
+//! Laws: `more_channels_never_take_more_cycles`, `a_refresh_takes_its_share_of_the_time`, `a_frame_with_channels_moves_the_same_bytes_in_about_the_time`.
+
+use super::memory::{Direction, Free};
+use crate::machine::timing::Memory as Description;
+use std::collections::VecDeque;
+
+/// A row that a bank opens: which one, after how many refreshes, and when.
+#[derive(Clone, Copy, Debug)]
+struct Opened {
+    row: u64,
+    refreshes: u64,
+    since: u64,
+}
+
+/// A bank.
+#[derive(Clone, Debug, Default)]
+struct Bank {
+    /// The row that is open, and those that will be, in the order of time.
+    rows: VecDeque<Opened>,
+    /// When it opens none.
+    free: Free,
+}
+
+/// Rows that a bank is to open which are still looked through for a request's.
+const ROWS: usize = 32;
+
+impl Bank {
+    /// When a request finds its row open, if it does: before another row is opened what is asked of this one goes first.
+    fn finds(&mut self, now: u64, row: u64, refreshes: u64) -> Option<u64> {
+        while self.rows.get(1).is_some_and(|next| next.since <= now) || self.rows.len() > ROWS {
+            self.rows.pop_front();
+        }
+        let found = self.rows.iter().rev().find(|opened| opened.row == row && opened.refreshes == refreshes);
+        found.map(|opened| opened.since.max(now))
+    }
+
+    fn opens(&mut self, opened: Opened) {
+        let at = self.rows.partition_point(|other| other.since <= opened.since);
+        self.rows.insert(at, opened);
+    }
+}
+
+#[derive(Clone, Debug)]
+struct Channel {
+    bus: Free,
+    /// Those of one rank after the other.
+    banks: Box<[Bank]>,
+    /// Quarters of the cycles in which four rows may be opened, by rank.
+    opened: Box<[Free]>,
+    /// Whose bytes were moved last.
+    rank: usize,
+    /// Bursts of the batch that is written, and whether anything was read since it was begun.
+    written: u64,
+    has_read: bool,
+}
+
+/// All channels.
+#[derive(Clone, Debug)]
+pub struct Channels {
+    description: Description,
+    channels: Box<[Channel]>,
+    /// What the bus moves: units a cycle, and units a byte.
+    units: [u64; 2],
+    /// Cycles from one refresh to the next, and those of them that memory is awake; both 0 where nothing is refreshed.
+    interval: u64,
+    awake: u64,
+    forgotten: u64,
+}
+
+/// Bytes that lie in one row.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    channel: usize,
+    row: u64,
+    bytes: u64,
+}
+
+impl Channels {
+    /// None where one channel of open rows is all there is.
+    pub fn new(description: Description) -> Option<Self> {
+        let d = description;
+        let refresh = d.refresh_interval_cycles.unwrap_or(0);
+        let limits = [d.bytes_per_cycle_permille, d.rank_switch_cycles, d.turnaround_cycles, d.row_cycles, d.four_rows_cycles];
+        let is_plain = limits.iter().all(|limit| limit.unwrap_or(0) == 0) && refresh == 0;
+        if is_plain && d.channels() == 1 && d.ranks.unwrap_or(1) == 1 {
+            return None;
+        }
+        let ranks = d.ranks.unwrap_or(1) as usize;
+        let channel = Channel {
+            bus: Free::default(),
+            banks: vec![Bank::default(); d.banks as usize * ranks].into(),
+            opened: vec![Free::default(); ranks].into(),
+            rank: 0,
+            written: 0,
+            has_read: false,
+        };
+        let permille = u64::from(d.bytes_per_cycle_permille.unwrap_or(0));
+        let whole = u64::from(d.bytes_per_cycle);
+        let interval = u64::from(refresh);
+        Some(Channels {
+            description,
+            channels: vec![channel; d.channels() as usize].into(),
+            units: if permille == 0 { [whole, 1] } else { [whole * 1000 + permille, 1000] },
+            interval,
+            awake: interval - u64::from(d.refresh_cycles.unwrap_or(0)).min(interval),
+            forgotten: 0,
+        })
+    }
+
+    /// Cycles for which memory was awake before a cycle.
+    fn awake(&self, cycle: u64) -> u64 {
+        if self.interval == 0 { cycle } else { cycle / self.interval * self.awake + (cycle % self.interval).min(self.awake) }
+    }
+
+    /// The cycle before which memory was awake for so many.
+    fn asleep(&self, awake: u64) -> u64 {
+        if self.interval == 0 { awake } else { awake + awake.saturating_sub(1) / self.awake * (self.interval - self.awake) }
+    }
+
+    /// Nobody will ask for anything before this cycle.
+    pub fn forget(&mut self, before: u64) {
+        self.forgotten = self.awake(before);
+        for channel in &mut self.channels {
+            channel.bus.forget(self.forgotten * self.units[0]);
+        }
+    }
+
+    /// Whole bursts, from where to where: when the last has come, and how many found their row open.
+    pub fn serve(&mut self, now: u64, direction: Direction, mut from: u64, end: u64) -> [u64; 2] {
+        let interleave = u64::from(self.description.interleave_bytes());
+        let row_bytes = u64::from(self.description.row_bytes);
+        let channels = self.channels.len() as u64;
+        let [mut done, mut hits] = [now, 0];
+        while from < end {
+            let (line, within) = (from / interleave, from % interleave);
+            let own = line / channels * interleave + within;
+            let of_line = if channels == 1 { u64::MAX } else { interleave - within };
+            let bytes = (end - from).min(of_line).min(row_bytes - own % row_bytes);
+            let piece = Piece { channel: (line % channels) as usize, row: own / row_bytes, bytes };
+            let [here, hit] = self.piece(now, direction, piece);
+            (done, hits) = (done.max(here), hits + hit);
+            from += bytes;
+        }
+        [done, hits]
+    }
+
+    fn piece(&mut self, now: u64, direction: Direction, Piece { channel, row, bytes }: Piece) -> [u64; 2] {
+        let now = self.awake(now);
+        let between = if self.interval == 0 { 0 } else { now / self.awake };
+        let (d, [a_cycle, a_byte], forgotten) = (&self.description, self.units, self.forgotten);
+        let cycles = |field: Option<u32>| u64::from(field.unwrap_or(0));
+        let channel = &mut self.channels[channel];
+        let nth = row as usize & (channel.banks.len() - 1);
+        let rank = nth / d.banks as usize;
+        let bank = &mut channel.banks[nth];
+        let found = bank.finds(now, row, between);
+        let is_open = found.is_some();
+        let start = found.unwrap_or_else(|| {
+            let mut start = now;
+            if d.row_cycles.is_some_and(|cycles| cycles > 0) {
+                bank.free.forget(forgotten);
+                start = bank.free.take_whole(start, cycles(d.row_cycles));
+            }
+            if d.four_rows_cycles.is_some_and(|cycles| cycles > 0) {
+                let opened = &mut channel.opened[rank];
+                opened.forget(4 * forgotten);
+                let quarter = opened.take_whole(4 * start, cycles(d.four_rows_cycles));
+                // The next three may follow at once; then they come no faster than one in a quarter of the time.
+                start = start.max(quarter.saturating_sub(3 * cycles(d.four_rows_cycles)).div_ceil(4));
+            }
+            bank.opens(Opened { row, refreshes: between, since: start });
+            start
+        });
+        let bursts = bytes / u64::from(d.burst_bytes);
+        let mut still = 0;
+        if rank != channel.rank {
+            channel.rank = rank;
+            still += cycles(d.rank_switch_cycles);
+        }
+        match direction {
+            Direction::Read => channel.has_read = true,
+            Direction::Write => {
+                if channel.written == 0 && channel.has_read {
+                    still += cycles(d.turnaround_cycles);
+                    channel.has_read = false;
+                }
+                channel.written += bursts;
+                if channel.written >= u64::from(d.write_batch.unwrap_or(1)) {
+                    channel.written = 0;
+                }
+            }
+        }
+        let moved = channel.bus.take(start * a_cycle, still * a_cycle + bytes * a_byte).div_ceil(a_cycle);
+        let latency = if is_open { d.hit_latency } else { d.miss_latency };
+        // After its first burst the row is open.
+        [self.asleep(moved) + u64::from(latency), u64::from(is_open) + bursts - 1]
+    }
+}
