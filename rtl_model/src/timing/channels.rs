@@ -5,8 +5,8 @@
 //! request ─►( split by channel and row )─► row open? ─ no ─►( bank: one row in row_cycles ─► rank: four rows in four_rows_cycles )─┐
 //!                                           └─ yes ───────────────────────────────────────────────────────────────────────────────┴─►( bus )
 //! ```
-//! Time is counted without refreshes, as if memory slept through them: `awake` and `asleep` turn one into the other. A refresh is at the end of
-//! each interval, and closes every row. Bus, bank and rank keep the gaps between what they gave away, as one channel does.
+//! Time is counted without refreshes, as if memory slept through them: `awake` and `asleep` convert one into the other. A refresh is at the
+//! end of each interval, and closes every row. Bus, bank and rank keep the gaps between what they gave away, as one channel does.
 //!
 //! Writes are gathered: a channel pays the turn to writing and back once for a batch of them, if anything was read since the last.
 //!
@@ -59,7 +59,7 @@ struct Channel {
     banks: Box<[Bank]>,
     /// Quarters of the cycles in which four rows may be opened, by rank.
     opened: Box<[Free]>,
-    /// Whose bytes were moved last.
+    /// The rank whose bytes were moved last.
     rank: usize,
     /// Bursts of the batch that is written, and whether anything was read since it was begun.
     written: u64,
@@ -121,7 +121,10 @@ impl Channels {
 
     /// Cycles for which memory was awake before a cycle.
     fn awake(&self, cycle: u64) -> u64 {
-        if self.interval == 0 { cycle } else { cycle / self.interval * self.awake + (cycle % self.interval).min(self.awake) }
+        match cycle.checked_div(self.interval) {
+            None => cycle,
+            Some(refreshes) => refreshes * self.awake + (cycle % self.interval).min(self.awake),
+        }
     }
 
     /// The cycle before which memory was awake for so many.
@@ -129,7 +132,7 @@ impl Channels {
         if self.interval == 0 { awake } else { awake + awake.saturating_sub(1) / self.awake * (self.interval - self.awake) }
     }
 
-    /// Nobody will ask for anything before this cycle.
+    /// No request comes before this cycle any more.
     pub fn forget(&mut self, before: u64) {
         self.forgotten = self.awake(before);
         for channel in &mut self.channels {

@@ -183,7 +183,7 @@ impl Channel {
             [d.refresh_interval_cycles, d.refresh_cycles, d.rank_switch_cycles, d.turnaround_cycles, d.row_cycles, d.four_rows_cycles]
                 .map(|cycles| u64::from(cycles.unwrap_or(0)));
         if interval > 0 {
-            if now % interval == 0 {
+            if now.is_multiple_of(interval) {
                 self.open.fill(None);
                 self.waiting.values_mut().for_each(|part| part.has_opened = false);
             }
