@@ -1,25 +1,12 @@
 //! Does a sequence show what its cameras see, frame after frame, and does its report say how much they flicker?
 
-use crate::program::PROGRAM;
+use crate::program::{says, splatsim, write};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use std::process::Output;
-use std::time::Duration;
 
-use assert_cmd::Command;
 use serde_json::{Value, json};
 use splatsim::scene::{Camera, CameraFile, Overrides, Scene, Sequence};
 use splatsim::view::folder::Folder;
-
-fn splatsim(arguments: &[&str]) -> Output {
-    Command::new(PROGRAM.as_str()).args(arguments).timeout(Duration::from_secs(60)).output().unwrap()
-}
-
-fn says(arguments: &[&str]) -> String {
-    let output = splatsim(arguments);
-    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
 
 /// The one sentence with which bad input ends.
 fn sentence(arguments: &[&str]) -> String {
@@ -27,13 +14,6 @@ fn sentence(arguments: &[&str]) -> String {
     let told = String::from_utf8(output.stderr).unwrap();
     assert_eq!((output.status.code(), output.stdout.len(), told.lines().count()), (Some(2), 0, 1), "{arguments:?}: {told}");
     told
-}
-
-fn write(folder: &Path, name: &str, text: &str) -> String {
-    let path = folder.join(name);
-    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    std::fs::write(&path, text).unwrap();
-    path.to_str().unwrap().to_owned()
 }
 
 fn eye(x: f64) -> Value {

@@ -1,31 +1,11 @@
 //! Does `run --against` say how near golden and fixed come to given pictures, and does it compare each frame with its own?
 
-use crate::program::PROGRAM;
+use crate::program::{says, splatsim, write};
 use std::path::Path;
-use std::process::Output;
-use std::time::Duration;
 
-use assert_cmd::Command;
 use image::codecs::jpeg::JpegEncoder;
 use image::{ExtendedColorType, ImageBuffer, ImageEncoder, Rgb, RgbImage, Rgba, RgbaImage};
 use serde_json::{Value, json};
-
-fn splatsim(arguments: &[&str]) -> Output {
-    Command::new(PROGRAM.as_str()).args(arguments).timeout(Duration::from_secs(60)).output().unwrap()
-}
-
-fn says(arguments: &[&str]) -> String {
-    let output = splatsim(arguments);
-    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
-
-fn write(folder: &Path, name: &str, text: &str) -> String {
-    let path = folder.join(name);
-    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    std::fs::write(&path, text).unwrap();
-    path.to_str().unwrap().to_owned()
-}
 
 fn text(path: &Path) -> &str {
     path.to_str().unwrap()
