@@ -16,7 +16,7 @@
 //! ```
 //! "Collected" of the first run over the splats printed is instructions a splat in setup; that of the second over the fragments
 //! printed is instructions a fragment in all that follows. The third leaves out binning, the shading of fragments that merge, and
-//! resolving: raster, gauss and fragment alone. Valgrind knows no AVX-512: what is counted is what hosts without it do.
+//! resolving: raster, gauss and fragment alone.
 
 use rtl_model::machine::Machine;
 use rtl_model::pipeline::Elaborated;

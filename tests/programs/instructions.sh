@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Counts instructions of the fixed path, one thread, nobody watching, and prints a table: of setup a splat; of all that follows a
 # contribution, and how many of those are shade's, at merges and at the end. A scene's fragments and a machine's path decide, not the
-# host's clock: the same program counts the same wherever valgrind has the same instructions (none of AVX-512).
+# host's clock: the same program counts the same everywhere.
 #
 #     cargo build --release --example instructions
 #     tests/programs/instructions.sh                    # the table

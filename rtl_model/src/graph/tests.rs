@@ -154,7 +154,7 @@ proptest! {
         let mut by_batch = Ranges::new(signals);
         prop_assert_eq!(&run(Plainly, &graph, &items, &mut by_batch), &expected);
         prop_assert_eq!(format!("{by_batch:?}"), format!("{seen:?}"));
-        if let Some(host) = Vectorised::<false>::there() {
+        if let Some(host) = Vectorised::there() {
             prop_assert_eq!(&run(host, &graph, &items, &mut NoProbe), &expected);
         }
     }

@@ -24,27 +24,27 @@ pub trait Host: Copy + Send + Sync {
     fn run<K: Kernel>(self, kernel: K) -> K::Output;
 }
 
-/// With vector instructions, those of AVX-512 too or none of them. Whoever has one knows that they are there.
+/// With vector instructions: a value of it is made only where the host has them.
 #[derive(Clone, Copy, Debug)]
-pub struct Vectorised<const AVX_512: bool>(());
+pub struct Vectorised(());
 
-impl<const AVX_512: bool> Vectorised<AVX_512> {
+impl Vectorised {
     /// If the host has them.
     pub fn there() -> Option<Self> {
         #[cfg(target_arch = "x86_64")]
-        return if AVX_512 { avx2::is_avx_512_there() } else { avx2::is_there() }.then_some(Vectorised(()));
+        return avx2::is_there().then_some(Vectorised(()));
         #[cfg(not(target_arch = "x86_64"))]
         None
     }
 }
 
-impl<const AVX_512: bool> Host for Vectorised<AVX_512> {
+impl Host for Vectorised {
     const VECTORISED: bool = true;
 
     fn run<K: Kernel>(self, kernel: K) -> K::Output {
         #[cfg(target_arch = "x86_64")]
         // SAFETY: the features were detected when this was made.
-        return unsafe { if AVX_512 { avx2::run_with_avx_512(kernel) } else { avx2::run(kernel) } };
+        return unsafe { avx2::run(kernel) };
         #[cfg(not(target_arch = "x86_64"))]
         plainly(kernel)
     }
@@ -62,17 +62,9 @@ impl Host for Plainly {
     }
 }
 
-/// Runs work with vector instructions where they are there, AVX-512 too.
-pub fn widely<K: Kernel>(kernel: K) -> K::Output {
-    match Vectorised::<true>::there() {
-        Some(host) => host.run(kernel),
-        None => vectorised(kernel),
-    }
-}
-
-/// Runs work with vector instructions where they are there, but none of AVX-512.
+/// Runs work with vector instructions where the host has them.
 pub fn vectorised<K: Kernel>(kernel: K) -> K::Output {
-    match Vectorised::<false>::there() {
+    match Vectorised::there() {
         Some(host) => host.run(kernel),
         None => plainly(kernel),
     }
@@ -84,9 +76,6 @@ pub fn plainly<K: Kernel>(kernel: K) -> K::Output {
 }
 
 /// Eight lanes in two AVX2 registers, eight words in one.
-///
-/// AVX-512 has instructions for these registers too that AVX2 lacks, and twice as many registers: where it is there, each operation that
-/// takes several instructions otherwise is one. Wider registers bring nothing on top on a host that takes twice as long for them (Zen 4).
 #[cfg(target_arch = "x86_64")]
 pub mod avx2 {
     use super::{Kernel, LANES, Lanes};
@@ -109,31 +98,12 @@ pub mod avx2 {
     /// [`is_there`] must hold.
     #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
     pub unsafe fn run<K: Kernel>(kernel: K) -> K::Output {
-        kernel.run::<Vectors<false>>()
+        kernel.run::<Vectors>()
     }
 
-    /// Whether the host has those of AVX-512 too.
-    pub fn is_avx_512_there() -> bool {
-        is_there()
-            && is_x86_feature_detected!("avx512f")
-            && is_x86_feature_detected!("avx512vl")
-            && is_x86_feature_detected!("avx512bw")
-            && is_x86_feature_detected!("avx512dq")
-            && is_x86_feature_detected!("avx512cd")
-    }
-
-    /// Runs work on [`Vectors`] with AVX-512.
-    ///
-    /// # Safety
-    /// [`is_avx_512_there`] must hold.
-    #[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512bw,avx512dq,avx512cd")]
-    pub unsafe fn run_with_avx_512<K: Kernel>(kernel: K) -> K::Output {
-        kernel.run::<Vectors<true>>()
-    }
-
-    /// Eight lanes. Made only inside [`run`], or `AVX_512` inside [`run_with_avx_512`], so that the instructions below are known to be there.
+    /// Eight lanes. Made only inside [`run`], so that the host is known to have the instructions below.
     #[derive(Clone, Copy, Debug)]
-    pub struct Vectors<const AVX_512: bool>([__m256i; 2]);
+    pub struct Vectors([__m256i; 2]);
 
     /// The same instruction on both registers.
     ///
@@ -165,8 +135,8 @@ pub mod avx2 {
     /// The sign of 64 bits.
     const SIGN: i64 = i64::MIN;
 
-    impl<const AVX_512: bool> Lanes for Vectors<AVX_512> {
-        type Words = VectorWords<AVX_512>;
+    impl Lanes for Vectors {
+        type Words = VectorWords;
 
         #[inline(always)]
         fn from_array(words: [i64; LANES]) -> Self {
@@ -226,7 +196,7 @@ pub mod avx2 {
             both!(_i => _mm256_set1_epi64x(word))
         }
         #[inline(always)]
-        fn low(self) -> VectorWords<AVX_512> {
+        fn low(self) -> VectorWords {
             // SAFETY: as `both`. Low halves by pairs, then pairs in order.
             VectorWords(unsafe {
                 let [a, b] = [_mm256_castsi256_ps(self.0[0]), _mm256_castsi256_ps(self.0[1])];
@@ -241,9 +211,6 @@ pub mod avx2 {
         // AVX2 shifts 64-bit lanes right without their sign only: adding 2^63 moves the sign out of the way.
         #[inline(always)]
         fn right(self, by: u32) -> Self {
-            if AVX_512 {
-                return both!(i => _mm256_sra_epi64(self.0[i], _mm_cvtsi32_si128(by as i32)));
-            }
             let moved = Self::splat((SIGN as u64 >> by) as i64);
             both!(i => {
                 let biased = _mm256_xor_si256(self.0[i], _mm256_set1_epi64x(SIGN));
@@ -260,9 +227,6 @@ pub mod avx2 {
         }
         #[inline(always)]
         fn times(self, naturals: Self) -> Self {
-            if AVX_512 {
-                return both!(i => _mm256_mullo_epi64(self.0[i], naturals.0[i]));
-            }
             both!(i => {
                 let high = _mm256_mul_epu32(_mm256_srli_epi64::<32>(self.0[i]), naturals.0[i]);
                 _mm256_add_epi64(_mm256_mul_epu32(self.0[i], naturals.0[i]), _mm256_slli_epi64::<32>(high))
@@ -270,16 +234,10 @@ pub mod avx2 {
         }
         #[inline(always)]
         fn max(self, other: Self) -> Self {
-            if AVX_512 {
-                return both!(i => _mm256_max_epi64(self.0[i], other.0[i]));
-            }
             both!(i => _mm256_blendv_epi8(self.0[i], other.0[i], _mm256_cmpgt_epi64(other.0[i], self.0[i])))
         }
         #[inline(always)]
         fn min(self, other: Self) -> Self {
-            if AVX_512 {
-                return both!(i => _mm256_min_epi64(self.0[i], other.0[i]));
-            }
             both!(i => _mm256_blendv_epi8(self.0[i], other.0[i], _mm256_cmpgt_epi64(self.0[i], other.0[i])))
         }
         #[inline(always)]
@@ -327,7 +285,7 @@ pub mod avx2 {
             half: &[i32; LANES],
             right: &[i32; LANES],
             [min, max]: [&[i32; LANES]; 2],
-        ) -> VectorWords<AVX_512> {
+        ) -> VectorWords {
             // SAFETY: as `both`; every array is eight words.
             unsafe {
                 let product = _mm256_mullo_epi32(eight!(words), _mm256_set1_epi32(factor));
@@ -343,9 +301,6 @@ pub mod avx2 {
             // SAFETY: as `both`.
             unsafe {
                 let distance = distance(eight!(keys), word);
-                if AVX_512 {
-                    return _mm256_cmplt_epu32_mask(distance, _mm256_set1_epi32(limit as i32)).into();
-                }
                 let far = _mm256_cmpeq_epi32(_mm256_max_epu32(distance, _mm256_set1_epi32(limit as i32)), distance);
                 _mm256_movemask_ps(_mm256_castsi256_ps(far)) as u32 ^ 0xff
             }
@@ -371,62 +326,62 @@ pub mod avx2 {
         _mm256_abs_epi32(_mm256_sub_epi32(_mm256_set1_epi32(word), words))
     }
 
-    impl<const AVX_512: bool> Add for Vectors<AVX_512> {
-        type Output = Vectors<AVX_512>;
+    impl Add for Vectors {
+        type Output = Vectors;
         #[inline(always)]
-        fn add(self, other: Vectors<AVX_512>) -> Vectors<AVX_512> {
+        fn add(self, other: Vectors) -> Vectors {
             both!(i => _mm256_add_epi64(self.0[i], other.0[i]))
         }
     }
 
-    impl<const AVX_512: bool> Sub for Vectors<AVX_512> {
-        type Output = Vectors<AVX_512>;
+    impl Sub for Vectors {
+        type Output = Vectors;
         #[inline(always)]
-        fn sub(self, other: Vectors<AVX_512>) -> Vectors<AVX_512> {
+        fn sub(self, other: Vectors) -> Vectors {
             both!(i => _mm256_sub_epi64(self.0[i], other.0[i]))
         }
     }
 
-    impl<const AVX_512: bool> Neg for Vectors<AVX_512> {
-        type Output = Vectors<AVX_512>;
+    impl Neg for Vectors {
+        type Output = Vectors;
         #[inline(always)]
-        fn neg(self) -> Vectors<AVX_512> {
+        fn neg(self) -> Vectors {
             both!(i => _mm256_sub_epi64(_mm256_setzero_si256(), self.0[i]))
         }
     }
 
-    impl<const AVX_512: bool> BitAnd for Vectors<AVX_512> {
-        type Output = Vectors<AVX_512>;
+    impl BitAnd for Vectors {
+        type Output = Vectors;
         #[inline(always)]
-        fn bitand(self, other: Vectors<AVX_512>) -> Vectors<AVX_512> {
+        fn bitand(self, other: Vectors) -> Vectors {
             both!(i => _mm256_and_si256(self.0[i], other.0[i]))
         }
     }
 
-    impl<const AVX_512: bool> BitOr for Vectors<AVX_512> {
-        type Output = Vectors<AVX_512>;
+    impl BitOr for Vectors {
+        type Output = Vectors;
         #[inline(always)]
-        fn bitor(self, other: Vectors<AVX_512>) -> Vectors<AVX_512> {
+        fn bitor(self, other: Vectors) -> Vectors {
             both!(i => _mm256_or_si256(self.0[i], other.0[i]))
         }
     }
 
     /// Product of two words of at most 32 bits each.
-    impl<const AVX_512: bool> Mul for Vectors<AVX_512> {
-        type Output = Vectors<AVX_512>;
+    impl Mul for Vectors {
+        type Output = Vectors;
         #[inline(always)]
-        fn mul(self, other: Vectors<AVX_512>) -> Vectors<AVX_512> {
+        fn mul(self, other: Vectors) -> Vectors {
             both!(i => _mm256_mul_epi32(self.0[i], other.0[i]))
         }
     }
 
     /// Eight words in one register. Made only inside [`run`], as [`Vectors`].
     #[derive(Clone, Copy, Debug)]
-    pub struct VectorWords<const AVX_512: bool>(__m256i);
+    pub struct VectorWords(__m256i);
 
     /// Eight exact results: even lanes in the first register, odd lanes in the second, for that is how words of 32 bits multiply.
     #[derive(Clone, Copy, Debug)]
-    pub struct VectorExacts<const AVX_512: bool>([__m256i; 2]);
+    pub struct VectorExacts([__m256i; 2]);
 
     /// One instruction on a register of words.
     ///
@@ -446,7 +401,7 @@ pub mod avx2 {
         };
     }
 
-    impl<const AVX_512: bool> VectorWords<AVX_512> {
+    impl VectorWords {
         /// Odd lanes where even ones were.
         #[inline(always)]
         fn odd(self) -> Self {
@@ -461,8 +416,8 @@ pub mod avx2 {
         }
     }
 
-    impl<const AVX_512: bool> Words for VectorWords<AVX_512> {
-        type Exact = VectorExacts<AVX_512>;
+    impl Words for VectorWords {
+        type Exact = VectorExacts;
 
         #[inline(always)]
         fn from_array(words: [i32; LANES]) -> Self {
@@ -489,7 +444,7 @@ pub mod avx2 {
             word!(_mm256_set1_epi32(word as i32))
         }
         #[inline(always)]
-        fn exact(self) -> VectorExacts<AVX_512> {
+        fn exact(self) -> VectorExacts {
             self * Self::splat(1)
         }
         #[inline(always)]
@@ -592,8 +547,8 @@ pub mod avx2 {
         }
     }
 
-    impl<const AVX_512: bool> Exacts for VectorExacts<AVX_512> {
-        type Words = VectorWords<AVX_512>;
+    impl Exacts for VectorExacts {
+        type Words = VectorWords;
 
         #[inline(always)]
         fn from_array(w: [i64; LANES]) -> Self {
@@ -635,16 +590,13 @@ pub mod avx2 {
             even_and_odd!(i => _mm256_sll_epi64(self.0[i], _mm_cvtsi32_si128(by as i32)))
         }
         #[inline(always)]
-        fn left_by(self, by: VectorWords<AVX_512>) -> Self {
+        fn left_by(self, by: VectorWords) -> Self {
             let by = by.natural();
             even_and_odd!(i => _mm256_sllv_epi64(self.0[i], by[i]))
         }
         // As in `Vectors`.
         #[inline(always)]
         fn right(self, by: u32) -> Self {
-            if AVX_512 {
-                return even_and_odd!(i => _mm256_sra_epi64(self.0[i], _mm_cvtsi32_si128(by as i32)));
-            }
             let moved = Self::splat((SIGN as u64 >> by) as i64);
             even_and_odd!(i => {
                 let biased = _mm256_xor_si256(self.0[i], _mm256_set1_epi64x(SIGN));
@@ -653,27 +605,18 @@ pub mod avx2 {
         }
         #[inline(always)]
         fn max(self, other: Self) -> Self {
-            if AVX_512 {
-                return even_and_odd!(i => _mm256_max_epi64(self.0[i], other.0[i]));
-            }
             even_and_odd!(i => _mm256_blendv_epi8(self.0[i], other.0[i], _mm256_cmpgt_epi64(other.0[i], self.0[i])))
         }
         #[inline(always)]
         fn min(self, other: Self) -> Self {
-            if AVX_512 {
-                return even_and_odd!(i => _mm256_min_epi64(self.0[i], other.0[i]));
-            }
             even_and_odd!(i => _mm256_blendv_epi8(self.0[i], other.0[i], _mm256_cmpgt_epi64(self.0[i], other.0[i])))
         }
         #[inline(always)]
-        fn above(self, other: Self) -> VectorWords<AVX_512> {
+        fn above(self, other: Self) -> VectorWords {
             even_and_odd!(i => _mm256_cmpgt_epi64(self.0[i], other.0[i])).low()
         }
         #[inline(always)]
         fn abs(self) -> Self {
-            if AVX_512 {
-                return even_and_odd!(i => _mm256_abs_epi64(self.0[i]));
-            }
             let negated = -self;
             even_and_odd!(i => {
                 let (own, negated) = (_mm256_castsi256_pd(self.0[i]), _mm256_castsi256_pd(negated.0[i]));
@@ -683,10 +626,7 @@ pub mod avx2 {
         // The exponent of a float of double precision. Without the bits that follow a one, no lane is rounded up to the next power of
         // two. Both halves become floats by being put below a one far to the left, which is then taken away.
         #[inline(always)]
-        fn leading_zeros(self) -> VectorWords<AVX_512> {
-            if AVX_512 {
-                return even_and_odd!(i => _mm256_lzcnt_epi64(self.0[i])).low();
-            }
+        fn leading_zeros(self) -> VectorWords {
             const LOW: i64 = 0x4330_0000_0000_0000;
             const HIGH: i64 = 0x4530_0000_0000_0000;
             const BOTH: i64 = 0x4530_0000_0010_0000;
@@ -697,14 +637,14 @@ pub mod avx2 {
                 let high = _mm256_sub_pd(_mm256_castsi256_pd(high), _mm256_castsi256_pd(_mm256_set1_epi64x(BOTH)));
                 _mm256_castpd_si256(_mm256_add_pd(high, _mm256_castsi256_pd(low)))
             });
-            VectorWords::<AVX_512>::splat(1086) - floats.cut_deep(52)
+            VectorWords::splat(1086) - floats.cut_deep(52)
         }
         #[inline(always)]
-        fn low(self) -> VectorWords<AVX_512> {
+        fn low(self) -> VectorWords {
             word!(_mm256_blend_epi32::<0b10101010>(self.0[0], _mm256_shuffle_epi32::<0b10_10_00_00>(self.0[1])))
         }
         #[inline(always)]
-        fn cut(self, by: u32) -> VectorWords<AVX_512> {
+        fn cut(self, by: u32) -> VectorWords {
             // Odd lanes end where they belong, in high halves.
             word!({
                 let even = _mm256_srl_epi64(self.0[0], _mm_cvtsi32_si128(by as i32));
@@ -713,27 +653,23 @@ pub mod avx2 {
             })
         }
         #[inline(always)]
-        fn cut_deep(self, by: u32) -> VectorWords<AVX_512> {
+        fn cut_deep(self, by: u32) -> VectorWords {
             let high = word!(_mm256_blend_epi32::<0b10101010>(_mm256_shuffle_epi32::<0b11_11_01_01>(self.0[0]), self.0[1]));
             high.right(by - 32)
         }
         #[inline(always)]
-        fn cut_by(self, by: VectorWords<AVX_512>) -> Option<VectorWords<AVX_512>> {
+        fn cut_by(self, by: VectorWords) -> Option<VectorWords> {
             // SAFETY: as `word`.
             if unsafe { _mm256_testz_si256(by.0, _mm256_set1_epi32(!63)) } == 0 {
                 return None;
             }
             // Known to be possible, a shift is one instruction.
-            let counts = (by & VectorWords::<AVX_512>::splat(63)).natural();
-            let cut: Self = if AVX_512 {
-                even_and_odd!(i => _mm256_srav_epi64(self.0[i], counts[i]))
-            } else {
-                even_and_odd!(i => {
-                    let sign = _mm256_set1_epi64x(SIGN);
-                    let biased = _mm256_xor_si256(self.0[i], sign);
-                    _mm256_sub_epi64(_mm256_srlv_epi64(biased, counts[i]), _mm256_srlv_epi64(sign, counts[i]))
-                })
-            };
+            let counts = (by & VectorWords::splat(63)).natural();
+            let cut: Self = even_and_odd!(i => {
+                let sign = _mm256_set1_epi64x(SIGN);
+                let biased = _mm256_xor_si256(self.0[i], sign);
+                _mm256_sub_epi64(_mm256_srlv_epi64(biased, counts[i]), _mm256_srlv_epi64(sign, counts[i]))
+            });
             // A word of 31 bits, moved up by half of their values, has nothing above them.
             let moved = cut + Self::splat(1 << 30);
             // SAFETY: as `word`.
@@ -746,18 +682,18 @@ pub mod avx2 {
 
     macro_rules! operator {
         ($($operator:ident $name:ident $words:ident $exacts:ident;)*) => {$(
-            impl<const AVX_512: bool> $operator for VectorWords<AVX_512> {
-                type Output = VectorWords<AVX_512>;
+            impl $operator for VectorWords {
+                type Output = VectorWords;
                 #[inline(always)]
-                fn $name(self, other: VectorWords<AVX_512>) -> VectorWords<AVX_512> {
+                fn $name(self, other: VectorWords) -> VectorWords {
                     word!($words(self.0, other.0))
                 }
             }
 
-            impl<const AVX_512: bool> $operator for VectorExacts<AVX_512> {
-                type Output = VectorExacts<AVX_512>;
+            impl $operator for VectorExacts {
+                type Output = VectorExacts;
                 #[inline(always)]
-                fn $name(self, other: VectorExacts<AVX_512>) -> VectorExacts<AVX_512> {
+                fn $name(self, other: VectorExacts) -> VectorExacts {
                     even_and_odd!(i => $exacts(self.0[i], other.0[i]))
                 }
             }
@@ -770,26 +706,26 @@ pub mod avx2 {
         BitOr bitor _mm256_or_si256 _mm256_or_si256;
     }
 
-    impl<const AVX_512: bool> Neg for VectorWords<AVX_512> {
-        type Output = VectorWords<AVX_512>;
+    impl Neg for VectorWords {
+        type Output = VectorWords;
         #[inline(always)]
-        fn neg(self) -> VectorWords<AVX_512> {
+        fn neg(self) -> VectorWords {
             word!(_mm256_sub_epi32(_mm256_setzero_si256(), self.0))
         }
     }
 
-    impl<const AVX_512: bool> Neg for VectorExacts<AVX_512> {
-        type Output = VectorExacts<AVX_512>;
+    impl Neg for VectorExacts {
+        type Output = VectorExacts;
         #[inline(always)]
-        fn neg(self) -> VectorExacts<AVX_512> {
+        fn neg(self) -> VectorExacts {
             even_and_odd!(i => _mm256_sub_epi64(_mm256_setzero_si256(), self.0[i]))
         }
     }
 
-    impl<const AVX_512: bool> Mul for VectorWords<AVX_512> {
-        type Output = VectorExacts<AVX_512>;
+    impl Mul for VectorWords {
+        type Output = VectorExacts;
         #[inline(always)]
-        fn mul(self, other: VectorWords<AVX_512>) -> VectorExacts<AVX_512> {
+        fn mul(self, other: VectorWords) -> VectorExacts {
             let (own, other) = ([self, self.odd()], [other, other.odd()]);
             even_and_odd!(i => _mm256_mul_epi32(own[i].0, other[i].0))
         }

@@ -110,7 +110,7 @@ mod tests {
             let mut together = Ranges::new(machine.signals.len());
             prop_assert_eq!(&blended(blender.blend(Plainly, &machine.resolve, &layers, background, &mut together)), &words);
             prop_assert_eq!(format!("{together:?}"), format!("{alone:?}"));
-            if let Some(host) = Vectorised::<false>::there() {
+            if let Some(host) = Vectorised::there() {
                 // Rows that were used before.
                 prop_assert_eq!(&blended(blender.blend(host, &machine.resolve, &layers, background, &mut NoProbe)), &words);
             }

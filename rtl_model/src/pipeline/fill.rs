@@ -23,30 +23,12 @@ use rayon::prelude::*;
 
 /// The second half: raster, gauss, fragment, shade and resolve.
 pub fn fill<P: Probe>(machine: &Elaborated, frame: &Frame, setup: &Setup, probe: &mut P) -> Drawing {
-    fill_at_most(Vectorised::there(), machine, frame, setup, probe)
-}
-
-/// [`fill`] with no more of the host than this.
-pub(super) fn fill_at_most<P: Probe>(
-    widest: Option<Vectorised<true>>,
-    machine: &Elaborated,
-    frame: &Frame,
-    setup: &Setup,
-    probe: &mut P,
-) -> Drawing {
-    let (true, Some(host)) = (P::QUICK, Vectorised::<false>::there()) else {
+    let (true, Some(host)) = (P::QUICK, Vectorised::there()) else {
         return fill_as::<false, i64, P, _>(Plainly, machine, frame, setup, probe);
     };
     // Paths of their own for what is common: each is compiled once more for every probe.
     let simple = machine.gauss.kernel().is_simple() && machine.fragment.is_simple();
     let narrow = machine.fragment.is_narrow();
-    // Where something is watched, once is enough.
-    if !P::WORDS
-        && !P::DECISIONS
-        && let (true, true, Some(host)) = (simple, narrow, widest)
-    {
-        return fill_as::<true, i32, P, _>(host, machine, frame, setup, probe);
-    }
     match (simple, narrow) {
         (true, true) => fill_as::<true, i32, P, _>(host, machine, frame, setup, probe),
         (true, false) => fill_as::<true, i64, P, _>(host, machine, frame, setup, probe),

@@ -27,7 +27,7 @@ pub use reach::Reach;
 pub use set_up::{Setup, SetupRecord, set_up};
 
 use crate::frame::Frame;
-use crate::kernels::host::{Kernel, plainly, vectorised, widely};
+use crate::kernels::host::{Kernel, plainly, vectorised};
 use crate::probe::{Composite, DynProbe, NoProbe, Observer, Probe, Ranges};
 use crate::records::Outcomes;
 use crate::work::Work;
@@ -85,11 +85,6 @@ pub fn draw_unobserved(machine: &Elaborated, frame: &Frame) -> Drawing {
     fill_unobserved(machine, frame, &set_up_unobserved(machine, frame))
 }
 
-/// [`draw_unobserved`] without AVX-512 in what follows setup: the same bits, which a host that has it could not compare otherwise.
-pub fn draw_without_avx_512(machine: &Elaborated, frame: &Frame) -> Drawing {
-    fill::fill_at_most(None, machine, frame, &set_up_unobserved(machine, frame), &mut NoProbe)
-}
-
 /// [`set_up`] with no probe.
 pub fn set_up_unobserved(machine: &Elaborated, frame: &Frame) -> Setup {
     set_up(machine, frame, &mut NoProbe)
@@ -142,12 +137,5 @@ pub fn fill_observed<'w>(machine: &Elaborated, frame: &Frame, setup: &Setup, obs
 
 /// Does a probe's work: the branch that is not taken is not compiled either.
 fn run<P: Probe, K: Kernel>(kernel: K) -> K::Output {
-    if !P::QUICK {
-        plainly(kernel)
-    } else if P::WORDS {
-        // Compiled twice already: that is enough for what is watched.
-        vectorised(kernel)
-    } else {
-        widely(kernel)
-    }
+    if P::QUICK { vectorised(kernel) } else { plainly(kernel) }
 }

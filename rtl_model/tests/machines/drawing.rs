@@ -5,7 +5,7 @@ use crate::mutation::{Mutation, differences, mutated, mutations, named};
 use crate::tier;
 use proptest::prelude::*;
 use rtl_model::machine::{Merge, Rows};
-use rtl_model::pipeline::{draw, draw_measured, draw_unobserved, draw_without_avx_512};
+use rtl_model::pipeline::{draw, draw_measured, draw_unobserved};
 use rtl_model::probe::{Range, Ranges};
 use rtl_model::{Drawing, Elaborated, Frame, Machine};
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -17,10 +17,9 @@ fn counted(machine: &Elaborated, frame: &Frame) -> Ranges {
     ranges
 }
 
-/// Draws watched, eight words at a time and one by one, without vectors, and not, by AVX-512 and by less; what was seen must lie in the signals' formats.
+/// Draws watched, eight words at a time and one by one, without vectors, and not; what was seen must lie in the signals' formats.
 fn draws(machine: &Elaborated, frame: &Frame) -> Drawing {
     let drawing = draw_unobserved(machine, frame);
-    assert_eq!(draw_without_avx_512(machine, frame), drawing, "with AVX-512 and without");
     let (watched, ranges, _) = draw_measured(machine, frame);
     assert_eq!(watched, drawing, "watched and unwatched differ");
     let mut one_by_one = Ranges::new(machine.signals.len());

@@ -1,7 +1,7 @@
 //! Shade: laws of the light that leaves a surface.
 
 use super::*;
-use crate::kernels::host::{Kernel, plainly, vectorised, widely};
+use crate::kernels::host::{Kernel, plainly, vectorised};
 use crate::num::{LANES, Lanes, Rounding, Word};
 use crate::probe::{NoProbe, Ranges};
 use proptest::prelude::*;
@@ -285,7 +285,6 @@ proptest! {
         let mut seen = [(); 2].map(|()| Ranges::new(elaborated.signals.len()));
         let [first, second] = &mut seen;
         let forms = [
-            widely(Eight { bench: &bench, inputs: &inputs, live, probe: &mut NoProbe }),
             vectorised(Eight { bench: &bench, inputs: &inputs, live, probe: &mut NoProbe }),
             plainly(Eight { bench: &bench, inputs: &inputs, live, probe: &mut NoProbe }),
             vectorised(Eight { bench: &bench, inputs: &inputs, live, probe: first }),
