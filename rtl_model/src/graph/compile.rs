@@ -171,8 +171,8 @@ impl<'n> Compiler<'n> {
     /// How a wire is made where something reads it; what it is made of has been read by then.
     fn source(&mut self, wire: Wire) -> Source {
         match self.rows_of[wire.place()] {
-            [_, Some(row)] => return Source::Exact(row),
-            [Some(row), _] => return Source::Word(row),
+            [_, Some(row)] => return Source::From(Place::Exact(row)),
+            [Some(row), _] => return Source::From(Place::Word(row)),
             _ => {}
         }
         match self.nodes[wire.place()].operator {
@@ -189,7 +189,7 @@ impl<'n> Compiler<'n> {
             Operator::Sum(terms, lefts) => self.sum(terms, lefts, false),
             Operator::Difference(terms, lefts) => self.sum(terms, lefts, true),
             // Nothing else is deferred.
-            _ => Source::Exact(0),
+            _ => Source::From(Place::Exact(0)),
         }
     }
 
@@ -206,7 +206,7 @@ impl<'n> Compiler<'n> {
                 return if is_difference { Source::Difference([x, y], [p, q]) } else { Source::Sum([x, y], [p, q]) };
             }
         };
-        let Operator::Product([c, d]) = self.nodes[product.place()].operator else { return Source::Exact(0) };
+        let Operator::Product([c, d]) = self.nodes[product.place()].operator else { return Source::From(Place::Exact(0)) };
         let from = self.term(sum);
         let (x, y) = (self.word(c), self.word(d));
         self.read(&[sum, product, c, d]);

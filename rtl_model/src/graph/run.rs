@@ -3,7 +3,6 @@
 
 use super::Functions;
 use super::compile::{EXACT, WORD};
-use crate::functions::reciprocal::Scientific;
 use crate::kernels::host::Kernel;
 use crate::num::{Exacts, Fit, LANES, Lanes, Words};
 use crate::probe::{Probe, Tap};
@@ -33,8 +32,7 @@ pub struct Port(Place);
 /// Eight exact results of each row. Numbers are rows, pairs of small ones shifts to the left.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Source {
-    Exact(usize),
-    Word(usize),
+    From(Place),
     Product(usize, usize),
     Sum([usize; 2], [u32; 2]),
     Difference([usize; 2], [u32; 2]),
@@ -390,24 +388,6 @@ impl<P: Probe> Kernel for Run<'_, '_, P> {
     }
 }
 
-/// Does the same to each row.
-macro_rules! rows {
-    ($rows:ident, $to:ident[$row:ident] = $result:expr) => {
-        for $row in 0..$rows {
-            $to[$row].set($result.to_array());
-        }
-    };
-}
-
-/// The same, of exact results.
-macro_rules! exact_rows {
-    ($rows:ident, $to:ident[$row:ident] = $result:expr) => {
-        for $row in 0..$rows {
-            $to[$row].set($result.to_evens_first());
-        }
-    };
-}
-
 /// Eight items of a row.
 macro_rules! at {
     ($from:expr, $row:ident) => {
@@ -422,207 +402,229 @@ macro_rules! exact_at {
     };
 }
 
-/// What becomes of eight exact results of each row.
-macro_rules! sink {
-    ($run:ident, $tap:ident, $rows:ident, $sink:expr, $words:ident, $exacts:ident, $row:ident => $result:expr) => {
-        match $sink {
-            Sink::Exact(to) => {
-                let to = &$exacts[to];
-                exact_rows!($rows, to[$row] = $result);
-            }
-            Sink::Word(to) => {
-                let to = &$words[to];
-                rows!($rows, to[$row] = $result.low());
-            }
-            Sink::Fit(ref fit, to) => {
-                let to = &$words[to];
-                match fit.narrow::<W>() {
-                    Some(fit) if !P::WORDS => rows!($rows, to[$row] = fit.words($result)),
-                    Some(_) => fits!($run, $tap, $rows, to[$row] = $tap.fit_words(fit, $result)),
-                    None if fit.is_deep() => fits!($run, $tap, $rows, to[$row] = $tap.fit_top(fit, $result)),
-                    None => fits!($run, $tap, $rows, to[$row] = $tap.fit_wide(fit, $result).low()),
-                }
-            }
-            Sink::FitWide(ref fit, to) => {
-                let to = &$exacts[to];
-                for $row in 0..$rows {
-                    $tap.live = $run[$row];
-                    to[$row].set($tap.fit_wide(fit, $result).to_evens_first());
-                }
-            }
-            Sink::FitShifted(ref fit, more, to) => {
-                let (more, to) = (&$words[more], &$words[to]);
-                fits!($run, $tap, $rows, to[$row] = $tap.fit_shifted(fit, $result, at!(more, $row)));
-            }
-        }
-    };
-}
-
-/// Fits each row, seen by the probe.
-macro_rules! fits {
-    ($live:ident, $tap:ident, $rows:ident, $to:ident[$row:ident] = $result:expr) => {
-        for $row in 0..$rows {
-            $tap.live = $live[$row];
-            $to[$row].set($result.to_array());
-        }
-    };
-}
+/// Exact results of eight items.
+type X<W> = <W as Words>::Exact;
 
 impl<P: Probe> Run<'_, '_, P> {
     #[inline(always)]
     fn steps<W: Words>(self) -> [u8; ROWS] {
-        type X<W> = <W as Words>::Exact;
         let Batch { words, exacts } = &*self.batch;
         let Functions { tables, reciprocals, roots } = &self.program.functions;
         let rows = self.live.len().min(ROWS);
         let mut live = [0; ROWS];
         live[..rows].copy_from_slice(&self.live[..rows]);
         let tap = &mut Tap::new(self.probe);
-        macro_rules! function {
-            ($from:expr, $exponent:ident, $x:ident => [$word:ident, $power:ident] = $result:expr, $set:ident) => {
-                match $from {
-                    Place::Word(from) => function!(word at!(&words[from], row).exact(), row, $exponent, $x => [$word, $power] = $result, $set),
-                    Place::Exact(from) => function!(word exact_at!(&exacts[from], row), row, $exponent, $x => [$word, $power] = $result, $set),
-                }
-            };
-            (word $from:expr, $row:ident, $exponent:ident, $x:ident => [$word:ident, $power:ident] = $result:expr, $set:ident) => {
+        // What a source makes and a sink takes: in one loop of both, each source would be compiled with each sink.
+        let mut made = [X::<W>::splat(0); ROWS];
+        macro_rules! make {
+            ($row:ident => $result:expr) => {
                 for $row in 0..rows {
-                    tap.live = live[$row];
-                    let $x = $from;
-                    let ($word, $power) = $result;
-                    $set[$row].set(function!($set $word));
-                    $exponent[$row].set($power.to_array());
+                    made[$row] = $result;
                 }
             };
-            (words_to $word:ident) => { $word.to_array() };
-            (exacts_to $word:ident) => { $word.to_evens_first() };
+        }
+        // Does the same to each row.
+        macro_rules! rows {
+            ($to:ident[$row:ident] = $result:expr) => {
+                for $row in 0..rows {
+                    $to[$row].set($result.to_array());
+                }
+            };
+        }
+        // The same of words that the probe sees.
+        macro_rules! fits {
+            ($to:ident[$row:ident] = $result:expr) => {
+                for $row in 0..rows {
+                    tap.item($row, live[$row]);
+                    $to[$row].set($result.to_array());
+                }
+            };
+        }
+        macro_rules! from {
+            ($place:expr) => {
+                match $place {
+                    Place::Word(from) => {
+                        let from = &words[from];
+                        make!(row => at!(from, row).exact());
+                    }
+                    Place::Exact(from) => {
+                        let from = &exacts[from];
+                        make!(row => exact_at!(from, row));
+                    }
+                }
+            };
         }
         for step in &self.program.steps {
             match *step {
-                Step::Value { ref source, ref sink } => match *source {
-                    Source::Exact(from) => sink!(live, tap, rows, *sink, words, exacts, row => exact_at!(exacts[from], row)),
-                    Source::Word(from) => sink!(live, tap, rows, *sink, words, exacts, row => at!(words[from], row).exact()),
-                    Source::Product(a, b) => {
-                        let (a, b) = (&words[a], &words[b]);
-                        sink!(live, tap, rows, *sink, words, exacts, row => at!(a, row) * at!(b, row));
+                Step::Value { ref source, ref sink } => {
+                    match *source {
+                        Source::From(place) => from!(place),
+                        Source::Product(a, b) => {
+                            let (a, b) = (&words[a], &words[b]);
+                            make!(row => at!(a, row) * at!(b, row));
+                        }
+                        Source::Sum([a, b], [p, q]) => {
+                            let (a, b) = (&exacts[a], &exacts[b]);
+                            make!(row => exact_at!(a, row).left(p) + exact_at!(b, row).left(q));
+                        }
+                        Source::Difference([a, b], [p, q]) => {
+                            let (a, b) = (&exacts[a], &exacts[b]);
+                            make!(row => exact_at!(a, row).left(p) - exact_at!(b, row).left(q));
+                        }
+                        Source::WithProduct { from, left: p, product: [a, b], of_product: q, is_difference } => {
+                            from!(from);
+                            let (a, b) = (&words[a], &words[b]);
+                            if is_difference {
+                                make!(row => made[row].left(p) - (at!(a, row) * at!(b, row)).left(q));
+                            } else {
+                                make!(row => made[row].left(p) + (at!(a, row) * at!(b, row)).left(q));
+                            }
+                        }
+                        Source::Normalised(from, by) => {
+                            let (from, by) = (&exacts[from], &words[by]);
+                            make!(row => exact_at!(from, row).left_by(at!(by, row)));
+                        }
                     }
-                    Source::Sum([a, b], [p, q]) => {
-                        let (a, b) = (&exacts[a], &exacts[b]);
-                        sink!(live, tap, rows, *sink, words, exacts, row => exact_at!(a, row).left(p) + exact_at!(b, row).left(q));
+                    match *sink {
+                        Sink::Exact(to) => {
+                            let to = &exacts[to];
+                            for row in 0..rows {
+                                to[row].set(made[row].to_evens_first());
+                            }
+                        }
+                        Sink::Word(to) => {
+                            let to = &words[to];
+                            rows!(to[row] = made[row].low());
+                        }
+                        Sink::Fit(ref fit, to) => {
+                            let to = &words[to];
+                            match fit.narrow::<W>() {
+                                Some(fit) if !P::WORDS => rows!(to[row] = fit.words(made[row])),
+                                Some(_) => fits!(to[row] = tap.fit_words(fit, made[row])),
+                                None if fit.is_deep() => fits!(to[row] = tap.fit_top(fit, made[row])),
+                                None => fits!(to[row] = tap.fit_wide(fit, made[row]).low()),
+                            }
+                        }
+                        Sink::FitWide(ref fit, to) => {
+                            let to = &exacts[to];
+                            for row in 0..rows {
+                                tap.item(row, live[row]);
+                                to[row].set(tap.fit_wide(fit, made[row]).to_evens_first());
+                            }
+                        }
+                        Sink::FitShifted(ref fit, more, to) => {
+                            let (more, to) = (&words[more], &words[to]);
+                            fits!(to[row] = tap.fit_shifted(fit, made[row], at!(more, row)));
+                        }
                     }
-                    Source::Difference([a, b], [p, q]) => {
-                        let (a, b) = (&exacts[a], &exacts[b]);
-                        sink!(live, tap, rows, *sink, words, exacts, row => exact_at!(a, row).left(p) - exact_at!(b, row).left(q));
-                    }
-                    Source::WithProduct { from: Place::Exact(from), left: p, product: [a, b], of_product: q, is_difference: false } => {
-                        let (from, a, b) = (&exacts[from], &words[a], &words[b]);
-                        sink!(live, tap, rows, *sink, words, exacts, row => exact_at!(from, row).left(p) + (at!(a, row) * at!(b, row)).left(q));
-                    }
-                    Source::WithProduct { from: Place::Exact(from), left: p, product: [a, b], of_product: q, is_difference: true } => {
-                        let (from, a, b) = (&exacts[from], &words[a], &words[b]);
-                        sink!(live, tap, rows, *sink, words, exacts, row => exact_at!(from, row).left(p) - (at!(a, row) * at!(b, row)).left(q));
-                    }
-                    Source::WithProduct { from: Place::Word(from), left: p, product: [a, b], of_product: q, is_difference: false } => {
-                        let (from, a, b) = (&words[from], &words[a], &words[b]);
-                        sink!(live, tap, rows, *sink, words, exacts, row => at!(from, row).exact().left(p) + (at!(a, row) * at!(b, row)).left(q));
-                    }
-                    Source::WithProduct { from: Place::Word(from), left: p, product: [a, b], of_product: q, is_difference: true } => {
-                        let (from, a, b) = (&words[from], &words[a], &words[b]);
-                        sink!(live, tap, rows, *sink, words, exacts, row => at!(from, row).exact().left(p) - (at!(a, row) * at!(b, row)).left(q));
-                    }
-                    Source::Normalised(from, by) => {
-                        let (from, by) = (&exacts[from], &words[by]);
-                        sink!(live, tap, rows, *sink, words, exacts, row => exact_at!(from, row).left_by(at!(by, row)));
-                    }
-                },
+                }
                 Step::SumOfWords { a, b, lefts: [p, q], to } => {
                     let (a, b, to) = (&words[a], &words[b], &words[to]);
-                    rows!(rows, to[row] = (at!(a, row).left(p) + at!(b, row).left(q)));
+                    rows!(to[row] = (at!(a, row).left(p) + at!(b, row).left(q)));
                 }
                 Step::DifferenceOfWords { a, b, lefts: [p, q], to } => {
                     let (a, b, to) = (&words[a], &words[b], &words[to]);
-                    rows!(rows, to[row] = (at!(a, row).left(p) - at!(b, row).left(q)));
+                    rows!(to[row] = (at!(a, row).left(p) - at!(b, row).left(q)));
                 }
                 Step::UnaryWord { unary, from, to } => {
                     let (from, to) = (&words[from], &words[to]);
                     match unary {
-                        Unary::Negation => rows!(rows, to[row] = (-at!(from, row))),
-                        Unary::Magnitude => rows!(rows, to[row] = at!(from, row).abs()),
-                        Unary::AtLeast(least) => rows!(rows, to[row] = at!(from, row).max(W::splat(least))),
-                        Unary::AtMost(most) => rows!(rows, to[row] = at!(from, row).min(W::splat(most))),
-                        Unary::APlaceMore => rows!(rows, to[row] = (at!(from, row) + W::splat(1))),
-                        Unary::Not => rows!(rows, to[row] = at!(from, row).not()),
+                        Unary::Negation => rows!(to[row] = (-at!(from, row))),
+                        Unary::Magnitude => rows!(to[row] = at!(from, row).abs()),
+                        Unary::AtLeast(least) => rows!(to[row] = at!(from, row).max(W::splat(least))),
+                        Unary::AtMost(most) => rows!(to[row] = at!(from, row).min(W::splat(most))),
+                        Unary::APlaceMore => rows!(to[row] = (at!(from, row) + W::splat(1))),
+                        Unary::Not => rows!(to[row] = at!(from, row).not()),
                     }
                 }
                 Step::Unary { unary, from, to } => {
                     let (from, to) = (&exacts[from], &exacts[to]);
+                    macro_rules! exact_rows {
+                        ($row:ident => $result:expr) => {
+                            for $row in 0..rows {
+                                to[$row].set($result.to_evens_first());
+                            }
+                        };
+                    }
                     match unary {
-                        Unary::Negation => exact_rows!(rows, to[row] = (-exact_at!(from, row))),
-                        Unary::Magnitude => exact_rows!(rows, to[row] = exact_at!(from, row).abs()),
-                        Unary::AtLeast(least) => exact_rows!(rows, to[row] = exact_at!(from, row).max(X::<W>::splat(least))),
-                        Unary::AtMost(most) => exact_rows!(rows, to[row] = exact_at!(from, row).min(X::<W>::splat(most))),
-                        Unary::APlaceMore => exact_rows!(rows, to[row] = (exact_at!(from, row) + X::<W>::splat(1))),
+                        Unary::Negation => exact_rows!(row => (-exact_at!(from, row))),
+                        Unary::Magnitude => exact_rows!(row => exact_at!(from, row).abs()),
+                        Unary::AtLeast(least) => exact_rows!(row => exact_at!(from, row).max(X::<W>::splat(least))),
+                        Unary::AtMost(most) => exact_rows!(row => exact_at!(from, row).min(X::<W>::splat(most))),
+                        Unary::APlaceMore => exact_rows!(row => (exact_at!(from, row) + X::<W>::splat(1))),
                         // A condition is a word.
                         Unary::Not => {}
                     }
                 }
                 Step::Opposed { from, other, to } => {
                     let (from, other, to) = (&words[from], &words[other], &words[to]);
-                    rows!(rows, to[row] = at!(from, row).where_else(W::splat(0).above(at!(other, row)), -at!(from, row)));
+                    rows!(to[row] = at!(from, row).where_else(W::splat(0).above(at!(other, row)), -at!(from, row)));
                 }
                 Step::Turned { from, by, to } => {
                     let (from, by, to) = (&words[from], &words[by], &words[to]);
-                    rows!(rows, to[row] = (-at!(from, row)).where_else(at!(by, row).above(W::splat(0)), at!(from, row)));
+                    rows!(to[row] = (-at!(from, row)).where_else(at!(by, row).above(W::splat(0)), at!(from, row)));
                 }
                 Step::Lesser { a, b, to } => {
                     let (a, b, to) = (&words[a], &words[b], &words[to]);
-                    rows!(rows, to[row] = at!(a, row).min(at!(b, row)));
+                    rows!(to[row] = at!(a, row).min(at!(b, row)));
                 }
                 Step::Greater { a, b, to } => {
                     let (a, b, to) = (&words[a], &words[b], &words[to]);
-                    rows!(rows, to[row] = at!(a, row).max(at!(b, row)));
+                    rows!(to[row] = at!(a, row).max(at!(b, row)));
                 }
                 Step::Guarded { from, condition, instead, to } => {
                     let (from, condition, to) = (&words[from], &words[condition], &words[to]);
-                    rows!(rows, to[row] = W::splat(instead).where_else(at!(condition, row), at!(from, row)));
+                    rows!(to[row] = W::splat(instead).where_else(at!(condition, row), at!(from, row)));
                 }
                 Step::Lookup { from, table, short, to } => {
                     let (from, to, table) = (&words[from], &words[to], &tables[table]);
                     if short && !P::WORDS {
                         let table = table.natural::<W>();
-                        rows!(rows, to[row] = table.words(at!(from, row)));
+                        rows!(to[row] = table.words(at!(from, row)));
                     } else {
-                        fits!(live, tap, rows, to[row] = tap.fit_words(table.fit(), table.exact_words(at!(from, row))));
+                        fits!(to[row] = tap.fit_words(table.fit(), table.exact_words(at!(from, row))));
                     }
                 }
                 Step::Largest { parts: [a, b, c], to } => {
                     let (a, b, c, to) = (&exacts[a], &exacts[b], &exacts[c], &exacts[to]);
-                    exact_rows!(
-                        rows,
-                        to[row] = (exact_at!(a, row).abs() | exact_at!(b, row).abs() | exact_at!(c, row).abs() | X::<W>::splat(1))
-                    );
+                    for row in 0..rows {
+                        let bits = exact_at!(a, row).abs() | exact_at!(b, row).abs() | exact_at!(c, row).abs();
+                        to[row].set((bits | X::<W>::splat(1)).to_evens_first());
+                    }
                 }
                 Step::Lead { from, to } => {
                     let (from, to) = (&exacts[from], &words[to]);
-                    rows!(rows, to[row] = (exact_at!(from, row).leading_zeros() - W::splat(2)));
+                    rows!(to[row] = (exact_at!(from, row).leading_zeros() - W::splat(2)));
                 }
                 Step::Reciprocal { from, unit, to, exponent } => {
-                    let (unit, words_to, exponent) = (&reciprocals[unit], &words[to], &words[exponent]);
-                    function!(from, exponent, x => [word, power] = {
-                        let Scientific { mantissa, exponent } = unit.lanes(x, tap);
-                        (mantissa, exponent)
-                    }, words_to);
+                    let (unit, to, exponent) = (&reciprocals[unit], &words[to], &words[exponent]);
+                    from!(from);
+                    for row in 0..rows {
+                        tap.item(row, live[row]);
+                        let inverse = unit.lanes(made[row], tap);
+                        to[row].set(inverse.mantissa.to_array());
+                        exponent[row].set(inverse.exponent.to_array());
+                    }
                 }
                 Step::InverseRoot { from, unit, to, exponent } => {
-                    let (unit, words_to, exponent) = (&roots[unit], &words[to], &words[exponent]);
-                    function!(from, exponent, x => [word, power] = {
-                        let Scientific { mantissa, exponent } = unit.lanes(x, tap);
-                        (mantissa, exponent)
-                    }, words_to);
+                    let (unit, to, exponent) = (&roots[unit], &words[to], &words[exponent]);
+                    from!(from);
+                    for row in 0..rows {
+                        tap.item(row, live[row]);
+                        let inverse = unit.lanes(made[row], tap);
+                        to[row].set(inverse.mantissa.to_array());
+                        exponent[row].set(inverse.exponent.to_array());
+                    }
                 }
                 Step::Root { from, unit, to, exponent } => {
-                    let (unit, exacts_to, exponent) = (&roots[unit], &exacts[to], &words[exponent]);
-                    function!(from, exponent, x => [word, power] = unit.root_lanes(x, tap), exacts_to);
+                    let (unit, to, exponent) = (&roots[unit], &exacts[to], &words[exponent]);
+                    from!(from);
+                    for row in 0..rows {
+                        tap.item(row, live[row]);
+                        let (root, power) = unit.root_lanes(made[row], tap);
+                        to[row].set(root.to_evens_first());
+                        exponent[row].set(power.to_array());
+                    }
                 }
                 Step::Exponents { ref terms, count, constant, to } => {
                     for (row, to) in words[to].iter().enumerate().take(rows) {
@@ -636,19 +638,19 @@ impl<P: Probe> Run<'_, '_, P> {
                 }
                 Step::Above { a, b, lefts: [p, q], to } => {
                     let (a, b, to) = (&exacts[a], &exacts[b], &words[to]);
-                    rows!(rows, to[row] = exact_at!(a, row).left(p).above(exact_at!(b, row).left(q)));
+                    rows!(to[row] = exact_at!(a, row).left(p).above(exact_at!(b, row).left(q)));
                 }
                 Step::AboveWords { a, b, to } => {
                     let (a, b, to) = (&words[a], &words[b], &words[to]);
-                    rows!(rows, to[row] = at!(a, row).above(at!(b, row)));
+                    rows!(to[row] = at!(a, row).above(at!(b, row)));
                 }
                 Step::Either { a, b, to } => {
                     let (a, b, to) = (&words[a], &words[b], &words[to]);
-                    rows!(rows, to[row] = (at!(a, row) | at!(b, row)));
+                    rows!(to[row] = (at!(a, row) | at!(b, row)));
                 }
                 Step::Both { a, b, to } => {
                     let (a, b, to) = (&words[a], &words[b], &words[to]);
-                    rows!(rows, to[row] = (at!(a, row) & at!(b, row)));
+                    rows!(to[row] = (at!(a, row) & at!(b, row)));
                 }
                 Step::Drop { condition } => {
                     if P::WORDS {

@@ -1,10 +1,11 @@
-//! Discs: `project` and `ellipse` of discs for the host, eight splats at a time in registers.
+//! Discs: `project` and `ellipse` of discs for the host, eight splats at a time in registers, where no probe observes them.
 //!
 //! Both are stated as graphs in their units, whose words and function units these are; a batch of those takes 1.8 times as many instructions
 //! a splat. Names and order are those of the graphs.
 //!
 //! Law: `discs_are_set_up_as_their_graphs_say`.
 
+use super::set_up::Made;
 use crate::elaboration::Signal;
 use crate::frame::{Scaled, Splat, View};
 use crate::functions::reciprocal::{NORMALISED_FRAC_BITS, Scientific};
@@ -12,7 +13,7 @@ use crate::functions::{Reciprocal, ReciprocalRoot};
 use crate::graph::Graph;
 use crate::machine::Machine;
 use crate::num::{Exacts, Fit, LANES, Word, Words, align, three, two};
-use crate::probe::{Probe, Tap};
+use crate::probe::{NoProbe, Tap};
 use crate::records::unit;
 use crate::units::{ellipse, project};
 
@@ -90,62 +91,16 @@ struct Places {
     edge_frac_bits: u32,
 }
 
-/// A splat's words, eight of them, and the point's.
-#[derive(Clone, Copy, Debug)]
-struct Input<W> {
-    normal: [W; 3],
-    radius: W,
-    forward: W,
+/// Results of `project`.
+struct Projected<W> {
+    camera: [W; 3],
     exponent: W,
+    depth: W,
     inverse_depth: Scientific<W>,
     slope: [W; 2],
     pixel: [W; 2],
-}
-
-/// Results of `project`.
-#[derive(Clone, Copy, Debug)]
-pub struct Projected<W> {
-    /// t/2^exponent.
-    pub camera: [W; 3],
-    /// The power of two that t is relative to.
-    pub exponent: W,
-    /// t_z.
-    pub depth: W,
-    /// 2^exponent/t_z.
-    pub inverse_depth: Scientific<W>,
-    /// a, b.
-    pub slope: [W; 2],
-    /// Position from the picture's middle.
-    pub pixel: [W; 2],
-    /// At or before the near plane.
-    pub near: W,
-    /// Outside the guard band, or the box misses the picture.
-    pub outside: W,
-}
-
-/// Results of `ellipse`.
-#[derive(Clone, Copy, Debug)]
-pub struct Output<W> {
-    /// Camera-space normal.
-    pub normal: [W; 3],
-    /// Q00, Q01, Q11.
-    pub conic: [W; 3],
-    /// A.
-    pub amplitude: W,
-    /// First and last column.
-    pub columns: [W; 2],
-    /// First and last row.
-    pub rows: [W; 2],
-    /// z_x, z_y.
-    pub depth_slope: [W; 2],
-    /// Half-width of the depth clamp.
-    pub depth_range: W,
-    /// Faces away, and that counts.
-    pub backface: W,
-    /// Nothing to see.
-    pub faint: W,
-    /// Outside the guard band, or the box misses the picture.
-    pub outside: W,
+    near: W,
+    outside: W,
 }
 
 /// What a disc leaves on the screen.
@@ -234,15 +189,9 @@ impl Discs {
 }
 
 impl Discs {
-    /// Sets eight discs up.
+    /// Sets eight discs up. A lane that is culled carries harmless words from there on.
     #[inline(always)]
-    pub fn set_up<W: Words, P: Probe>(
-        &self,
-        view: &View,
-        size_px: [u32; 2],
-        splats: &[Splat; LANES],
-        tap: &mut Tap<P>,
-    ) -> (Projected<W>, Output<W>) {
+    pub(super) fn set_up<W: Words>(&self, view: &View, size_px: [u32; 2], splats: &[Splat; LANES]) -> Made<W> {
         // The first eight words of each record as they lie in memory: red comes along.
         let mut records = [W::splat(0); LANES];
         for (record, splat) in records.iter_mut().zip(splats) {
@@ -250,158 +199,133 @@ impl Discs {
             *record = W::from_array([x, y, z, n, m, o, radius, red]);
         }
         let [x, y, z, n, m, o, radius, _] = W::transposed(records);
-        let point = self.projected(view, [x, y, z], tap);
-        let input = Input {
-            normal: [n, m, o],
-            radius,
-            forward: point.camera[2],
-            exponent: point.exponent,
-            inverse_depth: point.inverse_depth,
-            slope: point.slope,
+        let point = self.projected(view, [x, y, z]);
+        let normal = self.camera_normal(view, [n, m, o]);
+        let (tilt, facing) = self.turn(point.slope, normal);
+        let (zero, one) = (W::splat(0), W::splat(1));
+        let away = if view.cull_backfaces { facing.above(zero) } else { zero };
+        let blind = facing.is_zero() | radius.is_none();
+        let facing = one.where_else(blind, facing);
+        let radius = radius.max(one);
+
+        let sized = self.size(view, radius, &point);
+        let shape = self.shape(point.slope, tilt);
+        let footprint = self.footprint(view, size_px, point.pixel, sized, (shape, facing));
+        Made {
+            culled: [point.near, point.outside, zero, away, blind | footprint.faint, footprint.outside],
             pixel: point.pixel,
-        };
-        let output = self.disc_lanes(view, size_px, &input, tap);
-        (point, output)
+            depth: point.depth,
+            conic: footprint.conic,
+            depth_slope: self.depth_slope(view, &point, normal, facing),
+            depth_range: self.depth_range.words(radius * W::splat(view.root_cutoff)),
+            sides: [footprint.columns, footprint.rows],
+            amplitude: footprint.amplitude,
+            normal: self.seen_normal(normal),
+        }
     }
 
-    /// Projects eight splats, lanes that end culled carry harmless words from there
-    /// on.
     #[inline(always)]
-    fn projected<W: Words, P: Probe>(&self, view: &View, position: [W; 3], tap: &mut Tap<P>) -> Projected<W> {
-        let (relative, exponent) = self.relative(view, position, tap);
-        let camera = three!(row => tap.fit_words(&self.camera, W::dot(view.rotation[row], relative)));
+    fn projected<W: Words>(&self, view: &View, position: [W; 3]) -> Projected<W> {
+        let (relative, exponent) = self.relative(view, position);
+        let camera = three!(row => self.camera.words(W::dot(view.rotation[row], relative)));
         let forward = camera[2].max(W::splat(1));
-        let depth = tap.fit_shifted(&self.depth, camera[2].max(W::splat(0)).exact(), -exponent);
+        let depth = self.depth.words_shifted(camera[2].max(W::splat(0)).exact(), -exponent);
         let near = depth.above(W::splat(view.near)).not();
         let limit = two!(axis => W::splat(view.guard[axis]) * forward);
         let beyond = two!(axis => camera[axis].exact().abs().left(self.places.slope).above(limit[axis]));
         let outside = beyond[0] | beyond[1];
-        tap.drop_where(near | outside);
 
-        let inverse_depth = self.units.reciprocal.lanes(forward.exact(), tap);
+        let inverse_depth = self.units.reciprocal.lanes(forward.exact(), &mut Tap::new(&mut NoProbe));
         let offset = two!(axis => W::splat(0).where_else(near | outside, camera[axis]));
-        let slope = two!(axis => tap.fit_shifted(&self.projected_slope, offset[axis] * inverse_depth.mantissa, -inverse_depth.exponent));
+        let slope = two!(axis => self.projected_slope.words_shifted(offset[axis] * inverse_depth.mantissa, -inverse_depth.exponent));
         let [of_screen, of_centre] = self.places.screen;
         let (focal, centre) = (view.focals(), view.centre.map(|centre| centre << of_centre));
         let pixel = two!(axis => {
             let screen = (W::splat(focal[axis]) * slope[axis]).left(of_screen);
-            tap.fit_wide(&self.pixel, screen + W::Exact::splat(centre[axis])).low()
+            self.pixel.wide(screen + W::Exact::splat(centre[axis])).low()
         });
         Projected { camera: [camera[0], camera[1], forward], exponent, depth, inverse_depth, slope, pixel, near, outside }
     }
 
     /// Position less eye, and the power of two that it is relative to.
     #[inline(always)]
-    fn relative<W: Words, P: Probe>(&self, view: &View, position: [W; 3], tap: &mut Tap<P>) -> ([W; 3], W) {
+    fn relative<W: Words>(&self, view: &View, position: [W; 3]) -> ([W; 3], W) {
         let [of_position, of_eye] = self.places.position;
         let difference = three!(axis => position[axis].exact().left(of_position) - W::Exact::splat(view.eye[axis] << of_eye));
         let [x, y, z] = three!(axis => difference[axis].abs());
         // As many as those of the largest.
         let lead = (x | y | z | W::Exact::splat(1)).leading_zeros() - W::splat(2);
-        let relative = three!(axis => tap.fit_top(&self.relative, difference[axis].left_by(lead)));
+        let relative = three!(axis => self.relative.top(difference[axis].left_by(lead)));
         (relative, W::splat(i64::from(PARTS_FRAC_BITS) - self.places.difference) - lead)
-    }
-
-    /// Sets eight discs up.
-    #[inline(always)]
-    fn disc_lanes<W: Words, P: Probe>(&self, view: &View, size_px: [u32; 2], input: &Input<W>, tap: &mut Tap<P>) -> Output<W> {
-        let normal = self.camera_normal(view, input.normal, tap);
-        let (tilt, facing) = self.turn(input.slope, normal, tap);
-        let zero = W::splat(0);
-        let away = if view.cull_backfaces { facing.above(zero) } else { zero };
-        let blind = facing.is_zero() | input.radius.is_none();
-        tap.drop_where(away | blind);
-        let one = W::splat(1);
-        let facing = one.where_else(blind, facing);
-        let radius = input.radius.max(one);
-
-        let sized = self.size(view, radius, input, tap);
-        let shape = self.shape(input.slope, tilt, tap);
-        let footprint = self.footprint(view, size_px, input.pixel, sized, (shape, facing), tap);
-        Output {
-            normal: self.seen_normal(normal, tap),
-            conic: footprint.conic,
-            amplitude: footprint.amplitude,
-            columns: footprint.columns,
-            rows: footprint.rows,
-            depth_slope: self.depth_slope(view, input, normal, facing, tap),
-            depth_range: tap.fit_words(&self.depth_range, radius * W::splat(view.root_cutoff)),
-            backface: away,
-            faint: blind | footprint.faint,
-            outside: footprint.outside,
-        }
     }
 
     /// From a shape's variance without size, and its faces, to a conic and a box.
     #[inline(always)]
-    fn footprint<W: Words, P: Probe>(
+    fn footprint<W: Words>(
         &self,
         view: &View,
         size_px: [u32; 2],
         pixel: [W; 2],
         (size_squared, exponent): ([W; 3], W),
         (shape, facing): ([W; 3], W),
-        tap: &mut Tap<P>,
     ) -> Footprint<W> {
-        let low_pass = tap.fit_shifted(&self.low_pass, W::Exact::splat(view.low_pass), exponent + exponent);
-        let variance = self.variance(shape, size_squared, low_pass, tap);
-        let area = tap.fit_words(&self.area, size_squared[1] * facing);
-        let determinant = self.determinant(area, variance, low_pass, tap);
+        let low_pass = self.low_pass.words_shifted(W::Exact::splat(view.low_pass), exponent + exponent);
+        let variance = self.variance(shape, size_squared, low_pass);
+        let area = self.area.words(size_squared[1] * facing);
+        let determinant = self.determinant(area, variance, low_pass);
         let flat = W::Exact::splat(1).above(determinant);
-        tap.drop_where(flat);
 
-        let inverse_root = self.units.root.lanes(determinant.max(W::Exact::splat(1)), tap);
-        let conic = self.conic(variance, inverse_root, exponent, tap);
-        let visibility = tap.fit_shifted(&self.visibility, area.abs() * inverse_root.mantissa, -inverse_root.exponent);
-        let amplitude = tap.fit_words(&self.amplitude, visibility * W::splat(self.inverse_two_pi));
+        let inverse_root = self.units.root.lanes(determinant.max(W::Exact::splat(1)), &mut Tap::new(&mut NoProbe));
+        let conic = self.conic(variance, inverse_root, exponent);
+        let visibility = self.visibility.words_shifted(area.abs() * inverse_root.mantissa, -inverse_root.exponent);
+        let amplitude = self.amplitude.words(visibility * W::splat(self.inverse_two_pi));
         let dark = amplitude.is_none();
 
         let across = [variance[0], variance[2]];
-        let [columns, rows] = two!(axis => self.side(view.cutoff, size_px[axis], pixel[axis], across[axis], exponent, tap));
+        let [columns, rows] = two!(axis => self.side(view.cutoff, size_px[axis], pixel[axis], across[axis], exponent));
         let outside = columns[0].above(columns[1]) | rows[0].above(rows[1]);
-        tap.drop_where(dark | outside);
         Footprint { conic, amplitude, columns, rows, faint: flat | dark, outside }
     }
 
     #[inline(always)]
-    fn camera_normal<W: Words, P: Probe>(&self, view: &View, normal: [W; 3], tap: &mut Tap<P>) -> [W; 3] {
-        three!(row => tap.fit_words(&self.normal, W::dot(view.rotation[row], normal)))
+    fn camera_normal<W: Words>(&self, view: &View, normal: [W; 3]) -> [W; 3] {
+        three!(row => self.normal.words(W::dot(view.rotation[row], normal)))
     }
 
     /// The normal that fragments sum: towards the viewer where the machine turns it, so that a sheet's two sides do not cancel.
     #[inline(always)]
-    fn seen_normal<W: Words, P: Probe>(&self, normal: [W; 3], tap: &mut Tap<P>) -> [W; 3] {
+    fn seen_normal<W: Words>(&self, normal: [W; 3]) -> [W; 3] {
         let mut seen = normal;
         if self.turns_normals {
             let away = normal[2].above(W::splat(0));
             seen = three!(axis => (-normal[axis]).where_else(away, normal[axis]));
         }
-        three!(axis => tap.fit_words(&self.fragment_normal, seen[axis].exact()))
+        three!(axis => self.fragment_normal.words(seen[axis].exact()))
     }
 
     /// g and c_n.
     #[inline(always)]
-    fn turn<W: Words, P: Probe>(&self, [a, b]: [W; 2], n: [W; 3], tap: &mut Tap<P>) -> ([W; 2], W) {
+    fn turn<W: Words>(&self, [a, b]: [W; 2], n: [W; 3]) -> ([W; 2], W) {
         let [x, y, z] = three!(axis => n[axis].exact().left(self.places.slope));
-        let tilt = [tap.fit_words(&self.tilt, x - a * n[2]), tap.fit_words(&self.tilt, y - b * n[2])];
-        (tilt, tap.fit_words(&self.facing, a * n[0] + b * n[1] + z))
+        let tilt = [self.tilt.words(x - a * n[2]), self.tilt.words(y - b * n[2])];
+        (tilt, self.facing.words(a * n[0] + b * n[1] + z))
     }
 
     /// k'_x², k'_x·k'_y, k'_y², and e.
     #[inline(always)]
-    fn size<W: Words, P: Probe>(&self, view: &View, radius: W, input: &Input<W>, tap: &mut Tap<P>) -> ([W; 3], W) {
+    fn size<W: Words>(&self, view: &View, radius: W, point: &Projected<W>) -> ([W; 3], W) {
         let scaled = (W::splat(view.focal) * radius).max(W::Exact::splat(1));
         let lead = scaled.leading_zeros() - W::splat(2);
-        let mantissa = tap.fit_top(&self.scaled_radius, scaled.left_by(lead));
+        let mantissa = self.scaled_radius.top(scaled.left_by(lead));
         let floor = i64::from(NORMALISED_FRAC_BITS) - self.places.scaled_radius;
         // k = mantissa · inverse_depth · 2^power, where the product lies in [½, 2].
-        let inverse_depth = input.inverse_depth;
-        let power = inverse_depth.exponent - input.exponent + W::splat(floor) - lead;
+        let inverse_depth = point.inverse_depth;
+        let power = inverse_depth.exponent - point.exponent + W::splat(floor) - lead;
         let exponent = (power + W::splat(1)).max(W::splat(0));
-        let size = tap.fit_shifted(&self.size, mantissa * inverse_depth.mantissa, exponent - power);
-        let squared = tap.fit_words(&self.size_squared, size * size);
+        let size = self.size.words_shifted(mantissa * inverse_depth.mantissa, exponent - power);
+        let squared = self.size_squared.words(size * size);
         let squares = match (view.aspect, &self.stretched) {
-            (Some(aspect), Some(fit)) => three!(i => tap.fit_words(fit, squared * W::splat(aspect.squares[i]))),
+            (Some(aspect), Some(fit)) => three!(i => fit.words(squared * W::splat(aspect.squares[i]))),
             _ => [squared; 3],
         };
         (squares, exponent)
@@ -409,7 +333,7 @@ impl Discs {
 
     /// [1+a² … − ggᵀ].
     #[inline(always)]
-    fn shape<W: Words, P: Probe>(&self, [a, b]: [W; 2], g: [W; 2], tap: &mut Tap<P>) -> [W; 3] {
+    fn shape<W: Words>(&self, [a, b]: [W; 2], g: [W; 2]) -> [W; 3] {
         let [one, slopes, tilts] = self.places.shape;
         let one = W::Exact::splat(1 << one);
         let shape = [
@@ -417,46 +341,46 @@ impl Discs {
             (a * b).left(slopes) - (g[0] * g[1]).left(tilts),
             one + (b * b).left(slopes) - (g[1] * g[1]).left(tilts),
         ];
-        three!(i => tap.fit_words(&self.shape, shape[i]))
+        three!(i => self.shape.words(shape[i]))
     }
 
     /// V00', V01', V11'.
     #[inline(always)]
-    fn variance<W: Words, P: Probe>(&self, [xx, xy, yy]: [W; 3], size_squared: [W; 3], low_pass: W, tap: &mut Tap<P>) -> [W; 3] {
+    fn variance<W: Words>(&self, [xx, xy, yy]: [W; 3], size_squared: [W; 3], low_pass: W) -> [W; 3] {
         let [spread, filter] = self.places.variance;
         let low_pass = low_pass.exact().left(filter);
         [
-            tap.fit_words(&self.variance, (size_squared[0] * xx).left(spread) + low_pass),
-            tap.fit_words(&self.variance_cross, size_squared[1] * xy),
-            tap.fit_words(&self.variance, (size_squared[2] * yy).left(spread) + low_pass),
+            self.variance.words((size_squared[0] * xx).left(spread) + low_pass),
+            self.variance_cross.words(size_squared[1] * xy),
+            self.variance.words((size_squared[2] * yy).left(spread) + low_pass),
         ]
     }
 
     #[inline(always)]
-    fn determinant<W: Words, P: Probe>(&self, area: W, variance: [W; 3], low_pass: W, tap: &mut Tap<P>) -> W::Exact {
+    fn determinant<W: Words>(&self, area: W, variance: [W; 3], low_pass: W) -> W::Exact {
         let [squares, filtered, filters] = self.places.determinant;
         let trace = variance[0] + variance[2];
         let exact = (low_pass * trace).left(filtered) - (low_pass * low_pass).left(filters) + (area * area).left(squares);
-        tap.fit_wide(&self.determinant, exact)
+        self.determinant.wide(exact)
     }
 
     #[inline(always)]
-    fn conic<W: Words, P: Probe>(&self, v: [W; 3], inverse_root: Scientific<W>, exponent: W, tap: &mut Tap<P>) -> [W; 3] {
-        let inverse = tap.fit_words(&self.inverse, inverse_root.mantissa * inverse_root.mantissa);
+    fn conic<W: Words>(&self, v: [W; 3], inverse_root: Scientific<W>, exponent: W) -> [W; 3] {
+        let inverse = self.inverse.words(inverse_root.mantissa * inverse_root.mantissa);
         let more = (exponent - inverse_root.exponent).left(1);
         [
-            tap.fit_shifted(&self.conic, v[2] * inverse, more),
-            tap.fit_shifted(&self.conic_cross, -(v[1] * inverse), more),
-            tap.fit_shifted(&self.conic, v[0] * inverse, more),
+            self.conic.words_shifted(v[2] * inverse, more),
+            self.conic_cross.words_shifted(-(v[1] * inverse), more),
+            self.conic.words_shifted(v[0] * inverse, more),
         ]
     }
 
     /// First and last column, or row, clipped to the picture; the first lies behind the last where nothing is left.
     #[inline(always)]
-    fn side<W: Words, P: Probe>(&self, cutoff: i64, pixels: u32, pixel: W, variance: W, exponent: W, tap: &mut Tap<P>) -> [W; 2] {
+    fn side<W: Words>(&self, cutoff: i64, pixels: u32, pixel: W, variance: W, exponent: W) -> [W; 2] {
         let reach = (W::splat(cutoff) * variance).max(W::Exact::splat(1));
-        let (root, power) = self.units.extent_root.root_lanes(reach, tap);
-        let extent = tap.fit_shifted(&self.extent, root, -power - exponent);
+        let (root, power) = self.units.extent_root.root_lanes(reach, &mut Tap::new(&mut NoProbe));
+        let extent = self.extent.words_shifted(root, -power - exponent);
         let [pixel_align, extent_align] = self.places.edge;
         let last_px = i64::from(pixels) - 1;
         // From the centre of pixel 0 to the picture's middle: (pixels − 1)/2.
@@ -464,23 +388,23 @@ impl Discs {
         let centre = pixel.exact().left(pixel_align) + first_centre;
         let extent = (extent.exact() + W::Exact::splat(1)).left(extent_align);
         let up = W::Exact::splat((1 << self.places.edge_frac_bits) - 1);
-        let first = tap.fit_words(&self.edge, centre - extent + up).max(W::splat(0));
-        let last = tap.fit_words(&self.edge, centre + extent).min(W::splat(last_px));
+        let first = self.edge.words(centre - extent + up).max(W::splat(0));
+        let last = self.edge.words(centre + extent).min(W::splat(last_px));
         [first, last]
     }
 
     #[inline(always)]
-    fn depth_slope<W: Words, P: Probe>(&self, view: &View, input: &Input<W>, n: [W; 3], facing: W, tap: &mut Tap<P>) -> [W; 2] {
-        let inverse = self.units.slope_reciprocal.lanes(facing.exact().abs(), tap);
-        let scale = |inverse_focal: Scaled, tap: &mut Tap<P>| {
-            let step = tap.fit_words(&self.depth_step, input.forward * W::splat(inverse_focal.mantissa));
-            let scale = tap.fit_words(&self.slope_scale, step * inverse.mantissa);
+    fn depth_slope<W: Words>(&self, view: &View, point: &Projected<W>, n: [W; 3], facing: W) -> [W; 2] {
+        let inverse = self.units.slope_reciprocal.lanes(facing.exact().abs(), &mut Tap::new(&mut NoProbe));
+        let scale = |inverse_focal: Scaled| {
+            let step = self.depth_step.words(point.camera[2] * W::splat(inverse_focal.mantissa));
+            let scale = self.slope_scale.words(step * inverse.mantissa);
             let away = scale.where_else(W::splat(0).above(facing), -scale);
-            (away, W::splat(inverse_focal.places) - inverse.exponent - input.exponent)
+            (away, W::splat(inverse_focal.places) - inverse.exponent - point.exponent)
         };
-        let across = scale(view.inverse_focals()[0], tap);
+        let across = scale(view.inverse_focals()[0]);
         // Of square pixels it is the same step.
-        let down = view.aspect.map_or(across, |aspect| scale(aspect.inverse_focal[1], tap));
-        [tap.fit_shifted(&self.depth_slope, across.0 * n[0], across.1), tap.fit_shifted(&self.depth_slope, down.0 * n[1], down.1)]
+        let down = view.aspect.map_or(across, |aspect| scale(aspect.inverse_focal[1]));
+        [self.depth_slope.words_shifted(across.0 * n[0], across.1), self.depth_slope.words_shifted(down.0 * n[1], down.1)]
     }
 }

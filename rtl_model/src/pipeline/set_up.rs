@@ -1,15 +1,13 @@
 //! Set up: the first half of the pipeline, the graphs of project and ellipse over batches of splats.
 
-use super::discs;
 use super::shading::{emitted, emitting};
 use super::{Culled, Elaborated, run};
 use crate::frame::{Ellipsoids, Frame, Orientation, Splat};
 use crate::functions::Table;
-use crate::functions::reciprocal::Scientific;
 use crate::graph::{BATCH, Batch, Program, ROWS, Run};
-use crate::kernels::host::{Kernel, plainly};
-use crate::num::{Fit, LANES, Lanes, Words, two};
-use crate::probe::{Probe, Ranges, Tap};
+use crate::kernels::host::{Host, Kernel, Vectorised};
+use crate::num::{Fit, LANES, Lanes, Words, three, two};
+use crate::probe::{Probe, Tap};
 use crate::records::{EllipseOut, PROJECTED, ProjectOut, SET_UP, TILE_PX};
 use crate::units::ellipse::Ellipse;
 use crate::units::fragment::window::WindowRegisters;
@@ -153,46 +151,43 @@ fn set_up_block<P: Probe>(machine: &Elaborated, frame: &Frame, splats: &[Splat],
     let lit = is_lit.then(|| Lit::new(machine, frame));
     let lit = lit.as_ref();
     let mut out = Block::of(splats.len());
-    match &frame.ellipsoids {
-        None => run::<P, _>(SetUpDiscs { machine, frame, splats, first, of, lit, probe, out: &mut out }),
-        // What cannot be set up is not drawn.
-        Some(_) if machine.machine.ellipse.ellipsoid.is_none() => {}
-        Some(_) => {
-            let (mut stages, mut again) = (Stages::new(machine, frame), None);
-            let at_a_time = if P::TRANSFERS { 1 } else { BATCH };
-            for (splats, first) in splats.chunks(at_a_time).zip((first..).step_by(at_a_time)) {
-                stages.set_up(splats, first, lit, probe, &mut out);
-                // Some eights once more, for another to observe.
-                let item = first as usize / LANES;
-                probe.resample_batch(item..item + splats.len().div_ceil(LANES), of.div_ceil(LANES), |nth, ranges| {
-                    let stages = again.get_or_insert_with(|| Stages::new(machine, frame));
-                    let eight = &splats[(nth - item) * LANES..splats.len().min((nth - item + 1) * LANES)];
-                    stages.set_up(eight, (nth * LANES) as u32, lit, ranges, &mut Block::of(LANES));
-                });
-            }
-        }
+    let is_disc = frame.ellipsoids.is_none();
+    // What cannot be set up is not drawn.
+    if !is_disc && machine.machine.ellipse.ellipsoid.is_none() {
+        return out.done(is_lit);
+    }
+    if is_disc
+        && !P::WORDS
+        && !P::TRANSFERS
+        && let Some(host) = Vectorised::there()
+    {
+        host.run(SetUpDiscs { machine, frame, splats, first, lit, probe, out: &mut out });
+        return out.done(is_lit);
+    }
+    let (mut stages, mut again) = (Stages::new(machine, frame), None);
+    let at_a_time = if P::TRANSFERS { 1 } else { BATCH };
+    for (splats, first) in splats.chunks(at_a_time).zip((first..).step_by(at_a_time)) {
+        stages.set_up(splats, first, lit, probe, &mut out);
+        // Some eights once more, for another to observe.
+        let item = first as usize / LANES;
+        probe.resample_batch(item..item + splats.len().div_ceil(LANES), of.div_ceil(LANES), |nth, ranges| {
+            let stages = again.get_or_insert_with(|| Stages::new(machine, frame));
+            let eight = &splats[(nth - item) * LANES..splats.len().min((nth - item + 1) * LANES)];
+            stages.set_up(eight, (nth * LANES) as u32, lit, ranges, &mut Block::of(LANES));
+        });
     }
     out.done(is_lit)
 }
 
-/// Sets discs up by the host's kernel.
+/// Sets discs up by the host's kernel, for a probe that observes none of their words.
 struct SetUpDiscs<'a, 'p, P> {
     machine: &'a Elaborated,
     frame: &'a Frame,
     splats: &'a [Splat],
     first: u32,
-    /// Splats of the frame.
-    of: usize,
     lit: Option<&'a Lit<'a>>,
     probe: &'p mut P,
     out: &'a mut Block,
-}
-
-/// Sets eight discs up once more, for another to observe.
-#[inline(never)]
-fn resample_discs(machine: &Elaborated, frame: &Frame, splats: &[Splat], first: u32, lit: Option<&Lit>, probe: &mut Ranges) {
-    let out = &mut Block::of(LANES);
-    plainly(SetUpDiscs { machine, frame, splats, first, of: splats.len(), lit, probe, out });
 }
 
 impl<P: Probe> Kernel for SetUpDiscs<'_, '_, P> {
@@ -200,56 +195,23 @@ impl<P: Probe> Kernel for SetUpDiscs<'_, '_, P> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let SetUpDiscs { machine, frame, splats, first, of, lit, probe, out } = self;
+        let SetUpDiscs { machine, frame, splats, first, lit, probe, out } = self;
         // Copies that nobody else can see: their constants are broadcast to lanes once, outside the loop.
         let (discs, view, size_px) = (machine.discs.clone(), frame.view.clone(), [frame.width, frame.height]);
-        let at_a_time = if P::TRANSFERS { 1 } else { LANES };
-        for (given, first) in splats.chunks(at_a_time).zip((first..).step_by(at_a_time)) {
-            let mut eight = [Splat::default(); LANES];
-            eight[..given.len()].copy_from_slice(given);
-            let tap = &mut Tap::new(&mut *probe).first(given.len());
-            let (point, disc) = discs.set_up::<L::Words, P>(&view, size_px, &eight, tap);
-            if P::TRANSFERS {
-                tap.probe.set_up(first, projected_words(of_point(&point), false), ellipse_words(of_disc(&disc)));
-            }
-            let made = Made {
-                culled: [point.near, point.outside, L::Words::splat(0), disc.backface, disc.faint, disc.outside],
-                pixel: point.pixel,
-                depth: point.depth,
-                conic: disc.conic,
-                depth_slope: disc.depth_slope,
-                depth_range: disc.depth_range,
-                sides: [disc.columns, disc.rows],
-                amplitude: disc.amplitude,
-                normal: disc.normal,
+        for (given, first) in splats.chunks(LANES).zip((first..).step_by(LANES)) {
+            let last;
+            let eight = match given.first_chunk() {
+                Some(eight) => eight,
+                None => {
+                    last = std::array::from_fn(|lane| given.get(lane).copied().unwrap_or_default());
+                    &last
+                }
             };
+            let made = discs.set_up::<L::Words>(&view, size_px, eight);
             let live = ((1u32 << given.len()) - 1) as u8;
-            keep(&made, given, live, first, lit, tap.probe, out);
-            if let Some(ranges) = probe.resample(first as usize / LANES, of.div_ceil(LANES)) {
-                resample_discs(machine, frame, given, first, lit, ranges);
-            }
+            keep(&made, given, live, first, lit, probe, out);
         }
     }
-}
-
-/// The first of eight results of `project`, in their order.
-fn of_point<W: Words>(made: &discs::Projected<W>) -> [i64; project::OUTPUTS] {
-    let ([x, y, z], [a, b], [column, row]) = (made.camera, made.slope, made.pixel);
-    let Scientific { mantissa, exponent } = made.inverse_depth;
-    [x, y, z, made.exponent, made.depth, mantissa, exponent, a, b, column, row, made.near, made.outside].map(first_word)
-}
-
-/// The first of eight results of `ellipse`, in their order.
-fn of_disc<W: Words>(made: &discs::Output<W>) -> [i64; ellipse::OUTPUTS] {
-    let ([n, m, o], [xx, xy, yy], [z_x, z_y]) = (made.normal, made.conic, made.depth_slope);
-    let ([left, right], [top, bottom]) = (made.columns, made.rows);
-    let (range, flags) = (made.depth_range, [made.backface, made.faint, made.outside]);
-    let [backface, faint, outside] = flags;
-    [n, m, o, xx, xy, yy, made.amplitude, left, right, top, bottom, z_x, z_y, range, backface, faint, outside].map(first_word)
-}
-
-fn first_word<W: Words>(words: W) -> i64 {
-    i64::from(words.to_array()[0])
 }
 
 /// The graphs of both units, with rows for a batch.
@@ -323,7 +285,7 @@ impl Kernel for Load<'_, '_> {
             (0..3).for_each(|input| point.set_row(project, input, row, words[input]));
             (0..4).for_each(|input| footprint.set_row(program, input, row, words[3 + input]));
             if let Some(ellipsoids) = &stages.frame.ellipsoids {
-                stages.load_axes(ellipsoids, row, given, first as usize + row * LANES);
+                stages.load_axes::<L::Words>(ellipsoids, row, given, first as usize + row * LANES);
             }
         }
     }
@@ -331,26 +293,46 @@ impl Kernel for Load<'_, '_> {
 
 impl Stages<'_> {
     /// The rest of ellipsoids' records.
-    fn load_axes(&self, ellipsoids: &Ellipsoids, row: usize, splats: &[Splat], first: usize) {
+    #[inline(always)]
+    fn load_axes<W: Words>(&self, ellipsoids: &Ellipsoids, row: usize, splats: &[Splat], first: usize) {
         let ((project, point), (program, footprint)) = (&self.project, &self.footprint);
-        let mut opacity = [0; LANES];
-        opacity.iter_mut().zip(splats).for_each(|(word, splat)| *word = splat.opacity);
-        point.set_row(project, 3, row, opacity.map(|opacity| -i32::from(i64::from(opacity) < ellipsoids.kernel.least_opacity)));
-        footprint.set_row(program, 12, row, opacity);
-        footprint.set_row(
-            program,
-            13,
-            row,
-            opacity.map(|opacity| self.ellipse.box_cutoff(&self.frame.view, &ellipsoids.kernel, opacity) as i32),
-        );
-        let mut own = [[0; LANES]; 7];
-        for (lane, Orientation { quaternion: [w, x, y, z], scales: [a, b, c] }) in
-            ellipsoids.own.iter().skip(first).take(splats.len()).enumerate()
-        {
-            own.iter_mut().zip([w, x, y, z, a, b, c]).for_each(|(words, word)| words[lane] = *word);
+        let [mut opacity, mut transparent, mut cutoff] = [[0; LANES]; 3];
+        for (lane, splat) in splats.iter().enumerate().take(LANES) {
+            opacity[lane] = splat.opacity;
+            transparent[lane] = -i32::from(i64::from(splat.opacity) < ellipsoids.kernel.least_opacity);
+            cutoff[lane] = self.ellipse.box_cutoff(&self.frame.view, &ellipsoids.kernel, splat.opacity) as i32;
         }
+        point.set_row(project, 3, row, transparent);
+        footprint.set_row(program, 12, row, opacity);
+        footprint.set_row(program, 13, row, cutoff);
         if !ellipsoids.own.is_empty() {
-            (14..).zip(own).for_each(|(input, words)| footprint.set_row(program, input, row, words));
+            let mut records = [W::splat(0); LANES];
+            for (record, own) in records.iter_mut().zip(ellipsoids.own.iter().skip(first).take(splats.len())) {
+                let Orientation { quaternion: [w, x, y, z], scales: [a, b, c] } = *own;
+                *record = W::from_array([w, x, y, z, a, b, c, 0]);
+            }
+            let own = W::transposed(records).map(Words::to_array);
+            (0..7).for_each(|nth| footprint.set_row(program, 14 + nth, row, own[nth]));
+        }
+    }
+
+    /// What both made of eight splats.
+    #[inline(always)]
+    fn made<W: Words>(&self, row: usize) -> Made<W> {
+        let ((project, point), (program, footprint)) = (&self.project, &self.footprint);
+        let of_point = |output: usize| W::from_array(point.row(project, output, row));
+        let of_ellipse = |output: usize| W::from_array(footprint.row(program, output, row));
+        let transparent = W::from_array(point.input_row(project, 3, row));
+        Made {
+            culled: [of_point(11), of_point(12), transparent, of_ellipse(14), of_ellipse(15), of_ellipse(16)],
+            pixel: two!(axis => of_point(9 + axis)),
+            depth: of_point(4),
+            conic: three!(i => of_ellipse(3 + i)),
+            depth_slope: two!(axis => of_ellipse(11 + axis)),
+            depth_range: of_ellipse(13),
+            sides: two!(axis => two!(end => of_ellipse(7 + 2 * axis + end))),
+            amplitude: of_ellipse(6),
+            normal: three!(axis => of_ellipse(axis)),
         }
     }
 }
@@ -437,54 +419,35 @@ impl<P: Probe> Kernel for Kept<'_, '_, '_, P> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let Kept {
-            stages: Stages { project: (project, point), footprint: (program, footprint), .. },
-            splats,
-            live,
-            first,
-            lit,
-            probe,
-            out,
-        } = self;
+        let Kept { stages, splats, live, first, lit, probe, out } = self;
         if P::TRANSFERS {
+            let Stages { project: (project, point), footprint: (program, footprint), .. } = stages;
             let made = std::array::from_fn(|output| point.row(project, output, 0)[0].into());
             let ellipse = std::array::from_fn(|output| footprint.row(program, output, 0)[0].into());
             let transparent = point.input_row(project, 3, 0)[0] != 0;
             probe.set_up(first, projected_words(made, transparent), ellipse_words(ellipse));
         }
         for (row, own) in splats.chunks(LANES).enumerate() {
-            let of_point = |output: usize| L::Words::from_array(point.row(project, output, row));
-            let of_ellipse = |output: usize| L::Words::from_array(footprint.row(program, output, row));
-            let transparent = L::Words::from_array(point.input_row(project, 3, row));
-            let made = Made {
-                culled: [of_point(11), of_point(12), transparent, of_ellipse(14), of_ellipse(15), of_ellipse(16)],
-                pixel: [9, 10].map(of_point),
-                depth: of_point(4),
-                conic: [3, 4, 5].map(of_ellipse),
-                depth_slope: [11, 12].map(of_ellipse),
-                depth_range: of_ellipse(13),
-                sides: [[7, 8], [9, 10]].map(|side| side.map(of_ellipse)),
-                amplitude: of_ellipse(6),
-                normal: [0, 1, 2].map(of_ellipse),
-            };
-            keep(&made, own, live[row], first + (row * LANES) as u32, lit, probe, out);
+            probe.item(row);
+            keep(&stages.made::<L::Words>(row), own, live[row], first + (row * LANES) as u32, lit, probe, out);
         }
     }
 }
 
 /// What both units made of eight splats, as far as the pipeline keeps it.
-struct Made<W> {
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Made<W> {
     /// In the order in which the units find them: near, outside, transparent, backface, faint, box outside.
-    culled: [W; CULLED.len()],
-    pixel: [W; 2],
-    depth: W,
-    conic: [W; 3],
-    depth_slope: [W; 2],
-    depth_range: W,
+    pub culled: [W; CULLED.len()],
+    pub pixel: [W; 2],
+    pub depth: W,
+    pub conic: [W; 3],
+    pub depth_slope: [W; 2],
+    pub depth_range: W,
     /// First and last column, first and last row.
-    sides: [[W; 2]; 2],
-    amplitude: W,
-    normal: [W; 3],
+    pub sides: [[W; 2]; 2],
+    pub amplitude: W,
+    pub normal: [W; 3],
 }
 
 /// Keeps those of eight splats that are not culled.

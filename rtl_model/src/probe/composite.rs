@@ -49,6 +49,11 @@ impl Probe for Composite {
     }
 
     #[inline(always)]
+    fn item(&mut self, nth: usize) {
+        self.meters.item(nth);
+    }
+
+    #[inline(always)]
     fn one(&mut self, signal: usize, word: i64) {
         self.meters.one(signal, word);
     }

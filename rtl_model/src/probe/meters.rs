@@ -150,8 +150,8 @@ impl Wide {
     }
 }
 
-/// A word that met a limit alone: its fit, its exact result and that one's additional fraction bits, the word.
-type Limited = (Fit, i64, i64, i64);
+/// A word that met a limit alone: of which item, its fit, its exact result and that one's additional fraction bits, the word.
+type Limited = (u64, Fit, i64, i64, i64);
 
 /// Most of them that are kept of an item of work: with more it is resampled.
 const KEPT: usize = 64;
@@ -168,8 +168,10 @@ pub struct Meters {
     sums: Extremes,
     /// Signals of the lanes of `sums`.
     sum_signals: [usize; LANES],
-    /// Whether a word of this item met a limit, of those that came with others; those that came alone.
-    is_limited: bool,
+    /// The item of a batch whose words come, a bit each.
+    item: u64,
+    /// Items of which a word met a limit, of those that came with others; words that came alone.
+    is_limited: u64,
     limited: Vec<Limited>,
     /// Items of the sample, word by word, and other items where a word met a limit.
     resampled: [Ranges; 2],
@@ -191,7 +193,8 @@ impl Meters {
             way: vec![Alone::default(); signals],
             sums: Extremes::default(),
             sum_signals,
-            is_limited: false,
+            item: 1,
+            is_limited: 0,
             limited: Vec::new(),
             resampled: [Ranges::new(signals), Ranges::new(signals)],
         }
@@ -248,10 +251,15 @@ impl Probe for Meters {
         if fit.is_within(exact, more, word) {
             self.alone[fit.signal].see(word);
         } else if self.limited.len() < KEPT {
-            self.limited.push((*fit, exact, more, word));
+            self.limited.push((self.item, *fit, exact, more, word));
         } else {
-            self.is_limited = true;
+            self.is_limited |= self.item;
         }
+    }
+
+    #[inline(always)]
+    fn item(&mut self, nth: usize) {
+        self.item = 1 << nth;
     }
 
     #[inline(always)]
@@ -266,7 +274,7 @@ impl Probe for Meters {
         }
         // What met a limit is resampled, and with it all that came with it.
         if seen.limited & live != 0 {
-            self.is_limited = true;
+            self.is_limited |= self.item;
             return;
         }
         self.together[signal].see(seen.words.pick(W::from_array(STAND_IN[usize::from(live)])));
@@ -275,7 +283,7 @@ impl Probe for Meters {
     #[inline(always)]
     fn wide(&mut self, signal: usize, words: [i64; LANES], limited: u8, live: u8) {
         if limited & live != 0 {
-            self.is_limited = true;
+            self.is_limited |= self.item;
         } else if live != 0 {
             self.wide[signal].see(STAND_IN[usize::from(live)].map(|lane| words[lane as usize % LANES]));
         }
@@ -294,14 +302,14 @@ impl Probe for Meters {
     #[inline(always)]
     fn sums<W: Words>(&mut self, seen: Seen<W>) {
         if seen.limited != 0 {
-            self.is_limited = true;
+            self.is_limited |= self.item;
             return;
         }
         self.sums.see(seen.words);
     }
 
     fn wrapped(&mut self, _signal: usize) {
-        self.is_limited = true;
+        self.is_limited |= self.item;
     }
 
     #[inline(always)]
@@ -316,9 +324,9 @@ impl Probe for Meters {
         let [sample, limited] = &mut self.resampled;
         let resampled = match (is_sampled(item, of), std::mem::take(&mut self.is_limited)) {
             (true, _) => Some(sample),
-            (false, true) => Some(limited),
-            (false, false) => {
-                self.limited.drain(..).for_each(|(fit, exact, more, word)| limited.word(&fit, exact, more, word));
+            (false, 1..) => Some(limited),
+            (false, 0) => {
+                self.limited.drain(..).for_each(|(_, fit, exact, more, word)| limited.word(&fit, exact, more, word));
                 return None;
             }
         };
@@ -329,16 +337,20 @@ impl Probe for Meters {
 
     fn resample_batch(&mut self, items: std::ops::Range<usize>, of: usize, mut again: impl FnMut(usize, &mut Ranges)) {
         let [sample, limited] = &mut self.resampled;
-        // Which of them met a limit is not known: all are resampled.
-        let is_limited = std::mem::take(&mut self.is_limited) | !self.limited.is_empty();
-        self.limited.clear();
+        let is_limited = std::mem::take(&mut self.is_limited);
+        let mut bit = 1;
         for item in items {
             if is_sampled(item, of) {
                 again(item, sample);
-            } else if is_limited {
+            } else if is_limited & bit != 0 {
                 again(item, limited);
+            } else {
+                let alone = self.limited.iter().filter(|word| word.0 == bit);
+                alone.for_each(|(_, fit, exact, more, word)| limited.word(fit, *exact, *more, *word));
             }
+            bit <<= 1;
         }
+        self.limited.clear();
     }
 }
 

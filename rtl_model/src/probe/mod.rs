@@ -70,7 +70,10 @@ pub trait Probe: Send + Sync + Sized {
         None
     }
 
-    /// Has [`Probe::resample`] of items that were done together.
+    /// What follows is of the nth item of work of those that are done together.
+    #[inline(always)]
+    fn item(&mut self, _nth: usize) {}
+    /// [`Probe::resample`] of items that were done together, the first of them in [`Probe::item`] 0.
     #[inline(always)]
     fn resample_batch(&mut self, _items: std::ops::Range<usize>, _of: usize, _again: impl FnMut(usize, &mut Ranges)) {}
     /// A splat contributed to pixel (x, y), and this became of it.
@@ -162,6 +165,13 @@ impl<'a, P: Probe> Tap<'a, P> {
     #[inline(always)]
     pub fn first(self, lanes: usize) -> Self {
         Tap { live: ((1 << lanes.min(LANES)) - 1) as u8, ..self }
+    }
+
+    /// What follows is of the nth item of a batch, and the probe sees these lanes.
+    #[inline(always)]
+    pub fn item(&mut self, nth: usize, live: u8) {
+        self.probe.item(nth);
+        self.live = live;
     }
 
     /// Shows the probe no more of the lanes where the condition holds.
