@@ -375,7 +375,7 @@ mod tests {
         opaque: 0.999,
         fragment_depth: FragmentDepth::First,
         group: Group::First,
-        window: WindowOptions::REFINED,
+        window: WindowOptions { join: 0.0, late: true, inside: true },
         reflection: None,
     };
 

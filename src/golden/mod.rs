@@ -111,24 +111,11 @@ pub struct WindowOptions {
     pub late: bool,
     /// Closed fragments take what lies between their front and their back.
     pub inside: bool,
-    /// What is dropped as hidden lies at least this many ε behind the start of every window that hides it; at 0 anywhere behind them.
-    pub sure: f64,
-    /// Closed fragments keep the colour of their front apart from the rest: a late contribution moves it after the front covers too, and
-    /// what comes inside is not mixed with it.
-    pub front_colours: bool,
-    /// At the end, a cluster that the end of a window cuts gives a share of its sums to that window and begins the next with the rest. Else
-    /// it belongs where its mean depth does.
-    pub cut: bool,
-}
-
-impl WindowOptions {
-    /// The best that was found (docs/book/merging.md): closed fragments are three colour channels larger.
-    pub const REFINED: WindowOptions = WindowOptions { join: 0.0, late: true, inside: true, sure: 2.0, front_colours: true, cut: true };
 }
 
 impl Default for WindowOptions {
     fn default() -> Self {
-        WindowOptions { join: 0.0, late: true, inside: true, sure: 0.0, front_colours: false, cut: false }
+        WindowOptions { join: 0.0, late: true, inside: true }
     }
 }
 

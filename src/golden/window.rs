@@ -81,8 +81,6 @@ pub(crate) struct Closed {
     pub behind_front: f64,
     /// TB: transmittance before the back.
     pub before_back: f64,
-    /// Where fronts keep their own colour: that of the front alone, premultiplied.
-    pub front_colour: DVec3,
 }
 
 /// One slot of a pixel.
@@ -124,20 +122,6 @@ impl Open {
         self
     }
 
-    /// What of it lies before a depth and what behind. On either side of its mean the weight is taken for evenly spread, so much of it
-    /// that the shares are those of two contributions at the ends.
-    pub fn cut(&self, at: f64) -> (Open, Open) {
-        let Span { near, far } = self.span;
-        let [mean, place] = [self.mean_depth(), at].map(|z| (z - near) / (far - near).max(f64::MIN_POSITIVE)).map(|z| z.clamp(0.0, 1.0));
-        let share = if place < mean { (1.0 - mean) * place / mean } else { 1.0 - mean * (1.0 - place) / (1.0 - mean).max(f64::EPSILON) };
-        let part = |share: f64, span: Span| {
-            let Fragment { weight, rgb, alpha, normal, .. } = self.sums;
-            let sums = Fragment { weight: weight * share, rgb: rgb * share, alpha: alpha * share, normal: normal * share, ..self.sums };
-            Open { sums, depth: sums.weight * (span.near + span.far) / 2.0, span }
-        };
-        (part(share, Span { near, far: at }), part(1.0 - share, Span { near: at, far }))
-    }
-
     /// Σw·z/W.
     pub fn mean_depth(&self) -> f64 {
         // All of its weights may have underflowed.
@@ -164,8 +148,7 @@ impl Default for Layer {
 impl Closed {
     /// A contribution or a cluster that is one surface.
     pub fn of_one(colour: DVec4, part: Part) -> Self {
-        let front_colour = colour.truncate();
-        Closed { colour, front: part, back: part, behind_front: 1.0 - colour.w, before_back: 1.0, front_colour }
+        Closed { colour, front: part, back: part, behind_front: 1.0 - colour.w, before_back: 1.0 }
     }
 
     /// lo.
@@ -198,10 +181,9 @@ impl Closed {
         self.colour = over(self.colour, back.colour);
     }
 
-    /// Step 7, inside: `x` comes between its front and its back. All of it is taken for one colour, or, where fronts keep theirs, all
-    /// behind the front.
-    pub fn put_inside(&mut self, x: &Closed, front_colours: bool) {
-        self.put_inside_at(x, self.is_nearer_to_the_back(x), front_colours);
+    /// Step 7, inside: `x` comes between its front and its back. All of it is taken for one colour.
+    pub fn put_inside(&mut self, x: &Closed) {
+        self.put_inside_at(x, self.is_nearer_to_the_back(x));
     }
 
     /// Whether what lies inside lies nearer to the back than to the front.
@@ -210,7 +192,7 @@ impl Closed {
     }
 
     /// [`Closed::put_inside`], nearer to the back or not.
-    pub fn put_inside_at(&mut self, x: &Closed, nearer_to_the_back: bool, front_colours: bool) {
+    pub fn put_inside_at(&mut self, x: &Closed, nearer_to_the_back: bool) {
         let [opacity, hidden] = [self.colour.w, x.colour.w];
         let through = 1.0 - opacity;
         // What of x is seen: all that the front lets through, or, nearer to the back, what reaches the back.
@@ -218,12 +200,7 @@ impl Closed {
         if nearer_to_the_back {
             seen = self.before_back.max(through).min(seen);
         }
-        let (held, of) = if front_colours {
-            (self.colour.truncate() - self.front_colour, opacity - (1.0 - self.behind_front))
-        } else {
-            (self.colour.truncate(), opacity)
-        };
-        let own = if of > LEAST_OPACITY { held / of } else { DVec3::ZERO };
+        let own = if opacity > LEAST_OPACITY { self.colour.truncate() / opacity } else { DVec3::ZERO };
         let colour = self.colour.truncate() + x.colour.truncate() * seen - own * (hidden * (seen - through));
         self.colour = colour.extend(1.0 - through * (1.0 - hidden));
         self.before_back *= 1.0 - hidden;
@@ -243,12 +220,6 @@ pub(crate) struct Window<'a> {
     pub evict_hidden: bool,
     /// Whether clusters are summed on overflow.
     pub sums: bool,
-    /// What is dropped lies at least this far behind the start of every window that hides it.
-    pub sure: f64,
-    /// Fronts keep their own colour.
-    pub front_colours: bool,
-    /// The end of a window cuts a cluster in two.
-    pub cut: bool,
 }
 
 impl<'a> Window<'a> {
@@ -262,9 +233,6 @@ impl<'a> Window<'a> {
             inside: rules.window.inside,
             evict_hidden: rules.evict_hidden,
             sums: clusters,
-            sure: rules.window.sure * z_threshold,
-            front_colours: rules.window.front_colours,
-            cut: rules.window.cut,
         }
     }
 
@@ -313,10 +281,6 @@ impl<'a> Window<'a> {
                 closed.colour = over(late, closed.colour);
                 closed.behind_front *= 1.0 - share;
                 closed.before_back *= 1.0 - share;
-                closed.front_colour = new.colour * share + closed.front_colour * (1.0 - share);
-                if self.front_colours {
-                    closed.move_front_colour(new, threshold);
-                }
             }
             Side::Back => closed.colour = over(closed.colour, late),
         }
@@ -373,43 +337,9 @@ impl<'a> Window<'a> {
         matches!(layer, Layer::Open(open) if open.mean_depth() - start < self.z_threshold)
     }
 
-    /// Whether a cluster that nothing cuts belongs to the window that starts at this depth, at the end.
-    fn joins_at_the_end(&self, start: f64, next: &Open) -> bool {
-        if self.cut { next.span.near < start + self.z_threshold } else { self.is_of_window(start, &Layer::Open(*next)) }
-    }
-
     /// Opacity of sums.
     pub fn opacity(&self, sums: &Fragment) -> f64 {
         if sums.weight > 0.0 { sums.alpha / sums.weight * (sums.weight / self.shader.coverage_threshold()).min(1.0) } else { 0.0 }
-    }
-
-    /// Step 5: whether the deepest is hidden by windows that start so far before it that it stays hidden where they are formed anew: what
-    /// comes nearer moves their starts.
-    pub fn is_surely_hidden(&self, layers: &[Layer], seen: &[Seen]) -> bool {
-        if self.sure == 0.0 {
-            return true;
-        }
-        let deepest = layers.len() - 1;
-        let near = layers[deepest].near();
-        let mut through = 1.0;
-        let mut window = Fragment::default();
-        for (slot, layer) in layers[..deepest].iter().enumerate() {
-            match layer {
-                Layer::Closed(closed) => through *= closed.lets_through(near),
-                Layer::Open(open) => {
-                    if seen[slot].first == slot {
-                        window = open.sums;
-                    } else {
-                        window.add(&open.sums);
-                    }
-                    let ends = seen[slot + 1].first != seen[slot].first;
-                    if (ends || slot + 1 == deepest) && near - seen[slot].start >= self.sure {
-                        through *= 1.0 - self.opacity(&window);
-                    }
-                }
-            }
-        }
-        power_of_two(through) == 0.0
     }
 
     /// Step 6: the front of the pair that is best summed, if any two may be; of equals the one nearer to the eye.
@@ -445,7 +375,7 @@ impl<'a> Window<'a> {
     pub fn merge(&self, front: &mut Closed, back: &Closed) -> bool {
         let inside = self.inside && front.encloses(back);
         if inside {
-            front.put_inside(back, self.front_colours);
+            front.put_inside(back);
         } else {
             front.put_over(back);
         }
@@ -470,7 +400,7 @@ impl<'a> Window<'a> {
         if let Some(slot) = self.inside.then(|| self.around(z, &layers[..*used])).flatten()
             && let Layer::Closed(closed) = &mut layers[slot]
         {
-            closed.put_inside(&Self::splat_inside(new), self.front_colours);
+            closed.put_inside(&Self::splat_inside(new));
             return Decision::Inside { slot };
         }
         let place = insert(&mut layers[..=*used], Open::new(new.sums));
@@ -480,7 +410,7 @@ impl<'a> Window<'a> {
         }
         self.windows(layers, seen);
         let deepest = *used;
-        if self.evict_hidden && seen[deepest].transmittance == 0.0 && self.is_surely_hidden(layers, seen) {
+        if self.evict_hidden && seen[deepest].transmittance == 0.0 {
             return Decision::Evicted { slot: (place < deepest).then_some(place) };
         }
         if let Some(slot) = self.sums.then(|| self.pair_to_sum(layers, seen)).flatten()
@@ -503,10 +433,10 @@ impl<'a> Window<'a> {
         let mut last: Option<Closed> = None;
         let mut done = 0;
         while done < layers.len() {
-            let (next, taken) = self.close_window(&mut layers[done..]);
+            let (next, taken) = self.close_window(&layers[done..]);
             done += taken;
             match &mut last {
-                Some(last) if self.inside && last.encloses(&next) => last.put_inside(&next, self.front_colours),
+                Some(last) if self.inside && last.encloses(&next) => last.put_inside(&next),
                 _ => front = over(front, last.replace(next).map_or(DVec4::ZERO, |last| last.colour)),
             }
         }
@@ -514,41 +444,23 @@ impl<'a> Window<'a> {
         over(front, DVec4::from_array(self.shader.background())).to_array()
     }
 
-    /// The window that starts with the first layer, closed, and how many layers it took. What it leaves of a cluster that it cuts stays
-    /// among the others.
-    fn close_window(&self, layers: &mut [Layer]) -> (Closed, usize) {
+    /// The window that starts with the first layer, closed, and how many layers it took.
+    fn close_window(&self, layers: &[Layer]) -> (Closed, usize) {
         let Layer::Open(mut window) = layers[0] else { return (self.close(&layers[0]), 1) };
-        let (start, end) = (window.span.near, window.span.near + self.z_threshold);
+        let start = window.span.near;
         let mut taken = 1;
         while let Some(Layer::Open(next)) = layers.get(taken).copied() {
-            if self.cut && next.span.near < end && next.span.far >= end {
-                let (before, behind) = next.cut(end);
-                window = window.with(&before);
-                layers[taken] = Layer::Open(behind);
-                Self::sort(&mut layers[taken..]);
-            } else if self.joins_at_the_end(start, &next) {
-                window = window.with(&next);
-                taken += 1;
-            } else {
+            if !self.is_of_window(start, &Layer::Open(next)) {
                 break;
             }
+            window = window.with(&next);
+            taken += 1;
         }
         (self.close(&Layer::Open(window)), taken)
     }
 }
 
 impl Closed {
-    /// Step 2: the colour of a front that covers already is the mean of its contributions, weighted, the last one included.
-    fn move_front_colour(&mut self, new: &Arrival, threshold: f64) {
-        let (weight, opacity) = (self.front.weight, 1.0 - self.behind_front);
-        if weight > threshold && opacity > LEAST_OPACITY {
-            let beyond = (weight - threshold).min(new.sums.weight) / weight;
-            let change = (new.colour * opacity - self.front_colour) * beyond;
-            self.front_colour += change;
-            self.colour += change.extend(0.0);
-        }
-    }
-
     /// What of a layer behind it is seen that starts at this depth: all that its front lets through, where it lies before its back.
     fn lets_through(&self, near: f64) -> f64 {
         if near < self.far() { self.behind_front } else { 1.0 - self.colour.w }
@@ -698,7 +610,7 @@ mod tests {
     fn closed(front: [f64; 2], back: [f64; 2]) -> Closed {
         let colour = (GREY * 0.75).extend(0.75);
         let [front, back] = [front, back].map(|[near, far]| part(near, far, COVERS / 2.0));
-        Closed { colour, front, back, behind_front: 0.5, before_back: 0.5, front_colour: GREY * 0.5 }
+        Closed { colour, front, back, behind_front: 0.5, before_back: 0.5 }
     }
 
     /// What becomes of each of these at ε = 1, the nearest depths of the slots at the end, and the pixel.
@@ -841,13 +753,13 @@ mod tests {
     fn what_comes_inside_is_seen_through_the_front_and_hides_the_back() {
         let white = |z| Closed::of_one(DVec4::splat(0.5), part(z, z, 1.0));
         let mut both = closed([10.0; 2], [20.0; 2]);
-        both.put_inside(&white(12.0), false);
+        both.put_inside(&white(12.0));
         // ½ grey, then ½·½ white, then ¼·½ grey.
         assert_near(both.colour, (GREY * 0.625 + 0.25).extend(0.875));
         assert_eq!((both.behind_front, both.before_back), (0.5, 0.25));
         // In the middle counts as nearer to the back: only a quarter of it is seen, and three quarters of what it hides was there.
         both.colour = DVec4::splat(0.875);
-        both.put_inside(&white(15.0), false);
+        both.put_inside(&white(15.0));
         assert_near(both.colour, DVec4::splat(0.9375));
         assert_eq!(both.before_back, 0.125);
     }
@@ -855,32 +767,8 @@ mod tests {
     #[test]
     fn what_is_clear_takes_the_colour_of_what_comes_inside() {
         let mut clear = Closed { colour: DVec4::ZERO, behind_front: 1.0, before_back: 1.0, ..closed([10.0; 2], [20.0; 2]) };
-        clear.put_inside(&Closed::of_one(DVec4::splat(0.5), part(12.0, 12.0, 1.0)), false);
+        clear.put_inside(&Closed::of_one(DVec4::splat(0.5), part(12.0, 12.0, 1.0)));
         assert_eq!(clear.colour, DVec4::splat(0.5));
-    }
-
-    #[test]
-    fn fronts_that_keep_their_colour_leave_it_to_themselves() {
-        // ½ red over ½ blue; white comes between and hides half of the blue.
-        let mut both = closed([10.0; 2], [20.0; 2]);
-        both.colour = DVec4::new(0.5, 0.0, 0.25, 0.75);
-        both.front_colour = DVec3::new(0.5, 0.0, 0.0);
-        both.put_inside(&Closed::of_one(DVec4::splat(0.5), part(12.0, 12.0, 1.0)), true);
-        assert_near(both.colour, DVec4::new(0.75, 0.25, 0.375, 0.875));
-    }
-
-    #[test]
-    fn a_front_that_covers_has_the_mean_colour_of_all_that_comes() {
-        let rule = rules(8, 0.0);
-        let keeping = Rules { window: WindowOptions { front_colours: true, ..rule.window }, ..rule };
-        let mut late = closed([10.0; 2], [14.0; 2]);
-        late.front.weight = COVERS;
-        let white = Arrival { colour: DVec3::ONE, ..weighing(COVERS, at(10.0, 0.5)) };
-        with_rule(&keeping, |window| window.add_late(&mut late, Side::Front, &white));
-        // As much white as there was grey.
-        assert_near(late.front_colour.extend(0.0), DVec4::new(0.375, 0.375, 0.375, 0.0));
-        assert_near(late.colour, closed([0.0; 2], [0.0; 2]).colour + DVec4::new(0.125, 0.125, 0.125, 0.0));
-        assert_eq!((late.behind_front, late.before_back), (0.5, 0.5));
     }
 
     // --- Step 3 ---
@@ -937,19 +825,6 @@ mod tests {
         assert_eq!((decided[2], near), (Decision::Evicted { slot: None }, vec![10.0, 20.0]));
         let (decided, ..) = drawn(&Rules { evict_hidden: false, ..rules(2, 0.0) }, &layers(25.0));
         assert_eq!(decided[2], Decision::Closed { slot: 1, place: 2, inside: false });
-    }
-
-    #[test]
-    fn what_a_window_hides_that_may_still_move_is_kept() {
-        let decided = |sure, last| {
-            let rule = rules(2, 0.0);
-            let rule = Rules { window: WindowOptions { sure, ..rule.window }, ..rule };
-            drawn(&rule, &[at(10.0, 1.0), at(20.0, 0.5), at(last, 0.5)]).0[2]
-        };
-        let closed = Decision::Closed { slot: 1, place: 2, inside: false };
-        assert_eq!(decided(12.0, 21.9), closed);
-        assert_eq!(decided(12.0, 22.0), Decision::Evicted { slot: None });
-        assert_eq!(decided(0.0, 21.9), Decision::Evicted { slot: None });
     }
 
     #[test]
@@ -1052,43 +927,15 @@ mod tests {
         assert_eq!(pixel(&Rules { window, ..rules(2, 0.0) }), [0.5, 0.5, 0.5, 0.875]);
     }
 
-    #[test]
-    fn the_end_of_a_window_cuts_a_cluster() {
-        let mut wide = Open::new(at(0.75, 0.5).sums);
-        wide.add(&at(1.25, 0.5).sums);
-        // Its mean is 1: half of it belongs to either side.
-        let (before, behind) = wide.cut(1.0);
-        assert_eq!([before.sums.weight, behind.sums.weight], [1.0, 1.0]);
-        assert_eq!([before.span, behind.span], [Span { near: 0.75, far: 1.0 }, Span { near: 1.0, far: 1.25 }]);
-        assert_eq!([before.depth, behind.depth], [0.875, 1.125]);
-        // Three quarters of the way: half and half of the other half.
-        assert_eq!(wide.cut(1.125).0.sums.weight, 1.5);
-        // Two at the near end to one at the far end: two thirds lie on the nearer third.
-        wide.add(&at(0.75, 0.5).sums);
-        assert!((wide.cut(wide.mean_depth()).0.sums.weight - 2.0).abs() < 1e-15);
-        // With its mean at 1 it is a window of its own, and covers; cut, half of it is of the first window, and half covers half.
-        let thin = |cut| {
-            let rule = rules(2, 0.0);
-            let rule = Rules { window: WindowOptions { cut, ..rule.window }, ..rule };
-            let mut cluster = Open::new(weighing(0.125, at(0.75, 0.5)).sums);
-            cluster.add(&weighing(0.125, at(1.25, 0.5)).sums);
-            with_rule(&rule, |window| window.resolve(&mut [open(0.0, 0.5), Layer::Open(cluster)]))
-        };
-        assert_eq!([thin(false)[3], thin(true)[3]], [0.75, 0.625]);
-    }
-
     // --- Whatever comes ---
 
     #[test]
     fn no_number_is_too_odd() {
         let odd = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -0.0, 0.0, 1e-300, 1e300, -1.0, 0.5, 0.75, 10.0, 11.0, 30.0];
-        for (group, refined) in [(Group::Window, false), (Group::Interval, false), (Group::Window, true)] {
+        for group in [Group::Window, Group::Interval] {
             for layers in [1, 2, 3, 8] {
                 let shader = Shader::unlit(COVERS);
-                let mut rules = Rules { group, ..rules(layers, 0.25) };
-                if refined {
-                    rules.window = WindowOptions::REFINED;
-                }
+                let rules = Rules { group, ..rules(layers, 0.25) };
                 let mut pixels = Pixels::new(&rules, 1.0, &shader);
                 for step in 0..2000 {
                     let pick = |stride: usize| odd[(step * stride + step / 7) % odd.len()];

@@ -62,7 +62,6 @@ pub fn rules(machine: &Machine) -> golden::Rules {
             join: f64::from(window.join_permille) / 1000.0,
             late: window.late,
             inside: window.inside,
-            ..golden::WindowOptions::default()
         }),
         reflection: machine
             .reflect

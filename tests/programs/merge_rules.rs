@@ -14,7 +14,7 @@
 use glam::{DQuat, DVec3};
 use splatsim::accuracy::metrics;
 use splatsim::error::Result;
-use splatsim::golden::{Group, Merge, Rendering, Rules, WindowOptions, ideal, render};
+use splatsim::golden::{Group, Merge, Rendering, Rules, ideal, render};
 use splatsim::scene::{Overrides, Scene, Splat};
 use std::f64::consts::PI;
 
@@ -24,22 +24,17 @@ const LAYERS: [usize; 5] = [2, 3, 4, 6, 8];
 /// A column: its name, the rules at so many layers, and whether splats come near ones first.
 type Column = (&'static str, fn(usize) -> Rules, bool);
 
-const RULES: [Column; 7] = [
+const RULES: [Column; 6] = [
     ("nearest-pair", |layers| Rules { layers, merge: Merge::NearestPair, evict_hidden: false, ..Rules::default() }, false),
     ("farthest-pair", |layers| Rules { layers, evict_hidden: false, ..Rules::default() }, false),
     ("farthest-pair + evict-hidden", |layers| Rules { layers, ..Rules::default() }, false),
     ("interval", |layers| Rules { group: Group::Interval, ..window(layers) }, false),
     ("window", window, false),
-    ("refined", refined, false),
-    ("refined, near first", refined, true),
+    ("window, near first", window, true),
 ];
 
 fn window(layers: usize) -> Rules {
     Rules { layers, group: Group::Window, merge: Merge::Window, ..Rules::default() }
-}
-
-fn refined(layers: usize) -> Rules {
-    Rules { window: WindowOptions::REFINED, ..window(layers) }
 }
 
 /// Names of the columns.

@@ -273,7 +273,7 @@ impl WindowPixel {
         if nearer_the_back != golden.is_nearer_to_the_back(x) {
             flips.inside((ends[0] + ends[1]).may_cross(slot.ends[0][1] + slot.ends[1][0]));
         }
-        golden.put_inside_at(x, nearer_the_back, false);
+        golden.put_inside_at(x, nearer_the_back);
         common.machine.fragment.real_put_inside(near, light, nearer_the_back);
         *near = near_to(near, golden);
     }

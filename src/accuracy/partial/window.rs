@@ -189,7 +189,6 @@ fn with(closed: &Closed, held: &real::Closed<PartialPrecision>) -> Closed {
         back: Part { weight: back, ..closed.back },
         behind_front: held.through[0].value,
         before_back: held.through[1].value,
-        ..*closed
     }
 }
 

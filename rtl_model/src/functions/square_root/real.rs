@@ -24,11 +24,6 @@ impl ReciprocalRoot {
         (mantissa / place).floor() * place * self.of(mantissa) * power_of_two(half_exponent)
     }
 
-    /// The least number that the unit can be given.
-    pub fn least_operand(&self) -> f64 {
-        power_of_two(-(self.operand_frac_bits as i32))
-    }
-
     /// The fit of its result.
     pub fn result(&self) -> &Fit {
         &self.result

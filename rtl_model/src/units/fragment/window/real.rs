@@ -14,7 +14,7 @@ use super::{Fragment, WindowRegisters, Windows};
 use crate::functions::Table;
 use crate::machine::Interpolation;
 use crate::num::Fit;
-use crate::num::real::{loss, power_of_two};
+use crate::num::real::power_of_two;
 use crate::real::{Real, Scale};
 use crate::records::WEIGHT;
 
@@ -233,12 +233,5 @@ impl Fragment {
         };
         let [r, g, b] = colour;
         slot.light = [r, g, b, opacity];
-    }
-
-    /// What one rounding of Σw·z may lose.
-    pub fn depth_sum_loss(&self) -> f64 {
-        let fit = &self.real_windows().depth_sum;
-        let [down, up] = loss(fit.word.round);
-        down.max(up) * fit.word.format.value(1)
     }
 }
