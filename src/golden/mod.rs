@@ -122,7 +122,7 @@ pub struct WindowOptions {
 }
 
 impl WindowOptions {
-    /// The best that was found (docs/book/merging.md): closed fragments are three colour channels larger.
+    /// The best that was found (docs/book/merging-window.md): closed fragments are three colour channels larger.
     pub const REFINED: WindowOptions = WindowOptions { join: 0.0, late: true, inside: true, sure: 2.0, front_colours: true, cut: true };
 }
 

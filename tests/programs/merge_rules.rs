@@ -1,4 +1,5 @@
-//! Prints how far each merge rule's picture lies from `ideal`, and what it merges: the tables of docs/book/merging.md.
+//! Prints how far each merge rule's picture lies from `ideal`, and what it merges: the tables of docs/book/merging.md and,
+//! with --pan, of docs/book/merging-window.md.
 //!
 //! ```sh
 //! cargo run --release --example merge_rules -- [--pan] [SCENE]...
