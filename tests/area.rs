@@ -89,7 +89,7 @@ fn operators_take_as_long_as_the_model_of_the_clock_says() {
         assert!((model - f64::from(path.delay) / 10.0).abs() < 0.25, "{line}: {path:?}");
     }
     assert!(ratios.iter().all(|ratio| (0.75..1.25).contains(ratio)), "{printed}");
-    let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/clock.md"));
+    let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/clock-cells.md"));
     let told = text.split("<!-- delays -->\n```text\n").nth(1).expect("the book's table of delays").split("\n```").next().unwrap();
     for line in printed.lines() {
         assert!(told.lines().any(|of_book| of_book == line), "the book's table has no line {line:?}");
@@ -109,7 +109,7 @@ fn depths(printed: &str) -> Vec<([String; 2], [f64; 5])> {
 /// units it is counted anew.
 #[test]
 fn no_loop_of_the_twins_is_deeper_than_forty_gates() {
-    let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/clock.md"));
+    let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/clock-cells.md"));
     let table = |mark: &str| {
         let rest = text.split(&format!("<!-- {mark} -->\n```text\n")).nth(1).expect("the book's table of depths");
         depths(rest.split("\n```").next().unwrap())

@@ -1,5 +1,5 @@
 //! Does `compare` tell what differs and nothing else, does it say so of what cannot be compared, and are the answers of a run those of the
-//! runs that they name (docs/book/compare.md, docs/book/timing.md)?
+//! runs that they name (docs/book/compare.md, docs/book/timing-explore.md)?
 
 use crate::program::PROGRAM;
 use serde_json::{Value, json};

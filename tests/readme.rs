@@ -367,23 +367,6 @@ fn readme_is_short() {
     assert!(length <= 6_000, "{length} bytes");
 }
 
-/// Pages that are written in plain English: none of the patterns below is in them.
-const PLAIN: [&str; 13] = [
-    "README.md",
-    "docs/book/algorithm.md",
-    "docs/book/algorithm-resolve.md",
-    "docs/book/check-rtl.md",
-    "docs/book/concepts.md",
-    "docs/book/cost.md",
-    "docs/book/rtl.md",
-    "docs/book/sweeps.md",
-    "docs/book/trace-files.md",
-    "docs/book/traces.md",
-    "docs/book/unit-costs.md",
-    "docs/book/units.md",
-    "docs/book/units-fragments.md",
-];
-
 /// Beginnings of sentences, and words, that a reader has to read twice.
 const BEGINNINGS: [&str; 5] = ["Who ", "Whoever ", "Nobody ", "Of a ", "Of the "];
 const WORDS: [&str; 4] = ["anew", "is no number", "abreast", "so many"];
@@ -411,10 +394,18 @@ fn twisted(text: &str) -> Vec<String> {
 }
 
 #[test]
-fn plain_pages_are_plain() {
-    for path in PLAIN {
-        assert_eq!(twisted(&page(path).text), [""; 0], "{path}");
+fn pages_are_plain() {
+    for page in pages() {
+        assert_eq!(twisted(&page.text), [""; 0], "{}", page.path.display());
     }
+}
+
+/// Longer pages have several subjects; those of the reference are lists of fields.
+#[test]
+fn a_page_has_at_most_12_kilobytes() {
+    let written = pages().into_iter().filter(|page| !page.path.starts_with("docs/book/reference"));
+    let long: Vec<_> = written.filter(|page| page.text.len() > 12 * 1024).map(|page| (page.path, page.text.len())).collect();
+    assert!(long.is_empty(), "{long:?}");
 }
 
 // ---- Of the reader itself ----

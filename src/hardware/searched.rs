@@ -52,11 +52,11 @@ impl Metric {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Target {
-    /// At least so many decibels, over all pixels.
+    /// Least PSNR over all pixels, dB.
     pub psnr_db: Option<f64>,
-    /// Nowhere further off.
+    /// Greatest error of any pixel.
     pub max_error: Option<f64>,
-    /// No word leaves its range, but for those that are meant to.
+    /// No word leaves its range, except declared clamps.
     pub no_saturation: bool,
     /// What both are measured against.
     #[serde(default)]
@@ -64,7 +64,7 @@ pub struct Target {
     /// How both are measured; left out where flips count.
     #[serde(default, skip_serializing_if = "Metric::is_usual")]
     pub metric: Metric,
-    /// At least so many frames a second.
+    /// Least frames per second.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub frames_per_second: Option<f64>,
 }

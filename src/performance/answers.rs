@@ -1,4 +1,4 @@
-//! Answers: what would make the frame faster? Fields of `timing`, each changed alone, on the frame that was drawn (docs/book/timing.md).
+//! Answers: what would make the frame faster? Fields of `timing`, each changed alone, on the frame that was drawn (docs/book/timing-explore.md).
 //!
 //! ```text
 //! timing, nothing left out ─► every field twice as much, or half ─► can it be built? ─► replay ─► frames/s, area, energy ─► the best

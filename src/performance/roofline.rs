@@ -1,4 +1,4 @@
-//! Roofline: bytes a frame against its cycles, under what memory and the busiest units cannot be faster than (docs/book/timing.md).
+//! Roofline: bytes a frame against its cycles, under what memory and the busiest units cannot be faster than (docs/book/timing-explore.md).
 //!
 //! ```text
 //! cycles ▲        ╱ memory: bytes / bytes a cycle

@@ -1,4 +1,5 @@
-//! Prints how far each merge rule's picture lies from `ideal`, and what it merges: the tables of docs/book/merging.md.
+//! Prints how far each merge rule's picture lies from `ideal`, and what it merges: the tables of docs/book/merging.md and,
+//! with --pan, of docs/book/merging-window.md.
 //!
 //! ```sh
 //! cargo run --release --example merge_rules -- [--pan] [SCENE]...
@@ -21,16 +22,15 @@ use std::f64::consts::PI;
 const SCENES: [&str; 2] = ["glass-spheres", concat!(env!("CARGO_MANIFEST_DIR"), "/tests/programs/glass-spheres-random.json")];
 const LAYERS: [usize; 5] = [2, 3, 4, 6, 8];
 
-/// A column: its name, the rules at so many layers, and whether splats come near ones first.
-type Column = (&'static str, fn(usize) -> Rules, bool);
+/// A column: its name, and the rules with a number of layers.
+type Column = (&'static str, fn(usize) -> Rules);
 
-const RULES: [Column; 6] = [
-    ("nearest-pair", |layers| Rules { layers, merge: Merge::NearestPair, evict_hidden: false, ..Rules::default() }, false),
-    ("farthest-pair", |layers| Rules { layers, evict_hidden: false, ..Rules::default() }, false),
-    ("farthest-pair + evict-hidden", |layers| Rules { layers, ..Rules::default() }, false),
-    ("interval", |layers| Rules { group: Group::Interval, ..window(layers) }, false),
-    ("window", window, false),
-    ("window, near first", window, true),
+const RULES: [Column; 5] = [
+    ("nearest-pair", |layers| Rules { layers, merge: Merge::NearestPair, evict_hidden: false, ..Rules::default() }),
+    ("farthest-pair", |layers| Rules { layers, evict_hidden: false, ..Rules::default() }),
+    ("farthest-pair + evict-hidden", |layers| Rules { layers, ..Rules::default() }),
+    ("interval", |layers| Rules { group: Group::Interval, ..window(layers) }),
+    ("window", window),
 ];
 
 fn window(layers: usize) -> Rules {
@@ -39,26 +39,18 @@ fn window(layers: usize) -> Rules {
 
 /// Names of the columns.
 pub fn names() -> impl Iterator<Item = &'static str> {
-    RULES.into_iter().map(|(name, ..)| name)
+    RULES.into_iter().map(|(name, _)| name)
 }
 
 /// One row: dB against `ideal`, merges in thousands, cut, and where there are any, sums in thousands.
 pub fn cells(scene: &Scene, ideal: &Rendering, layers: usize) -> Vec<String> {
-    let sorted = near_first(scene.clone());
-    let cell = |(_, rules, near_first): Column| {
-        let golden = render(if near_first { &sorted } else { scene }, &rules(layers));
+    let cell = |(_, rules): Column| {
+        let golden = render(scene, &rules(layers));
         let db = metrics(&golden.picture, &ideal.picture).psnr_db.map_or("equal".into(), |db| format!("{db:.1}"));
         let [merged, summed] = [golden.outcomes.merged, golden.outcomes.summed].map(|count| count / 1000);
         if golden.outcomes.summed > 0 { format!("{db} ({merged} + {summed})") } else { format!("{db} ({merged})") }
     };
     RULES.map(cell).to_vec()
-}
-
-/// Splats in bins of depth as wide as ε, near ones first; within a bin in their order.
-fn near_first(mut scene: Scene) -> Scene {
-    let (view, bin) = (scene.view(), scene.surface.z_threshold);
-    scene.splats.sort_by_key(|splat| ((view.rotation * (splat.position - view.eye)).z / bin).floor() as i64);
-    scene
 }
 
 // ---- Scenes ----
@@ -166,8 +158,7 @@ pub fn jumps(scene: &Scene, layers: usize) -> Vec<f64> {
             let turn = STEP_PX * frame as f64 / scene.view().focal_px[0];
             let camera = &mut scene.camera;
             camera.target = camera.eye + DQuat::from_axis_angle(camera.up.normalize(), turn) * (camera.target - camera.eye);
-            let sorted = near_first(scene.clone());
-            let golden = RULES.map(|(_, rules, near_first)| render(if near_first { &sorted } else { &scene }, &rules(layers)));
+            let golden = RULES.map(|(_, rules)| render(&scene, &rules(layers)));
             [ideal(&scene)].into_iter().chain(golden).collect()
         })
         .collect();

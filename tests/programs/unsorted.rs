@@ -1,5 +1,5 @@
 //! Prints what the order of Gaussians costs and what it buys: the machine that sorts beside machines that take them as they come, with and
-//! without windows: the table *Gaussians without a sort* of docs/book/merging.md.
+//! without windows: the table *Gaussians without a sort* of docs/book/merging-experiments.md.
 //!
 //! ```sh
 //! cargo run --release --example unsorted -- [SCENE]...

@@ -6,7 +6,7 @@
 //! ```
 //! A unit declares its longest way once, with the widths of its operators. Delays are in tenths of FO4, the delay of an inverter that
 //! drives four of its like, so that they hold in any technology. They are round numbers near what Yosys and ABC map to open 180 nm standard
-//! cells (`sh tests/programs/delays.sh`, docs/book/clock.md).
+//! cells (`sh tests/programs/delays.sh`, docs/book/clock-cells.md).
 //!
 //! Laws: `a_wider_operator_is_never_faster`, `a_faster_clock_never_takes_fewer_cycles`.
 

@@ -1,6 +1,6 @@
 //! Machine: every format, table and rule of a splatting machine on one page, and the named machines.
 //!
-//! A description says nothing of what is built from it: it knows no unit. Units read their formats from here and from nowhere else.
+//! A description does not depend on the units. The units read their formats only from here.
 
 use crate::num::{Format, Word};
 use schemars::JsonSchema;
@@ -21,26 +21,26 @@ pub struct Machine {
     pub project: Project,
     /// Normal and radius → conic, box, depth slopes.
     pub ellipse: Ellipse,
-    /// Spherical harmonics → colour; left out, records hold colours alone, which somebody else has worked out for the view.
+    /// Spherical harmonics → colour. Left out: records hold colours only, which were computed elsewhere for the view.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colour: Option<Colour>,
-    /// Depth order; left out, splats stay in input order.
+    /// Sort by depth. Left out: splats stay in input order.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sort: Option<Sort>,
     /// Forward differencing: ellipse → fragments.
     pub raster: Raster,
     /// Radial index → weight.
     pub gauss: Gauss,
-    /// At most `layers` fragments a pixel.
+    /// At most `layers` fragments per pixel.
     pub fragment: Fragment,
     /// Normalise and light.
     pub shade: Shade,
-    /// Mirror surroundings in what is lit; left out, the machine knows none.
+    /// Mirror the scene's environment. Left out: the machine refuses scenes that need it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reflect: Option<Reflect>,
     /// Blend into the frame.
     pub resolve: Resolve,
-    /// The microarchitecture: where time goes. It changes no picture.
+    /// The microarchitecture. It changes no picture.
     pub timing: timing::Timing,
 }
 
@@ -50,17 +50,17 @@ pub struct Machine {
 pub struct FunctionUnit {
     /// The table has 2^this words, 1 to 12.
     pub table_bits: u32,
-    /// Newton steps after the table, 0 to 3; each about doubles the right bits.
+    /// Newton steps after the table, 0 to 3. Each about doubles the number of correct bits.
     pub newton_steps: u32,
     /// Fraction bits of mantissas and result, 4 to 30.
     pub bits: u32,
 }
 
-/// Between a table's words.
+/// Interpolation between the words of a table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Interpolation {
-    /// The word of the step that the argument lies in.
+    /// The word of the step that contains the argument.
     Nearest,
     /// A straight line between the words at the step's ends.
     Linear,
@@ -72,11 +72,11 @@ pub enum Interpolation {
 pub struct TableShape {
     /// The table has 2^this steps, 1 to 12.
     pub index_bits: u32,
-    /// Between its words.
+    /// Interpolation between its words.
     pub interpolation: Interpolation,
 }
 
-/// The splat record: words as they lie in memory, at most 32 bits each.
+/// The splat record: words as they are stored in memory, at most 32 bits each.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Splat {
@@ -98,41 +98,41 @@ pub struct Splat {
 pub struct Project {
     /// The eye, machine units.
     pub eye: Word,
-    /// Position less eye, by a power of two that each splat picks for itself so that the largest part lies in [½, 1).
+    /// Position minus eye, divided by a power of two. Each splat has its own, so that the largest component is in [½, 1).
     pub relative: Word,
     /// Elements of the viewing rotation.
     pub rotation: Word,
-    /// Camera coordinates t, by the same power of two.
+    /// Camera coordinates t, divided by the same power of two.
     pub camera: Word,
     /// t_z, machine units.
     pub depth: Word,
     /// 1/t_z.
     pub reciprocal: FunctionUnit,
-    /// a = t_x/t_z and b = t_y/t_z, and the guard band that they must lie in.
+    /// a = t_x/t_z and b = t_y/t_z, and the guard band that limits them.
     pub slope: Word,
     /// s, pixels.
     pub focal: Word,
-    /// Position on the screen from its middle, pixels; and the principal point from there.
+    /// Position on the screen relative to its middle, pixels; also the principal point.
     pub pixel: Word,
 }
 
-/// Formats of the unit `ellipse`. Sizes are relative to a power of two that each splat picks for itself.
+/// Formats of the unit `ellipse`. Sizes are relative to a power of two, which is separate for each splat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Ellipse {
     /// Normal in camera space.
     pub normal: Word,
-    /// g, the normal's share along the screen.
+    /// g, the component of the normal along the screen.
     pub tilt: Word,
     /// c_n = n·(a, b, 1).
     pub facing: Word,
-    /// s·σ, normalised to [1, 2). Of pixels that are not square s is the larger focal length.
+    /// s·σ, normalised to [1, 2). For pixels that are not square, s is the larger focal length.
     pub scaled_radius: Word,
     /// k' = k/2^e, the radius on the screen.
     pub size: Word,
     /// k'², and its products with `aspect`.
     pub size_squared: Word,
-    /// s_x², s_x·s_y and s_y² relative to s², for pixels that are not square; left out, the machine draws square ones alone.
+    /// s_x², s_x·s_y and s_y² relative to s², for pixels that are not square. Left out: the machine draws only square pixels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aspect: Option<Word>,
     /// [1+a², ab; ab, 1+b²] − ggᵀ.
@@ -171,13 +171,13 @@ pub struct Ellipse {
     pub inverse_focal: Word,
     /// t_z/s and t_z/(s·c_n), mantissas.
     pub depth_step: Word,
-    /// z_x and z_y, machine units a pixel; clamped, for a grazing plane's slope has no limit.
+    /// z_x and z_y, machine units per pixel. They are clamped, because the slope of a plane at a grazing angle is unbounded.
     pub depth_slope: Word,
     /// √cutoff.
     pub root_cutoff: Word,
-    /// σ·√cutoff, machine units: the depth clamp's half-width.
+    /// σ·√cutoff, machine units: half of the width of the depth clamp.
     pub depth_range: Word,
-    /// Words for ellipsoids; left out, the machine draws discs alone.
+    /// Words for ellipsoids. Left out: the machine draws only discs.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ellipsoid: Option<Ellipsoid>,
 }
@@ -188,38 +188,38 @@ pub struct Ellipse {
 pub struct Ellipsoid {
     /// Orientation in the splat record: elements of a unit quaternion.
     pub quaternion: Word,
-    /// Standard deviations in the splat record, relative to σ, the largest; products of two of them too.
+    /// Standard deviations in the splat record, relative to σ, the largest; also products of two of them.
     pub scale: Word,
-    /// sᵢ·gᵢ: what an axis leaves on the screen.
+    /// sᵢ·gᵢ: the projection of an axis to the screen.
     pub stretch: Word,
-    /// |(a, b, 1)|: how much longer than t_z the way to the splat is.
+    /// |(a, b, 1)|: the distance to the splat divided by t_z.
     pub ray: Word,
     /// √(1 + a² + b²).
     pub ray_root: FunctionUnit,
-    /// √(det V_r), for opacities that are compensated for the low-pass filter; left out, the machine compensates none.
+    /// √(det V_r), for opacities that are compensated for the low-pass filter. Left out: the machine does not compensate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub compensation_root: Option<FunctionUnit>,
-    /// The table of cutoffs by opacity, for boxes of splats whose weights count from some least one on, has 2^this words, 1 to 12; left
-    /// out, every box is that of the frame's cutoff.
+    /// The table of cutoffs by opacity has 2^this words, 1 to 12. It makes boxes smaller if there is a least weight that counts. Left
+    /// out: every box ends at the frame's cutoff.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reach_bits: Option<u32>,
 }
 
-/// The unit `colour`: harmonics of trained Gaussians. It has no formats yet: what it computes is computed in f64.
+/// The unit `colour`: harmonics of trained Gaussians. It has no formats yet: its arithmetic is f64.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Colour {
-    /// Greatest degree of spherical harmonics that it works out, 1 to 3.
+    /// Greatest degree of spherical harmonics that the unit evaluates, 1 to 3.
     pub degree: u32,
 }
 
-/// Start of a row.
+/// How a row of the box is started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Rows {
-    /// Each row's first pixel is evaluated afresh.
+    /// The first pixel of each row is evaluated from the conic.
     Seeded,
-    /// Only the box's first pixel is; rows are differenced as pixels are.
+    /// Only the first pixel of the box is evaluated from the conic; rows are differenced as pixels are.
     Differenced,
 }
 
@@ -227,11 +227,11 @@ pub enum Rows {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Raster {
-    /// Start of a row.
+    /// How a row of the box is started.
     pub rows: Rows,
     /// The cutoff.
     pub cutoff: Word,
-    /// First pixel less centre, pixels.
+    /// First pixel minus centre, pixels.
     pub offset: Word,
     /// Q00·dx + 2·Q01·dy and Q11·dy.
     pub gradient: Word,
@@ -249,7 +249,7 @@ pub struct Raster {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Gauss {
-    /// r as the table sees it; the table spans all that this word holds.
+    /// r, the index of the table. The table covers the whole range of this word.
     pub radial_index: Word,
     /// e^(−r/2).
     pub table: TableShape,
@@ -259,7 +259,7 @@ pub struct Gauss {
     pub weight: Word,
 }
 
-/// Which pair of fragments is merged when a pixel has no slot left. Traces number them in this order, from 0 on.
+/// Which pair of fragments is merged when a pixel has no free slot. Traces number the rules in this order, from 0 on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Merge {
@@ -267,9 +267,10 @@ pub enum Merge {
     NearestPair,
     /// The two deepest.
     FarthestPair,
-    /// None: the nearer fragment replaces the other (a z-buffer, one layer).
+    /// No pair: the nearer fragment replaces the other (a z-buffer, one layer).
     Replace,
-    /// Two of one window add up, or else the two deepest close; for [`Group::Interval`] (which never adds up) and [`Group::Window`].
+    /// Two fragments of one window are summed; if there are none, the two deepest are closed. For [`Group::Window`], and for
+    /// [`Group::Interval`], which never sums.
     Window,
 }
 
@@ -277,22 +278,22 @@ pub enum Merge {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Group {
-    /// Those within ε of the fragment's depth (Surface Splatting §6).
+    /// Contributions within ε of the fragment's depth (Surface Splatting §6).
     #[default]
     First,
-    /// Those whose depths, all of them together, are narrower than ε.
+    /// Contributions whose depths together span less than ε.
     Interval,
-    /// Small clusters, summed while they surely belong to one window of ε; the windows are formed at the end, from the nearest depth on.
+    /// Small clusters, summed if they certainly belong to one window of ε. The windows are formed at the end, from the nearest depth on.
     Window,
 }
 
-/// Which depth stands for a fragment of many contributions.
+/// The depth of a fragment of many contributions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum FragmentDepth {
-    /// That of the first.
+    /// The depth of the first contribution.
     First,
-    /// That of the nearest.
+    /// The depth of the nearest contribution.
     Nearest,
 }
 
@@ -300,18 +301,18 @@ pub enum FragmentDepth {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Fragment {
-    /// Fragments a pixel can hold, 1 to 8.
+    /// Fragments that a pixel can hold, 1 to 8.
     pub layers: u32,
     /// Rule for a full pixel.
     pub merge: Merge,
-    /// Rule for what a contribution is added to.
+    /// Rule that selects the fragment to which a contribution is added.
     #[serde(default, skip_serializing_if = "is_first")]
     pub group: Group,
-    /// Before merging: drop the deepest if something lies behind an opaque fragment.
+    /// Before merging: drop the deepest fragment if it is behind an opaque one.
     pub evict_hidden: bool,
-    /// Which depth a fragment has.
+    /// The depth of a fragment.
     pub fragment_depth: FragmentDepth,
-    /// Setup turns each splat's normal towards the viewer, so that those of a sheet's two sides do not cancel in the sum.
+    /// Setup turns each splat's normal towards the viewer, so that the normals of the two sides of a surface do not cancel in the sum.
     #[serde(default = "turned")]
     pub turn_normals: bool,
     /// The limit from which a fragment counts as opaque, in thousandths of full opacity.
@@ -330,16 +331,16 @@ pub struct Fragment {
     pub opacity_sum: Word,
     /// Σw·n.
     pub normal_sum: Word,
-    /// Words for grouping by sheets; left out, the machine groups by depth alone.
+    /// Words for grouping by sheets. Left out: the machine groups only by depth.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sheets: Option<Sheets>,
-    /// Options and words of grouping by intervals and windows; left out where `group` is `first`.
+    /// Options and words for grouping by intervals and windows; left out if `group` is `first`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub window: Option<Window>,
 }
 
-/// Whether a description need not say it: those from before there was a choice do not.
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "the form that serde asks for")]
+/// Whether a description leaves the field out, as old descriptions do.
+#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde requires")]
 fn is_first(group: &Group) -> bool {
     *group == Group::First
 }
@@ -348,36 +349,36 @@ fn is_first(group: &Group) -> bool {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Window {
-    /// A contribution joins a cluster that stays narrower than so many thousandths of ε, 0 to 1000; at 0 it joins one that spans its depth.
-    /// Intervals join at 1000, whatever this says.
+    /// A contribution joins a cluster if the cluster stays narrower than this many thousandths of ε, 0 to 1000. At 0 it joins a cluster
+    /// whose span contains its depth. Intervals always join at 1000.
     pub join_permille: u32,
-    /// Closed slots take late contributions to their front and their back.
+    /// Closed slots accept late contributions to their front and their back.
     pub late: bool,
-    /// Closed slots take what lies between their front and their back.
+    /// Closed slots accept contributions between their front and their back.
     pub inside: bool,
     /// Σw·z.
     pub depth_sum: Word,
-    /// TF, TB and T: what is seen behind the front of a closed slot, before its back, and through windows.
+    /// TF, TB and T: the transmittance behind the front of a closed slot, before its back, and of windows.
     pub through: Word,
-    /// 1/max(W, τ), 1/(τ − α·W) and 1/A, one after the other.
+    /// 1/max(W, τ), 1/(τ − α·W) and 1/A, computed one after the other.
     pub reciprocal: FunctionUnit,
-    /// Numerators, by the power of two that normalises what divides them.
+    /// Numerators, divided by the power of two that normalises their denominators.
     pub share: Word,
-    /// Quotients: a window's opacity, β, and the part of its own colour that a closed slot loses.
+    /// Quotients: the opacity of a window, β, and the share of its own colour that a closed slot loses.
     pub part: Word,
     /// −2·ln(1 − min(α, 0.95)).
     pub density: Word,
-    /// The same, over what `splat.opacity` holds.
+    /// The table of `density`, over the range of `splat.opacity`.
     pub density_table: TableShape,
-    /// x = w·density as the table sees it; the table spans all that this word holds.
+    /// x = w·density, the index of the table. The table covers the whole range of this word.
     pub exponent: Word,
     /// 1 − e^(−x).
     pub hidden_table: TableShape,
-    /// The table's words and result: what a splat hides that lies inside of a closed slot.
+    /// The table's words and result: the opacity of a splat inside a closed slot.
     pub hidden: Word,
 }
 
-/// Of machines described before there was a choice, too.
+/// The default, also for machine files that are older than the field.
 fn turned() -> bool {
     true
 }
@@ -386,7 +387,7 @@ fn turned() -> bool {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Sheets {
-    /// x = Σw as the table sees it; the table spans all that this word holds.
+    /// x = Σw, the index of the table. The table covers the whole range of this word.
     pub depth_index: Word,
     /// α/x.
     pub table: TableShape,
@@ -398,9 +399,9 @@ pub struct Sheets {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Sort {
-    /// Depth as the sort sees it, machine units: splats with equal keys stay in input order.
+    /// The sort key: depth, machine units. Splats with equal keys stay in input order.
     pub key: Word,
-    /// Bits of the key that one pass of the radix sort looks at, 1 to 16.
+    /// Bits of the key that one pass of the radix sort uses, 1 to 16.
     pub digit_bits: u32,
 }
 
@@ -419,9 +420,9 @@ pub struct Shade {
     pub reciprocal: FunctionUnit,
     /// 1/|n|.
     pub root: FunctionUnit,
-    /// Σw·rgb and Σw·α by the power of two that normalises W.
+    /// Σw·rgb and Σw·α, divided by the power of two that normalises W.
     pub share: Word,
-    /// Σw·n by the same power of two.
+    /// Σw·n, divided by the same power of two.
     pub normal_share: Word,
     /// Σw·rgb/W.
     pub rgb: Word,
@@ -441,7 +442,7 @@ pub struct Shade {
     pub reflectance: Word,
     /// ambient + Σ diffuse·max(0, N·L)·light.
     pub irradiance: Word,
-    /// Colour that leaves the surface, clamped to 1.
+    /// Colour of the surface, clamped to 1.
     pub colour: Word,
     /// 1/τ, mantissa in [½, 1].
     pub inverse_threshold: Word,
@@ -451,13 +452,13 @@ pub struct Shade {
     pub premultiplied: Word,
 }
 
-/// From where a mirror is looked at.
+/// The direction from which a mirror is seen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Sight {
-    /// From far along the viewing axis, whatever the pixel.
+    /// Along the viewing axis, for every pixel.
     Axis,
-    /// From the eye, along the pixel's own ray.
+    /// Along the ray from the eye to the pixel.
     Ray,
 }
 
@@ -465,9 +466,9 @@ pub enum Sight {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Reflect {
-    /// From where a mirror is looked at.
+    /// The direction from which a mirror is seen.
     pub sight: Sight,
-    /// a and b of the pixel's ray (a, b, 1). Of `axis` they are 0: the word is not built there, and may be left out.
+    /// a and b of the pixel's ray (a, b, 1). With `axis` they are 0: the word is not needed, and may be left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub slope: Option<Word>,
     /// N·V.
@@ -478,11 +479,11 @@ pub struct Reflect {
     pub reciprocal: FunctionUnit,
     /// Magnitude of a coordinate in the octahedral map, 0 to 1.
     pub coordinate: Word,
-    /// The map has 2^this texels a side, 1 to 8.
+    /// The map has 2^this texels per side, 1 to 8.
     pub index_bits: u32,
-    /// Place between two texels, 0 to 1.
+    /// Position between two texels, 0 to 1.
     pub fraction: Word,
-    /// Texels, and what lies between them.
+    /// Texels, and interpolated light.
     pub light: Word,
     /// Material constants: 1 − reflect, and reflect × tint.
     pub reflectance: Word,
@@ -492,9 +493,9 @@ pub struct Reflect {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Resolve {
-    /// Share of the light from behind that is left.
+    /// Transmittance: the share of the light from behind that remains.
     pub transmittance: Word,
-    /// A channel of the frame: linear light, premultiplied, over the background; the background too.
+    /// A channel of the frame: linear light, premultiplied, over the background. Also the background itself.
     pub frame: Word,
 }
 
@@ -506,8 +507,9 @@ impl FunctionUnit {
 }
 
 impl Machine {
-    /// Bits of one fragment in the frame buffer: sums, depth, material index (8) and the shaded flag. Of windows the larger of an open slot,
-    /// which has both ends of its span and Σw·z too, and a closed one: colour and opacity, four depths, two weights, TF and TB.
+    /// Bits of one fragment in the frame buffer: sums, depth, material index (8) and the shaded flag. With windows, a slot is as large as
+    /// the larger of an open one, which also has both ends of its span and Σw·z, and a closed one, which has colour and opacity, four
+    /// depths, two weights, TF and TB.
     pub fn fragment_bits(&self) -> i32 {
         let f = &self.fragment;
         let [weight, opacity, colour, normal, depth] =

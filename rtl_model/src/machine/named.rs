@@ -20,11 +20,11 @@ impl Machine {
         }
     }
 
-    /// The names of those for surfaces, the default first.
+    /// Names of the machines for surfaces, the default first.
     pub const NAMES: [&str; 3] = ["reference", "lean", "tiny"];
-    /// The names of those for surfaces whose fragments are grouped by windows.
+    /// Names of the machines for surfaces that group fragments by windows.
     pub const WINDOW_NAMES: [&str; 1] = ["window"];
-    /// The names of those for volumes and for Gaussians.
+    /// Names of the machines for volumes and for Gaussians.
     pub const ELLIPSOID_NAMES: [&str; 2] = ["volume", "gaussian"];
 
     /// All names.
@@ -41,7 +41,7 @@ const fn unsigned(int_bits: i32, frac_bits: i32) -> Word {
     Word::new(Format::unsigned(int_bits, frac_bits))
 }
 
-/// The default: an engineer would call its picture exact. No multiplier operand over 27 bits; a fragment fits the paper's 38 bytes.
+/// The default: for an engineer its picture is exact. No multiplier operand has more than 27 bits. A fragment fits the paper's 38 bytes.
 fn reference() -> Machine {
     let fine = FunctionUnit { table_bits: 8, newton_steps: 2, bits: 26 };
     Machine {
@@ -156,7 +156,7 @@ fn reference() -> Machine {
     }
 }
 
-/// The cheapest whose picture is still good: no multiplier operand over 18 bits, no accumulator over 24.
+/// The cheapest machine with a good picture: no multiplier operand has more than 18 bits, no accumulator more than 24.
 fn lean() -> Machine {
     let unit = FunctionUnit { table_bits: 8, newton_steps: 1, bits: 17 };
     let base = reference();
@@ -264,7 +264,7 @@ fn lean() -> Machine {
     }
 }
 
-/// Visibly coarse and quick: about eight bits everywhere, for tests and for seeing errors.
+/// Visibly coarse and fast: words of about eight bits, for tests and to make errors visible.
 fn tiny() -> Machine {
     let unit = FunctionUnit { table_bits: 6, newton_steps: 0, bits: 9 };
     let base = reference();
@@ -372,7 +372,7 @@ fn tiny() -> Machine {
     }
 }
 
-/// `reference` with four slots that are grouped into windows as late as possible: 27 bytes each, less together than the paper's three.
+/// `reference` with four slots that are grouped into windows as late as possible. Four slots of 27 bytes take less than the paper's three.
 fn window() -> Machine {
     let base = reference();
     Machine {
@@ -409,7 +409,7 @@ fn window() -> Machine {
     }
 }
 
-/// For volumes: setup for ellipsoids, grouping by sheets. The rest is `reference`, but that an optical depth has no limit of 1/2π.
+/// For volumes: setup for ellipsoids, grouping by sheets. The rest is `reference`, except that optical depths may exceed 1/2π.
 fn volume() -> Machine {
     let base = reference();
     Machine {
@@ -442,7 +442,7 @@ fn volume() -> Machine {
     }
 }
 
-/// For trained Gaussians: a volume's machine that sorts by depth, and reaches as far as they do, but none farther than its opacity.
+/// For trained Gaussians: `volume` with a sort by depth, the cutoff of Gaussians, and smaller boxes for low opacities.
 fn gaussian() -> Machine {
     let base = volume();
     let ellipsoid = base.ellipse.ellipsoid.map(|ellipsoid| Ellipsoid { reach_bits: Some(7), ..ellipsoid });

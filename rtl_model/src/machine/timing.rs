@@ -1,25 +1,26 @@
 //! Timing: the microarchitecture of a machine: lanes, latencies, FIFOs, caches, memory.
 //!
-//! Nothing here changes a picture. What is left out follows from the formats ([`microarchitecture`](crate::elaboration::microarchitecture)).
+//! Nothing here changes a picture. Fields that are left out follow from the formats and the clock
+//! ([`microarchitecture`](crate::elaboration::microarchitecture)).
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Order in which a machine goes through a frame.
+/// Order in which a machine draws a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Organisation {
     /// Splats in input order, fragments in memory behind a cache of lines.
     Immediate,
-    /// A first pass writes a list for each tile; then tile after tile is drawn on the chip and written once.
+    /// A first pass writes a list for each tile. Then each tile is drawn on the chip and written once.
     Binned,
 }
 
-/// What the machine is built in: how long an FO4 takes, the delay of an inverter that drives four of its like.
+/// Technology: the length of an FO4, the delay of a fanout-of-4 inverter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Technology {
-    /// Every operator takes no time, and any clock and latency will do: for asking what latency costs. No machine is built in it.
+    /// Operators take no time, and any clock and latency is accepted. It shows what latency costs; no real machine has it.
     Ideal,
     /// 180 nm: 98 ps.
     #[serde(rename = "180nm")]
@@ -34,14 +35,14 @@ pub enum Technology {
     /// 7 nm: 2.5 ps.
     #[serde(rename = "7nm")]
     Nm7,
-    /// An FPGA of the kind of a Xilinx 7, its wires included: 200 ps.
+    /// An FPGA such as a Xilinx 7, including its wires: 200 ps.
     Fpga,
 }
 
 impl Technology {
-    /// An FO4, femtoseconds, in the typical corner; none where operators take no time. That of 180 nm is of the open cells that delays were
-    /// measured with. Otherwise 0.36 ps a nanometre of the gate (Ho, Mai and Horowitz, "The future of wires", 2001; in the worst corner 0.5);
-    /// that it goes on like this below 100 nm, and an FPGA's, are assumptions. Wires are not counted.
+    /// An FO4 in the typical corner, femtoseconds; `None` if operators take no time. For 180 nm it is that of the open cells with which
+    /// delays were measured. The others are 0.36 ps per nanometre of gate length (Ho, Mai and Horowitz, "The future of wires", 2001; 0.5 in
+    /// the worst corner). It is an assumption that this holds below 100 nm. The FPGA's value is an assumption too. Wires are not counted.
     pub fn fo4_fs(self) -> Option<u64> {
         match self {
             Technology::Ideal => None,
@@ -53,7 +54,7 @@ impl Technology {
         }
     }
 
-    /// Its name in a sentence.
+    /// Its name, for sentences.
     pub fn name(self) -> &'static str {
         match self {
             Technology::Ideal => "ideal gates",
@@ -77,7 +78,7 @@ pub enum Queue {
     /// Row by row.
     #[default]
     Order,
-    /// Those with the most entries first, of equals row by row: lengths are sorted between the passes.
+    /// The most entries first, and equal ones row by row. The lengths are sorted between the passes.
     Longest,
 }
 
@@ -87,49 +88,49 @@ impl Queue {
     }
 }
 
-/// Where time goes.
+/// The microarchitecture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Timing {
-    /// Cycles a second.
+    /// Clock frequency, Hz.
     pub clock_hz: u64,
-    /// What it is built in; left out, 28 nm. With the clock it says how few cycles a unit can take.
+    /// Technology; left out, 28 nm. Together with the clock it determines the least latency of each unit.
     #[serde(default, skip_serializing_if = "Technology::is_default")]
     pub technology: Technology,
-    /// Order in which a frame is gone through.
+    /// Order in which a frame is drawn.
     pub organisation: Organisation,
-    /// Tile engines, from `list` to `resolve`, of a binned machine: each takes the next tile from one queue when its list is through with the
-    /// last; left out, 1.
+    /// Tile engines of a binned machine, from `list` to `resolve`. Each takes the next tile from one queue when its `list` has finished the
+    /// previous one. Left out, 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub engines: Option<u32>,
-    /// Order in which engines take tiles; left out, that of the picture.
+    /// Order in which engines take tiles; left out, row by row.
     #[serde(default, skip_serializing_if = "Queue::is_default")]
     pub queue: Queue,
-    /// Reads splat records; in the second pass of a binned machine, lists and what they point to.
+    /// Reads splat records; in the second pass of a binned machine, lists and the records of their entries.
     pub fetch: Fetch,
-    /// Walker of trees; left out, a frame that walks one does so with the default one, which is not in the machine's area.
+    /// Walker of trees. Left out: a frame with a tree uses the default walker, which is not part of the machine's area.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub walk: Option<Walk>,
     /// World point → pixel.
     pub project: Setup,
     /// Normal and radius → conic, box.
     pub ellipse: Setup,
-    /// Spherical harmonics → colour, on a machine that has that; left out, one unit with 16 multipliers.
+    /// Spherical harmonics → colour, on a machine with the unit `colour`; left out, one unit with 16 multipliers.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colour: Option<Colour>,
     /// Ellipse → fragments.
     pub raster: Raster,
     /// Radial index → weight.
     pub gauss: Stage,
-    /// Lines of the frame buffer, of an immediate machine.
+    /// Cache of the frame buffer, for an immediate machine.
     pub cache: Cache,
-    /// Tiles on the chip, of a binned machine.
+    /// Tiles on the chip, for a binned machine.
     pub tile: Tile,
     /// Fragments of a pixel.
     pub fragment: Fragment,
     /// Normalise and light.
     pub shade: Shade,
-    /// The map of surroundings in memory, each shade unit with a cache of it; left out, it is a table on the chip.
+    /// The map of the environment in memory, with a cache for each shade unit. Left out: it is a table on the chip.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub environment: Option<Environment>,
     /// Blend into the frame.
@@ -143,16 +144,16 @@ pub struct Timing {
 #[schemars(rename = "FetchTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Fetch {
-    /// Records that can wait behind it.
+    /// Places of the FIFO behind it, records.
     pub fifo: u32,
 }
 
-/// What `fetch` finds the splats of a tree with: it tests a node a cycle.
+/// The walker with which `fetch` finds the splats of a tree. It tests one node per cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "WalkTiming")]
 #[serde(deny_unknown_fields, default)]
 pub struct Walk {
-    /// Nodes whose children can wait to be read, each as a number and a count.
+    /// Entries of the stack: nodes whose children are not read yet, each as a number and a count.
     pub stack: u32,
 }
 
@@ -162,23 +163,23 @@ impl Default for Walk {
     }
 }
 
-/// A unit that sets splats up.
+/// A unit of setup.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "SetupTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Setup {
-    /// Units side by side; splats take turns.
+    /// Parallel units; splats are given to them in turn.
     pub units: u32,
-    /// Cycles from a splat to its result; left out, what the formats and the clock ask for.
+    /// Cycles from a splat to its result; left out, the least that the formats and the clock allow.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
-    /// Cycles from one splat to the next; left out, what the multipliers ask for.
+    /// Initiation interval, cycles; left out, the least that the multipliers allow.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub interval: Option<u32>,
-    /// Multipliers that its products share; left out, each has its own.
+    /// Multipliers that its products share; left out, each product has its own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub multipliers: Option<u32>,
-    /// Results that can wait behind it.
+    /// Places of the FIFO behind it, results.
     pub fifo: u32,
 }
 
@@ -187,17 +188,17 @@ pub struct Setup {
 #[schemars(rename = "ColourTiming")]
 #[serde(deny_unknown_fields, default)]
 pub struct Colour {
-    /// Units side by side; splats take turns.
+    /// Parallel units; splats are given to them in turn.
     pub units: u32,
-    /// Cycles from a splat to its colour; left out, what the degree of its harmonics and the clock ask for.
+    /// Cycles from a splat to its colour; left out, the least that the degree of its harmonics and the clock allow.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
-    /// Cycles from one splat to the next; left out, what its products and the multipliers ask for.
+    /// Initiation interval, cycles; left out, the least that its products and the multipliers allow.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub interval: Option<u32>,
-    /// Multipliers that the products of a splat share; more than these are those of the greatest degree.
+    /// Multipliers that the products of a splat share, at most as many as there are products of the greatest degree.
     pub multipliers: u32,
-    /// Results that can wait behind it.
+    /// Places of the FIFO behind it, results.
     pub fifo: u32,
 }
 
@@ -212,43 +213,43 @@ impl Default for Colour {
 #[schemars(rename = "RasterTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Raster {
-    /// Pixels tested in a cycle: columns and rows of a stamp. One covered pixel costs the whole stamp.
+    /// Pixels tested per cycle: columns and rows of a stamp. A stamp with one covered pixel costs as much as a full one.
     pub lanes: [u32; 2],
-    /// Cycles from a stamp to its contributions; left out, what the formats and the clock ask for.
+    /// Cycles from a stamp to its contributions; left out, the least that the formats and the clock allow.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
-    /// Stamps that can wait behind it.
+    /// Places of the FIFO behind it, stamps.
     pub fifo: u32,
 }
 
-/// A unit that takes a stamp a cycle.
+/// A unit that takes one stamp per cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "StageTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Stage {
-    /// Cycles from a stamp to its result; left out, what the formats and the clock ask for.
+    /// Cycles from a stamp to its result; left out, the least that the formats and the clock allow.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
-    /// Stamps that can wait behind it.
+    /// Places of the FIFO behind it, stamps.
     pub fifo: u32,
 }
 
-/// A set-associative write-back cache of the frame buffer, the line used longest ago going first.
+/// A set-associative, least-recently-used write-back cache of the frame buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "CacheTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Cache {
-    /// Pixels of a line: columns and rows, powers of two. A tile cache has large ones.
+    /// Pixels of a line: columns and rows, powers of two. With large lines it is a tile cache.
     pub line_px: [u32; 2],
     /// Lines, a power of two.
     pub lines: u32,
     /// Lines of a set, a power of two up to 64.
     pub ways: u32,
-    /// Lines that can be on their way from memory at a time.
+    /// Outstanding misses: lines that can be on their way from memory at the same time.
     pub misses: u32,
     /// Cycles of a look-up.
     pub latency: u32,
-    /// Stamps that can wait behind it for their lines.
+    /// Places of the FIFO behind it, stamps that wait for their lines.
     pub fifo: u32,
 }
 
@@ -259,29 +260,31 @@ pub struct Cache {
 pub struct Tile {
     /// Side, pixels: a multiple of 16.
     pub side_px: u32,
-    /// 1: a tile is drawn after the one before it is resolved. 2: while it is; merging and resolving then shade in units of their own.
+    /// 1: a tile is drawn after the previous one is resolved. 2: while the previous one is resolved; merging and resolving then have
+    /// separate shade units.
     pub buffers: u32,
 }
 
-/// The fragment unit; its lanes are the raster's.
+/// The fragment unit. Its lanes are those of the rasteriser.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "FragmentTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Fragment {
-    /// Units that share the rasteriser's lanes, a power of two: pixel (x, y) is that of unit x + y·columns of a stamp, modulo units, so that
-    /// the pixels of a stamp are dealt out evenly. A stamp waits for all of the units that its pixels need; left out, 1.
+    /// Units that share the rasteriser's lanes, a power of two. Pixel (x, y) belongs to unit (x + y·columns of a stamp) mod units, so the
+    /// pixels of a stamp are distributed evenly. A stamp waits for all units that its pixels need. Left out, 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub units: Option<u32>,
-    /// Stamps whose fragments are merged at a time in a unit; when there are so many, the unit takes none. Left out, 1: merging holds the unit.
+    /// Stamps whose fragments can be merged in a unit at the same time. When this number is reached, the unit takes no stamp. Left out, 1:
+    /// a merge occupies the unit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub merges_in_flight: Option<u32>,
-    /// Cycles from reading a fragment to having written it; left out, what the formats and the clock ask for.
+    /// Cycles from reading a fragment until it is written; left out, the least that the formats and the clock allow.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
-    /// Cycles before the same pixel can be taken again; left out, the latency. 1 with forwarding.
+    /// Cycles until the same pixel can be taken again; left out, the latency. 1 with forwarding.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hazard: Option<u32>,
-    /// Further cycles for each fragment of a stamp that makes two merge, besides shading them.
+    /// Additional cycles for each pixel of a stamp in which two fragments merge, after they are shaded.
     pub merge: u32,
 }
 
@@ -290,17 +293,17 @@ pub struct Fragment {
 #[schemars(rename = "ShadeTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Shade {
-    /// Units side by side, wherever there is one; a fragment takes the first that is free. Left out, 1.
+    /// Parallel units, wherever the machine has one. A fragment goes to the first that is free. Left out, 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub units: Option<u32>,
-    /// Cycles from a fragment to its light; left out, what the formats and the clock ask for.
+    /// Cycles from a fragment to its light; left out, the least that the formats and the clock allow.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
-    /// Cycles from one fragment to the next.
+    /// Initiation interval, cycles.
     pub interval: u32,
 }
 
-/// A set-associative cache of the map of surroundings, the line used longest ago going first. Nothing is written to it.
+/// A set-associative, least-recently-used, read-only cache of the map of the environment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "EnvironmentTiming")]
 #[serde(deny_unknown_fields, default)]
@@ -324,77 +327,77 @@ impl Default for Environment {
 #[schemars(rename = "ResolveTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Resolve {
-    /// Units that share the pixels of a tile, or of a line: the next pixel goes to the first that is free. Left out, 1.
+    /// Units that share the pixels of a tile or a line. The next pixel goes to the first unit that is free. Left out, 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub units: Option<u32>,
-    /// Cycles from the last light of a pixel to its word; left out, what the formats and the clock ask for.
+    /// Cycles from the last light of a pixel to its word; left out, the least that the formats and the clock allow.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
-    /// Cycles from one pixel to the next, if its fragments, one a cycle, or shading them take no longer.
+    /// Least cycles from one pixel to the next. A pixel takes longer if it has more fragments than this, or if shading takes longer.
     pub interval: u32,
 }
 
-/// Memory outside of the chip: channels, each with rows that are open. A field that a preset fills is 0, or left out, unless the machine says
-/// otherwise.
+/// Memory outside of the chip: channels with banks and open rows. A field that a preset fills is 0 or left out, unless the machine
+/// sets it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "MemoryTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Memory {
-    /// Memory that can be bought: fills every field below that is left out with the numbers of its data sheet at the clock of the machine, but
-    /// for `outstanding`. Left out, the fields from `bytes_per_cycle` to `banks` are needed.
+    /// A memory standard. It fills every field below that is left out, except `outstanding`, with the numbers of its data sheet at the
+    /// clock of the machine. Left out: the fields from `bytes_per_cycle` to `banks` are required.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preset: Option<Preset>,
-    /// Every request is answered after the latency of an open row, whatever else is under way: for asking what the datapath alone takes.
+    /// Every request is served after the latency of an open row, regardless of other requests. It shows the cycles of the datapath.
     #[serde(default)]
     pub ideal: bool,
-    /// Bytes a cycle, of each channel.
+    /// Bytes per cycle of each channel.
     #[serde(default, skip_serializing_if = "is_left_out")]
     pub bytes_per_cycle: u32,
-    /// Thousandths of a byte a cycle more than that, below 1000; left out, 0.
+    /// Additional thousandths of a byte per cycle, below 1000; left out, 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bytes_per_cycle_permille: Option<u32>,
-    /// Cycles from a request to its first byte where its row is open.
+    /// Cycles from a request to its first byte if its row is open.
     #[serde(default, skip_serializing_if = "is_left_out")]
     pub hit_latency: u32,
-    /// The same where another row is.
+    /// Cycles from a request to its first byte if another row is open.
     #[serde(default, skip_serializing_if = "is_left_out")]
     pub miss_latency: u32,
-    /// Bytes of a request, a power of two, at least the 4 of a list's entry.
+    /// Bytes of a request, a power of two, at least 4 (an entry of a list).
     #[serde(default, skip_serializing_if = "is_left_out")]
     pub burst_bytes: u32,
-    /// Requests that fetch, and resolve, can have on their way at a time.
+    /// Outstanding requests of `fetch`, and of `resolve`.
     pub outstanding: u32,
     /// Bytes of a row, a power of two.
     #[serde(default, skip_serializing_if = "is_left_out")]
     pub row_bytes: u32,
-    /// Rows of a rank that can be open at a time, a power of two; each its own share of addresses.
+    /// Banks of a rank, a power of two. Each has one open row and its own share of the addresses.
     #[serde(default, skip_serializing_if = "is_left_out")]
     pub banks: u32,
-    /// Channels, a power of two up to 64, each as fast as is said above, with banks of its own; left out, 1.
+    /// Channels, a power of two up to 64. Each has the bandwidth above and its own banks. Left out, 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub channels: Option<u32>,
-    /// Bytes after which addresses go on in the next channel, a power of two, at least a burst; left out, a burst.
+    /// Bytes after which addresses continue in the next channel, a power of two, at least a burst; left out, a burst.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub interleave_bytes: Option<u32>,
-    /// Ranks of a channel, a power of two up to 8, each with as many banks; left out, 1.
+    /// Ranks of a channel, a power of two up to 8. Each has the number of banks above. Left out, 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub ranks: Option<u32>,
-    /// Cycles for which a channel moves nothing between bytes of two ranks; left out, 0.
+    /// Cycles for which the bus of a channel is idle when it changes ranks; left out, 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rank_switch_cycles: Option<u32>,
-    /// Cycles from one refresh to the next, all ranks at once (tREFI); 0 or left out, nothing is refreshed.
+    /// Cycles from one refresh of all ranks to the next (tREFI); 0 or left out: no refresh.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refresh_interval_cycles: Option<u32>,
-    /// Cycles of a refresh, in which a channel moves nothing; every row is closed after it (tRFC). Fewer than from one to the next.
+    /// Cycles of a refresh (tRFC), less than `refresh_interval_cycles`. The bus is idle meanwhile, and every row is closed afterwards.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refresh_cycles: Option<u32>,
-    /// Cycles for which a channel moves nothing when it turns from reading to writing and back; left out, 0.
+    /// Cycles for which the bus of a channel is idle when it turns from reads to writes and back; left out, 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub turnaround_cycles: Option<u32>,
-    /// Bursts that a channel gathers and writes at one turn, if it has so many; left out, 1.
+    /// Bursts that a channel gathers and writes together, if it has that many; left out, 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub write_batch: Option<u32>,
-    /// Cycles between two rows that the same bank opens (tRC); left out, 0: no limit.
+    /// Least cycles between two activations of the same bank (tRC); left out, 0: no limit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub row_cycles: Option<u32>,
     /// Cycles in which a rank opens at most four rows (tFAW); left out, 0: no limit.
@@ -406,26 +409,26 @@ fn is_left_out(value: &u32) -> bool {
     *value == 0
 }
 
-/// Memory that can be bought, with the numbers of its data sheet.
+/// A memory standard, with the numbers of its data sheet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Preset {
-    /// LPDDR4 of 3200 MT/s, four channels of 32 bits (two devices of 8 Gbit and 16 bits each): 51.2 GB/s.
+    /// LPDDR4 of 3200 MT/s, four channels of 32 bits (each of two devices of 8 Gbit and 16 bits): 51.2 GB/s.
     #[serde(rename = "lpddr4-3200-x4")]
     Lpddr4,
-    /// LPDDR5 of 6400 MT/s, four channels of 16 bits (a device of 8 Gbit each): 51.2 GB/s.
+    /// LPDDR5 of 6400 MT/s, four channels of 16 bits (each of one device of 8 Gbit): 51.2 GB/s.
     #[serde(rename = "lpddr5-6400-x4")]
     Lpddr5,
-    /// DDR5 of 4800 MT/s, one module: two channels of 32 bits (four devices of 16 Gbit and 8 bits each): 38.4 GB/s.
+    /// DDR5 of 4800 MT/s, one module: two channels of 32 bits (each of four devices of 16 Gbit and 8 bits): 38.4 GB/s.
     #[serde(rename = "ddr5-4800")]
     Ddr5,
-    /// HBM2 of 2 Gbit/s a pin, one stack: eight channels of 128 bits (8 Gbit each): 256 GB/s.
+    /// HBM2 of 2 Gbit/s per pin, one stack: eight channels of 128 bits (8 Gbit each): 256 GB/s.
     #[serde(rename = "hbm2")]
     Hbm2,
 }
 
 /// Numbers of a data sheet: picoseconds, bytes.
 struct DataSheet {
-    /// A second, of a channel.
+    /// Bytes per second of a channel.
     bytes: u64,
     channels: u32,
     burst_bytes: u32,
@@ -447,7 +450,7 @@ struct DataSheet {
 }
 
 impl Preset {
-    /// JESD209-4, JESD209-5B, JESD79-5 (speed bin 4800B) and JESD235; where these leave the last word to a maker, usual values.
+    /// JESD209-4, JESD209-5B, JESD79-5 (speed bin 4800B) and JESD235. Where these leave a value to the manufacturer, a usual value.
     fn data_sheet(self) -> DataSheet {
         match self {
             Preset::Lpddr4 => DataSheet {
@@ -518,7 +521,7 @@ impl Preset {
     }
 }
 
-/// Bursts that the controller of a preset writes at one turn: half of the usual 32 places of its queue.
+/// Bursts that the controller of a preset writes together: half of the usual 32 places of its queue.
 const WRITE_BATCH: u32 = 16;
 
 impl Memory {
@@ -543,17 +546,17 @@ impl Memory {
         "four_rows_cycles",
     ];
 
-    /// Nothing left out: fields that the machine leaves out are those of its preset at this clock. Bandwidth is rounded down to thousandths of
-    /// a byte a cycle, times are rounded up to cycles.
+    /// The memory with every field set: a field that the machine leaves out is that of its preset at this clock. Bandwidth is rounded down
+    /// to thousandths of a byte per cycle, times are rounded up to cycles.
     pub fn resolved(self, clock_hz: u64) -> Self {
         let Some(preset) = self.preset else { return self };
         let sheet = preset.data_sheet();
-        // A clock of 1 Hz has more bytes a cycle than a field holds.
+        // At a clock of 1 Hz, there are more bytes per cycle than a field holds.
         let number = |value: u128| u32::try_from(value).unwrap_or(u32::MAX);
         let cycles = |picoseconds: u64| number((u128::from(picoseconds) * u128::from(clock_hz)).div_ceil(1_000_000_000_000).max(1));
         let thousandths = u128::from(sheet.bytes) * 1000 / u128::from(clock_hz.max(1));
         let or = |said: u32, value: u32| if said == 0 { value } else { said };
-        // Thousandths are those of the preset's bytes.
+        // Thousandths belong to the bytes of the preset.
         let permille = if self.bytes_per_cycle == 0 { number(thousandths % 1000) } else { 0 };
         let burst_bytes = or(self.burst_bytes, sheet.burst_bytes);
         let interval = self.refresh_interval_cycles.unwrap_or(cycles(sheet.refresh_interval));
@@ -570,7 +573,7 @@ impl Memory {
             ranks: self.ranks.or(Some(1)),
             rank_switch_cycles: self.rank_switch_cycles.or(Some(cycles(sheet.rank_switch))),
             refresh_interval_cycles: self.refresh_interval_cycles.or(Some(interval)),
-            // With a slow clock both are a cycle.
+            // With a slow clock both are one cycle.
             refresh_cycles: self.refresh_cycles.or(Some(cycles(sheet.refresh).min(interval.saturating_sub(1)))),
             turnaround_cycles: self.turnaround_cycles.or(Some(cycles(sheet.turnaround))),
             write_batch: self.write_batch.or(Some(WRITE_BATCH)),
@@ -585,19 +588,19 @@ impl Memory {
         self.channels.unwrap_or(1)
     }
 
-    /// Bytes after which addresses go on in the next channel.
+    /// Bytes after which addresses continue in the next channel.
     pub fn interleave_bytes(&self) -> u32 {
         self.interleave_bytes.unwrap_or(self.burst_bytes)
     }
 
-    /// Thousandths of a byte that all channels move in a cycle.
+    /// Thousandths of a byte that all channels together move per cycle.
     pub fn bytes_per_1000_cycles(&self) -> u64 {
         let of_one = u64::from(self.bytes_per_cycle) * 1000 + u64::from(self.bytes_per_cycle_permille.unwrap_or(0));
         of_one * u64::from(self.channels())
     }
 }
 
-/// The default microarchitecture: tiles, one stamp of 4×1 pixels a cycle, everything pipelined, memory of 6.4 GB/s.
+/// The default microarchitecture: tiles, one stamp of 4×1 pixels per cycle, all units pipelined, memory of 6.4 GB/s.
 pub const DEFAULT: Timing = Timing {
     clock_hz: 400_000_000,
     technology: Technology::Nm28,

@@ -48,8 +48,8 @@ pub struct Plan {
     /// Hold each machine to its golden twin in lockstep too, which takes most of a point's time.
     #[serde(default = "yes")]
     pub lockstep: bool,
-    /// Draw so many frames of scenes with many cameras, from the first on, and tell how errors change from frame to frame; all other figures
-    /// are the first frame's. Of surfaces.
+    /// Draw this many frames of scenes with several cameras, from the first on, and measure how errors change from frame to frame. All other
+    /// figures are those of the first frame. Only for surfaces.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 2, max = 32))]
     pub flicker: Option<usize>,
@@ -71,8 +71,8 @@ pub struct Axis {
     /// units and words that are f64 instead, as `["raster", "splat.rgb"]`: of such a machine only errors are known.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub field: String,
-    /// Instead of one field several that change together, as `["ellipse.conic", "ellipse.conic_cross"]`: each has the value, or so many bits
-    /// more than it has itself.
+    /// Instead of one field, several that change together, such as `["ellipse.conic", "ellipse.conic_cross"]`. Each gets the value, or as
+    /// many additional bits as the value says.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fields: Vec<String>,
     /// These values.

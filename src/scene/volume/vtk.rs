@@ -2,7 +2,7 @@
 //!
 //! A scanner of our own for tags and attributes: a file with raw appended samples is not XML. Arrays are ascii, base64, or appended as
 //! base64 or raw, plain or packed by zlib, of any integer or float type and byte order; a file is in one piece. The crate `vtkio` panics
-//! at broken files and refuses some sound ones (docs/book/volumes.md).
+//! at broken files and refuses some sound ones (docs/book/volumes-irregular.md).
 
 use super::decode::{FARTHEST, Layout, Parsed, clip, number, numbers, take_all, unpacker};
 use super::{ByteOrder, SampleType, skip_bytes};
