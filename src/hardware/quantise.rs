@@ -130,8 +130,9 @@ pub fn lacks_tile_bits(machine: &Machine, size: [usize; 2]) -> Option<String> {
     let bits = machine.sort.and_then(|sort| sort.tile_bits)?;
     let tiles: usize = size.map(|pixels| pixels.div_ceil(TILE_PX)).iter().product();
     let needed = tiles.next_power_of_two().ilog2();
-    (needed > bits)
-        .then(|| format!("sort.tile_bits is {bits}, and the picture has {tiles} tiles of {TILE_PX}×{TILE_PX} pixels: {needed} would tell them apart"))
+    (needed > bits).then(|| {
+        format!("sort.tile_bits is {bits}, and the picture has {tiles} tiles of {TILE_PX}×{TILE_PX} pixels: {needed} would tell them apart")
+    })
 }
 
 /// The greatest power of two at which everything fits, around the middle of the splats.

@@ -410,7 +410,8 @@ impl Energy {
         let counted = |name: &str| cycles.units.iter().filter(|unit| unit.name == name).map(|unit| unit.items).sum::<u64>() as f64;
         let sorters = machine.timing.sorters();
         // Entries of a sorter: one in each of its cycles.
-        let sorted: f64 = cycles.units.iter().filter(|unit| unit.name == unit::SORT && sorters > 0).map(|unit| unit.account.busy as f64).sum();
+        let sorted: f64 =
+            cycles.units.iter().filter(|unit| unit.name == unit::SORT && sorters > 0).map(|unit| unit.account.busy as f64).sum();
         let items = |name: &str| match name {
             unit::SORT if sorters > 0 => sorted,
             // What is lit is what may be mirrored in.

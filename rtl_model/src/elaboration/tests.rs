@@ -1,6 +1,6 @@
+use crate::elaboration::Operator;
 use crate::elaboration::Part;
 use crate::frame::{Aspect, View};
-use crate::elaboration::Operator;
 use crate::machine::timing::Sorter;
 use crate::machine::{Machine, SortKind};
 use crate::num::lanes::Plain;
@@ -304,7 +304,10 @@ fn a_sorter_that_cannot_be_is_refused() {
     let mut fast = tile(sorter);
     fast.timing.clock_hz = 5_000_000_000;
     let cases = [
-        (sorting(SortKind::Radix, Some(sorter)), "timing.sort describes sorters of tiles' lists, but sort.kind is radix, which sorts in memory"),
+        (
+            sorting(SortKind::Radix, Some(sorter)),
+            "timing.sort describes sorters of tiles' lists, but sort.kind is radix, which sorts in memory",
+        ),
         (unsorted, "timing.sort describes sorters of tiles' lists, but the machine has no `sort`"),
         (tile(Sorter { units: 65, ..sorter }), "timing.sort.units is 65: it can be 1 to 64"),
         (tile(Sorter { buffer_entries: 100, ..sorter }), "timing.sort.buffer_entries is 100: it must be a power of two, 4 to 65536"),
@@ -312,7 +315,10 @@ fn a_sorter_that_cannot_be_is_refused() {
         (tile(Sorter { network: 3, ..sorter }), "timing.sort.network is 3: it must be a power of two, 1 to 1024"),
         (tile(Sorter { network: 512, ..sorter }), "timing.sort.network is 512, more than the 256 entries of timing.sort.buffer_entries"),
         (tile(Sorter { bucket_bits: Some(4), ..sorter }), "timing.sort.bucket_bits is 4, but sort.kind tile has no buckets"),
-        (sorting(SortKind::Hierarchical, Some(Sorter { bucket_bits: Some(13), ..sorter })), "timing.sort.bucket_bits is 13: it can be 1 to 12"),
+        (
+            sorting(SortKind::Hierarchical, Some(Sorter { bucket_bits: Some(13), ..sorter })),
+            "timing.sort.bucket_bits is 13: it can be 1 to 12",
+        ),
         (numbered, "sort.tile_bits is a part of the key of radix, but each tile's list is sorted by itself"),
         (too_many, "sort.tile_bits is 21: 1 to 20 can be built"),
         (narrow, "timing.memory.burst_bytes is 4: an entry of a list that is to be sorted has 7"),

@@ -130,7 +130,8 @@ impl Plan<'_> {
                 sizes[bucket] += 1;
             }
             if nth == last {
-                let left = |(bucket, entries): (usize, &u64)| self.full(Self::bucket(sorter, bucket), *entries, 0, self.entry_bytes(), true);
+                let left =
+                    |(bucket, entries): (usize, &u64)| self.full(Self::bucket(sorter, bucket), *entries, 0, self.entry_bytes(), true);
                 stores.extend(sizes.iter().enumerate().flat_map(left));
             }
             let load = self.bytes(keyed(tile), loaded, half.len() as u64);
@@ -296,7 +297,8 @@ pub fn sort_lists(
     loop {
         let are_left = queue.peek().is_some();
         // What is stored goes first.
-        let next = (sorters.iter().enumerate()).filter_map(|(nth, sorter)| sorter.next(are_left).map(|(when, load)| (when, load, nth))).min();
+        let next =
+            (sorters.iter().enumerate()).filter_map(|(nth, sorter)| sorter.next(are_left).map(|(when, load)| (when, load, nth))).min();
         let Some((now, is_load, nth)) = next else { break };
         memory.forget(now);
         let sorter = &mut sorters[nth];

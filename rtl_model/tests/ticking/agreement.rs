@@ -423,7 +423,8 @@ fn sorters_tick_as_they_are_replayed() {
                 Ok(ticked) => {
                     seen.see(&ticked);
                     let units = ticked.units.iter().filter(|unit| unit.name == "sort");
-                    *jobs.entry(format!("{:?}", machine.sort.unwrap().kind)).or_insert(0) += units.map(|unit| unit.log.len()).sum::<usize>();
+                    *jobs.entry(format!("{:?}", machine.sort.unwrap().kind)).or_insert(0) +=
+                        units.map(|unit| unit.log.len()).sum::<usize>();
                 }
                 Err(difference) => panic!("{difference}\nseed {seed} of {size:?}, {splats} splats\n{:#?}\n{scene:?}", machine.timing),
             }

@@ -6,8 +6,8 @@ use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine;
 use rtl_model::machine::SortKind;
 use rtl_model::machine::timing::{
-    Cache, Colour, DEFAULT, Environment, Fetch, Fragment, Memory, Organisation, Queue, Raster, Resolve, Setup, Shade, Sorter, Stage, Technology,
-    Timing,
+    Cache, Colour, DEFAULT, Environment, Fetch, Fragment, Memory, Organisation, Queue, Raster, Resolve, Setup, Shade, Sorter, Stage,
+    Technology, Timing,
 };
 
 /// Memory in which a request in cycle t has its data in cycle t + 1 + latency.

@@ -119,8 +119,18 @@ pub fn random(rng: &mut Rng, [width, height]: [u64; 2], splats: u64) -> Scene {
     let lit = rng.below(4);
     let mut some = || if rng.below(4) < lit { rng.below(4) as u8 } else { 0 };
     let ends = (0..width * height).map(|_| End { lit: some(), unlit: some() }).collect();
-    let mut scene =
-        Scene { width, height, splats, ends, preshaded: false, shared_axes: false, harmonics: 0, order: Vec::new(), keys: Vec::new(), mirrored: None };
+    let mut scene = Scene {
+        width,
+        height,
+        splats,
+        ends,
+        preshaded: false,
+        shared_axes: false,
+        harmonics: 0,
+        order: Vec::new(),
+        keys: Vec::new(),
+        mirrored: None,
+    };
     scene.clear_untouched();
     scene
 }

@@ -99,7 +99,7 @@ impl Sorters {
         })
     }
 
-    /// Nothing happens before the lists are written: then it is known that nobody does anything.
+    /// A cycle before all lists are written.
     pub fn idle(&mut self, now: u64) {
         self.units.iter_mut().for_each(|unit| unit.count(now, super::parts::Act::Starve));
     }

@@ -243,6 +243,18 @@ impl Bought {
 mod tests {
     use super::*;
 
+    /// A machine has the sizes of its sorters searched, if it has any.
+    #[test]
+    fn sorters_are_searched_where_there_are_some() {
+        let of = |kind: &str| {
+            let machine = machines::load("gaussian", &[format!("sort.kind={kind}")]).unwrap();
+            let fields = usual(&machine).into_iter().map(|field| field.field);
+            fields.filter_map(|field| field.strip_prefix("timing.sort.").map(str::to_owned)).collect::<Vec<_>>().join(" ")
+        };
+        let sizes = "units buffer_entries network";
+        assert_eq!(["radix", "tile", "hierarchical"].map(of), ["".to_owned(), sizes.to_owned(), format!("{sizes} bucket_bits")]);
+    }
+
     #[test]
     fn memory_stays_as_fast_whatever_the_clock() {
         let machine = Machine::named("reference").unwrap();
