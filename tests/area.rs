@@ -259,6 +259,8 @@ fn no_field_of_timing_gains_for_nothing_unless_it_is_marked_as_given() {
         ("lean", &["timing.organisation=immediate"], "torus-knot"),
         ("gaussian", &[], "bouquet"),
         ("tiny", &bought, "torus-knot"),
+        ("gaussian", &["sort.kind=tile", "timing.sort={\"units\": 2, \"buffer_entries\": 16, \"network\": 4}"], "bouquet"),
+        ("gaussian", &["sort.kind=hierarchical", "timing.sort={\"buffer_entries\": 64, \"network\": 8, \"bucket_bits\": 4}"], "bouquet"),
     ];
     let (mut tried, mut marked) = (0, 0);
     for (name, settings, scene) in machines {

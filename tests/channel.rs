@@ -27,6 +27,8 @@ mod parts;
 #[allow(dead_code, reason = "no scene is drawn at random here")]
 #[path = "../rtl_model/tests/ticking/scene.rs"]
 mod scene;
+#[path = "../rtl_model/tests/ticking/sorters.rs"]
+mod sorters;
 
 /// Built-in scenes, and how many splats they get here.
 const SCENES: [(&str, usize); 4] = [("glass-spheres", 6000), ("checkerboard", 3000), ("torus-knot", 2500), ("terrain", 4000)];
@@ -108,6 +110,34 @@ fn replayed_scenes_are_at_most_a_hundredth_off() {
     let machines = machines();
     for (name, count) in SCENES {
         check(name, &record(name, Some(count), Some(SIZE)), &machines);
+    }
+}
+
+/// Trained Gaussians, sorted in every way, with sorters whose buffers few lists fit.
+#[test]
+fn a_replayed_scene_is_at_most_a_hundredth_off_with_any_sort() {
+    if !tier::runs(Tier::Ci) {
+        return;
+    }
+    let sorts = [
+        &["sort.kind=radix"][..],
+        &["sort.kind=tile"],
+        &["sort.kind=tile", "timing.sort={\"units\": 3, \"buffer_entries\": 32, \"network\": 8}"],
+        &["sort.kind=hierarchical", "timing.sort={\"units\": 2, \"buffer_entries\": 32, \"network\": 8}"],
+        &["sort.kind=hierarchical", "timing.sort={\"buffer_entries\": 64}", "timing.memory.bytes_per_cycle=4"],
+        &["sort.kind=tile", "timing.sort={\"units\": 4, \"buffer_entries\": 64}", "timing.memory.preset=lpddr4-3200-x4"],
+    ];
+    let scene = splatsim::scene::Scene::load("bouquet", &Overrides { size: Some((64, 48)) }).unwrap();
+    for settings in sorts {
+        let settings: Vec<String> = settings.iter().map(|setting| (*setting).to_owned()).collect();
+        let machine = splatsim::hardware::machines::load("gaussian", &settings).unwrap();
+        let built = splatsim::hardware::fixed::elaborate(&machine).unwrap();
+        let work = splatsim::hardware::fixed::draw_measured(&built, &quantise(&scene, &machine).unwrap()).2;
+        let (ticked, replayed) = (binned::draw(&built.timing, &Scene::read(&work)), replay(&built.timing, &work, Detail::Accounts));
+        assert_eq!((ticked.traffic.bytes, ticked.traffic.bursts), (replayed.memory.bytes, replayed.memory.requests), "{settings:?}");
+        let error = replayed.total as f64 / ticked.total as f64 - 1.0;
+        println!("{settings:?}: {} ticked, {} replayed, {:+.3} %", ticked.total, replayed.total, 100.0 * error);
+        assert!(error.abs() <= 0.01, "{settings:?}: off by {:.2} %", 100.0 * error);
     }
 }
 

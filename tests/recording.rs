@@ -97,6 +97,65 @@ fn a_replay_has_the_area_and_energy_of_the_run_at_any_digit_of_the_sort() {
     assert!(areas[0] < areas[2], "{areas:?}");
 }
 
+/// Other kinds of the sort are replayed as they are run; buckets, from a record that has keys alone.
+#[test]
+fn a_replay_has_the_cycles_of_the_run_with_any_kind_of_sort() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let json = |path: String| -> Value { serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap() };
+    let scene = ["run", "bouquet", "--size", "32x24", "--quiet"];
+    let sizes = ["--set", "timing.sort={\"units\": 2, \"buffer_entries\": 8, \"network\": 4}"];
+    let (record, with_keys, replayed) = (path("frame.work"), path("keys.work"), path("replay"));
+    assert!(splatsim(&[&scene[..], &["--record", &record]].concat()).status.success());
+    let radix = path("radix");
+    assert!(splatsim(&[&scene[..], &["--out", &radix]].concat()).status.success());
+    let mut pictures = vec![std::fs::read(path("radix/fixed.png")).ok()];
+    for (kind, from) in [("sort.kind=tile", &record), ("sort.kind=hierarchical", &with_keys), ("sort.kind=tile", &with_keys)] {
+        let out = path("run");
+        let set = [&["--set", kind][..], &sizes].concat();
+        let run = splatsim(&[&scene[..], &set, &["--out", &out]].concat());
+        assert!(run.status.success(), "{run:?}");
+        pictures.push(std::fs::read(path("run/fixed.png")).ok());
+        if kind.ends_with("hierarchical") {
+            assert!(splatsim(&[&scene[..], &set, &["--record", &with_keys]].concat()).status.success());
+        }
+        let replay = splatsim(&[&["replay", from], &set[..], &["--out", &replayed, "--answers", "--quiet"]].concat());
+        assert!(replay.status.success(), "{replay:?}");
+        let report = json(path("run/report.json"));
+        assert_eq!((&report["cycles"], &report["cost"]), (&json(path("replay/cycles.json")), &json(path("replay/cost.json"))), "{kind}");
+    }
+    assert!(pictures.windows(2).all(|pair| pair[0].is_some() && pair[0] == pair[1]));
+    // Records without buckets are what they were.
+    let begins = |path: &str| std::fs::read(path).unwrap()[..16].to_vec();
+    assert_eq!([begins(&record), begins(&with_keys)], [b"splatsim-work-5\n".to_vec(), b"splatsim-work-6\n".to_vec()]);
+    for (set, sentence) in [
+        (
+            "sort.kind=hierarchical",
+            "the record has no keys of its splats, and buckets depend on them: record the frame with sort.kind=hierarchical",
+        ),
+        ("sort.tile_bits=1", "sort.tile_bits is 1, and the picture has 4 tiles of 16×16 pixels: 2 would tell them apart"),
+        ("sort.key=U1F12", "only fields below `timing` can change, and sort.kind, sort.tile_bits and sort.digit_bits"),
+    ] {
+        let refused = splatsim(&["replay", &record, "--set", set, "--out", &replayed]);
+        let told = String::from_utf8_lossy(&refused.stderr).into_owned();
+        assert!(refused.status.code() == Some(2) && told.contains(sentence) && told.lines().count() == 1, "{set}: {told}");
+    }
+    let refused = splatsim(&[&scene[..], &["--set", "sort.tile_bits=1", "--out", &replayed]].concat());
+    let told = String::from_utf8_lossy(&refused.stderr).into_owned();
+    assert!(refused.status.code() == Some(2) && told.contains("2 would tell them apart"), "{told}");
+    // Keys that end too soon, that are another order's, and that nobody wrote.
+    let whole = std::fs::read(&with_keys).unwrap();
+    assert!(refusal(&whole[..whole.len() - 1]).unwrap().contains("its keys end too soon"));
+    let splats = Recording::read(with_keys.as_ref()).unwrap().work.order.len();
+    let mut other = whole.clone();
+    let end = other.len();
+    other[end - splats..].fill(0);
+    assert!(refusal(&other).is_some());
+    let mut without = Recording::read(with_keys.as_ref()).unwrap();
+    without.work.keys.clear();
+    assert!(refusal(&bytes(without)).unwrap().contains("its machine has buckets, and it has no keys"));
+}
+
 fn refusal(bytes: &[u8]) -> Option<String> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("frame.work");

@@ -18,7 +18,7 @@ use rtl_model::machine::{Interpolation, Machine, Sight, TableShape};
 use rtl_model::num::{Format, Rounding, Word};
 use rtl_model::pipeline::Reach;
 use rtl_model::real::power_of_two;
-use rtl_model::work::{Found, Visit, Work};
+use rtl_model::work::{Found, TILE_PX, Visit, Work};
 use schemars::JsonSchema;
 use serde::Serialize;
 
@@ -123,6 +123,16 @@ pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
     }
     let misfits: Vec<String> = registers.misfits.into_iter().map(Misfit::sentence).collect();
     Err(Error::input(format!("machine {} cannot draw {}: {}", machine.name, scene.name, listed(&misfits))))
+}
+
+/// What the key of a machine's sort cannot tell apart in a picture of this size: tiles of 16×16 pixels, which are the smallest.
+pub fn lacks_tile_bits(machine: &Machine, size: [usize; 2]) -> Option<String> {
+    let bits = machine.sort.and_then(|sort| sort.tile_bits)?;
+    let tiles: usize = size.map(|pixels| pixels.div_ceil(TILE_PX)).iter().product();
+    let needed = tiles.next_power_of_two().ilog2();
+    (needed > bits).then(|| {
+        format!("sort.tile_bits is {bits}, and the picture has {tiles} tiles of {TILE_PX}×{TILE_PX} pixels: {needed} would tell them apart")
+    })
 }
 
 /// The greatest power of two at which everything fits, around the middle of the splats.
@@ -336,6 +346,10 @@ impl Registers<'_> {
         };
         if ellipsoids.sorted && machine.sort.is_none() {
             self.refuse("it has no `sort`, and these splats are drawn in the order of depth: `--machine gaussian` sorts".into());
+        }
+        let size = [scene.image.width, scene.image.height];
+        if let Some(sentence) = lacks_tile_bits(machine, size).filter(|_| ellipsoids.sorted) {
+            self.refuse(sentence);
         }
         if scene.compensates() && words.compensation_root.is_none() {
             self.refuse(

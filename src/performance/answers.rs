@@ -15,7 +15,8 @@ use crate::performance::cycles::frames_per_second;
 use crate::performance::given;
 use rayon::prelude::*;
 use rtl_model::Machine;
-use rtl_model::machine::timing::{Colour, Organisation, Queue, Timing};
+use rtl_model::elaboration::sorter::SorterShape;
+use rtl_model::machine::timing::{Colour, Organisation, Queue, Sorter, Timing};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::timing::{self, Cycles, Detail};
 use rtl_model::work::Work;
@@ -183,9 +184,9 @@ enum Way {
 fn way(name: &str) -> Option<Way> {
     Some(match name {
         "fifo" | "units" | "multipliers" | "buffers" | "lines" | "ways" | "misses" | "bytes_per_cycle" | "outstanding" | "lanes"
-        | "engines" | "merges_in_flight" | "channels" | "write_batch" => Way::More,
+        | "engines" | "merges_in_flight" | "channels" | "write_batch" | "buffer_entries" | "network" => Way::More,
         "latency" | "interval" | "hazard" | "merge" => Way::Less,
-        "side_px" | "line_px" | "burst_bytes" => Way::Both,
+        "side_px" | "line_px" | "burst_bytes" | "bucket_bits" => Way::Both,
         "queue" => Way::Other,
         "clock_hz" | "technology" | "organisation" | "ideal" | "hit_latency" | "miss_latency" | "row_bytes" | "banks" => Way::Given,
         "preset" | "bytes_per_cycle_permille" | "interleave_bytes" | "ranks" | "rank_switch_cycles" => Way::Given,
@@ -260,6 +261,9 @@ fn filled(machine: &Elaborated) -> Timing {
         let latency = Some(most.pace.latency);
         timing.colour = Some(Colour { latency, interval: Some(most.pace.interval), ..colour });
     }
+    if let Some(SorterShape { units, buffer_entries, network, bucket_bits, .. }) = built.sort.and_then(|sort| sort.sorter) {
+        timing.sort = Some(Sorter { units, buffer_entries, network, bucket_bits });
+    }
     timing.engines = Some(built.engines);
     timing.fragment.units = Some(built.fragment.units);
     timing.fragment.merges_in_flight = Some(built.merges_in_flight);
@@ -280,14 +284,18 @@ mod tests {
 
     #[test]
     fn no_field_of_timing_is_forgotten() {
-        let timing = json!(filled(&fixed::elaborate(&Machine::named("tiny").unwrap()).unwrap()));
         let mut names = Vec::new();
-        for (name, value) in timing.as_object().unwrap() {
-            match value.as_object() {
-                Some(fields) => names.extend(fields.keys().cloned()),
-                None => names.push(name.clone()),
+        let hierarchical = machines::load("gaussian", &["sort.kind=hierarchical".to_owned()]).unwrap();
+        for machine in [Machine::named("tiny").unwrap(), hierarchical] {
+            let timing = json!(filled(&fixed::elaborate(&machine).unwrap()));
+            for (name, value) in timing.as_object().unwrap() {
+                match value.as_object() {
+                    Some(fields) => names.extend(fields.keys().cloned()),
+                    None => names.push(name.clone()),
+                }
             }
         }
+        assert!(["buffer_entries", "network", "bucket_bits"].iter().all(|name| names.contains(&(*name).to_owned())), "{names:?}");
         let new: Vec<&String> = names.iter().filter(|name| way(name).is_none()).collect();
         assert!(names.len() > 30 && new.is_empty(), "{new:?}: say what is tried of it");
     }

@@ -43,10 +43,12 @@ pub fn ways(machine: &Elaborated) -> Vec<Way> {
     // Windows are formed step by step.
     let merge = merge.map(|way| Way { least: way.least.max(window::overflow_cycles(&machine.machine)), ..way });
     let colour = t.colour.last().map(|of| way("colour", t.paths.colour[t.colour.len().clamp(1, 3) - 1].path, of.pace.latency));
+    let sorter = t.sort.and_then(|sort| sort.sorter).map(|sorter| way("sort, an entry", sorter.merge_path(), 1));
     [("project", t.paths.project, t.project.latency), ("ellipse", t.paths.ellipse, t.ellipse.latency)]
         .map(|(name, path, cycles)| way(name, path, cycles))
         .into_iter()
         .chain(colour)
+        .chain(sorter)
         .chain(
             [
                 ("raster", t.paths.raster, t.raster.latency),

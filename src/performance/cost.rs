@@ -217,7 +217,7 @@ pub struct Cost {
     pub units: Vec<UnitCost>,
     /// Bits of all FIFOs.
     pub fifo_bits: u64,
-    /// Bits of tiles, or of the cache, and of the counts of the sort's digits.
+    /// Bits of tiles, or of the cache, and of the counts of the sort's digits, or of its buffers.
     pub memory_bits: u64,
     /// Bits of a pixel in the frame buffer.
     pub frame_bits_per_pixel: u64,
@@ -408,7 +408,12 @@ impl Energy {
     /// Of a frame that took these cycles on a machine of that cost. Every lane of a slot counts, whether it keeps a pixel or not.
     pub fn new(machine: &Elaborated, cost: &Cost, cycles: &Cycles, prices: &Prices) -> Self {
         let counted = |name: &str| cycles.units.iter().filter(|unit| unit.name == name).map(|unit| unit.items).sum::<u64>() as f64;
+        let sorters = machine.timing.sorters();
+        // Entries of a sorter: one in each of its cycles.
+        let sorted: f64 =
+            cycles.units.iter().filter(|unit| unit.name == unit::SORT && sorters > 0).map(|unit| unit.account.busy as f64).sum();
         let items = |name: &str| match name {
+            unit::SORT if sorters > 0 => sorted,
             // What is lit is what may be mirrored in.
             "shade" | "reflect" => counted("shade") + counted("resolve-shade") + counted("setup-shade"),
             name => counted(name),
@@ -422,8 +427,12 @@ impl Energy {
             .map(|part| {
                 let mut bits = Bits::default();
                 bits.add(part.operator, lanes(machine, part) * u64::from(part.copies));
-                // Parts are those of all shade units, and an item goes through one.
-                let instances = if ["shade", "reflect"].contains(&part.unit) { f64::from(machine.timing.shade_units) } else { 1.0 };
+                // Parts are those of all shade units, or of all sorters, and an item goes through one.
+                let instances = match part.unit {
+                    "shade" | "reflect" => f64::from(machine.timing.shade_units),
+                    unit::SORT => f64::from(sorters.max(1)),
+                    _ => 1.0,
+                };
                 let at_work = if part.unit == "colour" { colour_at_work } else { 1.0 };
                 items(part.unit) / instances * at_work * bits.price(of, bits.rom_word)
             })
@@ -454,7 +463,8 @@ impl Energy {
             fifo.bits.min(1 << 20).saturating_sub(idle).div_ceil(sharers)
         };
         let queued: f64 = machine.timing.storage.fifos.map(|fifo| items(fifo.to) * f64::from(2 * moved(fifo))).iter().sum();
-        let storage = read_and_written * of.memory + queued * of.fifo;
+        let of_sorters = sorted * machine.timing.sort.map_or(0.0, |sort| f64::from(2 * 8 * sort.entry_bytes));
+        let storage = (read_and_written + of_sorters) * of.memory + queued * of.fifo;
         let dram = cycles.memory.total_bytes() as f64 * prices.dram_pj_per_byte;
         let timing = &machine.timing.timing;
         let seconds = cycles.total as f64 / timing.clock_hz as f64;

@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! run --record FILE ─► "splatsim-work-5\n", machine and scene's name, what happened ─► replay FILE: any timing of the same machine
+//!                      "splatsim-work-6\n", the same, and the keys of splats that were sorted, where buckets depend on them
 //! ```
 //! What happened depends on everything of a machine but its `timing`: only that can be changed.
 //!
@@ -9,6 +10,7 @@
 //! `a_replay_takes_the_cycles_of_the_run`.
 
 use crate::error::{Error, Result};
+use crate::hardware::quantise::lacks_tile_bits;
 use crate::hardware::{fixed, machines};
 use crate::input;
 use crate::output::chart;
@@ -22,6 +24,7 @@ use crate::performance::roofline;
 use crate::performance::timings::{Axes, Timings, Variants, holds_stack};
 use crate::scene::MOST_PIXELS;
 use rtl_model::Machine;
+use rtl_model::machine::SortKind;
 use rtl_model::timing::{self, Detail};
 use rtl_model::work::Work;
 use serde::{Deserialize, Serialize};
@@ -31,9 +34,11 @@ use std::path::{Path, PathBuf};
 
 /// Beginning of a file of this kind.
 const MAGIC: &[u8] = b"splatsim-work-5\n";
+/// The same with keys behind the rest.
+const MAGIC_WITH_KEYS: &[u8] = b"splatsim-work-6\n";
 
-/// The one field outside of `timing` that changes no picture: passes of the sort, each of so many bits of the key.
-const DIGIT_BITS: &str = "sort.digit_bits";
+/// Fields outside of `timing` that change no picture: how the order comes about, not which it is.
+const OF_SORT: [&str; 3] = ["sort.kind", "sort.tile_bits", "sort.digit_bits"];
 
 /// Columns and rows of the roofline.
 const ROOFLINE_PX: [u32; 2] = [860, 600];
@@ -90,7 +95,7 @@ impl Recording {
         let is_recording = || {
             let mut begins = Vec::new();
             let read = fs::File::open(path).and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut begins));
-            read.is_ok() && (begins.is_empty() || begins == MAGIC)
+            read.is_ok() && (begins.is_empty() || [MAGIC, MAGIC_WITH_KEYS].contains(&&begins[..]))
         };
         if path.exists() && !(path.is_file() && is_recording()) {
             return input_error("it is there already and is no recording");
@@ -105,10 +110,13 @@ impl Recording {
     pub fn write(self, path: &Path) -> Result<()> {
         let machine = serde_json::to_string(&self.machine).map_err(|error| Error::job(error.to_string()))?;
         let parts = Parts { scene: self.scene, machine, work: self.work };
+        let keys = &parts.work.keys;
         write_beside(path, |file| {
-            file.write_all(MAGIC).map_err(|error| error.to_string())?;
+            file.write_all(if keys.is_empty() { MAGIC } else { MAGIC_WITH_KEYS }).map_err(|error| error.to_string())?;
             // Its own error says of a full disk that a buffer is full.
-            postcard::to_io(&parts, &mut *file).map(|_| ()).map_err(|error| file.flush().err().map_or(error.to_string(), |e| e.to_string()))
+            let written = postcard::to_io(&parts, &mut *file).map(|_| ());
+            let written = written.and_then(|()| if keys.is_empty() { Ok(()) } else { postcard::to_io(keys, &mut *file).map(|_| ()) });
+            written.map_err(|error| file.flush().err().map_or(error.to_string(), |e| e.to_string()))
         })
     }
 
@@ -119,10 +127,16 @@ impl Recording {
     pub fn read(path: &Path) -> Result<Self> {
         let input_error = |what: &str| Error::input(format!("{}: {what}", path.display()));
         let bytes = input::read(path).map_err(|error| input_error(&format!("cannot be read: {error}")))?;
-        let rest = bytes.strip_prefix(MAGIC).ok_or_else(|| input_error("is no record of a frame's work, as `run --record` writes them"))?;
+        let has_keys = bytes.starts_with(MAGIC_WITH_KEYS);
+        let rest = bytes
+            .strip_prefix(if has_keys { MAGIC_WITH_KEYS } else { MAGIC })
+            .ok_or_else(|| input_error("is no record of a frame's work, as `run --record` writes them"))?;
         let damaged = |what: &str| input_error(&format!("is damaged: {what}"));
-        let (parts, left): (Parts, &[u8]) =
+        let (mut parts, mut left): (Parts, &[u8]) =
             postcard::take_from_bytes(rest).map_err(|_| damaged("it ends too soon, or holds no such values"))?;
+        if has_keys {
+            (parts.work.keys, left) = postcard::take_from_bytes(left).map_err(|_| damaged("its keys end too soon"))?;
+        }
         if !left.is_empty() {
             return Err(damaged("something follows its end"));
         }
@@ -133,6 +147,7 @@ impl Recording {
             return Err(input_error(&format!("its picture has {width}×{height} pixels; at most {MOST_PIXELS} are drawn and replayed")));
         }
         parts.work.check().map_err(|what| damaged(&what))?;
+        holds_keys(&machine, &parts.work).map_err(|_| damaged("its machine has buckets, and it has no keys"))?;
         Ok(Recording { scene: parts.scene, machine, work: parts.work })
     }
 
@@ -143,12 +158,19 @@ impl Recording {
     pub fn set(&mut self, setting: &str) -> Result<()> {
         let flag = machines::flag("--set", setting);
         let field = setting.split('=').next().unwrap_or_default().trim();
-        if !field.starts_with("timing.") && field != DIGIT_BITS {
+        if !field.starts_with("timing.") && !OF_SORT.contains(&field) {
+            let [kind, tile_bits, digit_bits] = OF_SORT;
             return Err(Error::input(format!(
-                "{flag}: the record contains what happened in the frame; only fields below `timing` can change, and {DIGIT_BITS}"
+                "{flag}: the record contains what happened in the frame; only fields below `timing` can change, and {kind}, {tile_bits} and \
+                 {digit_bits}"
             )));
         }
-        self.machine = machines::changed(&self.machine, setting, &flag)?;
+        let machine = machines::changed(&self.machine, setting, &flag)?;
+        holds_keys(&machine, &self.work).map_err(|what| Error::input(format!("{flag}: {what}")))?;
+        if let Some(what) = lacks_tile_bits(&machine, [self.work.width, self.work.height].map(|side| side as usize)) {
+            return Err(Error::input(format!("{flag}: {what}")));
+        }
+        self.machine = machine;
         Ok(())
     }
 
@@ -186,6 +208,15 @@ impl Recording {
         let timings = variants.map(|variants| Timings::new(&variants, &self.work));
         Ok(Replayed { cycles: report, timings, answers, requests, cost })
     }
+}
+
+/// Whether a record has what buckets depend on, for a machine that has any.
+fn holds_keys(machine: &Machine, work: &Work) -> std::result::Result<(), String> {
+    let has_buckets = machine.sort.is_some_and(|sort| sort.kind == SortKind::Hierarchical);
+    if has_buckets && work.keys.len() != work.order.len() {
+        return Err("the record has no keys of its splats, and buckets depend on them: record the frame with sort.kind=hierarchical".into());
+    }
+    Ok(())
 }
 
 impl Replayed {

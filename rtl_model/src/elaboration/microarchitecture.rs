@@ -6,6 +6,7 @@
 //! ```
 
 use super::latency::Path;
+use super::sorter::SorterShape;
 use super::{Elaboration, Operator, Part, unit};
 use crate::machine::timing::{Cache, Environment, Memory, Organisation, Queue, Setup, Technology, Tile, Timing};
 use crate::machine::{Group, Machine, Merge};
@@ -37,6 +38,11 @@ impl Microarchitecture {
     /// Whether each unit of the fill stands alone, and merging holds it.
     pub fn is_single(&self) -> bool {
         [self.engines, self.merges_in_flight, self.fragment.units, self.shade.units, self.resolve.units] == [1; 5]
+    }
+
+    /// Sorters of lists side by side; 0 where there are none.
+    pub fn sorters(&self) -> u32 {
+        self.sort.and_then(|sort| sort.sorter).map_or(0, |sorter| sorter.units)
     }
 
     /// Whether the same work takes the same cycles: nothing differs but how long paths are, and how many bits are kept on the chip.
@@ -219,7 +225,7 @@ impl Pipeline {
 pub struct Storage {
     /// All FIFOs, in the order of the diagram.
     pub fifos: [Fifo; 8],
-    /// Tiles, or the cache with its tags and the lines that are on their way; counts of the sort's digits; requests to memory under way.
+    /// Tiles, or the cache with its tags and the lines that are on their way; counts of the sort's digits, or its buffers; requests to memory under way.
     pub memory_bits: u64,
     /// A pixel of the frame buffer: frame words, or all fragments of an immediate machine.
     pub frame_bits_per_pixel: u64,
@@ -228,15 +234,18 @@ pub struct Storage {
 /// Width of the sort's counts: as many entries as an index of 4 bytes tells apart.
 pub const SORT_COUNT_BITS: u64 = 32;
 
-/// A radix sort.
+/// A sort.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct SortShape {
-    /// Passes: times that every entry is read and written.
+    /// Passes of a radix sort: times that every entry is read and written; 0 of the other kinds.
     pub passes: u32,
-    /// Bits of the key that a pass looks at.
+    /// Bits of the key that a pass looks at; 0 of the other kinds.
     pub digit_bits: u32,
     /// Bytes of an entry: which splat, and its key.
     pub entry_bytes: u32,
+    /// What sorts lists one by one; none of a radix sort.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sorter: Option<SorterShape>,
 }
 
 /// Longest way through each unit, from an item to its result.
@@ -404,11 +413,20 @@ impl Machine {
         e.require(self.sort.is_none() || t.organisation == Organisation::Binned, || {
             "timing.organisation is immediate, but a sort needs all splats first: binned would do".into()
         });
-        let sort = self.sort.map(|sort| SortShape {
-            passes: sort.passes(),
-            digit_bits: sort.digit_bits.clamp(1, 16),
-            entry_bytes: 4 + bytes(sort.key.format.width()),
+        let sorter = self.sorter_shape(e);
+        let sort = self.sort.map(|sort| {
+            let [passes, digit_bits] = if sorter.is_some() { [0; 2] } else { [sort.passes(), sort.digit_bits.clamp(1, 16)] };
+            SortShape { passes, digit_bits, entry_bytes: ENTRY_BYTES + bytes(sort.key_bits() as i32), sorter }
         });
+        if let Some(sorter) = sorter {
+            sorter.declare(e);
+        }
+        if let Some(shape) = sort.filter(|_| sorter.is_some()) {
+            let burst_bytes = memory.burst_bytes;
+            e.require(burst_bytes >= shape.entry_bytes || burst_bytes < ENTRY_BYTES, || {
+                format!("timing.memory.burst_bytes is {burst_bytes}: an entry of a list that is to be sorted has {}", shape.entry_bytes)
+            });
+        }
         let fragment_bytes = bytes(self.fragment_bits());
         let frame_bytes = bytes(4 * self.resolve.frame.format.width());
         let pixels = t.cache.line_px[0].saturating_mul(t.cache.line_px[1]);
@@ -470,7 +488,7 @@ impl Machine {
             fetch: stage(Some(1), 1, t.fetch.fifo),
             project,
             ellipse,
-            storage: self.storage(&widths, [fragment_bytes, frame_bytes], colour.last().map(|of| of.pace), map),
+            storage: self.storage(&widths, [fragment_bytes, frame_bytes], colour.last().map(|of| of.pace), map, sort),
             map,
             colour,
             raster,
@@ -643,7 +661,14 @@ impl Machine {
     }
 
     /// What lies in FIFOs: splat records, points with the rest of their record, splats that are set up, stamps.
-    fn storage(&self, w: &Widths, [fragment_bytes, frame_bytes]: [u32; 2], coloured: Option<Pace>, map: Option<MapShape>) -> Storage {
+    fn storage(
+        &self,
+        w: &Widths,
+        [fragment_bytes, frame_bytes]: [u32; 2],
+        coloured: Option<Pace>,
+        map: Option<MapShape>,
+        sort: Option<SortShape>,
+    ) -> Storage {
         let t = &self.timing;
         let engines = units(t.engines);
         let fragments = u64::from(self.fragment.layers) * u64::from(fragment_bytes) * 8;
@@ -672,7 +697,10 @@ impl Machine {
         let kept_px = kept.map(u64::from).into_iter().fold(1, u64::saturating_mul);
         let tags = if immediate { u64::from(kept[2]) * TAG_BITS } else { 0 };
         // While entries go where one digit has them, the next digit is counted.
-        let sort_counts = self.sort.map_or(0, |sort| (2 * SORT_COUNT_BITS) << sort.digit_bits.clamp(1, 16));
+        let sort_counts = sort.map_or(0, |sort| match sort.sorter {
+            None => (2 * SORT_COUNT_BITS) << sort.digit_bits,
+            Some(sorter) => sorter.memory_bits(t.memory.resolved(t.clock_hz).burst_bytes),
+        });
         // Of a tile beside its fragments which pixels have stopped, if any can.
         let pixels = kept_px.saturating_mul(fragments + u64::from(!immediate && self.fragment.sheets.is_some()));
         // What fetch has asked for, and what resolve writes, waits in whole requests.

@@ -8,6 +8,7 @@
 use crate::machine::FunctionUnit;
 pub mod latency;
 pub mod microarchitecture;
+pub mod sorter;
 
 pub use crate::records::{Signal, unit};
 

@@ -395,22 +395,58 @@ pub struct Sheets {
     pub ratio: Word,
 }
 
+/// How the splats of a tile come into the order of their depths. Each kind gives the same order, and so the same picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum SortKind {
+    /// A radix sort of the entries of all lists, in memory: one pass for each digit of the key.
+    #[default]
+    Radix,
+    /// Each tile's list by itself, in the buffer of a sorter (`timing.sort`). A list that is longer than the buffer is sorted in chunks,
+    /// which are merged in memory.
+    Tile,
+    /// As `tile`, but a list that is longer than the buffer is first distributed to buckets in memory, by the upper bits of the key; then
+    /// each bucket is sorted.
+    Hierarchical,
+}
+
+impl SortKind {
+    fn is_radix(&self) -> bool {
+        *self == SortKind::Radix
+    }
+}
+
 /// The sort by depth between setup and raster.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Sort {
+    /// What is sorted at a time, and where; left out, `radix`.
+    #[serde(default, skip_serializing_if = "SortKind::is_radix")]
+    pub kind: SortKind,
     /// The sort key: depth, machine units. Splats with equal keys stay in input order.
     pub key: Word,
-    /// Bits of the key that one pass of the radix sort uses, 1 to 16.
+    /// Bits of the tile's number in front of the depth in the key of `radix`, 1 to 20: a picture has at most 2^this tiles of 16×16 pixels,
+    /// whatever the side of the machine's tiles. Left out, the key is the depth alone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub tile_bits: Option<u32>,
+    /// Bits of the key that one pass of the radix sort uses, 1 to 16; the other kinds do not use it.
     pub digit_bits: u32,
 }
 
 impl Sort {
+    /// Bits of the whole key: the tile's number and the depth.
+    pub(crate) fn key_bits(&self) -> u32 {
+        self.key.format.width().max(1) as u32 + self.tile_bits.unwrap_or(0).min(MOST_TILE_BITS)
+    }
+
     /// Passes over all entries, one per digit of the key.
     pub(crate) fn passes(&self) -> u32 {
-        (self.key.format.width().max(1) as u32).div_ceil(self.digit_bits.clamp(1, 16))
+        self.key_bits().div_ceil(self.digit_bits.clamp(1, 16))
     }
 }
+
+/// Most bits of a tile's number.
+pub(crate) const MOST_TILE_BITS: u32 = 20;
 
 /// Formats of the unit `shade`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

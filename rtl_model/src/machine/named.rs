@@ -2,7 +2,7 @@
 
 use super::{
     Colour, Ellipse, Ellipsoid, Fragment, FragmentDepth, FunctionUnit, Gauss, Group, Interpolation, Machine, Merge, Project, Raster,
-    Resolve, Rows, Shade, Sheets, Sort, Splat, TableShape, Window, timing,
+    Resolve, Rows, Shade, Sheets, Sort, SortKind, Splat, TableShape, Window, timing,
 };
 use crate::num::{Format, Overflow, Rounding, Word};
 
@@ -453,7 +453,7 @@ fn gaussian() -> Machine {
         project: Project { slope: signed(6, 22), ..base.project },
         ellipse: Ellipse { ellipsoid, ..base.ellipse },
         colour: Some(Colour { degree: 3 }),
-        sort: Some(Sort { key: unsigned(1, 23), digit_bits: 8 }),
+        sort: Some(Sort { kind: SortKind::Radix, key: unsigned(1, 23), tile_bits: None, digit_bits: 8 }),
         gauss: Gauss {
             radial_index: unsigned(4, 16),
             table: TableShape { index_bits: 10, interpolation: Interpolation::Linear },

@@ -118,6 +118,9 @@ pub struct Timing {
     /// Spherical harmonics → colour, on a machine with the unit `colour`; left out, one unit with 16 multipliers.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colour: Option<Colour>,
+    /// Sorters of tiles' lists, on a machine whose `sort.kind` is `tile` or `hierarchical`; left out there, one with the default sizes.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sort: Option<Sorter>,
     /// Ellipse → fragments.
     pub raster: Raster,
     /// Radial index → weight.
@@ -205,6 +208,29 @@ pub struct Colour {
 impl Default for Colour {
     fn default() -> Self {
         Colour { units: 1, latency: None, interval: None, multipliers: 16, fifo: 4 }
+    }
+}
+
+/// A sorter: it loads entries of a list into its buffer, sorts them there, and stores them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[schemars(rename = "SortTiming")]
+#[serde(deny_unknown_fields, default)]
+pub struct Sorter {
+    /// Sorters side by side, 1 to 64: each takes the next list from one queue.
+    pub units: u32,
+    /// Entries that a sorter sorts at a time, a power of two, 4 to 65536.
+    pub buffer_entries: u32,
+    /// Entries that its bitonic network sorts at a time, a power of two, 1 to 1024 and at most `buffer_entries`; 1: it has no network. The
+    /// runs of the network are merged in the buffer, an entry a cycle.
+    pub network: u32,
+    /// Upper bits of the key that choose the bucket of an entry, 1 to 12, on a machine whose `sort.kind` is `hierarchical`; left out there, 6.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bucket_bits: Option<u32>,
+}
+
+impl Default for Sorter {
+    fn default() -> Self {
+        Sorter { units: 1, buffer_entries: 256, network: 16, bucket_bits: None }
     }
 }
 
@@ -612,6 +638,7 @@ pub const DEFAULT: Timing = Timing {
     project: Setup { units: 1, latency: None, interval: None, multipliers: None, fifo: 4 },
     ellipse: Setup { units: 1, latency: None, interval: None, multipliers: None, fifo: 16 },
     colour: None,
+    sort: None,
     raster: Raster { lanes: [4, 1], latency: None, fifo: 16 },
     gauss: Stage { latency: None, fifo: 4 },
     cache: Cache { line_px: [4, 4], lines: 256, ways: 4, misses: 8, latency: 2, fifo: 32 },

@@ -7,7 +7,7 @@ use crate::elaboration::microarchitecture::{Harmonics, Microarchitecture, Paths,
 use crate::elaboration::{Elaboration, Operator, Part, Signal};
 use crate::frame::{Frame, Kernel, View};
 use crate::functions::{Reciprocal, ReciprocalRoot, Table};
-use crate::machine::{Group, Machine, Splat};
+use crate::machine::{Group, MOST_TILE_BITS, Machine, SortKind, Splat};
 use crate::num::{Fit, Format, MAX_WIDTH_BITS};
 use crate::records::unit;
 use crate::units::fragment::FragmentRegisters;
@@ -123,10 +123,20 @@ impl Machine {
         e.port(unit::SORT, "key", sort.key);
         e.signedness(unit::SORT, "key", sort.key, false);
         e.within(unit::SORT, "digit_bits", sort.digit_bits, 1, 16);
+        if let Some(bits) = sort.tile_bits {
+            e.within(unit::SORT, "tile_bits", bits, 1, MOST_TILE_BITS);
+            e.require(sort.kind == SortKind::Radix, || {
+                "sort.tile_bits is a part of the key of radix, but each tile's list is sorted by itself: leave it out".into()
+            });
+        }
+        if sort.kind != SortKind::Radix {
+            // Sorters are a part of the microarchitecture.
+            return Some(e.fit(unit::SORT, "key", sort.key, self.project.depth.into()));
+        }
         // One counts the next digit's values, one counts where the next entry of this digit's value goes, or sums up.
         e.adders(unit::SORT, 2, SORT_COUNT_BITS as i32);
         // The digit of a pass is chosen from the key, for the entry that moves and for the one that is counted.
-        let key_bits = sort.key.format.width();
+        let key_bits = sort.key_bits() as i32;
         let digit_bits = sort.digit_bits.clamp(1, 16);
         e.copies(2, |e| e.choice(unit::SORT, sort.passes(), digit_bits as i32));
         // An entry, a splat's number and its key, is read, and is written.

@@ -6,6 +6,7 @@ use crate::frame::{Ellipsoids, Frame, Orientation, Splat};
 use crate::functions::Table;
 use crate::graph::{BATCH, Batch, Program, ROWS, Run};
 use crate::kernels::host::{Host, Kernel, Vectorised};
+use crate::machine::SortKind;
 use crate::num::{Fit, LANES, Lanes, Words, three, two};
 use crate::probe::{Probe, Tap};
 use crate::records::{EllipseOut, PROJECTED, ProjectOut, SET_UP, TILE_PX};
@@ -53,7 +54,7 @@ pub struct Setup {
 
 impl Setup {
     /// Brings the splats into the order of their keys, those with equal keys in that of their numbers.
-    fn sort<P: Probe>(&mut self, key: &Fit, probe: &mut P) {
+    fn sort<P: Probe>(&mut self, key: &Fit, has_buckets: bool, probe: &mut P) {
         let tap = &mut Tap::new(&mut *probe);
         let keyed =
             numbered(&self.blocks).zip(0..).map(|((entry, splat), nth)| (tap.fit_one(key, i64::from(splat.raster.depth)), nth, entry));
@@ -66,7 +67,10 @@ impl Setup {
         }
         order.sort_unstable();
         if P::WORK || P::TRANSFERS {
-            probe.sorted(order.iter().map(|(_, nth, _)| *nth).collect());
+            // Only buckets depend on more than the order.
+            let mut keys = vec![0; if has_buckets { order.len() } else { 0 }];
+            order.iter().filter(|_| has_buckets).for_each(|(key, nth, _)| keys[*nth as usize] = *key as u32);
+            probe.sorted(order.iter().map(|(_, nth, _)| *nth).collect(), keys);
         }
         self.order = order.into_iter().map(|(.., entry)| entry).collect();
     }
@@ -140,7 +144,7 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
         probe.mirrors();
     }
     if let (Some(sort), true) = (&machine.sort, frame.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.sorted)) {
-        whole.sort(sort, probe);
+        whole.sort(sort, machine.machine.sort.is_some_and(|sort| sort.kind == SortKind::Hierarchical), probe);
     }
     whole
 }

@@ -108,8 +108,8 @@ impl Probe for Composite {
         Probe::drawn(&mut self.recorder, splat, sides);
     }
 
-    fn sorted(&mut self, order: Vec<u32>) {
-        Probe::sorted(&mut self.recorder, order);
+    fn sorted(&mut self, order: Vec<u32>, keys: Vec<u32>) {
+        Probe::sorted(&mut self.recorder, order, keys);
     }
 
     fn ellipsoids(&mut self, preshaded: bool, shared_axes: bool, harmonics: u8) {

@@ -89,7 +89,7 @@ pub trait Probe: Send + Sync + Sized {
     #[inline(always)]
     fn drawn(&mut self, _splat: u32, _sides: [[u16; 2]; 2]) {}
     /// All splats with a box have been observed; they are drawn in this order, each by its place among them.
-    fn sorted(&mut self, _order: Vec<u32>) {}
+    fn sorted(&mut self, _order: Vec<u32>, _keys: Vec<u32>) {}
     /// Splats are ellipsoids: whether each with a box is lit before it is drawn, whether all have the axes in the registers, and the degree of
     /// the harmonics that their colours are.
     fn ellipsoids(&mut self, _preshaded: bool, _shared_axes: bool, _harmonics: u8) {}

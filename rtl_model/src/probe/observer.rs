@@ -112,7 +112,7 @@ impl<const EVERYTHING: bool> Probe for DynProbe<'_, '_, EVERYTHING> {
     fn set_up(&mut self, splat: u32, project: [i64; PROJECTED], ellipse: [i64; SET_UP]) {
         self.observer().set_up(splat, project, ellipse);
     }
-    fn sorted(&mut self, order: Vec<u32>) {
+    fn sorted(&mut self, order: Vec<u32>, _keys: Vec<u32>) {
         self.observer().sorted(order);
     }
     fn emitted(&mut self, splat: u32, rgb: [i32; 3]) {

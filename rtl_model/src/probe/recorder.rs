@@ -22,8 +22,8 @@ impl Probe for Recorder {
         Recorder::culled(self, first, lanes);
     }
 
-    fn sorted(&mut self, order: Vec<u32>) {
-        Recorder::sorted(self, order);
+    fn sorted(&mut self, order: Vec<u32>, keys: Vec<u32>) {
+        Recorder::sorted(self, order, keys);
     }
 
     fn ellipsoids(&mut self, preshaded: bool, shared_axes: bool, harmonics: u8) {

@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! memory ─► fetch ─► project ─► ellipse [─► colour] [─► shade] ─► bin ─► memory   every splat once: its record, an entry for each tile of its box
-//! memory ◄─► sort                                                      every entry, once a digit of its depth, if splats are sorted
+//! memory ◄─► sort                                                      if splats are sorted: every entry, once a digit of its depth;
+//!                                                                      or list after list (`sorters.rs`)
 //! memory ─► list ─► raster ─► gauss ─► fragment ─► resolve ─► memory  every entry of every tile; the tile's words
 //! ```
 //! The second pass begins when the first, and the sort, is through. Tiles follow each other by rows, or the longest lists come first; those
@@ -17,6 +18,7 @@ pub mod abreast;
 use super::Cycles;
 use super::account::{Detail, Ready, Unit};
 use super::memory::{Client, Direction, LISTS, Memory, Outstanding, RECORDS, WORDS};
+use super::sorters;
 use super::stages::{Fill, Held, Merge, Resolve, SetUp, Stamp};
 use super::stamps::Stamps;
 use super::stops::{self, EarlyTermination, Stops};
@@ -32,9 +34,9 @@ use std::ops::Range;
 use std::rc::Rc;
 
 /// Bytes of a list's entry: which splat.
-const ENTRY_BYTES: u64 = microarchitecture::ENTRY_BYTES as u64;
+pub const ENTRY_BYTES: u64 = microarchitecture::ENTRY_BYTES as u64;
 /// Lists lie so far apart.
-const LIST_BYTES: u64 = 1 << 24;
+pub const LIST_BYTES: u64 = 1 << 24;
 
 /// Replays a frame.
 pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles {
@@ -42,7 +44,7 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     let mut listed = Listed::new(timing, work, &lists, detail);
     let pass = SecondPass::new(timing, work, &lists, listed.from);
     let (engines, stamps, tiles, saved) = pass.run(&mut listed.memory, detail);
-    Cycles { early_termination: saved, ..listed.cycles(work, engines, stamps, tiles, detail) }
+    Cycles { early_termination: saved, ..listed.cycles(engines, stamps, tiles, detail) }
 }
 
 /// A frame whose lists are written, and sorted.
@@ -51,7 +53,7 @@ struct Listed<'a> {
     memory: Memory,
     setup: SetUp<'a>,
     bin: Unit,
-    sort: Unit,
+    sort: Vec<Unit>,
     /// When the second pass begins.
     from: u64,
 }
@@ -61,15 +63,17 @@ impl<'a> Listed<'a> {
     fn new(t: &'a Microarchitecture, work: &'a Work, lists: &Bins, detail: Detail) -> Self {
         let mut memory = Memory::new(t.timing.memory, detail == Detail::Log);
         let (setup, bin, listed) = first_pass(t, work, lists, &mut memory, detail);
-        let one = Pace { units: 1, latency: 1, interval: 1, fifo: 1 };
-        let mut sort = Unit::new(unit::SORT, one, [Some("bin"), Some("list")], detail, t.lifted);
-        let sorted = if work.order.is_empty() { listed } else { sort_lists(t, lists.entries() as u64, &mut sort, listed, &mut memory) };
+        let (sort, sorted) = match work.order.is_empty() {
+            true => (Vec::new(), listed),
+            false => sorters::sort_lists(t, work, lists, listed, &mut memory, detail)
+                .unwrap_or_else(|| sort_entries(t, lists.entries() as u64, listed, &mut memory, detail)),
+        };
         let from = if t.timing.queue == Queue::Longest { sorted + queue_cycles(lists) } else { sorted };
         Listed { memory, setup, bin, sort, from }
     }
 
     /// Cycles of the frame, when the engines have drawn it.
-    fn cycles(self, work: &Work, engines: Vec<Engine>, stamps: [u64; 2], tiles: Option<Tiles>, detail: Detail) -> Cycles {
+    fn cycles(self, engines: Vec<Engine>, stamps: [u64; 2], tiles: Option<Tiles>, detail: Detail) -> Cycles {
         let Listed { memory, setup, bin, sort, .. } = self;
         let of_engine = engines.iter().map(|engine| texels::lookups([&engine.merge.texels, &engine.lit_texels]));
         let texels = of_engine.fold(texels::lookups([&setup.texels]), |[all, had], [more, more_had]| [all + more, had + more_had]);
@@ -91,7 +95,7 @@ impl<'a> Listed<'a> {
         let [list, raster, gauss, fragment, shade, lit, resolve] = each;
         let (mut units, shade) = setup.units(shade);
         units.push(bin);
-        units.extend((!work.order.is_empty()).then_some(sort));
+        units.extend(sort);
         units.extend([list, raster, gauss, fragment, shade, lit, resolve].into_iter().flatten());
         Cycles { stamps, tiles, texels, light, ..Cycles::of(units, memory, detail) }
     }
@@ -378,6 +382,11 @@ fn first_pass<'a>(t: &'a Microarchitecture, work: &'a Work, lists: &Bins, memory
     let one = Pace { units: 1, latency: 1, interval: 1, fifo: 1 };
     let mut bin = Unit::new("bin", one, [Some(SetUp::last_name(t, work)), None], detail, t.lifted);
     let each = u64::from(!bin.is_lifted());
+    let log = t.timing.memory.burst_bytes.ilog2();
+    // Sorters load entries with their keys from lists of their own.
+    let keyed_bytes = t.sort.filter(|sort| sort.sorter.is_some() && !work.order.is_empty()).map(|sort| u64::from(sort.entry_bytes));
+    let entry_bytes = keyed_bytes.unwrap_or(ENTRY_BYTES);
+    let list = |tile: usize| if keyed_bytes.is_some() { sorters::keyed(tile) } else { LISTS + tile as u64 * LIST_BYTES };
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     let mut lengths = vec![0u64; lists.tiles()];
     let mut fates = work.fates.iter().zip(0..).peekable();
@@ -413,9 +422,10 @@ fn first_pass<'a>(t: &'a Microarchitecture, work: &'a Work, lists: &Bins, memory
         let mut when = now;
         each_tile(footprint.sides(), side, lists.columns, |tile| {
             when += each;
+            let before = (lengths[tile] * entry_bytes) >> log;
             lengths[tile] += 1;
-            if (lengths[tile] * ENTRY_BYTES).is_multiple_of(burst) {
-                write(when, LISTS + tile as u64 * LIST_BYTES + lengths[tile] * ENTRY_BYTES - burst);
+            if (lengths[tile] * entry_bytes) >> log > before {
+                write(when, list(tile) + before * burst);
             }
         });
         end = end.max(when + 1);
@@ -429,8 +439,8 @@ fn first_pass<'a>(t: &'a Microarchitecture, work: &'a Work, lists: &Bins, memory
     if !(work.footprints.len() as u64 * u64::from(t.prepared_bytes)).is_multiple_of(burst) {
         end = end.max(memory.request(last, Client::Binning, Direction::Write, RECORDS + record_bursts * burst, burst));
     }
-    for (tile, length) in lengths.into_iter().enumerate().filter(|(_, length)| !(length * ENTRY_BYTES).is_multiple_of(burst)) {
-        let address = LISTS + tile as u64 * LIST_BYTES + length * ENTRY_BYTES / burst * burst;
+    for (tile, length) in lengths.into_iter().enumerate().filter(|(_, length)| !(length * entry_bytes).is_multiple_of(burst)) {
+        let address = list(tile) + length * entry_bytes / burst * burst;
         end = end.max(memory.request(last, Client::Binning, Direction::Write, address, burst));
     }
     (setup, bin, end)
@@ -442,9 +452,11 @@ const SORT_BYTES: u64 = 1 << 12;
 const SORTED: u64 = 1 << 60;
 
 /// Radix sort of all lists' entries by depth: a pass for each digit of the key reads every entry and writes it to where it belongs, an entry
-/// a cycle, after a cycle for each value of the digit to sum the counts up. Says when it is done.
-fn sort_lists(t: &Microarchitecture, entries: u64, sort: &mut Unit, from: u64, memory: &mut Memory) -> u64 {
-    let Some(shape) = t.sort else { return from };
+/// a cycle, after a cycle for each value of the digit to sum the counts up. Says which unit did, and when it is done.
+fn sort_entries(t: &Microarchitecture, entries: u64, from: u64, memory: &mut Memory, detail: Detail) -> (Vec<Unit>, u64) {
+    let one = Pace { units: 1, latency: 1, interval: 1, fifo: 1 };
+    let mut sort = Unit::new(unit::SORT, one, [Some("bin"), Some("list")], detail, t.lifted);
+    let Some(shape) = t.sort else { return (vec![sort], from) };
     let mut now = from;
     for pass in 0..u64::from(shape.passes) {
         let busy = if sort.is_lifted() { 0 } else { entries + (1 << shape.digit_bits) };
@@ -463,5 +475,5 @@ fn sort_lists(t: &Microarchitecture, entries: u64, sort: &mut Unit, from: u64, m
         now += cycles;
         memory.forget(now);
     }
-    now
+    (vec![sort], now)
 }

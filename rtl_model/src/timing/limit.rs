@@ -151,7 +151,7 @@ fn candidates(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Vec<C
     }
     // Where pixels stop, whatever is faster may leave more out than it is itself busy with. Of several side by side a way may go through one
     // while the others are busy, or merges under way.
-    if work.stops() || !timing.is_single() {
+    if work.stops() || !timing.is_single() || timing.sorters() > 1 {
         all.iter_mut().filter(|(at_most, ..)| *at_most > 0).for_each(|(at_most, ..)| *at_most = cycles.total);
         return all;
     }

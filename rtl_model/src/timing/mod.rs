@@ -26,6 +26,7 @@ mod hazards;
 mod immediate;
 mod limit;
 mod memory;
+mod sorters;
 mod stages;
 mod stamps;
 mod stops;

@@ -206,6 +206,9 @@ pub struct Work {
     pub footprints: Vec<Footprint>,
     /// In which order they are drawn: places among them; empty where they are drawn in input order.
     pub order: Vec<u32>,
+    /// Key of each drawn splat, in input order, on a machine that distributes lists to buckets by it; else empty.
+    #[serde(skip)]
+    pub keys: Vec<u32>,
     /// Every drawn splat is lit before it is drawn.
     pub preshaded: bool,
     /// All splats have the axes that lie in registers.
@@ -243,7 +246,7 @@ impl Work {
     /// Bytes that it takes.
     pub fn bytes(&self) -> usize {
         self.fates.len()
-            + 4 * self.order.len()
+            + 4 * (self.order.len() + self.keys.len())
             + size_of::<Footprint>() * self.footprints.len()
             + self.tiles.iter().map(Tile::bytes).sum::<usize>()
             + size_of::<Visit>() * self.walk.len()
@@ -334,6 +337,7 @@ pub struct Recorder {
     footprints: Vec<Footprint>,
     culled: Vec<(u32, Fate)>,
     order: Vec<u32>,
+    keys: Vec<u32>,
     preshaded: bool,
     shared_axes: bool,
     harmonics: u8,
@@ -348,7 +352,7 @@ pub const CULLED: [Fate; 6] = [Fate::Near, Fate::Outside, Fate::Transparent, Fat
 impl Recorder {
     /// Record of a frame.
     pub fn work(self, width: u32, height: u32) -> Work {
-        let Recorder { footprints, culled, order, preshaded, shared_axes, harmonics, mirrors, mut tiles, now } = self;
+        let Recorder { footprints, culled, order, keys, preshaded, shared_axes, harmonics, mirrors, mut tiles, now } = self;
         let mut fates = vec![Fate::Drawn; footprints.len() + culled.len()];
         for (splat, fate) in culled {
             fates[splat as usize] = fate;
@@ -360,6 +364,7 @@ impl Recorder {
             fates,
             footprints,
             order,
+            keys,
             preshaded,
             shared_axes,
             harmonics,
@@ -409,9 +414,9 @@ impl Recorder {
         }
     }
 
-    /// All splats with a box have been recorded; they are drawn in this order.
-    pub fn sorted(&mut self, order: Vec<u32>) {
-        self.order = order;
+    /// All splats with a box have been recorded; they are drawn in this order. Keys, if any, are in input order.
+    pub fn sorted(&mut self, order: Vec<u32>, keys: Vec<u32>) {
+        (self.order, self.keys) = (order, keys);
     }
 
     /// Splats are ellipsoids: whether each with a box is lit before it is drawn, whether all have the axes in the registers, and the degree of

@@ -80,7 +80,15 @@ impl Work {
             }
         }
         let is_order = self.order.is_empty() || self.order.len() == self.footprints.len() && seen.iter().all(|seen| *seen);
-        require(is_order, "its order leaves splats out")
+        require(is_order, "its order leaves splats out")?;
+        let have_keys = self.keys.is_empty() || self.keys.len() == self.order.len();
+        require(have_keys && self.order.windows(2).all(|pair| self.is_before(pair[0], pair[1])), "its order is not that of its keys")
+    }
+
+    /// Whether a splat is drawn before another, as far as their keys say; those with equal keys are in input order.
+    fn is_before(&self, one: u32, other: u32) -> bool {
+        let key = |nth: u32| self.keys.get(nth as usize).map(|key| (*key, nth));
+        self.keys.is_empty() || key(one) < key(other)
     }
 }
 

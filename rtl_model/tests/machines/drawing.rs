@@ -4,10 +4,11 @@ use crate::frames::{ellipsoids, frame};
 use crate::mutation::{Mutation, differences, mutated, mutations, named};
 use crate::tier;
 use proptest::prelude::*;
-use rtl_model::machine::{Merge, Rows};
+use rtl_model::machine::{Merge, Rows, SortKind};
 use rtl_model::pipeline::{draw, draw_measured, draw_unobserved};
 use rtl_model::probe::{Range, Ranges};
 use rtl_model::{Drawing, Elaborated, Frame, Machine};
+use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// Counts words one by one.
@@ -182,4 +183,47 @@ fn threads_and_watchers_change_no_bit() {
         assert_eq!(watched(2), one, "{name}");
         assert_eq!(watched(3), one, "{name}");
     }
+}
+
+/// Kinds of sorts give the picture of the radix sort, on random frames of random keys; and their own steps, done here one by one with the keys
+/// that were recorded, give the lists that are drawn.
+#[test]
+fn every_sort_that_claims_an_order_gives_the_picture_of_radix() {
+    let (mut distributed, mut equal_keys, mut pictures) = (0, 0, 0);
+    for seed in 0..tier::of([3, 2], 45) as u64 {
+        let mut machine = Machine::named("gaussian").unwrap();
+        let key = ["U1F23", "U1F11", "U1F5"][seed as usize % 3];
+        machine.sort.as_mut().unwrap().key = serde_json::from_value(key.into()).unwrap();
+        let frame = ellipsoids(&machine, seed, 500);
+        let with = |kind: SortKind, tile_bits: Option<u32>| {
+            let mut other = machine.clone();
+            let sort = other.sort.as_mut().unwrap();
+            (sort.kind, sort.tile_bits) = (kind, tile_bits);
+            draw_measured(&other.elaborate().unwrap(), &frame)
+        };
+        let (radix, _, work) = with(SortKind::Radix, None);
+        assert!(work.keys.is_empty(), "nothing depends on keys");
+        for (kind, tile_bits) in [(SortKind::Tile, None), (SortKind::Hierarchical, None), (SortKind::Radix, Some(13))] {
+            assert!(with(kind, tile_bits).0 == radix, "seed {seed}: {kind:?}");
+        }
+        pictures += u64::from(!work.order.is_empty());
+        let (_, _, work) = with(SortKind::Hierarchical, None);
+        assert_eq!(work.keys.len(), work.order.len());
+        let bits = machine.sort.unwrap().key.format.width();
+        let lists = work.bins(16);
+        for list in (0..lists.tiles()).map(|tile| lists.of(tile)) {
+            let mut buckets = vec![Vec::new(); 8];
+            (0..work.footprints.len() as u32)
+                .filter(|nth| list.contains(nth))
+                .for_each(|nth| buckets[(work.keys[nth as usize] >> (bits - 3)) as usize].push((work.keys[nth as usize], nth)));
+            distributed += usize::from(buckets.iter().filter(|bucket| bucket.len() > 1).count() > 1);
+            equal_keys += buckets.iter().flatten().count() - buckets.iter().flatten().map(|(key, _)| *key).collect::<BTreeSet<_>>().len();
+            let sorted = buckets.into_iter().flat_map(|mut bucket| {
+                bucket.sort_unstable();
+                bucket
+            });
+            assert_eq!(sorted.map(|(_, nth)| nth).collect::<Vec<_>>(), list, "seed {seed}");
+        }
+    }
+    assert!(pictures > 5 && distributed > 5 && equal_keys > 5, "{pictures} pictures, {distributed} lists, {equal_keys} equal keys");
 }

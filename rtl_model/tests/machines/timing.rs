@@ -4,7 +4,8 @@ use crate::frames::{ellipsoids, frame};
 use proptest::prelude::*;
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
-use rtl_model::machine::timing::{Organisation, Queue, Technology};
+use rtl_model::machine::SortKind;
+use rtl_model::machine::timing::{Organisation, Queue, Sorter, Technology};
 use rtl_model::pipeline::draw_measured;
 use rtl_model::timing::{Cycles, Detail, Limited, UnitCycles, limit, most_gained, replay};
 use rtl_model::work::Work;
@@ -334,13 +335,21 @@ fn tiles_of_any_size_do_the_same_work() {
 }
 
 /// Machines and what they have to do.
-static WORKS: LazyLock<[(Machine, Work); 4]> = LazyLock::new(|| {
-    let works = ["reference", "window", "volume", "gaussian"].map(|name| {
-        let machine = Machine::named(name).unwrap();
+static WORKS: LazyLock<[(Machine, Work); 6]> = LazyLock::new(|| {
+    let names = [("reference", None), ("window", None), ("volume", None), ("gaussian", None)];
+    let sorters = [SortKind::Tile, SortKind::Hierarchical].map(|kind| ("gaussian", Some(kind)));
+    let works = [names.as_slice(), &sorters].concat().into_iter().map(|(name, kind)| {
+        let mut machine = Machine::named(name).unwrap();
+        if let (Some(kind), Some(sort)) = (kind, &mut machine.sort) {
+            sort.kind = kind;
+            let units = if kind == SortKind::Tile { 1 } else { 3 };
+            machine.timing.sort = Some(Sorter { units, buffer_entries: 4, network: 2, ..Sorter::default() });
+        }
         let is_sheets = ["volume", "gaussian"].contains(&name);
         let work = if is_sheets { work_of_sheets(&machine) } else { work_of(&machine) };
         (machine, work)
     });
+    let works: [(Machine, Work); 6] = works.collect::<Vec<_>>().try_into().unwrap();
     assert!(works.iter().all(|(_, work)| !work.footprints.is_empty()), "nothing is drawn");
     let has = |which: fn(&Work) -> bool| works.iter().any(|(_, work)| which(work));
     assert!(has(|work| !work.order.is_empty()) && has(|work| work.preshaded), "nothing is sorted, or lit in setup");
@@ -401,7 +410,7 @@ proptest! {
     /// So what is not tried, because it could not gain more than was found, would not have.
     #[test]
     fn no_limit_costs_more_than_is_said_without_a_replay(
-        values in prop::collection::vec(0..5usize, BETWEEN.len()), binned in any::<bool>(), which in 0..4usize, ideal in prop::bool::weighted(0.25),
+        values in prop::collection::vec(0..5usize, BETWEEN.len()), binned in any::<bool>(), which in 0..6usize, ideal in prop::bool::weighted(0.25),
     ) {
         bounds_hold(&values, binned, which, ideal)?;
     }

@@ -407,6 +407,33 @@ fn a_crowd_that_is_sorted_ticks_as_it_is_replayed() {
     assert!(parts > 2, "{parts} parts");
 }
 
+/// Sorters of any size: lists that fit, chunks and buckets, of long lists and short ones.
+#[test]
+fn sorters_tick_as_they_are_replayed() {
+    let (mut seen, mut jobs) = (Seen::default(), BTreeMap::new());
+    for (size, splats, cases) in [([8, 8], 6, 300), ([60, 50], 40, 300), ([40, 40], 400, 90), ([120, 100], 1500, 30)] {
+        for seed in seeds(cases) {
+            let mut rng = Rng(seed);
+            let timing = of(Organisation::Binned, &mut rng);
+            let scene = scene::random(&mut rng, size, splats).sorted(&mut rng);
+            let scene = if seed % 5 == 1 { scene.stopping(&mut rng) } else { scene };
+            let machine = machines::sorting_lists(&mut rng, timing);
+            let elaborated = machine.elaborate().unwrap().timing;
+            match compare(&elaborated, &scene, &scene.record()) {
+                Ok(ticked) => {
+                    seen.see(&ticked);
+                    let units = ticked.units.iter().filter(|unit| unit.name == "sort");
+                    *jobs.entry(format!("{:?}", machine.sort.unwrap().kind)).or_insert(0) +=
+                        units.map(|unit| unit.log.len()).sum::<usize>();
+                }
+                Err(difference) => panic!("{difference}\nseed {seed} of {size:?}, {splats} splats\n{:#?}\n{scene:?}", machine.timing),
+            }
+        }
+    }
+    assert!(jobs.len() == 2 && jobs.values().all(|jobs| *jobs as u64 > of_all(3000)), "{jobs:?}");
+    assert!(["sort busy", "sort memory", "sort starved"].iter().all(|what| seen.0[*what] > of_all(10_000)), "{:?}", seen.0);
+}
+
 #[test]
 fn a_scene_is_read_as_it_was_told() {
     for seed in 0..300 {

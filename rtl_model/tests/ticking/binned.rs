@@ -4,6 +4,8 @@
 //! value of the digit. It moves them in parts of 4096 bytes: a part is read when the one before is written, but not before the turn of its
 //! first entry, and written when it is here. A pass is over when it has no more to do and the last part is written.
 //!
+//! Or sorters sort list after list (`sorters.rs`): then `bin` writes entries with their keys.
+//!
 //! `bin` writes a record, then an entry a cycle; a burst goes when it is full, all that are begun go when the last word is written. `list`
 //! reads entries, and what they point to; fragments wait for a buffer; a tile is resolved when the last of its stamps is written, or left
 //! out; one that has stopped, when nothing of it is under way.
@@ -18,6 +20,7 @@ use super::parts::{
     texels_looked_up, turn,
 };
 use super::scene::Scene;
+use super::sorters::{self, Sorters};
 use rtl_model::elaboration::microarchitecture::{Microarchitecture, Pace, SortShape};
 use rtl_model::machine::timing::Queue;
 use rtl_model::timing::{Client, Direction};
@@ -93,6 +96,8 @@ struct Machine<'a> {
     begun: u64,
     moved: u64,
     part: Option<(Done, Direction)>,
+    /// In the place of all that.
+    sorters: Option<Sorters>,
     /// Second pass, from which cycle on it is known, with all entries, tile by tile.
     from: u64,
     entries: Vec<Entry>,
@@ -221,7 +226,17 @@ impl<'a> Machine<'a> {
                 }
             }
         }
+        // Lists in the order in which they are written.
+        let listed = |tile: &Tile| {
+            let mut splats: Vec<usize> = entries[tile.entries.clone()].iter().map(|entry: &Entry| entry.splat).collect();
+            splats.sort_unstable();
+            (tile.place, splats.into_iter().map(|splat| scene.keys.get(splat).copied().unwrap_or(0)).collect())
+        };
+        let lists = tiles.iter().map(listed).collect();
+        let sorters = timing.sort.filter(|_| !scene.order.is_empty());
+        let sorters = sorters.and_then(|shape| Sorters::new(shape, t.memory.burst_bytes.into(), lists));
         Machine {
+            sorters,
             timing,
             scene,
             memory: Memory::new(t.memory),
@@ -276,13 +291,18 @@ impl<'a> Machine<'a> {
         let mut when = self.now;
         for tile in self.touched[splat].clone() {
             when += 1;
-            self.list_bytes[tile] += ENTRY_BYTES;
-            if self.list_bytes[tile].is_multiple_of(burst) {
-                self.write(when, LISTS + tile as u64 * LIST_BYTES, self.list_bytes[tile]);
+            let before = self.list_bytes[tile] / burst;
+            self.list_bytes[tile] += if self.sorters.is_some() { self.shape().entry_bytes.into() } else { ENTRY_BYTES };
+            if self.list_bytes[tile] / burst > before {
+                self.write(when, self.place_of_list(tile), (before + 1) * burst);
             }
         }
         self.binned = when + 1;
         Act::Take(when + 1 - self.now)
+    }
+
+    fn place_of_list(&self, tile: usize) -> u64 {
+        if self.sorters.is_some() { sorters::keyed(tile as u64) } else { LISTS + tile as u64 * LIST_BYTES }
     }
 
     /// When all splats have been binned.
@@ -291,8 +311,8 @@ impl<'a> Machine<'a> {
             return;
         }
         if !std::mem::replace(&mut self.flushed, true) {
-            let lists = self.list_bytes.clone().into_iter().enumerate().map(|(tile, bytes)| (LISTS + tile as u64 * LIST_BYTES, bytes));
-            for (region, bytes) in [(RECORDS, self.record_bytes)].into_iter().chain(lists) {
+            let lists = self.list_bytes.clone().into_iter().enumerate().map(|(tile, bytes)| (self.place_of_list(tile), bytes));
+            for (region, bytes) in [(RECORDS, self.record_bytes)].into_iter().chain(lists).collect::<Vec<_>>() {
                 if !bytes.is_multiple_of(self.burst()) {
                     self.write(self.now, region, bytes);
                 }
@@ -324,6 +344,22 @@ impl<'a> Machine<'a> {
     /// Bytes of all entries that are sorted.
     fn sorted_bytes(&self) -> u64 {
         self.entries.len() as u64 * u64::from(self.shape().entry_bytes)
+    }
+
+    fn sort_in_cycle(&mut self) {
+        let now = self.now;
+        let is_time = self.listed_all && !self.sorted;
+        let Some(sorters) = &mut self.sorters else {
+            self.move_part();
+            turn(self, now, |m| &mut m.sort, Self::sort);
+            return self.move_part();
+        };
+        if !is_time {
+            return sorters.idle(now);
+        }
+        if sorters.tick(now, &mut self.memory) {
+            self.begin_second_pass();
+        }
     }
 
     fn sort(&mut self) -> Act {
@@ -634,9 +670,7 @@ impl<'a> Machine<'a> {
         self.setup.tick(&mut self.memory);
         turn(self, now, |m| &mut m.bin, Self::bin);
         self.flush();
-        self.move_part();
-        turn(self, now, |m| &mut m.sort, Self::sort);
-        self.move_part();
+        self.sort_in_cycle();
         for e in 0..self.engines.len() {
             turn(self, now, |m| &mut m.engines[e].list, |m| m.list(e));
         }
@@ -673,7 +707,10 @@ impl<'a> Machine<'a> {
 pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
     let mut machine = Machine::new(timing, scene);
     let total = run(&mut machine, Machine::tick, Machine::is_done);
-    let sort = if machine.sorts() { vec![machine.sort.clone()] } else { Vec::new() };
+    let sort = match &machine.sorters {
+        Some(sorters) => sorters.units.clone(),
+        None => Vec::from_iter(machine.sorts().then(|| machine.sort.clone())),
+    };
     let Machine { memory, setup, bin, engines, .. } = machine;
     let stamps =
         engines.iter().map(|engine| engine.fill.taken()).fold([0; 2], |[all, kept], [more, more_kept]| [all + more, kept + more_kept]);

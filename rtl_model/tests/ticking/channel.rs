@@ -2,7 +2,7 @@
 
 use crate::agreement::{difference_in_traffic, of, tick};
 use crate::frames::Rng;
-use crate::machines::elaborate;
+use crate::machines::{elaborate, sorting_lists};
 use crate::scene;
 use rtl_model::machine::timing::{Memory, Organisation, Timing};
 use rtl_model::timing::{Detail, replay};
@@ -40,6 +40,42 @@ fn with_channels(rng: &mut Rng, memory: Memory) -> Memory {
     };
     let is_refreshed = memory.refresh_interval_cycles != Some(0);
     finite(rng, Memory { refresh_cycles: memory.refresh_cycles.filter(|_| is_refreshed), ..memory })
+}
+
+/// The same of a machine with sorters of lists, on scenes whose lists do not fit: all together are off by at most so many thousandths, and
+/// nine in ten by at most the other number.
+fn check_sorters(memory: fn(&mut Rng, Memory) -> Memory, most: i64, together: i64) {
+    let (mut errors, mut totals) = (Vec::new(), [0; 2]);
+    for seed in 0..150 {
+        let mut rng = Rng(seed);
+        let timing = of(Organisation::Binned, &mut rng);
+        let mut machine = sorting_lists(&mut rng, timing);
+        machine.timing.memory = memory(&mut rng, machine.timing.memory);
+        let timing = machine.elaborate().unwrap().timing;
+        let scene = scene::random(&mut rng, [60, 50], 300).sorted(&mut rng);
+        let (ticked, replayed) = (tick(&timing, &scene), replay(&timing, &scene.record(), Detail::Accounts));
+        if let Some(difference) = difference_in_traffic(&ticked, &replayed) {
+            panic!("{difference}\nseed {seed}\n{:#?}", timing.timing);
+        }
+        errors.push((1000.0 * (replayed.total as f64 / ticked.total as f64 - 1.0)).round() as i64);
+        totals = [totals[0] + ticked.total, totals[1] + replayed.total];
+    }
+    errors.sort_unstable();
+    let all = (1000.0 * (totals[1] as f64 / totals[0] as f64 - 1.0)).round() as i64;
+    let at = |share: usize| errors[(errors.len() - 1) * share / 100];
+    println!("sorters: {all} ‰ together; {:?} ‰", [0, 1, 5, 25, 50, 75, 95, 99, 100].map(at));
+    assert!(-most <= at(5) && at(95) <= most, "{} to {} ‰", at(5), at(95));
+    assert!(all.abs() <= together, "{all} ‰ together");
+}
+
+#[test]
+fn a_frame_with_sorters_and_narrow_memory_moves_the_same_bytes_in_about_the_time() {
+    check_sorters(finite, 45, 10);
+}
+
+#[test]
+fn a_frame_with_sorters_and_channels_moves_the_same_bytes_in_about_the_time() {
+    check_sorters(with_channels, 45, 10);
 }
 
 /// By how many thousandths of the ticks the replay is off, from the fastest to the slowest, and of all ticks together.

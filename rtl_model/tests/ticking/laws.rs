@@ -1,13 +1,14 @@
 //! What can be said beforehand: how long does a frame take, by hand? Can more of anything make it slower?
 
 use crate::frames::Rng;
-use crate::machines::{elaborate, ideal, random, several};
+use crate::machines::{elaborate, ideal, random, several, sorting_lists};
 use crate::scene::{End, Scene, Splat};
 use crate::{immediate, scene};
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
-use rtl_model::machine::timing::{Cache, Memory, Organisation, Queue, Tile, Timing};
-use rtl_model::timing::{Detail, EarlyTermination, limit, limits, replay, replay_all};
+use rtl_model::machine::SortKind;
+use rtl_model::machine::timing::{Cache, Memory, Organisation, Queue, Sorter, Tile, Timing};
+use rtl_model::timing::{Client, Detail, EarlyTermination, limit, limits, replay, replay_all};
 use rtl_model::work::Event;
 
 /// So many splats of the same pixel, of a picture of that one, and what it ends with.
@@ -21,6 +22,7 @@ fn dots(splats: usize, lit: u8, unlit: u8) -> Scene {
         shared_axes: false,
         harmonics: 0,
         order: Vec::new(),
+        keys: Vec::new(),
         mirrored: None,
     }
 }
@@ -263,6 +265,7 @@ fn more_requests_can_be_slower_if_tiles_are_binned() {
         shared_axes: false,
         harmonics: 0,
         order: Vec::new(),
+        keys: Vec::new(),
         mirrored: None,
     };
     let total = |outstanding: u32| {
@@ -355,4 +358,73 @@ fn machines_abreast_take_as_long_as_one_by_one() {
         }
     }
     assert!(together > 4000 && stamps > 12_000 && merges > 4000, "{together} machines, {stamps} stamps, {merges} fragments to shade");
+}
+
+/// A list of so many entries, in one tile.
+fn list(splats: usize, keys: impl Fn(u32) -> u32) -> Scene {
+    let scene = dots(splats, 1, 0);
+    Scene { order: (0..splats).collect(), keys: (0..splats as u32).map(keys).collect(), ..scene }
+}
+
+/// What the sorter of a list is busy for, and the bytes that it reads and writes, in bursts of 64; memory answers at once.
+fn sorted(kind: SortKind, sorter: Sorter, scene: &Scene) -> (u64, [u64; 2]) {
+    let mut machine = Machine::named("gaussian").unwrap();
+    machine.sort.as_mut().unwrap().kind = kind;
+    machine.timing.sort = Some(sorter);
+    machine.timing.memory = ideal(1, 1 << 16, 64);
+    let replayed = replay(&machine.elaborate().unwrap().timing, &scene.record(), Detail::Accounts);
+    let busy = replayed.units.iter().filter(|unit| unit.name == "sort").map(|unit| unit.account.busy).sum();
+    (busy, replayed.memory.bytes[Client::Sort as usize])
+}
+
+/// Worked out by hand: runs of the network, its stages, ⌈log2(n/network)⌉·n cycles of merging (GSCore's chunks), and nothing spilled.
+#[test]
+fn a_list_that_fits_the_buffer_takes_its_formula() {
+    let sorter = |buffer_entries, network| Sorter { units: 1, buffer_entries, network, bucket_bits: None };
+    let up = |key| key << 12;
+    // 7 bytes an entry, of which 4 are its number.
+    assert_eq!(sorted(SortKind::Tile, sorter(256, 16), &list(256, up)), (16 + 10 + 4 * 256, [1792, 1024]));
+    assert_eq!(sorted(SortKind::Tile, sorter(256, 16), &list(100, up)), (7 + 10 + 3 * 100, [704, 448]));
+    assert_eq!(sorted(SortKind::Tile, sorter(256, 16), &list(5, up)), (1 + 10, [64, 64]));
+    assert_eq!(sorted(SortKind::Tile, sorter(256, 256), &list(256, up)), (1 + 36, [1792, 1024]));
+    assert_eq!(sorted(SortKind::Tile, sorter(256, 1), &list(256, up)), (256 + 8 * 256, [1792, 1024]));
+    // One that fits is not distributed.
+    assert_eq!(sorted(SortKind::Hierarchical, sorter(256, 16), &list(256, up)), sorted(SortKind::Tile, sorter(256, 16), &list(256, up)));
+}
+
+/// Worked out by hand: of 1024 entries, four chunks of 256 and two passes of merging in memory; or 4 of 16 buckets of 256 entries, which no
+/// chunk of is merged; or one bucket with all of them.
+#[test]
+fn a_list_that_does_not_fit_is_spilled() {
+    let sorter = |bucket_bits| Sorter { units: 1, buffer_entries: 256, network: 16, bucket_bits };
+    let chunks = 4 * (16 + 10 + 4 * 256);
+    let [keyed, numbers] = [7 * 1024, 4 * 1024];
+    let even = list(1024, |key| (key / 256) << 20);
+    assert_eq!(sorted(SortKind::Tile, sorter(None), &even), (chunks + 2 * 1024, [3 * keyed, 2 * keyed + numbers]));
+    assert_eq!(sorted(SortKind::Hierarchical, sorter(Some(4)), &even), (chunks + 1024, [2 * keyed, keyed + numbers]));
+    let same = list(1024, |_| 7 << 20);
+    assert_eq!(sorted(SortKind::Hierarchical, sorter(Some(4)), &same), (chunks + 3 * 1024, [4 * keyed, 3 * keyed + numbers]));
+}
+
+/// Sorters do not share lists: more of them take at most as long, and a larger buffer never spills more.
+#[test]
+fn more_sorters_are_never_slower_on_memory_without_limits() {
+    for seed in 0..200 {
+        let mut rng = Rng(seed);
+        let timing = Timing { organisation: Organisation::Binned, ..random(&mut rng) };
+        let machine = sorting_lists(&mut rng, timing);
+        let work = scene::random(&mut rng, [60, 50], 200).sorted(&mut rng).record();
+        let of = |change: &dyn Fn(&mut Sorter)| {
+            let mut other = machine.clone();
+            change(other.timing.sort.as_mut().unwrap());
+            replay(&other.elaborate().unwrap().timing, &work, Detail::Accounts)
+        };
+        let [one, two] = [1, 2].map(|units| of(&|sorter: &mut Sorter| sorter.units = units));
+        assert!(two.total <= one.total, "seed {seed}: {} of one, {} of two", one.total, two.total);
+        let bytes = |entries: u32| {
+            let replayed = of(&|sorter: &mut Sorter| sorter.buffer_entries = entries.max(sorter.network));
+            replayed.memory.bytes[Client::Sort as usize].iter().sum::<u64>()
+        };
+        assert!(machine.sort.unwrap().kind != SortKind::Tile || bytes(4096) <= bytes(64), "seed {seed}");
+    }
 }

@@ -4,9 +4,10 @@ use crate::frames::Rng;
 use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine;
+use rtl_model::machine::SortKind;
 use rtl_model::machine::timing::{
-    Cache, Colour, DEFAULT, Environment, Fetch, Fragment, Memory, Organisation, Queue, Raster, Resolve, Setup, Shade, Stage, Technology,
-    Timing,
+    Cache, Colour, DEFAULT, Environment, Fetch, Fragment, Memory, Organisation, Queue, Raster, Resolve, Setup, Shade, Sorter, Stage,
+    Technology, Timing,
 };
 
 /// Memory in which a request in cycle t has its data in cycle t + 1 + latency.
@@ -56,6 +57,19 @@ pub fn sorting(rng: &mut Rng, timing: Timing) -> Machine {
     let mut machine = Machine::named("gaussian").unwrap();
     machine.timing = timing;
     machine.sort.as_mut().unwrap().digit_bits = 1 + rng.below(8) as u32;
+    machine
+}
+
+/// The same with any sorters of lists, which are so small that most lists do not fit.
+pub fn sorting_lists(rng: &mut Rng, timing: Timing) -> Machine {
+    let mut machine = sorting(rng, timing);
+    let kind = if rng.below(2) == 0 { SortKind::Tile } else { SortKind::Hierarchical };
+    let buffer_entries = 4 << rng.below(6);
+    let network = (1 << rng.below(7)).min(buffer_entries);
+    let bucket_bits = (kind == SortKind::Hierarchical && rng.below(4) > 0).then(|| 1 + rng.below(8) as u32);
+    machine.sort.as_mut().unwrap().kind = kind;
+    machine.timing.sort = Some(Sorter { units: 1 + rng.below(4) as u32, buffer_entries, network, bucket_bits });
+    machine.timing.memory.burst_bytes = machine.timing.memory.burst_bytes.max(8);
     machine
 }
 

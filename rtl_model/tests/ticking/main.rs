@@ -11,6 +11,7 @@ mod machines;
 mod memory;
 mod parts;
 mod scene;
+mod sorters;
 #[path = "../../../tests/tier/mod.rs"]
 #[expect(dead_code, reason = "the tests of the program use the rest")]
 mod tier;

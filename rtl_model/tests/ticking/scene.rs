@@ -54,6 +54,8 @@ pub struct Scene {
     pub harmonics: u8,
     /// In which order they are drawn, those that are: their places. Without one, as they come.
     pub order: Vec<usize>,
+    /// By place, a key of 24 bits that has them in this order; none without an order.
+    pub keys: Vec<u32>,
     /// Surroundings are mirrored, in a map of so many texels a side.
     pub mirrored: Option<usize>,
 }
@@ -117,8 +119,18 @@ pub fn random(rng: &mut Rng, [width, height]: [u64; 2], splats: u64) -> Scene {
     let lit = rng.below(4);
     let mut some = || if rng.below(4) < lit { rng.below(4) as u8 } else { 0 };
     let ends = (0..width * height).map(|_| End { lit: some(), unlit: some() }).collect();
-    let mut scene =
-        Scene { width, height, splats, ends, preshaded: false, shared_axes: false, harmonics: 0, order: Vec::new(), mirrored: None };
+    let mut scene = Scene {
+        width,
+        height,
+        splats,
+        ends,
+        preshaded: false,
+        shared_axes: false,
+        harmonics: 0,
+        order: Vec::new(),
+        keys: Vec::new(),
+        mirrored: None,
+    };
     scene.clear_untouched();
     scene
 }
@@ -195,7 +207,20 @@ impl Scene {
         for place in (1..order.len()).rev() {
             order.swap(place, rng.below(place as u64 + 1) as usize);
         }
-        Scene { order, ..self }
+        // Keys are of numbers of their own: all else is as it would be without. Most scenes have some that are equal.
+        let rng = &mut Rng(rng.0 ^ 0x5047);
+        let most = [1, 3, 1 << 10, (1 << 24) / (order.len() as u64 + 1)][rng.below(4) as usize];
+        let mut keys = vec![0; self.splats.len()];
+        let mut key = rng.below(1 << 10) as u32;
+        for (nth, place) in order.iter().enumerate() {
+            let comes_later = nth > 0 && order[nth - 1] < *place;
+            key += u32::from(nth > 0 && !comes_later) + rng.below(most) as u32;
+            keys[*place] = key;
+        }
+        // Those of little range may lie among the upper bits.
+        let up = if key < 1 << 10 { [0, 8, 14][rng.below(3) as usize] } else { 0 };
+        keys.iter_mut().for_each(|key| *key <<= up);
+        Scene { order, keys, ..self }
     }
 
     /// Splats that are drawn, by their places, in the order in which they come.
@@ -243,7 +268,8 @@ impl Scene {
         let mut setup = recorder.fork();
         self.drawn().into_iter().filter(|_| self.preshaded).for_each(|place| self.tell(&mut setup, Asks::Splat(place), 1));
         if !self.order.is_empty() {
-            recorder.sorted(self.in_order().into_iter().map(|(nth, _)| nth as u32).collect());
+            let keys = self.drawn().into_iter().map(|place| self.keys[place]).collect();
+            recorder.sorted(self.in_order().into_iter().map(|(nth, _)| nth as u32).collect(), keys);
         }
         for top in (0..self.height as u16).step_by(TILE_PX) {
             for left in (0..self.width as u16).step_by(TILE_PX) {
@@ -330,8 +356,12 @@ impl Scene {
             }
         }
         let order = work.order.iter().map(|nth| work.footprints[*nth as usize].splat as usize).collect();
+        let mut keys = vec![0; if work.order.is_empty() { 0 } else { splats.len() }];
+        for (footprint, key) in work.footprints.iter().zip(&work.keys) {
+            keys[footprint.splat as usize] = *key;
+        }
         let Work { width, height, preshaded, shared_axes, harmonics, .. } = *work;
         // What was looked up is not told again.
-        Scene { width, height, splats, ends, preshaded, shared_axes, harmonics, order, mirrored: None }
+        Scene { width, height, splats, ends, preshaded, shared_axes, harmonics, order, keys, mirrored: None }
     }
 }

@@ -87,7 +87,7 @@ fn side_by_side(timings: &[&Microarchitecture], work: &Work, detail: Detail) -> 
         machines.push(Machine { listed, pass, engine });
     }
     let stamps = vectorised(Tiles { machines: &mut machines, work, lists: &lists });
-    let cycles = |machine: Machine| machine.listed.cycles(work, vec![machine.engine], stamps, None, detail);
+    let cycles = |machine: Machine| machine.listed.cycles(vec![machine.engine], stamps, None, detail);
     machines.into_iter().map(cycles).map(|cycles| Cycles { harmonics: work.harmonics, ..cycles }).collect()
 }
 

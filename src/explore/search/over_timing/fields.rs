@@ -9,6 +9,7 @@ use crate::performance::given;
 pub(super) use crate::performance::given::CLOCK;
 use crate::scene::strict_json;
 use rtl_model::Machine;
+use rtl_model::machine::SortKind;
 use rtl_model::machine::timing::{Memory, Organisation};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -26,7 +27,7 @@ pub struct Field {
 }
 
 /// What may be changed unless somebody says otherwise; of these a machine's schema decides which there are.
-const FIELDS: [(&str, &str); 35] = [
+const FIELDS: [(&str, &str); 39] = [
     (CLOCK, "[50e6, 100e6, 150e6, 200e6, 250e6, 300e6, 350e6, 400e6, 450e6, 500e6, 550e6, 600e6, 800e6, 1000e6, 1200e6, 1600e6, 2000e6]"),
     ("timing.fetch.fifo", "[1, 2, 4, 8, 16, 32]"),
     ("timing.project.units", "[1, 2, 4]"),
@@ -39,6 +40,10 @@ const FIELDS: [(&str, &str); 35] = [
     ("timing.ellipse.fifo", "[1, 2, 4, 8, 16, 32]"),
     ("timing.colour.units", "[1, 2, 4]"),
     ("timing.colour.multipliers", "[16, 1]"),
+    ("timing.sort.units", "[1, 2, 4, 8]"),
+    ("timing.sort.buffer_entries", "[16, 32, 64, 128, 256, 512, 1024]"),
+    ("timing.sort.network", "[1, 2, 4, 8, 16, 32]"),
+    ("timing.sort.bucket_bits", "[2, 4, 6, 8]"),
     ("timing.raster.lanes", "[[1, 1], [2, 1], [4, 1], [2, 2], [8, 1], [4, 2], [8, 2], [4, 4], [8, 4], [8, 8]]"),
     ("timing.raster.latency", "[1, 2, 3, 4, 6]"),
     ("timing.raster.fifo", "[1, 2, 4, 8, 16, 32]"),
@@ -71,10 +76,16 @@ pub(super) fn usual(machine: &Machine) -> Vec<Field> {
         Organisation::Binned => &["timing.cache"],
         Organisation::Immediate => &["timing.tile", "timing.engines", "timing.queue"],
     };
-    // What a unit for colours takes may be left out where there is one.
-    let place = |unit: &str| if unit == "timing.colour" { "/colour".to_owned() } else { machines::pointer(unit) };
+    let kind = machine.sort.map_or(SortKind::Radix, |sort| sort.kind);
+    // What a unit for colours, or a sorter, takes may be left out where there is one.
+    let place = |unit: &str| match unit {
+        "timing.colour" => "/colour".to_owned(),
+        "timing.sort" if kind != SortKind::Radix => "/sort".to_owned(),
+        _ => machines::pointer(unit),
+    };
     let has = |unit: &str| !unused.contains(&unit) && value.pointer(&place(unit)).is_some_and(Value::is_object);
-    let there = FIELDS.iter().filter(|(field, _)| !unused.contains(field) && field.rsplit_once('.').is_some_and(|(unit, _)| has(unit)));
+    let is_used = |field: &str| !unused.contains(&field) && (kind == SortKind::Hierarchical || field != "timing.sort.bucket_bits");
+    let there = FIELDS.iter().filter(|(field, _)| is_used(field) && field.rsplit_once('.').is_some_and(|(unit, _)| has(unit)));
     let values = |field: &str, text: &str| {
         let listed = serde_json::from_str::<Vec<Value>>(text).unwrap_or_default().into_iter().map(machines::whole);
         let shared = products(machine, field).map_or(Vec::new(), |products| shared_by(products).into_iter().map(Value::from).collect());
@@ -231,6 +242,18 @@ impl Bought {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A machine has the sizes of its sorters searched, if it has any.
+    #[test]
+    fn sorters_are_searched_where_there_are_some() {
+        let of = |kind: &str| {
+            let machine = machines::load("gaussian", &[format!("sort.kind={kind}")]).unwrap();
+            let fields = usual(&machine).into_iter().map(|field| field.field);
+            fields.filter_map(|field| field.strip_prefix("timing.sort.").map(str::to_owned)).collect::<Vec<_>>().join(" ")
+        };
+        let sizes = "units buffer_entries network";
+        assert_eq!(["radix", "tile", "hierarchical"].map(of), ["".to_owned(), sizes.to_owned(), format!("{sizes} bucket_bits")]);
+    }
 
     #[test]
     fn memory_stays_as_fast_whatever_the_clock() {

@@ -1,0 +1,151 @@
+//! Sorter: what sorts one tile's list at a time, where `sort.kind` is not `radix`.
+//!
+//! ```text
+//!          ┌──────────┐ network at a time ┌─────────┐ runs ┌──────────────┐ last pass ┌──────────┐
+//! list ─►  │  loaded  │ ────────────────► │ network │ ───► │ merged ⇄ too │ ────────► │  stored  │ ─► memory
+//!          └──────────┘                   └─────────┘      └──────────────┘  1 a cycle└──────────┘
+//! ```
+//! Each box with a border is a buffer of `buffer_entries`, but the network, which has registers after each of its stages. Without merging (the
+//! network is as wide as the buffer), the two buffers in the middle are not built; without a network, runs are single entries.
+//!
+//! Laws: `what_a_sorter_has_is_priced`, `a_sorter_that_cannot_be_is_refused`.
+
+use super::latency::Path;
+use super::microarchitecture::{ENTRY_BYTES, SORT_COUNT_BITS};
+use super::{Elaboration, Operator, unit};
+use crate::machine::timing::Sorter;
+use crate::machine::{Machine, SortKind};
+use schemars::JsonSchema;
+use serde::Serialize;
+
+/// Sorters of lists, nothing left out.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+pub struct SorterShape {
+    /// Sorters side by side.
+    pub units: u32,
+    /// Entries that one sorts at a time.
+    pub buffer_entries: u32,
+    /// Entries that its network sorts at a time.
+    pub network: u32,
+    /// Cycles from the entries of the network to their order.
+    pub network_latency: u32,
+    /// Upper bits of the key that choose a bucket; none where lists are not distributed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bucket_bits: Option<u32>,
+    /// Bits of the key.
+    pub key_bits: u32,
+}
+
+/// Bucket bits where they are left out.
+const BUCKET_BITS: u32 = 6;
+
+impl SorterShape {
+    /// Bits of an entry: which splat, and its key.
+    fn entry_bits(&self) -> i32 {
+        (8 * ENTRY_BYTES + self.key_bits) as i32
+    }
+
+    /// Compare-exchange elements of a network: of each stage half as many as entries.
+    fn exchanges(&self) -> u32 {
+        self.network / 2 * self.network_latency
+    }
+
+    /// Compares the heads of two runs, and takes one: the next comparison depends on it.
+    pub fn merge_path(&self) -> Path {
+        Path::default().sum(self.entry_bits()).choose(2)
+    }
+
+    /// Bits of the buffers of all sorters; where lists are distributed, with the burst and the count of each bucket.
+    pub fn memory_bits(&self, burst_bytes: u32) -> u64 {
+        let buffers = if self.network < self.buffer_entries { 4 } else { 2 };
+        let buffered = buffers * u64::from(self.buffer_entries) * self.entry_bits() as u64;
+        let bucket = 8 * u64::from(burst_bytes) + SORT_COUNT_BITS;
+        let buckets = self.bucket_bits.map_or(0, |bits| bucket << bits);
+        u64::from(self.units) * (buffered + buckets)
+    }
+
+    /// Declares what the sorters are built of.
+    pub fn declare(&self, e: &mut Elaboration) {
+        let bits = self.entry_bits();
+        e.copies(self.units, |e| {
+            // Entries with equal keys stay in input order: the number of the splat is compared behind the key.
+            e.adders(unit::SORT, self.exchanges(), bits);
+            e.copies(2 * self.exchanges(), |e| e.choice(unit::SORT, 2, bits));
+            e.copies(self.network * self.network_latency, |e| e.part(unit::SORT, Operator::Register(bits)));
+            // The heads of two runs, and the entry that leaves.
+            e.adders(unit::SORT, 1, bits);
+            e.choice(unit::SORT, 2, bits);
+            e.copies(3, |e| e.part(unit::SORT, Operator::Register(bits)));
+            // Places of what is loaded, of both heads, of what is stored, and of the end of each run.
+            e.adders(unit::SORT, 6, SORT_COUNT_BITS as i32);
+            e.copies(6, |e| e.part(unit::SORT, Operator::Register(SORT_COUNT_BITS as i32)));
+            // The count of an entry's bucket, up by one.
+            if self.bucket_bits.is_some() {
+                e.adders(unit::SORT, 1, SORT_COUNT_BITS as i32);
+            }
+        });
+        // Each takes the next list, and has its turn at memory.
+        e.choice(unit::SORT, self.units, bits);
+    }
+}
+
+impl Machine {
+    /// The sorters of a machine that sorts lists one by one; what none can be is refused.
+    pub fn sorter_shape(&self, e: &mut Elaboration) -> Option<SorterShape> {
+        let t = &self.timing;
+        let Some(sort) = self.sort.filter(|sort| sort.kind != SortKind::Radix) else {
+            e.require(t.sort.is_none(), || {
+                let why = if self.sort.is_some() { "sort.kind is radix, which sorts in memory" } else { "the machine has no `sort`" };
+                format!("timing.sort describes sorters of tiles' lists, but {why}: leave it out, or let sort.kind be tile or hierarchical")
+            });
+            return None;
+        };
+        let Sorter { units, buffer_entries, network, bucket_bits } = t.sort.unwrap_or_default();
+        e.require((1..=64).contains(&units), || format!("timing.sort.units is {units}: it can be 1 to 64"));
+        let powers = [("buffer_entries", buffer_entries, 4, 65_536), ("network", network, 1, 1024)];
+        for (name, value, least, most) in powers {
+            e.require(value.is_power_of_two() && (least..=most).contains(&value), || {
+                format!("timing.sort.{name} is {value}: it must be a power of two, {least} to {most}")
+            });
+        }
+        let are_powers = powers.iter().all(|(_, value, least, most)| value.is_power_of_two() && (least..=most).contains(&value));
+        e.require(network <= buffer_entries || !are_powers, || {
+            format!("timing.sort.network is {network}, more than the {buffer_entries} entries of timing.sort.buffer_entries")
+        });
+        let key_bits = sort.key.format.width().max(1) as u32;
+        let bucket_bits = match (sort.kind, bucket_bits) {
+            (SortKind::Hierarchical, given) => {
+                let most = key_bits.min(12);
+                let bits = given.unwrap_or(BUCKET_BITS.min(most));
+                e.require((1..=most).contains(&bits), || {
+                    format!("timing.sort.bucket_bits is {bits}: it can be 1 to {most}, upper bits of sort.key")
+                });
+                Some(bits.clamp(1, most))
+            }
+            (_, Some(bits)) => {
+                e.misfits.push(format!(
+                    "timing.sort.bucket_bits is {bits}, but sort.kind tile has no buckets: leave it out, or let sort.kind be hierarchical"
+                ));
+                None
+            }
+            (_, None) => None,
+        };
+        // What is out of range is refused already: here it must do no harm.
+        let buffer_entries = buffer_entries.clamp(4, 65_536).next_power_of_two();
+        let network = network.clamp(1, 1024.min(buffer_entries)).next_power_of_two();
+        let stages = network.ilog2();
+        let network_latency = stages * (stages + 1) / 2;
+        let shape = SorterShape { units: units.clamp(1, 64), buffer_entries, network, network_latency, bucket_bits, key_bits };
+        let path = shape.merge_path();
+        e.require(path.least_cycles(t.technology, t.clock_hz) == Some(1), || {
+            let highest = path.highest_clock(t.technology, 1).unwrap_or(u64::MAX);
+            format!(
+                "timing.clock_hz is {}, but a sorter takes one of two entries in a cycle: at most {} MHz in {}",
+                t.clock_hz,
+                highest / 1_000_000,
+                t.technology.name()
+            )
+        });
+        Some(shape)
+    }
+}

@@ -1,0 +1,317 @@
+//! Sorters: sort tiles' lists one by one, between the passes of a binned machine.
+//!
+//! ```text
+//! lists, an entry with its key each ─► load ─► sort, an entry a cycle ─► store ─► lists of numbers
+//!                                  ▲                                       │
+//!                                  └──── chunks, buckets, in memory ◄──────┘
+//! ```
+//! A list is a chain of *jobs*. A job loads entries, works on them and stores them:
+//!
+//! - *Sort*: up to `buffer_entries` entries. The network takes so many of them a cycle as it is wide, and gives runs of that length after its
+//!   latency. Each pass of merging then takes a cycle for each entry: ⌈log2 ⌈n/network⌉⌉ passes.
+//! - *Merge*: half a buffer of entries of two sorted chunks in memory, a cycle for each, so that the other half is loaded meanwhile. The passes
+//!   over a list of c chunks are ⌈log2 c⌉.
+//! - *Distribute*: half a buffer of entries, a cycle for each, to buckets in memory. Each bucket gathers a burst; what is left of them goes with
+//!   the last entries.
+//!
+//! A job is loaded as soon as the sorter has room: after the network has taken the job before, or at once where half a buffer is free. It
+//! begins when it is loaded and the job before has ended. Its last pass goes into the buffer that is stored, so it waits for what was stored
+//! before. What a pass over memory reads has been written before. Entries that are sorted for good are stored as numbers of 4 bytes.
+//!
+//! Each sorter takes the next list, of several the first; their requests are in the order of time, those of one cycle in the order of
+//! sorters, what is stored first.
+//!
+//! Laws: `sorters_tick_as_they_are_replayed`, `a_list_that_fits_the_buffer_takes_its_formula`.
+
+use super::account::{Detail, Ready, Unit};
+use super::binned::{ENTRY_BYTES, LIST_BYTES};
+use super::memory::{Client, Direction, LISTS, Memory};
+use crate::elaboration::microarchitecture::{Microarchitecture, Pace, SortShape};
+use crate::elaboration::sorter::SorterShape;
+use crate::elaboration::unit;
+use crate::work::{Bins, Work};
+use std::collections::VecDeque;
+use std::ops::Range;
+
+/// Lists of entries with their keys, and those that are sorted in chunks: so far apart.
+const KEYED_BYTES: u64 = 1 << 28;
+/// Lists as the first pass writes them.
+pub const KEYED: u64 = 1 << 60;
+/// Chunks, from the one half to the other.
+const CHUNKS: [u64; 2] = [KEYED + (1 << 54), KEYED + (2 << 54)];
+/// Buckets of each sorter.
+const BUCKETS: u64 = KEYED + (3 << 54);
+/// Buckets of a sorter lie so far from those of the next one.
+const BUCKETS_BYTES: u64 = 1 << 42;
+
+/// Where the list of a tile lies before it is sorted.
+pub fn keyed(tile: usize) -> u64 {
+    KEYED + tile as u64 * KEYED_BYTES
+}
+
+/// Work of a sorter between a load and a store.
+#[derive(Clone, Debug)]
+struct Job {
+    /// First byte and number of bytes.
+    load: [u64; 2],
+    /// It loads what the jobs before stored.
+    follows: bool,
+    /// Cycles from its beginning until the next one can be loaded.
+    taken: u64,
+    /// Cycles of it.
+    work: u64,
+    /// Cycles of its last pass.
+    last_pass: u64,
+    stores: Vec<[u64; 2]>,
+}
+
+/// A list, or a bucket of it, that is to be sorted.
+#[derive(Clone, Copy)]
+struct Part {
+    /// Where its entries lie.
+    from: u64,
+    entries: u64,
+    /// Entries of the list before it.
+    before: u64,
+    /// It was stored by the jobs before.
+    follows: bool,
+}
+
+/// Makes jobs of lists.
+struct Plan<'a> {
+    shape: SortShape,
+    sorter: SorterShape,
+    burst: u64,
+    work: &'a Work,
+    lists: &'a Bins,
+}
+
+impl Plan<'_> {
+    /// Jobs of the list of a tile, on one of the sorters.
+    fn jobs(&self, tile: usize, sorter: u64) -> VecDeque<Job> {
+        let list = self.lists.of(tile);
+        let entries = list.len() as u64;
+        let mut jobs = VecDeque::new();
+        let whole = Part { from: keyed(tile), entries, before: 0, follows: false };
+        match self.sorter.bucket_bits {
+            Some(bits) if entries > u64::from(self.sorter.buffer_entries) => {
+                let sizes = self.distribute(tile, bits, sorter, &mut jobs);
+                let mut before = 0;
+                for (bucket, entries) in sizes.into_iter().enumerate().filter(|(_, entries)| *entries > 0) {
+                    let from = Self::bucket(sorter, bucket);
+                    self.sort(tile, Part { from, entries, before, follows: before == 0 }, entries + before == whole.entries, &mut jobs);
+                    before += entries;
+                }
+            }
+            _ => self.sort(tile, whole, true, &mut jobs),
+        }
+        jobs
+    }
+
+    fn bucket(sorter: u64, bucket: usize) -> u64 {
+        BUCKETS + sorter * BUCKETS_BYTES + bucket as u64 * KEYED_BYTES
+    }
+
+    /// Distributes a list to buckets; says how many entries each has.
+    fn distribute(&self, tile: usize, bits: u32, sorter: u64, jobs: &mut VecDeque<Job>) -> Vec<u64> {
+        // As the first pass writes it: in input order.
+        let mut list = self.lists.of(tile).to_vec();
+        list.sort_unstable();
+        let of = |nth: u32| self.work.keys.get(nth as usize).map_or(0, |key| (key >> (self.sorter.key_bits - bits)) as usize);
+        let mut sizes = vec![0; 1 << bits];
+        let halves = list.chunks(self.half() as usize);
+        let last = halves.len() - 1;
+        let mut loaded = 0;
+        for (nth, half) in halves.enumerate() {
+            let mut stores = Vec::new();
+            for entry in half {
+                let bucket = of(*entry).min(sizes.len() - 1);
+                stores.extend(self.full(Self::bucket(sorter, bucket), sizes[bucket], 1, self.entry_bytes(), false));
+                sizes[bucket] += 1;
+            }
+            if nth == last {
+                let left =
+                    |(bucket, entries): (usize, &u64)| self.full(Self::bucket(sorter, bucket), *entries, 0, self.entry_bytes(), true);
+                stores.extend(sizes.iter().enumerate().flat_map(left));
+            }
+            let load = self.bytes(keyed(tile), loaded, half.len() as u64);
+            loaded += half.len() as u64;
+            jobs.push_back(Job::streamed(load, false, half.len() as u64, nth == last, stores));
+        }
+        sizes
+    }
+
+    /// Sorts a part of a list; of a list's last one, what is left of its last burst is stored.
+    fn sort(&self, tile: usize, part: Part, is_last: bool, jobs: &mut VecDeque<Job>) {
+        let sorted = LISTS + tile as u64 * LIST_BYTES;
+        let SorterShape { buffer_entries, network, network_latency, .. } = self.sorter;
+        let Part { from, entries, before, follows } = part;
+        let buffer = u64::from(buffer_entries);
+        let passes = entries.div_ceil(buffer).next_power_of_two().ilog2();
+        let chunk = |first: u64| buffer.min(entries - first);
+        for first in (0..entries).step_by(buffer_entries as usize) {
+            let n = chunk(first);
+            let fed = n.div_ceil(network.into());
+            let merges = u64::from(fed.next_power_of_two().ilog2());
+            let is_end = first + n == entries;
+            let stores = match passes {
+                0 => self.full(sorted, before + first, n, ENTRY_BYTES, is_last && is_end),
+                _ => self.full(CHUNKS[0] + tile as u64 * KEYED_BYTES, first, n, self.entry_bytes(), is_end),
+            };
+            jobs.push_back(Job {
+                load: self.bytes(from, first, n),
+                follows: follows && first == 0,
+                taken: fed,
+                work: fed + u64::from(network_latency) + merges * n,
+                last_pass: if merges > 0 { n } else { fed },
+                stores: stores.into_iter().collect(),
+            });
+        }
+        for pass in 0..passes as usize {
+            let is_last_pass = pass + 1 == passes as usize;
+            for first in (0..entries).step_by(self.half() as usize) {
+                let n = self.half().min(entries - first);
+                let is_end = first + n == entries;
+                let stores = if is_last_pass {
+                    self.full(sorted, before + first, n, ENTRY_BYTES, is_last && is_end)
+                } else {
+                    self.full(CHUNKS[(pass + 1) % 2] + tile as u64 * KEYED_BYTES, first, n, self.entry_bytes(), is_end)
+                };
+                let load = self.bytes(CHUNKS[pass % 2] + tile as u64 * KEYED_BYTES, first, n);
+                jobs.push_back(Job::streamed(load, first == 0, n, is_end, stores.into_iter().collect()));
+            }
+        }
+    }
+
+    /// Entries that are merged or distributed at a time.
+    fn half(&self) -> u64 {
+        u64::from(self.sorter.buffer_entries / 2)
+    }
+
+    fn entry_bytes(&self) -> u64 {
+        self.shape.entry_bytes.into()
+    }
+
+    /// Bytes of so many entries from one on.
+    fn bytes(&self, list: u64, first: u64, entries: u64) -> [u64; 2] {
+        [list + first * self.entry_bytes(), entries * self.entry_bytes()]
+    }
+
+    /// Bursts of a list that fill up with so many entries behind others; of the last ones, what is left too.
+    fn full(&self, list: u64, before: u64, entries: u64, entry_bytes: u64, is_end: bool) -> Option<[u64; 2]> {
+        let end = (before + entries) * entry_bytes;
+        let Range { start, end } = before * entry_bytes / self.burst..if is_end { end.div_ceil(self.burst) } else { end / self.burst };
+        (start < end).then(|| [list + start * self.burst, (end - start) * self.burst])
+    }
+}
+
+impl Job {
+    /// An entry a cycle; the next job finds half a buffer free, but not where it is of another kind.
+    fn streamed(load: [u64; 2], follows: bool, entries: u64, is_end: bool, stores: Vec<[u64; 2]>) -> Self {
+        Job { load, follows, taken: if is_end { entries } else { 0 }, work: entries, last_pass: entries, stores }
+    }
+}
+
+/// A sorter at work.
+struct Sorter {
+    unit: Unit,
+    /// Jobs of its list that are not loaded yet, and from when on the next one can be.
+    jobs: VecDeque<Job>,
+    free: u64,
+    /// The job that is loaded and waits for what the one before stores, and when it begins.
+    loaded: Option<(Job, u64)>,
+    /// The job that works, and when it stores.
+    stores: Option<(Job, u64)>,
+    /// When the last job ended, and when everything that was stored is written.
+    ended: u64,
+    written: u64,
+}
+
+impl Sorter {
+    fn new(from: u64, nth: u32, t: &Microarchitecture, detail: Detail) -> Self {
+        let one = Pace { units: 1, latency: 1, interval: 1, fifo: 1 };
+        let unit = Unit::new(unit::SORT, one, [Some("bin"), Some("list")], detail, t.lifted).behind_others(nth);
+        Sorter { unit, jobs: VecDeque::new(), free: from, loaded: None, stores: None, ended: from, written: from }
+    }
+
+    /// When it asks for something next, and whether that is a load; none where it does not.
+    fn next(&self, are_lists_left: bool) -> Option<(u64, bool)> {
+        let follows = self.jobs.front().is_some_and(|job| job.follows);
+        let can_load = self.loaded.is_none() && (are_lists_left || !self.jobs.is_empty()) && !(follows && self.stores.is_some());
+        let load = can_load.then_some((if follows { self.free.max(self.written) } else { self.free }, true));
+        let store = self.stores.as_ref().map(|(_, when)| (*when, false));
+        load.into_iter().chain(store).min()
+    }
+
+    /// Loads the next job.
+    fn load(&mut self, now: u64, from: u64, memory: &mut Memory) {
+        let Some(mut job) = self.jobs.pop_front() else { return };
+        if self.unit.is_lifted() {
+            (job.taken, job.work, job.last_pass) = (0, 0, 0);
+        }
+        let [address, bytes] = job.load;
+        let here = memory.request(now, Client::Sort, Direction::Read, address, bytes);
+        let before = self.stores.as_ref().map_or(self.ended, |(_, when)| *when);
+        let begins = here.max(before);
+        self.free = begins + job.taken;
+        self.loaded = Some((job, begins));
+        if self.stores.is_none() {
+            self.begin(from);
+        }
+    }
+
+    /// The loaded job works, if there is one.
+    fn begin(&mut self, from: u64) {
+        let Some((job, begins)) = self.loaded.take() else { return };
+        let ends = (begins + job.work).max(self.written + job.last_pass);
+        self.unit.take_with_memory(Ready { here: from, memory: begins, ..Ready::default() }, job.work, ends - begins);
+        self.stores = Some((job, ends));
+    }
+
+    /// Stores what it has worked on.
+    fn store(&mut self, from: u64, memory: &mut Memory) {
+        let Some((job, now)) = self.stores.take() else { return };
+        self.ended = now;
+        self.written = self.written.max(now);
+        for [address, bytes] in job.stores {
+            self.written = self.written.max(memory.request(now, Client::Sort, Direction::Write, address, bytes));
+        }
+        self.begin(from);
+    }
+}
+
+/// Sorts every list, from a cycle on; says which units did, and when all lists are sorted.
+pub fn sort_lists(
+    t: &Microarchitecture,
+    work: &Work,
+    lists: &Bins,
+    from: u64,
+    memory: &mut Memory,
+    detail: Detail,
+) -> Option<(Vec<Unit>, u64)> {
+    let shape = t.sort?;
+    let sorter = shape.sorter?;
+    let plan = Plan { shape, sorter, burst: t.timing.memory.burst_bytes.into(), work, lists };
+    let mut queue = (0..lists.tiles()).filter(|tile| !lists.of(*tile).is_empty()).peekable();
+    let mut sorters: Vec<Sorter> = (0..sorter.units).map(|nth| Sorter::new(from, nth, t, detail)).collect();
+    loop {
+        let are_left = queue.peek().is_some();
+        // What is stored goes first.
+        let next =
+            (sorters.iter().enumerate()).filter_map(|(nth, sorter)| sorter.next(are_left).map(|(when, load)| (when, load, nth))).min();
+        let Some((now, is_load, nth)) = next else { break };
+        memory.forget(now);
+        let sorter = &mut sorters[nth];
+        if !is_load {
+            sorter.store(from, memory);
+            continue;
+        }
+        if sorter.jobs.is_empty() {
+            sorter.jobs = queue.next().map_or_else(VecDeque::new, |tile| plan.jobs(tile, nth as u64));
+        }
+        sorter.load(now, from, memory);
+    }
+    let sorted = sorters.iter().map(|sorter| sorter.written).max().unwrap_or(from);
+    memory.forget(sorted);
+    Some((sorters.into_iter().map(|sorter| sorter.unit).collect(), sorted))
+}

@@ -1,0 +1,288 @@
+//! What do sorters do in each cycle, which sort one tile's list after the other?
+//!
+//! A sorter has room for a buffer of entries, which its network takes `network` at a time, in a cycle; after as many cycles as the network has
+//! stages the runs are merged, two and two, an entry a cycle, until one is left. Lists that are longer are sorted a buffer after the other and
+//! merged in memory, half a buffer at a time; or are distributed first. What it stores has a buffer of its own, into which the last pass
+//! writes: that waits until everything has been written.
+
+use super::memory::{Done, LIST_BYTES, LISTS, Memory, Requests};
+use super::parts::Unit;
+use rtl_model::elaboration::microarchitecture::SortShape;
+use rtl_model::elaboration::sorter::SorterShape;
+use rtl_model::timing::{Client, Direction};
+use std::collections::VecDeque;
+use std::ops::Range;
+
+/// Lists with keys lie here, so far apart; then two places for what is merged, then the buckets of each sorter.
+const KEYED: u64 = 1 << 60;
+const APART: u64 = 1 << 28;
+const PLACES: u64 = 1 << 54;
+const OF_SORTER: u64 = 1 << 42;
+
+/// Where the list of a tile is written first.
+pub fn keyed(tile: u64) -> u64 {
+    KEYED + APART * tile
+}
+
+/// Entry after entry goes to memory, a burst when it is full.
+struct Stream {
+    base: u64,
+    bytes: u64,
+    burst: u64,
+    gone: u64,
+}
+
+impl Stream {
+    fn new(base: u64, burst: u64) -> Self {
+        Stream { base, bytes: 0, burst, gone: 0 }
+    }
+
+    fn push(&mut self, bytes: u64) {
+        self.bytes += bytes;
+    }
+
+    /// Whole bursts that have not gone; in the end all bytes.
+    fn take(&mut self, all: bool) -> Option<Range<u64>> {
+        let mut until = self.gone;
+        while until + self.burst <= self.bytes || all && until < self.bytes {
+            until += self.burst;
+        }
+        let from = std::mem::replace(&mut self.gone, until);
+        (until > from).then(|| self.base + from..self.base + until)
+    }
+}
+
+/// What is loaded, worked on and stored at a time.
+struct Piece {
+    load: Range<u64>,
+    /// Everything that was stored has to be written before.
+    is_stored_before: bool,
+    /// Cycles until the next piece can be loaded; before the last pass; and of that.
+    room_after: u64,
+    before: u64,
+    last: u64,
+    stores: Vec<Range<u64>>,
+}
+
+struct Sorter {
+    pieces: VecDeque<Piece>,
+    /// From when on there is room to load, and what is on its way, or here.
+    room: u64,
+    loaded: Option<(Done, Piece)>,
+    working: Option<Piece>,
+    stored: Requests,
+}
+
+/// All sorters, and the lists that none has taken: a tile, and its keys in the order in which they were written.
+pub struct Sorters {
+    shape: SortShape,
+    sorter: SorterShape,
+    burst: u64,
+    sorters: Vec<Sorter>,
+    pub units: Vec<Unit>,
+    lists: VecDeque<(u64, Vec<u32>)>,
+    begun: bool,
+}
+
+impl Sorters {
+    pub fn new(shape: SortShape, burst: u64, lists: Vec<(u64, Vec<u32>)>) -> Option<Self> {
+        let sorter = shape.sorter?;
+        let one = || Sorter { pieces: VecDeque::new(), room: 0, loaded: None, working: None, stored: Requests::new(u32::MAX) };
+        Some(Sorters {
+            shape,
+            sorter,
+            burst,
+            sorters: (0..sorter.units).map(|_| one()).collect(),
+            units: Unit::each("sort", sorter.units),
+            lists: lists.into(),
+            begun: false,
+        })
+    }
+
+    /// A cycle before all lists are written.
+    pub fn idle(&mut self, now: u64) {
+        self.units.iter_mut().for_each(|unit| unit.count(now, super::parts::Act::Starve));
+    }
+
+    /// A cycle from that on; whether all lists are sorted.
+    pub fn tick(&mut self, now: u64, memory: &mut Memory) -> bool {
+        if !std::mem::replace(&mut self.begun, true) {
+            self.sorters.iter_mut().for_each(|sorter| sorter.room = now);
+        }
+        for sorter in &mut self.sorters {
+            if let Some(piece) = sorter.working.take_if(|piece| piece.before + piece.last == 0) {
+                for bytes in piece.stores {
+                    memory.ask(now, Client::Sort, Direction::Write, bytes, &sorter.stored.next());
+                }
+            }
+        }
+        for nth in 0..self.sorters.len() {
+            self.begin(nth, now);
+            self.load(nth, now, memory);
+            self.work(nth, now);
+        }
+        self.lists.is_empty() && self.sorters.iter_mut().all(|sorter| sorter.is_done(now))
+    }
+
+    fn begin(&mut self, nth: usize, now: u64) {
+        let (sorter, unit) = (&mut self.sorters[nth], &mut self.units[nth]);
+        if sorter.working.is_some() {
+            return;
+        }
+        if let Some((_, piece)) = sorter.loaded.take_if(|(here, _)| here.has_come(now)) {
+            sorter.room = now + piece.room_after;
+            sorter.working = Some(piece);
+            unit.sides[0].items += 1;
+            unit.log.push(now);
+        }
+    }
+
+    fn load(&mut self, nth: usize, now: u64, memory: &mut Memory) {
+        if self.sorters[nth].loaded.is_some() || self.sorters[nth].room > now {
+            return;
+        }
+        if self.sorters[nth].pieces.is_empty()
+            && let Some((tile, keys)) = self.lists.pop_front()
+        {
+            self.sorters[nth].pieces = self.plan(tile, &keys, nth as u64);
+        }
+        let sorter = &mut self.sorters[nth];
+        let may_load = |piece: &Piece, is_quiet: bool| !piece.is_stored_before || is_quiet;
+        let is_quiet = sorter.working.is_none() && sorter.stored.have_all_come(now);
+        if let Some(piece) = sorter.pieces.pop_front_if(|piece| may_load(piece, is_quiet)) {
+            let here = Done::default();
+            memory.ask(now, Client::Sort, Direction::Read, piece.load.clone(), &here);
+            sorter.loaded = Some((here, piece));
+        }
+    }
+
+    fn work(&mut self, nth: usize, now: u64) {
+        let sorter = &mut self.sorters[nth];
+        let account = &mut self.units[nth].sides[0].account;
+        let has_more = sorter.loaded.is_some() || !sorter.pieces.is_empty();
+        let Some(piece) = &mut sorter.working else {
+            if has_more {
+                account.memory += 1;
+            } else {
+                account.starved += 1;
+            }
+            return;
+        };
+        // Once the last pass has begun nothing else is stored.
+        if piece.before > 0 {
+            piece.before -= 1;
+        } else if sorter.stored.have_all_come(now) {
+            piece.last -= 1;
+        } else {
+            account.memory += 1;
+            return;
+        }
+        account.busy += 1;
+    }
+
+    fn entry(&self) -> u64 {
+        self.shape.entry_bytes.into()
+    }
+
+    fn plan(&self, tile: u64, keys: &[u32], sorter: u64) -> VecDeque<Piece> {
+        let mut pieces = VecDeque::new();
+        let mut numbers = Stream::new(LISTS + LIST_BYTES * tile, self.burst);
+        let limit = self.sorter.buffer_entries as usize;
+        match self.sorter.bucket_bits {
+            Some(bits) if keys.len() > limit => {
+                let place = |bucket: u64| KEYED + 3 * PLACES + OF_SORTER * sorter + APART * bucket;
+                let mut buckets: Vec<Stream> = (0..1 << bits).map(|bucket| Stream::new(place(bucket), self.burst)).collect();
+                let mut loaded = keyed(tile);
+                for (nth, some) in keys.chunks(limit / 2).enumerate() {
+                    let is_last = nth == (keys.len() - 1) / (limit / 2);
+                    let mut stores = Vec::new();
+                    for key in some {
+                        let bucket = &mut buckets[(key >> (self.sorter.key_bits - bits)) as usize];
+                        bucket.push(self.entry());
+                        stores.extend(bucket.take(false));
+                    }
+                    if is_last {
+                        stores.extend(buckets.iter_mut().filter_map(|bucket| bucket.take(true)));
+                    }
+                    let to = loaded + some.len() as u64 * self.entry();
+                    pieces.push_back(streaming(loaded..to, some.len(), is_last, stores));
+                    loaded = to;
+                }
+                let full: Vec<Stream> = buckets.into_iter().filter(|bucket| bucket.bytes > 0).collect();
+                for (nth, bucket) in full.iter().enumerate() {
+                    let first = pieces.len();
+                    self.sort(tile, bucket.base, (bucket.bytes / self.entry()) as usize, &mut numbers, nth + 1 == full.len(), &mut pieces);
+                    pieces[first].is_stored_before = nth == 0;
+                }
+            }
+            _ => self.sort(tile, keyed(tile), keys.len(), &mut numbers, true, &mut pieces),
+        }
+        pieces
+    }
+
+    /// Sorts so many entries, whose numbers follow those that went before.
+    fn sort(&self, tile: u64, base: u64, entries: usize, numbers: &mut Stream, is_end: bool, pieces: &mut VecDeque<Piece>) {
+        let limit = self.sorter.buffer_entries as usize;
+        let sizes: Vec<usize> = (0..entries).step_by(limit).map(|first| limit.min(entries - first)).collect();
+        let mut rounds = 0;
+        while 1 << rounds < sizes.len() {
+            rounds += 1;
+        }
+        let place = |round: u64| KEYED + (1 + round % 2) * PLACES + APART * tile;
+        let mut chunks = Stream::new(place(0), self.burst);
+        let mut loaded = base;
+        for (nth, size) in sizes.iter().enumerate() {
+            let is_last = nth + 1 == sizes.len();
+            let to = loaded + *size as u64 * self.entry();
+            let cycles = size.div_ceil(self.sorter.network as usize) as u64;
+            // Of runs of the network's length, two become one.
+            let (mut runs, mut merging) = (cycles, 0);
+            while runs > 1 {
+                (runs, merging) = (runs.div_ceil(2), merging + *size as u64);
+            }
+            let last = if merging > 0 { *size as u64 } else { cycles };
+            let stores = if rounds == 0 {
+                numbers.push(4 * *size as u64);
+                numbers.take(is_last && is_end)
+            } else {
+                chunks.push(*size as u64 * self.entry());
+                chunks.take(is_last)
+            };
+            let before = cycles + u64::from(self.sorter.network_latency) + merging - last;
+            let stores = stores.into_iter().collect();
+            pieces.push_back(Piece { load: loaded..to, is_stored_before: false, room_after: cycles, before, last, stores });
+            loaded = to;
+        }
+        for round in 0..rounds {
+            let mut merged = Stream::new(place(round + 1), self.burst);
+            let mut first = 0;
+            while first < entries {
+                let some = (limit / 2).min(entries - first);
+                let is_last = first + some == entries;
+                let stores = if round + 1 == rounds {
+                    numbers.push(4 * some as u64);
+                    numbers.take(is_last && is_end)
+                } else {
+                    merged.push(some as u64 * self.entry());
+                    merged.take(is_last)
+                };
+                let [from, to] = [first, first + some].map(|entry| place(round) + entry as u64 * self.entry());
+                let piece = streaming(from..to, some, is_last, stores.into_iter().collect());
+                pieces.push_back(Piece { is_stored_before: first == 0, ..piece });
+                first += some;
+            }
+        }
+    }
+}
+
+/// An entry a cycle; the other half of the buffer is free, but not for more than a half.
+fn streaming(load: Range<u64>, entries: usize, is_last: bool, stores: Vec<Range<u64>>) -> Piece {
+    let entries = entries as u64;
+    Piece { load, is_stored_before: false, room_after: if is_last { entries } else { 0 }, before: 0, last: entries, stores }
+}
+
+impl Sorter {
+    fn is_done(&mut self, now: u64) -> bool {
+        self.pieces.is_empty() && self.loaded.is_none() && self.working.is_none() && self.stored.have_all_come(now)
+    }
+}
