@@ -125,7 +125,6 @@ fn a_replayed_scene_is_at_most_a_hundredth_off_with_any_sort() {
         &["sort.kind=tile", "timing.sort={\"units\": 3, \"buffer_entries\": 32, \"network\": 8}"],
         &["sort.kind=hierarchical", "timing.sort={\"units\": 2, \"buffer_entries\": 32, \"network\": 8}"],
         &["sort.kind=hierarchical", "timing.sort={\"buffer_entries\": 64}", "timing.memory.bytes_per_cycle=4"],
-        &["sort.kind=tile", "timing.sort={\"units\": 4, \"buffer_entries\": 64}", "timing.memory.preset=lpddr4-3200-x4"],
     ];
     let scene = splatsim::scene::Scene::load("bouquet", &Overrides { size: Some((64, 48)) }).unwrap();
     for settings in sorts {

@@ -382,7 +382,6 @@ fn first_pass<'a>(t: &'a Microarchitecture, work: &'a Work, lists: &Bins, memory
     let one = Pace { units: 1, latency: 1, interval: 1, fifo: 1 };
     let mut bin = Unit::new("bin", one, [Some(SetUp::last_name(t, work)), None], detail, t.lifted);
     let each = u64::from(!bin.is_lifted());
-    let log = t.timing.memory.burst_bytes.ilog2();
     // Sorters load entries with their keys from lists of their own.
     let keyed_bytes = t.sort.filter(|sort| sort.sorter.is_some() && !work.order.is_empty()).map(|sort| u64::from(sort.entry_bytes));
     let entry_bytes = keyed_bytes.unwrap_or(ENTRY_BYTES);
@@ -422,10 +421,12 @@ fn first_pass<'a>(t: &'a Microarchitecture, work: &'a Work, lists: &Bins, memory
         let mut when = now;
         each_tile(footprint.sides(), side, lists.columns, |tile| {
             when += each;
-            let before = (lengths[tile] * entry_bytes) >> log;
             lengths[tile] += 1;
-            if (lengths[tile] * entry_bytes) >> log > before {
-                write(when, list(tile) + before * burst);
+            // An entry is no longer than a burst, so that one is full if less than an entry lies behind it.
+            let end = lengths[tile] * entry_bytes;
+            let behind = end % burst;
+            if behind < entry_bytes {
+                write(when, list(tile) + end - behind - burst);
             }
         });
         end = end.max(when + 1);

@@ -117,7 +117,9 @@ impl Plan<'_> {
         // As the first pass writes it: in input order.
         let mut list = self.lists.of(tile).to_vec();
         list.sort_unstable();
-        let of = |nth: u32| self.work.keys.get(nth as usize).map_or(0, |key| (key >> (self.sorter.key_bits - bits)) as usize);
+        // Keys that share a bucket.
+        let of_bucket = 1 << (self.sorter.key_bits - bits);
+        let of = |nth: u32| self.work.keys.get(nth as usize).map_or(0, |key| (u64::from(*key) / of_bucket) as usize);
         let mut sizes = vec![0; 1 << bits];
         let halves = list.chunks(self.half() as usize);
         let last = halves.len() - 1;
