@@ -15,7 +15,8 @@ pub enum Error {
 }
 
 impl Error {
-    /// Blames the input, in one sentence: which file, which field or line, what is wrong, what would be right.
+    /// Blames the input, in one sentence: which file, which field or line, what is wrong, what
+    /// would be right.
     pub fn input(sentence: impl Into<String>) -> Self {
         Error::Input(one_line(sentence.into()))
     }
@@ -34,19 +35,32 @@ impl Error {
     }
 }
 
-/// Letters of a word of a sentence, and of a sentence, at most. Paths have up to 4096 bytes, names in files megabytes: of longer ones beginning
-/// and end are told.
+/// Letters of a word of a sentence, and of a sentence, at most. Paths have up to 4096 bytes, names
+/// in files megabytes: of longer ones beginning and end are told.
 const LONGEST_WORD: usize = 320;
 const LONGEST: usize = 1_600;
 
 /// The sentence on one line, of a length that can be read, whatever names and paths it quotes.
 fn one_line(sentence: String) -> String {
-    let escaped = |letter: char| if letter.is_control() { letter.escape_default().to_string() } else { letter.to_string() };
-    let sentence = if sentence.contains(char::is_control) { sentence.chars().map(escaped).collect() } else { sentence };
+    let escaped = |letter: char| {
+        if letter.is_control() {
+            letter.escape_default().to_string()
+        } else {
+            letter.to_string()
+        }
+    };
+    let sentence = if sentence.contains(char::is_control) {
+        sentence.chars().map(escaped).collect()
+    } else {
+        sentence
+    };
     if sentence.len() <= LONGEST_WORD {
         return sentence;
     }
-    let words: Vec<Cow<str>> = sentence.split(' ').map(|word| shortened(word, LONGEST_WORD)).collect();
+    let words: Vec<Cow<str>> = sentence
+        .split(' ')
+        .map(|word| shortened(word, LONGEST_WORD))
+        .collect();
     shortened(&words.join(" "), LONGEST).into_owned()
 }
 
@@ -56,14 +70,24 @@ fn shortened(text: &str, most: usize) -> Cow<'_, str> {
     if text.len() <= most || place(most).is_none() {
         return text.into();
     }
-    let end = text.char_indices().rev().nth(most / 4).map_or(0, |(at, _)| at);
-    format!("{}…{}", &text[..place(most * 3 / 4 - 2).unwrap_or(0)], &text[end..]).into()
+    let end = text
+        .char_indices()
+        .rev()
+        .nth(most / 4)
+        .map_or(0, |(at, _)| at);
+    format!(
+        "{}…{}",
+        &text[..place(most * 3 / 4 - 2).unwrap_or(0)],
+        &text[end..]
+    )
+    .into()
 }
 
 /// Result of a step of the bench.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// All that several threads make, or the first error in its order: rayon's own `collect` gives that of whichever thread has one first.
+/// All that several threads make, or the first error in its order: rayon's own `collect` gives that
+/// of whichever thread has one first.
 ///
 /// # Errors
 /// The first of them.
@@ -80,11 +104,28 @@ mod tests {
     fn a_sentence_is_short_whatever_it_quotes_and_shows_where_that_begins_and_ends() {
         let long = "é".repeat(1 << 20);
         let told = Error::input(format!("scene.json: a{long}z is no file")).to_string();
-        assert!(told.starts_with("scene.json: aé") && told.ends_with("éz is no file") && told.contains('…'), "{told}");
+        assert!(
+            told.starts_with("scene.json: aé")
+                && told.ends_with("éz is no file")
+                && told.contains('…'),
+            "{told}"
+        );
         assert!(told.chars().count() < 360, "{told}");
         let told = Error::job(format!("begins {} ends", "word and ".repeat(1 << 20))).to_string();
-        assert!(told.starts_with("begins word") && told.ends_with("and  ends") && told.chars().count() == LONGEST, "{}", told.len());
-        assert_eq!(Error::input("\n".repeat(1 << 20)).to_string().chars().count(), LONGEST_WORD);
+        assert!(
+            told.starts_with("begins word")
+                && told.ends_with("and  ends")
+                && told.chars().count() == LONGEST,
+            "{}",
+            told.len()
+        );
+        assert_eq!(
+            Error::input("\n".repeat(1 << 20))
+                .to_string()
+                .chars()
+                .count(),
+            LONGEST_WORD
+        );
         let path = format!("/{}", "x".repeat(LONGEST_WORD - 1));
         assert_eq!(Error::input(path.clone()).to_string(), path);
     }
@@ -99,9 +140,18 @@ mod tests {
             99 => Err(Error::input("the last")),
             number => Ok(number),
         };
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(4).build().unwrap();
-        let told = pool.install(|| in_order((0..100).into_par_iter().map(step))).unwrap_err();
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(4)
+            .build()
+            .unwrap();
+        let told = pool
+            .install(|| in_order((0..100).into_par_iter().map(step)))
+            .unwrap_err();
         assert_eq!(told.to_string(), "the first");
-        assert_eq!(pool.install(|| in_order((1..9).into_par_iter().map(step))).unwrap(), [1, 2, 3, 4, 5, 6, 7, 8]);
+        assert_eq!(
+            pool.install(|| in_order((1..9).into_par_iter().map(step)))
+                .unwrap(),
+            [1, 2, 3, 4, 5, 6, 7, 8]
+        );
     }
 }

@@ -1,4 +1,5 @@
-//! splatsim: the bench around `rtl_model`. Floats, files, comparison and the command line live here; the machine does not.
+//! splatsim: the bench around `rtl_model`. Floats, files, comparison and the command line live
+//! here; the machine does not.
 //!
 //! ```
 //! use splatsim::hardware::machines;

@@ -1,4 +1,5 @@
-//! Does the cost model say what synthesis makes of the units? The book, Cost, has the fit; its LUTs are Yosys', all else is computed anew.
+//! Does the cost model say what synthesis makes of the units? The book, Cost, has the fit; its LUTs
+//! are Yosys', all else is computed anew.
 
 use crate::cosimulation::{have, run};
 use crate::program::PROGRAM;
@@ -10,7 +11,8 @@ use splatsim::performance::cost::{Cost, DEFAULT, UnitCost};
 use splatsim::performance::given;
 use std::process::Command;
 
-/// A row of what `area.sh` or `gates.sh` prints: machine, unit, LUTs or gates of logic, and what the model says of them.
+/// A row of what `area.sh` or `gates.sh` prints: machine, unit, LUTs or gates of logic, and what
+/// the model says of them.
 #[derive(Debug)]
 struct Row {
     machine: String,
@@ -21,7 +23,10 @@ struct Row {
 
 /// Its rows, and geometric mean, least and most of its last line.
 fn read(printed: &str) -> (Vec<Row>, [f64; 3]) {
-    let mut lines: Vec<Vec<&str>> = printed.lines().map(|line| line.split_whitespace().collect()).collect();
+    let mut lines: Vec<Vec<&str>> = printed
+        .lines()
+        .map(|line| line.split_whitespace().collect())
+        .collect();
     let last = lines.pop().unwrap();
     let number = |word: &str| word.trim_end_matches(',').parse().unwrap();
     let row = |words: &Vec<&str>| Row {
@@ -31,13 +36,19 @@ fn read(printed: &str) -> (Vec<Row>, [f64; 3]) {
         model: number(words[4]),
     };
     let rows = lines[1..].iter().map(row).collect();
-    (rows, [5, last.len() - 3, last.len() - 1].map(|at| number(last[at])))
+    (
+        rows,
+        [5, last.len() - 3, last.len() - 1].map(|at| number(last[at])),
+    )
 }
 
 /// What the book has of it below a mark.
 fn fit(mark: &str) -> (Vec<Row>, [f64; 3]) {
     let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/cost.md"));
-    let block = text.split(&format!("<!-- {mark} -->\n```text\n")).nth(1).expect("the book lacks the fit");
+    let block = text
+        .split(&format!("<!-- {mark} -->\n```text\n"))
+        .nth(1)
+        .expect("the book lacks the fit");
     read(block.split("\n```").next().unwrap())
 }
 
@@ -52,7 +63,8 @@ fn have_cells() -> bool {
     are_there
 }
 
-/// Delays of operators by the model are within a quarter of what the standard cells take, and those of a unit that is no part of the fit.
+/// Delays of operators by the model are within a quarter of what the standard cells take, and those
+/// of a unit that is no part of the fit.
 #[test]
 fn operators_take_as_long_as_the_model_of_the_clock_says() {
     if !tier::runs(Tier::Full) {
@@ -65,17 +77,32 @@ fn operators_take_as_long_as_the_model_of_the_clock_says() {
         return;
     }
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/programs/delays.sh");
-    let output = run(Command::new("sh").args([script, "--splatsim", &PROGRAM, "--units", "gauss,raster,fragment", "tiny"]));
+    let output = run(Command::new("sh").args([
+        script,
+        "--splatsim",
+        &PROGRAM,
+        "--units",
+        "gauss,raster,fragment",
+        "tiny",
+    ]));
     let printed = String::from_utf8(output.stdout).unwrap();
     let ratios: Vec<f64> = (printed.lines())
-        .filter_map(|line| Some((line.split_whitespace().nth(2)?.parse::<f64>().ok()?, line.split_whitespace().last()?.parse().ok()?)))
+        .filter_map(|line| {
+            Some((
+                line.split_whitespace().nth(2)?.parse::<f64>().ok()?,
+                line.split_whitespace().last()?.parse().ok()?,
+            ))
+        })
         .map(|(_, ratio)| ratio)
         .collect();
     assert_eq!(ratios.len(), 16, "{printed}");
     // The script has the formulas once more: they are those of the crate.
     for line in printed.lines().skip(1).take_while(|line| !line.is_empty()) {
         let words: Vec<&str> = line.split_whitespace().collect();
-        let bits: Vec<i32> = words[1].split('x').map(|bits| bits.parse().unwrap()).collect();
+        let bits: Vec<i32> = words[1]
+            .split('x')
+            .map(|bits| bits.parse().unwrap())
+            .collect();
         let (first, last, path) = (bits[0], bits[bits.len() - 1], Path::default());
         let path = match words[0] {
             "adder" => path.sum(first),
@@ -86,32 +113,60 @@ fn operators_take_as_long_as_the_model_of_the_clock_says() {
         };
         let model: f64 = words[4].parse().unwrap();
         // Delays are cut to tenths, twice in a product.
-        assert!((model - f64::from(path.delay) / 10.0).abs() < 0.25, "{line}: {path:?}");
+        assert!(
+            (model - f64::from(path.delay) / 10.0).abs() < 0.25,
+            "{line}: {path:?}"
+        );
     }
-    assert!(ratios.iter().all(|ratio| (0.75..1.25).contains(ratio)), "{printed}");
-    let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/clock-cells.md"));
-    let told = text.split("<!-- delays -->\n```text\n").nth(1).expect("the book's table of delays").split("\n```").next().unwrap();
+    assert!(
+        ratios.iter().all(|ratio| (0.75..1.25).contains(ratio)),
+        "{printed}"
+    );
+    let text = include_str!(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/docs/book/clock-cells.md"
+    ));
+    let told = text
+        .split("<!-- delays -->\n```text\n")
+        .nth(1)
+        .expect("the book's table of delays")
+        .split("\n```")
+        .next()
+        .unwrap();
     for line in printed.lines() {
-        assert!(told.lines().any(|of_book| of_book == line), "the book's table has no line {line:?}");
+        assert!(
+            told.lines().any(|of_book| of_book == line),
+            "the book's table has no line {line:?}"
+        );
     }
 }
 
-/// Machine and unit of a row of what `depths.sh` prints, and its gates, cycles, gates of a stage, of the loop, and from an input to s_ready.
+/// Machine and unit of a row of what `depths.sh` prints, and its gates, cycles, gates of a stage,
+/// of the loop, and from an input to s_ready.
 fn depths(printed: &str) -> Vec<([String; 2], [f64; 5])> {
     let row = |line: &str| {
         let words: Vec<&str> = line.split_whitespace().collect();
-        ([0, 1].map(|at| words[at].to_owned()), [2, 3, 4, 5, 6].map(|at| words[at].parse().unwrap()))
+        (
+            [0, 1].map(|at| words[at].to_owned()),
+            [2, 3, 4, 5, 6].map(|at| words[at].parse().unwrap()),
+        )
     };
     printed.lines().skip(1).map(row).collect()
 }
 
-/// Whatever waits for itself does so for forty gates of two inputs at most, of every unit of every machine in the book's table; of the smallest
-/// units it is counted anew.
+/// Whatever waits for itself does so for forty gates of two inputs at most, of every unit of every
+/// machine in the book's table; of the smallest units it is counted anew.
 #[test]
 fn no_loop_of_the_twins_is_deeper_than_forty_gates() {
-    let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/clock-cells.md"));
+    let text = include_str!(concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/docs/book/clock-cells.md"
+    ));
     let table = |mark: &str| {
-        let rest = text.split(&format!("<!-- {mark} -->\n```text\n")).nth(1).expect("the book's table of depths");
+        let rest = text
+            .split(&format!("<!-- {mark} -->\n```text\n"))
+            .nth(1)
+            .expect("the book's table of depths");
         depths(rest.split("\n```").next().unwrap())
     };
     let (told, of_groups) = (table("depths"), table("depths of groups"));
@@ -124,7 +179,15 @@ fn no_loop_of_the_twins_is_deeper_than_forty_gates() {
     }
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/programs/depths.sh");
     let units: Vec<&str> = tier::some([3, 3], ["gauss", "resolve", "raster"]).collect();
-    let output = run(Command::new("sh").args([script, "--gates", "--splatsim", &PROGRAM, "--units", &units.join(","), "tiny"]));
+    let output = run(Command::new("sh").args([
+        script,
+        "--gates",
+        "--splatsim",
+        &PROGRAM,
+        "--units",
+        &units.join(","),
+        "tiny",
+    ]));
     let counted = depths(&String::from_utf8(output.stdout).unwrap());
     assert_eq!(counted.len(), units.len());
     for row in &counted {
@@ -132,40 +195,64 @@ fn no_loop_of_the_twins_is_deeper_than_forty_gates() {
     }
 }
 
-/// A table of the book says what the model does, of a unit without its registers, and sums its own rows up.
+/// A table of the book says what the model does, of a unit without its registers, and sums its own
+/// rows up.
 fn holds_in_the_book(mark: &str, settings: &[&str], model: fn(&UnitCost) -> f64) -> Vec<Row> {
     let (rows, told) = fit(mark);
     assert_eq!(rows.len(), 21);
     for row in &rows {
         // The table is of square pixels.
-        let settings: Vec<String> =
-            ["timing.raster.lanes=[1,1]", "ellipse.aspect=null"].iter().chain(settings).map(|setting| (*setting).to_owned()).collect();
+        let settings: Vec<String> = ["timing.raster.lanes=[1,1]", "ellipse.aspect=null"]
+            .iter()
+            .chain(settings)
+            .map(|setting| (*setting).to_owned())
+            .collect();
         let machine = fixed::elaborate(&machines::load(&row.machine, &settings).unwrap()).unwrap();
         let cost = Cost::new(&machine, &DEFAULT);
-        let model = model(cost.units.iter().find(|unit| unit.name == row.unit).unwrap());
+        let model = model(
+            cost.units
+                .iter()
+                .find(|unit| unit.name == row.unit)
+                .unwrap(),
+        );
         // The script subtracts from an area that `machine cost` cuts to a whole LUT, and rounds.
         assert!((model - row.model).abs() <= 1.5, "{row:?}: {model:.0}");
     }
-    let logarithms: Vec<f64> = rows.iter().map(|row| (row.mapped / row.model).ln()).collect();
+    let logarithms: Vec<f64> = rows
+        .iter()
+        .map(|row| (row.mapped / row.model).ln())
+        .collect();
     let mean = logarithms.iter().sum::<f64>() / 21.0;
-    let [least, most] = [f64::min, f64::max].map(|of| logarithms.iter().copied().reduce(of).unwrap());
-    assert_eq!([mean, least, most].map(|logarithm| format!("{:.2}", logarithm.exp())), told.map(|ratio| format!("{ratio:.2}")));
+    let [least, most] =
+        [f64::min, f64::max].map(|of| logarithms.iter().copied().reduce(of).unwrap());
+    assert_eq!(
+        [mean, least, most].map(|logarithm| format!("{:.2}", logarithm.exp())),
+        told.map(|ratio| format!("{ratio:.2}"))
+    );
     rows
 }
 
 #[test]
 fn the_fit_is_what_the_book_says() {
-    holds_in_the_book("area", &["fragment.turn_normals=false"], |unit| unit.area - unit.bits.register as f64 * DEFAULT.area.register);
+    holds_in_the_book("area", &["fragment.turn_normals=false"], |unit| {
+        unit.area - unit.bits.register as f64 * DEFAULT.area.register
+    });
 }
 
-/// And no unit of these machines takes a tenth more or less than the model's gates, but `gauss` of `reference`, of which the book says so.
+/// And no unit of these machines takes a tenth more or less than the model's gates, but `gauss` of
+/// `reference`, of which the book says so.
 #[test]
 fn the_gates_are_what_the_book_says() {
-    let rows = holds_in_the_book("gates", &[], |unit| unit.gates - unit.bits.register as f64 * DEFAULT.gates.register);
+    let rows = holds_in_the_book("gates", &[], |unit| {
+        unit.gates - unit.bits.register as f64 * DEFAULT.gates.register
+    });
     let is_near = |row: &Row| (0.9..=1.1).contains(&(row.mapped / row.model));
     let far: Vec<&Row> = rows.iter().filter(|row| !is_near(row)).collect();
     let [gauss] = far[..] else { panic!("{far:?}") };
-    assert!(gauss.machine == "reference" && gauss.unit == "gauss" && gauss.mapped / gauss.model > 0.85, "{gauss:?}");
+    assert!(
+        gauss.machine == "reference" && gauss.unit == "gauss" && gauss.mapped / gauss.model > 0.85,
+        "{gauss:?}"
+    );
 }
 
 /// Maps the smallest units anew, and finds them in the range of the book's table.
@@ -175,7 +262,16 @@ fn small_units_are_in_the_range(script: &str, mark: &str, more: &[&str]) {
     }
     let script = format!("{}/tests/programs/{script}", env!("CARGO_MANIFEST_DIR"));
     let units: Vec<&str> = tier::some([3, 3], ["gauss", "resolve", "raster"]).collect();
-    let given = [script.as_str(), "--splatsim", PROGRAM.as_str(), "--seconds", "600", "--units", &units.join(",")].map(str::to_owned);
+    let given = [
+        script.as_str(),
+        "--splatsim",
+        PROGRAM.as_str(),
+        "--seconds",
+        "600",
+        "--units",
+        &units.join(","),
+    ]
+    .map(str::to_owned);
     let output = run(Command::new("sh").args(given).args(more).arg("tiny"));
     let printed = String::from_utf8(output.stdout).unwrap();
     let (rows, _) = read(&printed);
@@ -203,20 +299,39 @@ fn small_units_take_what_the_model_says() {
 
 // ---- Nothing for nothing ----
 
-/// The machine with every latency that is left out as short as its clock allows: longer ones would gain by being shortened.
+/// The machine with every latency that is left out as short as its clock allows: longer ones would
+/// gain by being shortened.
 fn with_least_latencies(name: &str, settings: &[&str]) -> rtl_model::Machine {
-    let settings: Vec<String> = settings.iter().map(|setting| (*setting).to_owned()).collect();
+    let settings: Vec<String> = settings
+        .iter()
+        .map(|setting| (*setting).to_owned())
+        .collect();
     let machine = machines::load(name, &settings).unwrap();
     let ways = splatsim::performance::clock::ways(&fixed::elaborate(&machine).unwrap());
-    let units = ["project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve"];
-    let of = |unit: &&str| ways.iter().find(|way| *way.name == **unit).map(|way| (format!("timing.{unit}.latency"), json!(way.least)));
-    machines::with(&machine, &units.iter().filter_map(of).collect::<Vec<_>>(), "").unwrap()
+    let units = [
+        "project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve",
+    ];
+    let of = |unit: &&str| {
+        ways.iter()
+            .find(|way| *way.name == **unit)
+            .map(|way| (format!("timing.{unit}.latency"), json!(way.least)))
+    };
+    machines::with(
+        &machine,
+        &units.iter().filter_map(of).collect::<Vec<_>>(),
+        "",
+    )
+    .unwrap()
 }
 
-/// Other values of every number below `timing`, of every number of a pair, and of fields that are left out.
+/// Other values of every number below `timing`, of every number of a pair, and of fields that are
+/// left out.
 fn changes(timing: &Value) -> Vec<(String, Value)> {
-    let others =
-        |number: u64| [2 * number, number / 2, number + 1, number.saturating_sub(1)].into_iter().filter(move |other| *other != number);
+    let others = |number: u64| {
+        [2 * number, number / 2, number + 1, number.saturating_sub(1)]
+            .into_iter()
+            .filter(move |other| *other != number)
+    };
     let left_out = json!({"engines": 2, "queue": "longest", "project": {"multipliers": 4}, "ellipse": {"multipliers": 16},
         "fragment": {"units": 2, "merges_in_flight": 2, "hazard": 1}, "shade": {"units": 2}, "resolve": {"units": 2},
         "memory": {"channels": 2, "ranks": 2, "interleave_bytes": 256, "write_batch": 4, "bytes_per_cycle_permille": 500}});
@@ -224,16 +339,23 @@ fn changes(timing: &Value) -> Vec<(String, Value)> {
     for (nth, tree) in [timing, &left_out].into_iter().enumerate() {
         for (unit, fields) in tree.as_object().unwrap() {
             let leaves: Vec<(String, &Value)> = match fields.as_object() {
-                Some(fields) => fields.iter().map(|(name, value)| (format!("timing.{unit}.{name}"), value)).collect(),
+                Some(fields) => fields
+                    .iter()
+                    .map(|(name, value)| (format!("timing.{unit}.{name}"), value))
+                    .collect(),
                 None => vec![(format!("timing.{unit}"), fields)],
             };
             for (field, value) in leaves {
                 match value {
                     other if nth == 1 => all.push((field, other.clone())),
-                    Value::Number(number) => all.extend(others(number.as_u64().unwrap()).map(|other| (field.clone(), json!(other)))),
+                    Value::Number(number) => all.extend(
+                        others(number.as_u64().unwrap()).map(|other| (field.clone(), json!(other))),
+                    ),
                     Value::Array(pair) => {
                         let [a, b] = [0, 1].map(|at| pair[at].as_u64().unwrap());
-                        all.extend([[2 * a, b], [a, 2 * b]].map(|pair| (field.clone(), json!(pair))));
+                        all.extend(
+                            [[2 * a, b], [a, 2 * b]].map(|pair| (field.clone(), json!(pair))),
+                        );
                     }
                     _ => {}
                 }
@@ -259,30 +381,72 @@ fn no_field_of_timing_gains_for_nothing_unless_it_is_marked_as_given() {
         ("lean", &["timing.organisation=immediate"], "torus-knot"),
         ("gaussian", &[], "bouquet"),
         ("tiny", &bought, "torus-knot"),
-        ("gaussian", &["sort.kind=tile", "timing.sort={\"units\": 2, \"buffer_entries\": 16, \"network\": 4}"], "bouquet"),
-        ("gaussian", &["sort.kind=hierarchical", "timing.sort={\"buffer_entries\": 64, \"network\": 8, \"bucket_bits\": 4}"], "bouquet"),
+        (
+            "gaussian",
+            &[
+                "sort.kind=tile",
+                "timing.sort={\"units\": 2, \"buffer_entries\": 16, \"network\": 4}",
+            ],
+            "bouquet",
+        ),
+        (
+            "gaussian",
+            &[
+                "sort.kind=hierarchical",
+                "timing.sort={\"buffer_entries\": 64, \"network\": 8, \"bucket_bits\": 4}",
+            ],
+            "bouquet",
+        ),
     ];
     let (mut tried, mut marked) = (0, 0);
     for (name, settings, scene) in machines {
         let base = with_least_latencies(name, settings);
-        let scene = splatsim::scene::Scene::load(scene, &splatsim::scene::Overrides { size: Some((24, 16)) }).unwrap();
-        let work = splatsim::run::evaluation::Evaluation::new(&scene, &base).unwrap().observe().work;
+        let scene = splatsim::scene::Scene::load(
+            scene,
+            &splatsim::scene::Overrides {
+                size: Some((24, 16)),
+            },
+        )
+        .unwrap();
+        let work = splatsim::run::evaluation::Evaluation::new(&scene, &base)
+            .unwrap()
+            .observe()
+            .work;
         // Seconds, area, joules.
         let measured = |machine: &rtl_model::Machine| -> Option<[f64; 3]> {
             let built = fixed::elaborate(machine).ok()?;
-            let cycles = rtl_model::timing::replay(&built.timing, &work, rtl_model::timing::Detail::Accounts);
+            let cycles = rtl_model::timing::replay(
+                &built.timing,
+                &work,
+                rtl_model::timing::Detail::Accounts,
+            );
             let cost = splatsim::performance::cost::CostReport::new(&built, &cycles, &DEFAULT);
-            Some([cycles.total as f64 / machine.timing.clock_hz as f64, cost.cost.area, cost.energy.total])
+            Some([
+                cycles.total as f64 / machine.timing.clock_hz as f64,
+                cost.cost.area,
+                cost.energy.total,
+            ])
         };
         let before = measured(&base).unwrap();
         for (field, value) in changes(&machines::value(&base)["timing"]) {
-            let Some(machine) = machines::with(&base, &[(field.clone(), value.clone())], "").ok() else { continue };
-            let Some(after) = measured(&machine) else { continue };
-            assert!(after.iter().all(|figure| figure.is_finite()), "{field}={value}: {after:?}");
+            let Some(machine) = machines::with(&base, &[(field.clone(), value.clone())], "").ok()
+            else {
+                continue;
+            };
+            let Some(after) = measured(&machine) else {
+                continue;
+            };
+            assert!(
+                after.iter().all(|figure| figure.is_finite()),
+                "{field}={value}: {after:?}"
+            );
             tried += 1;
             let is_faster = after[0] < 0.999 * before[0];
             if is_faster && after[1] <= before[1] && after[2] <= before[2] {
-                assert!(given::reason_alone(&field).is_some(), "{name}: {field}={value} is for nothing: {before:?} to {after:?}");
+                assert!(
+                    given::reason_alone(&field).is_some(),
+                    "{name}: {field}={value} is for nothing: {before:?} to {after:?}"
+                );
                 marked += 1;
             }
         }
@@ -292,21 +456,45 @@ fn no_field_of_timing_gains_for_nothing_unless_it_is_marked_as_given() {
 
 /// Area of a machine with other words.
 fn area_with(name: &str, settings: &[&str]) -> f64 {
-    let settings: Vec<String> = settings.iter().map(|setting| (*setting).to_owned()).collect();
-    Cost::new(&fixed::elaborate(&machines::load(name, &settings).unwrap()).unwrap(), &DEFAULT).area
+    let settings: Vec<String> = settings
+        .iter()
+        .map(|setting| (*setting).to_owned())
+        .collect();
+    Cost::new(
+        &fixed::elaborate(&machines::load(name, &settings).unwrap()).unwrap(),
+        &DEFAULT,
+    )
+    .area
 }
 
 #[test]
 fn rounding_to_even_takes_more_than_rounding_up_and_a_wider_key_no_less() {
-    for word in ["gauss.weight", "project.slope", "fragment.colour_sum", "shade.rgb"] {
+    for word in [
+        "gauss.weight",
+        "project.slope",
+        "fragment.colour_sum",
+        "shade.rgb",
+    ] {
         let show = machines::value(&machines::load("lean", &[]).unwrap());
-        let format = show.pointer(&format!("/{}", word.replace('.', "/"))).unwrap().as_str().unwrap().to_owned();
+        let format = show
+            .pointer(&format!("/{}", word.replace('.', "/")))
+            .unwrap()
+            .as_str()
+            .unwrap()
+            .to_owned();
         let even = format!("{word}={{\"format\":\"{format}\",\"round\":\"nearest-even\"}}");
-        assert!(area_with("lean", &[&even]) > area_with("lean", &[]), "{word}");
+        assert!(
+            area_with("lean", &[&even]) > area_with("lean", &[]),
+            "{word}"
+        );
     }
     // Widths at which the key is rounded like its neighbour.
     let key = |bits: i32| area_with("gaussian", &[&format!("sort.key=U1F{bits}")]);
-    assert!((12..25).all(|bits| key(bits) < key(bits + 1)), "{:?}", (12..26).map(key).collect::<Vec<_>>());
+    assert!(
+        (12..25).all(|bits| key(bits) < key(bits + 1)),
+        "{:?}",
+        (12..26).map(key).collect::<Vec<_>>()
+    );
 }
 
 /// NAND2 of `fit.sv` behind a multiplier of so many bits, by Yosys and ABC.
@@ -327,9 +515,12 @@ fn gates_of_a_product(bits: i32, round: i32) -> f64 {
          opt_clean; stat -liberty {cells}",
         path.display()
     );
-    let printed = String::from_utf8(run(Command::new("yosys").args(["-p", &script])).stdout).unwrap();
-    let area =
-        printed.lines().rfind(|line| line.contains("Chip area")).and_then(|line| line.split_whitespace().last()?.parse::<f64>().ok());
+    let printed =
+        String::from_utf8(run(Command::new("yosys").args(["-p", &script])).stdout).unwrap();
+    let area = printed
+        .lines()
+        .rfind(|line| line.contains("Chip area"))
+        .and_then(|line| line.split_whitespace().last()?.parse::<f64>().ok());
     area.expect("yosys says an area") / 24.0
 }
 
@@ -341,5 +532,8 @@ fn rounding_to_even_costs_what_synthesis_says() {
     let bits = 8;
     let mapped = gates_of_a_product(bits, 2) - gates_of_a_product(bits, 1);
     let model = DEFAULT.gates.adder * f64::from(bits);
-    assert!((0.6..1.6).contains(&(mapped / model)), "{mapped} gates more, by the model {model}");
+    assert!(
+        (0.6..1.6).contains(&(mapped / model)),
+        "{mapped} gates more, by the model {model}"
+    );
 }

@@ -27,7 +27,10 @@ fn scene(name: &str, size: (usize, usize)) -> Scene {
 fn thinned(mut scene: Scene, splats: usize) -> Scene {
     let every = scene.splats.len() / splats + 1;
     scene.splats = scene.splats.iter().step_by(every).copied().collect();
-    scene.splats.iter_mut().for_each(|splat| splat.radius *= (every as f64).sqrt());
+    scene
+        .splats
+        .iter_mut()
+        .for_each(|splat| splat.radius *= (every as f64).sqrt());
     scene
 }
 
@@ -43,7 +46,12 @@ fn drawn(scene: &Scene, machine: &Machine) -> Option<(Quantised, Picture)> {
 }
 
 /// Draws with those words of which this holds.
-fn mixed(scene: &Scene, machine: &Machine, quantised: &Quantised, is_chosen: impl Fn(&str) -> bool) -> Picture {
+fn mixed(
+    scene: &Scene,
+    machine: &Machine,
+    quantised: &Quantised,
+    is_chosen: impl Fn(&str) -> bool,
+) -> Picture {
     let elaborated = machine.elaborate().unwrap();
     let stage = Stage::new(scene, &elaborated, quantised);
     let choice = Choice::new(&elaborated, is_chosen);
@@ -53,10 +61,16 @@ fn mixed(scene: &Scene, machine: &Machine, quantised: &Quantised, is_chosen: imp
 /// Pixels that differ in any bit.
 fn different(a: &Picture, b: &Picture) -> usize {
     let colours = a.rgba.iter().zip(&b.rgba).filter(|(a, b)| a != b).count();
-    colours + a.covered.iter().zip(&b.covered).filter(|(a, b)| a != b).count()
+    colours
+        + a.covered
+            .iter()
+            .zip(&b.covered)
+            .filter(|(a, b)| a != b)
+            .count()
 }
 
-/// Volumes in either order and by either law, a flattened surface in one, and Gaussians; each with the machine for it.
+/// Volumes in either order and by either law, a flattened surface in one, and Gaussians; each with
+/// the machine for it.
 fn of_ellipsoids(size: (usize, usize)) -> Vec<(Scene, Machine)> {
     let texts = [
         json!({"splats": {"volume": {"builtin": "nested-shells", "samples": 48},
@@ -80,7 +94,11 @@ fn of_ellipsoids(size: (usize, usize)) -> Vec<(Scene, Machine)> {
 
 fn surfaces(size: (usize, usize)) -> Vec<(Scene, Machine)> {
     let names = Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES);
-    let on = |name| names.clone().map(move |machine| (scene(name, size), Machine::named(machine).unwrap()));
+    let on = |name| {
+        names
+            .clone()
+            .map(move |machine| (scene(name, size), Machine::named(machine).unwrap()))
+    };
     SCENES.into_iter().flat_map(on).collect()
 }
 
@@ -89,10 +107,23 @@ fn with_no_word_it_is_golden() {
     if !tier::runs(Tier::Ci) {
         return;
     }
-    for (scene, machine) in tier::some([12, 6], surfaces((96, 80)).into_iter().chain(of_ellipsoids((64, 48)))) {
+    for (scene, machine) in tier::some(
+        [12, 6],
+        surfaces((96, 80))
+            .into_iter()
+            .chain(of_ellipsoids((64, 48))),
+    ) {
         let (quantised, _) = drawn(&scene, &machine).unwrap();
-        let found = metrics(&mixed(&scene, &machine, &quantised, |_| false), &golden(&scene, &machine).picture);
-        assert!(found.max_error < 1e-12, "{} on {}: {found:?}", scene.name, machine.name);
+        let found = metrics(
+            &mixed(&scene, &machine, &quantised, |_| false),
+            &golden(&scene, &machine).picture,
+        );
+        assert!(
+            found.max_error < 1e-12,
+            "{} on {}: {found:?}",
+            scene.name,
+            machine.name
+        );
     }
 }
 
@@ -102,12 +133,23 @@ fn with_every_word_it_is_the_machine() {
     if !tier::runs(Tier::Ci) {
         return;
     }
-    for (scene, mut machine) in tier::some([12, 6], surfaces((192, 160)).into_iter().chain(of_ellipsoids((96, 80)))) {
+    for (scene, mut machine) in tier::some(
+        [12, 6],
+        surfaces((192, 160))
+            .into_iter()
+            .chain(of_ellipsoids((96, 80))),
+    ) {
         for rows in [Rows::Seeded, Rows::Differenced] {
             machine.raster.rows = rows;
             let (quantised, fixed) = drawn(&scene, &machine).unwrap();
             let mixed = mixed(&scene, &machine, &quantised, |_| true);
-            assert_eq!(different(&mixed, &fixed), 0, "{} on {}, {rows:?}", scene.name, machine.name);
+            assert_eq!(
+                different(&mixed, &fixed),
+                0,
+                "{} on {}, {rows:?}",
+                scene.name,
+                machine.name
+            );
         }
     }
 }
@@ -116,30 +158,59 @@ fn with_every_word_it_is_the_machine() {
 #[test]
 fn with_every_word_it_is_any_machine() {
     const MACHINES: usize = 200;
-    let clouds = [scene("torus-knot", (48, 40)), scene("glass-spheres", (40, 40))].map(|scene| (thinned(scene, 2000), None));
-    let ellipsoids = of_ellipsoids((24, 20)).into_iter().map(|(scene, machine)| (scene, Some(machine)));
+    let clouds = [
+        scene("torus-knot", (48, 40)),
+        scene("glass-spheres", (40, 40)),
+    ]
+    .map(|scene| (thinned(scene, 2000), None));
+    let ellipsoids = of_ellipsoids((24, 20))
+        .into_iter()
+        .map(|(scene, machine)| (scene, Some(machine)));
     let scenes: Vec<(Scene, Option<Machine>)> = clouds.into_iter().chain(ellipsoids).collect();
     let mut runner = TestRunner::deterministic();
     let (mut held, mut asked) = (0, 0);
     while held < tier::of([12, 6], MACHINES) {
         asked += 1;
-        assert!(asked < 100 * MACHINES, "only {held} of {asked} machines can draw");
-        let pick = (named(), mutations(1..12)).new_tree(&mut runner).unwrap().current();
+        assert!(
+            asked < 100 * MACHINES,
+            "only {held} of {asked} machines can draw"
+        );
+        let pick = (named(), mutations(1..12))
+            .new_tree(&mut runner)
+            .unwrap()
+            .current();
         if !tier::has([12, 6], asked) {
             continue;
         }
         let (scene, usual) = &scenes[asked % scenes.len()];
-        let base = usual.clone().unwrap_or_else(|| Machine::named(pick.0).unwrap());
-        let machine = pick.1.iter().fold(base, |machine, mutation| mutated(&machine, mutation));
-        let Some((quantised, fixed)) = drawn(scene, &machine) else { continue };
+        let base = usual
+            .clone()
+            .unwrap_or_else(|| Machine::named(pick.0).unwrap());
+        let machine = pick
+            .1
+            .iter()
+            .fold(base, |machine, mutation| mutated(&machine, mutation));
+        let Some((quantised, fixed)) = drawn(scene, &machine) else {
+            continue;
+        };
         held += 1;
         let mixed = mixed(scene, &machine, &quantised, |_| true);
-        assert_eq!(different(&mixed, &fixed), 0, "{} on {} {:?}", scene.name, machine.name, differences(&machine));
+        assert_eq!(
+            different(&mixed, &fixed),
+            0,
+            "{} on {} {:?}",
+            scene.name,
+            machine.name,
+            differences(&machine)
+        );
     }
 }
 
 fn named_share<'a>(shares: &'a [Share], name: &str) -> &'a Share {
-    shares.iter().find(|share| share.name == name).unwrap_or_else(|| panic!("{name} has no share"))
+    shares
+        .iter()
+        .find(|share| share.name == name)
+        .unwrap_or_else(|| panic!("{name} has no share"))
 }
 
 /// One word of a good machine is narrowed: it takes the blame, and so does its unit.
@@ -149,12 +220,18 @@ fn a_narrow_word_takes_the_blame() {
         return;
     }
     let cloud = thinned(scene("glass-spheres", (48, 48)), 3000);
-    let [(shells, _), .., (bouquet, _), _] = &of_ellipsoids((24, 20))[..] else { panic!("there are more") };
+    let [(shells, _), .., (bouquet, _), _] = &of_ellipsoids((24, 20))[..] else {
+        panic!("there are more")
+    };
     for (scene, settings, name) in tier::some(
         [12, 12],
         [
             (&cloud, "splat.rgb=U1F4", "splat.rgb"),
-            (&cloud, "ellipse.root.newton_steps=0 ellipse.root.table_bits=3", "ellipse.root"),
+            (
+                &cloud,
+                "ellipse.root.newton_steps=0 ellipse.root.table_bits=3",
+                "ellipse.root",
+            ),
             (&cloud, "gauss.falloff=U1F3", "gauss.falloff"),
             (&cloud, "shade.rgb=U1F4", "shade.rgb"),
             (shells, "fragment.sheets.ratio=U1F4", "fragment.ratio"),
@@ -162,18 +239,42 @@ fn a_narrow_word_takes_the_blame() {
             (bouquet, "sort.key=U18F0", "sort.key"),
         ],
     ) {
-        let base = if scene.name == "glass-spheres" { "reference" } else { machines::usual(scene) };
-        let machine = machines::load(base, &settings.split(' ').map(String::from).collect::<Vec<_>>()).unwrap();
+        let base = if scene.name == "glass-spheres" {
+            "reference"
+        } else {
+            machines::usual(scene)
+        };
+        let machine = machines::load(
+            base,
+            &settings.split(' ').map(String::from).collect::<Vec<_>>(),
+        )
+        .unwrap();
         let elaborated = fixed::elaborate(&machine).unwrap();
         let (quantised, _) = drawn(scene, &machine).unwrap();
-        let found = attribute(scene, &elaborated, &quantised, &golden(scene, &machine).picture);
+        let found = attribute(
+            scene,
+            &elaborated,
+            &quantised,
+            &golden(scene, &machine).picture,
+        );
         let unit = name.split('.').next().unwrap();
         for (shares, name) in [(&found.words, name), (&found.units, unit)] {
             let blamed = named_share(shares, name);
             let db = |share: &Share| share.alone.psnr_covered_db.unwrap_or(f64::INFINITY);
-            assert!(shares.iter().all(|share| share.name == name || db(share) > db(blamed) + 6.0), "{settings}: {name} among {shares:#?}");
-            let (all, without) = (found.all.psnr_covered_db.unwrap(), blamed.without.psnr_covered_db.unwrap_or(f64::INFINITY));
-            assert!(without > all + 6.0, "{settings}: {all} dB, without {name} {without} dB");
+            assert!(
+                shares
+                    .iter()
+                    .all(|share| share.name == name || db(share) > db(blamed) + 6.0),
+                "{settings}: {name} among {shares:#?}"
+            );
+            let (all, without) = (
+                found.all.psnr_covered_db.unwrap(),
+                blamed.without.psnr_covered_db.unwrap_or(f64::INFINITY),
+            );
+            assert!(
+                without > all + 6.0,
+                "{settings}: {all} dB, without {name} {without} dB"
+            );
         }
     }
 }
@@ -185,7 +286,12 @@ fn all_words_together_make_the_machines_error() {
     }
     let cloud = thinned(scene("torus-knot", (64, 48)), 2000);
     let surfaces = Machine::NAMES.map(|name| (cloud.clone(), Machine::named(name).unwrap()));
-    for (scene, machine) in tier::some([12, 6], surfaces.into_iter().chain(of_ellipsoids((20, 16)).into_iter().step_by(3))) {
+    for (scene, machine) in tier::some(
+        [12, 6],
+        surfaces
+            .into_iter()
+            .chain(of_ellipsoids((20, 16)).into_iter().step_by(3)),
+    ) {
         let name = &machine.name;
         let elaborated = fixed::elaborate(&machine).unwrap();
         let (quantised, picture) = drawn(&scene, &machine).unwrap();
@@ -194,12 +300,28 @@ fn all_words_together_make_the_machines_error() {
         assert_eq!(found.all, distance(&picture, &golden), "{name}");
         let units: Vec<&str> = UNITS
             .into_iter()
-            .filter(|unit| (*unit != "sort" || machine.sort.is_some()) && (*unit != "reflect" || machine.reflect.is_some()))
+            .filter(|unit| {
+                (*unit != "sort" || machine.sort.is_some())
+                    && (*unit != "reflect" || machine.reflect.is_some())
+            })
             .collect();
-        assert_eq!(found.units.iter().map(|share| &share.name).collect::<Vec<_>>(), units);
+        assert_eq!(
+            found
+                .units
+                .iter()
+                .map(|share| &share.name)
+                .collect::<Vec<_>>(),
+            units
+        );
         // Each word has one unit, and each unit has words.
         for unit in units {
-            assert!(found.words.iter().any(|share| share.name.starts_with(&format!("{unit}."))), "{unit} has no words");
+            assert!(
+                found
+                    .words
+                    .iter()
+                    .any(|share| share.name.starts_with(&format!("{unit}."))),
+                "{unit} has no words"
+            );
         }
     }
 }
@@ -211,31 +333,54 @@ fn splats_that_are_culled_take_no_blame() {
         return;
     }
     let mut scene = thinned(scene("torus-knot", (48, 40)), 1000);
-    scene.camera.eye = scene.splats.iter().map(|splat| splat.position).sum::<glam::DVec3>() / scene.splats.len() as f64;
+    scene.camera.eye = scene
+        .splats
+        .iter()
+        .map(|splat| splat.position)
+        .sum::<glam::DVec3>()
+        / scene.splats.len() as f64;
     let edge_on = scene.splats[0].position;
-    scene.splats[0].normal = (edge_on - scene.camera.eye).any_orthonormal_vector().normalize();
+    scene.splats[0].normal = (edge_on - scene.camera.eye)
+        .any_orthonormal_vector()
+        .normalize();
     for name in Machine::NAMES {
         let machine = Machine::named(name).unwrap();
         let elaborated = fixed::elaborate(&machine).unwrap();
         let (quantised, picture) = drawn(&scene, &machine).unwrap();
         let golden = golden(&scene, &machine);
-        assert!(golden.culled.near > 0 && golden.culled.outside > 0 && golden.fragments > 0, "{:?}", golden.culled);
-        assert_eq!(attribute(&scene, &elaborated, &quantised, &golden.picture).all, distance(&picture, &golden.picture), "{name}");
+        assert!(
+            golden.culled.near > 0 && golden.culled.outside > 0 && golden.fragments > 0,
+            "{:?}",
+            golden.culled
+        );
+        assert_eq!(
+            attribute(&scene, &elaborated, &quantised, &golden.picture).all,
+            distance(&picture, &golden.picture),
+            "{name}"
+        );
     }
 }
 
-/// Every format of the description is one of the words that can be blamed, but those that are not read as numbers.
+/// Every format of the description is one of the words that can be blamed, but those that are not
+/// read as numbers.
 #[test]
 fn every_format_can_take_the_blame() {
     let machine = Machine::named("reference").unwrap();
     let words = words(&fixed::elaborate(&machine).unwrap());
     let description = serde_json::to_value(&machine).unwrap();
-    for unit in UNITS.into_iter().filter(|unit| !description[unit].is_null()) {
+    for unit in UNITS
+        .into_iter()
+        .filter(|unit| !description[unit].is_null())
+    {
         for (field, value) in description[unit].as_object().unwrap() {
-            let is_format =
-                value.is_string() && value.as_str().unwrap().contains('F') || value.get("format").is_some() || value.get("bits").is_some();
+            let is_format = value.is_string() && value.as_str().unwrap().contains('F')
+                || value.get("format").is_some()
+                || value.get("bits").is_some();
             if is_format {
-                assert!(words.contains(&format!("{unit}.{field}")), "{unit}.{field} is no word");
+                assert!(
+                    words.contains(&format!("{unit}.{field}")),
+                    "{unit}.{field} is no word"
+                );
             }
         }
     }

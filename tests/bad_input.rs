@@ -1,4 +1,5 @@
-//! Whatever the input, the answer is a scene or one sentence, soon, and without memory that the input does not deserve.
+//! Whatever the input, the answer is a scene or one sentence, soon, and without memory that the
+//! input does not deserve.
 
 use crate::shared_input;
 use splatsim::scene::{Overrides, Scene};
@@ -10,25 +11,51 @@ fn load(path: &Path) -> splatsim::error::Result<Scene> {
 
 fn check_sound(scene: &Scene, whose: &Path) {
     let view = scene.view();
-    assert!(view.rotation.is_finite() && view.focal_px.into_iter().all(f64::is_finite) && scene.camera.near > 0.0, "{whose:?}");
-    assert!(scene.surface.z_threshold > 0.0 && !scene.splats.is_empty(), "{whose:?}");
+    assert!(
+        view.rotation.is_finite()
+            && view.focal_px.into_iter().all(f64::is_finite)
+            && scene.camera.near > 0.0,
+        "{whose:?}"
+    );
+    assert!(
+        scene.surface.z_threshold > 0.0 && !scene.splats.is_empty(),
+        "{whose:?}"
+    );
     for splat in &scene.splats {
         let unit = (splat.normal.length() - 1.0).abs() < 1e-12;
-        assert!(unit && splat.radius > 0.0 && splat.radius.is_finite() && splat.position.is_finite(), "{whose:?}: {splat:?}");
-        assert!(splat.rgb.iter().chain([&splat.opacity]).all(|c| (0.0..=1.0).contains(c)), "{whose:?}: {splat:?}");
+        assert!(
+            unit && splat.radius > 0.0 && splat.radius.is_finite() && splat.position.is_finite(),
+            "{whose:?}: {splat:?}"
+        );
+        assert!(
+            splat
+                .rgb
+                .iter()
+                .chain([&splat.opacity])
+                .all(|c| (0.0..=1.0).contains(c)),
+            "{whose:?}: {splat:?}"
+        );
     }
 }
 
 fn check_one_sentence(sentence: &str, whose: &Path) {
     assert!(sentence.starts_with(whose.to_str().unwrap()), "{sentence}");
-    assert!(!sentence.contains(['\n', '\r']) && sentence.len() < 400, "{sentence:?}");
+    assert!(
+        !sentence.contains(['\n', '\r']) && sentence.len() < 400,
+        "{sentence:?}"
+    );
 }
 
 #[test]
 fn every_odd_or_broken_ply_ends_in_a_scene_or_a_sentence() {
     for folder in ["malformed/ply", "malformed/ply_plyodine"] {
-        let Some(folder) = shared_input::find(folder) else { return };
-        let mut files: Vec<PathBuf> = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+        let Some(folder) = shared_input::find(folder) else {
+            return;
+        };
+        let mut files: Vec<PathBuf> = std::fs::read_dir(folder)
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .collect();
         files.sort();
         assert!(files.len() >= 49, "{} files", files.len());
         for file in files {
@@ -61,19 +88,30 @@ fn sound_files_are_read_and_broken_ones_are_not() {
     ] {
         assert_eq!(read(name).unwrap().splats.len(), splats, "{name}");
     }
-    for name in ["assimp__payload_JVN42386607.ply", "assimp_invalid__empty.ply", "trimesh__fuze_ascii.ply", "trimesh__empty.ply"] {
+    for name in [
+        "assimp__payload_JVN42386607.ply",
+        "assimp_invalid__empty.ply",
+        "trimesh__fuze_ascii.ply",
+        "trimesh__empty.ply",
+    ] {
         assert!(read(name).is_err(), "{name}");
     }
     // Thirteen rows where the header promises twelve.
     assert!(
-        read("trimesh__points_emptyascii.ply").unwrap_err().to_string().contains("line 23: `-0.009618 -0.013861 0.0384` is one row more")
+        read("trimesh__points_emptyascii.ply")
+            .unwrap_err()
+            .to_string()
+            .contains("line 23: `-0.009618 -0.013861 0.0384` is one row more")
     );
 }
 
 #[test]
 fn real_scans_have_as_many_splats_as_points_and_radii_like_their_spacing() {
-    let Some(scans) = shared_input::find("scans") else { return };
-    // Number of points, and a median radius between these: the extent over the root of the number, roughly.
+    let Some(scans) = shared_input::find("scans") else {
+        return;
+    };
+    // Number of points, and a median radius between these: the extent over the root of the number,
+    // roughly.
     for (name, count, radii) in [
         ("bun_zipper.ply", 35947, 1e-3..2e-3),
         ("pond.0.ply", 70051, 3e-3..1e-2),
@@ -92,29 +130,52 @@ fn real_scans_have_as_many_splats_as_points_and_radii_like_their_spacing() {
         assert!(radii.contains(&median), "{name}: {median}");
         assert!(sorted[count - 1] <= 4.0 * median * (1.0 + 1e-12), "{name}");
         // Strays of a scan are not framed.
-        assert!(scene.notes.iter().all(|note| note.contains("lie outside of the frame")), "{:?}", scene.notes);
+        assert!(
+            scene
+                .notes
+                .iter()
+                .all(|note| note.contains("lie outside of the frame")),
+            "{:?}",
+            scene.notes
+        );
     }
 }
 
 /// The bunny is closed and seen from outside, so its faces' normals point out of it.
 #[test]
 fn normals_from_faces_point_outwards() {
-    let Some(scans) = shared_input::find("scans") else { return };
+    let Some(scans) = shared_input::find("scans") else {
+        return;
+    };
     for name in ["bun_zipper.ply", "igea.ply"] {
         let scene = load(&scans.join(name)).unwrap();
         let centre = scene.camera.target;
-        let outwards = scene.splats.iter().filter(|s| s.normal.dot(s.position - centre) > 0.0).count();
-        assert!(outwards * 10 > scene.splats.len() * 8, "{name}: {outwards} of {}", scene.splats.len());
+        let outwards = scene
+            .splats
+            .iter()
+            .filter(|s| s.normal.dot(s.position - centre) > 0.0)
+            .count();
+        assert!(
+            outwards * 10 > scene.splats.len() * 8,
+            "{name}: {outwards} of {}",
+            scene.splats.len()
+        );
     }
 }
 
 #[test]
 fn names_and_paths_that_lead_nowhere_say_what_there_is() {
-    let told = |name: &str| Scene::load(name, &Overrides::default()).unwrap_err().to_string();
+    let told = |name: &str| {
+        Scene::load(name, &Overrides::default())
+            .unwrap_err()
+            .to_string()
+    };
     let builtin = "built in are glass-spheres, checkerboard, torus-knot, terrain, marschner-lobb, nested-shells, fuzzy-clouds, bouquet";
     assert_eq!(
         told("glas-spheres"),
-        format!("glas-spheres: no such file, and no built-in scene either; {builtin} (nearest: `glass-spheres`)")
+        format!(
+            "glas-spheres: no such file, and no built-in scene either; {builtin} (nearest: `glass-spheres`)"
+        )
     );
     assert!(told("").contains(builtin));
     assert!(told("/").contains("is of no known kind"));
@@ -125,11 +186,24 @@ fn names_and_paths_that_lead_nowhere_say_what_there_is() {
         path
     };
     assert!(
-        load(&write("a.obj", b"v 0 0 0")).unwrap_err().to_string().contains("a scene is a .json file, points (.ply, .tree), Gaussians")
+        load(&write("a.obj", b"v 0 0 0"))
+            .unwrap_err()
+            .to_string()
+            .contains("a scene is a .json file, points (.ply, .tree), Gaussians")
     );
-    assert!(load(&write("a.json", b"\xff\xfe{")).unwrap_err().to_string().contains("cannot be read"));
+    assert!(
+        load(&write("a.json", b"\xff\xfe{"))
+            .unwrap_err()
+            .to_string()
+            .contains("cannot be read")
+    );
     std::fs::create_dir(folder.path().join("b.ply")).unwrap();
-    assert!(load(&folder.path().join("b.ply")).unwrap_err().to_string().contains("cannot be read"));
+    assert!(
+        load(&folder.path().join("b.ply"))
+            .unwrap_err()
+            .to_string()
+            .contains("cannot be read")
+    );
 }
 
 #[test]
@@ -137,15 +211,28 @@ fn a_scene_file_names_its_cloud_from_where_it_lies_itself() {
     let folder = tempfile::tempdir().unwrap();
     let cloud = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty float radius\nproperty uchar alpha\nend_header\n0 0 0 1 255\n0 0 1 2 51\nnan 0 2 1 0\n";
     std::fs::write(folder.path().join("cloud.PLY"), cloud).unwrap();
-    let scene =
-        r#"{"splats": {"file": "cloud.PLY", "material": 1, "radius_scale": 2, "opacity": 0.5}, "materials": [{}, {"unlit": true}]}"#;
+    let scene = r#"{"splats": {"file": "cloud.PLY", "material": 1, "radius_scale": 2, "opacity": 0.5}, "materials": [{}, {"unlit": true}]}"#;
     std::fs::write(folder.path().join("scene.json"), scene).unwrap();
     let scene = load(&folder.path().join("scene.json")).unwrap();
-    let seen: Vec<_> = scene.splats.iter().map(|s| (s.radius, s.opacity, s.material)).collect();
+    let seen: Vec<_> = scene
+        .splats
+        .iter()
+        .map(|s| (s.radius, s.opacity, s.material))
+        .collect();
     assert_eq!(seen, [(2.0, 0.5, 1), (4.0, 0.1, 1)]);
     assert_eq!(scene.notes.len(), 1);
-    assert!(scene.notes[0].ends_with("cloud.PLY: 1 of 3 vertices have no finite position and were left out"));
+    assert!(
+        scene.notes[0]
+            .ends_with("cloud.PLY: 1 of 3 vertices have no finite position and were left out")
+    );
     assert_eq!(scene.name, "scene.json");
     let alone = load(&folder.path().join("cloud.PLY")).unwrap();
-    assert_eq!((alone.splats[1].radius, alone.splats[1].opacity, alone.name.as_str()), (2.0, 0.2, "cloud.PLY"));
+    assert_eq!(
+        (
+            alone.splats[1].radius,
+            alone.splats[1].opacity,
+            alone.name.as_str()
+        ),
+        (2.0, 0.2, "cloud.PLY")
+    );
 }

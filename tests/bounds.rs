@@ -1,4 +1,5 @@
-//! Does the error bound hold? The machine with `golden` in lockstep, on built-in scenes, real scans and machines that nobody would build.
+//! Does the error bound hold? The machine with `golden` in lockstep, on built-in scenes, real scans
+//! and machines that nobody would build.
 
 use crate::mutation::{differences, mutated, mutations, named};
 use crate::shared_input;
@@ -19,12 +20,18 @@ fn scene(name: &str, size: (usize, usize)) -> Scene {
 
 fn in_lockstep(scene: &Scene, machine: &Machine) -> Lockstep {
     let elaborated = fixed::elaborate(machine).unwrap();
-    lockstep(scene, &elaborated, &quantise::quantise(scene, machine).unwrap())
+    lockstep(
+        scene,
+        &elaborated,
+        &quantise::quantise(scene, machine).unwrap(),
+    )
 }
 
 /// What is wrong with a frame, if anything is.
 fn fault(frame: &Lockstep) -> Option<String> {
-    let Lockstep { violations, flips, .. } = frame;
+    let Lockstep {
+        violations, flips, ..
+    } = frame;
     let wrong = *violations > 0 || flips.unexplained > 0;
     wrong.then(|| format!("{violations} pixels exceed their bound; {flips:?}"))
 }
@@ -39,7 +46,10 @@ fn no_pixel_of_a_built_in_scene_exceeds_its_bound_and_every_flip_is_explained() 
         for machine in Machine::NAMES {
             let frame = in_lockstep(&scene, &Machine::named(machine).unwrap());
             assert_eq!(fault(&frame), None, "{name} on {machine}");
-            assert!(frame.flips.total() > 0 && frame.bound.iter().any(|bound| *bound > 0.0), "{name} on {machine} asked nothing");
+            assert!(
+                frame.flips.total() > 0 && frame.bound.iter().any(|bound| *bound > 0.0),
+                "{name} on {machine} asked nothing"
+            );
         }
     }
 }
@@ -57,21 +67,38 @@ fn no_pixel_of_a_scan_exceeds_its_bound_and_every_flip_is_explained() {
         "scans/park_points_rgb.ply",
         "scenes/dragon.json",
     ];
-    for (name, machine) in tier::some([12, 6], scans.into_iter().flat_map(|name| Machine::NAMES.map(|machine| (name, machine)))) {
-        let Some(path) = shared_input::find(name) else { continue };
+    for (name, machine) in tier::some(
+        [12, 6],
+        scans
+            .into_iter()
+            .flat_map(|name| Machine::NAMES.map(|machine| (name, machine))),
+    ) {
+        let Some(path) = shared_input::find(name) else {
+            continue;
+        };
         let scene = scene(path.to_str().unwrap(), (192, 160));
-        assert_eq!(fault(&in_lockstep(&scene, &Machine::named(machine).unwrap())), None, "{name} on {machine}");
+        assert_eq!(
+            fault(&in_lockstep(&scene, &Machine::named(machine).unwrap())),
+            None,
+            "{name} on {machine}"
+        );
     }
 }
 
-/// Axes off the middle, pixels that are not square, mirrors seen along such rays, and opacities that are compensated.
+/// Axes off the middle, pixels that are not square, mirrors seen along such rays, and opacities
+/// that are compensated.
 #[test]
 fn no_pixel_exceeds_its_bound_through_any_lens() {
     let [width, height] = [128, 96];
-    let mirror = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/reflection/mirror.json");
+    let mirror = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/docs/book/reflection/mirror.json"
+    );
     let mirrors = r#"{"splats": {"builtin": "glass-spheres", "count": 4000}, "environment": {"builtin": "sky"},
         "materials": [{"unlit": true}, {"diffuse": 0.8, "reflect": 0.6}]}"#;
-    let overrides = Overrides { size: Some((width, height)) };
+    let overrides = Overrides {
+        size: Some((width, height)),
+    };
     for (name, machine) in [
         ("glass-spheres", "reference"),
         ("glass-spheres", "window"),
@@ -83,20 +110,39 @@ fn no_pixel_exceeds_its_bound_through_any_lens() {
             "mirrors" => Scene::from_text(mirrors, name, Path::new(""), &overrides, 0).unwrap(),
             _ => scene(name, (width, height)),
         };
-        let settings = if name == "mirrors" { vec!["reflect.sight=ray".to_owned()] } else { Vec::new() };
+        let settings = if name == "mirrors" {
+            vec!["reflect.sight=ray".to_owned()]
+        } else {
+            Vec::new()
+        };
         let machine = machines::load(machine, &settings).unwrap();
         let usual = in_lockstep(&load(), &machine).led;
-        let lenses = [([110.0, 83.0], [52.5, 61.25]), ([70.0, 125.0], [80.0, 40.0]), ([100.0, 100.0], [-10.0, 48.0])];
+        let lenses = [
+            ([110.0, 83.0], [52.5, 61.25]),
+            ([70.0, 125.0], [80.0, 40.0]),
+            ([100.0, 100.0], [-10.0, 48.0]),
+        ];
         for (focal_px, centre_px) in tier::some([3, 1], lenses) {
             let mut scene = load();
             (scene.camera.focal_px, scene.camera.centre_px) = (Some(focal_px), Some(centre_px));
             scene.kernel.compensate_opacity = name == "bouquet";
             let frame = in_lockstep(&scene, &machine);
-            assert_eq!(fault(&frame), None, "{name} with {focal_px:?}, {centre_px:?}");
-            assert!(frame.bound.iter().filter(|bound| **bound > 0.0).count() > 500, "{name} with {focal_px:?}, {centre_px:?} asked little");
+            assert_eq!(
+                fault(&frame),
+                None,
+                "{name} with {focal_px:?}, {centre_px:?}"
+            );
+            assert!(
+                frame.bound.iter().filter(|bound| **bound > 0.0).count() > 500,
+                "{name} with {focal_px:?}, {centre_px:?} asked little"
+            );
             assert!(frame.led.rgba != usual.rgba);
             let summary = frame.summary(&frame.led);
-            assert!(summary.psnr_db.is_none_or(|db| db > 55.0), "{name} with {focal_px:?}, {centre_px:?}: {:?} dB", summary.psnr_db);
+            assert!(
+                summary.psnr_db.is_none_or(|db| db > 55.0),
+                "{name} with {focal_px:?}, {centre_px:?}: {:?} dB",
+                summary.psnr_db
+            );
         }
     }
 }
@@ -108,13 +154,20 @@ fn the_bound_of_the_reference_machine_says_something() {
         return;
     }
     let mut scenes = vec![scene("glass-spheres", (512, 512))];
-    scenes.extend(shared_input::find("scenes/dragon.json").map(|path| scene(path.to_str().unwrap(), (512, 512))));
+    scenes.extend(
+        shared_input::find("scenes/dragon.json")
+            .map(|path| scene(path.to_str().unwrap(), (512, 512))),
+    );
     for scene in scenes {
         let machine = Machine::named("reference").unwrap();
         let frame = in_lockstep(&scene, &machine);
         assert_eq!(fault(&frame), None, "{}", scene.name);
         let summary = frame.summary(&frame.led).bound;
-        assert!(summary.share_under_4_255 >= 0.9, "{}: {summary:?}", scene.name);
+        assert!(
+            summary.share_under_4_255 >= 0.9,
+            "{}: {summary:?}",
+            scene.name
+        );
         // Not for want of errors.
         assert!(summary.max_ratio > 0.2, "{}: {summary:?}", scene.name);
     }
@@ -126,20 +179,41 @@ fn a_sampled_frame_says_of_its_tiles_what_the_whole_frame_says() {
     if !tier::runs(Tier::Ci) {
         return;
     }
-    for (scene, name) in [(scene("glass-spheres", (150, 100)), "tiny"), (scene("nested-shells", (90, 70)), "volume")] {
+    for (scene, name) in [
+        (scene("glass-spheres", (150, 100)), "tiny"),
+        (scene("nested-shells", (90, 70)), "volume"),
+    ] {
         let machine = Machine::named(name).unwrap();
-        let (elaborated, quantised) = (fixed::elaborate(&machine).unwrap(), quantise::quantise(&scene, &machine).unwrap());
-        let [whole, sampled] = [Tiles::All, Tiles::Sampled].map(|tiles| lockstep_in(&scene, &elaborated, &quantised, tiles));
+        let (elaborated, quantised) = (
+            fixed::elaborate(&machine).unwrap(),
+            quantise::quantise(&scene, &machine).unwrap(),
+        );
+        let [whole, sampled] = [Tiles::All, Tiles::Sampled]
+            .map(|tiles| lockstep_in(&scene, &elaborated, &quantised, tiles));
         let columns = scene.image.width;
         let mut tiles = HashSet::new();
         for pixel in 0..whole.bound.len() {
             let [column, row] = [pixel % columns / 16, pixel / columns / 16];
-            let of = |frame: &Lockstep| (frame.bound[pixel], frame.error[pixel], frame.flipped[pixel], frame.led.rgba[pixel]);
+            let of = |frame: &Lockstep| {
+                (
+                    frame.bound[pixel],
+                    frame.error[pixel],
+                    frame.flipped[pixel],
+                    frame.led.rgba[pixel],
+                )
+            };
             if (column + 3 * row) % 8 == 0 {
                 assert_eq!(of(&sampled), of(&whole), "{name}, pixel {pixel}");
                 tiles.insert([column, row]);
             } else {
-                assert_eq!((sampled.bound[pixel], sampled.error[pixel], sampled.flipped[pixel]), (0.0, 0.0, 0));
+                assert_eq!(
+                    (
+                        sampled.bound[pixel],
+                        sampled.error[pixel],
+                        sampled.flipped[pixel]
+                    ),
+                    (0.0, 0.0, 0)
+                );
             }
         }
         // A share of what is told, and not none of it.
@@ -147,8 +221,15 @@ fn a_sampled_frame_says_of_its_tiles_what_the_whole_frame_says() {
         let is_held = |pixel: &usize| tiles.contains(&[pixel % columns / 16, pixel / columns / 16]);
         let held = (0..whole.bound.len()).filter(is_held).count() as u64;
         assert!(held > 0 && held < whole.bound.len() as u64 / 4, "{held}");
-        assert_eq!((told(&sampled).sampled_pixels, told(&whole).sampled_pixels), (Some(held), None));
-        assert!((1..told(&whole).decision_flips).contains(&told(&sampled).decision_flips), "{:?}", sampled.flips);
+        assert_eq!(
+            (told(&sampled).sampled_pixels, told(&whole).sampled_pixels),
+            (Some(held), None)
+        );
+        assert!(
+            (1..told(&whole).decision_flips).contains(&told(&sampled).decision_flips),
+            "{:?}",
+            sampled.flips
+        );
         // What is wrong in a tile that is not held is not seen, nor is it where nothing is wrong.
         let mut wrong = whole.led.clone();
         let beside = (0..wrong.rgba.len()).find(|pixel| !is_held(pixel)).unwrap();
@@ -163,27 +244,55 @@ fn a_sampled_frame_says_of_its_tiles_what_the_whole_frame_says() {
 #[test]
 fn no_pixel_of_a_random_machine_exceeds_its_bound() {
     const MACHINES: usize = 200;
-    let scenes = [scene("torus-knot", (48, 40)), scene("glass-spheres", (40, 40))].map(|mut scene| {
+    let scenes = [
+        scene("torus-knot", (48, 40)),
+        scene("glass-spheres", (40, 40)),
+    ]
+    .map(|mut scene| {
         // Every so many splats, larger: as much overlap, less work.
         let every = scene.splats.len() / 2000 + 1;
         scene.splats = scene.splats.iter().step_by(every).copied().collect();
-        scene.splats.iter_mut().for_each(|splat| splat.radius *= (every as f64).sqrt());
+        scene
+            .splats
+            .iter_mut()
+            .for_each(|splat| splat.radius *= (every as f64).sqrt());
         scene
     });
     let mut runner = TestRunner::deterministic();
     let (mut drawn, mut asked) = (0, 0);
     while drawn < MACHINES {
         asked += 1;
-        assert!(asked < 100 * MACHINES, "only {drawn} of {asked} machines can draw");
-        let pick = (named(), mutations(1..12)).new_tree(&mut runner).unwrap().current();
-        let machine = pick.1.iter().fold(Machine::named(pick.0).unwrap(), |machine, mutation| mutated(&machine, mutation));
-        let Ok(elaborated) = machine.elaborate() else { continue };
+        assert!(
+            asked < 100 * MACHINES,
+            "only {drawn} of {asked} machines can draw"
+        );
+        let pick = (named(), mutations(1..12))
+            .new_tree(&mut runner)
+            .unwrap()
+            .current();
+        let machine = pick
+            .1
+            .iter()
+            .fold(Machine::named(pick.0).unwrap(), |machine, mutation| {
+                mutated(&machine, mutation)
+            });
+        let Ok(elaborated) = machine.elaborate() else {
+            continue;
+        };
         let scene = &scenes[asked % 2];
-        let Ok(quantised) = quantise::quantise(scene, &machine) else { continue };
+        let Ok(quantised) = quantise::quantise(scene, &machine) else {
+            continue;
+        };
         drawn += 1;
         if tier::has([12, 6], drawn) {
             let frame = lockstep(scene, &elaborated, &quantised);
-            assert_eq!(fault(&frame), None, "{} {:?}", machine.name, differences(&machine));
+            assert_eq!(
+                fault(&frame),
+                None,
+                "{} {:?}",
+                machine.name,
+                differences(&machine)
+            );
         }
     }
 }

@@ -1,4 +1,5 @@
-//! How far off is the replay where memory is shared? Built-in scenes, replayed and ticked cycle by cycle.
+//! How far off is the replay where memory is shared? Built-in scenes, replayed and ticked cycle by
+//! cycle.
 //!
 //! `cargo test --test channel -- --nocapture` prints a table.
 
@@ -31,13 +32,20 @@ mod scene;
 mod sorters;
 
 /// Built-in scenes, and how many splats they get here.
-const SCENES: [(&str, usize); 4] = [("glass-spheres", 6000), ("checkerboard", 3000), ("torus-knot", 2500), ("terrain", 4000)];
+const SCENES: [(&str, usize); 4] = [
+    ("glass-spheres", 6000),
+    ("checkerboard", 3000),
+    ("torus-knot", 2500),
+    ("terrain", 4000),
+];
 const SIZE: (usize, usize) = (96, 72);
 
-/// What the reference machine does to draw a built-in scene with its own view; with fewer splats, if so many are said.
+/// What the reference machine does to draw a built-in scene with its own view; with fewer splats,
+/// if so many are said.
 fn record(name: &str, count: Option<usize>, size: Option<(usize, usize)>) -> Work {
     let own = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("src/scene/builtin/{name}.json"));
-    let mut scene: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(own).unwrap()).unwrap();
+    let mut scene: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(own).unwrap()).unwrap();
     if let Some(count) = count {
         scene["splats"]["count"] = count.into();
     }
@@ -46,20 +54,32 @@ fn record(name: &str, count: Option<usize>, size: Option<(usize, usize)>) -> Wor
     std::fs::write(&path, scene.to_string()).unwrap();
     let scene = splatsim::scene::Scene::load(path.to_str().unwrap(), &Overrides { size }).unwrap();
     let machine = Machine::named("reference").unwrap();
-    splatsim::hardware::fixed::draw_measured(&splatsim::hardware::fixed::elaborate(&machine).unwrap(), &quantise(&scene, &machine).unwrap())
-        .2
+    splatsim::hardware::fixed::draw_measured(
+        &splatsim::hardware::fixed::elaborate(&machine).unwrap(),
+        &quantise(&scene, &machine).unwrap(),
+    )
+    .2
 }
 
 /// Prints a line of the table; says by what share of the ticks the replay is off.
 fn compare(name: &str, work: &Work, scene: &Scene, what: &str, timing: Timing) -> f64 {
-    let machine = Machine { timing, ..Machine::named("reference").unwrap() };
-    let timing = splatsim::hardware::fixed::elaborate(&machine).unwrap().timing;
+    let machine = Machine {
+        timing,
+        ..Machine::named("reference").unwrap()
+    };
+    let timing = splatsim::hardware::fixed::elaborate(&machine)
+        .unwrap()
+        .timing;
     let ticked = match timing.timing.organisation {
         Organisation::Immediate => immediate::draw(&timing, scene),
         Organisation::Binned => binned::draw(&timing, scene),
     };
     let replayed = replay(&timing, work, Detail::Accounts);
-    assert_eq!((ticked.traffic.bytes, ticked.traffic.bursts), (replayed.memory.bytes, replayed.memory.requests), "{name}, {what}");
+    assert_eq!(
+        (ticked.traffic.bytes, ticked.traffic.bursts),
+        (replayed.memory.bytes, replayed.memory.requests),
+        "{name}, {what}"
+    );
     let error = replayed.total as f64 / ticked.total as f64 - 1.0;
     println!(
         "{name:13} {what:29} {:10} {:10} {:+8.3} % {:8} {:8} {:9} {:9}",
@@ -74,31 +94,77 @@ fn compare(name: &str, work: &Work, scene: &Scene, what: &str, timing: Timing) -
     error.abs()
 }
 
-/// Both organisations; with a small cache, with two buffers; all that with a narrow channel and few requests on their way.
+/// Both organisations; with a small cache, with two buffers; all that with a narrow channel and few
+/// requests on their way.
 fn machines() -> Vec<(String, Timing)> {
     let default = Machine::named("reference").unwrap().timing;
-    let immediate = Timing { organisation: Organisation::Immediate, ..default };
-    let binned = Timing { organisation: Organisation::Binned, ..default };
+    let immediate = Timing {
+        organisation: Organisation::Immediate,
+        ..default
+    };
+    let binned = Timing {
+        organisation: Organisation::Binned,
+        ..default
+    };
     let wide = [
         ("immediate", immediate),
-        ("immediate, 16 lines", Timing { cache: Cache { lines: 16, ..default.cache }, ..immediate }),
+        (
+            "immediate, 16 lines",
+            Timing {
+                cache: Cache {
+                    lines: 16,
+                    ..default.cache
+                },
+                ..immediate
+            },
+        ),
         ("binned", binned),
-        ("binned, 2 buffers", Timing { tile: Tile { buffers: 2, ..default.tile }, ..binned }),
+        (
+            "binned, 2 buffers",
+            Timing {
+                tile: Tile {
+                    buffers: 2,
+                    ..default.tile
+                },
+                ..binned
+            },
+        ),
     ];
     let narrow = |timing: Timing| Timing {
-        memory: Memory { bytes_per_cycle: 4, outstanding: 4, ..timing.memory },
-        cache: Cache { misses: 2, ..timing.cache },
+        memory: Memory {
+            bytes_per_cycle: 4,
+            outstanding: 4,
+            ..timing.memory
+        },
+        cache: Cache {
+            misses: 2,
+            ..timing.cache
+        },
         ..timing
     };
-    wide.into_iter().flat_map(|(name, timing)| [(name.into(), timing), (format!("{name}, narrow"), narrow(timing))]).collect()
+    wide.into_iter()
+        .flat_map(|(name, timing)| {
+            [
+                (name.into(), timing),
+                (format!("{name}, narrow"), narrow(timing)),
+            ]
+        })
+        .collect()
 }
 
 fn check(name: &str, work: &Work, machines: &[(String, Timing)]) {
     let scene = Scene::read(work);
-    println!("{:43} {:>10} {:>10} {:>10} {:>17} {:>19}", "", "ticked", "replayed", "off by", "row hits of both", "memory busy, both");
+    println!(
+        "{:43} {:>10} {:>10} {:>10} {:>17} {:>19}",
+        "", "ticked", "replayed", "off by", "row hits of both", "memory busy, both"
+    );
     for (what, timing) in machines {
         let error = compare(name, work, &scene, what, *timing);
-        assert!(error <= 0.01, "{name}, {what}: off by {:.2} %", 100.0 * error);
+        assert!(
+            error <= 0.01,
+            "{name}, {what}: off by {:.2} %",
+            100.0 * error
+        );
     }
 }
 
@@ -122,21 +188,58 @@ fn a_replayed_scene_is_at_most_a_hundredth_off_with_any_sort() {
     let sorts = [
         &["sort.kind=radix"][..],
         &["sort.kind=tile"],
-        &["sort.kind=tile", "timing.sort={\"units\": 3, \"buffer_entries\": 32, \"network\": 8}"],
-        &["sort.kind=hierarchical", "timing.sort={\"units\": 2, \"buffer_entries\": 32, \"network\": 8}"],
-        &["sort.kind=hierarchical", "timing.sort={\"buffer_entries\": 64}", "timing.memory.bytes_per_cycle=4"],
+        &[
+            "sort.kind=tile",
+            "timing.sort={\"units\": 3, \"buffer_entries\": 32, \"network\": 8}",
+        ],
+        &[
+            "sort.kind=hierarchical",
+            "timing.sort={\"units\": 2, \"buffer_entries\": 32, \"network\": 8}",
+        ],
+        &[
+            "sort.kind=hierarchical",
+            "timing.sort={\"buffer_entries\": 64}",
+            "timing.memory.bytes_per_cycle=4",
+        ],
     ];
-    let scene = splatsim::scene::Scene::load("bouquet", &Overrides { size: Some((64, 48)) }).unwrap();
+    let scene = splatsim::scene::Scene::load(
+        "bouquet",
+        &Overrides {
+            size: Some((64, 48)),
+        },
+    )
+    .unwrap();
     for settings in sorts {
-        let settings: Vec<String> = settings.iter().map(|setting| (*setting).to_owned()).collect();
+        let settings: Vec<String> = settings
+            .iter()
+            .map(|setting| (*setting).to_owned())
+            .collect();
         let machine = splatsim::hardware::machines::load("gaussian", &settings).unwrap();
         let built = splatsim::hardware::fixed::elaborate(&machine).unwrap();
-        let work = splatsim::hardware::fixed::draw_measured(&built, &quantise(&scene, &machine).unwrap()).2;
-        let (ticked, replayed) = (binned::draw(&built.timing, &Scene::read(&work)), replay(&built.timing, &work, Detail::Accounts));
-        assert_eq!((ticked.traffic.bytes, ticked.traffic.bursts), (replayed.memory.bytes, replayed.memory.requests), "{settings:?}");
+        let work =
+            splatsim::hardware::fixed::draw_measured(&built, &quantise(&scene, &machine).unwrap())
+                .2;
+        let (ticked, replayed) = (
+            binned::draw(&built.timing, &Scene::read(&work)),
+            replay(&built.timing, &work, Detail::Accounts),
+        );
+        assert_eq!(
+            (ticked.traffic.bytes, ticked.traffic.bursts),
+            (replayed.memory.bytes, replayed.memory.requests),
+            "{settings:?}"
+        );
         let error = replayed.total as f64 / ticked.total as f64 - 1.0;
-        println!("{settings:?}: {} ticked, {} replayed, {:+.3} %", ticked.total, replayed.total, 100.0 * error);
-        assert!(error.abs() <= 0.01, "{settings:?}: off by {:.2} %", 100.0 * error);
+        println!(
+            "{settings:?}: {} ticked, {} replayed, {:+.3} %",
+            ticked.total,
+            replayed.total,
+            100.0 * error
+        );
+        assert!(
+            error.abs() <= 0.01,
+            "{settings:?}: off by {:.2} %",
+            100.0 * error
+        );
     }
 }
 

@@ -8,17 +8,28 @@ use std::path::{Path, PathBuf};
 use std::process::Output;
 
 fn splatsim(arguments: &[&str]) -> Output {
-    Command::new(PROGRAM.as_str()).args(arguments).output().unwrap()
+    Command::new(PROGRAM.as_str())
+        .args(arguments)
+        .output()
+        .unwrap()
 }
 
 fn ok(output: &Output) -> String {
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     String::from_utf8(output.stdout.clone()).unwrap()
 }
 
 fn refused(output: &Output) -> String {
     let told = String::from_utf8(output.stderr.clone()).unwrap();
-    assert_eq!((output.status.code(), told.trim_end().lines().count()), (Some(2), 1), "{told}");
+    assert_eq!(
+        (output.status.code(), told.trim_end().lines().count()),
+        (Some(2), 1),
+        "{told}"
+    );
     told
 }
 
@@ -30,14 +41,23 @@ fn swept(folder: &Path, machine: &str, axes: &Value, order: &str, lockstep: bool
     let path = folder.join("plan.json");
     fs::write(&path, plan.to_string()).unwrap();
     let out = folder.join("rows");
-    ok(&splatsim(&["sweep", path.to_str().unwrap(), "--out", out.to_str().unwrap()]));
+    ok(&splatsim(&[
+        "sweep",
+        path.to_str().unwrap(),
+        "--out",
+        out.to_str().unwrap(),
+    ]));
     out
 }
 
 fn names(folder: &Path, extension: &str) -> Vec<String> {
-    let paths = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let paths = fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path());
     let of_kind = paths.filter(|path| path.extension().is_some_and(|other| other == extension));
-    let mut names: Vec<String> = of_kind.map(|path| path.file_stem().unwrap().to_str().unwrap().to_owned()).collect();
+    let mut names: Vec<String> = of_kind
+        .map(|path| path.file_stem().unwrap().to_str().unwrap().to_owned())
+        .collect();
     names.sort();
     names
 }
@@ -51,7 +71,12 @@ fn page_rows(page: &str) -> (Vec<String>, Vec<Value>) {
     let start = page.find("id=\"rows\">").unwrap() + "id=\"rows\">".len();
     let text = &page[start..start + page[start..].find("</script>").unwrap()];
     let all: Value = serde_json::from_str(text).unwrap();
-    let columns = all["columns"].as_array().unwrap().iter().map(|name| name.as_str().unwrap().to_owned()).collect();
+    let columns = all["columns"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|name| name.as_str().unwrap().to_owned())
+        .collect();
     (columns, all["rows"].as_array().unwrap().clone())
 }
 
@@ -59,38 +84,101 @@ fn page_rows(page: &str) -> (Vec<String>, Vec<Value>) {
 fn figures_are_of_what_varies() {
     let folder = tempfile::tempdir().unwrap();
     let bits = |field: &str| json!({"field": field, "add_frac_bits": [-2, -1]});
-    let words = json!([bits("splat.rgb"), bits("gauss.weight"), bits("resolve.frame"), bits("project.pixel"), bits("fragment.depth")]);
+    let words = json!([
+        bits("splat.rgb"),
+        bits("gauss.weight"),
+        bits("resolve.frame"),
+        bits("project.pixel"),
+        bits("fragment.depth")
+    ]);
     let rows = swept(folder.path(), "tiny", &words, "one-at-a-time", true);
     ok(&splatsim(&["chart", rows.to_str().unwrap()]));
-    let expected = ["accuracy-area", "accuracy-speed", "host-speed", "sensitivity", "speed-area"];
-    assert_eq!((names(&rows, "png"), names(&rows, "svg")), (expected.map(String::from).to_vec(), expected.map(String::from).to_vec()));
+    let expected = [
+        "accuracy-area",
+        "accuracy-speed",
+        "host-speed",
+        "sensitivity",
+        "speed-area",
+    ];
+    assert_eq!(
+        (names(&rows, "png"), names(&rows, "svg")),
+        (
+            expected.map(String::from).to_vec(),
+            expected.map(String::from).to_vec()
+        )
+    );
     let svg = fs::read_to_string(rows.join("sensitivity.svg")).unwrap();
-    for word in ["splat.rgb", "gauss.weight", "resolve.frame", "project.pixel", "fragment.depth", "−2 bits", "as it is", "dB a bit"] {
+    for word in [
+        "splat.rgb",
+        "gauss.weight",
+        "resolve.frame",
+        "project.pixel",
+        "fragment.depth",
+        "−2 bits",
+        "as it is",
+        "dB a bit",
+    ] {
         assert!(svg.contains(word), "{word}");
     }
     // Three drawings: with flips, without, and their slopes.
-    assert_eq!(image::open(rows.join("sensitivity.png")).unwrap().width(), 3 * 640);
+    assert_eq!(
+        image::open(rows.join("sensitivity.png")).unwrap().width(),
+        3 * 640
+    );
 
     let many: Vec<i32> = (-9..3).filter(|bits| *bits != 0).collect();
     let axes = json!([{"field": "splat.rgb", "add_frac_bits": many, "add_int_bits": [1]}]);
-    let rows = swept(tempfile::tempdir().unwrap().keep().as_path(), "lean", &axes, "one-at-a-time", true);
+    let rows = swept(
+        tempfile::tempdir().unwrap().keep().as_path(),
+        "lean",
+        &axes,
+        "one-at-a-time",
+        true,
+    );
     ok(&splatsim(&["chart", rows.to_str().unwrap()]));
     assert!(names(&rows, "svg").contains(&"curves".to_owned()));
     let svg = fs::read_to_string(rows.join("curves.svg")).unwrap();
-    assert!(svg.contains("in lockstep") && svg.contains("6 dB a bit") && svg.contains("fraction bits more than lean has"));
+    assert!(
+        svg.contains("in lockstep")
+            && svg.contains("6 dB a bit")
+            && svg.contains("fraction bits more than lean has")
+    );
     fs::remove_dir_all(rows.parent().unwrap()).unwrap();
 
     let axes = json!([{"field": "timing.raster.lanes", "values": [[1, 1], [4, 1]]}, {"field": "fragment.layers", "values": [1, 2, 4]}]);
-    let rows = swept(tempfile::tempdir().unwrap().keep().as_path(), "tiny", &axes, "grid", false);
+    let rows = swept(
+        tempfile::tempdir().unwrap().keep().as_path(),
+        "tiny",
+        &axes,
+        "grid",
+        false,
+    );
     ok(&splatsim(&["chart", rows.to_str().unwrap()]));
     let svgs = names(&rows, "svg");
-    assert!(svgs.contains(&"cycles".to_owned()) && svgs.contains(&"layers".to_owned()), "{svgs:?}");
+    assert!(
+        svgs.contains(&"cycles".to_owned()) && svgs.contains(&"layers".to_owned()),
+        "{svgs:?}"
+    );
     let svg = fs::read_to_string(rows.join("cycles.svg")).unwrap();
     // A picture a unit, a bar a value, a colour a state.
-    for unit in ["fetch", "project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve"] {
+    for unit in [
+        "fetch", "project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve",
+    ] {
         assert!(svg.contains(&format!(": {unit}")), "{unit}");
     }
-    assert!(["raster.lanes [4,1]", "busy", "starved", "blocked", "memory", "(limits)"].iter().all(|word| svg.contains(word)), "{svg}");
+    assert!(
+        [
+            "raster.lanes [4,1]",
+            "busy",
+            "starved",
+            "blocked",
+            "memory",
+            "(limits)"
+        ]
+        .iter()
+        .all(|word| svg.contains(word)),
+        "{svg}"
+    );
     fs::remove_dir_all(rows.parent().unwrap()).unwrap();
 }
 
@@ -109,15 +197,29 @@ fn all_three_fronts_are_told_and_drawn_with_what_errors_are_made_of() {
     ]);
     let rows = swept(folder.path(), "tiny", &axes, "grid", false);
     let told = wrapped_once(&ok(&splatsim(&["chart", rows.to_str().unwrap()])));
-    for front in ["area and fixed − ideal, dB", "frames/s and fixed − ideal, dB", "area and frames/s"] {
-        assert!(told.contains(&format!("beaten by none in {front}")), "{front} in {told}");
+    for front in [
+        "area and fixed − ideal, dB",
+        "frames/s and fixed − ideal, dB",
+        "area and frames/s",
+    ] {
+        assert!(
+            told.contains(&format!("beaten by none in {front}")),
+            "{front} in {told}"
+        );
     }
     // The whole error first, then its parts, side by side.
     let svg = fs::read_to_string(rows.join("accuracy-area.svg")).unwrap();
-    let at = ["the whole error", "the error of arithmetic", "the error of method"]
-        .map(|title| svg.find(title).unwrap_or_else(|| panic!("{title}")));
+    let at = [
+        "the whole error",
+        "the error of arithmetic",
+        "the error of method",
+    ]
+    .map(|title| svg.find(title).unwrap_or_else(|| panic!("{title}")));
     assert!(at.is_sorted());
-    assert_eq!(image::open(rows.join("accuracy-area.png")).unwrap().width(), 3 * 760);
+    assert_eq!(
+        image::open(rows.join("accuracy-area.png")).unwrap().width(),
+        3 * 760
+    );
 
     // Where the method is one for all, it is a line.
     let rows = swept(
@@ -130,7 +232,10 @@ fn all_three_fronts_are_told_and_drawn_with_what_errors_are_made_of() {
     ok(&splatsim(&["chart", rows.to_str().unwrap()]));
     let svg = fs::read_to_string(rows.join("accuracy-area.svg")).unwrap();
     assert!(svg.contains("golden − ideal, ") && !svg.contains("the error of method"));
-    assert_eq!(image::open(rows.join("accuracy-area.png")).unwrap().width(), 2 * 760);
+    assert_eq!(
+        image::open(rows.join("accuracy-area.png")).unwrap().width(),
+        2 * 760
+    );
     fs::remove_dir_all(rows.parent().unwrap()).unwrap();
 }
 
@@ -138,12 +243,41 @@ fn all_three_fronts_are_told_and_drawn_with_what_errors_are_made_of() {
 fn the_chart_of_a_search_marks_start_target_and_what_was_found() {
     let folder = tempfile::tempdir().unwrap();
     let scene = folder.path().join("knot.json");
-    fs::write(&scene, json!({"splats": {"builtin": "torus-knot", "count": 2000}}).to_string()).unwrap();
+    fs::write(
+        &scene,
+        json!({"splats": {"builtin": "torus-knot", "count": 2000}}).to_string(),
+    )
+    .unwrap();
     for (against, target) in [("golden", "30"), ("ideal", "20")] {
         let out = folder.path().join(against);
-        let common =
-            ["search", scene.to_str().unwrap(), "--size", "24x20", "--machine", "lean", "--views", "0", "--tries", "5", "--only", "gauss"];
-        ok(&splatsim(&[&common[..], &["--target-psnr", target, "--against", against, "--out", out.to_str().unwrap()]].concat()));
+        let common = [
+            "search",
+            scene.to_str().unwrap(),
+            "--size",
+            "24x20",
+            "--machine",
+            "lean",
+            "--views",
+            "0",
+            "--tries",
+            "5",
+            "--only",
+            "gauss",
+        ];
+        ok(&splatsim(
+            &[
+                &common[..],
+                &[
+                    "--target-psnr",
+                    target,
+                    "--against",
+                    against,
+                    "--out",
+                    out.to_str().unwrap(),
+                ],
+            ]
+            .concat(),
+        ));
         ok(&splatsim(&["chart", out.to_str().unwrap()]));
         let svg = fs::read_to_string(out.join("accuracy-area.svg")).unwrap();
         for word in ["start", "found", &format!("target, {target} dB"), "lean"] {
@@ -157,43 +291,102 @@ fn the_chart_of_a_search_marks_start_target_and_what_was_found() {
 fn the_front_of_a_folder_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let bits = |field: &str| json!({"field": field, "add_frac_bits": [-3, -2, -1, 0]});
-    let rows = swept(folder.path(), "tiny", &json!([bits("splat.rgb"), bits("gauss.weight"), bits("raster.offset")]), "grid", false);
+    let rows = swept(
+        folder.path(),
+        "tiny",
+        &json!([
+            bits("splat.rgb"),
+            bits("gauss.weight"),
+            bits("raster.offset")
+        ]),
+        "grid",
+        false,
+    );
     let told = ok(&splatsim(&["chart", rows.to_str().unwrap()]));
     let (columns, all) = page_rows(&fs::read_to_string(rows.join("charts.html")).unwrap());
     let points: Vec<[f64; 3]> = (all.iter())
         .filter_map(|row| {
-            Some([number(row, &columns, "area")?, number(row, &columns, "fixed_vs_ideal_psnr_db")?, number(row, &columns, "point")?])
+            Some([
+                number(row, &columns, "area")?,
+                number(row, &columns, "fixed_vs_ideal_psnr_db")?,
+                number(row, &columns, "point")?,
+            ])
         })
         .collect();
     assert_eq!(points.len(), 64);
-    let beats = |a: &[f64; 3], b: &[f64; 3]| a[0] <= b[0] && a[1] >= b[1] && (a[0] < b[0] || a[1] > b[1]);
-    let front: Vec<&[f64; 3]> = points.iter().filter(|point| !points.iter().any(|other| beats(other, point))).collect();
+    let beats =
+        |a: &[f64; 3], b: &[f64; 3]| a[0] <= b[0] && a[1] >= b[1] && (a[0] < b[0] || a[1] > b[1]);
+    let front: Vec<&[f64; 3]> = points
+        .iter()
+        .filter(|point| !points.iter().any(|other| beats(other, point)))
+        .collect();
     assert!(front.len() > 3 && front.len() < 20, "{front:?}");
     let mut places: Vec<[f64; 2]> = front.iter().map(|point| [point[0], point[1]]).collect();
     places.sort_by(|a, b| a[0].total_cmp(&b[0]));
     places.dedup();
     let said = wrapped_once(&told);
-    assert!(said.contains(&format!("of 64 machines {} are beaten by none in area and fixed − ideal, dB", places.len())), "{told}");
+    assert!(
+        said.contains(&format!(
+            "of 64 machines {} are beaten by none in area and fixed − ideal, dB",
+            places.len()
+        )),
+        "{told}"
+    );
     // What all machines of a front have in common is named once.
-    let (_, of_speed) = said.split_once("in frames/s and fixed − ideal, dB; ").expect("the second front");
+    let (_, of_speed) = said
+        .split_once("in frames/s and fixed − ideal, dB; ")
+        .expect("the second front");
     let of_speed = of_speed.split("knot.json: ").next().unwrap();
-    assert!(of_speed.starts_with("all with splat.rgb −3 ") && of_speed.matches("splat.rgb").count() == 1, "{told}");
+    assert!(
+        of_speed.starts_with("all with splat.rgb −3 ")
+            && of_speed.matches("splat.rgb").count() == 1,
+        "{told}"
+    );
     let table = told.split("\n\n").next().unwrap();
-    assert!(table.lines().any(|line| line.contains("fixed − ideal dB") && line.contains("fixed − golden dB")), "{told}");
+    assert!(
+        table
+            .lines()
+            .any(|line| line.contains("fixed − ideal dB") && line.contains("fixed − golden dB")),
+        "{told}"
+    );
     // Each place once, by its first point, and below it what was changed.
-    let listed: Vec<&str> =
-        table.lines().filter(|line| line.split_whitespace().next().is_some_and(|word| word.parse::<u64>().is_ok())).collect();
+    let listed: Vec<&str> = table
+        .lines()
+        .filter(|line| {
+            line.split_whitespace()
+                .next()
+                .is_some_and(|word| word.parse::<u64>().is_ok())
+        })
+        .collect();
     assert_eq!(listed.len(), places.len(), "{told}");
     for place in &places {
-        let first = front.iter().filter(|point| point[..2] == place[..]).map(|point| point[2]).fold(f64::INFINITY, f64::min);
-        let at = table.lines().position(|line| line.split_whitespace().next() == Some(&first.to_string()));
-        let changes = table.lines().nth(at.unwrap_or_else(|| panic!("{first} in\n{table}")) + 1).unwrap();
-        assert!(changes.starts_with("    ") && changes.contains('−'), "{changes}");
+        let first = front
+            .iter()
+            .filter(|point| point[..2] == place[..])
+            .map(|point| point[2])
+            .fold(f64::INFINITY, f64::min);
+        let at = table
+            .lines()
+            .position(|line| line.split_whitespace().next() == Some(&first.to_string()));
+        let changes = table
+            .lines()
+            .nth(at.unwrap_or_else(|| panic!("{first} in\n{table}")) + 1)
+            .unwrap();
+        assert!(
+            changes.starts_with("    ") && changes.contains('−'),
+            "{changes}"
+        );
     }
-    assert!(told.lines().all(|line| line.chars().count() <= 80), "{told}");
+    assert!(
+        told.lines().all(|line| line.chars().count() <= 80),
+        "{told}"
+    );
     // Those of the ends are named in the chart: by what was changed, or by their number.
     let svg = fs::read_to_string(rows.join("accuracy-area.svg")).unwrap();
-    assert!(svg.contains("tiny") && svg.contains("splat.rgb −3"), "the base machine and the cheapest one");
+    assert!(
+        svg.contains("tiny") && svg.contains("splat.rgb −3"),
+        "the base machine and the cheapest one"
+    );
 }
 
 #[test]
@@ -217,21 +410,38 @@ fn the_page_needs_nothing_else_and_holds_every_row() {
     let (columns, all) = page_rows(&page);
     assert_eq!(all.len(), 6);
     assert!(
-        columns.contains(&"psnr_db".to_owned()) && columns.contains(&"misfit".to_owned()) && !columns.contains(&"host_seconds".to_owned())
+        columns.contains(&"psnr_db".to_owned())
+            && columns.contains(&"misfit".to_owned())
+            && !columns.contains(&"host_seconds".to_owned())
     );
-    assert!(page.contains("scene = knot.json"), "what all rows share is told once");
+    assert!(
+        page.contains("scene = knot.json"),
+        "what all rows share is told once"
+    );
 }
 
 #[test]
 fn charts_are_the_same_bytes_every_time() {
     let folder = tempfile::tempdir().unwrap();
-    let rows = swept(folder.path(), "tiny", &json!([{"field": "fragment.layers", "values": [1, 2, 4]}]), "grid", false);
+    let rows = swept(
+        folder.path(),
+        "tiny",
+        &json!([{"field": "fragment.layers", "values": [1, 2, 4]}]),
+        "grid",
+        false,
+    );
     let read = || {
         ok(&splatsim(&["chart", rows.to_str().unwrap()]));
         let all = ["png", "svg"].map(|extension| {
-            names(&rows, extension).into_iter().map(|name| (rows.join(name).with_extension(extension), extension)).collect::<Vec<_>>()
+            names(&rows, extension)
+                .into_iter()
+                .map(|name| (rows.join(name).with_extension(extension), extension))
+                .collect::<Vec<_>>()
         });
-        all.concat().into_iter().map(|(path, _)| (path.clone(), fs::read(path).unwrap())).collect::<Vec<_>>()
+        all.concat()
+            .into_iter()
+            .map(|(path, _)| (path.clone(), fs::read(path).unwrap()))
+            .collect::<Vec<_>>()
     };
     let first = read();
     assert!(first.len() > 6);
@@ -241,7 +451,13 @@ fn charts_are_the_same_bytes_every_time() {
 #[test]
 fn what_is_no_folder_of_rows_is_refused() {
     let folder = tempfile::tempdir().unwrap();
-    let rows = swept(folder.path(), "tiny", &json!([{"field": "fragment.layers", "values": [1, 2]}]), "grid", false);
+    let rows = swept(
+        folder.path(),
+        "tiny",
+        &json!([{"field": "fragment.layers", "values": [1, 2]}]),
+        "grid",
+        false,
+    );
     let chart = |path: &Path| refused(&splatsim(&["chart", path.to_str().unwrap()]));
     assert!(chart(&folder.path().join("nowhere")).contains("cannot be read"));
     let empty = folder.path().join("empty");
@@ -256,9 +472,17 @@ fn what_is_no_folder_of_rows_is_refused() {
     assert!(chart(&rows).contains("plan.json: cannot be read"));
     fs::write(rows.join("plan.json"), plan).unwrap();
     let journal = fs::read_to_string(rows.join("points.jsonl")).unwrap();
-    fs::write(rows.join("points.jsonl"), journal.replace("knot.json", "knot.JSON")).unwrap();
+    fs::write(
+        rows.join("points.jsonl"),
+        journal.replace("knot.json", "knot.JSON"),
+    )
+    .unwrap();
     assert!(chart(&rows).contains("line 2: is not as it was written"));
-    fs::write(rows.join("points.jsonl"), journal.lines().next().unwrap().to_owned() + "\n").unwrap();
+    fs::write(
+        rows.join("points.jsonl"),
+        journal.lines().next().unwrap().to_owned() + "\n",
+    )
+    .unwrap();
     assert!(chart(&rows).contains("has no rows yet"));
     fs::write(rows.join("points.jsonl"), "{}\n").unwrap();
     assert!(chart(&rows).contains("line 1: names no columns"));

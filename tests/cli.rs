@@ -1,5 +1,5 @@
-//! Does the binary do what docs/book/getting-started.md promises: its files, its report, its words, its exit status, and a quick end to bad
-//! input?
+//! Does the binary do what docs/book/getting-started.md promises: its files, its report, its words,
+//! its exit status, and a quick end to bad input?
 
 use crate::program::PROGRAM;
 use crate::shared_input;
@@ -15,14 +15,19 @@ use serde_json::{Value, json};
 /// Machine and size of runs whose picture does not matter.
 const SMALL: [&str; 4] = ["--size", "48x40", "--machine", "tiny"];
 
-/// The default scene with a hundredth of its splats: to load all of them would be most of a small run.
+/// The default scene with a hundredth of its splats: to load all of them would be most of a small
+/// run.
 static FEW: LazyLock<String> = LazyLock::new(|| few("glass-spheres", 3000));
 
 /// A scene that is made here, with so many splats, in a file that is kept.
 fn few(scene: &str, count: u32) -> String {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
     let file = tempfile::NamedTempFile::new_in(folder).unwrap();
-    std::fs::write(file.path(), json!({"splats": {"builtin": scene, "count": count}}).to_string()).unwrap();
+    std::fs::write(
+        file.path(),
+        json!({"splats": {"builtin": scene, "count": count}}).to_string(),
+    )
+    .unwrap();
     // Whoever else does so at the same time writes the same.
     let path = folder.join(format!("{scene}-{count}.json"));
     file.persist(&path).unwrap();
@@ -35,14 +40,22 @@ fn small() -> Vec<&'static str> {
 }
 
 fn splatsim(arguments: &[&str]) -> Output {
-    Command::new(PROGRAM.as_str()).args(arguments).timeout(Duration::from_secs(120)).output().unwrap()
+    Command::new(PROGRAM.as_str())
+        .args(arguments)
+        .timeout(Duration::from_secs(120))
+        .output()
+        .unwrap()
 }
 
 /// What a run that succeeds prints; nothing goes to standard error.
 fn says(arguments: &[&str]) -> String {
     let output = splatsim(arguments);
     let told = String::from_utf8(output.stderr).unwrap();
-    assert_eq!((output.status.code(), told.as_str()), (Some(0), ""), "{arguments:?}");
+    assert_eq!(
+        (output.status.code(), told.as_str()),
+        (Some(0), ""),
+        "{arguments:?}"
+    );
     String::from_utf8(output.stdout).unwrap()
 }
 
@@ -57,7 +70,10 @@ fn write(folder: &tempfile::TempDir, name: &str, text: &str) -> String {
 }
 
 fn names_in(folder: &Path) -> Vec<String> {
-    let mut names: Vec<String> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    let mut names: Vec<String> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|e| e.unwrap().file_name().into_string().unwrap())
+        .collect();
     names.sort();
     names
 }
@@ -69,7 +85,9 @@ fn run(arguments: &[&str]) -> (tempfile::TempDir, Value) {
     all.extend(arguments);
     all.extend(["--out", out.path().to_str().unwrap()]);
     says(&all);
-    let report = serde_json::from_str(&std::fs::read_to_string(out.path().join("report.json")).unwrap()).unwrap();
+    let report =
+        serde_json::from_str(&std::fs::read_to_string(out.path().join("report.json")).unwrap())
+            .unwrap();
     (out, report)
 }
 
@@ -96,10 +114,22 @@ const WRITTEN: [&str; 13] = [
 fn run_writes_five_pictures_a_chart_and_a_report_and_nothing_else() {
     let (out, _) = run(&small());
     assert_eq!(names_in(out.path()), WRITTEN);
-    for name in ["error.png", "fixed.png", "flips.png", "golden.png", "ideal.png"] {
+    for name in [
+        "error.png",
+        "fixed.png",
+        "flips.png",
+        "golden.png",
+        "ideal.png",
+    ] {
         let picture = image::open(out.path().join(name)).unwrap();
         assert_eq!((picture.width(), picture.height()), (48, 40), "{name}");
-        assert!(matches!(picture, image::DynamicImage::ImageRgba8(_) | image::DynamicImage::ImageRgb8(_)), "{name} has 8 bits a channel");
+        assert!(
+            matches!(
+                picture,
+                image::DynamicImage::ImageRgba8(_) | image::DynamicImage::ImageRgb8(_)
+            ),
+            "{name} has 8 bits a channel"
+        );
     }
 }
 
@@ -118,48 +148,104 @@ fn the_error_is_attributed_on_request() {
         return;
     }
     let folder = folder();
-    let scene = write(&folder, "few.json", r#"{"splats": {"builtin": "checkerboard", "count": 3000}}"#);
+    let scene = write(
+        &folder,
+        "few.json",
+        r#"{"splats": {"builtin": "checkerboard", "count": 3000}}"#,
+    );
     let arguments = [&[scene.as_str()], &SMALL[..], &["--attribute"]].concat();
     let (out, report) = run(&arguments);
     let mut expected = [&WRITTEN[..], &["attribution.png"]].concat();
     expected.sort_unstable();
     assert_eq!(names_in(out.path()), expected);
     let attribution = &report["attribution"];
-    assert_eq!(attribution["all"]["psnr_covered_db"], report["accuracy"]["fixed_vs_golden"]["psnr_covered_db"]);
+    assert_eq!(
+        attribution["all"]["psnr_covered_db"],
+        report["accuracy"]["fixed_vs_golden"]["psnr_covered_db"]
+    );
     assert_eq!(attribution["units"].as_array().unwrap().len(), 8);
-    assert!(attribution["words"].as_array().unwrap().iter().any(|word| word["name"] == "raster.offset"));
+    assert!(
+        attribution["words"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .any(|word| word["name"] == "raster.offset")
+    );
     assert!(report["host"]["attribution_seconds"].is_number());
     let (_, other) = run(&[&arguments[..], &["--threads", "1"]].concat());
     assert_eq!(other["attribution"], *attribution);
     // Not asked for, not there.
     let (_, plain) = run(&small());
-    assert_eq!([plain.get("attribution"), plain["host"].get("attribution_seconds")], [None; 2]);
+    assert_eq!(
+        [
+            plain.get("attribution"),
+            plain["host"].get("attribution_seconds")
+        ],
+        [None; 2]
+    );
     let text = says(&[&["run"], &arguments[..]].concat());
-    assert!(text.contains("raster.offset") && text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    assert!(
+        text.contains("raster.offset") && text.lines().all(|line| line.chars().count() <= 80),
+        "{text}"
+    );
 }
 
 #[test]
 fn a_preview_says_what_it_leaves_out_and_is_a_run_of_that_size_else() {
     let terrain = few("terrain", 20_000);
     let (_, small) = run(&[&terrain, "--size", "40x32", "--machine", "tiny"]);
-    let arguments = [terrain.as_str(), "--size", "160x128", "--machine", "tiny", "--preview"];
+    let arguments = [
+        terrain.as_str(),
+        "--size",
+        "160x128",
+        "--machine",
+        "tiny",
+        "--preview",
+    ];
     let (out, preview) = run(&arguments);
     assert_eq!(names_in(out.path()), WRITTEN);
     for part in ["scene", "accuracy", "cycles", "cost", "fragments"] {
         assert_eq!(small[part], preview[part], "{part}");
     }
     let (_, whole) = run(&arguments[..5]);
-    let [about, off, is] =
-        [&preview["preview"]["contributions"], &preview["preview"]["off"], &whole["scene"]["fragments"]].map(|n| n.as_f64().unwrap());
-    assert!((about / is - 1.0).abs() <= off, "{about} is said, {off} of it, and {is} it is");
-    assert_eq!((preview["preview"]["of"].clone(), small.get("preview")), (json!([160, 128]), None));
+    let [about, off, is] = [
+        &preview["preview"]["contributions"],
+        &preview["preview"]["off"],
+        &whole["scene"]["fragments"],
+    ]
+    .map(|n| n.as_f64().unwrap());
+    assert!(
+        (about / is - 1.0).abs() <= off,
+        "{about} is said, {off} of it, and {is} it is"
+    );
+    assert_eq!(
+        (preview["preview"]["of"].clone(), small.get("preview")),
+        (json!([160, 128]), None)
+    );
     assert!(preview["host"]["whole_seconds"].as_f64().unwrap() > 0.0);
     let text = says(&[&["run"], &arguments[..]].concat());
-    assert!(text.contains("preview of 160×128: 15 of 16 pixels left out, no splat") && text.contains("do not scale"), "{text}");
-    assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    assert!(
+        text.contains("preview of 160×128: 15 of 16 pixels left out, no splat")
+            && text.contains("do not scale"),
+        "{text}"
+    );
+    assert!(
+        text.lines().all(|line| line.chars().count() <= 80),
+        "{text}"
+    );
     let none = folder();
     let path = none.path().join("out");
-    refused(&["run", "--size", "100x100", "--preview", "--out", path.to_str().unwrap()], "few already");
+    refused(
+        &[
+            "run",
+            "--size",
+            "100x100",
+            "--preview",
+            "--out",
+            path.to_str().unwrap(),
+        ],
+        "few already",
+    );
     assert!(!path.exists());
 }
 
@@ -167,24 +253,55 @@ fn a_preview_says_what_it_leaves_out_and_is_a_run_of_that_size_else() {
 fn less_is_held_in_lockstep_on_request_and_said_so() {
     let out = folder();
     let run = |check: &str| {
-        let all = [&["run"], &small()[..], &["--out", out.path().to_str().unwrap(), "--check", check]].concat();
+        let all = [
+            &["run"],
+            &small()[..],
+            &["--out", out.path().to_str().unwrap(), "--check", check],
+        ]
+        .concat();
         let text = says(&all);
-        let report: Value = serde_json::from_slice(&std::fs::read(out.path().join("report.json")).unwrap()).unwrap();
+        let report: Value =
+            serde_json::from_slice(&std::fs::read(out.path().join("report.json")).unwrap())
+                .unwrap();
         (text, report)
     };
-    let [(_, mut full), (sampled_text, mut sampled), (none_text, mut none)] = ["full", "sampled", "none"].map(run);
+    let [
+        (_, mut full),
+        (sampled_text, mut sampled),
+        (none_text, mut none),
+    ] = ["full", "sampled", "none"].map(run);
     assert_eq!(sampled["accuracy"]["lockstep"]["sampled_pixels"], 384);
-    assert!(full["accuracy"]["lockstep"].get("sampled_pixels").is_none() && none["accuracy"].get("lockstep").is_none());
-    assert!(sampled_text.contains("in lockstep at 384 of 1,920 pixels, golden"), "{sampled_text}");
-    assert!(none_text.contains("not held in lockstep, so no bound was checked"), "{none_text}");
-    assert!(none_text.lines().chain(sampled_text.lines()).all(|line| line.chars().count() <= 80), "{none_text}");
+    assert!(
+        full["accuracy"]["lockstep"].get("sampled_pixels").is_none()
+            && none["accuracy"].get("lockstep").is_none()
+    );
+    assert!(
+        sampled_text.contains("in lockstep at 384 of 1,920 pixels, golden"),
+        "{sampled_text}"
+    );
+    assert!(
+        none_text.contains("not held in lockstep, so no bound was checked"),
+        "{none_text}"
+    );
+    assert!(
+        none_text
+            .lines()
+            .chain(sampled_text.lines())
+            .all(|line| line.chars().count() <= 80),
+        "{none_text}"
+    );
     // Pictures of the last run, which are not of this one, are gone.
-    let left = WRITTEN.into_iter().filter(|name| !["bounds.png", "flips.png"].contains(name));
+    let left = WRITTEN
+        .into_iter()
+        .filter(|name| !["bounds.png", "flips.png"].contains(name));
     assert_eq!(names_in(out.path()), left.collect::<Vec<_>>());
     // All else is as it is.
     for report in [&mut full, &mut sampled, &mut none] {
         report.as_object_mut().unwrap().remove("host");
-        report["accuracy"].as_object_mut().unwrap().remove("lockstep");
+        report["accuracy"]
+            .as_object_mut()
+            .unwrap()
+            .remove("lockstep");
     }
     assert!(full == sampled && full == none);
     refused(&["run", "--check", "some"], "full, sampled, none");
@@ -195,30 +312,84 @@ fn a_run_replaces_the_files_of_the_last_one_and_makes_its_folder() {
     let out = folder();
     let deep = out.path().join("a/b");
     for size in ["20x10", "10x20"] {
-        says(&["run", &FEW, "--machine", "tiny", "--size", size, "--out", deep.to_str().unwrap()]);
+        says(&[
+            "run",
+            &FEW,
+            "--machine",
+            "tiny",
+            "--size",
+            size,
+            "--out",
+            deep.to_str().unwrap(),
+        ]);
     }
-    assert_eq!(image::image_dimensions(deep.join("fixed.png")).unwrap(), (10, 20));
+    assert_eq!(
+        image::image_dimensions(deep.join("fixed.png")).unwrap(),
+        (10, 20)
+    );
     assert_eq!(names_in(&deep), WRITTEN);
 }
 
-/// The fields that docs/book/reference/report.md promises, by path, and what kind of value each has.
+/// The fields that docs/book/reference/report.md promises, by path, and what kind of value each
+/// has.
 fn promised_fields() -> Vec<(String, &'static str)> {
     let mut fields: Vec<(String, &str)> = Vec::new();
-    let mut all = |prefix: &str, names: &[&str], kind: &'static str| fields.extend(names.iter().map(|n| (format!("{prefix}/{n}"), kind)));
-    all("/scene", &["splats", "fragments", "culled/near", "culled/outside", "culled/faint", "culled/backface"], "count");
-    for pair in ["/accuracy/fixed_vs_golden", "/accuracy/golden_vs_ideal", "/accuracy/fixed_vs_ideal"] {
+    let mut all = |prefix: &str, names: &[&str], kind: &'static str| {
+        fields.extend(names.iter().map(|n| (format!("{prefix}/{n}"), kind)))
+    };
+    all(
+        "/scene",
+        &[
+            "splats",
+            "fragments",
+            "culled/near",
+            "culled/outside",
+            "culled/faint",
+            "culled/backface",
+        ],
+        "count",
+    );
+    for pair in [
+        "/accuracy/fixed_vs_golden",
+        "/accuracy/golden_vs_ideal",
+        "/accuracy/fixed_vs_ideal",
+    ] {
         all(pair, &["psnr_db", "psnr_covered_db"], "number or null");
         all(pair, &["ssim", "max_error", "mean_error"], "number");
         all(pair, &["pixels_over_1_255"], "count");
     }
     all("/accuracy/lockstep", &["psnr_db"], "number or null");
     all("/accuracy/lockstep", &["max_error"], "number");
-    all("/accuracy/lockstep", &["bound_violations", "decision_flips"], "count");
-    all("/fragments", &["accumulated", "inserted", "merged", "evicted", "replaced", "dropped", "most_in_a_pixel"], "count");
+    all(
+        "/accuracy/lockstep",
+        &["bound_violations", "decision_flips"],
+        "count",
+    );
+    all(
+        "/fragments",
+        &[
+            "accumulated",
+            "inserted",
+            "merged",
+            "evicted",
+            "replaced",
+            "dropped",
+            "most_in_a_pixel",
+        ],
+        "count",
+    );
     all("/signals/0", &["unit", "name", "format"], "text");
     all("/signals/0", &["min", "max"], "number or null");
-    all("/signals/0", &["saturated_low", "saturated_high", "wrapped", "inexact"], "count");
-    all("/host", &["fixed_seconds", "golden_seconds", "fragments_per_second"], "number");
+    all(
+        "/signals/0",
+        &["saturated_low", "saturated_high", "wrapped", "inexact"],
+        "count",
+    );
+    all(
+        "/host",
+        &["fixed_seconds", "golden_seconds", "fragments_per_second"],
+        "number",
+    );
     fields
 }
 
@@ -226,7 +397,9 @@ fn promised_fields() -> Vec<(String, &'static str)> {
 fn the_report_has_the_promised_fields_with_the_promised_kinds() {
     let (_out, report) = run(&small());
     for (path, kind) in promised_fields() {
-        let value = report.pointer(&path).unwrap_or_else(|| panic!("{path} is absent"));
+        let value = report
+            .pointer(&path)
+            .unwrap_or_else(|| panic!("{path} is absent"));
         let fits = match kind {
             "count" => value.is_u64(),
             "number" => value.is_number(),
@@ -235,8 +408,13 @@ fn the_report_has_the_promised_fields_with_the_promised_kinds() {
         };
         assert!(fits, "{path} is {value}, not {kind}");
     }
-    let sum: u64 =
-        report["fragments"].as_object().unwrap().iter().filter(|(n, _)| *n != "most_in_a_pixel").map(|(_, v)| v.as_u64().unwrap()).sum();
+    let sum: u64 = report["fragments"]
+        .as_object()
+        .unwrap()
+        .iter()
+        .filter(|(n, _)| *n != "most_in_a_pixel")
+        .map(|(_, v)| v.as_u64().unwrap())
+        .sum();
     assert_eq!(report["scene"]["fragments"], sum);
     assert!(sum > 1000, "{sum}");
 }
@@ -246,34 +424,85 @@ fn the_report_has_the_promised_fields_with_the_promised_kinds() {
 fn every_units_cycles_sum_to_the_frames() {
     for organisation in ["binned", "immediate"] {
         let setting = format!("timing.organisation={organisation}");
-        let (out, report) = run(&[&small()[..], &["--set", &setting, "--set", "timing.ellipse.units=2"]].concat());
+        let (out, report) = run(&[
+            &small()[..],
+            &["--set", &setting, "--set", "timing.ellipse.units=2"],
+        ]
+        .concat());
         let cycles = &report["cycles"];
         let total = cycles["total"].as_u64().unwrap();
-        let count = |unit: &Value, name: &str| unit[name].as_u64().unwrap_or_else(|| panic!("{name} of {unit}"));
+        let count = |unit: &Value, name: &str| {
+            unit[name]
+                .as_u64()
+                .unwrap_or_else(|| panic!("{name} of {unit}"))
+        };
         let units = cycles["units"].as_array().unwrap();
         for unit in units {
-            assert_eq!(["busy", "starved", "blocked", "memory"].map(|name| count(unit, name)).iter().sum::<u64>(), total, "{unit}");
+            assert_eq!(
+                ["busy", "starved", "blocked", "memory"]
+                    .map(|name| count(unit, name))
+                    .iter()
+                    .sum::<u64>(),
+                total,
+                "{unit}"
+            );
         }
-        let names: Vec<&str> = units.iter().map(|unit| unit["name"].as_str().unwrap()).collect();
-        assert!(names.contains(&"ellipse.0") && names.contains(&"ellipse.1") && names.contains(&"fragment"), "{names:?}");
+        let names: Vec<&str> = units
+            .iter()
+            .map(|unit| unit["name"].as_str().unwrap())
+            .collect();
+        assert!(
+            names.contains(&"ellipse.0")
+                && names.contains(&"ellipse.1")
+                && names.contains(&"fragment"),
+            "{names:?}"
+        );
         let seconds = total as f64 / cycles["clock_hz"].as_f64().unwrap();
         assert!((cycles["frames_per_second"].as_f64().unwrap() * seconds - 1.0).abs() < 1e-12);
         let bottleneck = cycles["bottleneck"].as_str().unwrap();
-        assert!(bottleneck == "memory" || names.contains(&bottleneck), "{bottleneck}");
+        assert!(
+            bottleneck == "memory" || names.contains(&bottleneck),
+            "{bottleneck}"
+        );
         let csv = std::fs::read_to_string(out.path().join("cycles.csv")).unwrap();
-        assert_eq!((csv.lines().count(), csv.lines().next()), (names.len() + 1, Some("unit,items,busy,starved,blocked,memory,total")));
+        assert_eq!(
+            (csv.lines().count(), csv.lines().next()),
+            (
+                names.len() + 1,
+                Some("unit,items,busy,starved,blocked,memory,total")
+            )
+        );
         // A binned machine's tiles share what its units did.
         let tiles = std::fs::read_to_string(out.path().join("tiles.csv"));
         assert_eq!(tiles.is_ok(), organisation == "binned");
         let Ok(tiles) = tiles else { continue };
-        let mut lines = tiles.lines().map(|line| line.split(',').collect::<Vec<_>>());
+        let mut lines = tiles
+            .lines()
+            .map(|line| line.split(',').collect::<Vec<_>>());
         let heads = lines.next().unwrap();
-        let of = |line: &[&str], name: &str| line[heads.iter().position(|head| *head == name).unwrap()].parse::<u64>().unwrap();
+        let of = |line: &[&str], name: &str| {
+            line[heads.iter().position(|head| *head == name).unwrap()]
+                .parse::<u64>()
+                .unwrap()
+        };
         let lines: Vec<Vec<&str>> = lines.collect();
         let sum = |name: &str| lines.iter().map(|line| of(line, name)).sum::<u64>();
-        for (unit, what) in [("raster", "busy"), ("gauss", "blocked"), ("fragment", "busy"), ("fragment", "blocked"), ("list", "memory")] {
-            let whole = units.iter().find(|one| one["name"] == unit).unwrap_or_else(|| panic!("{unit}"));
-            assert_eq!(sum(&format!("{unit}_{what}")), count(whole, what), "{unit} {what}");
+        for (unit, what) in [
+            ("raster", "busy"),
+            ("gauss", "blocked"),
+            ("fragment", "busy"),
+            ("fragment", "blocked"),
+            ("list", "memory"),
+        ] {
+            let whole = units
+                .iter()
+                .find(|one| one["name"] == unit)
+                .unwrap_or_else(|| panic!("{unit}"));
+            assert_eq!(
+                sum(&format!("{unit}_{what}")),
+                count(whole, what),
+                "{unit} {what}"
+            );
         }
         let end = lines.iter().map(|line| of(line, "done")).max().unwrap();
         assert_eq!(of(&lines[0], "from") + sum("cycles"), end);
@@ -283,58 +512,127 @@ fn every_units_cycles_sum_to_the_frames() {
 
 #[test]
 fn a_frame_is_replayed_with_every_value_of_a_field() {
-    let (out, report) = run(&[&small()[..], &["--timing", "timing.raster.lanes=[1,1],[4,1]"]].concat());
+    let (out, report) = run(&[
+        &small()[..],
+        &["--timing", "timing.raster.lanes=[1,1],[4,1]"],
+    ]
+    .concat());
     let rows = report["timings"]["rows"].as_array().unwrap();
-    let totals: Vec<u64> = rows.iter().map(|row| row["cycles"]["total"].as_u64().unwrap()).collect();
-    assert!(rows.len() == 2 && totals[0] > totals[1] && totals[1] == report["cycles"]["total"].as_u64().unwrap(), "{totals:?}");
+    let totals: Vec<u64> = rows
+        .iter()
+        .map(|row| row["cycles"]["total"].as_u64().unwrap())
+        .collect();
+    assert!(
+        rows.len() == 2
+            && totals[0] > totals[1]
+            && totals[1] == report["cycles"]["total"].as_u64().unwrap(),
+        "{totals:?}"
+    );
     assert!(out.path().join("timings.png").exists());
     run_refused(
         &["--timing", "timing.raster.fifo=1,0"],
         "--timing timing.raster.fifo=0: machine reference cannot be built: timing.raster.fifo",
     );
     run_refused(&["--timing", "gauss.weight=1"], "timing.raster.fifo=1,2,4");
-    run_refused(&["--timing", "timing.memry.banks=1"], "the nearest is `memory`");
+    run_refused(
+        &["--timing", "timing.memry.banks=1"],
+        "the nearest is `memory`",
+    );
     run_refused(&["--set", "timing.clock_hz=0"], "timing.clock_hz is 0");
 }
 
 #[test]
 fn requests_are_written_in_the_order_of_cycles_and_hold_all_traffic() {
     let (out, report) = run(&[&small()[..], &["--requests"]].concat());
-    let [ramulator, dramsim] =
-        ["requests.ramulator2", "requests.dramsim3"].map(|name| std::fs::read_to_string(out.path().join(name)).unwrap());
+    let [ramulator, dramsim] = ["requests.ramulator2", "requests.dramsim3"]
+        .map(|name| std::fs::read_to_string(out.path().join(name)).unwrap());
     let clients = report["cycles"]["memory"]["clients"].as_array().unwrap();
-    let bursts: u64 = clients.iter().map(|client| client["requests"].as_u64().unwrap()).sum();
-    assert_eq!([ramulator.lines().count(), dramsim.lines().count()], [bursts as usize; 2]);
-    let cycles: Vec<u64> = dramsim.lines().map(|line| line.split(' ').nth(2).unwrap().parse().unwrap()).collect();
+    let bursts: u64 = clients
+        .iter()
+        .map(|client| client["requests"].as_u64().unwrap())
+        .sum();
+    assert_eq!(
+        [ramulator.lines().count(), dramsim.lines().count()],
+        [bursts as usize; 2]
+    );
+    let cycles: Vec<u64> = dramsim
+        .lines()
+        .map(|line| line.split(' ').nth(2).unwrap().parse().unwrap())
+        .collect();
     assert!(cycles.is_sorted() && cycles[0] == 0);
     // The map has every address, and a small device holds all of them.
-    let map: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(out.path().join("requests.json")).unwrap()).unwrap();
-    let number = |value: &serde_json::Value, name: &str| value[name].as_u64().unwrap_or_else(|| panic!("{name}: {value}"));
+    let map: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(out.path().join("requests.json")).unwrap())
+            .unwrap();
+    let number = |value: &serde_json::Value, name: &str| {
+        value[name]
+            .as_u64()
+            .unwrap_or_else(|| panic!("{name}: {value}"))
+    };
     let regions = map["regions"].as_array().unwrap();
-    let addresses: Vec<u64> = dramsim.lines().map(|line| u64::from_str_radix(line[2..].split(' ').next().unwrap(), 16).unwrap()).collect();
-    let is_in =
-        |at: u64| regions.iter().any(|region| (number(region, "base")..number(region, "base") + number(region, "bytes")).contains(&at));
+    let addresses: Vec<u64> = dramsim
+        .lines()
+        .map(|line| u64::from_str_radix(line[2..].split(' ').next().unwrap(), 16).unwrap())
+        .collect();
+    let is_in = |at: u64| {
+        regions.iter().any(|region| {
+            (number(region, "base")..number(region, "base") + number(region, "bytes")).contains(&at)
+        })
+    };
     assert!(addresses.iter().all(|at| is_in(*at)));
-    assert_eq!((number(&map, "bursts"), number(&map, "clock_hz")), (bursts, report["cycles"]["clock_hz"].as_u64().unwrap()));
+    assert_eq!(
+        (number(&map, "bursts"), number(&map, "clock_hz")),
+        (bursts, report["cycles"]["clock_hz"].as_u64().unwrap())
+    );
     let end = addresses.iter().max().unwrap() + number(&map, "burst_bytes");
-    assert!(end <= number(&map, "address_bytes") && number(&map, "address_bytes") <= number(&map, "device_bytes"));
+    assert!(
+        end <= number(&map, "address_bytes")
+            && number(&map, "address_bytes") <= number(&map, "device_bytes")
+    );
     // No more than the traffic could touch, in whole rows.
     assert!(number(&map, "device_bytes") < 1 << 26, "{map}");
-    assert!(regions.windows(2).all(|pair| number(&pair[0], "base") + number(&pair[0], "bytes") == number(&pair[1], "base")), "{map}");
+    assert!(
+        regions
+            .windows(2)
+            .all(|pair| number(&pair[0], "base") + number(&pair[0], "bytes")
+                == number(&pair[1], "base")),
+        "{map}"
+    );
     for (load, read) in ramulator.lines().zip(dramsim.lines()) {
-        let (load, read) = (load.split_once(' ').unwrap(), read.split(' ').collect::<Vec<_>>());
+        let (load, read) = (
+            load.split_once(' ').unwrap(),
+            read.split(' ').collect::<Vec<_>>(),
+        );
         assert_eq!((load.1, load.0 == "LD"), (read[0], read[1] == "READ"));
     }
 }
 
 #[test]
 fn all_but_the_hosts_figures_is_the_same_at_one_thread_and_at_two() {
-    let both = ["1", "2"].map(|threads| run(&[&few("torus-knot", 20_000), "--size", "100x70", "--threads", threads]));
+    let both = ["1", "2"].map(|threads| {
+        run(&[
+            &few("torus-knot", 20_000),
+            "--size",
+            "100x70",
+            "--threads",
+            threads,
+        ])
+    });
     let [(one, first), (two, second)] = &both;
     for name in ["fixed.png", "golden.png", "ideal.png", "error.png"] {
-        assert!(std::fs::read(one.path().join(name)).unwrap() == std::fs::read(two.path().join(name)).unwrap(), "{name}");
+        assert!(
+            std::fs::read(one.path().join(name)).unwrap()
+                == std::fs::read(two.path().join(name)).unwrap(),
+            "{name}"
+        );
     }
-    assert_eq!((first["host"]["threads"].clone(), second["host"]["threads"].clone()), (json!(1), json!(2)));
+    assert_eq!(
+        (
+            first["host"]["threads"].clone(),
+            second["host"]["threads"].clone()
+        ),
+        (json!(1), json!(2))
+    );
     let without_host = |folder: &Path| {
         let text = std::fs::read_to_string(folder.join("report.json")).unwrap();
         let start = text.find("\n  \"host\": {").expect("a host section");
@@ -347,16 +645,31 @@ fn all_but_the_hosts_figures_is_the_same_at_one_thread_and_at_two() {
 #[test]
 fn quiet_is_quiet_and_without_a_folder_nothing_is_written() {
     let here = folder();
-    let run = |more: &[&str]| Command::new(PROGRAM.as_str()).current_dir(here.path()).arg("run").args(small()).args(more).output().unwrap();
+    let run = |more: &[&str]| {
+        Command::new(PROGRAM.as_str())
+            .current_dir(here.path())
+            .arg("run")
+            .args(small())
+            .args(more)
+            .output()
+            .unwrap()
+    };
     assert_eq!(run(&["--quiet"]).stdout, b"");
-    assert!(String::from_utf8(run(&[]).stdout).unwrap().contains("no pictures written: --out DIR writes them"));
+    assert!(
+        String::from_utf8(run(&[]).stdout)
+            .unwrap()
+            .contains("no pictures written: --out DIR writes them")
+    );
     assert!(names_in(here.path()).is_empty());
 }
 
 #[test]
 fn the_default_is_glass_spheres_on_reference() {
     let text = says(&["run", "--size", "16x16"]);
-    assert!(text.starts_with("glass-spheres on reference, 16×16: 280,000 splats, "), "{text}");
+    assert!(
+        text.starts_with("glass-spheres on reference, 16×16: 280,000 splats, "),
+        "{text}"
+    );
 }
 
 #[test]
@@ -374,29 +687,55 @@ fn a_setting_reaches_the_machine_and_later_ones_win() {
     let (_out, report) = run(&[&small()[..], &set].concat());
     let machine = &report["machine"]["description"];
     assert_eq!(machine["fragment"]["layers"], 1);
-    assert_eq!(machine["gauss"]["weight"], json!({"format": "U-2F12", "round": "truncate", "overflow": "saturate"}));
-    assert!(report["fragments"]["inserted"].as_u64().unwrap() <= 48 * 40, "one layer a pixel: {}", report["fragments"]);
+    assert_eq!(
+        machine["gauss"]["weight"],
+        json!({"format": "U-2F12", "round": "truncate", "overflow": "saturate"})
+    );
+    assert!(
+        report["fragments"]["inserted"].as_u64().unwrap() <= 48 * 40,
+        "one layer a pixel: {}",
+        report["fragments"]
+    );
 }
 
 #[test]
 fn no_line_of_a_summary_is_wider_than_eighty_columns() {
     let folder = folder();
     let name = format!("{}.json", "a long name ".repeat(9));
-    let splats =
-        json!([{"position": [0, 0, 0], "radius": 1e-9}, {"position": [0.1, 0, 0], "radius": 1e9}, {"position": [1e6, 0, 0], "radius": 1}]);
+    let splats = json!([{"position": [0, 0, 0], "radius": 1e-9}, {"position": [0.1, 0, 0], "radius": 1e9}, {"position": [1e6, 0, 0], "radius": 1}]);
     let odd = write(&folder, &name, &json!({"splats": splats}).to_string());
     let out = folder.path().join("out");
     let all = ["reference", "lean", "tiny"];
     let knot = few("torus-knot", 20_000);
     // The default has numbers as large as most, and reference the longest name.
-    let of = [("glass-spheres", &all[..1]), (FEW.as_str(), &all[1..]), (&knot, &all[..]), (&odd, &all)];
-    for (scene, machine) in
-        tier::some([12, 3], of.into_iter().flat_map(|(scene, machines)| machines.iter().map(move |machine| (scene, machine))))
-    {
-        let text = says(&["run", scene, "--machine", machine, "--size", "128x128", "--out", out.to_str().unwrap()]);
+    let of = [
+        ("glass-spheres", &all[..1]),
+        (FEW.as_str(), &all[1..]),
+        (&knot, &all[..]),
+        (&odd, &all),
+    ];
+    for (scene, machine) in tier::some(
+        [12, 3],
+        of.into_iter()
+            .flat_map(|(scene, machines)| machines.iter().map(move |machine| (scene, machine))),
+    ) {
+        let text = says(&[
+            "run",
+            scene,
+            "--machine",
+            machine,
+            "--size",
+            "128x128",
+            "--out",
+            out.to_str().unwrap(),
+        ]);
         for line in text.lines() {
             let is_one_word = !line.trim().contains(' ');
-            assert!(line.chars().count() <= 80 || is_one_word, "{scene} on {machine}: {} columns: {line}", line.chars().count());
+            assert!(
+                line.chars().count() <= 80 || is_one_word,
+                "{scene} on {machine}: {} columns: {line}",
+                line.chars().count()
+            );
             assert_eq!(line, line.trim_end(), "{scene} on {machine}");
         }
     }
@@ -417,43 +756,83 @@ fn pictures_of_one_pixel_and_of_one_row_of_16384_are_drawn() {
 #[test]
 fn explain_tells_the_story_of_a_pixel() {
     let text = says(&["explain", "glass-spheres", "--pixel", "256,300"]);
-    assert!(text.starts_with("pixel 256,300 of glass-spheres on reference\n"), "{text}");
-    for part in
-        ["open 0", "add to 0", "contributions, ", "fixed 0 ", "golden 0 ", "blended", "difference", "frame word (U1F16, hexadecimal): "]
-    {
+    assert!(
+        text.starts_with("pixel 256,300 of glass-spheres on reference\n"),
+        "{text}"
+    );
+    for part in [
+        "open 0",
+        "add to 0",
+        "contributions, ",
+        "fixed 0 ",
+        "golden 0 ",
+        "blended",
+        "difference",
+        "frame word (U1F16, hexadecimal): ",
+    ] {
         assert!(text.contains(part), "{part} is absent from {text}");
     }
     assert!(text.lines().all(|line| line == line.trim_end()), "{text}");
     for (scene, machine, parts) in tier::some(
         [12, 12],
         [
-            ("nested-shells", "volume", ["open ", "add to ", "All sheets together", "fixed "]),
-            ("bouquet", "gaussian", ["blend", "too late", "All sheets together", "golden "]),
+            (
+                "nested-shells",
+                "volume",
+                ["open ", "add to ", "All sheets together", "fixed "],
+            ),
+            (
+                "bouquet",
+                "gaussian",
+                ["blend", "too late", "All sheets together", "golden "],
+            ),
         ],
     ) {
         let text = says(&["explain", scene, "--pixel", "256,256"]);
-        assert!(text.starts_with(&format!("pixel 256,256 of {scene} on {machine}\n")), "{text}");
+        assert!(
+            text.starts_with(&format!("pixel 256,256 of {scene} on {machine}\n")),
+            "{text}"
+        );
         assert!(parts.iter().all(|part| text.contains(part)), "{text}");
     }
     let sky = says(&["explain", "glass-spheres", "--pixel", "0,0"]);
-    assert!(sky.contains("No splat touches this pixel.") && sky.contains("the pixel is background"), "{sky}");
+    assert!(
+        sky.contains("No splat touches this pixel.") && sky.contains("the pixel is background"),
+        "{sky}"
+    );
 }
 
 #[test]
 fn the_listed_machines_can_be_shown_and_what_is_shown_is_a_machine_file() {
     let list = says(&["machine", "list"]);
-    assert!(list.lines().all(|line| line.chars().count() <= 80), "{list}");
-    let names: Vec<&str> = list.lines().skip(1).map(|line| line.split(' ').next().unwrap()).collect();
-    assert_eq!(names, ["reference", "lean", "tiny", "window", "volume", "gaussian"]);
+    assert!(
+        list.lines().all(|line| line.chars().count() <= 80),
+        "{list}"
+    );
+    let names: Vec<&str> = list
+        .lines()
+        .skip(1)
+        .map(|line| line.split(' ').next().unwrap())
+        .collect();
+    assert_eq!(
+        names,
+        ["reference", "lean", "tiny", "window", "volume", "gaussian"]
+    );
     let folder = folder();
-    let scene = write(&folder, "knot.json", r#"{"splats": {"builtin": "torus-knot", "count": 2000}}"#);
+    let scene = write(
+        &folder,
+        "knot.json",
+        r#"{"splats": {"builtin": "torus-knot", "count": 2000}}"#,
+    );
     for name in names {
         let shown = says(&["machine", "show", name]);
         let file = write(&folder, &format!("{name}.json"), &shown);
         assert_eq!(says(&["machine", "show", &file]), shown);
         let by_file = run(&[&scene, "--size", "30x30", "--machine", &file]).1;
         let by_name = run(&[&scene, "--size", "30x30", "--machine", name]).1;
-        let all = |report: &Value| [&report["machine"], &report["accuracy"], &report["signals"]].map(Value::clone);
+        let all = |report: &Value| {
+            [&report["machine"], &report["accuracy"], &report["signals"]].map(Value::clone)
+        };
         assert_eq!(all(&by_file), all(&by_name));
     }
 }
@@ -461,32 +840,75 @@ fn the_listed_machines_can_be_shown_and_what_is_shown_is_a_machine_file() {
 #[test]
 fn a_machine_file_with_a_base_changes_only_what_it_says() {
     let folder = folder();
-    let file = write(&folder, "narrow.json", r#"{"base": "lean", "gauss": {"weight": {"format": "U-2F9", "round": "truncate"}}}"#);
+    let file = write(
+        &folder,
+        "narrow.json",
+        r#"{"base": "lean", "gauss": {"weight": {"format": "U-2F9", "round": "truncate"}}}"#,
+    );
     let shown: Value = serde_json::from_str(&says(&["machine", "show", &file])).unwrap();
     let mut expected: Value = serde_json::from_str(&says(&["machine", "show", "lean"])).unwrap();
     expected["name"] = json!("narrow");
-    expected["gauss"]["weight"] = json!({"format": "U-2F9", "round": "truncate", "overflow": "saturate"});
+    expected["gauss"]["weight"] =
+        json!({"format": "U-2F9", "round": "truncate", "overflow": "saturate"});
     assert_eq!(shown, expected);
-    let by_setting =
-        says(&["machine", "show", "lean", "--set", "gauss.weight=U-2F9", "--set", "gauss.weight.round=truncate", "--set", "name=narrow"]);
-    assert_eq!(serde_json::from_str::<Value>(&by_setting).unwrap(), expected);
+    let by_setting = says(&[
+        "machine",
+        "show",
+        "lean",
+        "--set",
+        "gauss.weight=U-2F9",
+        "--set",
+        "gauss.weight.round=truncate",
+        "--set",
+        "name=narrow",
+    ]);
+    assert_eq!(
+        serde_json::from_str::<Value>(&by_setting).unwrap(),
+        expected
+    );
 }
 
 #[test]
 fn prove_writes_the_proofs_that_it_lists_the_same_every_time() {
     let folders = [folder(), folder()];
-    let [table, _] =
-        folders.each_ref().map(|out| says(&["machine", "prove", "lean", "--set", "name=mine", "--out", out.path().to_str().unwrap()]));
+    let [table, _] = folders.each_ref().map(|out| {
+        says(&[
+            "machine",
+            "prove",
+            "lean",
+            "--set",
+            "name=mine",
+            "--out",
+            out.path().to_str().unwrap(),
+        ])
+    });
     let names = names_in(folders[0].path());
     assert_eq!(names.len(), 9);
     for name in names {
-        let [once, again] = folders.each_ref().map(|out| std::fs::read_to_string(out.path().join(&name)).unwrap());
+        let [once, again] = folders
+            .each_ref()
+            .map(|out| std::fs::read_to_string(out.path().join(&name)).unwrap());
         assert_eq!(once, again);
-        assert!(once.starts_with(&format!("# {} of machine mine: ", name.trim_end_matches(".g"))), "{once}");
-        assert!(table.lines().any(|line| line.starts_with(&format!("{name} "))), "{name} is not in:\n{table}");
+        assert!(
+            once.starts_with(&format!(
+                "# {} of machine mine: ",
+                name.trim_end_matches(".g")
+            )),
+            "{once}"
+        );
+        assert!(
+            table
+                .lines()
+                .any(|line| line.starts_with(&format!("{name} "))),
+            "{name} is not in:\n{table}"
+        );
     }
     assert!(
-        table.lines().take_while(|line| !line.is_empty()).all(|line| line.chars().count() <= 80) && table.contains("gappa "),
+        table
+            .lines()
+            .take_while(|line| !line.is_empty())
+            .all(|line| line.chars().count() <= 80)
+            && table.contains("gappa "),
         "{table}"
     );
 }
@@ -502,42 +924,92 @@ fn schemas_are_json_that_names_the_fields() {
 /// Names of the commands, as the help lists them.
 fn commands() -> Vec<String> {
     let help = says(&["--help"]);
-    let listed = help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
-    listed.map(|line| line.split_whitespace().next().unwrap().to_owned()).filter(|name| name != "help").collect()
+    let listed = help
+        .lines()
+        .skip_while(|line| *line != "Commands:")
+        .skip(1)
+        .take_while(|line| !line.is_empty());
+    listed
+        .map(|line| line.split_whitespace().next().unwrap().to_owned())
+        .filter(|name| name != "help")
+        .collect()
 }
 
 #[test]
 fn help_and_version_are_no_errors_and_fit_a_terminal() {
-    let below =
-        [vec!["machine", "cost"], vec!["machine", "show"], vec!["machine", "prove"]].map(|names| names.into_iter().map(str::to_owned));
-    let helps = commands().into_iter().map(|name| vec![name]).chain(below.map(Iterator::collect)).chain([vec![]]);
+    let below = [
+        vec!["machine", "cost"],
+        vec!["machine", "show"],
+        vec!["machine", "prove"],
+    ]
+    .map(|names| names.into_iter().map(str::to_owned));
+    let helps = commands()
+        .into_iter()
+        .map(|name| vec![name])
+        .chain(below.map(Iterator::collect))
+        .chain([vec![]]);
     for names in helps {
         for flag in ["-h", "--help"] {
             let arguments: Vec<&str> = names.iter().map(String::as_str).chain([flag]).collect();
             let text = says(&arguments);
-            assert!(text.contains("Usage: splatsim") && text.lines().all(|line| line.chars().count() <= 80), "{text}");
+            assert!(
+                text.contains("Usage: splatsim")
+                    && text.lines().all(|line| line.chars().count() <= 80),
+                "{text}"
+            );
         }
     }
     assert!(says(&["help"]).contains("Usage: splatsim"));
-    assert_eq!(says(&["--version"]), format!("splatsim {}\n", env!("CARGO_PKG_VERSION")));
+    assert_eq!(
+        says(&["--version"]),
+        format!("splatsim {}\n", env!("CARGO_PKG_VERSION"))
+    );
 }
 
-/// The long help of a command has an example, with flags that the command has, and the short one has none.
+/// The long help of a command has an example, with flags that the command has, and the short one
+/// has none.
 #[test]
 fn each_command_has_an_example_that_is_accepted() {
     let names = commands();
     assert!(names.len() > 15, "{names:?}");
     for name in names {
         let (short, long) = (says(&[&name, "-h"]), says(&[&name, "--help"]));
-        let example = long.split("\nExample:\n").nth(1).unwrap_or_else(|| panic!("{name} has no example")).trim().to_owned();
-        assert!(!short.contains("Example:") && example.starts_with(&format!("splatsim {name} ")), "{example}");
-        let words: Vec<&str> = example.split_whitespace().skip(1).take_while(|word| !["<", ">"].contains(word)).collect();
-        // Each flag is listed by the help, and the command line is refused for no reason but its files.
-        assert!(words.iter().filter(|word| word.starts_with("--")).all(|flag| long.contains(flag)), "{example}");
+        let example = long
+            .split("\nExample:\n")
+            .nth(1)
+            .unwrap_or_else(|| panic!("{name} has no example"))
+            .trim()
+            .to_owned();
+        assert!(
+            !short.contains("Example:") && example.starts_with(&format!("splatsim {name} ")),
+            "{example}"
+        );
+        let words: Vec<&str> = example
+            .split_whitespace()
+            .skip(1)
+            .take_while(|word| !["<", ">"].contains(word))
+            .collect();
+        // Each flag is listed by the help, and the command line is refused for no reason but its
+        // files.
+        assert!(
+            words
+                .iter()
+                .filter(|word| word.starts_with("--"))
+                .all(|flag| long.contains(flag)),
+            "{example}"
+        );
         let folder = folder();
-        let output = Command::new(PROGRAM.as_str()).args(&words).arg("--no-such-flag").current_dir(folder.path()).output().unwrap();
+        let output = Command::new(PROGRAM.as_str())
+            .args(&words)
+            .arg("--no-such-flag")
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
         let told = String::from_utf8(output.stderr).unwrap();
-        assert!(output.status.code() == Some(2) && told.contains("'--no-such-flag'"), "{example}: {told}");
+        assert!(
+            output.status.code() == Some(2) && told.contains("'--no-such-flag'"),
+            "{example}: {told}"
+        );
     }
 }
 
@@ -548,23 +1020,57 @@ fn a_trace_is_written_and_a_device_compared_with_it() {
     let out = folder();
     let inside = out.path().join("trace");
     let inside = inside.to_str().unwrap();
-    let text =
-        says(&[&["trace", "checkerboard", "--units", "gauss,raster", "--splats", "100..4000", "--out", inside], &SMALL[..]].concat());
-    assert!(text.contains("gauss.out") && !text.contains("shade.in") && text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    let text = says(
+        &[
+            &[
+                "trace",
+                "checkerboard",
+                "--units",
+                "gauss,raster",
+                "--splats",
+                "100..4000",
+                "--out",
+                inside,
+            ],
+            &SMALL[..],
+        ]
+        .concat(),
+    );
+    assert!(
+        text.contains("gauss.out")
+            && !text.contains("shade.in")
+            && text.lines().all(|line| line.chars().count() <= 80),
+        "{text}"
+    );
     let equal = format!("{inside}/gauss.out.hex");
     assert!(says(&["diff", inside, "gauss.out", &equal]).starts_with("gauss.out: "));
     assert!(says(&["diff", inside, "gauss.out", &equal, "--strict"]).starts_with("gauss.out: "));
-    let device = write(&out, "device.hex", &std::fs::read_to_string(&equal).unwrap().replacen('0', "1", 1));
+    let device = write(
+        &out,
+        "device.hex",
+        &std::fs::read_to_string(&equal)
+            .unwrap()
+            .replacen('0', "1", 1),
+    );
     let output = splatsim(&["diff", inside, "gauss.out", &device]);
     let told = String::from_utf8(output.stdout).unwrap();
     assert_eq!(output.status.code(), Some(1));
     assert_one_line(&String::from_utf8(output.stderr).unwrap());
-    assert!(told.contains("weight") && told.contains("replay") && told.contains("gauss.in record"), "{told}");
+    assert!(
+        told.contains("weight") && told.contains("replay") && told.contains("gauss.in record"),
+        "{told}"
+    );
     let output = splatsim(&["diff", inside, "gauss.out", &device, "--json"]);
     let told: Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert_eq!((told["equal"].clone(), told["field"]["name"].clone()), (json!(false), json!("weight")));
+    assert_eq!(
+        (told["equal"].clone(), told["field"]["name"].clone()),
+        (json!(false), json!("weight"))
+    );
     // The command that it names traces that splat.
-    let replay = told["replay"].as_str().unwrap().replace("--out replay", &format!("--out {}", out.path().join("replay").display()));
+    let replay = told["replay"].as_str().unwrap().replace(
+        "--out replay",
+        &format!("--out {}", out.path().join("replay").display()),
+    );
     assert!(says(&replay.split_whitespace().skip(1).collect::<Vec<_>>()).contains("gauss.in"));
 }
 
@@ -572,15 +1078,74 @@ fn a_trace_is_written_and_a_device_compared_with_it() {
 fn gaussians_and_volumes_are_traced_too() {
     let out = folder();
     let [sorted, lit] = ["sorted", "lit"].map(|name| out.path().join(name).display().to_string());
-    let text = says(&[&["trace", "bouquet", "--units", "sort,raster", "--out", &sorted], &SMALL[..2]].concat());
-    assert!(text.contains("sort.out") && text.contains("raster.out") && !text.contains("fragment"), "{text}");
-    assert!(says(&["diff", &sorted, "sort.out", &format!("{sorted}/sort.out.hex")]).starts_with("sort.out: "));
-    let text = says(&[&["trace", "marschner-lobb", "--units", "ellipse,shade", "--out", &lit], &SMALL[..2]].concat());
-    assert!(text.contains("ellipse.request") && text.contains("shade.in") && !text.contains("sort."), "{text}");
-    let alone = ["trace", "bouquet", "--splats", "5..9", "--units", "gauss,fragment", "--out", "none"];
-    refused(&[&alone, &SMALL[..2]].concat(), "--splats with --units fragment: these splats are sorted");
+    let text = says(
+        &[
+            &[
+                "trace",
+                "bouquet",
+                "--units",
+                "sort,raster",
+                "--out",
+                &sorted,
+            ],
+            &SMALL[..2],
+        ]
+        .concat(),
+    );
+    assert!(
+        text.contains("sort.out") && text.contains("raster.out") && !text.contains("fragment"),
+        "{text}"
+    );
+    assert!(
+        says(&[
+            "diff",
+            &sorted,
+            "sort.out",
+            &format!("{sorted}/sort.out.hex")
+        ])
+        .starts_with("sort.out: ")
+    );
+    let text = says(
+        &[
+            &[
+                "trace",
+                "marschner-lobb",
+                "--units",
+                "ellipse,shade",
+                "--out",
+                &lit,
+            ],
+            &SMALL[..2],
+        ]
+        .concat(),
+    );
+    assert!(
+        text.contains("ellipse.request") && text.contains("shade.in") && !text.contains("sort."),
+        "{text}"
+    );
+    let alone = [
+        "trace",
+        "bouquet",
+        "--splats",
+        "5..9",
+        "--units",
+        "gauss,fragment",
+        "--out",
+        "none",
+    ];
+    refused(
+        &[&alone, &SMALL[..2]].concat(),
+        "--splats with --units fragment: these splats are sorted",
+    );
     // Discs are not sorted.
-    refused(&[&["trace", "checkerboard", "--units", "sort", "--out", "none"], &SMALL[..]].concat(), "--units sort: no such unit");
+    refused(
+        &[
+            &["trace", "checkerboard", "--units", "sort", "--out", "none"],
+            &SMALL[..],
+        ]
+        .concat(),
+        "--units sort: no such unit",
+    );
 }
 
 #[test]
@@ -589,61 +1154,127 @@ fn traces_and_comparisons_that_cannot_be_are_refused() {
     let inside = out.path().join("made");
     let inside = inside.to_str().unwrap();
     for (arguments, part) in [
-        (&["--units", "gaus"][..], "no such unit; there are pipeline, project"),
+        (
+            &["--units", "gaus"][..],
+            "no such unit; there are pipeline, project",
+        ),
         (&["--splats", "5..5"], "the second number must be greater"),
         (&["--splats", "0..9999999"], "the scene's splats are 0.."),
         (&["--splats", "5-6"], "two whole numbers with `..`"),
         (&["--pixels", "0,0,48,3"], "the picture is 48×40"),
-        (&["--pixels", "4,4,3,4"], "first column and row, last column and row"),
+        (
+            &["--pixels", "4,4,3,4"],
+            "first column and row, last column and row",
+        ),
         (&["--pixels", "1,2,3"], "four whole numbers"),
         (&["--sample", "0"], "--sample"),
         (&["--stimulus", "5", "--sample", "2"], "--sample"),
     ] {
-        refused(&[&["trace", "checkerboard", "--out", inside], &SMALL[..], arguments].concat(), part);
+        refused(
+            &[
+                &["trace", "checkerboard", "--out", inside],
+                &SMALL[..],
+                arguments,
+            ]
+            .concat(),
+            part,
+        );
         assert!(!Path::new(inside).exists(), "{arguments:?}");
     }
     for (arguments, part) in [
-        (&["--waves", "0..9"][..], "fragments are grouped by windows, whose cycles no wave shows"),
-        (&["--splats", "5..9", "--units", "gauss,fragment"], "--units fragment: these fragments are grouped by windows"),
+        (
+            &["--waves", "0..9"][..],
+            "fragments are grouped by windows, whose cycles no wave shows",
+        ),
+        (
+            &["--splats", "5..9", "--units", "gauss,fragment"],
+            "--units fragment: these fragments are grouped by windows",
+        ),
     ] {
-        refused(&[&["trace", "checkerboard", "--out", inside, "--machine", "window"], &SMALL[..2], arguments].concat(), part);
+        refused(
+            &[
+                &[
+                    "trace",
+                    "checkerboard",
+                    "--out",
+                    inside,
+                    "--machine",
+                    "window",
+                ],
+                &SMALL[..2],
+                arguments,
+            ]
+            .concat(),
+            part,
+        );
         assert!(!Path::new(inside).exists(), "{arguments:?}");
     }
     refused(&["trace", "checkerboard"], "--out");
-    refused(&["diff", inside, "gauss.out", "x"], "a folder that `trace` wrote is needed");
+    refused(
+        &["diff", inside, "gauss.out", "x"],
+        "a folder that `trace` wrote is needed",
+    );
     refused(&["diff", inside, "gauss.out"], "STREAM");
-    refused(&["diff", inside, "gauss.out", "x", "raster.out"], "a stream needs the file of a device's records behind it");
+    refused(
+        &["diff", inside, "gauss.out", "x", "raster.out"],
+        "a stream needs the file of a device's records behind it",
+    );
 }
 
 // ---- bad input ----
 
-/// Status 2, one line that begins with the program's name and holds `part`, nothing on standard output.
+/// Status 2, one line that begins with the program's name and holds `part`, nothing on standard
+/// output.
 fn refused(arguments: &[&str], part: &str) {
     let output = splatsim(arguments);
     let told = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(2), "{arguments:?}: {told}");
     assert_one_line(&told);
-    assert!(told.contains(part), "{arguments:?}: `{part}` is absent from: {told}");
+    assert!(
+        told.contains(part),
+        "{arguments:?}: `{part}` is absent from: {told}"
+    );
     assert!(output.stdout.is_empty(), "{arguments:?}");
 }
 
 fn assert_one_line(told: &str) {
-    assert!(told.starts_with("splatsim: ") && told.ends_with('\n') && told.lines().count() == 1 && told.len() < 4000, "{told:?}");
+    assert!(
+        told.starts_with("splatsim: ")
+            && told.ends_with('\n')
+            && told.lines().count() == 1
+            && told.len() < 4000,
+        "{told:?}"
+    );
 }
 
 /// `run` with these arguments is refused, and a folder given to it stays empty or is not made.
 fn run_refused(arguments: &[&str], part: &str) {
     let out = folder();
     let inside = out.path().join("made");
-    refused(&[&["run"], arguments, &["--out", inside.to_str().unwrap()]].concat(), part);
-    assert!(!inside.exists() || names_in(&inside).is_empty(), "{arguments:?}: {:?}", names_in(&inside));
+    refused(
+        &[&["run"], arguments, &["--out", inside.to_str().unwrap()]].concat(),
+        part,
+    );
+    assert!(
+        !inside.exists() || names_in(&inside).is_empty(),
+        "{arguments:?}: {:?}",
+        names_in(&inside)
+    );
 }
 
 /// `machine prove` with these arguments is refused, and makes no folder.
 fn prove_refused(machine: &str, arguments: &[&str], part: &str) {
     let out = folder();
     let inside = out.path().join("made");
-    refused(&[&["machine", "prove", machine], arguments, &["--out", inside.to_str().unwrap()]].concat(), part);
+    refused(
+        &[
+            &["machine", "prove", machine],
+            arguments,
+            &["--out", inside.to_str().unwrap()],
+        ]
+        .concat(),
+        part,
+    );
     assert!(!inside.exists(), "{arguments:?}");
 }
 
@@ -658,8 +1289,14 @@ fn commands_and_flags_that_do_not_exist_are_refused() {
     refused(&["chart"], "DIR");
     refused(&["view"], "DIR");
     refused(&["search"], "SCENE");
-    refused(&["machine"], "a command is missing: list, show, timing, clock, cost, prices, prove, schema (see --help)");
-    refused(&["machine", "lits"], "unrecognized subcommand 'lits'; a similar subcommand exists: 'list'");
+    refused(
+        &["machine"],
+        "a command is missing: list, show, timing, clock, cost, prices, prove, schema (see --help)",
+    );
+    refused(
+        &["machine", "lits"],
+        "unrecognized subcommand 'lits'; a similar subcommand exists: 'list'",
+    );
     run_refused(&["--sizes", "5x5"], "--size");
     run_refused(&["glass-spheres", "checkerboard"], "checkerboard");
     refused(&["explain", "glass-spheres"], "--pixel");
@@ -669,26 +1306,53 @@ fn commands_and_flags_that_do_not_exist_are_refused() {
 
 #[test]
 fn scenes_and_machines_that_do_not_exist_are_refused_with_what_there_is() {
-    run_refused(&["glas-spheres"], "built in are glass-spheres, checkerboard, torus-knot, terrain");
+    run_refused(
+        &["glas-spheres"],
+        "built in are glass-spheres, checkerboard, torus-knot, terrain",
+    );
     run_refused(&["--machine", "leen"], "named are reference, lean, tiny");
-    refused(&["machine", "show", "leen"], "named are reference, lean, tiny");
+    refused(
+        &["machine", "show", "leen"],
+        "named are reference, lean, tiny",
+    );
     prove_refused("leen", &[], "named are reference, lean, tiny");
     refused(&["explain", "nowhere.ply", "--pixel", "1,1"], "nowhere.ply");
 }
 
 #[test]
 fn sizes_pixels_and_threads_that_cannot_be_are_refused() {
-    for size in ["0x5", "5x0", "0x0", "99999x1", "1x16385", "5", "axb", "5x", "x5", "5X5", "-5x5", "5x5x5", "18446744073709551616x1", ""] {
+    for size in [
+        "0x5",
+        "5x0",
+        "0x0",
+        "99999x1",
+        "1x16385",
+        "5",
+        "axb",
+        "5x",
+        "x5",
+        "5X5",
+        "-5x5",
+        "5x5x5",
+        "18446744073709551616x1",
+        "",
+    ] {
         run_refused(&[&format!("--size={size}")], "size");
     }
     for threads in ["0", "-1", "many", "100000"] {
         run_refused(&[&format!("--threads={threads}")], "--threads");
     }
     for pixel in ["512,0", "0,512", "512,512"] {
-        refused(&["explain", "glass-spheres", "--pixel", pixel], "512×512, so X is 0 to 511 and Y 0 to 511");
+        refused(
+            &["explain", "glass-spheres", "--pixel", pixel],
+            "512×512, so X is 0 to 511 and Y 0 to 511",
+        );
     }
     for pixel in ["5", "5x5", "-1,0", "a,b", ""] {
-        refused(&["explain", "glass-spheres", &format!("--pixel={pixel}")], "pixel");
+        refused(
+            &["explain", "glass-spheres", &format!("--pixel={pixel}")],
+            "pixel",
+        );
     }
 }
 
@@ -703,7 +1367,10 @@ fn settings_that_do_not_fit_are_refused_with_what_would() {
         ("fragment.layers=three", "fragment.layers"),
         ("fragment.layers=2.5", "fragment.layers"),
         ("fragment.layers=-1", "fragment.layers"),
-        ("fragment.layers=9", "fragment.layers is 9: 1 to 8 can be built"),
+        (
+            "fragment.layers=9",
+            "fragment.layers is 9: 1 to 8 can be built",
+        ),
         ("fragment.merge=nearest", "nearest-pair"),
         ("fragment.evict_hidden=yes", "fragment.evict_hidden"),
         ("gauss.weight=7", "gauss.weight"),
@@ -735,13 +1402,41 @@ fn machine_files_that_do_not_fit_are_refused_with_what_would() {
         ("list.json", "[]".into(), "a machine is a JSON object"),
         ("nothing.json", "{}".into(), "name"),
         ("lacking.json", lacking.to_string(), "falloff"),
-        ("nobase.json", r#"{"base": "big"}"#.into(), "base must be one of reference, lean, tiny"),
-        ("oddbase.json", r#"{"base": 5}"#.into(), "base must be one of reference, lean, tiny"),
-        ("misspelt.json", r#"{"base": "lean", "raster": {"radail": "I9F9"}}"#.into(), "the nearest is `radial`"),
-        ("unit.json", r#"{"base": "lean", "rastre": {}}"#.into(), "the nearest is `raster`"),
-        ("kind.json", r#"{"base": "lean", "fragment": {"layers": "3"}}"#.into(), "fragment.layers"),
-        ("format.json", r#"{"base": "lean", "gauss": {"weight": "i1f3"}}"#.into(), "i1f3"),
-        ("null.json", r#"{"base": "lean", "gauss": null}"#.into(), "gauss"),
+        (
+            "nobase.json",
+            r#"{"base": "big"}"#.into(),
+            "base must be one of reference, lean, tiny",
+        ),
+        (
+            "oddbase.json",
+            r#"{"base": 5}"#.into(),
+            "base must be one of reference, lean, tiny",
+        ),
+        (
+            "misspelt.json",
+            r#"{"base": "lean", "raster": {"radail": "I9F9"}}"#.into(),
+            "the nearest is `radial`",
+        ),
+        (
+            "unit.json",
+            r#"{"base": "lean", "rastre": {}}"#.into(),
+            "the nearest is `raster`",
+        ),
+        (
+            "kind.json",
+            r#"{"base": "lean", "fragment": {"layers": "3"}}"#.into(),
+            "fragment.layers",
+        ),
+        (
+            "format.json",
+            r#"{"base": "lean", "gauss": {"weight": "i1f3"}}"#.into(),
+            "i1f3",
+        ),
+        (
+            "null.json",
+            r#"{"base": "lean", "gauss": null}"#.into(),
+            "gauss",
+        ),
     ] {
         let file = write(&folder, name, &text);
         run_refused(&["--machine", &file], part);
@@ -750,7 +1445,10 @@ fn machine_files_that_do_not_fit_are_refused_with_what_would() {
     let latin = folder.path().join("latin.json");
     std::fs::write(&latin, b"{\"name\": \"caf\xe9\"}").unwrap();
     run_refused(&["--machine", latin.to_str().unwrap()], "cannot be read");
-    run_refused(&["--machine", folder.path().to_str().unwrap()], "cannot be read");
+    run_refused(
+        &["--machine", folder.path().to_str().unwrap()],
+        "cannot be read",
+    );
 }
 
 #[test]
@@ -758,7 +1456,12 @@ fn a_machine_that_cannot_work_is_refused_with_all_its_misfits_at_once() {
     let folder = folder();
     let text = r#"{"base": "reference", "fragment": {"layers": 12}, "splat": {"rgb": "U0F8", "position": "U1F20"}, "project": {"camera": "I20F26"}}"#;
     let file = write(&folder, "misfit.json", text);
-    for part in ["fragment.layers is 12", "splat.rgb is U0F8", "splat.position is U1F20", "project.camera is I20F26"] {
+    for part in [
+        "fragment.layers is 12",
+        "splat.rgb is U0F8",
+        "splat.position is U1F20",
+        "project.camera is I20F26",
+    ] {
         run_refused(&["--machine", &file], part);
     }
 }
@@ -767,9 +1470,20 @@ fn a_machine_that_cannot_work_is_refused_with_all_its_misfits_at_once() {
 fn output_folders_that_cannot_be_written_are_refused() {
     let folder = folder();
     let file = write(&folder, "file", "mine");
-    for out in [file.clone(), format!("{file}/below"), format!("{file}/below/it"), "/proc/nonexistent".into()] {
-        refused(&["run", "--machine", "tiny", "--size", "16x16", "--out", &out], &format!("--out {out}: cannot be written"));
-        refused(&["machine", "prove", "tiny", "--out", &out], &format!("--out {out}: cannot be written"));
+    for out in [
+        file.clone(),
+        format!("{file}/below"),
+        format!("{file}/below/it"),
+        "/proc/nonexistent".into(),
+    ] {
+        refused(
+            &["run", "--machine", "tiny", "--size", "16x16", "--out", &out],
+            &format!("--out {out}: cannot be written"),
+        );
+        refused(
+            &["machine", "prove", "tiny", "--out", &out],
+            &format!("--out {out}: cannot be written"),
+        );
     }
     assert_eq!(std::fs::read_to_string(file).unwrap(), "mine");
 }
@@ -785,15 +1499,47 @@ fn scenes_that_do_not_fit_are_refused_with_what_would() {
         ("cut.json", r#"{"splats": {"builtin": "#, "not JSON"),
         ("bare.json", "{}", "splats"),
         ("list.json", "[]", "list.json"),
-        ("field.json", r#"{"splats": {"builtin": "terrain"}, "camra": {}}"#, "the nearest is `camera`"),
-        ("deep.json", r#"{"splats": {"builtin": "terrain"}, "camera": {"fov_y_degree": 3}}"#, "the nearest is `fov_y_degrees`"),
-        ("name.json", r#"{"splats": {"builtin": "torus"}}"#, "torus-knot"),
-        ("kind.json", r#"{"splats": {"builtin": "terrain"}, "image": {"width": "5"}}"#, "image.width"),
-        ("width.json", r#"{"splats": {"builtin": "terrain"}, "image": {"width": 0}}"#, "image.width"),
-        ("radius.json", r#"{"splats": [{"position": [0, 0, 0], "radius": -1}]}"#, "radius"),
+        (
+            "field.json",
+            r#"{"splats": {"builtin": "terrain"}, "camra": {}}"#,
+            "the nearest is `camera`",
+        ),
+        (
+            "deep.json",
+            r#"{"splats": {"builtin": "terrain"}, "camera": {"fov_y_degree": 3}}"#,
+            "the nearest is `fov_y_degrees`",
+        ),
+        (
+            "name.json",
+            r#"{"splats": {"builtin": "torus"}}"#,
+            "torus-knot",
+        ),
+        (
+            "kind.json",
+            r#"{"splats": {"builtin": "terrain"}, "image": {"width": "5"}}"#,
+            "image.width",
+        ),
+        (
+            "width.json",
+            r#"{"splats": {"builtin": "terrain"}, "image": {"width": 0}}"#,
+            "image.width",
+        ),
+        (
+            "radius.json",
+            r#"{"splats": [{"position": [0, 0, 0], "radius": -1}]}"#,
+            "radius",
+        ),
         ("nosplat.json", r#"{"splats": []}"#, "splat"),
-        ("nofile.json", r#"{"splats": {"file": "absent.ply"}}"#, "absent.ply: cannot be read"),
-        ("nopoints.json", r#"{"splats": {"file": "none.ply"}}"#, "nopoints.json: holds no splats"),
+        (
+            "nofile.json",
+            r#"{"splats": {"file": "absent.ply"}}"#,
+            "absent.ply: cannot be read",
+        ),
+        (
+            "nopoints.json",
+            r#"{"splats": {"file": "none.ply"}}"#,
+            "nopoints.json: holds no splats",
+        ),
     ] {
         let file = write(&folder, name, text);
         run_refused(&[&file], part);
@@ -805,17 +1551,23 @@ fn scenes_that_do_not_fit_are_refused_with_what_would() {
     }
 }
 
-/// Address space allowed for an odd file, KiB. The kernel keeps no cap on resident memory, so the cap is on addresses, which are
-/// always more: the program, its libraries, stacks and arenas of two threads take about half of this before a file is opened.
+/// Address space allowed for an odd file, KiB. The kernel keeps no cap on resident memory, so the
+/// cap is on addresses, which are always more: the program, its libraries, stacks and arenas of two
+/// threads take about half of this before a file is opened.
 const ADDRESSES_KIB: u32 = 400_000;
 
-/// Processor time allowed for it, seconds: a tenth of this would do, but a computer may be slow or busy.
+/// Processor time allowed for it, seconds: a tenth of this would do, but a computer may be slow or
+/// busy.
 const SECONDS: u32 = 10;
 
 fn run_capped(file: &Path, out: &Path) -> Output {
     let script = format!("ulimit -v {ADDRESSES_KIB}; ulimit -t {SECONDS}; exec \"$@\"");
     let mut command = Command::new("sh");
-    command.args(["-c", &script, "sh", PROGRAM.as_str(), "run"]).arg(file).args(["--size", "64x64", "--threads", "2", "--out"]).arg(out);
+    command
+        .args(["-c", &script, "sh", PROGRAM.as_str(), "run"])
+        .arg(file)
+        .args(["--size", "64x64", "--threads", "2", "--out"])
+        .arg(out);
     command.timeout(Duration::from_secs(120)).output().unwrap()
 }
 
@@ -823,11 +1575,21 @@ fn run_capped(file: &Path, out: &Path) -> Output {
 fn every_odd_or_broken_ply_ends_in_a_picture_or_a_sentence_in_little_time_and_memory() {
     // The second folder's files have other properties than positions, so none of them is a cloud.
     for (name, readable) in [("malformed/ply", 40), ("malformed/ply_plyodine", 0)] {
-        let Some(input) = shared_input::find(name) else { return };
-        let mut files: Vec<PathBuf> = std::fs::read_dir(input).unwrap().map(|entry| entry.unwrap().path()).collect();
+        let Some(input) = shared_input::find(name) else {
+            return;
+        };
+        let mut files: Vec<PathBuf> = std::fs::read_dir(input)
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .collect();
         files.sort();
         let all = files.len();
-        files = files.into_iter().enumerate().filter(|(number, _)| tier::has([3, 1], *number)).map(|(_, file)| file).collect();
+        files = files
+            .into_iter()
+            .enumerate()
+            .filter(|(number, _)| tier::has([3, 1], *number))
+            .map(|(_, file)| file)
+            .collect();
         let mut drawn = 0;
         for file in &files {
             let out = folder();
@@ -835,12 +1597,19 @@ fn every_odd_or_broken_ply_ends_in_a_picture_or_a_sentence_in_little_time_and_me
             let told = String::from_utf8(output.stderr).unwrap();
             match output.status.code() {
                 Some(0) => {
-                    assert_eq!((told.as_str(), names_in(out.path()).len()), ("", WRITTEN.len()), "{file:?}");
+                    assert_eq!(
+                        (told.as_str(), names_in(out.path()).len()),
+                        ("", WRITTEN.len()),
+                        "{file:?}"
+                    );
                     drawn += 1;
                 }
                 Some(2) => {
                     assert_one_line(&told);
-                    assert!(told.contains(file.file_name().unwrap().to_str().unwrap()), "{told}");
+                    assert!(
+                        told.contains(file.file_name().unwrap().to_str().unwrap()),
+                        "{told}"
+                    );
                     assert!(names_in(out.path()).is_empty(), "{file:?}");
                 }
                 other => panic!("{file:?}: status {other:?}: {told}"),
@@ -848,16 +1617,29 @@ fn every_odd_or_broken_ply_ends_in_a_picture_or_a_sentence_in_little_time_and_me
         }
         println!("{name}: {drawn} of {} drawn", files.len());
         let least = readable * files.len() / all * 4 / 5;
-        assert!(all >= 49 && drawn >= least && drawn < files.len(), "{name}: {drawn} of {}", files.len());
+        assert!(
+            all >= 49 && drawn >= least && drawn < files.len(),
+            "{name}: {drawn} of {}",
+            files.len()
+        );
     }
 }
 
 #[test]
 fn every_odd_or_broken_volume_or_set_of_gaussians_ends_in_a_picture_or_a_sentence() {
-    let Some(input) = shared_input::find("malformed/nrrd") else { return };
-    let mut files: Vec<PathBuf> = std::fs::read_dir(input).unwrap().map(|entry| entry.unwrap().path()).collect();
+    let Some(input) = shared_input::find("malformed/nrrd") else {
+        return;
+    };
+    let mut files: Vec<PathBuf> = std::fs::read_dir(input)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .collect();
     files.sort();
-    files.extend(["ply", "splat", "spz"].iter().filter_map(|end| shared_input::find(&format!("splats3d/train_3points.{end}"))));
+    files.extend(
+        ["ply", "splat", "spz"]
+            .iter()
+            .filter_map(|end| shared_input::find(&format!("splats3d/train_3points.{end}"))),
+    );
     let mut drawn = Vec::new();
     for file in &files {
         let out = folder();

@@ -1,5 +1,6 @@
-//! Does `compare` tell what differs and nothing else, does it say so of what cannot be compared, and are the answers of a run those of the
-//! runs that they name (docs/book/compare.md, docs/book/timing-explore.md)?
+//! Does `compare` tell what differs and nothing else, does it say so of what cannot be compared,
+//! and are the answers of a run those of the runs that they name (docs/book/compare.md,
+//! docs/book/timing-explore.md)?
 
 use crate::program::PROGRAM;
 use serde_json::{Value, json};
@@ -8,14 +9,21 @@ use std::process::{Command, Output};
 use std::sync::LazyLock;
 
 fn splatsim(arguments: &[&str]) -> Output {
-    Command::new(PROGRAM.as_str()).args(arguments).output().unwrap()
+    Command::new(PROGRAM.as_str())
+        .args(arguments)
+        .output()
+        .unwrap()
 }
 
 /// What a command prints that succeeds.
 fn says(arguments: &[&str]) -> String {
     let output = splatsim(arguments);
     let told = String::from_utf8(output.stderr).unwrap();
-    assert_eq!((output.status.code(), told.as_str()), (Some(0), ""), "{arguments:?}");
+    assert_eq!(
+        (output.status.code(), told.as_str()),
+        (Some(0), ""),
+        "{arguments:?}"
+    );
     String::from_utf8(output.stdout).unwrap()
 }
 
@@ -23,8 +31,19 @@ fn says(arguments: &[&str]) -> String {
 fn refused(arguments: &[&str], parts: &[&str]) {
     let output = splatsim(arguments);
     let told = String::from_utf8(output.stderr).unwrap();
-    assert_eq!((output.status.code(), told.lines().count(), output.stdout.len()), (Some(2), 1, 0), "{arguments:?}: {told}");
-    assert!(parts.iter().all(|part| told.contains(part)), "{arguments:?}: {told}");
+    assert_eq!(
+        (
+            output.status.code(),
+            told.lines().count(),
+            output.stdout.len()
+        ),
+        (Some(2), 1, 0),
+        "{arguments:?}: {told}"
+    );
+    assert!(
+        parts.iter().all(|part| told.contains(part)),
+        "{arguments:?}: {told}"
+    );
 }
 
 fn json_of(path: &Path) -> Value {
@@ -38,7 +57,8 @@ fn compared(arguments: &[&str]) -> Value {
 /// A field changed in B, of `timing` and of the datapath.
 const CHANGES: [&str; 2] = ["timing.ellipse.interval=9", "gauss.weight=U-2F6"];
 
-/// Three small runs: `a`, the same with changes in `b`, and another size in `c`; a scene, and a record of `a`.
+/// Three small runs: `a`, the same with changes in `b`, and another size in `c`; a scene, and a
+/// record of `a`.
 struct Made {
     folder: tempfile::TempDir,
 }
@@ -54,18 +74,36 @@ impl Made {
 }
 
 static MADE: LazyLock<Made> = LazyLock::new(|| {
-    let made = Made { folder: tempfile::tempdir().unwrap() };
+    let made = Made {
+        folder: tempfile::tempdir().unwrap(),
+    };
     let scene = made.text("few.json");
     // Few splats: the program may be one that was not optimised.
-    std::fs::write(&scene, r#"{"splats": {"builtin": "glass-spheres", "count": 3000}}"#).unwrap();
+    std::fs::write(
+        &scene,
+        r#"{"splats": {"builtin": "glass-spheres", "count": 3000}}"#,
+    )
+    .unwrap();
     let run = |name: &str, more: &[&str]| {
         let out = made.text(name);
         let usual = ["run", &scene, "--machine", "tiny", "--quiet", "--out", &out];
         assert_eq!(says(&[&usual[..], more].concat()), "");
     };
     let changed = CHANGES.map(|change| ["--set", change]);
-    run("a", &["--size", "40x32", "--record", &made.text("frame.work"), "--answers"]);
-    run("b", &[&["--size", "40x32"], changed.as_flattened()].concat());
+    run(
+        "a",
+        &[
+            "--size",
+            "40x32",
+            "--record",
+            &made.text("frame.work"),
+            "--answers",
+        ],
+    );
+    run(
+        "b",
+        &[&["--size", "40x32"], changed.as_flattened()].concat(),
+    );
     run("c", &["--size", "32x32"]);
     made
 });
@@ -89,21 +127,45 @@ fn damaged(name: &str, change: impl FnOnce(&mut Value)) -> String {
 fn what_is_compared_with_itself_does_not_differ() {
     let a = MADE.text("a");
     let own = compared(&[&a, &a]);
-    assert_eq!((&own["equal"], &own["machine"], &own["scene"], &own["elsewhere"]), (&json!(true), &json!([]), &json!([]), &json!([])));
+    assert_eq!(
+        (
+            &own["equal"],
+            &own["machine"],
+            &own["scene"],
+            &own["elsewhere"]
+        ),
+        (&json!(true), &json!([]), &json!([]), &json!([]))
+    );
     for pair in own["pictures"].as_array().unwrap() {
-        assert_eq!((&pair["psnr_db"], &pair["pixels_that_differ"]), (&Value::Null, &json!(0)));
+        assert_eq!(
+            (&pair["psnr_db"], &pair["pixels_that_differ"]),
+            (&Value::Null, &json!(0))
+        );
     }
     assert_eq!(own["pictures"].as_array().unwrap().len(), 3);
-    assert!(own["figures"].as_array().unwrap().iter().all(|figure| figure["a"] == figure["b"]));
+    assert!(
+        own["figures"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .all(|figure| figure["a"] == figure["b"])
+    );
     assert!(says(&["compare", &a, &a]).ends_with("\n\nnothing differs, nor does any pixel\n"));
     // Nor does the time that a run took here.
-    let later = damaged("later", |report| report["host"]["golden_seconds"] = json!(99.0));
+    let later = damaged("later", |report| {
+        report["host"]["golden_seconds"] = json!(99.0)
+    });
     assert_eq!(compared(&[&a, &later])["equal"], json!(true));
     assert!(says(&["compare", "tiny", "tiny"]).ends_with("\n\nnothing differs\n"));
     // What no table tells is named.
-    let odd = damaged("odd", |report| report["signals"][0]["inexact"] = json!(123_456));
+    let odd = damaged("odd", |report| {
+        report["signals"][0]["inexact"] = json!(123_456)
+    });
     let odd = compared(&[&a, &odd]);
-    assert_eq!((&odd["equal"], &odd["elsewhere"]), (&json!(false), &json!(["signals"])));
+    assert_eq!(
+        (&odd["equal"], &odd["elsewhere"]),
+        (&json!(false), &json!(["signals"]))
+    );
 }
 
 #[test]
@@ -111,8 +173,17 @@ fn every_figure_is_the_one_of_its_report() {
     let both = compared(&[&MADE.text("a"), &MADE.text("b")]);
     let [a, b] = ["a", "b"].map(|name| json_of(&MADE.path(name).join("report.json")));
     let figures = both["figures"].as_array().unwrap();
-    let paths: Vec<&str> = figures.iter().map(|figure| figure["path"].as_str().unwrap()).collect();
-    for wanted in ["cycles.total", "cycles.frames_per_second", "cost.area", "cost.energy.total", "accuracy.fixed_vs_golden.psnr_db"] {
+    let paths: Vec<&str> = figures
+        .iter()
+        .map(|figure| figure["path"].as_str().unwrap())
+        .collect();
+    for wanted in [
+        "cycles.total",
+        "cycles.frames_per_second",
+        "cost.area",
+        "cost.energy.total",
+        "accuracy.fixed_vs_golden.psnr_db",
+    ] {
         assert!(paths.contains(&wanted), "{paths:?}");
     }
     for figure in figures {
@@ -122,14 +193,30 @@ fn every_figure_is_the_one_of_its_report() {
         if let (Some(own), Some(other)) = (own.as_f64(), other.as_f64()) {
             assert_eq!(figure["difference"], json!(other - own), "{pointer}");
             let relative = (own != 0.0 && !pointer.ends_with("_db")).then(|| (other - own) / own);
-            assert_eq!(figure.get("relative").and_then(Value::as_f64), relative, "{pointer}");
+            assert_eq!(
+                figure.get("relative").and_then(Value::as_f64),
+                relative,
+                "{pointer}"
+            );
         }
     }
     for unit in both["units"].as_array().unwrap() {
         for (side, report) in [("a", &a), ("b", &b)] {
-            let own = report["cycles"]["units"].as_array().unwrap().iter().find(|own| own["name"] == unit["name"]);
-            let counts = own.map(|own| ["busy", "starved", "blocked", "memory"].map(|state| own[state].clone()).to_vec());
-            assert_eq!(unit[side].get("cycles"), counts.map(Value::from).as_ref(), "{unit}");
+            let own = report["cycles"]["units"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .find(|own| own["name"] == unit["name"]);
+            let counts = own.map(|own| {
+                ["busy", "starved", "blocked", "memory"]
+                    .map(|state| own[state].clone())
+                    .to_vec()
+            });
+            assert_eq!(
+                unit[side].get("cycles"),
+                counts.map(Value::from).as_ref(),
+                "{unit}"
+            );
         }
     }
 }
@@ -139,20 +226,40 @@ fn what_was_changed_is_told_and_nothing_else() {
     let both = compared(&[&MADE.text("a"), &MADE.text("b")]);
     let fields = |both: &Value| -> Vec<(String, Value, Value)> {
         let all = both["machine"].as_array().unwrap().iter();
-        all.map(|field| (field["field"].as_str().unwrap().to_owned(), field["a"].clone(), field["b"].clone())).collect()
+        all.map(|field| {
+            (
+                field["field"].as_str().unwrap().to_owned(),
+                field["a"].clone(),
+                field["b"].clone(),
+            )
+        })
+        .collect()
     };
     let mut told = fields(&both);
     told.sort_by(|one, other| one.0.cmp(&other.0));
     // The interval was left out, and followed.
-    let follows = json_of(&MADE.path("a/report.json"))["machine"]["timing"]["ellipse"]["interval"].clone();
-    let before = json_of(&MADE.path("a/report.json"))["machine"]["description"]["gauss"]["weight"].clone();
-    let expected = [("gauss.weight", before, json!("U-2F6")), ("timing.ellipse.interval", follows, json!(9))];
+    let follows =
+        json_of(&MADE.path("a/report.json"))["machine"]["timing"]["ellipse"]["interval"].clone();
+    let before =
+        json_of(&MADE.path("a/report.json"))["machine"]["description"]["gauss"]["weight"].clone();
+    let expected = [
+        ("gauss.weight", before, json!("U-2F6")),
+        ("timing.ellipse.interval", follows, json!(9)),
+    ];
     assert_eq!(told, expected.map(|(field, a, b)| (field.to_owned(), a, b)));
     assert_eq!(both["scene"], json!([]));
-    let left_out = both["machine"].as_array().unwrap().iter().find(|field| field["field"] == "timing.ellipse.interval").unwrap();
+    let left_out = both["machine"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|field| field["field"] == "timing.ellipse.interval")
+        .unwrap();
     assert_eq!(left_out["left_out"], json!(["a"]));
     let text = says(&["compare", &MADE.text("a"), &MADE.text("b")]);
-    assert!(text.contains("(left out)") && text.lines().all(|line| line.chars().count() <= 80), "{text}");
+    assert!(
+        text.contains("(left out)") && text.lines().all(|line| line.chars().count() <= 80),
+        "{text}"
+    );
     // The same of two machines: their fields and areas, and no frame.
     let alone = compared(&["tiny", "tiny", "--set-b", CHANGES[0], "--set-b", CHANGES[1]]);
     assert_eq!(fields(&alone), fields(&both));
@@ -161,69 +268,149 @@ fn what_was_changed_is_told_and_nothing_else() {
     assert_eq!(changed(&["tiny", "tiny", "--set", "fragment.layers=2"]), 0);
     assert!(changed(&["tiny", "lean"]) > 30);
     let many = says(&["compare", "tiny", "lean"]);
-    assert!(many.contains("more fields of the machine: --all lists them") && many.lines().all(|line| line.chars().count() <= 80), "{many}");
+    assert!(
+        many.contains("more fields of the machine: --all lists them")
+            && many.lines().all(|line| line.chars().count() <= 80),
+        "{many}"
+    );
     assert!(says(&["compare", "tiny", "lean", "--all"]).contains("\nresolve.frame "));
     // Rounding differs and its format does not.
     let rounded = compared(&["tiny", "tiny", "--set-b", "gauss.weight.round=truncate"]);
-    assert_eq!(rounded["machine"], json!([{"field": "gauss.weight", "a": "U-2F10", "b": "U-2F10 truncate"}]));
+    assert_eq!(
+        rounded["machine"],
+        json!([{"field": "gauss.weight", "a": "U-2F10", "b": "U-2F10 truncate"}])
+    );
 }
 
 #[test]
 fn two_machines_draw_a_scene_as_two_runs_do() {
     let (scene, a, b) = (MADE.text("few.json"), MADE.text("a"), MADE.text("b"));
     let out = MADE.text("drawn");
-    let set: Vec<&str> = CHANGES.iter().flat_map(|change| ["--set-b", change]).collect();
-    let drawn = compared(&[&["tiny", "tiny", "--scene", &scene, "--size", "40x32", "--out", &out][..], &set].concat());
+    let set: Vec<&str> = CHANGES
+        .iter()
+        .flat_map(|change| ["--set-b", change])
+        .collect();
+    let drawn = compared(
+        &[
+            &[
+                "tiny", "tiny", "--scene", &scene, "--size", "40x32", "--out", &out,
+            ][..],
+            &set,
+        ]
+        .concat(),
+    );
     let read = compared(&[&a, &b]);
     for part in ["figures", "units", "machine", "scene"] {
         assert_eq!(drawn[part], read[part], "{part}");
     }
     // Files have 8 bits, so errors below their steps are another.
     let psnr = |both: &Value| both["pictures"][0]["psnr_db"].as_f64().unwrap();
-    assert!((psnr(&drawn) - psnr(&read)).abs() < 0.5, "{} and {}", psnr(&drawn), psnr(&read));
+    assert!(
+        (psnr(&drawn) - psnr(&read)).abs() < 0.5,
+        "{} and {}",
+        psnr(&drawn),
+        psnr(&read)
+    );
     // The pictures are those of the runs, and the difference is theirs.
-    let picture = |folder: &str, name: &str| image::open(MADE.path(folder).join(name)).unwrap().into_rgba8();
-    assert_eq!((picture("drawn", "a.png"), picture("drawn", "b.png")), (picture("a", "fixed.png"), picture("b", "fixed.png")));
+    let picture = |folder: &str, name: &str| {
+        image::open(MADE.path(folder).join(name))
+            .unwrap()
+            .into_rgba8()
+    };
+    assert_eq!(
+        (picture("drawn", "a.png"), picture("drawn", "b.png")),
+        (picture("a", "fixed.png"), picture("b", "fixed.png"))
+    );
     let difference = picture("drawn", "difference.png");
     let [one, other] = ["a", "b"].map(|folder| picture(folder, "fixed.png"));
-    // Of pixels that are seen; what is off by a few codes in the dark may be less than a code of the difference.
-    let seen = |at: usize| [&one, &other].iter().all(|picture| picture.as_raw()[4 * at + 3] > 128);
-    let far = |at: usize| (4 * at..4 * at + 3).any(|byte| one.as_raw()[byte].abs_diff(other.as_raw()[byte]) > 32);
-    let empty = |at: usize| [&one, &other].iter().all(|picture| picture.as_raw()[4 * at + 3] == 0);
+    // Of pixels that are seen; what is off by a few codes in the dark may be less than a code of
+    // the difference.
+    let seen = |at: usize| {
+        [&one, &other]
+            .iter()
+            .all(|picture| picture.as_raw()[4 * at + 3] > 128)
+    };
+    let far = |at: usize| {
+        (4 * at..4 * at + 3).any(|byte| one.as_raw()[byte].abs_diff(other.as_raw()[byte]) > 32)
+    };
+    let empty = |at: usize| {
+        [&one, &other]
+            .iter()
+            .all(|picture| picture.as_raw()[4 * at + 3] == 0)
+    };
     let lit = |at: usize| difference.as_raw()[4 * at..4 * at + 3] != [0, 0, 0];
     let pixels = 40 * 32;
     assert!((0..pixels).any(|at| seen(at) && far(at)));
-    let wrong: Vec<usize> = (0..pixels).filter(|at| seen(*at) && far(*at) && !lit(*at) || empty(*at) && lit(*at)).collect();
+    let wrong: Vec<usize> = (0..pixels)
+        .filter(|at| seen(*at) && far(*at) && !lit(*at) || empty(*at) && lit(*at))
+        .collect();
     assert!(wrong.is_empty(), "{wrong:?}");
     assert_eq!(json_of(&MADE.path("drawn/compare.json")), drawn);
     // `view` shows the folder.
     let view = splatsim::view::View::new(&MADE.path("drawn"), None).unwrap();
     assert_eq!(view.folder().told["compare"], drawn);
-    assert_eq!(view.folder().pictures(), ["a.png", "b.png", "difference.png"]);
+    assert_eq!(
+        view.folder().pictures(),
+        ["a.png", "b.png", "difference.png"]
+    );
 }
 
 #[test]
 fn a_record_is_replayed_on_both_machines() {
     let record = MADE.text("frame.work");
     let replayed = compared(&["tiny", "tiny", "--set-b", CHANGES[0], "--replay", &record]);
-    let figure =
-        |both: &Value, path: &str| both["figures"].as_array().unwrap().iter().find(|figure| figure["path"] == path).unwrap().clone();
+    let figure = |both: &Value, path: &str| {
+        both["figures"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .find(|figure| figure["path"] == path)
+            .unwrap()
+            .clone()
+    };
     let a = json_of(&MADE.path("a/report.json"));
     assert_eq!(figure(&replayed, "cycles.total")["a"], a["cycles"]["total"]);
-    assert_eq!(figure(&replayed, "cost.energy.total")["a"], a["cost"]["energy"]["total"]);
-    assert!(figure(&replayed, "cycles.total")["relative"].as_f64().unwrap() > 0.0);
-    refused(&["compare", "tiny", "lean", "--replay", &record], &["lean", "in more than timing", "--scene"]);
+    assert_eq!(
+        figure(&replayed, "cost.energy.total")["a"],
+        a["cost"]["energy"]["total"]
+    );
+    assert!(
+        figure(&replayed, "cycles.total")["relative"]
+            .as_f64()
+            .unwrap()
+            > 0.0
+    );
+    refused(
+        &["compare", "tiny", "lean", "--replay", &record],
+        &["lean", "in more than timing", "--scene"],
+    );
 }
 
 #[test]
 fn equal_pictures_and_pixels_without_a_number_have_no_decibels() {
-    let (equal, broken) = (json!({"psnr_db": null}), json!({"psnr_db": 0.0, "not_finite": 3}));
+    let (equal, broken) = (
+        json!({"psnr_db": null}),
+        json!({"psnr_db": 0.0, "not_finite": 3}),
+    );
     let with = |name: &str, pair: &Value| {
-        damaged(name, |report| report["accuracy"]["fixed_vs_golden"].as_object_mut().unwrap().extend(pair.as_object().unwrap().clone()))
+        damaged(name, |report| {
+            report["accuracy"]["fixed_vs_golden"]
+                .as_object_mut()
+                .unwrap()
+                .extend(pair.as_object().unwrap().clone())
+        })
     };
     let both = compared(&[&with("equal", &equal), &with("broken", &broken)]);
-    let figure = both["figures"].as_array().unwrap().iter().find(|figure| figure["path"] == "accuracy.fixed_vs_golden.psnr_db").unwrap();
-    assert_eq!((&figure["a"], &figure["b"], figure.get("difference")), (&json!("equal"), &json!("no number"), None));
+    let figure = both["figures"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|figure| figure["path"] == "accuracy.fixed_vs_golden.psnr_db")
+        .unwrap();
+    assert_eq!(
+        (&figure["a"], &figure["b"], figure.get("difference")),
+        (&json!("equal"), &json!("no number"), None)
+    );
 }
 
 #[test]
@@ -233,36 +420,102 @@ fn what_cannot_be_compared_is_refused_in_a_sentence() {
     std::fs::create_dir(&nothing).unwrap();
     let empty = nothing.to_str().unwrap();
     refused(&["compare", &a, empty], &["nothing: has no report.json"]);
-    refused(&["compare", &a, &c], &["40×32", "32×32", "pictures of one size"]);
+    refused(
+        &["compare", &a, &c],
+        &["40×32", "32×32", "pictures of one size"],
+    );
     let [a_report, c_report] = [&a, &c].map(|folder| format!("{folder}/report.json"));
-    assert_eq!(compared(&[&a_report, &c_report])["scene"].as_array().unwrap()[0]["field"], "width");
-    refused(&["compare", &a, "tiny"], &["tiny is a machine", "a frame that was drawn"]);
-    refused(&["compare", &a, &a, "--scene", "terrain"], &["are for two machines"]);
-    refused(&["compare", &a, &a, "--set-b", CHANGES[0]], &["--set-b timing.ellipse.interval=9", "only a machine can be changed"]);
-    refused(&["compare", "tiny", "leen"], &["leen", "named are reference"]);
-    refused(&["compare", "tiny", "tiny", "--set-b", "gauss.wieght=U0F8"], &["the nearest is `weight`"]);
-    refused(&["compare", "tiny", "tiny", "--set", "fragment.layers=9"], &["1 to 8 can be built"]);
+    assert_eq!(
+        compared(&[&a_report, &c_report])["scene"]
+            .as_array()
+            .unwrap()[0]["field"],
+        "width"
+    );
+    refused(
+        &["compare", &a, "tiny"],
+        &["tiny is a machine", "a frame that was drawn"],
+    );
+    refused(
+        &["compare", &a, &a, "--scene", "terrain"],
+        &["are for two machines"],
+    );
+    refused(
+        &["compare", &a, &a, "--set-b", CHANGES[0]],
+        &[
+            "--set-b timing.ellipse.interval=9",
+            "only a machine can be changed",
+        ],
+    );
+    refused(
+        &["compare", "tiny", "leen"],
+        &["leen", "named are reference"],
+    );
+    refused(
+        &["compare", "tiny", "tiny", "--set-b", "gauss.wieght=U0F8"],
+        &["the nearest is `weight`"],
+    );
+    refused(
+        &["compare", "tiny", "tiny", "--set", "fragment.layers=9"],
+        &["1 to 8 can be built"],
+    );
     refused(&["compare", "tiny"], &["<B>"]);
     for (name, change, part) in [
-        ("old", (|report: &mut Value| report["version"] = json!("0.0.1")) as fn(&mut Value), "is of splatsim 0.0.1"),
-        ("unversioned", |report| _ = report.as_object_mut().unwrap().remove("version"), "has no version"),
-        ("timeless", |report| report["cycles"]["total"] = json!("many"), "has no cycles.total"),
+        (
+            "old",
+            (|report: &mut Value| report["version"] = json!("0.0.1")) as fn(&mut Value),
+            "is of splatsim 0.0.1",
+        ),
+        (
+            "unversioned",
+            |report| _ = report.as_object_mut().unwrap().remove("version"),
+            "has no version",
+        ),
+        (
+            "timeless",
+            |report| report["cycles"]["total"] = json!("many"),
+            "has no cycles.total",
+        ),
         (
             "unmeasured",
-            |report| _ = report["accuracy"].as_object_mut().unwrap().remove("fixed_vs_ideal"),
+            |report| {
+                _ = report["accuracy"]
+                    .as_object_mut()
+                    .unwrap()
+                    .remove("fixed_vs_ideal")
+            },
             "accuracy.fixed_vs_ideal.psnr_db",
         ),
-        ("unitless", |report| report["cycles"]["units"][0]["busy"] = json!(-1), "has no cycles.units.busy"),
-        ("machineless", |report| report["machine"]["description"] = json!({}), "machine.description"),
-        ("larger", |report| report["scene"]["width"] = json!(41), "fixed.png: is 40×32, and report.json is of 41×32"),
+        (
+            "unitless",
+            |report| report["cycles"]["units"][0]["busy"] = json!(-1),
+            "has no cycles.units.busy",
+        ),
+        (
+            "machineless",
+            |report| report["machine"]["description"] = json!({}),
+            "machine.description",
+        ),
+        (
+            "larger",
+            |report| report["scene"]["width"] = json!(41),
+            "fixed.png: is 40×32, and report.json is of 41×32",
+        ),
     ] {
         refused(&["compare", &a, &damaged(name, change)], &[name, part]);
     }
     for (name, bytes) in [("cut", Some(&b"\x89PNG\r\n\x1a\n"[..])), ("gone", None)] {
         let folder = damaged(name, |_| {});
         let picture = Path::new(&folder).join("golden.png");
-        bytes.map_or_else(|| std::fs::remove_file(&picture), |bytes| std::fs::write(&picture, bytes)).unwrap();
-        refused(&["compare", &folder, &a, "--out", &MADE.text("never")], &["golden.png"]);
+        bytes
+            .map_or_else(
+                || std::fs::remove_file(&picture),
+                |bytes| std::fs::write(&picture, bytes),
+            )
+            .unwrap();
+        refused(
+            &["compare", &folder, &a, "--out", &MADE.text("never")],
+            &["golden.png"],
+        );
         assert!(!MADE.path("never").exists());
     }
     let broken = MADE.text("broken.json");
@@ -277,41 +530,110 @@ fn an_answer_is_what_the_run_with_it_says() {
     let report = json_of(&MADE.path("a/report.json"));
     let best = report["answers"]["best"].as_array().unwrap();
     assert!((1..=5).contains(&best.len()), "{best:?}");
-    let gains: Vec<f64> = best.iter().map(|answer| answer["faster"].as_f64().unwrap()).collect();
-    assert!(gains.is_sorted_by(|one, next| one >= next) && gains.iter().all(|gain| *gain >= 0.001), "{gains:?}");
+    let gains: Vec<f64> = best
+        .iter()
+        .map(|answer| answer["faster"].as_f64().unwrap())
+        .collect();
+    assert!(
+        gains.is_sorted_by(|one, next| one >= next) && gains.iter().all(|gain| *gain >= 0.001),
+        "{gains:?}"
+    );
     let (scene, out) = (MADE.text("few.json"), MADE.text("answered"));
     for answer in best {
         let setting = format!("{}={}", answer["field"].as_str().unwrap(), answer["to"]);
-        says(&["run", &scene, "--machine", "tiny", "--size", "40x32", "--quiet", "--out", &out, "--set", &setting]);
+        says(&[
+            "run",
+            &scene,
+            "--machine",
+            "tiny",
+            "--size",
+            "40x32",
+            "--quiet",
+            "--out",
+            &out,
+            "--set",
+            &setting,
+        ]);
         let run = json_of(&MADE.path("answered/report.json"));
-        let told = ["cycles", "frames_per_second", "bytes", "area", "energy"].map(|figure| &answer[figure]);
-        let measured = ["/cycles/total", "/cycles/frames_per_second", "/cycles/memory/bytes", "/cost/area", "/cost/energy/total"];
-        assert_eq!(told, measured.map(|pointer| run.pointer(pointer).unwrap()), "{setting}");
-        let more =
-            |pointer: &str| run.pointer(pointer).unwrap().as_f64().unwrap() / report.pointer(pointer).unwrap().as_f64().unwrap() - 1.0;
-        assert!((more("/cycles/frames_per_second") - answer["faster"].as_f64().unwrap()).abs() < 1e-9, "{setting}");
-        assert!((more("/cost/area") - answer["larger"].as_f64().unwrap()).abs() < 1e-9, "{setting}");
+        let told = ["cycles", "frames_per_second", "bytes", "area", "energy"]
+            .map(|figure| &answer[figure]);
+        let measured = [
+            "/cycles/total",
+            "/cycles/frames_per_second",
+            "/cycles/memory/bytes",
+            "/cost/area",
+            "/cost/energy/total",
+        ];
+        assert_eq!(
+            told,
+            measured.map(|pointer| run.pointer(pointer).unwrap()),
+            "{setting}"
+        );
+        let more = |pointer: &str| {
+            run.pointer(pointer).unwrap().as_f64().unwrap()
+                / report.pointer(pointer).unwrap().as_f64().unwrap()
+                - 1.0
+        };
+        assert!(
+            (more("/cycles/frames_per_second") - answer["faster"].as_f64().unwrap()).abs() < 1e-9,
+            "{setting}"
+        );
+        assert!(
+            (more("/cost/area") - answer["larger"].as_f64().unwrap()).abs() < 1e-9,
+            "{setting}"
+        );
     }
 }
 
-/// Bandwidth and bursts have no price: the frame is faster with them, and no suggestion is made of it that is not marked.
+/// Bandwidth and bursts have no price: the frame is faster with them, and no suggestion is made of
+/// it that is not marked.
 #[test]
 fn a_gain_without_a_price_is_marked_as_given() {
     let answers = json_of(&MADE.path("a/report.json"))["answers"].clone();
     let fields = |list: &str| -> Vec<String> {
-        answers[list].as_array().unwrap().iter().map(|answer| answer["field"].as_str().unwrap().to_owned()).collect()
+        answers[list]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|answer| answer["field"].as_str().unwrap().to_owned())
+            .collect()
     };
     let (priced, given) = (fields("best"), fields("given"));
-    assert!(given.contains(&"timing.memory.bytes_per_cycle".to_owned()), "{given:?}");
-    let is_given = |field: &String| ["bytes_per_cycle", "burst_bytes", "ways"].iter().any(|name| field.ends_with(name));
-    assert!(given.iter().all(is_given) && !priced.iter().any(is_given), "{priced:?} {given:?}");
+    assert!(
+        given.contains(&"timing.memory.bytes_per_cycle".to_owned()),
+        "{given:?}"
+    );
+    let is_given = |field: &String| {
+        ["bytes_per_cycle", "burst_bytes", "ways"]
+            .iter()
+            .any(|name| field.ends_with(name))
+    };
+    assert!(
+        given.iter().all(is_given) && !priced.iter().any(is_given),
+        "{priced:?} {given:?}"
+    );
     for answer in answers["given"].as_array().unwrap() {
-        assert!(answer["given"].as_str().unwrap().contains("price") && answer["faster"].as_f64().unwrap() > 0.0, "{answer}");
+        assert!(
+            answer["given"].as_str().unwrap().contains("price")
+                && answer["faster"].as_f64().unwrap() > 0.0,
+            "{answer}"
+        );
     }
     let table = says(&["replay", &MADE.text("frame.work"), "--answers"]);
-    assert!(table.contains("timing.memory.bytes_per_cycle *") && table.contains("* given: memory"), "{table}");
-    let timings = says(&["replay", &MADE.text("frame.work"), "--timing", "timing.clock_hz=2e8,4e8"]);
-    assert!(timings.contains("given, at no cost: timing.clock_hz (memory keeps its bytes per cycle"), "{timings}");
+    assert!(
+        table.contains("timing.memory.bytes_per_cycle *") && table.contains("* given: memory"),
+        "{table}"
+    );
+    let timings = says(&[
+        "replay",
+        &MADE.text("frame.work"),
+        "--timing",
+        "timing.clock_hz=2e8,4e8",
+    ]);
+    assert!(
+        timings.contains("given, at no cost: timing.clock_hz (memory keeps its bytes per cycle"),
+        "{timings}"
+    );
 }
 
 #[test]
@@ -319,10 +641,28 @@ fn a_replay_answers_as_the_run_does_and_prints_no_report_again() {
     let record = MADE.text("frame.work");
     let answers = says(&["replay", &record, "--answers"]);
     let table = answers.split("\n\n").nth(1).unwrap();
-    assert!(table.starts_with("answers, ") && table.contains("timing.") && !answers.contains("starved"), "{answers}");
+    assert!(
+        table.starts_with("answers, ") && table.contains("timing.") && !answers.contains("starved"),
+        "{answers}"
+    );
     let scene = MADE.text("few.json");
-    assert!(says(&["run", &scene, "--machine", "tiny", "--size", "40x32", "--answers"]).contains(table), "{table}");
-    assert!(answers.lines().all(|line| line.chars().count() <= 80), "{answers}");
+    assert!(
+        says(&[
+            "run",
+            &scene,
+            "--machine",
+            "tiny",
+            "--size",
+            "40x32",
+            "--answers"
+        ])
+        .contains(table),
+        "{table}"
+    );
+    assert!(
+        answers.lines().all(|line| line.chars().count() <= 80),
+        "{answers}"
+    );
     assert!(says(&["replay", &record]).contains("starved"));
 }
 
@@ -331,23 +671,75 @@ fn a_replay_answers_as_the_run_does_and_prints_no_report_again() {
 #[test]
 fn several_fields_are_a_grid_of_machines() {
     let record = MADE.text("frame.work");
-    let grid = ["--timing", "timing.raster.lanes=[1,1],[4,1]", "--timing", "timing.ellipse.interval=1,9,20"];
+    let grid = [
+        "--timing",
+        "timing.raster.lanes=[1,1],[4,1]",
+        "--timing",
+        "timing.ellipse.interval=1,9,20",
+    ];
     let text = says(&[&["replay", &record][..], &grid].concat());
-    let rows: Vec<Vec<&str>> = text.lines().skip(3).take(6).map(|line| line.split_whitespace().collect()).collect();
+    let rows: Vec<Vec<&str>> = text
+        .lines()
+        .skip(3)
+        .take(6)
+        .map(|line| line.split_whitespace().collect())
+        .collect();
     let values: Vec<[&str; 2]> = rows.iter().map(|row| [row[0], row[1]]).collect();
-    let expected = ["[1,1]", "[4,1]"].map(|lanes| ["1", "9", "20"].map(|interval| [lanes, interval]));
+    let expected =
+        ["[1,1]", "[4,1]"].map(|lanes| ["1", "9", "20"].map(|interval| [lanes, interval]));
     assert_eq!(values, expected.as_flattened(), "{text}");
     // Each is the machine with both.
-    let one = says(&["replay", &record, "--set", "timing.raster.lanes=[1,1]", "--timing", "timing.ellipse.interval=9"]);
-    let cycles = one.lines().nth(3).unwrap().split_whitespace().nth(1).unwrap();
+    let one = says(&[
+        "replay",
+        &record,
+        "--set",
+        "timing.raster.lanes=[1,1]",
+        "--timing",
+        "timing.ellipse.interval=9",
+    ]);
+    let cycles = one
+        .lines()
+        .nth(3)
+        .unwrap()
+        .split_whitespace()
+        .nth(1)
+        .unwrap();
     assert_eq!(rows[1][2], cycles, "{text}{one}");
-    let many = |count: usize| (1..=count).map(|value| value.to_string()).collect::<Vec<_>>().join(",");
-    let [intervals, fifos] = [format!("timing.ellipse.interval={}", many(40)), format!("timing.raster.fifo={}", many(26))];
-    refused(&["replay", &record, "--timing", &intervals, "--timing", &fifos], &["40×26 values are 1040 machines", "at most 1000"]);
+    let many = |count: usize| {
+        (1..=count)
+            .map(|value| value.to_string())
+            .collect::<Vec<_>>()
+            .join(",")
+    };
+    let [intervals, fifos] = [
+        format!("timing.ellipse.interval={}", many(40)),
+        format!("timing.raster.fifo={}", many(26)),
+    ];
     refused(
-        &["replay", &record, "--timing", "timing.raster.fifo=1", "--timing", "timing.raster.fifo=2"],
+        &[
+            "replay", &record, "--timing", &intervals, "--timing", &fifos,
+        ],
+        &["40×26 values are 1040 machines", "at most 1000"],
+    );
+    refused(
+        &[
+            "replay",
+            &record,
+            "--timing",
+            "timing.raster.fifo=1",
+            "--timing",
+            "timing.raster.fifo=2",
+        ],
         &["timing.raster.fifo", "named twice"],
     );
-    let odd = ["--timing", "timing.raster.fifo=1,0", "--timing", "timing.gauss.fifo=4"];
-    refused(&[&["replay", &record][..], &odd].concat(), &["--timing timing.raster.fifo=0 --timing timing.gauss.fifo=4"]);
+    let odd = [
+        "--timing",
+        "timing.raster.fifo=1,0",
+        "--timing",
+        "timing.gauss.fifo=4",
+    ];
+    refused(
+        &[&["replay", &record][..], &odd].concat(),
+        &["--timing timing.raster.fifo=0 --timing timing.gauss.fifo=4"],
+    );
 }

@@ -13,7 +13,13 @@ use std::sync::OnceLock;
 
 fn trace() -> &'static Traced {
     static TRACE: OnceLock<Traced> = OnceLock::new();
-    TRACE.get_or_init(|| traced(&cloud(400, 24), &machine("reference", &[]), &Window::default()))
+    TRACE.get_or_init(|| {
+        traced(
+            &cloud(400, 24),
+            &machine("reference", &[]),
+            &Window::default(),
+        )
+    })
 }
 
 fn compared(stream: &str, lines: &[String]) -> Result<Outcome, Error> {
@@ -21,17 +27,32 @@ fn compared(stream: &str, lines: &[String]) -> Result<Outcome, Error> {
 }
 
 fn strictly() -> How {
-    How { zeros: Zeros::Compared, ..How::default() }
+    How {
+        zeros: Zeros::Compared,
+        ..How::default()
+    }
 }
 
 fn compared_by(stream: &str, lines: &[String], how: How) -> Result<Outcome, Error> {
     compared_with(trace(), stream, lines, how)
 }
 
-fn compared_with(trace: &Traced, stream: &str, lines: &[String], how: How) -> Result<Outcome, Error> {
+fn compared_with(
+    trace: &Traced,
+    stream: &str,
+    lines: &[String],
+    how: How,
+) -> Result<Outcome, Error> {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("device.hex");
-    std::fs::write(&file, lines.iter().map(|line| format!("{line}\n")).collect::<String>()).unwrap();
+    std::fs::write(
+        &file,
+        lines
+            .iter()
+            .map(|line| format!("{line}\n"))
+            .collect::<String>(),
+    )
+    .unwrap();
     diff(&trace.folder, &[(stream.to_owned(), file)], how)
 }
 
@@ -52,7 +73,13 @@ fn refused(stream: &str, lines: &[String]) -> String {
 /// A bit of a record's word, from the bottom, flipped.
 fn flipped(line: &str, bit: u32) -> String {
     let place = line.len() - 1 - bit as usize / 4;
-    let digit = line[place..=place].chars().next().unwrap().to_digit(16).unwrap() ^ 1 << (bit % 4);
+    let digit = line[place..=place]
+        .chars()
+        .next()
+        .unwrap()
+        .to_digit(16)
+        .unwrap()
+        ^ 1 << (bit % 4);
     format!("{}{digit:x}{}", &line[..place], &line[place + 1..])
 }
 
@@ -60,7 +87,10 @@ fn flipped(line: &str, bit: u32) -> String {
 fn what_is_equal_is_equal() {
     for stream in trace().manifest["streams"].as_array().unwrap() {
         let name = stream["name"].as_str().unwrap();
-        assert!(compared(name, &trace().lines(name)).unwrap().equal, "{name}");
+        assert!(
+            compared(name, &trace().lines(name)).unwrap().equal,
+            "{name}"
+        );
     }
 }
 
@@ -74,9 +104,16 @@ fn pixels_may_come_in_any_order_where_only_theirs_counts() {
     assert!(!compared("gauss.out", &lines).unwrap().equal);
 }
 
-/// A record that differs from its neighbours in each stream, so that a fault cannot pass for another.
+/// A record that differs from its neighbours in each stream, so that a fault cannot pass for
+/// another.
 fn distinct(lines: &[String], at: usize) -> Option<usize> {
-    let near = |i: usize| lines[i.saturating_sub(6)..lines.len().min(i + 7)].iter().filter(|line| **line == lines[i]).count() == 1;
+    let near = |i: usize| {
+        lines[i.saturating_sub(6)..lines.len().min(i + 7)]
+            .iter()
+            .filter(|line| **line == lines[i])
+            .count()
+            == 1
+    };
     (at..lines.len().saturating_sub(8)).find(|&i| i >= 8 && (i..i + 6).all(near))
 }
 
@@ -90,7 +127,8 @@ proptest! {
         let (at, described) = (at.index(lines.len()), trace.stream(stream));
         let bit = bit.index(described["width"].as_u64().unwrap() as usize) as u32;
         let field = described["fields"].as_array().unwrap().iter().find(|field| field["lsb"].as_u64().unwrap() <= bit.into()).unwrap();
-        // A flag of a record says which of its fields count: none is flipped here, nor what does not count.
+        // A flag of a record says which of its fields count: none is flipped here, nor what does
+        // not count.
         prop_assume!(!["near", "outside", "transparent", "backface", "faint"].contains(&field["name"].as_str().unwrap()));
         let record = &trace.records(stream)[at];
         let flags = field["zero_where"].as_array().into_iter().flatten();
@@ -158,7 +196,10 @@ fn a_cut_file_lacks_its_end() {
     let all = lines.len();
     lines.truncate(all - 3);
     let told = told("ellipse.out", &lines);
-    assert_eq!([&told["kind"], &told["sequence"], &told["mismatches"]], [&Value::from("missing"), &(all - 3).into(), &3.into()]);
+    assert_eq!(
+        [&told["kind"], &told["sequence"], &told["mismatches"]],
+        [&Value::from("missing"), &(all - 3).into(), &3.into()]
+    );
 }
 
 #[test]
@@ -169,7 +210,10 @@ fn a_malformed_line_is_an_error_of_its_own() {
         (format!("0{}", lines[4]), "line 5 has 21 digits"),
         (lines[4][1..].to_owned(), "line 5 has"),
         (String::new(), "line 5 is empty"),
-        (format!("x{}", &lines[4][1..]), "line 5 has `x` in it: bits that the simulator does not know"),
+        (
+            format!("x{}", &lines[4][1..]),
+            "line 5 has `x` in it: bits that the simulator does not know",
+        ),
         (format!("g{}", &lines[4][1..]), "line 5 has `g` in it"),
     ] {
         let sentence = refused("raster.out", &with(line.clone()));
@@ -177,7 +221,12 @@ fn a_malformed_line_is_an_error_of_its_own() {
         assert!(sentence.contains(&wanted), "{sentence}");
     }
     // A record whose width is no multiple of four has bits above it.
-    let stream = trace().manifest["streams"].as_array().unwrap().iter().find(|stream| stream["width"].as_u64().unwrap() % 4 != 0).unwrap();
+    let stream = trace().manifest["streams"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|stream| stream["width"].as_u64().unwrap() % 4 != 0)
+        .unwrap();
     let name = stream["name"].as_str().unwrap();
     let mut lines = trace().lines(name);
     lines[0] = format!("f{}", &lines[0][1..]);
@@ -190,15 +239,33 @@ fn a_mismatch_tells_what_led_there() {
     let mut lines = trace.lines("gauss.out");
     lines[100] = flipped(&lines[100], 0);
     let told = told("gauss.out", &lines);
-    let inputs: Vec<&str> = told["inputs"].as_array().unwrap().iter().map(|input| input["stream"].as_str().unwrap()).collect();
-    let chain = ["gauss.in", "raster.out", "raster.in", "ellipse.out", "ellipse.in", "project.out", "project.in", "pipeline.in"];
+    let inputs: Vec<&str> = told["inputs"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|input| input["stream"].as_str().unwrap())
+        .collect();
+    let chain = [
+        "gauss.in",
+        "raster.out",
+        "raster.in",
+        "ellipse.out",
+        "ellipse.in",
+        "project.out",
+        "project.in",
+        "pipeline.in",
+    ];
     assert_eq!(inputs, chain);
     let radial = &told["inputs"][0]["fields"]["radial"]["hex"];
     let raster = &told["inputs"][1]["fields"]["radial"]["hex"];
     assert_eq!(radial, raster);
     let replay = told["replay"].as_str().unwrap();
     let splat = trace.keys("gauss.out")[100][0];
-    assert!(replay.contains(&format!("--splats {splat}..{}", splat + 1)) && replay.contains("--units gauss"), "{replay}");
+    assert!(
+        replay.contains(&format!("--splats {splat}..{}", splat + 1))
+            && replay.contains("--units gauss"),
+        "{replay}"
+    );
 }
 
 #[test]
@@ -206,21 +273,31 @@ fn a_mismatch_of_a_pixel_tells_all_of_its_layers() {
     let trace = trace();
     let last = trace.field("resolve.in", "last");
     let layers = trace.records("resolve.in");
-    let ends: Vec<usize> = (0..layers.len()).filter(|&layer| layers[layer][last] == 1).collect();
+    let ends: Vec<usize> = (0..layers.len())
+        .filter(|&layer| layers[layer][last] == 1)
+        .collect();
     // The first pixel that has at least three.
-    let (pixel, end) = (1..ends.len()).map(|pixel| (pixel, ends[pixel])).find(|&(pixel, end)| end - ends[pixel - 1] >= 3).unwrap();
+    let (pixel, end) = (1..ends.len())
+        .map(|pixel| (pixel, ends[pixel]))
+        .find(|&(pixel, end)| end - ends[pixel - 1] >= 3)
+        .unwrap();
     let mut lines = trace.lines("resolve.out");
     lines[pixel] = flipped(&lines[pixel], 0);
     let told = told("resolve.out", &lines);
     let inputs = told["inputs"].as_array().unwrap();
-    let numbers: Vec<u64> =
-        inputs.iter().filter(|input| input["stream"] == "resolve.in").map(|input| input["sequence"].as_u64().unwrap()).collect();
+    let numbers: Vec<u64> = inputs
+        .iter()
+        .filter(|input| input["stream"] == "resolve.in")
+        .map(|input| input["sequence"].as_u64().unwrap())
+        .collect();
     let all: Vec<u64> = (ends[pixel - 1] as u64 + 1..=end as u64).collect();
     assert_eq!(numbers, all);
     assert_eq!(inputs[all.len()]["stream"], "fragment.held");
     let text = compared("resolve.out", &lines).unwrap().text;
     assert!(
-        all.iter().all(|layer| text.contains(&format!("made from, resolve.in record {layer}\n"))) && !text.contains("fragment.held"),
+        all.iter()
+            .all(|layer| text.contains(&format!("made from, resolve.in record {layer}\n")))
+            && !text.contains("fragment.held"),
         "{text}"
     );
 }
@@ -232,16 +309,28 @@ fn what_must_be_zero_counts_where_it_is_asked_for() {
         let name = stream["name"].as_str().unwrap();
         // The last field, in the lowest bits, of a record in which it means nothing.
         let last = stream["fields"].as_array().unwrap().last().unwrap();
-        let flags: Vec<usize> =
-            last["zero_where"].as_array().into_iter().flatten().map(|flag| trace().field(name, flag.as_str().unwrap())).collect();
+        let flags: Vec<usize> = last["zero_where"]
+            .as_array()
+            .into_iter()
+            .flatten()
+            .map(|flag| trace().field(name, flag.as_str().unwrap()))
+            .collect();
         let means_nothing = |record: &Vec<i64>| flags.iter().any(|flag| record[*flag] == 1);
-        let Some(culled) = trace().records(name).iter().position(means_nothing) else { continue };
+        let Some(culled) = trace().records(name).iter().position(means_nothing) else {
+            continue;
+        };
         let mut lines = trace().lines(name);
-        assert!(compared_by(name, &lines, strictly()).unwrap().equal, "{name}");
+        assert!(
+            compared_by(name, &lines, strictly()).unwrap().equal,
+            "{name}"
+        );
         lines[culled] = flipped(&lines[culled], 0);
         assert!(compared(name, &lines).unwrap().equal, "{name}");
         let told = compared_by(name, &lines, strictly()).unwrap().json;
-        assert_eq!([&told["equal"], &told["sequence"], &told["field"]["name"]], [&Value::from(false), &culled.into(), &last["name"]]);
+        assert_eq!(
+            [&told["equal"], &told["sequence"], &told["field"]["name"]],
+            [&Value::from(false), &culled.into(), &last["name"]]
+        );
         met.push(name);
     }
     assert!(met.contains(&"ellipse.out") && met.len() > 1, "{met:?}");
@@ -257,7 +346,12 @@ fn the_earliest_stream_tells() {
         std::fs::write(&path, lines.join("\n")).unwrap();
         (name.to_owned(), path)
     };
-    let outcome = diff(&trace().folder, &[file("resolve.out"), file("raster.out"), file("gauss.out")], How::default()).unwrap();
+    let outcome = diff(
+        &trace().folder,
+        &[file("resolve.out"), file("raster.out"), file("gauss.out")],
+        How::default(),
+    )
+    .unwrap();
     assert_eq!(outcome.json["stream"], "raster.out");
 }
 
@@ -269,7 +363,11 @@ fn a_trace_that_was_changed_is_refused() {
     std::fs::write(&path, lines[1..].join("\n")).unwrap();
     let device = trace.path("device.hex");
     std::fs::write(&device, lines.join("\n")).unwrap();
-    let told = |stream: &str| match diff(&trace.folder, &[(stream.to_owned(), device.clone())], How::default()) {
+    let told = |stream: &str| match diff(
+        &trace.folder,
+        &[(stream.to_owned(), device.clone())],
+        How::default(),
+    ) {
         Err(Error::Input(sentence)) => sentence,
         other => panic!("{other:?}"),
     };
@@ -287,7 +385,14 @@ fn counts(told: &Value) -> [u64; 4] {
 }
 
 /// Streams with tags, with pixels in order, and without either.
-const KINDS: [&str; 6] = ["raster.in", "raster.out", "ellipse.out", "gauss.in", "gauss.out", "resolve.out"];
+const KINDS: [&str; 6] = [
+    "raster.in",
+    "raster.out",
+    "ellipse.out",
+    "gauss.in",
+    "gauss.out",
+    "resolve.out",
+];
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
@@ -340,9 +445,17 @@ proptest! {
 fn a_device_that_leaves_out_the_last_column_of_each_box_lacks_these_records_and_nothing_else() {
     let (trace, lines) = (trace(), trace().lines("raster.out"));
     let records = trace.records("raster.out");
-    let last: std::collections::HashMap<i64, i64> =
-        trace.records("raster.in").iter().map(|r| (r[0], r[trace.field("raster.in", "last_column")])).collect();
-    let kept: Vec<String> = lines.iter().zip(&records).filter(|(_, r)| r[1] != last[&r[0]]).map(|(line, _)| line.clone()).collect();
+    let last: std::collections::HashMap<i64, i64> = trace
+        .records("raster.in")
+        .iter()
+        .map(|r| (r[0], r[trace.field("raster.in", "last_column")]))
+        .collect();
+    let kept: Vec<String> = lines
+        .iter()
+        .zip(&records)
+        .filter(|(_, r)| r[1] != last[&r[0]])
+        .map(|(line, _)| line.clone())
+        .collect();
     let lost = (lines.len() - kept.len()) as u64;
     assert!(lost > 200);
     assert_eq!(counts(&told("raster.out", &kept)), [lost, 0, 0, 0]);
@@ -352,21 +465,42 @@ fn a_device_that_leaves_out_the_last_column_of_each_box_lacks_these_records_and_
 fn identifiers_have_no_ulp() {
     let mut lines = trace().lines("raster.out");
     // The tag, in the most significant bits.
-    lines[100] = flipped(&lines[100], trace().stream("raster.out")["width"].as_u64().unwrap() as u32 - 32);
+    lines[100] = flipped(
+        &lines[100],
+        trace().stream("raster.out")["width"].as_u64().unwrap() as u32 - 32,
+    );
     let outcome = compared("raster.out", &lines).unwrap();
-    assert_eq!([&outcome.json["kind"], &outcome.json["field"]["name"]], ["field", "tag"]);
-    assert!(outcome.json["field"]["difference_ulp"].is_null() && !outcome.text.contains("ulp"), "{}", outcome.text);
+    assert_eq!(
+        [&outcome.json["kind"], &outcome.json["field"]["name"]],
+        ["field", "tag"]
+    );
+    assert!(
+        outcome.json["field"]["difference_ulp"].is_null() && !outcome.text.contains("ulp"),
+        "{}",
+        outcome.text
+    );
 }
 
 /// A frame of several tiles.
 fn tiles() -> &'static Traced {
     static TRACE: OnceLock<Traced> = OnceLock::new();
-    TRACE.get_or_init(|| traced(&cloud(120, 40), &machine("reference", &[]), &Window::default()))
+    TRACE.get_or_init(|| {
+        traced(
+            &cloud(120, 40),
+            &machine("reference", &[]),
+            &Window::default(),
+        )
+    })
 }
 
-/// A stream's lines tile by tile, as the pixels of its keys say, row by row of tiles or from the last to the first.
+/// A stream's lines tile by tile, as the pixels of its keys say, row by row of tiles or from the
+/// last to the first.
 fn by_tiles(stream: &str, side: i64, backwards: bool) -> Vec<String> {
-    let mut lines: Vec<(String, Vec<i64>)> = tiles().lines(stream).into_iter().zip(tiles().keys(stream)).collect();
+    let mut lines: Vec<(String, Vec<i64>)> = tiles()
+        .lines(stream)
+        .into_iter()
+        .zip(tiles().keys(stream))
+        .collect();
     lines.sort_by_key(|(_, key)| {
         let tile = [key[2] / side, key[1] / side];
         if backwards { tile.map(|at| -at) } else { tile }
@@ -376,22 +510,53 @@ fn by_tiles(stream: &str, side: i64, backwards: bool) -> Vec<String> {
 
 #[test]
 fn a_file_in_the_order_of_tiles_is_equal_and_a_fault_in_it_is_named() {
-    for (stream, side, backwards) in [("raster.out", 16, false), ("raster.out", 8, true), ("gauss.out", 16, false), ("gauss.in", 8, false)]
-    {
+    for (stream, side, backwards) in [
+        ("raster.out", 16, false),
+        ("raster.out", 8, true),
+        ("gauss.out", 16, false),
+        ("gauss.in", 8, false),
+    ] {
         let mut lines = by_tiles(stream, side, backwards);
         assert_ne!(lines, tiles().lines(stream));
         let equal = compared_with(tiles(), stream, &lines, How::default()).unwrap();
-        assert!(equal.equal && equal.text.contains(&format!("{side}×{side} pixels")), "{}", equal.text);
-        let in_trace_order = How { order: Order::Trace, ..How::default() };
-        assert!(!compared_with(tiles(), stream, &lines, in_trace_order).unwrap().equal);
+        assert!(
+            equal.equal && equal.text.contains(&format!("{side}×{side} pixels")),
+            "{}",
+            equal.text
+        );
+        let in_trace_order = How {
+            order: Order::Trace,
+            ..How::default()
+        };
+        assert!(
+            !compared_with(tiles(), stream, &lines, in_trace_order)
+                .unwrap()
+                .equal
+        );
         let lost = lines.remove(lines.len() / 2);
         let told = compared_with(tiles(), stream, &lines, How::default()).unwrap();
-        assert_eq!((counts(&told.json), &told.json["order"]), ([1, 0, 0, 0], &Value::from("tiles")));
-        assert_eq!(tiles().lines(stream)[told.json["sequence"].as_u64().unwrap() as usize], lost);
+        assert_eq!(
+            (counts(&told.json), &told.json["order"]),
+            ([1, 0, 0, 0], &Value::from("tiles"))
+        );
+        assert_eq!(
+            tiles().lines(stream)[told.json["sequence"].as_u64().unwrap() as usize],
+            lost
+        );
         assert!(told.text.contains("tile by tile"), "{}", told.text);
     }
     // The trace's own order needs no sentence.
-    assert!(!compared_with(tiles(), "raster.out", &tiles().lines("raster.out"), How::default()).unwrap().text.contains("tile"));
+    assert!(
+        !compared_with(
+            tiles(),
+            "raster.out",
+            &tiles().lines("raster.out"),
+            How::default()
+        )
+        .unwrap()
+        .text
+        .contains("tile")
+    );
 }
 
 #[test]
@@ -399,8 +564,14 @@ fn weights_come_in_the_order_of_the_device_s_own_raster() {
     // Two engines that take turns: in no order of tiles.
     let order = |stream: &str| {
         let all = by_tiles(stream, 16, false);
-        let (even, odd): (Vec<_>, Vec<_>) = all.into_iter().enumerate().partition(|(place, _)| place % 3 == 0);
-        even.into_iter().chain(odd).map(|(_, line)| line).collect::<Vec<String>>()
+        let (even, odd): (Vec<_>, Vec<_>) = all
+            .into_iter()
+            .enumerate()
+            .partition(|(place, _)| place % 3 == 0);
+        even.into_iter()
+            .chain(odd)
+            .map(|(_, line)| line)
+            .collect::<Vec<String>>()
     };
     let folder = tempfile::tempdir().unwrap();
     let file = |stream: &str, lines: &[String]| {
@@ -408,48 +579,87 @@ fn weights_come_in_the_order_of_the_device_s_own_raster() {
         std::fs::write(&path, lines.join("\n")).unwrap();
         (stream.to_owned(), path)
     };
-    let how = How { order: Order::Any, ..How::default() };
+    let how = How {
+        order: Order::Any,
+        ..How::default()
+    };
     let mut weights = order("gauss.out");
     let raster = file("raster.out", &order("raster.out"));
-    let equal = diff(&tiles().folder, &[raster.clone(), file("gauss.out", &weights)], how).unwrap();
-    assert!(equal.equal && equal.text.contains("in the order of the raster.out"), "{}", equal.text);
+    let equal = diff(
+        &tiles().folder,
+        &[raster.clone(), file("gauss.out", &weights)],
+        how,
+    )
+    .unwrap();
+    assert!(
+        equal.equal && equal.text.contains("in the order of the raster.out"),
+        "{}",
+        equal.text
+    );
     weights[77] = flipped(&weights[77], 0);
-    let told = diff(&tiles().folder, &[raster, file("gauss.out", &weights)], how).unwrap().json;
-    assert_eq!((counts(&told), &told["stream"]), ([0, 0, 0, 1], &Value::from("gauss.out")));
+    let told = diff(&tiles().folder, &[raster, file("gauss.out", &weights)], how)
+        .unwrap()
+        .json;
+    assert_eq!(
+        (counts(&told), &told["stream"]),
+        ([0, 0, 0, 1], &Value::from("gauss.out"))
+    );
 }
 
 #[test]
 fn comments_of_a_simulator_are_not_records() {
     let lines = trace().lines("gauss.out");
-    let written =
-        [&["// 0x00000000".to_owned(), "@00000000".to_owned()], &lines[..5], &["// 5 /* more */".into(), "@5".into()], &lines[5..]];
+    let written = [
+        &["// 0x00000000".to_owned(), "@00000000".to_owned()],
+        &lines[..5],
+        &["// 5 /* more */".into(), "@5".into()],
+        &lines[5..],
+    ];
     let mut written = written.concat();
     assert!(compared("gauss.out", &written).unwrap().equal);
     // Lines are those of the file, comments among them.
     written[2] = flipped(&written[2], 0);
     assert_eq!(told("gauss.out", &written)["line"], 3);
     written[8] = "@7".into();
-    assert!(refused("gauss.out", &written).contains("line 9 is the address @7, and the next record is 5"));
+    assert!(
+        refused("gauss.out", &written)
+            .contains("line 9 is the address @7, and the next record is 5")
+    );
 }
 
 /// A trace made by the program, with what it is given, in a folder of its own.
 fn made(folder: &Path, arguments: &[&str]) -> PathBuf {
     // A name that a shell would take apart.
     let out = folder.join("my trace");
-    let status =
-        Command::new(PROGRAM.as_str()).current_dir(folder).arg("trace").args(arguments).args(["--quiet", "--out"]).arg(&out).status();
+    let status = Command::new(PROGRAM.as_str())
+        .current_dir(folder)
+        .arg("trace")
+        .args(arguments)
+        .args(["--quiet", "--out"])
+        .arg(&out)
+        .status();
     assert!(status.unwrap().success(), "{arguments:?}");
     out
 }
 
 /// Lines of a stream with the first four parts of their keys: splat, column, row, slot.
 fn named(folder: &Path, stream: &str) -> Vec<(String, String)> {
-    let text = |file: PathBuf| std::fs::read_to_string(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));
-    let (lines, keys) = (text(folder.join(format!("{stream}.hex"))), text(folder.join(format!("keys/{stream}.hex"))));
-    lines.lines().zip(keys.lines()).map(|(line, key)| (line.to_owned(), key[..18].to_owned())).collect()
+    let text = |file: PathBuf| {
+        std::fs::read_to_string(&file).unwrap_or_else(|e| panic!("{}: {e}", file.display()))
+    };
+    let (lines, keys) = (
+        text(folder.join(format!("{stream}.hex"))),
+        text(folder.join(format!("keys/{stream}.hex"))),
+    );
+    lines
+        .lines()
+        .zip(keys.lines())
+        .map(|(line, key)| (line.to_owned(), key[..18].to_owned()))
+        .collect()
 }
 
-/// Flips a bit of a record in the middle, asks `diff`, runs the command that it prints, and looks for the record in what that makes.
+/// Flips a bit of a record in the middle, asks `diff`, runs the command that it prints, and looks
+/// for the record in what that makes.
 fn replays(folder: &Path, trace: &Path, stream: &str) {
     let records = named(trace, stream);
     let at = records.len() / 2;
@@ -458,52 +668,135 @@ fn replays(folder: &Path, trace: &Path, stream: &str) {
     lines[at] = flipped(&lines[at], 0);
     let device = folder.join("device.hex");
     std::fs::write(&device, lines.join("\n")).unwrap();
-    let output =
-        Command::new(PROGRAM.as_str()).arg("diff").arg(trace).arg(stream).arg(&device).args(["--strict", "--json"]).output().unwrap();
-    let told: Value = serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{stream}: {e}"));
+    let output = Command::new(PROGRAM.as_str())
+        .arg("diff")
+        .arg(trace)
+        .arg(stream)
+        .arg(&device)
+        .args(["--strict", "--json"])
+        .output()
+        .unwrap();
+    let told: Value =
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{stream}: {e}"));
     let command = told["replay"].as_str().unwrap();
     let replayed = tempfile::tempdir().unwrap();
     let program = Path::new(PROGRAM.as_str()).parent().unwrap();
     let path = format!("{}:{}", program.display(), std::env::var("PATH").unwrap());
-    let run = Command::new("sh").args(["-c", command]).env("PATH", path).current_dir(replayed.path()).output().unwrap();
-    assert!(run.status.success(), "{command}: {}", String::from_utf8_lossy(&run.stderr));
+    let run = Command::new("sh")
+        .args(["-c", command])
+        .env("PATH", path)
+        .current_dir(replayed.path())
+        .output()
+        .unwrap();
+    assert!(
+        run.status.success(),
+        "{command}: {}",
+        String::from_utf8_lossy(&run.stderr)
+    );
     let again = named(&replayed.path().join("replay"), stream);
     let record = told["sequence"].as_u64().unwrap() as usize;
-    assert!(again.contains(&records[record]), "{command} does not make record {record} of {stream}");
+    assert!(
+        again.contains(&records[record]),
+        "{command} does not make record {record} of {stream}"
+    );
     // A part of a frame is made of one splat or one pixel, and no more.
-    assert!(command.contains("--stimulus") || again.len() <= records.len(), "{command}");
+    assert!(
+        command.contains("--stimulus") || again.len() <= records.len(),
+        "{command}"
+    );
 }
 
 /// A scene file that reads its splats from another file.
 fn scene_of_a_cloud(folder: &Path) {
     let head = "ply\nformat ascii 1.0\nelement vertex 60\nproperty float x\nproperty float y\nproperty float z\n\
                 property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
-    let point = |i: i32| format!("{} {} {} {} 90 200\n", f64::from(i % 8) / 8.0, f64::from(i / 8) / 8.0, f64::from(i % 3) / 9.0, i * 4);
-    std::fs::write(folder.join("cloud.ply"), head.to_owned() + &(0..60).map(point).collect::<String>()).unwrap();
-    std::fs::write(folder.join("scene.json"), r#"{"splats": {"file": "cloud.ply"}, "image": {"width": 20, "height": 20}}"#).unwrap();
+    let point = |i: i32| {
+        format!(
+            "{} {} {} {} 90 200\n",
+            f64::from(i % 8) / 8.0,
+            f64::from(i / 8) / 8.0,
+            f64::from(i % 3) / 9.0,
+            i * 4
+        )
+    };
+    std::fs::write(
+        folder.join("cloud.ply"),
+        head.to_owned() + &(0..60).map(point).collect::<String>(),
+    )
+    .unwrap();
+    std::fs::write(
+        folder.join("scene.json"),
+        r#"{"splats": {"file": "cloud.ply"}, "image": {"width": 20, "height": 20}}"#,
+    )
+    .unwrap();
 }
 
 #[test]
 fn the_printed_command_makes_the_failing_record_again() {
-    let discs =
-        ["project.out", "ellipse.out", "raster.in", "raster.out", "gauss.out", "fragment.out", "shade.out", "resolve.out", "pipeline.out"];
-    let media = ["ellipse.out", "raster.out", "gauss.out", "fragment.out", "resolve.out"];
+    let discs = [
+        "project.out",
+        "ellipse.out",
+        "raster.in",
+        "raster.out",
+        "gauss.out",
+        "fragment.out",
+        "shade.out",
+        "resolve.out",
+        "pipeline.out",
+    ];
+    let media = [
+        "ellipse.out",
+        "raster.out",
+        "gauss.out",
+        "fragment.out",
+        "resolve.out",
+    ];
     let knot = concat!(env!("CARGO_MANIFEST_DIR"), "/traces/knot/scene.json");
     let cases: [(&[&str], &[&str]); 9] = [
         (&[knot, "--machine", "tiny"], &discs),
-        (&["scene.json", "--machine", "tiny"], &["raster.out", "gauss.out", "fragment.out", "resolve.out"]),
-        (&[knot, "--machine", "tiny", "--splats", "10..20"], &["gauss.out", "fragment.out", "resolve.out"]),
-        (&[knot, "--machine", "tiny", "--pixels", "2,2,9,9"], &["raster.out", "gauss.out", "resolve.out"]),
-        (&[knot, "--machine", "tiny", "--sample", "2", "--seed", "3"], &["gauss.out", "resolve.out"]),
-        (&[knot, "--machine", "tiny", "--stimulus", "10", "--seed", "5"], &discs[..8]),
-        (&[knot, "--stimulus", "20", "--units", "gauss,shade"], &["gauss.out", "shade.out"]),
+        (
+            &["scene.json", "--machine", "tiny"],
+            &["raster.out", "gauss.out", "fragment.out", "resolve.out"],
+        ),
+        (
+            &[knot, "--machine", "tiny", "--splats", "10..20"],
+            &["gauss.out", "fragment.out", "resolve.out"],
+        ),
+        (
+            &[knot, "--machine", "tiny", "--pixels", "2,2,9,9"],
+            &["raster.out", "gauss.out", "resolve.out"],
+        ),
+        (
+            &[knot, "--machine", "tiny", "--sample", "2", "--seed", "3"],
+            &["gauss.out", "resolve.out"],
+        ),
+        (
+            &[knot, "--machine", "tiny", "--stimulus", "10", "--seed", "5"],
+            &discs[..8],
+        ),
+        (
+            &[knot, "--stimulus", "20", "--units", "gauss,shade"],
+            &["gauss.out", "shade.out"],
+        ),
         (&["bouquet.json", "--frame", "1"], &media),
-        (&["bouquet.json", "--stimulus", "10", "--frame", "1", "--seed", "4"], &["ellipse.out", "sort.out", "fragment.out"]),
+        (
+            &[
+                "bouquet.json",
+                "--stimulus",
+                "10",
+                "--frame",
+                "1",
+                "--seed",
+                "4",
+            ],
+            &["ellipse.out", "sort.out", "fragment.out"],
+        ),
     ];
     for (arguments, streams) in cases {
         let folder = tempfile::tempdir().unwrap();
         scene_of_a_cloud(folder.path());
-        let eyes = [[1.0, 0.8, 2.2], [-1.0, 0.5, 2.4]].map(|eye| json!({"eye": eye, "target": [0.1, 0, 0], "fov_y_degrees": 30}));
+        let eyes = [[1.0, 0.8, 2.2], [-1.0, 0.5, 2.4]]
+            .map(|eye| json!({"eye": eye, "target": [0.1, 0, 0], "fov_y_degrees": 30}));
         let bouquet = json!({"splats": {"gaussians": "bouquet", "count": 200}, "image": {"width": 20, "height": 20}, "cameras": eyes});
         std::fs::write(folder.path().join("bouquet.json"), bouquet.to_string()).unwrap();
         let trace = made(folder.path(), arguments);
@@ -515,18 +808,35 @@ fn the_printed_command_makes_the_failing_record_again() {
 
 #[test]
 fn a_made_up_record_comes_with_the_class_of_its_case() {
-    let made_up = traced(&cloud(20, 16), &machine("tiny", &[]), &Window { stimulus: Some(10), seed: 5, ..Window::default() });
+    let made_up = traced(
+        &cloud(20, 16),
+        &machine("tiny", &[]),
+        &Window {
+            stimulus: Some(10),
+            seed: 5,
+            ..Window::default()
+        },
+    );
     for tag in made_up.manifest["tags"].as_array().unwrap() {
-        let (input, first) = (tag["stream"].as_str().unwrap(), tag["first"].as_i64().unwrap());
+        let (input, first) = (
+            tag["stream"].as_str().unwrap(),
+            tag["first"].as_i64().unwrap(),
+        );
         let output = input.replace(".in", ".out");
         // The first record that is made of one of the class.
-        let of_class = |key: &Vec<i64>| (first..first + tag["records"].as_i64().unwrap()).contains(&key[4]);
-        let Some(at) = made_up.keys(&output).iter().position(of_class) else { continue };
+        let of_class =
+            |key: &Vec<i64>| (first..first + tag["records"].as_i64().unwrap()).contains(&key[4]);
+        let Some(at) = made_up.keys(&output).iter().position(of_class) else {
+            continue;
+        };
         let mut lines = made_up.lines(&output);
         lines[at] = flipped(&lines[at], 0);
         let outcome = compared_with(&made_up, &output, &lines, strictly()).unwrap();
         let told = outcome.json["stimulus"].as_str().unwrap();
-        assert!(told.starts_with(&format!("{}, record ", tag["tag"].as_str().unwrap())), "{output}: {told}, {tag}");
+        assert!(
+            told.starts_with(&format!("{}, record ", tag["tag"].as_str().unwrap())),
+            "{output}: {told}, {tag}"
+        );
         assert!(outcome.text.contains(&format!("stimulus   {told}")));
     }
 }
@@ -539,41 +849,96 @@ fn a_difference_comes_with_the_words_of_its_record() {
         ("ellipse.out", "ellipse.amplitude", "amplitude"),
         ("shade.out", "shade.premultiplied", "opacity"),
     ] {
-        assert!(elaborated.signals.iter().any(|signal| format!("{}.{}", signal.unit, signal.name) == word), "{word}");
+        assert!(
+            elaborated
+                .signals
+                .iter()
+                .any(|signal| format!("{}.{}", signal.unit, signal.name) == word),
+            "{word}"
+        );
         let mut lines = trace().lines(stream);
         let culls = |record: &Vec<i64>| stream != "ellipse.out" || record[..3] == [0; 3];
-        let at = (lines.len() / 2..).find(|&at| culls(&trace().records(stream)[at])).unwrap();
+        let at = (lines.len() / 2..)
+            .find(|&at| culls(&trace().records(stream)[at]))
+            .unwrap();
         lines[at] = flipped(&lines[at], 0);
         let outcome = compared(stream, &lines).unwrap();
         let words = outcome.json["intermediate"].as_array().unwrap();
         let expected = trace().records(stream)[at][trace().field(stream, field)];
-        assert!(words.iter().any(|made| made["signal"] == word && made["word"] == expected), "{stream}: {words:?}");
-        assert!(outcome.text.contains(&format!("{word} ")), "{}", outcome.text);
+        assert!(
+            words
+                .iter()
+                .any(|made| made["signal"] == word && made["word"] == expected),
+            "{stream}: {words:?}"
+        );
+        assert!(
+            outcome.text.contains(&format!("{word} ")),
+            "{}",
+            outcome.text
+        );
     }
     // Of a record of the raster its seeds and differences.
     let mut lines = trace().lines("raster.out");
     lines[50] = flipped(&lines[50], 0);
     let told = told("raster.out", &lines);
-    let signals: std::collections::BTreeSet<&str> =
-        told["intermediate"].as_array().unwrap().iter().map(|word| word["signal"].as_str().unwrap()).collect();
-    let all = ["raster.offset", "raster.gradient", "raster.radial", "raster.first", "raster.second", "raster.depth"];
-    assert!(all.iter().all(|signal| signals.contains(signal)), "{signals:?}");
+    let signals: std::collections::BTreeSet<&str> = told["intermediate"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|word| word["signal"].as_str().unwrap())
+        .collect();
+    let all = [
+        "raster.offset",
+        "raster.gradient",
+        "raster.radial",
+        "raster.first",
+        "raster.second",
+        "raster.depth",
+    ];
+    assert!(
+        all.iter().all(|signal| signals.contains(signal)),
+        "{signals:?}"
+    );
     // A pixel's words are those of its last contribution, with all before it.
     let mut lines = trace().lines("fragment.out");
     lines[200] = flipped(&lines[200], 0);
-    assert!(!compared("fragment.out", &lines).unwrap().json["intermediate"].as_array().unwrap().is_empty());
+    assert!(
+        !compared("fragment.out", &lines).unwrap().json["intermediate"]
+            .as_array()
+            .unwrap()
+            .is_empty()
+    );
 }
 
 #[test]
 fn the_traces_of_others_are_told_as_their_readmes_say() {
-    let Some(folder) = crate::shared_input::find("outside/rtl") else { return };
+    let Some(folder) = crate::shared_input::find("outside/rtl") else {
+        return;
+    };
     let knot = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/traces/knot"));
-    let told = |trace: &Path, stream: &str, file: &str| diff(trace, &[(stream.to_owned(), folder.join(file))], How::default()).unwrap();
+    let told = |trace: &Path, stream: &str, file: &str| {
+        diff(
+            trace,
+            &[(stream.to_owned(), folder.join(file))],
+            How::default(),
+        )
+        .unwrap()
+    };
     let two = told(knot, "raster.out", "02-diff-two-missing/raster.out.hex");
-    assert_eq!(two.sentence, "raster.out: records 99 to 100 are missing; nothing else is different");
+    assert_eq!(
+        two.sentence,
+        "raster.out: records 99 to 100 are missing; nothing else is different"
+    );
     let one = told(knot, "raster.out", "02-diff-two-missing/one-missing.hex");
     assert_eq!(counts(&one.json), [1, 0, 0, 0]);
     let made_up = folder.join("03-stimulus-replay/trace");
     let replay = told(&made_up, "gauss.out", "03-stimulus-replay/gauss.out.hex");
-    assert!(replay.json["replay"].as_str().unwrap().contains("--stimulus 10 --seed 5"), "{}", replay.text);
+    assert!(
+        replay.json["replay"]
+            .as_str()
+            .unwrap()
+            .contains("--stimulus 10 --seed 5"),
+        "{}",
+        replay.text
+    );
 }

@@ -1,4 +1,5 @@
-//! Is memory that can be bought what a machine gets that names it, and does what the machine says besides go before it?
+//! Is memory that can be bought what a machine gets that names it, and does what the machine says
+//! besides go before it?
 
 use crate::program::PROGRAM;
 use rtl_model::machine::timing::{Memory, Preset};
@@ -10,33 +11,72 @@ use splatsim::scene::{Overrides, Scene};
 use std::process::{Command, Output};
 
 fn splatsim(arguments: &[&str]) -> Output {
-    Command::new(PROGRAM.as_str()).args(arguments).output().unwrap()
+    Command::new(PROGRAM.as_str())
+        .args(arguments)
+        .output()
+        .unwrap()
 }
 
 /// Memory as the reference machine with these settings has it, nothing left out.
 fn memory(settings: &[&str]) -> Memory {
-    let settings: Vec<String> = settings.iter().map(|setting| (*setting).to_owned()).collect();
-    fixed::elaborate(&machines::load("reference", &settings).unwrap()).unwrap().timing.timing.memory
+    let settings: Vec<String> = settings
+        .iter()
+        .map(|setting| (*setting).to_owned())
+        .collect();
+    fixed::elaborate(&machines::load("reference", &settings).unwrap())
+        .unwrap()
+        .timing
+        .timing
+        .memory
 }
 
 #[test]
 fn a_preset_replaces_the_memory_of_a_machine_and_later_settings_change_it() {
     // 32 GB/s of each of 8 channels at 400 MHz.
     let hbm2 = memory(&["timing.memory.preset=hbm2"]);
-    assert_eq!((hbm2.bytes_per_cycle, hbm2.channels(), hbm2.burst_bytes, hbm2.outstanding), (80, 8, 64, 16));
-    let changed = memory(&["timing.memory.preset=hbm2", "timing.memory.channels=2", "timing.memory.bytes_per_cycle=16"]);
-    assert_eq!(changed, Memory { channels: Some(2), bytes_per_cycle: 16, ..hbm2 });
+    assert_eq!(
+        (
+            hbm2.bytes_per_cycle,
+            hbm2.channels(),
+            hbm2.burst_bytes,
+            hbm2.outstanding
+        ),
+        (80, 8, 64, 16)
+    );
+    let changed = memory(&[
+        "timing.memory.preset=hbm2",
+        "timing.memory.channels=2",
+        "timing.memory.bytes_per_cycle=16",
+    ]);
+    assert_eq!(
+        changed,
+        Memory {
+            channels: Some(2),
+            bytes_per_cycle: 16,
+            ..hbm2
+        }
+    );
     // What was said before it is the memory that it replaces.
-    assert_eq!(memory(&["timing.memory.channels=2", "timing.memory.preset=hbm2"]), hbm2);
-    let other = memory(&["timing.memory.preset=hbm2", "timing.memory.preset=ddr5-4800"]);
+    assert_eq!(
+        memory(&["timing.memory.channels=2", "timing.memory.preset=hbm2"]),
+        hbm2
+    );
+    let other = memory(&[
+        "timing.memory.preset=hbm2",
+        "timing.memory.preset=ddr5-4800",
+    ]);
     assert_eq!((other.preset, other.channels()), (Some(Preset::Ddr5), 2));
 }
 
 #[test]
 fn every_field_that_a_preset_fills_is_one_that_it_replaces() {
     let filled = serde_json::to_value(memory(&["timing.memory.preset=hbm2"])).unwrap();
-    let filled: Vec<&String> =
-        filled.as_object().unwrap().keys().filter(|name| !["preset", "ideal", "outstanding"].contains(&name.as_str())).collect();
+    let filled: Vec<&String> = filled
+        .as_object()
+        .unwrap()
+        .keys()
+        .filter(|name| !["preset", "ideal", "outstanding"].contains(&name.as_str()))
+        .collect();
     let mut replaced = Memory::FILLED.to_vec();
     replaced.sort_unstable();
     let mut filled: Vec<&str> = filled.iter().map(|name| name.as_str()).collect();
@@ -54,24 +94,54 @@ fn a_machine_file_with_a_preset_needs_no_other_number_of_memory() {
     };
     let mut whole = machines::value(&machines::load("reference", &[]).unwrap());
     whole["timing"]["memory"] = json!({"preset": "ddr5-4800", "outstanding": 16, "ranks": 2});
-    let based = json!({"base": "reference", "timing": {"memory": {"preset": "ddr5-4800", "ranks": 2}}});
-    let [whole, based] = [whole, based].map(|description| fixed::elaborate(&load(description)).unwrap().timing.timing.memory);
+    let based =
+        json!({"base": "reference", "timing": {"memory": {"preset": "ddr5-4800", "ranks": 2}}});
+    let [whole, based] = [whole, based].map(|description| {
+        fixed::elaborate(&load(description))
+            .unwrap()
+            .timing
+            .timing
+            .memory
+    });
     assert_eq!(whole, based);
-    assert_eq!(whole, Memory { ranks: Some(2), ..memory(&["timing.memory.preset=ddr5-4800"]) });
+    assert_eq!(
+        whole,
+        Memory {
+            ranks: Some(2),
+            ..memory(&["timing.memory.preset=ddr5-4800"])
+        }
+    );
 }
 
 #[test]
 fn memory_that_cannot_be_bought_is_refused_with_what_can() {
     for (setting, says) in [
-        ("timing.memory.preset=ddr6", "must be one of lpddr4-3200-x4, lpddr5-6400-x4, ddr5-4800, hbm2"),
-        ("timing.memory.channels=3", "timing.memory.channels is 3: it must be a power of two up to 64"),
+        (
+            "timing.memory.preset=ddr6",
+            "must be one of lpddr4-3200-x4, lpddr5-6400-x4, ddr5-4800, hbm2",
+        ),
+        (
+            "timing.memory.channels=3",
+            "timing.memory.channels is 3: it must be a power of two up to 64",
+        ),
         ("timing.memory.channels=0", "timing.memory.channels is 0"),
-        ("timing.memory.interleave_bytes=16", "timing.memory.interleave_bytes is 16: a burst of 64 bytes"),
+        (
+            "timing.memory.interleave_bytes=16",
+            "timing.memory.interleave_bytes is 16: a burst of 64 bytes",
+        ),
     ] {
         let output = splatsim(&["machine", "show", "reference", "--set", setting]);
-        let output = if output.status.success() { splatsim(&["machine", "timing", "reference", "--set", setting]) } else { output };
+        let output = if output.status.success() {
+            splatsim(&["machine", "timing", "reference", "--set", setting])
+        } else {
+            output
+        };
         let told = String::from_utf8(output.stderr).unwrap();
-        assert_eq!((output.status.code(), told.trim_end().lines().count()), (Some(2), 1), "{told}");
+        assert_eq!(
+            (output.status.code(), told.trim_end().lines().count()),
+            (Some(2), 1),
+            "{told}"
+        );
         assert!(told.contains(says), "{told}");
     }
 }
@@ -79,16 +149,36 @@ fn memory_that_cannot_be_bought_is_refused_with_what_can() {
 /// Frames of a built-in scene: twice the channels are never slower, and bytes are the same.
 #[test]
 fn a_frame_is_no_slower_with_more_channels() {
-    let scene = Scene::load("glass-spheres", &Overrides { size: Some((64, 48)) }).unwrap();
+    let scene = Scene::load(
+        "glass-spheres",
+        &Overrides {
+            size: Some((64, 48)),
+        },
+    )
+    .unwrap();
     let machine = |channels: u32| {
-        let settings = ["timing.memory.preset=lpddr4-3200-x4".to_owned(), format!("timing.memory.channels={channels}")];
+        let settings = [
+            "timing.memory.preset=lpddr4-3200-x4".to_owned(),
+            format!("timing.memory.channels={channels}"),
+        ];
         fixed::elaborate(&machines::load("reference", &settings).unwrap()).unwrap()
     };
     let work = Evaluation::on(&scene, &machine(1)).unwrap().observe().work;
-    let cycles = [1, 2, 4, 8].map(|channels| replay(&machine(channels).timing, &work, Detail::Accounts));
+    let cycles =
+        [1, 2, 4, 8].map(|channels| replay(&machine(channels).timing, &work, Detail::Accounts));
     for pair in cycles.windows(2) {
-        assert!(pair[1].total <= pair[0].total, "{} and {} cycles", pair[0].total, pair[1].total);
+        assert!(
+            pair[1].total <= pair[0].total,
+            "{} and {} cycles",
+            pair[0].total,
+            pair[1].total
+        );
         assert_eq!(pair[0].memory.bytes, pair[1].memory.bytes);
-        assert!(pair[1].memory.busy <= pair[0].memory.busy.div_ceil(2), "{} and {} busy", pair[0].memory.busy, pair[1].memory.busy);
+        assert!(
+            pair[1].memory.busy <= pair[0].memory.busy.div_ceil(2),
+            "{} and {} busy",
+            pair[0].memory.busy,
+            pair[1].memory.busy
+        );
     }
 }

@@ -17,14 +17,24 @@ const SIDE: usize = 40;
 /// A scene whose opacity is a thousandth of the weight of its one splat.
 fn alone(splat: Splat, low_pass: f64, filter: Filter) -> Scene {
     let mut scene = scene(SIDE, SIDE, FOCAL_PX, vec![splat]);
-    scene.kernel = Kernel { cutoff: 6.0, low_pass, filter, ..scene.kernel };
+    scene.kernel = Kernel {
+        cutoff: 6.0,
+        low_pass,
+        filter,
+        ..scene.kernel
+    };
     scene.surface.coverage_threshold = 1000.0;
     scene
 }
 
 /// Weights of all pixels, by rows; 0 where there is none.
 fn weights(scene: &Scene) -> Vec<f64> {
-    ideal(scene).picture.rgba.iter().map(|pixel| 1000.0 * pixel[3]).collect()
+    ideal(scene)
+        .picture
+        .rgba
+        .iter()
+        .map(|pixel| 1000.0 * pixel[3])
+        .collect()
 }
 
 /// The direction through a pixel's centre.
@@ -33,19 +43,35 @@ fn ray(x: f64, y: f64) -> DVec3 {
     DVec3::new((x - middle) / FOCAL_PX, (y - middle) / FOCAL_PX, 1.0)
 }
 
-/// Heckbert's filter at a pixel, by differences of rays a small step apart and by the inverse of a matrix: (radial index, weight).
+/// Heckbert's filter at a pixel, by differences of rays a small step apart and by the inverse of a
+/// matrix: (radial index, weight).
 fn source_space(splat: &Splat, low_pass: f64, x: f64, y: f64) -> Option<(f64, f64)> {
-    let meets = |x: f64, y: f64| ray(x, y) * (splat.normal.dot(splat.position) / splat.normal.dot(ray(x, y)));
+    let meets = |x: f64, y: f64| {
+        ray(x, y) * (splat.normal.dot(splat.position) / splat.normal.dot(ray(x, y)))
+    };
     let tangent = splat.normal.any_orthonormal_vector();
     let other = splat.normal.cross(tangent);
-    let on_plane = |p: DVec3| DVec2::new((p - splat.position).dot(tangent), (p - splat.position).dot(other));
+    let on_plane = |p: DVec3| {
+        DVec2::new(
+            (p - splat.position).dot(tangent),
+            (p - splat.position).dot(other),
+        )
+    };
     let step = 1e-4;
     let of = |x: f64, y: f64| on_plane(meets(x, y));
-    let jacobian = DMat2::from_cols(of(x + step, y) - of(x - step, y), of(x, y + step) - of(x, y - step)) * (0.5 / step);
+    let jacobian = DMat2::from_cols(
+        of(x + step, y) - of(x - step, y),
+        of(x, y + step) - of(x, y - step),
+    ) * (0.5 / step);
     let r2 = splat.radius * splat.radius;
     let variance = DMat2::IDENTITY * r2 + jacobian * jacobian.transpose() * low_pass;
     let radial = of(x, y).dot(variance.inverse() * of(x, y));
-    (meets(x, y).z > 0.0).then(|| (radial, r2 / variance.determinant().sqrt() / TAU * (-0.5 * radial).exp()))
+    (meets(x, y).z > 0.0).then(|| {
+        (
+            radial,
+            r2 / variance.determinant().sqrt() / TAU * (-0.5 * radial).exp(),
+        )
+    })
 }
 
 prop_compose! {
@@ -67,7 +93,8 @@ proptest! {
             let (x, y) = ((index % SIDE) as f64 + 0.5, (index / SIDE) as f64 + 0.5);
             match source_space(&splat, low_pass, x, y) {
                 Some((radial, weight)) if radial < 5.999 => {
-                    // Near the horizon a pixel's filter is as wide as the world, and next to nothing high: the box leaves such pixels out.
+                    // Near the horizon a pixel's filter is as wide as the world, and next to
+                    // nothing high: the box leaves such pixels out.
                     let is_left_out = *drawn == 0.0 && weight < 1e-3 * most;
                     prop_assert!(is_left_out || (drawn - weight).abs() <= 1e-5 * weight + 1e-8 * most, "{drawn} {weight} of {most} at {x} {y}");
                     reached += 1;
@@ -80,11 +107,13 @@ proptest! {
         prop_assert!(reached > 0);
     }
 
-    /// The width of a disc is what its major axis is on the screen: that of the ray's plane, for one that is small.
+    /// The width of a disc is what its major axis is on the screen: that of the ray's plane, for
+    /// one that is small.
     #[test]
     fn a_circle_is_as_wide_as_the_ellipse(splat in slanted(), low_pass in 0.5_f64..2.0) {
         let drawn = weights(&alone(splat, low_pass, Filter::Circular));
-        // Variance on screen from two projected tangents, and its greater eigenvalue as the greatest stretch of any direction.
+        // Variance on screen from two projected tangents, and its greater eigenvalue as the
+        // greatest stretch of any direction.
         let (u, v) = splat.normal.any_orthonormal_pair();
         let p = splat.position;
         let project = |t: DVec3| DVec2::new(t.x - p.x / p.z * t.z, t.y - p.y / p.z * t.z) * (splat.radius * FOCAL_PX / p.z);
@@ -105,7 +134,8 @@ proptest! {
         }
     }
 
-    /// Where a disc is parallel to the picture there is nothing to approximate, and a circle is what it is.
+    /// Where a disc is parallel to the picture there is nothing to approximate, and a circle is
+    /// what it is.
     #[test]
     fn all_are_one_on_a_disc_that_faces_the_picture(x in -0.2_f64..0.2, y in -0.2_f64..0.2, radius in 0.02_f64..0.25, low_pass in 0.0_f64..2.0) {
         let splat = splat([2.0 * x, 2.0 * y, 2.0], radius);
@@ -116,14 +146,21 @@ proptest! {
     }
 }
 
-/// A pixel beyond a disc's rim has the rim's depth, not that of the plane that goes on: the disc stays before a sheet that stands just
-/// behind it, and hides it as far as it covers.
+/// A pixel beyond a disc's rim has the rim's depth, not that of the plane that goes on: the disc
+/// stays before a sheet that stands just behind it, and hides it as far as it covers.
 #[test]
 fn no_disc_reaches_farther_in_depth_than_its_radius() {
     let lean = 1.45_f64;
     let radius = 0.1;
-    let red = Splat { normal: DVec3::new(lean.sin(), 0.0, -lean.cos()), rgb: [1.0, 0.0, 0.0], ..splat([0.0, 0.0, 2.0], radius) };
-    let behind = Splat { rgb: [0.0, 1.0, 0.0], ..splat([0.0, 0.0, 2.0 + radius * 6.0_f64.sqrt() + 0.02], 3.0) };
+    let red = Splat {
+        normal: DVec3::new(lean.sin(), 0.0, -lean.cos()),
+        rgb: [1.0, 0.0, 0.0],
+        ..splat([0.0, 0.0, 2.0], radius)
+    };
+    let behind = Splat {
+        rgb: [0.0, 1.0, 0.0],
+        ..splat([0.0, 0.0, 2.0 + radius * 6.0_f64.sqrt() + 0.02], 3.0)
+    };
     let picture = |splats: Vec<Splat>| {
         let mut scene = alone(red, 2.0, Filter::SourceEwa);
         scene.splats = splats;
@@ -152,7 +189,12 @@ fn elliptical_is_without_the_low_pass_filter() {
         let file = file(&kernel, &json!({"builtin": "torus-knot", "count": 3000}));
         Scene::load(file.path().to_str().unwrap(), &Default::default()).unwrap()
     };
-    let [elliptical, off, on] = [json!({"filter": "elliptical"}), json!({"low_pass": 0}), json!({"filter": "ewa"})].map(load);
+    let [elliptical, off, on] = [
+        json!({"filter": "elliptical"}),
+        json!({"low_pass": 0}),
+        json!({"filter": "ewa"}),
+    ]
+    .map(load);
     let picture = |scene: &Scene| render(scene, &Default::default()).picture.rgba;
     assert!(picture(&elliptical) == picture(&off) && picture(&off) != picture(&on));
 }
@@ -162,20 +204,51 @@ fn machines_refuse_what_golden_alone_draws_and_what_makes_no_sense_is_refused() 
     let knot = json!({"builtin": "torus-knot", "count": 300});
     let volume = json!({"volume": {"builtin": "nested-shells", "samples": 8}});
     for (kernel, splats, says) in [
-        (json!({"filter": "circular"}), &knot, "kernel.filter is \"circular\", which golden and ideal draw for comparison"),
-        (json!({"filter": "source-ewa"}), &knot, "kernel.filter is \"source-ewa\", which golden and ideal draw for comparison"),
-        (json!({"filter": "elliptical", "low_pass": 1}), &knot, "which has no low-pass filter"),
-        (json!({"filter": "source-ewa"}), &volume, "which is of discs"),
+        (
+            json!({"filter": "circular"}),
+            &knot,
+            "kernel.filter is \"circular\", which golden and ideal draw for comparison",
+        ),
+        (
+            json!({"filter": "source-ewa"}),
+            &knot,
+            "kernel.filter is \"source-ewa\", which golden and ideal draw for comparison",
+        ),
+        (
+            json!({"filter": "elliptical", "low_pass": 1}),
+            &knot,
+            "which has no low-pass filter",
+        ),
+        (
+            json!({"filter": "source-ewa"}),
+            &volume,
+            "which is of discs",
+        ),
         (json!({"filter": "circular"}), &volume, "which is of discs"),
-        (json!({"filter": "round"}), &knot, "it must be one of ewa, elliptical, circular, source-ewa"),
+        (
+            json!({"filter": "round"}),
+            &knot,
+            "it must be one of ewa, elliptical, circular, source-ewa",
+        ),
     ] {
         let file = file(&kernel, splats);
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("out");
-        let output =
-            Command::new(PROGRAM.as_str()).args(["run", file.path().to_str().unwrap(), "--out", out.to_str().unwrap()]).output().unwrap();
+        let output = Command::new(PROGRAM.as_str())
+            .args([
+                "run",
+                file.path().to_str().unwrap(),
+                "--out",
+                out.to_str().unwrap(),
+            ])
+            .output()
+            .unwrap();
         let told = String::from_utf8(output.stderr).unwrap();
-        assert_eq!((output.status.code(), told.lines().count()), (Some(2), 1), "{told}");
+        assert_eq!(
+            (output.status.code(), told.lines().count()),
+            (Some(2), 1),
+            "{told}"
+        );
         assert!(told.contains(says) && !out.exists(), "{told}");
     }
 }

@@ -1,4 +1,5 @@
-//! Does `fixed` draw what `golden` draws? The named machines on the built-in scenes and on real scans, 512×512.
+//! Does `fixed` draw what `golden` draws? The named machines on the built-in scenes and on real
+//! scans, 512×512.
 
 use crate::{shared_input, tier};
 use rtl_model::Machine;
@@ -18,33 +19,61 @@ struct Target {
 }
 
 const TARGETS: [Target; 2] = [
-    Target { machine: "reference", psnr_db: 60.0, pixels_over: 0.01, holds_all: true },
-    Target { machine: "lean", psnr_db: 45.0, pixels_over: 1.0, holds_all: false },
+    Target {
+        machine: "reference",
+        psnr_db: 60.0,
+        pixels_over: 0.01,
+        holds_all: true,
+    },
+    Target {
+        machine: "lean",
+        psnr_db: 45.0,
+        pixels_over: 1.0,
+        holds_all: false,
+    },
 ];
 
-/// Signals that may saturate: a grazing plane's slope has no limit, and the depth clamp rules there (docs/book/algorithm.md §3).
+/// Signals that may saturate: a grazing plane's slope has no limit, and the depth clamp rules there
+/// (docs/book/algorithm.md §3).
 const CLAMPS: [&str; 1] = ["ellipse.depth_slope"];
 
 /// Every target that a machine misses on a scene, a sentence each.
 fn missed(target: &Target, measured: &Metrics, pixels: usize, saturated: &[String]) -> Vec<String> {
     let mut missed = Vec::new();
-    for (name, db) in [("psnr_db", measured.psnr_db), ("psnr_covered_db", measured.psnr_covered_db)] {
+    for (name, db) in [
+        ("psnr_db", measured.psnr_db),
+        ("psnr_covered_db", measured.psnr_covered_db),
+    ] {
         if db.is_some_and(|db| db.is_nan() || db < target.psnr_db) {
             missed.push(format!("{name} {db:?} is below {}", target.psnr_db));
         }
     }
     if measured.pixels_over_1_255 as f64 > target.pixels_over * pixels as f64 {
-        missed.push(format!("{} pixels are off by more than 1/255", measured.pixels_over_1_255));
+        missed.push(format!(
+            "{} pixels are off by more than 1/255",
+            measured.pixels_over_1_255
+        ));
     }
     if target.holds_all {
-        missed.extend(saturated.iter().filter(|name| !CLAMPS.contains(&name.as_str())).map(|name| format!("{name} saturates")));
+        missed.extend(
+            saturated
+                .iter()
+                .filter(|name| !CLAMPS.contains(&name.as_str()))
+                .map(|name| format!("{name} saturates")),
+        );
     }
     missed
 }
 
 /// Draws a scene on every machine, prints a row for each, and fails where one misses its target.
 fn machines_meet_their_targets(name_or_path: &str) {
-    let scene = Scene::load(name_or_path, &Overrides { size: Some((512, 512)) }).unwrap();
+    let scene = Scene::load(
+        name_or_path,
+        &Overrides {
+            size: Some((512, 512)),
+        },
+    )
+    .unwrap();
     let mut sentences = Vec::new();
     for target in &TARGETS {
         let machine = Machine::named(target.machine).unwrap();
@@ -52,7 +81,11 @@ fn machines_meet_their_targets(name_or_path: &str) {
         let quantised = quantise::quantise(&scene, &machine).unwrap();
         let (drawing, ranges, _) = fixed::draw_measured(&elaborated, &quantised);
         let golden = golden::render(&scene, &fixed::rules(&machine));
-        assert!(golden.fragments > 100_000, "{name_or_path}: {} fragments prove little", golden.fragments);
+        assert!(
+            golden.fragments > 100_000,
+            "{name_or_path}: {} fragments prove little",
+            golden.fragments
+        );
         let measured = metrics(&fixed::picture(&elaborated, &drawing), &golden.picture);
         let saturated: Vec<String> = (elaborated.signals.iter().zip(&ranges.0))
             .filter(|(_, range)| range.saturated_low + range.saturated_high > 0)
@@ -68,7 +101,11 @@ fn machines_meet_their_targets(name_or_path: &str) {
             measured.max_error,
         );
         let missed = missed(target, &measured, 512 * 512, &saturated);
-        sentences.extend(missed.into_iter().map(|sentence| format!("{} {}: {sentence}", scene.name, target.machine)));
+        sentences.extend(
+            missed
+                .into_iter()
+                .map(|sentence| format!("{} {}: {sentence}", scene.name, target.machine)),
+        );
     }
     assert!(sentences.is_empty(), "{}", sentences.join("\n"));
 }
@@ -156,9 +193,46 @@ fn a_missed_target_is_noticed() {
         missed(&TARGETS[0], measured, 1000, &saturated).len()
     };
     assert_eq!(told(&good, &["ellipse.depth_slope"]), 0);
-    assert_eq!(told(&Metrics { psnr_db: None, psnr_covered_db: None, ..good }, &[]), 0);
-    assert_eq!(told(&Metrics { psnr_db: Some(59.9), ..good }, &[]), 1);
-    assert_eq!(told(&Metrics { psnr_covered_db: Some(f64::NAN), ..good }, &[]), 1);
-    assert_eq!(told(&Metrics { pixels_over_1_255: 11, ..good }, &[]), 1);
+    assert_eq!(
+        told(
+            &Metrics {
+                psnr_db: None,
+                psnr_covered_db: None,
+                ..good
+            },
+            &[]
+        ),
+        0
+    );
+    assert_eq!(
+        told(
+            &Metrics {
+                psnr_db: Some(59.9),
+                ..good
+            },
+            &[]
+        ),
+        1
+    );
+    assert_eq!(
+        told(
+            &Metrics {
+                psnr_covered_db: Some(f64::NAN),
+                ..good
+            },
+            &[]
+        ),
+        1
+    );
+    assert_eq!(
+        told(
+            &Metrics {
+                pixels_over_1_255: 11,
+                ..good
+            },
+            &[]
+        ),
+        1
+    );
     assert_eq!(told(&good, &["fragment.weight_sum"]), 1);
 }

@@ -1,4 +1,5 @@
-//! Does `golden` draw trained Gaussians as the program that trained them does? The oracle follows Kerbl et al. 2023 and gsplat, in f64.
+//! Does `golden` draw trained Gaussians as the program that trained them does? The oracle follows
+//! Kerbl et al. 2023 and gsplat, in f64.
 
 use std::f64::consts::PI;
 use std::fs;
@@ -11,7 +12,8 @@ use splatsim::scene::{Overrides, Scene};
 
 use crate::shared_input;
 
-/// Channels agree to this; only where a threshold (1/255, 1e-4, r = 2·ln 255) is met within rounding may they differ more. Measured: 1e-13.
+/// Channels agree to this; only where a threshold (1/255, 1e-4, r = 2·ln 255) is met within
+/// rounding may they differ more. Measured: 1e-13.
 const TOLERANCE: f64 = 1e-9;
 /// Pixels at which thresholds may have decided otherwise.
 const HANDFUL: usize = 8;
@@ -33,12 +35,32 @@ struct Gaussian {
 fn read_gaussians(path: &Path) -> Vec<Gaussian> {
     let bytes = fs::read(path).unwrap();
     let end = b"end_header\n";
-    let body = bytes.windows(end.len()).position(|window| window == end).unwrap() + end.len();
+    let body = bytes
+        .windows(end.len())
+        .position(|window| window == end)
+        .unwrap()
+        + end.len();
     let header = std::str::from_utf8(&bytes[..body]).unwrap();
-    let names: Vec<&str> = header.lines().filter_map(|line| line.strip_prefix("property float ")).collect();
-    assert_eq!(names.len(), header.matches("property").count(), "only floats are known here");
-    let floats: Vec<f64> = bytes[body..].as_chunks::<4>().0.iter().map(|four| f32::from_le_bytes(*four).into()).collect();
-    let rest = names.iter().filter(|name| name.starts_with("f_rest_")).count() / 3;
+    let names: Vec<&str> = header
+        .lines()
+        .filter_map(|line| line.strip_prefix("property float "))
+        .collect();
+    assert_eq!(
+        names.len(),
+        header.matches("property").count(),
+        "only floats are known here"
+    );
+    let floats: Vec<f64> = bytes[body..]
+        .as_chunks::<4>()
+        .0
+        .iter()
+        .map(|four| f32::from_le_bytes(*four).into())
+        .collect();
+    let rest = names
+        .iter()
+        .filter(|name| name.starts_with("f_rest_"))
+        .count()
+        / 3;
     let column = |name: String| names.iter().position(|&own| own == name).unwrap();
     let row = |row: &[f64]| {
         let of = |name: &str| row[column(name.into())];
@@ -60,7 +82,8 @@ fn read_gaussians(path: &Path) -> Vec<Gaussian> {
 
 // ---- colour ----
 
-/// Real spherical harmonics of all degrees up to this one, with the Condon-Shortley phase, from the recurrences of Legendre's functions.
+/// Real spherical harmonics of all degrees up to this one, with the Condon-Shortley phase, from the
+/// recurrences of Legendre's functions.
 fn basis(degree: usize, direction: DVec3) -> Vec<f64> {
     let (cosine, sine) = (direction.z, direction.x.hypot(direction.y));
     let azimuth = direction.y.atan2(direction.x);
@@ -87,7 +110,8 @@ fn legendre(l: usize, m: usize, cosine: f64, sine: f64) -> f64 {
     let start: f64 = (0..m).map(|i| -((2 * i + 1) as f64) * sine).product();
     let (mut before, mut this) = (0.0, start);
     for n in m + 1..=l {
-        let next = ((2 * n - 1) as f64 * cosine * this - (n + m - 1) as f64 * before) / (n - m) as f64;
+        let next =
+            ((2 * n - 1) as f64 * cosine * this - (n + m - 1) as f64 * before) / (n - m) as f64;
         (before, this) = (this, next);
     }
     this
@@ -95,9 +119,18 @@ fn legendre(l: usize, m: usize, cosine: f64, sine: f64) -> f64 {
 
 fn colour(gaussian: &Gaussian, eye: DVec3) -> DVec3 {
     let coefficients = gaussian.harmonics[0].len();
-    let basis = basis(coefficients.isqrt() - 1, (gaussian.position - eye).normalize());
+    let basis = basis(
+        coefficients.isqrt() - 1,
+        (gaussian.position - eye).normalize(),
+    );
     assert_eq!(basis.len(), coefficients);
-    let channel = |c: usize| -> f64 { basis.iter().zip(&gaussian.harmonics[c]).map(|(b, f)| b * f).sum() };
+    let channel = |c: usize| -> f64 {
+        basis
+            .iter()
+            .zip(&gaussian.harmonics[c])
+            .map(|(b, f)| b * f)
+            .sum()
+    };
     (DVec3::new(channel(0), channel(1), channel(2)) + 0.5).max(DVec3::ZERO)
 }
 
@@ -113,8 +146,8 @@ struct View {
     width: usize,
     height: usize,
     background: [f64; 4],
-    /// Gaussians whose centres lie farther to the side than this, in half pictures, are not drawn; none where the file does not say it,
-    /// and the oracle, like its models, draws them all.
+    /// Gaussians whose centres lie farther to the side than this, in half pictures, are not drawn;
+    /// none where the file does not say it, and the oracle, like its models, draws them all.
     guard: Option<f64>,
     /// Focal lengths and principal point, pixels; none where the angle of view says both.
     lens: Option<[[f64; 2]; 2]>,
@@ -137,11 +170,14 @@ impl View {
     /// Focal lengths and principal point.
     fn lens(&self) -> [[f64; 2]; 2] {
         let focal = self.half().1 / (self.fov_y_degrees.to_radians() / 2.0).tan();
-        self.lens.unwrap_or([[focal; 2], [self.half().0, self.half().1]])
+        self.lens
+            .unwrap_or([[focal; 2], [self.half().0, self.half().1]])
     }
 
     fn scene(&self, file: &Path) -> Value {
-        let mut kernel = self.guard.map_or(json!({}), |guard| json!({"guard": guard}));
+        let mut kernel = self
+            .guard
+            .map_or(json!({}), |guard| json!({"guard": guard}));
         if self.compensated {
             kernel["compensate_opacity"] = json!(true);
         }
@@ -157,7 +193,10 @@ impl View {
             "image": {"width": self.width, "height": self.height, "background": self.background},
         });
         match self.lens {
-            Some([focal, centre]) => (scene["camera"]["focal_px"], scene["camera"]["centre_px"]) = (json!(focal), json!(centre)),
+            Some([focal, centre]) => {
+                (scene["camera"]["focal_px"], scene["camera"]["centre_px"]) =
+                    (json!(focal), json!(centre))
+            }
             None => scene["camera"]["fov_y_degrees"] = json!(self.fov_y_degrees),
         }
         scene
@@ -177,12 +216,29 @@ struct Ellipse {
 }
 
 fn world_covariance(gaussian: &Gaussian) -> DMat3 {
-    let length = gaussian.quaternion.iter().map(|q| q * q).sum::<f64>().sqrt();
+    let length = gaussian
+        .quaternion
+        .iter()
+        .map(|q| q * q)
+        .sum::<f64>()
+        .sqrt();
     let [w, x, y, z] = gaussian.quaternion.map(|q| q / length);
     let rotation = DMat3::from_cols(
-        DVec3::new(1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y)),
-        DVec3::new(2.0 * (x * y - w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + w * x)),
-        DVec3::new(2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)),
+        DVec3::new(
+            1.0 - 2.0 * (y * y + z * z),
+            2.0 * (x * y + w * z),
+            2.0 * (x * z - w * y),
+        ),
+        DVec3::new(
+            2.0 * (x * y - w * z),
+            1.0 - 2.0 * (x * x + z * z),
+            2.0 * (y * z + w * x),
+        ),
+        DVec3::new(
+            2.0 * (x * z + w * y),
+            2.0 * (y * z - w * x),
+            1.0 - 2.0 * (x * x + y * y),
+        ),
     );
     let scales = DVec3::from_array(gaussian.log_scale.to_array().map(f64::exp));
     rotation * DMat3::from_diagonal(scales * scales) * rotation.transpose()
@@ -191,7 +247,10 @@ fn world_covariance(gaussian: &Gaussian) -> DMat3 {
 fn project(gaussian: &Gaussian, view: &View) -> Option<Ellipse> {
     let (rotation, [[fx, fy], [cx, cy]]) = (view.rotation(), view.lens());
     // Half a picture is what lies to the farther side of the principal point.
-    let (half_x, half_y) = (cx.max(view.width as f64 - cx), cy.max(view.height as f64 - cy));
+    let (half_x, half_y) = (
+        cx.max(view.width as f64 - cx),
+        cy.max(view.height as f64 - cy),
+    );
     let t = rotation * (gaussian.position - view.eye);
     if t.z <= view.near {
         return None;
@@ -211,7 +270,11 @@ fn project(gaussian: &Gaussian, view: &View) -> Option<Ellipse> {
     let yy = along.dot(covariance * along) + 0.3;
     let determinant = xx * yy - xy * xy;
     let unfiltered = (xx - 0.3) * (yy - 0.3) - xy * xy;
-    let compensation = if view.compensated { (unfiltered.max(0.0) / determinant).sqrt() } else { 1.0 };
+    let compensation = if view.compensated {
+        (unfiltered.max(0.0) / determinant).sqrt()
+    } else {
+        1.0
+    };
     let middle = (xx + yy) / 2.0;
     let longest = middle + (middle * middle - determinant).max(0.0).sqrt();
     Some(Ellipse {
@@ -226,9 +289,19 @@ fn project(gaussian: &Gaussian, view: &View) -> Option<Ellipse> {
 
 /// Premultiplied, over the background, row 0 on top.
 fn draw(gaussians: &[Gaussian], view: &View) -> Vec<[f64; 4]> {
-    let mut ellipses: Vec<Ellipse> = gaussians.iter().filter_map(|gaussian| project(gaussian, view)).collect();
+    let mut ellipses: Vec<Ellipse> = gaussians
+        .iter()
+        .filter_map(|gaussian| project(gaussian, view))
+        .collect();
     ellipses.sort_by(|a, b| a.depth.total_cmp(&b.depth));
-    let mut pixels = vec![Pixel { light: DVec3::ZERO, passes: 1.0, done: false }; view.width * view.height];
+    let mut pixels = vec![
+        Pixel {
+            light: DVec3::ZERO,
+            passes: 1.0,
+            done: false
+        };
+        view.width * view.height
+    ];
     let pixels_within = |centre: f64, reach: f64, end: usize| {
         let clipped = |place: f64| place.clamp(0.0, end as f64) as usize;
         clipped((centre - reach).floor())..clipped((centre + reach).ceil())
@@ -244,7 +317,12 @@ fn draw(gaussians: &[Gaussian], view: &View) -> Vec<[f64; 4]> {
     let behind = DVec3::new(r, g, b) * alpha;
     let finished = |pixel: &Pixel| {
         let rgb = pixel.light + behind * pixel.passes;
-        [rgb.x, rgb.y, rgb.z, 1.0 - pixel.passes + alpha * pixel.passes]
+        [
+            rgb.x,
+            rgb.y,
+            rgb.z,
+            1.0 - pixel.passes + alpha * pixel.passes,
+        ]
     };
     pixels.iter().map(finished).collect()
 }
@@ -294,20 +372,40 @@ fn agree(what: &str, file: &Path, view: &View) {
     let oracle = draw(&read_gaussians(&file), view);
     let golden = golden(&file, view);
     let seen = oracle.iter().filter(|&&pixel| pixel != oracle[0]).count();
-    let apart = |(a, b): (&[f64; 4], &[f64; 4])| a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+    let apart = |(a, b): (&[f64; 4], &[f64; 4])| {
+        a.iter()
+            .zip(b)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max)
+    };
     let differences: Vec<f64> = oracle.iter().zip(&golden).map(apart).collect();
-    let (worst, most) = differences.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).unwrap();
-    let differ = differences.iter().filter(|&&difference| difference.is_nan() || difference > TOLERANCE).count();
+    let (worst, most) = differences
+        .iter()
+        .enumerate()
+        .max_by(|a, b| a.1.total_cmp(b.1))
+        .unwrap();
+    let differ = differences
+        .iter()
+        .filter(|&&difference| difference.is_nan() || difference > TOLERANCE)
+        .count();
     let (x, y) = (worst % view.width, worst / view.width);
-    println!("{what}: {differ} pixels differ, by {most:.3e} at most, at {x},{y}: {:?} here, {:?} there", oracle[worst], golden[worst]);
+    println!(
+        "{what}: {differ} pixels differ, by {most:.3e} at most, at {x},{y}: {:?} here, {:?} there",
+        oracle[worst], golden[worst]
+    );
     assert_eq!(oracle.len(), golden.len());
-    assert!(seen > 50, "{what}: hardly anything to compare, {seen} pixels");
+    assert!(
+        seen > 50,
+        "{what}: hardly anything to compare, {seen} pixels"
+    );
     assert!(differ <= HANDFUL, "{what}: {differ} pixels differ");
 }
 
 #[test]
 fn a_trained_guitar_is_drawn_as_its_trainer_draws_it() {
-    let Some(file) = shared_input::find("splats3d/guitar_expanded.ply") else { return };
+    let Some(file) = shared_input::find("splats3d/guitar_expanded.ply") else {
+        return;
+    };
     let whole = View {
         eye: DVec3::new(1.5, -3.0, 6.5),
         target: DVec3::new(0.1, -2.1, 0.2),
@@ -335,9 +433,15 @@ fn a_trained_guitar_is_drawn_as_its_trainer_draws_it() {
 
 #[test]
 fn colours_of_the_third_degree_depend_on_the_eye_as_in_training() {
-    let Some(file) = shared_input::find("splats3d/train_3points.ply") else { return };
+    let Some(file) = shared_input::find("splats3d/train_3points.ply") else {
+        return;
+    };
     for (i, gaussian) in read_gaussians(&file).iter().enumerate() {
-        let way = [DVec3::new(0.1, 0.05, -0.08), DVec3::new(-0.02, 0.13, 0.03), DVec3::new(0.0, -0.1, 0.12)][i];
+        let way = [
+            DVec3::new(0.1, 0.05, -0.08),
+            DVec3::new(-0.02, 0.13, 0.03),
+            DVec3::new(0.0, -0.1, 0.12),
+        ][i];
         let view = View {
             eye: gaussian.position + way,
             target: gaussian.position,
@@ -373,7 +477,8 @@ impl Random {
         [(); 3].map(|()| self.within(low, high))
     }
 
-    /// Logarithms of standard deviations: ordinary ones, huge ones, tiny ones, needles and flakes by turns.
+    /// Logarithms of standard deviations: ordinary ones, huge ones, tiny ones, needles and flakes
+    /// by turns.
     fn log_scale(&mut self, index: usize) -> [f64; 3] {
         let [long, thin] = [self.within(-2.0, 0.7), self.within(-14.0, -8.0)];
         match index % 5 {
@@ -386,16 +491,29 @@ impl Random {
     }
 }
 
-/// 300 Gaussians about the origin, as far as 4 from it along each axis; every seventh lies where the one before it does, so that their
-/// depths are equal. The columns are not in the usual order.
+/// 300 Gaussians about the origin, as far as 4 from it along each axis; every seventh lies where
+/// the one before it does, so that their depths are equal. The columns are not in the usual order.
 fn write_random(path: &Path, seed: u64, degree: usize) {
     let mut random = Random(seed);
     let rest = 3 * ((degree + 1) * (degree + 1) - 1);
-    let mut names: Vec<String> = ["opacity", "rot_0", "rot_1", "rot_2", "rot_3", "x", "y", "z"].map(String::from).into();
+    let mut names: Vec<String> = ["opacity", "rot_0", "rot_1", "rot_2", "rot_3", "x", "y", "z"]
+        .map(String::from)
+        .into();
     names.extend((0..rest).map(|i| format!("f_rest_{i}")));
-    names.extend(["scale_0", "scale_1", "scale_2", "f_dc_0", "f_dc_1", "f_dc_2"].map(String::from));
-    let properties: String = names.iter().map(|name| format!("property float {name}\n")).collect();
-    let mut bytes = format!("ply\nformat binary_little_endian 1.0\nelement vertex 300\n{properties}end_header\n").into_bytes();
+    names.extend(
+        [
+            "scale_0", "scale_1", "scale_2", "f_dc_0", "f_dc_1", "f_dc_2",
+        ]
+        .map(String::from),
+    );
+    let properties: String = names
+        .iter()
+        .map(|name| format!("property float {name}\n"))
+        .collect();
+    let mut bytes = format!(
+        "ply\nformat binary_little_endian 1.0\nelement vertex 300\n{properties}end_header\n"
+    )
+    .into_bytes();
     let mut position = [0.0; 3];
     for index in 0..300 {
         if index % 7 != 6 {
@@ -432,8 +550,19 @@ fn needles_flakes_and_giants_are_drawn_as_gsplat_draws_them() {
             compensated: false,
         };
         agree(&format!("among, degree {degree}"), &file, &among);
-        let outside = View { eye: DVec3::new(9.0, 3.0, -8.0), width: 160, ..among };
-        agree(&format!("guarded, degree {degree}"), &file, &View { guard: Some(8.0), ..among });
+        let outside = View {
+            eye: DVec3::new(9.0, 3.0, -8.0),
+            width: 160,
+            ..among
+        };
+        agree(
+            &format!("guarded, degree {degree}"),
+            &file,
+            &View {
+                guard: Some(8.0),
+                ..among
+            },
+        );
         agree(&format!("outside, degree {degree}"), &file, &outside);
     }
 }
@@ -456,11 +585,36 @@ fn any_lens_and_compensated_opacities_are_drawn_as_gsplat_draws_them() {
         lens: None,
         compensated: false,
     };
-    let lens = |focal: [f64; 2], centre: [f64; 2]| View { lens: Some([focal, centre]), ..usual };
+    let lens = |focal: [f64; 2], centre: [f64; 2]| View {
+        lens: Some([focal, centre]),
+        ..usual
+    };
     agree("wide pixels", &file, &lens([180.0, 240.0], [128.0, 100.0]));
     agree("high pixels", &file, &lens([240.0, 150.0], [128.0, 100.0]));
-    agree("off the middle", &file, &lens([200.0, 200.0], [90.5, 130.25]));
-    agree("a crop, whose axis is beside the picture", &file, &lens([210.0, 190.0], [-40.0, 250.0]));
-    agree("compensated", &file, &View { compensated: true, ..usual });
-    agree("compensated, any lens", &file, &View { compensated: true, ..lens([170.0, 240.0], [100.0, 120.0]) });
+    agree(
+        "off the middle",
+        &file,
+        &lens([200.0, 200.0], [90.5, 130.25]),
+    );
+    agree(
+        "a crop, whose axis is beside the picture",
+        &file,
+        &lens([210.0, 190.0], [-40.0, 250.0]),
+    );
+    agree(
+        "compensated",
+        &file,
+        &View {
+            compensated: true,
+            ..usual
+        },
+    );
+    agree(
+        "compensated, any lens",
+        &file,
+        &View {
+            compensated: true,
+            ..lens([170.0, 240.0], [100.0, 120.0])
+        },
+    );
 }

@@ -1,5 +1,5 @@
-//! Does `golden` do what an independent program measured on the check scene (docs/book/algorithm.md §6,
-//! docs/book/algorithm-resolve.md §10)?
+//! Does `golden` do what an independent program measured on the check scene (docs/book/algorithm.md
+//! §6, docs/book/algorithm-resolve.md §10)?
 
 use crate::tier::{self, Tier};
 use std::f64::consts::PI;
@@ -12,7 +12,8 @@ use splatsim::scene::{Camera, Filter, Image, Kernel, Light, Material, Scene, Spl
 const UNLIT: u32 = 0;
 const GLOSSY: u32 = 1;
 
-/// `glass-spheres`, built from docs/book/algorithm-resolve.md §10 alone: a second construction beside the built-in one.
+/// `glass-spheres`, built from docs/book/algorithm-resolve.md §10 alone: a second construction
+/// beside the built-in one.
 pub fn glass_spheres() -> Scene {
     let mut splats = floor(400);
     splats.extend(sphere(60_000, [0.0, 0.0, 0.0], 1.0, [0.9, 0.2, 0.1], 0.5));
@@ -31,14 +32,41 @@ pub fn glass_spheres() -> Scene {
             centre_px: None,
             picture_px: None,
         },
-        image: Image { width: 512, height: 512, background: [1.0; 4], encoded: false },
-        kernel: Kernel { cutoff: 2.0, low_pass: 1.0, guard: 1.5, jacobian: 1.3, filter: Filter::Ewa, compensate_opacity: false },
+        image: Image {
+            width: 512,
+            height: 512,
+            background: [1.0; 4],
+            encoded: false,
+        },
+        kernel: Kernel {
+            cutoff: 2.0,
+            low_pass: 1.0,
+            guard: 1.5,
+            jacobian: 1.3,
+            filter: Filter::Ewa,
+            compensate_opacity: false,
+        },
         ellipsoids: None,
         sheets: None,
-        surface: Surface { z_threshold: 0.06, coverage_threshold: 0.4, cull_backfaces: false },
-        lights: vec![Light { direction: DVec3::new(0.4, 0.8, 0.5).normalize(), rgb: [1.0; 3] }],
+        surface: Surface {
+            z_threshold: 0.06,
+            coverage_threshold: 0.4,
+            cull_backfaces: false,
+        },
+        lights: vec![Light {
+            direction: DVec3::new(0.4, 0.8, 0.5).normalize(),
+            rgb: [1.0; 3],
+        }],
         environment: None,
-        materials: vec![Material::Unlit, Material::BlinnPhong { ambient: 0.15, diffuse: 0.8, specular: 0.3, shininess: 32.0 }],
+        materials: vec![
+            Material::Unlit,
+            Material::BlinnPhong {
+                ambient: 0.15,
+                diffuse: 0.8,
+                specular: 0.3,
+                shininess: 32.0,
+            },
+        ],
         detail: None,
         notes: Vec::new(),
     }
@@ -50,9 +78,20 @@ fn floor(side: usize) -> Vec<Splat> {
     let splat = |index: usize| {
         let (x, z) = (centre(index % side), centre(index / side));
         let odd = ((2.0 * x).floor() + (2.0 * z).floor()) as i64 & 1 == 1;
-        let rgb = if odd { [0.9, 0.9, 0.9] } else { [0.1, 0.1, 0.3] };
+        let rgb = if odd {
+            [0.9, 0.9, 0.9]
+        } else {
+            [0.1, 0.1, 0.3]
+        };
         let position = DVec3::new(x, -1.0, z);
-        Splat { position, normal: DVec3::Y, radius: spacing, rgb, opacity: 1.0, material: UNLIT }
+        Splat {
+            position,
+            normal: DVec3::Y,
+            radius: spacing,
+            rgb,
+            opacity: 1.0,
+            material: UNLIT,
+        }
     };
     (0..side * side).map(splat).collect()
 }
@@ -66,16 +105,27 @@ fn sphere(count: usize, centre: [f64; 3], radius: f64, rgb: [f64; 3], opacity: f
         let (ring, z) = (libm::sin(polar), libm::cos(polar));
         let normal = DVec3::new(ring * libm::cos(azimuth), ring * libm::sin(azimuth), z);
         let position = DVec3::from_array(centre) + normal * radius;
-        Splat { position, normal, radius: spacing, rgb, opacity, material: GLOSSY }
+        Splat {
+            position,
+            normal,
+            radius: spacing,
+            rgb,
+            opacity,
+            material: GLOSSY,
+        }
     };
     (0..count).map(splat).collect()
 }
 
-/// The order behind the table's random rows, `numpy.random.default_rng(1).permutation(n)`. Found by trial: of sixteen shuffles
-/// this one gives every entry. They differ by up to 1.6 dB at l = 8 and by 2 % in merges, so another order would prove little.
+/// The order behind the table's random rows, `numpy.random.default_rng(1).permutation(n)`. Found by
+/// trial: of sixteen shuffles this one gives every entry. They differ by up to 1.6 dB at l = 8 and
+/// by 2 % in merges, so another order would prove little.
 pub fn permutation(count: usize) -> Vec<usize> {
     let mut order: Vec<usize> = (0..count).collect();
-    let mut generator = Pcg64 { state: 207833532711051698738587646355624148094, half: None };
+    let mut generator = Pcg64 {
+        state: 207833532711051698738587646355624148094,
+        half: None,
+    };
     for last in (1..count).rev() {
         order.swap(last, generator.at_most(last as u32) as usize);
     }
@@ -95,7 +145,10 @@ impl Pcg64 {
             return half;
         }
         let increment = 194290289479364712180083596243593368443;
-        self.state = self.state.wrapping_mul(0x2360_ed05_1fc6_5da4_4385_df64_9fcc_f645).wrapping_add(increment);
+        self.state = self
+            .state
+            .wrapping_mul(0x2360_ed05_1fc6_5da4_4385_df64_9fcc_f645)
+            .wrapping_add(increment);
         let folded = (self.state >> 64) as u64 ^ self.state as u64;
         let output = folded.rotate_right((self.state >> 122) as u32);
         self.half = Some((output >> 32) as u32);
@@ -117,17 +170,30 @@ impl Pcg64 {
 #[test]
 fn the_permutation_is_the_one_that_numpy_makes() {
     assert_eq!(permutation(10), [8, 4, 7, 0, 1, 2, 5, 9, 6, 3]);
-    assert_eq!(permutation(280_000)[..5], [30606, 58677, 261770, 188319, 240407]);
+    assert_eq!(
+        permutation(280_000)[..5],
+        [30606, 58677, 261770, 188319, 240407]
+    );
 }
 
 fn rules(layers: usize, merge: Merge, evict_hidden: bool) -> Rules {
-    Rules { layers, merge, evict_hidden, turn_normals: false, ..Rules::default() }
+    Rules {
+        layers,
+        merge,
+        evict_hidden,
+        turn_normals: false,
+        ..Rules::default()
+    }
 }
 
 /// One row of docs/book/algorithm.md §6's table: dB and thousands of merges for the three rules.
 type Row = (usize, [(f64, u64); 3]);
 
-const RULES: [(Merge, bool); 3] = [(Merge::NearestPair, false), (Merge::FarthestPair, false), (Merge::FarthestPair, true)];
+const RULES: [(Merge, bool); 3] = [
+    (Merge::NearestPair, false),
+    (Merge::FarthestPair, false),
+    (Merge::FarthestPair, true),
+];
 
 /// Prints what was measured; says whether all of it is as in the table.
 fn matches_the_table(scene: &Scene, ideal: &Rendering, rows: &[Row]) -> bool {
@@ -135,11 +201,15 @@ fn matches_the_table(scene: &Scene, ideal: &Rendering, rows: &[Row]) -> bool {
     for (layers, expected) in rows {
         for ((merge, evict_hidden), (db, thousands)) in RULES.into_iter().zip(expected) {
             let golden = render(scene, &rules(*layers, merge, evict_hidden));
-            let psnr = metrics(&golden.picture, &ideal.picture).psnr_db.unwrap_or(f64::INFINITY);
+            let psnr = metrics(&golden.picture, &ideal.picture)
+                .psnr_db
+                .unwrap_or(f64::INFINITY);
             // The table cuts where it might round: 391,754 merges are 391 thousand.
             let merged = golden.outcomes.merged / 1000;
             let fits = (psnr - db).abs() <= 0.3 && merged == *thousands;
-            println!("l = {layers} {merge:?} evict {evict_hidden}: {psnr:.2} dB of {db}, {merged} k merges of {thousands}");
+            println!(
+                "l = {layers} {merge:?} evict {evict_hidden}: {psnr:.2} dB of {db}, {merged} k merges of {thousands}"
+            );
             all &= fits;
         }
     }
@@ -168,7 +238,10 @@ fn the_table_of_the_check_scene_in_random_order() {
         return;
     }
     let mut scene = glass_spheres();
-    scene.splats = permutation(scene.splats.len()).into_iter().map(|index| scene.splats[index]).collect();
+    scene.splats = permutation(scene.splats.len())
+        .into_iter()
+        .map(|index| scene.splats[index])
+        .collect();
     let ideal = ideal_of(&scene, false);
     let rows: [Row; 3] = [
         (3, [(31.1, 885), (40.5, 877), (40.5, 778)]),
@@ -182,9 +255,17 @@ fn the_table_of_the_check_scene_in_random_order() {
 fn the_counts_of_the_check_scene() {
     let scene = glass_spheres();
     let golden = render(&scene, &rules(3, Merge::FarthestPair, false));
-    let Outcomes { accumulated, inserted, merged, .. } = golden.outcomes;
+    let Outcomes {
+        accumulated,
+        inserted,
+        merged,
+        ..
+    } = golden.outcomes;
     println!("{:?}", golden.outcomes);
     assert_eq!(golden.fragments, 4_213_680);
-    assert_eq!((accumulated, inserted, merged), (3_453_192, 368_734, 391_754));
+    assert_eq!(
+        (accumulated, inserted, merged),
+        (3_453_192, 368_734, 391_754)
+    );
     assert_eq!(ideal(&scene).outcomes.most_surfaces_in_a_pixel, 11);
 }

@@ -1,4 +1,5 @@
-//! Does the rule `window` do what an independent program measured, and does it keep its laws (docs/book/algorithm-resolve.md §11)?
+//! Does the rule `window` do what an independent program measured, and does it keep its laws
+//! (docs/book/algorithm-resolve.md §11)?
 
 use crate::golden_match::{glass_spheres, permutation};
 use crate::handmade::{Rng, confetti, glass, scene, splat};
@@ -9,20 +10,36 @@ use splatsim::golden::{Group, Merge, Rendering, Rules, WindowOptions, ideal, ide
 use splatsim::scene::{Overrides, Scene, Splat};
 
 fn window(layers: usize) -> Rules {
-    Rules { layers, group: Group::Window, merge: Merge::Window, ..Rules::default() }
+    Rules {
+        layers,
+        group: Group::Window,
+        merge: Merge::Window,
+        ..Rules::default()
+    }
 }
 
 /// The simpler cousin: fragments as wide as ε, none summed.
 fn intervals(layers: usize) -> Rules {
-    Rules { group: Group::Interval, ..window(layers) }
+    Rules {
+        group: Group::Interval,
+        ..window(layers)
+    }
 }
 
 fn unturned(rules: Rules) -> Rules {
-    Rules { turn_normals: false, ..rules }
+    Rules {
+        turn_normals: false,
+        ..rules
+    }
 }
 
 fn greatest_difference(a: &Rendering, b: &Rendering) -> f64 {
-    let pairs = a.picture.rgba.as_flattened().iter().zip(b.picture.rgba.as_flattened());
+    let pairs = a
+        .picture
+        .rgba
+        .as_flattened()
+        .iter()
+        .zip(b.picture.rgba.as_flattened());
     pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
@@ -34,10 +51,20 @@ fn agree(scene: &Scene, rows: &[(Rules, f64)]) -> bool {
     let mut all = true;
     for (rules, published) in rows {
         let golden = render(scene, rules);
-        let db = metrics(&golden.picture, &ideals[usize::from(rules.turn_normals)]).psnr_db.unwrap_or(f64::INFINITY);
-        let [merged, summed] = [golden.outcomes.merged, golden.outcomes.summed].map(|count| count / 1000);
-        let (layers, group, join, turned) = (rules.layers, rules.group, rules.window.join, rules.turn_normals);
-        println!("l = {layers} {group:?} join {join} turned {turned}: {db:.2} dB of {published}, {merged} k merged, {summed} k summed");
+        let db = metrics(&golden.picture, &ideals[usize::from(rules.turn_normals)])
+            .psnr_db
+            .unwrap_or(f64::INFINITY);
+        let [merged, summed] =
+            [golden.outcomes.merged, golden.outcomes.summed].map(|count| count / 1000);
+        let (layers, group, join, turned) = (
+            rules.layers,
+            rules.group,
+            rules.window.join,
+            rules.turn_normals,
+        );
+        println!(
+            "l = {layers} {group:?} join {join} turned {turned}: {db:.2} dB of {published}, {merged} k merged, {summed} k summed"
+        );
         all &= (db - published).abs() <= 0.3;
     }
     all
@@ -48,7 +75,13 @@ fn the_figures_of_the_check_scene_in_surface_order() {
     if !tier::runs(Tier::Ci) {
         return;
     }
-    let join = |rules| Rules { window: WindowOptions { join: 0.1, ..WindowOptions::default() }, ..rules };
+    let join = |rules| Rules {
+        window: WindowOptions {
+            join: 0.1,
+            ..WindowOptions::default()
+        },
+        ..rules
+    };
     let plain = |layers| unturned(window(layers));
     let rows = [
         (plain(2), 40.6),
@@ -69,9 +102,18 @@ fn the_figures_of_the_check_scene_in_random_order() {
         return;
     }
     let mut scene = glass_spheres();
-    scene.splats = permutation(scene.splats.len()).into_iter().map(|index| scene.splats[index]).collect();
+    scene.splats = permutation(scene.splats.len())
+        .into_iter()
+        .map(|index| scene.splats[index])
+        .collect();
     let plain = |layers| unturned(window(layers));
-    let rows = [(plain(2), 41.5), (plain(3), 47.2), (plain(4), 52.1), (window(4), 51.7), (intervals(3), 46.1)];
+    let rows = [
+        (plain(2), 41.5),
+        (plain(3), 47.2),
+        (plain(4), 52.1),
+        (window(4), 51.7),
+        (intervals(3), 46.1),
+    ];
     assert!(agree(&scene, &rows));
 }
 
@@ -80,10 +122,18 @@ fn the_figures_of_the_dragon() {
     if !tier::runs(Tier::Ci) {
         return;
     }
-    let Some(path) = shared_input::find("scenes/dragon.json") else { return };
+    let Some(path) = shared_input::find("scenes/dragon.json") else {
+        return;
+    };
     let scene = Scene::load(path.to_str().unwrap(), &Overrides::default()).unwrap();
     let plain = |layers| unturned(window(layers));
-    let rows = [(plain(2), 41.5), (plain(3), 47.1), (plain(4), 49.5), (window(4), 51.1), (intervals(3), 42.8)];
+    let rows = [
+        (plain(2), 41.5),
+        (plain(3), 47.1),
+        (plain(4), 49.5),
+        (window(4), 51.1),
+        (intervals(3), 42.8),
+    ];
     assert!(agree(&scene, &rows));
 }
 
@@ -92,9 +142,27 @@ fn merges_of_the_check_scene_become_sums() {
     let scene = glass_spheres();
     let golden = render(&scene, &unturned(window(3)));
     println!("{:?}", golden.outcomes);
-    assert_eq!([golden.outcomes.merged, golden.outcomes.summed].map(|count| count / 1000), [47, 1295]);
-    let join = WindowOptions { join: 0.1, ..WindowOptions::default() };
-    assert_eq!(render(&scene, &Rules { window: join, ..unturned(window(3)) }).outcomes.summed / 1000, 303);
+    assert_eq!(
+        [golden.outcomes.merged, golden.outcomes.summed].map(|count| count / 1000),
+        [47, 1295]
+    );
+    let join = WindowOptions {
+        join: 0.1,
+        ..WindowOptions::default()
+    };
+    assert_eq!(
+        render(
+            &scene,
+            &Rules {
+                window: join,
+                ..unturned(window(3))
+            }
+        )
+        .outcomes
+        .summed
+            / 1000,
+        303
+    );
 }
 
 // --- Laws ---
@@ -107,8 +175,14 @@ fn windows_equal_ideal_where_every_surface_has_a_slot() {
         assert_eq!(ideal.outcomes.most_surfaces_in_a_pixel, sheets as u64);
         for layers in sheets..=8 {
             let golden = render(&scene, &window(layers));
-            assert!(greatest_difference(&golden, &ideal) < 1e-12, "{sheets} sheets, l = {layers}");
-            assert_eq!(golden.outcomes.merged + golden.outcomes.late + golden.outcomes.inside, 0);
+            assert!(
+                greatest_difference(&golden, &ideal) < 1e-12,
+                "{sheets} sheets, l = {layers}"
+            );
+            assert_eq!(
+                golden.outcomes.merged + golden.outcomes.late + golden.outcomes.inside,
+                0
+            );
         }
     }
     let scene = glass(5, 5);
@@ -129,11 +203,21 @@ fn the_order_of_arrival_is_nothing_where_every_surface_has_a_slot() {
 #[test]
 fn one_splat_none_and_all_at_one_depth_are_ideal() {
     let mut rng = Rng(3);
-    let wall = (0..200).map(|_| Splat { opacity: rng.roll(), ..splat([rng.within(0.6), rng.within(0.4), 1.0], 0.05) });
-    for splats in [Vec::new(), vec![splat([0.0, 0.0, 1.0], 0.1)], wall.collect()] {
+    let wall = (0..200).map(|_| Splat {
+        opacity: rng.roll(),
+        ..splat([rng.within(0.6), rng.within(0.4), 1.0], 0.05)
+    });
+    for splats in [
+        Vec::new(),
+        vec![splat([0.0, 0.0, 1.0], 0.1)],
+        wall.collect(),
+    ] {
         let scene = scene(40, 24, 40.0, splats);
         let ideal = ideal(&scene);
-        for rules in [1, 2, 8].into_iter().flat_map(|layers| [window(layers), intervals(layers)]) {
+        for rules in [1, 2, 8]
+            .into_iter()
+            .flat_map(|layers| [window(layers), intervals(layers)])
+        {
             let golden = render(&scene, &rules);
             assert!(greatest_difference(&golden, &ideal) < 1e-12, "{rules:?}");
             assert_eq!(golden.outcomes.merged + golden.outcomes.summed, 0);
@@ -141,32 +225,69 @@ fn one_splat_none_and_all_at_one_depth_are_ideal() {
     }
 }
 
-/// Fragments that span what lies within ε: enough of them are as good as the paper's, whatever comes first.
+/// Fragments that span what lies within ε: enough of them are as good as the paper's, whatever
+/// comes first.
 #[test]
 fn intervals_go_with_the_paper_s_merges() {
     let scene = glass(5, 4);
     let ideal = ideal(&scene);
     for merge in [Merge::NearestPair, Merge::FarthestPair] {
-        let rules = |layers| Rules { layers, merge, group: Group::Interval, evict_hidden: false, ..Rules::default() };
+        let rules = |layers| Rules {
+            layers,
+            merge,
+            group: Group::Interval,
+            evict_hidden: false,
+            ..Rules::default()
+        };
         assert!(greatest_difference(&render(&scene, &rules(5)), &ideal) < 1e-12);
         assert!(render(&scene, &rules(4)).outcomes.merged > 0);
     }
     // Within ε of the first, but not of each other: two intervals where the paper has one fragment.
     let near = scene.surface.z_threshold * 0.75;
-    let splats = [1.0, 1.0 - near, 1.0 + near].map(|z| splat([0.0, 0.0, z], 1.0)).to_vec();
+    let splats = [1.0, 1.0 - near, 1.0 + near]
+        .map(|z| splat([0.0, 0.0, z], 1.0))
+        .to_vec();
     let scene = self::scene(3, 3, 10.0, splats);
-    let inserted = |group| render(&scene, &Rules { group, ..Rules::default() }).outcomes.inserted;
+    let inserted = |group| {
+        render(
+            &scene,
+            &Rules {
+                group,
+                ..Rules::default()
+            },
+        )
+        .outcomes
+        .inserted
+    };
     assert_eq!((inserted(Group::First), inserted(Group::Interval)), (9, 18));
 }
 
 #[test]
 fn rules_that_do_not_go_together_are_told() {
-    let merges = [Merge::NearestPair, Merge::FarthestPair, Merge::Replace, Merge::Window];
-    let legal = |group| merges.map(|merge| Rules { group, merge, ..Rules::default() }.is_legal());
+    let merges = [
+        Merge::NearestPair,
+        Merge::FarthestPair,
+        Merge::Replace,
+        Merge::Window,
+    ];
+    let legal = |group| {
+        merges.map(|merge| {
+            Rules {
+                group,
+                merge,
+                ..Rules::default()
+            }
+            .is_legal()
+        })
+    };
     assert_eq!(legal(Group::First), [true, true, true, false]);
     assert_eq!(legal(Group::Interval), [true; 4]);
     assert_eq!(legal(Group::Window), [false, false, false, true]);
     let scene = confetti(200, 3);
-    let odd = Rules { group: Group::Window, merge: Merge::Replace, ..Rules::default() };
+    let odd = Rules {
+        group: Group::Window,
+        merge: Merge::Replace,
+        ..Rules::default()
+    };
     assert_eq!(render(&scene, &odd), render(&scene, &window(3)));
 }

@@ -1,4 +1,5 @@
-//! Does a result folder hold one run whatever happens while it is written, and does every input end, in a result or in one sentence?
+//! Does a result folder hold one run whatever happens while it is written, and does every input
+//! end, in a result or in one sentence?
 
 use crate::program::PROGRAM;
 use crate::shared_input;
@@ -14,7 +15,13 @@ const DISC: &str = r#"{"splats": [{"position": [0, 0, 0], "normal": [0, 0, 1], "
 
 fn started(arguments: &[impl AsRef<OsStr>]) -> Child {
     let mut command = Command::new(PROGRAM.as_str());
-    command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap()
+    command
+        .args(arguments)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap()
 }
 
 fn splatsim(arguments: &[impl AsRef<OsStr>]) -> Output {
@@ -26,15 +33,30 @@ fn splatsim(arguments: &[impl AsRef<OsStr>]) -> Output {
 fn refused(arguments: &[impl AsRef<OsStr>]) -> String {
     let output = splatsim(arguments);
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!((output.status.code(), output.stdout.len()), (Some(2), 0), "{:.2000}", told);
-    assert!(told.trim_end().lines().count() == 1 && told.chars().count() < 1700, "{} bytes: {:.2000}", told.len(), told);
+    assert_eq!(
+        (output.status.code(), output.stdout.len()),
+        (Some(2), 0),
+        "{:.2000}",
+        told
+    );
+    assert!(
+        told.trim_end().lines().count() == 1 && told.chars().count() < 1700,
+        "{} bytes: {:.2000}",
+        told.len(),
+        told
+    );
     told
 }
 
 #[track_caller]
 fn done(arguments: &[impl AsRef<OsStr>]) {
     let output = splatsim(arguments);
-    assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(
+        output.status.code(),
+        Some(0),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
 }
 
 fn write(folder: &Path, name: &str, text: impl AsRef<[u8]>) -> String {
@@ -44,14 +66,18 @@ fn write(folder: &Path, name: &str, text: impl AsRef<[u8]>) -> String {
 }
 
 fn names_in(folder: &Path) -> Vec<String> {
-    let mut names: Vec<String> = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+    let mut names: Vec<String> = std::fs::read_dir(folder)
+        .unwrap()
+        .map(|e| e.unwrap().file_name().into_string().unwrap())
+        .collect();
     names.sort();
     names
 }
 
 // ---- result folders ----
 
-/// Of two at once into a folder that is not there one is refused, and the other has all of its files.
+/// Of two at once into a folder that is not there one is refused, and the other has all of its
+/// files.
 #[test]
 fn of_two_runs_into_a_new_folder_one_is_refused_and_the_other_is_whole() {
     let folder = tempfile::tempdir().unwrap();
@@ -59,16 +85,33 @@ fn of_two_runs_into_a_new_folder_one_is_refused_and_the_other_is_whole() {
     let mut refusals = 0;
     for turn in 0..12 {
         let out = folder.path().join(format!("new-{turn}/out"));
-        let arguments =
-            ["run", &scene, "--machine", "tiny", "--check", "none", "--threads", "1", "--quiet", "--out", out.to_str().unwrap()];
-        let ends = [started(&arguments), started(&arguments)].map(|child| child.wait_with_output().unwrap());
+        let arguments = [
+            "run",
+            &scene,
+            "--machine",
+            "tiny",
+            "--check",
+            "none",
+            "--threads",
+            "1",
+            "--quiet",
+            "--out",
+            out.to_str().unwrap(),
+        ];
+        let ends = [started(&arguments), started(&arguments)]
+            .map(|child| child.wait_with_output().unwrap());
         let mut codes = ends.each_ref().map(|end| end.status.code().unwrap());
         codes.sort_unstable();
         // They may come one after the other.
         assert!(codes == [0, 0] || codes == [0, 2], "{ends:?}");
         refusals += usize::from(codes == [0, 2]);
         let names = names_in(&out);
-        assert!(["report.json", "fixed.png", "roofline.svg"].iter().all(|name| names.iter().any(|other| other == name)), "{names:?}");
+        assert!(
+            ["report.json", "fixed.png", "roofline.svg"]
+                .iter()
+                .all(|name| names.iter().any(|other| other == name)),
+            "{names:?}"
+        );
         assert!(names.iter().all(|name| !name.contains("part")), "{names:?}");
     }
     assert!(refusals > 0, "no two of them met");
@@ -76,11 +119,15 @@ fn of_two_runs_into_a_new_folder_one_is_refused_and_the_other_is_whole() {
 
 /// What the folder's report and pictures are of; none of each where it is not there.
 fn sizes(out: &Path) -> [Option<[u64; 2]>; 2] {
-    let report = std::fs::read_to_string(out.join("report.json")).ok().map(|text| {
-        let report: Value = serde_json::from_str(&text).unwrap();
-        ["width", "height"].map(|side| report["scene"][side].as_u64().unwrap())
-    });
-    let picture = image::image_dimensions(out.join("fixed.png")).ok().map(|(width, height)| [u64::from(width), u64::from(height)]);
+    let report = std::fs::read_to_string(out.join("report.json"))
+        .ok()
+        .map(|text| {
+            let report: Value = serde_json::from_str(&text).unwrap();
+            ["width", "height"].map(|side| report["scene"][side].as_u64().unwrap())
+        });
+    let picture = image::image_dimensions(out.join("fixed.png"))
+        .ok()
+        .map(|(width, height)| [u64::from(width), u64::from(height)]);
     [report, picture]
 }
 
@@ -91,7 +138,21 @@ fn a_run_that_a_signal_ends_leaves_the_old_result_or_none_and_the_next_one_clear
     let scene = write(folder.path(), "disc.json", DISC);
     let out = folder.path().join("out");
     let to = out.to_str().unwrap();
-    let run = |size: &'static str| ["run", &scene, "--machine", "tiny", "--check", "none", "--quiet", "--size", size, "--out", to];
+    let run = |size: &'static str| {
+        [
+            "run",
+            &scene,
+            "--machine",
+            "tiny",
+            "--check",
+            "none",
+            "--quiet",
+            "--size",
+            size,
+            "--out",
+            to,
+        ]
+    };
     let plain = {
         done(&run("64x64"));
         names_in(&out)
@@ -105,12 +166,22 @@ fn a_run_that_a_signal_ends_leaves_the_old_result_or_none_and_the_next_one_clear
         std::thread::sleep(whole * (turn + 2) / 10);
         let signal = ["KILL", "INT", "TERM"][turn as usize % 3];
         // It may have ended already.
-        Command::new("kill").args(["-s", signal, &child.id().to_string()]).stderr(Stdio::null()).status().unwrap();
+        Command::new("kill")
+            .args(["-s", signal, &child.id().to_string()])
+            .stderr(Stdio::null())
+            .status()
+            .unwrap();
         let end = child.wait_with_output().unwrap();
         let [report, picture] = sizes(&out);
-        assert!(report.is_none() || report == picture, "{signal}: {report:?} {picture:?}");
+        assert!(
+            report.is_none() || report == picture,
+            "{signal}: {report:?} {picture:?}"
+        );
         if signal != "KILL" && !end.status.success() {
-            let left: Vec<String> = names_in(&out).into_iter().filter(|name| name.contains("part")).collect();
+            let left: Vec<String> = names_in(&out)
+                .into_iter()
+                .filter(|name| name.contains("part"))
+                .collect();
             assert_eq!(left, [""; 0], "{signal}: {end:?}");
         }
         if report.is_none() {
@@ -127,29 +198,60 @@ fn a_result_that_cannot_be_written_leaves_the_one_before_as_it_is() {
     let scene = write(folder.path(), "disc.json", DISC);
     let out = folder.path().join("out");
     let to = out.to_str().unwrap();
-    let run = |size: &'static str| ["run", &scene, "--machine", "tiny", "--check", "none", "--quiet", "--size", size, "--out", to];
+    let run = |size: &'static str| {
+        [
+            "run",
+            &scene,
+            "--machine",
+            "tiny",
+            "--check",
+            "none",
+            "--quiet",
+            "--size",
+            size,
+            "--out",
+            to,
+        ]
+    };
     done(&run("64x64"));
-    let all = || names_in(&out).into_iter().map(|name| std::fs::read(out.join(name)).unwrap()).collect::<Vec<_>>();
+    let all = || {
+        names_in(&out)
+            .into_iter()
+            .map(|name| std::fs::read(out.join(name)).unwrap())
+            .collect::<Vec<_>>()
+    };
     std::fs::remove_file(out.join("error.png")).unwrap();
     let before = all();
     // No file can have the name of a folder.
     std::fs::create_dir(out.join("error.png")).unwrap();
     let end = splatsim(&run("32x32"));
     let told = String::from_utf8(end.stderr).unwrap();
-    assert_eq!((end.status.code(), told.lines().count()), (Some(1), 1), "{told}");
+    assert_eq!(
+        (end.status.code(), told.lines().count()),
+        (Some(1), 1),
+        "{told}"
+    );
     assert!(told.contains("error.png: cannot be written"), "{told}");
     std::fs::remove_dir(out.join("error.png")).unwrap();
     assert!(all() == before);
 }
 
-/// From the first frame on no older report describes them, and files of one frame are not beside frames.
+/// From the first frame on no older report describes them, and files of one frame are not beside
+/// frames.
 #[test]
 fn a_sequence_takes_the_place_of_what_was_in_its_folder() {
     let folder = tempfile::tempdir().unwrap();
     let scene = write(folder.path(), "disc.json", DISC);
     let film = |frames: u32| {
         let camera = r#""camera": {"eye": [0, 0, 4], "target": [0, 0, 0]}"#;
-        write(folder.path(), "film.json", DISC.replace(camera, &format!(r#""camera_path": {{"pan_pixels": 1.0, "frames": {frames}}}"#)))
+        write(
+            folder.path(),
+            "film.json",
+            DISC.replace(
+                camera,
+                &format!(r#""camera_path": {{"pan_pixels": 1.0, "frames": {frames}}}"#),
+            ),
+        )
     };
     let out = folder.path().join("out");
     let to = out.to_str().unwrap();
@@ -167,10 +269,24 @@ fn a_sequence_takes_the_place_of_what_was_in_its_folder() {
         "--out",
         to,
     ]);
-    done(&["run", &film(4), "--machine", "tiny", "--quiet", "--exr", "--out", to]);
+    done(&[
+        "run",
+        &film(4),
+        "--machine",
+        "tiny",
+        "--quiet",
+        "--exr",
+        "--out",
+        to,
+    ]);
     done(&["run", &film(2), "--machine", "tiny", "--quiet", "--out", to]);
-    let frames = [0, 1].into_iter().flat_map(|frame| ["fixed", "golden", "ideal"].map(|name| format!("frame_{frame:04}_{name}.png")));
-    assert_eq!(names_in(&out), frames.chain(["report.json".into()]).collect::<Vec<_>>());
+    let frames = [0, 1].into_iter().flat_map(|frame| {
+        ["fixed", "golden", "ideal"].map(|name| format!("frame_{frame:04}_{name}.png"))
+    });
+    assert_eq!(
+        names_in(&out),
+        frames.chain(["report.json".into()]).collect::<Vec<_>>()
+    );
 }
 
 /// What a browser would read as the beginning of a script within a script stays text.
@@ -185,11 +301,20 @@ fn no_value_of_a_row_ends_the_page_of_charts() {
     done(&["sweep", &plan, "--quiet", "--out", out.to_str().unwrap()]);
     done(&["chart", out.to_str().unwrap()]);
     let page = std::fs::read_to_string(out.join("charts.html")).unwrap();
-    let rows = page.split(r#"<script type="application/json" id="rows">"#).nth(1).unwrap().split("</script>").next().unwrap();
+    let rows = page
+        .split(r#"<script type="application/json" id="rows">"#)
+        .nth(1)
+        .unwrap()
+        .split("</script>")
+        .next()
+        .unwrap();
     assert!(!rows.contains('<'), "{rows}");
     let rows: Value = serde_json::from_str(rows).unwrap();
     let text = rows.to_string();
-    assert!(text.contains("<!--<script>") && text.contains("b</script>"), "{text}");
+    assert!(
+        text.contains("<!--<script>") && text.contains("b</script>"),
+        "{text}"
+    );
     assert!(!page.contains("<!--<script>") && page.trim_end().ends_with("</html>"));
 }
 
@@ -218,16 +343,31 @@ fn names_of_megabytes_end_in_a_short_sentence_soon() {
             let scene = write(folder.path(), "scene.json", scene.to_string());
             let start = Instant::now();
             let told = refused(&["run", &scene]);
-            assert!(start.elapsed() < Duration::from_secs(20), "{nth}: {:?}: {told}", start.elapsed());
+            assert!(
+                start.elapsed() < Duration::from_secs(20),
+                "{nth}: {:?}: {told}",
+                start.elapsed()
+            );
         }
-        for machine in [json!({"base": "tiny", long: 1}), json!({"base": long}), json!({"base": "tiny", "gauss": {"weight": long}})] {
+        for machine in [
+            json!({"base": "tiny", long: 1}),
+            json!({"base": long}),
+            json!({"base": "tiny", "gauss": {"weight": long}}),
+        ] {
             let machine = write(folder.path(), "machine.json", machine.to_string());
             refused(&["run", "--machine", &machine]);
         }
-        for plan in [json!({"scenes": [long], "machine": "tiny", "axes": []}), json!({"scenes": ["terrain"], "machine": long, "axes": []})]
-        {
+        for plan in [
+            json!({"scenes": [long], "machine": "tiny", "axes": []}),
+            json!({"scenes": ["terrain"], "machine": long, "axes": []}),
+        ] {
             let plan = write(folder.path(), "plan.json", plan.to_string());
-            refused(&["sweep", &plan, "--out", folder.path().join("rows").to_str().unwrap()]);
+            refused(&[
+                "sweep",
+                &plan,
+                "--out",
+                folder.path().join("rows").to_str().unwrap(),
+            ]);
         }
     }
 }
@@ -240,12 +380,31 @@ fn devices_folders_and_pipes_that_nobody_writes_into_are_refused_by_every_reader
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let scene = write(folder.path(), "disc.json", DISC);
-    for name in ["zero.json", "zero.ply", "zero.obj", "zero.nrrd", "zero.vtu", "zero.work"] {
+    for name in [
+        "zero.json",
+        "zero.ply",
+        "zero.obj",
+        "zero.nrrd",
+        "zero.vtu",
+        "zero.work",
+    ] {
         std::os::unix::fs::symlink("/dev/zero", at(name)).unwrap();
     }
-    assert!(Command::new("mkfifo").args([at("pipe.json"), at("pipe.ply")]).status().unwrap().success());
+    assert!(
+        Command::new("mkfifo")
+            .args([at("pipe.json"), at("pipe.ply")])
+            .status()
+            .unwrap()
+            .success()
+    );
     std::fs::create_dir(at("folder.json")).unwrap();
-    let splats = |file: &str| write(folder.path(), "scene.json", json!({"splats": {"file": file}}).to_string());
+    let splats = |file: &str| {
+        write(
+            folder.path(),
+            "scene.json",
+            json!({"splats": {"file": file}}).to_string(),
+        )
+    };
     let [out, cases, rows] = ["out.ply", "cases", "rows"].map(at);
     for arguments in [
         vec!["run", &at("zero.json")],
@@ -258,7 +417,16 @@ fn devices_folders_and_pipes_that_nobody_writes_into_are_refused_by_every_reader
         vec!["run", &scene, "--prices", "/dev/zero"],
         vec!["run", &scene, "--cameras", &at("zero.json")],
         vec!["sample", &at("zero.obj"), "--points", "10", "--out", &out],
-        vec!["sample", "plane", "--points", "10", "--texture-image", "/dev/zero", "--out", &out],
+        vec![
+            "sample",
+            "plane",
+            "--points",
+            "10",
+            "--texture-image",
+            "/dev/zero",
+            "--out",
+            &out,
+        ],
         vec!["replay", &at("zero.work")],
         vec!["sweep", "/dev/zero", "--out", &rows],
         vec!["trace", &at("zero.json"), "--out", &cases],
@@ -270,12 +438,18 @@ fn devices_folders_and_pipes_that_nobody_writes_into_are_refused_by_every_reader
     ] {
         let start = Instant::now();
         let told = refused(&arguments);
-        assert!(start.elapsed() < Duration::from_secs(30), "{arguments:?} took {:?}: {told}", start.elapsed());
+        assert!(
+            start.elapsed() < Duration::from_secs(30),
+            "{arguments:?} took {:?}: {told}",
+            start.elapsed()
+        );
     }
     // A pipe that has an end is an input as a file is.
     let machine = write(folder.path(), "machine.json", r#"{"base": "tiny"}"#);
     let script = r#"cat "$1" > "$2" & exec "$0" machine show "$2""#;
-    let output = Command::new("sh").args(["-c", script, PROGRAM.as_str(), &machine, &at("pipe.json")]).output();
+    let output = Command::new("sh")
+        .args(["-c", script, PROGRAM.as_str(), &machine, &at("pipe.json")])
+        .output();
     assert_eq!(output.unwrap().status.code(), Some(0));
 }
 
@@ -288,7 +462,10 @@ fn an_export_is_not_written_over_another_file() {
     done(&["run", &scene, "--machine", "tiny", "--quiet", "--out", to]);
     for precious in ["precious", "<!doctype html><title>another page</title>"] {
         let precious = write(folder.path(), "page.html", precious);
-        assert!(refused(&["view", to, "--export", &precious]).contains("is not a page that --export wrote"));
+        assert!(
+            refused(&["view", to, "--export", &precious])
+                .contains("is not a page that --export wrote")
+        );
     }
     let page = write(folder.path(), "page.html", "");
     done(&["view", to, "--export", &page]);
@@ -309,19 +486,54 @@ fn a_frame_that_memory_has_no_room_for_is_refused_before_it_is_drawn() {
     let limited = |arguments: &[&str], kilobytes: u32| {
         let start = Instant::now();
         let script = format!("ulimit -v {kilobytes}; exec \"$0\" \"$@\"");
-        let output = Command::new("sh").arg("-c").arg(script).arg(PROGRAM.as_str()).args(arguments).output().unwrap();
-        (output.status.code(), String::from_utf8(output.stderr).unwrap(), start.elapsed())
+        let output = Command::new("sh")
+            .arg("-c")
+            .arg(script)
+            .arg(PROGRAM.as_str())
+            .args(arguments)
+            .output()
+            .unwrap();
+        (
+            output.status.code(),
+            String::from_utf8(output.stderr).unwrap(),
+            start.elapsed(),
+        )
     };
     let to = out.to_str().unwrap();
-    let (code, told, took) =
-        limited(&["run", &scene, "--size", "8192x4096", "--machine", "tiny", "--threads", "1", "--out", to], 2_000_000);
+    let (code, told, took) = limited(
+        &[
+            "run",
+            &scene,
+            "--size",
+            "8192x4096",
+            "--machine",
+            "tiny",
+            "--threads",
+            "1",
+            "--out",
+            to,
+        ],
+        2_000_000,
+    );
     assert_eq!((code, told.lines().count()), (Some(2), 1), "{told}");
     assert!(
-        told.contains("a frame of 8192×4096 pixels and 1 splats is too large here: it needs ") && told.contains("GB are free"),
+        told.contains("a frame of 8192×4096 pixels and 1 splats is too large here: it needs ")
+            && told.contains("GB are free"),
         "{told}"
     );
     assert!(took < Duration::from_secs(30) && !out.exists(), "{took:?}");
-    let (code, told, _) = limited(&["run", &scene, "--machine", "tiny", "--threads", "1", "--quiet"], 2_000_000);
+    let (code, told, _) = limited(
+        &[
+            "run",
+            &scene,
+            "--machine",
+            "tiny",
+            "--threads",
+            "1",
+            "--quiet",
+        ],
+        2_000_000,
+    );
     assert_eq!(code, Some(0), "{told}");
 }
 
@@ -329,6 +541,14 @@ fn a_frame_that_memory_has_no_room_for_is_refused_before_it_is_drawn() {
 
 #[test]
 fn gaussians_beside_discs_mirror_nothing_on_a_machine_that_reflects() {
-    let Some(folder) = shared_input::find("outside/robust/01-reflect-gaussians-panic") else { return };
-    done(&["run", folder.join("scene.json").to_str().unwrap(), "--machine", folder.join("reflect.json").to_str().unwrap(), "--quiet"]);
+    let Some(folder) = shared_input::find("outside/robust/01-reflect-gaussians-panic") else {
+        return;
+    };
+    done(&[
+        "run",
+        folder.join("scene.json").to_str().unwrap(),
+        "--machine",
+        folder.join("reflect.json").to_str().unwrap(),
+        "--quiet",
+    ]);
 }

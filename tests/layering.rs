@@ -1,26 +1,47 @@
-//! Does every file stay on its side of the walls (docs/book/invariants.md)? Rules over the source text, without comments,
-//! without what strings say, and without unit tests.
+//! Does every file stay on its side of the walls (docs/book/invariants.md)? Rules over the source
+//! text, without comments, without what strings say, and without unit tests.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// Sources by path from the project's folder, with forward slashes; comments, strings' contents and unit tests blanked out.
+/// Sources by path from the project's folder, with forward slashes; comments, strings' contents and
+/// unit tests blanked out.
 type Sources = BTreeMap<String, String>;
 
 fn sources(folders: &[&str]) -> Sources {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut files = Vec::new();
-    folders.iter().for_each(|folder| walk(&root.join(folder), &mut files));
-    let path = |file: &Path| file.strip_prefix(root).unwrap().to_str().unwrap().replace('\\', "/");
-    files.iter().map(|file| (path(file), without_tests(&code(&std::fs::read_to_string(file).unwrap())))).collect()
+    folders
+        .iter()
+        .for_each(|folder| walk(&root.join(folder), &mut files));
+    let path = |file: &Path| {
+        file.strip_prefix(root)
+            .unwrap()
+            .to_str()
+            .unwrap()
+            .replace('\\', "/")
+    };
+    files
+        .iter()
+        .map(|file| {
+            (
+                path(file),
+                without_tests(&code(&std::fs::read_to_string(file).unwrap())),
+            )
+        })
+        .collect()
 }
 
 fn walk(folder: &Path, files: &mut Vec<PathBuf>) {
-    let Ok(entries) = std::fs::read_dir(folder) else { return };
+    let Ok(entries) = std::fs::read_dir(folder) else {
+        return;
+    };
     for path in entries.map(|entry| entry.unwrap().path()) {
         if path.is_dir() {
             walk(&path, files);
-        } else if path.extension().is_some_and(|e| e == "rs") && path.file_name().is_some_and(|name| name != "tests.rs") {
+        } else if path.extension().is_some_and(|e| e == "rs")
+            && path.file_name().is_some_and(|name| name != "tests.rs")
+        {
             files.push(path);
         }
     }
@@ -28,7 +49,8 @@ fn walk(folder: &Path, files: &mut Vec<PathBuf>) {
 
 // --- Reading Rust just well enough ---
 
-/// The text with comments and the contents of strings and characters replaced by spaces; lines stay where they are.
+/// The text with comments and the contents of strings and characters replaced by spaces; lines stay
+/// where they are.
 fn code(text: &str) -> String {
     let chars: Vec<char> = text.chars().collect();
     let mut out = String::new();
@@ -39,7 +61,11 @@ fn code(text: &str) -> String {
             out.push(chars[at]);
             at += 1;
         } else {
-            out.extend(chars[at..end].iter().map(|c| if *c == '\n' { '\n' } else { ' ' }));
+            out.extend(
+                chars[at..end]
+                    .iter()
+                    .map(|c| if *c == '\n' { '\n' } else { ' ' }),
+            );
             at = end;
         }
     }
@@ -49,7 +75,11 @@ fn code(text: &str) -> String {
 /// Where the comment, string or character that begins here ends; `at` itself where none begins.
 fn blank_until(chars: &[char], at: usize) -> usize {
     let rest = &chars[at..];
-    let starts = |text: &str| text.chars().enumerate().all(|(i, c)| rest.get(i) == Some(&c));
+    let starts = |text: &str| {
+        text.chars()
+            .enumerate()
+            .all(|(i, c)| rest.get(i) == Some(&c))
+    };
     let inside_word = at > 0 && is_word(chars[at - 1]);
     if starts("//") {
         return at + rest.iter().position(|c| *c == '\n').unwrap_or(rest.len());
@@ -60,9 +90,17 @@ fn blank_until(chars: &[char], at: usize) -> usize {
     if rest[0] == 'r' && !inside_word {
         let hashes = rest[1..].iter().take_while(|c| **c == '#').count();
         if rest.get(1 + hashes) == Some(&'"') {
-            let close: Vec<char> = std::iter::once('"').chain(std::iter::repeat_n('#', hashes)).collect();
+            let close: Vec<char> = std::iter::once('"')
+                .chain(std::iter::repeat_n('#', hashes))
+                .collect();
             let body = &rest[2 + hashes..];
-            return at + 2 + hashes + body.windows(close.len()).position(|w| w == close).map_or(body.len(), |p| p + close.len());
+            return at
+                + 2
+                + hashes
+                + body
+                    .windows(close.len())
+                    .position(|w| w == close)
+                    .map_or(body.len(), |p| p + close.len());
         }
     }
     if rest[0] == '"' {
@@ -111,7 +149,8 @@ fn without_tests(code: &str) -> String {
     without_items(code, "#[cfg(test)]")
 }
 
-/// The code without every item that begins with `head`: up to its `;`, or to the brace that closes it.
+/// The code without every item that begins with `head`: up to its `;`, or to the brace that closes
+/// it.
 fn without_items(code: &str, head: &str) -> String {
     let mut out = String::new();
     let mut rest = code;
@@ -142,7 +181,11 @@ fn tokens(code: &str) -> Vec<&str> {
     let mut tokens = Vec::new();
     let mut rest = code.trim_start();
     while let Some(first) = rest.chars().next() {
-        let length = if is_word(first) { rest.find(|c| !is_word(c)).unwrap_or(rest.len()) } else { first.len_utf8() };
+        let length = if is_word(first) {
+            rest.find(|c| !is_word(c)).unwrap_or(rest.len())
+        } else {
+            first.len_utf8()
+        };
         tokens.push(&rest[..length]);
         rest = rest[length..].trim_start();
     }
@@ -157,7 +200,11 @@ fn names(code: &str, word: &str) -> bool {
 fn steps_from<'a>(code: &'a str, root: &str) -> BTreeSet<&'a str> {
     let tokens = tokens(code);
     let mut steps = BTreeSet::new();
-    for (i, _) in tokens.windows(3).enumerate().filter(|(_, w)| *w == [root, ":", ":"]) {
+    for (i, _) in tokens
+        .windows(3)
+        .enumerate()
+        .filter(|(_, w)| *w == [root, ":", ":"])
+    {
         match tokens.get(i + 3) {
             Some(&"{") => steps.extend(group(&tokens[i + 4..])),
             Some(step) => _ = steps.insert(step),
@@ -190,23 +237,41 @@ fn group<'a>(tokens: &[&'a str]) -> Vec<&'a str> {
 
 /// Words for real numbers, and numbers with a point.
 fn floats(code: &str) -> Vec<String> {
-    let words = ["f32", "f64"].into_iter().filter(|word| names(code, word)).map(String::from);
+    let words = ["f32", "f64"]
+        .into_iter()
+        .filter(|word| names(code, word))
+        .map(String::from);
     words.chain(float_literals(code)).collect()
 }
 
 fn float_literals(code: &str) -> Vec<String> {
     let bytes = code.as_bytes();
     let is_digit = |i: usize| bytes.get(i).is_some_and(u8::is_ascii_digit);
-    let starts =
-        |i: usize| is_digit(i) && (i == 0 || !is_word(bytes[i - 1] as char) && (bytes[i - 1] != b'.' || bytes[..i].ends_with(b"..")));
+    let starts = |i: usize| {
+        is_digit(i)
+            && (i == 0
+                || !is_word(bytes[i - 1] as char)
+                    && (bytes[i - 1] != b'.' || bytes[..i].ends_with(b"..")))
+    };
     let mut found = Vec::new();
     for start in (0..bytes.len()).filter(|i| starts(*i)) {
-        let end = (start..bytes.len()).find(|i| !is_digit(*i) && bytes[*i] != b'_').unwrap_or(bytes.len());
+        let end = (start..bytes.len())
+            .find(|i| !is_digit(*i) && bytes[*i] != b'_')
+            .unwrap_or(bytes.len());
         let is_hex = code[start..].starts_with("0x");
         let has_exponent = !is_hex && matches!(bytes.get(end), Some(b'e' | b'E'));
         let has_point = bytes.get(end) == Some(&b'.') && is_digit(end + 1);
-        if has_point || has_exponent || code[end..].starts_with("f32") || code[end..].starts_with("f64") {
-            found.push(code[start..].chars().take_while(|c| is_word(*c) || *c == '.').collect());
+        if has_point
+            || has_exponent
+            || code[end..].starts_with("f32")
+            || code[end..].starts_with("f64")
+        {
+            found.push(
+                code[start..]
+                    .chars()
+                    .take_while(|c| is_word(*c) || *c == '.')
+                    .collect(),
+            );
         }
     }
     found
@@ -232,25 +297,52 @@ fn surroundings(code: &str) -> Vec<String> {
     let roots = ["fs", "io", "env", "net", "time", "process", "path"];
     let used = steps_from(code, "std");
     let words = words.into_iter().filter(|word| names(code, word));
-    words.chain(roots.into_iter().filter(|root| used.contains(root))).map(String::from).collect()
+    words
+        .chain(roots.into_iter().filter(|root| used.contains(root)))
+        .map(String::from)
+        .collect()
 }
 
-/// Whatever a unit names of its crate that it may not: other than layers below it, and what the host does in them.
+/// Whatever a unit names of its crate that it may not: other than layers below it, and what the
+/// host does in them.
 fn neighbours(code: &str) -> Vec<String> {
     let above = names(code, "super").then(|| "super".into());
     neighbours_over_the_reals(code)
         .into_iter()
         .chain(above)
-        .chain(steps_from(code, "crate").contains("real").then(|| "crate::real".into()))
+        .chain(
+            steps_from(code, "crate")
+                .contains("real")
+                .then(|| "crate::real".into()),
+        )
         .collect()
 }
 
 /// The same of a unit's bound, which may name its unit, which is its parent, and real numbers too.
 fn neighbours_over_the_reals(code: &str) -> Vec<String> {
-    let allowed = ["graph", "kernels", "real", "functions", "elaboration", "machine", "probe", "frame", "records", "num"];
-    let steps = steps_from(code, "crate").into_iter().filter(|step| !allowed.contains(step)).map(|step| format!("crate::{step}"));
-    let outside = ["units", "rayon", "pipeline", "host"].into_iter().filter(|word| names(code, word)).map(String::from);
-    let above = steps_from(code, "super").contains("super").then(|| "super::super".into());
+    let allowed = [
+        "graph",
+        "kernels",
+        "real",
+        "functions",
+        "elaboration",
+        "machine",
+        "probe",
+        "frame",
+        "records",
+        "num",
+    ];
+    let steps = steps_from(code, "crate")
+        .into_iter()
+        .filter(|step| !allowed.contains(step))
+        .map(|step| format!("crate::{step}"));
+    let outside = ["units", "rayon", "pipeline", "host"]
+        .into_iter()
+        .filter(|word| names(code, word))
+        .map(String::from);
+    let above = steps_from(code, "super")
+        .contains("super")
+        .then(|| "super::super".into());
     steps.chain(outside).chain(above).collect()
 }
 
@@ -308,25 +400,38 @@ impl Layers {
     /// The modules on the way to a file: `src/golden/tiles.rs` is golden, tiles.
     fn modules<'a>(&self, path: &'a str) -> Vec<&'a str> {
         let inside = path.strip_prefix(self.folder).unwrap_or(path);
-        inside.trim_end_matches(".rs").split('/').filter(|module| *module != "mod").collect()
+        inside
+            .trim_end_matches(".rs")
+            .split('/')
+            .filter(|module| *module != "mod")
+            .collect()
     }
 
     fn place(&self, layer: &str) -> Option<usize> {
         self.layers.iter().position(|known| *known == layer)
     }
 
-    /// Names that do not point down from a file: of its crate anything but its own layer and those below, by `crate::` or by too many
-    /// `super::`.
+    /// Names that do not point down from a file: of its crate anything but its own layer and those
+    /// below, by `crate::` or by too many `super::`.
     fn upward(&self, path: &str, code: &str) -> Vec<String> {
         let modules = self.modules(path);
         let own = self.place(modules[0]).unwrap_or(self.layers.len());
-        let steps = steps_from(code, "crate").into_iter().filter(|step| self.place(step).is_none_or(|step| step < own));
+        let steps = steps_from(code, "crate")
+            .into_iter()
+            .filter(|step| self.place(step).is_none_or(|step| step < own));
         let crossing = steps.map(|step| format!("crate::{step}"));
         let tokens = tokens(code);
         // `super` and two colons are three tokens.
-        let climbs = |i: usize| tokens[i..].chunks(3).take_while(|step| step[0] == "super").count();
+        let climbs = |i: usize| {
+            tokens[i..]
+                .chunks(3)
+                .take_while(|step| step[0] == "super")
+                .count()
+        };
         let out = (0..tokens.len()).any(|i| climbs(i) >= modules.len());
-        crossing.chain(out.then(|| "super:: leaves its layer".into())).collect()
+        crossing
+            .chain(out.then(|| "super:: leaves its layer".into()))
+            .collect()
     }
 
     /// Every file belongs to a layer, every layer has files, and all names point down.
@@ -337,10 +442,17 @@ impl Layers {
         assert_eq!(known, said, "a folder is no layer, or a layer no folder");
         let beside = |path: &str| !path[self.folder.len()..].contains('/');
         assert!(
-            sources.keys().filter(|path| beside(path)).all(|path| self.files.contains(&self.modules(path)[0])),
+            sources
+                .keys()
+                .filter(|path| beside(path))
+                .all(|path| self.files.contains(&self.modules(path)[0])),
             "a file beside the layers"
         );
-        check(&sources, |path| self.place(self.modules(path)[0]).is_some(), |path, code| self.upward(path, code));
+        check(
+            &sources,
+            |path| self.place(self.modules(path)[0]).is_some(),
+            |path, code| self.upward(path, code),
+        );
     }
 }
 
@@ -348,33 +460,61 @@ impl Layers {
 fn reals(code: &str) -> Vec<String> {
     let tokens = tokens(code);
     let named = |i: &usize| tokens[*i] == "real" && (*i == 0 || tokens[i - 1] != "mod");
-    (0..tokens.len()).filter(named).map(|_| "names real".into()).collect()
+    (0..tokens.len())
+        .filter(named)
+        .map(|_| "names real".into())
+        .collect()
 }
 
-/// Shifts to the right, which drop bits. (The formatter puts spaces around the sign, but not where it closes generics.)
+/// Shifts to the right, which drop bits. (The formatter puts spaces around the sign, but not where
+/// it closes generics.)
 fn right_shifts(code: &str) -> Vec<String> {
-    let by_sign = code.lines().filter(|line| line.contains(" >> ") || line.contains(" >>= ") || line.trim_start().starts_with(">> "));
-    let by_name = code.lines().filter(|line| tokens(line).iter().any(|word| word.ends_with("shr")));
-    by_sign.chain(by_name).map(|line| line.trim().to_owned()).collect()
+    let by_sign = code.lines().filter(|line| {
+        line.contains(" >> ") || line.contains(" >>= ") || line.trim_start().starts_with(">> ")
+    });
+    let by_name = code
+        .lines()
+        .filter(|line| tokens(line).iter().any(|word| word.ends_with("shr")));
+    by_sign
+        .chain(by_name)
+        .map(|line| line.trim().to_owned())
+        .collect()
 }
 
-/// Ways from real numbers to words: naming the machine's memory and registers, or scaling by powers of two beside the machine.
+/// Ways from real numbers to words: naming the machine's memory and registers, or scaling by powers
+/// of two beside the machine.
 fn ways_to_bits(code: &str) -> Vec<String> {
     let steps = steps_from(code, "rtl_model");
     if steps.is_empty() {
         return Vec::new();
     }
-    let memory = ["frame", "Frame"].into_iter().filter(|step| steps.contains(step)).map(|step| format!("rtl_model::{step}"));
-    let scaling = ["exp2", "ldexp", "scalbn", "to_bits", "powi"].into_iter().filter(|word| names(code, word)).map(String::from);
+    let memory = ["frame", "Frame"]
+        .into_iter()
+        .filter(|step| steps.contains(step))
+        .map(|step| format!("rtl_model::{step}"));
+    let scaling = ["exp2", "ldexp", "scalbn", "to_bits", "powi"]
+        .into_iter()
+        .filter(|word| names(code, word))
+        .map(String::from);
     memory.chain(scaling).collect()
 }
 
 /// Applies a rule to the files that `applies` picks, of which there must be some.
-fn check(sources: &Sources, applies: impl Fn(&str) -> bool, rule: impl Fn(&str, &str) -> Vec<String>) {
+fn check(
+    sources: &Sources,
+    applies: impl Fn(&str) -> bool,
+    rule: impl Fn(&str, &str) -> Vec<String>,
+) {
     let chosen: Vec<_> = sources.iter().filter(|(path, _)| applies(path)).collect();
     assert!(!chosen.is_empty(), "no file is looked at");
-    let broken: Vec<String> =
-        chosen.into_iter().flat_map(|(path, code)| rule(path, code).into_iter().map(move |what| format!("{path}: {what}"))).collect();
+    let broken: Vec<String> = chosen
+        .into_iter()
+        .flat_map(|(path, code)| {
+            rule(path, code)
+                .into_iter()
+                .map(move |what| format!("{path}: {what}"))
+        })
+        .collect();
     assert!(broken.is_empty(), "{}", broken.join("\n"));
 }
 
@@ -393,14 +533,22 @@ fn is_over_the_reals(path: &str) -> bool {
 
 #[test]
 fn the_machine_has_no_floats() {
-    check(&sources(&["rtl_model/src"]), |path| !is_over_the_reals(path), |_, code| floats(code));
+    check(
+        &sources(&["rtl_model/src"]),
+        |path| !is_over_the_reals(path),
+        |_, code| floats(code),
+    );
 }
 
 #[test]
 fn the_machine_does_not_know_its_own_bounds() {
     let sources = sources(&[MACHINE]);
     assert!(sources.keys().any(|path| is_over_the_reals(path)));
-    check(&sources, |path| !is_over_the_reals(path), |_, code| reals(code));
+    check(
+        &sources,
+        |path| !is_over_the_reals(path),
+        |_, code| reals(code),
+    );
 }
 
 #[test]
@@ -409,7 +557,12 @@ fn no_unit_asks_what_a_word_stands_for() {
     check(
         &sources(&[MACHINE]),
         |path| !is_over_the_reals(path),
-        |_, code| calls(code).then(|| "calls value()".into()).into_iter().collect(),
+        |_, code| {
+            calls(code)
+                .then(|| "calls value()".into())
+                .into_iter()
+                .collect()
+        },
     );
     assert!(calls("let x = format.value(word);") && !calls("let value = a.value;"));
 }
@@ -425,18 +578,34 @@ fn a_unit_names_no_other_unit() {
     assert!(units.len() >= 7, "{} units", units.len());
     // A part of a unit, in the unit's folder, may name its unit.
     let unit = |path: &str| {
-        path.strip_prefix(UNITS).and_then(|rest| rest.trim_start_matches('/').split_once('/')).map(|(unit, _)| unit.to_owned())
+        path.strip_prefix(UNITS)
+            .and_then(|rest| rest.trim_start_matches('/').split_once('/'))
+            .map(|(unit, _)| unit.to_owned())
     };
-    let own =
-        |path: &str, code: &str| unit(path).map_or(code.to_owned(), |unit| code.replace(&format!("crate::units::{unit}::"), "super::"));
+    let own = |path: &str, code: &str| {
+        unit(path).map_or(code.to_owned(), |unit| {
+            code.replace(&format!("crate::units::{unit}::"), "super::")
+        })
+    };
     let is_part = |path: &str| unit(path).is_some();
-    check(&units, |path| !is_over_the_reals(path) && !is_part(path), |_, code| neighbours(code));
+    check(
+        &units,
+        |path| !is_over_the_reals(path) && !is_part(path),
+        |_, code| neighbours(code),
+    );
     check(
         &units,
         |path| !is_over_the_reals(path) && is_part(path),
-        |path, code| neighbours(&own(path, code)).into_iter().filter(|name| name != "super").collect(),
+        |path, code| {
+            neighbours(&own(path, code))
+                .into_iter()
+                .filter(|name| name != "super")
+                .collect()
+        },
     );
-    check(&units, is_over_the_reals, |path, code| neighbours_over_the_reals(&own(path, code)));
+    check(&units, is_over_the_reals, |path, code| {
+        neighbours_over_the_reals(&own(path, code))
+    });
 }
 
 #[test]
@@ -445,25 +614,50 @@ fn imports_point_down_only() {
     THE_BENCH.hold();
 }
 
-/// The pipeline elaborates and wires them, describes their ports, and drives each by itself. A field may be called `units`.
+/// The pipeline elaborates and wires them, describes their ports, and drives each by itself. A
+/// field may be called `units`.
 #[test]
 fn only_the_pipeline_knows_several_units() {
-    let rule = |_: &str, code: &str| steps_from(code, "crate").contains("units").then(|| "names the units".into()).into_iter().collect();
-    check(&sources(&[MACHINE]), |path| !path.starts_with(PIPELINE) && !path.starts_with(UNITS), rule);
+    let rule = |_: &str, code: &str| {
+        steps_from(code, "crate")
+            .contains("units")
+            .then(|| "names the units".into())
+            .into_iter()
+            .collect()
+    };
+    check(
+        &sources(&[MACHINE]),
+        |path| !path.starts_with(PIPELINE) && !path.starts_with(UNITS),
+        rule,
+    );
 }
 
-/// Function and time meet only in recorded work: timing computes no value, and what computes values counts no cycle.
-/// So that machines that differ in these alone take the same cycles (`Microarchitecture::keeps_time_as`).
+/// Function and time meet only in recorded work: timing computes no value, and what computes values
+/// counts no cycle. So that machines that differ in these alone take the same cycles
+/// (`Microarchitecture::keeps_time_as`).
 #[test]
 fn timing_asks_for_no_path_and_for_no_bit_that_is_kept() {
-    let asked = |code: &str| ["paths", "pipelines", "storage"].into_iter().filter(|field| names(code, field)).map(String::from).collect();
-    check(&sources(&[MACHINE]), |path| path.starts_with(&format!("{MACHINE}timing/")), |_, code| asked(code));
+    let asked = |code: &str| {
+        ["paths", "pipelines", "storage"]
+            .into_iter()
+            .filter(|field| names(code, field))
+            .map(String::from)
+            .collect()
+    };
+    check(
+        &sources(&[MACHINE]),
+        |path| path.starts_with(&format!("{MACHINE}timing/")),
+        |_, code| asked(code),
+    );
     assert_eq!(asked("let bits = timing.storage.memory_bits;"), ["storage"]);
 }
 
 #[test]
 fn timing_knows_recorded_work_and_its_own_description_alone() {
-    let is_timing = |path: &str| path.starts_with(&format!("{MACHINE}timing/")) || path.starts_with(&format!("{MACHINE}work/"));
+    let is_timing = |path: &str| {
+        path.starts_with(&format!("{MACHINE}timing/"))
+            || path.starts_with(&format!("{MACHINE}work/"))
+    };
     let all = sources(&[MACHINE]);
     assert!(all.keys().filter(|path| is_timing(path)).count() >= 8);
     // Several machines abreast are lanes of the host's vector registers.
@@ -474,11 +668,25 @@ fn timing_knows_recorded_work_and_its_own_description_alone() {
     };
     let stranger = |path: &str, code: &str| -> Vec<String> {
         let steps = steps_from(code, "crate");
-        steps.into_iter().filter(|step| !is_known(path, step)).map(|step| format!("crate::{step}")).collect()
+        steps
+            .into_iter()
+            .filter(|step| !is_known(path, step))
+            .map(|step| format!("crate::{step}"))
+            .collect()
     };
     check(&all, is_timing, stranger);
-    let counts = |_: &str, code: &str| steps_from(code, "crate").contains("timing").then(|| "crate::timing".into()).into_iter().collect();
-    check(&all, |path| !is_timing(path) && !path.ends_with("/lib.rs"), counts);
+    let counts = |_: &str, code: &str| {
+        steps_from(code, "crate")
+            .contains("timing")
+            .then(|| "crate::timing".into())
+            .into_iter()
+            .collect()
+    };
+    check(
+        &all,
+        |path| !is_timing(path) && !path.ends_with("/lib.rs"),
+        counts,
+    );
 }
 
 #[test]
@@ -491,20 +699,38 @@ fn bits_are_lost_in_num_and_functions_alone() {
         // The vector form of `right`, which is num's own shift.
         ("(SIGN as u64 >> by)", "rtl_model/src/kernels/host.rs"),
         // Bytes of a word, one after the other.
-        ("i64::from_le_bytes(bytes) >> (32 * i)", "rtl_model/src/kernels/host.rs"),
+        (
+            "i64::from_le_bytes(bytes) >> (32 * i)",
+            "rtl_model/src/kernels/host.rs",
+        ),
         // A limit that elaboration works out, rounded up, and a bit of a mask.
-        ("(-opaque << opacity_places) >> m.opaque.format.frac_bits", "rtl_model/src/units/fragment.rs"),
+        (
+            "(-opaque << opacity_places) >> m.opaque.format.frac_bits",
+            "rtl_model/src/units/fragment.rs",
+        ),
         ("bits >> place & 1 == 1", "rtl_model/src/kernels/queue.rs"),
     ];
     let sources = sources(&[MACHINE]);
     for (line, path) in excused {
-        assert!(sources[path].contains(line), "{path} has no `{line}` left to excuse");
+        assert!(
+            sources[path].contains(line),
+            "{path} has no `{line}` left to excuse"
+        );
     }
-    let is_excused = |path: &str, line: &str| excused.iter().any(|(part, whose)| *whose == path && line.contains(part));
+    let is_excused = |path: &str, line: &str| {
+        excused
+            .iter()
+            .any(|(part, whose)| *whose == path && line.contains(part))
+    };
     check(
         &sources,
         |path| !path.starts_with(NUM) && !path.starts_with(FUNCTIONS),
-        |path, code| right_shifts(code).into_iter().filter(|line| !is_excused(path, line)).collect(),
+        |path, code| {
+            right_shifts(code)
+                .into_iter()
+                .filter(|line| !is_excused(path, line))
+                .collect()
+        },
     );
 }
 
@@ -513,31 +739,64 @@ fn golden_does_not_know_the_machine() {
     let sources = sources(&["src"]);
     let place = |path: &str| THE_BENCH.place(THE_BENCH.modules(path)[0]);
     let reached = |path: &str| place(path) >= place("src/golden/mod.rs");
-    assert!(["src/golden/tiles.rs", "src/scene/mod.rs", "src/output/picture.rs"].iter().all(|path| sources.contains_key(*path)));
-    check(&sources, reached, |_, code| names(code, "rtl_model").then(|| "names rtl_model".into()).into_iter().collect());
+    assert!(
+        [
+            "src/golden/tiles.rs",
+            "src/scene/mod.rs",
+            "src/output/picture.rs"
+        ]
+        .iter()
+        .all(|path| sources.contains_key(*path))
+    );
+    check(&sources, reached, |_, code| {
+        names(code, "rtl_model")
+            .then(|| "names rtl_model".into())
+            .into_iter()
+            .collect()
+    });
 }
 
 #[test]
 fn only_quantise_turns_real_numbers_into_bits() {
     let sources = sources(&["src"]);
     let door = "src/hardware/quantise.rs";
-    assert!(!ways_to_bits(&sources[door]).is_empty(), "the rule no longer sees the one door");
-    // Lockstep and partial precision read words that quantise made, beside the real numbers that they stand for. Traces write them down, and
-    // live units are asked in them.
-    let reads = |path: &str| path.starts_with("src/accuracy/lockstep") || path == "src/hardware/registers.rs";
+    assert!(
+        !ways_to_bits(&sources[door]).is_empty(),
+        "the rule no longer sees the one door"
+    );
+    // Lockstep and partial precision read words that quantise made, beside the real numbers that
+    // they stand for. Traces write them down, and live units are asked in them.
+    let reads = |path: &str| {
+        path.starts_with("src/accuracy/lockstep") || path == "src/hardware/registers.rs"
+    };
     let writes = |path: &str| path.starts_with("src/cosim/trace") || path == "src/cosim/live.rs";
-    check(&sources, |path| path != door && !reads(path) && !writes(path), |_, code| ways_to_bits(code));
+    check(
+        &sources,
+        |path| path != door && !reads(path) && !writes(path),
+        |_, code| ways_to_bits(code),
+    );
     check(&sources, writes, |_, code| floats(code));
 }
 
-/// So that none of them reads a device without an end, or waits for a pipe that no process writes into.
+/// So that none of them reads a device without an end, or waits for a pipe that no process writes
+/// into.
 #[test]
 fn inputs_are_opened_in_one_place() {
     let opens = |code: &str| -> Vec<String> {
         let tokens = tokens(code);
-        let called = |owner: &str, what: &str| tokens.windows(5).any(|w| w == [owner, ":", ":", what, "("]);
-        let ways = [("fs", "read"), ("fs", "read_to_string"), ("File", "open"), ("ImageReader", "open"), ("image", "open")];
-        ways.into_iter().filter(|(owner, what)| called(owner, what)).map(|(owner, what)| format!("{owner}::{what}")).collect()
+        let called =
+            |owner: &str, what: &str| tokens.windows(5).any(|w| w == [owner, ":", ":", what, "("]);
+        let ways = [
+            ("fs", "read"),
+            ("fs", "read_to_string"),
+            ("File", "open"),
+            ("ImageReader", "open"),
+            ("image", "open"),
+        ];
+        ways.into_iter()
+            .filter(|(owner, what)| called(owner, what))
+            .map(|(owner, what)| format!("{owner}::{what}"))
+            .collect()
     };
     // What the program itself wrote into a folder, and whether a file may be written over.
     let of_results = [
@@ -550,16 +809,39 @@ fn inputs_are_opened_in_one_place() {
         "src/run/compare/side.rs",
     ];
     let sources = sources(&["src"]);
-    assert!(of_results.iter().all(|path| !opens(&sources[*path]).is_empty()), "a file is excused that opens none");
-    check(&sources, |path| !path.starts_with("src/input/") && !of_results.contains(&path), |_, code| opens(code));
+    assert!(
+        of_results
+            .iter()
+            .all(|path| !opens(&sources[*path]).is_empty()),
+        "a file is excused that opens none"
+    );
+    check(
+        &sources,
+        |path| !path.starts_with("src/input/") && !of_results.contains(&path),
+        |_, code| opens(code),
+    );
 }
 
 #[test]
 fn the_only_unsafe_code_asks_for_vector_instructions_or_takes_pointers_from_c() {
-    let sources = sources(&["rtl_model/src", "rtl_model/tests", "src", "tests", "benches", "examples", "bindings"]);
+    let sources = sources(&[
+        "rtl_model/src",
+        "rtl_model/tests",
+        "src",
+        "tests",
+        "benches",
+        "examples",
+        "bindings",
+    ]);
     assert!(names(&sources["rtl_model/src/kernels/host.rs"], "unsafe"));
-    let rule = |_: &str, code: &str| names(code, "unsafe").then(|| "has unsafe code".into()).into_iter().collect();
-    let may = |path: &str| path == "rtl_model/src/kernels/host.rs" || path.starts_with("bindings/c/src/");
+    let rule = |_: &str, code: &str| {
+        names(code, "unsafe")
+            .then(|| "has unsafe code".into())
+            .into_iter()
+            .collect()
+    };
+    let may =
+        |path: &str| path == "rtl_model/src/kernels/host.rs" || path.starts_with("bindings/c/src/");
     assert!(names(&sources["bindings/c/src/units.rs"], "unsafe"));
     check(&sources, |path| !may(path), rule);
 }
@@ -568,32 +850,55 @@ fn the_only_unsafe_code_asks_for_vector_instructions_or_takes_pointers_from_c() 
 
 #[test]
 fn what_is_not_code_is_not_seen() {
-    let text =
-        "// f64\n/* f32 /* f64 */ f32 */ let a = \"f64 \\\" f64\"; let b = r#\"f64 \" f64\"#; let c = '\"'; let d: &'a str = \"f64\";\n";
+    let text = "// f64\n/* f32 /* f64 */ f32 */ let a = \"f64 \\\" f64\"; let b = r#\"f64 \" f64\"#; let c = '\"'; let d: &'a str = \"f64\";\n";
     assert_eq!(floats(&code(text)), [""; 0]);
     assert_eq!(code(text).lines().count(), 2);
     assert!(names(&code(text), "str"));
     let tested = "fn a() {}\n#[cfg(test)]\nmod tests { fn b() { f64 } }\nfn c() {}\n#[cfg(test)]\nmod more;\nfn d() {}";
-    assert_eq!(tokens(&without_tests(tested)).join(" "), "fn a ( ) { } fn c ( ) { } fn d ( ) { }");
+    assert_eq!(
+        tokens(&without_tests(tested)).join(" "),
+        "fn a ( ) { } fn c ( ) { } fn d ( ) { }"
+    );
 }
 
 #[test]
 fn floats_are_seen() {
-    for text in ["let x: f64 = a;", "a as f32", "let x = 0.5;", "x * 1_000.25", "1e9", "2f64", "0..1.5"] {
+    for text in [
+        "let x: f64 = a;",
+        "a as f32",
+        "let x = 0.5;",
+        "x * 1_000.25",
+        "1e9",
+        "2f64",
+        "0..1.5",
+    ] {
         assert!(!floats(text).is_empty(), "{text}");
     }
-    for text in ["self.0.1", "0..5", "1.max(2)", "0x1e9", "f64_like", "a.0", "1 << 5", "[0; 4]"] {
+    for text in [
+        "self.0.1", "0..5", "1.max(2)", "0x1e9", "f64_like", "a.0", "1 << 5", "[0; 4]",
+    ] {
         assert!(floats(text).is_empty(), "{text}: {:?}", floats(text));
     }
 }
 
 #[test]
 fn surroundings_are_seen() {
-    for text in ["use std::fs;", "use std::{fmt, fs::File};", "println!()", "std::time::Duration", "HashMap::new()", "use std::{fmt, io};"]
-    {
+    for text in [
+        "use std::fs;",
+        "use std::{fmt, fs::File};",
+        "println!()",
+        "std::time::Duration",
+        "HashMap::new()",
+        "use std::{fmt, io};",
+    ] {
         assert!(!surroundings(text).is_empty(), "{text}");
     }
-    assert!(surroundings("use std::fmt; use std::{array, ops::{Add, Mul}}; let time = 1; profs.println_count").is_empty());
+    assert!(
+        surroundings(
+            "use std::fmt; use std::{array, ops::{Add, Mul}}; let time = 1; profs.println_count"
+        )
+        .is_empty()
+    );
 }
 
 #[test]
@@ -608,11 +913,25 @@ fn neighbours_are_seen() {
     ] {
         assert!(!neighbours(text).is_empty(), "{text}");
     }
-    assert!(neighbours("use crate::{num::{Fit, Lanes}, machine::Machine}; use crate::frame::View; use self::x;").is_empty());
-    for text in ["use super::super::gauss;", "use crate::units::gauss;", "use crate::pipeline;"] {
+    assert!(
+        neighbours(
+            "use crate::{num::{Fit, Lanes}, machine::Machine}; use crate::frame::View; use self::x;"
+        )
+        .is_empty()
+    );
+    for text in [
+        "use super::super::gauss;",
+        "use crate::units::gauss;",
+        "use crate::pipeline;",
+    ] {
         assert!(!neighbours_over_the_reals(text).is_empty(), "{text}");
     }
-    assert!(neighbours_over_the_reals("use super::{Shade, x}; use crate::{num::Fit, real::Real}; super::Sums").is_empty());
+    assert!(
+        neighbours_over_the_reals(
+            "use super::{Shade, x}; use crate::{num::Fit, real::Real}; super::Sums"
+        )
+        .is_empty()
+    );
 }
 
 #[test]
@@ -629,17 +948,32 @@ fn names_that_point_up_are_seen() {
         assert!(!up(file, text).is_empty(), "{file}: {text}");
     }
     for (file, text) in [
-        ("timing/stamps.rs", "use crate::{work::Work, elaboration::latency};"),
-        ("pipeline/fill.rs", "use super::Drawing; pub(crate) use crate::pipeline::Setup;"),
+        (
+            "timing/stamps.rs",
+            "use crate::{work::Work, elaboration::latency};",
+        ),
+        (
+            "pipeline/fill.rs",
+            "use super::Drawing; pub(crate) use crate::pipeline::Setup;",
+        ),
         ("units/shade/real/tests.rs", "use super::super::Input;"),
     ] {
-        assert!(up(file, text).is_empty(), "{file}: {text}: {:?}", up(file, text));
+        assert!(
+            up(file, text).is_empty(),
+            "{file}: {text}: {:?}",
+            up(file, text)
+        );
     }
 }
 
 #[test]
 fn reals_are_seen() {
-    for text in ["use crate::real::Near;", "use crate::{num, real};", "super::real::floor_log2(x)", "real::Near"] {
+    for text in [
+        "use crate::real::Near;",
+        "use crate::{num, real};",
+        "super::real::floor_log2(x)",
+        "real::Near",
+    ] {
         assert!(!reals(text).is_empty(), "{text}");
     }
     assert!(reals("pub mod real; mod real; let realm = unreal;").is_empty());
@@ -647,18 +981,33 @@ fn reals_are_seen() {
 
 #[test]
 fn right_shifts_are_seen() {
-    for text in ["let a = b >> 3;", "a >>= 1;", "    >> (c & 31)", "a.wrapping_shr(3)", "a.checked_shr(b)"] {
+    for text in [
+        "let a = b >> 3;",
+        "a >>= 1;",
+        "    >> (c & 31)",
+        "a.wrapping_shr(3)",
+        "a.checked_shr(b)",
+    ] {
         assert!(!right_shifts(text).is_empty(), "{text}");
     }
-    assert!(right_shifts("let a: Vec<Vec<u8>> = b << 3; fn c() -> Option<Option<u8>> {}").is_empty());
+    assert!(
+        right_shifts("let a: Vec<Vec<u8>> = b << 3; fn c() -> Option<Option<u8>> {}").is_empty()
+    );
 }
 
 #[test]
 fn ways_to_bits_are_seen() {
-    for text in ["use rtl_model::Frame;", "use rtl_model::{Machine, frame::Splat};", "use rtl_model::Machine; fn f(x: f64) { x.exp2() }"] {
+    for text in [
+        "use rtl_model::Frame;",
+        "use rtl_model::{Machine, frame::Splat};",
+        "use rtl_model::Machine; fn f(x: f64) { x.exp2() }",
+    ] {
         assert!(!ways_to_bits(text).is_empty(), "{text}");
     }
-    assert!(ways_to_bits("use rtl_model::Machine; x.floor()").is_empty() && ways_to_bits("x.exp2()").is_empty());
+    assert!(
+        ways_to_bits("use rtl_model::Machine; x.floor()").is_empty()
+            && ways_to_bits("x.exp2()").is_empty()
+    );
 }
 
 #[test]
@@ -670,5 +1019,9 @@ fn a_rule_over_nothing_is_no_rule() {
 #[test]
 #[should_panic(expected = "a.rs: has a fault")]
 fn a_broken_rule_names_the_file() {
-    check(&Sources::from([("a.rs".into(), "x".into())]), |_| true, |_, _| vec!["has a fault".into()]);
+    check(
+        &Sources::from([("a.rs".into(), "x".into())]),
+        |_| true,
+        |_, _| vec!["has a fault".into()],
+    );
 }

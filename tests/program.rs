@@ -1,5 +1,5 @@
-//! Program: which splatsim is run as a command. The one that cargo built with the tests; or the one that `SPLATSIM_PROGRAM` names, as some runs of
-//! CI do: the release build, which users run.
+//! Program: which splatsim is run as a command. The one that cargo built with the tests; or the one
+//! that `SPLATSIM_PROGRAM` names, as some runs of CI do: the release build, which users run.
 
 use assert_cmd::Command;
 use std::path::Path;
@@ -8,18 +8,28 @@ use std::sync::LazyLock;
 use std::time::Duration;
 
 /// Its path.
-pub static PROGRAM: LazyLock<String> =
-    LazyLock::new(|| std::env::var("SPLATSIM_PROGRAM").unwrap_or_else(|_| env!("CARGO_BIN_EXE_splatsim").to_owned()));
+pub static PROGRAM: LazyLock<String> = LazyLock::new(|| {
+    std::env::var("SPLATSIM_PROGRAM").unwrap_or_else(|_| env!("CARGO_BIN_EXE_splatsim").to_owned())
+});
 
 /// Runs it, for at most a minute.
 pub fn splatsim(arguments: &[&str]) -> Output {
-    Command::new(PROGRAM.as_str()).args(arguments).timeout(Duration::from_secs(60)).output().unwrap()
+    Command::new(PROGRAM.as_str())
+        .args(arguments)
+        .timeout(Duration::from_secs(60))
+        .output()
+        .unwrap()
 }
 
 /// What it prints where it succeeds.
 pub fn says(arguments: &[&str]) -> String {
     let output = splatsim(arguments);
-    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    assert_eq!(
+        output.status.code(),
+        Some(0),
+        "{arguments:?}: {}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     String::from_utf8(output.stdout).unwrap()
 }
 
@@ -33,6 +43,12 @@ pub fn write(folder: &Path, name: &str, text: &str) -> String {
 
 #[test]
 fn the_program_that_is_run_is_there_and_of_this_version() {
-    let output = std::process::Command::new(&*PROGRAM).arg("--version").output().unwrap();
-    assert_eq!(String::from_utf8(output.stdout).unwrap(), format!("splatsim {}\n", env!("CARGO_PKG_VERSION")));
+    let output = std::process::Command::new(&*PROGRAM)
+        .arg("--version")
+        .output()
+        .unwrap();
+    assert_eq!(
+        String::from_utf8(output.stdout).unwrap(),
+        format!("splatsim {}\n", env!("CARGO_PKG_VERSION"))
+    );
 }

@@ -1,6 +1,8 @@
-//! Do the proofs hold, of what the machine does? Gappa checks them; the scripts' own arithmetic is compared with the units'.
+//! Do the proofs hold, of what the machine does? Gappa checks them; the scripts' own arithmetic is
+//! compared with the units'.
 //!
-//! Gappa is asked only where it is installed (`apt-get install gappa`); with `CI` set its absence is a failure.
+//! Gappa is asked only where it is installed (`apt-get install gappa`); with `CI` set its absence
+//! is a failure.
 
 use crate::tier::{self, Tier};
 use std::collections::BTreeMap;
@@ -25,26 +27,54 @@ fn elaborated(name: &str) -> Elaborated {
 }
 
 fn all() -> Vec<(&'static str, Proof)> {
-    Machine::NAMES.into_iter().flat_map(|name| proofs(&elaborated(name)).into_iter().map(move |proof| (name, proof))).collect()
+    Machine::NAMES
+        .into_iter()
+        .flat_map(|name| {
+            proofs(&elaborated(name))
+                .into_iter()
+                .map(move |proof| (name, proof))
+        })
+        .collect()
 }
 
 fn proof(machine: &Elaborated, name: &str) -> Proof {
-    proofs(machine).into_iter().find(|proof| proof.name == name).unwrap()
+    proofs(machine)
+        .into_iter()
+        .find(|proof| proof.name == name)
+        .unwrap()
 }
 
 // ---- Gappa's verdict ----
 
-/// What Gappa says of a file: nothing where all is proved, not even a warning that a rewriting is not an identity.
+/// What Gappa says of a file: nothing where all is proved, not even a warning that a rewriting is
+/// not an identity.
 fn gappa(file: &Path) -> Result<(), String> {
     // A proof takes a second or so, a failed search perhaps longer.
-    let output = assert_cmd::Command::new("gappa").arg(file).timeout(Duration::from_secs(100)).output().unwrap();
-    let told = String::from_utf8_lossy(&output.stdout).into_owned() + &String::from_utf8_lossy(&output.stderr);
-    if output.status.success() && told.is_empty() { Ok(()) } else { Err(told) }
+    let output = assert_cmd::Command::new("gappa")
+        .arg(file)
+        .timeout(Duration::from_secs(100))
+        .output()
+        .unwrap();
+    let told = String::from_utf8_lossy(&output.stdout).into_owned()
+        + &String::from_utf8_lossy(&output.stderr);
+    if output.status.success() && told.is_empty() {
+        Ok(())
+    } else {
+        Err(told)
+    }
 }
 
 fn is_installed() -> bool {
-    let installed = Command::new("gappa").arg("--version").stdout(Stdio::null()).stderr(Stdio::null()).status().is_ok();
-    assert!(installed || std::env::var_os("CI").is_none(), "gappa is not installed: apt-get install gappa");
+    let installed = Command::new("gappa")
+        .arg("--version")
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .status()
+        .is_ok();
+    assert!(
+        installed || std::env::var_os("CI").is_none(),
+        "gappa is not installed: apt-get install gappa"
+    );
     if !installed {
         println!("skipped: gappa is not installed");
     }
@@ -71,15 +101,27 @@ fn gappa_accepts_every_proof_of_the_named_machines() {
     }
 }
 
-/// Odd shapes too: no Newton step, the smallest tables and words, differenced rows with coarse words, other roundings.
+/// Odd shapes too: no Newton step, the smallest tables and words, differenced rows with coarse
+/// words, other roundings.
 #[test]
 fn gappa_accepts_the_proofs_of_odd_machines() {
     if !is_installed() {
         return;
     }
-    for (table_bits, newton_steps, bits) in [(1, 0, 4), (1, 3, 12), (2, 1, 4), (4, 0, 4), (4, 3, 30), (7, 2, 16)] {
+    for (table_bits, newton_steps, bits) in [
+        (1, 0, 4),
+        (1, 3, 12),
+        (2, 1, 4),
+        (4, 0, 4),
+        (4, 3, 30),
+        (7, 2, 16),
+    ] {
         let mut machine = Machine::named("tiny").unwrap();
-        let unit = FunctionUnit { table_bits, newton_steps, bits };
+        let unit = FunctionUnit {
+            table_bits,
+            newton_steps,
+            bits,
+        };
         (machine.project.reciprocal, machine.ellipse.extent_root) = (unit, unit);
         machine.raster.rows = Rows::Differenced;
         machine.raster.second = machine.raster.second.rounded(Rounding::Truncate);
@@ -89,10 +131,19 @@ fn gappa_accepts_the_proofs_of_odd_machines() {
         machine.gauss.falloff = machine.gauss.falloff.rounded(Rounding::Truncate);
         let machine = machine.elaborate().unwrap();
         let folder = tempfile::tempdir().unwrap();
-        for name in ["project.reciprocal", "ellipse.extent_root", "gauss.table", "raster.radial.16"] {
+        for name in [
+            "project.reciprocal",
+            "ellipse.extent_root",
+            "gauss.table",
+            "raster.radial.16",
+        ] {
             let proof = proof(&machine, name);
             write(std::slice::from_ref(&proof), folder.path()).unwrap();
-            assert_eq!(gappa(&folder.path().join(proof.file_name())), Ok(()), "{name}: {unit:?}");
+            assert_eq!(
+                gappa(&folder.path().join(proof.file_name())),
+                Ok(()),
+                "{name}: {unit:?}"
+            );
         }
     }
 }
@@ -106,21 +157,49 @@ fn gappa_rejects_what_is_not_so() {
     let machine = elaborated("tiny");
     let folder = tempfile::tempdir().unwrap();
     let rejected = |proof: &Proof, text: String, part: &str| {
-        assert_ne!(text, proof.script.text(), "{}: nothing is changed", proof.name);
+        assert_ne!(
+            text,
+            proof.script.text(),
+            "{}: nothing is changed",
+            proof.name
+        );
         let file = folder.path().join(proof.file_name());
         std::fs::write(&file, text).unwrap();
         let told = gappa(&file).expect_err(&proof.name);
         assert!(told.contains(part), "{}: {told}", proof.name);
     };
-    for name in ["project.reciprocal", "ellipse.root", "gauss.table", "raster.radial.16"] {
+    for name in [
+        "project.reciprocal",
+        "ellipse.root",
+        "gauss.table",
+        "raster.radial.16",
+    ] {
         let proof = proof(&machine, name);
-        rejected(&proof, proof.script.text().replace(&within(proof.bound), &within(proof.bound / 4.0)), "Error: ");
+        rejected(
+            &proof,
+            proof
+                .script
+                .text()
+                .replace(&within(proof.bound), &within(proof.bound / 4.0)),
+            "Error: ",
+        );
     }
     let reciprocal = proof(&machine, "project.reciprocal");
     let rom = machine.reciprocals()[0].1.guesses();
-    rejected(&reciprocal, reciprocal.script.text().replace(&format!("m7*{}b-9 ", rom[7]), &format!("m7*{}b-9 ", rom[7] + 20)), "Error: ");
+    rejected(
+        &reciprocal,
+        reciprocal.script.text().replace(
+            &format!("m7*{}b-9 ", rom[7]),
+            &format!("m7*{}b-9 ", rom[7] + 20),
+        ),
+        "Error: ",
+    );
     let raster = proof(&machine, "raster.radial.16");
-    rejected(&raster, raster.script.text().replace("+ 16*(F0", "+ 17*(F0"), "not trivially equal");
+    rejected(
+        &raster,
+        raster.script.text().replace("+ 16*(F0", "+ 17*(F0"),
+        "not trivially equal",
+    );
 }
 
 // ---- The scripts say what the units do ----
@@ -134,7 +213,10 @@ impl Dyadic {
         let exponent = self.1.min(other.1);
         let at = |Dyadic(mantissa, own): Dyadic| {
             let places = (own - exponent) as u32;
-            assert!(mantissa.unsigned_abs().leading_zeros() > places + 1 || mantissa == 0, "the number is too long");
+            assert!(
+                mantissa.unsigned_abs().leading_zeros() > places + 1 || mantissa == 0,
+                "the number is too long"
+            );
             mantissa << places
         };
         (at(self), at(other), exponent)
@@ -177,7 +259,8 @@ impl Dyadic {
     }
 }
 
-/// Reads and evaluates what the definitions are made of: sums, products, brackets, roundings, numbers and names.
+/// Reads and evaluates what the definitions are made of: sums, products, brackets, roundings,
+/// numbers and names.
 struct Reader<'a> {
     rest: &'a str,
     known: &'a BTreeMap<String, Dyadic>,
@@ -236,12 +319,20 @@ impl<'a> Reader<'a> {
         let text = self.rest.trim_start();
         // A number's exponent may have a sign: 3b-2.
         let is_number = text.starts_with(|c: char| c.is_ascii_digit());
-        let ends = |(at, c): (usize, char)| !(c.is_alphanumeric() || is_number && c == '-' && text[..at].ends_with('b'));
-        let end = text.char_indices().find(|at| ends(*at)).map_or(text.len(), |(at, _)| at);
+        let ends = |(at, c): (usize, char)| {
+            !(c.is_alphanumeric() || is_number && c == '-' && text[..at].ends_with('b'))
+        };
+        let end = text
+            .char_indices()
+            .find(|at| ends(*at))
+            .map_or(text.len(), |(at, _)| at);
         let (word, rest) = text.split_at(end);
         self.rest = rest;
         if !is_number {
-            return *self.known.get(word).unwrap_or_else(|| panic!("{word} is not defined"));
+            return *self
+                .known
+                .get(word)
+                .unwrap_or_else(|| panic!("{word} is not defined"));
         }
         let (mantissa, exponent) = word.split_once('b').unwrap_or((word, "0"));
         Dyadic(mantissa.parse().unwrap(), exponent.parse().unwrap())
@@ -250,7 +341,10 @@ impl<'a> Reader<'a> {
 
 /// All that a script defines, from what is known already.
 fn defined(proof: &Proof, known: &[(&str, Dyadic)]) -> BTreeMap<String, Dyadic> {
-    let mut all: BTreeMap<String, Dyadic> = known.iter().map(|(name, value)| (name.to_string(), *value)).collect();
+    let mut all: BTreeMap<String, Dyadic> = known
+        .iter()
+        .map(|(name, value)| (name.to_string(), *value))
+        .collect();
     for definition in &proof.script.definitions {
         let (name, expression) = definition.split_once(" = ").unwrap();
         if !all.contains_key(name) {
@@ -263,12 +357,15 @@ fn defined(proof: &Proof, known: &[(&str, Dyadic)]) -> BTreeMap<String, Dyadic> 
 
 /// The ends of the interval that a line `what in [low,high]` gives.
 fn interval<'l>(lines: &'l [String], what: &str) -> Option<[Dyadic; 2]> {
-    let line: &'l str = lines.iter().find_map(|line| line.strip_prefix(what)?.strip_prefix(" in ["))?;
+    let line: &'l str = lines
+        .iter()
+        .find_map(|line| line.strip_prefix(what)?.strip_prefix(" in ["))?;
     let (low, high) = line.trim_end_matches(']').split_once(',')?;
     Some([low, high].map(|text| Reader::value(text, &BTreeMap::new())))
 }
 
-/// The ROM's word that the script has for mantissa `m`: the constant of the goal about the step that holds it.
+/// The ROM's word that the script has for mantissa `m`: the constant of the goal about the step
+/// that holds it.
 fn guess(proof: &Proof, m: Dyadic) -> Dyadic {
     let step = (0..4096).rev().find(|i| {
         let step = interval(&proof.script.hypotheses, &format!("m{i}"));
@@ -276,7 +373,9 @@ fn guess(proof: &Proof, m: Dyadic) -> Dyadic {
     });
     let step = step.unwrap();
     let goal = proof.script.goals.iter().find_map(|goal| {
-        let rest = goal.strip_prefix(&format!("m{step}*")).or_else(|| goal.strip_prefix(&format!("sqrt(m{step})*")));
+        let rest = goal
+            .strip_prefix(&format!("m{step}*"))
+            .or_else(|| goal.strip_prefix(&format!("sqrt(m{step})*")));
         rest?.split_once(" in ")
     });
     Reader::value(goal.unwrap().0, &BTreeMap::new())
@@ -304,7 +403,10 @@ fn a_reciprocals_script_computes_what_the_unit_does() {
                 let all = defined(&proof, &[("x", x), ("y0", guess(&proof, m))]);
                 let (y, _) = unit.one((mantissa << 9) + 400, &mut Tap::new(&mut NoProbe));
                 let script = all[&format!("y{}", shape.newton_steps)];
-                assert!(script.equals(Dyadic(y.into(), -(shape.bits as i32))), "{name}: {signal} of {mantissa}: {y}, {script:?}");
+                assert!(
+                    script.equals(Dyadic(y.into(), -(shape.bits as i32))),
+                    "{name}: {signal} of {mantissa}: {y}, {script:?}"
+                );
                 assert!(m.equals(all["m"]));
             }
         }
@@ -320,7 +422,8 @@ fn a_reciprocal_roots_script_computes_what_the_unit_does() {
         let machine = elaborated(name);
         for (signal, elaborated) in machine.roots() {
             let (proof, shape) = (proof(&machine, signal), elaborated.shape());
-            // The same unit for whole operands, of which an even number of places is to be left of the mantissa's point.
+            // The same unit for whole operands, of which an even number of places is to be left of
+            // the mantissa's point.
             let unit = ReciprocalRoot::new(&mut Elaboration::default(), "test", "root", shape, 0);
             assert_eq!(unit.guesses(), elaborated.guesses());
             let bits = shape.bits as i32;
@@ -329,10 +432,23 @@ fn a_reciprocal_roots_script_computes_what_the_unit_does() {
                 let m = Dyadic(mantissa.into(), 1 - bits);
                 // Roots are irrational: all but what follows from them is computed.
                 let zero = Dyadic(0, 0);
-                let all = defined(&proof, &[("m", m), ("x", m), ("v", m), ("s", zero), ("t", zero), ("y0", guess(&proof, m))]);
+                let all = defined(
+                    &proof,
+                    &[
+                        ("m", m),
+                        ("x", m),
+                        ("v", m),
+                        ("s", zero),
+                        ("t", zero),
+                        ("y0", guess(&proof, m)),
+                    ],
+                );
                 let (y, _) = unit.one(operand, &mut Tap::new(&mut NoProbe));
                 let script = all[&format!("y{}", shape.newton_steps)];
-                assert!(script.equals(Dyadic(y.into(), -bits)), "{name}: {signal} of {mantissa}: {y}, {script:?}");
+                assert!(
+                    script.equals(Dyadic(y.into(), -bits)),
+                    "{name}: {signal} of {mantissa}: {y}, {script:?}"
+                );
                 assert!(all["cut"].equals(m));
             }
         }
@@ -344,14 +460,20 @@ fn a_reciprocal_roots_script_computes_what_the_unit_does() {
 fn the_gaussian_tables_script_computes_what_the_unit_does() {
     for name in Machine::NAMES {
         let machine = elaborated(name);
-        let (proof, gauss, table) = (proof(&machine, "gauss.table"), &machine.machine.gauss, machine.gaussian());
+        let (proof, gauss, table) = (
+            proof(&machine, "gauss.table"),
+            &machine.machine.gauss,
+            machine.gaussian(),
+        );
         let frac_bits = gauss.falloff.format.frac_bits;
         let rom = |i: i64| -> Dyadic {
             let [low, high] = interval(&proof.script.goals, &format!("e{i}")).unwrap();
             low.plus(high).times(Dyadic(1, -1))
         };
         let fraction_bits = gauss.radial_index.format.width() - gauss.table.index_bits as i32;
-        for r in (0..=gauss.radial_index.format.max()).step_by(1 + (gauss.radial_index.format.max() / 3000) as usize) {
+        for r in (0..=gauss.radial_index.format.max())
+            .step_by(1 + (gauss.radial_index.format.max() / 3000) as usize)
+        {
             let (i, fraction) = (r >> fraction_bits, r & ((1 << fraction_bits) - 1));
             let v = rom(i);
             let d = match gauss.table.interpolation {
@@ -360,9 +482,16 @@ fn the_gaussian_tables_script_computes_what_the_unit_does() {
             };
             let f = Dyadic(fraction.into(), -fraction_bits);
             let zero = Dyadic(0, 0);
-            let all = defined(&proof, &[("v", v), ("d", d), ("f", f), ("a", zero), ("b", zero)]);
+            let all = defined(
+                &proof,
+                &[("v", v), ("d", d), ("f", f), ("a", zero), ("b", zero)],
+            );
             let word = table.fit().one(table.exact(r));
-            assert!(all["w"].equals(Dyadic(word.into(), -frac_bits)), "{name}: e^(−{r}/2) is {word}, {:?}", all["w"]);
+            assert!(
+                all["w"].equals(Dyadic(word.into(), -frac_bits)),
+                "{name}: e^(−{r}/2) is {word}, {:?}",
+                all["w"]
+            );
         }
     }
 }
@@ -372,33 +501,57 @@ fn the_rasters_script_computes_what_the_unit_does() {
     for name in Machine::NAMES {
         let machine = elaborated(name);
         let m = &machine.machine;
-        let (proof, unit) = (proof(&machine, "raster.radial.16"), Raster::new(&mut Elaboration::default(), m));
+        let (proof, unit) = (
+            proof(&machine, "raster.radial.16"),
+            Raster::new(&mut Elaboration::default(), m),
+        );
         let (radial, offset) = (m.raster.radial.format, m.raster.offset.format.frac_bits);
         let conic = m.ellipse.conic.format.frac_bits;
         let pixel = m.project.pixel.format.frac_bits;
         for seed in 0..200i64 {
             // Conics up to ¼, a centre anywhere within 16 pixels of the box's first.
             let odd = |k: i64| (seed * 2_654_435_761 + k * 40_503) % 100_003;
-            let words = [odd(1), odd(2) - 50_000, odd(3)].map(|part| ((part << conic) / 400_012) as i32);
-            let at = [odd(4), odd(5)].map(|part| (((part - 50_000) << (pixel + 4)) / 50_001) as i32);
-            let input = raster::Input { pixel: at, conic: words, columns: [256, 300], rows: [256, 300], ..Default::default() };
-            let rows = if m.raster.rows == Rows::Differenced { 16 } else { 0 };
+            let words =
+                [odd(1), odd(2) - 50_000, odd(3)].map(|part| ((part << conic) / 400_012) as i32);
+            let at =
+                [odd(4), odd(5)].map(|part| (((part - 50_000) << (pixel + 4)) / 50_001) as i32);
+            let input = raster::Input {
+                pixel: at,
+                conic: words,
+                columns: [256, 300],
+                rows: [256, 300],
+                ..Default::default()
+            };
+            let rows = if m.raster.rows == Rows::Differenced {
+                16
+            } else {
+                0
+            };
             let mut probe = NoProbe;
             let tap = &mut Tap::new(&mut probe);
             let size_px = [512, 512];
-            let walks = unit.enter::<Plain, _>(size_px, [256 + 16, 256 + rows], &[&input; LANES], tap);
+            let walks =
+                unit.enter::<Plain, _>(size_px, [256 + 16, 256 + rows], &[&input; LANES], tap);
             let mut span = Span::default();
             unit.span::<Plain, _>(size_px, &walks, 0, &input, i64::MAX, &mut span, tap);
             let [lanes, _] = unit.fragments::<Plain>(&walks, 0, &span, [0; LANES]);
             let word = lanes.0[0];
             // The box's first pixel centre from the splat's.
-            let [x, y] = at.map(|at| Dyadic((1i128 << (pixel - 1)) - i128::from(at), -pixel).rounded(-offset, "nu"));
+            let [x, y] = at.map(|at| {
+                Dyadic((1i128 << (pixel - 1)) - i128::from(at), -pixel).rounded(-offset, "nu")
+            });
             let [xx, xy, yy] = words.map(|word| Dyadic(word.into(), -conic));
-            let all = defined(&proof, &[("x", x), ("y", y), ("xx", xx), ("xy", xy), ("yy", yy)]);
+            let all = defined(
+                &proof,
+                &[("x", x), ("y", y), ("xx", xx), ("xy", xy), ("yy", yy)],
+            );
             let script = all[&format!("R{}", 16 + rows)];
             // What follows takes an r below 0 for 0.
             let below = script.0 < 0;
-            assert!(below && word == 0 || script.equals(Dyadic(word.into(), -radial.frac_bits)), "{name}: {word}, {script:?}, {input:?}");
+            assert!(
+                below && word == 0 || script.equals(Dyadic(word.into(), -radial.frac_bits)),
+                "{name}: {word}, {script:?}, {input:?}"
+            );
         }
     }
 }
@@ -410,8 +563,18 @@ fn a_script_says_what_it_claims_and_is_the_same_every_time() {
     for ((name, once), (_, again)) in all().into_iter().zip(all()) {
         let text = once.script.text();
         assert_eq!(text, again.script.text());
-        assert!(text.is_ascii() && text.starts_with(&format!("# {} of machine {name}: ", once.name)), "{text}");
-        assert!(text.contains(&format!("# Claimed: {} <= {}, about", once.claim, number(once.bound))), "{text}");
+        assert!(
+            text.is_ascii() && text.starts_with(&format!("# {} of machine {name}: ", once.name)),
+            "{text}"
+        );
+        assert!(
+            text.contains(&format!(
+                "# Claimed: {} <= {}, about",
+                once.claim,
+                number(once.bound)
+            )),
+            "{text}"
+        );
         assert!(text.contains(&within(once.bound)), "{}", once.name);
     }
 }

@@ -1,5 +1,5 @@
-//! Are the machine's words what the scene says, to half a last place, at the largest scale that holds everything?
-//! The oracle is integer arithmetic on the binary digits of the scene's numbers.
+//! Are the machine's words what the scene says, to half a last place, at the largest scale that
+//! holds everything? The oracle is integer arithmetic on the binary digits of the scene's numbers.
 
 use crate::handmade;
 use glam::DVec3;
@@ -12,23 +12,39 @@ use splatsim::scene::{Scene, Splat};
 /// Places of the exact numbers below.
 const EXACT_PLACES: i32 = 80;
 
-/// A number in units of 2^−80, cut towards minus infinity where it is finer: that changes no rounding to a coarser place.
+/// A number in units of 2^−80, cut towards minus infinity where it is finer: that changes no
+/// rounding to a coarser place.
 fn exact(x: f64) -> i128 {
     let bits = x.to_bits();
     let exponent = ((bits >> 52) & 0x7ff) as i32;
     assert!(exponent != 0x7ff, "{x} is not a number");
     let fraction = (bits & ((1 << 52) - 1)) as i128;
-    let magnitude = if exponent == 0 { fraction } else { fraction | (1 << 52) };
-    let signed = if x.is_sign_negative() { -magnitude } else { magnitude };
+    let magnitude = if exponent == 0 {
+        fraction
+    } else {
+        fraction | (1 << 52)
+    };
+    let signed = if x.is_sign_negative() {
+        -magnitude
+    } else {
+        magnitude
+    };
     let left = exponent.max(1) - 1075 + EXACT_PLACES;
     assert!(left < 74, "{x} is too large for this test");
-    if left >= 0 { signed << left } else { signed >> (-left).min(127) }
+    if left >= 0 {
+        signed << left
+    } else {
+        signed >> (-left).min(127)
+    }
 }
 
 /// The nearest word to an exact number times 2^exponent, ties up.
 fn nearest(exact: i128, exponent: i32, format: Format) -> i128 {
     let right = EXACT_PLACES - exponent - format.frac_bits;
-    assert!((1..120).contains(&right), "2^{exponent} is out of this test's range");
+    assert!(
+        (1..120).contains(&right),
+        "2^{exponent} is out of this test's range"
+    );
     (exact + (1 << (right - 1))) >> right
 }
 
@@ -40,36 +56,56 @@ fn error_in_places(word: i32, number: i128, exponent: i32, format: Format) -> i1
 
 fn a_splat() -> impl Strategy<Value = Splat> {
     let position = prop::array::uniform3(-20.0..20.0_f64);
-    let direction = prop::array::uniform3(-1.0..1.0_f64).prop_filter("too short", |v| DVec3::from_array(*v).length() > 0.1);
+    let direction = prop::array::uniform3(-1.0..1.0_f64)
+        .prop_filter("too short", |v| DVec3::from_array(*v).length() > 0.1);
     // Halves of last places are likely among sixty-fourths and never among random reals.
-    let channel = prop_oneof![(0..=8192_u32).prop_map(|n| f64::from(n) / 8192.0), 0.0..=1.0];
-    let opacity = prop_oneof![(0..=8192_u32).prop_map(|n| f64::from(n) / 8192.0), 0.0..=1.0];
-    (position, direction, -9.0..3.0_f64, prop::array::uniform3(channel), opacity).prop_map(|(position, direction, size, rgb, opacity)| {
-        Splat {
+    let channel = prop_oneof![
+        (0..=8192_u32).prop_map(|n| f64::from(n) / 8192.0),
+        0.0..=1.0
+    ];
+    let opacity = prop_oneof![
+        (0..=8192_u32).prop_map(|n| f64::from(n) / 8192.0),
+        0.0..=1.0
+    ];
+    (
+        position,
+        direction,
+        -9.0..3.0_f64,
+        prop::array::uniform3(channel),
+        opacity,
+    )
+        .prop_map(|(position, direction, size, rgb, opacity)| Splat {
             position: DVec3::from_array(position),
             normal: DVec3::from_array(direction).normalize(),
             radius: size.exp2(),
             rgb,
             opacity,
             material: 0,
-        }
-    })
+        })
 }
 
 /// Splats anywhere about an eye that looks anywhere.
 fn a_scene() -> impl Strategy<Value = Scene> {
     let eye = prop::array::uniform3(-40.0..40.0_f64);
-    (prop::collection::vec(a_splat(), 1..12), eye, 0.0..6.0_f64, 0.001..3.0_f64).prop_map(|(splats, eye, turn, z_threshold)| {
-        let mut scene = handmade::scene(64, 48, 60.0, splats);
-        scene.camera.eye = DVec3::from_array(eye);
-        scene.camera.target = scene.camera.eye + DVec3::new(turn.sin(), 0.2, turn.cos());
-        scene.surface.z_threshold = z_threshold;
-        scene
-    })
+    (
+        prop::collection::vec(a_splat(), 1..12),
+        eye,
+        0.0..6.0_f64,
+        0.001..3.0_f64,
+    )
+        .prop_map(|(splats, eye, turn, z_threshold)| {
+            let mut scene = handmade::scene(64, 48, 60.0, splats);
+            scene.camera.eye = DVec3::from_array(eye);
+            scene.camera.target = scene.camera.eye + DVec3::new(turn.sin(), 0.2, turn.cos());
+            scene.surface.z_threshold = z_threshold;
+            scene
+        })
 }
 
 fn machines() -> impl Iterator<Item = Machine> {
-    Machine::NAMES.into_iter().map(|name| Machine::named(name).unwrap())
+    Machine::NAMES
+        .into_iter()
+        .map(|name| Machine::named(name).unwrap())
 }
 
 fn quantised(scene: &Scene, machine: &Machine) -> Quantised {
@@ -81,9 +117,17 @@ fn needs(scene: &Scene, machine: &Machine, offset: DVec3) -> Vec<(Word, f64)> {
     let forward = (scene.camera.target - scene.camera.eye).normalize();
     let reach = scene.kernel.cutoff.sqrt();
     let mut needs = vec![(machine.fragment.depth, scene.surface.z_threshold)];
-    needs.extend((scene.camera.eye - offset).to_array().map(|x| (machine.project.eye, x.abs())));
+    needs.extend(
+        (scene.camera.eye - offset)
+            .to_array()
+            .map(|x| (machine.project.eye, x.abs())),
+    );
     for splat in &scene.splats {
-        needs.extend((splat.position - offset).to_array().map(|x| (machine.splat.position, x.abs())));
+        needs.extend(
+            (splat.position - offset)
+                .to_array()
+                .map(|x| (machine.splat.position, x.abs())),
+        );
         needs.push((machine.splat.radius, splat.radius));
         needs.push((machine.ellipse.depth_range, splat.radius * reach));
         let deepest = forward.dot(splat.position - scene.camera.eye) + splat.radius * reach;
@@ -181,7 +225,10 @@ fn the_oracle_counts_right() {
     assert_eq!(exact(-0.75), -(3 << 78));
     assert_eq!(exact(-1e-300), -1);
     let format = Format::signed(4, 1);
-    assert_eq!([0.24, 0.25, -0.25, -0.26, 3.0].map(|x| nearest(exact(x), 0, format)), [0, 1, 0, -1, 6]);
+    assert_eq!(
+        [0.24, 0.25, -0.25, -0.26, 3.0].map(|x| nearest(exact(x), 0, format)),
+        [0, 1, 0, -1, 6]
+    );
     assert_eq!(nearest(exact(3.0), -2, format), 2);
     assert_eq!(error_in_places(1, exact(0.25), 0, format), 1 << 19);
 }

@@ -1,7 +1,8 @@
-//! Is what README and the book say so? Their commands are run, their tables and samples compared with what the code says today.
+//! Is what README and the book say so? Their commands are run, their tables and samples compared
+//! with what the code says today.
 //!
-//! Where a figure has changed for a good reason, the failure prints the lines that the page should have. A command runs once, however
-//! many pages have it.
+//! Where a figure has changed for a good reason, the failure prints the lines that the page should
+//! have. A command runs once, however many pages have it.
 
 use crate::program;
 use crate::tier::{self, Tier};
@@ -10,7 +11,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
-use book::{Page, Sample, blocks, dead_links, fenced, page, page_with, pages, quoted, root, samples, table};
+use book::{
+    Page, Sample, blocks, dead_links, fenced, page, page_with, pages, quoted, root, samples, table,
+};
 use rtl_model::Machine;
 use splatsim::accuracy::metrics;
 use splatsim::golden::{ideal, render};
@@ -18,7 +21,8 @@ use splatsim::hardware::{fixed, quantise};
 use splatsim::run::report::MachineReport;
 use splatsim::scene::{Overrides, Scene};
 
-/// Where a scene of a table is: built in, beside the programs, or in the input data; none where that is absent.
+/// Where a scene of a table is: built in, beside the programs, or in the input data; none where
+/// that is absent.
 fn find(name: &str) -> Option<PathBuf> {
     match name {
         _ if !name.contains('.') => Some(name.into()),
@@ -42,8 +46,8 @@ fn one_place(db: Option<f64>) -> String {
 const PROGRAM: &str = "cargo run --release -- ";
 const EXAMPLE: &str = "cargo run --release --example ";
 
-/// What takes long, and the tier that runs it: searches and what reads their machine, the stress catalogue, sweeps and their charts, larger
-/// pictures.
+/// What takes long, and the tier that runs it: searches and what reads their machine, the stress
+/// catalogue, sweeps and their charts, larger pictures.
 const LONG: [(&str, Tier); 20] = [
     ("run --attribute --out out", Tier::Full),
     ("sweep layers ", Tier::Full),
@@ -51,7 +55,10 @@ const LONG: [(&str, Tier); 20] = [
     ("search torus-knot --size 64x64 ", Tier::Full),
     ("run torus-knot --size 64x64 --machine found/", Tier::Full),
     ("stress --out out", Tier::Full),
-    ("search torus-knot --size 96x96 --over fragment ", Tier::Full),
+    (
+        "search torus-knot --size 96x96 --over fragment ",
+        Tier::Full,
+    ),
     ("search torus-knot --size 32x32 --distance ", Tier::Full),
     ("run bouquet --size 256x256", Tier::Ci),
     ("run nested-shells --size 256x256 --out out", Tier::Ci),
@@ -69,7 +76,8 @@ const LONG: [(&str, Tier); 20] = [
 
 /// Whether this run prints what a command prints.
 fn is_run(arguments: &str) -> bool {
-    LONG.iter().all(|(start, tier)| !arguments.starts_with(start) || tier::tier() >= *tier)
+    LONG.iter()
+        .all(|(start, tier)| !arguments.starts_with(start) || tier::tier() >= *tier)
 }
 
 /// Commands of other programs, which CI runs, or which set up what CI runs.
@@ -87,34 +95,53 @@ const OTHERS: [&str; 8] = [
 /// What a command of the program prints, or why it fails.
 type Printed = Result<String, String>;
 
-/// The commands of the program in all pages, without what they begin with, each once, in the order in which a page's reader meets them.
+/// The commands of the program in all pages, without what they begin with, each once, in the order
+/// in which a page's reader meets them.
 fn commands() -> Vec<String> {
     let mut seen = BTreeSet::new();
-    let all = pages().into_iter().flat_map(|page| fenced(&page.text, "sh"));
+    let all = pages()
+        .into_iter()
+        .flat_map(|page| fenced(&page.text, "sh"));
     let of_program = all.filter_map(|line| line.strip_prefix(PROGRAM).map(str::to_owned));
-    of_program.filter(|arguments| seen.insert(arguments.clone())).collect()
+    of_program
+        .filter(|arguments| seen.insert(arguments.clone()))
+        .collect()
 }
 
 /// What all of them print that are this run's, each run once. Some read what others wrote.
 static PRINTED: LazyLock<BTreeMap<String, Printed>> = LazyLock::new(|| {
     let folder = tempfile::tempdir().unwrap();
     let mine = commands().into_iter().filter(|arguments| is_run(arguments));
-    mine.map(|arguments| (arguments.clone(), splatsim(folder.path(), &arguments))).collect()
+    mine.map(|arguments| (arguments.clone(), splatsim(folder.path(), &arguments)))
+        .collect()
 });
 
 fn splatsim(folder: &Path, arguments: &str) -> Printed {
     let mut command = assert_cmd::Command::new(program::PROGRAM.as_str());
-    let output = command.args(arguments.split(' ')).current_dir(folder).output().unwrap();
+    let output = command
+        .args(arguments.split(' '))
+        .current_dir(folder)
+        .output()
+        .unwrap();
     match output.status.code() {
         Some(0) => Ok(String::from_utf8(output.stdout).unwrap()),
-        code => Err(format!("{code:?}: {}", String::from_utf8_lossy(&output.stderr))),
+        code => Err(format!(
+            "{code:?}: {}",
+            String::from_utf8_lossy(&output.stderr)
+        )),
     }
 }
 
 #[test]
 fn the_first_two_commands_are_the_main_job_and_the_tests() {
     let commands = fenced(&page("README.md").text, "sh");
-    assert_eq!(commands, ["cargo run --release -- run --out out", "cargo test --workspace"]);
+    assert_eq!(
+        commands,
+        [
+            "cargo run --release -- run --out out",
+            "cargo test --workspace"
+        ]
+    );
     let script = std::fs::read_to_string(root().join(".ci/run")).unwrap();
     assert!(commands.iter().all(|line| script.contains(line.as_str())));
 }
@@ -122,12 +149,22 @@ fn the_first_two_commands_are_the_main_job_and_the_tests() {
 #[test]
 fn every_command_exists_and_those_of_the_program_run() {
     assert!(commands().len() >= 30, "{:?}", commands());
-    let failed: Vec<_> = PRINTED.iter().filter(|(_, printed)| printed.is_err()).collect();
+    let failed: Vec<_> = PRINTED
+        .iter()
+        .filter(|(_, printed)| printed.is_err())
+        .collect();
     assert!(failed.is_empty(), "{failed:#?}");
-    for line in pages().into_iter().flat_map(|page| fenced(&page.text, "sh")).filter(|line| !line.starts_with(PROGRAM)) {
+    for line in pages()
+        .into_iter()
+        .flat_map(|page| fenced(&page.text, "sh"))
+        .filter(|line| !line.starts_with(PROGRAM))
+    {
         if let Some(example) = line.strip_prefix(EXAMPLE) {
             let name = example.split(' ').next().unwrap();
-            assert!(root().join(format!("tests/programs/{name}.rs")).exists(), "{line}");
+            assert!(
+                root().join(format!("tests/programs/{name}.rs")).exists(),
+                "{line}"
+            );
         } else {
             assert!(OTHERS.contains(&line.as_str()), "nobody runs {line}");
         }
@@ -136,17 +173,27 @@ fn every_command_exists_and_those_of_the_program_run() {
 
 /// Lines of a sample or of what is printed, without those that tell of the computer.
 fn lines<'l>(text: impl IntoIterator<Item = &'l str>) -> Vec<&'l str> {
-    text.into_iter().filter(|line| !line.starts_with("host:") && !line.starts_with("      fixed makes")).collect()
+    text.into_iter()
+        .filter(|line| !line.starts_with("host:") && !line.starts_with("      fixed makes"))
+        .collect()
 }
 
 /// Whether a sample is a part of what is printed. Two pages have all that a command prints.
 fn is_printed(sample: &Sample, printed: &str) -> bool {
     let told = lines(sample.lines.iter().map(String::as_str));
     let now = lines(printed.trim_end().lines());
-    let is_all = [("report.md", "run --out out"), ("cost.md", "machine cost reference")]
-        .iter()
-        .any(|(page, arguments)| sample.path.ends_with(page) && sample.arguments == *arguments);
-    told.len() > 4 && if is_all { told == now } else { now.windows(told.len()).any(|some| some == told) }
+    let is_all = [
+        ("report.md", "run --out out"),
+        ("cost.md", "machine cost reference"),
+    ]
+    .iter()
+    .any(|(page, arguments)| sample.path.ends_with(page) && sample.arguments == *arguments);
+    told.len() > 4
+        && if is_all {
+            told == now
+        } else {
+            now.windows(told.len()).any(|some| some == told)
+        }
 }
 
 fn all_samples() -> Vec<Sample> {
@@ -156,18 +203,39 @@ fn all_samples() -> Vec<Sample> {
 #[test]
 fn every_sample_is_what_its_command_prints() {
     let all = commands();
-    assert!(LONG.iter().all(|(start, _)| all.iter().any(|arguments| arguments.starts_with(start))));
-    for sample in all_samples().iter().filter(|sample| is_run(&sample.arguments)) {
-        let printed = PRINTED.get(&sample.arguments).unwrap_or_else(|| panic!("no page has the command {}", sample.arguments));
-        let printed = printed.as_ref().unwrap_or_else(|why| panic!("{}: {why}", sample.arguments));
-        assert!(is_printed(sample, printed), "{} should have:\n{printed}", sample.path.display());
+    assert!(
+        LONG.iter()
+            .all(|(start, _)| all.iter().any(|arguments| arguments.starts_with(start)))
+    );
+    for sample in all_samples()
+        .iter()
+        .filter(|sample| is_run(&sample.arguments))
+    {
+        let printed = PRINTED
+            .get(&sample.arguments)
+            .unwrap_or_else(|| panic!("no page has the command {}", sample.arguments));
+        let printed = printed
+            .as_ref()
+            .unwrap_or_else(|why| panic!("{}: {why}", sample.arguments));
+        assert!(
+            is_printed(sample, printed),
+            "{} should have:\n{printed}",
+            sample.path.display()
+        );
     }
 }
 
 #[test]
 fn what_was_compared_once_is_compared_still() {
-    let arguments: BTreeSet<String> = all_samples().into_iter().map(|sample| sample.arguments).collect();
-    let has = |start: &str| arguments.iter().any(|arguments| arguments.starts_with(start));
+    let arguments: BTreeSet<String> = all_samples()
+        .into_iter()
+        .map(|sample| sample.arguments)
+        .collect();
+    let has = |start: &str| {
+        arguments
+            .iter()
+            .any(|arguments| arguments.starts_with(start))
+    };
     let all = [
         "run --out out",
         "run --attribute --out out",
@@ -181,9 +249,16 @@ fn what_was_compared_once_is_compared_still() {
 #[test]
 fn the_sample_plan_can_be_carried_out() {
     let folder = tempfile::tempdir().unwrap();
-    std::fs::write(folder.path().join("plan.json"), fenced(&page("docs/book/sweeps.md").text, "json").join("\n")).unwrap();
+    std::fs::write(
+        folder.path().join("plan.json"),
+        fenced(&page("docs/book/sweeps.md").text, "json").join("\n"),
+    )
+    .unwrap();
     let told = splatsim(folder.path(), "sweep plan.json --most 1").unwrap_err();
-    assert!(told.contains("the plan has 64 points, more than 1"), "{told}");
+    assert!(
+        told.contains("the plan has 64 points, more than 1"),
+        "{told}"
+    );
 }
 
 #[test]
@@ -203,10 +278,17 @@ fn the_table_of_machines_says_what_they_are() {
     let rows = table(&page_with("## Named machines").text, "## Named machines");
     let now = Machine::names().map(|name| {
         let report = MachineReport::new(&fixed::elaborate(&Machine::named(name).unwrap()).unwrap());
-        [name.to_owned(), format!("{} bits", report.widest_operand_bits), format!("{} bits", report.fragment_bits)]
+        [
+            name.to_owned(),
+            format!("{} bits", report.widest_operand_bits),
+            format!("{} bits", report.fragment_bits),
+        ]
     });
     let now: Vec<_> = now.collect();
-    assert_eq!(rows.iter().map(|row| &row[..3]).collect::<Vec<_>>(), now.iter().map(|row| &row[..]).collect::<Vec<_>>());
+    assert_eq!(
+        rows.iter().map(|row| &row[..3]).collect::<Vec<_>>(),
+        now.iter().map(|row| &row[..]).collect::<Vec<_>>()
+    );
 }
 
 #[test]
@@ -215,7 +297,10 @@ fn the_table_of_accuracies_says_what_the_machines_reach() {
         return;
     }
     let mut wrong = Vec::new();
-    for row in tier::some([12, 12], table(&page_with("<!-- accuracy -->").text, "<!-- accuracy -->")) {
+    for row in tier::some(
+        [12, 12],
+        table(&page_with("<!-- accuracy -->").text, "<!-- accuracy -->"),
+    ) {
         let Some(path) = find(&row[0]) else { continue };
         let scene = load(&path);
         let mut now = vec![row[0].clone()];
@@ -223,14 +308,21 @@ fn the_table_of_accuracies_says_what_the_machines_reach() {
             let machine = Machine::named(name).unwrap();
             let elaborated = fixed::elaborate(&machine).unwrap();
             let drawing = fixed::draw(&elaborated, &quantise::quantise(&scene, &machine).unwrap());
-            let m = metrics(&fixed::picture(&elaborated, &drawing), &render(&scene, &fixed::rules(&machine)).picture);
+            let m = metrics(
+                &fixed::picture(&elaborated, &drawing),
+                &render(&scene, &fixed::rules(&machine)).picture,
+            );
             now.extend([one_place(m.psnr_db), one_place(m.psnr_covered_db)]);
         }
         if now != row {
             wrong.push(format!("| {} |", now.join(" | ")));
         }
     }
-    assert!(wrong.is_empty(), "the book should have:\n{}", wrong.join("\n"));
+    assert!(
+        wrong.is_empty(),
+        "the book should have:\n{}",
+        wrong.join("\n")
+    );
 }
 
 /// The rows of three layers; `tests/golden_match.rs` and `tests/golden_window.rs` have more.
@@ -241,9 +333,20 @@ fn the_table_of_merge_rules_says_what_they_do() {
     }
     let page = page_with("<!-- merge rules -->").text;
     let rows = table(&page, "<!-- merge rules -->");
-    let heads: Vec<&str> =
-        page.lines().find(|line| line.starts_with("| scene | l | nearest-pair")).unwrap().trim_matches('|').split('|').collect();
-    assert!(heads[2..].iter().map(|head| head.trim()).eq(merge_rules::names()), "{heads:?}");
+    let heads: Vec<&str> = page
+        .lines()
+        .find(|line| line.starts_with("| scene | l | nearest-pair"))
+        .unwrap()
+        .trim_matches('|')
+        .split('|')
+        .collect();
+    assert!(
+        heads[2..]
+            .iter()
+            .map(|head| head.trim())
+            .eq(merge_rules::names()),
+        "{heads:?}"
+    );
     assert!(rows.len() >= 25 && rows.len().is_multiple_of(5));
     for row in tier::some([12, 12], rows.into_iter().filter(|row| row[1] == "3")) {
         // The made ones have no file, and what is translucent is told by its own row.
@@ -262,23 +365,37 @@ fn the_table_of_merge_rules_says_what_they_do() {
 
 // ---- The reference ----
 
-/// A type that several pages have in the same words is described on one of them, unless what it leads to differs.
+/// A type that several pages have in the same words is described on one of them, unless what it
+/// leads to differs.
 #[test]
 fn a_type_of_several_pages_is_described_once() {
     let pages = reference::pages();
-    let sections = |text: &str| text.split("\n## ").skip(2).map(str::to_owned).collect::<Vec<_>>();
+    let sections = |text: &str| {
+        text.split("\n## ")
+            .skip(2)
+            .map(str::to_owned)
+            .collect::<Vec<_>>()
+    };
     let mut all: Vec<String> = pages.iter().flat_map(|page| sections(&page.text)).collect();
     let count = all.len();
     all.sort();
     all.dedup();
-    assert!(count > 100 && count - all.len() <= 3, "{} of {count} sections are repeats", count - all.len());
+    assert!(
+        count > 100 && count - all.len() <= 3,
+        "{} of {count} sections are repeats",
+        count - all.len()
+    );
 }
 
 #[test]
 fn the_reference_says_what_the_schemas_say() {
     for made in reference::pages() {
         let committed = page(&format!("docs/book/reference/{}", made.file));
-        assert!(committed.text == made.text, "{} is another: cargo run --release --example reference", made.file);
+        assert!(
+            committed.text == made.text,
+            "{} is another: cargo run --release --example reference",
+            made.file
+        );
     }
 }
 
@@ -286,11 +403,23 @@ fn the_reference_says_what_the_schemas_say() {
 
 #[test]
 fn every_file_that_is_named_exists() {
-    let own = ["tests/", "src/", "rtl_model/", "traces/", "docs/", ".ci/", "LICENSE"];
+    let own = [
+        "tests/",
+        "src/",
+        "rtl_model/",
+        "traces/",
+        "docs/",
+        ".ci/",
+        "LICENSE",
+    ];
     let pages = pages();
-    let names = pages.iter().flat_map(|page| quoted(&page.text)).filter(|name| own.iter().any(|start| name.starts_with(start)));
+    let names = pages
+        .iter()
+        .flat_map(|page| quoted(&page.text))
+        .filter(|name| own.iter().any(|start| name.starts_with(start)));
     let plain = names.filter(|name| !name.contains("NAME"));
-    let (there, absent): (BTreeSet<_>, BTreeSet<_>) = plain.partition(|name| root().join(name).exists());
+    let (there, absent): (BTreeSet<_>, BTreeSet<_>) =
+        plain.partition(|name| root().join(name).exists());
     assert!(absent.is_empty(), "{absent:?}");
     assert!(there.len() >= 30, "{there:?}");
 }
@@ -304,37 +433,64 @@ fn no_link_is_dead() {
 /// The pages that a source cites, and the section where it names one.
 fn cited(text: &str) -> Vec<(String, Option<String>)> {
     let of = |rest: &str| {
-        let name: String = rest.chars().take_while(|c| c.is_alphanumeric() || "-/.".contains(*c)).collect();
-        let section = rest[name.len()..].strip_prefix(" §").map(|rest| rest.chars().take_while(char::is_ascii_digit).collect::<String>());
+        let name: String = rest
+            .chars()
+            .take_while(|c| c.is_alphanumeric() || "-/.".contains(*c))
+            .collect();
+        let section = rest[name.len()..].strip_prefix(" §").map(|rest| {
+            rest.chars()
+                .take_while(char::is_ascii_digit)
+                .collect::<String>()
+        });
         (name.trim_end_matches('.').to_owned(), section)
     };
-    text.split("docs/book/").skip(1).map(of).filter(|(name, _)| name.ends_with(".md")).collect()
+    text.split("docs/book/")
+        .skip(1)
+        .map(of)
+        .filter(|(name, _)| name.ends_with(".md"))
+        .collect()
 }
 
 /// Why a citation leads nowhere.
 fn misses((name, section): &(String, Option<String>)) -> Option<String> {
-    let Ok(text) = std::fs::read_to_string(root().join("docs/book").join(name)) else { return Some(format!("{name} is absent")) };
+    let Ok(text) = std::fs::read_to_string(root().join("docs/book").join(name)) else {
+        return Some(format!("{name} is absent"));
+    };
     let section = section.as_ref()?;
-    (!text.contains(&format!("\n## {section}. "))).then(|| format!("{name} has no section {section}"))
+    (!text.contains(&format!("\n## {section}. ")))
+        .then(|| format!("{name} has no section {section}"))
 }
 
 #[test]
 fn what_the_code_cites_exists() {
     let mut sources = Vec::new();
-    ["src", "rtl_model", "tests"].iter().for_each(|folder| book::walk(Path::new(folder), "rs", &mut sources));
+    ["src", "rtl_model", "tests"]
+        .iter()
+        .for_each(|folder| book::walk(Path::new(folder), "rs", &mut sources));
     assert!(sources.len() > 100, "{sources:?}");
     // This file cites what is absent, to see that it is found out.
-    for path in sources.iter().filter(|path| !path.ends_with(Path::new(file!()).file_name().unwrap())) {
-        let wrong: Vec<String> = cited(&std::fs::read_to_string(root().join(path)).unwrap()).iter().filter_map(misses).collect();
+    for path in sources
+        .iter()
+        .filter(|path| !path.ends_with(Path::new(file!()).file_name().unwrap()))
+    {
+        let wrong: Vec<String> = cited(&std::fs::read_to_string(root().join(path)).unwrap())
+            .iter()
+            .filter_map(misses)
+            .collect();
         assert!(wrong.is_empty(), "{}: {wrong:?}", path.display());
     }
 }
 
 #[test]
 fn citations_that_lead_nowhere_are_found() {
-    let found = cited("as docs/book/algorithm.md §6 has it (docs/book/algorithm.md §66, docs/book/none.md). In docs/book too.");
+    let found = cited(
+        "as docs/book/algorithm.md §6 has it (docs/book/algorithm.md §66, docs/book/none.md). In docs/book too.",
+    );
     let wrong: Vec<String> = found.iter().filter_map(misses).collect();
-    assert_eq!(wrong, ["algorithm.md has no section 66", "none.md is absent"]);
+    assert_eq!(
+        wrong,
+        ["algorithm.md has no section 66", "none.md is absent"]
+    );
     assert_eq!(found.len(), 3);
 }
 
@@ -343,7 +499,11 @@ fn every_page_is_in_the_contents() {
     let contents = std::fs::read_to_string(root().join("docs/mkdocs.yml")).unwrap();
     for page in pages() {
         if let Ok(name) = page.path.strip_prefix("docs/book") {
-            assert!(contents.contains(&format!(": {}\n", name.to_str().unwrap())), "docs/mkdocs.yml lacks {}", name.display());
+            assert!(
+                contents.contains(&format!(": {}\n", name.to_str().unwrap())),
+                "docs/mkdocs.yml lacks {}",
+                name.display()
+            );
         }
     }
 }
@@ -351,14 +511,36 @@ fn every_page_is_in_the_contents() {
 #[test]
 fn the_glossary_has_every_term_once() {
     let text = page("docs/book/glossary.md").text;
-    let rows = text.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| term "));
-    let cells = rows.map(|line| line.split('|').nth(1).unwrap().trim().split(", ").collect::<Vec<_>>());
+    let rows = text
+        .lines()
+        .filter(|line| line.starts_with("| ") && !line.starts_with("| term "));
+    let cells = rows.map(|line| {
+        line.split('|')
+            .nth(1)
+            .unwrap()
+            .trim()
+            .split(", ")
+            .collect::<Vec<_>>()
+    });
     let terms: Vec<&str> = cells.flatten().collect();
     let distinct: BTreeSet<&str> = terms.iter().copied().collect();
     assert_eq!(terms.len(), distinct.len(), "{terms:?}");
-    let ours =
-        ["splat", "contribution", "fragment", "stamp", "slot", "lockstep", "flip", "declared clamp", "setup record", "partial precision"];
-    assert!(ours.iter().all(|term| distinct.contains(term)), "{distinct:?}");
+    let ours = [
+        "splat",
+        "contribution",
+        "fragment",
+        "stamp",
+        "slot",
+        "lockstep",
+        "flip",
+        "declared clamp",
+        "setup record",
+        "partial precision",
+    ];
+    assert!(
+        ours.iter().all(|term| distinct.contains(term)),
+        "{distinct:?}"
+    );
 }
 
 #[test]
@@ -383,11 +565,25 @@ fn twisted(text: &str) -> Vec<String> {
             continue;
         }
         let begins = |start: &&&str| {
-            let at = |(at, _): (usize, &str)| line[..at].trim_end_matches(['#', '*', '|', '-', ' ']).ends_with(['.', '!', '?', ':']);
-            line.trim_start_matches(['#', '*', '|', '-', ' ']).starts_with(**start) || line.match_indices(**start).any(at)
+            let at = |(at, _): (usize, &str)| {
+                line[..at]
+                    .trim_end_matches(['#', '*', '|', '-', ' '])
+                    .ends_with(['.', '!', '?', ':'])
+            };
+            line.trim_start_matches(['#', '*', '|', '-', ' '])
+                .starts_with(**start)
+                || line.match_indices(**start).any(at)
         };
-        let has = |word: &&&str| line.split(|c: char| !c.is_alphanumeric()).collect::<Vec<_>>().join(" ").contains(**word);
-        let all = BEGINNINGS.iter().filter(begins).chain(WORDS.iter().filter(has));
+        let has = |word: &&&str| {
+            line.split(|c: char| !c.is_alphanumeric())
+                .collect::<Vec<_>>()
+                .join(" ")
+                .contains(**word)
+        };
+        let all = BEGINNINGS
+            .iter()
+            .filter(begins)
+            .chain(WORDS.iter().filter(has));
         found.extend(all.map(|pattern| format!("`{}` in: {line}", pattern.trim_end())));
     }
     found
@@ -403,8 +599,13 @@ fn pages_are_plain() {
 /// Longer pages have several subjects; those of the reference are lists of fields.
 #[test]
 fn a_page_has_at_most_12_kilobytes() {
-    let written = pages().into_iter().filter(|page| !page.path.starts_with("docs/book/reference"));
-    let long: Vec<_> = written.filter(|page| page.text.len() > 12 * 1024).map(|page| (page.path, page.text.len())).collect();
+    let written = pages()
+        .into_iter()
+        .filter(|page| !page.path.starts_with("docs/book/reference"));
+    let long: Vec<_> = written
+        .filter(|page| page.text.len() > 12 * 1024)
+        .map(|page| (page.path, page.text.len()))
+        .collect();
     assert!(long.is_empty(), "{long:?}");
 }
 
@@ -412,12 +613,19 @@ fn a_page_has_at_most_12_kilobytes() {
 
 #[test]
 fn twisted_sentences_are_found() {
-    for line in
-        ["Who draws waits.", "- Of a splat is known. It goes.", "It ends. Nobody knows.", "The unit begins anew.", "**Of the two**: one."]
-    {
+    for line in [
+        "Who draws waits.",
+        "- Of a splat is known. It goes.",
+        "It ends. Nobody knows.",
+        "The unit begins anew.",
+        "**Of the two**: one.",
+    ] {
         assert_eq!(twisted(line).len(), 1, "{line}");
     }
-    assert_eq!(twisted("The splat of a scene, whose renewal is known.\n```text\nWho\n```\n"), [""; 0]);
+    assert_eq!(
+        twisted("The splat of a scene, whose renewal is known.\n```text\nWho\n```\n"),
+        [""; 0]
+    );
 }
 
 #[test]
@@ -430,7 +638,10 @@ fn blocks_and_tables_are_found() {
 #[test]
 fn samples_that_are_not_printed_are_found_out() {
     let text = "\n<!-- prints: machine list -->\n```text\n1\n2\n3\n4\n5\n```\n";
-    let sample = &samples(&Page { path: "a.md".into(), text: text.into() })[0];
+    let sample = &samples(&Page {
+        path: "a.md".into(),
+        text: text.into(),
+    })[0];
     assert_eq!(sample.arguments, "machine list");
     assert!(is_printed(sample, "0\n1\n2\n3\n4\nhost: 9 s\n5\n6\n"));
     assert!(!is_printed(sample, "0\n1\n2\n3\n4\n4\n5\n6\n"));
@@ -439,9 +650,22 @@ fn samples_that_are_not_printed_are_found_out() {
 #[test]
 fn dead_links_are_found() {
     let first = "# A word\n[b](b.md#two--three) [a](#a-word) `[x](y)`\n[c](../c.png) [d](d.md) [e](b.md#four) [f](#b)\n";
-    let made = |path: &str, text: &str| Page { path: path.into(), text: text.into() };
-    let pages = [made("docs/a.md", first), made("docs/b.md", "## Two & three\n```sh\n# four\n```\n")];
-    let exists = |path: &Path| ["docs/a.md", "docs/b.md", "c.png"].map(Path::new).contains(&path);
-    let dead: Vec<String> = dead_links(&pages, exists).into_iter().map(|(_, link)| link).collect();
+    let made = |path: &str, text: &str| Page {
+        path: path.into(),
+        text: text.into(),
+    };
+    let pages = [
+        made("docs/a.md", first),
+        made("docs/b.md", "## Two & three\n```sh\n# four\n```\n"),
+    ];
+    let exists = |path: &Path| {
+        ["docs/a.md", "docs/b.md", "c.png"]
+            .map(Path::new)
+            .contains(&path)
+    };
+    let dead: Vec<String> = dead_links(&pages, exists)
+        .into_iter()
+        .map(|(_, link)| link)
+        .collect();
     assert_eq!(dead, ["d.md", "b.md#four", "#b"]);
 }

@@ -1,4 +1,5 @@
-//! Do the twins in SystemVerilog give every record that the machine gives, on two simulators, and are mistakes in them caught?
+//! Do the twins in SystemVerilog give every record that the machine gives, on two simulators, and
+//! are mistakes in them caught?
 
 mod cosimulation;
 mod front_ends;
@@ -7,8 +8,9 @@ mod tier;
 mod traced;
 
 use cosimulation::{
-    Device, Given, OF_ELLIPSOIDS, OF_ONE_ENGINE, OF_THREE_ENGINES, OF_WINDOWS, PIPELINE, PIPELINE_OF_TILES, PIPELINES_OF_ELLIPSOIDS,
-    Simulator, UNITS, Unit, have, run, sources, verilator,
+    Device, Given, OF_ELLIPSOIDS, OF_ONE_ENGINE, OF_THREE_ENGINES, OF_WINDOWS, PIPELINE,
+    PIPELINE_OF_TILES, PIPELINES_OF_ELLIPSOIDS, Simulator, UNITS, Unit, have, run, sources,
+    verilator,
 };
 use rayon::prelude::*;
 use rtl_model::frame::Frame;
@@ -31,32 +33,82 @@ use traced::{Traced, bouquet, cloud, isosurface, machine, shells, traced};
 /// One lane, as the twins have; the named machines, and rules that none of them has.
 fn machines() -> Vec<(&'static str, rtl_model::Machine)> {
     let one_lane = "timing.raster.lanes=[1,1]";
-    vec![("tiny", machine("tiny", &[one_lane])), ("lean", machine("lean", &[one_lane])), ("reference", machine("reference", &[one_lane]))]
+    vec![
+        ("tiny", machine("tiny", &[one_lane])),
+        ("lean", machine("lean", &[one_lane])),
+        ("reference", machine("reference", &[one_lane])),
+    ]
 }
 
-/// Scenes of ellipsoids and their machines: line integrals, peaks and discs; sheets in either order, of many splats or of one, with and
-/// without a table between the lines, that stop and that do not.
+/// Scenes of ellipsoids and their machines: line integrals, peaks and discs; sheets in either
+/// order, of many splats or of one, with and without a table between the lines, that stop and that
+/// do not.
 fn media(size: u32, side: u32) -> Vec<(String, rtl_model::Machine)> {
     let one_lane = "timing.raster.lanes=[1,1]";
-    let nearest = ["fragment.sheets.table.index_bits=5", "fragment.sheets.table.interpolation=nearest", one_lane];
-    let stops = ["fragment.layers=2", "timing.technology=ideal", "timing.fragment.hazard=1", "timing.fragment.merge=3", one_lane];
+    let nearest = [
+        "fragment.sheets.table.index_bits=5",
+        "fragment.sheets.table.interpolation=nearest",
+        one_lane,
+    ];
+    let stops = [
+        "fragment.layers=2",
+        "timing.technology=ideal",
+        "timing.fragment.hazard=1",
+        "timing.fragment.merge=3",
+        one_lane,
+    ];
     vec![
-        (shells(size, side, &json!({"stop": 0.6})), machine("volume", &[one_lane])),
-        (shells(size, side, &json!({"order": "back-to-front", "opacity": "linear"})), machine("volume", &nearest)),
-        (shells(size, side, &json!({"stop": 0.6, "keep_last": false})), machine("gaussian", &stops)),
-        (bouquet(size * size, side, &json!({"stop": 0.3})), machine("gaussian", &[one_lane])),
-        (bouquet(size * size, side, &json!({"stop": 0.3, "keep_last": true, "most_weight": 0.4})), machine("gaussian", &stops)),
-        (isosurface(size, side), machine("volume", &["fragment.layers=2", one_lane])),
+        (
+            shells(size, side, &json!({"stop": 0.6})),
+            machine("volume", &[one_lane]),
+        ),
+        (
+            shells(
+                size,
+                side,
+                &json!({"order": "back-to-front", "opacity": "linear"}),
+            ),
+            machine("volume", &nearest),
+        ),
+        (
+            shells(size, side, &json!({"stop": 0.6, "keep_last": false})),
+            machine("gaussian", &stops),
+        ),
+        (
+            bouquet(size * size, side, &json!({"stop": 0.3})),
+            machine("gaussian", &[one_lane]),
+        ),
+        (
+            bouquet(
+                size * size,
+                side,
+                &json!({"stop": 0.3, "keep_last": true, "most_weight": 0.4}),
+            ),
+            machine("gaussian", &stops),
+        ),
+        (
+            isosurface(size, side),
+            machine("volume", &["fragment.layers=2", one_lane]),
+        ),
     ]
 }
 
 fn unit(name: &str) -> Unit {
-    *UNITS.iter().chain(&OF_ELLIPSOIDS).chain([&OF_WINDOWS]).find(|unit| unit.name == name).unwrap()
+    *UNITS
+        .iter()
+        .chain(&OF_ELLIPSOIDS)
+        .chain([&OF_WINDOWS])
+        .find(|unit| unit.name == name)
+        .unwrap()
 }
 
 /// Whether a stream's records have a field.
 fn has(trace: &Traced, stream: &str, field: &str) -> bool {
-    trace.stream(stream)["fields"].as_array().unwrap().iter().any(|other| other["name"] == field)
+    trace.stream(stream)["fields"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .any(|other| other["name"] == field)
 }
 
 /// The units wired together that draw a trace's frame.
@@ -71,7 +123,10 @@ fn wired(trace: &Traced) -> Unit {
 
 /// The twins that a trace has streams for.
 fn twins(trace: &Traced) -> Vec<Unit> {
-    let [ellipsoids, sheets] = [has(trace, "ellipse.in", "quaternion_w"), has(trace, "fragment.in", "sheet")];
+    let [ellipsoids, sheets] = [
+        has(trace, "ellipse.in", "quaternion_w"),
+        has(trace, "fragment.in", "sheet"),
+    ];
     let windows = has(trace, "fragment.in", "density");
     let replaced = |unit: &Unit| match unit.name {
         "ellipse" if ellipsoids => OF_ELLIPSOIDS[0],
@@ -99,7 +154,14 @@ fn fault(trace: &Traced, unit: Unit, given: &Given) -> Option<String> {
     if !given.last.starts_with("bench: done") {
         return Some(given.last.clone());
     }
-    match diff(&trace.folder, &outputs(unit, given), How { zeros: Zeros::Compared, order: Order::Trace }) {
+    match diff(
+        &trace.folder,
+        &outputs(unit, given),
+        How {
+            zeros: Zeros::Compared,
+            order: Order::Trace,
+        },
+    ) {
         Ok(outcome) if outcome.equal => None,
         Ok(outcome) => Some(outcome.sentence),
         Err(error) => Some(error.to_string()),
@@ -107,7 +169,9 @@ fn fault(trace: &Traced, unit: Unit, given: &Given) -> Option<String> {
 }
 
 fn expected(trace: &Traced, unit: Unit) -> usize {
-    trace.stream(&format!("{}.out", unit.stream))["records"].as_u64().unwrap() as usize
+    trace.stream(&format!("{}.out", unit.stream))["records"]
+        .as_u64()
+        .unwrap() as usize
 }
 
 /// Drives a unit with all that a trace has for it; how many records it gave.
@@ -124,7 +188,8 @@ fn drive(simulator: Simulator, trace: &Traced, unit: Unit, side: u32, arguments:
 /// As many splats as the memory of `pipeline_tiles` holds.
 const TILES: &str = r#"{"splats": {"builtin": "glass-spheres", "count": 30000}, "image": {"width": 64, "height": 64}}"#;
 
-const GLASS_SPHERES: &str = r#"{"splats": {"builtin": "glass-spheres"}, "image": {"width": 64, "height": 64}}"#;
+const GLASS_SPHERES: &str =
+    r#"{"splats": {"builtin": "glass-spheres"}, "image": {"width": 64, "height": 64}}"#;
 
 /// Spheres under a sky, of which one mirrors it whole, one in part, and the floor not at all.
 const MIRRORS: &str = r#"{"splats": {"builtin": "glass-spheres", "count": 1500}, "image": {"width": 32, "height": 32},
@@ -132,10 +197,18 @@ const MIRRORS: &str = r#"{"splats": {"builtin": "glass-spheres", "count": 1500},
 
 /// The book's machine, and two with odd words.
 fn mirrors(sight: &str) -> [rtl_model::Machine; 3] {
-    let usual = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/reflection/mirror.json");
+    let usual = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/docs/book/reflection/mirror.json"
+    );
     let sight = format!("reflect.sight={sight}");
-    let settings =
-        |more: &[&str]| ["timing.raster.lanes=[1,1]", &sight].iter().chain(more).map(|one| (*one).to_owned()).collect::<Vec<_>>();
+    let settings = |more: &[&str]| {
+        ["timing.raster.lanes=[1,1]", &sight]
+            .iter()
+            .chain(more)
+            .map(|one| (*one).to_owned())
+            .collect::<Vec<_>>()
+    };
     let coarse = [
         "reflect.slope=I2F4",
         "reflect.facing=I2F2",
@@ -157,7 +230,8 @@ fn mirrors(sight: &str) -> [rtl_model::Machine; 3] {
         "reflect.reflectance=U2F14",
         "reflect.index_bits=3",
     ];
-    [vec![], coarse.to_vec(), fine.to_vec()].map(|more| splatsim::hardware::machines::load(usual, &settings(&more)).unwrap())
+    [vec![], coarse.to_vec(), fine.to_vec()]
+        .map(|more| splatsim::hardware::machines::load(usual, &settings(&more)).unwrap())
 }
 
 #[test]
@@ -170,8 +244,19 @@ fn mirrors_give_what_the_machine_gives() {
     }
     let [axis, ray] = ["axis", "ray"].map(mirrors);
     for (nth, machine) in tier::some([12, 12], axis.iter().chain(&ray).enumerate()) {
-        let made_up = traced(MIRRORS, machine, &Window { stimulus: Some(1), ..Window::default() });
-        let simulator = if nth % 3 == 0 { Simulator::Verilator } else { Simulator::Icarus };
+        let made_up = traced(
+            MIRRORS,
+            machine,
+            &Window {
+                stimulus: Some(1),
+                ..Window::default()
+            },
+        );
+        let simulator = if nth % 3 == 0 {
+            Simulator::Verilator
+        } else {
+            Simulator::Icarus
+        };
         assert!(drive(simulator, &made_up, unit("shade"), 32, &STALLS) > 100);
     }
     for sight in tier::some([12, 12], ["axis", "ray"]) {
@@ -190,14 +275,23 @@ fn is_sound(drawn: &Traced) {
         .arg(sources())
         .arg(drawn.path("machine_pkg.sv"))
         .arg(sources().join("shade.sv")));
-    assert!(lint.stderr.is_empty(), "{}", String::from_utf8_lossy(&lint.stderr));
-    let list: Vec<String> = twin_files().iter().map(|file| file.display().to_string()).collect();
+    assert!(
+        lint.stderr.is_empty(),
+        "{}",
+        String::from_utf8_lossy(&lint.stderr)
+    );
+    let list: Vec<String> = twin_files()
+        .iter()
+        .map(|file| file.display().to_string())
+        .collect();
     let script = format!(
         "read_verilog -sv {}; read_verilog -sv -defer {}; hierarchy -top shade; proc; check -assert",
         drawn.path("machine_pkg.sv").display(),
         list.join(" ")
     );
-    run(Command::new("yosys").current_dir(&drawn.folder).args(["-q", "-p", &script]));
+    run(Command::new("yosys")
+        .current_dir(&drawn.folder)
+        .args(["-q", "-p", &script]));
 }
 
 /// And the test above is no test of nothing: a wrong fold, a wrong corner, a wrong share are found.
@@ -209,27 +303,72 @@ fn wrong_mirrors_are_found_out() {
     if !have(&["iverilog"], "mutants of reflect") {
         return;
     }
-    let [along_axis, along_rays] = ["axis", "ray"].map(|sight| traced(MIRRORS, &mirrors(sight)[0], &Window::default()));
+    let [along_axis, along_rays] =
+        ["axis", "ray"].map(|sight| traced(MIRRORS, &mirrors(sight)[0], &Window::default()));
     let of_axis = [
-        ("reflect.sv", "COORDINATE_ONE - g_coordinate[1].near", "COORDINATE_ONE - g_coordinate[0].near"),
-        ("reflect.sv", "(MIRRORED_W'(product) <<< 1)", "MIRRORED_W'(product)"),
-        ("reflect.sv", "texels[{next_row, next_column}]", "texels[{next_row, column}]"),
-        ("reflect.sv", "(own << (MORE_F - COLOUR_F)) + (seen", "(seen"),
-        ("reflect_step.sv", "less ? ONE - PLACE_W'(coordinate)", "less ? ONE + PLACE_W'(coordinate)"),
+        (
+            "reflect.sv",
+            "COORDINATE_ONE - g_coordinate[1].near",
+            "COORDINATE_ONE - g_coordinate[0].near",
+        ),
+        (
+            "reflect.sv",
+            "(MIRRORED_W'(product) <<< 1)",
+            "MIRRORED_W'(product)",
+        ),
+        (
+            "reflect.sv",
+            "texels[{next_row, next_column}]",
+            "texels[{next_row, column}]",
+        ),
+        (
+            "reflect.sv",
+            "(own << (MORE_F - COLOUR_F)) + (seen",
+            "(seen",
+        ),
+        (
+            "reflect_step.sv",
+            "less ? ONE - PLACE_W'(coordinate)",
+            "less ? ONE + PLACE_W'(coordinate)",
+        ),
         ("reflect_step.sv", "- EXACT_W'(place);", "- EXACT_W'(0);"),
         ("reflect_line.sv", "finish - start", "start - finish"),
         ("shade.sv", "faces ? mirrored : lit", "lit"),
     ];
     let of_rays = [
-        ("reflect.sv", "size[(1-axis)*SIZE_W+:SIZE_W]});", "size[0+:SIZE_W]}) + OFFSET_W'(2);"),
-        ("reflect.sv", "place[(1-axis)*SIZE_W+:SIZE_W]", "place[0+:SIZE_W]"),
+        (
+            "reflect.sv",
+            "size[(1-axis)*SIZE_W+:SIZE_W]});",
+            "size[0+:SIZE_W]}) + OFFSET_W'(2);",
+        ),
+        (
+            "reflect.sv",
+            "place[(1-axis)*SIZE_W+:SIZE_W]",
+            "place[0+:SIZE_W]",
+        ),
         ("reflect.sv", ".more(inverse_focal_places)", ".more(8'sd0)"),
-        ("reflect.sv", "+ (MIRRORED_W'(sight) <<<", "- (MIRRORED_W'(sight) <<<"),
-        ("reflect.sv", "TOWARDS_W'(part) * TOWARDS_W'(sight)", "(axis == 2 ? TOWARDS_W'(part) * TOWARDS_W'(sight) : '0)"),
-        ("shade.sv", ".x(s_data[machine_pkg::SHADE_IN_X_LSB+:X_W])", ".x(s_data[machine_pkg::SHADE_IN_Y_LSB+:X_W])"),
+        (
+            "reflect.sv",
+            "+ (MIRRORED_W'(sight) <<<",
+            "- (MIRRORED_W'(sight) <<<",
+        ),
+        (
+            "reflect.sv",
+            "TOWARDS_W'(part) * TOWARDS_W'(sight)",
+            "(axis == 2 ? TOWARDS_W'(part) * TOWARDS_W'(sight) : '0)",
+        ),
+        (
+            "shade.sv",
+            ".x(s_data[machine_pkg::SHADE_IN_X_LSB+:X_W])",
+            ".x(s_data[machine_pkg::SHADE_IN_Y_LSB+:X_W])",
+        ),
     ];
     let with = |trace| move |mutant| (trace, mutant);
-    for (trace, (file, find, put)) in of_axis.map(with(&along_axis)).into_iter().chain(of_rays.map(with(&along_rays))) {
+    for (trace, (file, find, put)) in of_axis
+        .map(with(&along_axis))
+        .into_iter()
+        .chain(of_rays.map(with(&along_rays)))
+    {
         let folder = tempfile::tempdir().unwrap();
         for entry in twin_files() {
             std::fs::copy(&entry, folder.path().join(entry.file_name().unwrap())).unwrap();
@@ -237,42 +376,85 @@ fn wrong_mirrors_are_found_out() {
         // What the bench needs lies beside the twins.
         let bench = folder.path().join("bench");
         std::fs::create_dir(&bench).unwrap();
-        for entry in std::fs::read_dir(sources().join("bench")).unwrap().map(|entry| entry.unwrap().path()) {
+        for entry in std::fs::read_dir(sources().join("bench"))
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+        {
             std::fs::copy(&entry, bench.join(entry.file_name().unwrap())).unwrap();
         }
         let text = std::fs::read_to_string(folder.path().join(file)).unwrap();
         assert_eq!(text.matches(find).count(), 1, "{file}: {find}");
         std::fs::write(folder.path().join(file), text.replace(find, put)).unwrap();
-        let device = Device::new(Simulator::Icarus, folder.path(), &trace.folder, unit("shade"), 32);
+        let device = Device::new(
+            Simulator::Icarus,
+            folder.path(),
+            &trace.folder,
+            unit("shade"),
+            32,
+        );
         let given = device.drive(None, expected(trace, unit("shade")), &[]);
-        assert!(fault(trace, unit("shade"), &given).is_some(), "{file} without `{find}` gives the same");
+        assert!(
+            fault(trace, unit("shade"), &given).is_some(),
+            "{file} without `{find}` gives the same"
+        );
     }
 }
 
-const STALLS: [&str; 5] = ["+stall_in=30", "+stall_out=30", "+stall_shade=30", "+stall_held=30", "+seed=5"];
+const STALLS: [&str; 5] = [
+    "+stall_in=30",
+    "+stall_out=30",
+    "+stall_shade=30",
+    "+stall_held=30",
+    "+seed=5",
+];
 
 /// All twins' files.
 fn twin_files() -> Vec<PathBuf> {
-    let files = std::fs::read_dir(sources()).unwrap().map(|entry| entry.unwrap().path());
-    files.filter(|path| path.extension().is_some_and(|end| end == "sv")).collect()
+    let files = std::fs::read_dir(sources())
+        .unwrap()
+        .map(|entry| entry.unwrap().path());
+    files
+        .filter(|path| path.extension().is_some_and(|end| end == "sv"))
+        .collect()
 }
 
 #[test]
 fn twins_are_clean_and_can_be_synthesised() {
-    if !have(&["verilator", "iverilog", "yosys"], "lint and synthesis of the twins") {
+    if !have(
+        &["verilator", "iverilog", "yosys"],
+        "lint and synthesis of the twins",
+    ) {
         return;
     }
     let (_, lean) = &machines()[1];
-    let trace = traced(&cloud(20, 16), lean, &Window { stimulus: Some(1), ..Window::default() });
+    let trace = traced(
+        &cloud(20, 16),
+        lean,
+        &Window {
+            stimulus: Some(1),
+            ..Window::default()
+        },
+    );
     let files = twin_files();
     let one_lane = machine("volume", &["timing.raster.lanes=[1,1]"]);
     let volume = traced(&shells(12, 16, &json!({})), &one_lane, &Window::default());
     let surface = traced(&isosurface(8, 16), &one_lane, &Window::default());
-    let windows =
-        traced(&cloud(20, 16), &machine("window", &["timing.raster.lanes=[1,1]"]), &Window { stimulus: Some(1), ..Window::default() });
-    let all =
-        UNITS.iter().chain([&PIPELINE, &PIPELINE_OF_TILES]).chain(&OF_ELLIPSOIDS).chain(&PIPELINES_OF_ELLIPSOIDS).chain([&OF_WINDOWS]);
-    // Simulators read all of them in every run; Yosys, which takes as long as all else, its share of them.
+    let windows = traced(
+        &cloud(20, 16),
+        &machine("window", &["timing.raster.lanes=[1,1]"]),
+        &Window {
+            stimulus: Some(1),
+            ..Window::default()
+        },
+    );
+    let all = UNITS
+        .iter()
+        .chain([&PIPELINE, &PIPELINE_OF_TILES])
+        .chain(&OF_ELLIPSOIDS)
+        .chain(&PIPELINES_OF_ELLIPSOIDS)
+        .chain([&OF_WINDOWS]);
+    // Simulators read all of them in every run; Yosys, which takes as long as all else, its share
+    // of them.
     let in_yosys: HashSet<&str> = tier::some([12, 12], all.clone().map(|unit| unit.name)).collect();
     for unit in all {
         let trace = match unit.name {
@@ -288,7 +470,12 @@ fn twins_are_clean_and_can_be_synthesised() {
             .arg(sources())
             .arg(&package)
             .arg(&file));
-        assert!(lint.stderr.is_empty(), "{}: {}", unit.name, String::from_utf8_lossy(&lint.stderr));
+        assert!(
+            lint.stderr.is_empty(),
+            "{}: {}",
+            unit.name,
+            String::from_utf8_lossy(&lint.stderr)
+        );
         run(Command::new("iverilog")
             .args(["-g2012", "-t", "null", "-s", unit.name, "-y"])
             .arg(sources())
@@ -298,14 +485,19 @@ fn twins_are_clean_and_can_be_synthesised() {
         if !in_yosys.contains(unit.name) {
             continue;
         }
-        let list: Vec<String> = files.iter().map(|file| file.display().to_string()).collect();
+        let list: Vec<String> = files
+            .iter()
+            .map(|file| file.display().to_string())
+            .collect();
         let script = format!(
             "read_verilog -sv {}; read_verilog -sv -defer {}; hierarchy -top {}; proc; check -assert",
             package.display(),
             list.join(" "),
             unit.name
         );
-        run(Command::new("yosys").current_dir(&trace.folder).args(["-q", "-p", &script]));
+        run(Command::new("yosys")
+            .current_dir(&trace.folder)
+            .args(["-q", "-p", &script]));
     }
 }
 
@@ -314,21 +506,44 @@ fn a_rule_that_the_twin_does_not_have_is_an_error_of_elaboration() {
     if !have(&["iverilog", "verilator"], "an unknown rule of merging") {
         return;
     }
-    let trace = traced(&cloud(20, 16), &machines()[0].1, &Window { stimulus: Some(1), ..Window::default() });
+    let trace = traced(
+        &cloud(20, 16),
+        &machines()[0].1,
+        &Window {
+            stimulus: Some(1),
+            ..Window::default()
+        },
+    );
     let package = trace.path("machine_pkg.sv");
     let text = std::fs::read_to_string(&package).unwrap();
     assert_eq!(text.matches("FRAGMENT_MERGE = 1;").count(), 1);
     for (rule, is_known) in [("1", true), ("7", false)] {
-        std::fs::write(&package, text.replace("FRAGMENT_MERGE = 1;", &format!("FRAGMENT_MERGE = {rule};"))).unwrap();
+        std::fs::write(
+            &package,
+            text.replace("FRAGMENT_MERGE = 1;", &format!("FRAGMENT_MERGE = {rule};")),
+        )
+        .unwrap();
         let mut icarus = Command::new("iverilog");
         icarus.args(["-g2012", "-t", "null", "-s", "fragment", "-Y", ".sv"]);
         let mut verilator = Command::new("verilator");
         verilator.args(["--lint-only", "--top-module", "fragment"]);
         for simulator in [&mut icarus, &mut verilator] {
-            let output = simulator.arg("-y").arg(sources()).arg(&package).arg(sources().join("fragment.sv")).output().unwrap();
+            let output = simulator
+                .arg("-y")
+                .arg(sources())
+                .arg(&package)
+                .arg(sources().join("fragment.sv"))
+                .output()
+                .unwrap();
             let told = String::from_utf8_lossy(&output.stderr);
             assert_eq!(output.status.success(), is_known, "{told}");
-            assert!(is_known || told.replace('_', " ").contains("fragment has no such rule of merging"), "{told}");
+            assert!(
+                is_known
+                    || told
+                        .replace('_', " ")
+                        .contains("fragment has no such rule of merging"),
+                "{told}"
+            );
         }
     }
 }
@@ -341,19 +556,44 @@ fn the_least_testbench_runs_in_one_command() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let kept = tempfile::tempdir().unwrap();
     let file = kept.path().join("raster.out.hex");
-    let output = run(Command::new("sh").arg(root.join("traces/testbench.sh")).arg(&file));
+    let output = run(Command::new("sh")
+        .arg(root.join("traces/testbench.sh"))
+        .arg(&file));
     let told = String::from_utf8_lossy(&output.stdout).into_owned();
-    assert!(told.contains("615 records equal\n") && told.contains(&format!("splatsim diff traces/knot raster.out {}", file.display())));
+    assert!(
+        told.contains("615 records equal\n")
+            && told.contains(&format!(
+                "splatsim diff traces/knot raster.out {}",
+                file.display()
+            ))
+    );
     // What it writes is a file for `diff`.
-    let compared = diff(&root.join("traces/knot"), &[("raster.out".to_owned(), file)], How { order: Order::Trace, ..How::default() });
+    let compared = diff(
+        &root.join("traces/knot"),
+        &[("raster.out".to_owned(), file)],
+        How {
+            order: Order::Trace,
+            ..How::default()
+        },
+    );
     assert!(compared.unwrap().equal);
 }
 
 /// The blocks of the page *Check your RTL in ten minutes*, by the comments that they begin with.
 fn blocks_of_ten_minutes() -> Vec<(String, String)> {
     let page = include_str!("../docs/book/check-rtl.md");
-    let blocks = page.split("```bash\n# ").skip(1).map(|rest| rest.split_once("\n```").unwrap().0);
-    blocks.map(|block| (block.split([':', '\n']).next().unwrap().to_owned(), format!("# {block}\n"))).collect()
+    let blocks = page
+        .split("```bash\n# ")
+        .skip(1)
+        .map(|rest| rest.split_once("\n```").unwrap().0);
+    blocks
+        .map(|block| {
+            (
+                block.split([':', '\n']).next().unwrap().to_owned(),
+                format!("# {block}\n"),
+            )
+        })
+        .collect()
 }
 
 #[test]
@@ -367,13 +607,23 @@ fn the_page_of_ten_minutes_leads_from_a_trace_to_the_first_difference() {
     }
     let blocks = blocks_of_ten_minutes();
     let told = |name: &str| {
-        let (_, block) = blocks.iter().find(|(other, _)| other == name).unwrap_or_else(|| panic!("no block {name}"));
-        let output = run(Command::new("bash").args(["-euo", "pipefail", "-c", block]).env("PATH", &path).current_dir(here.path()));
+        let (_, block) = blocks
+            .iter()
+            .find(|(other, _)| other == name)
+            .unwrap_or_else(|| panic!("no block {name}"));
+        let output = run(Command::new("bash")
+            .args(["-euo", "pipefail", "-c", block])
+            .env("PATH", &path)
+            .current_dir(here.path()));
         String::from_utf8(output.stdout).unwrap()
     };
     assert_eq!(told("trace"), "");
     // The block of cocotb is run by test_cocotb.py.
-    for (tool, tools) in [("Icarus", &["iverilog"][..]), ("Verilator", &["verilator"]), ("Yosys", &["yosys", "iverilog"])] {
+    for (tool, tools) in [
+        ("Icarus", &["iverilog"][..]),
+        ("Verilator", &["verilator"]),
+        ("Yosys", &["yosys", "iverilog"]),
+    ] {
         if !have(tools, &format!("{tool} in the page of ten minutes")) {
             continue;
         }
@@ -382,8 +632,16 @@ fn the_page_of_ten_minutes_leads_from_a_trace_to_the_first_difference() {
         assert_eq!(told("diff"), "raster.out: 615 records equal\n", "{tool}");
         let fault = told("a fault");
         let page = include_str!("../docs/book/check-rtl.md");
-        assert!(page.contains(&format!("```text\n{}\n```", fault.lines().next().unwrap())), "{fault}");
-        for part in ["raster.offset", "raster.gradient", "made from, raster.in record", "splatsim trace"] {
+        assert!(
+            page.contains(&format!("```text\n{}\n```", fault.lines().next().unwrap())),
+            "{fault}"
+        );
+        for part in [
+            "raster.offset",
+            "raster.gradient",
+            "made from, raster.in record",
+            "splatsim trace",
+        ] {
             assert!(fault.contains(part), "{part}: {fault}");
         }
     }
@@ -394,29 +652,49 @@ fn headers_compile() {
     if !have(&["verilator", "cc"], "compiling the headers of a trace") {
         return;
     }
-    let trace = traced(&cloud(20, 16), &machine("reference", &[]), &Window::default());
+    let trace = traced(
+        &cloud(20, 16),
+        &machine("reference", &[]),
+        &Window::default(),
+    );
     let header = trace.path("check.c");
     let program = "#include \"records.h\"\nint main(void) { raster_out_record r = {0}; splatsim_outcome o = SPLATSIM_OUTCOME_DROPPED; \
         return (int)r.depth + RASTER_OUT_FIELDS * 0 + (o != 5); }\n";
     std::fs::write(&header, program).unwrap();
-    run(Command::new("cc").args(["-Wall", "-Werror", "-Wno-unused-const-variable", "-o"]).arg(trace.path("check")).arg(&header));
+    run(Command::new("cc")
+        .args(["-Wall", "-Werror", "-Wno-unused-const-variable", "-o"])
+        .arg(trace.path("check"))
+        .arg(&header));
     run(&mut Command::new(trace.path("check")));
     let module = trace.path("check.sv");
     let widths: Vec<String> = ["raster.in", "fragment.held", "frame", "ellipse.out"]
         .iter()
         .map(|name| {
-            let (lower, upper) = (name.replace('.', "_"), name.replace('.', "_").to_uppercase());
+            let (lower, upper) = (
+                name.replace('.', "_"),
+                name.replace('.', "_").to_uppercase(),
+            );
             format!("if ($bits({lower}_t) != machine_pkg::{upper}_W) $fatal(1, \"{name}\");")
         })
         .collect();
     let codes = "machine_pkg::outcome_t outcome; machine_pkg::merge_t rule;
         initial begin outcome = machine_pkg::OUTCOME_DROPPED; rule = machine_pkg::merge_t'(machine_pkg::FRAGMENT_MERGE);
         if (outcome != 5 || $bits(outcome) != machine_pkg::FRAGMENT_OUT_OUTCOME_W || rule != machine_pkg::MERGE_FARTHEST_PAIR) $fatal; end";
-    let text = format!("module check;\n`include \"records.svh\"\n{codes}\ninitial begin #1 {} $finish; end\nendmodule\n", widths.join(" "));
+    let text = format!(
+        "module check;\n`include \"records.svh\"\n{codes}\ninitial begin #1 {} $finish; end\nendmodule\n",
+        widths.join(" ")
+    );
     std::fs::write(&module, text).unwrap();
     let folder = trace.path("check_dir");
     run(verilator()
-        .args(["--binary", "--timing", "-Wno-fatal", "--top-module", "check", "--Mdir"])
+        .args([
+            "--binary",
+            "--timing",
+            "-Wno-fatal",
+            "--top-module",
+            "check",
+            "--Mdir",
+        ])
         .arg(&folder)
         .arg(format!("-I{}", trace.folder.display()))
         .arg(trace.path("machine_pkg.sv"))
@@ -430,7 +708,14 @@ fn every_twin_gives_every_record_on_icarus() {
         return;
     }
     let trace = traced(&cloud(60, 16), &machines()[0].1, &Window::default());
-    let made_up = traced(&cloud(20, 16), &machines()[0].1, &Window { stimulus: Some(50), ..Window::default() });
+    let made_up = traced(
+        &cloud(20, 16),
+        &machines()[0].1,
+        &Window {
+            stimulus: Some(50),
+            ..Window::default()
+        },
+    );
     for unit in UNITS {
         drive(Simulator::Icarus, &trace, unit, 16, &[]);
         drive(Simulator::Icarus, &made_up, unit, 16, &STALLS);
@@ -444,24 +729,37 @@ fn the_twins_of_ellipsoids_give_every_record_on_icarus() {
     }
     for (number, (text, machine)) in tier::some([12, 12], media(12, 16).into_iter().enumerate()) {
         let trace = traced(&text, &machine, &Window::default());
-        let made_up = traced(&text, &machine, &Window { stimulus: Some(100), ..Window::default() });
+        let made_up = traced(
+            &text,
+            &machine,
+            &Window {
+                stimulus: Some(100),
+                ..Window::default()
+            },
+        );
         let given: Vec<usize> = twins(&trace)
             .into_iter()
             .filter(|unit| unit.name != unit.stream || unit.name == "project")
-            .map(|unit| drive(Simulator::Icarus, &trace, unit, 16, &STALLS) + drive(Simulator::Icarus, &made_up, unit, 16, &[]))
+            .map(|unit| {
+                drive(Simulator::Icarus, &trace, unit, 16, &STALLS)
+                    + drive(Simulator::Icarus, &made_up, unit, 16, &[])
+            })
             .collect();
         println!("scene {number}: {given:?} records");
         assert!(given.iter().all(|records| *records > 100), "{given:?}");
     }
 }
 
-/// Scenes seen through a lens whose axis is off the middle and whose pixels are not square, the machines that draw them, and the units that
-/// know of it: discs, on a machine with the registers and on one without; Gaussians whose opacities are compensated; mirrors along rays.
+/// Scenes seen through a lens whose axis is off the middle and whose pixels are not square, the
+/// machines that draw them, and the units that know of it: discs, on a machine with the registers
+/// and on one without; Gaussians whose opacities are compensated; mirrors along rays.
 fn lenses() -> Vec<(&'static str, Traced, Vec<Unit>)> {
     let one_lane = "timing.raster.lanes=[1,1]";
     let with = |text: &str, camera: serde_json::Value| {
         let mut scene: serde_json::Value = serde_json::from_str(text).unwrap();
-        scene["camera"].as_object_mut().map(|camera| camera.remove("fov_y_degrees"));
+        scene["camera"]
+            .as_object_mut()
+            .map(|camera| camera.remove("fov_y_degrees"));
         for (name, value) in camera.as_object().unwrap() {
             scene["camera"][name] = value.clone();
         }
@@ -471,27 +769,69 @@ fn lenses() -> Vec<(&'static str, Traced, Vec<Unit>)> {
     let high = json!({"focal_px": [31, 24], "centre_px": [9.125, 7]});
     let mut fainter = with(&bouquet(144, 16, &json!({"stop": 0.3})), high.clone());
     fainter["kernel"] = json!({"compensate_opacity": true});
-    let mirrored = with(MIRRORS, json!({"focal_px": [30, 41], "centre_px": [13, 18.5]}));
+    let mirrored = with(
+        MIRRORS,
+        json!({"focal_px": [30, 41], "centre_px": [13, 18.5]}),
+    );
     let square = with(&cloud(60, 16), json!({"centre_px": [6.25, 9.5]}));
     let discs = || vec![unit("project"), unit("ellipse")];
     let ellipsoids = || vec![unit("project"), OF_ELLIPSOIDS[0]];
     [
-        ("wide pixels", with(&cloud(60, 16), wide), machine("reference", &[one_lane]), discs()),
-        ("high pixels", with(&cloud(60, 16), high.clone()), machine("tiny", &[one_lane, "ellipse.aspect=U1F7"]), discs()),
-        ("square pixels", square, machine("tiny", &[one_lane]), discs()),
-        ("compensated", fainter, machine("gaussian", &[one_lane]), ellipsoids()),
-        ("a volume", with(&shells(12, 16, &json!({"stop": 0.6})), high), machine("volume", &[one_lane]), ellipsoids()),
-        // So wide that rays are more than twice as long as their depth.
         (
-            "a wide volume",
-            with(&shells(12, 16, &json!({})), json!({"focal_px": [4, 5], "eye": [0.3, 0.2, 0.9], "near": 0.05})),
+            "wide pixels",
+            with(&cloud(60, 16), wide),
+            machine("reference", &[one_lane]),
+            discs(),
+        ),
+        (
+            "high pixels",
+            with(&cloud(60, 16), high.clone()),
+            machine("tiny", &[one_lane, "ellipse.aspect=U1F7"]),
+            discs(),
+        ),
+        (
+            "square pixels",
+            square,
+            machine("tiny", &[one_lane]),
+            discs(),
+        ),
+        (
+            "compensated",
+            fainter,
+            machine("gaussian", &[one_lane]),
+            ellipsoids(),
+        ),
+        (
+            "a volume",
+            with(&shells(12, 16, &json!({"stop": 0.6})), high),
             machine("volume", &[one_lane]),
             ellipsoids(),
         ),
-        ("mirrors", mirrored, mirrors("ray").into_iter().next().unwrap(), vec![unit("shade")]),
+        // So wide that rays are more than twice as long as their depth.
+        (
+            "a wide volume",
+            with(
+                &shells(12, 16, &json!({})),
+                json!({"focal_px": [4, 5], "eye": [0.3, 0.2, 0.9], "near": 0.05}),
+            ),
+            machine("volume", &[one_lane]),
+            ellipsoids(),
+        ),
+        (
+            "mirrors",
+            mirrored,
+            mirrors("ray").into_iter().next().unwrap(),
+            vec![unit("shade")],
+        ),
     ]
     .into_iter()
-    .map(|(name, scene, machine, units)| (name, traced(&scene.to_string(), &machine, &Window::default()), units))
+    .map(|(name, scene, machine, units)| {
+        (
+            name,
+            traced(&scene.to_string(), &machine, &Window::default()),
+            units,
+        )
+    })
     .collect()
 }
 
@@ -502,14 +842,33 @@ fn any_lens_gives_every_record_and_wrong_ones_are_found_out() {
     }
     let lenses = lenses();
     let side = |name: &str| if name == "mirrors" { 32 } else { 16 };
-    let jobs: Vec<_> = lenses.iter().flat_map(|(name, trace, units)| units.iter().map(move |unit| (*name, trace, *unit))).collect();
+    let jobs: Vec<_> = lenses
+        .iter()
+        .flat_map(|(name, trace, units)| units.iter().map(move |unit| (*name, trace, *unit)))
+        .collect();
     jobs.par_iter().for_each(|(name, trace, unit)| {
         let records = drive(Simulator::Icarus, trace, *unit, side(name), &STALLS);
         assert!(records > 30, "{name}: {records} records of {}", unit.name);
     });
-    let with = |scene, unit, file, find, put| (scene, Mutant { unit, file, find, put });
+    let with = |scene, unit, file, find, put| {
+        (
+            scene,
+            Mutant {
+                unit,
+                file,
+                find,
+                put,
+            },
+        )
+    };
     let wrong = [
-        with("wide pixels", "project", "project.sv", "+ (PLACED_W'(centre) <<< CENTRE_LEFT)", "- (PLACED_W'(centre) <<< CENTRE_LEFT)"),
+        with(
+            "wide pixels",
+            "project",
+            "project.sv",
+            "+ (PLACED_W'(centre) <<< CENTRE_LEFT)",
+            "- (PLACED_W'(centre) <<< CENTRE_LEFT)",
+        ),
         with(
             "wide pixels",
             "project",
@@ -517,9 +876,27 @@ fn any_lens_gives_every_record_and_wrong_ones_are_found_out() {
             "VIEW_FOCAL_Y_LSB : machine_pkg::VIEW_FOCAL_X_LSB",
             "VIEW_FOCAL_X_LSB : machine_pkg::VIEW_FOCAL_Y_LSB",
         ),
-        with("square pixels", "project", "project.sv", "FRAME_CENTRE_Y_LSB+i*PIXEL_W", "FRAME_CENTRE_Y_LSB"),
-        with("high pixels", "ellipse", "ellipse_size.sv", "VIEW_ASPECT_YY_LSB+i*ASPECT_W", "VIEW_ASPECT_YY_LSB+(2-i)*ASPECT_W"),
-        with("wide pixels", "ellipse", "ellipse_plane.sv", "VIEW_INVERSE_FOCAL_Y_LSB : ", "VIEW_INVERSE_FOCAL_X_LSB : "),
+        with(
+            "square pixels",
+            "project",
+            "project.sv",
+            "FRAME_CENTRE_Y_LSB+i*PIXEL_W",
+            "FRAME_CENTRE_Y_LSB",
+        ),
+        with(
+            "high pixels",
+            "ellipse",
+            "ellipse_size.sv",
+            "VIEW_ASPECT_YY_LSB+i*ASPECT_W",
+            "VIEW_ASPECT_YY_LSB+(2-i)*ASPECT_W",
+        ),
+        with(
+            "wide pixels",
+            "ellipse",
+            "ellipse_plane.sv",
+            "VIEW_INVERSE_FOCAL_Y_LSB : ",
+            "VIEW_INVERSE_FOCAL_X_LSB : ",
+        ),
         with(
             "wide pixels",
             "ellipse",
@@ -527,8 +904,20 @@ fn any_lens_gives_every_record_and_wrong_ones_are_found_out() {
             "sizes_squared[SIZE_SQUARED_W+:SIZE_SQUARED_W]}) * facing",
             "sizes_squared[0+:SIZE_SQUARED_W]}) * facing",
         ),
-        with("compensated", "ellipsoid", "ellipsoid.sv", "square_0 + square_1 + square_2", "square_0 + square_1"),
-        with("compensated", "ellipsoid", "ellipsoid.sv", "kind == 2'd3 ? spanned : along", "along"),
+        with(
+            "compensated",
+            "ellipsoid",
+            "ellipsoid.sv",
+            "square_0 + square_1 + square_2",
+            "square_0 + square_1",
+        ),
+        with(
+            "compensated",
+            "ellipsoid",
+            "ellipsoid.sv",
+            "kind == 2'd3 ? spanned : along",
+            "along",
+        ),
         with(
             "a volume",
             "ellipsoid",
@@ -536,23 +925,57 @@ fn any_lens_gives_every_record_and_wrong_ones_are_found_out() {
             "sizes_squared[SIZE_SQUARED_W+:SIZE_SQUARED_W]}) * $signed({1'b0, ray})",
             "sizes_squared[0+:SIZE_SQUARED_W]}) * $signed({1'b0, ray})",
         ),
-        with("a wide volume", "ellipsoid", "ellipsoid.sv", ".more(9'(ray_exponent))", ".more(-(9'(ray_exponent)))"),
-        with("mirrors", "shade", "reflect.sv", "- OFFSET_W'(centre)", "+ OFFSET_W'(centre)"),
-        with("mirrors", "shade", "reflect.sv", "VIEW_INVERSE_FOCAL_Y_LSB)", "VIEW_INVERSE_FOCAL_X_LSB)"),
+        with(
+            "a wide volume",
+            "ellipsoid",
+            "ellipsoid.sv",
+            ".more(9'(ray_exponent))",
+            ".more(-(9'(ray_exponent)))",
+        ),
+        with(
+            "mirrors",
+            "shade",
+            "reflect.sv",
+            "- OFFSET_W'(centre)",
+            "+ OFFSET_W'(centre)",
+        ),
+        with(
+            "mirrors",
+            "shade",
+            "reflect.sv",
+            "VIEW_INVERSE_FOCAL_Y_LSB)",
+            "VIEW_INVERSE_FOCAL_X_LSB)",
+        ),
     ];
     let survives = |(scene, mutant): &&(&str, Mutant)| {
         let (_, trace, _) = lenses.iter().find(|(name, ..)| name == scene).unwrap();
         let folder = tempfile::tempdir().unwrap();
         mutated(mutant, folder.path());
-        let device = Device::new(Simulator::Icarus, folder.path(), &trace.folder, unit(mutant.unit), side(scene));
-        fault(trace, unit(mutant.unit), &device.drive(None, expected(trace, unit(mutant.unit)), &[])).is_none()
+        let device = Device::new(
+            Simulator::Icarus,
+            folder.path(),
+            &trace.folder,
+            unit(mutant.unit),
+            side(scene),
+        );
+        fault(
+            trace,
+            unit(mutant.unit),
+            &device.drive(None, expected(trace, unit(mutant.unit)), &[]),
+        )
+        .is_none()
     };
-    let survivors: Vec<&str> = wrong.par_iter().filter(survives).map(|(_, mutant)| mutant.put).collect();
+    let survivors: Vec<&str> = wrong
+        .par_iter()
+        .filter(survives)
+        .map(|(_, mutant)| mutant.put)
+        .collect();
     assert!(survivors.is_empty(), "{survivors:#?}");
 }
 
-/// Machines that group by windows: the named one, one of intervals, few bits, splats that join from afar but closed slots that take none,
-/// one layer, eight, and closed slots that take none and may be evicted.
+/// Machines that group by windows: the named one, one of intervals, few bits, splats that join from
+/// afar but closed slots that take none, one layer, eight, and closed slots that take none and may
+/// be evicted.
 fn windows() -> Vec<Machine> {
     let words = [
         "depth=U1F10",
@@ -573,7 +996,10 @@ fn windows() -> Vec<Machine> {
         "window.reciprocal.table_bits=4",
         "layers=3",
     ];
-    let narrow: Vec<String> = words.iter().map(|word| format!("fragment.{word}")).collect();
+    let narrow: Vec<String> = words
+        .iter()
+        .map(|word| format!("fragment.{word}"))
+        .collect();
     let afar = [
         "fragment.layers=3",
         "fragment.window.join_permille=300",
@@ -590,7 +1016,11 @@ fn windows() -> Vec<Machine> {
         of(&afar),
         of(&["fragment.layers=1"]),
         of(&["fragment.layers=8", "timing.fragment.merge=24"]),
-        of(&["fragment.layers=3", "fragment.window.late=false", "fragment.window.inside=false"]),
+        of(&[
+            "fragment.layers=3",
+            "fragment.window.late=false",
+            "fragment.window.inside=false",
+        ]),
     ]
 }
 
@@ -602,9 +1032,21 @@ fn the_twin_of_windows_gives_every_record_on_icarus() {
     for (_, machine) in tier::some([12, 12], windows().into_iter().take(4).enumerate()) {
         let trace = traced(&cloud(200, 16), &machine, &Window::default());
         let units = vec!["fragment".to_owned()];
-        let made_up = traced(&cloud(20, 16), &machine, &Window { stimulus: Some(100), units, ..Window::default() });
-        let given = [(&trace, &STALLS[..]), (&made_up, &[])].map(|(trace, stalls)| drive(Simulator::Icarus, trace, OF_WINDOWS, 16, stalls));
-        println!("{:?}, {} layers: {given:?} records", machine.fragment.group, machine.fragment.layers);
+        let made_up = traced(
+            &cloud(20, 16),
+            &machine,
+            &Window {
+                stimulus: Some(100),
+                units,
+                ..Window::default()
+            },
+        );
+        let given = [(&trace, &STALLS[..]), (&made_up, &[])]
+            .map(|(trace, stalls)| drive(Simulator::Icarus, trace, OF_WINDOWS, 16, stalls));
+        println!(
+            "{:?}, {} layers: {given:?} records",
+            machine.fragment.group, machine.fragment.layers
+        );
         assert!(given[0] > 500 && given[1] > 1000, "{given:?}");
     }
 }
@@ -617,16 +1059,23 @@ fn the_twin_of_windows_gives_every_record_on_both_simulators() {
     if !have(&["iverilog", "verilator"], "co-simulation of windows") {
         return;
     }
-    tier::some([12, 12], windows().into_iter().enumerate()).collect::<Vec<_>>().into_par_iter().for_each(|(number, machine)| {
-        let of = |stimulus: Option<u32>| Window { stimulus, units: vec!["fragment".into()], ..Window::default() };
-        let trace = traced(&cloud(600, 24), &machine, &of(None));
-        let made_up = traced(&cloud(20, 24), &machine, &of(Some(20_000)));
-        let seen = drive(Simulator::Icarus, &trace, OF_WINDOWS, 24, &STALLS);
-        let given =
-            drive(Simulator::Verilator, &trace, OF_WINDOWS, 24, &STALLS) + drive(Simulator::Verilator, &made_up, OF_WINDOWS, 24, &[]);
-        println!("machine {number}: {seen} records on Icarus, {given} on Verilator");
-        assert!(given > 20_000, "{given}");
-    });
+    tier::some([12, 12], windows().into_iter().enumerate())
+        .collect::<Vec<_>>()
+        .into_par_iter()
+        .for_each(|(number, machine)| {
+            let of = |stimulus: Option<u32>| Window {
+                stimulus,
+                units: vec!["fragment".into()],
+                ..Window::default()
+            };
+            let trace = traced(&cloud(600, 24), &machine, &of(None));
+            let made_up = traced(&cloud(20, 24), &machine, &of(Some(20_000)));
+            let seen = drive(Simulator::Icarus, &trace, OF_WINDOWS, 24, &STALLS);
+            let given = drive(Simulator::Verilator, &trace, OF_WINDOWS, 24, &STALLS)
+                + drive(Simulator::Verilator, &made_up, OF_WINDOWS, 24, &[]);
+            println!("machine {number}: {seen} records on Icarus, {given} on Verilator");
+            assert!(given > 20_000, "{given}");
+        });
 }
 
 #[test]
@@ -639,7 +1088,14 @@ fn every_twin_gives_every_record_of_ellipsoids_on_both_simulators() {
     }
     for (number, (text, machine)) in tier::some([12, 12], media(16, 24).into_iter().enumerate()) {
         let trace = traced(&text, &machine, &Window::default());
-        let made_up = traced(&text, &machine, &Window { stimulus: Some(20_000), ..Window::default() });
+        let made_up = traced(
+            &text,
+            &machine,
+            &Window {
+                stimulus: Some(20_000),
+                ..Window::default()
+            },
+        );
         let drive = |unit: Unit| {
             let seen = drive(Simulator::Icarus, &trace, unit, 24, &[]);
             // The others are those of discs, and have met more.
@@ -655,8 +1111,8 @@ fn every_twin_gives_every_record_of_ellipsoids_on_both_simulators() {
     }
 }
 
-/// How many random cases of a hundred a unit needs for as many records as the others: a box of the raster has many pixels, some have as many
-/// corners besides, resolve none.
+/// How many random cases of a hundred a unit needs for as many records as the others: a box of the
+/// raster has many pixels, some have as many corners besides, resolve none.
 fn percent(unit: &str) -> u32 {
     match unit {
         "raster" => 6,
@@ -685,25 +1141,57 @@ fn every_twin_gives_fifty_thousand_records_on_icarus() {
     if !have(&["iverilog"], "co-simulation on Icarus") {
         return;
     }
-    // Of every named machine, and of all that a frame may say of ellipsoids. Words of `tiny` are the fastest.
-    let discs: Vec<_> =
-        machines().into_iter().zip([36_000, 6000, 4000]).map(|((_, machine), cases)| (cloud(60, 24), machine, cases)).collect();
-    let media: Vec<_> = media(16, 24).into_iter().map(|(text, machine)| (text, machine, 6000)).collect();
+    // Of every named machine, and of all that a frame may say of ellipsoids. Words of `tiny` are
+    // the fastest.
+    let discs: Vec<_> = machines()
+        .into_iter()
+        .zip([36_000, 6000, 4000])
+        .map(|((_, machine), cases)| (cloud(60, 24), machine, cases))
+        .collect();
+    let media: Vec<_> = media(16, 24)
+        .into_iter()
+        .map(|(text, machine)| (text, machine, 6000))
+        .collect();
     let [ellipsoid, sheets] = OF_ELLIPSOIDS;
     // The last of them are grouped by depth.
-    let of_ellipsoids = media.iter().map(|of| (ellipsoid, of)).chain(media[..5].iter().map(|of| (sheets, of)));
-    let jobs: Vec<_> = of_ellipsoids.chain(discs.iter().flat_map(|of| UNITS.map(|unit| (unit, of)))).collect();
+    let of_ellipsoids = media
+        .iter()
+        .map(|of| (ellipsoid, of))
+        .chain(media[..5].iter().map(|of| (sheets, of)));
+    let jobs: Vec<_> = of_ellipsoids
+        .chain(discs.iter().flat_map(|of| UNITS.map(|unit| (unit, of))))
+        .collect();
     let given = jobs.par_iter().map(|(unit, (text, machine, cases))| {
-        let seen = Window { units: vec![unit.stream.into()], ..Window::default() };
-        let made_up = Window { stimulus: Some(of_tier((cases * percent(unit.name) / 100) as usize) as u32), ..seen.clone() };
-        let drive = |window: &Window, stalls: &[&str]| drive(Simulator::Icarus, &traced(text, machine, window), *unit, 24, stalls);
+        let seen = Window {
+            units: vec![unit.stream.into()],
+            ..Window::default()
+        };
+        let made_up = Window {
+            stimulus: Some(of_tier((cases * percent(unit.name) / 100) as usize) as u32),
+            ..seen.clone()
+        };
+        let drive = |window: &Window, stalls: &[&str]| {
+            drive(
+                Simulator::Icarus,
+                &traced(text, machine, window),
+                *unit,
+                24,
+                stalls,
+            )
+        };
         (unit.name, drive(&seen, &STALLS) + drive(&made_up, &[]))
     });
     let mut records: HashMap<&str, usize> = HashMap::new();
-    given.collect::<Vec<_>>().into_iter().for_each(|(unit, given)| *records.entry(unit).or_default() += given);
+    given
+        .collect::<Vec<_>>()
+        .into_iter()
+        .for_each(|(unit, given)| *records.entry(unit).or_default() += given);
     println!("{records:?} records");
     let are_enough = |records: &usize| *records >= of_tier(50_000);
-    assert!(records.len() == 9 && records.values().all(are_enough), "{records:?}");
+    assert!(
+        records.len() == 9 && records.values().all(are_enough),
+        "{records:?}"
+    );
 }
 
 /// What is there before a window came of splats that the device has not seen: it has to be loaded.
@@ -717,13 +1205,28 @@ fn windows_of_splats_drive_fragment_and_sheets_alone() {
     }
     let rules = machine("tiny", &["timing.raster.lanes=[1,1]", "fragment.layers=3"]);
     let discs = [(cloud(150, 16), rules, [70, 150], "fragment")];
-    let media = media(12, 16).into_iter().take(3).map(|(text, machine)| (text, machine, [80, 160], "sheets"));
+    let media = media(12, 16)
+        .into_iter()
+        .take(3)
+        .map(|(text, machine)| (text, machine, [80, 160], "sheets"));
     for (text, machine, splats, name) in discs.into_iter().chain(media) {
         for pixels in [None, Some([2, 3, 12, 9])] {
-            let trace = traced(&text, &machine, &Window { splats: Some(splats), pixels, ..Window::default() });
-            let [start, records] = ["fragment.start", "fragment.in"].map(|stream| trace.lines(stream).len());
+            let trace = traced(
+                &text,
+                &machine,
+                &Window {
+                    splats: Some(splats),
+                    pixels,
+                    ..Window::default()
+                },
+            );
+            let [start, records] =
+                ["fragment.start", "fragment.in"].map(|stream| trace.lines(stream).len());
             println!("{name}, {pixels:?}: {start} records at the start, {records} come");
-            assert!(start > 50 && records > 50, "{start} at the start, {records} come");
+            assert!(
+                start > 50 && records > 50,
+                "{start} at the start, {records} come"
+            );
             drive(Simulator::Icarus, &trace, unit(name), 16, &[]);
             drive(Simulator::Icarus, &trace, unit(name), 16, &STALLS);
         }
@@ -752,39 +1255,74 @@ fn every_twin_gives_a_million_records_on_verilator() {
         };
         let made_up = (least < 1_000_000 || !of_a_frame.contains(&unit.name)).then_some(cases);
         // Nothing of the scene is in what is made up.
-        let scene = if made_up.is_some() { cloud(60, 64) } else { GLASS_SPHERES.to_owned() };
-        let trace = traced(&scene, machine, &Window { units: vec![unit.name.into()], stimulus: made_up, ..Window::default() });
+        let scene = if made_up.is_some() {
+            cloud(60, 64)
+        } else {
+            GLASS_SPHERES.to_owned()
+        };
+        let trace = traced(
+            &scene,
+            machine,
+            &Window {
+                units: vec![unit.name.into()],
+                stimulus: made_up,
+                ..Window::default()
+            },
+        );
         let records = drive(Simulator::Verilator, &trace, unit, 64, &[]);
         println!("{}: {records} records", unit.name);
         assert!(records >= least as usize, "{}: {records}", unit.name);
     }
 }
 
-/// A frame's splats, by their places in the scene, as the wired datapath takes them: those that are sorted come sorted, and then those that
-/// are culled.
+/// A frame's splats, by their places in the scene, as the wired datapath takes them: those that are
+/// sorted come sorted, and then those that are culled.
 fn as_drawn(trace: &Traced) -> Vec<usize> {
     let all = 0..trace.lines("pipeline.in").len();
-    let is_sorted = trace.manifest["streams"].as_array().unwrap().iter().any(|stream| stream["name"] == "sort.out");
+    let is_sorted = trace.manifest["streams"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .any(|stream| stream["name"] == "sort.out");
     if !is_sorted {
         return all.collect();
     }
-    let drawn: Vec<usize> = trace.keys("sort.out").iter().map(|key| key[0] as usize).collect();
+    let drawn: Vec<usize> = trace
+        .keys("sort.out")
+        .iter()
+        .map(|key| key[0] as usize)
+        .collect();
     let mut culled = vec![true; all.len()];
     drawn.iter().for_each(|splat| culled[*splat] = false);
-    drawn.into_iter().chain(all.filter(|splat| culled[*splat])).collect()
+    drawn
+        .into_iter()
+        .chain(all.filter(|splat| culled[*splat]))
+        .collect()
 }
 
-/// Has all units, wired together, draw a trace's frame once for each of these stalls; how many cycles it took to the last pixel.
+/// Has all units, wired together, draw a trace's frame once for each of these stalls; how many
+/// cycles it took to the last pixel.
 fn draw(simulator: Simulator, trace: &Traced, side: u32, stalls: &[&[&str]]) -> Vec<u64> {
     let unit = wired(trace);
     let device = Device::new(simulator, &sources(), &trace.folder, unit, side);
     let lines = trace.lines("pipeline.in");
-    let splats: Vec<String> = as_drawn(trace).into_iter().map(|splat| lines[splat].clone()).collect();
+    let splats: Vec<String> = as_drawn(trace)
+        .into_iter()
+        .map(|splat| lines[splat].clone())
+        .collect();
     let cycles = |stalls: &&[&str]| {
         let given = device.drive(Some(&splats), expected(trace, unit), stalls);
-        assert_eq!(fault(trace, unit, &given), None, "{} on {simulator:?}, {stalls:?}", unit.name);
+        assert_eq!(
+            fault(trace, unit, &given),
+            None,
+            "{} on {simulator:?}, {stalls:?}",
+            unit.name
+        );
         let [taken, pixels] = times(&given);
-        assert_eq!([taken.len(), pixels.len()], [splats.len(), (side * side) as usize]);
+        assert_eq!(
+            [taken.len(), pixels.len()],
+            [splats.len(), (side * side) as usize]
+        );
         pixels[pixels.len() - 1] + 1
     };
     stalls.iter().map(cycles).collect()
@@ -795,7 +1333,12 @@ const OF_ALL: [&[&str]; 3] = [&[], &STALLS, &["+stall_in=80", "+stall_out=80", "
 
 /// Colours that a frame has, at least: it is no background with a spot.
 fn colours(trace: &Traced) -> usize {
-    trace.records("pipeline.out").into_iter().map(|pixel| pixel[2..].to_vec()).collect::<HashSet<_>>().len()
+    trace
+        .records("pipeline.out")
+        .into_iter()
+        .map(|pixel| pixel[2..].to_vec())
+        .collect::<HashSet<_>>()
+        .len()
 }
 
 #[test]
@@ -804,27 +1347,46 @@ fn the_wired_datapaths_draw_small_frames_however_they_are_stalled() {
         return;
     }
     let (_, tiny) = machines().swap_remove(0);
-    let scenes: Vec<(String, Machine)> = tier::some([12, 12], [(cloud(60, 16), tiny)].into_iter().chain(media(12, 16))).collect();
+    let scenes: Vec<(String, Machine)> = tier::some(
+        [12, 12],
+        [(cloud(60, 16), tiny)].into_iter().chain(media(12, 16)),
+    )
+    .collect();
     scenes.par_iter().for_each(|(text, machine)| {
         let trace = traced(text, machine, &Window::default());
         let cycles = draw(Simulator::Icarus, &trace, 16, &OF_ALL);
-        println!("{}: {} splats, {} colours, {cycles:?} cycles", wired(&trace).name, trace.lines("pipeline.in").len(), colours(&trace));
+        println!(
+            "{}: {} splats, {} colours, {cycles:?} cycles",
+            wired(&trace).name,
+            trace.lines("pipeline.in").len(),
+            colours(&trace)
+        );
         assert!(colours(&trace) > 60 && cycles.is_sorted(), "{cycles:?}");
     });
 }
 
-/// A frame drawn by the wired datapath, stalled and not, and whether it takes as long as the timing model says.
+/// A frame drawn by the wired datapath, stalled and not, and whether it takes as long as the timing
+/// model says.
 fn draws_in_time(text: &str, machine: &Machine, window: &Window, side: u32) {
     // The model's look-up of lines takes one of the cycles.
     let machine = &changed(machine, "timing.gauss.latency=6", "timing.gauss.latency=6").unwrap();
     let trace = traced(text, machine, window);
     let unit = wired(&trace);
-    let [wired, stalled] = draw(Simulator::Verilator, &trace, side, &OF_ALL[..2])[..] else { panic!("drawn twice") };
+    let [wired, stalled] = draw(Simulator::Verilator, &trace, side, &OF_ALL[..2])[..] else {
+        panic!("drawn twice")
+    };
     let modelled = cycles_of_a_wired_frame(&trace, text, machine);
     let off = wired as f64 / modelled as f64 - 1.0;
     let splats = trace.lines("pipeline.in").len();
-    println!("{}, {splats} splats: {wired} cycles wired, {modelled} modelled: {:+.3} %; stalled {stalled}", unit.name, 100.0 * off);
-    assert!(off.abs() <= tolerance(unit.name), "{wired} cycles wired, {modelled} modelled");
+    println!(
+        "{}, {splats} splats: {wired} cycles wired, {modelled} modelled: {:+.3} %; stalled {stalled}",
+        unit.name,
+        100.0 * off
+    );
+    assert!(
+        off.abs() <= tolerance(unit.name),
+        "{wired} cycles wired, {modelled} modelled"
+    );
 }
 
 #[test]
@@ -836,7 +1398,15 @@ fn the_wired_datapath_draws_the_frame_in_the_cycles_of_the_timing_model() {
         return;
     }
     // `tiny` has all units that the others have, and a third of their words to simulate.
-    draws_in_time(GLASS_SPHERES, &machines()[0].1, &Window { units: vec!["pipeline".into()], ..Window::default() }, 64);
+    draws_in_time(
+        GLASS_SPHERES,
+        &machines()[0].1,
+        &Window {
+            units: vec!["pipeline".into()],
+            ..Window::default()
+        },
+        64,
+    );
 }
 
 #[test]
@@ -852,11 +1422,14 @@ fn the_wired_datapaths_of_ellipsoids_draw_frames_in_the_cycles_of_the_timing_mod
     }
 }
 
-/// The tiles of a frame in the order in which their last pixels came: column and row of each, and how many pixels had come before that one. What
-/// was given is sorted by rows, as the model's pixels are.
+/// The tiles of a frame in the order in which their last pixels came: column and row of each, and
+/// how many pixels had come before that one. What was given is sorted by rows, as the model's
+/// pixels are.
 fn sort_by_rows(trace: &Traced, given: &Given) -> Vec<([u32; 2], usize)> {
     let text = std::fs::read_to_string(&given.out).unwrap();
-    let [x, y] = ["X", "Y"].map(|axis| ["LSB", "W"].map(|name| constant(trace, &format!("PIPELINE_OUT_{axis}_{name}"))));
+    let [x, y] = ["X", "Y"].map(|axis| {
+        ["LSB", "W"].map(|name| constant(trace, &format!("PIPELINE_OUT_{axis}_{name}")))
+    });
     let place = |line: &str| {
         let word = u128::from_str_radix(line, 16).unwrap();
         [y, x].map(|[lsb, width]| (word >> lsb & ((1 << width) - 1)) as u32)
@@ -871,24 +1444,55 @@ fn sort_by_rows(trace: &Traced, given: &Given) -> Vec<([u32; 2], usize)> {
         done.extend((*pixels == 16 * 16).then_some((tile, nth)));
     }
     lines.sort_by_key(|line| place(line));
-    std::fs::write(&given.out, lines.iter().map(|line| format!("{line}\n")).collect::<String>()).unwrap();
+    std::fs::write(
+        &given.out,
+        lines
+            .iter()
+            .map(|line| format!("{line}\n"))
+            .collect::<String>(),
+    )
+    .unwrap();
     done
 }
 
 /// Cycles without a transfer in which two engines draw a tile of a small frame.
 const PATIENCE_OF_TILES: &str = "+patience=20000";
 
-/// What is wrong where two engines draw a frame twice without a reset, and how many of its tiles they have drawn in each.
+/// What is wrong where two engines draw a frame twice without a reset, and how many of its tiles
+/// they have drawn in each.
 fn drawn_twice(sources: &Path, trace: &Traced, stalls: &[&str]) -> (Option<String>, Vec<usize>) {
-    let device = Device::new(Simulator::Icarus, sources, &trace.folder, PIPELINE_OF_TILES, 32);
-    let given = device.drive(None, expected(trace, PIPELINE_OF_TILES), &[&["+frames=2", PATIENCE_OF_TILES], stalls].concat());
+    let device = Device::new(
+        Simulator::Icarus,
+        sources,
+        &trace.folder,
+        PIPELINE_OF_TILES,
+        32,
+    );
+    let given = device.drive(
+        None,
+        expected(trace, PIPELINE_OF_TILES),
+        &[&["+frames=2", PATIENCE_OF_TILES], stalls].concat(),
+    );
     if !given.last.starts_with("bench: done") {
         return (Some(given.last), Vec::new());
     }
     let folder = tempfile::tempdir().unwrap();
-    let Some(frames) = given.frames(2, folder.path()) else { return (Some("frames have unlike numbers of records".into()), Vec::new()) };
-    let tiles = frames.iter().map(|frame| sort_by_rows(trace, frame).len()).collect();
-    (frames.iter().find_map(|frame| fault(trace, PIPELINE_OF_TILES, frame)), tiles)
+    let Some(frames) = given.frames(2, folder.path()) else {
+        return (
+            Some("frames have unlike numbers of records".into()),
+            Vec::new(),
+        );
+    };
+    let tiles = frames
+        .iter()
+        .map(|frame| sort_by_rows(trace, frame).len())
+        .collect();
+    (
+        frames
+            .iter()
+            .find_map(|frame| fault(trace, PIPELINE_OF_TILES, frame)),
+        tiles,
+    )
 }
 
 /// Of one layer, so that what mirrors merges.
@@ -897,8 +1501,9 @@ fn one_layer_of_mirrors() -> Machine {
     changed(&mirror, "fragment.layers=1", "fragment.layers=1").unwrap()
 }
 
-/// Frames of four tiles, in which splats lie across their borders: of a machine that seeds each row, of one with tiles that no splat
-/// touches, of one that differences rows, of one that mirrors along rays.
+/// Frames of four tiles, in which splats lie across their borders: of a machine that seeds each
+/// row, of one with tiles that no splat touches, of one that differences rows, of one that mirrors
+/// along rays.
 fn frames_of_tiles() -> [Traced; 4] {
     let close = cloud(60, 32).replace("\"fov_y_degrees\": 45", "\"fov_y_degrees\": 20");
     let aside = cloud(40, 32).replace("\"target\": [0, 0, 0]", "\"target\": [1.6, 1.4, 0]");
@@ -909,13 +1514,24 @@ fn frames_of_tiles() -> [Traced; 4] {
         (&close, named("reference")),
         (&MIRRORS.replace("1500", "300"), one_layer_of_mirrors()),
     ];
-    all.map(|(text, machine)| traced(text, &machine, &Window { units: vec!["pipeline".into()], ..Window::default() }))
+    all.map(|(text, machine)| {
+        traced(
+            text,
+            &machine,
+            &Window {
+                units: vec!["pipeline".into()],
+                ..Window::default()
+            },
+        )
+    })
 }
 
 /// Each frame as it comes, and the first with each of these stalls.
 fn stalled<'a>(frames: &'a [Traced], stalls: &[&'a [&'a str]]) -> Vec<(&'a Traced, &'a [&'a str])> {
     let first = stalls.iter().map(|stalls| (&frames[0], *stalls));
-    first.chain(frames[1..].iter().map(|trace| (trace, OF_ALL[0]))).collect()
+    first
+        .chain(frames[1..].iter().map(|trace| (trace, OF_ALL[0])))
+        .collect()
 }
 
 #[test]
@@ -937,23 +1553,56 @@ fn two_engines_draw_small_frames_however_they_are_stalled_and_begin_anew_without
     });
 }
 
-/// A frame that engines draw: whether they take as long as the timing model says, for all of it and until each tile is done.
+/// A frame that engines draw: whether they take as long as the timing model says, for all of it and
+/// until each tile is done.
 fn engines_draw_in_time(text: &str, side: u32, wired: &Machine, unit: Unit) {
-    let engines: u32 = unit.parameters.first().map_or(2, |one| one.trim_matches(|char: char| !char.is_ascii_digit()).parse().unwrap());
-    let trace = traced(text, wired, &Window { units: vec!["pipeline".into()], ..Window::default() });
+    let engines: u32 = unit.parameters.first().map_or(2, |one| {
+        one.trim_matches(|char: char| !char.is_ascii_digit())
+            .parse()
+            .unwrap()
+    });
+    let trace = traced(
+        text,
+        wired,
+        &Window {
+            units: vec!["pipeline".into()],
+            ..Window::default()
+        },
+    );
     let device = Device::new(Simulator::Verilator, &sources(), &trace.folder, unit, side);
     let [(done, cycles), (_, stalled)] = [&[][..], &STALLS].map(|stalls| {
         let given = device.drive(None, expected(&trace, unit), stalls);
         let tiles = sort_by_rows(&trace, &given);
-        assert_eq!(fault(&trace, unit, &given), None, "{engines} engines, {stalls:?}");
+        assert_eq!(
+            fault(&trace, unit, &given),
+            None,
+            "{engines} engines, {stalls:?}"
+        );
         let [_, pixels] = times(&given);
-        let done: HashMap<[u32; 2], u64> = tiles.into_iter().map(|(tile, last)| (tile, pixels[last] + 1)).collect();
+        let done: HashMap<[u32; 2], u64> = tiles
+            .into_iter()
+            .map(|(tile, last)| (tile, pixels[last] + 1))
+            .collect();
         (done, pixels[pixels.len() - 1] + 1)
     });
-    let modelled = modelled(&trace, text, wired, &["timing.organisation=binned", &format!("timing.engines={engines}")]);
+    let modelled = modelled(
+        &trace,
+        text,
+        wired,
+        &[
+            "timing.organisation=binned",
+            &format!("timing.engines={engines}"),
+        ],
+    );
     let tiles = modelled.tiles.unwrap().tiles;
-    let each: Vec<usize> = (0..engines).map(|engine| tiles.iter().filter(|tile| tile.engine == engine).count()).collect();
-    let farthest = tiles.iter().map(|tile| done[&tile.at].abs_diff(tile.done)).max().unwrap();
+    let each: Vec<usize> = (0..engines)
+        .map(|engine| tiles.iter().filter(|tile| tile.engine == engine).count())
+        .collect();
+    let farthest = tiles
+        .iter()
+        .map(|tile| done[&tile.at].abs_diff(tile.done))
+        .max()
+        .unwrap();
     let off = cycles as f64 / modelled.total as f64 - 1.0;
     println!(
         "{}: {engines} engines, {} splats: {cycles} cycles wired, {} modelled: {:+.3} %; stalled {stalled}; {each:?} tiles, farthest {farthest}",
@@ -962,11 +1611,21 @@ fn engines_draw_in_time(text: &str, side: u32, wired: &Machine, unit: Unit) {
         modelled.total,
         100.0 * off
     );
-    assert!(off.abs() <= tolerance(unit.name), "{cycles} cycles wired, {} modelled", modelled.total);
+    assert!(
+        off.abs() <= tolerance(unit.name),
+        "{cycles} cycles wired, {} modelled",
+        modelled.total
+    );
     // All engines' words go through one port.
     let room = tolerance(unit.name) * modelled.total as f64 + f64::from(16 * 16 * (engines - 1));
-    assert!(farthest as f64 <= room, "a tile is done {farthest} cycles off");
-    assert!(each.iter().all(|tiles| *tiles > 0), "an engine draws nothing");
+    assert!(
+        farthest as f64 <= room,
+        "a tile is done {farthest} cycles off"
+    );
+    assert!(
+        each.iter().all(|tiles| *tiles > 0),
+        "an engine draws nothing"
+    );
 }
 
 #[test]
@@ -986,7 +1645,12 @@ fn engines_draw_the_tiles_of_frames_in_the_cycles_of_the_timing_model() {
         (&fewer, 64, named(0), OF_ONE_ENGINE),
         (&larger, 128, named(1), OF_THREE_ENGINES),
         (&fewer, 64, named(2), PIPELINE_OF_TILES),
-        (&MIRRORS.replace("32", "64"), 64, one_layer_of_mirrors(), PIPELINE_OF_TILES),
+        (
+            &MIRRORS.replace("32", "64"),
+            64,
+            one_layer_of_mirrors(),
+            PIPELINE_OF_TILES,
+        ),
     ];
     for (text, side, machine, unit) in tier::some([12, 12], frames) {
         engines_draw_in_time(text, side, &machine, unit);
@@ -1004,24 +1668,31 @@ fn scene_of(text: &str) -> Scene {
 /// A frame whose splats come in this order, so that nothing is left to sort.
 fn ordered(mut frame: Frame, order: &[usize]) -> Frame {
     frame.splats = order.iter().map(|splat| frame.splats[*splat]).collect();
-    if let Some(ellipsoids) = frame.ellipsoids.as_mut().filter(|ellipsoids| ellipsoids.sorted) {
+    if let Some(ellipsoids) = frame
+        .ellipsoids
+        .as_mut()
+        .filter(|ellipsoids| ellipsoids.sorted)
+    {
         ellipsoids.own = order.iter().map(|splat| ellipsoids.own[*splat]).collect();
         ellipsoids.sorted = false;
     }
     frame
 }
 
-/// How long the timing model says that a frame takes, as the twins are wired: all fragments on the chip, nothing to wait for in memory,
-/// splats in the order in which they are drawn. The wired datapath has no look-up of lines: of gauss's latency and its places one each are
-/// the look-up's here, so that there are as many between raster and fragment.
+/// How long the timing model says that a frame takes, as the twins are wired: all fragments on the
+/// chip, nothing to wait for in memory, splats in the order in which they are drawn. The wired
+/// datapath has no look-up of lines: of gauss's latency and its places one each are the look-up's
+/// here, so that there are as many between raster and fragment.
 fn cycles_of_a_wired_frame(trace: &Traced, scene: &str, wired: &Machine) -> u64 {
     let gauss = wired.elaborate().unwrap().timing.gauss;
-    let [latency, fifo] = [("latency", gauss.latency), ("fifo", gauss.fifo)].map(|(name, all)| format!("timing.gauss.{name}={}", all - 1));
+    let [latency, fifo] = [("latency", gauss.latency), ("fifo", gauss.fifo)]
+        .map(|(name, all)| format!("timing.gauss.{name}={}", all - 1));
     let settings = [
         "timing.organisation=immediate",
         "timing.cache.latency=1",
         "timing.cache.fifo=1",
-        // A line for each 4×4 pixels of 64×64, and no set that is too small for those that come to it.
+        // A line for each 4×4 pixels of 64×64, and no set that is too small for those that come to
+        // it.
         "timing.cache.lines=256",
         "timing.cache.misses=256",
         &latency,
@@ -1030,7 +1701,8 @@ fn cycles_of_a_wired_frame(trace: &Traced, scene: &str, wired: &Machine) -> u64 
     modelled(trace, scene, wired, &settings).total
 }
 
-/// What the timing model says of a frame on a machine with these settings, and memory that nobody waits for.
+/// What the timing model says of a frame on a machine with these settings, and memory that nobody
+/// waits for.
 fn modelled(trace: &Traced, scene: &str, wired: &Machine, settings: &[&str]) -> timing::Cycles {
     let memory = [
         "timing.memory.bytes_per_cycle=1048576",
@@ -1038,25 +1710,49 @@ fn modelled(trace: &Traced, scene: &str, wired: &Machine, settings: &[&str]) -> 
         "timing.memory.miss_latency=1",
         "timing.memory.outstanding=1048576",
     ];
-    let machine = settings.iter().chain(&memory).fold(wired.clone(), |machine, setting| changed(&machine, setting, setting).unwrap());
-    let elaborated = fixed::elaborate(&Machine { sort: None, ..machine }).unwrap();
+    let machine = settings
+        .iter()
+        .chain(&memory)
+        .fold(wired.clone(), |machine, setting| {
+            changed(&machine, setting, setting).unwrap()
+        });
+    let elaborated = fixed::elaborate(&Machine {
+        sort: None,
+        ..machine
+    })
+    .unwrap();
     let frame = quantise(&scene_of(scene), wired).unwrap().frame;
     let drawn = pipeline::draw_unobserved(&fixed::elaborate(wired).unwrap(), &frame).frame;
-    let (drawing, _, work) = pipeline::draw_measured(&elaborated, &ordered(frame, &as_drawn(trace)));
-    assert_eq!(drawing.frame, drawn, "in the order of the sort it is another frame");
+    let (drawing, _, work) =
+        pipeline::draw_measured(&elaborated, &ordered(frame, &as_drawn(trace)));
+    assert_eq!(
+        drawing.frame, drawn,
+        "in the order of the sort it is another frame"
+    );
     let cycles = timing::replay(&elaborated.timing, &work, Detail::Histograms);
-    assert_eq!(cycles.memory.bytes[timing::Client::FrameRead as usize], [0, 0], "a line came back from memory");
+    assert_eq!(
+        cycles.memory.bytes[timing::Client::FrameRead as usize],
+        [0, 0],
+        "a line came back from memory"
+    );
     cycles
 }
 
-/// What a frame may end with, in discs: one alone at pixel (0, 0), which is inserted; one there that merges; a needle across the picture,
-/// with more cycles between its fragments than a record takes through any unit.
+/// What a frame may end with, in discs: one alone at pixel (0, 0), which is inserted; one there
+/// that merges; a needle across the picture, with more cycles between its fragments than a record
+/// takes through any unit.
 fn last_records(side: u32) -> [String; 3] {
     let disc = |position: [f64; 3], normal: [f64; 3], radius: f64| json!({"position": position, "normal": normal, "radius": radius, "rgb": [0.9, 0.5, 0.2], "opacity": 0.7, "material": 1});
     let facing = [0.0, 0.0, 1.0];
     let wide = disc([0.0, 0.0, 0.0], facing, 0.1);
     // Centred outside of the picture, it reaches no other pixel.
-    let [near, middle, far] = [0.24, 0.12, 0.06].map(|z| disc([-0.463 * (1.0 - z / 4.0), 0.463 * (1.0 - z / 4.0), z], facing, 0.05));
+    let [near, middle, far] = [0.24, 0.12, 0.06].map(|z| {
+        disc(
+            [-0.463 * (1.0 - z / 4.0), 0.463 * (1.0 - z / 4.0), z],
+            facing,
+            0.05,
+        )
+    });
     let needle = disc([0.0, 0.0, -0.12], [0.7, 0.7, 0.14], 0.3);
     [vec![&wide, &far], vec![&near, &middle, &far], vec![&wide, &needle]].map(|splats| {
         let scene = json!({
@@ -1072,7 +1768,8 @@ fn last_records(side: u32) -> [String; 3] {
     })
 }
 
-/// Frames whose end tells whether anybody still looks at what is under way: their tables lie in a folder of another name.
+/// Frames whose end tells whether anybody still looks at what is under way: their tables lie in a
+/// folder of another name.
 fn ends() -> Vec<Traced> {
     let settings = |more: &[&str]| {
         let of_all = [
@@ -1084,18 +1781,42 @@ fn ends() -> Vec<Traced> {
             "timing.fragment.hazard=5",
             "timing.fragment.merge=3",
         ];
-        [&of_all[..], more].concat().into_iter().map(str::to_owned).collect::<Vec<_>>()
+        [&of_all[..], more]
+            .concat()
+            .into_iter()
+            .map(str::to_owned)
+            .collect::<Vec<_>>()
     };
-    let with = |name: &str, more: &[&str]| machine(name, &settings(more).iter().map(String::as_str).collect::<Vec<_>>());
+    let with = |name: &str, more: &[&str]| {
+        machine(
+            name,
+            &settings(more)
+                .iter()
+                .map(String::as_str)
+                .collect::<Vec<_>>(),
+        )
+    };
     let discs = with("tiny", &["fragment.layers=2", "timing.shade.latency=5"]);
     // Here the slowest unit is shade, which voxels pass on their way.
     let voxels = with("volume", &["timing.shade.latency=7"]);
-    let media = [shells(8, 4, &json!({})), isosurface(6, 4)].map(|text| (text, voxels.clone(), None));
+    let media =
+        [shells(8, 4, &json!({})), isosurface(6, 4)].map(|text| (text, voxels.clone(), None));
     // All that comes, and so the last of it, comes to one pixel.
     let alone = (shells(8, 4, &json!({})), voxels, Some([0; 4]));
-    let all = last_records(16).into_iter().map(|text| (text, discs.clone(), None)).chain(media).chain([alone]);
+    let all = last_records(16)
+        .into_iter()
+        .map(|text| (text, discs.clone(), None))
+        .chain(media)
+        .chain([alone]);
     let moved = |(text, machine, pixels): (String, Machine, Option<[u32; 4]>)| {
-        let trace = traced(&text, &machine, &Window { pixels, ..Window::default() });
+        let trace = traced(
+            &text,
+            &machine,
+            &Window {
+                pixels,
+                ..Window::default()
+            },
+        );
         std::fs::rename(trace.path("rom"), trace.path(TABLES)).unwrap();
         trace
     };
@@ -1108,38 +1829,72 @@ const TABLES: &str = "tables";
 fn seen_as_drawn(trace: &Traced) -> Vec<String> {
     let lines = trace.lines("pipeline.in");
     let seen: HashSet<i64> = trace.keys("fragment.in").iter().map(|key| key[0]).collect();
-    as_drawn(trace).into_iter().filter(|splat| seen.contains(&(*splat as i64))).map(|splat| lines[splat].clone()).collect()
+    as_drawn(trace)
+        .into_iter()
+        .filter(|splat| seen.contains(&(*splat as i64)))
+        .map(|splat| lines[splat].clone())
+        .collect()
 }
 
-/// Cycles in which all splats of a frame of `ends` are drawn, at most: one for each pixel of a box, what merges take, and light one by one.
+/// Cycles in which all splats of a frame of `ends` are drawn, at most: one for each pixel of a box,
+/// what merges take, and light one by one.
 fn most_cycles(trace: &Traced) -> i64 {
-    let [left, right, top, bottom] = ["first_column", "last_column", "first_row", "last_row"].map(|name| trace.field("raster.in", name));
-    let boxes = trace.records("raster.in").into_iter().map(|splat| (splat[right] - splat[left] + 1) * (splat[bottom] - splat[top] + 1));
-    let merges = trace.records("fragment.out").iter().filter(|decision| decision[2] == 2).count();
-    let asks = if has(trace, "fragment.in", "sheet") { 0 } else { trace.lines("fragment.request").len() };
+    let [left, right, top, bottom] = ["first_column", "last_column", "first_row", "last_row"]
+        .map(|name| trace.field("raster.in", name));
+    let boxes = trace
+        .records("raster.in")
+        .into_iter()
+        .map(|splat| (splat[right] - splat[left] + 1) * (splat[bottom] - splat[top] + 1));
+    let merges = trace
+        .records("fragment.out")
+        .iter()
+        .filter(|decision| decision[2] == 2)
+        .count();
+    let asks = if has(trace, "fragment.in", "sheet") {
+        0
+    } else {
+        trace.lines("fragment.request").len()
+    };
     boxes.sum::<i64>() + 5 * merges as i64 + 10 * asks as i64
 }
 
-/// What is wrong where a frame is drawn three times without a reset, each time its last record alone.
+/// What is wrong where a frame is drawn three times without a reset, each time its last record
+/// alone.
 fn fault_at_the_end(sources: &Path, trace: &Traced, unit: Unit) -> Option<String> {
     let side = trace.records("frame")[0][trace.field("frame", "width")] as u32;
-    let device = Device::with(Simulator::Icarus, sources, &trace.folder, unit, side, Some(&format!("{TABLES}/")));
+    let device = Device::with(
+        Simulator::Icarus,
+        sources,
+        &trace.folder,
+        unit,
+        side,
+        Some(&format!("{TABLES}/")),
+    );
     let expected = expected(trace, unit);
     let patience = "+patience=4000";
     let faults = |inputs: Option<&[String]>, arguments: &[&str]| {
-        let given = device.drive(inputs, expected, &[&["+frames=3", patience], arguments].concat());
+        let given = device.drive(
+            inputs,
+            expected,
+            &[&["+frames=3", patience], arguments].concat(),
+        );
         if !given.last.starts_with("bench: done") {
             return Some(given.last);
         }
         let folder = tempfile::tempdir().unwrap();
-        let Some(frames) = given.frames(3, folder.path()) else { return Some("frames have unlike numbers of records".into()) };
+        let Some(frames) = given.frames(3, folder.path()) else {
+            return Some("frames have unlike numbers of records".into());
+        };
         frames.iter().find_map(|frame| fault(trace, unit, frame))
     };
     if unit.stream == "pipeline" {
         // The last splat comes alone, when nothing of the others is under way.
         let splats = seen_as_drawn(trace);
         let apart = format!("+apart={}", 100 + most_cycles(trace));
-        return faults(Some(&splats), &[&apart, &format!("+apart_from={}", splats.len() - 1)]);
+        return faults(
+            Some(&splats),
+            &[&apart, &format!("+apart_from={}", splats.len() - 1)],
+        );
     }
     faults(None, &[]).or_else(|| faults(None, &["+stall_out=80", "+seed=3"]))
 }
@@ -1148,7 +1903,11 @@ fn fault_at_the_end(sources: &Path, trace: &Traced, unit: Unit) -> Option<String
 fn enders(trace: &Traced) -> Vec<Unit> {
     let is_whole = trace.path("pipeline.in.hex").exists();
     let all = is_whole.then(|| wired(trace));
-    twins(trace).into_iter().filter(|unit| unit.stream == "fragment").chain(all).collect()
+    twins(trace)
+        .into_iter()
+        .filter(|unit| unit.stream == "fragment")
+        .chain(all)
+        .collect()
 }
 
 #[test]
@@ -1162,9 +1921,23 @@ fn frames_end_with_their_last_record_and_begin_anew_without_a_reset() {
     let ends = ends();
     let last = |trace: &Traced| trace.records("fragment.out").pop().unwrap();
     let [alone, merges] = [0, 1].map(|trace| last(&ends[trace]));
-    assert_eq!([&alone[..3], &merges[..3]], [&[0, 0, 1], &[0, 0, 2]], "inserted, and merged, at pixel (0, 0)");
-    let jobs: Vec<(&Traced, Unit)> = ends.iter().flat_map(|trace| enders(trace).into_iter().map(move |unit| (trace, unit))).collect();
-    jobs.par_iter().for_each(|(trace, unit)| assert_eq!(fault_at_the_end(&sources(), trace, *unit), None, "{}", unit.name));
+    assert_eq!(
+        [&alone[..3], &merges[..3]],
+        [&[0, 0, 1], &[0, 0, 2]],
+        "inserted, and merged, at pixel (0, 0)"
+    );
+    let jobs: Vec<(&Traced, Unit)> = ends
+        .iter()
+        .flat_map(|trace| enders(trace).into_iter().map(move |unit| (trace, unit)))
+        .collect();
+    jobs.par_iter().for_each(|(trace, unit)| {
+        assert_eq!(
+            fault_at_the_end(&sources(), trace, *unit),
+            None,
+            "{}",
+            unit.name
+        )
+    });
 }
 
 /// A machine all of whose words round to nearest-even.
@@ -1175,7 +1948,9 @@ fn nearest_even(machine: &Machine) -> Machine {
                 fields.insert("round".into(), "nearest-even".into());
             }
             serde_json::Value::Object(fields) => fields.values_mut().for_each(rounded),
-            serde_json::Value::String(format) if format.parse::<rtl_model::num::Format>().is_ok() => {
+            serde_json::Value::String(format)
+                if format.parse::<rtl_model::num::Format>().is_ok() =>
+            {
                 *value = json!({"format": format, "round": "nearest-even"});
             }
             _ => {}
@@ -1186,16 +1961,37 @@ fn nearest_even(machine: &Machine) -> Machine {
     serde_json::from_value(described).unwrap()
 }
 
-/// Rules that no named machine or scene has: what they are for, a scene, a machine, the units that they matter to.
+/// Rules that no named machine or scene has: what they are for, a scene, a machine, the units that
+/// they matter to.
 fn rules() -> Vec<(&'static str, String, Machine, Vec<Unit>)> {
     let tiny = |more: &[&str]| machine("tiny", &[&["timing.raster.lanes=[1,1]"], more].concat());
     let dull = cloud(60, 16).replace("\"shininess\": 32", "\"shininess\": 0");
     let voxels = nearest_even(&machine("volume", &["timing.raster.lanes=[1,1]"]));
     vec![
-        ("replace", cloud(60, 16), tiny(&["fragment.layers=1", "fragment.merge=replace"]), vec![unit("fragment")]),
-        ("nearest depth", cloud(60, 16), tiny(&["fragment.fragment_depth=nearest"]), vec![unit("fragment")]),
-        ("nearest-even", cloud(60, 16), nearest_even(&tiny(&[])), UNITS.to_vec()),
-        ("nearest-even of ellipsoids", shells(8, 16, &json!({"stop": 0.6})), voxels, OF_ELLIPSOIDS.to_vec()),
+        (
+            "replace",
+            cloud(60, 16),
+            tiny(&["fragment.layers=1", "fragment.merge=replace"]),
+            vec![unit("fragment")],
+        ),
+        (
+            "nearest depth",
+            cloud(60, 16),
+            tiny(&["fragment.fragment_depth=nearest"]),
+            vec![unit("fragment")],
+        ),
+        (
+            "nearest-even",
+            cloud(60, 16),
+            nearest_even(&tiny(&[])),
+            UNITS.to_vec(),
+        ),
+        (
+            "nearest-even of ellipsoids",
+            shells(8, 16, &json!({"stop": 0.6})),
+            voxels,
+            OF_ELLIPSOIDS.to_vec(),
+        ),
         ("shininess 0", dull, tiny(&[]), vec![unit("shade")]),
     ]
 }
@@ -1205,8 +2001,11 @@ fn ruled() -> Vec<(&'static str, Traced, Vec<Unit>)> {
     let of = |(name, text, machine, units): (&'static str, String, Machine, Vec<Unit>)| {
         // Normals that cancel are seldom made up.
         let cases = if name == "shininess 0" { 400 } else { 50 };
-        let window =
-            Window { stimulus: Some(cases), units: units.iter().map(|unit| unit.stream.to_owned()).collect(), ..Window::default() };
+        let window = Window {
+            stimulus: Some(cases),
+            units: units.iter().map(|unit| unit.stream.to_owned()).collect(),
+            ..Window::default()
+        };
         (name, traced(&text, &machine, &window), units)
     };
     rules().into_iter().map(of).collect()
@@ -1221,18 +2020,38 @@ fn rules_that_no_named_machine_has_are_kept() {
         return;
     }
     let ruled = ruled();
-    let [replace, _, even, _, dull] = &ruled[..] else { panic!("five rules") };
-    let outcomes: HashSet<i64> = replace.1.records("fragment.out").iter().map(|record| record[2]).collect();
-    assert_eq!(outcomes, [0, 1, 4, 5].into(), "accumulated, inserted, replaced, dropped");
+    let [replace, _, even, _, dull] = &ruled[..] else {
+        panic!("five rules")
+    };
+    let outcomes: HashSet<i64> = replace
+        .1
+        .records("fragment.out")
+        .iter()
+        .map(|record| record[2])
+        .collect();
+    assert_eq!(
+        outcomes,
+        [0, 1, 4, 5].into(),
+        "accumulated, inserted, replaced, dropped"
+    );
     assert!(dull.1.manifest["machine"]["name"] == "tiny" && !dull.1.lines("shade.out").is_empty());
     let highlights = std::fs::read_to_string(dull.1.path("rom/shade.highlights.hex")).unwrap();
-    assert!(highlights.lines().any(|line| line == "40000"), "a power of 0 is 1 from the first word on: {highlights}");
+    assert!(
+        highlights.lines().any(|line| line == "40000"),
+        "a power of 0 is 1 from the first word on: {highlights}"
+    );
     let coverage = std::fs::read_to_string(even.1.path("coverage.csv")).unwrap();
-    let ties: Vec<&str> = coverage.lines().filter(|line| line.contains("\"tie\"")).collect();
+    let ties: Vec<&str> = coverage
+        .lines()
+        .filter(|line| line.contains("\"tie\""))
+        .collect();
     let met = ties.iter().filter(|line| !line.ends_with(",0")).count();
     println!("nearest-even: {met} of {} words met a tie", ties.len());
     assert!(met * 4 > ties.len() * 3, "{ties:#?}");
-    let jobs: Vec<(&Traced, Unit)> = ruled.iter().flat_map(|(_, trace, units)| units.iter().map(move |unit| (trace, *unit))).collect();
+    let jobs: Vec<(&Traced, Unit)> = ruled
+        .iter()
+        .flat_map(|(_, trace, units)| units.iter().map(move |unit| (trace, *unit)))
+        .collect();
     jobs.par_iter().for_each(|(trace, unit)| {
         drive(Simulator::Icarus, trace, *unit, 16, &[]);
     });
@@ -1245,13 +2064,40 @@ fn what_must_be_zero_is_zero() {
         return;
     }
     let trace = traced(&cloud(60, 16), &machines()[0].1, &Window::default());
-    assert!(trace.records("ellipse.out").iter().any(|record| record[0] == 1), "a backface");
-    let mutant = Mutant { unit: "ellipse", file: "ellipse.sv", find: "backface || faint || outside ? '0", put: "faint || outside ? '0" };
+    assert!(
+        trace
+            .records("ellipse.out")
+            .iter()
+            .any(|record| record[0] == 1),
+        "a backface"
+    );
+    let mutant = Mutant {
+        unit: "ellipse",
+        file: "ellipse.sv",
+        find: "backface || faint || outside ? '0",
+        put: "faint || outside ? '0",
+    };
     let folder = tempfile::tempdir().unwrap();
     mutated(&mutant, folder.path());
-    let device = Device::new(Simulator::Icarus, folder.path(), &trace.folder, unit("ellipse"), 16);
+    let device = Device::new(
+        Simulator::Icarus,
+        folder.path(),
+        &trace.folder,
+        unit("ellipse"),
+        16,
+    );
     let given = device.drive(None, expected(&trace, unit("ellipse")), &[]);
-    let compared = |zeros| diff(&trace.folder, &outputs(unit("ellipse"), &given), How { zeros, order: Order::Trace }).unwrap();
+    let compared = |zeros| {
+        diff(
+            &trace.folder,
+            &outputs(unit("ellipse"), &given),
+            How {
+                zeros,
+                order: Order::Trace,
+            },
+        )
+        .unwrap()
+    };
     assert!(compared(Zeros::Ignored).equal);
     assert!(!compared(Zeros::Compared).equal);
 }
@@ -1261,14 +2107,38 @@ fn an_offer_that_changes_fails_an_assertion() {
     if !have(&["verilator"], "assertions on Verilator") {
         return;
     }
-    let trace = traced(&cloud(60, 16), &machines()[0].1, &Window { units: vec!["gauss".into()], ..Window::default() });
+    let trace = traced(
+        &cloud(60, 16),
+        &machines()[0].1,
+        &Window {
+            units: vec!["gauss".into()],
+            ..Window::default()
+        },
+    );
     let put = "m_data = arrive ? arrived : fifo[head]";
-    let mutant = Mutant { unit: "gauss", file: "pipe.sv", find: "m_data = fifo[head]", put };
+    let mutant = Mutant {
+        unit: "gauss",
+        file: "pipe.sv",
+        find: "m_data = fifo[head]",
+        put,
+    };
     let folder = tempfile::tempdir().unwrap();
     mutated(&mutant, folder.path());
-    let device = Device::new(Simulator::Verilator, folder.path(), &trace.folder, unit("gauss"), 16);
+    let device = Device::new(
+        Simulator::Verilator,
+        folder.path(),
+        &trace.folder,
+        unit("gauss"),
+        16,
+    );
     let given = device.drive(None, expected(&trace, unit("gauss")), &STALLS);
-    assert!(given.last.contains("handshake: an offer that was not taken has changed"), "{}", given.last);
+    assert!(
+        given
+            .last
+            .contains("handshake: an offer that was not taken has changed"),
+        "{}",
+        given.last
+    );
 }
 
 /// A small mistake in a twin: where, what is there, what is put there.
@@ -1285,13 +2155,23 @@ include!("cosimulation/mutants.rs");
 fn mutated(mutant: &Mutant, folder: &Path) {
     std::fs::create_dir_all(folder.join("bench")).unwrap();
     for path in [sources(), sources().join("bench")] {
-        for entry in std::fs::read_dir(&path).unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_file()) {
+        for entry in std::fs::read_dir(&path)
+            .unwrap()
+            .map(|entry| entry.unwrap().path())
+            .filter(|path| path.is_file())
+        {
             std::fs::copy(&entry, folder.join(entry.strip_prefix(sources()).unwrap())).unwrap();
         }
     }
     let path = folder.join(mutant.file);
     let text = std::fs::read_to_string(&path).unwrap();
-    assert_eq!(text.matches(mutant.find).count(), 1, "{}: `{}` must be there, once", mutant.file, mutant.find);
+    assert_eq!(
+        text.matches(mutant.find).count(),
+        1,
+        "{}: `{}` must be there, once",
+        mutant.file,
+        mutant.find
+    );
     std::fs::write(&path, text.replace(mutant.find, mutant.put)).unwrap();
 }
 
@@ -1304,28 +2184,67 @@ fn every_mutant_is_caught() {
         return;
     }
     // Several layers, and words so short that most of them round.
-    let machine =
-        machine("tiny", &["timing.raster.lanes=[1,1]", "fragment.layers=3", "fragment.merge=nearest-pair", "fragment.evict_hidden=true"]);
+    let machine = machine(
+        "tiny",
+        &[
+            "timing.raster.lanes=[1,1]",
+            "fragment.layers=3",
+            "fragment.merge=nearest-pair",
+            "fragment.evict_hidden=true",
+        ],
+    );
     let seen = traced(&cloud(150, 16), &machine, &Window::default());
-    let made_up = traced(&cloud(20, 16), &machine, &Window { stimulus: Some(400), ..Window::default() });
+    let made_up = traced(
+        &cloud(20, 16),
+        &machine,
+        &Window {
+            stimulus: Some(400),
+            ..Window::default()
+        },
+    );
     // Where a contribution alone may hide what lies behind it.
-    let covering = cloud(150, 16).replace("\"z_threshold\"", "\"coverage_threshold\": 0.05, \"z_threshold\"");
+    let covering = cloud(150, 16).replace(
+        "\"z_threshold\"",
+        "\"coverage_threshold\": 0.05, \"z_threshold\"",
+    );
     let covering = traced(&covering, &machine, &Window::default());
-    // Ellipsoids with all that a frame may say of them; made-up cases have what their own transfers have not.
+    // Ellipsoids with all that a frame may say of them; made-up cases have what their own transfers
+    // have not.
     let of_ellipsoids: Vec<Traced> = media(8, 16)
         .into_iter()
-        .map(|(text, machine)| traced(&text, &machine, &Window { stimulus: Some(400), ..Window::default() }))
+        .map(|(text, machine)| {
+            traced(
+                &text,
+                &machine,
+                &Window {
+                    stimulus: Some(400),
+                    ..Window::default()
+                },
+            )
+        })
         .collect();
     all_are_caught(MUTANTS, |mutant, sources| {
         let unit = unit(mutant.unit);
-        let of_discs =
-            [&made_up, &seen].into_iter().chain((unit.name == "fragment").then_some(&covering)).filter(|_| unit.name == unit.stream);
+        let of_discs = [&made_up, &seen]
+            .into_iter()
+            .chain((unit.name == "fragment").then_some(&covering))
+            .filter(|_| unit.name == unit.stream);
         // Project is that of discs, and culls ellipsoids by opacity too.
-        let of_ellipsoids = of_ellipsoids.iter().filter(|_| unit.name != unit.stream || unit.name == "project");
-        of_discs.chain(of_ellipsoids).filter(|trace| twins(trace).iter().any(|twin| twin.name == unit.name)).any(|trace| {
-            let device = Device::new(Simulator::Icarus, sources, &trace.folder, unit, 16);
-            fault(trace, unit, &device.drive(None, expected(trace, unit), &STALLS)).is_some()
-        })
+        let of_ellipsoids = of_ellipsoids
+            .iter()
+            .filter(|_| unit.name != unit.stream || unit.name == "project");
+        of_discs
+            .chain(of_ellipsoids)
+            .filter(|trace| twins(trace).iter().any(|twin| twin.name == unit.name))
+            .any(|trace| {
+                let device = Device::new(Simulator::Icarus, sources, &trace.folder, unit, 16);
+                fault(
+                    trace,
+                    unit,
+                    &device.drive(None, expected(trace, unit), &STALLS),
+                )
+                .is_some()
+            })
     });
 }
 
@@ -1338,14 +2257,26 @@ fn every_mutant_of_windows_is_caught() {
         return;
     }
     let of = |machine: Machine| {
-        let window = Window { stimulus: Some(600), units: vec!["fragment".into()], ..Window::default() };
-        [traced(&cloud(200, 16), &machine, &Window::default()), traced(&cloud(20, 16), &machine, &window)]
+        let window = Window {
+            stimulus: Some(600),
+            units: vec!["fragment".into()],
+            ..Window::default()
+        };
+        [
+            traced(&cloud(200, 16), &machine, &Window::default()),
+            traced(&cloud(20, 16), &machine, &window),
+        ]
     };
     let traces: Vec<Traced> = windows().into_iter().flat_map(of).collect();
     all_are_caught(WINDOWS, |_, sources| {
         traces.iter().any(|trace| {
             let device = Device::new(Simulator::Icarus, sources, &trace.folder, OF_WINDOWS, 16);
-            fault(trace, OF_WINDOWS, &device.drive(None, expected(trace, OF_WINDOWS), &STALLS)).is_some()
+            fault(
+                trace,
+                OF_WINDOWS,
+                &device.drive(None, expected(trace, OF_WINDOWS), &STALLS),
+            )
+            .is_some()
         })
     });
 }
@@ -1360,8 +2291,14 @@ fn every_mutant_of_a_frame_s_end_is_caught() {
     }
     let ends = ends();
     all_are_caught(FRAME_ENDS, |mutant, sources| {
-        let of = |trace: &Traced| enders(trace).into_iter().find(|unit| unit.name == mutant.unit);
-        ends.iter().filter_map(|trace| Some((trace, of(trace)?))).any(|(trace, unit)| fault_at_the_end(sources, trace, unit).is_some())
+        let of = |trace: &Traced| {
+            enders(trace)
+                .into_iter()
+                .find(|unit| unit.name == mutant.unit)
+        };
+        ends.iter()
+            .filter_map(|trace| Some((trace, of(trace)?)))
+            .any(|(trace, unit)| fault_at_the_end(sources, trace, unit).is_some())
     });
 }
 
@@ -1375,11 +2312,21 @@ fn every_mutant_of_a_rule_is_caught() {
     }
     let ruled = ruled();
     all_are_caught(RULES, |mutant, sources| {
-        let (of_it, rule) = (unit(mutant.unit), |units: &[Unit]| units.iter().any(|unit| unit.name == mutant.unit));
-        ruled.iter().filter(|(_, _, units)| rule(units)).any(|(_, trace, _)| {
-            let device = Device::new(Simulator::Icarus, sources, &trace.folder, of_it, 16);
-            fault(trace, of_it, &device.drive(None, expected(trace, of_it), &[])).is_some()
-        })
+        let (of_it, rule) = (unit(mutant.unit), |units: &[Unit]| {
+            units.iter().any(|unit| unit.name == mutant.unit)
+        });
+        ruled
+            .iter()
+            .filter(|(_, _, units)| rule(units))
+            .any(|(_, trace, _)| {
+                let device = Device::new(Simulator::Icarus, sources, &trace.folder, of_it, 16);
+                fault(
+                    trace,
+                    of_it,
+                    &device.drive(None, expected(trace, of_it), &[]),
+                )
+                .is_some()
+            })
     });
 }
 
@@ -1393,11 +2340,14 @@ fn every_mutant_of_tiles_is_caught() {
     }
     let frames = frames_of_tiles();
     all_are_caught(TILES_APART, |_, sources| {
-        stalled(&frames, &OF_ALL[..2]).iter().any(|(trace, stalls)| drawn_twice(sources, trace, stalls).0.is_some())
+        stalled(&frames, &OF_ALL[..2])
+            .iter()
+            .any(|(trace, stalls)| drawn_twice(sources, trace, stalls).0.is_some())
     });
 }
 
-/// Whether each of these mutants, or of those of this tier, is caught: by what is told a copy of the twins that has it.
+/// Whether each of these mutants, or of those of this tier, is caught: by what is told a copy of
+/// the twins that has it.
 fn all_are_caught(mutants: &[Mutant], catches: impl Fn(&Mutant, &Path) -> bool + Sync) {
     let survives = |mutant: &&Mutant| {
         let folder = tempfile::tempdir().unwrap();
@@ -1407,8 +2357,19 @@ fn all_are_caught(mutants: &[Mutant], catches: impl Fn(&Mutant, &Path) -> bool +
     let told = |mutant: &Mutant| format!("{}: `{}` for `{}`", mutant.file, mutant.put, mutant.find);
     let (all, mutants) = (mutants, some_of(mutants));
     println!("{} of {} mutants", mutants.len(), all.len());
-    let survivors: Vec<String> = mutants.par_iter().copied().filter(survives).map(told).collect();
-    assert!(survivors.is_empty(), "{} of {} were not caught:\n{}", survivors.len(), mutants.len(), survivors.join("\n"));
+    let survivors: Vec<String> = mutants
+        .par_iter()
+        .copied()
+        .filter(survives)
+        .map(told)
+        .collect();
+    assert!(
+        survivors.is_empty(),
+        "{} of {} were not caught:\n{}",
+        survivors.len(),
+        mutants.len(),
+        survivors.join("\n")
+    );
 }
 
 /// Mutants of a unit of which the first two tiers have one each.
@@ -1428,17 +2389,29 @@ fn some_of(mutants: &[Mutant]) -> Vec<&Mutant> {
 /// Cycles in which records were taken in, and given.
 fn times(given: &Given) -> [Vec<u64>; 2] {
     let text = std::fs::read_to_string(&given.times).unwrap();
-    ["s ", "m "].map(|side| text.lines().filter_map(|line| line.strip_prefix(side)).map(|cycle| cycle.parse().unwrap()).collect())
+    ["s ", "m "].map(|side| {
+        text.lines()
+            .filter_map(|line| line.strip_prefix(side))
+            .map(|cycle| cycle.parse().unwrap())
+            .collect()
+    })
 }
 
 /// A constant of a trace's package.
 fn constant(trace: &Traced, name: &str) -> u64 {
     let package = std::fs::read_to_string(trace.path("machine_pkg.sv")).unwrap();
     let start = format!("localparam int {name} = ");
-    package.split(&start).nth(1).and_then(|rest| rest.split(';').next()).unwrap().parse().unwrap()
+    package
+        .split(&start)
+        .nth(1)
+        .and_then(|rest| rest.split(';').next())
+        .unwrap()
+        .parse()
+        .unwrap()
 }
 
-/// The timing model's recurrence (the book, Timing): an item is taken at the latest of: it is here, the unit is free, there is room behind.
+/// The timing model's recurrence (the book, Timing): an item is taken at the latest of: it is here,
+/// the unit is free, there is room behind.
 struct Stage {
     latency: u64,
     interval: u64,
@@ -1451,12 +2424,23 @@ struct Stage {
 impl Stage {
     fn new(trace: &Traced, unit: &str) -> Stage {
         let of = |name: &str| constant(trace, &format!("{}_{name}", unit.to_uppercase()));
-        Stage { latency: of("LATENCY"), interval: of("INTERVAL"), room: of("ROOM") as usize, free: 0, held: 0 }
+        Stage {
+            latency: of("LATENCY"),
+            interval: of("INTERVAL"),
+            room: of("ROOM") as usize,
+            free: 0,
+            held: 0,
+        }
     }
 
-    /// When the next item, which is here by then, is taken for so many cycles; those before were taken behind at these.
+    /// When the next item, which is here by then, is taken for so many cycles; those before were
+    /// taken behind at these.
     fn take(&mut self, here: u64, cycles: u64, behind: &[u64], keeps: bool) -> u64 {
-        let room = if keeps && self.held >= self.room { behind[self.held - self.room] + 1 } else { 0 };
+        let room = if keeps && self.held >= self.room {
+            behind[self.held - self.room] + 1
+        } else {
+            0
+        };
         let now = self.free.max(here).max(room);
         self.free = now + cycles;
         self.held += usize::from(keeps);
@@ -1471,8 +2455,8 @@ struct Told {
     taken: Vec<u64>,
     /// When each result is due.
     due: Vec<u64>,
-    /// Of `fragment`, `sheets` and `windows`: how many waited for their pixel, and how many made fragments merge of which none, one or two were to
-    /// be shaded.
+    /// Of `fragment`, `sheets` and `windows`: how many waited for their pixel, and how many made
+    /// fragments merge of which none, one or two were to be shaded.
     waits: usize,
     merges: [usize; 3],
 }
@@ -1489,29 +2473,45 @@ fn told(trace: &Traced, unit: Unit, behind: &[u64]) -> Told {
 }
 
 fn one_by_one(records: usize, mut stage: Stage, behind: &[u64]) -> Told {
-    let taken: Vec<u64> = (0..records).map(|_| stage.take(0, stage.interval, behind, true)).collect();
-    Told { due: taken.iter().map(|now| now + stage.latency).collect(), taken, ..Told::default() }
+    let taken: Vec<u64> = (0..records)
+        .map(|_| stage.take(0, stage.interval, behind, true))
+        .collect();
+    Told {
+        due: taken.iter().map(|now| now + stage.latency).collect(),
+        taken,
+        ..Told::default()
+    }
 }
 
-/// The raster takes a cycle for each pixel of a box, and each needs a place behind: what is kept until it is taken there, what is not for as
-/// long as it takes to know that.
+/// The raster takes a cycle for each pixel of a box, and each needs a place behind: what is kept
+/// until it is taken there, what is not for as long as it takes to know that.
 fn walk(trace: &Traced, stage: Stage, behind: &[u64]) -> Told {
     let mut told = Told::default();
     // From when on each place that was taken is free again, the first one first.
     let mut given: Vec<u64> = Vec::new();
     let mut free = 0;
-    let [left, right, top, bottom] = ["first_column", "last_column", "first_row", "last_row"].map(|name| trace.field("raster.in", name));
+    let [left, right, top, bottom] = ["first_column", "last_column", "first_row", "last_row"]
+        .map(|name| trace.field("raster.in", name));
     let mut kept = trace.records("raster.out").into_iter().peekable();
     for splat in trace.records("raster.in") {
         let mut first = None;
         for y in splat[top]..=splat[bottom] {
             for x in splat[left]..=splat[right] {
-                let is_kept = kept.next_if(|fragment| fragment[..3] == [splat[0], x, y]).is_some();
-                let room = given.len().checked_sub(stage.room).map_or(0, |nth| given[nth]);
+                let is_kept = kept
+                    .next_if(|fragment| fragment[..3] == [splat[0], x, y])
+                    .is_some();
+                let room = given
+                    .len()
+                    .checked_sub(stage.room)
+                    .map_or(0, |nth| given[nth]);
                 let now = u64::max(free, room);
                 free = now + stage.interval;
                 first = first.or(Some(now));
-                let again = if is_kept { behind[told.due.len()] + 1 } else { now + stage.latency };
+                let again = if is_kept {
+                    behind[told.due.len()] + 1
+                } else {
+                    now + stage.latency
+                };
                 given.insert(given.partition_point(|other| *other <= again), again);
                 if is_kept {
                     told.due.push(now + stage.latency);
@@ -1523,46 +2523,79 @@ fn walk(trace: &Traced, stage: Stage, behind: &[u64]) -> Told {
     told
 }
 
-/// A merge takes longer, by the light of what it shades, and a pixel that was taken is under way for a while.
+/// A merge takes longer, by the light of what it shades, and a pixel that was taken is under way
+/// for a while.
 fn contribute(trace: &Traced, mut stage: Stage) -> Told {
     const MERGED: i64 = 2;
-    /// What is evicted, where windows say so; the first outcome of windows alone, and the first of those that form them.
+    /// What is evicted, where windows say so; the first outcome of windows alone, and the first of
+    /// those that form them.
     const EVICTED: i64 = 3;
     const DROPPED: i64 = 5;
     const LATE: i64 = 6;
     const SUMMED: i64 = 9;
     const PARENT: usize = 4;
-    let [hazard, merge, light, next_light] =
-        ["FRAGMENT_HAZARD", "FRAGMENT_MERGE_CYCLES", "SHADE_LATENCY", "SHADE_INTERVAL"].map(|name| constant(trace, name));
+    let [hazard, merge, light, next_light] = [
+        "FRAGMENT_HAZARD",
+        "FRAGMENT_MERGE_CYCLES",
+        "SHADE_LATENCY",
+        "SHADE_INTERVAL",
+    ]
+    .map(|name| constant(trace, name));
     let outcome = trace.field("fragment.out", "outcome");
     let decisions = trace.records("fragment.out");
     let mut shades = vec![0; decisions.len()];
-    let is_sheets = trace.stream("fragment.in")["fields"].as_array().unwrap().iter().any(|field| field["name"] == "sheet");
+    let is_sheets = trace.stream("fragment.in")["fields"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .any(|field| field["name"] == "sheet");
     let is_windows = has(trace, "fragment.in", "density");
     if !is_sheets {
         // In the end windows are asked for too, which no contribution has made.
-        let asked = trace.keys("fragment.request").into_iter().map(|key| key[PARENT] as usize);
-        asked.filter(|record| *record < decisions.len()).for_each(|record| shades[record] += 1);
+        let asked = trace
+            .keys("fragment.request")
+            .into_iter()
+            .map(|key| key[PARENT] as usize);
+        asked
+            .filter(|record| *record < decisions.len())
+            .for_each(|record| shades[record] += 1);
     }
-    // Windows are formed a slot a cycle, and judged, before anything is decided by them: the first of a merge's cycles. What those leave goes
-    // to a quotient, twice, to three steps on the way, and to what is blended.
+    // Windows are formed a slot a cycle, and judged, before anything is decided by them: the first
+    // of a merge's cycles. What those leave goes to a quotient, twice, to three steps on the way,
+    // and to what is blended.
     let layers = constant(trace, "FRAGMENT_LAYERS");
     let spare = merge.saturating_sub(layers + 5);
     let forms = layers + 3 + spare / 4 + 3 * ((spare - spare / 4 * 2) / 4);
     // A splat that is a sheet of its own is blended as fast as it would be added.
-    let blends_at_once = is_sheets && trace.records("frame")[0][trace.field("frame", "each_splat")] == 1;
+    let blends_at_once =
+        is_sheets && trace.records("frame")[0][trace.field("frame", "each_splat")] == 1;
     let mut told = Told::default();
     let mut under_way: HashMap<[i64; 2], u64> = HashMap::new();
     let mut stopped: HashSet<[i64; 2]> = HashSet::new();
     for (decision, shades) in decisions.iter().zip(shades) {
         let evicts = is_windows && decision[outcome] == EVICTED;
         // What is dropped first made a sheet be blended by which its pixel stops.
-        let stops = is_sheets && decision[outcome] == DROPPED && stopped.insert([decision[0], decision[1]]);
+        let stops =
+            is_sheets && decision[outcome] == DROPPED && stopped.insert([decision[0], decision[1]]);
         let blends = !blends_at_once && (decision[outcome] == MERGED || stops);
-        let merges = if is_windows { evicts || decision[outcome] >= LATE } else { blends };
-        let forms = if evicts || is_windows && decision[outcome] >= SUMMED { forms } else { 0 };
+        let merges = if is_windows {
+            evicts || decision[outcome] >= LATE
+        } else {
+            blends
+        };
+        let forms = if evicts || is_windows && decision[outcome] >= SUMMED {
+            forms
+        } else {
+            0
+        };
         let merge = if merges { merge } else { 0 };
-        let cycles = 1 + merge + if shades > 0 { light + (shades - 1) * next_light } else { 0 };
+        let cycles = 1
+            + merge
+            + if shades > 0 {
+                light + (shades - 1) * next_light
+            } else {
+                0
+            };
         let pixel = under_way.entry([decision[0], decision[1]]).or_default();
         told.waits += usize::from(*pixel > stage.free);
         told.merges[shades as usize] += usize::from(merges);
@@ -1570,19 +2603,26 @@ fn contribute(trace: &Traced, mut stage: Stage) -> Told {
         let now = stage.take(*pixel, cycles, &[], false);
         *pixel = now + cycles - 1 + hazard;
         told.taken.push(now);
-        // What a merge does once its light has come, it does after it was decided. A decision is made in one cycle and told in another.
-        told.due.push(now + cycles - 1 - merge + forms + stage.latency.max(2));
+        // What a merge does once its light has come, it does after it was decided. A decision is
+        // made in one cycle and told in another.
+        told.due
+            .push(now + cycles - 1 - merge + forms + stage.latency.max(2));
     }
     told
 }
 
-/// Resolve takes a cycle for each layer. A pixel counts as taken with its last one, which needs the place behind.
+/// Resolve takes a cycle for each layer. A pixel counts as taken with its last one, which needs the
+/// place behind.
 fn blend(trace: &Traced, mut stage: Stage, behind: &[u64]) -> Told {
     let mut told = Told::default();
     let last = trace.field("resolve.in", "last");
     let mut here = 0;
     for layer in trace.records("resolve.in") {
-        let now = if layer[last] == 1 { stage.take(here, stage.interval, behind, true) } else { here };
+        let now = if layer[last] == 1 {
+            stage.take(here, stage.interval, behind, true)
+        } else {
+            here
+        };
         here = now + 1;
         told.taken.push(now);
         if layer[last] == 1 {
@@ -1592,10 +2632,20 @@ fn blend(trace: &Traced, mut stage: Stage, behind: &[u64]) -> Told {
     told
 }
 
-/// By how much accept times may be off those of the timing model, as a share of them: the book, Traces and RTL, has the table.
+/// By how much accept times may be off those of the timing model, as a share of them: the book,
+/// Traces and RTL, has the table.
 fn tolerance(unit: &str) -> f64 {
-    let page = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/book/traces.md")).unwrap();
-    let row = page.split("<!-- accept times -->").nth(1).and_then(|table| table.lines().find(|line| line.contains(&format!("`{unit}`"))));
+    let page =
+        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/book/traces.md"))
+            .unwrap();
+    let row = page
+        .split("<!-- accept times -->")
+        .nth(1)
+        .and_then(|table| {
+            table
+                .lines()
+                .find(|line| line.contains(&format!("`{unit}`")))
+        });
     let row = row.unwrap_or_else(|| panic!("the table of accept times lacks {unit}"));
     match row.split('|').nth(3).unwrap().trim() {
         "exact" => 0.0,
@@ -1603,7 +2653,8 @@ fn tolerance(unit: &str) -> f64 {
     }
 }
 
-/// Whether a unit takes its records when the timing model says so, and gives none too early; what the model said where nothing waited.
+/// Whether a unit takes its records when the timing model says so, and gives none too early; what
+/// the model said where nothing waited.
 fn accepts_in_time(trace: &Traced, unit: Unit, side: u32, stalls: &[&str]) -> Told {
     let name = unit.name;
     let device = Device::new(Simulator::Icarus, &sources(), &trace.folder, unit, side);
@@ -1616,9 +2667,18 @@ fn accepts_in_time(trace: &Traced, unit: Unit, side: u32, stalls: &[&str]) -> To
         assert_eq!(taken.len(), told.taken.len(), "{name} {stall}");
         for (record, (taken, told)) in taken.iter().zip(&told.taken).enumerate() {
             let off = taken.abs_diff(*told) as f64;
-            assert!(off <= tolerance * *told as f64, "{name} {stall}: record {record} was taken in cycle {taken}, told was {told}");
+            assert!(
+                off <= tolerance * *told as f64,
+                "{name} {stall}: record {record} was taken in cycle {taken}, told was {told}"
+            );
         }
-        assert!(behind.iter().zip(&told.due).all(|(given, due)| given >= due), "{name} {stall}: a record came too early");
+        assert!(
+            behind
+                .iter()
+                .zip(&told.due)
+                .all(|(given, due)| given >= due),
+            "{name} {stall}: a record came too early"
+        );
         (told, behind)
     };
     for stall in stalls {
@@ -1637,13 +2697,26 @@ fn accept_times_are_those_of_the_timing_model() {
         return;
     }
     let one_lane = "timing.raster.lanes=[1,1]";
-    let intervals = ["timing.ellipse.interval=3", "timing.gauss.fifo=1", "timing.shade.interval=2", "timing.resolve.interval=2"];
-    let trace = traced(&cloud(60, 16), &machine("tiny", &[&intervals[..], &[one_lane]].concat()), &Window::default());
+    let intervals = [
+        "timing.ellipse.interval=3",
+        "timing.gauss.fifo=1",
+        "timing.shade.interval=2",
+        "timing.resolve.interval=2",
+    ];
+    let trace = traced(
+        &cloud(60, 16),
+        &machine("tiny", &[&intervals[..], &[one_lane]].concat()),
+        &Window::default(),
+    );
     for name in ["project", "ellipse", "gauss", "shade", "raster", "resolve"] {
         accepts_in_time(&trace, unit(name), 16, &STALLED);
     }
     let media = media(12, 16);
-    let axes = traced(&media[0].0, &machine("volume", &[&intervals[..], &[one_lane]].concat()), &Window::default());
+    let axes = traced(
+        &media[0].0,
+        &machine("volume", &[&intervals[..], &[one_lane]].concat()),
+        &Window::default(),
+    );
     accepts_in_time(&axes, unit("ellipsoid"), 16, &STALLED);
 }
 
@@ -1655,9 +2728,24 @@ fn hazards_and_merges_take_the_cycles_of_the_timing_model() {
     if !have(&["iverilog"], "accept times of fragment and sheets") {
         return;
     }
-    let (seen, made_up) = (Window::default(), Window { stimulus: Some(200), ..Window::default() });
-    let rules = |more: &[&str]| machine("tiny", &[&["timing.raster.lanes=[1,1]", "fragment.layers=3"], more].concat());
-    let long = ["timing.fragment.merge=3", "timing.shade.interval=2", "fragment.merge=nearest-pair"];
+    let (seen, made_up) = (
+        Window::default(),
+        Window {
+            stimulus: Some(200),
+            ..Window::default()
+        },
+    );
+    let rules = |more: &[&str]| {
+        machine(
+            "tiny",
+            &[&["timing.raster.lanes=[1,1]", "fragment.layers=3"], more].concat(),
+        )
+    };
+    let long = [
+        "timing.fragment.merge=3",
+        "timing.shade.interval=2",
+        "fragment.merge=nearest-pair",
+    ];
     let short = [
         "timing.technology=ideal",
         "timing.fragment.merge=0",
@@ -1668,19 +2756,38 @@ fn hazards_and_merges_take_the_cycles_of_the_timing_model() {
     let mut merges = [0; 3];
     for more in [&long[..], &short, &[]] {
         for window in [&seen, &made_up] {
-            let told = accepts_in_time(&traced(&cloud(60, 16), &rules(more), window), unit("fragment"), 16, &[]);
-            println!("fragment {more:?}: {} waits, {:?} merges", told.waits, told.merges);
+            let told = accepts_in_time(
+                &traced(&cloud(60, 16), &rules(more), window),
+                unit("fragment"),
+                16,
+                &[],
+            );
+            println!(
+                "fragment {more:?}: {} waits, {:?} merges",
+                told.waits, told.merges
+            );
             assert_eq!(told.waits > 0, more != short);
-            told.merges.iter().zip(&mut merges).for_each(|(more, merges)| *merges += more);
+            told.merges
+                .iter()
+                .zip(&mut merges)
+                .for_each(|(more, merges)| *merges += more);
         }
     }
-    assert!(merges.iter().all(|merges| *merges > 0), "of none, one and two to be shaded: {merges:?}");
-    // Sheets in either order, with a hazard of 1 and longer blends, and splats that are blended at once.
-    let sheets: Vec<_> = tier::some([12, 12], media(12, 16).into_iter().take(4).enumerate()).collect();
+    assert!(
+        merges.iter().all(|merges| *merges > 0),
+        "of none, one and two to be shaded: {merges:?}"
+    );
+    // Sheets in either order, with a hazard of 1 and longer blends, and splats that are blended at
+    // once.
+    let sheets: Vec<_> =
+        tier::some([12, 12], media(12, 16).into_iter().take(4).enumerate()).collect();
     sheets.par_iter().for_each(|(number, (text, machine))| {
         for window in [&seen, &made_up] {
             let told = accepts_in_time(&traced(text, machine, window), unit("sheets"), 16, &[]);
-            println!("sheets of scene {number}: {} waits, {:?} merges", told.waits, told.merges);
+            println!(
+                "sheets of scene {number}: {} waits, {:?} merges",
+                told.waits, told.merges
+            );
             assert_eq!(told.merges[0] > 0, *number < 3);
         }
     });
@@ -1694,21 +2801,50 @@ fn what_windows_blend_takes_the_cycles_of_the_timing_model() {
     if !have(&["iverilog"], "accept times of windows") {
         return;
     }
-    let one_lane = ["timing.raster.lanes=[1,1]", "fragment.layers=2", "timing.shade.interval=2"];
+    let one_lane = [
+        "timing.raster.lanes=[1,1]",
+        "fragment.layers=2",
+        "timing.shade.interval=2",
+    ];
     let mut merges = [0; 3];
-    for more in [&["timing.fragment.hazard=1"][..], &["timing.fragment.merge=31"]] {
+    for more in [
+        &["timing.fragment.hazard=1"][..],
+        &["timing.fragment.merge=31"],
+    ] {
         let machine = machine("window", &[&one_lane[..], more].concat());
         let units = vec!["fragment".to_owned()];
-        for window in [Window::default(), Window { stimulus: Some(1), units, ..Window::default() }] {
-            let told = accepts_in_time(&traced(&cloud(100, 16), &machine, &window), OF_WINDOWS, 16, &[]);
-            println!("windows {more:?}: {} waits, {:?} merges", told.waits, told.merges);
-            told.merges.iter().zip(&mut merges).for_each(|(more, merges)| *merges += more);
+        for window in [
+            Window::default(),
+            Window {
+                stimulus: Some(1),
+                units,
+                ..Window::default()
+            },
+        ] {
+            let told = accepts_in_time(
+                &traced(&cloud(100, 16), &machine, &window),
+                OF_WINDOWS,
+                16,
+                &[],
+            );
+            println!(
+                "windows {more:?}: {} waits, {:?} merges",
+                told.waits, told.merges
+            );
+            told.merges
+                .iter()
+                .zip(&mut merges)
+                .for_each(|(more, merges)| *merges += more);
         }
     }
-    assert!(merges.iter().all(|merges| *merges > 0), "of none, one and two to be shaded: {merges:?}");
+    assert!(
+        merges.iter().all(|merges| *merges > 0),
+        "of none, one and two to be shaded: {merges:?}"
+    );
 }
 
-/// A layer after the other, whether it was merged, and so shaded, before or not; a pixel takes a cycle at least.
+/// A layer after the other, whether it was merged, and so shaded, before or not; a pixel takes a
+/// cycle at least.
 #[test]
 fn resolve_takes_every_layer_in_a_cycle_as_the_timing_model_has_it() {
     if !have(&["iverilog"], "cycles of resolve") {
@@ -1718,10 +2854,20 @@ fn resolve_takes_every_layer_in_a_cycle_as_the_timing_model_has_it() {
     let trace = traced(&text, machine, &Window::default());
     let taken = accepts_in_time(&trace, unit("resolve"), 16, &[]).taken;
     let elaborated = fixed::elaborate(machine).unwrap();
-    let (_, _, work) = fixed::draw_measured(&elaborated, &quantise(&scene_of(&text), machine).unwrap());
-    let merged = work.held().into_iter().filter(|[fragments, left]| left < fragments).count();
-    let modelled =
-        timing::replay(&elaborated.timing, &work, Detail::Accounts).units.iter().find(|unit| unit.name == "resolve").unwrap().account.busy;
+    let (_, _, work) =
+        fixed::draw_measured(&elaborated, &quantise(&scene_of(&text), machine).unwrap());
+    let merged = work
+        .held()
+        .into_iter()
+        .filter(|[fragments, left]| left < fragments)
+        .count();
+    let modelled = timing::replay(&elaborated.timing, &work, Detail::Accounts)
+        .units
+        .iter()
+        .find(|unit| unit.name == "resolve")
+        .unwrap()
+        .account
+        .busy;
     println!("resolve: {modelled} cycles, {merged} pixels with a fragment that was merged");
     assert_eq!((taken[taken.len() - 1] + 1, merged > 0), (modelled, true));
 }

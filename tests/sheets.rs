@@ -1,5 +1,5 @@
-//! Volumes and Gaussians on the machine: does the bound hold, are flips explained, is the picture good, and does all that a scene may say
-//! of them matter?
+//! Volumes and Gaussians on the machine: does the bound hold, are flips explained, is the picture
+//! good, and does all that a scene may say of them matter?
 
 use crate::mutation::{differences, mutated, mutations};
 use crate::shared_input;
@@ -47,7 +47,9 @@ fn draw(scene: &Scene, machine: &Machine) -> (Drawing, f64) {
     let elaborated = fixed::elaborate(machine).unwrap();
     let drawing = fixed::draw(&elaborated, &quantise::quantise(scene, machine).unwrap());
     let golden = golden::render(scene, &fixed::rules(machine));
-    let psnr = metrics(&fixed::picture(&elaborated, &drawing), &golden.picture).psnr_db.unwrap_or(f64::INFINITY);
+    let psnr = metrics(&fixed::picture(&elaborated, &drawing), &golden.picture)
+        .psnr_db
+        .unwrap_or(f64::INFINITY);
     (drawing, psnr)
 }
 
@@ -56,23 +58,42 @@ fn in_golden(scene: &Scene) -> Rendering {
 }
 
 fn in_lockstep(scene: &Scene, machine: &Machine) -> Lockstep {
-    lockstep(scene, &fixed::elaborate(machine).unwrap(), &quantise::quantise(scene, machine).unwrap())
+    lockstep(
+        scene,
+        &fixed::elaborate(machine).unwrap(),
+        &quantise::quantise(scene, machine).unwrap(),
+    )
 }
 
 fn fault(frame: &Lockstep) -> Option<String> {
-    let Lockstep { violations, flips, .. } = frame;
-    (*violations > 0 || flips.unexplained > 0).then(|| format!("{violations} pixels exceed their bound; {flips:?}"))
+    let Lockstep {
+        violations, flips, ..
+    } = frame;
+    (*violations > 0 || flips.unexplained > 0)
+        .then(|| format!("{violations} pixels exceed their bound; {flips:?}"))
 }
 
 const MEDIA: [&str; 4] = ["marschner-lobb", "nested-shells", "fuzzy-clouds", "bouquet"];
 
 /// The built-in scenes, and what they are with rules that they do not have by themselves.
 fn scenes() -> Vec<(String, Scene)> {
-    let mut scenes: Vec<(String, Scene)> = MEDIA.iter().map(|name| ((*name).to_owned(), load(name))).collect();
+    let mut scenes: Vec<(String, Scene)> = MEDIA
+        .iter()
+        .map(|name| ((*name).to_owned(), load(name)))
+        .collect();
     let variants = [
-        ("nested-shells", json!({"opacity": "linear", "order": "back-to-front"})),
-        ("marschner-lobb", json!({"opacity": "linear", "stop": 0.3, "keep_last": false, "least_weight": 0.01})),
-        ("bouquet", json!({"keep_last": true, "stop": 0.2, "most_weight": 0.5})),
+        (
+            "nested-shells",
+            json!({"opacity": "linear", "order": "back-to-front"}),
+        ),
+        (
+            "marschner-lobb",
+            json!({"opacity": "linear", "stop": 0.3, "keep_last": false, "least_weight": 0.01}),
+        ),
+        (
+            "bouquet",
+            json!({"keep_last": true, "stop": 0.2, "most_weight": 0.5}),
+        ),
         ("bouquet", json!({"least_weight": 0, "stop": 0})),
     ];
     for (name, sheets) in variants {
@@ -91,7 +112,10 @@ fn pictures_are_good() {
         let scene = load(name);
         let (drawing, psnr) = draw(&scene, &usual(&scene));
         assert!(psnr > 70.0, "{name}: {psnr}");
-        assert!(drawing.covered.iter().filter(|covered| **covered).count() > 3000, "{name}");
+        assert!(
+            drawing.covered.iter().filter(|covered| **covered).count() > 3000,
+            "{name}"
+        );
     }
 }
 
@@ -141,16 +165,31 @@ fn no_pixel_of_a_random_machine_exceeds_its_bound() {
     let (mut drawn, mut asked) = (0, 0);
     while drawn < MACHINES {
         asked += 1;
-        assert!(asked < 100 * MACHINES, "only {drawn} of {asked} machines can draw");
+        assert!(
+            asked < 100 * MACHINES,
+            "only {drawn} of {asked} machines can draw"
+        );
         let scene = &scenes[asked % 2];
         let changes = mutations(1..10).new_tree(&mut runner).unwrap().current();
-        let machine = changes.iter().fold(usual(scene), |machine, mutation| mutated(&machine, mutation));
-        let Ok(elaborated) = machine.elaborate() else { continue };
-        let Ok(quantised) = quantise::quantise(scene, &machine) else { continue };
+        let machine = changes.iter().fold(usual(scene), |machine, mutation| {
+            mutated(&machine, mutation)
+        });
+        let Ok(elaborated) = machine.elaborate() else {
+            continue;
+        };
+        let Ok(quantised) = quantise::quantise(scene, &machine) else {
+            continue;
+        };
         drawn += 1;
         if tier::has([12, 3], drawn) {
             let frame = lockstep(scene, &elaborated, &quantised);
-            assert_eq!(fault(&frame), None, "{} {:?}", machine.name, differences(&machine));
+            assert_eq!(
+                fault(&frame),
+                None,
+                "{} {:?}",
+                machine.name,
+                differences(&machine)
+            );
         }
     }
 }
@@ -169,12 +208,28 @@ fn real_data_is_drawn_well_and_within_bounds() {
         shared_input::find(file)
             .map(|path| json!({"file": from_root(&path), "size": size, "type": kind, "endian": endian, "spacing": spacing}))
     };
-    let cthead = raw("volumes/CThead_256x256x113_u16be.raw", [256, 256, 113], "u16", "big", [1.0, 1.0, 2.0]);
-    let headsq = raw("volumes/headsq_64x64x93_i16le.raw", [64, 64, 93], "i16", "little", [3.2, 3.2, 1.5]);
-    let block = shared_input::find("volumes/engine_256x256x128_u8.nii").map(|path| json!(path.canonicalize().unwrap()));
+    let cthead = raw(
+        "volumes/CThead_256x256x113_u16be.raw",
+        [256, 256, 113],
+        "u16",
+        "big",
+        [1.0, 1.0, 2.0],
+    );
+    let headsq = raw(
+        "volumes/headsq_64x64x93_i16le.raw",
+        [64, 64, 93],
+        "i16",
+        "little",
+        [3.2, 3.2, 1.5],
+    );
+    let block = shared_input::find("volumes/engine_256x256x128_u8.nii")
+        .map(|path| json!(path.canonicalize().unwrap()));
     let mut scenes = Vec::new();
-    for (name, volume, transfer, iso) in [("CThead", cthead, &head, 1400), ("headsq", headsq, &head, 1400), ("engine", block, &engine, 150)]
-    {
+    for (name, volume, transfer, iso) in [
+        ("CThead", cthead, &head, 1400),
+        ("headsq", headsq, &head, 1400),
+        ("engine", block, &engine, 150),
+    ] {
         let Some(volume) = volume else { continue };
         let mut source = json!({"volume": volume, "transfer": transfer});
         // The two large ones take half a minute each: the one as a volume, the other as a surface.
@@ -187,10 +242,14 @@ fn real_data_is_drawn_well_and_within_bounds() {
         }
     }
     if let Some(path) = shared_input::find("splats3d/guitar_expanded.ply") {
-        scenes.push(("guitar".into(), json!({"splats": {"file": path.canonicalize().unwrap()}})));
+        scenes.push((
+            "guitar".into(),
+            json!({"splats": {"file": path.canonicalize().unwrap()}}),
+        ));
     }
     for (name, scene) in tier::some([12, 3], scenes) {
-        // A surface at its own size: where there are few pixels, one flip is much. A volume has twenty times the contributions.
+        // A surface at its own size: where there are few pixels, one flip is much. A volume has
+        // twenty times the contributions.
         let is_surface = scene["splats"]["isovalue"].is_number();
         let scene = of_size(&scene, if is_surface { None } else { Some(SIZE) });
         let machine = usual(&scene);
@@ -200,7 +259,8 @@ fn real_data_is_drawn_well_and_within_bounds() {
     }
 }
 
-/// A path of `data`, relative to the root: plain samples lie below their scene, as a scene's files do.
+/// A path of `data`, relative to the root: plain samples lie below their scene, as a scene's files
+/// do.
 fn from_root(path: &std::path::Path) -> String {
     let absolute = path.canonicalize().unwrap();
     format!("../../../../../../../../..{}", absolute.display())
@@ -216,7 +276,10 @@ fn a_flat_ellipsoid_is_a_disc() {
         })
     };
     let machine = Machine::named("volume").unwrap();
-    let discs = Scene { ellipsoids: None, ..flat(1e6) };
+    let discs = Scene {
+        ellipsoids: None,
+        ..flat(1e6)
+    };
     let (drawing, _) = draw(&discs, &machine);
     let elaborated = fixed::elaborate(&machine).unwrap();
     let picture = fixed::picture(&elaborated, &drawing);
@@ -224,9 +287,14 @@ fn a_flat_ellipsoid_is_a_disc() {
         .into_iter()
         .map(|flatten| {
             let scene = flat(flatten);
-            assert_eq!(scene.ellipsoids.as_ref().unwrap().amplitude, Amplitude::Disc);
+            assert_eq!(
+                scene.ellipsoids.as_ref().unwrap().amplitude,
+                Amplitude::Disc
+            );
             let (drawing, _) = draw(&scene, &machine);
-            metrics(&fixed::picture(&elaborated, &drawing), &picture).psnr_db.unwrap_or(f64::INFINITY)
+            metrics(&fixed::picture(&elaborated, &drawing), &picture)
+                .psnr_db
+                .unwrap_or(f64::INFINITY)
         })
         .collect();
     assert!(psnr.is_sorted() && psnr[3] > 60.0, "{psnr:?}");
@@ -237,18 +305,39 @@ fn a_flat_ellipsoid_is_a_disc() {
 fn equal_depths_keep_their_order() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("ten.ply");
-    let names =
-        ["x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"];
-    let properties: String = names.iter().map(|name| format!("property float {name}\n")).collect();
-    let row = |red: f64| format!("0 0 0 {} 0 0 40 -1 -1 -1 1 0 0 0\n", (red - 0.5) / 0.28209479);
+    let names = [
+        "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2",
+        "rot_0", "rot_1", "rot_2", "rot_3",
+    ];
+    let properties: String = names
+        .iter()
+        .map(|name| format!("property float {name}\n"))
+        .collect();
+    let row = |red: f64| {
+        format!(
+            "0 0 0 {} 0 0 40 -1 -1 -1 1 0 0 0\n",
+            (red - 0.5) / 0.28209479
+        )
+    };
     let order = |reds: &[f64]| {
         let rows: String = reds.iter().map(|red| row(*red)).collect();
-        std::fs::write(&path, format!("ply\nformat ascii 1.0\nelement vertex {}\n{properties}end_header\n{rows}", reds.len())).unwrap();
+        std::fs::write(
+            &path,
+            format!(
+                "ply\nformat ascii 1.0\nelement vertex {}\n{properties}end_header\n{rows}",
+                reds.len()
+            ),
+        )
+        .unwrap();
         let scene = load(path.to_str().unwrap());
         let machine = usual(&scene);
         let elaborated = fixed::elaborate(&machine).unwrap();
         let centre = SIZE.0 * SIZE.1 / 2 + SIZE.0 / 2;
-        [fixed::picture(&elaborated, &draw(&scene, &machine).0), in_golden(&scene).picture].map(|picture| picture.rgba[centre][0])
+        [
+            fixed::picture(&elaborated, &draw(&scene, &machine).0),
+            in_golden(&scene).picture,
+        ]
+        .map(|picture| picture.rgba[centre][0])
     };
     let mut reds = [0.1; 10];
     reds[0] = 0.9;
@@ -269,7 +358,10 @@ fn every_setting_matters() {
         ("/sheets", json!({"opacity": "linear"})),
         ("/sheets", json!({"stop": 0.5})),
         ("/sheets", json!({"least_weight": 0.05})),
-        ("/splats/gradient", json!([{"magnitude": 5, "factor": 0}, {"magnitude": 50, "factor": 1}])),
+        (
+            "/splats/gradient",
+            json!([{"magnitude": 5, "factor": 0}, {"magnitude": 50, "factor": 1}]),
+        ),
         ("/splats/radius", json!(0.9)),
         ("/kernel", json!({"cutoff": 3})),
     ] {
@@ -277,31 +369,58 @@ fn every_setting_matters() {
             let (parent, name) = path.rsplit_once('/').unwrap();
             scene.pointer_mut(parent).unwrap()[name] = value.clone();
         });
-        assert_ne!(in_golden(&scene).picture.rgba, plain.picture.rgba, "{path} {value}");
+        assert_ne!(
+            in_golden(&scene).picture.rgba,
+            plain.picture.rgba,
+            "{path} {value}"
+        );
     }
     // Sheets are the same from both ends, but for rounding.
-    let stopless = |order: &str| in_golden(&changed("nested-shells", |scene| scene["sheets"] = json!({"stop": 0, "order": order})));
+    let stopless = |order: &str| {
+        in_golden(&changed("nested-shells", |scene| {
+            scene["sheets"] = json!({"stop": 0, "order": order})
+        }))
+    };
     let [front, back] = ["front-to-back", "back-to-front"].map(stopless);
-    let apart = front.picture.rgba.as_flattened().iter().zip(back.picture.rgba.as_flattened()).map(|(a, b)| (a - b).abs());
+    let apart = front
+        .picture
+        .rgba
+        .as_flattened()
+        .iter()
+        .zip(back.picture.rgba.as_flattened())
+        .map(|(a, b)| (a - b).abs());
     assert!(apart.fold(0.0, f64::max) < 1e-12);
     assert_eq!(front.fragments, back.fragments);
 }
 
 #[test]
 fn what_a_machine_cannot_draw_is_refused() {
-    let shells = changed("nested-shells", |scene| scene["splats"]["volume"]["samples"] = json!(12));
+    let shells = changed("nested-shells", |scene| {
+        scene["splats"]["volume"]["samples"] = json!(12)
+    });
     let bouquet = changed("bouquet", |scene| scene["splats"]["count"] = json!(100));
-    for (scene, machine, told) in
-        [(&shells, "reference", "discs alone"), (&bouquet, "lean", "discs alone"), (&bouquet, "volume", "no `sort`")]
-    {
-        let error = quantise::quantise(scene, &Machine::named(machine).unwrap()).unwrap_err().to_string();
+    for (scene, machine, told) in [
+        (&shells, "reference", "discs alone"),
+        (&bouquet, "lean", "discs alone"),
+        (&bouquet, "volume", "no `sort`"),
+    ] {
+        let error = quantise::quantise(scene, &Machine::named(machine).unwrap())
+            .unwrap_err()
+            .to_string();
         assert!(error.contains(told), "{error}");
     }
-    let immediate = machines::load("gaussian", &["timing.organisation=\"immediate\"".into()]).unwrap();
-    assert!(fixed::elaborate(&immediate).unwrap_err().to_string().contains("a sort needs all splats first"));
+    let immediate =
+        machines::load("gaussian", &["timing.organisation=\"immediate\"".into()]).unwrap();
+    assert!(
+        fixed::elaborate(&immediate)
+            .unwrap_err()
+            .to_string()
+            .contains("a sort needs all splats first")
+    );
 }
 
-/// A voxel 4 wide and 1 high becomes as much larger in both directions as it must to be as wide as the filter where it is thinnest.
+/// A voxel 4 wide and 1 high becomes as much larger in both directions as it must to be as wide as
+/// the filter where it is thinnest.
 #[test]
 fn scaled_kernels_are_as_wide_as_the_filter_and_emit_as_much() {
     let of = |by: &str| {
@@ -311,13 +430,30 @@ fn scaled_kernels_are_as_wide_as_the_filter_and_emit_as_much() {
         })
     };
     let (convolved, scaled) = (of("convolution"), of("scaling"));
-    assert_eq!((convolved.kernel.low_pass, scaled.kernel.low_pass), (25.0, 0.0));
+    assert_eq!(
+        (convolved.kernel.low_pass, scaled.kernel.low_pass),
+        (25.0, 0.0)
+    );
     let view = scaled.view();
-    let thinnest = scaled.ellipsoids.as_ref().unwrap().orientation(0).scales.min_element();
+    let thinnest = scaled
+        .ellipsoids
+        .as_ref()
+        .unwrap()
+        .orientation(0)
+        .scales
+        .min_element();
     let mut enlarged = 0;
     for (before, after) in convolved.splats.iter().zip(&scaled.splats) {
-        let px = |splat: &Splat| view.focal_px[0] * splat.radius * thinnest / (view.rotation * (splat.position - view.eye)).z;
-        assert!((px(after) - px(before).max(5.0)).abs() < 1e-9, "{} {}", px(before), px(after));
+        let px = |splat: &Splat| {
+            view.focal_px[0] * splat.radius * thinnest
+                / (view.rotation * (splat.position - view.eye)).z
+        };
+        assert!(
+            (px(after) - px(before).max(5.0)).abs() < 1e-9,
+            "{} {}",
+            px(before),
+            px(after)
+        );
         let emitted = |splat: &Splat| splat.opacity * splat.radius * splat.radius;
         assert!((emitted(after) / emitted(before) - 1.0).abs() < 1e-12);
         enlarged += u32::from(after.radius > before.radius);
@@ -334,15 +470,29 @@ fn what_has_no_kernel_to_scale_and_no_back_to_cull_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("scene.json");
         std::fs::write(&path, scene.to_string()).unwrap();
-        Scene::load(path.to_str().unwrap(), &Overrides::default()).unwrap_err().to_string()
+        Scene::load(path.to_str().unwrap(), &Overrides::default())
+            .unwrap_err()
+            .to_string()
     };
-    for splats in [json!({"builtin": "torus-knot"}), json!({"gaussians": "bouquet"})] {
+    for splats in [
+        json!({"builtin": "torus-knot"}),
+        json!({"gaussians": "bouquet"}),
+    ] {
         let sentence = told(json!({"splats": splats, "kernel": {"low_pass_by": "scaling"}}));
-        assert!(sentence.contains("only the kernels of a volume are scaled"), "{sentence}");
+        assert!(
+            sentence.contains("only the kernels of a volume are scaled"),
+            "{sentence}"
+        );
     }
-    for splats in [json!({"volume": {"builtin": "fuzzy-clouds", "samples": 8}}), json!({"gaussians": "bouquet"})] {
+    for splats in [
+        json!({"volume": {"builtin": "fuzzy-clouds", "samples": 8}}),
+        json!({"gaussians": "bouquet"}),
+    ] {
         let sentence = told(json!({"splats": splats, "surface": {"cull_backfaces": true}}));
-        assert!(sentence.contains("neither voxels nor Gaussians have a back"), "{sentence}");
+        assert!(
+            sentence.contains("neither voxels nor Gaussians have a back"),
+            "{sentence}"
+        );
     }
 }
 
@@ -350,13 +500,28 @@ fn what_has_no_kernel_to_scale_and_no_back_to_cull_is_refused() {
 #[test]
 fn a_story_ends_as_the_picture_does() {
     for (name, scene) in tier::some([12, 3], scenes()) {
-        let scene = Scene { image: scene::Image { width: 40, height: 32, ..scene.image }, ..scene };
+        let scene = Scene {
+            image: scene::Image {
+                width: 40,
+                height: 32,
+                ..scene.image
+            },
+            ..scene
+        };
         let golden = in_golden(&scene);
         for index in (0..40 * 32).step_by(47) {
             let story = golden::story(&scene, &golden::Rules::default(), index % 40, index / 40);
             assert_eq!(story.rgba, golden.picture.rgba[index], "{name}");
-            assert_eq!(!story.arrivals.is_empty(), golden.picture.covered[index], "{name}");
-            assert_eq!(story.layers.len(), usize::from(golden.picture.covered[index]), "{name}");
+            assert_eq!(
+                !story.arrivals.is_empty(),
+                golden.picture.covered[index],
+                "{name}"
+            );
+            assert_eq!(
+                story.layers.len(),
+                usize::from(golden.picture.covered[index]),
+                "{name}"
+            );
         }
     }
 }

@@ -1,6 +1,8 @@
-//! Every question that this folder asks of the bench, in one binary: both cores are busy until the last answer, and one program is linked.
+//! Every question that this folder asks of the bench, in one binary: both cores are busy until the
+//! last answer, and one program is linked.
 //!
-//! A file `tests/QUESTION.rs` is a module here, so `cargo test --test suite QUESTION::` asks one alone. Co-simulation is `tests/rtl.rs`.
+//! A file `tests/QUESTION.rs` is a module here, so `cargo test --test suite QUESTION::` asks one
+//! alone. Co-simulation is `tests/rtl.rs`.
 
 mod area;
 mod attribution;
@@ -76,9 +78,19 @@ mod worlds;
 fn no_question_is_forgotten() {
     let roots = concat!(include_str!("suite.rs"), include_str!("rtl.rs"));
     let folder = std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/tests")).unwrap();
-    let names = folder.map(|entry| entry.unwrap().path()).filter(|path| path.extension().is_some_and(|extension| extension == "rs"));
-    let names: Vec<String> = names.map(|path| path.file_stem().unwrap().to_str().unwrap().to_owned()).collect();
+    let names = folder
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|extension| extension == "rs"));
+    let names: Vec<String> = names
+        .map(|path| path.file_stem().unwrap().to_str().unwrap().to_owned())
+        .collect();
     assert!(names.len() > 20, "{names:?}");
-    let forgotten = |name: &&String| !["suite", "rtl"].contains(&name.as_str()) && !roots.contains(&format!("\nmod {name};\n"));
-    assert_eq!(names.iter().filter(forgotten).collect::<Vec<_>>(), [""; 0], "no binary has them");
+    let forgotten = |name: &&String| {
+        !["suite", "rtl"].contains(&name.as_str()) && !roots.contains(&format!("\nmod {name};\n"))
+    };
+    assert_eq!(
+        names.iter().filter(forgotten).collect::<Vec<_>>(),
+        [""; 0],
+        "no binary has them"
+    );
 }

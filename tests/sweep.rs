@@ -39,11 +39,19 @@ fn plan() -> Value {
 }
 
 fn sweep(plan: &str, out: &Path, more: &[&str]) -> Output {
-    splatsim().args(["sweep", plan, "--out", out.to_str().unwrap()]).args(more).output().unwrap()
+    splatsim()
+        .args(["sweep", plan, "--out", out.to_str().unwrap()])
+        .args(more)
+        .output()
+        .unwrap()
 }
 
 fn ok(output: &Output) -> String {
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
     String::from_utf8(output.stdout.clone()).unwrap()
 }
 
@@ -62,7 +70,12 @@ fn rows(out: &Path) -> Vec<BTreeMap<String, String>> {
     lines
         .map(|line| {
             assert_eq!(line.len(), header.len());
-            header.iter().cloned().zip(line).filter(|(name, _)| !name.starts_with("host_")).collect()
+            header
+                .iter()
+                .cloned()
+                .zip(line)
+                .filter(|(name, _)| !name.starts_with("host_"))
+                .collect()
         })
         .collect()
 }
@@ -83,16 +96,35 @@ fn cells(line: &str) -> Vec<String> {
 /// The best row has the greatest fixed − ideal of all; each figure stands below its name.
 fn summary_is_labelled(told: &str, rows: &[BTreeMap<String, String>]) {
     let lines: Vec<&str> = told.lines().collect();
-    let head = lines.iter().position(|line| line.contains("fixed − ideal")).unwrap();
+    let head = lines
+        .iter()
+        .position(|line| line.contains("fixed − ideal"))
+        .unwrap();
     assert_eq!(
-        lines[head].split("  ").filter(|name| !name.trim().is_empty()).map(str::trim).collect::<Vec<_>>()[..4],
+        lines[head]
+            .split("  ")
+            .filter(|name| !name.trim().is_empty())
+            .map(str::trim)
+            .collect::<Vec<_>>()[..4],
         ["dB", "fixed − ideal", "fixed − golden", "on covered",]
     );
-    let number = |row: &&BTreeMap<String, String>| row["fixed_vs_ideal_psnr_db"].parse::<f64>().unwrap_or(f64::NEG_INFINITY);
-    let best = rows.iter().max_by(|a, b| number(a).total_cmp(&number(b))).unwrap();
-    let shown = ["fixed_vs_ideal_psnr_db", "psnr_db", "psnr_covered_db"].map(|name| format!("{:.1}", best[name].parse::<f64>().unwrap()));
+    let number = |row: &&BTreeMap<String, String>| {
+        row["fixed_vs_ideal_psnr_db"]
+            .parse::<f64>()
+            .unwrap_or(f64::NEG_INFINITY)
+    };
+    let best = rows
+        .iter()
+        .max_by(|a, b| number(a).total_cmp(&number(b)))
+        .unwrap();
+    let shown = ["fixed_vs_ideal_psnr_db", "psnr_db", "psnr_covered_db"]
+        .map(|name| format!("{:.1}", best[name].parse::<f64>().unwrap()));
     let line = lines.iter().find(|line| line.starts_with("best ")).unwrap();
-    assert_eq!(line.split_whitespace().skip(1).take(3).collect::<Vec<_>>(), shown, "{told}");
+    assert_eq!(
+        line.split_whitespace().skip(1).take(3).collect::<Vec<_>>(),
+        shown,
+        "{told}"
+    );
 }
 
 #[test]
@@ -100,15 +132,29 @@ fn a_row_says_what_a_run_says() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
     let told = ok(&sweep(&written(folder.path(), &plan()), &out, &[]));
-    assert!(told.starts_with("24 points: 24 drawn now, 0 known before; 2 cannot be built"), "{told}");
-    assert!(told.lines().all(|line| line.chars().count() <= 80), "{told}");
+    assert!(
+        told.starts_with("24 points: 24 drawn now, 0 known before; 2 cannot be built"),
+        "{told}"
+    );
+    assert!(
+        told.lines().all(|line| line.chars().count() <= 80),
+        "{told}"
+    );
     let rows = rows(&out);
     summary_is_labelled(&told, &rows);
-    assert_eq!(rows.iter().map(|row| row["point"].parse::<u64>().unwrap()).collect::<Vec<_>>(), (0..24).collect::<Vec<_>>());
+    assert_eq!(
+        rows.iter()
+            .map(|row| row["point"].parse::<u64>().unwrap())
+            .collect::<Vec<_>>(),
+        (0..24).collect::<Vec<_>>()
+    );
     for number in [0, 3, 6, 9, 15] {
         let row = &rows[number];
         let run_out = folder.path().join(format!("run-{number}"));
-        let settings = row["changes"].split(' ').filter(|change| !change.is_empty()).flat_map(|change| ["--set", change]);
+        let settings = row["changes"]
+            .split(' ')
+            .filter(|change| !change.is_empty())
+            .flat_map(|change| ["--set", change]);
         let run = splatsim()
             .args([
                 "run",
@@ -124,15 +170,26 @@ fn a_row_says_what_a_run_says() {
             .output()
             .unwrap();
         ok(&run);
-        let report: Value = serde_json::from_str(&fs::read_to_string(run_out.join("report.json")).unwrap()).unwrap();
+        let report: Value =
+            serde_json::from_str(&fs::read_to_string(run_out.join("report.json")).unwrap())
+                .unwrap();
         for (column, pointer) in [
             ("psnr_db", "/accuracy/fixed_vs_golden/psnr_db"),
-            ("psnr_covered_db", "/accuracy/fixed_vs_golden/psnr_covered_db"),
+            (
+                "psnr_covered_db",
+                "/accuracy/fixed_vs_golden/psnr_covered_db",
+            ),
             ("ssim", "/accuracy/fixed_vs_golden/ssim"),
             ("max_error", "/accuracy/fixed_vs_golden/max_error"),
             ("mean_error", "/accuracy/fixed_vs_golden/mean_error"),
-            ("pixels_over_1_255", "/accuracy/fixed_vs_golden/pixels_over_1_255"),
-            ("golden_vs_ideal_psnr_db", "/accuracy/golden_vs_ideal/psnr_db"),
+            (
+                "pixels_over_1_255",
+                "/accuracy/fixed_vs_golden/pixels_over_1_255",
+            ),
+            (
+                "golden_vs_ideal_psnr_db",
+                "/accuracy/golden_vs_ideal/psnr_db",
+            ),
             ("fixed_vs_ideal_psnr_db", "/accuracy/fixed_vs_ideal/psnr_db"),
             ("raster_busy", "/cycles/units/5/busy"),
             ("fragment_starved", "/cycles/units/7/starved"),
@@ -153,18 +210,40 @@ fn a_row_says_what_a_run_says() {
             ("fragment_bits", "/machine/fragment_bits"),
             ("widest_operand_bits", "/machine/widest_operand_bits"),
         ] {
-            let said = report.pointer(pointer).unwrap_or_else(|| panic!("no {pointer}"));
-            let said = said.as_str().map_or_else(|| said.to_string(), str::to_owned);
-            assert_eq!(row[column], if said == "null" { String::new() } else { said }, "{column} of point {number}");
+            let said = report
+                .pointer(pointer)
+                .unwrap_or_else(|| panic!("no {pointer}"));
+            let said = said
+                .as_str()
+                .map_or_else(|| said.to_string(), str::to_owned);
+            assert_eq!(
+                row[column],
+                if said == "null" { String::new() } else { said },
+                "{column} of point {number}"
+            );
         }
         let signals = report["signals"].as_array().unwrap();
-        let wrapped: u64 = signals.iter().map(|signal| signal["wrapped"].as_u64().unwrap()).sum();
+        let wrapped: u64 = signals
+            .iter()
+            .map(|signal| signal["wrapped"].as_u64().unwrap())
+            .sum();
         assert_eq!(row["wrapped"], wrapped.to_string());
     }
     let misfit = &rows[11];
-    assert!(misfit["misfit"].contains("project.camera") && misfit["psnr_db"].is_empty() && misfit["cycles"].is_empty(), "{misfit:?}");
+    assert!(
+        misfit["misfit"].contains("project.camera")
+            && misfit["psnr_db"].is_empty()
+            && misfit["cycles"].is_empty(),
+        "{misfit:?}"
+    );
     assert_eq!(rows[5]["fragment.layers"], "1");
-    assert_eq!((rows[0]["fragment.layers"].as_str(), rows[10]["timing.raster.lanes"].as_str()), ("3", "[8,1]"));
+    assert_eq!(
+        (
+            rows[0]["fragment.layers"].as_str(),
+            rows[10]["timing.raster.lanes"].as_str()
+        ),
+        ("3", "[8,1]")
+    );
 }
 
 #[test]
@@ -179,7 +258,10 @@ fn parts_are_the_whole() {
     }
     assert_eq!(rows(&whole), rows(&parts));
     let told = ok(&sweep(&plan, &parts, &[]));
-    assert!(told.starts_with("24 points: 0 drawn now, 24 known before"), "{told}");
+    assert!(
+        told.starts_with("24 points: 0 drawn now, 24 known before"),
+        "{told}"
+    );
     assert_eq!(rows(&whole), rows(&parts));
 }
 
@@ -206,7 +288,10 @@ fn a_sweep_that_is_killed_goes_on() {
         child.wait().unwrap();
         let text = fs::read_to_string(&journal).unwrap_or_default();
         let whole_rows = text.matches('\n').count().saturating_sub(1);
-        assert!(whole_rows >= kept, "rows were lost: {kept}, then {whole_rows}");
+        assert!(
+            whole_rows >= kept,
+            "rows were lost: {kept}, then {whole_rows}"
+        );
         kept = whole_rows;
     }
     ok(&sweep(&plan, &killed, &[]));
@@ -226,7 +311,10 @@ fn a_line_cut_short_is_drawn_again_and_a_changed_one_is_an_error() {
     let text = fs::read_to_string(&journal).unwrap();
     fs::write(&journal, &text[..text.len() - 10]).unwrap();
     let told = ok(&sweep(&plan_file, &out, &[]));
-    assert!(told.starts_with("24 points: 1 drawn now, 23 known before"), "{told}");
+    assert!(
+        told.starts_with("24 points: 1 drawn now, 23 known before"),
+        "{told}"
+    );
     assert_eq!(rows(&out), before);
 
     let lines: Vec<&str> = text.lines().collect();
@@ -238,7 +326,10 @@ fn a_line_cut_short_is_drawn_again_and_a_changed_one_is_an_error() {
     };
     assert!(changed(0, "[]").contains("line 1: has other columns"));
     assert!(changed(2, "nothing").contains("line 3: is not as it was written"));
-    assert!(changed(2, &lines[2].replace("terrain", "terrace")).contains("line 3: is not as it was written"));
+    assert!(
+        changed(2, &lines[2].replace("terrain", "terrace"))
+            .contains("line 3: is not as it was written")
+    );
     fs::write(&journal, &text).unwrap();
 
     // Another scene size, and another number of points: rows of another plan.
@@ -262,15 +353,40 @@ fn a_billion_points_are_refused_with_their_count() {
     let range = |field: &str| json!({"field": field, "range": [1, 1000, 1]});
     let plan = json!({"scenes": ["terrain"], "axes": [
         range("timing.raster.fifo"), range("timing.gauss.fifo"), range("timing.fetch.fifo")]});
-    let told = refused(&sweep(&written(folder.path(), &plan), &folder.path().join("out"), &[]));
-    assert!(told.contains("1,000,000,000 points") && told.contains("--most 1000000000"), "{told}");
-    assert!(!folder.path().join("out").exists(), "a refused plan leaves a folder");
+    let told = refused(&sweep(
+        &written(folder.path(), &plan),
+        &folder.path().join("out"),
+        &[],
+    ));
+    assert!(
+        told.contains("1,000,000,000 points") && told.contains("--most 1000000000"),
+        "{told}"
+    );
+    assert!(
+        !folder.path().join("out").exists(),
+        "a refused plan leaves a folder"
+    );
     for (arguments, says) in [
-        (vec!["sweep", "no-such-plan"], "ready are precision, precision-in-lockstep, curves, architecture, layers, clock"),
-        (vec!["sweep", "precision", "--shard", "3/2"], "I from 1 to N"),
-        (vec!["sweep", "precision", "--shard", "0/2"], "I from 1 to N"),
+        (
+            vec!["sweep", "no-such-plan"],
+            "ready are precision, precision-in-lockstep, curves, architecture, layers, clock",
+        ),
+        (
+            vec!["sweep", "precision", "--shard", "3/2"],
+            "I from 1 to N",
+        ),
+        (
+            vec!["sweep", "precision", "--shard", "0/2"],
+            "I from 1 to N",
+        ),
     ] {
-        let told = refused(&splatsim().args(&arguments).current_dir(folder.path()).output().unwrap());
+        let told = refused(
+            &splatsim()
+                .args(&arguments)
+                .current_dir(folder.path())
+                .output()
+                .unwrap(),
+        );
         assert!(told.contains(says), "{told}");
     }
 }
@@ -285,7 +401,8 @@ fn pan(folder: &Path, pan_pixels: f64) -> String {
     path.to_str().unwrap().to_owned()
 }
 
-/// Of machines, and of one in partial precision against golden alone; only cameras that follow decide.
+/// Of machines, and of one in partial precision against golden alone; only cameras that follow
+/// decide.
 #[test]
 fn a_row_flickers_as_the_run_does() {
     let folder = tempfile::tempdir().unwrap();
@@ -298,42 +415,101 @@ fn a_row_flickers_as_the_run_does() {
     assert_eq!(rows.len(), 4);
     for row in &rows[..3] {
         let run_out = folder.path().join(format!("run-{}", row["point"]));
-        let settings = row["changes"].split(' ').filter(|change| !change.is_empty()).flat_map(|change| ["--set", change]);
-        let arguments = ["run", &scene, "--machine", "tiny", "--out", run_out.to_str().unwrap()];
-        ok(&splatsim().args(arguments.into_iter().chain(settings)).output().unwrap());
-        let report: Value = serde_json::from_str(&fs::read_to_string(run_out.join("report.json")).unwrap()).unwrap();
+        let settings = row["changes"]
+            .split(' ')
+            .filter(|change| !change.is_empty())
+            .flat_map(|change| ["--set", change]);
+        let arguments = [
+            "run",
+            &scene,
+            "--machine",
+            "tiny",
+            "--out",
+            run_out.to_str().unwrap(),
+        ];
+        ok(&splatsim()
+            .args(arguments.into_iter().chain(settings))
+            .output()
+            .unwrap());
+        let report: Value =
+            serde_json::from_str(&fs::read_to_string(run_out.join("report.json")).unwrap())
+                .unwrap();
         let flicker = &report["flicker"];
-        assert!(flicker["fixed_vs_golden"]["jumps"].as_f64().unwrap() > 0.0, "{flicker}");
-        for (column, part) in [("", "fixed_vs_golden"), ("golden_vs_ideal_", "golden_vs_ideal"), ("fixed_vs_ideal_", "fixed_vs_ideal")] {
+        assert!(
+            flicker["fixed_vs_golden"]["jumps"].as_f64().unwrap() > 0.0,
+            "{flicker}"
+        );
+        for (column, part) in [
+            ("", "fixed_vs_golden"),
+            ("golden_vs_ideal_", "golden_vs_ideal"),
+            ("fixed_vs_ideal_", "fixed_vs_ideal"),
+        ] {
             for figure in ["mean", "jumps"] {
-                assert_eq!(row[&format!("{column}flicker_{figure}")], flicker[part][figure].to_string(), "{column} {figure} of {row:?}");
+                assert_eq!(
+                    row[&format!("{column}flicker_{figure}")],
+                    flicker[part][figure].to_string(),
+                    "{column} {figure} of {row:?}"
+                );
             }
         }
     }
     let mean = |row: &BTreeMap<String, String>| row["flicker_mean"].parse::<f64>().unwrap();
-    assert!(mean(&rows[3]) != mean(&rows[0]) && mean(&rows[3]) > 0.0 && rows[3]["cycles"].is_empty(), "{:?}", rows[3]);
+    assert!(
+        mean(&rows[3]) != mean(&rows[0]) && mean(&rows[3]) > 0.0 && rows[3]["cycles"].is_empty(),
+        "{:?}",
+        rows[3]
+    );
 
     pan(folder.path(), 0.125);
     let told = refused(&sweep(&plan, &out, &[]));
-    assert!(told.contains("was drawn from something else than now"), "{told}");
+    assert!(
+        told.contains("was drawn from something else than now"),
+        "{told}"
+    );
     for (scene, frames, says) in [
-        ("pan.json", 4, "flicker: pan.json: 4 frames are asked for, and it has 3"),
-        ("terrain", 2, "flicker: terrain: 2 frames are asked for, and it has 1"),
-        ("nested-shells", 2, "flicker: nested-shells: frames of volumes, Gaussians and trees are not swept"),
+        (
+            "pan.json",
+            4,
+            "flicker: pan.json: 4 frames are asked for, and it has 3",
+        ),
+        (
+            "terrain",
+            2,
+            "flicker: terrain: 2 frames are asked for, and it has 1",
+        ),
+        (
+            "nested-shells",
+            2,
+            "flicker: nested-shells: frames of volumes, Gaussians and trees are not swept",
+        ),
         ("pan.json", 1, "flicker is 1; it must be at least 2"),
-        ("pan.json", 33, "flicker is 33; it must be at least 2 and at most 32"),
+        (
+            "pan.json",
+            33,
+            "flicker is 33; it must be at least 2 and at most 32",
+        ),
     ] {
         let plan = json!({"scenes": [scene], "size": [24, 16], "axes": [], "flicker": frames});
-        let told = refused(&sweep(&written(folder.path(), &plan), &folder.path().join("none"), &[]));
-        assert!(told.contains(says) && !folder.path().join("none").exists(), "{told}");
+        let told = refused(&sweep(
+            &written(folder.path(), &plan),
+            &folder.path().join("none"),
+            &[],
+        ));
+        assert!(
+            told.contains(says) && !folder.path().join("none").exists(),
+            "{told}"
+        );
     }
 }
 
-/// With nothing exact it is the machine, with all of it golden; between them what `run --attribute` says.
+/// With nothing exact it is the machine, with all of it golden; between them what `run --attribute`
+/// says.
 #[test]
 fn units_and_words_can_be_exact() {
     let folder = tempfile::tempdir().unwrap();
-    let units = json!(["splat", "project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve"]);
+    let units = json!([
+        "splat", "project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve"
+    ]);
     let axes = json!([{"field": "exact", "values": [[], units, ["raster"], ["splat.rgb"]]}]);
     let plan = json!({"scenes": ["terrain.json"], "size": [24, 16], "machine": "tiny", "axes": axes, "lockstep": false});
     let out = folder.path().join("out");
@@ -341,14 +517,30 @@ fn units_and_words_can_be_exact() {
     let rows = rows(&out);
     let run_out = folder.path().join("run");
     let scene = folder.path().join("terrain.json");
-    let arguments =
-        ["run", scene.to_str().unwrap(), "--machine", "tiny", "--size", "24x16", "--attribute", "--out", run_out.to_str().unwrap()];
+    let arguments = [
+        "run",
+        scene.to_str().unwrap(),
+        "--machine",
+        "tiny",
+        "--size",
+        "24x16",
+        "--attribute",
+        "--out",
+        run_out.to_str().unwrap(),
+    ];
     ok(&splatsim().args(arguments).output().unwrap());
-    let report: Value = serde_json::from_str(&fs::read_to_string(run_out.join("report.json")).unwrap()).unwrap();
-    assert_eq!(rows[0]["psnr_db"], report["accuracy"]["fixed_vs_golden"]["psnr_db"].to_string());
+    let report: Value =
+        serde_json::from_str(&fs::read_to_string(run_out.join("report.json")).unwrap()).unwrap();
+    assert_eq!(
+        rows[0]["psnr_db"],
+        report["accuracy"]["fixed_vs_golden"]["psnr_db"].to_string()
+    );
     assert_eq!(rows[0]["cycles"], report["cycles"]["total"].to_string());
     let golden = &rows[1]["psnr_db"];
-    assert!(golden.is_empty() || golden.parse::<f64>().unwrap() > 200.0, "{golden}");
+    assert!(
+        golden.is_empty() || golden.parse::<f64>().unwrap() > 200.0,
+        "{golden}"
+    );
     let without = |part: &str, name: &str| {
         let all = report["attribution"][part].as_array().unwrap();
         let found = all.iter().find(|other| other["name"] == name).unwrap();
@@ -356,7 +548,11 @@ fn units_and_words_can_be_exact() {
     };
     assert_eq!(rows[2]["psnr_covered_db"], without("units", "raster"));
     assert_eq!(rows[3]["psnr_covered_db"], without("words", "splat.rgb"));
-    assert!(rows[1..].iter().all(|row| row["cycles"].is_empty() && row["area"].is_empty() && row["misfit"].is_empty()));
+    assert!(
+        rows[1..].iter().all(|row| row["cycles"].is_empty()
+            && row["area"].is_empty()
+            && row["misfit"].is_empty())
+    );
 }
 
 #[test]
@@ -369,28 +565,50 @@ fn the_columnar_file_holds_what_the_csv_holds() {
         {"field": "timing.raster.fifo", "values": [4, 16]}, {"field": "timing.raster.lanes", "values": [[1, 1], [4, 1]]},
         {"field": "timing.project.multipliers", "values": [8, null]}, {"field": "gauss.weight", "values": ["U0F8"]}]});
     ok(&sweep(&written(folder.path(), &plan), &out, &[]));
-    let reader = SerializedFileReader::new(fs::File::open(out.join("sweep.parquet")).unwrap()).unwrap();
-    let columnar: Vec<_> = reader.get_row_iter(None).unwrap().map(Result::unwrap).collect();
+    let reader =
+        SerializedFileReader::new(fs::File::open(out.join("sweep.parquet")).unwrap()).unwrap();
+    let columnar: Vec<_> = reader
+        .get_row_iter(None)
+        .unwrap()
+        .map(Result::unwrap)
+        .collect();
     let rows = rows(&out);
     assert_eq!(columnar.len(), rows.len());
     for (columnar, row) in columnar.iter().zip(&rows) {
         let columnar: BTreeMap<&String, &Field> = columnar.get_column_iter().collect();
-        assert_eq!(columnar.len(), row.len() + 4, "host times are left out of the rows alone");
+        assert_eq!(
+            columnar.len(),
+            row.len() + 4,
+            "host times are left out of the rows alone"
+        );
         for (name, cell) in row {
             match columnar[name] {
                 Field::Null => assert_eq!(cell, "", "{name}"),
                 Field::Str(text) => assert_eq!(cell, text, "{name}"),
                 Field::Long(number) => assert_eq!(cell, &number.to_string(), "{name}"),
-                Field::Double(number) => assert_eq!(cell.parse::<f64>().unwrap(), *number, "{name}"),
+                Field::Double(number) => {
+                    assert_eq!(cell.parse::<f64>().unwrap(), *number, "{name}")
+                }
                 other => panic!("{name}: {other:?}"),
             }
         }
         // Numbers that are swept are numbers.
-        let [fifo, lanes, multipliers, weight] =
-            ["timing.raster.fifo", "timing.raster.lanes", "timing.project.multipliers", "gauss.weight"]
-                .map(|name| columnar[&name.to_owned()]);
-        assert!(matches!(fifo, Field::Long(4 | 16)) && matches!(multipliers, Field::Long(8) | Field::Null), "{fifo} {multipliers}");
-        assert!(matches!((lanes, weight), (Field::Str(_), Field::Str(_))), "{lanes} {weight}");
+        let [fifo, lanes, multipliers, weight] = [
+            "timing.raster.fifo",
+            "timing.raster.lanes",
+            "timing.project.multipliers",
+            "gauss.weight",
+        ]
+        .map(|name| columnar[&name.to_owned()]);
+        assert!(
+            matches!(fifo, Field::Long(4 | 16))
+                && matches!(multipliers, Field::Long(8) | Field::Null),
+            "{fifo} {multipliers}"
+        );
+        assert!(
+            matches!((lanes, weight), (Field::Str(_), Field::Str(_))),
+            "{lanes} {weight}"
+        );
     }
 }
 
@@ -407,30 +625,75 @@ fn words_can_change_together_and_the_first_that_loses_a_decibel_is_told() {
     assert_eq!(rows.len(), 15);
     let base = rtl_model::Machine::named("reference").unwrap().ellipse;
     for (row, less) in rows[1..13].iter().zip((1..=12).rev()) {
-        let [conic, cross] =
-            [base.conic, base.conic_cross].map(|word| Format { frac_bits: word.format.frac_bits - less, ..word.format }.to_string());
-        assert_eq!(row["changes"], format!("ellipse.conic={conic} ellipse.conic_cross={cross}"));
-        assert_eq!([&row["ellipse.conic"], &row["ellipse.conic_cross"]], [&conic, &cross]);
+        let [conic, cross] = [base.conic, base.conic_cross].map(|word| {
+            Format {
+                frac_bits: word.format.frac_bits - less,
+                ..word.format
+            }
+            .to_string()
+        });
+        assert_eq!(
+            row["changes"],
+            format!("ellipse.conic={conic} ellipse.conic_cross={cross}")
+        );
+        assert_eq!(
+            [&row["ellipse.conic"], &row["ellipse.conic_cross"]],
+            [&conic, &cross]
+        );
     }
     // By hand: the least bits with which a decibel is lost.
-    let db = |row: &BTreeMap<String, String>| row["psnr_db"].parse::<f64>().unwrap_or(f64::INFINITY);
+    let db =
+        |row: &BTreeMap<String, String>| row["psnr_db"].parse::<f64>().unwrap_or(f64::INFINITY);
     let whole = db(&rows[0]);
-    let together = (1..=12).filter(|less| whole - db(&rows[13 - less]) >= 1.0).min();
-    let weight = [(3, 13), (1, 14)].into_iter().filter(|(_, row)| whole - db(&rows[*row]) >= 1.0).map(|(less, _)| less).min();
-    let least = together.into_iter().chain(weight).min().expect("twelve bits are lost without a decibel");
+    let together = (1..=12)
+        .filter(|less| whole - db(&rows[13 - less]) >= 1.0)
+        .min();
+    let weight = [(3, 13), (1, 14)]
+        .into_iter()
+        .filter(|(_, row)| whole - db(&rows[*row]) >= 1.0)
+        .map(|(less, _)| less)
+        .min();
+    let least = together
+        .into_iter()
+        .chain(weight)
+        .min()
+        .expect("twelve bits are lost without a decibel");
     let line = told.replace("\n    ", " ");
-    let bits = if least == 1 { "1 bit less".to_owned() } else { format!("{least} bits less") };
-    assert!(line.contains(&format!("with {bits}, ")) && line.contains("first to lose 1 dB: "), "{least}: {told}");
-    assert!(told.lines().all(|line| line.chars().count() <= 80), "{told}");
+    let bits = if least == 1 {
+        "1 bit less".to_owned()
+    } else {
+        format!("{least} bits less")
+    };
+    assert!(
+        line.contains(&format!("with {bits}, ")) && line.contains("first to lose 1 dB: "),
+        "{least}: {told}"
+    );
+    assert!(
+        told.lines().all(|line| line.chars().count() <= 80),
+        "{told}"
+    );
     let both = |more: Value| {
         let mut plan = plan.clone();
         plan["axes"] = json!([more]);
-        refused(&sweep(&written(folder.path(), &plan), &folder.path().join("none"), &[]))
+        refused(&sweep(
+            &written(folder.path(), &plan),
+            &folder.path().join("none"),
+            &[],
+        ))
     };
-    assert!(both(json!({"field": "gauss.weight", "fields": ["gauss.weight"], "add_frac_bits": [1]})).contains("has `field` and `fields`"));
-    assert!(both(json!({"fields": ["gauss.weight", "gauss.weight"], "add_frac_bits": [1]})).contains("fields has gauss.weight twice"));
+    assert!(
+        both(json!({"field": "gauss.weight", "fields": ["gauss.weight"], "add_frac_bits": [1]}))
+            .contains("has `field` and `fields`")
+    );
+    assert!(
+        both(json!({"fields": ["gauss.weight", "gauss.weight"], "add_frac_bits": [1]}))
+            .contains("fields has gauss.weight twice")
+    );
     assert!(both(json!({"fields": ["gauss.wait"], "add_frac_bits": [1]})).contains("is no word"));
-    assert!(both(json!({"fields": ["*"], "add_frac_bits": [1]})).contains("change with nothing together"));
+    assert!(
+        both(json!({"fields": ["*"], "add_frac_bits": [1]}))
+            .contains("change with nothing together")
+    );
     assert!(both(json!({"add_frac_bits": [1]})).contains("needs a `field`"));
 }
 
@@ -439,19 +702,28 @@ fn words_can_change_together_and_the_first_that_loses_a_decibel_is_told() {
 fn parts_of_two_plans_do_not_become_one_table() {
     let folder = tempfile::tempdir().unwrap();
     let axis = |values: &[u32]| json!({"field": "timing.raster.fifo", "values": values});
-    let plan =
-        |values: &[u32]| json!({"scenes": ["terrain.json"], "size": [8, 6], "machine": "tiny", "lockstep": false, "axes": [axis(values)]});
+    let plan = |values: &[u32]| json!({"scenes": ["terrain.json"], "size": [8, 6], "machine": "tiny", "lockstep": false, "axes": [axis(values)]});
     let out = folder.path().join("out");
     let first = written(folder.path(), &plan(&[1, 2, 3, 4]));
     ok(&sweep(&first, &out, &["--shard", "1/2"]));
     let other = written(folder.path(), &plan(&[10, 20, 30, 40]));
     let before = fs::read(out.join("plan.json")).unwrap();
-    assert!(refused(&sweep(&other, &out, &["--shard", "2/2"])).contains("was drawn from something else"));
+    assert!(
+        refused(&sweep(&other, &out, &["--shard", "2/2"]))
+            .contains("was drawn from something else")
+    );
     assert!(fs::read(out.join("plan.json")).unwrap() == before);
     // The same plan, and its scene is another one.
     let first = written(folder.path(), &plan(&[1, 2, 3, 4]));
-    fs::write(folder.path().join("terrain.json"), json!({"splats": {"builtin": "terrain", "count": 2000}}).to_string()).unwrap();
-    assert!(refused(&sweep(&first, &out, &["--shard", "2/2"])).contains("was drawn from something else"));
+    fs::write(
+        folder.path().join("terrain.json"),
+        json!({"splats": {"builtin": "terrain", "count": 2000}}).to_string(),
+    )
+    .unwrap();
+    assert!(
+        refused(&sweep(&first, &out, &["--shard", "2/2"]))
+            .contains("was drawn from something else")
+    );
     assert_eq!(rows(&out).len(), 2);
 }
 
@@ -463,13 +735,20 @@ fn a_part_that_began_before_another_ended_keeps_its_rows_in_the_table() {
     let plan = json!({"scenes": ["terrain.json"], "size": [8, 6], "machine": "tiny", "lockstep": false, "axes": [axis]});
     let points = Points::load(written(folder.path(), &plan)).unwrap();
     let out = folder.path().join("out");
-    let options = |index| Options { shard: Some(Shard { index, of: 2 }), most: 100, prices: Prices::default(), progress: false };
+    let options = |index| Options {
+        shard: Some(Shard { index, of: 2 }),
+        most: 100,
+        prices: Prices::default(),
+        progress: false,
+    };
     let open = |index| Sweep::open(points.clone(), &out, &options(index), Folder::shared).unwrap();
     let (mut one, mut two) = (open(1), open(2));
     let stage = Stage::new(&points, &Prices::default(), 0, one.scene(0).unwrap());
     for sweep in [&mut one, &mut two] {
         let missing = sweep.missing(0);
-        stage.draw(&missing, |number, row| sweep.push(number, row)).unwrap();
+        stage
+            .draw(&missing, |number, row| sweep.push(number, row))
+            .unwrap();
     }
     two.finish().unwrap();
     // What the other knew when it began.
@@ -483,11 +762,21 @@ fn what_is_no_machine_has_no_rank_in_frames_a_second() {
     let folder = tempfile::tempdir().unwrap();
     let axis = json!({"field": "exact", "values": [["raster"], [], ["gauss.weight"]]});
     let plan = json!({"scenes": ["terrain.json"], "size": [8, 6], "machine": "tiny", "lockstep": false, "axes": [axis]});
-    let told = ok(&sweep(&written(folder.path(), &plan), &folder.path().join("out"), &[]));
+    let told = ok(&sweep(
+        &written(folder.path(), &plan),
+        &folder.path().join("out"),
+        &[],
+    ));
     assert!(!told.contains("inf") && !told.contains("18,446"), "{told}");
     let lines: Vec<&str> = told.lines().collect();
-    let fastest = lines.iter().position(|line| line.starts_with("fastest")).unwrap();
-    assert!(lines[fastest + 1].trim_end().ends_with("exact=[]"), "{told}");
+    let fastest = lines
+        .iter()
+        .position(|line| line.starts_with("fastest"))
+        .unwrap();
+    assert!(
+        lines[fastest + 1].trim_end().ends_with("exact=[]"),
+        "{told}"
+    );
 }
 
 #[test]

@@ -1,7 +1,9 @@
-//! Scenes that nobody would write, on machines that nobody would design: does every scene that is read draw, or end in one sentence?
+//! Scenes that nobody would write, on machines that nobody would design: does every scene that is
+//! read draw, or end in one sentence?
 //!
-//! Drawn are kinds of splats alone and mixed, at other places, with mirrors, trees, cameras one and many, and any rules; on all named machines
-//! with fields changed, with and without a unit that reflects. Cases are the same in every run; `PROPTEST_CASES=10000` draws that many others.
+//! Drawn are kinds of splats alone and mixed, at other places, with mirrors, trees, cameras one and
+//! many, and any rules; on all named machines with fields changed, with and without a unit that
+//! reflects. Cases are the same in every run; `PROPTEST_CASES=10000` draws that many others.
 
 use crate::mutation::{Mutation, mutated, mutations};
 use crate::tier;
@@ -20,19 +22,30 @@ use std::path::Path;
 
 /// Fields of an object, each there in three of ten cases.
 fn some_of(fields: Vec<(&'static str, BoxedStrategy<Value>)>) -> BoxedStrategy<Value> {
-    let one = |(name, value)| prop::option::weighted(0.3, value).prop_map(move |value| value.map(|value| (name, value)));
-    fields.into_iter().map(one).collect::<Vec<_>>().prop_map(|fields| Value::Object(named(fields.into_iter().flatten()))).boxed()
+    let one = |(name, value)| {
+        prop::option::weighted(0.3, value).prop_map(move |value| value.map(|value| (name, value)))
+    };
+    fields
+        .into_iter()
+        .map(one)
+        .collect::<Vec<_>>()
+        .prop_map(|fields| Value::Object(named(fields.into_iter().flatten())))
+        .boxed()
 }
 
 fn named<'a>(fields: impl Iterator<Item = (&'a str, Value)>) -> Map<String, Value> {
-    fields.map(|(name, value)| (name.to_owned(), value)).collect()
+    fields
+        .map(|(name, value)| (name.to_owned(), value))
+        .collect()
 }
 
 fn number(range: std::ops::Range<f64>) -> BoxedStrategy<Value> {
     range.prop_map(Value::from).boxed()
 }
 
-fn of<T: Into<Value> + Clone + std::fmt::Debug + 'static>(values: impl Into<Vec<T>>) -> BoxedStrategy<Value> {
+fn of<T: Into<Value> + Clone + std::fmt::Debug + 'static>(
+    values: impl Into<Vec<T>>,
+) -> BoxedStrategy<Value> {
     select(values.into()).prop_map(Into::into).boxed()
 }
 
@@ -41,24 +54,44 @@ fn flag() -> BoxedStrategy<Value> {
 }
 
 fn three(range: std::ops::Range<f64>) -> BoxedStrategy<Value> {
-    [range.clone(), range.clone(), range].prop_map(|numbers| json!(numbers)).boxed()
+    [range.clone(), range.clone(), range]
+        .prop_map(|numbers| json!(numbers))
+        .boxed()
 }
 
 /// A splat or a few, of any material that a scene may have.
 fn discs() -> BoxedStrategy<Value> {
     let material = select(vec![0, 0, 0, 1, 2]).prop_map(Value::from).boxed();
-    let more = some_of(vec![("rgb", three(0.0..1.0)), ("opacity", number(0.0..1.0)), ("material", material), ("normal", three(-1.0..1.0))]);
-    let splat = ([-1.0..1.0, -1.0..1.0, -1.0..1.0f64], 0.01..0.8f64, more).prop_map(|(position, radius, mut splat)| {
-        splat["position"] = json!(position);
-        splat["radius"] = json!(radius);
-        splat
-    });
-    prop::collection::vec(splat, 1..12).prop_map(Value::Array).boxed()
+    let more = some_of(vec![
+        ("rgb", three(0.0..1.0)),
+        ("opacity", number(0.0..1.0)),
+        ("material", material),
+        ("normal", three(-1.0..1.0)),
+    ]);
+    let splat = ([-1.0..1.0, -1.0..1.0, -1.0..1.0f64], 0.01..0.8f64, more).prop_map(
+        |(position, radius, mut splat)| {
+            splat["position"] = json!(position);
+            splat["radius"] = json!(radius);
+            splat
+        },
+    );
+    prop::collection::vec(splat, 1..12)
+        .prop_map(Value::Array)
+        .boxed()
 }
 
 /// Splats of one kind.
 fn source() -> BoxedStrategy<Value> {
-    let builtin = (select(vec!["glass-spheres", "checkerboard", "torus-knot", "terrain"]), 1..60u32, any::<bool>());
+    let builtin = (
+        select(vec![
+            "glass-spheres",
+            "checkerboard",
+            "torus-knot",
+            "terrain",
+        ]),
+        1..60u32,
+        any::<bool>(),
+    );
     let builtin = builtin
         .prop_map(|(name, count, mixed)| json!({"builtin": name, "count": count, "order": if mixed { "random" } else { "surface" }}));
     let gaussians = (1..40u32).prop_map(|count| json!({"gaussians": "bouquet", "count": count}));
@@ -69,8 +102,12 @@ fn source() -> BoxedStrategy<Value> {
         ("flatten", of([1.0, 10.0, 1e6])),
         ("material", of([0, 1, 2])),
     ]);
-    let volume =
-        (select(vec!["marschner-lobb", "nested-shells", "fuzzy-clouds"]), 2..7u32, fields).prop_map(|(name, samples, mut source)| {
+    let volume = (
+        select(vec!["marschner-lobb", "nested-shells", "fuzzy-clouds"]),
+        2..7u32,
+        fields,
+    )
+        .prop_map(|(name, samples, mut source)| {
             source["volume"] = json!({"builtin": name, "samples": samples});
             source
         });
@@ -81,7 +118,8 @@ fn source() -> BoxedStrategy<Value> {
         ("degrees", number(-180.0..180.0)),
         ("move", three(-1.0..1.0)),
     ]);
-    let placed = (one.clone(), place).prop_map(|(splats, place)| json!({"splats": splats, "place": place}));
+    let placed =
+        (one.clone(), place).prop_map(|(splats, place)| json!({"splats": splats, "place": place}));
     prop_oneof![4 => one, 1 => placed].boxed()
 }
 
@@ -103,10 +141,19 @@ fn cameras() -> BoxedStrategy<(&'static str, Value)> {
         key
     };
     let keys = prop::collection::vec(camera(), 1..3).prop_map(move |cameras| {
-        let keys: Vec<Value> = cameras.into_iter().enumerate().map(|(nth, camera)| key(2 * nth, camera)).collect();
+        let keys: Vec<Value> = cameras
+            .into_iter()
+            .enumerate()
+            .map(|(nth, camera)| key(2 * nth, camera))
+            .collect();
         ("camera_path", json!({"keys": keys}))
     });
-    let pan = (camera(), -2.0..2.0f64).prop_map(|(camera, pan)| ("camera_path", json!({"pan_pixels": pan, "frames": 2, "camera": camera})));
+    let pan = (camera(), -2.0..2.0f64).prop_map(|(camera, pan)| {
+        (
+            "camera_path",
+            json!({"pan_pixels": pan, "frames": 2, "camera": camera}),
+        )
+    });
     prop_oneof![
         5 => camera().prop_map(|camera| ("camera", camera)),
         1 => prop::collection::vec(camera(), 1..3).prop_map(|cameras| ("cameras", json!(cameras))),
@@ -126,13 +173,20 @@ fn materials() -> BoxedStrategy<Value> {
         ("reflect", of([0.0, 0.4, 1.0])),
         ("tint", three(0.0..1.0)),
     ]);
-    prop::collection::vec(material, 3..5).prop_map(Value::Array).boxed()
+    prop::collection::vec(material, 3..5)
+        .prop_map(Value::Array)
+        .boxed()
 }
 
 fn scenes() -> BoxedStrategy<Value> {
     let splats = prop_oneof![2 => source(), 3 => prop::collection::vec(source(), 1..4).prop_map(Value::Array)];
-    let light = (three(-1.0..1.0), three(0.0..2.0)).prop_map(|(direction, rgb)| json!({"direction": direction, "rgb": rgb}));
-    let budget = some_of(vec![("splats", of([1, 5, 50])), ("bytes", of([100, 10_000])), ("cycles", of([1000, 100_000]))]);
+    let light = (three(-1.0..1.0), three(0.0..2.0))
+        .prop_map(|(direction, rgb)| json!({"direction": direction, "rgb": rgb}));
+    let budget = some_of(vec![
+        ("splats", of([1, 5, 50])),
+        ("bytes", of([100, 10_000])),
+        ("cycles", of([1000, 100_000])),
+    ]);
     let detail = some_of(vec![
         ("pixels", of([0.0, 1.0, 8.0])),
         ("order", of(["walk", "coarse-to-fine"])),
@@ -149,8 +203,11 @@ fn scenes() -> BoxedStrategy<Value> {
         ("low_pass_by", of(["convolution", "scaling"])),
         ("filter", of(["ewa", "elliptical"])),
     ]);
-    let surface =
-        some_of(vec![("z_threshold", of([1e-3, 0.1, 5.0])), ("coverage_threshold", of([1e-3, 0.4, 1.0])), ("cull_backfaces", flag())]);
+    let surface = some_of(vec![
+        ("z_threshold", of([1e-3, 0.1, 5.0])),
+        ("coverage_threshold", of([1e-3, 0.4, 1.0])),
+        ("cull_backfaces", flag()),
+    ]);
     let sheets = some_of(vec![
         ("order", of(["front-to-back", "back-to-front"])),
         ("opacity", of(["linear", "exponential"])),
@@ -159,18 +216,30 @@ fn scenes() -> BoxedStrategy<Value> {
         ("least_weight", of([0.0, 0.01])),
         ("most_weight", of([0.5, 1.0])),
     ]);
-    let background = [0.0..1.0, 0.0..1.0, 0.0..1.0, 0.0..1.0f64].prop_map(|background| json!(background)).boxed();
-    let image = (1..24u32, 1..24u32, some_of(vec![("background", background)])).prop_map(|(width, height, mut image)| {
-        image["width"] = json!(width);
-        image["height"] = json!(height);
-        image
-    });
+    let background = [0.0..1.0, 0.0..1.0, 0.0..1.0, 0.0..1.0f64]
+        .prop_map(|background| json!(background))
+        .boxed();
+    let image = (
+        1..24u32,
+        1..24u32,
+        some_of(vec![("background", background)]),
+    )
+        .prop_map(|(width, height, mut image)| {
+            image["width"] = json!(width);
+            image["height"] = json!(height);
+            image
+        });
     let more = some_of(vec![
         ("kernel", kernel),
         ("surface", surface),
         ("sheets", sheets),
         ("level_of_detail", detail),
-        ("lights", prop::collection::vec(light, 0..3).prop_map(Value::Array).boxed()),
+        (
+            "lights",
+            prop::collection::vec(light, 0..3)
+                .prop_map(Value::Array)
+                .boxed(),
+        ),
     ]);
     // Without these many splats' materials would be none.
     let materials = prop::option::weighted(0.7, materials());
@@ -181,7 +250,9 @@ fn scenes() -> BoxedStrategy<Value> {
             scene["image"] = image;
             if let Some(materials) = materials {
                 let mirrors =
-                    materials.as_array().unwrap().iter().any(|material| material["reflect"].as_f64().is_some_and(|part| part > 0.0));
+                    materials.as_array().unwrap().iter().any(|material| {
+                        material["reflect"].as_f64().is_some_and(|part| part > 0.0)
+                    });
                 if mirrors {
                     scene["environment"] = json!({"builtin": "sky"});
                 }
@@ -192,8 +263,9 @@ fn scenes() -> BoxedStrategy<Value> {
         .boxed()
 }
 
-/// How a machine is made: from a named one, or the one that a scene is drawn on where none is named; with a unit that reflects, along the axis or
-/// along rays, or none; and with any fields changed that leave a machine.
+/// How a machine is made: from a named one, or the one that a scene is drawn on where none is
+/// named; with a unit that reflects, along the axis or along rays, or none; and with any fields
+/// changed that leave a machine.
 #[derive(Clone, Debug)]
 struct Made {
     name: Option<&'static str>,
@@ -203,8 +275,18 @@ struct Made {
 
 fn made() -> BoxedStrategy<Made> {
     let name = prop::option::weighted(0.5, select(Machine::names().collect::<Vec<_>>()));
-    let parts = (name, select(vec![None, Some(false), Some(true)]), mutations(0..12));
-    parts.prop_map(|(name, along_rays, changes)| Made { name, along_rays, changes }).boxed()
+    let parts = (
+        name,
+        select(vec![None, Some(false), Some(true)]),
+        mutations(0..12),
+    );
+    parts
+        .prop_map(|(name, along_rays, changes)| Made {
+            name,
+            along_rays,
+            changes,
+        })
+        .boxed()
 }
 
 impl Made {
@@ -219,10 +301,18 @@ impl Made {
             }
             format!("reflect={words}")
         });
-        let machine = machines::load(self.name.unwrap_or(machines::usual(scene)), &reflect.into_iter().collect::<Vec<_>>()).unwrap();
+        let machine = machines::load(
+            self.name.unwrap_or(machines::usual(scene)),
+            &reflect.into_iter().collect::<Vec<_>>(),
+        )
+        .unwrap();
         self.changes.iter().fold(machine, |machine, change| {
             let other = mutated(&machine, change);
-            if other.elaborate().is_ok() { other } else { machine }
+            if other.elaborate().is_ok() {
+                other
+            } else {
+                machine
+            }
         })
     }
 }
@@ -257,11 +347,24 @@ fn draw(path: &Path, made: &Made, met: &mut Met) -> Result<()> {
         met.sequences += 1;
     }
     let scene = bounded(frames.into_scene(), &elaborated)?;
-    let outcome = run::run(&scene, machine, 0.0, &Options { answers: true, ..Options::default() })?;
+    let outcome = run::run(
+        &scene,
+        machine,
+        0.0,
+        &Options {
+            answers: true,
+            ..Options::default()
+        },
+    )?;
     let summary = &outcome.report.accuracy.lockstep;
     assert!(!outcome.report.summary().is_empty() && summary.is_some());
     met.drawn += 1;
-    met.mixed += usize::from(scene.ellipsoids.as_ref().is_some_and(|all| all.sorted && all.orientations.len() > 1 && all.preshaded));
+    met.mixed += usize::from(
+        scene
+            .ellipsoids
+            .as_ref()
+            .is_some_and(|all| all.sorted && all.orientations.len() > 1 && all.preshaded),
+    );
     met.mirrors += usize::from(scene.environment.is_some());
     met.trees += usize::from(scene.detail.is_some());
     met.windows += usize::from(machine.fragment.window.is_some());
@@ -272,11 +375,23 @@ fn draw(path: &Path, made: &Made, met: &mut Met) -> Result<()> {
 fn every_scene_that_is_read_draws_on_every_machine_or_ends_in_a_sentence() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.json");
-    let given = std::env::var("PROPTEST_CASES").ok().and_then(|cases| cases.parse().ok());
+    let given = std::env::var("PROPTEST_CASES")
+        .ok()
+        .and_then(|cases| cases.parse().ok());
     let cases = given.unwrap_or(tier::of([3, 1], 900) as u32);
-    let config = ProptestConfig { cases, max_shrink_iters: 2_000, failure_persistence: None, ..ProptestConfig::default() };
-    let seed = if given.is_some() { rand_seed() } else { [48; 32] };
-    let mut runner = TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &seed));
+    let config = ProptestConfig {
+        cases,
+        max_shrink_iters: 2_000,
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    };
+    let seed = if given.is_some() {
+        rand_seed()
+    } else {
+        [48; 32]
+    };
+    let mut runner =
+        TestRunner::new_with_rng(config, TestRng::from_seed(RngAlgorithm::ChaCha, &seed));
     let met = std::cell::Cell::new(Met::default());
     let drawn = runner.run(&(scenes(), made()), |(scene, made)| {
         std::fs::write(&path, scene.to_string()).unwrap();
@@ -292,21 +407,36 @@ fn every_scene_that_is_read_draws_on_every_machine_or_ends_in_a_sentence() {
             Err(_) => Some("a panic".into()),
         };
         met.set(so_far);
-        told.map_or(Ok(()), |told| Err(TestCaseError::fail(format!("{told}: {scene} on {made:?}"))))
+        told.map_or(Ok(()), |told| {
+            Err(TestCaseError::fail(format!("{told}: {scene} on {made:?}")))
+        })
     });
     if let Err(TestError::Fail(why, _)) = drawn {
         panic!("{why}");
     }
     let met = met.get();
-    let kinds = [met.drawn, met.mixed, met.mirrors, met.trees, met.sequences, met.windows];
+    let kinds = [
+        met.drawn,
+        met.mixed,
+        met.mirrors,
+        met.trees,
+        met.sequences,
+        met.windows,
+    ];
     println!("{met:?}");
     // Few cases need not meet every kind.
-    assert!(cases < 200 || met.drawn > cases as usize / 5 && kinds.iter().all(|count| *count > 0), "{met:?}");
+    assert!(
+        cases < 200 || met.drawn > cases as usize / 5 && kinds.iter().all(|count| *count > 0),
+        "{met:?}"
+    );
 }
 
 fn rand_seed() -> [u8; 32] {
     let mut seed = [0; 32];
-    let time = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap().as_nanos();
+    let time = std::time::SystemTime::now()
+        .duration_since(std::time::UNIX_EPOCH)
+        .unwrap()
+        .as_nanos();
     seed[..16].copy_from_slice(&time.to_le_bytes());
     println!("seed {seed:?}");
     seed

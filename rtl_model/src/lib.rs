@@ -9,9 +9,10 @@
 //!                            depth slopes    fragments                     insert, merge,       ▲
 //!                                                                          evict ◄─► shade ◄────┘
 //! ```
-//! A splat is a Gaussian disc; its *footprint* is what it covers on the screen; a *contribution* is one splat at one pixel,
-//! with a *radial index* r, a weight and a depth; a *fragment* is what contributions of one surface add up to; a pixel holds
-//! at most l of them, its *layers*. (Zwicker et al., *Surface Splatting*, 2001; *EWA Splatting*, 2002.)
+//! A splat is a Gaussian disc; its *footprint* is what it covers on the screen; a *contribution* is
+//! one splat at one pixel, with a *radial index* r, a weight and a depth; a *fragment* is what
+//! contributions of one surface add up to; a pixel holds at most l of them, its *layers*. (Zwicker
+//! et al., *Surface Splatting*, 2001; *EWA Splatting*, 2002.)
 //!
 //! Each folder is a layer, and names those below it alone:
 //!
@@ -33,8 +34,8 @@
 //! ```
 //! Function and time meet in recorded [`work`] and nowhere else.
 //!
-//! Absent on purpose: floats in the datapath, files, clocks, printing, hash-ordered maps. Real numbers become words in
-//! the bench, in one file; no unit counts time.
+//! Absent on purpose: floats in the datapath, files, clocks, printing, hash-ordered maps. Real
+//! numbers become words in the bench, in one file; no unit counts time.
 
 pub mod elaboration;
 pub mod frame;

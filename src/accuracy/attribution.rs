@@ -4,8 +4,9 @@
 //! each unit, each word ─┬─► alone a word, f64 for the rest ─┬─► distance from golden
 //!                       └─► f64, all the rest words ────────┘
 //! ```
-//! The two need not agree: of errors that cancel, or of one that hides behind a greater, each tells half. What comes first in both is
-//! where a bit more helps. They are ordered by the mean error, for a decision that flips at a single pixel rules the mean square.
+//! The two need not agree: of errors that cancel, or of one that hides behind a greater, each tells
+//! half. What comes first in both is where a bit more helps. They are ordered by the mean error,
+//! for a decision that flips at a single pixel rules the mean square.
 
 use crate::accuracy::partial::{Choice, Footprint, Stage, UNITS, words};
 use crate::accuracy::{Distance, db_text, distance};
@@ -53,19 +54,32 @@ fn unit_of(word: &str) -> &str {
 
 fn is_in_setup(word: &str, preshaded: bool) -> bool {
     let mut of_setup = UNITS.iter().take_while(|unit| **unit != unit::RASTER);
-    of_setup.any(|unit| *unit == unit_of(word)) || ALSO_IN_SETUP.contains(&word) || preshaded && TO_LIGHT.contains(&unit_of(word))
+    of_setup.any(|unit| *unit == unit_of(word))
+        || ALSO_IN_SETUP.contains(&word)
+        || preshaded && TO_LIGHT.contains(&unit_of(word))
 }
 
 /// Draws the scene once for each part of the machine alone, and once for all but each.
-pub fn attribute(scene: &Scene, machine: &Elaborated, quantised: &Quantised, golden: &Picture) -> Attribution {
+pub fn attribute(
+    scene: &Scene,
+    machine: &Elaborated,
+    quantised: &Quantised,
+    golden: &Picture,
+) -> Attribution {
     let stage = Stage::new(scene, machine, quantised);
     let bases = [false, true].map(|chosen| stage.set_up(&Choice::new(machine, |_| chosen)));
     let words = words(machine);
-    let preshaded = scene.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.preshaded) || quantised.frame.window.is_some();
+    let preshaded = scene
+        .ellipsoids
+        .as_ref()
+        .is_some_and(|ellipsoids| ellipsoids.preshaded)
+        || quantised.frame.window.is_some();
     // Those that belong to the part are words where the others are not, and the other way round.
     let measure = |alone: bool, is_part: &dyn Fn(&str) -> bool| {
         let choice = Choice::new(machine, |word| is_part(word) == alone);
-        let in_setup = words.iter().any(|word| is_in_setup(word, preshaded) && is_part(word));
+        let in_setup = words
+            .iter()
+            .any(|word| is_in_setup(word, preshaded) && is_part(word));
         let own: Vec<Footprint>;
         let footprints = if in_setup {
             own = stage.set_up(&choice);
@@ -82,14 +96,21 @@ pub fn attribute(scene: &Scene, machine: &Elaborated, quantised: &Quantised, gol
     };
     Attribution {
         all: measure(true, &|_| true),
-        units: units(&words).map(|unit| share(unit, &|word| unit_of(word) == unit)).collect(),
-        words: words.iter().map(|name| share(name, &|word| word == name)).collect(),
+        units: units(&words)
+            .map(|unit| share(unit, &|word| unit_of(word) == unit))
+            .collect(),
+        words: words
+            .iter()
+            .map(|name| share(name, &|word| word == name))
+            .collect(),
     }
 }
 
 /// The units that have any of these words, in the order of the diagram.
 fn units(words: &[String]) -> impl Iterator<Item = &'static str> {
-    UNITS.into_iter().filter(|unit| words.iter().any(|word| unit_of(word) == *unit))
+    UNITS
+        .into_iter()
+        .filter(|unit| words.iter().any(|word| unit_of(word) == *unit))
 }
 
 /// Words that are shown.
@@ -107,39 +128,81 @@ impl Attribution {
 
     /// The units, and the words that make the greatest errors, at most 80 columns wide.
     pub fn summary(&self) -> String {
-        let mut table = plain_table(&["", "alone dB", "mean error", "max error", "without", "error gone"]);
-        let db = |distance: &Distance| db_text(distance.psnr_covered_db, distance.not_finite, |db| format!("{db:.1}"));
+        let mut table = plain_table(&[
+            "",
+            "alone dB",
+            "mean error",
+            "max error",
+            "without",
+            "error gone",
+        ]);
+        let db = |distance: &Distance| {
+            db_text(distance.psnr_covered_db, distance.not_finite, |db| {
+                format!("{db:.1}")
+            })
+        };
         let small = |error: f64| format!("{error:.1e}");
-        let alone = |name: &str, d: &Distance| [name.to_owned(), db(d), small(d.mean_covered_error), small(d.max_error)];
+        let alone = |name: &str, d: &Distance| {
+            [
+                name.to_owned(),
+                db(d),
+                small(d.mean_covered_error),
+                small(d.max_error),
+            ]
+        };
         let all = self.all.mean_covered_error;
         let row = |table: &mut Table, share: &Share| {
             let without = share.without.mean_covered_error;
             let gone = if all > 0.0 { 1.0 - without / all } else { 0.0 };
             // No minus before a zero.
             let gone = (1000.0 * gone).round() / 10.0 + 0.0;
-            table.add_row(alone(&share.name, &share.alone).into_iter().chain([small(without), format!("{gone:.1} %")]));
+            table.add_row(
+                alone(&share.name, &share.alone)
+                    .into_iter()
+                    .chain([small(without), format!("{gone:.1} %")]),
+            );
         };
         table.add_row(alone("all in words", &self.all));
         table.add_row([""]);
         self.units.iter().for_each(|unit| row(&mut table, unit));
         table.add_row([""]);
-        self.greatest().into_iter().for_each(|word| row(&mut table, word));
+        self.greatest()
+            .into_iter()
+            .for_each(|word| row(&mut table, word));
         let table = aligned(table).to_string();
         let lines: Vec<&str> = table.lines().map(str::trim_end).collect();
-        format!("fixed − golden at covered pixels: alone in words, and all words but its own\n\n{}", lines.join("\n"))
+        format!(
+            "fixed − golden at covered pixels: alone in words, and all words but its own\n\n{}",
+            lines.join("\n")
+        )
     }
 
     /// Bars of the same: units, and words.
     pub fn charts(&self) -> [Bars; 2] {
-        let row = |share: &Share| (share.name.clone(), vec![share.alone.mean_covered_error, share.without.mean_covered_error]);
-        let legend = || vec!["alone in words".to_owned(), "all words but its own".to_owned()];
+        let row = |share: &Share| {
+            (
+                share.name.clone(),
+                vec![
+                    share.alone.mean_covered_error,
+                    share.without.mean_covered_error,
+                ],
+            )
+        };
+        let legend = || {
+            vec![
+                "alone in words".to_owned(),
+                "all words but its own".to_owned(),
+            ]
+        };
         let axis = || Axis::log("mean error at covered pixels, linear light");
         [
             Bars {
                 title: "Error of each unit".into(),
                 axis: axis(),
                 legend: legend(),
-                rows: std::iter::once(("all".to_owned(), vec![self.all.mean_covered_error])).chain(self.units.iter().map(row)).collect(),
+                rows: std::iter::once(("all".to_owned(), vec![self.all.mean_covered_error]))
+                    .chain(self.units.iter().map(row))
+                    .collect(),
                 ..Bars::default()
             },
             Bars {

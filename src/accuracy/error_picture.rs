@@ -6,7 +6,8 @@ use rayon::prelude::*;
 
 /// Errors are never enlarged further than this.
 const MOST: f64 = 65536.0;
-/// One pixel in this many may be brighter than the picture can show: a few flips must not darken all the rest.
+/// One pixel in this many may be brighter than the picture can show: a few flips must not darken
+/// all the rest.
 const ONE_CLIPPED_IN: usize = 1000;
 
 /// |a − b| as a picture.
@@ -18,18 +19,40 @@ pub struct ErrorPicture {
     pub scale: f64,
 }
 
-/// The error picture of two pictures of one size. Its scale is the greatest power of two at which at most one pixel in 1000
-/// clips; where fewer than that differ at all, the greatest at which none does; 1 where the pictures are equal.
+/// The error picture of two pictures of one size. Its scale is the greatest power of two at which
+/// at most one pixel in 1000 clips; where fewer than that differ at all, the greatest at which none
+/// does; 1 where the pictures are equal.
 pub fn error_picture(a: &Picture, b: &Picture) -> ErrorPicture {
-    let errors: Vec<[f64; 3]> = (0..a.rgba.len()).into_par_iter().map(|index| difference(a, b, index)).collect();
-    let scale = scale(errors.iter().map(|error| error.iter().copied().fold(0.0, f64::max)).collect());
+    let errors: Vec<[f64; 3]> = (0..a.rgba.len())
+        .into_par_iter()
+        .map(|index| difference(a, b, index))
+        .collect();
+    let scale = scale(
+        errors
+            .iter()
+            .map(|error| error.iter().copied().fold(0.0, f64::max))
+            .collect(),
+    );
     let show = |error: &[f64; 3]| {
         let [r, g, b] = error.map(|channel| (scale * channel).min(1.0));
         [r, g, b, 1.0]
     };
-    let covered = a.covered.iter().zip(&b.covered).map(|(a, b)| a | b).collect();
+    let covered = a
+        .covered
+        .iter()
+        .zip(&b.covered)
+        .map(|(a, b)| a | b)
+        .collect();
     let rgba = errors.iter().map(show).collect();
-    ErrorPicture { picture: Picture { width: a.width, height: a.height, rgba, covered }, scale }
+    ErrorPicture {
+        picture: Picture {
+            width: a.width,
+            height: a.height,
+            rgba,
+            covered,
+        },
+        scale,
+    }
 }
 
 fn scale(mut worst: Vec<f64>) -> f64 {
@@ -49,7 +72,12 @@ mod tests {
     use super::*;
 
     fn black(pixels: usize) -> Picture {
-        Picture { width: pixels, height: 1, rgba: vec![[0.0, 0.0, 0.0, 1.0]; pixels], covered: vec![false; pixels] }
+        Picture {
+            width: pixels,
+            height: 1,
+            rgba: vec![[0.0, 0.0, 0.0, 1.0]; pixels],
+            covered: vec![false; pixels],
+        }
     }
 
     fn with(mut picture: Picture, first: usize, pixels: usize, error: f64) -> Picture {
@@ -61,27 +89,42 @@ mod tests {
     fn the_greatest_error_does_not_clip_but_nearly() {
         let error = error_picture(&black(10), &with(black(10), 3, 1, 0.03));
         assert_eq!(error.scale, 32.0);
-        assert_eq!((error.picture.rgba[3], error.picture.rgba[4]), ([0.0, 0.96, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0]));
+        assert_eq!(
+            (error.picture.rgba[3], error.picture.rgba[4]),
+            ([0.0, 0.96, 0.0, 1.0], [0.0, 0.0, 0.0, 1.0])
+        );
     }
 
     #[test]
     fn a_few_flips_do_not_darken_the_rest() {
         let few = with(with(black(2000), 0, 2000, 0.001), 0, 2, 0.5);
         assert_eq!(error_picture(&black(2000), &few).scale, 512.0);
-        assert_eq!(error_picture(&black(2000), &few).picture.rgba[0], [0.0, 1.0, 0.0, 1.0]);
+        assert_eq!(
+            error_picture(&black(2000), &few).picture.rgba[0],
+            [0.0, 1.0, 0.0, 1.0]
+        );
         let more = with(few, 0, 3, 0.5);
         assert_eq!(error_picture(&black(2000), &more).scale, 2.0);
     }
 
     #[test]
     fn a_single_difference_is_shown_whole() {
-        assert_eq!(error_picture(&black(2000), &with(black(2000), 7, 1, 0.25)).scale, 4.0);
+        assert_eq!(
+            error_picture(&black(2000), &with(black(2000), 7, 1, 0.25)).scale,
+            4.0
+        );
     }
 
     #[test]
     fn the_scale_has_ends() {
         assert_eq!(error_picture(&black(5), &black(5)).scale, 1.0);
-        assert_eq!(error_picture(&black(5), &with(black(5), 0, 1, 1e-12)).scale, 65536.0);
-        assert_eq!(error_picture(&black(5), &with(black(5), 0, 1, 1.0)).scale, 1.0);
+        assert_eq!(
+            error_picture(&black(5), &with(black(5), 0, 1, 1e-12)).scale,
+            65536.0
+        );
+        assert_eq!(
+            error_picture(&black(5), &with(black(5), 0, 1, 1.0)).scale,
+            1.0
+        );
     }
 }

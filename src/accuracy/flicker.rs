@@ -1,16 +1,20 @@
-//! Flicker: how an error changes from frame to frame where the picture itself does not (docs/book/paths.md).
+//! Flicker: how an error changes from frame to frame where the picture itself does not
+//! (docs/book/paths.md).
 //!
 //! ```text
 //! ideal of both frames ─► still: changes by less than 0.5/255 ─┐
 //! a − b of the frame ──┬─► |change|, a pixel ──────────────────┴─► mean, share of jumps over 4/255
 //! a − b of the last ───┘
 //! ```
-//! Colours are what [`metrics`](super::metrics()) compares: linear, premultiplied, clamped to [0, 1]. A pixel counts where a splat touches it in
-//! any of the three pictures of either frame, so that an empty background calms nothing. It is still where no colour channel of `ideal`
-//! changes by half a 255th or more. Where no pixel is still, nothing is known, and nothing is said. A pixel without a finite number makes all
-//! that it is part of as bad as can be: changes of 1, at every still pixel.
+//! Colours are what [`metrics`](super::metrics()) compares: linear, premultiplied, clamped to [0,
+//! 1]. A pixel counts where a splat touches it in any of the three pictures of either frame, so
+//! that an empty background calms nothing. It is still where no colour channel of `ideal` changes
+//! by half a 255th or more. Where no pixel is still, nothing is known, and nothing is said. A pixel
+//! without a finite number makes all that it is part of as bad as can be: changes of 1, at every
+//! still pixel.
 //!
-//! Laws: `nothing_still_says_nothing`, `what_is_no_number_flickers_as_much_as_can_be`, `an_error_that_stays_does_not_flicker`.
+//! Laws: `nothing_still_says_nothing`, `what_is_no_number_flickers_as_much_as_can_be`,
+//! `an_error_that_stays_does_not_flicker`.
 
 use super::metrics::is_finite;
 use crate::output::picture::Picture;
@@ -46,7 +50,8 @@ impl Pictures {
 pub struct Change {
     /// Mean of |change| over still pixels and colour channels; none where no pixel is still.
     pub mean: Option<f64>,
-    /// Share of the still pixels of which a channel changes by more than 4/255; none where no pixel is still.
+    /// Share of the still pixels of which a channel changes by more than 4/255; none where no pixel
+    /// is still.
     pub jumps: Option<f64>,
 }
 
@@ -85,16 +90,28 @@ struct Sum {
 }
 
 impl Sums {
-    /// Of a frame and the one before it, each `fixed`, `golden` and `ideal`, as [`Pictures::all`] has them; the frame before comes first.
+    /// Of a frame and the one before it, each `fixed`, `golden` and `ideal`, as [`Pictures::all`]
+    /// has them; the frame before comes first.
     ///
     /// # Panics
     /// If sizes differ: the pictures of a sequence have one size.
-    pub fn new([fixed_0, golden_0, ideal_0]: [&Picture; 3], [fixed, golden, ideal]: [&Picture; 3]) -> Sums {
+    pub fn new(
+        [fixed_0, golden_0, ideal_0]: [&Picture; 3],
+        [fixed, golden, ideal]: [&Picture; 3],
+    ) -> Sums {
         let (width, height) = (ideal.width, ideal.height);
         let all = [fixed_0, golden_0, ideal_0, fixed, golden, ideal];
-        assert!(all.iter().all(|picture| (picture.width, picture.height) == (width, height)), "pictures of a sequence have one size");
+        assert!(
+            all.iter()
+                .all(|picture| (picture.width, picture.height) == (width, height)),
+            "pictures of a sequence have one size"
+        );
         // Rows are added up from the top, so that threads do not show in the last bit.
-        let row = |y: usize| (y * width..(y + 1) * width).fold(Sums::default(), |sums, index| sums.and(&Sums::of_pixel(&all, index)));
+        let row = |y: usize| {
+            (y * width..(y + 1) * width).fold(Sums::default(), |sums, index| {
+                sums.and(&Sums::of_pixel(&all, index))
+            })
+        };
         let rows: Vec<Sums> = (0..height).into_par_iter().map(row).collect();
         rows.iter().fold(Sums::default(), |sums, row| sums.and(row))
     }
@@ -113,15 +130,24 @@ impl Sums {
             let [r, g, b, _] = picture.rgba[index];
             [r, g, b].map(|channel| channel.clamp(0.0, 1.0))
         });
-        let change = |[a, b, c, d]: [&[f64; 3]; 4]| -> [f64; 3] { std::array::from_fn(|i| ((a[i] - b[i]) - (c[i] - d[i])).abs()) };
+        let change = |[a, b, c, d]: [&[f64; 3]; 4]| -> [f64; 3] {
+            std::array::from_fn(|i| ((a[i] - b[i]) - (c[i] - d[i])).abs())
+        };
         let most = |change: &[f64; 3]| change.iter().copied().fold(0.0, f64::max);
         let moved: [f64; 3] = std::array::from_fn(|i| (ideal[i] - ideal_0[i]).abs());
         if most(&moved) >= STILL {
             return sums;
         }
         sums.still = 1;
-        let pairs = [[&fixed, &golden, &fixed_0, &golden_0], [&golden, &ideal, &golden_0, &ideal_0], [&fixed, &ideal, &fixed_0, &ideal_0]];
-        sums.changes = pairs.map(change).map(|change| Sum { all: change.iter().sum(), jumps: u64::from(most(&change) > JUMP) });
+        let pairs = [
+            [&fixed, &golden, &fixed_0, &golden_0],
+            [&golden, &ideal, &golden_0, &ideal_0],
+            [&fixed, &ideal, &fixed_0, &ideal_0],
+        ];
+        sums.changes = pairs.map(change).map(|change| Sum {
+            all: change.iter().sum(),
+            jumps: u64::from(most(&change) > JUMP),
+        });
         sums
     }
 
@@ -129,7 +155,10 @@ impl Sums {
     pub fn and(self, next: &Sums) -> Sums {
         let changes = std::array::from_fn(|i| {
             let (a, b) = (self.changes[i], next.changes[i]);
-            Sum { all: a.all + b.all, jumps: a.jumps + b.jumps }
+            Sum {
+                all: a.all + b.all,
+                jumps: a.jumps + b.jumps,
+            }
         });
         Sums {
             covered: self.covered + next.covered,
@@ -143,14 +172,33 @@ impl Sums {
     pub fn flicker(&self) -> Flicker {
         let change = |sum: &Sum| {
             if self.not_finite > 0 {
-                return Change { mean: Some(1.0), jumps: Some(1.0) };
+                return Change {
+                    mean: Some(1.0),
+                    jumps: Some(1.0),
+                };
             }
             let of_still = |part: f64| (self.still > 0).then(|| part / self.still as f64);
-            Change { mean: of_still(sum.all / 3.0), jumps: of_still(sum.jumps as f64) }
+            Change {
+                mean: of_still(sum.all / 3.0),
+                jumps: of_still(sum.jumps as f64),
+            }
         };
-        let [fixed_vs_golden, golden_vs_ideal, fixed_vs_ideal] = self.changes.each_ref().map(change);
-        let Sums { covered: covered_pixels, still: still_pixels, not_finite, .. } = *self;
-        Flicker { covered_pixels, still_pixels, fixed_vs_golden, golden_vs_ideal, fixed_vs_ideal, not_finite }
+        let [fixed_vs_golden, golden_vs_ideal, fixed_vs_ideal] =
+            self.changes.each_ref().map(change);
+        let Sums {
+            covered: covered_pixels,
+            still: still_pixels,
+            not_finite,
+            ..
+        } = *self;
+        Flicker {
+            covered_pixels,
+            still_pixels,
+            fixed_vs_golden,
+            golden_vs_ideal,
+            fixed_vs_ideal,
+            not_finite,
+        }
     }
 }
 
@@ -159,61 +207,122 @@ mod tests {
     use super::*;
 
     fn picture(colours: &[f64]) -> Picture {
-        let rgba = colours.iter().map(|value| [*value, 0.5, 0.25, 1.0]).collect();
-        Picture { width: colours.len(), height: 1, rgba, covered: vec![true; colours.len()] }
+        let rgba = colours
+            .iter()
+            .map(|value| [*value, 0.5, 0.25, 1.0])
+            .collect();
+        Picture {
+            width: colours.len(),
+            height: 1,
+            rgba,
+            covered: vec![true; colours.len()],
+        }
     }
 
     fn frame(fixed: &[f64], golden: &[f64], ideal: &[f64]) -> Pictures {
-        Pictures { fixed: picture(fixed), golden: picture(golden), ideal: picture(ideal) }
+        Pictures {
+            fixed: picture(fixed),
+            golden: picture(golden),
+            ideal: picture(ideal),
+        }
     }
 
     fn close(found: Option<f64>, expected: f64) -> bool {
         (found.unwrap() - expected).abs() < 1e-15
     }
 
-    /// By hand, of four pixels: one that moves and so does not count, one whose arithmetic jumps by 5/255, one whose method does by 6/255
-    /// and is followed, one where nothing changes.
+    /// By hand, of four pixels: one that moves and so does not count, one whose arithmetic jumps by
+    /// 5/255, one whose method does by 6/255 and is followed, one where nothing changes.
     #[test]
     fn changes_and_jumps_are_those_worked_out_by_hand() {
         let s = 1.0 / 255.0;
         let before = frame(&[0.2, 0.2, 0.2, 0.7], &[0.2; 4], &[0.2; 4]);
-        let now = frame(&[0.9, 0.2 + 5.0 * s, 0.2 + 6.0 * s, 0.7], &[0.9, 0.2, 0.2 + 6.0 * s, 0.2], &[0.9, 0.2 + 0.4 * s, 0.2, 0.2]);
+        let now = frame(
+            &[0.9, 0.2 + 5.0 * s, 0.2 + 6.0 * s, 0.7],
+            &[0.9, 0.2, 0.2 + 6.0 * s, 0.2],
+            &[0.9, 0.2 + 0.4 * s, 0.2, 0.2],
+        );
         let found = Sums::new(before.all(), now.all()).flicker();
-        assert_eq!((found.covered_pixels, found.still_pixels, found.not_finite), (4, 3, 0));
-        assert!(close(found.fixed_vs_golden.jumps, 1.0 / 3.0) && close(found.fixed_vs_golden.mean, 5.0 * s / 9.0), "{found:?}");
-        assert!(close(found.golden_vs_ideal.jumps, 1.0 / 3.0) && close(found.golden_vs_ideal.mean, 6.4 * s / 9.0), "{found:?}");
-        assert!(close(found.fixed_vs_ideal.jumps, 2.0 / 3.0) && close(found.fixed_vs_ideal.mean, 10.6 * s / 9.0), "{found:?}");
+        assert_eq!(
+            (found.covered_pixels, found.still_pixels, found.not_finite),
+            (4, 3, 0)
+        );
+        assert!(
+            close(found.fixed_vs_golden.jumps, 1.0 / 3.0)
+                && close(found.fixed_vs_golden.mean, 5.0 * s / 9.0),
+            "{found:?}"
+        );
+        assert!(
+            close(found.golden_vs_ideal.jumps, 1.0 / 3.0)
+                && close(found.golden_vs_ideal.mean, 6.4 * s / 9.0),
+            "{found:?}"
+        );
+        assert!(
+            close(found.fixed_vs_ideal.jumps, 2.0 / 3.0)
+                && close(found.fixed_vs_ideal.mean, 10.6 * s / 9.0),
+            "{found:?}"
+        );
     }
 
     #[test]
     fn an_error_that_stays_does_not_flicker() {
         let wrong = frame(&[1.0, 0.0], &[0.5, 0.9], &[0.1, 0.2]);
         let found = Sums::new(wrong.all(), wrong.all()).flicker();
-        assert_eq!(found.fixed_vs_golden, Change { mean: Some(0.0), jumps: Some(0.0) });
+        assert_eq!(
+            found.fixed_vs_golden,
+            Change {
+                mean: Some(0.0),
+                jumps: Some(0.0)
+            }
+        );
         assert_eq!(found.golden_vs_ideal, found.fixed_vs_golden);
     }
 
     #[test]
     fn nothing_still_says_nothing() {
-        let (before, now) = (frame(&[0.1], &[0.1], &[0.0]), frame(&[0.2], &[0.2], &[STILL]));
+        let (before, now) = (
+            frame(&[0.1], &[0.1], &[0.0]),
+            frame(&[0.2], &[0.2], &[STILL]),
+        );
         let found = Sums::new(before.all(), now.all()).flicker();
         assert_eq!((found.covered_pixels, found.still_pixels), (1, 0));
-        assert_eq!(found.fixed_vs_golden, Change { mean: None, jumps: None });
+        assert_eq!(
+            found.fixed_vs_golden,
+            Change {
+                mean: None,
+                jumps: None
+            }
+        );
     }
 
     #[test]
     fn what_nothing_covers_is_not_counted() {
-        let mut frames = [frame(&[0.1; 3], &[0.1; 3], &[0.1; 3]), frame(&[0.1, 0.1, 0.3], &[0.1; 3], &[0.1; 3])];
+        let mut frames = [
+            frame(&[0.1; 3], &[0.1; 3], &[0.1; 3]),
+            frame(&[0.1, 0.1, 0.3], &[0.1; 3], &[0.1; 3]),
+        ];
         for frame in &mut frames {
             for picture in [&mut frame.fixed, &mut frame.golden, &mut frame.ideal] {
                 picture.covered = vec![false, false, true];
             }
         }
         let found = Sums::new(frames[0].all(), frames[1].all()).flicker();
-        assert_eq!((found.covered_pixels, found.still_pixels, found.fixed_vs_golden.jumps), (1, 1, Some(1.0)));
+        assert_eq!(
+            (
+                found.covered_pixels,
+                found.still_pixels,
+                found.fixed_vs_golden.jumps
+            ),
+            (1, 1, Some(1.0))
+        );
         // One picture of one frame is enough.
         frames[0].fixed.covered[0] = true;
-        assert_eq!(Sums::new(frames[0].all(), frames[1].all()).flicker().covered_pixels, 2);
+        assert_eq!(
+            Sums::new(frames[0].all(), frames[1].all())
+                .flicker()
+                .covered_pixels,
+            2
+        );
     }
 
     #[test]
@@ -223,11 +332,25 @@ mod tests {
             for which in 0..3 {
                 for channel in 0..4 {
                     let mut broken = still.clone();
-                    [&mut broken.fixed, &mut broken.golden, &mut broken.ideal][which].rgba[2][channel] = wrong;
-                    for found in [Sums::new(still.all(), broken.all()).flicker(), Sums::new(broken.all(), still.all()).flicker()] {
+                    [&mut broken.fixed, &mut broken.golden, &mut broken.ideal][which].rgba[2]
+                        [channel] = wrong;
+                    for found in [
+                        Sums::new(still.all(), broken.all()).flicker(),
+                        Sums::new(broken.all(), still.all()).flicker(),
+                    ] {
                         assert_eq!((found.not_finite, found.still_pixels), (1, 3));
-                        for change in [found.fixed_vs_golden, found.golden_vs_ideal, found.fixed_vs_ideal] {
-                            assert_eq!(change, Change { mean: Some(1.0), jumps: Some(1.0) });
+                        for change in [
+                            found.fixed_vs_golden,
+                            found.golden_vs_ideal,
+                            found.fixed_vs_ideal,
+                        ] {
+                            assert_eq!(
+                                change,
+                                Change {
+                                    mean: Some(1.0),
+                                    jumps: Some(1.0)
+                                }
+                            );
                         }
                     }
                 }
@@ -238,10 +361,22 @@ mod tests {
     /// Pairs with more still pixels weigh more.
     #[test]
     fn pairs_of_frames_add_up_by_their_pixels() {
-        let quiet = Sums { covered: 9, still: 9, ..Sums::default() };
-        let jumpy = Sums { covered: 5, still: 1, changes: [Sum { all: 0.3, jumps: 1 }; 3], ..Sums::default() };
+        let quiet = Sums {
+            covered: 9,
+            still: 9,
+            ..Sums::default()
+        };
+        let jumpy = Sums {
+            covered: 5,
+            still: 1,
+            changes: [Sum { all: 0.3, jumps: 1 }; 3],
+            ..Sums::default()
+        };
         let found = quiet.and(&jumpy).flicker();
-        assert!(close(found.fixed_vs_ideal.jumps, 0.1) && close(found.fixed_vs_ideal.mean, 0.01), "{found:?}");
+        assert!(
+            close(found.fixed_vs_ideal.jumps, 0.1) && close(found.fixed_vs_ideal.mean, 0.01),
+            "{found:?}"
+        );
         assert_eq!((found.covered_pixels, found.still_pixels), (14, 10));
     }
 }

@@ -1,15 +1,16 @@
-//! Lockstep: `golden` led by every decision that the machine takes, with a bound on the machine's error at each pixel
-//! (docs/book/algorithm-resolve.md §8).
+//! Lockstep: `golden` led by every decision that the machine takes, with a bound on the machine's
+//! error at each pixel (docs/book/algorithm-resolve.md §8).
 //!
 //! ```text
 //! machine ─► decisions ─►[ golden's fragments ]─► led picture ─┐
 //!                  └────►[ the units' bounds ]──► bound ───────┴─► |fixed − led| ≤ bound, at every pixel
 //! ```
-//! What is left between the two is arithmetic alone, and the bounds of the units (`real.rs` of each) hold it. A *flip* is a
-//! decision that `golden` would have taken otherwise; it is real if the number that decided lies within its bound of the
-//! threshold, and *unexplained* if not.
+//! What is left between the two is arithmetic alone, and the bounds of the units (`real.rs` of
+//! each) hold it. A *flip* is a decision that `golden` would have taken otherwise; it is real if
+//! the number that decided lies within its bound of the threshold, and *unexplained* if not.
 //!
-//! The led renderer watches the machine as a probe does, tile by tile: nothing is recorded and memory stays that of a tile.
+//! The led renderer watches the machine as a probe does, tile by tile: nothing is recorded and
+//! memory stays that of a tile.
 //!
 //! Laws (tests/bounds.rs): `no_pixel_exceeds_its_bound`, `every_flip_is_explained`.
 
@@ -72,7 +73,8 @@ pub struct Flips {
     pub window: u64,
     /// Another pair to sum, or none.
     pub sum: u64,
-    /// Those among them whose deciding number does not lie within its bound of the threshold. None should.
+    /// Those among them whose deciding number does not lie within its bound of the threshold. None
+    /// should.
     pub unexplained: u64,
     /// Kinds at the pixel at hand, a bit each.
     #[serde(skip)]
@@ -80,13 +82,32 @@ pub struct Flips {
 }
 
 /// Names of the kinds, in the order of their bits.
-pub const KINDS: [&str; 11] = ["cull", "coverage", "slot", "order", "pair", "eviction", "turn", "late", "inside", "window", "sum"];
+pub const KINDS: [&str; 11] = [
+    "cull", "coverage", "slot", "order", "pair", "eviction", "turn", "late", "inside", "window",
+    "sum",
+];
 
 impl Flips {
     /// Counts of the kinds, in the order of their bits.
     fn counts(&mut self) -> [&mut u64; KINDS.len()] {
-        let Flips { cull, coverage, slot, order, pair, eviction, turn, late, inside, window, sum, unexplained: _, here: _ } = self;
-        [cull, coverage, slot, order, pair, eviction, turn, late, inside, window, sum]
+        let Flips {
+            cull,
+            coverage,
+            slot,
+            order,
+            pair,
+            eviction,
+            turn,
+            late,
+            inside,
+            window,
+            sum,
+            unexplained: _,
+            here: _,
+        } = self;
+        [
+            cull, coverage, slot, order, pair, eviction, turn, late, inside, window, sum,
+        ]
     }
 
     /// Each kind and how many there are of it.
@@ -199,15 +220,30 @@ pub fn lockstep(scene: &Scene, machine: &Elaborated, quantised: &Quantised) -> L
 }
 
 /// The same in some tiles.
-pub fn lockstep_in(scene: &Scene, machine: &Elaborated, quantised: &Quantised, tiles: Tiles) -> Lockstep {
+pub fn lockstep_in(
+    scene: &Scene,
+    machine: &Elaborated,
+    quantised: &Quantised,
+    tiles: Tiles,
+) -> Lockstep {
     held_to(scene, machine, machine, quantised, tiles)
 }
 
-/// Draws a scene on one machine and holds it to the bounds of another, which is given the same words.
-fn held_to(scene: &Scene, drawn: &Elaborated, claimed: &Elaborated, quantised: &Quantised, tiles: Tiles) -> Lockstep {
+/// Draws a scene on one machine and holds it to the bounds of another, which is given the same
+/// words.
+fn held_to(
+    scene: &Scene,
+    drawn: &Elaborated,
+    claimed: &Elaborated,
+    quantised: &Quantised,
+    tiles: Tiles,
+) -> Lockstep {
     let rules = fixed::rules(&claimed.machine);
     let shader = Shader::of(scene, &rules);
-    let stage = Stage { tiles, ..Stage::new(scene, claimed, quantised, &rules, &shader) };
+    let stage = Stage {
+        tiles,
+        ..Stage::new(scene, claimed, quantised, &rules, &shader)
+    };
     let mut leader = Leader::new(&stage);
     let drawing = pipeline::draw_with_decisions(drawn, &quantised.frame, &mut leader);
     leader.finish(drawing.covered)
@@ -237,9 +273,20 @@ struct Stage<'a> {
 }
 
 impl<'a> Stage<'a> {
-    fn new(scene: &'a Scene, machine: &'a Elaborated, quantised: &'a Quantised, rules: &'a Rules, shader: &'a Shader) -> Self {
+    fn new(
+        scene: &'a Scene,
+        machine: &'a Elaborated,
+        quantised: &'a Quantised,
+        rules: &'a Rules,
+        shader: &'a Shader,
+    ) -> Self {
         let eye = scene.view();
-        let registers = Registers { scene, eye: &eye, machine, quantised };
+        let registers = Registers {
+            scene,
+            eye: &eye,
+            machine,
+            quantised,
+        };
         let common = Common {
             machine,
             rules,
@@ -257,21 +304,49 @@ impl<'a> Stage<'a> {
         for (splat, tiles) in reached(scene, &eye) {
             let [left, top, right, bottom] = tiles.map(usize::from);
             for row in top..bottom {
-                bins[row * columns..][left..right].iter_mut().for_each(|bin| bin.push(splat));
+                bins[row * columns..][left..right]
+                    .iter_mut()
+                    .for_each(|bin| bin.push(splat));
             }
         }
         let sheets = SheetRules::new(scene, machine, quantised);
         let windows = WindowRules::new(scene, &common, quantised);
-        let least_weight = sheets.as_ref().map_or(Near::exact(0.0), SheetRules::least_weight);
+        let least_weight = sheets
+            .as_ref()
+            .map_or(Near::exact(0.0), SheetRules::least_weight);
         let least_opacity = registers.least_opacity(&Bounded);
         let tiles = Tiles::All;
-        Stage { scene, tiles, machine, quantised, view, eye, common, least_weight, least_opacity, sheets, windows, columns, bins }
+        Stage {
+            scene,
+            tiles,
+            machine,
+            quantised,
+            view,
+            eye,
+            common,
+            least_weight,
+            least_opacity,
+            sheets,
+            windows,
+            columns,
+            bins,
+        }
     }
 
     /// A splat, exact and as the machine may have it.
     fn splat(&self, index: u32) -> Splat {
-        let (mut footprint, cull) = set_up_anyway(self.scene, &self.eye, index as usize, self.scene.least_weight());
-        let registers = Registers { scene: self.scene, eye: &self.eye, machine: self.machine, quantised: self.quantised };
+        let (mut footprint, cull) = set_up_anyway(
+            self.scene,
+            &self.eye,
+            index as usize,
+            self.scene.least_weight(),
+        );
+        let registers = Registers {
+            scene: self.scene,
+            eye: &self.eye,
+            machine: self.machine,
+            quantised: self.quantised,
+        };
         let mut record = registers.splat(&Bounded, index as usize);
         let frame = &self.quantised.frame;
         let turned = self.machine.turns_normal(frame, index as usize);
@@ -282,25 +357,54 @@ impl<'a> Stage<'a> {
         }
         let ellipsoid = registers.ellipsoid(&Bounded, index as usize);
         let size_px = [self.quantised.frame.width, self.quantised.frame.height];
-        let near = NearFootprint::new(self.machine, &self.view, &record, ellipsoid.as_ref(), size_px);
+        let near = NearFootprint::new(
+            self.machine,
+            &self.view,
+            &record,
+            ellipsoid.as_ref(),
+            size_px,
+        );
         // The machine's normals against golden's own.
         let normal = [0, 1, 2].map(|axis| near.ellipse.normal[axis].around(footprint.normal[axis]));
         let mut rgb = record.rgb;
         let opacity = footprint.opacity;
         let own = self.windows.as_ref().map(|_| {
             let golden = self.common.shader.emission(&footprint);
-            let emission = self.machine.real_emission(&self.common.lighting, rgb, normal, footprint.material);
-            Own { golden, light: [0, 1, 2].map(|channel| emission[channel].around(golden[channel])), opacity }
+            let emission =
+                self.machine
+                    .real_emission(&self.common.lighting, rgb, normal, footprint.material);
+            Own {
+                golden,
+                light: [0, 1, 2].map(|channel| emission[channel].around(golden[channel])),
+                opacity,
+            }
         });
-        if self.scene.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.preshaded) {
-            let emission = self.machine.real_emission(&self.common.lighting, rgb, normal, footprint.material);
+        if self
+            .scene
+            .ellipsoids
+            .as_ref()
+            .is_some_and(|ellipsoids| ellipsoids.preshaded)
+        {
+            let emission =
+                self.machine
+                    .real_emission(&self.common.lighting, rgb, normal, footprint.material);
             footprint.rgb = self.common.shader.emission(&footprint);
             rgb = [0, 1, 2].map(|channel| emission[channel].around(footprint.rgb[channel]));
         }
         let [r, g, b] = rgb;
         let attributes = [r, g, b, record.opacity, normal[0], normal[1], normal[2]];
         let filled = self.common.limits.filled(&attributes);
-        Splat { index, footprint, cull, near, record, attributes, filled, turns_otherwise, own }
+        Splat {
+            index,
+            footprint,
+            cull,
+            near,
+            record,
+            attributes,
+            filled,
+            turns_otherwise,
+            own,
+        }
     }
 
     /// Whether a pixel's tile is held.
@@ -310,7 +414,10 @@ impl<'a> Stage<'a> {
 
     /// A pixel's centre from the picture's middle.
     fn at(&self, x: u32, y: u32) -> [f64; 2] {
-        [f64::from(x) + 0.5 - self.eye.half_px[0], f64::from(y) + 0.5 - self.eye.half_px[1]]
+        [
+            f64::from(x) + 0.5 - self.eye.half_px[0],
+            f64::from(y) + 0.5 - self.eye.half_px[1],
+        ]
     }
 
     /// Whether machine and `golden` may differ about drawing the splat at all.
@@ -322,7 +429,9 @@ impl<'a> Stage<'a> {
             || ellipse.amplitude.low() <= 0.0
             || ellipse.facing.may_cross(zero)
             || splat.record.radius.low() <= 0.0
-            || self.least_opacity.is_some_and(|least| splat.record.opacity.may_cross(least))
+            || self
+                .least_opacity
+                .is_some_and(|least| splat.record.opacity.may_cross(least))
     }
 
     /// Whether machine and `golden` may differ about the splat's reaching a pixel.
@@ -331,17 +440,25 @@ impl<'a> Stage<'a> {
         let contribution = splat.near.contribution(self.machine, at);
         let exact = splat.footprint.row(y).beyond(x);
         let outside = |axis: usize| {
-            let distance = Near::within(at[axis] - splat.near.point.pixel[axis].value, splat.near.point.pixel[axis].error).abs();
+            let distance = Near::within(
+                at[axis] - splat.near.point.pixel[axis].value,
+                splat.near.point.pixel[axis].error,
+            )
+            .abs();
             distance.may_cross(splat.near.ellipse.extent[axis])
         };
-        contribution.radial.around(exact.radial_index).may_cross(self.view.cutoff)
+        contribution
+            .radial
+            .around(exact.radial_index)
+            .may_cross(self.view.cutoff)
             || contribution.weight.around(exact.weight).low() <= self.least_weight.high()
             || outside(0)
             || outside(1)
     }
 }
 
-/// The splats that `golden` draws, each with the tiles of its box: first column and row, end column and row.
+/// The splats that `golden` draws, each with the tiles of its box: first column and row, end column
+/// and row.
 fn reached(scene: &Scene, eye: &View) -> Vec<(u32, [u16; 4])> {
     let rectangle = |index: usize| {
         let (footprint, cull) = set_up_anyway(scene, eye, index, scene.least_weight());
@@ -352,7 +469,10 @@ fn reached(scene: &Scene, eye: &View) -> Vec<(u32, [u16; 4])> {
         let [right, bottom] = end.map(|pixel| (pixel as usize).div_ceil(TILE_PX) as u16);
         drawn.then_some((index as u32, [left, top, right, bottom]))
     };
-    (0..scene.splats.len()).into_par_iter().filter_map(rectangle).collect()
+    (0..scene.splats.len())
+        .into_par_iter()
+        .filter_map(rectangle)
+        .collect()
 }
 
 /// One splat, exact and as the machine may have it.
@@ -371,10 +491,14 @@ struct Splat {
 }
 
 impl Splat {
-    /// Whether `golden` has this contribution at a pixel of this row, which is known as if all of them reached it.
+    /// Whether `golden` has this contribution at a pixel of this row, which is known as if all of
+    /// them reached it.
     fn covers(&self, row: &Row, [x, y]: [u32; 2], contribution: &Exact) -> bool {
         let Footprint { columns, rows, .. } = &self.footprint;
-        self.cull.is_none() && columns.contains(&x) && rows.contains(&y) && row.reaches(x, contribution)
+        self.cull.is_none()
+            && columns.contains(&x)
+            && rows.contains(&y)
+            && row.reaches(x, contribution)
     }
 }
 
@@ -391,7 +515,12 @@ struct Tile {
 
 impl Default for Tile {
     fn default() -> Self {
-        Tile { led: vec![[0.0; 4]; TILE_AREA], bound: vec![0.0; TILE_AREA], error: vec![0.0; TILE_AREA], flipped: vec![0; TILE_AREA] }
+        Tile {
+            led: vec![[0.0; 4]; TILE_AREA],
+            bound: vec![0.0; TILE_AREA],
+            error: vec![0.0; TILE_AREA],
+            flipped: vec![0; TILE_AREA],
+        }
     }
 }
 
@@ -406,7 +535,8 @@ struct Leader<'a> {
     windows: Vec<WindowPixel>,
     /// The splat at hand, which is large.
     splat: Option<Box<Splat>>,
-    /// Splats of the tile before, and of this one, that go on to their right: most likely into the next tile. They are set up once for both.
+    /// Splats of the tile before, and of this one, that go on to their right: most likely into the
+    /// next tile. They are set up once for both.
     go_on: [BTreeMap<u32, Box<Splat>>; 2],
     /// What it reached of the tile at hand.
     reached: Mask,
@@ -458,7 +588,12 @@ impl<'a> Leader<'a> {
             return;
         }
         let near = splat.near.contribution(stage.machine, stage.at(x, y));
-        let depth = || splat.near.depth(stage.machine, stage.at(x, y)).around(exact.z * stage.quantised.scale.factor());
+        let depth = || {
+            splat
+                .near
+                .depth(stage.machine, stage.at(x, y))
+                .around(exact.z * stage.quantised.scale.factor())
+        };
         let arrival = Arrival {
             golden: Fragment::new(&splat.footprint, &exact, [x, y]),
             weight: near.weight.around(exact.weight),
@@ -478,18 +613,30 @@ impl<'a> Leader<'a> {
                 flips.turn(splat.near.ellipse.facing_viewer.may_cross(Near::exact(0.0)));
             }
             if let (Some(rules), Some(own)) = (&stage.windows, &splat.own) {
-                return leader.windows[pixel].take(rules, &stage.common, &arrival, own, decision, flips);
+                return leader.windows[pixel].take(
+                    rules,
+                    &stage.common,
+                    &arrival,
+                    own,
+                    decision,
+                    flips,
+                );
             }
             match &stage.sheets {
                 None => leader.pixels[pixel].take(&stage.common, &arrival, decision, flips),
-                Some(rules) => leader.sheets[pixel].take(rules, &stage.common, &arrival, decision, flips),
+                Some(rules) => {
+                    leader.sheets[pixel].take(rules, &stage.common, &arrival, decision, flips)
+                }
             }
         });
     }
 
-    /// The splat at hand has all that the machine gives it in the tile that begins at (`left`, `top`): what only `golden` has of it is lost.
+    /// The splat at hand has all that the machine gives it in the tile that begins at (`left`,
+    /// `top`): what only `golden` has of it is lost.
     fn end_splat(&mut self, [left, top]: [u32; 2]) {
-        let Some(splat) = self.splat.take() else { return };
+        let Some(splat) = self.splat.take() else {
+            return;
+        };
         self.touched.push(splat.index);
         if splat.cull.is_none() {
             for at in self.lost(&splat.footprint, [left, top]) {
@@ -514,7 +661,12 @@ impl<'a> Leader<'a> {
             if touched.peek() == Some(&index) {
                 continue;
             }
-            let (footprint, _) = set_up_anyway(stage.scene, &stage.eye, index as usize, stage.scene.least_weight());
+            let (footprint, _) = set_up_anyway(
+                stage.scene,
+                &stage.eye,
+                index as usize,
+                stage.scene.least_weight(),
+            );
             let lost = self.lost(&footprint, [left, top]);
             if !lost.is_empty() {
                 let splat = stage.splat(index);
@@ -523,7 +675,8 @@ impl<'a> Leader<'a> {
         }
     }
 
-    /// Pixels of a tile that a splat reaches in `golden`, but for those in which the machine has it too.
+    /// Pixels of a tile that a splat reaches in `golden`, but for those in which the machine has it
+    /// too.
     fn lost(&self, footprint: &Footprint, [left, top]: [u32; 2]) -> Vec<[u32; 2]> {
         let side = TILE_PX as u32;
         let mut lost = Vec::new();
@@ -543,7 +696,13 @@ impl<'a> Leader<'a> {
     fn lose(&mut self, splat: &Splat, [x, y]: [u32; 2]) {
         let stage = self.stage;
         let (culled, covered) = (stage.may_cull(splat), stage.may_cover(splat, x, y));
-        self.at_pixel(in_tile(x, y), |_, flips| if culled && !covered { flips.cull(true) } else { flips.coverage(covered) });
+        self.at_pixel(in_tile(x, y), |_, flips| {
+            if culled && !covered {
+                flips.cull(true)
+            } else {
+                flips.coverage(covered)
+            }
+        });
     }
 
     /// Tiles that the machine never touched, and the frame.
@@ -555,7 +714,8 @@ impl<'a> Leader<'a> {
             if is_held && !self.tiles.contains_key(&tile) && !stage.bins[tile].is_empty() {
                 self.tile = Tile::default();
                 self.tile.led.fill(stage.common.shader.background());
-                let [left, top] = [tile % stage.columns, tile / stage.columns].map(|at| (at * TILE_PX) as u32);
+                let [left, top] =
+                    [tile % stage.columns, tile / stage.columns].map(|at| (at * TILE_PX) as u32);
                 self.find_lost(tile, [left, top]);
                 self.tiles.insert(tile, std::mem::take(&mut self.tile));
             }
@@ -563,7 +723,12 @@ impl<'a> Leader<'a> {
         let pixels = width * height;
         let mut frame = Lockstep {
             tiles: stage.tiles,
-            led: Picture { width, height, rgba: vec![stage.common.shader.background(); pixels], covered },
+            led: Picture {
+                width,
+                height,
+                rgba: vec![stage.common.shader.background(); pixels],
+                covered,
+            },
             bound: vec![0.0; pixels],
             error: vec![0.0; pixels],
             flipped: vec![0; pixels],
@@ -571,31 +736,48 @@ impl<'a> Leader<'a> {
             flips: self.flips,
         };
         for (index, tile) in self.tiles {
-            let (left, top) = (index % stage.columns * TILE_PX, index / stage.columns * TILE_PX);
+            let (left, top) = (
+                index % stage.columns * TILE_PX,
+                index / stage.columns * TILE_PX,
+            );
             for row in 0..TILE_PX.min(height - top) {
                 let columns = TILE_PX.min(width - left);
                 let (to, from) = ((top + row) * width + left, row * TILE_PX);
                 frame.led.rgba[to..to + columns].copy_from_slice(&tile.led[from..from + columns]);
                 frame.bound[to..to + columns].copy_from_slice(&tile.bound[from..from + columns]);
                 frame.error[to..to + columns].copy_from_slice(&tile.error[from..from + columns]);
-                frame.flipped[to..to + columns].copy_from_slice(&tile.flipped[from..from + columns]);
+                frame.flipped[to..to + columns]
+                    .copy_from_slice(&tile.flipped[from..from + columns]);
             }
         }
         frame
     }
 }
 
-/// Whether a channel of a pixel exceeds its bound, or has a value or a bound that is no number. No bound, infinite, allows any number.
+/// Whether a channel of a pixel exceeds its bound, or has a value or a bound that is no number. No
+/// bound, infinite, allows any number.
 fn violates(held: [f64; 4], near: [Near; 4]) -> bool {
-    let keeps = |held: f64, near: Near| near.value.is_finite() && (held - near.value).abs() <= near.error;
-    !held.into_iter().zip(near).all(|(held, near)| keeps(held, near))
+    let keeps =
+        |held: f64, near: Near| near.value.is_finite() && (held - near.value).abs() <= near.error;
+    !held
+        .into_iter()
+        .zip(near)
+        .all(|(held, near)| keeps(held, near))
 }
 
 /// Error and bound of a pixel's worst channels; infinite where one is no number.
 fn judged(held: [f64; 4], near: [Near; 4]) -> [f64; 2] {
     let number = |x: f64| if x.is_nan() { f64::INFINITY } else { x };
-    let errors = held.into_iter().zip(near).map(|(held, near)| number((held - near.value).abs()));
-    [errors.fold(0.0, f64::max), near.into_iter().map(|near| number(near.error)).fold(0.0, f64::max)]
+    let errors = held
+        .into_iter()
+        .zip(near)
+        .map(|(held, near)| number((held - near.value).abs()));
+    [
+        errors.fold(0.0, f64::max),
+        near.into_iter()
+            .map(|near| number(near.error))
+            .fold(0.0, f64::max),
+    ]
 }
 
 /// A pixel's number in its tile.
@@ -616,7 +798,11 @@ impl<'a> Observer<'a> for Leader<'a> {
     }
 
     fn hand_over(self: Box<Self>) -> Box<dyn Any + Send> {
-        Box::new(Part { tiles: self.tiles, flips: self.flips, violations: self.violations })
+        Box::new(Part {
+            tiles: self.tiles,
+            flips: self.flips,
+            violations: self.violations,
+        })
     }
 
     fn take_over(&mut self, seen: Box<dyn Any + Send>) {
@@ -645,7 +831,9 @@ impl<'a> Observer<'a> for Leader<'a> {
             other => {
                 self.splat = other;
                 self.end_splat([x, y].map(|at| at - at % TILE_PX as u32));
-                self.go_on[0].remove(&contribution.splat).unwrap_or_else(|| Box::new(self.stage.splat(contribution.splat)))
+                self.go_on[0]
+                    .remove(&contribution.splat)
+                    .unwrap_or_else(|| Box::new(self.stage.splat(contribution.splat)))
             }
         };
         let pixel = in_tile(x, y);
@@ -668,15 +856,27 @@ impl<'a> Observer<'a> for Leader<'a> {
         let near = self.at_pixel(pixel, |leader, flips| {
             if let Some(rules) = &leader.stage.sheets {
                 let nothing = SheetPixel::default();
-                return leader.sheets.get(pixel).unwrap_or(&nothing).resolve(rules, &leader.stage.common);
+                return leader
+                    .sheets
+                    .get(pixel)
+                    .unwrap_or(&nothing)
+                    .resolve(rules, &leader.stage.common);
             }
             if let Some(rules) = &leader.stage.windows {
-                let mut held = leader.windows.get_mut(pixel).map(std::mem::take).unwrap_or_default();
+                let mut held = leader
+                    .windows
+                    .get_mut(pixel)
+                    .map(std::mem::take)
+                    .unwrap_or_default();
                 return held.resolve(rules, &leader.stage.common, flips);
             }
             let nothing = Pixel::default();
             let held = leader.pixels.get(pixel).unwrap_or(&nothing);
-            held.resolve(&leader.stage.common, layers.iter().map(|layer| layer.slot), flips)
+            held.resolve(
+                &leader.stage.common,
+                layers.iter().map(|layer| layer.slot),
+                flips,
+            )
         });
         let format = self.stage.machine.machine.resolve.frame.format;
         let held = frame.map(|word| format.value(word));

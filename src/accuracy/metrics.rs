@@ -1,7 +1,8 @@
 //! Metrics: how far two pictures of one scene lie apart (docs/book/accuracy.md).
 //!
-//! A value that is no finite number is as far from any other as values can be, and a picture with one as far from any other as pictures
-//! can be: 0 dB, off by 1. So nothing that compares can take it for equal, or for good.
+//! A value that is no finite number is as far from any other as values can be, and a picture with
+//! one as far from any other as pictures can be: 0 dB, off by 1. So nothing that compares can take
+//! it for equal, or for good.
 //!
 //! Law: `what_is_no_number_is_never_equal`.
 
@@ -40,7 +41,11 @@ pub struct Metrics {
 /// # Panics
 /// If their sizes differ: pictures of one scene have one size.
 pub fn metrics(a: &Picture, b: &Picture) -> Metrics {
-    assert_eq!((a.width, a.height), (b.width, b.height), "pictures of one scene have one size");
+    assert_eq!(
+        (a.width, a.height),
+        (b.width, b.height),
+        "pictures of one scene have one size"
+    );
     let sums = Sums::new(a, b);
     let pixels = (a.width * a.height) as f64;
     if sums.not_finite > 0 {
@@ -65,12 +70,16 @@ pub fn metrics(a: &Picture, b: &Picture) -> Metrics {
     }
 }
 
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "serde calls it with a reference")]
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "serde calls it with a reference"
+)]
 pub(super) fn is_zero(count: &u64) -> bool {
     *count == 0
 }
 
-/// Decibels as summaries have them: none where the pictures are equal, and no number where a pixel has none.
+/// Decibels as summaries have them: none where the pictures are equal, and no number where a pixel
+/// has none.
 pub(crate) fn db_text(db: Option<f64>, not_finite: u64, show: impl Fn(f64) -> String) -> String {
     match db {
         _ if not_finite > 0 => "no number".into(),
@@ -92,7 +101,8 @@ pub struct Distance {
     pub psnr_db: Option<f64>,
     /// As [`Metrics::psnr_covered_db`].
     pub psnr_covered_db: Option<f64>,
-    /// Mean absolute difference over the pixels that a splat touches in either picture, and the colour channels.
+    /// Mean absolute difference over the pixels that a splat touches in either picture, and the
+    /// colour channels.
     pub mean_covered_error: f64,
     /// As [`Metrics::max_error`].
     pub max_error: f64,
@@ -106,34 +116,52 @@ pub struct Distance {
 /// # Panics
 /// If their sizes differ.
 pub fn distance(a: &Picture, b: &Picture) -> Distance {
-    assert_eq!((a.width, a.height), (b.width, b.height), "pictures of one scene have one size");
+    assert_eq!(
+        (a.width, a.height),
+        (b.width, b.height),
+        "pictures of one scene have one size"
+    );
     let sums = Sums::new(a, b);
     let values = 3.0 * sums.covered_pixels as f64;
     if sums.not_finite > 0 {
         let not_finite = sums.not_finite;
-        return Distance { psnr_db: Some(0.0), psnr_covered_db: Some(0.0), mean_covered_error: 1.0, max_error: 1.0, not_finite };
+        return Distance {
+            psnr_db: Some(0.0),
+            psnr_covered_db: Some(0.0),
+            mean_covered_error: 1.0,
+            max_error: 1.0,
+            not_finite,
+        };
     }
     Distance {
         psnr_db: psnr_db(sums.squares, 3.0 * (a.width * a.height) as f64),
         psnr_covered_db: psnr_db(sums.covered_squares, values),
-        mean_covered_error: if values > 0.0 { sums.covered_errors / values } else { 0.0 },
+        mean_covered_error: if values > 0.0 {
+            sums.covered_errors / values
+        } else {
+            0.0
+        },
         max_error: sums.max,
         not_finite: 0,
     }
 }
 
-/// How near a drawn picture comes to a given one, as papers on splatting measure it: over the colour channels, of values as files store them
-/// (sRGB code values from 0 to 1, not linear light). Means over several pictures are means of these figures.
+/// How near a drawn picture comes to a given one, as papers on splatting measure it: over the
+/// colour channels, of values as files store them (sRGB code values from 0 to 1, not linear light).
+/// Means over several pictures are means of these figures.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Fidelity {
-    /// Peak 1, all pixels and channels; none where the pictures are equal (it is infinite), and in a mean where those of one frame are.
+    /// Peak 1, all pixels and channels; none where the pictures are equal (it is infinite), and in
+    /// a mean where those of one frame are.
     pub psnr_db: Option<f64>,
-    /// Structural similarity, 1 where the pictures are equal; mean of the channels. Gaussian window of 11×11 pixels, σ 1.5, only where it
-    /// lies inside the picture.
+    /// Structural similarity, 1 where the pictures are equal; mean of the channels. Gaussian window
+    /// of 11×11 pixels, σ 1.5, only where it lies inside the picture.
     pub ssim: f64,
-    /// FLIP, mean over the pixels: how large the difference looks, 0 (none) to 1, at 67.02 pixels per degree.
+    /// FLIP, mean over the pixels: how large the difference looks, 0 (none) to 1, at 67.02 pixels
+    /// per degree.
     pub flip: f64,
-    /// Pixels of the drawn picture of which a channel is NaN or infinite; then the figures are 0 dB, 0 and 1. None should.
+    /// Pixels of the drawn picture of which a channel is NaN or infinite; then the figures are 0
+    /// dB, 0 and 1. None should.
     #[serde(skip_serializing_if = "is_zero")]
     pub not_finite: u64,
 }
@@ -143,10 +171,19 @@ pub struct Fidelity {
 /// # Panics
 /// If their sizes differ.
 pub fn fidelity(drawn: &Picture, given: &Picture) -> Fidelity {
-    assert_eq!((drawn.width, drawn.height), (given.width, given.height), "pictures that are compared have one size");
+    assert_eq!(
+        (drawn.width, drawn.height),
+        (given.width, given.height),
+        "pictures that are compared have one size"
+    );
     let sums = Sums::new(drawn, given);
     if sums.not_finite > 0 {
-        return Fidelity { psnr_db: Some(0.0), ssim: 0.0, flip: 1.0, not_finite: sums.not_finite };
+        return Fidelity {
+            psnr_db: Some(0.0),
+            ssim: 0.0,
+            flip: 1.0,
+            not_finite: sums.not_finite,
+        };
     }
     Fidelity {
         psnr_db: psnr_db(sums.squares, 3.0 * (drawn.width * drawn.height) as f64),
@@ -172,7 +209,9 @@ pub(super) fn difference(a: &Picture, b: &Picture, index: usize) -> [f64; 3] {
 
 /// Whether a pixel has four finite numbers.
 pub fn is_finite(picture: &Picture, index: usize) -> bool {
-    picture.rgba[index].iter().all(|channel| channel.is_finite())
+    picture.rgba[index]
+        .iter()
+        .all(|channel| channel.is_finite())
 }
 
 /// Sums of one row; rows are added up from the top, so that threads do not show in the last bit.
@@ -190,7 +229,10 @@ struct Sums {
 
 impl Sums {
     fn new(a: &Picture, b: &Picture) -> Sums {
-        let rows: Vec<Sums> = (0..a.height).into_par_iter().map(|y| Sums::of_row(a, b, y)).collect();
+        let rows: Vec<Sums> = (0..a.height)
+            .into_par_iter()
+            .map(|y| Sums::of_row(a, b, y))
+            .collect();
         rows.into_iter().fold(Sums::default(), Sums::and)
     }
 
@@ -237,24 +279,35 @@ fn psnr_db(squares: f64, values: f64) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// Colours that both this program and the one that made the expected numbers can compute: with numpy's
-    /// `y, x, c = mgrid[0:h, 0:w, 0:3]`, `a = (7x + 13y + 5c) % 32 / 31`, `b = clip(a + ((3x + 5y + c) % 8 − 4) / 64, 0, 1)`.
-    /// The left half of `a` is covered, nothing of `b`.
+    /// Colours that both this program and the one that made the expected numbers can compute: with
+    /// numpy's `y, x, c = mgrid[0:h, 0:w, 0:3]`, `a = (7x + 13y + 5c) % 32 / 31`,
+    /// `b = clip(a + ((3x + 5y + c) % 8 − 4) / 64, 0, 1)`. The left half of `a` is covered, nothing
+    /// of `b`.
     fn pair(width: usize, height: usize) -> (Picture, Picture) {
         let pixel = |index: usize| {
             let (x, y) = (index % width, index / width);
-            let a: [f64; 3] = std::array::from_fn(|c| ((7 * x + 13 * y + 5 * c) % 32) as f64 / 31.0);
+            let a: [f64; 3] =
+                std::array::from_fn(|c| ((7 * x + 13 * y + 5 * c) % 32) as f64 / 31.0);
             let shift = |c: usize| (((3 * x + 5 * y + c) % 8) as f64 - 4.0) / 64.0;
-            (a, std::array::from_fn(|c| (a[c] + shift(c)).clamp(0.0, 1.0)))
+            (
+                a,
+                std::array::from_fn(|c| (a[c] + shift(c)).clamp(0.0, 1.0)),
+            )
         };
         let (a, b): (Vec<[f64; 3]>, Vec<[f64; 3]>) = (0..width * height).map(pixel).unzip();
         let picture = |colours: Vec<[f64; 3]>, covered: &dyn Fn(usize) -> bool| Picture {
             width,
             height,
-            rgba: colours.into_iter().map(|[r, g, b]| [r, g, b, 1.0]).collect(),
+            rgba: colours
+                .into_iter()
+                .map(|[r, g, b]| [r, g, b, 1.0])
+                .collect(),
             covered: (0..width * height).map(covered).collect(),
         };
-        (picture(a, &|index| index % width < width / 2), picture(b, &|_| false))
+        (
+            picture(a, &|index| index % width < width / 2),
+            picture(b, &|_| false),
+        )
     }
 
     fn close(a: f64, b: f64) -> bool {
@@ -266,18 +319,33 @@ mod tests {
     fn the_distances_are_those_that_numpy_finds() {
         let (a, b) = pair(24, 20);
         let metrics = metrics(&a, &b);
-        assert!(close(metrics.psnr_db.unwrap(), 29.104267601378865), "{metrics:?}");
-        assert!(close(metrics.psnr_covered_db.unwrap(), 29.10007602797664), "{metrics:?}");
-        assert!(close(metrics.max_error, 0.0625) && close(metrics.mean_error, 0.029324526769713262), "{metrics:?}");
+        assert!(
+            close(metrics.psnr_db.unwrap(), 29.104267601378865),
+            "{metrics:?}"
+        );
+        assert!(
+            close(metrics.psnr_covered_db.unwrap(), 29.10007602797664),
+            "{metrics:?}"
+        );
+        assert!(
+            close(metrics.max_error, 0.0625) && close(metrics.mean_error, 0.029324526769713262),
+            "{metrics:?}"
+        );
         assert_eq!(metrics.pixels_over_1_255, 480);
         let distance = distance(&a, &b);
-        assert_eq!((distance.psnr_covered_db, distance.max_error), (metrics.psnr_covered_db, metrics.max_error));
+        assert_eq!(
+            (distance.psnr_covered_db, distance.max_error),
+            (metrics.psnr_covered_db, metrics.max_error)
+        );
         assert_eq!(distance.psnr_db, metrics.psnr_db);
-        assert!(close(distance.mean_covered_error, 0.02933537746415771), "{distance:?}");
+        assert!(
+            close(distance.mean_covered_error, 0.02933537746415771),
+            "{distance:?}"
+        );
     }
 
-    /// From scikit-image: `structural_similarity(a, b, gaussian_weights=True, sigma=1.5, use_sample_covariance=False,
-    /// data_range=1, channel_axis=2)`.
+    /// From scikit-image: `structural_similarity(a, b, gaussian_weights=True, sigma=1.5,
+    /// use_sample_covariance=False, data_range=1, channel_axis=2)`.
     #[test]
     fn ssim_is_what_scikit_image_finds() {
         let (a, b) = pair(24, 20);
@@ -295,7 +363,8 @@ mod tests {
         }
     }
 
-    /// Whole numbers of 8 bits: with numpy's `a = (x² + y² + 37cx) // (5 + c) % 256`, `b = clip(a + (x//6·(c + 1) + y//6) % 7·9 − 20, 0, 255)`.
+    /// Whole numbers of 8 bits: with numpy's `a = (x² + y² + 37cx) // (5 + c) % 256`,
+    /// `b = clip(a + (x//6·(c + 1) + y//6) % 7·9 − 20, 0, 255)`.
     fn rings(width: usize, height: usize) -> (Picture, Picture) {
         let code = |x: usize, y: usize, c: usize| (x * x + y * y + 37 * c * x) / (5 + c) % 256;
         let other = |x: usize, y: usize, c: usize| {
@@ -304,20 +373,32 @@ mod tests {
         };
         let picture = |code: &dyn Fn(usize, usize, usize) -> usize| {
             let pixel = |index: usize| {
-                let [r, g, b] = [0, 1, 2].map(|c| code(index % width, index / width, c) as f64 / 255.0);
+                let [r, g, b] =
+                    [0, 1, 2].map(|c| code(index % width, index / width, c) as f64 / 255.0);
                 [r, g, b, 1.0]
             };
-            Picture { width, height, rgba: (0..width * height).map(pixel).collect(), covered: vec![true; width * height] }
+            Picture {
+                width,
+                height,
+                rgba: (0..width * height).map(pixel).collect(),
+                covered: vec![true; width * height],
+            }
         };
         (picture(&code), picture(&other))
     }
 
     fn plain(width: usize, height: usize, [r, g, b]: [f64; 3]) -> Picture {
-        Picture { width, height, rgba: vec![[r, g, b, 1.0]; width * height], covered: vec![true; width * height] }
+        Picture {
+            width,
+            height,
+            rgba: vec![[r, g, b, 1.0]; width * height],
+            covered: vec![true; width * height],
+        }
     }
 
-    /// From the authors' program: `flip_evaluator.evaluate(a, b, "LDR", applyMagma=False)` of flip-evaluator 1.7 (PyPI), mean of the map that
-    /// it gives in numpy's float64. It computes in 32 bits: of a plain picture rounding leaves edges of 3e-9, and the root of that is a feature
+    /// From the authors' program: `flip_evaluator.evaluate(a, b, "LDR", applyMagma=False)` of
+    /// flip-evaluator 1.7 (PyPI), mean of the map that it gives in numpy's float64. It computes in
+    /// 32 bits: of a plain picture rounding leaves edges of 3e-9, and the root of that is a feature
     /// of 5e-5.
     #[test]
     fn flip_is_what_its_authors_program_finds() {
@@ -329,68 +410,145 @@ mod tests {
             (rings(40, 30), 0.3666589738273372),
             // More rows than a band has.
             (rings(96, 80), 0.32718445034261096),
-            ((plain(5, 4, [0.0, 1.0, 0.0]), plain(5, 4, [0.0, 0.0, 1.0])), 1.0),
-            ((plain(5, 4, [0.5; 3]), plain(5, 4, [0.6, 0.5, 0.4])), 0.3260801434516907),
-            ((plain(5, 4, [0.0; 3]), plain(5, 4, [1.0; 3])), 0.9673883318901062),
+            (
+                (plain(5, 4, [0.0, 1.0, 0.0]), plain(5, 4, [0.0, 0.0, 1.0])),
+                1.0,
+            ),
+            (
+                (plain(5, 4, [0.5; 3]), plain(5, 4, [0.6, 0.5, 0.4])),
+                0.3260801434516907,
+            ),
+            (
+                (plain(5, 4, [0.0; 3]), plain(5, 4, [1.0; 3])),
+                0.9673883318901062,
+            ),
         ] {
             let size = (pictures.0.width, pictures.0.height);
             let (one, other) = of(pictures);
             let most = if size == (5, 4) { 5e-5 } else { 2e-6 };
-            assert!((one - expected).abs() < most, "{size:?}: {one} and not {expected}");
+            assert!(
+                (one - expected).abs() < most,
+                "{size:?}: {one} and not {expected}"
+            );
             assert!((one - other).abs() < 1e-15, "{size:?}: {one} and {other}");
         }
     }
 
-    /// Worked out by hand: a mean square of (0.1² + 0² + 0.2²)/3 is 17.782 dB; without variance only the luminance is left of SSIM.
+    /// Worked out by hand: a mean square of (0.1² + 0² + 0.2²)/3 is 17.782 dB; without variance
+    /// only the luminance is left of SSIM.
     #[test]
     fn fidelity_of_two_plain_pictures_is_what_a_pencil_finds() {
-        let (a, b) = (plain(13, 12, [0.5, 0.25, 0.8]), plain(13, 12, [0.6, 0.25, 0.6]));
+        let (a, b) = (
+            plain(13, 12, [0.5, 0.25, 0.8]),
+            plain(13, 12, [0.6, 0.25, 0.6]),
+        );
         let found = fidelity(&a, &b);
-        assert!(close(found.psnr_db.unwrap(), 17.781512503836435), "{found:?}");
+        assert!(
+            close(found.psnr_db.unwrap(), 17.781512503836435),
+            "{found:?}"
+        );
         let luminance = |p: f64, q: f64| (2.0 * p * q + 1e-4) / (p * p + q * q + 1e-4);
         let expected = (luminance(0.5, 0.6) + 1.0 + luminance(0.8, 0.6)) / 3.0;
-        assert!((found.ssim - expected).abs() < 1e-10, "{found:?} and not {expected}");
-        assert_eq!(fidelity(&a, &a), Fidelity { psnr_db: None, ssim: 1.0, flip: 0.0, not_finite: 0 });
+        assert!(
+            (found.ssim - expected).abs() < 1e-10,
+            "{found:?} and not {expected}"
+        );
+        assert_eq!(
+            fidelity(&a, &a),
+            Fidelity {
+                psnr_db: None,
+                ssim: 1.0,
+                flip: 0.0,
+                not_finite: 0
+            }
+        );
         let mut broken = a.clone();
         broken.rgba[77][1] = f64::NAN;
-        assert_eq!(fidelity(&broken, &a), Fidelity { psnr_db: Some(0.0), ssim: 0.0, flip: 1.0, not_finite: 1 });
+        assert_eq!(
+            fidelity(&broken, &a),
+            Fidelity {
+                psnr_db: Some(0.0),
+                ssim: 0.0,
+                flip: 1.0,
+                not_finite: 1
+            }
+        );
     }
 
     #[test]
     fn one_pixel_can_be_compared() {
-        let pixel = |value: f64| Picture { width: 1, height: 1, rgba: vec![[value, value, value, 1.0]], covered: vec![true] };
+        let pixel = |value: f64| Picture {
+            width: 1,
+            height: 1,
+            rgba: vec![[value, value, value, 1.0]],
+            covered: vec![true],
+        };
         let metrics = metrics(&pixel(0.5), &pixel(0.25));
         // A mean square of 1/16; without variance only the luminance is left of SSIM.
         assert!(close(metrics.psnr_db.unwrap(), 12.041199826559248));
         assert!(close(metrics.ssim, (2.0 * 0.125 + 1e-4) / (0.3125 + 1e-4)));
-        assert_eq!((metrics.max_error, metrics.mean_error, metrics.pixels_over_1_255), (0.25, 0.25, 1));
+        assert_eq!(
+            (
+                metrics.max_error,
+                metrics.mean_error,
+                metrics.pixels_over_1_255
+            ),
+            (0.25, 0.25, 1)
+        );
     }
 
     #[test]
     fn equal_pictures_have_no_psnr_and_nothing_covered_has_none_either() {
         let (a, b) = pair(24, 20);
         let same = metrics(&a, &a);
-        assert_eq!((same.psnr_db, same.psnr_covered_db, same.ssim), (None, None, 1.0));
-        let nothing_covered = Picture { covered: vec![false; a.covered.len()], ..a };
+        assert_eq!(
+            (same.psnr_db, same.psnr_covered_db, same.ssim),
+            (None, None, 1.0)
+        );
+        let nothing_covered = Picture {
+            covered: vec![false; a.covered.len()],
+            ..a
+        };
         assert_eq!(metrics(&nothing_covered, &b).psnr_covered_db, None);
     }
 
     #[test]
     fn one_255th_is_not_over_one_255th() {
-        let picture = |value: f64| Picture { width: 1, height: 1, rgba: vec![[value, 0.0, 0.0, 1.0]], covered: vec![true] };
-        assert_eq!(metrics(&picture(0.0), &picture(1.0 / 255.0)).pixels_over_1_255, 0);
-        assert_eq!(metrics(&picture(0.0), &picture(1.001 / 255.0)).pixels_over_1_255, 1);
+        let picture = |value: f64| Picture {
+            width: 1,
+            height: 1,
+            rgba: vec![[value, 0.0, 0.0, 1.0]],
+            covered: vec![true],
+        };
+        assert_eq!(
+            metrics(&picture(0.0), &picture(1.0 / 255.0)).pixels_over_1_255,
+            0
+        );
+        assert_eq!(
+            metrics(&picture(0.0), &picture(1.001 / 255.0)).pixels_over_1_255,
+            1
+        );
     }
 
     #[test]
     fn what_lies_outside_of_the_range_is_clamped_before_it_is_compared() {
-        let picture = |value: f64| Picture { width: 1, height: 1, rgba: vec![[value; 4]], covered: vec![true] };
+        let picture = |value: f64| Picture {
+            width: 1,
+            height: 1,
+            rgba: vec![[value; 4]],
+            covered: vec![true],
+        };
         assert_eq!(metrics(&picture(1.0), &picture(7.0)).psnr_db, None);
     }
 
     #[test]
     fn what_is_no_number_is_never_equal() {
-        let black = Picture { width: 40, height: 40, rgba: vec![[0.0; 4]; 1600], covered: vec![true; 1600] };
+        let black = Picture {
+            width: 40,
+            height: 40,
+            rgba: vec![[0.0; 4]; 1600],
+            covered: vec![true; 1600],
+        };
         for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             for channel in 0..4 {
                 let mut other = black.clone();
@@ -398,11 +556,26 @@ mod tests {
                 // Against one that is right, either way round, and against itself.
                 for (a, b) in [(&black, &other), (&other, &black), (&other, &other)] {
                     let (m, d) = (metrics(a, b), distance(a, b));
-                    assert_eq!((m.not_finite, m.psnr_db, m.psnr_covered_db, m.max_error), (1, Some(0.0), Some(0.0), 1.0), "{wrong}");
-                    assert_eq!((d.not_finite, d.psnr_db, d.psnr_covered_db, d.max_error), (1, Some(0.0), Some(0.0), 1.0), "{wrong}");
-                    assert_eq!((m.pixels_over_1_255, m.ssim, d.mean_covered_error), (1, 0.0, 1.0), "{wrong}");
+                    assert_eq!(
+                        (m.not_finite, m.psnr_db, m.psnr_covered_db, m.max_error),
+                        (1, Some(0.0), Some(0.0), 1.0),
+                        "{wrong}"
+                    );
+                    assert_eq!(
+                        (d.not_finite, d.psnr_db, d.psnr_covered_db, d.max_error),
+                        (1, Some(0.0), Some(0.0), 1.0),
+                        "{wrong}"
+                    );
+                    assert_eq!(
+                        (m.pixels_over_1_255, m.ssim, d.mean_covered_error),
+                        (1, 0.0, 1.0),
+                        "{wrong}"
+                    );
                     assert_eq!(pixel_error(a, b, 7), 1.0);
-                    assert_eq!(db_text(m.psnr_db, m.not_finite, |db| db.to_string()), "no number");
+                    assert_eq!(
+                        db_text(m.psnr_db, m.not_finite, |db| db.to_string()),
+                        "no number"
+                    );
                 }
             }
         }

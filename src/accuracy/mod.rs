@@ -12,4 +12,7 @@ pub mod ranges;
 pub use error_picture::{ErrorPicture, error_picture};
 pub use lockstep::{BoundSummary, Flips, KINDS, Lockstep, Summary, Tiles, lockstep, lockstep_in};
 pub(crate) use metrics::db_text;
-pub use metrics::{Distance, Fidelity, Metrics, PIXELS_PER_DEGREE, distance, fidelity, is_finite, metrics, pixel_error};
+pub use metrics::{
+    Distance, Fidelity, Metrics, PIXELS_PER_DEGREE, distance, fidelity, is_finite, metrics,
+    pixel_error,
+};

@@ -1,11 +1,13 @@
-//! PartialPrecision: draws a scene on a machine of which only some words are words, and f64 takes the place of the rest.
+//! PartialPrecision: draws a scene on a machine of which only some words are words, and f64 takes
+//! the place of the rest.
 //!
 //! ```text
 //! chosen words ─►┬─ set up: splats, project, ellipse ─► footprints ─┐
 //!                └─ fill: raster, gauss, fragment, shade, resolve ◄─┴─► picture
 //! ```
-//! The arithmetic is that of the units over the reals (`real.rs` of each), the rules for fragments and sheets are golden's, on whatever
-//! numbers come out. All words chosen, it is the machine, but for what f64 loses of its longest products; none chosen, it is `golden`.
+//! The arithmetic is that of the units over the reals (`real.rs` of each), the rules for fragments
+//! and sheets are golden's, on whatever numbers come out. All words chosen, it is the machine, but
+//! for what f64 loses of its longest products; none chosen, it is `golden`.
 //!
 //! Laws (tests/attribution.rs): `with_no_word_it_is_golden`, `with_every_word_it_is_the_machine`.
 
@@ -34,7 +36,8 @@ use sheets::SheetPixels;
 use std::ops::Range;
 use window::WindowPixels;
 
-/// The units, the splat's record before them and the sort between them, in the order of the diagram.
+/// The units, the splat's record before them and the sort between them, in the order of the
+/// diagram.
 pub const UNITS: [&str; unit::WORDED.len() + 1] = unit::after("splat", unit::WORDED);
 
 /// Words that only machines for ellipsoids are given.
@@ -48,13 +51,23 @@ fn word_of(signal: &Signal) -> String {
 
 /// Every word of a machine, as `unit.word`, in the order of the diagram.
 pub fn words(machine: &Elaborated) -> Vec<String> {
-    let mut words: Vec<String> = INPUTS.iter().map(|&name| name.to_owned()).chain(machine.signals.iter().map(word_of)).collect();
+    let mut words: Vec<String> = INPUTS
+        .iter()
+        .map(|&name| name.to_owned())
+        .chain(machine.signals.iter().map(word_of))
+        .collect();
     let ellipsoids = machine.machine.ellipse.ellipsoid.is_some();
     // Sides of a box are whole pixels in any arithmetic.
     let reflects = machine.machine.reflect.is_some();
-    words.retain(|word| word != "ellipse.edge" && (ellipsoids || !OF_ELLIPSOIDS.contains(&word.as_str())));
+    words.retain(|word| {
+        word != "ellipse.edge" && (ellipsoids || !OF_ELLIPSOIDS.contains(&word.as_str()))
+    });
     words.retain(|word| reflects || word != "reflect.reflectance");
-    words.sort_by_key(|word| UNITS.iter().position(|unit| word.split('.').next() == Some(unit)));
+    words.sort_by_key(|word| {
+        UNITS
+            .iter()
+            .position(|unit| word.split('.').next() == Some(unit))
+    });
     let mut unique = Vec::new();
     for word in words {
         if !unique.contains(&word) {
@@ -76,12 +89,21 @@ impl Choice {
     pub fn new(machine: &Elaborated, is_chosen: impl Fn(&str) -> bool) -> Self {
         Choice {
             inputs: INPUTS.into_iter().filter(|name| is_chosen(name)).collect(),
-            switches: Switches(machine.signals.iter().map(|signal| is_chosen(&word_of(signal))).collect()),
+            switches: Switches(
+                machine
+                    .signals
+                    .iter()
+                    .map(|signal| is_chosen(&word_of(signal)))
+                    .collect(),
+            ),
         }
     }
 
     fn hold(&self) -> Chosen<'_> {
-        Chosen { inputs: &self.inputs, switches: &self.switches }
+        Chosen {
+            inputs: &self.inputs,
+            switches: &self.switches,
+        }
     }
 }
 
@@ -118,11 +140,22 @@ pub struct Stage<'a> {
 impl<'a> Stage<'a> {
     /// Where `scene` is drawn on `machine`.
     pub fn new(scene: &'a Scene, machine: &'a Elaborated, quantised: &'a Quantised) -> Self {
-        Stage { scene, machine, quantised, eye: scene.view(), rules: fixed::rules(&machine.machine) }
+        Stage {
+            scene,
+            machine,
+            quantised,
+            eye: scene.view(),
+            rules: fixed::rules(&machine.machine),
+        }
     }
 
     fn registers(&self) -> Registers<'_> {
-        Registers { scene: self.scene, eye: &self.eye, machine: self.machine, quantised: self.quantised }
+        Registers {
+            scene: self.scene,
+            eye: &self.eye,
+            machine: self.machine,
+            quantised: self.quantised,
+        }
     }
 
     /// Sets every splat up, with the chosen words, in the order in which they are drawn.
@@ -135,21 +168,44 @@ impl<'a> Stage<'a> {
         let lighting = (preshaded || windows).then(|| registers.lighting(&hold));
         let one = |index: usize| {
             let splat = registers.splat(&hold, index);
-            let (point, ellipse) = self.machine.real_set_up(&view, &splat, registers.ellipsoid(&hold, index).as_ref());
+            let (point, ellipse) =
+                self.machine
+                    .real_set_up(&view, &splat, registers.ellipsoid(&hold, index).as_ref());
             let backface = self.scene.surface.cull_backfaces && ellipse.facing.value > 0.0;
             let is_dark = |number: PartialPrecision| number.value == 0.0 || number.value.is_nan();
-            let faint = [ellipse.facing, splat.radius, ellipse.determinant, ellipse.amplitude].into_iter().any(is_dark);
+            let faint = [
+                ellipse.facing,
+                splat.radius,
+                ellipse.determinant,
+                ellipse.amplitude,
+            ]
+            .into_iter()
+            .any(is_dark);
             let beyond = point.inside.iter().any(|inside| inside.value < 0.0);
             let near = point.depth.value <= view.near.value || point.depth.value.is_nan();
             if near || beyond || backface || faint {
                 return None;
             }
             let [width, height] = [self.scene.image.width, self.scene.image.height];
-            let [columns, rows] = [(0, width), (1, height)]
-                .map(|(axis, size)| pixels(self.eye.half_px[axis] + point.pixel[axis].value, ellipse.extent[axis].value, size));
-            let Input { pixel, conic, depth, depth_slope, depth_range } = walked(&point, &ellipse);
+            let [columns, rows] = [(0, width), (1, height)].map(|(axis, size)| {
+                pixels(
+                    self.eye.half_px[axis] + point.pixel[axis].value,
+                    ellipse.extent[axis].value,
+                    size,
+                )
+            });
+            let Input {
+                pixel,
+                conic,
+                depth,
+                depth_slope,
+                depth_range,
+            } = walked(&point, &ellipse);
             let material = self.scene.splats[index].material;
-            let lit = lighting.as_ref().map(|lighting| self.machine.real_emission(lighting, splat.rgb, ellipse.normal, material));
+            let lit = lighting.as_ref().map(|lighting| {
+                self.machine
+                    .real_emission(lighting, splat.rgb, ellipse.normal, material)
+            });
             let light = lit.unwrap_or(splat.rgb);
             let [r, g, b] = if windows { splat.rgb } else { light };
             let [x, y, z] = ellipse.normal;
@@ -172,7 +228,10 @@ impl<'a> Stage<'a> {
             };
             (!footprint.columns.is_empty() && !footprint.rows.is_empty()).then_some(footprint)
         };
-        let mut footprints: Vec<Footprint> = (0..self.scene.splats.len()).into_par_iter().filter_map(one).collect();
+        let mut footprints: Vec<Footprint> = (0..self.scene.splats.len())
+            .into_par_iter()
+            .filter_map(one)
+            .collect();
         if ellipsoids.is_some_and(|ellipsoids| ellipsoids.sorted) {
             footprints.sort_by(|a, b| a.key.total_cmp(&b.key));
         }
@@ -196,14 +255,33 @@ impl<'a> Stage<'a> {
             shader: &shader,
             switches: &choice.switches,
         };
-        let drawn: Vec<Drawn> = footprints.iter().map(|footprint| Drawn { frame: &frame, footprint }).collect();
+        let drawn: Vec<Drawn> = footprints
+            .iter()
+            .map(|footprint| Drawn {
+                frame: &frame,
+                footprint,
+            })
+            .collect();
         let background = self.machine.real_resolve(&[], frame.background).map(number);
         if let Some(words) = &frame.windows {
-            return fill(&self.scene.image, &drawn, background, || WindowPixels::new(&frame, words)).picture;
+            return fill(&self.scene.image, &drawn, background, || {
+                WindowPixels::new(&frame, words)
+            })
+            .picture;
         }
         match &frame.sheets {
-            None => fill(&self.scene.image, &drawn, background, || Pixels::new(&frame)).picture,
-            Some(words) => fill(&self.scene.image, &drawn, background, || SheetPixels::new(&frame, words)).picture,
+            None => {
+                fill(&self.scene.image, &drawn, background, || {
+                    Pixels::new(&frame)
+                })
+                .picture
+            }
+            Some(words) => {
+                fill(&self.scene.image, &drawn, background, || {
+                    SheetPixels::new(&frame, words)
+                })
+                .picture
+            }
         }
     }
 }
@@ -258,10 +336,21 @@ impl<'a> Cover for Drawn<'a> {
         [self.footprint.columns.clone(), self.footprint.rows.clone()]
     }
 
-    fn give(&self, columns: Range<u32>, rows: Range<u32>, mut take: impl FnMut([u32; 2], Arrival<'a>)) {
+    fn give(
+        &self,
+        columns: Range<u32>,
+        rows: Range<u32>,
+        mut take: impl FnMut([u32; 2], Arrival<'a>),
+    ) {
         let (frame, footprint) = (self.frame, self.footprint);
         let (machine, half_px) = (frame.stage.machine, frame.stage.eye.half_px);
-        let Input { pixel, conic, depth, depth_slope, depth_range } = footprint.input;
+        let Input {
+            pixel,
+            conic,
+            depth,
+            depth_slope,
+            depth_range,
+        } = footprint.input;
         let word = |value: f64| frame.word(value);
         let input = Input {
             pixel: pixel.map(word),
@@ -271,9 +360,16 @@ impl<'a> Cover for Drawn<'a> {
             depth_range: word(depth_range),
         };
         let (left, top) = (footprint.columns.start, footprint.rows.start);
-        let least_weight = frame.sheets.as_ref().map_or(0.0, |words| words.least_weight.value);
-        let first = [f64::from(left) + 0.5 - half_px[0], f64::from(top) + 0.5 - half_px[1]];
-        let downwards = machine.partial_precision_rows(&input, first, rows.start - top..rows.end - top);
+        let least_weight = frame
+            .sheets
+            .as_ref()
+            .map_or(0.0, |words| words.least_weight.value);
+        let first = [
+            f64::from(left) + 0.5 - half_px[0],
+            f64::from(top) + 0.5 - half_px[1],
+        ];
+        let downwards =
+            machine.partial_precision_rows(&input, first, rows.start - top..rows.end - top);
         for (y, row) in rows.zip(downwards) {
             for x in columns.clone() {
                 let [radial, depth] = machine.partial_precision_pixel(&row, f64::from(x - left));
@@ -281,7 +377,15 @@ impl<'a> Cover for Drawn<'a> {
                     let weight = machine.real_weight(radial, word(footprint.amplitude)).value;
                     // A weight that rounds to 0 makes no fragment.
                     if weight > 0.0 && weight >= least_weight {
-                        take([x, y], Arrival { footprint, pixel: [x, y], weight, depth: machine.real_depth(depth).value });
+                        take(
+                            [x, y],
+                            Arrival {
+                                footprint,
+                                pixel: [x, y],
+                                weight,
+                                depth: machine.real_depth(depth).value,
+                            },
+                        );
                     }
                 }
             }
@@ -297,7 +401,10 @@ struct Pixels<'a> {
 
 impl<'a> Pixels<'a> {
     fn new(frame: &'a FrameWords<'a>) -> Self {
-        Pixels { frame, fragments: vec![Vec::new(); PIXELS_IN_A_TILE] }
+        Pixels {
+            frame,
+            fragments: vec![Vec::new(); PIXELS_IN_A_TILE],
+        }
     }
 }
 
@@ -315,8 +422,16 @@ impl<'a> Painter for Pixels<'a> {
             }
             return;
         }
-        let (material, pixel) = (arrival.footprint.material, arrival.pixel.map(|place| place as u16));
-        let mut new = Fragment { z: arrival.depth, material, pixel, ..Fragment::default() };
+        let (material, pixel) = (
+            arrival.footprint.material,
+            arrival.pixel.map(|place| place as u16),
+        );
+        let mut new = Fragment {
+            z: arrival.depth,
+            material,
+            pixel,
+            ..Fragment::default()
+        };
         frame.accumulate(&mut new, &arrival);
         if fragments.len() < rules.layers {
             fragments.push(new);
@@ -332,8 +447,15 @@ impl<'a> Painter for Pixels<'a> {
     fn finish(&mut self, pixel: usize) -> [f64; 4] {
         let (frame, fragments) = (self.frame, &mut self.fragments[pixel]);
         fragments.sort_by(|a, b| a.z.total_cmp(&b.z));
-        let layers: Vec<[PartialPrecision; 4]> = fragments.drain(..).map(|fragment| frame.light(&fragment)).collect();
-        frame.stage.machine.real_resolve(&layers, frame.background).map(number)
+        let layers: Vec<[PartialPrecision; 4]> = fragments
+            .drain(..)
+            .map(|fragment| frame.light(&fragment))
+            .collect();
+        frame
+            .stage
+            .machine
+            .real_resolve(&layers, frame.background)
+            .map(number)
     }
 
     fn outcomes(&self) -> Outcomes {
@@ -345,14 +467,27 @@ impl<'a> FrameWords<'a> {
     fn accumulate(&self, fragment: &mut Fragment, arrival: &Arrival) {
         let weight = self.word(arrival.weight);
         let sum = |lane: usize, sum: f64, attribute: f64| {
-            self.stage.machine.real_accumulated(lane, self.word(sum), weight, self.word(attribute)).value
+            self.stage
+                .machine
+                .real_accumulated(lane, self.word(sum), weight, self.word(attribute))
+                .value
         };
         let [r, g, b, opacity, x, y, z] = arrival.footprint.attributes;
-        let Fragment { weight: all, rgb, alpha, normal, .. } = *fragment;
+        let Fragment {
+            weight: all,
+            rgb,
+            alpha,
+            normal,
+            ..
+        } = *fragment;
         fragment.weight = sum(0, all, 1.0);
         fragment.rgb = DVec3::new(sum(1, rgb.x, r), sum(2, rgb.y, g), sum(3, rgb.z, b));
         fragment.alpha = sum(4, alpha, opacity);
-        fragment.normal = DVec3::new(sum(5, normal.x, x), sum(6, normal.y, y), sum(7, normal.z, z));
+        fragment.normal = DVec3::new(
+            sum(5, normal.x, x),
+            sum(6, normal.y, y),
+            sum(7, normal.z, z),
+        );
     }
 
     /// One fragment too many: drops one that nobody sees, or makes one of two.
@@ -370,20 +505,38 @@ impl<'a> FrameWords<'a> {
         let front = pair(fragments);
         let [over, under] = [front, front + 1].map(|slot| self.stored(&fragments[slot]));
         let [r, g, b, alpha] = self.stage.machine.real_merge(over, under).map(number);
-        fragments[front] = Fragment { rgb: DVec3::new(r, g, b), alpha, shaded: true, ..fragments[front] };
+        fragments[front] = Fragment {
+            rgb: DVec3::new(r, g, b),
+            alpha,
+            shaded: true,
+            ..fragments[front]
+        };
         fragments.remove(front + 1);
     }
 
     /// What a merge blends of a fragment: it lives in a slot once it is shaded.
     fn stored(&self, fragment: &Fragment) -> [PartialPrecision<'a>; 4] {
-        if fragment.shaded { self.light(fragment) } else { self.stage.machine.real_stored(self.light(fragment)) }
+        if fragment.shaded {
+            self.light(fragment)
+        } else {
+            self.stage.machine.real_stored(self.light(fragment))
+        }
     }
 
     /// Premultiplied colour and opacity of a fragment.
     fn light(&self, fragment: &Fragment) -> [PartialPrecision<'a>; 4] {
-        let Fragment { weight, rgb, alpha, normal, .. } = *fragment;
+        let Fragment {
+            weight,
+            rgb,
+            alpha,
+            normal,
+            ..
+        } = *fragment;
         if fragment.shaded {
-            return self.stage.machine.real_read([rgb.x, rgb.y, rgb.z, alpha].map(|channel| self.word(channel)));
+            return self
+                .stage
+                .machine
+                .real_read([rgb.x, rgb.y, rgb.z, alpha].map(|channel| self.word(channel)));
         }
         let mean = |sum: f64| self.word(if weight > 0.0 { sum / weight } else { 0.0 });
         let sums = Sums {

@@ -3,10 +3,12 @@
 //! ```text
 //! machine ─► [ elaborate ] ─► table words, formats, bounds ─► [ one script a claim ] ─► gappa: proved, or not
 //! ```
-//! Tests try operands; a proof speaks of all. A script says once more what a unit does, with real numbers and Gappa's own roundings,
-//! reads the ROM's words from the elaborated unit, and claims the bound that the unit's `real.rs` returns, no other.
+//! Tests try operands; a proof speaks of all. A script says once more what a unit does, with real
+//! numbers and Gappa's own roundings, reads the ROM's words from the elaborated unit, and claims
+//! the bound that the unit's `real.rs` returns, no other.
 //!
-//! Not proved: that a register does not wrap; that the script does what the unit does (`tests/proofs.rs` compares the two).
+//! Not proved: that a register does not wrap; that the script does what the unit does
+//! (`tests/proofs.rs` compares the two).
 
 use crate::error::Result;
 use crate::output::files::write_beside;
@@ -54,9 +56,19 @@ impl Proof {
     /// Puts before the script what it claims and why that holds.
     fn explained(mut self, machine: &str, what: &str, formats: &str, grounds: &[&str]) -> Proof {
         let (bound, places) = (script::number(self.bound), self.places());
-        let claim = format!("Claimed: {} <= {bound}, about {:.2e}, {places:.2} last places of {}.", self.claim, self.bound, self.word);
-        let head = [format!("{} of machine {machine}: {what}", self.name), formats.into(), claim];
-        self.script.comments = head.into_iter().chain(grounds.iter().map(|line| (*line).to_owned())).collect();
+        let claim = format!(
+            "Claimed: {} <= {bound}, about {:.2e}, {places:.2} last places of {}.",
+            self.claim, self.bound, self.word
+        );
+        let head = [
+            format!("{} of machine {machine}: {what}", self.name),
+            formats.into(),
+            claim,
+        ];
+        self.script.comments = head
+            .into_iter()
+            .chain(grounds.iter().map(|line| (*line).to_owned()))
+            .collect();
         self
     }
 }
@@ -64,10 +76,19 @@ impl Proof {
 /// Every proof about a machine.
 pub fn proofs(machine: &Elaborated) -> Vec<Proof> {
     let name = &machine.machine.name;
-    let reciprocals = machine.reciprocals().map(|(signal, unit)| function_unit::reciprocal(name, signal, unit));
-    let roots = machine.roots().map(|(signal, unit)| function_unit::root(name, signal, unit));
+    let reciprocals = machine
+        .reciprocals()
+        .map(|(signal, unit)| function_unit::reciprocal(name, signal, unit));
+    let roots = machine
+        .roots()
+        .map(|(signal, unit)| function_unit::root(name, signal, unit));
     let steps = STEPS.map(|steps| raster::radial(&machine.machine, steps));
-    reciprocals.into_iter().chain(roots).chain([gauss::table(machine)]).chain(steps).collect()
+    reciprocals
+        .into_iter()
+        .chain(roots)
+        .chain([gauss::table(machine)])
+        .chain(steps)
+        .collect()
 }
 
 /// Writes each proof into its file in a folder.
@@ -77,7 +98,9 @@ pub fn proofs(machine: &Elaborated) -> Vec<Proof> {
 pub fn write(proofs: &[Proof], folder: &Path) -> Result<()> {
     proofs.iter().try_for_each(|proof| {
         let text = proof.script.text();
-        write_beside(&folder.join(proof.file_name()), |file| file.write_all(text.as_bytes()).map_err(|e| e.to_string()))
+        write_beside(&folder.join(proof.file_name()), |file| {
+            file.write_all(text.as_bytes()).map_err(|e| e.to_string())
+        })
     })
 }
 
@@ -85,13 +108,23 @@ pub fn write(proofs: &[Proof], folder: &Path) -> Result<()> {
 pub fn table(proofs: &[Proof]) -> String {
     let mut table = plain_table(&["proof", "claim", "at most", "places", "of"]);
     for proof in proofs {
-        let [bound, places] = [format!("{:.2e}", proof.bound), format!("{:.2}", proof.places())];
-        table.add_row([proof.file_name(), proof.claim.clone(), bound, places, proof.word.to_string()]);
+        let [bound, places] = [
+            format!("{:.2e}", proof.bound),
+            format!("{:.2}", proof.places()),
+        ];
+        table.add_row([
+            proof.file_name(),
+            proof.claim.clone(),
+            bound,
+            places,
+            proof.word.to_string(),
+        ]);
     }
     aligned(table).trim_fmt()
 }
 
-/// The rounding into a word, as Gappa calls it. It knows no limits: that none is reached is a goal of its own, or a stated condition.
+/// The rounding into a word, as Gappa calls it. It knows no limits: that none is reached is a goal
+/// of its own, or a stated condition.
 fn rounding(word: Word) -> String {
     let direction = match word.round {
         Rounding::Truncate => "dn",

@@ -5,11 +5,13 @@
 //!                                                                                          ├─► table, 80 columns
 //!                                                                                          └─► ranges.png
 //! ```
-//! Extremes and what left its range are of all words; histograms and what was inexact are of a sample, which is the same every time
-//! (`rtl_model::probe::Meters`). A register that is added to pixel by pixel (`raster.radial`, `raster.depth`) counts its seeds as words;
-//! how far it goes from there counts for the narrowest format.
+//! Extremes and what left its range are of all words; histograms and what was inexact are of a
+//! sample, which is the same every time (`rtl_model::probe::Meters`). A register that is added to
+//! pixel by pixel (`raster.radial`, `raster.depth`) counts its seeds as words; how far it goes from
+//! there counts for the narrowest format.
 //!
-//! Laws: `a_report_says_what_a_range_holds`, `a_machine_of_narrowest_formats_draws_the_same_picture`.
+//! Laws: `a_report_says_what_a_range_holds`,
+//! `a_machine_of_narrowest_formats_draws_the_same_picture`.
 
 use crate::accuracy::partial::UNITS;
 use crate::output::chart::{Extent, Extents};
@@ -23,8 +25,16 @@ use std::fmt::Write;
 
 /// Signals that may saturate without anything being lost, and why.
 const DECLARED_CLAMPS: [(&str, &str, &str); 2] = [
-    ("ellipse", "depth_slope", "a grazing plane's slope has no limit; the depth clamp rules there"),
-    ("ellipse", "edge", "a box's side far outside of the picture is clipped to it anyway"),
+    (
+        "ellipse",
+        "depth_slope",
+        "a grazing plane's slope has no limit; the depth clamp rules there",
+    ),
+    (
+        "ellipse",
+        "edge",
+        "a box's side far outside of the picture is clipped to it anyway",
+    ),
 ];
 
 /// One signal's range.
@@ -50,7 +60,8 @@ pub struct SignalReport {
     inexact: u64,
     /// Part of the sample that they are; none where it has no word.
     inexact_share: Option<f64>,
-    /// The narrowest format, none where no word was seen, with or without a sign as this one is, that would have held every result.
+    /// The narrowest format, none where no word was seen, with or without a sign as this one is,
+    /// that would have held every result.
     narrowest: Option<String>,
     /// Integer bits that it has less; below 0 where results were cut down to the format.
     unused_high_bits: Option<i32>,
@@ -75,19 +86,28 @@ pub struct Histogram {
     pub zeros: u64,
     /// k of the first count.
     pub first_log2: i32,
-    /// Number of words with 2^k ≤ |value| < 2^(k+1), k growing by one from count to count. Empty where all words are 0.
+    /// Number of words with 2^k ≤ |value| < 2^(k+1), k growing by one from count to count. Empty
+    /// where all words are 0.
     pub counts: Vec<u64>,
 }
 
 impl Histogram {
     fn new(range: &Range, frac_bits: i32) -> Self {
         let zeros = range.bins[0];
-        let (Some(first), Some(last)) =
-            ((1..range.bins.len()).find(|bin| range.bins[*bin] > 0), (1..range.bins.len()).rfind(|bin| range.bins[*bin] > 0))
-        else {
-            return Histogram { zeros, ..Histogram::default() };
+        let (Some(first), Some(last)) = (
+            (1..range.bins.len()).find(|bin| range.bins[*bin] > 0),
+            (1..range.bins.len()).rfind(|bin| range.bins[*bin] > 0),
+        ) else {
+            return Histogram {
+                zeros,
+                ..Histogram::default()
+            };
         };
-        Histogram { zeros, first_log2: first as i32 - 1 - frac_bits, counts: range.bins[first..=last].to_vec() }
+        Histogram {
+            zeros,
+            first_log2: first as i32 - 1 - frac_bits,
+            counts: range.bins[first..=last].to_vec(),
+        }
     }
 }
 
@@ -106,7 +126,10 @@ impl Overflows {
     /// Adds up what signals report. No declared clamp wraps.
     pub fn of(signals: &[SignalReport]) -> Self {
         let mut all = Overflows::default();
-        for signal in signals.iter().filter(|signal| !signal.is_declared_clamp() && signal.overflows() > 0) {
+        for signal in signals
+            .iter()
+            .filter(|signal| !signal.is_declared_clamp() && signal.overflows() > 0)
+        {
             all.saturated += signal.saturated();
             all.wrapped += signal.wrapped();
             all.signals.push(format!("{}.{}", signal.unit, signal.name));
@@ -126,7 +149,9 @@ impl SignalReport {
         let format = signal.word.format;
         let value = |word: i64| range.is_seen().then(|| format.value(word));
         let narrowest = range.narrowest(format);
-        let declared = DECLARED_CLAMPS.iter().find(|(unit, name, _)| (*unit, *name) == (signal.unit, signal.name.as_str()));
+        let declared = DECLARED_CLAMPS
+            .iter()
+            .find(|(unit, name, _)| (*unit, *name) == (signal.unit, signal.name.as_str()));
         SignalReport {
             unit: signal.unit,
             name: signal.name.clone(),
@@ -149,8 +174,18 @@ impl SignalReport {
             as_wide: narrowest
                 .map(|narrowest| narrowest.int_bits - format.int_bits)
                 .filter(|lacking| (1..=format.frac_bits).contains(lacking))
-                .map(|lacking| Format { int_bits: format.int_bits + lacking, frac_bits: format.frac_bits - lacking, ..format }.to_string()),
-            extent: [-format.frac_bits, format.magnitude_bits() - format.frac_bits],
+                .map(|lacking| {
+                    Format {
+                        int_bits: format.int_bits + lacking,
+                        frac_bits: format.frac_bits - lacking,
+                        ..format
+                    }
+                    .to_string()
+                }),
+            extent: [
+                -format.frac_bits,
+                format.magnitude_bits() - format.frac_bits,
+            ],
         }
     }
 
@@ -174,33 +209,73 @@ impl SignalReport {
         self.saturated() + self.wrapped
     }
 
-    /// What to set where a word saturates that need not: kernels of points may be seen along their length, and no format suits all.
+    /// What to set where a word saturates that need not: kernels of points may be seen along their
+    /// length, and no format suits all.
     pub fn remedy(&self) -> Option<String> {
-        let is_depth_of_kernels = (self.unit, self.name.as_str()) == ("ellipse", "visibility") && self.saturated() > 0;
-        self.as_wide.as_ref().filter(|_| is_depth_of_kernels).map(|format| format!("--set ellipse.visibility={format}"))
+        let is_depth_of_kernels =
+            (self.unit, self.name.as_str()) == ("ellipse", "visibility") && self.saturated() > 0;
+        self.as_wide
+            .as_ref()
+            .filter(|_| is_depth_of_kernels)
+            .map(|format| format!("--set ellipse.visibility={format}"))
     }
 
     /// A row of the table; what no word was seen of is left empty.
     fn row(&self) -> String {
         let [min, max] = [self.min, self.max].map(|value| value.map_or(String::new(), few_digits));
-        let [high, low] = [self.unused_high_bits, self.unused_low_bits].map(|bits| bits.map_or(String::new(), |bits| bits.to_string()));
+        let [high, low] = [self.unused_high_bits, self.unused_low_bits]
+            .map(|bits| bits.map_or(String::new(), |bits| bits.to_string()));
         let needs = self.narrowest.clone().unwrap_or_default();
-        let limited = if self.overflows() > 0 { few_letters(self.overflows()) } else { String::new() };
-        let inexact = if self.words > 0 { share(self.inexact, self.words) } else { String::new() };
-        row([&self.name, &self.format, &min, &max, &high, &low, &needs, &limited, &inexact])
+        let limited = if self.overflows() > 0 {
+            few_letters(self.overflows())
+        } else {
+            String::new()
+        };
+        let inexact = if self.words > 0 {
+            share(self.inexact, self.words)
+        } else {
+            String::new()
+        };
+        row([
+            &self.name,
+            &self.format,
+            &min,
+            &max,
+            &high,
+            &low,
+            &needs,
+            &limited,
+            &inexact,
+        ])
     }
 
     fn extent(&self) -> Extent {
         let part = |count: &u64| *count as f64 / self.words.max(1) as f64;
-        let Histogram { zeros, first_log2, counts } = &self.histogram;
+        let Histogram {
+            zeros,
+            first_log2,
+            counts,
+        } = &self.histogram;
         let top = self.extent[1];
         Extent {
             name: self.name.clone(),
-            says: [self.format.clone(), self.narrowest.clone().unwrap_or_default(), share(*zeros, self.words)],
+            says: [
+                self.format.clone(),
+                self.narrowest.clone().unwrap_or_default(),
+                share(*zeros, self.words),
+            ],
             places: self.extent,
             // The least word of a signed format is as large as what the others stay below.
-            parts: counts.iter().zip(*first_log2..).map(|(count, log2)| (log2.min(top - 1), part(count))).collect(),
-            beyond: if self.overflows() > 0 { self.unused_high_bits.map_or(1, |bits| (-bits).max(1)) } else { 0 },
+            parts: counts
+                .iter()
+                .zip(*first_log2..)
+                .map(|(count, log2)| (log2.min(top - 1), part(count)))
+                .collect(),
+            beyond: if self.overflows() > 0 {
+                self.unused_high_bits.map_or(1, |bits| (-bits).max(1))
+            } else {
+                0
+            },
         }
     }
 }
@@ -208,21 +283,43 @@ impl SignalReport {
 /// The signals of each unit, unit by unit.
 fn by_unit(signals: &[SignalReport]) -> impl Iterator<Item = (&'static str, Vec<&SignalReport>)> {
     // The splat's record has words but no signals, and not every machine sorts.
-    let of = |unit| (unit, signals.iter().filter(|signal| signal.unit == unit).collect::<Vec<_>>());
-    UNITS.into_iter().map(of).filter(|(_, signals)| !signals.is_empty())
+    let of = |unit| {
+        (
+            unit,
+            signals
+                .iter()
+                .filter(|signal| signal.unit == unit)
+                .collect::<Vec<_>>(),
+        )
+    };
+    UNITS
+        .into_iter()
+        .map(of)
+        .filter(|(_, signals)| !signals.is_empty())
 }
 
 /// All ranges as a table of at most 80 columns.
 pub fn table(signals: &[SignalReport]) -> String {
-    let mut text = row(["", "format", "least", "most", "top", "end", "needs", "over", "inexact"]);
+    let mut text = row([
+        "", "format", "least", "most", "top", "end", "needs", "over", "inexact",
+    ]);
     for (unit, signals) in by_unit(signals) {
-        let _ = write!(text, "{unit}\n{}", signals.iter().map(|signal| signal.row()).collect::<String>());
+        let _ = write!(
+            text,
+            "{unit}\n{}",
+            signals
+                .iter()
+                .map(|signal| signal.row())
+                .collect::<String>()
+        );
     }
     text + "top, end: unneeded bits. needs: the narrowest format. over: left the range.\n\n"
 }
 
 fn row([name, format, min, max, high, low, needs, limited, inexact]: [&str; 9]) -> String {
-    let line = format!("  {name:<27}{format:>7}{min:>8}{max:>8}{high:>4}{low:>4}{needs:>7}{limited:>5}{inexact:>8}");
+    let line = format!(
+        "  {name:<27}{format:>7}{min:>8}{max:>8}{high:>4}{low:>4}{needs:>7}{limited:>5}{inexact:>8}"
+    );
     line.trim_end().to_owned() + "\n"
 }
 
@@ -235,7 +332,11 @@ fn few_digits(value: f64) -> String {
         _ => format!("{value:.1e}"),
     };
     let is_plain = text.contains('.') && !text.contains('e');
-    if is_plain { text.trim_end_matches('0').trim_end_matches('.').into() } else { text }
+    if is_plain {
+        text.trim_end_matches('0').trim_end_matches('.').into()
+    } else {
+        text
+    }
 }
 
 /// A count in at most four letters.
@@ -254,7 +355,12 @@ pub fn chart(scene: &str, machine: &str, signals: &[SignalReport]) -> Extents {
         title: format!("{scene} on {machine}: words by magnitude, in their formats"),
         heads: ["format", "narrowest", "zeros"].map(String::from),
         groups: by_unit(signals)
-            .map(|(unit, signals)| (unit.to_owned(), signals.into_iter().map(SignalReport::extent).collect()))
+            .map(|(unit, signals)| {
+                (
+                    unit.to_owned(),
+                    signals.into_iter().map(SignalReport::extent).collect(),
+                )
+            })
             .collect(),
     }
 }

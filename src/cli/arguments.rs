@@ -37,24 +37,49 @@ impl Common {
     }
 
     fn machine_file(&self, scene: &Scene) -> Result<File> {
-        let file = machines::load_file(self.machine.as_deref().unwrap_or_else(|| OsStr::new(machines::usual(scene))), &self.settings)?;
+        let file = machines::load_file(
+            self.machine
+                .as_deref()
+                .unwrap_or_else(|| OsStr::new(machines::usual(scene))),
+            &self.settings,
+        )?;
         Ok(file.on(scene))
     }
 
     /// The same, and where it was searched, how the scene lies outside of that.
     pub fn machine_within(&self, scene: &Scene) -> Result<Within> {
         let file = self.machine_file(scene)?;
-        let is_changed = self.settings.iter().any(|setting| machines::changes_picture(setting));
+        let is_changed = self
+            .settings
+            .iter()
+            .any(|setting| machines::changes_picture(setting));
         let outside = file.outside(scene, is_changed);
         let File { machine, searched } = file;
-        let (Some(record), Some(mut outside)) = (searched, outside) else { return Ok(Within { machine, outside: None, warning: None }) };
-        if record.target.frames_per_second.is_some() && self.settings.iter().any(|setting| !machines::changes_picture(setting)) {
+        let (Some(record), Some(mut outside)) = (searched, outside) else {
+            return Ok(Within {
+                machine,
+                outside: None,
+                warning: None,
+            });
+        };
+        if record.target.frames_per_second.is_some()
+            && self
+                .settings
+                .iter()
+                .any(|setting| !machines::changes_picture(setting))
+        {
             outside.push("a field of timing that --set changed".into());
         }
         let (name, scenes, target) = (&machine.name, record.scene_names(), record.target_text());
         let here = listed(&outside);
-        let warning = format!("machine {name} was searched on {scenes} for {target}, and may miss that here: {here}");
-        Ok(Within { machine, warning: (!outside.is_empty()).then_some(warning), outside: Some(outside) })
+        let warning = format!(
+            "machine {name} was searched on {scenes} for {target}, and may miss that here: {here}"
+        );
+        Ok(Within {
+            machine,
+            warning: (!outside.is_empty()).then_some(warning),
+            outside: Some(outside),
+        })
     }
 
     /// The scene; of a sequence the frame that is asked for, else the first.
@@ -69,16 +94,29 @@ impl Common {
 
     /// The same for each of several sizes; never empty.
     pub fn each_overrides(&self) -> Vec<Overrides> {
-        let mut all: Vec<Overrides> = self.size.iter().map(|Pair(width, height)| Overrides { size: Some((*width, *height)) }).collect();
+        let mut all: Vec<Overrides> = self
+            .size
+            .iter()
+            .map(|Pair(width, height)| Overrides {
+                size: Some((*width, *height)),
+            })
+            .collect();
         all.dedup();
-        if all.is_empty() { vec![Overrides::default()] } else { all }
+        if all.is_empty() {
+            vec![Overrides::default()]
+        } else {
+            all
+        }
     }
 
     /// Refuses several sizes, for a job that draws one picture.
     pub fn of_one_size(&self) -> Result<Threads> {
         match self.size.as_slice() {
             [] | [_] => Ok(self.threads),
-            all => Err(Error::input(format!("--size: {} sizes are there, and one picture is drawn; search takes several", all.len()))),
+            all => Err(Error::input(format!(
+                "--size: {} sizes are there, and one picture is drawn; search takes several",
+                all.len()
+            ))),
         }
     }
 }
@@ -87,7 +125,8 @@ impl Common {
 #[derive(Debug)]
 pub(super) struct Within {
     pub machine: Machine,
-    /// How the scene lies outside of what the machine was searched for; none where nobody searched it.
+    /// How the scene lies outside of what the machine was searched for; none where nobody searched
+    /// it.
     pub outside: Option<Vec<String>>,
     /// That in a sentence, if it does.
     pub warning: Option<String>,
@@ -103,9 +142,14 @@ pub(super) struct Threads {
 impl Threads {
     /// Runs `work` on as many threads as asked for.
     pub fn run<T: Send>(self, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
-        let Some(threads) = self.threads else { return work() };
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build();
-        pool.map_err(|e| Error::job(format!("--threads {threads}: {e}")))?.install(work)
+        let Some(threads) = self.threads else {
+            return work();
+        };
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads.into())
+            .build();
+        pool.map_err(|e| Error::job(format!("--threads {threads}: {e}")))?
+            .install(work)
     }
 }
 
@@ -117,7 +161,9 @@ impl<const SEPARATOR: char> FromStr for Pair<SEPARATOR> {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let pair = text.split_once(SEPARATOR).and_then(|(a, b)| Some(Pair(a.parse().ok()?, b.parse().ok()?)));
+        let pair = text
+            .split_once(SEPARATOR)
+            .and_then(|(a, b)| Some(Pair(a.parse().ok()?, b.parse().ok()?)));
         pair.ok_or_else(|| format!("two whole numbers with `{SEPARATOR}` between them are needed"))
     }
 }
@@ -130,7 +176,9 @@ impl FromStr for Span {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let span = text.split_once("..").and_then(|(a, b)| Some(Span([a.parse().ok()?, b.parse().ok()?])));
+        let span = text
+            .split_once("..")
+            .and_then(|(a, b)| Some(Span([a.parse().ok()?, b.parse().ok()?])));
         span.ok_or_else(|| "two whole numbers with `..` between them are needed".into())
     }
 }
@@ -143,12 +191,15 @@ impl FromStr for Parts {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let parts = text.split_once("..").and_then(|(a, b)| Some([positive(a).ok()?, positive(b).ok()?]));
-        let is_range = |[a, b]: &[f64; 2]| a <= b && (1e-3..=1e3).contains(a) && (1e-3..=1e3).contains(b);
-        parts
-            .filter(is_range)
-            .map(Parts)
-            .ok_or_else(|| "two numbers from 0.001 to 1000 with `..` between them are needed, the lesser first".into())
+        let parts = text
+            .split_once("..")
+            .and_then(|(a, b)| Some([positive(a).ok()?, positive(b).ok()?]));
+        let is_range =
+            |[a, b]: &[f64; 2]| a <= b && (1e-3..=1e3).contains(a) && (1e-3..=1e3).contains(b);
+        parts.filter(is_range).map(Parts).ok_or_else(|| {
+            "two numbers from 0.001 to 1000 with `..` between them are needed, the lesser first"
+                .into()
+        })
     }
 }
 
@@ -161,28 +212,43 @@ impl FromStr for Corners {
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         let numbers: Option<Vec<u32>> = text.split(',').map(|number| number.parse().ok()).collect();
-        let corners = numbers.and_then(|numbers| numbers.try_into().ok()).map(Corners);
+        let corners = numbers
+            .and_then(|numbers| numbers.try_into().ok())
+            .map(Corners);
         corners.ok_or_else(|| "four whole numbers with commas between them are needed".into())
     }
 }
 
 /// A number above 0.
 pub(super) fn positive(text: &str) -> std::result::Result<f64, String> {
-    let number = text.parse::<f64>().ok().filter(|number| number.is_finite() && *number > 0.0);
+    let number = text
+        .parse::<f64>()
+        .ok()
+        .filter(|number| number.is_finite() && *number > 0.0);
     number.ok_or_else(|| "a number above 0 is needed".into())
 }
 
 /// The folder of a job on a file where none is named: `terrain-sweep`.
 pub(super) fn folder_for(name_or_path: &OsStr, job: &str) -> PathBuf {
-    let mut name = Path::new(name_or_path).file_stem().unwrap_or_default().to_os_string();
+    let mut name = Path::new(name_or_path)
+        .file_stem()
+        .unwrap_or_default()
+        .to_os_string();
     name.push(job);
     name.into()
 }
 
 /// Names the files that were written into a folder.
 pub(super) fn written(folder: &Path, files: &[PathBuf]) -> String {
-    let names: Vec<_> = files.iter().filter_map(|path| path.file_name()?.to_str()).collect();
-    wrapped(&format!("written to {}: {}", one_line(&folder.to_string_lossy()), names.join(" ")))
+    let names: Vec<_> = files
+        .iter()
+        .filter_map(|path| path.file_name()?.to_str())
+        .collect();
+    wrapped(&format!(
+        "written to {}: {}",
+        one_line(&folder.to_string_lossy()),
+        names.join(" ")
+    ))
 }
 
 /// A value as JSON.

@@ -20,7 +20,11 @@ impl Typed {
     pub fn run(self) -> Result<String> {
         let charts = charts::write(&self.folder)?;
         let end = written(&self.folder, &charts.files);
-        let text = [charts.summary(), &end].into_iter().filter(|text| !text.is_empty()).collect::<Vec<_>>().join("\n\n");
+        let text = [charts.summary(), &end]
+            .into_iter()
+            .filter(|text| !text.is_empty())
+            .collect::<Vec<_>>()
+            .join("\n\n");
         Ok(if self.quiet { String::new() } else { text })
     }
 }

@@ -83,9 +83,13 @@ impl Typed {
         let prices = Prices::load_or_default(self.prices.as_deref())?;
         let settings = |flag: &'static str, own: &[String]| -> Vec<(&'static str, String)> {
             let both = self.both.iter().map(|setting| ("--set", setting.clone()));
-            both.chain(own.iter().map(|setting| (flag, setting.clone()))).collect()
+            both.chain(own.iter().map(|setting| (flag, setting.clone())))
+                .collect()
         };
-        let sides = [one(&self.a, &settings("--set-a", &self.set_a))?, one(&self.b, &settings("--set-b", &self.set_b))?];
+        let sides = [
+            one(&self.a, &settings("--set-a", &self.set_a))?,
+            one(&self.b, &settings("--set-b", &self.set_b))?,
+        ];
         let has_frame = self.scene.is_some() || self.replay.is_some();
         match &sides {
             [One::Machine(..), One::Machine(..)] => {}
@@ -95,8 +99,13 @@ impl Typed {
             }
             [One::Frame(_), One::Frame(_)] => {}
             _ => {
-                let [machine, frame] = if matches!(sides[0], One::Machine(..)) { [&self.a, &self.b] } else { [&self.b, &self.a] };
-                let [machine, frame] = [machine, frame].map(|name| one_line(&name.to_string_lossy()));
+                let [machine, frame] = if matches!(sides[0], One::Machine(..)) {
+                    [&self.a, &self.b]
+                } else {
+                    [&self.b, &self.a]
+                };
+                let [machine, frame] =
+                    [machine, frame].map(|name| one_line(&name.to_string_lossy()));
                 let sentence = format!(
                     "{machine} is a machine and {frame} a frame that was drawn: two machines (with --scene both draw it) or two frames are needed"
                 );
@@ -106,14 +115,27 @@ impl Typed {
         let frame = match (&self.scene, &self.replay) {
             (Some(scene), _) => {
                 let size = self.size.map(|Pair(width, height)| (width, height));
-                Some(Drawn::Scene(Box::new(Scene::load(scene, &Overrides { size })?)))
+                Some(Drawn::Scene(Box::new(Scene::load(
+                    scene,
+                    &Overrides { size },
+                )?)))
             }
             (None, Some(path)) => Some(Drawn::Recording(Box::new(Recording::read(path)?))),
             (None, None) => None,
         };
         // Last, for nothing may be written where anything is wrong.
-        let out = self.out.map(|folder| Folder::open(&folder).map(|open| (folder, open))).transpose()?;
-        Ok(Job { sides, frame, prices, out, all: self.all, json: self.json })
+        let out = self
+            .out
+            .map(|folder| Folder::open(&folder).map(|open| (folder, open)))
+            .transpose()?;
+        Ok(Job {
+            sides,
+            frame,
+            prices,
+            out,
+            all: self.all,
+            json: self.json,
+        })
     }
 }
 
@@ -121,14 +143,17 @@ impl Typed {
 fn one(name: &OsStr, settings: &[(&'static str, String)]) -> Result<One> {
     let (path, shown) = (Path::new(name), one_line(&name.to_string_lossy()));
     // A folder of a machine's name may be of a run.
-    let is_named = !path.is_file() && !path.join("report.json").exists() && Machine::named(&shown).is_some();
+    let is_named =
+        !path.is_file() && !path.join("report.json").exists() && Machine::named(&shown).is_some();
     if !is_named
         && path.exists()
         && let Some(side) = Side::read(path)?
     {
         if let Some((flag, setting)) = settings.first() {
             let flag = machines::flag(flag, setting);
-            return Err(Error::input(format!("{flag}: {shown} is a frame that was drawn: only a machine can be changed")));
+            return Err(Error::input(format!(
+                "{flag}: {shown} is a frame that was drawn: only a machine can be changed"
+            )));
         }
         return Ok(One::Frame(Box::new(side)));
     }
@@ -137,7 +162,9 @@ fn one(name: &OsStr, settings: &[(&'static str, String)]) -> Result<One> {
         machine = machines::changed(&machine, setting, &machines::flag(flag, setting))?;
     }
     fixed::elaborate(&machine).map_err(|error| Error::input(format!("{shown}: {error}")))?;
-    let all: Vec<&str> = std::iter::once(shown.as_str()).chain(settings.iter().map(|(_, setting)| setting.as_str())).collect();
+    let all: Vec<&str> = std::iter::once(shown.as_str())
+        .chain(settings.iter().map(|(_, setting)| setting.as_str()))
+        .collect();
     Ok(One::Machine(one_line(&all.join(" ")), Box::new(machine)))
 }
 
@@ -149,20 +176,31 @@ impl Job {
         });
         let side = |one: One| match (one, &frame) {
             (One::Frame(side), _) => Ok(*side),
-            (One::Machine(name, machine), Some(frame)) => Side::of_frame(&name, &machine, frame, &self.prices),
+            (One::Machine(name, machine), Some(frame)) => {
+                Side::of_frame(&name, &machine, frame, &self.prices)
+            }
             (One::Machine(name, machine), None) => Side::of_machine(&name, &machine, &self.prices),
         };
         let [a, b] = self.sides;
         let (a, b) = (side(a)?, side(b)?);
         let comparison = Comparison::new(&a, &b)?;
-        let files =
-            self.out.as_ref().map(|(folder, _)| comparison.write(&a, &b, folder).map(|files| written(folder, &files))).transpose()?;
+        let files = self
+            .out
+            .as_ref()
+            .map(|(folder, _)| {
+                comparison
+                    .write(&a, &b, folder)
+                    .map(|files| written(folder, &files))
+            })
+            .transpose()?;
         if self.json {
             return pretty(&comparison);
         }
         let end = files.map_or_else(String::new, |files| format!("\n\n{files}"));
         let scale = comparison.difference_scale.filter(|_| !end.is_empty());
-        let scale = scale.map_or_else(String::new, |scale| format!("\ndifference.png shows |fixed of A − fixed of B| × {scale}"));
+        let scale = scale.map_or_else(String::new, |scale| {
+            format!("\ndifference.png shows |fixed of A − fixed of B| × {scale}")
+        });
         Ok(format!("{}{end}{scale}", comparison.summary(self.all)))
     }
 }

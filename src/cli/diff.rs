@@ -50,28 +50,51 @@ impl Typed {
     pub fn check(self) -> Result<Job> {
         let (pairs, rest) = self.outputs.as_chunks::<2>();
         if let [alone] = rest {
-            return Err(Error::input(format!("{}: a stream needs the file of a device's records behind it", alone.display())));
+            return Err(Error::input(format!(
+                "{}: a stream needs the file of a device's records behind it",
+                alone.display()
+            )));
         }
-        let outputs = pairs.iter().map(|[stream, file]| (stream.to_string_lossy().into_owned(), file.into())).collect();
-        let zeros = if self.strict { Zeros::Compared } else { Zeros::Ignored };
+        let outputs = pairs
+            .iter()
+            .map(|[stream, file]| (stream.to_string_lossy().into_owned(), file.into()))
+            .collect();
+        let zeros = if self.strict {
+            Zeros::Compared
+        } else {
+            Zeros::Ignored
+        };
         let order = self.order.map_or(Order::Auto, |order| match order {
             Typable::Trace => Order::Trace,
             Typable::Tiles => Order::Tiles,
             Typable::Any => Order::Any,
         });
-        Ok(Job { folder: self.folder, outputs, how: How { zeros, order }, json: self.json })
+        Ok(Job {
+            folder: self.folder,
+            outputs,
+            how: How { zeros, order },
+            json: self.json,
+        })
     }
 }
 
 impl Job {
     pub fn run(self) -> Result<String> {
         let outcome = diff::diff(&self.folder, &self.outputs, self.how)?;
-        let text = if self.json { pretty(&outcome.json)? } else { outcome.text };
+        let text = if self.json {
+            pretty(&outcome.json)?
+        } else {
+            outcome.text
+        };
         if outcome.equal {
             return Ok(text);
         }
-        // What is different is a result, and goes where results go; the status says that the device failed.
+        // What is different is a result, and goes where results go; the status says that the device
+        // failed.
         super::print(&text)?;
-        Err(Error::job(format!("{} is not what the trace has", outcome.json["stream"].as_str().unwrap_or("a stream"))))
+        Err(Error::job(format!(
+            "{} is not what the trace has",
+            outcome.json["stream"].as_str().unwrap_or("a stream")
+        )))
     }
 }

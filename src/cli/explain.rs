@@ -25,6 +25,10 @@ impl Typed {
         let scene = self.common.scene(&self.scene)?;
         let machine = self.common.machine(&scene)?;
         let Pair(x, y) = self.pixel;
-        if self.json { pretty(&explained(&scene, &machine, [x, y])?) } else { explain(&scene, &machine, [x, y]) }
+        if self.json {
+            pretty(&explained(&scene, &machine, [x, y])?)
+        } else {
+            explain(&scene, &machine, [x, y])
+        }
     }
 }

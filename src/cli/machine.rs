@@ -1,4 +1,5 @@
-//! Machine: shows machines, what follows from their formats, what they cost, and proofs of their bounds.
+//! Machine: shows machines, what follows from their formats, what they cost, and proofs of their
+//! bounds.
 
 use super::arguments::pretty;
 use crate::accuracy::proofs;
@@ -67,8 +68,14 @@ impl Which {
     /// With what its file says besides: of a machine whose words were changed that is no longer so.
     fn load_file(&self) -> Result<File> {
         let file = machines::load_file(&self.machine, &self.settings)?;
-        let is_changed = self.settings.iter().any(|setting| machines::changes_picture(setting));
-        Ok(File { searched: file.searched.filter(|_| !is_changed), ..file })
+        let is_changed = self
+            .settings
+            .iter()
+            .any(|setting| machines::changes_picture(setting));
+        Ok(File {
+            searched: file.searched.filter(|_| !is_changed),
+            ..file
+        })
     }
 }
 
@@ -102,7 +109,8 @@ fn list() -> Result<String> {
     let mut table = plain_table(&["machine", "widest operand", "fragment", ""]);
     for (machine, says) in Machine::names().filter_map(Machine::named).zip(says) {
         let report = MachineReport::new(&fixed::elaborate(&machine)?);
-        let [operand, fragment] = [report.widest_operand_bits, report.fragment_bits].map(|bits| format!("{bits} bits"));
+        let [operand, fragment] =
+            [report.widest_operand_bits, report.fragment_bits].map(|bits| format!("{bits} bits"));
         table.add_row([machine.name, operand, fragment, format!("  {says}")]);
     }
     let mut table = aligned(table);
@@ -122,5 +130,9 @@ fn prove(machine: &Machine, out: &Path) -> Result<String> {
     let _open = Folder::open(out)?;
     proofs::write(&proofs, out)?;
     let first = out.join("project.reciprocal.g");
-    Ok(format!("{}\n\ngappa says nothing of a proof that holds:\n  gappa {}", proofs::table(&proofs), first.display()))
+    Ok(format!(
+        "{}\n\ngappa says nothing of a proof that holds:\n  gappa {}",
+        proofs::table(&proofs),
+        first.display()
+    ))
 }

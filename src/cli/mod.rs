@@ -1,4 +1,5 @@
-//! Cli: flags as typed → a checked job → its text (docs/book/getting-started.md). A file each command.
+//! Cli: flags as typed → a checked job → its text (docs/book/getting-started.md). A file each
+//! command.
 
 mod arguments;
 mod chart;
@@ -146,8 +147,8 @@ impl Command {
 /// Does what the arguments say and prints what comes of it.
 ///
 /// # Errors
-/// [`Error::Input`] where they, or a file that they name, are wrong; [`Error::Job`] where the work failed. A reader that stops listening
-/// is no error.
+/// [`Error::Input`] where they, or a file that they name, are wrong; [`Error::Job`] where the work
+/// failed. A reader that stops listening is no error.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
     let colour = style::takes_colour(&std::io::stdout());
     match Typed::try_parse_from(arguments) {
@@ -161,7 +162,11 @@ pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
 /// Prints an error's sentence to standard error.
 pub fn complain(error: &Error) {
     let head = "splatsim:";
-    let head = if style::takes_colour(&std::io::stderr()) { style::alarm(head) } else { head.into() };
+    let head = if style::takes_colour(&std::io::stderr()) {
+        style::alarm(head)
+    } else {
+        head.into()
+    };
     eprintln!("{head} {error}");
 }
 
@@ -173,32 +178,63 @@ fn warn(sentence: &str) {
 
 /// Prints a text, if there is one.
 fn print(text: &str) -> Result<()> {
-    if style::takes_colour(&std::io::stdout()) { write(&style::with_headings(text)) } else { write(text) }
+    if style::takes_colour(&std::io::stdout()) {
+        write(&style::with_headings(text))
+    } else {
+        write(text)
+    }
 }
 
 fn write(text: &str) -> Result<()> {
     let mut out = std::io::stdout().lock();
-    let written = if text.is_empty() { Ok(()) } else { writeln!(out, "{}", text.trim_end()).and_then(|()| out.flush()) };
+    let written = if text.is_empty() {
+        Ok(())
+    } else {
+        writeln!(out, "{}", text.trim_end()).and_then(|()| out.flush())
+    };
     match written {
-        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => Err(Error::job(format!("standard output: {e}"))),
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(Error::job(format!("standard output: {e}")))
+        }
         _ => Ok(()),
     }
 }
 
 /// Whether it is no error but a help text or the version, which somebody asked for.
 fn is_help(error: &clap::Error) -> bool {
-    matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion)
+    matches!(
+        error.kind(),
+        ErrorKind::DisplayHelp | ErrorKind::DisplayVersion
+    )
 }
 
 /// A fault of the command line as one sentence.
 fn input_error(error: &clap::Error) -> Error {
     let text = error.to_string();
     if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
-        let listed = text.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
-        let names: Vec<&str> = listed.filter_map(|line| line.split_whitespace().next()).filter(|name| *name != "help").collect();
-        return Error::input(format!("a command is missing: {} (see --help)", names.join(", ")));
+        let listed = text
+            .lines()
+            .skip_while(|line| *line != "Commands:")
+            .skip(1)
+            .take_while(|line| !line.is_empty());
+        let names: Vec<&str> = listed
+            .filter_map(|line| line.split_whitespace().next())
+            .filter(|name| *name != "help")
+            .collect();
+        return Error::input(format!(
+            "a command is missing: {} (see --help)",
+            names.join(", ")
+        ));
     }
-    let lines = text.lines().map(str::trim).take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more"));
+    let lines = text
+        .lines()
+        .map(str::trim)
+        .take_while(|line| !line.starts_with("Usage:") && !line.starts_with("For more"));
     let sentence: Vec<&str> = lines.filter(|line| !line.is_empty()).collect();
-    Error::input(sentence.join(" ").trim_start_matches("error: ").replace(" tip: ", "; "))
+    Error::input(
+        sentence
+            .join(" ")
+            .trim_start_matches("error: ")
+            .replace(" tip: ", "; "),
+    )
 }

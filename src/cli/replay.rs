@@ -55,22 +55,44 @@ pub(super) struct Job {
 impl Typed {
     pub fn check(self) -> Result<Job> {
         let mut recording = Recording::read(&self.record)?;
-        self.settings.iter().try_for_each(|setting| recording.set(setting))?;
+        self.settings
+            .iter()
+            .try_for_each(|setting| recording.set(setting))?;
         fixed::elaborate(&recording.machine)?;
         recording.hold_stack(&self.timing)?;
         let prices = Prices::load_or_default(self.prices.as_deref())?;
-        let out = self.out.map(|folder| Folder::open(&folder).map(|open| (folder, open))).transpose()?;
-        Ok(Job { recording, timing: self.timing, answers: self.answers, prices, requests: self.requests, out, quiet: self.quiet })
+        let out = self
+            .out
+            .map(|folder| Folder::open(&folder).map(|open| (folder, open)))
+            .transpose()?;
+        Ok(Job {
+            recording,
+            timing: self.timing,
+            answers: self.answers,
+            prices,
+            requests: self.requests,
+            out,
+            quiet: self.quiet,
+        })
     }
 }
 
 impl Job {
     pub fn run(self) -> Result<String> {
-        let replayed = self.recording.replay_priced(&self.timing, self.requests, self.answers, &self.prices)?;
+        let replayed = self.recording.replay_priced(
+            &self.timing,
+            self.requests,
+            self.answers,
+            &self.prices,
+        )?;
         let end = match &self.out {
             Some((folder, _)) => written(folder, &replayed.write(folder)?),
             None => "nothing written: --out DIR writes tables and charts".into(),
         };
-        Ok(if self.quiet { String::new() } else { format!("{}\n\n{end}", replayed.summary(&self.recording)) })
+        Ok(if self.quiet {
+            String::new()
+        } else {
+            format!("{}\n\n{end}", replayed.summary(&self.recording))
+        })
     }
 }

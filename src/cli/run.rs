@@ -124,10 +124,13 @@ impl Typed {
     pub fn check(self) -> Result<Job> {
         let prices = Prices::load_or_default(self.prices.as_deref())?;
         let cameras = self.cameras.as_deref().map(CameraFile::read).transpose()?;
-        let (sequence, load_seconds) = timed(|| Sequence::load(&self.scene, &self.common.overrides(), cameras));
+        let (sequence, load_seconds) =
+            timed(|| Sequence::load(&self.scene, &self.common.overrides(), cameras));
         let mut sequence = sequence?;
         if sequence.is_sequence() && self.common.frame.is_none() {
-            return self.check_sequence(sequence, load_seconds).map(|job| Job::Sequence(Box::new(job)));
+            return self
+                .check_sequence(sequence, load_seconds)
+                .map(|job| Job::Sequence(Box::new(job)));
         }
         if let Some(path) = &self.y4m {
             return Err(Error::input(format!(
@@ -137,15 +140,28 @@ impl Typed {
         }
         let number = self.common.frame.unwrap_or(0);
         sequence.frame(number)?;
-        let photographs = |path| memory::check_frame(sequence.scene()).and_then(|()| Photographs::open(path, &sequence, Some(number)));
+        let photographs = |path| {
+            memory::check_frame(sequence.scene())
+                .and_then(|()| Photographs::open(path, &sequence, Some(number)))
+        };
         let against = self.against.as_deref().map(photographs).transpose()?;
         let frame = sequence.is_sequence().then_some(number as u64);
         let scene = sequence.into_scene();
-        let Within { machine, outside: outside_of_search, warning } = self.common.machine_within(&scene)?;
+        let Within {
+            machine,
+            outside: outside_of_search,
+            warning,
+        } = self.common.machine_within(&scene)?;
         let elaborated = fixed::elaborate(&machine)?;
         let budget = scene.detail.as_ref().map(|detail| detail.rules.budget);
-        if budget.is_some_and(|budget| budget.bytes.or(budget.cycles).is_some()) && (self.answers || !self.timing.is_empty()) {
-            let flag = if self.answers { "--answers" } else { "--timing" };
+        if budget.is_some_and(|budget| budget.bytes.or(budget.cycles).is_some())
+            && (self.answers || !self.timing.is_empty())
+        {
+            let flag = if self.answers {
+                "--answers"
+            } else {
+                "--timing"
+            };
             return Err(Error::input(format!(
                 "{flag}: {} has a budget of bytes or cycles, so another machine draws other splats: run it with --set instead",
                 scene.name
@@ -174,14 +190,39 @@ impl Typed {
             prices,
             outside_of_search,
             frame,
-            scene_file: std::path::absolute(&self.scene).ok().filter(|path| path.exists()),
+            scene_file: std::path::absolute(&self.scene)
+                .ok()
+                .filter(|path| path.exists()),
             against,
         };
         // Last, for nothing may be written where anything is wrong.
-        let out = self.out.map(|folder| Folder::open(&folder).map(|open| (folder, open))).transpose()?;
-        self.record.as_deref().map_or(Ok(()), Recording::may_be_written)?;
-        let Typed { exr, record, ranges, quiet, .. } = self;
-        let frame = Frame { scene, small, machine, warning, load_seconds, options, out, exr, record, ranges, quiet };
+        let out = self
+            .out
+            .map(|folder| Folder::open(&folder).map(|open| (folder, open)))
+            .transpose()?;
+        self.record
+            .as_deref()
+            .map_or(Ok(()), Recording::may_be_written)?;
+        let Typed {
+            exr,
+            record,
+            ranges,
+            quiet,
+            ..
+        } = self;
+        let frame = Frame {
+            scene,
+            small,
+            machine,
+            warning,
+            load_seconds,
+            options,
+            out,
+            exr,
+            record,
+            ranges,
+            quiet,
+        };
         Ok(Job::Frame(Box::new(frame)))
     }
 }
@@ -204,18 +245,36 @@ impl Frame {
         let mut end = match &self.out {
             Some((folder, _)) => {
                 let files = outcome.write(folder, self.exr)?;
-                let (place, scale) = (one_line(&folder.to_string_lossy()), outcome.report.error_scale);
-                let next = format!("open fixed.png and error.png (|fixed − golden| × {scale}), or all in a browser: splatsim view {place}");
+                let (place, scale) = (
+                    one_line(&folder.to_string_lossy()),
+                    outcome.report.error_scale,
+                );
+                let next = format!(
+                    "open fixed.png and error.png (|fixed − golden| × {scale}), or all in a browser: splatsim view {place}"
+                );
                 format!("{}\n{}", written(folder, &files), wrapped(&next))
             }
             None => "no pictures written: --out DIR writes them and report.json".into(),
         };
         if let (Some(path), Some(work)) = (self.record, outcome.work.take()) {
-            Recording { scene: self.scene.name, machine: self.machine, work }.write(&path)?;
+            Recording {
+                scene: self.scene.name,
+                machine: self.machine,
+                work,
+            }
+            .write(&path)?;
             end += &format!("\nwork recorded in {}", path.display());
         }
-        let ranges = if self.ranges { format!("\n{}", ranges::table(&outcome.report.signals)) } else { String::new() };
-        Ok(if self.quiet { String::new() } else { format!("{}\n{ranges}{end}", outcome.report.summary()) })
+        let ranges = if self.ranges {
+            format!("\n{}", ranges::table(&outcome.report.signals))
+        } else {
+            String::new()
+        };
+        Ok(if self.quiet {
+            String::new()
+        } else {
+            format!("{}\n{ranges}{end}", outcome.report.summary())
+        })
     }
 
     fn draw(&self) -> Result<Outcome> {
@@ -224,7 +283,8 @@ impl Frame {
             let _progress = self.announce();
             return run::run(scene, machine, self.load_seconds, &self.options);
         };
-        let (outcome, seconds) = timed(|| run::run(small, machine, self.load_seconds, &self.options));
+        let (outcome, seconds) =
+            timed(|| run::run(small, machine, self.load_seconds, &self.options));
         let mut outcome = outcome?;
         let preview = Preview::new(scene, machine, outcome.report.figures())?;
         outcome.report.host.whole_seconds = Some(seconds * preview.growth(scene.splats.len()));
@@ -234,7 +294,11 @@ impl Frame {
 
     /// Says how long a long run will take, and shows how far it is until the result is dropped.
     fn announce(&self) -> Option<Progress> {
-        let announced = if self.quiet { None } else { preview::announcement(&self.scene, &self.machine) };
+        let announced = if self.quiet {
+            None
+        } else {
+            preview::announcement(&self.scene, &self.machine)
+        };
         announced.map(|(sentence, seconds)| {
             eprintln!("{sentence}");
             Progress::of_seconds(true, seconds)

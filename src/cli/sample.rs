@@ -5,7 +5,9 @@ use crate::error::{Error, Result};
 use crate::input;
 use crate::output::files::are_one;
 use crate::output::text::{one_line, thousands, wrapped};
-use crate::sampling::{Acquisition, Amount, Pattern, Picture, Radii, Request, Sampled, Solution, file, sample};
+use crate::sampling::{
+    Acquisition, Amount, Pattern, Picture, Radii, Request, Sampled, Solution, file, sample,
+};
 use crate::scene::mesh::{Image, Mesh, Texture, Wrap};
 use clap::{Args, ValueEnum};
 use std::ffi::OsString;
@@ -17,7 +19,12 @@ pub(super) struct Typed {
     /// Mesh: .obj, .ply, .gltf, .glb, .stl, or plane
     mesh: OsString,
     /// Make N points
-    #[arg(long, value_name = "N", required_unless_present = "density", conflicts_with = "density")]
+    #[arg(
+        long,
+        value_name = "N",
+        required_unless_present = "density",
+        conflicts_with = "density"
+    )]
     points: Option<u32>,
     /// Make D points per unit of area
     #[arg(long, value_name = "D")]
@@ -26,16 +33,31 @@ pub(super) struct Typed {
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
     /// Use `blue-noise` (default) or `stratified` points
-    #[arg(long, default_value = "blue-noise", hide_default_value = true, hide_possible_values = true)]
+    #[arg(
+        long,
+        default_value = "blue-noise",
+        hide_default_value = true,
+        hide_possible_values = true
+    )]
     pattern: PatternName,
     /// Set the seed of the distribution
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     /// Take radii from `area` (default) or `neighbours`
-    #[arg(long, default_value = "area", hide_default_value = true, hide_possible_values = true)]
+    #[arg(
+        long,
+        default_value = "area",
+        hide_default_value = true,
+        hide_possible_values = true
+    )]
     radii: RadiiName,
     /// Filter: `ewa` (default), `nearest`, `optimised`
-    #[arg(long, default_value = "ewa", hide_default_value = true, hide_possible_values = true)]
+    #[arg(
+        long,
+        default_value = "ewa",
+        hide_default_value = true,
+        hide_possible_values = true
+    )]
     texture: TextureName,
     /// Apply this PNG or JPEG as texture
     #[arg(long, value_name = "FILE", conflicts_with = "checkerboard")]
@@ -85,15 +107,28 @@ impl Typed {
     pub fn check(self) -> Result<Job> {
         let amount = match (self.points, self.density) {
             (Some(points), _) => Amount::Points(points as usize),
-            (None, Some(density)) if density > 0.0 && density.is_finite() => Amount::Density(density),
-            (None, density) => return Err(Error::input(format!("--density {}: it must be above 0", density.unwrap_or(f64::NAN)))),
+            (None, Some(density)) if density > 0.0 && density.is_finite() => {
+                Amount::Density(density)
+            }
+            (None, density) => {
+                return Err(Error::input(format!(
+                    "--density {}: it must be above 0",
+                    density.unwrap_or(f64::NAN)
+                )));
+            }
         };
         if !(0.01..=100.0).contains(&self.cutoff) {
-            return Err(Error::input(format!("--cutoff {}: it must be from 0.01 to 100", self.cutoff)));
+            return Err(Error::input(format!(
+                "--cutoff {}: it must be from 0.01 to 100",
+                self.cutoff
+            )));
         }
         check_out(&self.out)?;
         if are_one(Path::new(&self.mesh), &self.out) {
-            return Err(Error::input(format!("--out {}: it is the mesh itself", self.out.display())));
+            return Err(Error::input(format!(
+                "--out {}: it is the mesh itself",
+                self.out.display()
+            )));
         }
         let picture = match (&self.texture_image, self.checkerboard) {
             (Some(path), _) => picture(path)?,
@@ -120,14 +155,23 @@ impl Typed {
             cutoff: self.cutoff,
         };
         let name = self.mesh.to_string_lossy().into_owned();
-        Ok(Job { mesh: Mesh::load(&self.mesh)?, name, request, out: self.out, quiet: self.quiet })
+        Ok(Job {
+            mesh: Mesh::load(&self.mesh)?,
+            name,
+            request,
+            out: self.out,
+            quiet: self.quiet,
+        })
     }
 }
 
 /// Says before any work that points could not be written there.
 fn check_out(path: &Path) -> Result<()> {
     let cannot = |why: &str| Err(Error::input(format!("--out {}: {why}", path.display())));
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let folder = path
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty())
+        .unwrap_or(Path::new("."));
     match path.extension() {
         Some(extension) if extension.eq_ignore_ascii_case("ply") => {}
         _ => return cannot("points are written as .ply"),
@@ -145,17 +189,39 @@ fn picture(path: &Path) -> Result<Picture> {
     let wrong = |why: String| Error::input(format!("{}: {why}", path.display()));
     let bytes = input::read(path).map_err(|e| wrong(format!("cannot be read: {e}")))?;
     let image = Image::decode(&bytes).map_err(wrong)?;
-    Ok(Picture::Texture(Texture { image: Arc::new(image), wrap: [Wrap::Repeat; 2] }))
+    Ok(Picture::Texture(Texture {
+        image: Arc::new(image),
+        wrap: [Wrap::Repeat; 2],
+    }))
 }
 
 impl Job {
     pub fn run(self) -> Result<String> {
-        let Job { name, mesh, request, out, quiet } = self;
-        let sampled = sample(&mesh, &request).map_err(|sentence| Error::input(format!("{name}: {sentence}")))?;
+        let Job {
+            name,
+            mesh,
+            request,
+            out,
+            quiet,
+        } = self;
+        let sampled = sample(&mesh, &request)
+            .map_err(|sentence| Error::input(format!("{name}: {sentence}")))?;
         let bytes = file::write(&out, &sampled.splats)?;
-        let end = format!("written to {}: {} bytes", one_line(&out.to_string_lossy()), thousands(bytes as u64));
-        let told = told(&mesh, &request, &sampled).into_iter().chain([end]).map(|line| wrapped(&line)).collect::<Vec<_>>();
-        Ok(if quiet { String::new() } else { told.join("\n") })
+        let end = format!(
+            "written to {}: {} bytes",
+            one_line(&out.to_string_lossy()),
+            thousands(bytes as u64)
+        );
+        let told = told(&mesh, &request, &sampled)
+            .into_iter()
+            .chain([end])
+            .map(|line| wrapped(&line))
+            .collect::<Vec<_>>();
+        Ok(if quiet {
+            String::new()
+        } else {
+            told.join("\n")
+        })
     }
 }
 
@@ -164,9 +230,22 @@ fn told(mesh: &Mesh, request: &Request, sampled: &Sampled) -> Vec<String> {
         0 => String::new(),
         count => format!(" ({} without an area left out)", thousands(count as u64)),
     };
-    let mut lines = vec![format!("{} triangles{left_out}, area {:.6}", thousands(mesh.triangles.len() as u64), sampled.area)];
-    let apart = sampled.spacing.map_or(String::new(), |spacing| format!(", at least {spacing:.3e} apart"));
-    let radius = |pick: fn(f64, f64) -> f64| sampled.splats.iter().map(|splat| splat.radius).reduce(pick).unwrap_or(0.0);
+    let mut lines = vec![format!(
+        "{} triangles{left_out}, area {:.6}",
+        thousands(mesh.triangles.len() as u64),
+        sampled.area
+    )];
+    let apart = sampled.spacing.map_or(String::new(), |spacing| {
+        format!(", at least {spacing:.3e} apart")
+    });
+    let radius = |pick: fn(f64, f64) -> f64| {
+        sampled
+            .splats
+            .iter()
+            .map(|splat| splat.radius)
+            .reduce(pick)
+            .unwrap_or(0.0)
+    };
     lines.push(format!(
         "{} points{apart}, of radii {:.3e} to {:.3e}",
         thousands(sampled.splats.len() as u64),
@@ -174,14 +253,31 @@ fn told(mesh: &Mesh, request: &Request, sampled: &Sampled) -> Vec<String> {
         radius(f64::max)
     ));
     if let Some(solution) = sampled.solution {
-        let Solution { residual, damped_residual, steps, .. } = solution;
+        let Solution {
+            residual,
+            damped_residual,
+            steps,
+            ..
+        } = solution;
         lines.push(format!("colours solved for: residual {residual:.1e}, of the damped system {damped_residual:.1e} after {steps} steps"));
     }
     if request.acquisition == Acquisition::Optimised {
-        let (beyond, all) = (thousands(sampled.beyond as u64), thousands(sampled.splats.len() as u64));
-        let most = if sampled.beyond == 0 { String::new() } else { format!(", by at most {:.3}; scenes clamp them", sampled.most_beyond) };
+        let (beyond, all) = (
+            thousands(sampled.beyond as u64),
+            thousands(sampled.splats.len() as u64),
+        );
+        let most = if sampled.beyond == 0 {
+            String::new()
+        } else {
+            format!(", by at most {:.3}; scenes clamp them", sampled.most_beyond)
+        };
         lines.push(format!("{beyond} of {all} colours leave [0, 1]{most}"));
     }
-    lines.extend(mesh.notes.iter().chain(&sampled.notes).map(|note| format!("note: {note}")));
+    lines.extend(
+        mesh.notes
+            .iter()
+            .chain(&sampled.notes)
+            .map(|note| format!("note: {note}")),
+    );
     lines
 }

@@ -28,7 +28,13 @@ pub(super) struct Typed {
     #[arg(long, value_name = "N", value_parser = positive, conflicts_with = "over")]
     min_fps: Option<f64>,
     /// Minimise area (default), gates, energy or cycles
-    #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, requires = "min_fps")]
+    #[arg(
+        long,
+        value_name = "WHAT",
+        value_enum,
+        hide_possible_values = true,
+        requires = "min_fps"
+    )]
     minimise: Option<Minimise>,
     /// Read timing fields and values [default: usual ones]
     #[arg(long, value_name = "FILE", requires = "min_fps")]
@@ -53,7 +59,13 @@ pub(super) struct Typed {
         conflicts_with_all = ["max_error", "against", "no_saturation", "views", "only", "tries", "seed", "cameras", "distance", "robust", "metric"])]
     over: Option<Over>,
     /// Minimise `area` (default) or `bytes` per pixel
-    #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, requires = "over")]
+    #[arg(
+        long,
+        value_name = "WHAT",
+        value_enum,
+        hide_possible_values = true,
+        requires = "over"
+    )]
     by: Option<By>,
     /// Require that no word saturates or wraps
     #[arg(long)]
@@ -102,9 +114,17 @@ fn continued(parts: &[String]) -> String {
 
 /// Scene and size of every domain, as `run` takes them.
 fn named(scenes: &[OsString], common: &Common) -> Vec<String> {
-    let size = |overrides: &Overrides| overrides.size.map_or(String::new(), |(width, height)| format!(" --size {width}x{height}"));
+    let size = |overrides: &Overrides| {
+        overrides.size.map_or(String::new(), |(width, height)| {
+            format!(" --size {width}x{height}")
+        })
+    };
     let of = |scene: &OsString| {
-        common.each_overrides().iter().map(|each| quoted_for_shell(&scene.to_string_lossy()) + &size(each)).collect::<Vec<_>>()
+        common
+            .each_overrides()
+            .iter()
+            .map(|each| quoted_for_shell(&scene.to_string_lossy()) + &size(each))
+            .collect::<Vec<_>>()
     };
     scenes.iter().flat_map(of).collect()
 }
@@ -168,9 +188,14 @@ pub(super) struct Job {
 impl Typed {
     pub fn check(self) -> Result<Job> {
         let domains = self.domains()?;
-        domains.iter().try_for_each(|domain| memory::check_frame(domain.scene()))?;
+        domains
+            .iter()
+            .try_for_each(|domain| memory::check_frame(domain.scene()))?;
         let mut machine = self.common.machine(domains[0].scene())?;
-        machines::pay(&mut machine, domains.iter().any(|domain| domain.scene().detail.is_some()));
+        machines::pay(
+            &mut machine,
+            domains.iter().any(|domain| domain.scene().detail.is_some()),
+        );
         let target = self.target()?;
         let options = Options {
             target,
@@ -182,10 +207,16 @@ impl Typed {
             prices: Prices::load_or_default(self.prices.as_deref())?,
             progress: !self.quiet,
         };
-        let prices_flag =
-            self.prices.as_deref().map_or(String::new(), |path| format!(" --prices {}", quoted_for_shell(&path.to_string_lossy())));
-        let again = Again { scenes: named(&self.scenes, &self.common), prices: prices_flag };
-        let folder = self.out.unwrap_or_else(|| folder_for(&self.scenes[0], "-search"));
+        let prices_flag = self.prices.as_deref().map_or(String::new(), |path| {
+            format!(" --prices {}", quoted_for_shell(&path.to_string_lossy()))
+        });
+        let again = Again {
+            scenes: named(&self.scenes, &self.common),
+            prices: prices_flag,
+        };
+        let folder = self
+            .out
+            .unwrap_or_else(|| folder_for(&self.scenes[0], "-search"));
         let by = match self.by {
             Some(By::Bytes) => over_fragment::By::Bytes,
             _ => over_fragment::By::Area,
@@ -197,11 +228,38 @@ impl Typed {
             Some(Minimise::Energy) => over_timing::Minimise::Energy,
             Some(Minimise::Cycles) => over_timing::Minimise::Cycles,
         };
-        let fields = self.fields.as_deref().map(over_timing::read).transpose()?.unwrap_or_default();
-        let Options { views, prices, progress, .. } = options.clone();
+        let fields = self
+            .fields
+            .as_deref()
+            .map(over_timing::read)
+            .transpose()?
+            .unwrap_or_default();
+        let Options {
+            views,
+            prices,
+            progress,
+            ..
+        } = options.clone();
         let memory = Some(over_timing::Bought::of(&machine));
-        let over_timing = self.min_fps.map(|min_fps| over_timing::Options { min_fps, minimise, fields, memory, views, prices, progress });
-        Ok(Job { again, over_timing, over_fragment, domains, machine, folder, options, quiet: self.quiet })
+        let over_timing = self.min_fps.map(|min_fps| over_timing::Options {
+            min_fps,
+            minimise,
+            fields,
+            memory,
+            views,
+            prices,
+            progress,
+        });
+        Ok(Job {
+            again,
+            over_timing,
+            over_fragment,
+            domains,
+            machine,
+            folder,
+            options,
+            quiet: self.quiet,
+        })
     }
 
     /// Every scene at every size.
@@ -247,34 +305,78 @@ impl Typed {
 impl Job {
     pub fn run(self) -> Result<String> {
         if let (Some(by), Some(target)) = (self.over_fragment, self.options.target.psnr_db) {
-            let Options { prices, progress, .. } = &self.options;
-            let scenes: Vec<Scene> = self.domains.iter().map(|domain| domain.scene().clone()).collect();
-            let outcome = over_fragment::run(&scenes, &self.machine, &self.folder, target, by, prices, *progress)?;
+            let Options {
+                prices, progress, ..
+            } = &self.options;
+            let scenes: Vec<Scene> = self
+                .domains
+                .iter()
+                .map(|domain| domain.scene().clone())
+                .collect();
+            let outcome = over_fragment::run(
+                &scenes,
+                &self.machine,
+                &self.folder,
+                target,
+                by,
+                prices,
+                *progress,
+            )?;
             return Ok(self.told(&[outcome.summary()], &outcome.files));
         }
         if let Some(options) = &self.over_timing {
             return self.over_timing(options);
         }
         let outcome = search::run_on(&self.domains, &self.machine, &self.folder, &self.options)?;
-        Ok(self.told(&[outcome.summary(), self.again(&outcome.claims, &self.folder)], &outcome.files))
+        Ok(self.told(
+            &[outcome.summary(), self.again(&outcome.claims, &self.folder)],
+            &outcome.files,
+        ))
     }
 
     /// Timing alone; or timing, then words, then timing with these.
     fn over_timing(&self, options: &over_timing::Options) -> Result<String> {
-        let Target { psnr_db, max_error, no_saturation, .. } = self.options.target;
+        let Target {
+            psnr_db,
+            max_error,
+            no_saturation,
+            ..
+        } = self.options.target;
         let (domains, folder) = (&self.domains, &self.folder);
         if psnr_db.is_none() && max_error.is_none() && !no_saturation {
             let outcome = over_timing::run(domains, &self.machine, None, folder, options)?;
-            return Ok(self.told(&[outcome.summary(), self.again(&outcome.claims, folder)], &outcome.files));
+            return Ok(self.told(
+                &[outcome.summary(), self.again(&outcome.claims, folder)],
+                &outcome.files,
+            ));
         }
         // Before anything is written.
         search::check(domains, &self.machine, &self.options)?;
-        let fast = over_timing::run(domains, &self.machine, None, &folder.join("timing"), options)?;
+        let fast = over_timing::run(
+            domains,
+            &self.machine,
+            None,
+            &folder.join("timing"),
+            options,
+        )?;
         let words = search::run_on(domains, &fast.machine, &folder.join("words"), &self.options)?;
-        let last = over_timing::run(domains, &words.machine, Some(&words.searched), folder, options)?;
+        let last = over_timing::run(
+            domains,
+            &words.machine,
+            Some(&words.searched),
+            folder,
+            options,
+        )?;
         // The words' figures are those of the last machine too: timing changes no picture.
-        let again = [self.again_with(&words.claims, &folder.join("words"), folder), self.again(&last.claims, folder)].join("\n");
-        Ok(self.told(&[fast.summary(), words.summary(), last.summary(), again], &last.files))
+        let again = [
+            self.again_with(&words.claims, &folder.join("words"), folder),
+            self.again(&last.claims, folder),
+        ]
+        .join("\n");
+        Ok(self.told(
+            &[fast.summary(), words.summary(), last.summary(), again],
+            &last.files,
+        ))
     }
 
     /// The command that shows each figure again.
@@ -283,8 +385,15 @@ impl Job {
     }
 
     fn again_with(&self, claims: &[Claim], cameras: &Path, machine: &Path) -> String {
-        let path = |folder: &Path, name: &str| quoted_for_shell(&folder.join(name).to_string_lossy());
-        let command = |Claim { figure, view, scene, cameras: file, frame }: &Claim| {
+        let path =
+            |folder: &Path, name: &str| quoted_for_shell(&folder.join(name).to_string_lossy());
+        let command = |Claim {
+                           figure,
+                           view,
+                           scene,
+                           cameras: file,
+                           frame,
+                       }: &Claim| {
             let (machine, file) = (path(machine, "machine.json"), path(cameras, file));
             let command = [
                 format!("splatsim run {}", self.again.scenes[*scene]),
@@ -292,12 +401,24 @@ impl Job {
                 format!("--cameras {file}"),
                 format!("--frame {frame}{}", self.again.prices),
             ];
-            format!("{}\n{}", wrapped(&format!("to see {figure} on {view} again:")), continued(&command))
+            format!(
+                "{}\n{}",
+                wrapped(&format!("to see {figure} on {view} again:")),
+                continued(&command)
+            )
         };
         claims.iter().map(command).collect::<Vec<_>>().join("\n")
     }
 
     fn told(&self, summaries: &[String], files: &[PathBuf]) -> String {
-        if self.quiet { String::new() } else { format!("{}\n\n{}", summaries.join("\n\n"), written(&self.folder, files)) }
+        if self.quiet {
+            String::new()
+        } else {
+            format!(
+                "{}\n\n{}",
+                summaries.join("\n\n"),
+                written(&self.folder, files)
+            )
+        }
     }
 }

@@ -37,7 +37,10 @@ impl Pages {
         command.build();
         let _open = Folder::open(&self.folder)?;
         let count = write(&command, &self.folder)?;
-        Ok(format!("{count} man pages written to {}", one_line(&self.folder.to_string_lossy())))
+        Ok(format!(
+            "{count} man pages written to {}",
+            one_line(&self.folder.to_string_lossy())
+        ))
     }
 }
 
@@ -45,7 +48,13 @@ impl Pages {
 fn write(command: &Command, folder: &Path) -> Result<usize> {
     let man = Man::new(command.clone());
     let mut page = Vec::new();
-    man.render(&mut page).map_err(|e| Error::job(e.to_string()))?;
-    write_beside(&folder.join(man.get_filename()), |file| file.write_all(&page).map_err(|e| e.to_string()))?;
-    command.get_subcommands().map(|below| write(below, folder)).try_fold(1, |count, below| Ok(count + below?))
+    man.render(&mut page)
+        .map_err(|e| Error::job(e.to_string()))?;
+    write_beside(&folder.join(man.get_filename()), |file| {
+        file.write_all(&page).map_err(|e| e.to_string())
+    })?;
+    command
+        .get_subcommands()
+        .map(|below| write(below, folder))
+        .try_fold(1, |count, below| Ok(count + below?))
 }

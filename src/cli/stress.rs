@@ -40,11 +40,31 @@ pub(super) struct Job {
 
 impl Typed {
     pub fn check(self) -> Result<Job> {
-        let named: Vec<&Case> = self.cases.iter().map(|name| stress::find(name)).collect::<Result<_>>()?;
-        let cases = if named.is_empty() { CASES.iter().collect() } else { named };
-        let machines = self.machines.iter().map(|name| machines::load(name, &[])).collect::<Result<_>>()?;
-        let out = self.out.map(|folder| Folder::open(&folder).map(|open| (folder, open))).transpose()?;
-        Ok(Job { cases, machines, out, quiet: self.quiet })
+        let named: Vec<&Case> = self
+            .cases
+            .iter()
+            .map(|name| stress::find(name))
+            .collect::<Result<_>>()?;
+        let cases = if named.is_empty() {
+            CASES.iter().collect()
+        } else {
+            named
+        };
+        let machines = self
+            .machines
+            .iter()
+            .map(|name| machines::load(name, &[]))
+            .collect::<Result<_>>()?;
+        let out = self
+            .out
+            .map(|folder| Folder::open(&folder).map(|open| (folder, open)))
+            .transpose()?;
+        Ok(Job {
+            cases,
+            machines,
+            out,
+            quiet: self.quiet,
+        })
     }
 }
 
@@ -59,6 +79,10 @@ impl Job {
             None => "nothing written: --out DIR writes the tables, a chart and a gallery".into(),
         };
         catalogue.check()?;
-        Ok(if self.quiet { String::new() } else { format!("{}\n{end}", catalogue.table()) })
+        Ok(if self.quiet {
+            String::new()
+        } else {
+            format!("{}\n{end}", catalogue.table())
+        })
     }
 }

@@ -47,8 +47,18 @@ impl Typed {
         let points = Points::load(&self.plan)?;
         let prices = Prices::load_or_default(self.prices.as_deref())?;
         let folder = self.out.unwrap_or_else(|| folder_for(&self.plan, "-sweep"));
-        let options = Options { shard: self.shard, most: self.most, prices, progress: !self.quiet };
-        Ok(Job { points, folder, options, quiet: self.quiet })
+        let options = Options {
+            shard: self.shard,
+            most: self.most,
+            prices,
+            progress: !self.quiet,
+        };
+        Ok(Job {
+            points,
+            folder,
+            options,
+            quiet: self.quiet,
+        })
     }
 }
 
@@ -57,9 +67,15 @@ impl Job {
         let outcome = sweep::run(&self.points, &self.folder, &self.options)?;
         let folder = one_line(&self.folder.to_string_lossy());
         let end = match &outcome.files[..] {
-            [] => wrapped(&format!("rows are in {folder}; other parts are being drawn, and the last writes the table of all")),
+            [] => wrapped(&format!(
+                "rows are in {folder}; other parts are being drawn, and the last writes the table of all"
+            )),
             files => written(&self.folder, files),
         };
-        Ok(if self.quiet { String::new() } else { format!("{}\n\n{end}", outcome.summary()) })
+        Ok(if self.quiet {
+            String::new()
+        } else {
+            format!("{}\n\n{end}", outcome.summary())
+        })
     }
 }

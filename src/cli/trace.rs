@@ -75,18 +75,41 @@ impl Typed {
         let frame = self.common.frame.unwrap_or(0);
         let path = Path::new(&self.scene);
         // A device's records may be compared in another folder.
-        let source = if path.exists() { std::path::absolute(path).ok() } else { Some(path.to_owned()) };
+        let source = if path.exists() {
+            std::path::absolute(path).ok()
+        } else {
+            Some(path.to_owned())
+        };
         let source = source.and_then(|source| source.to_str().map(str::to_owned));
-        Ok(Job { text: Scene::text(&self.scene), source, frame, scene, machine, window, out: self.out, quiet: self.quiet })
+        Ok(Job {
+            text: Scene::text(&self.scene),
+            source,
+            frame,
+            scene,
+            machine,
+            window,
+            out: self.out,
+            quiet: self.quiet,
+        })
     }
 }
 
 impl Job {
     pub fn run(self) -> Result<String> {
-        let origin = Origin { text: self.text.as_deref(), source: self.source.as_deref(), frame: self.frame };
+        let origin = Origin {
+            text: self.text.as_deref(),
+            source: self.source.as_deref(),
+            frame: self.frame,
+        };
         let written = trace::trace(&self.scene, origin, &self.machine, &self.window, &self.out)?;
         let folder = one_line(&self.out.to_string_lossy());
-        let end = wrapped(&format!("written to {folder}; README.md there says what each file is"));
-        Ok(if self.quiet { String::new() } else { format!("{}\n\n{end}", written.table()) })
+        let end = wrapped(&format!(
+            "written to {folder}; README.md there says what each file is"
+        ));
+        Ok(if self.quiet {
+            String::new()
+        } else {
+            format!("{}\n\n{end}", written.table())
+        })
     }
 }

@@ -40,23 +40,39 @@ impl Typed {
     pub fn check(self) -> Result<Job> {
         check_out(&self.out)?;
         if are_one(Path::new(&self.scene), &self.out) {
-            return Err(Error::input(format!("--out {}: it is the scene itself", self.out.display())));
+            return Err(Error::input(format!(
+                "--out {}: it is the scene itself",
+                self.out.display()
+            )));
         }
         let scene = Scene::load(&self.scene, &Overrides::default())?;
         let scene = scene.full().unwrap_or(scene);
         if scene.ellipsoids.is_some() {
             let name = one_line(&self.scene.to_string_lossy());
-            return Err(Error::input(format!("{name}: a tree is of discs, and these splats are voxels, Gaussians or an isosurface")));
+            return Err(Error::input(format!(
+                "{name}: a tree is of discs, and these splats are voxels, Gaussians or an isosurface"
+            )));
         }
-        Ok(Job { scene, out: self.out, children: self.children as usize, quiet: self.quiet })
+        Ok(Job {
+            scene,
+            out: self.out,
+            children: self.children as usize,
+            quiet: self.quiet,
+        })
     }
 }
 
 /// Says before any work that a tree could not be written there.
 fn check_out(path: &Path) -> Result<()> {
     let cannot = |why: &str| Err(Error::input(format!("--out {}: {why}", path.display())));
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    if !path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("tree")) {
+    let folder = path
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty())
+        .unwrap_or(Path::new("."));
+    if !path
+        .extension()
+        .is_some_and(|extension| extension.eq_ignore_ascii_case("tree"))
+    {
         return cannot("trees are written as .tree");
     }
     if path.is_dir() {
@@ -70,10 +86,18 @@ fn check_out(path: &Path) -> Result<()> {
 
 impl Job {
     pub fn run(self) -> Result<String> {
-        let Job { scene, out, children, quiet } = self;
-        let tree = Tree::new(&scene.splats, children).ok_or_else(|| Error::input(format!("{}: holds no splats", scene.name)))?;
+        let Job {
+            scene,
+            out,
+            children,
+            quiet,
+        } = self;
+        let tree = Tree::new(&scene.splats, children)
+            .ok_or_else(|| Error::input(format!("{}: holds no splats", scene.name)))?;
         let bytes = file::bytes(&tree);
-        write_beside(&out, |file| file.write_all(&bytes).map_err(|e| e.to_string()))?;
+        write_beside(&out, |file| {
+            file.write_all(&bytes).map_err(|e| e.to_string())
+        })?;
         if quiet {
             return Ok(String::new());
         }
@@ -88,11 +112,26 @@ impl Job {
         );
         let radius = |level: u32| {
             let of_level = tree.nodes().iter().filter(|node| node.level == level);
-            let (count, sum) = of_level.fold((0u64, 0.0), |(count, sum), node| (count + 1, sum + node.splat.radius));
-            format!("level {level}: {} of mean radius {:.3e}", thousands(count), sum / count as f64)
+            let (count, sum) = of_level.fold((0u64, 0.0), |(count, sum), node| {
+                (count + 1, sum + node.splat.radius)
+            });
+            format!(
+                "level {level}: {} of mean radius {:.3e}",
+                thousands(count),
+                sum / count as f64
+            )
         };
         let levels = (0..tree.levels() as u32).map(radius);
-        let end = format!("written to {}: {} bytes", one_line(&out.to_string_lossy()), thousands(bytes.len() as u64));
-        Ok(std::iter::once(of).chain(levels).chain([end]).map(|line| wrapped(&line)).collect::<Vec<_>>().join("\n"))
+        let end = format!(
+            "written to {}: {} bytes",
+            one_line(&out.to_string_lossy()),
+            thousands(bytes.len() as u64)
+        );
+        Ok(std::iter::once(of)
+            .chain(levels)
+            .chain([end])
+            .map(|line| wrapped(&line))
+            .collect::<Vec<_>>()
+            .join("\n"))
     }
 }

@@ -41,7 +41,11 @@ impl Typed {
         if !self.no_open {
             open(&address)?;
         }
-        server.serve(view, self.seconds.map(|seconds| Duration::from_secs(seconds.into())));
+        server.serve(
+            view,
+            self.seconds
+                .map(|seconds| Duration::from_secs(seconds.into())),
+        );
         Ok(String::new())
     }
 }
@@ -53,11 +57,19 @@ fn open(address: &str) -> Result<()> {
         "windows" => ("cmd", &["/C", "start", ""]),
         _ => ("xdg-open", &[]),
     };
-    let quiet = Command::new(program).args(arguments).arg(address).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn();
+    let quiet = Command::new(program)
+        .args(arguments)
+        .arg(address)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .spawn();
     match quiet {
         Ok(_) => Ok(()),
         // Whoever has no such program opens the address that was printed.
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(()),
-        Err(e) => Err(Error::job(format!("{program}: cannot be started: {e}; --no-open opens no browser"))),
+        Err(e) => Err(Error::job(format!(
+            "{program}: cannot be started: {e}; --no-open opens no browser"
+        ))),
     }
 }

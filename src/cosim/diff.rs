@@ -5,11 +5,13 @@
 //!                            ├─►( order )─►( align )─► missing, surplus, moved, different ─► the first of them, with what led to it
 //! device ─► lines, checked ──┘
 //! ```
-//! Records that have a tag or a pixel are paired by it, others by an edit script (`align`). Where the order of pixels does not count, or
-//! where the device went through tiles, the expected records are brought into that order first (`order`).
+//! Records that have a tag or a pixel are paired by it, others by an edit script (`align`). Where
+//! the order of pixels does not count, or where the device went through tiles, the expected records
+//! are brought into that order first (`order`).
 //!
-//! Laws: `a_flipped_bit_is_named`, `a_lost_doubled_or_swapped_record_is_named`, `a_fault_at_a_pixel_is_named`,
-//! `runs_of_missing_and_surplus_records_are_counted_apart`, `a_file_in_the_order_of_tiles_is_equal_and_a_fault_in_it_is_named`,
+//! Laws: `a_flipped_bit_is_named`, `a_lost_doubled_or_swapped_record_is_named`,
+//! `a_fault_at_a_pixel_is_named`, `runs_of_missing_and_surplus_records_are_counted_apart`,
+//! `a_file_in_the_order_of_tiles_is_equal_and_a_fault_in_it_is_named`,
 //! `what_must_be_zero_counts_where_it_is_asked_for` (tests/diff.rs).
 
 mod align;
@@ -76,7 +78,10 @@ pub struct How {
 
 impl Default for How {
     fn default() -> Self {
-        How { zeros: Zeros::Ignored, order: Order::Auto }
+        How {
+            zeros: Zeros::Ignored,
+            order: Order::Auto,
+        }
     }
 }
 
@@ -106,24 +111,47 @@ impl Trace {
     fn open(folder: &Path) -> Result<Trace> {
         let path = folder.join("manifest.json");
         let input_error = |what: String| Error::input(format!("{}: {what}", path.display()));
-        let text =
-            input::read_text(&path).map_err(|e| input_error(format!("cannot be read: {e}; a folder that `trace` wrote is needed")))?;
-        let manifest: Value = serde_json::from_str(&text).map_err(|e| input_error(format!("is no manifest: {e}")))?;
+        let text = input::read_text(&path).map_err(|e| {
+            input_error(format!(
+                "cannot be read: {e}; a folder that `trace` wrote is needed"
+            ))
+        })?;
+        let manifest: Value =
+            serde_json::from_str(&text).map_err(|e| input_error(format!("is no manifest: {e}")))?;
         if manifest["format"] != "splatsim-trace-1" {
-            return Err(input_error(format!("its format is {}, and splatsim-trace-1 is needed", manifest["format"])));
+            return Err(input_error(format!(
+                "its format is {}, and splatsim-trace-1 is needed",
+                manifest["format"]
+            )));
         }
-        Ok(Trace { folder: folder.to_owned(), manifest })
+        Ok(Trace {
+            folder: folder.to_owned(),
+            manifest,
+        })
     }
 
     fn stream(&self, name: &str) -> Result<Stream> {
-        let all = self.manifest["streams"].as_array().map(Vec::as_slice).unwrap_or_default();
+        let all = self.manifest["streams"]
+            .as_array()
+            .map(Vec::as_slice)
+            .unwrap_or_default();
         let found = all.iter().find(|stream| stream["name"] == name);
         let found = found.ok_or_else(|| {
-            let names: Vec<&str> = all.iter().filter_map(|stream| stream["name"].as_str()).collect();
-            Error::input(format!("{name}: no such stream in {}; there are {}", self.folder.display(), names.join(", ")))
+            let names: Vec<&str> = all
+                .iter()
+                .filter_map(|stream| stream["name"].as_str())
+                .collect();
+            Error::input(format!(
+                "{name}: no such stream in {}; there are {}",
+                self.folder.display(),
+                names.join(", ")
+            ))
         })?;
         self.described(found).ok_or_else(|| {
-            Error::input(format!("{}: what it says of the stream {name} is incomplete", self.folder.join("manifest.json").display()))
+            Error::input(format!(
+                "{}: what it says of the stream {name} is incomplete",
+                self.folder.join("manifest.json").display()
+            ))
         })
     }
 
@@ -139,13 +167,23 @@ impl Trace {
         let mut described = Vec::new();
         let (mut widths, mut signed, mut unless) = (Vec::new(), Vec::new(), Vec::new());
         for field in fields {
-            let width = u32::try_from(number(field, "width")?).ok().filter(|width| (1..=63).contains(width))?;
+            let width = u32::try_from(number(field, "width")?)
+                .ok()
+                .filter(|width| (1..=63).contains(width))?;
             let frac_bits = number(field, "frac_bits")? as i32;
             let is_word = frac_bits != 0 || !field["signal"].is_null();
-            described.push(Field { name: text(&field["name"])?, width, frac_bits, is_word });
+            described.push(Field {
+                name: text(&field["name"])?,
+                width,
+                frac_bits,
+                is_word,
+            });
             widths.push(width);
             signed.push(field["signed"].as_bool()?);
-            let flags = field["zero_where"].as_array().map(Vec::as_slice).unwrap_or_default();
+            let flags = field["zero_where"]
+                .as_array()
+                .map(Vec::as_slice)
+                .unwrap_or_default();
             let place = |flag: &Value| fields.iter().position(|field| field["name"] == *flag);
             unless.push(flags.iter().map(place).collect::<Option<Vec<_>>>()?);
         }
@@ -167,7 +205,10 @@ impl Trace {
         let path = self.folder.join(&stream.file);
         let text = lines::read(&path)?;
         if hex(&Sha256::digest(&text)) != stream.sha256 {
-            return Err(Error::input(format!("{}: is not what `trace` wrote there: its digest is another", path.display())));
+            return Err(Error::input(format!(
+                "{}: is not what `trace` wrote there: its digest is another",
+                path.display()
+            )));
         }
         Ok(lines::records(&path, &text, &stream.layout, Zeros::Compared)?.records)
     }
@@ -189,26 +230,44 @@ impl Stream {
     fn names(&self, records: &[Vec<i64>]) -> Option<Vec<Name>> {
         let naming = self.naming();
         let name = |record: &Vec<i64>| naming.map(|place| place.map_or(0, |place| record[place]));
-        naming.iter().any(Option::is_some).then(|| records.iter().map(name).collect())
+        naming
+            .iter()
+            .any(Option::is_some)
+            .then(|| records.iter().map(name).collect())
     }
 }
 
-/// Compares devices' outputs with a trace: of several streams, the earliest that is different tells what went wrong.
+/// Compares devices' outputs with a trace: of several streams, the earliest that is different tells
+/// what went wrong.
 ///
 /// # Errors
-/// [`Error::Input`] where the folder is no trace, has no such stream, was changed, or where a device's file is malformed.
+/// [`Error::Input`] where the folder is no trace, has no such stream, was changed, or where a
+/// device's file is malformed.
 pub fn diff(folder: &Path, outputs: &[(String, PathBuf)], how: How) -> Result<Outcome> {
     let trace = Trace::open(folder)?;
-    let mut streams: Vec<(Stream, &Path)> =
-        outputs.iter().map(|(name, file)| Ok((trace.stream(name)?, file.as_path()))).collect::<Result<_>>()?;
-    let all = trace.manifest["streams"].as_array().map(Vec::as_slice).unwrap_or_default();
-    streams.sort_by_key(|(stream, _)| all.iter().position(|other| other["name"] == stream.name.as_str()));
+    let mut streams: Vec<(Stream, &Path)> = outputs
+        .iter()
+        .map(|(name, file)| Ok((trace.stream(name)?, file.as_path())))
+        .collect::<Result<_>>()?;
+    let all = trace.manifest["streams"]
+        .as_array()
+        .map(Vec::as_slice)
+        .unwrap_or_default();
+    streams.sort_by_key(|(stream, _)| {
+        all.iter()
+            .position(|other| other["name"] == stream.name.as_str())
+    });
     let mut equal = Vec::new();
     let mut rastered: Option<Permutation> = None;
     for (stream, file) in &streams {
         let expected = trace.expected(stream)?;
         let got = lines::records(file, &lines::read(file)?, &stream.layout, how.zeros)?;
-        let sides = Sides { trace: &trace, stream, expected: &expected, got: &got };
+        let sides = Sides {
+            trace: &trace,
+            stream,
+            expected: &expected,
+            got: &got,
+        };
         let ordered = sides.ordered(how.order, rastered.as_ref())?;
         if let Some(first) = ordered.found.first() {
             return sides.outcome(first, &ordered);
@@ -219,16 +278,30 @@ pub fn diff(folder: &Path, outputs: &[(String, PathBuf)], how: How) -> Result<Ou
         }
     }
     let line = |stream: &Value| {
-        let note = stream["note"].as_str().map_or(String::new(), |note| format!("; {note}"));
-        format!("{}: {} records equal{note}", stream["stream"].as_str().unwrap_or_default(), stream["records"])
+        let note = stream["note"]
+            .as_str()
+            .map_or(String::new(), |note| format!("; {note}"));
+        format!(
+            "{}: {} records equal{note}",
+            stream["stream"].as_str().unwrap_or_default(),
+            stream["records"]
+        )
     };
     let text = equal.iter().map(line).collect::<Vec<_>>().join("\n");
-    Ok(Outcome { sentence: text.clone(), text, json: json!({"equal": true, "streams": equal}), equal: true })
+    Ok(Outcome {
+        sentence: text.clone(),
+        text,
+        json: json!({"equal": true, "streams": equal}),
+        equal: true,
+    })
 }
 
 /// The first field that is different.
 fn other_field(expected: &[i64], got: &[i64]) -> Option<usize> {
-    expected.iter().zip(got).position(|(expected, got)| expected != got)
+    expected
+        .iter()
+        .zip(got)
+        .position(|(expected, got)| expected != got)
 }
 
 /// A stream's records, and a device's.
@@ -242,7 +315,9 @@ struct Sides<'a> {
 /// A natural number of a key's part, if there is one.
 fn part(key: &[i64], place: usize) -> Option<i64> {
     let (_, bits) = Key::PARTS[place];
-    key.get(place).copied().filter(|&part| part != (1 << bits) - 1)
+    key.get(place)
+        .copied()
+        .filter(|&part| part != (1 << bits) - 1)
 }
 
 /// Places of a key's parts.
@@ -257,19 +332,32 @@ impl Sides<'_> {
     fn outcome(&self, first: &Mismatch, ordered: &Ordered) -> Result<Outcome> {
         let keys = self.trace.keys(self.stream)?;
         let record = first.record();
-        // A surplus record has no key: that of the one that it stands before tells where the device was.
-        let key = keys.get(record.min(keys.len().saturating_sub(1))).cloned().unwrap_or_default();
+        // A surplus record has no key: that of the one that it stands before tells where the device
+        // was.
+        let key = keys
+            .get(record.min(keys.len().saturating_sub(1)))
+            .cloned()
+            .unwrap_or_default();
         let (kind, line) = match *first {
             Mismatch::Different { line, .. } => ("field", Some(line)),
             Mismatch::Missing { .. } => ("missing", None),
             Mismatch::Surplus { line, .. } => ("surplus", Some(line)),
-            Mismatch::Moved { line, swapped: true, .. } => ("swapped", Some(line)),
+            Mismatch::Moved {
+                line,
+                swapped: true,
+                ..
+            } => ("swapped", Some(line)),
             Mismatch::Moved { line, .. } => ("moved", Some(line)),
         };
         let got = line.map(|line| &self.got.records[line]);
         let flags: Vec<&str> = {
             let bits = key.get(FLAGS).copied().unwrap_or(0);
-            flag::NAMES.iter().enumerate().filter(|(bit, _)| bits >> bit & 1 == 1).map(|(_, name)| *name).collect()
+            flag::NAMES
+                .iter()
+                .enumerate()
+                .filter(|(bit, _)| bits >> bit & 1 == 1)
+                .map(|(_, name)| *name)
+                .collect()
         };
         let counts = Counts::of(&ordered.found);
         let run = ordered.run();
@@ -291,39 +379,87 @@ impl Sides<'_> {
             field_name = Some(self.stream.fields[field].name.as_str());
             mismatch["field"] = self.field(field, self.expected[record][field], got[field]);
         }
-        mismatch["expected"] = self.expected.get(record).map_or(Value::Null, |words| self.words(self.stream, words));
+        mismatch["expected"] = self
+            .expected
+            .get(record)
+            .map_or(Value::Null, |words| self.words(self.stream, words));
         mismatch["got"] = got.map_or(Value::Null, |words| self.words(self.stream, words));
         mismatch["inputs"] = self.inputs(&key)?;
         mismatch["stimulus"] = self.stimulus(record, &key).map_or(Value::Null, Value::from);
-        let (intermediate, why_none) = match words::of_record(&self.trace.folder, &self.trace.manifest, self.replayed(record, &key)?) {
+        let (intermediate, why_none) = match words::of_record(
+            &self.trace.folder,
+            &self.trace.manifest,
+            self.replayed(record, &key)?,
+        ) {
             Ok(words) => (words, None),
             Err(why) => (Vec::new(), Some(why)),
         };
         mismatch["intermediate"] = intermediate.iter().map(words::Word::json).collect();
         mismatch["intermediate_absent"] = why_none.into();
-        mismatch["replay"] = replay::command(&self.trace.folder, &self.trace.manifest, &self.stream.unit, &key).into();
+        mismatch["replay"] = replay::command(
+            &self.trace.folder,
+            &self.trace.manifest,
+            &self.stream.unit,
+            &key,
+        )
+        .into();
         let sentence = self.sentence(first, run, field_name, &counts);
-        Ok(Outcome { text: self.text(&mismatch, &sentence, &intermediate), json: mismatch, equal: false, sentence })
+        Ok(Outcome {
+            text: self.text(&mismatch, &sentence, &intermediate),
+            json: mismatch,
+            equal: false,
+            sentence,
+        })
     }
 
-    fn sentence(&self, first: &Mismatch, run: usize, field: Option<&str>, counts: &Counts) -> String {
+    fn sentence(
+        &self,
+        first: &Mismatch,
+        run: usize,
+        field: Option<&str>,
+        counts: &Counts,
+    ) -> String {
         let name = &self.stream.name;
         let line_of = |line: usize| self.got.numbers[line];
         let what = match *first {
-            Mismatch::Different { record, .. } => format!("record {record}, field {}, is different", field.unwrap_or_default()),
-            Mismatch::Missing { record } if run > 1 => format!("records {record} to {} are missing", record + run - 1),
+            Mismatch::Different { record, .. } => format!(
+                "record {record}, field {}, is different",
+                field.unwrap_or_default()
+            ),
+            Mismatch::Missing { record } if run > 1 => {
+                format!("records {record} to {} are missing", record + run - 1)
+            }
             Mismatch::Missing { record } => format!("record {record} is missing"),
             Mismatch::Surplus { line, before } => {
-                let place = if before < self.expected.len() { format!("before record {before}") } else { "behind the last record".into() };
+                let place = if before < self.expected.len() {
+                    format!("before record {before}")
+                } else {
+                    "behind the last record".into()
+                };
                 match run {
                     1 => format!("line {} is surplus, {place}", line_of(line)),
-                    _ => format!("lines {} to {} are surplus, {place}", line_of(line), line_of(line + run - 1)),
+                    _ => format!(
+                        "lines {} to {} are surplus, {place}",
+                        line_of(line),
+                        line_of(line + run - 1)
+                    ),
                 }
             }
-            Mismatch::Moved { record, swapped: true, .. } => format!("records {record} and {} are swapped", record + 1),
-            Mismatch::Moved { record, line, .. } => format!("record {record} is at another place, line {}", line_of(line)),
+            Mismatch::Moved {
+                record,
+                swapped: true,
+                ..
+            } => format!("records {record} and {} are swapped", record + 1),
+            Mismatch::Moved { record, line, .. } => format!(
+                "record {record} is at another place, line {}",
+                line_of(line)
+            ),
         };
-        let more = if counts.all() == run { "nothing else is different".to_owned() } else { format!("in all {counts}") };
+        let more = if counts.all() == run {
+            "nothing else is different".to_owned()
+        } else {
+            format!("in all {counts}")
+        };
         format!("{name}: {what}; {more}")
     }
 
@@ -333,14 +469,20 @@ impl Sides<'_> {
         let is_in = |stream: &str, record: i64| {
             tags.iter().find(|tag| {
                 let first = tag["first"].as_i64().unwrap_or(i64::MAX);
-                tag["stream"] == stream && first <= record && record - first < tag["records"].as_i64().unwrap_or(0)
+                tag["stream"] == stream
+                    && first <= record
+                    && record - first < tag["records"].as_i64().unwrap_or(0)
             })
         };
         let (mut stream, mut record, mut key) = (self.stream.clone(), record as i64, key.to_vec());
         // Records of an output are of the class of what they are made from.
         for _ in 0..tags.len() + 8 {
             if let Some(tag) = is_in(&stream.name, record) {
-                return Some(format!("{}, record {record} of {}", tag["tag"].as_str()?, stream.name));
+                return Some(format!(
+                    "{}, record {record} of {}",
+                    tag["tag"].as_str()?,
+                    stream.name
+                ));
             }
             record = part(&key, PARENT)?;
             stream = self.trace.stream(stream.parent.as_deref()?).ok()?;
@@ -352,18 +494,28 @@ impl Sides<'_> {
     /// The records that a unit has to be given so that it makes this one again.
     fn replayed(&self, record: usize, key: &[i64]) -> Result<words::Replayed> {
         let unit = self.stream.unit.clone();
-        let (Some(parent), Some(number)) = (&self.stream.parent, part(key, PARENT)) else { return Ok(words::Replayed::nothing(unit)) };
-        let Some(expected) = self.expected.get(record) else { return Ok(words::Replayed::nothing(unit)) };
+        let (Some(parent), Some(number)) = (&self.stream.parent, part(key, PARENT)) else {
+            return Ok(words::Replayed::nothing(unit));
+        };
+        let Some(expected) = self.expected.get(record) else {
+            return Ok(words::Replayed::nothing(unit));
+        };
         if *parent != format!("{unit}.in") || self.stream.name != format!("{unit}.out") {
             return Ok(words::Replayed::nothing(unit));
         }
-        let Ok(input) = self.trace.stream(parent) else { return Ok(words::Replayed::nothing(unit)) };
+        let Ok(input) = self.trace.stream(parent) else {
+            return Ok(words::Replayed::nothing(unit));
+        };
         let (records, keys) = (self.trace.expected(&input)?, self.trace.keys(&input)?);
         let number = number as usize;
         let of_pixel = |key: &Vec<i64>| part(key, X).zip(part(key, Y));
-        let Some(own) = keys.get(number) else { return Ok(words::Replayed::nothing(unit)) };
+        let Some(own) = keys.get(number) else {
+            return Ok(words::Replayed::nothing(unit));
+        };
         let inputs: Vec<usize> = match unit.as_str() {
-            "fragment" => (0..=number).filter(|&other| of_pixel(&keys[other]) == of_pixel(own)).collect(),
+            "fragment" => (0..=number)
+                .filter(|&other| of_pixel(&keys[other]) == of_pixel(own))
+                .collect(),
             "resolve" => {
                 let last = input.fields.iter().position(|field| field.name == "last");
                 let ends = |record: &usize| last.is_none_or(|last| records[*record][last] == 1);
@@ -372,11 +524,20 @@ impl Sides<'_> {
             }
             _ => vec![number],
         };
-        let answers = if unit == "fragment" { self.answers(&inputs)? } else { Vec::new() };
-        let begins_empty = unit != "fragment" || self.trace.manifest["window"]["splats"][0] == 0 || self.trace.is_stimulus();
+        let answers = if unit == "fragment" {
+            self.answers(&inputs)?
+        } else {
+            Vec::new()
+        };
+        let begins_empty = unit != "fragment"
+            || self.trace.manifest["window"]["splats"][0] == 0
+            || self.trace.is_stimulus();
         Ok(words::Replayed {
             unit,
-            inputs: inputs.into_iter().map(|record| records[record].clone()).collect(),
+            inputs: inputs
+                .into_iter()
+                .map(|record| records[record].clone())
+                .collect(),
             answers,
             made: expected.clone(),
             begins_empty,
@@ -385,11 +546,16 @@ impl Sides<'_> {
 
     /// What shade said to the requests of these records of `fragment.in`.
     fn answers(&self, inputs: &[usize]) -> Result<Vec<Vec<i64>>> {
-        let (Ok(requests), Ok(answers)) = (self.trace.stream("fragment.request"), self.trace.stream("fragment.answer")) else {
+        let (Ok(requests), Ok(answers)) = (
+            self.trace.stream("fragment.request"),
+            self.trace.stream("fragment.answer"),
+        ) else {
             return Ok(Vec::new());
         };
         let (request_keys, keys) = (self.trace.keys(&requests)?, self.trace.keys(&answers)?);
-        let made_from = |key: &Vec<i64>| part(key, PARENT).and_then(|request| part(request_keys.get(request as usize)?, PARENT));
+        let made_from = |key: &Vec<i64>| {
+            part(key, PARENT).and_then(|request| part(request_keys.get(request as usize)?, PARENT))
+        };
         let records = self.trace.expected(&answers)?.into_iter().zip(&keys);
         Ok(records
             .filter(|(_, key)| made_from(key).is_some_and(|from| inputs.contains(&(from as usize))))
@@ -398,7 +564,12 @@ impl Sides<'_> {
     }
 
     fn field(&self, field: usize, expected: i64, got: i64) -> Value {
-        let Field { name, width, frac_bits, is_word } = &self.stream.fields[field];
+        let Field {
+            name,
+            width,
+            frac_bits,
+            is_word,
+        } = &self.stream.fields[field];
         json!({
             "name": name, "expected_hex": digits(expected, *width), "got_hex": digits(got, *width),
             "expected": value(expected, *frac_bits), "got": value(got, *frac_bits),
@@ -408,23 +579,35 @@ impl Sides<'_> {
 
     fn words(&self, stream: &Stream, words: &[i64]) -> Value {
         let word = |(field, &word): (&Field, &i64)| {
-            (field.name.clone(), json!({"hex": digits(word, field.width), "value": value(word, field.frac_bits)}))
+            (
+                field.name.clone(),
+                json!({"hex": digits(word, field.width), "value": value(word, field.frac_bits)}),
+            )
         };
         Value::Object(stream.fields.iter().zip(words).map(word).collect())
     }
 
-    /// What the record was made from, back to the start of the trace: the nearest record first. Of several layers all, then what the first
-    /// was made from.
+    /// What the record was made from, back to the start of the trace: the nearest record first. Of
+    /// several layers all, then what the first was made from.
     fn inputs(&self, key: &[i64]) -> Result<Value> {
         let mut inputs = Vec::new();
         let (mut parent, mut number) = (self.stream.parent.clone(), part(key, 4));
         while let (Some(name), Some(record)) = (parent, number) {
-            let Ok(stream) = self.trace.stream(&name) else { break };
+            let Ok(stream) = self.trace.stream(&name) else {
+                break;
+            };
             let (records, keys) = (self.trace.expected(&stream)?, self.trace.keys(&stream)?);
-            let (Some(from), Some(key)) = (records.get(record as usize..), keys.get(record as usize)) else { break };
+            let (Some(from), Some(key)) =
+                (records.get(record as usize..), keys.get(record as usize))
+            else {
+                break;
+            };
             let last = stream.fields.iter().position(|field| field.name == "last");
             let is_last = |words: &Vec<i64>| last.is_none_or(|last| words[last] == 1);
-            let count = from.iter().position(is_last).map_or(from.len(), |last| last + 1);
+            let count = from
+                .iter()
+                .position(is_last)
+                .map_or(from.len(), |last| last + 1);
             inputs.extend(
                 (record..)
                     .zip(&from[..count])
@@ -453,7 +636,14 @@ impl Sides<'_> {
         if let Some(at) = number("line") {
             line("line", at.to_string());
         }
-        line("records", format!("{} expected, {} found", self.expected.len(), self.got.records.len()));
+        line(
+            "records",
+            format!(
+                "{} expected, {} found",
+                self.expected.len(),
+                self.got.records.len()
+            ),
+        );
         if let Some(note) = mismatch["note"].as_str() {
             line("order", note.to_owned());
         }
@@ -462,39 +652,86 @@ impl Sides<'_> {
         }
         let field = &mismatch["field"];
         if !field.is_null() {
-            let side = |name: &str| format!("{} = {}", field[format!("{name}_hex")].as_str().unwrap_or_default(), field[name]);
-            line("field", field["name"].as_str().unwrap_or_default().to_owned());
+            let side = |name: &str| {
+                format!(
+                    "{} = {}",
+                    field[format!("{name}_hex")].as_str().unwrap_or_default(),
+                    field[name]
+                )
+            };
+            line(
+                "field",
+                field["name"].as_str().unwrap_or_default().to_owned(),
+            );
             line("expected", side("expected"));
             line("got", side("got"));
             if !field["difference_ulp"].is_null() {
                 line("difference", format!("{} ulp", field["difference_ulp"]));
             }
         }
-        let flags: Vec<&str> = mismatch["flags"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
+        let flags: Vec<&str> = mismatch["flags"]
+            .as_array()
+            .into_iter()
+            .flatten()
+            .filter_map(Value::as_str)
+            .collect();
         if !flags.is_empty() {
             line("words", flags.join(", "));
         }
         let fields = |record: &Value| {
-            let each = |(name, word): (&String, &Value)| format!("{name} {} = {}", word["hex"].as_str().unwrap_or_default(), word["value"]);
-            record.as_object().into_iter().flatten().map(each).collect::<Vec<_>>()
+            let each = |(name, word): (&String, &Value)| {
+                format!(
+                    "{name} {} = {}",
+                    word["hex"].as_str().unwrap_or_default(),
+                    word["value"]
+                )
+            };
+            record
+                .as_object()
+                .into_iter()
+                .flatten()
+                .map(each)
+                .collect::<Vec<_>>()
         };
         let mut block = |title: String, record: &Value| {
             if !record.is_null() {
                 let _ = write!(text, "\n  {title}\n    {}\n", fields(record).join("\n    "));
             }
         };
-        block(format!("expected, {} record {}", self.stream.name, mismatch["sequence"]), &mismatch["expected"]);
+        block(
+            format!(
+                "expected, {} record {}",
+                self.stream.name, mismatch["sequence"]
+            ),
+            &mismatch["expected"],
+        );
         block("got".into(), &mismatch["got"]);
         let inputs = mismatch["inputs"].as_array().into_iter().flatten();
         for input in inputs.take_while(|input| input["stream"] == mismatch["inputs"][0]["stream"]) {
-            block(format!("made from, {} record {}", input["stream"].as_str().unwrap_or_default(), input["sequence"]), &input["fields"]);
+            block(
+                format!(
+                    "made from, {} record {}",
+                    input["stream"].as_str().unwrap_or_default(),
+                    input["sequence"]
+                ),
+                &input["fields"],
+            );
         }
         if !intermediate.is_empty() {
             let of = self.stream.parent.as_deref().unwrap_or_default();
             let lines: Vec<String> = intermediate.iter().map(words::Word::to_string).collect();
-            let _ = write!(text, "\n  words of {} that the machine makes of {of}\n    {}\n", self.stream.unit, lines.join("\n    "));
+            let _ = write!(
+                text,
+                "\n  words of {} that the machine makes of {of}\n    {}\n",
+                self.stream.unit,
+                lines.join("\n    ")
+            );
         }
-        let _ = write!(text, "\n  replay     {}", mismatch["replay"].as_str().unwrap_or_default());
+        let _ = write!(
+            text,
+            "\n  replay     {}",
+            mismatch["replay"].as_str().unwrap_or_default()
+        );
         text
     }
 }
@@ -533,18 +770,35 @@ impl Counts {
 
 impl std::fmt::Display for Counts {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let all = [(self.missing, "missing"), (self.surplus, "surplus"), (self.moved, "moved"), (self.different, "different")];
-        let counted: Vec<String> = all.iter().filter(|(count, _)| *count > 0).map(|(count, what)| format!("{count} {what}")).collect();
+        let all = [
+            (self.missing, "missing"),
+            (self.surplus, "surplus"),
+            (self.moved, "moved"),
+            (self.different, "different"),
+        ];
+        let counted: Vec<String> = all
+            .iter()
+            .filter(|(count, _)| *count > 0)
+            .map(|(count, what)| format!("{count} {what}"))
+            .collect();
         f.write_str(&counted.join(", "))
     }
 }
 
 /// What a word stands for: a whole number where it has no fraction.
 fn value(word: i64, frac_bits: i32) -> Value {
-    if frac_bits == 0 { word.into() } else { (word as f64 * f64::from(-frac_bits).exp2()).into() }
+    if frac_bits == 0 {
+        word.into()
+    } else {
+        (word as f64 * f64::from(-frac_bits).exp2()).into()
+    }
 }
 
 /// A word's bits.
 fn digits(word: i64, width: u32) -> String {
-    format!("{:0digits$x}", word as u64 & ((1 << width) - 1), digits = width.div_ceil(4) as usize)
+    format!(
+        "{:0digits$x}",
+        word as u64 & ((1 << width) - 1),
+        digits = width.div_ceil(4) as usize
+    )
 }

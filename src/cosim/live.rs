@@ -1,13 +1,16 @@
-//! Live: a unit that answers record by record, for whoever has records of their own: a filter, a testbench, another language.
+//! Live: a unit that answers record by record, for whoever has records of their own: a filter, a
+//! testbench, another language.
 //!
 //! ```text
 //! record ─►[ read ]─►[ check ]─►( the unit by itself )─► answers
 //!                                  │        ▲                           in the end: what fragment holds, what sort has sorted
 //!                               request ─► shade
 //! ```
-//! Records are those of a trace's streams ([`ports`]). What a unit was never given is checked here, once: behind that it cannot fail.
+//! Records are those of a trace's streams ([`ports`]). What a unit was never given is checked here,
+//! once: behind that it cannot fail.
 //!
-//! Laws: `a_unit_answers_as_the_trace_says`, `a_bad_record_is_refused_by_its_field`, `no_record_makes_a_unit_fail` (tests/live.rs).
+//! Laws: `a_unit_answers_as_the_trace_says`, `a_bad_record_is_refused_by_its_field`,
+//! `no_record_makes_a_unit_fail` (tests/live.rs).
 
 use crate::cosim::trace::{Layout, Malformed, Window, constant_records, made_up, outcome};
 use crate::error::{Error, Result};
@@ -99,11 +102,17 @@ enum State<'a> {
 
 impl Refused {
     fn new(sentence: impl Into<String>) -> Self {
-        Refused { field: None, sentence: sentence.into() }
+        Refused {
+            field: None,
+            sentence: sentence.into(),
+        }
     }
 
     fn of(field: &str, sentence: impl Into<String>) -> Self {
-        Refused { field: Some(field.to_owned()), sentence: sentence.into() }
+        Refused {
+            field: Some(field.to_owned()),
+            sentence: sentence.into(),
+        }
     }
 }
 
@@ -132,13 +141,19 @@ impl Constants {
         if let Some(sheets) = &mut frame.sheets {
             sheets.numbers = Vec::new();
         }
-        Ok(Constants { machine: elaborated, frame })
+        Ok(Constants {
+            machine: elaborated,
+            frame,
+        })
     }
 
     /// The units that have a model by themselves in such a frame, in the order of the diagram.
     pub fn units(&self) -> Vec<&'static str> {
         let sorted = Kind::of(&self.frame).sorted;
-        unit::ALL.into_iter().filter(|name| sorted || *name != unit::SORT).collect()
+        unit::ALL
+            .into_iter()
+            .filter(|name| sorted || *name != unit::SORT)
+            .collect()
     }
 
     /// Columns and rows of the picture.
@@ -150,13 +165,20 @@ impl Constants {
     pub fn registers(&self, name: &str) -> Option<(Port, Vec<Record>)> {
         let described = ports::constants(&self.machine, Kind::of(&self.frame));
         let stream = described.into_iter().find(|stream| stream.name == name)?;
-        let (_, records) = constant_records(&self.machine.machine, &self.frame).into_iter().find(|(other, _)| *other == name)?;
+        let (_, records) = constant_records(&self.machine.machine, &self.frame)
+            .into_iter()
+            .find(|(other, _)| *other == name)?;
         Some((Port::new(stream), records))
     }
 
     /// The name of a signal, as `raster.offset`.
     pub fn signal(&self, number: usize) -> String {
-        self.machine.signals.get(number).map_or_else(String::new, |signal| format!("{}.{}", signal.unit, signal.name))
+        self.machine
+            .signals
+            .get(number)
+            .map_or_else(String::new, |signal| {
+                format!("{}.{}", signal.unit, signal.name)
+            })
     }
 
     /// Whether requests to `shade` begin with their pixel.
@@ -170,16 +192,29 @@ impl Constants {
     }
 
     fn light_observed(&self, request: &[i64], observer: &mut dyn Observer<'_>) -> [i64; 4] {
-        let (pixel, sums) = if self.asks_for_pixel() { request.split_at(2.min(request.len())) } else { (&[][..], request) };
-        let &[weight, r, g, b, opacity, x, y, z, material] = sums else { return [0; 4] };
-        let input = shade::Input { weight, colour: [r, g, b], opacity, normal: [x, y, z], material: material as u32, pixel: array(pixel) };
+        let (pixel, sums) = if self.asks_for_pixel() {
+            request.split_at(2.min(request.len()))
+        } else {
+            (&[][..], request)
+        };
+        let &[weight, r, g, b, opacity, x, y, z, material] = sums else {
+            return [0; 4];
+        };
+        let input = shade::Input {
+            weight,
+            colour: [r, g, b],
+            opacity,
+            normal: [x, y, z],
+            material: material as u32,
+            pixel: array(pixel),
+        };
         let output = unit_replay::shade(&self.machine, &self.frame, &input, observer);
         let [r, g, b] = output.colour;
         [r, g, b, output.opacity]
     }
 
-    /// Records of a unit's input as a trace's stimulus makes them: corners and thresholds on purpose, then random ones, about so many. Others
-    /// for every seed.
+    /// Records of a unit's input as a trace's stimulus makes them: corners and thresholds on
+    /// purpose, then random ones, about so many. Others for every seed.
     pub fn made_up(&self, unit: &str, cases: u32, seed: u64) -> Vec<Record> {
         made_up(&self.machine, &self.frame, unit, cases, seed)
     }
@@ -187,7 +222,10 @@ impl Constants {
 
 impl Port {
     fn new(stream: Stream) -> Self {
-        Port { layout: Layout::new(&stream), stream }
+        Port {
+            layout: Layout::new(&stream),
+            stream,
+        }
     }
 
     /// Bits of a record.
@@ -211,28 +249,49 @@ impl Port {
     /// What is wrong with it, and where.
     pub fn read(&self, line: &str) -> std::result::Result<Record, Refused> {
         self.layout.read(line).map_err(|malformed| match malformed {
-            Malformed::Digits(0, needed) => Refused::new(format!("the line is empty; {needed} digits are needed")),
-            Malformed::Digits(found, needed) => Refused::new(format!("{found} digits, and a record of {} has {needed}", self.stream.name)),
+            Malformed::Digits(0, needed) => {
+                Refused::new(format!("the line is empty; {needed} digits are needed"))
+            }
+            Malformed::Digits(found, needed) => Refused::new(format!(
+                "{found} digits, and a record of {} has {needed}",
+                self.stream.name
+            )),
             Malformed::Digit(digit) => {
                 let what = format!("`{}` is no hexadecimal digit", digit.escape_default());
                 let place = line.chars().position(|other| other == digit).unwrap_or(0);
                 // Of a line that is too long or too short nobody knows which field it would be.
-                let field = if line.chars().count() == self.layout.digits() { self.field_at(place) } else { None };
-                Refused { field, sentence: what }
+                let field = if line.chars().count() == self.layout.digits() {
+                    self.field_at(place)
+                } else {
+                    None
+                };
+                Refused {
+                    field,
+                    sentence: what,
+                }
             }
             Malformed::TooWide => self.too_wide(),
         })
     }
 
     fn too_wide(&self) -> Refused {
-        Refused::new(format!("bits above the {} of a record of {} are set", self.width(), self.stream.name))
+        Refused::new(format!(
+            "bits above the {} of a record of {} are set",
+            self.width(),
+            self.stream.name
+        ))
     }
 
     /// The field that the most significant bit of a digit belongs to, or the first.
     fn field_at(&self, digit: usize) -> Option<String> {
         let bit = (self.layout.digits() - digit) as u32 * 4 - 1;
         let holds = |(_, lsb): &(_, u32)| *lsb <= bit;
-        let (field, _) = self.stream.fields.iter().zip(self.stream.places()).find(holds)?;
+        let (field, _) = self
+            .stream
+            .fields
+            .iter()
+            .zip(self.stream.places())
+            .find(holds)?;
         Some(field.name.clone())
     }
 
@@ -241,14 +300,35 @@ impl Port {
     /// # Errors
     /// What is wrong with it, and where.
     pub fn read_json(&self, line: &str) -> std::result::Result<Record, Refused> {
-        let object: Map<String, Value> = serde_json::from_str(line).map_err(|e| Refused::new(format!("no JSON object: {e}")))?;
-        if let Some(unknown) = object.keys().find(|name| self.stream.fields.iter().all(|field| field.name != **name)) {
-            let names: Vec<&str> = self.stream.fields.iter().map(|field| field.name.as_str()).collect();
-            return Err(Refused::of(unknown, format!("{} has no such field; it has {}", self.stream.name, names.join(", "))));
+        let object: Map<String, Value> =
+            serde_json::from_str(line).map_err(|e| Refused::new(format!("no JSON object: {e}")))?;
+        if let Some(unknown) = object
+            .keys()
+            .find(|name| self.stream.fields.iter().all(|field| field.name != **name))
+        {
+            let names: Vec<&str> = self
+                .stream
+                .fields
+                .iter()
+                .map(|field| field.name.as_str())
+                .collect();
+            return Err(Refused::of(
+                unknown,
+                format!(
+                    "{} has no such field; it has {}",
+                    self.stream.name,
+                    names.join(", ")
+                ),
+            ));
         }
         let word = |field: &ports::Field| match object.get(&field.name) {
             None => Err(Refused::of(&field.name, "it is missing")),
-            Some(value) => value.as_i64().ok_or_else(|| Refused::of(&field.name, format!("{value}, and a whole number is needed"))),
+            Some(value) => value.as_i64().ok_or_else(|| {
+                Refused::of(
+                    &field.name,
+                    format!("{value}, and a whole number is needed"),
+                )
+            }),
         };
         self.stream.fields.iter().map(word).collect()
     }
@@ -261,7 +341,9 @@ impl Port {
     /// Appends a record as a line of JSON.
     pub fn write_json(&self, words: &[i64], text: &mut Vec<u8>) {
         let names = self.stream.fields.iter().map(|field| field.name.clone());
-        let object: Map<String, Value> = names.zip(words.iter().map(|word| Value::from(*word))).collect();
+        let object: Map<String, Value> = names
+            .zip(words.iter().map(|word| Value::from(*word)))
+            .collect();
         text.extend(Value::Object(object).to_string().bytes());
         text.push(b'\n');
     }
@@ -272,7 +354,11 @@ impl Port {
     /// Where there are too few of them, or bits above the record's are set.
     pub fn unpack(&self, halves: &[u32]) -> std::result::Result<Record, Refused> {
         let digits = self.layout.digits();
-        let text: String = halves.iter().rev().map(|half| format!("{half:08x}")).collect();
+        let text: String = halves
+            .iter()
+            .rev()
+            .map(|half| format!("{half:08x}"))
+            .collect();
         let Some(start) = text.len().checked_sub(digits) else {
             return Err(Refused::new(format!(
                 "{} words of 32 bits, and a record of {} has {} bits",
@@ -294,8 +380,12 @@ impl Port {
         let digits = text.strip_suffix(b"\n").unwrap_or(&text);
         let mut eights = digits.rchunks(8);
         for half in halves {
-            let eight = eights.next().and_then(|eight| std::str::from_utf8(eight).ok());
-            *half = eight.and_then(|eight| u32::from_str_radix(eight, 16).ok()).unwrap_or(0);
+            let eight = eights
+                .next()
+                .and_then(|eight| std::str::from_utf8(eight).ok());
+            *half = eight
+                .and_then(|eight| u32::from_str_radix(eight, 16).ok())
+                .unwrap_or(0);
         }
     }
 
@@ -306,7 +396,10 @@ impl Port {
 
     /// The place of a field.
     fn place(&self, name: &str) -> Option<usize> {
-        self.stream.fields.iter().position(|field| field.name == name)
+        self.stream
+            .fields
+            .iter()
+            .position(|field| field.name == name)
     }
 
     /// Whether all words are words of their fields.
@@ -315,7 +408,12 @@ impl Port {
     /// The first that is not.
     pub fn hold(&self, words: &[i64]) -> std::result::Result<(), Refused> {
         if words.len() != self.fields() {
-            return Err(Refused::new(format!("{} words, and a record of {} has {}", words.len(), self.stream.name, self.fields())));
+            return Err(Refused::new(format!(
+                "{} words, and a record of {} has {}",
+                words.len(),
+                self.stream.name,
+                self.fields()
+            )));
         }
         for (field, word) in self.stream.fields.iter().zip(words) {
             let format = field.word.format;
@@ -339,26 +437,52 @@ impl<'a> Unit<'a> {
     pub fn new(of: &'a Constants, name: &str) -> Result<Self> {
         let units = of.units();
         let Some(name) = units.iter().copied().find(|unit| *unit == name) else {
-            return Err(Error::input(format!("{name}: no such unit; there are {}", units.join(", "))));
+            return Err(Error::input(format!(
+                "{name}: no such unit; there are {}",
+                units.join(", ")
+            )));
         };
-        let mut streams: BTreeMap<&str, Stream> =
-            ports::streams(&of.machine, Kind::of(&of.frame)).into_iter().map(|stream| (stream.name, stream)).collect();
-        let mut port = |end: &str| streams.remove(format!("{name}.{end}").as_str()).map(Port::new);
+        let mut streams: BTreeMap<&str, Stream> = ports::streams(&of.machine, Kind::of(&of.frame))
+            .into_iter()
+            .map(|stream| (stream.name, stream))
+            .collect();
+        let mut port = |end: &str| {
+            streams
+                .remove(format!("{name}.{end}").as_str())
+                .map(Port::new)
+        };
         let (Some(input), Some(output)) = (port("in"), port("out")) else {
             return Err(Error::input(format!("{name} has no ports in such a frame")));
         };
-        let shade = if name == unit::FRAGMENT { port("request").zip(port("answer")).map(<[Port; 2]>::from) } else { None };
+        let shade = if name == unit::FRAGMENT {
+            port("request").zip(port("answer")).map(<[Port; 2]>::from)
+        } else {
+            None
+        };
         let state = match name {
             unit::SORT => State::Sort(Vec::new()),
             unit::RESOLVE => State::Resolve([0; 2], Vec::new()),
             unit::FRAGMENT => match &of.frame {
-                Frame { sheets: Some(sheets), .. } => State::Sheets(Sheets::new(&of.machine, sheets), Tiles::new()),
-                Frame { window: Some(_), .. } => State::Windows(Tiles::new()),
+                Frame {
+                    sheets: Some(sheets),
+                    ..
+                } => State::Sheets(Sheets::new(&of.machine, sheets), Tiles::new()),
+                Frame {
+                    window: Some(_), ..
+                } => State::Windows(Tiles::new()),
                 _ => State::Fragments(Tiles::new()),
             },
             _ => State::None,
         };
-        Ok(Unit { of, name, input, output, shade, held: port("held"), state })
+        Ok(Unit {
+            of,
+            name,
+            input,
+            output,
+            shade,
+            held: port("held"),
+            state,
+        })
     }
 
     /// The machine and the constants that it reads.
@@ -371,8 +495,8 @@ impl<'a> Unit<'a> {
         !matches!(self.state, State::None)
     }
 
-    /// Whether a unit was never given such a record, by another unit or on purpose: words out of range, what is not in the picture, a material
-    /// that there is not.
+    /// Whether a unit was never given such a record, by another unit or on purpose: words out of
+    /// range, what is not in the picture, a material that there is not.
     ///
     /// # Errors
     /// The first field that is out of range.
@@ -381,21 +505,41 @@ impl<'a> Unit<'a> {
         let [width, height] = self.of.size_px().map(i64::from);
         let materials = self.of.frame.lighting.materials.len() as i64;
         let mut limits: Vec<(&str, [i64; 2])> = Vec::new();
-        let format =
-            |name: &str| self.input.place(name).map_or(Format::unsigned(1, 0), |place| self.input.stream.fields[place].word.format);
+        let format = |name: &str| {
+            self.input
+                .place(name)
+                .map_or(Format::unsigned(1, 0), |place| {
+                    self.input.stream.fields[place].word.format
+                })
+        };
         match self.name {
             unit::ELLIPSE => limits.extend([("forward", [1, format("forward").max()])]),
             unit::RASTER => {
-                let [left, top] = ["first_column", "first_row"].map(|name| self.input.place(name).map_or(0, |place| words[place]));
-                limits.extend([("first_column", [0, width - 1]), ("first_row", [0, height - 1])]);
-                limits.extend([("last_column", [left, width - 1]), ("last_row", [top, height - 1])]);
+                let [left, top] = ["first_column", "first_row"]
+                    .map(|name| self.input.place(name).map_or(0, |place| words[place]));
+                limits.extend([
+                    ("first_column", [0, width - 1]),
+                    ("first_row", [0, height - 1]),
+                ]);
+                limits.extend([
+                    ("last_column", [left, width - 1]),
+                    ("last_row", [top, height - 1]),
+                ]);
             }
             unit::GAUSS => limits.push(("radial", [0, format("radial").max()])),
             unit::FRAGMENT => {
-                limits.extend([("x", [0, width - 1]), ("y", [0, height - 1]), ("weight", [1, format("weight").max()])]);
+                limits.extend([
+                    ("x", [0, width - 1]),
+                    ("y", [0, height - 1]),
+                    ("weight", [1, format("weight").max()]),
+                ]);
                 limits.push(("material", [0, materials - 1]));
             }
-            unit::SHADE => limits.extend([("x", [0, width - 1]), ("y", [0, height - 1]), ("material", [0, materials - 1])]),
+            unit::SHADE => limits.extend([
+                ("x", [0, width - 1]),
+                ("y", [0, height - 1]),
+                ("material", [0, materials - 1]),
+            ]),
             _ => {}
         }
         for (name, range) in limits {
@@ -410,14 +554,26 @@ impl<'a> Unit<'a> {
 
     /// A pixel has no more layers than the machine, and all of them come before the next pixel's.
     fn check_layers(&self, words: &[i64]) -> std::result::Result<(), Refused> {
-        let State::Resolve([x, y], layers) = &self.state else { return Ok(()) };
+        let State::Resolve([x, y], layers) = &self.state else {
+            return Ok(());
+        };
         if !layers.is_empty() && words[..2] != [*x, *y] {
-            let (field, word) = if words[0] == *x { ("y", words[1]) } else { ("x", words[0]) };
-            return Err(Refused::of(field, format!("{word}, and the last layer of pixel ({x}, {y}) is still to come")));
+            let (field, word) = if words[0] == *x {
+                ("y", words[1])
+            } else {
+                ("x", words[0])
+            };
+            return Err(Refused::of(
+                field,
+                format!("{word}, and the last layer of pixel ({x}, {y}) is still to come"),
+            ));
         }
         let most = self.of.machine.machine.fragment.layers as usize;
         if words[EMPTY] == 0 && layers.len() >= most {
-            return Err(Refused::of("last", format!("a pixel has at most {most} layers, and none of so many was the last")));
+            return Err(Refused::of(
+                "last",
+                format!("a pixel has at most {most} layers, and none of so many was the last"),
+            ));
         }
         Ok(())
     }
@@ -426,7 +582,11 @@ impl<'a> Unit<'a> {
     ///
     /// # Errors
     /// [`Unit::check`]; nothing has happened then.
-    pub fn step(&mut self, words: &[i64], shade: &mut Shade) -> std::result::Result<Vec<Record>, Refused> {
+    pub fn step(
+        &mut self,
+        words: &[i64],
+        shade: &mut Shade,
+    ) -> std::result::Result<Vec<Record>, Refused> {
         self.step_observed(words, shade, &mut NoProbe)
     }
 
@@ -446,12 +606,25 @@ impl<'a> Unit<'a> {
         Ok(out)
     }
 
-    fn answers(&mut self, words: &[i64], shade: &mut Shade, probe: &mut dyn Observer<'_>) -> Vec<Record> {
+    fn answers(
+        &mut self,
+        words: &[i64],
+        shade: &mut Shade,
+        probe: &mut dyn Observer<'_>,
+    ) -> Vec<Record> {
         let (machine, frame) = (&self.of.machine, &self.of.frame);
         let deepest = machine.machine.fragment.layers as u8 - 1;
         let tile = |at: &[i64]| [at[1] / TILE_PX as i64, at[0] / TILE_PX as i64];
-        let place = if self.of.asks_for_pixel() { &words[..2] } else { &[] };
-        let light = |slot: &Slot| premultiplied(shade(&[place, &slot.sums[..], &[slot.material.into()]].concat()));
+        let place = if self.of.asks_for_pixel() {
+            &words[..2]
+        } else {
+            &[]
+        };
+        let light = |slot: &Slot| {
+            premultiplied(shade(
+                &[place, &slot.sums[..], &[slot.material.into()]].concat(),
+            ))
+        };
         let decision = match &mut self.state {
             State::None => return self.of.once(self.name, words, probe),
             State::Sort(depths) => {
@@ -461,7 +634,11 @@ impl<'a> Unit<'a> {
             State::Resolve(at, layers) => {
                 if words[EMPTY] == 0 {
                     *at = array(&words[..2]);
-                    layers.push(Layer { colour: array(&words[4..7]), opacity: words[7], ..Layer::default() });
+                    layers.push(Layer {
+                        colour: array(&words[4..7]),
+                        opacity: words[7],
+                        ..Layer::default()
+                    });
                 }
                 if words[LAST] == 0 {
                     return Vec::new();
@@ -470,17 +647,23 @@ impl<'a> Unit<'a> {
                 layers.clear();
                 return vec![[&words[..2], &word].concat()];
             }
-            State::Fragments(tiles) => {
-                tiles.entry(tile(words)).or_insert_with(|| Fragments::new(machine, frame)).take(array(words), light, probe)
-            }
-            State::Sheets(empty, tiles) => tiles.entry(tile(words)).or_insert_with(|| empty.clone()).take(array(words), probe),
+            State::Fragments(tiles) => tiles
+                .entry(tile(words))
+                .or_insert_with(|| Fragments::new(machine, frame))
+                .take(array(words), light, probe),
+            State::Sheets(empty, tiles) => tiles
+                .entry(tile(words))
+                .or_insert_with(|| empty.clone())
+                .take(array(words), probe),
             State::Windows(tiles) => {
                 if let std::collections::btree_map::Entry::Vacant(vacant) = tiles.entry(tile(words))
                     && let Some(windows) = Windows::new(machine, frame)
                 {
                     vacant.insert(windows);
                 }
-                let Some(windows) = tiles.get_mut(&tile(words)) else { return Vec::new() };
+                let Some(windows) = tiles.get_mut(&tile(words)) else {
+                    return Vec::new();
+                };
                 windows.take(array(words), light, probe)
             }
         };
@@ -501,7 +684,11 @@ impl<'a> Unit<'a> {
     ///
     /// # Errors
     /// As [`Unit::end`].
-    pub fn end_observed(&mut self, shade: &mut Shade, observer: &mut dyn Observer<'_>) -> std::result::Result<End, Refused> {
+    pub fn end_observed(
+        &mut self,
+        shade: &mut Shade,
+        observer: &mut dyn Observer<'_>,
+    ) -> std::result::Result<End, Refused> {
         let machine = &self.of.machine;
         let mut end = End::default();
         match &mut self.state {
@@ -509,29 +696,50 @@ impl<'a> Unit<'a> {
             State::Sort(depths) => {
                 let keys: Vec<i64> = depths.iter().map(|words| words[1]).collect();
                 let sorted = unit_replay::sort(machine, &keys, observer).unwrap_or_default();
-                end.out = sorted.into_iter().map(|(nth, key)| vec![depths[nth][0], key]).collect();
+                end.out = sorted
+                    .into_iter()
+                    .map(|(nth, key)| vec![depths[nth][0], key])
+                    .collect();
                 depths.clear();
             }
             State::Resolve(_, layers) if layers.is_empty() => {}
             State::Resolve(_, layers) => {
                 layers.clear();
-                return Err(Refused::of("last", "the last pixel has no record in which it is 1"));
+                return Err(Refused::of(
+                    "last",
+                    "the last pixel has no record in which it is 1",
+                ));
             }
             State::Fragments(tiles) => {
-                in_rows(tiles, |tile, at, pixel| end.held.extend(fragments_held(tile, at, pixel)));
+                in_rows(tiles, |tile, at, pixel| {
+                    end.held.extend(fragments_held(tile, at, pixel))
+                });
                 tiles.clear();
             }
             State::Sheets(_, tiles) => {
-                in_rows(tiles, |tile, at, pixel| end.held.extend(sheets_held(tile, at, pixel)));
+                in_rows(tiles, |tile, at, pixel| {
+                    end.held.extend(sheets_held(tile, at, pixel))
+                });
                 tiles.clear();
             }
             State::Windows(tiles) => {
                 in_rows(tiles, |tile, at, pixel| {
-                    let light = |slot: &Slot| premultiplied(shade(&[&slot.sums[..], &[slot.material.into()]].concat()));
+                    let light = |slot: &Slot| {
+                        premultiplied(shade(&[&slot.sums[..], &[slot.material.into()]].concat()))
+                    };
                     let layers = tile.layers(pixel, light, observer).into_iter();
                     end.held.extend(layers.map(|layer| {
                         let [r, g, b] = layer.colour;
-                        vec![at[0], at[1], layer.slot as i64, layer.depth, r, g, b, layer.opacity]
+                        vec![
+                            at[0],
+                            at[1],
+                            layer.slot as i64,
+                            layer.depth,
+                            r,
+                            g,
+                            b,
+                            layer.opacity,
+                        ]
                     }));
                 });
                 tiles.clear();
@@ -560,12 +768,20 @@ impl Constants {
                 vec![project_out_words(Kind::of(frame), made).collect()]
             }
             unit::ELLIPSE if frame.ellipsoids.is_some() => {
-                unit_replay::ellipsoid(machine, frame, array(words), probe).into_iter().map(|made| made.to_vec()).collect()
+                unit_replay::ellipsoid(machine, frame, array(words), probe)
+                    .into_iter()
+                    .map(|made| made.to_vec())
+                    .collect()
             }
-            unit::ELLIPSE => vec![unit_replay::ellipse(machine, &frame.view, size_px, array(words), probe).to_vec()],
+            unit::ELLIPSE => vec![
+                unit_replay::ellipse(machine, &frame.view, size_px, array(words), probe).to_vec(),
+            ],
             unit::RASTER => {
-                let made = unit_replay::raster(machine, &frame.view, size_px, array(&words[1..]), probe);
-                made.into_iter().map(|fragment| [&words[..1], &fragment].concat()).collect()
+                let made =
+                    unit_replay::raster(machine, &frame.view, size_px, array(&words[1..]), probe);
+                made.into_iter()
+                    .map(|fragment| [&words[..1], &fragment].concat())
+                    .collect()
             }
             unit::GAUSS => vec![vec![unit_replay::gauss(machine, array(words), probe)]],
             unit::SHADE => vec![self.light_observed(words, probe).to_vec()],
@@ -580,10 +796,14 @@ fn array<const N: usize>(words: &[i64]) -> [i64; N] {
 }
 
 fn premultiplied([r, g, b, opacity]: [i64; 4]) -> Premultiplied {
-    Premultiplied { colour: [r, g, b], opacity }
+    Premultiplied {
+        colour: [r, g, b],
+        opacity,
+    }
 }
 
-/// Visits the pixels of tiles row by row: the tile, the pixel's column and row, and its place in the tile.
+/// Visits the pixels of tiles row by row: the tile, the pixel's column and row, and its place in
+/// the tile.
 fn in_rows<T>(tiles: &mut Tiles<T>, mut visit: impl FnMut(&mut T, [i64; 2], usize)) {
     let side = TILE_PX as i64;
     let mut rows: Vec<i64> = tiles.keys().map(|[row, _]| *row).collect();
@@ -591,7 +811,13 @@ fn in_rows<T>(tiles: &mut Tiles<T>, mut visit: impl FnMut(&mut T, [i64; 2], usiz
     for row in rows {
         for y in 0..side {
             for ([_, column], tile) in tiles.range_mut([row, 0]..[row + 1, 0]) {
-                (0..side).for_each(|x| visit(tile, [column * side + x, row * side + y], (y * side + x) as usize));
+                (0..side).for_each(|x| {
+                    visit(
+                        tile,
+                        [column * side + x, row * side + y],
+                        (y * side + x) as usize,
+                    )
+                });
             }
         }
     }
@@ -604,8 +830,19 @@ fn fragments_held(tile: &Fragments, at: [i64; 2], pixel: usize) -> Vec<Record> {
     order.sort_by_key(|slot| slots[*slot].depth);
     let words = order.into_iter().map(|number| {
         let slot = &slots[number];
-        let lit = if slot.shaded { tile.lit(slot, &mut NoProbe) } else { Premultiplied::default() };
-        let head = [at[0], at[1], number as i64, slot.shaded.into(), slot.depth, slot.material.into()];
+        let lit = if slot.shaded {
+            tile.lit(slot, &mut NoProbe)
+        } else {
+            Premultiplied::default()
+        };
+        let head = [
+            at[0],
+            at[1],
+            number as i64,
+            slot.shaded.into(),
+            slot.depth,
+            slot.material.into(),
+        ];
         [&head[..], &slot.sums, &lit.colour, &[lit.opacity]].concat()
     });
     words.collect()
@@ -614,6 +851,21 @@ fn fragments_held(tile: &Fragments, at: [i64; 2], pixel: usize) -> Vec<Record> {
 fn sheets_held(tile: &Sheets, at: [i64; 2], pixel: usize) -> Option<Record> {
     let (held, lit) = (tile.held(pixel)?, tile.lit(pixel, &mut NoProbe)?);
     let (sheet, open) = held.open.unwrap_or_default();
-    let head = [at[0], at[1], held.stopped.into(), held.open.is_none().into()];
-    Some([&head[..], &held.composite[1..5], &[sheet.into()], &open[..4], &lit.colour, &[lit.opacity]].concat())
+    let head = [
+        at[0],
+        at[1],
+        held.stopped.into(),
+        held.open.is_none().into(),
+    ];
+    Some(
+        [
+            &head[..],
+            &held.composite[1..5],
+            &[sheet.into()],
+            &open[..4],
+            &lit.colour,
+            &[lit.opacity],
+        ]
+        .concat(),
+    )
 }

@@ -1,4 +1,5 @@
-//! Scoreboard: holds a device's streams against a live unit: what the unit gave waits until the device gives it too.
+//! Scoreboard: holds a device's streams against a live unit: what the unit gave waits until the
+//! device gives it too.
 //!
 //! ```text
 //! record ─►( unit )─► waiting records, port by port ─►( = )◄─ a device's record
@@ -72,7 +73,16 @@ impl<'a> Scoreboard<'a> {
     /// As [`Unit::new`].
     pub fn new(of: &'a Constants, name: &str, seed: u64) -> Result<Self> {
         let unit = Unit::new(of, name)?;
-        Ok(Scoreboard { of, unit, waiting: Default::default(), last: None, given: 0, compared: [0; 5], made_up: VecDeque::new(), seed })
+        Ok(Scoreboard {
+            of,
+            unit,
+            waiting: Default::default(),
+            last: None,
+            given: 0,
+            compared: [0; 5],
+            made_up: VecDeque::new(),
+            seed,
+        })
     }
 
     /// The unit's name.
@@ -98,9 +108,17 @@ impl<'a> Scoreboard<'a> {
     /// As [`Unit::step`].
     pub fn step(&mut self, words: &[i64]) -> std::result::Result<(), Refused> {
         let [_, out, requests, answers, _] = &mut self.waiting;
-        let from = Some(Arc::new(Given { number: self.given, words: words.to_vec() }));
-        let given = self.unit.step(words, &mut |request| told(self.of, request, from.as_ref(), requests, answers))?;
-        out.extend(given.into_iter().map(|words| Waiting { words, from: from.clone() }));
+        let from = Some(Arc::new(Given {
+            number: self.given,
+            words: words.to_vec(),
+        }));
+        let given = self.unit.step(words, &mut |request| {
+            told(self.of, request, from.as_ref(), requests, answers)
+        })?;
+        out.extend(given.into_iter().map(|words| Waiting {
+            words,
+            from: from.clone(),
+        }));
         self.given += 1;
         self.last = from;
         Ok(())
@@ -112,8 +130,13 @@ impl<'a> Scoreboard<'a> {
     /// As [`Unit::end`].
     pub fn end(&mut self) -> std::result::Result<(), Refused> {
         let [_, out, requests, answers, held] = &mut self.waiting;
-        let end = self.unit.end(&mut |request| told(self.of, request, None, requests, answers))?;
-        let End { out: more, held: holds } = end;
+        let end = self
+            .unit
+            .end(&mut |request| told(self.of, request, None, requests, answers))?;
+        let End {
+            out: more,
+            held: holds,
+        } = end;
         let of_none = |words: Record| Waiting { words, from: None };
         out.extend(more.into_iter().map(of_none));
         held.extend(holds.into_iter().map(of_none));
@@ -127,36 +150,63 @@ impl<'a> Scoreboard<'a> {
 
     /// Takes the record that has waited longest.
     pub fn next(&mut self, side: Side) -> Option<Record> {
-        self.waiting[side as usize].pop_front().map(|waiting| waiting.words)
+        self.waiting[side as usize]
+            .pop_front()
+            .map(|waiting| waiting.words)
     }
 
-    /// Compares a device's record with the one that has waited longest, where order counts at each pixel only with that of its pixel, and
-    /// takes that away.
+    /// Compares a device's record with the one that has waited longest, where order counts at each
+    /// pixel only with that of its pixel, and takes that away.
     ///
     /// # Errors
     /// What is different, in a sentence.
     pub fn compare(&mut self, side: Side, given: &[i64]) -> std::result::Result<(), String> {
         let number = self.compared[side as usize];
         self.compared[side as usize] += 1;
-        let Some(port) = self.port(side) else { return Err(format!("{} has no such port", self.unit.name)) };
+        let Some(port) = self.port(side) else {
+            return Err(format!("{} has no such port", self.unit.name));
+        };
         let (name, fields, is_per_pixel) = (port.stream.name, port.fields(), port.is_per_pixel());
         if given.len() != fields {
-            return Err(format!("{name}: record {number} has {} words, and such a record has {fields}", given.len()));
+            return Err(format!(
+                "{name}: record {number} has {} words, and such a record has {fields}",
+                given.len()
+            ));
         }
         let mut masked = given.to_vec();
         port.mask(&mut masked);
         let waiting = &mut self.waiting[side as usize];
-        let at = waiting.iter().position(|expected| !is_per_pixel || expected.words[..2] == given[..2]);
+        let at = waiting
+            .iter()
+            .position(|expected| !is_per_pixel || expected.words[..2] == given[..2]);
         let Some(expected) = at.and_then(|at| waiting.remove(at)) else {
-            let whose = if is_per_pixel { format!(" at pixel ({}, {})", given[0], given[1]) } else { String::new() };
-            let last =
-                self.last.as_ref().map_or(String::new(), |last| format!("; the last record that it took is {}", self.described(last)));
-            return Err(format!("{name}: record {number} is one too many: the model gave no more{whose}{last}"));
+            let whose = if is_per_pixel {
+                format!(" at pixel ({}, {})", given[0], given[1])
+            } else {
+                String::new()
+            };
+            let last = self.last.as_ref().map_or(String::new(), |last| {
+                format!("; the last record that it took is {}", self.described(last))
+            });
+            return Err(format!(
+                "{name}: record {number} is one too many: the model gave no more{whose}{last}"
+            ));
         };
-        let Waiting { words: expected, from } = expected;
-        let Some(field) = (0..fields).find(|field| masked[*field] != expected[*field]) else { return Ok(()) };
-        let names = self.port(side).map(|port| port.stream.fields[field].name.clone()).unwrap_or_default();
-        let mut sentence = format!("{name}: record {number}: field {names} is {}, and the model's is {}", masked[field], expected[field]);
+        let Waiting {
+            words: expected,
+            from,
+        } = expected;
+        let Some(field) = (0..fields).find(|field| masked[*field] != expected[*field]) else {
+            return Ok(());
+        };
+        let names = self
+            .port(side)
+            .map(|port| port.stream.fields[field].name.clone())
+            .unwrap_or_default();
+        let mut sentence = format!(
+            "{name}: record {number}: field {names} is {}, and the model's is {}",
+            masked[field], expected[field]
+        );
         if is_per_pixel {
             let _ = write!(sentence, ", at pixel ({}, {})", given[0], given[1]);
         }
@@ -169,16 +219,30 @@ impl<'a> Scoreboard<'a> {
     /// A record that the unit was given, with its words.
     fn described(&self, given: &Given) -> String {
         let stream = &self.unit.input.stream;
-        let words: Vec<String> = stream.fields.iter().zip(&given.words).map(|(field, word)| format!("{} {word}", field.name)).collect();
-        format!("record {} of {}: {}", given.number, stream.name, words.join(", "))
+        let words: Vec<String> = stream
+            .fields
+            .iter()
+            .zip(&given.words)
+            .map(|(field, word)| format!("{} {word}", field.name))
+            .collect();
+        format!(
+            "record {} of {}: {}",
+            given.number,
+            stream.name,
+            words.join(", ")
+        )
     }
 
     /// The next made-up record of the input: corners and thresholds, then random ones, for ever.
     pub fn made_up(&mut self) -> Record {
         if self.made_up.is_empty() {
-            self.made_up.extend(self.of.made_up(self.unit.name, CASES, self.seed));
+            self.made_up
+                .extend(self.of.made_up(self.unit.name, CASES, self.seed));
             // Far from the seeds beside this one: their records are others.
-            self.seed = self.seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            self.seed = self
+                .seed
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
         }
         self.made_up.pop_front().unwrap_or_default()
     }
@@ -192,7 +256,13 @@ fn told(
     answers: &mut VecDeque<Waiting>,
 ) -> [i64; 4] {
     let answer = of.light(request);
-    requests.push_back(Waiting { words: request.to_vec(), from: from.cloned() });
-    answers.push_back(Waiting { words: answer.to_vec(), from: from.cloned() });
+    requests.push_back(Waiting {
+        words: request.to_vec(),
+        from: from.cloned(),
+    });
+    answers.push_back(Waiting {
+        words: answer.to_vec(),
+        from: from.cloned(),
+    });
     answer
 }

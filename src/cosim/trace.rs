@@ -1,4 +1,5 @@
-//! Trace: dumps what crosses the wires between units, for whoever checks hardware against the machine.
+//! Trace: dumps what crosses the wires between units, for whoever checks hardware against the
+//! machine.
 //!
 //! ```text
 //! DIR/manifest.json     what everything is: machine, scene, window, streams with fields, keys, counts and digests; written last
@@ -74,7 +75,8 @@ pub struct Window {
     pub pixels: Option<[u32; 4]>,
     /// One in so many splats and pixels.
     pub sample: Option<u32>,
-    /// So many random cases for each unit, beside those made on purpose, instead of the scene's own transfers.
+    /// So many random cases for each unit, beside those made on purpose, instead of the scene's own
+    /// transfers.
     pub stimulus: Option<u32>,
     /// Waves of these cycles, from the first to the one before the second.
     pub waves: Option<[u64; 2]>,
@@ -104,7 +106,8 @@ pub struct Written {
     pub notes: Vec<String>,
 }
 
-/// Where splats are sorted, or fragments grouped by windows, what these units do depends on all splats that meet at a pixel.
+/// Where splats are sorted, or fragments grouped by windows, what these units do depends on all
+/// splats that meet at a pixel.
 const OF_ALL_SPLATS: [&str; 4] = ["sort", "fragment", "shade", "resolve"];
 
 /// Most cycles of waves.
@@ -115,18 +118,31 @@ const MOST_CASES: u32 = 5_000_000;
 /// Records that are made into text at a time by one thread.
 const CHUNK: usize = 16_384;
 
-/// Draws a scene on a machine and writes what crossed the wires; or made-up cases for each unit, with the scene's constants.
+/// Draws a scene on a machine and writes what crossed the wires; or made-up cases for each unit,
+/// with the scene's constants.
 ///
 /// # Errors
-/// [`Error::Input`] where the window or the machine cannot be had, [`Error::Job`] where a file cannot be written.
-pub fn trace(scene: &Scene, origin: Origin, machine: &Machine, window: &Window, folder: &Path) -> Result<Written> {
+/// [`Error::Input`] where the window or the machine cannot be had, [`Error::Job`] where a file
+/// cannot be written.
+pub fn trace(
+    scene: &Scene,
+    origin: Origin,
+    machine: &Machine,
+    window: &Window,
+    folder: &Path,
+) -> Result<Written> {
     // A text stands for the first frame, and for a scene that needs no other file.
-    let complete = origin.text.filter(|text| origin.frame == 0 && is_complete(text));
+    let complete = origin
+        .text
+        .filter(|text| origin.frame == 0 && is_complete(text));
     let elaborated = fixed::elaborate(machine)?;
     let frame = quantise(scene, machine)?.frame;
     let kind = Kind::of(&frame);
     let rectangle = window.check(&frame)?;
-    if window.waves.is_some() && frame.surroundings.is_some() && machine.timing.environment.is_some() {
+    if window.waves.is_some()
+        && frame.surroundings.is_some()
+        && machine.timing.environment.is_some()
+    {
         return Err(Error::input(
             "--waves: surroundings come from memory, and no wave shows who waits for them; left out, there are records",
         ));
@@ -134,20 +150,38 @@ pub fn trace(scene: &Scene, origin: Origin, machine: &Machine, window: &Window, 
     let _open = files::Folder::open(folder)?;
     // Written last: while it is not there, no stream of an earlier trace counts as one of this.
     files::remove_if_there(&folder.join("manifest.json"))?;
-    let folder = Folder { folder, machine: &elaborated, frame: &frame };
+    let folder = Folder {
+        folder,
+        machine: &elaborated,
+        frame: &frame,
+    };
     let mut notes = Vec::new();
     let mut contents = if let Some(cases) = window.stimulus {
-        let stimulus::Stimulus { made, tags, coverage } =
-            stimulus::stimulus(&elaborated, &frame, cases, window.seed, |units| window.wants_any(units));
+        let stimulus::Stimulus {
+            made,
+            tags,
+            coverage,
+        } = stimulus::stimulus(&elaborated, &frame, cases, window.seed, |units| {
+            window.wants_any(units)
+        });
         let sources: Vec<Source> = made.iter().map(Source::of).collect();
         folder.contents(window, &sources, &coverage, &tags)?
     } else {
-        let whole = Whole { machine: &elaborated, frame: &frame };
+        let whole = Whole {
+            machine: &elaborated,
+            frame: &frame,
+        };
         let (shown, splats, before) = whole.part(window, rectangle);
-        let start = if before.splats.is_empty() { Vec::new() } else { held(&elaborated, &before, rectangle) };
+        let start = if before.splats.is_empty() {
+            Vec::new()
+        } else {
+            held(&elaborated, &before, rectangle)
+        };
         let mut observer = Observations::new(&elaborated, &shown, before.splats.len() as u32);
         let setup = pipeline::set_up_observed(&elaborated, &shown, &mut observer);
-        let fills = window.wants_any(&["raster", "gauss", "fragment", "shade", "resolve", "pipeline"]);
+        let fills = window.wants_any(&[
+            "raster", "gauss", "fragment", "shade", "resolve", "pipeline",
+        ]);
         // Waves are of all units.
         if fills || window.waves.is_some() {
             pipeline::fill_observed(&elaborated, &shown, &setup, &mut observer);
@@ -159,11 +193,24 @@ pub fn trace(scene: &Scene, origin: Origin, machine: &Machine, window: &Window, 
         if let Some(cycles) = window.waves {
             let (_, _, work) = pipeline::draw_measured(&elaborated, &shown);
             let replayed = timing::replay(&elaborated.timing, &work, Detail::Log);
-            let timed = Timed { machine: &elaborated, kind, work: &work, splats: &splats, units: &replayed.units, sources: &sources };
+            let timed = Timed {
+                machine: &elaborated,
+                kind,
+                work: &work,
+                splats: &splats,
+                units: &replayed.units,
+                sources: &sources,
+            };
             let waves = Waves::new(&timed, cycles);
             waves.write(folder.folder)?;
             if waves.is_empty() {
-                let last = replayed.units.iter().filter_map(|unit| unit.log.last()).max().copied().unwrap_or(0);
+                let last = replayed
+                    .units
+                    .iter()
+                    .filter_map(|unit| unit.log.last())
+                    .max()
+                    .copied()
+                    .unwrap_or(0);
                 notes.push(format!(
                     "--waves {}..{}: no unit takes an item in these cycles, and the waves are empty; the last item of the frame is taken in cycle {last}",
                     cycles[0], cycles[1]
@@ -201,25 +248,45 @@ pub fn trace(scene: &Scene, origin: Origin, machine: &Machine, window: &Window, 
             manifest.append(more);
         }
     }
-    let names: Vec<&str> = manifest["streams"].as_array().into_iter().flatten().filter_map(|stream| stream["name"].as_str()).collect();
+    let names: Vec<&str> = manifest["streams"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(|stream| stream["name"].as_str())
+        .collect();
     folder.headers(&scene.name, &names)?;
     folder.text("machine.json", &description)?;
     if let Some(text) = complete {
         folder.text("scene.json", text)?;
     }
-    folder.text("manifest.json", &(serde_json::to_string_pretty(&manifest).unwrap_or_default() + "\n"))?;
-    Ok(Written { notes, ..Written::new(&manifest) })
+    folder.text(
+        "manifest.json",
+        &(serde_json::to_string_pretty(&manifest).unwrap_or_default() + "\n"),
+    )?;
+    Ok(Written {
+        notes,
+        ..Written::new(&manifest)
+    })
 }
 
 impl Written {
     fn new(manifest: &Value) -> Self {
         let entry = |file: &Value| {
             let number = |name: &str| file[name].as_u64().unwrap_or(0);
-            (file["name"].as_str().unwrap_or_default().to_owned(), number("records"), number("records") * (number("digits") + 1))
+            (
+                file["name"].as_str().unwrap_or_default().to_owned(),
+                number("records"),
+                number("records") * (number("digits") + 1),
+            )
         };
         let number = |name: &str| manifest["coverage"][name].as_u64().unwrap_or(0);
         Written {
-            streams: manifest["streams"].as_array().into_iter().flatten().map(entry).collect(),
+            streams: manifest["streams"]
+                .as_array()
+                .into_iter()
+                .flatten()
+                .map(entry)
+                .collect(),
             coverage: [number("met"), number("cases")],
             notes: Vec::new(),
         }
@@ -232,14 +299,25 @@ impl Written {
             table.add_row([name.clone(), thousands(*records), thousands(*bytes)]);
         }
         let [met, cases] = self.coverage.map(thousands);
-        let notes: String = self.notes.iter().map(|note| format!("\n\n{}", wrapped(note))).collect();
-        format!("{}\n\n{met} of {cases} cases met: coverage.csv has roundings, limits, decisions{notes}", aligned(table).trim_fmt())
+        let notes: String = self
+            .notes
+            .iter()
+            .map(|note| format!("\n\n{}", wrapped(note)))
+            .collect();
+        format!(
+            "{}\n\n{met} of {cases} cases met: coverage.csv has roundings, limits, decisions{notes}",
+            aligned(table).trim_fmt()
+        )
     }
 }
 
-/// The whole pipeline and its units: those that have ports in a frame of this kind, in the order of the diagram.
+/// The whole pipeline and its units: those that have ports in a frame of this kind, in the order of
+/// the diagram.
 fn units(kind: Kind) -> Vec<&'static str> {
-    unit::after::<_, { unit::ALL.len() + 1 }>("pipeline", unit::ALL).into_iter().filter(|name| kind.sorted || *name != unit::SORT).collect()
+    unit::after::<_, { unit::ALL.len() + 1 }>("pipeline", unit::ALL)
+        .into_iter()
+        .filter(|name| kind.sorted || *name != unit::SORT)
+        .collect()
 }
 
 /// The stream whose records a stream's are made from.
@@ -253,7 +331,14 @@ fn parent(kind: Kind, stream: &str) -> Option<&'static str> {
         ("ellipse.answer", "ellipse.request"),
         ("sort.in", "ellipse.out"),
         ("sort.out", "sort.in"),
-        ("raster.in", if kind.sorted { "sort.out" } else { "ellipse.out" }),
+        (
+            "raster.in",
+            if kind.sorted {
+                "sort.out"
+            } else {
+                "ellipse.out"
+            },
+        ),
         ("raster.out", "raster.in"),
         ("gauss.in", "raster.out"),
         ("gauss.out", "gauss.in"),
@@ -261,13 +346,23 @@ fn parent(kind: Kind, stream: &str) -> Option<&'static str> {
         ("fragment.out", "fragment.in"),
         ("fragment.request", "fragment.in"),
         ("fragment.answer", "fragment.request"),
-        ("shade.in", if kind.preshaded { "ellipse.request" } else { "fragment.request" }),
+        (
+            "shade.in",
+            if kind.preshaded {
+                "ellipse.request"
+            } else {
+                "fragment.request"
+            },
+        ),
         ("shade.out", "shade.in"),
         ("resolve.in", "fragment.held"),
         ("resolve.out", "resolve.in"),
         ("pipeline.out", "resolve.out"),
     ];
-    let found = all.iter().find(|(name, _)| *name == stream).map(|(_, parent)| *parent);
+    let found = all
+        .iter()
+        .find(|(name, _)| *name == stream)
+        .map(|(_, parent)| *parent);
     // Sheets ask for no light.
     found.filter(|parent| !kind.sheets || *parent != "fragment.request")
 }
@@ -282,13 +377,24 @@ macro_rules! chapter {
 /// A chapter without what tells a reader of the book where it belongs.
 fn in_readme(chapter: &str) -> String {
     let rest = chapter.split_once("<!-- in the book alone -->\n");
-    let cut = rest.and_then(|(head, rest)| Some([head, rest.split_once("<!-- and in a trace's README -->\n\n")?.1].concat()));
+    let cut = rest.and_then(|(head, rest)| {
+        Some(
+            [
+                head,
+                rest.split_once("<!-- and in a trace's README -->\n\n")?.1,
+            ]
+            .concat(),
+        )
+    });
     cut.unwrap_or_else(|| chapter.to_owned())
 }
 
-/// What files, records and units are, in words: chapters of the book; of ellipsoids and of windows one more, with what is different there.
+/// What files, records and units are, in words: chapters of the book; of ellipsoids and of windows
+/// one more, with what is different there.
 fn explained(kind: Kind) -> String {
-    let (_, files) = chapter!("trace-files.md").split_once("<!-- a trace's README begins below this line -->\n\n").unwrap_or_default();
+    let (_, files) = chapter!("trace-files.md")
+        .split_once("<!-- a trace's README begins below this line -->\n\n")
+        .unwrap_or_default();
     let ellipsoids = (kind.ellipsoids || kind.sheets).then_some(chapter!("ellipsoids.md"));
     let windows = kind.windows.then_some(chapter!("windows.md"));
     let chapters = [
@@ -300,7 +406,12 @@ fn explained(kind: Kind) -> String {
         windows,
         Some("# This machine\n"),
     ];
-    chapters.into_iter().flatten().map(in_readme).collect::<Vec<_>>().join("\n")
+    chapters
+        .into_iter()
+        .flatten()
+        .map(in_readme)
+        .collect::<Vec<_>>()
+        .join("\n")
 }
 
 /// Whether a scene's text needs no other file.
@@ -314,7 +425,11 @@ fn reads_files(source: &Value) -> bool {
     let is_read = |of: &Value| of.is_string() || of.get("file").is_some();
     match source {
         Value::Array(sources) => sources.iter().any(reads_files),
-        _ => is_read(source) || is_read(&source["volume"]) || source.get("place").is_some() && reads_files(&source["splats"]),
+        _ => {
+            is_read(source)
+                || is_read(&source["volume"])
+                || source.get("place").is_some() && reads_files(&source["splats"])
+        }
     }
 }
 
@@ -329,7 +444,9 @@ fn key_fields() -> Vec<Value> {
 
 /// A number that looks random, from a seed and a number (SplitMix64).
 fn mixed(seed: u64, number: u64) -> u64 {
-    let mut z = seed.wrapping_add(number.wrapping_mul(0x9e37_79b9_7f4a_7c15)).wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let mut z = seed
+        .wrapping_add(number.wrapping_mul(0x9e37_79b9_7f4a_7c15))
+        .wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ z >> 31
@@ -339,22 +456,34 @@ impl Window {
     /// The rectangle that is wanted, to the column and row after the last.
     pub(super) fn check(&self, frame: &Frame) -> Result<Rectangle> {
         let units = units(Kind::of(frame));
-        if let Some(unknown) = self.units.iter().find(|unit| !units.contains(&unit.as_str())) {
-            return Err(Error::input(format!("--units {unknown}: no such unit; there are {}", units.join(", "))));
+        if let Some(unknown) = self
+            .units
+            .iter()
+            .find(|unit| !units.contains(&unit.as_str()))
+        {
+            return Err(Error::input(format!(
+                "--units {unknown}: no such unit; there are {}",
+                units.join(", ")
+            )));
         }
         if let Some(cases) = self.stimulus.filter(|cases| *cases > MOST_CASES) {
             return Err(Error::input(format!(
                 "--stimulus {cases}: at most {MOST_CASES} cases a unit are made up, for all are kept at once"
             )));
         }
-        let of_all = self.units.iter().find(|unit| OF_ALL_SPLATS.contains(&unit.as_str()));
+        let of_all = self
+            .units
+            .iter()
+            .find(|unit| OF_ALL_SPLATS.contains(&unit.as_str()));
         if let (true, Some(_), Some(unit)) = (Kind::of(frame).windows, self.splats, of_all) {
             return Err(Error::input(format!(
                 "--splats with --units {unit}: these fragments are grouped by windows, and what it does depends on the splats before too; --pixels has all of some"
             )));
         }
         if Kind::of(frame).windows && self.waves.is_some() {
-            return Err(Error::input("--waves: fragments are grouped by windows, whose cycles no wave shows; left out, there are records"));
+            return Err(Error::input(
+                "--waves: fragments are grouped by windows, whose cycles no wave shows; left out, there are records",
+            ));
         }
         if let (true, Some(_), Some(unit)) = (Kind::of(frame).sorted, self.splats, of_all) {
             return Err(Error::input(format!(
@@ -378,16 +507,26 @@ impl Window {
         }
         if frame.lighting.materials.len() > 1 << ports::MATERIAL_BITS {
             let count = frame.lighting.materials.len();
-            return Err(Error::input(format!("the scene has {count} materials, but a record's index has {} bits", ports::MATERIAL_BITS)));
+            return Err(Error::input(format!(
+                "the scene has {count} materials, but a record's index has {} bits",
+                ports::MATERIAL_BITS
+            )));
         }
         let [across, down] = frame.view.inverse_focals().map(|inverse| inverse.places);
-        let places = [frame.view.inverse_focal.places, across, down, frame.inverse_threshold.places];
+        let places = [
+            frame.view.inverse_focal.places,
+            across,
+            down,
+            frame.inverse_threshold.places,
+        ];
         if places.iter().any(|places| i8::try_from(*places).is_err()) {
             return Err(Error::input(
                 "the focal length or the coverage threshold lies beyond 2^±127, and records have 8 bits for that power",
             ));
         }
-        let Some([left, top, right, bottom]) = self.pixels else { return Ok([0, 0, frame.width, frame.height]) };
+        let Some([left, top, right, bottom]) = self.pixels else {
+            return Ok([0, 0, frame.width, frame.height]);
+        };
         if left > right || top > bottom || right >= frame.width || bottom >= frame.height {
             return Err(Error::input(format!(
                 "--pixels {left},{top},{right},{bottom}: first column and row, last column and row are needed, and the picture is {}×{}",
@@ -401,9 +540,15 @@ impl Window {
         // A part of a frame is no frame.
         let whole = self.splats.is_none() && self.pixels.is_none() && self.sample.is_none();
         let unit = stream.unit().unwrap_or_default();
-        // What is drawn in the order of depth meets at a pixel only as a whole; what pixels of windows held before has no record.
-        let alone = !(kind.sorted || kind.windows) || self.splats.is_none() || !OF_ALL_SPLATS.contains(&unit);
-        alone && self.wants_any(&[unit]) && (whole || unit != "pipeline") && (self.splats.is_some() || stream.name != "fragment.start")
+        // What is drawn in the order of depth meets at a pixel only as a whole; what pixels of
+        // windows held before has no record.
+        let alone = !(kind.sorted || kind.windows)
+            || self.splats.is_none()
+            || !OF_ALL_SPLATS.contains(&unit);
+        alone
+            && self.wants_any(&[unit])
+            && (whole || unit != "pipeline")
+            && (self.splats.is_some() || stream.name != "fragment.start")
     }
 
     fn wants_any(&self, units: &[&str]) -> bool {
@@ -423,9 +568,14 @@ impl Window {
 
     fn samples(&self, unit: &str, key: &Key) -> bool {
         let one_in = self.sample.unwrap_or(1);
-        // Fragments depend on those before them at their pixel: whole pixels are taken. Everything before that, by splats.
+        // Fragments depend on those before them at their pixel: whole pixels are taken. Everything
+        // before that, by splats.
         let by_pixel = ["fragment", "shade", "resolve"].contains(&unit);
-        let number = if by_pixel { u64::from(key.y) << 16 | u64::from(key.x) } else { u64::from(key.splat) };
+        let number = if by_pixel {
+            u64::from(key.y) << 16 | u64::from(key.x)
+        } else {
+            u64::from(key.splat)
+        };
         mixed(self.seed, number).is_multiple_of(one_in.into())
     }
 }
@@ -437,7 +587,8 @@ struct Whole<'a> {
 }
 
 impl Whole<'_> {
-    /// The frame to draw, what the scene calls its splats, and the frame of those before the window.
+    /// The frame to draw, what the scene calls its splats, and the frame of those before the
+    /// window.
     fn part(&self, window: &Window, rectangle: Rectangle) -> (Frame, Vec<u32>, Frame) {
         let mut splats: Vec<u32> = (0..self.frame.splats.len() as u32).collect();
         if window.pixels.is_some() {
@@ -446,7 +597,9 @@ impl Whole<'_> {
         }
         let [first, end] = window.splats.unwrap_or([0, u32::MAX]);
         splats.retain(|splat| *splat < end);
-        let Kind { sorted, windows, .. } = Kind::of(self.frame);
+        let Kind {
+            sorted, windows, ..
+        } = Kind::of(self.frame);
         if sorted || windows {
             splats.retain(|splat| *splat >= first);
         }
@@ -456,13 +609,27 @@ impl Whole<'_> {
 
     /// The frame of these splats alone.
     fn of(&self, splats: &[u32]) -> Frame {
-        let mut frame = Frame { splats: Vec::new(), ..self.frame.clone() };
-        frame.splats = splats.iter().map(|splat| self.frame.splats[*splat as usize]).collect();
+        let mut frame = Frame {
+            splats: Vec::new(),
+            ..self.frame.clone()
+        };
+        frame.splats = splats
+            .iter()
+            .map(|splat| self.frame.splats[*splat as usize])
+            .collect();
         if let (Some(part), Some(whole)) = (&mut frame.ellipsoids, &self.frame.ellipsoids) {
-            part.own = splats.iter().filter_map(|splat| whole.own.get(*splat as usize)).copied().collect();
+            part.own = splats
+                .iter()
+                .filter_map(|splat| whole.own.get(*splat as usize))
+                .copied()
+                .collect();
         }
         if let (Some(part), Some(whole)) = (&mut frame.sheets, &self.frame.sheets) {
-            part.numbers = splats.iter().filter_map(|splat| whole.numbers.get(*splat as usize)).copied().collect();
+            part.numbers = splats
+                .iter()
+                .filter_map(|splat| whole.numbers.get(*splat as usize))
+                .copied()
+                .collect();
         }
         frame
     }
@@ -472,17 +639,38 @@ impl Whole<'_> {
         let mut observer = Observations::new(self.machine, self.frame, 0);
         pipeline::set_up_observed(self.machine, self.frame, &mut observer);
         let meets = |splat: &&observer::SetUp| {
-            let [backface, faint, outside, .., first_column, last_column, first_row, last_row, _, _, _] = splat.ellipse;
+            let [
+                backface,
+                faint,
+                outside,
+                ..,
+                first_column,
+                last_column,
+                first_row,
+                last_row,
+                _,
+                _,
+                _,
+            ] = splat.ellipse;
             let drawn = splat.leaves_project() && [backface, faint, outside] == [0; 3];
             let columns = first_column < i64::from(right) && last_column >= i64::from(left);
             drawn && columns && first_row < i64::from(bottom) && last_row >= i64::from(top)
         };
-        observer.set_up.iter().filter(meets).map(|splat| splat.splat).collect()
+        observer
+            .set_up
+            .iter()
+            .filter(meets)
+            .map(|splat| splat.splat)
+            .collect()
     }
 }
 
 /// The fragments that a rectangle's pixels hold after a frame, slot by slot.
-fn held(machine: &Elaborated, frame: &Frame, [left, top, right, bottom]: Rectangle) -> Vec<([u32; 2], Vec<Slot>)> {
+fn held(
+    machine: &Elaborated,
+    frame: &Frame,
+    [left, top, right, bottom]: Rectangle,
+) -> Vec<([u32; 2], Vec<Slot>)> {
     let mut observer = Observations::new(machine, frame, u32::MAX);
     pipeline::draw_observed(machine, frame, &mut observer);
     observer.sort();
@@ -490,7 +678,9 @@ fn held(machine: &Elaborated, frame: &Frame, [left, top, right, bottom]: Rectang
         let [_, x, y] = observer::parts(held.key);
         ([x, y], held.slots)
     });
-    pixels.filter(|([x, y], _)| (left..right).contains(x) && (top..bottom).contains(y)).collect()
+    pixels
+        .filter(|([x, y], _)| (left..right).contains(x) && (top..bottom).contains(y))
+        .collect()
 }
 
 /// The folder that is being written.
@@ -502,14 +692,20 @@ struct Folder<'a> {
 
 impl Folder<'_> {
     fn text(&self, name: &str, text: &str) -> Result<()> {
-        write_beside(&self.folder.join(name), |file| file.write_all(text.as_bytes()).map_err(|e| e.to_string()))
+        write_beside(&self.folder.join(name), |file| {
+            file.write_all(text.as_bytes()).map_err(|e| e.to_string())
+        })
     }
 
     /// Writes lines; returns their digest.
     fn lines(&self, name: &str, layout: &Layout, lines: &[Vec<i64>]) -> Result<String> {
         let mut text = Vec::new();
-        lines.iter().for_each(|words| layout.write(words, &mut text));
-        write_beside(&self.folder.join(name), |file| file.write_all(&text).map_err(|e| e.to_string()))?;
+        lines
+            .iter()
+            .for_each(|words| layout.write(words, &mut text));
+        write_beside(&self.folder.join(name), |file| {
+            file.write_all(&text).map_err(|e| e.to_string())
+        })?;
         Ok(hex(&Sha256::digest(&text)))
     }
 
@@ -529,8 +725,9 @@ impl Folder<'_> {
     }
 
     fn roms(&self) -> Result<Vec<Value>> {
-        fs::create_dir_all(self.folder.join("rom"))
-            .map_err(|e| Error::job(format!("{}: cannot be written: {e}", self.folder.display())))?;
+        fs::create_dir_all(self.folder.join("rom")).map_err(|e| {
+            Error::job(format!("{}: cannot be written: {e}", self.folder.display()))
+        })?;
         let of = |rom: &roms::Rom| {
             let file = rom.file();
             let sha256 = self.lines(&file, &rom.layout, &rom.lines)?;
@@ -540,17 +737,29 @@ impl Folder<'_> {
                 "fields": rom.fields,
             }))
         };
-        roms::roms(self.machine, self.frame).iter().map(of).collect()
+        roms::roms(self.machine, self.frame)
+            .iter()
+            .map(of)
+            .collect()
     }
 
     fn headers(&self, scene: &str, streams: &[&str]) -> Result<()> {
-        self.text("machine_pkg.sv", &headers::package(self.machine, self.frame))?;
+        self.text(
+            "machine_pkg.sv",
+            &headers::package(self.machine, self.frame),
+        )?;
         let (machine, frame, kind) = (self.machine, self.frame, Kind::of(self.frame));
         self.text("records.svh", &headers::structs(machine, kind))?;
         self.text("records.h", &headers::c_header(machine, kind))?;
         self.text("splatsim_dpi.sv", &dpi::dpi(machine, kind))?;
-        let roms: Vec<String> = roms::roms(machine, self.frame).iter().map(roms::Rom::file).collect();
-        self.text("machine_pkg.core", &headers::fusesoc(&roms.iter().map(String::as_str).collect::<Vec<_>>()))?;
+        let roms: Vec<String> = roms::roms(machine, self.frame)
+            .iter()
+            .map(roms::Rom::file)
+            .collect();
+        self.text(
+            "machine_pkg.core",
+            &headers::fusesoc(&roms.iter().map(String::as_str).collect::<Vec<_>>()),
+        )?;
         self.text("Bender.yml", headers::BENDER)?;
         let head = format!(
             "# {scene} on {}\n\n{}×{} pixels, {} splats, written by splatsim {}.\n\n",
@@ -561,22 +770,49 @@ impl Folder<'_> {
             env!("CARGO_PKG_VERSION")
         );
         let units = explained(kind);
-        let (tables, formats) = (headers::tables(machine, kind, streams), headers::formats(machine, frame));
-        self.text("README.md", &format!("{head}{units}\n## Records\n{tables}\n## Words and numbers\n{formats}"))
+        let (tables, formats) = (
+            headers::tables(machine, kind, streams),
+            headers::formats(machine, frame),
+        );
+        self.text(
+            "README.md",
+            &format!("{head}{units}\n## Records\n{tables}\n## Words and numbers\n{formats}"),
+        )
     }
 
     /// Writes constants, tables, streams and coverage; returns what the manifest says of them.
-    fn contents(&self, window: &Window, sources: &[Source], coverage: &Coverage, tags: &[Tag]) -> Result<Value> {
-        let job_error = |e: std::io::Error| Error::job(format!("{}: cannot be written: {e}", self.folder.display()));
+    fn contents(
+        &self,
+        window: &Window,
+        sources: &[Source],
+        coverage: &Coverage,
+        tags: &[Tag],
+    ) -> Result<Value> {
+        let job_error = |e: std::io::Error| {
+            Error::job(format!("{}: cannot be written: {e}", self.folder.display()))
+        };
         fs::create_dir_all(self.folder.join("keys")).map_err(job_error)?;
         fs::create_dir_all(self.folder.join("rom")).map_err(job_error)?;
         let kind = Kind::of(self.frame);
-        let streams: Vec<Stream> = ports::streams(self.machine, kind).into_iter().filter(|stream| window.wants(kind, stream)).collect();
-        let kept: Option<Vec<Vec<u32>>> = window.sample.map(|_| sources.par_iter().map(|source| window.kept(source)).collect());
+        let streams: Vec<Stream> = ports::streams(self.machine, kind)
+            .into_iter()
+            .filter(|stream| window.wants(kind, stream))
+            .collect();
+        let kept: Option<Vec<Vec<u32>>> = window.sample.map(|_| {
+            sources
+                .par_iter()
+                .map(|source| window.kept(source))
+                .collect()
+        });
         let written = |stream: &Stream| {
             let of = |place: usize| kept.as_ref().map(|kept| &kept[place][..]);
-            let place = sources.iter().position(|source| source.name == stream.name)?;
-            let parents = sources.iter().position(|source| Some(source.name) == parent(kind, stream.name)).and_then(of);
+            let place = sources
+                .iter()
+                .position(|source| source.name == stream.name)?;
+            let parents = sources
+                .iter()
+                .position(|source| Some(source.name) == parent(kind, stream.name))
+                .and_then(of);
             Some(self.stream(stream, &sources[place], of(place), parents))
         };
         let files: Vec<Value> = in_order(streams.par_iter().filter_map(written))?;
@@ -590,16 +826,28 @@ impl Folder<'_> {
         }))
     }
 
-    /// Writes a stream and its keys, or those of its records that are kept; returns what the manifest says of it.
-    fn stream(&self, stream: &Stream, source: &Source, kept: Option<&[u32]>, parents: Option<&[u32]>) -> Result<Value> {
+    /// Writes a stream and its keys, or those of its records that are kept; returns what the
+    /// manifest says of it.
+    fn stream(
+        &self,
+        stream: &Stream,
+        source: &Source,
+        kept: Option<&[u32]>,
+        parents: Option<&[u32]>,
+    ) -> Result<Value> {
         let layout = Layout::new(stream);
         let keys = Layout::of_naturals(&Key::PARTS.map(|(_, bits)| bits));
         let unit = stream.unit().unwrap_or_default();
-        let (file, key_file) = (format!("{}.hex", stream.name), format!("keys/{}.hex", stream.name));
+        let (file, key_file) = (
+            format!("{}.hex", stream.name),
+            format!("keys/{}.hex", stream.name),
+        );
         let (mut sha, mut key_sha) = (Sha256::new(), Sha256::new());
         let records = kept.map_or(source.records, <[u32]>::len);
         let parent_of = |key: &Key| match parents {
-            Some(parents) if key.parent != NONE => parents.binary_search(&key.parent).map_or(NONE, |record| record as u32),
+            Some(parents) if key.parent != NONE => parents
+                .binary_search(&key.parent)
+                .map_or(NONE, |record| record as u32),
             _ => key.parent,
         };
         let [key_path, path] = [&key_file, &file].map(|file| self.folder.join(file));
@@ -610,10 +858,20 @@ impl Folder<'_> {
                     let (mut text, mut key_text, mut words) = (Vec::new(), Vec::new(), Vec::new());
                     for record in start..records.min(start + CHUNK) {
                         words.clear();
-                        let key = (source.at)(kept.map_or(record, |kept| kept[record] as usize), &mut words);
+                        let key = (source.at)(
+                            kept.map_or(record, |kept| kept[record] as usize),
+                            &mut words,
+                        );
                         layout.mask(&mut words);
                         layout.write(&words, &mut text);
-                        keys.write(&Key { parent: parent_of(&key), ..key }.words(), &mut key_text);
+                        keys.write(
+                            &Key {
+                                parent: parent_of(&key),
+                                ..key
+                            }
+                            .words(),
+                            &mut key_text,
+                        );
                     }
                     (text, key_text)
                 };

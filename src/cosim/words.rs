@@ -1,10 +1,11 @@
-//! Words: all intermediate words that a unit makes of one record, signal by signal, in the order in which they are rounded.
+//! Words: all intermediate words that a unit makes of one record, signal by signal, in the order in
+//! which they are rounded.
 //!
 //! ```text
 //! record ─►( unit )─► every fit: signal, word, what was lost
 //! ```
-//! Laws: `the_words_of_a_record_are_those_that_the_machine_rounds`, `a_difference_comes_with_the_words_of_its_record` (tests/live.rs,
-//! tests/diff.rs).
+//! Laws: `the_words_of_a_record_are_those_that_the_machine_rounds`,
+//! `a_difference_comes_with_the_words_of_its_record` (tests/live.rs, tests/diff.rs).
 
 use crate::cosim::live::{Constants, Record, Refused, Shade, Unit};
 use crate::cosim::trace::flag;
@@ -36,13 +37,25 @@ impl Word {
     /// Its bits.
     pub fn hex(&self) -> String {
         let width = self.format.width() as u32;
-        let mask = if width < 64 { (1u64 << width) - 1 } else { u64::MAX };
-        format!("{:0digits$x}", self.word as u64 & mask, digits = width.div_ceil(4) as usize)
+        let mask = if width < 64 {
+            (1u64 << width) - 1
+        } else {
+            u64::MAX
+        };
+        format!(
+            "{:0digits$x}",
+            self.word as u64 & mask,
+            digits = width.div_ceil(4) as usize
+        )
     }
 
     /// Its value.
     pub fn value(&self) -> Value {
-        if self.format.frac_bits == 0 { self.word.into() } else { self.format.value(self.word).into() }
+        if self.format.frac_bits == 0 {
+            self.word.into()
+        } else {
+            self.format.value(self.word).into()
+        }
     }
 
     /// For programs.
@@ -54,7 +67,11 @@ impl Word {
 impl fmt::Display for Word {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(f, "{} {} = {}", self.signal, self.hex(), self.value())?;
-        if self.events.is_empty() { Ok(()) } else { write!(f, " ({})", self.events.join(", ")) }
+        if self.events.is_empty() {
+            Ok(())
+        } else {
+            write!(f, " ({})", self.events.join(", "))
+        }
     }
 }
 
@@ -78,7 +95,12 @@ impl Observer<'static> for Noted {
     }
 
     fn word(&mut self, fit: &Fit, exact: i64, more: i64, word: i64) {
-        self.0.push((fit.signal, word, fit.word.format, flag::of(fit, exact, more)));
+        self.0.push((
+            fit.signal,
+            word,
+            fit.word.format,
+            flag::of(fit, exact, more),
+        ));
     }
 }
 
@@ -98,13 +120,19 @@ impl Noted {
 ///
 /// # Errors
 /// As [`Unit::step`].
-pub fn step(unit: &mut Unit, words: &[i64], shade: &mut Shade) -> std::result::Result<(Vec<Record>, Vec<Word>), Refused> {
+pub fn step(
+    unit: &mut Unit,
+    words: &[i64],
+    shade: &mut Shade,
+) -> std::result::Result<(Vec<Record>, Vec<Word>), Refused> {
     let mut noted = Noted::default();
     let out = unit.step_observed(words, shade, &mut noted)?;
     if unit.name == unit::RASTER {
         // A box is seeded for each tile that it meets, with the same words.
-        let half = (1..noted.0.len())
-            .find(|&size| noted.0.len().is_multiple_of(size) && noted.0.chunks(size).all(|part| *part == noted.0[..size]));
+        let half = (1..noted.0.len()).find(|&size| {
+            noted.0.len().is_multiple_of(size)
+                && noted.0.chunks(size).all(|part| *part == noted.0[..size])
+        });
         noted.0.truncate(half.unwrap_or(usize::MAX));
     }
     Ok((out, noted.words(unit.constants())))
@@ -128,7 +156,11 @@ pub struct Replayed {
 impl Replayed {
     /// No record is made from others.
     pub fn nothing(unit: String) -> Self {
-        Replayed { unit, begins_empty: true, ..Replayed::default() }
+        Replayed {
+            unit,
+            begins_empty: true,
+            ..Replayed::default()
+        }
     }
 }
 
@@ -136,8 +168,14 @@ impl Replayed {
 ///
 /// # Errors
 /// Why they cannot be had, in a sentence.
-pub fn of_record(folder: &Path, manifest: &Value, replayed: Replayed) -> std::result::Result<Vec<Word>, String> {
-    let Some((last, before)) = replayed.inputs.split_last() else { return Ok(Vec::new()) };
+pub fn of_record(
+    folder: &Path,
+    manifest: &Value,
+    replayed: Replayed,
+) -> std::result::Result<Vec<Word>, String> {
+    let Some((last, before)) = replayed.inputs.split_last() else {
+        return Ok(Vec::new());
+    };
     if !replayed.begins_empty {
         return Err("they depend on what the pixel held before the trace's window".into());
     }
@@ -149,26 +187,47 @@ pub fn of_record(folder: &Path, manifest: &Value, replayed: Replayed) -> std::re
         said.unwrap_or_else(|| constants.light(request))
     };
     for words in before {
-        unit.step(words, &mut shade).map_err(|refused| refused.to_string())?;
+        unit.step(words, &mut shade)
+            .map_err(|refused| refused.to_string())?;
     }
-    let (mut out, mut words) = step(&mut unit, last, &mut shade).map_err(|refused| refused.to_string())?;
+    let (mut out, mut words) =
+        step(&mut unit, last, &mut shade).map_err(|refused| refused.to_string())?;
     if unit.name == unit::SORT {
         let mut noted = Noted::default();
-        out = unit.end_observed(&mut shade, &mut noted).map_err(|refused| refused.to_string())?.out;
+        out = unit
+            .end_observed(&mut shade, &mut noted)
+            .map_err(|refused| refused.to_string())?
+            .out;
         words = noted.words(&constants);
     }
     // A scene or a machine that was changed since makes other records.
-    if out.contains(&replayed.made) { Ok(words) } else { Err("machine.json and the scene no longer make this record".into()) }
+    if out.contains(&replayed.made) {
+        Ok(words)
+    } else {
+        Err("machine.json and the scene no longer make this record".into())
+    }
 }
 
 /// The machine and the constants of a trace.
 fn constants(folder: &Path, manifest: &Value) -> Result<Constants> {
     let scene = &manifest["scene"];
-    let side = |name: &str| scene[name].as_u64().and_then(|side| usize::try_from(side).ok());
-    let overrides = Overrides { size: side("width").zip(side("height")) };
+    let side = |name: &str| {
+        scene[name]
+            .as_u64()
+            .and_then(|side| usize::try_from(side).ok())
+    };
+    let overrides = Overrides {
+        size: side("width").zip(side("height")),
+    };
     let own = folder.join("scene.json");
-    let frame = scene["frame"].as_u64().and_then(|frame| usize::try_from(frame).ok()).unwrap_or(0);
-    let scene = match (scene["complete"].as_bool(), scene["source"].as_str().or(scene["name"].as_str())) {
+    let frame = scene["frame"]
+        .as_u64()
+        .and_then(|frame| usize::try_from(frame).ok())
+        .unwrap_or(0);
+    let scene = match (
+        scene["complete"].as_bool(),
+        scene["source"].as_str().or(scene["name"].as_str()),
+    ) {
         (Some(true), _) => Scene::load(&own, &overrides)?,
         (_, Some(source)) => Scene::load_frame(source, &overrides, frame)?,
         _ => return Err(Error::input("the manifest names no scene")),

@@ -2,16 +2,25 @@
 //!
 //! Law: `the_front_holds_what_nothing_dominates_and_nothing_else`.
 
-/// Which of these points, as [cost, worth], are on the front: none costs no more and is worth no less, and is better in one of the two.
-/// By rising cost; equal points are all on it. Points that are not numbers are on none.
+/// Which of these points, as [cost, worth], are on the front: none costs no more and is worth no
+/// less, and is better in one of the two. By rising cost; equal points are all on it. Points that
+/// are not numbers are on none.
 pub fn front(points: &[[f64; 2]]) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..points.len()).filter(|i| points[*i].iter().all(|value| !value.is_nan())).collect();
+    let mut order: Vec<usize> = (0..points.len())
+        .filter(|i| points[*i].iter().all(|value| !value.is_nan()))
+        .collect();
     // There is one zero.
     let order_of = |a: f64, b: f64| (a + 0.0).total_cmp(&(b + 0.0));
-    order.sort_by(|a, b| order_of(points[*a][0], points[*b][0]).then(order_of(points[*b][1], points[*a][1])).then(a.cmp(b)));
+    order.sort_by(|a, b| {
+        order_of(points[*a][0], points[*b][0])
+            .then(order_of(points[*b][1], points[*a][1]))
+            .then(a.cmp(b))
+    });
     let mut front: Vec<usize> = Vec::new();
     for i in order {
-        let is_better = front.last().is_none_or(|last| points[i][1] > points[*last][1] || points[i] == points[*last]);
+        let is_better = front
+            .last()
+            .is_none_or(|last| points[i][1] > points[*last][1] || points[i] == points[*last]);
         if is_better {
             front.push(i);
         }
@@ -44,8 +53,14 @@ mod tests {
 
     #[test]
     fn what_is_no_number_is_on_no_front() {
-        let points =
-            [[f64::NAN, 9.0], [1.0, f64::NAN], [2.0, 3.0], [f64::INFINITY, 4.0], [0.0, f64::NEG_INFINITY], [-0.0, f64::NEG_INFINITY]];
+        let points = [
+            [f64::NAN, 9.0],
+            [1.0, f64::NAN],
+            [2.0, 3.0],
+            [f64::INFINITY, 4.0],
+            [0.0, f64::NEG_INFINITY],
+            [-0.0, f64::NEG_INFINITY],
+        ];
         assert_eq!(front(&points), [4, 5, 2, 3]);
     }
 }

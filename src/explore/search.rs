@@ -1,15 +1,16 @@
-//! Search: the narrowest machine that meets a target on a scene, and on cameras that it was not made for.
+//! Search: the narrowest machine that meets a target on a scene, and on cameras that it was not
+//! made for.
 //!
 //! ```text
 //! scenes ─► ranges ─► integer bits cut ─► fraction bits, tables ─( min+1, max−1, annealing )─► machine ─► unseen views
 //!             ▲                                                                                              │ one fails
 //!             └──────────────────────────── that view is looked at from now on ◄─────────────────────────────┘
 //! ```
-//! Every machine that is drawn is a row of a journal, as in `sweep`: a search that is cut off goes on where it was, and `chart` draws
-//! what it met. What it finds depends on the seed alone.
+//! Every machine that is drawn is a row of a journal, as in `sweep`: a search that is cut off goes
+//! on where it was, and `chart` draws what it met. What it finds depends on the seed alone.
 //!
-//! Laws (tests/search.rs): `a_machine_is_found_that_meets_the_target_elsewhere_too`, `it_is_close_to_the_best_of_all`,
-//! `a_search_that_is_killed_goes_on`.
+//! Laws (tests/search.rs): `a_machine_is_found_that_meets_the_target_elsewhere_too`,
+//! `it_is_close_to_the_best_of_all`, `a_search_that_is_killed_goes_on`.
 
 mod claims;
 pub mod crew;
@@ -78,11 +79,13 @@ pub struct Options {
 
 /// Rounds, each with another view, before it is given up.
 const ROUNDS: usize = 12;
-/// Cameras beside the views that ranges are read from, a scene: a word that overflows on another camera spoils its whole picture.
+/// Cameras beside the views that ranges are read from, a scene: a word that overflows on another
+/// camera spoils its whole picture.
 const RANGE_VIEWS: usize = 16;
 /// The first of them; unseen views come long before.
 const FIRST_RANGE_VIEW: usize = 1_000_000;
-/// Views that fail and raise no aim: they are searched on from then on, and later ones raise the aim too.
+/// Views that fail and raise no aim: they are searched on from then on, and later ones raise the
+/// aim too.
 const PATIENCE: usize = 3;
 /// By how much a view that fails makes the aim higher, squared error, at most: 3 dB.
 const MOST_STRICTER: f64 = 2.0;
@@ -105,10 +108,17 @@ const COLUMNS: [(&str, Kind); 14] = [
 ];
 
 /// Columns of a search in lockstep, behind those.
-const LOCKSTEP_COLUMNS: [(&str, Kind); 2] = [(columns::LOCKSTEP_PSNR_DB, Kind::Number), (columns::LOCKSTEP_MAX_ERROR, Kind::Number)];
+const LOCKSTEP_COLUMNS: [(&str, Kind); 2] = [
+    (columns::LOCKSTEP_PSNR_DB, Kind::Number),
+    (columns::LOCKSTEP_MAX_ERROR, Kind::Number),
+];
 
 fn columns_of(target: &Target) -> Vec<Column> {
-    let more: &[_] = if target.metric == Metric::Lockstep { &LOCKSTEP_COLUMNS } else { &[] };
+    let more: &[_] = if target.metric == Metric::Lockstep {
+        &LOCKSTEP_COLUMNS
+    } else {
+        &[]
+    };
     named(&[&COLUMNS, more].concat())
 }
 
@@ -131,7 +141,15 @@ impl View {
         let golden = golden::render(&scene, &fixed::rules(machine)).picture;
         let ideal = golden::ideal(&scene).picture;
         let golden_vs_ideal_psnr_db = distance(&golden, &ideal).psnr_db;
-        View { of, name, digest: digest_of(&scene), scene, golden, ideal, golden_vs_ideal_psnr_db }
+        View {
+            of,
+            name,
+            digest: digest_of(&scene),
+            scene,
+            golden,
+            ideal,
+            golden_vs_ideal_psnr_db,
+        }
     }
 
     /// Without the scene.
@@ -169,15 +187,23 @@ pub struct InLockstep {
 
 impl InLockstep {
     fn and(self, other: InLockstep) -> InLockstep {
-        InLockstep { psnr_db: least(self.psnr_db, other.psnr_db), max_error: self.max_error.max(other.max_error) }
+        InLockstep {
+            psnr_db: least(self.psnr_db, other.psnr_db),
+            max_error: self.max_error.max(other.max_error),
+        }
     }
 }
 
 impl Found {
     fn and(self, other: Found) -> Found {
         Found {
-            fixed_vs_ideal_psnr_db: least(self.fixed_vs_ideal_psnr_db, other.fixed_vs_ideal_psnr_db),
-            fixed_vs_ideal_max_error: self.fixed_vs_ideal_max_error.max(other.fixed_vs_ideal_max_error),
+            fixed_vs_ideal_psnr_db: least(
+                self.fixed_vs_ideal_psnr_db,
+                other.fixed_vs_ideal_psnr_db,
+            ),
+            fixed_vs_ideal_max_error: self
+                .fixed_vs_ideal_max_error
+                .max(other.fixed_vs_ideal_max_error),
             psnr_db: least(self.psnr_db, other.psnr_db),
             max_error: self.max_error.max(other.max_error),
             saturated: self.saturated.zip(other.saturated).map(|(a, b)| a + b),
@@ -188,7 +214,9 @@ impl Found {
     /// Decibels as a target measures them; none where pictures are equal.
     fn psnr_db_of(&self, target: &Target) -> Option<f64> {
         match (target.metric, target.against) {
-            (Metric::Lockstep, _) => self.lockstep.map_or(Some(f64::NEG_INFINITY), |lockstep| lockstep.psnr_db),
+            (Metric::Lockstep, _) => self
+                .lockstep
+                .map_or(Some(f64::NEG_INFINITY), |lockstep| lockstep.psnr_db),
             (Metric::Psnr, Against::Golden) => self.psnr_db,
             (Metric::Psnr, Against::Ideal) => self.fixed_vs_ideal_psnr_db,
         }
@@ -196,7 +224,9 @@ impl Found {
 
     fn max_error_of(&self, target: &Target) -> f64 {
         match (target.metric, target.against) {
-            (Metric::Lockstep, _) => self.lockstep.map_or(f64::INFINITY, |lockstep| lockstep.max_error),
+            (Metric::Lockstep, _) => self
+                .lockstep
+                .map_or(f64::INFINITY, |lockstep| lockstep.max_error),
             (Metric::Psnr, Against::Golden) => self.max_error,
             (Metric::Psnr, Against::Ideal) => self.fixed_vs_ideal_max_error,
         }
@@ -221,12 +251,23 @@ fn least(a: Option<f64>, b: Option<f64>) -> Option<f64> {
 
 /// The method's error on the worst of some views.
 fn method_psnr_db(views: &[View]) -> Option<f64> {
-    views.iter().map(|view| view.golden_vs_ideal_psnr_db).fold(None, least)
+    views
+        .iter()
+        .map(|view| view.golden_vs_ideal_psnr_db)
+        .fold(None, least)
 }
 
 /// How far a machine is off on all of some views.
-fn found_on<'v>(views: impl IntoIterator<Item = &'v View>, drawn: impl Fn(&View) -> Result<Found>) -> Result<Found> {
-    Ok(worst_of(&views.into_iter().map(drawn).collect::<Result<Vec<Found>>>()?))
+fn found_on<'v>(
+    views: impl IntoIterator<Item = &'v View>,
+    drawn: impl Fn(&View) -> Result<Found>,
+) -> Result<Found> {
+    Ok(worst_of(
+        &views
+            .into_iter()
+            .map(drawn)
+            .collect::<Result<Vec<Found>>>()?,
+    ))
 }
 
 /// The worst of each figure.
@@ -236,17 +277,38 @@ fn worst_of(found: &[Found]) -> Found {
 
 impl Target {
     /// Says where a machine misses the target as it is.
-    fn check_reach(&self, found: &Found, views: &[View], machine: &str) -> std::result::Result<(), String> {
+    fn check_reach(
+        &self,
+        found: &Found,
+        views: &[View],
+        machine: &str,
+    ) -> std::result::Result<(), String> {
         if self.load(found) <= 1.0 {
             return Ok(());
         }
-        let names = views.iter().map(|view| view.name.as_str()).collect::<Vec<_>>().join(", ");
-        let lost = found.saturated.filter(|count| *count > 0).map_or(String::new(), |count| format!(", {count} words out of range"));
+        let names = views
+            .iter()
+            .map(|view| view.name.as_str())
+            .collect::<Vec<_>>()
+            .join(", ");
+        let lost = found
+            .saturated
+            .filter(|count| *count > 0)
+            .map_or(String::new(), |count| {
+                format!(", {count} words out of range")
+            });
         let (psnr, error) = (decibels(found.psnr_db_of(self)), found.max_error_of(self));
-        let reached = format!("{machine} reaches {psnr} dB, {}, at most {error:.4} off{lost}", self.difference());
+        let reached = format!(
+            "{machine} reaches {psnr} dB, {}, at most {error:.4} off{lost}",
+            self.difference()
+        );
         let method = method_psnr_db(views).filter(|_| self.against == Against::Ideal);
-        let method = method.map_or(String::new(), |db| format!("; golden − ideal alone is {db:.1} dB, and no word changes that"));
-        Err(format!("the target is out of reach: on {names} {reached}{method}"))
+        let method = method.map_or(String::new(), |db| {
+            format!("; golden − ideal alone is {db:.1} dB, and no word changes that")
+        });
+        Err(format!(
+            "the target is out of reach: on {names} {reached}{method}"
+        ))
     }
 
     /// The view with the greatest load, the first of equals; none of none.
@@ -258,9 +320,18 @@ impl Target {
     /// Part of what is allowed, squared: at most 1 is well.
     fn load(&self, found: &Found) -> f64 {
         let (psnr_db, error) = (found.psnr_db_of(self), found.max_error_of(self));
-        let by_psnr = self.psnr_db.zip(psnr_db).map_or(0.0, |(wanted, db)| libm::pow(10.0, (wanted - db) / 10.0));
-        let by_error = self.max_error.map_or(0.0, |most| error / most * (error / most));
-        let lost = if self.no_saturation && found.saturated.unwrap_or(0) > 0 { f64::INFINITY } else { 0.0 };
+        let by_psnr = self
+            .psnr_db
+            .zip(psnr_db)
+            .map_or(0.0, |(wanted, db)| libm::pow(10.0, (wanted - db) / 10.0));
+        let by_error = self
+            .max_error
+            .map_or(0.0, |most| error / most * (error / most));
+        let lost = if self.no_saturation && found.saturated.unwrap_or(0) > 0 {
+            f64::INFINITY
+        } else {
+            0.0
+        };
         by_psnr.max(by_error).max(lost)
     }
 }
@@ -295,7 +366,8 @@ pub struct Outcome {
     pub learnt: Vec<String>,
     /// Cameras that were searched on: the scenes' own, then those of `learnt`.
     pub cameras: Vec<Searched>,
-    /// Words that are critical for the target: with a step less some view that was searched on misses it. The worst first.
+    /// Words that are critical for the target: with a step less some view that was searched on
+    /// misses it. The worst first.
     pub tight: Vec<CriticalWord>,
     /// Figures that are stated, and the cameras that decide them.
     pub claims: Vec<Claim>,
@@ -312,13 +384,15 @@ pub struct Outcome {
     pub files: Vec<PathBuf>,
 }
 
-/// What unseen views cost: the machine that was found, against the narrowest one that meets the target on the views that were searched on
-/// at first.
+/// What unseen views cost: the machine that was found, against the narrowest one that meets the
+/// target on the views that were searched on at first.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Margin {
-    /// Decibels above the target that every view that was searched on had to reach; 0 where the aim is the target.
+    /// Decibels above the target that every view that was searched on had to reach; 0 where the aim
+    /// is the target.
     pub aim_db: f64,
-    /// Least decibels of the machine on the views that were searched on at first; none where pictures are equal.
+    /// Least decibels of the machine on the views that were searched on at first; none where
+    /// pictures are equal.
     pub first_psnr_db: Option<f64>,
     /// Those decibels above the target's; none where the target has none, or pictures are equal.
     pub db: Option<f64>,
@@ -375,7 +449,8 @@ pub struct CriticalWord {
     pub value: Value,
     /// What a step takes away.
     pub part: Part,
-    /// Decibels with a step less, against what the target names; none where the pictures are equal or it cannot be built.
+    /// Decibels with a step less, against what the target names; none where the pictures are equal
+    /// or it cannot be built.
     pub psnr_db: Option<f64>,
 }
 
@@ -383,7 +458,12 @@ pub struct CriticalWord {
 ///
 /// # Errors
 /// As [`run_on`].
-pub fn run(scenes: &[Scene], machine: &Machine, folder: &Path, options: &Options) -> Result<Outcome> {
+pub fn run(
+    scenes: &[Scene],
+    machine: &Machine,
+    folder: &Path,
+    options: &Options,
+) -> Result<Outcome> {
     let domains: Vec<Domain> = scenes.iter().cloned().map(Domain::around).collect();
     run_on(&domains, machine, folder, options)
 }
@@ -394,7 +474,12 @@ fn first_views(domains: &[Domain], machine: &Machine, options: &Options) -> Resu
     for (of, domain) in domains.iter().enumerate() {
         for member in domain.first() {
             quantise(&member.scene, machine)?;
-            views.extend(member.and_beside(options.robust).into_iter().map(|member| View::new(of, member, machine)));
+            views.extend(
+                member
+                    .and_beside(options.robust)
+                    .into_iter()
+                    .map(|member| View::new(of, member, machine)),
+            );
         }
     }
     Ok(views)
@@ -412,19 +497,35 @@ fn checked(domains: &[Domain], machine: &Machine, options: &Options) -> Result<V
     let elaborated = fixed::elaborate(machine)?;
     let views = first_views(domains, machine, options)?;
     let found = found_on(&views, |view| drawn(&elaborated, view, &options.target))?;
-    options.target.check_reach(&found, &views, &machine.name).map_err(Error::input)?;
+    options
+        .target
+        .check_reach(&found, &views, &machine.name)
+        .map_err(Error::input)?;
     Ok(views)
 }
 
 /// Searches.
 ///
 /// # Errors
-/// [`Error::Input`] where the target cannot be met by the machine as it is, or the folder is of something else; [`Error::Job`] where
-/// what is found cannot be written, or holds on no unseen view.
-pub fn run_on(domains: &[Domain], machine: &Machine, folder: &Path, options: &Options) -> Result<Outcome> {
+/// [`Error::Input`] where the target cannot be met by the machine as it is, or the folder is of
+/// something else; [`Error::Job`] where what is found cannot be written, or holds on no unseen
+/// view.
+pub fn run_on(
+    domains: &[Domain],
+    machine: &Machine,
+    folder: &Path,
+    options: &Options,
+) -> Result<Outcome> {
     let knobs = knobs::all(machine, &options.only);
-    if let Some(name) = options.only.iter().find(|name| !knobs.iter().any(|knob| machines::is_below(&knob.path, name))) {
-        return Err(Error::input(format!("--only {name}: machine {} has no such unit, word or size", machine.name)));
+    if let Some(name) = options.only.iter().find(|name| {
+        !knobs
+            .iter()
+            .any(|knob| machines::is_below(&knob.path, name))
+    }) {
+        return Err(Error::input(format!(
+            "--only {name}: machine {} has no such unit, word or size",
+            machine.name
+        )));
     }
     // Before anything is written.
     let views = checked(domains, machine, options)?;
@@ -432,7 +533,10 @@ pub fn run_on(domains: &[Domain], machine: &Machine, folder: &Path, options: &Op
     let mut journal = Journal::open(folder, "", columns_of(&options.target))?;
     journal.keep();
     let names: Vec<String> = domains.iter().map(|domain| domain.label.clone()).collect();
-    write_plan(folder, &json!({"splatsim": env!("CARGO_PKG_VERSION"), "search": options.target, "scenes": names, "machine": machine}))?;
+    write_plan(
+        folder,
+        &json!({"splatsim": env!("CARGO_PKG_VERSION"), "search": options.target, "scenes": names, "machine": machine}),
+    )?;
     let mut search = Search::new(machine, knobs, domains, views, journal, options);
     let first_views = search.views.len();
     let none = vec![0; search.knobs.len()];
@@ -444,7 +548,8 @@ pub fn run_on(domains: &[Domain], machine: &Machine, folder: &Path, options: &Op
     let mut target_alone_area = None;
     loop {
         let best = search.round(steps.as_deref(), &mut path)?;
-        // Integer bits take long: unseen views come before them, but for the first round, which tells what the target alone takes.
+        // Integer bits take long: unseen views come before them, but for the first round, which
+        // tells what the target alone takes.
         let early = match target_alone_area {
             Some(_) => search.verified(&best, &mut next_view)?.1,
             None => None,
@@ -453,16 +558,33 @@ pub fn run_on(domains: &[Domain], machine: &Machine, folder: &Path, options: &Op
         let (tried, (found, views)) = match early {
             Some(failed) => (best.clone(), failed),
             None => {
-                let Settled { steps: last, alone, together, costly } = search.last_steps(&best, &mut path)?;
+                let Settled {
+                    steps: last,
+                    alone,
+                    together,
+                    costly,
+                } = search.last_steps(&best, &mut path)?;
                 let area = search.area(&last).unwrap_or(f64::INFINITY);
                 let target_alone_area = *target_alone_area.get_or_insert(area);
                 let (held, failed) = search.verified(&last, &mut next_view)?;
                 let Some(failed) = failed else {
                     let searched = search.drawn_again(&last)?;
-                    let margin = search.margin(&last, &searched[..first_views], [target_alone_area, area]);
+                    let margin =
+                        search.margin(&last, &searched[..first_views], [target_alone_area, area]);
                     let claims = search.claims(&searched, &held);
-                    let checked = Checked { alone, together, costly };
-                    let outcome = search.outcome(names, path, held, learnt, &last, (margin, claims, checked))?;
+                    let checked = Checked {
+                        alone,
+                        together,
+                        costly,
+                    };
+                    let outcome = search.outcome(
+                        names,
+                        path,
+                        held,
+                        learnt,
+                        &last,
+                        (margin, claims, checked),
+                    )?;
                     return search.write(outcome, folder);
                 };
                 (last, failed)
@@ -470,7 +592,10 @@ pub fn run_on(domains: &[Domain], machine: &Machine, folder: &Path, options: &Op
         };
         let worst = &views[0];
         if learnt.len() + 1 == ROUNDS {
-            return Err(Error::job(format!("after {ROUNDS} rounds {} still misses the target: aim lower", worst.name)));
+            return Err(Error::job(format!(
+                "after {ROUNDS} rounds {} still misses the target: aim lower",
+                worst.name
+            )));
         }
         let (name, from) = (worst.name.clone(), worst.short_name().to_owned());
         let stricter = search.stricter;
@@ -492,7 +617,11 @@ pub fn run_on(domains: &[Domain], machine: &Machine, folder: &Path, options: &Op
             _ => format!("{from} fails"),
         };
         learnt.push(name);
-        path.push(Step { method, found, ..step });
+        path.push(Step {
+            method,
+            found,
+            ..step
+        });
         steps = Some(best);
     }
 }
@@ -509,7 +638,8 @@ struct Search<'a> {
     cut: Machine,
     fields: Value,
     knobs: Vec<Knob>,
-    /// Integer bits, whose steps stand after those of the knobs, and whether they may be taken: at last.
+    /// Integer bits, whose steps stand after those of the knobs, and whether they may be taken: at
+    /// last.
     integers: Vec<Knob>,
     is_last: bool,
     views: Vec<View>,
@@ -529,8 +659,18 @@ struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    fn new(machine: &Machine, knobs: Vec<Knob>, domains: &'a [Domain], views: Vec<View>, journal: Journal, options: &'a Options) -> Self {
-        let known = journal.rows().filter_map(|row| Some((row[1].as_str()?.to_owned(), row[0].as_u64()?))).collect();
+    fn new(
+        machine: &Machine,
+        knobs: Vec<Knob>,
+        domains: &'a [Domain],
+        views: Vec<View>,
+        journal: Journal,
+        options: &'a Options,
+    ) -> Self {
+        let known = journal
+            .rows()
+            .filter_map(|row| Some((row[1].as_str()?.to_owned(), row[0].as_u64()?)))
+            .collect();
         let progress = Progress::of_messages(options.progress);
         let (base, cut, fields) = (machine.clone(), machine.clone(), machines::value(machine));
         Search {
@@ -561,14 +701,19 @@ impl<'a> Search<'a> {
         self.areas.clear();
     }
 
-    /// Whether the base meets the target on all views; there it makes the aim no higher than it can reach itself.
+    /// Whether the base meets the target on all views; there it makes the aim no higher than it can
+    /// reach itself.
     fn check_reach(&mut self) -> Result<()> {
         self.cut = self.base.clone();
         self.take_fields();
         let found = self.found(&vec![0; self.knobs.len()])?;
         let load = self.options.target.load(&found);
-        // On the scenes themselves it was tried before; what a view shows later is the job's fault, not the input's.
-        self.options.target.check_reach(&found, &self.views, &self.base.name).map_err(Error::job)?;
+        // On the scenes themselves it was tried before; what a view shows later is the job's fault,
+        // not the input's.
+        self.options
+            .target
+            .check_reach(&found, &self.views, &self.base.name)
+            .map_err(Error::job)?;
         self.stricter = self.stricter.min(1.0 / load.max(f64::MIN_POSITIVE));
         Ok(())
     }
@@ -603,14 +748,26 @@ impl<'a> Search<'a> {
         let machine = self.machine(steps)?;
         let elaborated = machine.elaborate().ok()?;
         let views: Vec<&str> = self.views.iter().map(|view| view.digest.as_str()).collect();
-        let nameless = Machine { name: String::new(), ..machine.clone() };
-        let all = json!([env!("CARGO_PKG_VERSION"), views, nameless, self.options.target.no_saturation, self.options.prices]);
+        let nameless = Machine {
+            name: String::new(),
+            ..machine.clone()
+        };
+        let all = json!([
+            env!("CARGO_PKG_VERSION"),
+            views,
+            nameless,
+            self.options.target.no_saturation,
+            self.options.prices
+        ]);
         Some((digest(all.to_string().as_bytes()), machine, elaborated))
     }
 
     /// What a row says of how far its machine is off.
     fn known(&self, key: &str) -> Option<Found> {
-        let row = self.known.get(key).and_then(|point| self.journal.get(*point))?;
+        let row = self
+            .known
+            .get(key)
+            .and_then(|point| self.journal.get(*point))?;
         let saturated = row[11].as_u64();
         let is_hopeless = !row[5].is_null();
         Some(if is_hopeless {
@@ -622,25 +779,44 @@ impl<'a> Search<'a> {
                 fixed_vs_ideal_psnr_db: row[9].as_f64(),
                 fixed_vs_ideal_max_error: row[10].as_f64().unwrap_or(0.0),
                 saturated,
-                lockstep: (row.len() > COLUMNS.len())
-                    .then(|| InLockstep { psnr_db: row[14].as_f64(), max_error: row[15].as_f64().unwrap_or(f64::INFINITY) }),
+                lockstep: (row.len() > COLUMNS.len()).then(|| InLockstep {
+                    psnr_db: row[14].as_f64(),
+                    max_error: row[15].as_f64().unwrap_or(f64::INFINITY),
+                }),
             }
         })
     }
 
     /// How far a machine is off on all views; drawn if it never was.
     fn found(&mut self, steps: &[u32]) -> Result<Found> {
-        let Some((key, machine, elaborated)) = self.keyed(steps) else { return Ok(HOPELESS) };
+        let Some((key, machine, elaborated)) = self.keyed(steps) else {
+            return Ok(HOPELESS);
+        };
         self.asked_for.insert(key.clone());
         if let Some(found) = self.known(&key) {
             return Ok(found);
         }
-        let Measured { found, seconds } = self.foresight.taken(&self.views, &self.options.target, (&key, &machine), &elaborated)?;
+        let Measured { found, seconds } = self.foresight.taken(
+            &self.views,
+            &self.options.target,
+            (&key, &machine),
+            &elaborated,
+        )?;
         let misfit = found.as_ref().err().cloned();
         let found = found.unwrap_or(HOPELESS);
         let area = Cost::new(&elaborated, &self.options.prices).area;
-        let point = self.journal.rows().filter_map(|row| row[0].as_u64()).next_back().map_or(0, |last| last + 1);
-        let scene = self.views.iter().map(|view| view.name.as_str()).collect::<Vec<_>>().join(", ");
+        let point = self
+            .journal
+            .rows()
+            .filter_map(|row| row[0].as_u64())
+            .next_back()
+            .map_or(0, |last| last + 1);
+        let scene = self
+            .views
+            .iter()
+            .map(|view| view.name.as_str())
+            .collect::<Vec<_>>()
+            .join(", ");
         let seen = misfit.is_none();
         let mut row: Row = vec![
             json!(point),
@@ -659,7 +835,10 @@ impl<'a> Search<'a> {
             json!(seconds),
         ];
         if self.options.target.metric == Metric::Lockstep {
-            row.extend([json!(found.lockstep.and_then(|of| of.psnr_db)), json!(found.lockstep.map(|of| of.max_error))]);
+            row.extend([
+                json!(found.lockstep.and_then(|of| of.psnr_db)),
+                json!(found.lockstep.map(|of| of.max_error)),
+            ]);
         }
         self.journal.push(point, row)?;
         self.known.insert(key, point);
@@ -676,12 +855,21 @@ impl<'a> Search<'a> {
 
     /// The part of what is allowed, squared, that a machine takes.
     fn load_of(&self, found: &Found) -> f64 {
-        if *found == HOPELESS { f64::INFINITY } else { self.options.target.load(found) * self.stricter }
+        if *found == HOPELESS {
+            f64::INFINITY
+        } else {
+            self.options.target.load(found) * self.stricter
+        }
     }
 
     fn step(&mut self, method: &str, steps: &[u32]) -> Result<Step> {
         let area = self.area(steps).unwrap_or(f64::INFINITY);
-        Ok(Step { method: method.to_owned(), area, found: self.found(steps)?, drawn: self.asked_for.len() as u64 })
+        Ok(Step {
+            method: method.to_owned(),
+            area,
+            found: self.found(steps)?,
+            drawn: self.asked_for.len() as u64,
+        })
     }
 
     /// Cuts integer bits down to what the views need, and cameras all around.
@@ -689,28 +877,45 @@ impl<'a> Search<'a> {
         let elaborated = fixed::elaborate(&self.base)?;
         let mut needed: HashMap<String, i32> = HashMap::new();
         let range = FIRST_RANGE_VIEW..FIRST_RANGE_VIEW + RANGE_VIEWS;
-        let around = self.domains.iter().flat_map(|domain| range.clone().map(|nth| domain.nth(nth).map(|member| Cow::Owned(member.scene))));
-        let all = self.views.iter().map(|view| Ok(Cow::Borrowed(&view.scene))).chain(around);
+        let around = self.domains.iter().flat_map(|domain| {
+            range
+                .clone()
+                .map(|nth| domain.nth(nth).map(|member| Cow::Owned(member.scene)))
+        });
+        let all = self
+            .views
+            .iter()
+            .map(|view| Ok(Cow::Borrowed(&view.scene)))
+            .chain(around);
         for scene in all {
             let scene = scene?;
-            let Ok(quantised) = quantise(&scene, &self.base) else { continue };
+            let Ok(quantised) = quantise(&scene, &self.base) else {
+                continue;
+            };
             let (_, ranges, _) = fixed::draw_measured(&elaborated, &quantised);
             for (signal, range) in elaborated.signals.iter().zip(&ranges.0) {
                 if let Some(narrowest) = range.narrowest(signal.word.format) {
-                    let bits = needed.entry(format!("{}.{}", signal.unit, signal.name)).or_insert(i32::MIN);
+                    let bits = needed
+                        .entry(format!("{}.{}", signal.unit, signal.name))
+                        .or_insert(i32::MIN);
                     *bits = (*bits).max(narrowest.int_bits);
                 }
             }
         }
         for (word, bits) in &self.least_int_bits {
-            needed.entry(word.clone()).and_modify(|needed| *needed = (*needed).max(*bits));
+            needed
+                .entry(word.clone())
+                .and_modify(|needed| *needed = (*needed).max(*bits));
         }
         self.cut = self.base.clone();
         self.take_fields();
-        let words = machines::words(&self.base).into_iter().filter(|(path, _)| knobs::is_asked(path, &self.options.only));
+        let words = machines::words(&self.base)
+            .into_iter()
+            .filter(|(path, _)| knobs::is_asked(path, &self.options.only));
         let less = |(path, format): (String, Format)| {
             let int_bits = (*needed.get(&path)?).max(2 - format.frac_bits);
-            (int_bits < format.int_bits).then(|| (path, Value::from(Format { int_bits, ..format }.to_string())))
+            (int_bits < format.int_bits)
+                .then(|| (path, Value::from(Format { int_bits, ..format }.to_string())))
         };
         // Not all can be: a table's span is its index' range.
         let mut changes: Vec<(String, Value)> = words.filter_map(less).collect();
@@ -719,11 +924,14 @@ impl<'a> Search<'a> {
         if self.load(&none)? <= 1.0 {
             return Ok(());
         }
-        // Some word holds what no picture shows: a constant of the scene, or a wrap that would not have mattered. Which?
+        // Some word holds what no picture shows: a constant of the scene, or a wrap that would not
+        // have mattered. Which?
         self.cut = self.base.clone();
         self.take_fields();
         for change in changes {
-            let Some(before) = self.try_cut(&change) else { continue };
+            let Some(before) = self.try_cut(&change) else {
+                continue;
+            };
             if self.load(&none)? > 1.0 {
                 self.cut = before;
                 self.take_fields();
@@ -734,7 +942,9 @@ impl<'a> Search<'a> {
 
     /// Cuts one word, if the machine can be built then; what it was before.
     fn try_cut(&mut self, change: &(String, Value)) -> Option<Machine> {
-        let machine = machines::with(&self.cut, std::slice::from_ref(change), "").ok().filter(|machine| machine.elaborate().is_ok())?;
+        let machine = machines::with(&self.cut, std::slice::from_ref(change), "")
+            .ok()
+            .filter(|machine| machine.elaborate().is_ok())?;
         let before = std::mem::replace(&mut self.cut, machine);
         self.take_fields();
         Some(before)
@@ -749,14 +959,22 @@ impl<'a> Search<'a> {
         self.areas.clear();
     }
 
-    /// From the ranges to a machine that meets the target on all views. Fraction bits begin where the round before ended.
+    /// From the ranges to a machine that meets the target on all views. Fraction bits begin where
+    /// the round before ended.
     fn round(&mut self, before: Option<&[u32]>, path: &mut Vec<Step>) -> Result<Vec<u32>> {
         let none = vec![0; self.knobs.len()];
         self.method = "ranges";
         self.cut()?;
         path.push(self.step("integer bits by ranges", &none)?);
         let (well, ill) = match before {
-            Some(before) => (None, before.iter().zip(&self.knobs).map(|(steps, knob)| (*steps).min(knob.most)).collect()),
+            Some(before) => (
+                None,
+                before
+                    .iter()
+                    .zip(&self.knobs)
+                    .map(|(steps, knob)| (*steps).min(knob.most))
+                    .collect(),
+            ),
             None => {
                 self.method = "alone";
                 let limits = descent::limits(self)?;
@@ -777,7 +995,11 @@ impl<'a> Search<'a> {
         };
         let down = descent::taken_away(self, &well)?;
         path.push(self.step("max−1", &down)?);
-        let best = if is_back_well && self.area(&back) < self.area(&down) { back } else { down };
+        let best = if is_back_well && self.area(&back) < self.area(&down) {
+            back
+        } else {
+            down
+        };
         self.method = "annealing";
         let cold = descent::annealed(self, &best, self.options.seed, self.options.tries)?;
         path.push(self.step("annealing", &cold)?);
@@ -788,7 +1010,11 @@ impl<'a> Search<'a> {
     fn last_steps(&mut self, from: &[u32], path: &mut Vec<Step>) -> Result<Settled> {
         self.method = "last steps";
         self.is_last = true;
-        let from: Vec<u32> = from.iter().copied().chain(self.integers.iter().map(|_| 0)).collect();
+        let from: Vec<u32> = from
+            .iter()
+            .copied()
+            .chain(self.integers.iter().map(|_| 0))
+            .collect();
         let settled = descent::settled(self, &from);
         self.is_last = false;
         let settled = settled?;
@@ -796,20 +1022,28 @@ impl<'a> Search<'a> {
         Ok(settled)
     }
 
-    /// Gives integer bits to the words that saturate on views that failed, where that makes the views better; whether it does, and the load
-    /// of the views then.
+    /// Gives integer bits to the words that saturate on views that failed, where that makes the
+    /// views better; whether it does, and the load of the views then.
     fn widened(&mut self, steps: &[u32], views: &[View], load: f64) -> Result<(bool, f64)> {
-        let Some(machine) = self.machine(steps) else { return Ok((false, load)) };
+        let Some(machine) = self.machine(steps) else {
+            return Ok((false, load));
+        };
         let elaborated = fixed::elaborate(&machine)?;
         let mut needed: BTreeMap<String, i32> = BTreeMap::new();
         for view in views {
-            let Ok(quantised) = quantise(&view.scene, &machine) else { continue };
+            let Ok(quantised) = quantise(&view.scene, &machine) else {
+                continue;
+            };
             let (_, ranges, _) = fixed::draw_measured(&elaborated, &quantised);
             for (signal, range) in elaborated.signals.iter().zip(&ranges.0) {
                 let format = signal.word.format;
-                let narrowest = range.narrowest(format).filter(|narrowest| narrowest.int_bits > format.int_bits);
+                let narrowest = range
+                    .narrowest(format)
+                    .filter(|narrowest| narrowest.int_bits > format.int_bits);
                 if let Some(narrowest) = narrowest {
-                    let bits = needed.entry(format!("{}.{}", signal.unit, signal.name)).or_insert(i32::MIN);
+                    let bits = needed
+                        .entry(format!("{}.{}", signal.unit, signal.name))
+                        .or_insert(i32::MIN);
                     *bits = (*bits).max(narrowest.int_bits);
                 }
             }
@@ -818,16 +1052,27 @@ impl<'a> Search<'a> {
         let [now, mut wider] = [&machine, &machine].map(machines::value);
         let mut widened = BTreeMap::new();
         for (path, format) in machines::words(&machine) {
-            let Some((bits, of_base)) = needed.get(&path).zip(of_base.get(&path)) else { continue };
+            let Some((bits, of_base)) = needed.get(&path).zip(of_base.get(&path)) else {
+                continue;
+            };
             let int_bits = (*bits).min(of_base.int_bits);
             if int_bits > format.int_bits {
-                machines::lay(&mut wider, &path, Value::from(Format { int_bits, ..format }.to_string()));
+                machines::lay(
+                    &mut wider,
+                    &path,
+                    Value::from(Format { int_bits, ..format }.to_string()),
+                );
                 widened.insert(path, int_bits);
             }
         }
-        let built = serde_json::from_value::<Machine>(wider.clone()).ok().and_then(|machine| fixed::elaborate(&machine).ok());
-        let Some(built) = built.filter(|_| wider != now) else { return Ok((false, load)) };
-        let found = found_on(views, |view| drawn(&built, view, &self.options.target)).unwrap_or(HOPELESS);
+        let built = serde_json::from_value::<Machine>(wider.clone())
+            .ok()
+            .and_then(|machine| fixed::elaborate(&machine).ok());
+        let Some(built) = built.filter(|_| wider != now) else {
+            return Ok((false, load));
+        };
+        let found =
+            found_on(views, |view| drawn(&built, view, &self.options.target)).unwrap_or(HOPELESS);
         let then = self.options.target.load(&found);
         // Also where a load is no number.
         if then.partial_cmp(&load) != Some(Ordering::Less) {
@@ -846,23 +1091,41 @@ impl<'a> Search<'a> {
     fn drawn_again(&self, steps: &[u32]) -> Result<Vec<Found>> {
         let machine = self.machine(steps).unwrap_or_else(|| self.base.clone());
         let elaborated = fixed::elaborate(&machine)?;
-        self.views.iter().map(|view| drawn(&elaborated, view, &self.options.target)).collect()
+        self.views
+            .iter()
+            .map(|view| drawn(&elaborated, view, &self.options.target))
+            .collect()
     }
 
     /// What unseen views cost; areas are those of the target alone and of what was found.
     fn margin(&self, steps: &[u32], on_first: &[Found], [alone, found]: [f64; 2]) -> Margin {
         let target = &self.options.target;
-        let formats: HashMap<String, Format> = self.machine(steps).iter().flat_map(machines::words).collect();
+        let formats: HashMap<String, Format> = self
+            .machine(steps)
+            .iter()
+            .flat_map(machines::words)
+            .collect();
         // The last steps may have taken some of them again.
-        let is_kept = |(word, bits): &(&String, &i32)| formats.get(*word).is_some_and(|format| format.int_bits >= **bits);
+        let is_kept = |(word, bits): &(&String, &i32)| {
+            formats
+                .get(*word)
+                .is_some_and(|format| format.int_bits >= **bits)
+        };
         let first_psnr_db = worst_of(on_first).psnr_db_of(target);
         Margin {
             aim_db: self.aim_db().max(0.0),
             first_psnr_db,
-            db: first_psnr_db.zip(target.psnr_db).map(|(reached, wanted)| reached - wanted),
+            db: first_psnr_db
+                .zip(target.psnr_db)
+                .map(|(reached, wanted)| reached - wanted),
             target_alone_area: alone,
             area: found - alone,
-            widened: self.least_int_bits.iter().filter(is_kept).map(|(word, _)| word.clone()).collect(),
+            widened: self
+                .least_int_bits
+                .iter()
+                .filter(is_kept)
+                .map(|(word, _)| word.clone())
+                .collect(),
         }
     }
 
@@ -870,7 +1133,9 @@ impl<'a> Search<'a> {
     fn verified(&mut self, steps: &[u32], next: &mut usize) -> Result<Verdict> {
         let from = *next;
         *next += self.options.views;
-        let Some(machine) = self.machine(steps) else { return Ok((Vec::new(), None)) };
+        let Some(machine) = self.machine(steps) else {
+            return Ok((Vec::new(), None));
+        };
         let elaborated = fixed::elaborate(&machine)?;
         let target = &self.options.target;
         let mut held: Vec<Unseen> = Vec::new();
@@ -882,20 +1147,36 @@ impl<'a> Search<'a> {
                 let (name, camera) = (member.name.clone(), member.scene.camera);
                 let searched = self.views.iter().map(|view| (view.of, view.scene.camera));
                 // A short list comes round again.
-                if searched.chain(taken.iter().copied()).any(|seen| seen == (of, camera)) {
+                if searched
+                    .chain(taken.iter().copied())
+                    .any(|seen| seen == (of, camera))
+                {
                     continue;
                 }
-                let views: Vec<View> =
-                    member.and_beside(self.options.robust).into_iter().map(|member| View::new(of, member, &machine)).collect();
-                let each: Vec<Found> = views.iter().map(|view| drawn(&elaborated, view, target).unwrap_or(HOPELESS)).collect();
+                let views: Vec<View> = member
+                    .and_beside(self.options.robust)
+                    .into_iter()
+                    .map(|member| View::new(of, member, &machine))
+                    .collect();
+                let each: Vec<Found> = views
+                    .iter()
+                    .map(|view| drawn(&elaborated, view, target).unwrap_or(HOPELESS))
+                    .collect();
                 let found = worst_of(&each);
                 let load = target.load(&found);
-                self.progress.say(format!("{name}: {} dB", decibels(found.psnr_db_of(target))));
+                self.progress
+                    .say(format!("{name}: {} dB", decibels(found.psnr_db_of(target))));
                 taken.push((of, camera));
                 // The camera that decides is recorded, with what is found there.
                 let decides = target.deciding(&each).unwrap_or(0);
                 let (name, camera) = (views[decides].name.clone(), views[decides].scene.camera);
-                held.push(Unseen { of, name, eye: camera.eye.to_array(), camera, found: each[decides] });
+                held.push(Unseen {
+                    of,
+                    name,
+                    eye: camera.eye.to_array(),
+                    camera,
+                    found: each[decides],
+                });
                 if load > 1.0 && worst.as_ref().is_none_or(|(most, _)| load > *most) {
                     worst = Some((load, (found, views)));
                 }
@@ -920,8 +1201,12 @@ impl<'a> Search<'a> {
             next
         };
         let knobs: Vec<Knob> = self.all_knobs().cloned().collect();
-        let open: Vec<usize> = (0..knobs.len()).filter(|knob| steps[*knob] < knobs[*knob].most).collect();
-        let fields = self.machine(steps).map_or(Value::Null, |machine| machines::value(&machine));
+        let open: Vec<usize> = (0..knobs.len())
+            .filter(|knob| steps[*knob] < knobs[*knob].most)
+            .collect();
+        let fields = self
+            .machine(steps)
+            .map_or(Value::Null, |machine| machines::value(&machine));
         let all: Vec<Vec<u32>> = open.iter().copied().map(lesser).collect();
         self.foresee(&all)?;
         for knob in open {
@@ -943,14 +1228,33 @@ impl<'a> Search<'a> {
             (Some(db), _) => format!("{db}dB"),
             (None, most) => format!("{}", most.unwrap_or(0.0)),
         };
-        let stem = |domain: &Domain| Path::new(&domain.scene().name).file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let stem = |domain: &Domain| {
+            Path::new(&domain.scene().name)
+                .file_stem()
+                .unwrap_or_default()
+                .to_string_lossy()
+                .into_owned()
+        };
         let mut stems: Vec<String> = self.domains.iter().map(stem).collect();
         stems.dedup();
         let name = format!("{}-{aim}", stems.join("-"));
-        let machine = Machine { name, ..self.machine(steps).unwrap_or_else(|| self.base.clone()) };
+        let machine = Machine {
+            name,
+            ..self.machine(steps).unwrap_or_else(|| self.base.clone())
+        };
         let (target, base) = (self.options.target, self.base.name.clone());
-        let cameras = self.views.iter().map(|view| Searched { name: view.name.clone(), camera: view.scene.camera }).collect();
-        let searched = SearchRecord { target, scenes: self.scene_records(&views) };
+        let cameras = self
+            .views
+            .iter()
+            .map(|view| Searched {
+                name: view.name.clone(),
+                camera: view.scene.camera,
+            })
+            .collect();
+        let searched = SearchRecord {
+            target,
+            scenes: self.scene_records(&views),
+        };
         Ok(Outcome {
             scenes,
             target,
@@ -971,8 +1275,18 @@ impl<'a> Search<'a> {
 
     /// Views that the search was decided on: those that were searched on, then the unseen ones.
     fn decided<'o>(&'o self, unseen: &'o [Unseen]) -> Vec<Decided<'o>> {
-        let searched = self.views.iter().map(|view| Decided { name: &view.name, of: view.of, camera: &view.scene.camera });
-        searched.chain(unseen.iter().map(|view| Decided { name: &view.name, of: view.of, camera: &view.camera })).collect()
+        let searched = self.views.iter().map(|view| Decided {
+            name: &view.name,
+            of: view.of,
+            camera: &view.scene.camera,
+        });
+        searched
+            .chain(unseen.iter().map(|view| Decided {
+                name: &view.name,
+                of: view.of,
+                camera: &view.camera,
+            }))
+            .collect()
     }
 
     /// The worst of the views that were searched on, and the worst of the unseen ones.
@@ -982,20 +1296,44 @@ impl<'a> Search<'a> {
         let worst = |found: &[Found], from: usize| {
             let nth = target.deciding(found)?;
             let figure = match target.psnr_db {
-                Some(_) => format!("{} dB, {}", decibels(found[nth].psnr_db_of(target)), target.difference()),
-                None => format!("{:.4} at most, {}", found[nth].max_error_of(target), target.difference()),
+                Some(_) => format!(
+                    "{} dB, {}",
+                    decibels(found[nth].psnr_db_of(target)),
+                    target.difference()
+                ),
+                None => format!(
+                    "{:.4} at most, {}",
+                    found[nth].max_error_of(target),
+                    target.difference()
+                ),
             };
             Some((figure, from + nth))
         };
-        let figures = [worst(searched, 0), worst(&unseen, searched.len())].into_iter().flatten().collect();
+        let figures = [worst(searched, 0), worst(&unseen, searched.len())]
+            .into_iter()
+            .flatten()
+            .collect();
         claims::claims(self.domains, &self.decided(views), figures)
     }
 
     /// Each scene with the cameras that were searched on, then those of unseen views.
     fn scene_records(&self, unseen: &[Unseen]) -> Vec<SceneRecord> {
         let record = |(of, domain): (usize, &Domain)| {
-            let searched = self.views.iter().filter(|view| view.of == of).map(|view| view.scene.camera);
-            domain.record(searched.chain(unseen.iter().filter(|view| view.of == of).map(|view| view.camera)).collect())
+            let searched = self
+                .views
+                .iter()
+                .filter(|view| view.of == of)
+                .map(|view| view.scene.camera);
+            domain.record(
+                searched
+                    .chain(
+                        unseen
+                            .iter()
+                            .filter(|view| view.of == of)
+                            .map(|view| view.camera),
+                    )
+                    .collect(),
+            )
         };
         self.domains.iter().enumerate().map(record).collect()
     }
@@ -1005,10 +1343,18 @@ impl<'a> Search<'a> {
         drop(self.progress);
         let mut files = self.journal.write(folder, "search")?;
         files.extend(cameras);
-        let machine = machines::File { machine: outcome.machine.clone(), searched: Some(outcome.searched.clone()) };
-        for (name, value) in [("machine.json", json!(machine)), ("search.json", json!(outcome))] {
+        let machine = machines::File {
+            machine: outcome.machine.clone(),
+            searched: Some(outcome.searched.clone()),
+        };
+        for (name, value) in [
+            ("machine.json", json!(machine)),
+            ("search.json", json!(outcome)),
+        ] {
             let path = folder.join(name);
-            write_beside(&path, |file| serde_json::to_writer_pretty(file, &value).map_err(|e| e.to_string()))?;
+            write_beside(&path, |file| {
+                serde_json::to_writer_pretty(file, &value).map_err(|e| e.to_string())
+            })?;
             files.insert(0, path);
         }
         Ok(Outcome { files, ..outcome })
@@ -1018,14 +1364,20 @@ impl<'a> Search<'a> {
 impl Problem for Search<'_> {
     fn most(&self) -> Vec<u32> {
         let integers = self.integers.iter().filter(|_| self.is_last);
-        self.knobs.iter().chain(integers).map(|knob| knob.most).collect()
+        self.knobs
+            .iter()
+            .chain(integers)
+            .map(|knob| knob.most)
+            .collect()
     }
 
     fn area(&mut self, steps: &[u32]) -> Option<f64> {
         if let Some(area) = self.areas.get(steps) {
             return *area;
         }
-        let area = self.machine(steps).and_then(|machine| self.area_of(&machine));
+        let area = self
+            .machine(steps)
+            .and_then(|machine| self.area_of(&machine));
         self.areas.insert(steps.to_vec(), area);
         area
     }
@@ -1037,7 +1389,11 @@ impl Problem for Search<'_> {
 
     fn load_without_margin(&mut self, steps: &[u32]) -> Result<f64> {
         let found = self.found(steps)?;
-        Ok(if found == HOPELESS { f64::INFINITY } else { self.options.target.load(&found) })
+        Ok(if found == HOPELESS {
+            f64::INFINITY
+        } else {
+            self.options.target.load(&found)
+        })
     }
 
     fn width(&self) -> usize {
@@ -1054,13 +1410,22 @@ impl Problem for Search<'_> {
                 machines.push((key, machine));
             }
         }
-        self.foresight.measure(&self.views, &self.options.target, &machines)
+        self.foresight
+            .measure(&self.views, &self.options.target, &machines)
     }
 
     fn foreseen(&self, steps: &[u32]) -> Option<f64> {
-        let Some((key, ..)) = self.keyed(steps) else { return Some(f64::INFINITY) };
-        let measured = || self.foresight.get(&key).map(|measured| measured.found.clone().unwrap_or(HOPELESS));
-        self.known(&key).or_else(measured).map(|found| self.load_of(&found))
+        let Some((key, ..)) = self.keyed(steps) else {
+            return Some(f64::INFINITY);
+        };
+        let measured = || {
+            self.foresight
+                .get(&key)
+                .map(|measured| measured.found.clone().unwrap_or(HOPELESS))
+        };
+        self.known(&key)
+            .or_else(measured)
+            .map(|found| self.load_of(&found))
     }
 }
 
@@ -1086,9 +1451,15 @@ fn drawn(elaborated: &Elaborated, view: &View, target: &Target) -> Result<Found>
     };
     let [apart, whole] = [&view.golden, &view.ideal].map(|other| distance(&picture, other));
     let led = (target.metric == Metric::Lockstep).then(|| evaluation.lockstep().summary(&picture));
-    let not_finite = apart.not_finite.max(whole.not_finite).max(led.map_or(0, |led| led.not_finite));
+    let not_finite = apart
+        .not_finite
+        .max(whole.not_finite)
+        .max(led.map_or(0, |led| led.not_finite));
     if not_finite > 0 {
-        return Err(Error::job(format!("{}: {not_finite} pixels have no finite number, and meet no target", view.name)));
+        return Err(Error::job(format!(
+            "{}: {not_finite} pixels have no finite number, and meet no target",
+            view.name
+        )));
     }
     Ok(Found {
         psnr_db: apart.psnr_db,
@@ -1096,7 +1467,10 @@ fn drawn(elaborated: &Elaborated, view: &View, target: &Target) -> Result<Found>
         fixed_vs_ideal_psnr_db: whole.psnr_db,
         fixed_vs_ideal_max_error: whole.max_error,
         saturated,
-        lockstep: led.map(|led| InLockstep { psnr_db: led.psnr_db, max_error: led.max_error }),
+        lockstep: led.map(|led| InLockstep {
+            psnr_db: led.psnr_db,
+            max_error: led.max_error,
+        }),
     })
 }
 
@@ -1105,13 +1479,24 @@ fn differences(base: &Value, now: &Value, path: &str, changes: &mut Vec<String>)
     match (base, now) {
         (Value::Object(base), Value::Object(now)) => {
             for (name, now) in now {
-                let below = if path.is_empty() { name.clone() } else { format!("{path}.{name}") };
+                let below = if path.is_empty() {
+                    name.clone()
+                } else {
+                    format!("{path}.{name}")
+                };
                 // A word that has a rounding is named without `.format`, as in a plan.
-                let below = if name == "format" { path.to_owned() } else { below };
+                let below = if name == "format" {
+                    path.to_owned()
+                } else {
+                    below
+                };
                 differences(base.get(name).unwrap_or(&Value::Null), now, &below, changes);
             }
         }
-        _ if base != now => changes.push(format!("{path}={}", now.as_str().map_or_else(|| now.to_string(), str::to_owned))),
+        _ if base != now => changes.push(format!(
+            "{path}={}",
+            now.as_str().map_or_else(|| now.to_string(), str::to_owned)
+        )),
         _ => {}
     }
 }
@@ -1124,15 +1509,38 @@ impl Outcome {
     pub fn summary(&self) -> String {
         let (first, last) = (&self.path[0], &self.path[self.path.len() - 1]);
         let is_led = self.target.metric == Metric::Lockstep;
-        let head = format!("{}, from {}: {}", self.scenes.join(", "), self.base, self.target.aims().join(", "));
-        let mut table = plain_table(&["", "area", "", if is_led { "lockstep dB" } else { "golden dB" }, "ideal dB", "max error", "drawn"]);
-        for Step { method, area, found, drawn } in &self.path {
+        let head = format!(
+            "{}, from {}: {}",
+            self.scenes.join(", "),
+            self.base,
+            self.target.aims().join(", ")
+        );
+        let mut table = plain_table(&[
+            "",
+            "area",
+            "",
+            if is_led { "lockstep dB" } else { "golden dB" },
+            "ideal dB",
+            "max error",
+            "drawn",
+        ]);
+        for Step {
+            method,
+            area,
+            found,
+            drawn,
+        } in &self.path
+        {
             let part = format!("{:.1}%", 100.0 * area / first.area);
             table.add_row([
                 method.clone(),
                 thousands(*area as u64),
                 part,
-                decibels(if is_led { found.psnr_db_of(&self.target) } else { found.psnr_db }),
+                decibels(if is_led {
+                    found.psnr_db_of(&self.target)
+                } else {
+                    found.psnr_db
+                }),
                 decibels(found.fixed_vs_ideal_psnr_db),
                 format!("{:.4}", found.max_error_of(&self.target)),
                 thousands(*drawn),
@@ -1140,16 +1548,32 @@ impl Outcome {
         }
         let mut text = format!("{}\n\n{}\n", wrapped(&head), aligned(table).trim_fmt());
         let saved = 100.0 * (1.0 - last.area / first.area);
-        let mut size =
-            format!("{}: {} LUT equivalents, {saved:.1}% less than {}", self.machine.name, thousands(last.area as u64), self.base);
+        let mut size = format!(
+            "{}: {} LUT equivalents, {saved:.1}% less than {}",
+            self.machine.name,
+            thousands(last.area as u64),
+            self.base
+        );
         let reference = Machine::named("reference").and_then(|machine| machine.elaborate().ok());
         if let Some(reference) = reference.filter(|_| self.base != "reference") {
             let whole = Cost::new(&reference, &Prices::default()).area;
-            let _ = write!(size, ", {:.1}% less than reference", 100.0 * (1.0 - last.area / whole));
+            let _ = write!(
+                size,
+                ", {:.1}% less than reference",
+                100.0 * (1.0 - last.area / whole)
+            );
         }
         let _ = write!(text, "\n{}", wrapped(&size));
-        let worst = self.views.iter().filter_map(|view| view.found.psnr_db_of(&self.target)).fold(f64::INFINITY, f64::min);
-        let worst = if worst.is_finite() { format!(", the worst with {worst:.1} dB") } else { String::new() };
+        let worst = self
+            .views
+            .iter()
+            .filter_map(|view| view.found.psnr_db_of(&self.target))
+            .fold(f64::INFINITY, f64::min);
+        let worst = if worst.is_finite() {
+            format!(", the worst with {worst:.1} dB")
+        } else {
+            String::new()
+        };
         let views = match self.views.len() {
             0 => "no unseen view was tried".to_owned(),
             count => format!("holds on {count} unseen views{worst}"),
@@ -1158,29 +1582,62 @@ impl Outcome {
         let _ = write!(text, "\n{}", wrapped(&self.margin_text()));
         let _ = write!(text, "\n{}", wrapped(&self.checked_text()));
         let tight = self.tight.iter().take(TOLD).map(|tight| {
-            let value = tight.value.as_str().map_or_else(|| tight.value.to_string(), str::to_owned);
-            let bit = if tight.part == Part::IntegerBit { "integer bit: " } else { "" };
-            format!("{} {value} ({bit}{})", tight.path, tight.psnr_db.map_or("equal".into(), |db| format!("{db:.1} dB")))
+            let value = tight
+                .value
+                .as_str()
+                .map_or_else(|| tight.value.to_string(), str::to_owned);
+            let bit = if tight.part == Part::IntegerBit {
+                "integer bit: "
+            } else {
+                ""
+            };
+            format!(
+                "{} {value} ({bit}{})",
+                tight.path,
+                tight
+                    .psnr_db
+                    .map_or("equal".into(), |db| format!("{db:.1} dB"))
+            )
         });
         let tight: Vec<String> = tight.collect();
         if !tight.is_empty() {
             let critical = match self.tight.len() {
-                count if count > TOLD => format!("{TOLD} of {count} critical word lengths (search.json lists all)"),
+                count if count > TOLD => {
+                    format!("{TOLD} of {count} critical word lengths (search.json lists all)")
+                }
                 _ => "critical word lengths".to_owned(),
             };
-            let _ = write!(text, "\n{}", wrapped(&format!("{critical}, and what a step less would make of each: {}", tight.join(", "))));
+            let _ = write!(
+                text,
+                "\n{}",
+                wrapped(&format!(
+                    "{critical}, and what a step less would make of each: {}",
+                    tight.join(", ")
+                ))
+            );
         }
         text
     }
 
     /// What unseen views cost, a sentence or two.
     fn margin_text(&self) -> String {
-        let Margin { aim_db, first_psnr_db, db, target_alone_area, area, widened } = &self.margin;
+        let Margin {
+            aim_db,
+            first_psnr_db,
+            db,
+            target_alone_area,
+            area,
+            widened,
+        } = &self.margin;
         if self.learnt.is_empty() {
             return "unseen views need no margin: the target alone takes the same area".into();
         }
         let count = self.learnt.len();
-        let views = if count == 1 { "1 view that failed is".to_owned() } else { format!("{count} views that failed are") };
+        let views = if count == 1 {
+            "1 view that failed is".to_owned()
+        } else {
+            format!("{count} views that failed are")
+        };
         let mut text = format!(
             "the target alone takes {} LUT equivalents; unseen views need {:+.1}% of area",
             thousands(*target_alone_area as u64),
@@ -1188,13 +1645,20 @@ impl Outcome {
         );
         match db {
             Some(db) => {
-                let _ = write!(text, " and {db:+.1} dB on the first view ({} dB)", decibels(*first_psnr_db));
+                let _ = write!(
+                    text,
+                    " and {db:+.1} dB on the first view ({} dB)",
+                    decibels(*first_psnr_db)
+                );
             }
             None => text.push_str(", and no dB is stated for the first view"),
         }
         let _ = write!(text, ": {views} searched on");
         if *aim_db > 0.0 {
-            let _ = write!(text, ", and the aim on every searched view is {aim_db:.1} dB above the target");
+            let _ = write!(
+                text,
+                ", and the aim on every searched view is {aim_db:.1} dB above the target"
+            );
         }
         if !widened.is_empty() {
             let _ = write!(text, "; integer bits given back to {}", widened.join(", "));
@@ -1204,8 +1668,16 @@ impl Outcome {
 
     /// How it was made sure that no word can lose a bit.
     fn checked_text(&self) -> String {
-        let Checked { alone, together, costly } = self.checked;
-        let aim = if self.margin.aim_db > 0.0 { "aim" } else { "target" };
+        let Checked {
+            alone,
+            together,
+            costly,
+        } = self.checked;
+        let aim = if self.margin.aim_db > 0.0 {
+            "aim"
+        } else {
+            "target"
+        };
         let mut text = match alone {
             0 => "no word or size can lose a step".to_owned(),
             1 => format!("a step less of the one word or size that can lose one misses the {aim}"),

@@ -1,15 +1,19 @@
-//! Stress: the stability catalogue. Small scenes, each with one parameter driven into trouble, on every machine.
+//! Stress: the stability catalogue. Small scenes, each with one parameter driven into trouble, on
+//! every machine.
 //!
 //! ```text
 //! case, value ─► scene ─┬─► ideal, golden ─┐
 //!                       └─► machine ───────┴─► lockstep ─► where the method fails, where the arithmetic fails,
 //!                                                          and whether every failure is told
 //! ```
-//! *The method fails* where golden − ideal exceeds 8/255 anywhere. *The arithmetic fails* where fixed − led does, or where the
-//! bound exceeds 1, and so says nothing, on more than 1 % of the covered pixels. Flips are decisions, not arithmetic: they are
-//! counted apart. A failure is *silent* where fixed − golden exceeds 8/255 and neither a flip at that pixel nor its bound tells of it.
+//! *The method fails* where golden − ideal exceeds 8/255 anywhere. *The arithmetic fails* where
+//! fixed − led does, or where the bound exceeds 1, and so says nothing, on more than 1 % of the
+//! covered pixels. Flips are decisions, not arithmetic: they are counted apart. A failure is
+//! *silent* where fixed − golden exceeds 8/255 and neither a flip at that pixel nor its bound tells
+//! of it.
 //!
-//! Laws (tests/stress.rs): `no_failure_is_silent`, `no_pixel_exceeds_its_bound`, `every_flip_is_explained`.
+//! Laws (tests/stress.rs): `no_failure_is_silent`, `no_pixel_exceeds_its_bound`,
+//! `every_flip_is_explained`.
 
 mod cases;
 mod pictures;
@@ -117,12 +121,22 @@ struct Exhibit {
 /// [`Error::Input`] naming the nearest one, if one is near.
 pub fn find(name: &str) -> Result<&'static Case> {
     let names = CASES.each_ref().map(|case| case.name);
-    let nearest = validate::nearest(name, &names).map_or(String::new(), |name| format!("; the nearest is `{name}`"));
-    let input_error = || Error::input(format!("--case {name}: no such case{nearest} (known are {})", names.join(", ")));
-    CASES.iter().find(|case| case.name == name).ok_or_else(input_error)
+    let nearest = validate::nearest(name, &names)
+        .map_or(String::new(), |name| format!("; the nearest is `{name}`"));
+    let input_error = || {
+        Error::input(format!(
+            "--case {name}: no such case{nearest} (known are {})",
+            names.join(", ")
+        ))
+    };
+    CASES
+        .iter()
+        .find(|case| case.name == name)
+        .ok_or_else(input_error)
 }
 
-/// Runs cases on the named machines that can draw them, on their own variants and on whatever other machines are given.
+/// Runs cases on the named machines that can draw them, on their own variants and on whatever other
+/// machines are given.
 ///
 /// # Errors
 /// [`Error::Input`] where a machine cannot be built.
@@ -130,33 +144,73 @@ pub fn run(cases: &[&'static Case], others: &[Machine]) -> Result<Catalogue> {
     for machine in others {
         crate::hardware::fixed::elaborate(machine)?;
     }
-    let jobs: Vec<(usize, f64)> = cases.iter().enumerate().flat_map(|(i, case)| case.values.iter().map(move |value| (i, *value))).collect();
-    let done = in_order(jobs.par_iter().map(|&(i, value)| run_point(cases[i], value, others)))?;
-    let mut catalogue = Catalogue { version: env!("CARGO_PKG_VERSION"), cases: Vec::new(), gallery: Vec::new() };
+    let jobs: Vec<(usize, f64)> = cases
+        .iter()
+        .enumerate()
+        .flat_map(|(i, case)| case.values.iter().map(move |value| (i, *value)))
+        .collect();
+    let done = in_order(
+        jobs.par_iter()
+            .map(|&(i, value)| run_point(cases[i], value, others)),
+    )?;
+    let mut catalogue = Catalogue {
+        version: env!("CARGO_PKG_VERSION"),
+        cases: Vec::new(),
+        gallery: Vec::new(),
+    };
     let mut done = done.into_iter();
     for case in cases {
         let mut machines: Vec<(String, Vec<Point>)> = Vec::new();
         for (&value, row) in case.values.iter().zip(done.by_ref()) {
             for (i, (machine, measured)) in row.into_iter().enumerate() {
-                if let (true, Some(pictures)) = (case.telling == (value, machine.as_str()), measured.pictures) {
-                    catalogue.gallery.push(Exhibit { case, machine: machine.clone(), value, pictures });
+                if let (true, Some(pictures)) =
+                    (case.telling == (value, machine.as_str()), measured.pictures)
+                {
+                    catalogue.gallery.push(Exhibit {
+                        case,
+                        machine: machine.clone(),
+                        value,
+                        pictures,
+                    });
                 }
                 if machines.len() <= i {
                     machines.push((machine, Vec::new()));
                 }
-                machines[i].1.push(Point { value, outcome: measured.outcome });
+                machines[i].1.push(Point {
+                    value,
+                    outcome: measured.outcome,
+                });
             }
         }
-        let Case { name, trouble, parameter, unit, .. } = **case;
-        let machines = machines.into_iter().map(|(machine, points)| MachineReport::new(machine, points)).collect();
-        catalogue.cases.push(CaseReport { name, trouble, parameter, unit, machines });
+        let Case {
+            name,
+            trouble,
+            parameter,
+            unit,
+            ..
+        } = **case;
+        let machines = machines
+            .into_iter()
+            .map(|(machine, points)| MachineReport::new(machine, points))
+            .collect();
+        catalogue.cases.push(CaseReport {
+            name,
+            trouble,
+            parameter,
+            unit,
+            machines,
+        });
     }
     Ok(catalogue)
 }
 
 /// The named machines that draw a scene; a case's variant changes the first.
 fn names(scene: &Scene) -> Vec<&'static str> {
-    if scene.ellipsoids.is_some() { vec![machines::usual(scene)] } else { surface_names().collect() }
+    if scene.ellipsoids.is_some() {
+        vec![machines::usual(scene)]
+    } else {
+        surface_names().collect()
+    }
 }
 
 /// The named machines that draw surfaces.
@@ -165,7 +219,11 @@ fn surface_names() -> impl Iterator<Item = &'static str> {
 }
 
 /// A case at one value on all machines.
-fn run_point(case: &Case, value: f64, others: &[Machine]) -> Result<Vec<(String, point::Measured)>> {
+fn run_point(
+    case: &Case,
+    value: f64,
+    others: &[Machine],
+) -> Result<Vec<(String, point::Measured)>> {
     let scene = (case.scene)(value);
     let ideal = golden::ideal(&scene).picture;
     let before = cases::before(case, value).map(|scene| (golden::ideal(&scene).picture, scene));
@@ -177,7 +235,15 @@ fn run_point(case: &Case, value: f64, others: &[Machine]) -> Result<Vec<(String,
         machines.push(machine);
     }
     machines.extend_from_slice(others);
-    Ok(machines.into_iter().map(|machine| (machine.name.clone(), point::measure(&scene, &ideal, &machine, before.as_ref()))).collect())
+    Ok(machines
+        .into_iter()
+        .map(|machine| {
+            (
+                machine.name.clone(),
+                point::measure(&scene, &ideal, &machine, before.as_ref()),
+            )
+        })
+        .collect())
 }
 
 impl Point {
@@ -202,8 +268,15 @@ impl Point {
 
 impl MachineReport {
     fn new(machine: String, points: Vec<Point>) -> Self {
-        let first = |fails: &dyn Fn(&Found) -> bool| points.iter().find(|point| point.found().is_some_and(fails)).map(|point| point.value);
-        let arithmetic = points.iter().find_map(|point| Some((point.value, point.failure()?)));
+        let first = |fails: &dyn Fn(&Found) -> bool| {
+            points
+                .iter()
+                .find(|point| point.found().is_some_and(fails))
+                .map(|point| point.value)
+        };
+        let arithmetic = points
+            .iter()
+            .find_map(|point| Some((point.value, point.failure()?)));
         MachineReport {
             machine,
             method_fails_at: first(&|found| found.golden_vs_ideal.max_error > FAILS),
@@ -230,7 +303,11 @@ impl MachineReport {
 /// A parameter's value as people write it.
 fn short(value: f64) -> String {
     let small = value != 0.0 && !(1e-3..1e4).contains(&value.abs());
-    if small { format!("{value:e}") } else { value.to_string() }
+    if small {
+        format!("{value:e}")
+    } else {
+        value.to_string()
+    }
 }
 
 /// A value at which something fails, or that none does.
@@ -241,22 +318,32 @@ fn first(value: Option<f64>) -> String {
 /// A machine's name as far as the table has room for it.
 fn cut(name: &str) -> String {
     const ROOM: usize = 10;
-    if name.chars().count() <= ROOM { name.into() } else { name.chars().take(ROOM - 1).chain(['…']).collect() }
+    if name.chars().count() <= ROOM {
+        name.into()
+    } else {
+        name.chars().take(ROOM - 1).chain(['…']).collect()
+    }
 }
 
 impl Catalogue {
     /// Everything that should be 0, over all points.
     pub fn faults(&self) -> u64 {
-        self.machines().map(|(_, machine)| machine.total(Found::faults)).sum()
+        self.machines()
+            .map(|(_, machine)| machine.total(Found::faults))
+            .sum()
     }
 
     /// The worst of what should not be, in one sentence: exit status 1.
     ///
     /// # Errors
-    /// [`Error::Job`] where a pixel exceeds its bound, a flip has no explanation or a failure is silent.
+    /// [`Error::Job`] where a pixel exceeds its bound, a flip has no explanation or a failure is
+    /// silent.
     pub fn check(&self) -> Result<()> {
         let faulty = |(case, machine): (&CaseReport, &MachineReport)| {
-            let point = machine.points.iter().find(|point| point.found().is_some_and(|found| found.faults() > 0))?;
+            let point = machine
+                .points
+                .iter()
+                .find(|point| point.found().is_some_and(|found| found.faults() > 0))?;
             let found = point.found()?;
             Some(format!(
                 "{} at {} on {}: {} pixels exceed their bound, {} flips are unexplained, {} failures are silent{}",
@@ -266,23 +353,46 @@ impl Catalogue {
                 found.lockstep.violations,
                 found.lockstep.flips.unexplained,
                 found.beyond.silent,
-                if found.not_finite() > 0 { format!(", {} pixels are no number", found.not_finite()) } else { String::new() }
+                if found.not_finite() > 0 {
+                    format!(", {} pixels are no number", found.not_finite())
+                } else {
+                    String::new()
+                }
             ))
         };
         match self.machines().find_map(faulty) {
-            Some(sentence) => Err(Error::job(format!("{} faults in the catalogue, the first in {sentence}", self.faults()))),
+            Some(sentence) => Err(Error::job(format!(
+                "{} faults in the catalogue, the first in {sentence}",
+                self.faults()
+            ))),
             None => Ok(()),
         }
     }
 
     fn machines(&self) -> impl Iterator<Item = (&CaseReport, &MachineReport)> {
-        self.cases.iter().flat_map(|case| case.machines.iter().map(move |machine| (case, machine)))
+        self.cases
+            .iter()
+            .flat_map(|case| case.machines.iter().map(move |machine| (case, machine)))
     }
 
     /// The table for a terminal, at most 80 columns wide.
     pub fn table(&self) -> String {
-        let mut table = plain_table(&["case", "machine", "method", "arithmetic", "flips", "error", "bound > 1", "flipped"]);
-        let cases = self.cases.iter().flat_map(|case| case.machines.iter().enumerate().map(move |(nth, machine)| (nth, case, machine)));
+        let mut table = plain_table(&[
+            "case",
+            "machine",
+            "method",
+            "arithmetic",
+            "flips",
+            "error",
+            "bound > 1",
+            "flipped",
+        ]);
+        let cases = self.cases.iter().flat_map(|case| {
+            case.machines
+                .iter()
+                .enumerate()
+                .map(move |(nth, machine)| (nth, case, machine))
+        });
         for (nth, case, machine) in cases {
             let by = match machine.arithmetic_fails_by {
                 Some(Failure::Bound) => " b",
@@ -298,12 +408,24 @@ impl Catalogue {
                 format!("{}{by}", first(machine.arithmetic_fails_at)),
                 first(machine.flips_show_at),
                 format!("{:.4}", machine.most(|found| found.lockstep.max_error)),
-                format!("{:.1} %", 100.0 * machine.most(|found| found.lockstep.share_over_1)),
-                machine.total(|found| found.lockstep.flips.total()).to_string(),
+                format!(
+                    "{:.1} %",
+                    100.0 * machine.most(|found| found.lockstep.share_over_1)
+                ),
+                machine
+                    .total(|found| found.lockstep.flips.total())
+                    .to_string(),
             ]);
         }
-        let points: usize = self.machines().map(|(_, machine)| machine.points.len()).sum();
-        let total = |of: fn(&Found) -> u64| self.machines().map(|(_, machine)| machine.total(of)).sum::<u64>();
+        let points: usize = self
+            .machines()
+            .map(|(_, machine)| machine.points.len())
+            .sum();
+        let total = |of: fn(&Found) -> u64| {
+            self.machines()
+                .map(|(_, machine)| machine.total(of))
+                .sum::<u64>()
+        };
         format!(
             "{}\n\n{LEGEND}\n\n{points} points: {} pixels exceed their bound, {} flips are unexplained, {} failures\nare silent",
             aligned(table).trim_fmt(),
@@ -318,13 +440,26 @@ impl Catalogue {
     /// # Errors
     /// [`Error::Job`] where a file cannot be written; none is left half-written.
     pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>> {
-        let csv =
-            |path: &Path| write_beside(path, |file| std::io::Write::write_all(file, self.csv().as_bytes()).map_err(|e| e.to_string()));
-        let json = |path: &Path| write_beside(path, |file| serde_json::to_writer_pretty(file, self).map_err(|e| e.to_string()));
+        let csv = |path: &Path| {
+            write_beside(path, |file| {
+                std::io::Write::write_all(file, self.csv().as_bytes()).map_err(|e| e.to_string())
+            })
+        };
+        let json = |path: &Path| {
+            write_beside(path, |file| {
+                serde_json::to_writer_pretty(file, self).map_err(|e| e.to_string())
+            })
+        };
         let files: Vec<Unwritten> = vec![
             (folder.join("stress.csv"), Box::new(csv)),
-            (folder.join("stress.png"), Box::new(|path| pictures::write_chart(self, path))),
-            (folder.join("gallery.png"), Box::new(|path| pictures::write_gallery(&self.gallery, path))),
+            (
+                folder.join("stress.png"),
+                Box::new(|path| pictures::write_chart(self, path)),
+            ),
+            (
+                folder.join("gallery.png"),
+                Box::new(|path| pictures::write_gallery(&self.gallery, path)),
+            ),
             (folder.join("stress.json"), Box::new(json)),
         ];
         let mut written = write_as_one(folder, files, &[])?;
@@ -338,7 +473,11 @@ impl Catalogue {
         let mut text = columns.join(",") + "\n";
         for (case, machine) in self.machines() {
             for point in &machine.points {
-                let mut cells = vec![case.name.to_owned(), machine.machine.clone(), point.value.to_string()];
+                let mut cells = vec![
+                    case.name.to_owned(),
+                    machine.machine.clone(),
+                    point.value.to_string(),
+                ];
                 cells.extend(match &point.outcome {
                     Outcome::Refused(sentence) => {
                         let mut cells = vec![String::new(); columns.len() - 4];
@@ -379,10 +518,28 @@ fn columns() -> Vec<String> {
         "bound_share_over_1",
         "violations",
     ];
-    let kinds = Flips::default().by_kind().map(|(kind, _)| format!("flips_{kind}"));
-    let after = ["flips_unexplained", "silent", "covered_pixels", "saturated", "wrapped"];
-    let flicker = ["flicker_fixed_golden_jumps", "flicker_golden_ideal_jumps", "refused"];
-    before.map(String::from).into_iter().chain(kinds).chain(after.map(String::from)).chain(flicker.map(String::from)).collect()
+    let kinds = Flips::default()
+        .by_kind()
+        .map(|(kind, _)| format!("flips_{kind}"));
+    let after = [
+        "flips_unexplained",
+        "silent",
+        "covered_pixels",
+        "saturated",
+        "wrapped",
+    ];
+    let flicker = [
+        "flicker_fixed_golden_jumps",
+        "flicker_golden_ideal_jumps",
+        "refused",
+    ];
+    before
+        .map(String::from)
+        .into_iter()
+        .chain(kinds)
+        .chain(after.map(String::from))
+        .chain(flicker.map(String::from))
+        .collect()
 }
 
 impl Found {
@@ -399,9 +556,23 @@ impl Found {
             l.share_over_1.to_string(),
         ];
         let flips = f.by_kind().map(|(_, count)| count);
-        let counts = [f.unexplained, self.beyond.silent, self.covered_pixels, self.saturated, self.wrapped];
-        cells.extend([l.violations].iter().chain(&flips).chain(&counts).map(u64::to_string));
-        let changes = self.flicker.map_or([None; 2], |flicker| [flicker.fixed_vs_golden.jumps, flicker.golden_vs_ideal.jumps]);
+        let counts = [
+            f.unexplained,
+            self.beyond.silent,
+            self.covered_pixels,
+            self.saturated,
+            self.wrapped,
+        ];
+        cells.extend(
+            [l.violations]
+                .iter()
+                .chain(&flips)
+                .chain(&counts)
+                .map(u64::to_string),
+        );
+        let changes = self.flicker.map_or([None; 2], |flicker| {
+            [flicker.fixed_vs_golden.jumps, flicker.golden_vs_ideal.jumps]
+        });
         cells.extend(changes.map(number));
         cells.push(String::new());
         cells

@@ -5,12 +5,14 @@
 //!                 └─ scene B ─► …              │
 //!                    drawn elsewhere ─► batch ─┘
 //! ```
-//! A point has a key: a digest of all that determines its row. A folder knows its rows by their keys, so that a sweep that was cut off
-//! goes on, and that no row comes from anything else than the plan says.
+//! A point has a key: a digest of all that determines its row. A folder knows its rows by their
+//! keys, so that a sweep that was cut off goes on, and that no row comes from anything else than
+//! the plan says.
 //!
 //! `plan.json` in the folder says what the rows are of.
 //!
-//! Laws (tests/sweep.rs): `a_row_says_what_a_run_says`, `a_sweep_that_is_killed_goes_on`, `parts_are_the_whole`.
+//! Laws (tests/sweep.rs): `a_row_says_what_a_run_says`, `a_sweep_that_is_killed_goes_on`,
+//! `parts_are_the_whole`.
 
 pub mod charts;
 pub mod columns;
@@ -55,8 +57,12 @@ impl std::str::FromStr for Shard {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let numbers = text.split_once('/').and_then(|(index, of)| Some((index.parse().ok()?, of.parse().ok()?)));
-        let (index, of) = numbers.filter(|(index, of)| (1..=*of).contains(index)).ok_or("write I/N, as in 2/5, with I from 1 to N")?;
+        let numbers = text
+            .split_once('/')
+            .and_then(|(index, of)| Some((index.parse().ok()?, of.parse().ok()?)));
+        let (index, of) = numbers
+            .filter(|(index, of)| (1..=*of).contains(index))
+            .ok_or("write I/N, as in 2/5, with I from 1 to N")?;
         Ok(Shard { index, of })
     }
 }
@@ -116,28 +122,52 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// Opens a folder, by [`Folder::shared`] where others draw parts of the same plan into it, and holds what it has against the plan.
+    /// Opens a folder, by [`Folder::shared`] where others draw parts of the same plan into it, and
+    /// holds what it has against the plan.
     ///
     /// # Errors
-    /// [`Error::Input`] where plan or folder are wrong, [`Error::Job`] where nothing can be written.
-    pub fn open(points: Points, folder: &Path, options: &Options, lock: fn(&Path) -> Result<Folder>) -> Result<Self> {
+    /// [`Error::Input`] where plan or folder are wrong, [`Error::Job`] where nothing can be
+    /// written.
+    pub fn open(
+        points: Points,
+        folder: &Path,
+        options: &Options,
+        lock: fn(&Path) -> Result<Folder>,
+    ) -> Result<Self> {
         let count = points.count();
         if count > options.most {
-            let sentence =
-                format!("the plan has {} points, more than {}: --most {count} draws them all", thousands(count), thousands(options.most));
+            let sentence = format!(
+                "the plan has {} points, more than {}: --most {count} draws them all",
+                thousands(count),
+                thousands(options.most)
+            );
             return Err(Error::input(sentence));
         }
         let scenes = Scenes::check(&points)?;
         let open = lock(folder)?;
-        let part = options.shard.map_or(String::new(), |Shard { index, of }| format!("-{index}-of-{of}"));
+        let part = options.shard.map_or(String::new(), |Shard { index, of }| {
+            format!("-{index}-of-{of}")
+        });
         let mut journal = Journal::open(folder, &part, columns::all(points.columns()))?;
         check_keys(&points, &scenes.heads, &journal, folder, options)?;
         journal.keep();
         let told = json!({"splatsim": env!("CARGO_PKG_VERSION"), "plan": points.plan, "machine": points.base, "prices": options.prices});
         write_plan(folder, &told)?;
-        let left = options.mine(count).filter(|number| journal.get(*number).is_none()).count() as u64;
+        let left = options
+            .mine(count)
+            .filter(|number| journal.get(*number).is_none())
+            .count() as u64;
         let progress = Progress::of_steps(options.progress, left, "points");
-        Ok(Sweep { points, options: *options, scenes, folder: folder.to_owned(), _open: open, journal, progress, drawn: 0 })
+        Ok(Sweep {
+            points,
+            options: *options,
+            scenes,
+            folder: folder.to_owned(),
+            _open: open,
+            journal,
+            progress,
+            drawn: 0,
+        })
     }
 
     /// The plan.
@@ -154,7 +184,9 @@ impl Sweep {
     pub fn missing(&self, nth: usize) -> Vec<u64> {
         self.options
             .mine(self.points.count())
-            .filter(|number| self.points.point(*number).0 == nth && self.journal.get(*number).is_none())
+            .filter(|number| {
+                self.points.point(*number).0 == nth && self.journal.get(*number).is_none()
+            })
             .collect()
     }
 
@@ -177,10 +209,12 @@ impl Sweep {
         Ok(())
     }
 
-    /// Rows that somebody else has drawn, as [`table::packed`] gives them: in the folder, as a file of its own, before this returns.
+    /// Rows that somebody else has drawn, as [`table::packed`] gives them: in the folder, as a file
+    /// of its own, before this returns.
     ///
     /// # Errors
-    /// [`Error::Job`] where they are not those of `numbers`, were drawn before, or cannot be written.
+    /// [`Error::Job`] where they are not those of `numbers`, were drawn before, or cannot be
+    /// written.
     pub fn push_batch(&mut self, numbers: &[u64], batch: &[u8]) -> Result<()> {
         self.journal.push_batch(&self.folder, numbers, batch)?;
         self.drawn += numbers.len() as u64;
@@ -194,47 +228,94 @@ impl Sweep {
     /// [`Error::Job`] where it cannot be written.
     pub fn finish(mut self) -> Result<Outcome> {
         drop(self.progress);
-        // Others may have drawn their parts meanwhile. Whoever ends last reads what all have drawn; until then a table stays as it is.
+        // Others may have drawn their parts meanwhile. Whoever ends last reads what all have drawn;
+        // until then a table stays as it is.
         let is_last = self.journal.ends(&self.folder)?;
         if is_last {
             self.journal.read_others(&self.folder)?;
-            check_keys(&self.points, &self.scenes.heads, &self.journal, &self.folder, &self.options)?;
+            check_keys(
+                &self.points,
+                &self.scenes.heads,
+                &self.journal,
+                &self.folder,
+                &self.options,
+            )?;
         }
         let is_there = self.folder.join("sweep.csv").exists();
-        let files = if is_last || !is_there { self.journal.write(&self.folder, "sweep")? } else { Vec::new() };
+        let files = if is_last || !is_there {
+            self.journal.write(&self.folder, "sweep")?
+        } else {
+            Vec::new()
+        };
         let count = self.points.count();
         let mine = self.options.mine(count).count() as u64;
         let table = self.journal.table();
-        Ok(Outcome { counts: [count, mine, self.drawn], files, loss: loss::first(&table, &self.points.base), table })
+        Ok(Outcome {
+            counts: [count, mine, self.drawn],
+            files,
+            loss: loss::first(&table, &self.points.base),
+            table,
+        })
     }
 }
 
-/// Refuses a folder whose rows were drawn from something else: all of this part, and of other parts some.
-fn check_keys(points: &Points, scenes: &[Head], journal: &Journal, folder: &Path, options: &Options) -> Result<()> {
-    if let Some(last) = journal.points().next_back().filter(|last| *last >= points.count()) {
-        let told = format!("{} has point {last}, and the plan {} points: it is of another plan", folder.display(), points.count());
+/// Refuses a folder whose rows were drawn from something else: all of this part, and of other parts
+/// some.
+fn check_keys(
+    points: &Points,
+    scenes: &[Head],
+    journal: &Journal,
+    folder: &Path,
+    options: &Options,
+) -> Result<()> {
+    if let Some(last) = journal
+        .points()
+        .next_back()
+        .filter(|last| *last >= points.count())
+    {
+        let told = format!(
+            "{} has point {last}, and the plan {} points: it is of another plan",
+            folder.display(),
+            points.count()
+        );
         return Err(Error::input(told));
     }
     let mine: BTreeSet<u64> = options.mine(points.count()).collect();
-    let (mut known, others): (Vec<u64>, Vec<u64>) = journal.points().partition(|number| mine.contains(number));
+    let (mut known, others): (Vec<u64>, Vec<u64>) =
+        journal.points().partition(|number| mine.contains(number));
     known.extend(others.iter().step_by(others.len() / HELD_OF_OTHERS + 1));
     let check = |number: &u64| {
-        let point = Point::new(points, &options.prices, &scenes[points.point(*number).0], *number)?;
+        let point = Point::new(
+            points,
+            &options.prices,
+            &scenes[points.point(*number).0],
+            *number,
+        )?;
         if journal.get(*number).and_then(|row| row[1].as_str()) == Some(&point.key) {
             return Ok(());
         }
-        let told = format!("{}: point {number} was drawn from something else than now", folder.display());
-        Err(Error::input(format!("{told}: scene, machine, prices or splatsim have changed; choose another folder")))
+        let told = format!(
+            "{}: point {number} was drawn from something else than now",
+            folder.display()
+        );
+        Err(Error::input(format!(
+            "{told}: scene, machine, prices or splatsim have changed; choose another folder"
+        )))
     };
     // The first of those that are refused, whichever thread finds one first.
-    known.par_iter().map(check).find_first(Result::is_err).unwrap_or(Ok(()))
+    known
+        .par_iter()
+        .map(check)
+        .find_first(Result::is_err)
+        .unwrap_or(Ok(()))
 }
 
 impl Options {
     /// Numbers of this part's points.
     fn mine(&self, count: u64) -> impl Iterator<Item = u64> + use<> {
         let shard = self.shard;
-        (0..count).filter(move |number| shard.is_none_or(|Shard { index, of }| number % of == index - 1))
+        (0..count)
+            .filter(move |number| shard.is_none_or(|Shard { index, of }| number % of == index - 1))
     }
 }
 
@@ -248,7 +329,10 @@ struct Scenes {
 impl Scenes {
     /// Loads every scene, before anything is written; they need not fit into memory together.
     fn check(points: &Points) -> Result<Self> {
-        let mut scenes = Scenes { heads: Vec::new(), last: None };
+        let mut scenes = Scenes {
+            heads: Vec::new(),
+            last: None,
+        };
         for nth in 0..points.plan.scenes.len() {
             scenes.last = None;
             let scene = points.scene(nth)?;
@@ -271,7 +355,9 @@ impl Scenes {
 /// # Errors
 /// [`Error::Job`] where it cannot be written.
 pub fn write_plan(folder: &Path, told: &Value) -> Result<()> {
-    write_beside(&folder.join("plan.json"), |file| serde_json::to_writer_pretty(file, told).map_err(|e| e.to_string()))
+    write_beside(&folder.join("plan.json"), |file| {
+        serde_json::to_writer_pretty(file, told).map_err(|e| e.to_string())
+    })
 }
 
 impl Outcome {
@@ -283,14 +369,23 @@ impl Outcome {
         if mine < count {
             let _ = write!(text, ", {} of this part", thousands(mine));
         }
-        let _ = write!(text, ": {} drawn now, {} known before", thousands(drawn), thousands(mine - drawn));
+        let _ = write!(
+            text,
+            ": {} drawn now, {} known before",
+            thousands(drawn),
+            thousands(mine - drawn)
+        );
         if rows < count {
             let _ = write!(text, "; the table has {} of them", thousands(rows));
         }
         let is_built = |row: &&Row| self.table.text(row, columns::MISFIT).is_empty();
         let misfits = self.table.rows.iter().filter(|row| !is_built(row)).count() as u64;
         if misfits > 0 {
-            let _ = write!(text, "; {} cannot be built, the column `misfit` says why", thousands(misfits));
+            let _ = write!(
+                text,
+                "; {} cannot be built, the column `misfit` says why",
+                thousands(misfits)
+            );
         }
         let mut text = wrapped(&text) + "\n";
         let mut built: Vec<&Row> = self.table.rows.iter().filter(is_built).collect();
@@ -301,12 +396,29 @@ impl Outcome {
         }
         let mut told = |what: &str, row: Option<&Row>| {
             let Some(row) = row else { return };
-            let db = |name: &str| Some(number(row, name)).filter(|db| db.is_finite()).map_or("equal".into(), |db| format!("{db:.1}"));
-            let [whole, arithmetic, covered] = [columns::FIXED_VS_IDEAL_PSNR_DB, columns::PSNR_DB, columns::PSNR_COVERED_DB].map(db);
+            let db = |name: &str| {
+                Some(number(row, name))
+                    .filter(|db| db.is_finite())
+                    .map_or("equal".into(), |db| format!("{db:.1}"))
+            };
+            let [whole, arithmetic, covered] = [
+                columns::FIXED_VS_IDEAL_PSNR_DB,
+                columns::PSNR_DB,
+                columns::PSNR_COVERED_DB,
+            ]
+            .map(db);
             // What is drawn in partial precision is no machine, and has neither.
-            let rate = self.table.number(row, columns::FRAMES_PER_SECOND).map_or("–".into(), |rate| format!("{rate:.1}"));
-            let area = self.table.number(row, columns::AREA).map_or("–".into(), |area| thousands(area as u64));
-            let changes = Some(self.table.text(row, columns::CHANGES)).filter(|changes| !changes.is_empty()).unwrap_or("as it is");
+            let rate = self
+                .table
+                .number(row, columns::FRAMES_PER_SECOND)
+                .map_or("–".into(), |rate| format!("{rate:.1}"));
+            let area = self
+                .table
+                .number(row, columns::AREA)
+                .map_or("–".into(), |area| thousands(area as u64));
+            let changes = Some(self.table.text(row, columns::CHANGES))
+                .filter(|changes| !changes.is_empty())
+                .unwrap_or("as it is");
             let scene = self.table.text(row, columns::SCENE);
             let errors = format!("{whole:>13}  {arithmetic:>14}  {covered:>10}");
             let _ = write!(text, "\n{what:<10} {errors}  {rate:>8}  {area:>9}");
@@ -314,14 +426,24 @@ impl Outcome {
         };
         let mut by = |name: &'static str| {
             built.sort_by(|a, b| number(a, name).total_cmp(&number(b, name)));
-            let has_it = |row: &&Row| name == columns::FIXED_VS_IDEAL_PSNR_DB || self.table.number(row, name).is_some();
+            let has_it = |row: &&Row| {
+                name == columns::FIXED_VS_IDEAL_PSNR_DB || self.table.number(row, name).is_some()
+            };
             let mut ranked = built.iter().copied().filter(has_it);
             let first = ranked.next();
             [first, ranked.next_back().or(first)]
         };
-        let ([worst, best], [least, _], [_, fastest]) =
-            (by(columns::FIXED_VS_IDEAL_PSNR_DB), by(columns::AREA), by(columns::FRAMES_PER_SECOND));
-        for (what, row) in [("worst", worst), ("best", best), ("least area", least), ("fastest", fastest)] {
+        let ([worst, best], [least, _], [_, fastest]) = (
+            by(columns::FIXED_VS_IDEAL_PSNR_DB),
+            by(columns::AREA),
+            by(columns::FRAMES_PER_SECOND),
+        );
+        for (what, row) in [
+            ("worst", worst),
+            ("best", best),
+            ("least area", least),
+            ("fastest", fastest),
+        ] {
             told(what, row);
         }
         if let Some(note) = given::note(self.table.columns.iter().map(|(name, _)| name.as_str())) {

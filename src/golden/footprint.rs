@@ -1,5 +1,5 @@
-//! Footprint: turns a splat into the ellipse that it covers on screen (docs/book/algorithm.md §3), and the ellipse into contributions
-//! (§4, §5).
+//! Footprint: turns a splat into the ellipse that it covers on screen (docs/book/algorithm.md §3),
+//! and the ellipse into contributions (§4, §5).
 
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -55,8 +55,9 @@ struct Disc {
 }
 
 impl Disc {
-    /// What it gives to the pixel with this centre: the ray meets the plane at x = s·d, where a pixel is as large as ∂x, and the filter of
-    /// variance r² + v·∂x ∂xᵀ is as high as its area is small.
+    /// What it gives to the pixel with this centre: the ray meets the plane at x = s·d, where a
+    /// pixel is as large as ∂x, and the filter of variance r² + v·∂x ∂xᵀ is as high as its area is
+    /// small.
     fn contribution(&self, pixel: [f64; 2]) -> Option<Contribution> {
         let [a, b] = self.view.slopes(pixel);
         let ray = DVec3::new(a, b, 1.0);
@@ -69,24 +70,39 @@ impl Disc {
         let offset = depth * ray - self.position;
         let (u, v) = self.normal.any_orthonormal_pair();
         // ∂x/∂px: as the ray turns, s changes too, for x stays on the plane.
-        let step = |axis: DVec3, focal_px: f64| depth / focal_px * (axis - ray * (self.normal.dot(axis) / along));
+        let step = |axis: DVec3, focal_px: f64| {
+            depth / focal_px * (axis - ray * (self.normal.dot(axis) / along))
+        };
         let [fx, fy] = self.view.focal_px;
-        let [right, down] = [step(DVec3::X, fx), step(DVec3::Y, fy)].map(|step| [step.dot(u), step.dot(v)]);
+        let [right, down] =
+            [step(DVec3::X, fx), step(DVec3::Y, fy)].map(|step| [step.dot(u), step.dot(v)]);
         let term = |i: usize, j: usize| self.low_pass * (right[i] * right[j] + down[i] * down[j]);
-        let [v00, v01, v11] = [self.variance + term(0, 0), term(0, 1), self.variance + term(1, 1)];
+        let [v00, v01, v11] = [
+            self.variance + term(0, 0),
+            term(0, 1),
+            self.variance + term(1, 1),
+        ];
         // v·|∂x|² and what it adds to the square of r²: no difference of products.
         let area = self.low_pass * (right[0] * down[1] - right[1] * down[0]);
-        let determinant = self.variance * self.variance + self.variance * (term(0, 0) + term(1, 1)) + area * area;
+        let determinant =
+            self.variance * self.variance + self.variance * (term(0, 0) + term(1, 1)) + area * area;
         let [a, b] = [offset.dot(u), offset.dot(v)];
         let radial_index = (v11 * a * a - 2.0 * v01 * a * b + v00 * b * b) / determinant;
         let amplitude = self.variance / determinant.sqrt() / TAU;
         // Beyond its rim the plane goes on, and the disc does not.
-        let z = depth.max(self.position.z - self.z_reach).min(self.position.z + self.z_reach);
-        radial_index.is_finite().then(|| Contribution { radial_index, weight: amplitude * libm::exp(-0.5 * radial_index), z })
+        let z = depth
+            .max(self.position.z - self.z_reach)
+            .min(self.position.z + self.z_reach);
+        radial_index.is_finite().then(|| Contribution {
+            radial_index,
+            weight: amplitude * libm::exp(-0.5 * radial_index),
+            z,
+        })
     }
 
-    /// Half sides of a box around the disc's centre on screen that holds what its filter reaches, but what lies by the horizon, or all of the
-    /// picture where the disc comes near the eye's plane.
+    /// Half sides of a box around the disc's centre on screen that holds what its filter reaches,
+    /// but what lies by the horizon, or all of the picture where the disc comes near the eye's
+    /// plane.
     fn reach(&self, cutoff: f64) -> [f64; 2] {
         let radius = (cutoff * self.variance).sqrt();
         let nearest = self.position.z - radius;
@@ -94,7 +110,11 @@ impl Disc {
             return [f64::INFINITY; 2];
         }
         let filter = (cutoff * self.low_pass).sqrt();
-        [(self.position.x, self.view.focal_px[0]), (self.position.y, self.view.focal_px[1])].map(|(side, focal_px)| {
+        [
+            (self.position.x, self.view.focal_px[0]),
+            (self.position.y, self.view.focal_px[1]),
+        ]
+        .map(|(side, focal_px)| {
             let of_disc = focal_px * radius * (1.0 + side.abs() / self.position.z) / nearest;
             // Towards the horizon a pixel's filter reaches farther than at the disc itself.
             of_disc + 4.0 * filter + 1.0
@@ -121,7 +141,8 @@ pub(crate) struct Contribution {
     pub z: f64,
 }
 
-/// A variance on screen with its determinant, which is never the difference of two products: that cancels.
+/// A variance on screen with its determinant, which is never the difference of two products: that
+/// cancels.
 #[derive(Clone, Copy)]
 struct Variance {
     /// `V00, V01, V11`, pixel².
@@ -130,8 +151,8 @@ struct Variance {
 }
 
 impl Variance {
-    /// `V_r = K ([1+a², ab; ab, 1+b²] − g gᵀ) K` and `det V_r = (k_x k_y c_n)²`, where `K` is the diagonal matrix of the radius in pixels
-    /// along x and y; `ray` is `(a, b, 1)`.
+    /// `V_r = K ([1+a², ab; ab, 1+b²] − g gᵀ) K` and `det V_r = (k_x k_y c_n)²`, where `K` is the
+    /// diagonal matrix of the radius in pixels along x and y; `ray` is `(a, b, 1)`.
     fn of_disc([kx, ky]: [f64; 2], ray: DVec3, normal: DVec3) -> Self {
         let g = [normal.x - ray.x * normal.z, normal.y - ray.y * normal.z];
         let c_n = normal.dot(ray);
@@ -146,15 +167,25 @@ impl Variance {
         }
     }
 
-    /// `J V Jᵀ` of an ellipsoid with these half-axes, for a plane at distance 1 times `kx` and `ky`; `ray` is `(a, b, 1)`.
+    /// `J V Jᵀ` of an ellipsoid with these half-axes, for a plane at distance 1 times `kx` and
+    /// `ky`; `ray` is `(a, b, 1)`.
     fn of_ellipsoid([kx, ky]: [f64; 2], ray: DVec3, half_axes: DMat3) -> Self {
-        let (across, down) = (DVec3::new(1.0, 0.0, -ray.x) * kx, DVec3::new(0.0, 1.0, -ray.y) * ky);
+        let (across, down) = (
+            DVec3::new(1.0, 0.0, -ray.x) * kx,
+            DVec3::new(0.0, 1.0, -ray.y) * ky,
+        );
         let covariance = half_axes * half_axes.transpose();
-        // Half-axes are columns; what two of them span is as large on the screen as their cross product along the ray.
+        // Half-axes are columns; what two of them span is as large on the screen as their cross
+        // product along the ray.
         let [x, y, z] = [half_axes.x_axis, half_axes.y_axis, half_axes.z_axis];
-        let spans = [y.cross(z), z.cross(x), x.cross(y)].map(|span| (kx * ky * span.dot(ray)).powi(2));
+        let spans =
+            [y.cross(z), z.cross(x), x.cross(y)].map(|span| (kx * ky * span.dot(ray)).powi(2));
         Variance {
-            entries: [across.dot(covariance * across).max(0.0), across.dot(covariance * down), down.dot(covariance * down).max(0.0)],
+            entries: [
+                across.dot(covariance * across).max(0.0),
+                across.dot(covariance * down),
+                down.dot(covariance * down).max(0.0),
+            ],
             determinant: spans.iter().sum(),
         }
     }
@@ -163,32 +194,52 @@ impl Variance {
     fn of_major_axis(self) -> Self {
         let [v00, v01, v11] = self.entries;
         let major = (v00 + v11) / 2.0 + ((v00 - v11) / 2.0).hypot(v01);
-        Variance { entries: [major, 0.0, major], determinant: major * major }
+        Variance {
+            entries: [major, 0.0, major],
+            determinant: major * major,
+        }
     }
 
     /// `V = V_r + v·I`, its determinant as three terms none of which is negative.
     fn low_passed(self, v: f64) -> Self {
         let [v00, v01, v11] = self.entries;
         let determinant = self.determinant + v * (v00 + v11) + v * v;
-        Variance { entries: [v00 + v, v01, v11 + v], determinant }
+        Variance {
+            entries: [v00 + v, v01, v11 + v],
+            determinant,
+        }
     }
 
     /// `V⁻¹`, as `Q00, Q01, Q11`.
     fn inverse(&self) -> [f64; 3] {
         let [v00, v01, v11] = self.entries;
-        [v11 / self.determinant, -v01 / self.determinant, v00 / self.determinant]
+        [
+            v11 / self.determinant,
+            -v01 / self.determinant,
+            v00 / self.determinant,
+        ]
     }
 }
 
 /// Sets up the `index`-th splat, of which lesser weights do not count, or says why it is not drawn.
-pub(crate) fn set_up(scene: &Scene, view: &View, index: usize, least_weight: f64) -> Result<Footprint, Cull> {
+pub(crate) fn set_up(
+    scene: &Scene,
+    view: &View,
+    index: usize,
+    least_weight: f64,
+) -> Result<Footprint, Cull> {
     let (footprint, cull) = set_up_anyway(scene, view, index, least_weight);
     cull.map_or(Ok(footprint), Err)
 }
 
-/// Sets up the `index`-th splat, and says why it is not drawn if it is not: then its footprint may make no sense. The tests come
-/// in the order in which culled splats are counted.
-pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize, least_weight: f64) -> (Footprint, Option<Cull>) {
+/// Sets up the `index`-th splat, and says why it is not drawn if it is not: then its footprint may
+/// make no sense. The tests come in the order in which culled splats are counted.
+pub(crate) fn set_up_anyway(
+    scene: &Scene,
+    view: &View,
+    index: usize,
+    least_weight: f64,
+) -> (Footprint, Option<Cull>) {
     let splat = &scene.splats[index];
     let cutoff = scene.kernel.cutoff;
     let t = view.rotation * (splat.position - view.eye);
@@ -206,10 +257,18 @@ pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize, least_weig
             if ellipsoids.amplitude == Amplitude::Disc {
                 normal = plane;
             }
-            Variance::of_ellipsoid(k, clamped(ray, scene, view), axes * DMat3::from_diagonal(scales))
+            Variance::of_ellipsoid(
+                k,
+                clamped(ray, scene, view),
+                axes * DMat3::from_diagonal(scales),
+            )
         }
     };
-    let reconstruction = if scene.kernel.filter == Filter::Circular { reconstruction.of_major_axis() } else { reconstruction };
+    let reconstruction = if scene.kernel.filter == Filter::Circular {
+        reconstruction.of_major_axis()
+    } else {
+        reconstruction
+    };
     let c_n = plane.dot(ray);
     let disc = (scene.kernel.filter == Filter::SourceEwa).then_some(Disc {
         position: t,
@@ -221,8 +280,15 @@ pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize, least_weig
     });
     let variance = reconstruction.low_passed(scene.kernel.low_pass);
     let centre = [0, 1].map(|axis| view.focal_px[axis] * ray[axis] + view.centre_px[axis]);
-    let is_peak = scene.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.amplitude == Amplitude::Peak);
-    let box_cutoff = if is_peak { cutoff.min(counts_within(splat.opacity, least_weight)) } else { cutoff };
+    let is_peak = scene
+        .ellipsoids
+        .as_ref()
+        .is_some_and(|ellipsoids| ellipsoids.amplitude == Amplitude::Peak);
+    let box_cutoff = if is_peak {
+        cutoff.min(counts_within(splat.opacity, least_weight))
+    } else {
+        cutoff
+    };
     let reach = [variance.entries[0], variance.entries[2]].map(|entry| (box_cutoff * entry).sqrt());
     let reach = disc.as_ref().map_or(reach, |disc| disc.reach(cutoff));
     let columns = pixels(centre[0], reach[0], scene.image.width);
@@ -234,20 +300,34 @@ pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize, least_weig
             match ellipsoids.amplitude {
                 Amplitude::Disc => {
                     let scales = ellipsoids.orientation(index).scales;
-                    k[0] * k[1] * (scales.x * scales.y * plane.dot(ray)).abs() / variance.determinant.sqrt() / TAU
+                    k[0] * k[1] * (scales.x * scales.y * plane.dot(ray)).abs()
+                        / variance.determinant.sqrt()
+                        / TAU
                 }
                 // |J| over the root of what the filter leaves of the footprint's area (EWA (33)).
-                Amplitude::LineIntegral => splat.opacity * k[0] * k[1] * ray.length() / variance.determinant.sqrt(),
-                Amplitude::Peak if scene.compensates() => splat.opacity * (reconstruction.determinant / variance.determinant).sqrt(),
+                Amplitude::LineIntegral => {
+                    splat.opacity * k[0] * k[1] * ray.length() / variance.determinant.sqrt()
+                }
+                Amplitude::Peak if scene.compensates() => {
+                    splat.opacity * (reconstruction.determinant / variance.determinant).sqrt()
+                }
                 Amplitude::Peak => splat.opacity,
             }
         }
     };
-    // Squares that left the range of f64 leave no ellipse: what they would weigh is no number, and nothing is drawn.
+    // Squares that left the range of f64 leave no ellipse: what they would weigh is no number, and
+    // nothing is drawn.
     let conic = variance.inverse();
     let is_ellipse = amplitude.is_finite() && conic.iter().all(|entry| entry.is_finite());
-    let (amplitude, conic) = if is_ellipse { (amplitude, conic) } else { (0.0, [0.0; 3]) };
-    let is_flat = scene.ellipsoids.as_ref().is_none_or(|ellipsoids| ellipsoids.amplitude == Amplitude::Disc);
+    let (amplitude, conic) = if is_ellipse {
+        (amplitude, conic)
+    } else {
+        (0.0, [0.0; 3])
+    };
+    let is_flat = scene
+        .ellipsoids
+        .as_ref()
+        .is_none_or(|ellipsoids| ellipsoids.amplitude == Amplitude::Disc);
     let beyond = |axis: usize| ray[axis].abs() > view.slope(axis, scene.kernel.guard);
     // Coordinates near the end of their range overflow to something that is no number.
     let cull = if t.z <= scene.camera.near || t.z.is_nan() {
@@ -279,8 +359,16 @@ pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize, least_weig
         conic,
         amplitude,
         z: t.z,
-        slope: if is_flat { [0, 1].map(|axis| -t.z * plane[axis] / (c_n * view.focal_px[axis])) } else { [0.0; 2] },
-        z_reach: if is_flat { splat.radius * cutoff.sqrt() } else { 0.0 },
+        slope: if is_flat {
+            [0, 1].map(|axis| -t.z * plane[axis] / (c_n * view.focal_px[axis]))
+        } else {
+            [0.0; 2]
+        },
+        z_reach: if is_flat {
+            splat.radius * cutoff.sqrt()
+        } else {
+            0.0
+        },
         cutoff,
         least_weight,
         sheet: match scene.sheets.as_ref().map(|sheets| &sheets.of) {
@@ -293,19 +381,28 @@ pub(crate) fn set_up_anyway(scene: &Scene, view: &View, index: usize, least_weig
     (footprint, cull)
 }
 
-/// The radial index from which on no weight of a splat counts whose amplitude is its opacity, and a little more, for a pixel on the rim
-/// rounds to either side of it.
+/// The radial index from which on no weight of a splat counts whose amplitude is its opacity, and a
+/// little more, for a pixel on the rim rounds to either side of it.
 fn counts_within(opacity: f64, least_weight: f64) -> f64 {
-    if least_weight > 0.0 { 2.0 * libm::log(opacity / least_weight).max(0.0) * (1.0 + 1e-6) } else { f64::INFINITY }
+    if least_weight > 0.0 {
+        2.0 * libm::log(opacity / least_weight).max(0.0) * (1.0 + 1e-6)
+    } else {
+        f64::INFINITY
+    }
 }
 
 /// The ray as the Jacobian has it.
 fn clamped(ray: DVec3, scene: &Scene, view: &View) -> DVec3 {
     let limit = [0, 1].map(|axis| view.slope(axis, scene.kernel.jacobian));
-    DVec3::new(ray.x.clamp(-limit[0], limit[0]), ray.y.clamp(-limit[1], limit[1]), 1.0)
+    DVec3::new(
+        ray.x.clamp(-limit[0], limit[0]),
+        ray.y.clamp(-limit[1], limit[1]),
+        1.0,
+    )
 }
 
-/// Pixels whose centres lie within `reach` of `centre`, clipped to the picture; none where the interval misses the picture.
+/// Pixels whose centres lie within `reach` of `centre`, clipped to the picture; none where the
+/// interval misses the picture.
 pub(crate) fn pixels(centre: f64, reach: f64, size: usize) -> Option<Range<u32>> {
     if !(centre + reach >= 0.0 && centre - reach <= size as f64) {
         return None;
@@ -336,18 +433,36 @@ impl Footprint {
     /// Number of pixels that it gives something to: in each row those between the roots of r − r₀.
     pub fn area(&self) -> u64 {
         if self.disc.is_some() {
-            let row = |y: u32| self.columns.clone().filter(|x| self.row(y).at(*x).is_some()).count() as u64;
+            let row = |y: u32| {
+                self.columns
+                    .clone()
+                    .filter(|x| self.row(y).at(*x).is_some())
+                    .count() as u64
+            };
             return self.rows.clone().map(row).sum();
         }
-        let least = if self.least_weight > 0.0 { 2.0 * libm::log(self.amplitude / self.least_weight) } else { f64::INFINITY };
+        let least = if self.least_weight > 0.0 {
+            2.0 * libm::log(self.amplitude / self.least_weight)
+        } else {
+            f64::INFINITY
+        };
         let limit = self.cutoff.min(least);
         let row = |y: u32| {
-            let Row { linear, constant, .. } = self.row(y);
+            let Row {
+                linear, constant, ..
+            } = self.row(y);
             let [square, middle] = [self.conic[0], -linear / (2.0 * self.conic[0])];
-            let half = ((linear * linear - 4.0 * square * (constant - limit)) / (4.0 * square * square)).sqrt();
+            let half = ((linear * linear - 4.0 * square * (constant - limit))
+                / (4.0 * square * square))
+                .sqrt();
             // NaN where no pixel of the row is within the limit.
-            let inside = pixels(self.centre[0] + middle, half, self.columns.end as usize).unwrap_or_default();
-            u64::from(inside.end.saturating_sub(inside.start.max(self.columns.start)))
+            let inside = pixels(self.centre[0] + middle, half, self.columns.end as usize)
+                .unwrap_or_default();
+            u64::from(
+                inside
+                    .end
+                    .saturating_sub(inside.start.max(self.columns.start)),
+            )
         };
         self.rows.clone().map(row).sum()
     }
@@ -357,7 +472,13 @@ impl Footprint {
         let dy = f64::from(y) + 0.5 - self.centre[1];
         let [_, q01, q11] = self.conic;
         let z = self.z + self.slope[1] * dy;
-        Row { footprint: self, middle: f64::from(y) + 0.5, linear: 2.0 * q01 * dy, constant: q11 * dy * dy, z }
+        Row {
+            footprint: self,
+            middle: f64::from(y) + 0.5,
+            linear: 2.0 * q01 * dy,
+            constant: q11 * dy * dy,
+            z,
+        }
     }
 }
 
@@ -387,10 +508,20 @@ impl Row<'_> {
         (contribution.weight >= self.footprint.least_weight).then_some(contribution)
     }
 
-    /// Whether the footprint reaches the pixel in column `x`, where it would have this contribution.
+    /// Whether the footprint reaches the pixel in column `x`, where it would have this
+    /// contribution.
     pub fn reaches(&self, x: u32, beyond: &Contribution) -> bool {
-        let Footprint { cutoff, least_weight, disc, .. } = self.footprint;
-        if disc.is_some() { self.at(x).is_some() } else { beyond.radial_index < *cutoff && beyond.weight >= *least_weight }
+        let Footprint {
+            cutoff,
+            least_weight,
+            disc,
+            ..
+        } = self.footprint;
+        if disc.is_some() {
+            self.at(x).is_some()
+        } else {
+            beyond.radial_index < *cutoff && beyond.weight >= *least_weight
+        }
     }
 
     /// Contribution of the footprint to the pixel in column `x`, made or not for its reach.
@@ -403,7 +534,10 @@ impl Row<'_> {
     fn radial_index(&self, x: u32) -> (f64, f64) {
         let footprint = self.footprint;
         let dx = f64::from(x) + 0.5 - footprint.centre[0];
-        (dx, (footprint.conic[0] * dx + self.linear) * dx + self.constant)
+        (
+            dx,
+            (footprint.conic[0] * dx + self.linear) * dx + self.constant,
+        )
     }
 
     #[inline]
@@ -411,10 +545,13 @@ impl Row<'_> {
         let footprint = self.footprint;
         Contribution {
             radial_index,
-            // A needle's conic may round to one that is not positive; its weight must still not exceed its amplitude.
+            // A needle's conic may round to one that is not positive; its weight must still not
+            // exceed its amplitude.
             weight: footprint.amplitude * libm::exp(-0.5 * radial_index.max(0.0)),
             // max and min rather than clamp: they take an infinite slope times zero to a bound.
-            z: (self.z + footprint.slope[0] * dx).max(footprint.z - footprint.z_reach).min(footprint.z + footprint.z_reach),
+            z: (self.z + footprint.slope[0] * dx)
+                .max(footprint.z - footprint.z_reach)
+                .min(footprint.z + footprint.z_reach),
         }
     }
 }
@@ -432,8 +569,8 @@ mod tests {
     }
 
     proptest! {
-        /// `V00·V11 − V01²` against `k⁴c_n² + v·tr V_r + v²`, where the first does not cancel: the low-pass filter bounds
-        /// the aspect of an ellipse by its size.
+        /// `V00·V11 − V01²` against `k⁴c_n² + v·tr V_r + v²`, where the first does not cancel: the
+        /// low-pass filter bounds the aspect of an ellipse by its size.
         #[test]
         fn both_routes_to_the_determinant_agree(k in 0.01_f64..100.0, ratio in 0.5_f64..2.0, a in -1.5_f64..1.5, b in -1.5_f64..1.5, normal in unit(), v in 0.5_f64..2.0) {
             let variance = Variance::of_disc([k, ratio * k], DVec3::new(a, b, 1.0), normal).low_passed(v);
@@ -456,21 +593,46 @@ mod tests {
     /// The same variance as SS writes it: with a tangent basis and the Jacobian of the projection.
     #[test]
     fn the_variance_is_that_of_two_projected_tangents() {
-        let (k, ray, normal) = ([3.0, 2.5], DVec3::new(0.4, -0.7, 1.0), DVec3::new(2.0, -1.0, -2.0) / 3.0);
+        let (k, ray, normal) = (
+            [3.0, 2.5],
+            DVec3::new(0.4, -0.7, 1.0),
+            DVec3::new(2.0, -1.0, -2.0) / 3.0,
+        );
         let (u, v) = normal.any_orthonormal_pair();
-        let project = |tangent: DVec3| [k[0] * (tangent.x - ray.x * tangent.z), k[1] * (tangent.y - ray.y * tangent.z)];
+        let project = |tangent: DVec3| {
+            [
+                k[0] * (tangent.x - ray.x * tangent.z),
+                k[1] * (tangent.y - ray.y * tangent.z),
+            ]
+        };
         let (u, v) = (project(u), project(v));
-        let expected = [u[0] * u[0] + v[0] * v[0], u[0] * u[1] + v[0] * v[1], u[1] * u[1] + v[1] * v[1]];
-        for (entry, expected) in Variance::of_disc(k, ray, normal).entries.iter().zip(expected) {
+        let expected = [
+            u[0] * u[0] + v[0] * v[0],
+            u[0] * u[1] + v[0] * v[1],
+            u[1] * u[1] + v[1] * v[1],
+        ];
+        for (entry, expected) in Variance::of_disc(k, ray, normal)
+            .entries
+            .iter()
+            .zip(expected)
+        {
             assert!((entry - expected).abs() < 1e-12, "{entry} {expected}");
         }
     }
 
     #[test]
     fn the_conic_is_the_inverse_of_the_variance() {
-        let variance = Variance { entries: [5.0, -1.5, 2.0], determinant: 7.75 };
+        let variance = Variance {
+            entries: [5.0, -1.5, 2.0],
+            determinant: 7.75,
+        };
         let ([v00, v01, v11], [q00, q01, q11]) = (variance.entries, variance.inverse());
-        let product = [v00 * q00 + v01 * q01, v00 * q01 + v01 * q11, v01 * q00 + v11 * q01, v01 * q01 + v11 * q11];
+        let product = [
+            v00 * q00 + v01 * q01,
+            v00 * q01 + v01 * q11,
+            v01 * q00 + v11 * q01,
+            v01 * q01 + v11 * q11,
+        ];
         for (entry, expected) in product.into_iter().zip([1.0, 0.0, 0.0, 1.0]) {
             assert!((entry - expected).abs() < 1e-15);
         }

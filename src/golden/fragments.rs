@@ -1,4 +1,5 @@
-//! Fragments: keeps at most `l` layers of one pixel, as the machine does (docs/book/algorithm.md §6).
+//! Fragments: keeps at most `l` layers of one pixel, as the machine does (docs/book/algorithm.md
+//! §6).
 //! ```text
 //! contribution ─► near one? ─► accumulate
 //!                 room? ─────► insert
@@ -15,7 +16,8 @@ use super::shade::{Shader, over};
 use super::tiles::{Cover, PIXELS_IN_A_TILE, Painter};
 use super::{FragmentDepth, Outcomes, Rules};
 
-/// One layer of one pixel. Unshaded it holds weighted sums; shaded, a premultiplied colour and its alpha.
+/// One layer of one pixel. Unshaded it holds weighted sums; shaded, a premultiplied colour and its
+/// alpha.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Fragment {
     pub weight: f64,
@@ -45,14 +47,16 @@ pub enum Decision {
         /// The slot that it took.
         slot: usize,
     },
-    /// The pixel was full. Of its fragments and the new one in z order, number `slot` and the next became one, now in `slot`.
+    /// The pixel was full. Of its fragments and the new one in z order, number `slot` and the next
+    /// became one, now in `slot`.
     Merged {
         /// Where the merged fragment is now.
         slot: usize,
         /// The new contribution's place among the fragments in z order, before the merge.
         place: usize,
     },
-    /// Added to the front or the back of the closed fragment in `slot`, where its surface had been closed already.
+    /// Added to the front or the back of the closed fragment in `slot`, where its surface had been
+    /// closed already.
     Late {
         /// Where it was added.
         slot: usize,
@@ -64,15 +68,16 @@ pub enum Decision {
         /// Where it was blended.
         slot: usize,
     },
-    /// The pixel was full. Of its fragments and the new one in the order of their nearest depths, number `slot` and the next were added
-    /// to one, now in `slot`.
+    /// The pixel was full. Of its fragments and the new one in the order of their nearest depths,
+    /// number `slot` and the next were added to one, now in `slot`.
     Summed {
         /// Where the sum is now.
         slot: usize,
         /// The new contribution's place among the fragments, before the sum.
         place: usize,
     },
-    /// The pixel was full, and no two fragments could be summed: the two deepest, of which `slot` is the front, were closed and made one.
+    /// The pixel was full, and no two fragments could be summed: the two deepest, of which `slot`
+    /// is the front, were closed and made one.
     Closed {
         /// Where the closed fragment is now.
         slot: usize,
@@ -127,17 +132,29 @@ impl Fragment {
     }
 
     pub fn is_opaque(&self, limit: f64, coverage_threshold: f64) -> bool {
-        if self.shaded { self.alpha >= limit } else { self.alpha >= limit * self.weight && self.weight >= coverage_threshold }
+        if self.shaded {
+            self.alpha >= limit
+        } else {
+            self.alpha >= limit * self.weight && self.weight >= coverage_threshold
+        }
     }
 
     /// The two as one, at the front's depth.
     pub fn merge(front: &Fragment, back: &Fragment, shader: &Shader) -> Fragment {
-        front.with_light(over(shader.premultiplied(front), shader.premultiplied(back)))
+        front.with_light(over(
+            shader.premultiplied(front),
+            shader.premultiplied(back),
+        ))
     }
 
     /// The same fragment, shaded to this light.
     pub fn with_light(&self, light: DVec4) -> Fragment {
-        Fragment { rgb: light.truncate(), alpha: light.w, shaded: true, ..*self }
+        Fragment {
+            rgb: light.truncate(),
+            alpha: light.w,
+            shaded: true,
+            ..*self
+        }
     }
 }
 
@@ -197,10 +214,22 @@ pub(super) struct Golden<'a, S> {
 
 impl<'a, S: Slot> Golden<'a, S> {
     pub fn new(rules: &'a Rules, z_threshold: f64, shader: &'a Shader) -> Self {
-        let layers = if rules.merge == Merge::Replace { 1 } else { rules.layers.max(1) };
+        let layers = if rules.merge == Merge::Replace {
+            1
+        } else {
+            rules.layers.max(1)
+        };
         let slots = vec![S::default(); PIXELS_IN_A_TILE * (layers + 1)];
         let used = vec![0; PIXELS_IN_A_TILE];
-        Golden { rules, z_threshold, shader, layers, slots, used, outcomes: Outcomes::default() }
+        Golden {
+            rules,
+            z_threshold,
+            shader,
+            layers,
+            slots,
+            used,
+            outcomes: Outcomes::default(),
+        }
     }
 
     /// The fragments of one pixel in slot order.
@@ -241,7 +270,12 @@ impl Cover for Footprint {
         [self.columns.clone(), self.rows.clone()]
     }
 
-    fn give(&self, columns: Range<u32>, rows: Range<u32>, mut take: impl FnMut([u32; 2], Fragment)) {
+    fn give(
+        &self,
+        columns: Range<u32>,
+        rows: Range<u32>,
+        mut take: impl FnMut([u32; 2], Fragment),
+    ) {
         for y in rows {
             let row = self.row(y);
             for x in columns.clone() {
@@ -303,16 +337,28 @@ fn replace<S: Slot>(held: &mut S, new: Fragment) -> Decision {
     }
 }
 
-/// One fragment too many: drops one that nobody sees, or makes one of two. Leaves the slots in z order; the last is spare.
-fn overflow<S: Slot>(rules: &Rules, pair: fn(&[S]) -> usize, shader: &Shader, slots: &mut [S], new: Fragment) -> Decision {
+/// One fragment too many: drops one that nobody sees, or makes one of two. Leaves the slots in z
+/// order; the last is spare.
+fn overflow<S: Slot>(
+    rules: &Rules,
+    pair: fn(&[S]) -> usize,
+    shader: &Shader,
+    slots: &mut [S],
+    new: Fragment,
+) -> Decision {
     let deepest = slots.len() - 1;
     slots[deepest] = S::new(new);
     slots[..deepest].sort_by(|a, b| a.fragment().z.total_cmp(&b.fragment().z));
     let place = slots[..deepest].partition_point(|slot| slot.fragment().z <= new.z);
     slots[place..].rotate_right(1);
-    let hides = |slot: &S| slot.fragment().is_opaque(rules.opaque, shader.coverage_threshold());
+    let hides = |slot: &S| {
+        slot.fragment()
+            .is_opaque(rules.opaque, shader.coverage_threshold())
+    };
     if rules.evict_hidden && slots[..deepest].iter().any(hides) {
-        return Decision::Evicted { slot: (place < deepest).then_some(place) };
+        return Decision::Evicted {
+            slot: (place < deepest).then_some(place),
+        };
     }
     let slot = pair(slots);
     slots[slot] = S::merge(&slots[slot], &slots[slot + 1], shader);
@@ -329,8 +375,8 @@ pub enum Merge {
     FarthestPair,
     /// None: the plain z-buffer of one layer, whatever [`Rules::layers`] says (SS §4).
     Replace,
-    /// Two that belong to one window of ε are summed; where none do, the two deepest are closed, and what is closed still takes late
-    /// contributions.
+    /// Two that belong to one window of ε are summed; where none do, the two deepest are closed,
+    /// and what is closed still takes late contributions.
     Window,
 }
 
@@ -358,8 +404,12 @@ fn farthest_pair<S: Slot>(slots: &[S]) -> usize {
 
 /// The front of the adjacent pair that differs least in z; of equals the one nearer to the eye.
 fn nearest_pair<S: Slot>(slots: &[S]) -> usize {
-    let gaps = slots.windows(2).map(|pair| pair[1].fragment().z - pair[0].fragment().z).enumerate();
-    gaps.min_by(|a, b| a.1.total_cmp(&b.1)).map_or(0, |(front, _)| front)
+    let gaps = slots
+        .windows(2)
+        .map(|pair| pair[1].fragment().z - pair[0].fragment().z)
+        .enumerate();
+    gaps.min_by(|a, b| a.1.total_cmp(&b.1))
+        .map_or(0, |(front, _)| front)
 }
 
 #[cfg(test)]
@@ -375,21 +425,41 @@ mod tests {
         opaque: 0.999,
         fragment_depth: FragmentDepth::First,
         group: Group::First,
-        window: WindowOptions { join: 0.0, late: true, inside: true },
+        window: WindowOptions {
+            join: 0.0,
+            late: true,
+            inside: true,
+        },
         reflection: None,
     };
 
     /// Grey 0.5, full weight.
     fn at(z: f64, opacity: f64) -> Fragment {
-        Fragment { weight: 1.0, rgb: DVec3::splat(0.5), alpha: opacity, z, ..Fragment::default() }
+        Fragment {
+            weight: 1.0,
+            rgb: DVec3::splat(0.5),
+            alpha: opacity,
+            z,
+            ..Fragment::default()
+        }
     }
 
     /// What becomes of each of these, ε = 1, and the depths of the slots at the end.
     fn decisions(rules: &Rules, contributions: &[Fragment]) -> (Vec<Decision>, Vec<f64>) {
         let shader = Shader::unlit(0.25);
         let mut golden = Golden::<Fragment>::new(rules, 1.0, &shader);
-        let decisions = contributions.iter().map(|contribution| golden.decide(0, *contribution)).collect();
-        (decisions, golden.fragments(0).iter().map(|fragment| fragment.z).collect())
+        let decisions = contributions
+            .iter()
+            .map(|contribution| golden.decide(0, *contribution))
+            .collect();
+        (
+            decisions,
+            golden
+                .fragments(0)
+                .iter()
+                .map(|fragment| fragment.z)
+                .collect(),
+        )
     }
 
     fn last(rules: &Rules, depths: &[f64]) -> (Decision, Vec<f64>) {
@@ -400,103 +470,223 @@ mod tests {
 
     #[test]
     fn a_contribution_joins_the_nearest_fragment_and_of_equals_the_lowest_slot() {
-        assert_eq!(last(&NEAREST, &[10.0, 11.0, 10.75]).0, Decision::Accumulated { slot: 1 });
-        assert_eq!(last(&NEAREST, &[11.0, 10.0, 10.5]).0, Decision::Accumulated { slot: 0 });
+        assert_eq!(
+            last(&NEAREST, &[10.0, 11.0, 10.75]).0,
+            Decision::Accumulated { slot: 1 }
+        );
+        assert_eq!(
+            last(&NEAREST, &[11.0, 10.0, 10.5]).0,
+            Decision::Accumulated { slot: 0 }
+        );
     }
 
     #[test]
     fn the_threshold_itself_is_too_far() {
-        assert_eq!(last(&NEAREST, &[10.0, 11.0]).0, Decision::Inserted { slot: 1 });
-        assert_eq!(last(&NEAREST, &[10.0, 9.0]).0, Decision::Inserted { slot: 1 });
+        assert_eq!(
+            last(&NEAREST, &[10.0, 11.0]).0,
+            Decision::Inserted { slot: 1 }
+        );
+        assert_eq!(
+            last(&NEAREST, &[10.0, 9.0]).0,
+            Decision::Inserted { slot: 1 }
+        );
     }
 
     #[test]
     fn a_fragment_keeps_its_first_depth_or_takes_the_nearest() {
         assert_eq!(last(&NEAREST, &[10.0, 9.5]).1, [10.0]);
-        let rules = Rules { fragment_depth: FragmentDepth::Nearest, ..NEAREST };
+        let rules = Rules {
+            fragment_depth: FragmentDepth::Nearest,
+            ..NEAREST
+        };
         assert_eq!(last(&rules, &[10.0, 9.5, 10.25]).1, [9.5]);
     }
 
     #[test]
     fn the_nearest_pair_merges_and_of_equals_the_one_nearer_to_the_eye() {
         let (decision, slots) = last(&NEAREST, &[30.0, 10.0, 22.0, 14.0]);
-        assert_eq!((decision, slots), (Decision::Merged { slot: 0, place: 1 }, vec![10.0, 22.0, 30.0]));
+        assert_eq!(
+            (decision, slots),
+            (
+                Decision::Merged { slot: 0, place: 1 },
+                vec![10.0, 22.0, 30.0]
+            )
+        );
         let (decision, slots) = last(&NEAREST, &[30.0, 10.0, 20.0, 40.0]);
-        assert_eq!((decision, slots), (Decision::Merged { slot: 0, place: 3 }, vec![10.0, 30.0, 40.0]));
+        assert_eq!(
+            (decision, slots),
+            (
+                Decision::Merged { slot: 0, place: 3 },
+                vec![10.0, 30.0, 40.0]
+            )
+        );
     }
 
     #[test]
     fn the_farthest_pair_merges() {
-        let rules = Rules { merge: Merge::FarthestPair, ..NEAREST };
+        let rules = Rules {
+            merge: Merge::FarthestPair,
+            ..NEAREST
+        };
         let (decision, slots) = last(&rules, &[30.0, 10.0, 12.0, 20.0]);
-        assert_eq!((decision, slots), (Decision::Merged { slot: 2, place: 2 }, vec![10.0, 12.0, 20.0]));
+        assert_eq!(
+            (decision, slots),
+            (
+                Decision::Merged { slot: 2, place: 2 },
+                vec![10.0, 12.0, 20.0]
+            )
+        );
     }
 
     #[test]
     fn the_new_fragment_comes_after_equals_and_a_shaded_one_takes_nothing_more() {
-        // 12 and 13 merge at 12; another 12 finds no unshaded fragment, overflows and lands behind the shaded one.
+        // 12 and 13 merge at 12; another 12 finds no unshaded fragment, overflows and lands behind
+        // the shaded one.
         let (decision, slots) = last(&NEAREST, &[10.0, 12.0, 16.0, 13.0, 12.0]);
-        assert_eq!((decision, slots), (Decision::Merged { slot: 1, place: 2 }, vec![10.0, 12.0, 16.0]));
+        assert_eq!(
+            (decision, slots),
+            (
+                Decision::Merged { slot: 1, place: 2 },
+                vec![10.0, 12.0, 16.0]
+            )
+        );
     }
 
     #[test]
     fn one_layer_merges_with_what_comes() {
-        let rules = Rules { layers: 1, ..NEAREST };
-        assert_eq!(last(&rules, &[10.0, 5.0]), (Decision::Merged { slot: 0, place: 0 }, vec![5.0]));
+        let rules = Rules {
+            layers: 1,
+            ..NEAREST
+        };
+        assert_eq!(
+            last(&rules, &[10.0, 5.0]),
+            (Decision::Merged { slot: 0, place: 0 }, vec![5.0])
+        );
     }
 
     #[test]
     fn a_merge_is_front_over_back_premultiplied() {
         let shader = Shader::unlit(0.25);
-        let mut golden = Golden::<Fragment>::new(&Rules { layers: 1, ..NEAREST }, 1.0, &shader);
+        let mut golden = Golden::<Fragment>::new(
+            &Rules {
+                layers: 1,
+                ..NEAREST
+            },
+            1.0,
+            &shader,
+        );
         golden.decide(0, at(10.0, 0.5));
         golden.decide(0, at(20.0, 1.0));
         let merged = golden.fragments(0)[0];
         // 0.5·0.5 + 0.5·1·(1 − 0.5)
-        assert_eq!((merged.rgb, merged.alpha, merged.shaded), (DVec3::splat(0.5), 1.0, true));
-        golden.decide(0, Fragment { rgb: DVec3::X, ..at(5.0, 0.25) });
+        assert_eq!(
+            (merged.rgb, merged.alpha, merged.shaded),
+            (DVec3::splat(0.5), 1.0, true)
+        );
+        golden.decide(
+            0,
+            Fragment {
+                rgb: DVec3::X,
+                ..at(5.0, 0.25)
+            },
+        );
         // 0.25 + 0.75·0.5
         assert_eq!(golden.fragments(0)[0].rgb, DVec3::new(0.625, 0.375, 0.375));
     }
 
     #[test]
     fn the_deepest_leaves_where_something_opaque_lies_before_it() {
-        let rules = Rules { evict_hidden: true, ..NEAREST };
+        let rules = Rules {
+            evict_hidden: true,
+            ..NEAREST
+        };
         let fragments = [at(10.0, 1.0), at(20.0, 0.5), at(30.0, 0.5)];
         let (decided, slots) = decisions(&rules, &[&fragments[..], &[at(25.0, 0.5)]].concat());
-        assert_eq!((decided[3], slots), (Decision::Evicted { slot: Some(2) }, vec![10.0, 20.0, 25.0]));
+        assert_eq!(
+            (decided[3], slots),
+            (Decision::Evicted { slot: Some(2) }, vec![10.0, 20.0, 25.0])
+        );
         let (decided, slots) = decisions(&rules, &[&fragments[..], &[at(35.0, 0.5)]].concat());
-        assert_eq!((decided[3], slots), (Decision::Evicted { slot: None }, vec![10.0, 20.0, 30.0]));
+        assert_eq!(
+            (decided[3], slots),
+            (Decision::Evicted { slot: None }, vec![10.0, 20.0, 30.0])
+        );
     }
 
     #[test]
     fn the_new_fragment_can_hide_others_itself() {
-        let rules = Rules { evict_hidden: true, ..NEAREST };
-        let (decided, slots) = decisions(&rules, &[at(10.0, 0.5), at(20.0, 0.5), at(30.0, 0.5), at(15.0, 1.0)]);
-        assert_eq!((decided[3], slots), (Decision::Evicted { slot: Some(1) }, vec![10.0, 15.0, 20.0]));
+        let rules = Rules {
+            evict_hidden: true,
+            ..NEAREST
+        };
+        let (decided, slots) = decisions(
+            &rules,
+            &[at(10.0, 0.5), at(20.0, 0.5), at(30.0, 0.5), at(15.0, 1.0)],
+        );
+        assert_eq!(
+            (decided[3], slots),
+            (Decision::Evicted { slot: Some(1) }, vec![10.0, 15.0, 20.0])
+        );
     }
 
     #[test]
     fn what_is_opaque_and_deepest_hides_nothing() {
-        let rules = Rules { evict_hidden: true, ..NEAREST };
-        let (decided, _) = decisions(&rules, &[at(10.0, 0.5), at(20.0, 0.5), at(30.0, 1.0), at(15.0, 0.5)]);
+        let rules = Rules {
+            evict_hidden: true,
+            ..NEAREST
+        };
+        let (decided, _) = decisions(
+            &rules,
+            &[at(10.0, 0.5), at(20.0, 0.5), at(30.0, 1.0), at(15.0, 0.5)],
+        );
         assert_eq!(decided[3], Decision::Merged { slot: 0, place: 1 });
     }
 
     #[test]
     fn opaque_means_covering_too() {
-        let thin = Fragment { weight: 0.2, alpha: 0.2, ..at(10.0, 1.0) };
+        let thin = Fragment {
+            weight: 0.2,
+            alpha: 0.2,
+            ..at(10.0, 1.0)
+        };
         assert!(!thin.is_opaque(0.999, 0.25));
-        assert!(Fragment { weight: 0.25, alpha: 0.25, ..thin }.is_opaque(0.999, 0.25));
-        assert!(!at(10.0, 0.9989).is_opaque(0.999, 0.25) && at(10.0, 0.9991).is_opaque(0.999, 0.25));
-        assert!(Fragment { weight: 0.0, shaded: true, ..at(10.0, 1.0) }.is_opaque(0.999, 0.25));
+        assert!(
+            Fragment {
+                weight: 0.25,
+                alpha: 0.25,
+                ..thin
+            }
+            .is_opaque(0.999, 0.25)
+        );
+        assert!(
+            !at(10.0, 0.9989).is_opaque(0.999, 0.25) && at(10.0, 0.9991).is_opaque(0.999, 0.25)
+        );
+        assert!(
+            Fragment {
+                weight: 0.0,
+                shaded: true,
+                ..at(10.0, 1.0)
+            }
+            .is_opaque(0.999, 0.25)
+        );
     }
 
     #[test]
     fn replace_keeps_the_nearer_one() {
-        let rules = Rules { merge: Merge::Replace, ..NEAREST };
-        let (decided, slots) = decisions(&rules, &[at(10.0, 1.0), at(12.0, 1.0), at(9.5, 1.0), at(8.0, 1.0)]);
-        let expected = [Decision::Inserted { slot: 0 }, Decision::Dropped, Decision::Accumulated { slot: 0 }, Decision::Replaced];
+        let rules = Rules {
+            merge: Merge::Replace,
+            ..NEAREST
+        };
+        let (decided, slots) = decisions(
+            &rules,
+            &[at(10.0, 1.0), at(12.0, 1.0), at(9.5, 1.0), at(8.0, 1.0)],
+        );
+        let expected = [
+            Decision::Inserted { slot: 0 },
+            Decision::Dropped,
+            Decision::Accumulated { slot: 0 },
+            Decision::Replaced,
+        ];
         assert_eq!((&decided[..], slots), (&expected[..], vec![8.0]));
     }
 }

@@ -1,6 +1,8 @@
-//! Ideal: keeps every contribution of a pixel, sorts them by z and blends surface after surface (docs/book/algorithm-resolve.md §8).
+//! Ideal: keeps every contribution of a pixel, sorts them by z and blends surface after surface
+//! (docs/book/algorithm-resolve.md §8).
 //!
-//! A new surface begins where `z − (the surface's first z) ≥ ε`. No slot, no merge, no order of arrival.
+//! A new surface begins where `z − (the surface's first z) ≥ ε`. No slot, no merge, no order of
+//! arrival.
 
 use super::Outcomes;
 use super::fragments::Fragment;
@@ -20,7 +22,14 @@ pub(super) struct Ideal<'a> {
 impl<'a> Ideal<'a> {
     pub fn new(z_threshold: f64, shader: &'a Shader) -> Self {
         let contributions = vec![Vec::new(); PIXELS_IN_A_TILE];
-        Ideal { z_threshold, shader, contributions, order: Vec::new(), surfaces: Vec::new(), outcomes: Outcomes::default() }
+        Ideal {
+            z_threshold,
+            shader,
+            contributions,
+            order: Vec::new(),
+            surfaces: Vec::new(),
+            outcomes: Outcomes::default(),
+        }
     }
 }
 
@@ -34,11 +43,17 @@ impl Painter for Ideal<'_> {
     fn finish(&mut self, pixel: usize) -> [f64; 4] {
         let contributions = &mut self.contributions[pixel];
         sort(contributions, &mut self.order);
-        group(contributions, &self.order, self.z_threshold, &mut self.surfaces);
+        group(
+            contributions,
+            &self.order,
+            self.z_threshold,
+            &mut self.surfaces,
+        );
         let surfaces = self.surfaces.len();
         self.outcomes.inserted += surfaces as u64;
         self.outcomes.accumulated += (contributions.len() - surfaces) as u64;
-        self.outcomes.most_surfaces_in_a_pixel = self.outcomes.most_surfaces_in_a_pixel.max(surfaces as u64);
+        self.outcomes.most_surfaces_in_a_pixel =
+            self.outcomes.most_surfaces_in_a_pixel.max(surfaces as u64);
         contributions.clear();
         self.shader.resolve(&mut self.surfaces)
     }
@@ -51,17 +66,34 @@ impl Painter for Ideal<'_> {
 /// The order of contributions front to back: they are large, and stay where they are.
 fn sort(contributions: &[Fragment], order: &mut Vec<(f64, u32)>) {
     order.clear();
-    order.extend(contributions.iter().map(|contribution| contribution.z).zip(0..));
+    order.extend(
+        contributions
+            .iter()
+            .map(|contribution| contribution.z)
+            .zip(0..),
+    );
     order.sort_unstable_by(|a, b| {
-        // Depth alone leaves the order of equals to the order of arrival, and with it the surface's material.
+        // Depth alone leaves the order of equals to the order of arrival, and with it the surface's
+        // material.
         let [first, second] = [a, b].map(|(_, place)| &contributions[*place as usize]);
         let by_z = a.0.total_cmp(&b.0);
-        by_z.then_with(|| first.material.cmp(&second.material).then(first.weight.total_cmp(&second.weight)).then(a.1.cmp(&b.1)))
+        by_z.then_with(|| {
+            first
+                .material
+                .cmp(&second.material)
+                .then(first.weight.total_cmp(&second.weight))
+                .then(a.1.cmp(&b.1))
+        })
     });
 }
 
 /// Sums contributions in their order into surfaces, front to back.
-fn group(contributions: &[Fragment], order: &[(f64, u32)], z_threshold: f64, surfaces: &mut Vec<Fragment>) {
+fn group(
+    contributions: &[Fragment],
+    order: &[(f64, u32)],
+    z_threshold: f64,
+    surfaces: &mut Vec<Fragment>,
+) {
     surfaces.clear();
     for (z, place) in order {
         let contribution = &contributions[*place as usize];

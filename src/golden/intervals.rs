@@ -1,7 +1,8 @@
-//! Intervals: groups contributions by the depths that a fragment spans, not by that of its first (docs/book/algorithm-resolve.md §11).
+//! Intervals: groups contributions by the depths that a fragment spans, not by that of its first
+//! (docs/book/algorithm-resolve.md §11).
 //!
-//! A contribution joins where all of them together stay narrower than ε, so that no fragment spans more than one surface may. What
-//! happens on overflow is the paper's.
+//! A contribution joins where all of them together stay narrower than ε, so that no fragment spans
+//! more than one surface may. What happens on overflow is the paper's.
 
 use super::fragments::{Fragment, Slot};
 use super::shade::Shader;
@@ -21,12 +22,18 @@ impl Span {
 
     /// This and that depth.
     pub fn with(self, z: f64) -> Self {
-        Span { near: self.near.min(z), far: self.far.max(z) }
+        Span {
+            near: self.near.min(z),
+            far: self.far.max(z),
+        }
     }
 
     /// From the nearest to the farthest of both.
     pub fn union(self, other: Span) -> Self {
-        Span { near: self.near.min(other.near), far: self.far.max(other.far) }
+        Span {
+            near: self.near.min(other.near),
+            far: self.far.max(other.far),
+        }
     }
 
     pub fn width(self) -> f64 {
@@ -52,7 +59,10 @@ pub(super) struct Spanning {
 
 impl Slot for Spanning {
     fn new(fragment: Fragment) -> Self {
-        Spanning { fragment, span: Span::at(fragment.z) }
+        Spanning {
+            fragment,
+            span: Span::at(fragment.z),
+        }
     }
 
     fn fragment(&self) -> &Fragment {
@@ -69,18 +79,29 @@ impl Slot for Spanning {
     }
 
     fn merge(front: &Self, back: &Self, shader: &Shader) -> Self {
-        Spanning { fragment: Fragment::merge(&front.fragment, &back.fragment, shader), span: front.span.union(back.span) }
+        Spanning {
+            fragment: Fragment::merge(&front.fragment, &back.fragment, shader),
+            span: front.span.union(back.span),
+        }
     }
 
     fn taker(z_threshold: f64, z: f64, slots: &[Self]) -> Option<usize> {
-        let open = slots.iter().enumerate().filter(|(_, slot)| !slot.fragment.shaded).map(|(index, slot)| (index, slot.span));
+        let open = slots
+            .iter()
+            .enumerate()
+            .filter(|(_, slot)| !slot.fragment.shaded)
+            .map(|(index, slot)| (index, slot.span));
         nearest_that_stays_within(z_threshold, z, open)
     }
 }
 
-/// Of spans that together with `z` are narrower than `width`, or that hold it already, the one with the least gap to it; of equals the
-/// first.
-pub(crate) fn nearest_that_stays_within(width: f64, z: f64, spans: impl Iterator<Item = (usize, Span)>) -> Option<usize> {
+/// Of spans that together with `z` are narrower than `width`, or that hold it already, the one with
+/// the least gap to it; of equals the first.
+pub(crate) fn nearest_that_stays_within(
+    width: f64,
+    z: f64,
+    spans: impl Iterator<Item = (usize, Span)>,
+) -> Option<usize> {
     let (mut least, mut nearest) = (f64::INFINITY, None);
     for (index, span) in spans {
         let gap = span.gap(z);

@@ -1,14 +1,17 @@
-//! Golden: draws in f64 what the machine should draw, and what no machine could draw better (docs/book/algorithm-resolve.md §8).
+//! Golden: draws in f64 what the machine should draw, and what no machine could draw better
+//! (docs/book/algorithm-resolve.md §8).
 //! ```text
 //! splats ─► [footprint] ─► [tiles] ─► contributions ─┬─► [fragments]: at most l layers a pixel ─┬─► [shade] ─► picture
 //!                                                    └─► [ideal]: every surface there is ───────┘
 //! ```
-//! `golden − ideal` is the method's error (grouping and merging); what the machine adds to it is arithmetic.
+//! `golden − ideal` is the method's error (grouping and merging); what the machine adds to it is
+//! arithmetic.
 //!
 //! Absent on purpose: the machine's crate. The checker shares no code with the checked.
 //!
-//! Laws (tests/golden_laws.rs, tests/golden_match.rs): `outcomes_sum_to_fragments`, `ideal_does_not_depend_on_the_order_of_splats`,
-//! `enough_layers_make_golden_equal_ideal`, `replace_is_a_z_buffer`, `two_threads_draw_what_one_draws`.
+//! Laws (tests/golden_laws.rs, tests/golden_match.rs): `outcomes_sum_to_fragments`,
+//! `ideal_does_not_depend_on_the_order_of_splats`, `enough_layers_make_golden_equal_ideal`,
+//! `replace_is_a_z_buffer`, `two_threads_draw_what_one_draws`.
 
 pub(crate) mod footprint;
 pub(crate) mod fragments;
@@ -47,7 +50,8 @@ pub struct Rules {
     pub merge: Merge,
     /// On overflow, drop the deepest fragment if something opaque lies in front of it.
     pub evict_hidden: bool,
-    /// Each splat's normal is turned towards the viewer before it is summed, as [`ideal`] always does.
+    /// Each splat's normal is turned towards the viewer before it is summed, as [`ideal`] always
+    /// does.
     pub turn_normals: bool,
     /// From which opacity a fragment hides what lies behind it.
     pub opaque: f64,
@@ -62,7 +66,8 @@ pub struct Rules {
 }
 
 impl Default for Rules {
-    /// What the named machines do: three layers, the two deepest merge, hidden fragments leave first.
+    /// What the named machines do: three layers, the two deepest merge, hidden fragments leave
+    /// first.
     fn default() -> Self {
         Rules {
             layers: 3,
@@ -79,8 +84,9 @@ impl Default for Rules {
 }
 
 impl Rules {
-    /// Whether grouping and merging go together: windows need fragments that know their depths ([`Group::Interval`] or [`Group::Window`]),
-    /// and clusters of [`Group::Window`] need a rule that makes windows of them. [`render`] draws by [`Merge::Window`] where they do not.
+    /// Whether grouping and merging go together: windows need fragments that know their depths
+    /// ([`Group::Interval`] or [`Group::Window`]), and clusters of [`Group::Window`] need a rule
+    /// that makes windows of them. [`render`] draws by [`Merge::Window`] where they do not.
     pub fn is_legal(&self) -> bool {
         match self.group {
             Group::First => self.merge != Merge::Window,
@@ -97,15 +103,16 @@ pub enum Group {
     First,
     /// Those whose depths, all of them together, are narrower than ε.
     Interval,
-    /// Small clusters, summed while they surely belong to one window of ε; the windows are formed at the end, from the nearest depth on.
+    /// Small clusters, summed while they surely belong to one window of ε; the windows are formed
+    /// at the end, from the nearest depth on.
     Window,
 }
 
 /// Options of [`Merge::Window`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WindowOptions {
-    /// A contribution joins a cluster that stays narrower than this many ε. At 0 it joins where the cluster spans its depth already.
-    /// [`Group::Interval`] joins at 1, whatever this says.
+    /// A contribution joins a cluster that stays narrower than this many ε. At 0 it joins where the
+    /// cluster spans its depth already. [`Group::Interval`] joins at 1, whatever this says.
     pub join: f64,
     /// Closed fragments take late contributions to their front and their back.
     pub late: bool,
@@ -115,7 +122,11 @@ pub struct WindowOptions {
 
 impl Default for WindowOptions {
     fn default() -> Self {
-        WindowOptions { join: 0.0, late: true, inside: true }
+        WindowOptions {
+            join: 0.0,
+            late: true,
+            inside: true,
+        }
     }
 }
 
@@ -128,12 +139,14 @@ pub enum FragmentDepth {
     Nearest,
 }
 
-/// [`Rendering::fragments`] of what [`render`] would draw, counted row by row instead of drawn: to within pixels whose centres lie on
-/// the rim of a footprint. Weights below `least_weight` do not count.
+/// [`Rendering::fragments`] of what [`render`] would draw, counted row by row instead of drawn: to
+/// within pixels whose centres lie on the rim of a footprint. Weights below `least_weight` do not
+/// count.
 pub fn contributions(scene: &Scene, least_weight: f64) -> u64 {
     let view = scene.view();
     let area = |index: usize| {
-        footprint::set_up(scene, &view, index, scene.least_weight().max(least_weight)).map_or(0, |footprint| footprint.area())
+        footprint::set_up(scene, &view, index, scene.least_weight().max(least_weight))
+            .map_or(0, |footprint| footprint.area())
     };
     (0..scene.splats.len()).into_par_iter().map(area).sum()
 }
@@ -151,12 +164,14 @@ pub struct Rendering {
     pub outcomes: Outcomes,
 }
 
-/// Splats that left no footprint; each is counted once, by the first reason that holds in this order.
+/// Splats that left no footprint; each is counted once, by the first reason that holds in this
+/// order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Culled {
     /// At or before the near plane.
     pub near: u64,
-    /// The box misses the picture, or the centre lies too far to the side for the affine approximation.
+    /// The box misses the picture, or the centre lies too far to the side for the affine
+    /// approximation.
     pub outside: u64,
     /// Of less opacity than the least weight that counts, where that is its greatest.
     pub transparent: u64,
@@ -166,7 +181,8 @@ pub struct Culled {
     pub faint: u64,
 }
 
-/// Outcomes of the contributions. Each has one: all but the two greatest of a pixel sum to [`Rendering::fragments`].
+/// Outcomes of the contributions. Each has one: all but the two greatest of a pixel sum to
+/// [`Rendering::fragments`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Outcomes {
     /// Added to a fragment (in `ideal`: to a surface).
@@ -197,7 +213,10 @@ pub struct Outcomes {
 }
 
 /// Whether a count says nothing: only [`Merge::Window`] has these outcomes.
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "the form that serde asks for")]
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "the form that serde asks for"
+)]
 fn is_none(count: &u64) -> bool {
     *count == 0
 }
@@ -205,7 +224,15 @@ fn is_none(count: &u64) -> bool {
 impl Outcomes {
     /// The contributions that these outcomes account for.
     pub fn total(&self) -> u64 {
-        self.accumulated + self.inserted + self.merged + self.evicted + self.replaced + self.dropped + self.late + self.inside + self.summed
+        self.accumulated
+            + self.inserted
+            + self.merged
+            + self.evicted
+            + self.replaced
+            + self.dropped
+            + self.late
+            + self.inside
+            + self.summed
     }
 
     fn count(&mut self, decision: Decision) {
@@ -234,7 +261,9 @@ impl Outcomes {
             inside: self.inside + other.inside,
             summed: self.summed + other.summed,
             most_in_a_pixel: self.most_in_a_pixel.max(other.most_in_a_pixel),
-            most_surfaces_in_a_pixel: self.most_surfaces_in_a_pixel.max(other.most_surfaces_in_a_pixel),
+            most_surfaces_in_a_pixel: self
+                .most_surfaces_in_a_pixel
+                .max(other.most_surfaces_in_a_pixel),
         }
     }
 }
@@ -243,9 +272,13 @@ impl Outcomes {
 pub fn render(scene: &Scene, rules: &Rules) -> Rendering {
     let shader = Shader::of(scene, rules);
     match &scene.sheets {
-        Some(sheets) => {
-            tiles::draw(scene, &shader, rules.turn_normals, sheets.least_weight, || sheets::Golden::new(sheets, shader.background()))
-        }
+        Some(sheets) => tiles::draw(
+            scene,
+            &shader,
+            rules.turn_normals,
+            sheets.least_weight,
+            || sheets::Golden::new(sheets, shader.background()),
+        ),
         None => surfaces(scene, &shader, rules),
     }
 }
@@ -254,31 +287,56 @@ fn surfaces(scene: &Scene, shader: &Shader, rules: &Rules) -> Rendering {
     let (turn, z_threshold) = (rules.turn_normals, scene.surface.z_threshold);
     match (rules.group, rules.merge) {
         (_, Merge::Window) | (Group::Window, _) => window::draw(scene, shader, rules),
-        (Group::First, _) => tiles::draw(scene, shader, turn, 0.0, || Golden::<Fragment>::new(rules, z_threshold, shader)),
-        (Group::Interval, _) => tiles::draw(scene, shader, turn, 0.0, || Golden::<Spanning>::new(rules, z_threshold, shader)),
+        (Group::First, _) => tiles::draw(scene, shader, turn, 0.0, || {
+            Golden::<Fragment>::new(rules, z_threshold, shader)
+        }),
+        (Group::Interval, _) => tiles::draw(scene, shader, turn, 0.0, || {
+            Golden::<Spanning>::new(rules, z_threshold, shader)
+        }),
     }
 }
 
-/// Renderer `ideal`: as many fragments as there are surfaces, whatever the order of the splats, of normals turned towards the viewer; or every contribution of a volume or of
-/// Gaussians by itself, in the order of depth. Of a tree every leaf, whatever the cut. Gaussians reach at least as far as a screen of 8 bits shows them, whatever the scene's cutoff.
+/// Renderer `ideal`: as many fragments as there are surfaces, whatever the order of the splats, of
+/// normals turned towards the viewer; or every contribution of a volume or of Gaussians by itself,
+/// in the order of depth. Of a tree every leaf, whatever the cut. Gaussians reach at least as far
+/// as a screen of 8 bits shows them, whatever the scene's cutoff.
 pub fn ideal(scene: &Scene) -> Rendering {
     ideal_of(scene, true)
 }
 
-/// [`ideal`], of normals turned or as they are: how far a machine that does not turn them is from what its sums could be at best.
+/// [`ideal`], of normals turned or as they are: how far a machine that does not turn them is from
+/// what its sums could be at best.
 pub fn ideal_of(scene: &Scene, turn_normals: bool) -> Rendering {
     // Level of detail is the method's error, too.
     if let Some(full) = scene.full() {
         return ideal_of(&full, turn_normals);
     }
     let least = gaussian_cutoff();
-    if scene.sheets.as_ref().is_some_and(|sheets| sheets.of == Sheet::Splat) && scene.kernel.cutoff < least {
-        let kernel = Kernel { cutoff: least, ..scene.kernel };
-        return ideal_of(&Scene { kernel, ..scene.clone() }, turn_normals);
+    if scene
+        .sheets
+        .as_ref()
+        .is_some_and(|sheets| sheets.of == Sheet::Splat)
+        && scene.kernel.cutoff < least
+    {
+        let kernel = Kernel {
+            cutoff: least,
+            ..scene.kernel
+        };
+        return ideal_of(
+            &Scene {
+                kernel,
+                ..scene.clone()
+            },
+            turn_normals,
+        );
     }
     let shader = Shader::new(scene);
     match &scene.sheets {
-        Some(sheets) => tiles::draw(scene, &shader, turn_normals, 0.0, || sheets::Ideal::new(sheets, shader.background())),
-        None => tiles::draw(scene, &shader, turn_normals, 0.0, || Ideal::new(scene.surface.z_threshold, &shader)),
+        Some(sheets) => tiles::draw(scene, &shader, turn_normals, 0.0, || {
+            sheets::Ideal::new(sheets, shader.background())
+        }),
+        None => tiles::draw(scene, &shader, turn_normals, 0.0, || {
+            Ideal::new(scene.surface.z_threshold, &shader)
+        }),
     }
 }

@@ -1,5 +1,6 @@
-//! Reflection: what a mirror shows of the surroundings (Surface Splatting §4, docs/book/reflection.md): looked up as they are, or in the
-//! octahedral map that a machine has of them.
+//! Reflection: what a mirror shows of the surroundings (Surface Splatting §4,
+//! docs/book/reflection.md): looked up as they are, or in the octahedral map that a machine has of
+//! them.
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -16,8 +17,9 @@ pub struct Reflection {
     pub by_ray: bool,
 }
 
-/// The octahedral map of surroundings in the camera space that `rotation` leads to: 2^`index_bits` texels a side, row by row. Its middle looks
-/// at the viewer (−z), its corners away from him. A texel is the mean over its part of the map.
+/// The octahedral map of surroundings in the camera space that `rotation` leads to: 2^`index_bits`
+/// texels a side, row by row. Its middle looks at the viewer (−z), its corners away from him. A
+/// texel is the mean over its part of the map.
 pub fn octahedral(environment: &Environment, rotation: DMat3, index_bits: u32) -> Vec<[f64; 3]> {
     let side = 1usize << index_bits;
     let steps = (side - 1) as f64;
@@ -27,13 +29,19 @@ pub fn octahedral(environment: &Environment, rotation: DMat3, index_bits: u32) -
         let mut sum = [0.0; 3];
         for nth in 0..samples * samples {
             let within = |nth: usize| (nth as f64 + 0.5) / samples as f64 - 0.5;
-            let at = [(column as f64 + within(nth % samples)) / steps, (row as f64 + within(nth / samples)) / steps];
+            let at = [
+                (column as f64 + within(nth % samples)) / steps,
+                (row as f64 + within(nth / samples)) / steps,
+            ];
             let light = environment.light(rotation.transpose() * of_place(at));
             (0..3).for_each(|i| sum[i] += light[i]);
         }
         sum.map(|sum| sum / (samples * samples) as f64)
     };
-    (0..side * side).into_par_iter().map(|at| texel(at % side, at / side)).collect()
+    (0..side * side)
+        .into_par_iter()
+        .map(|at| texel(at % side, at / side))
+        .collect()
 }
 
 /// The direction at a place of the map, which goes on mirrored beyond its sides.
@@ -57,7 +65,10 @@ fn place(direction: DVec3) -> [f64; 2] {
     let flat = direction / (direction.x.abs() + direction.y.abs() + direction.z.abs());
     let (mut x, mut y) = (flat.x, flat.y);
     if flat.z > 0.0 {
-        (x, y) = ((1.0 - flat.y.abs()) * flat.x.signum(), (1.0 - flat.x.abs()) * flat.y.signum());
+        (x, y) = (
+            (1.0 - flat.y.abs()) * flat.x.signum(),
+            (1.0 - flat.x.abs()) * flat.y.signum(),
+        );
     }
     [(x + 1.0) / 2.0, (y + 1.0) / 2.0]
 }
@@ -85,11 +96,17 @@ impl Surroundings {
         let environment = scene.environment.clone()?;
         let view = scene.view();
         let map = way.map(|way| (way, octahedral(&environment, view.rotation, way.index_bits)));
-        Some(Surroundings { environment, rotation: view.rotation, focal_px: view.focal_px, centre_px: view.off_middle_px(), map })
+        Some(Surroundings {
+            environment,
+            rotation: view.rotation,
+            focal_px: view.focal_px,
+            centre_px: view.off_middle_px(),
+            map,
+        })
     }
 
-    /// The colour that leaves a material of this colour, where its unit normal is this in camera space; `at` is the pixel's centre from the
-    /// middle of the picture.
+    /// The colour that leaves a material of this colour, where its unit normal is this in camera
+    /// space; `at` is the pixel's centre from the middle of the picture.
     pub fn mirrored(&self, material: u32, at: [f64; 2], normal: DVec3, colour: DVec3) -> DVec3 {
         let Mirror { reflect, tint } = self.environment.mirrors[material as usize];
         if reflect == 0.0 {
@@ -102,7 +119,9 @@ impl Surroundings {
     fn light(&self, at: [f64; 2], normal: DVec3) -> [f64; 3] {
         let (_, direction) = self.direction(at, normal);
         match &self.map {
-            None => self.environment.light(self.rotation.transpose() * direction),
+            None => self
+                .environment
+                .light(self.rotation.transpose() * direction),
             Some((way, texels)) => between(texels, 1 << way.index_bits, place(direction)),
         }
     }
@@ -111,7 +130,11 @@ impl Surroundings {
     fn direction(&self, at: [f64; 2], normal: DVec3) -> (DVec3, DVec3) {
         let along_axis = self.map.as_ref().is_some_and(|(way, _)| !way.by_ray);
         let slope = |axis: usize| (at[axis] - self.centre_px[axis]) / self.focal_px[axis];
-        let ray = if along_axis { DVec3::Z } else { DVec3::new(slope(0), slope(1), 1.0) };
+        let ray = if along_axis {
+            DVec3::Z
+        } else {
+            DVec3::new(slope(0), slope(1), 1.0)
+        };
         (ray, reflected(ray, normal))
     }
 
@@ -154,7 +177,10 @@ fn texel(side: usize, at: [f64; 2]) -> [usize; 2] {
 fn between(texels: &[[f64; 3]], side: usize, at: [f64; 2]) -> [f64; 3] {
     let [x, y] = at.map(|at| at * (side - 1) as f64);
     let [left, above] = texel(side, at);
-    let parts = [[1.0 - (x - left as f64), x - left as f64], [1.0 - (y - above as f64), y - above as f64]];
+    let parts = [
+        [1.0 - (x - left as f64), x - left as f64],
+        [1.0 - (y - above as f64), y - above as f64],
+    ];
     let mut light = [0.0; 3];
     for (down, part) in parts[1].into_iter().enumerate() {
         for (right, share) in parts[0].into_iter().enumerate() {
@@ -171,11 +197,14 @@ mod tests {
     use proptest::prelude::*;
 
     fn vector() -> impl Strategy<Value = DVec3> {
-        prop::array::uniform3(-1.0..1.0).prop_map(DVec3::from_array).prop_filter("has a direction", |v| v.length() > 0.1)
+        prop::array::uniform3(-1.0..1.0)
+            .prop_map(DVec3::from_array)
+            .prop_filter("has a direction", |v| v.length() > 0.1)
     }
 
     proptest! {
-        /// Length kept, angle kept, and in the plane of ray and normal: the law of reflection by its definition.
+        /// Length kept, angle kept, and in the plane of ray and normal: the law of reflection by
+        /// its definition.
         #[test]
         fn a_ray_leaves_as_it_comes(ray in vector(), normal in vector()) {
             let normal = normal.normalize();

@@ -1,4 +1,5 @@
-//! Shade: turns the sums of a fragment into a premultiplied colour (docs/book/algorithm-resolve.md §7), and fragments into a pixel.
+//! Shade: turns the sums of a fragment into a premultiplied colour (docs/book/algorithm-resolve.md
+//! §7), and fragments into a pixel.
 
 use glam::{DVec3, DVec4};
 
@@ -42,7 +43,11 @@ impl Shader {
         let lights = scene.lights.iter().map(|light| {
             let direction = rotation * light.direction;
             let halfway = (direction - DVec3::Z).try_normalize();
-            CameraLight { direction, halfway, rgb: DVec3::from_array(light.rgb) }
+            CameraLight {
+                direction,
+                halfway,
+                rgb: DVec3::from_array(light.rgb),
+            }
         });
         let [r, g, b, a] = scene.image.background;
         Shader {
@@ -59,7 +64,14 @@ impl Shader {
     #[cfg(test)]
     pub fn unlit(coverage_threshold: f64) -> Self {
         let materials = vec![Material::Unlit; 3];
-        Shader { lights: Vec::new(), materials, surroundings: None, half_px: [0.0; 2], coverage_threshold, background: DVec4::ZERO }
+        Shader {
+            lights: Vec::new(),
+            materials,
+            surroundings: None,
+            half_px: [0.0; 2],
+            coverage_threshold,
+            background: DVec4::ZERO,
+        }
     }
 
     /// The pixel where nothing is.
@@ -72,7 +84,8 @@ impl Shader {
         self.coverage_threshold
     }
 
-    /// Premultiplied colour and coverage of a fragment, whether or not a merge has shaded it already.
+    /// Premultiplied colour and coverage of a fragment, whether or not a merge has shaded it
+    /// already.
     pub fn premultiplied(&self, fragment: &Fragment) -> DVec4 {
         if fragment.shaded {
             return fragment.rgb.extend(fragment.alpha);
@@ -81,29 +94,59 @@ impl Shader {
         if fragment.weight == 0.0 {
             return DVec4::ZERO;
         }
-        let coverage = fragment.alpha / fragment.weight * (fragment.weight / self.coverage_threshold).min(1.0);
+        let coverage =
+            fragment.alpha / fragment.weight * (fragment.weight / self.coverage_threshold).min(1.0);
         (self.colour(fragment) * coverage).extend(coverage)
     }
 
     /// The light that a splat sends, which is lit before it is drawn.
     pub fn emission(&self, footprint: &Footprint) -> DVec3 {
-        let Footprint { rgb, normal, material, centre, .. } = *footprint;
+        let Footprint {
+            rgb,
+            normal,
+            material,
+            centre,
+            ..
+        } = *footprint;
         let pixel = centre.map(|centre| centre as u16);
-        self.colour(&Fragment { weight: 1.0, rgb, normal, material, pixel, ..Fragment::default() })
+        self.colour(&Fragment {
+            weight: 1.0,
+            rgb,
+            normal,
+            material,
+            pixel,
+            ..Fragment::default()
+        })
     }
 
     /// The colour that leaves the fragment: its own under the lights, and what it mirrors.
     fn colour(&self, fragment: &Fragment) -> DVec3 {
         let colour = self.own_colour(fragment);
-        let Some(surroundings) = &self.surroundings else { return colour };
+        let Some(surroundings) = &self.surroundings else {
+            return colour;
+        };
         let normal = facing(fragment.normal / fragment.weight);
-        normal.map_or(colour, |normal| surroundings.mirrored(fragment.material, self.off_middle(fragment.pixel), normal, colour))
+        normal.map_or(colour, |normal| {
+            surroundings.mirrored(
+                fragment.material,
+                self.off_middle(fragment.pixel),
+                normal,
+                colour,
+            )
+        })
     }
 
     /// What a fragment mirrors; none where that is nothing, or it was shaded before.
     pub fn mirrored(&self, fragment: &Fragment) -> Option<Seen> {
-        let surroundings = self.surroundings.as_ref().filter(|_| !fragment.shaded && fragment.weight != 0.0)?;
-        surroundings.seen(fragment.material, self.off_middle(fragment.pixel), facing(fragment.normal / fragment.weight)?)
+        let surroundings = self
+            .surroundings
+            .as_ref()
+            .filter(|_| !fragment.shaded && fragment.weight != 0.0)?;
+        surroundings.seen(
+            fragment.material,
+            self.off_middle(fragment.pixel),
+            facing(fragment.normal / fragment.weight)?,
+        )
     }
 
     /// A pixel's centre from the middle of the picture.
@@ -116,14 +159,20 @@ impl Shader {
         let rgb = fragment.rgb / fragment.weight;
         match self.materials[fragment.material as usize] {
             Material::Unlit => rgb,
-            Material::BlinnPhong { ambient, diffuse, specular, shininess } => {
+            Material::BlinnPhong {
+                ambient,
+                diffuse,
+                specular,
+                shininess,
+            } => {
                 let mut lit = DVec3::splat(ambient);
                 let mut highlight = DVec3::ZERO;
                 if let Some(normal) = facing(fragment.normal / fragment.weight) {
                     for light in &self.lights {
                         lit += light.rgb * (diffuse * normal.dot(light.direction).max(0.0));
                         if let Some(halfway) = light.halfway {
-                            highlight += light.rgb * (specular * libm::pow(normal.dot(halfway).max(0.0), shininess));
+                            highlight += light.rgb
+                                * (specular * libm::pow(normal.dot(halfway).max(0.0), shininess));
                         }
                     }
                 }

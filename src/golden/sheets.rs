@@ -1,5 +1,5 @@
-//! Sheets: adds up what one sheet gives to a pixel and blends sheet after sheet (EWA §7.1, docs/book/algorithm-resolve.md §9);
-//! and what would be exact.
+//! Sheets: adds up what one sheet gives to a pixel and blends sheet after sheet (EWA §7.1,
+//! docs/book/algorithm-resolve.md §9); and what would be exact.
 
 use glam::{DVec3, DVec4};
 
@@ -9,10 +9,15 @@ use super::shade::over;
 use super::tiles::{PIXELS_IN_A_TILE, Painter};
 use crate::scene::{Opacity, Sheet, Sheets};
 
-/// A sheet's colour times opacity, and its opacity, from its optical depth and its colours times that.
+/// A sheet's colour times opacity, and its opacity, from its optical depth and its colours times
+/// that.
 pub(crate) fn closed(sheets: &Sheets, weight: f64, rgb: DVec3) -> DVec4 {
     if sheets.of == Sheet::Splat {
-        let ratio = if weight > sheets.most_weight { sheets.most_weight / weight } else { 1.0 };
+        let ratio = if weight > sheets.most_weight {
+            sheets.most_weight / weight
+        } else {
+            1.0
+        };
         return (rgb * ratio).extend(weight * ratio);
     }
     let ratio = sheets.opacity.over_depth(weight);
@@ -73,7 +78,11 @@ impl Pixel {
         }
         self.open = Some(*new);
         self.sheets += 1;
-        if self.sheets == 1 { Fate::First } else { Fate::Next }
+        if self.sheets == 1 {
+            Fate::First
+        } else {
+            Fate::Next
+        }
     }
 
     /// Whether the sheet was blended.
@@ -89,14 +98,24 @@ impl Pixel {
 
     /// Colour times opacity, and opacity, of all: nothing more comes.
     pub fn colour(&self, scene_sheets: &Sheets) -> DVec4 {
-        let last = |open: &Fragment| over_or_under(scene_sheets, self.composite, closed(scene_sheets, open.weight, open.rgb));
+        let last = |open: &Fragment| {
+            over_or_under(
+                scene_sheets,
+                self.composite,
+                closed(scene_sheets, open.weight, open.rgb),
+            )
+        };
         self.open.as_ref().map_or(self.composite, last)
     }
 }
 
 /// The next sheet blended with those before it.
 fn over_or_under(sheets: &Sheets, before: DVec4, next: DVec4) -> DVec4 {
-    if sheets.back_to_front { over(next, before) } else { over(before, next) }
+    if sheets.back_to_front {
+        over(next, before)
+    } else {
+        over(before, next)
+    }
 }
 
 /// The hardware's algorithm: at most two layers a pixel.
@@ -110,7 +129,12 @@ pub(super) struct Golden<'a> {
 impl<'a> Golden<'a> {
     pub fn new(sheets: &'a Sheets, background: [f64; 4]) -> Self {
         let pixels = vec![Pixel::default(); PIXELS_IN_A_TILE];
-        Golden { sheets, background: DVec4::from_array(background), pixels, outcomes: Outcomes::default() }
+        Golden {
+            sheets,
+            background: DVec4::from_array(background),
+            pixels,
+            outcomes: Outcomes::default(),
+        }
     }
 }
 
@@ -128,7 +152,8 @@ impl Painter for Golden<'_> {
 
     fn finish(&mut self, pixel: usize) -> [f64; 4] {
         let done = std::mem::take(&mut self.pixels[pixel]);
-        self.outcomes.most_surfaces_in_a_pixel = self.outcomes.most_surfaces_in_a_pixel.max(done.sheets);
+        self.outcomes.most_surfaces_in_a_pixel =
+            self.outcomes.most_surfaces_in_a_pixel.max(done.sheets);
         over(done.colour(self.sheets), self.background).to_array()
     }
 
@@ -137,8 +162,9 @@ impl Painter for Golden<'_> {
     }
 }
 
-/// What no number of slots can make better: every contribution by itself, nearest first, none left out and none too late. A volume's
-/// hide what lies behind them by e^(−x), exactly; a Gaussian's by its weight.
+/// What no number of slots can make better: every contribution by itself, nearest first, none left
+/// out and none too late. A volume's hide what lies behind them by e^(−x), exactly; a Gaussian's by
+/// its weight.
 pub(super) struct Ideal<'a> {
     sheets: &'a Sheets,
     background: DVec4,
@@ -149,7 +175,12 @@ pub(super) struct Ideal<'a> {
 impl<'a> Ideal<'a> {
     pub fn new(sheets: &'a Sheets, background: [f64; 4]) -> Self {
         let contributions = vec![Vec::new(); PIXELS_IN_A_TILE];
-        Ideal { sheets, background: DVec4::from_array(background), contributions, outcomes: Outcomes::default() }
+        Ideal {
+            sheets,
+            background: DVec4::from_array(background),
+            contributions,
+            outcomes: Outcomes::default(),
+        }
     }
 }
 
@@ -170,7 +201,9 @@ impl Painter for Ideal<'_> {
             let ratio = Opacity::Exponential.over_depth(fragment.weight);
             (fragment.rgb * ratio).extend(fragment.weight * ratio)
         };
-        let all = contributions.iter().fold(DVec4::ZERO, |front, fragment| over(front, light(fragment)));
+        let all = contributions
+            .iter()
+            .fold(DVec4::ZERO, |front, fragment| over(front, light(fragment)));
         let count = contributions.len() as u64;
         self.outcomes.inserted += count;
         self.outcomes.most_surfaces_in_a_pixel = self.outcomes.most_surfaces_in_a_pixel.max(count);

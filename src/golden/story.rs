@@ -84,10 +84,11 @@ impl Layer {
     }
 }
 
-/// Tells what [`super::render`] does at pixel (x, y). A pixel outside of the picture has an empty story.
+/// Tells what [`super::render`] does at pixel (x, y). A pixel outside of the picture has an empty
+/// story.
 ///
-/// Where fragments are grouped by sheets, slot 1 is the open sheet and slot 0 the composite of those before it, which is all that is left
-/// at the end.
+/// Where fragments are grouped by sheets, slot 1 is the open sheet and slot 0 the composite of
+/// those before it, which is all that is left at the end.
 pub fn story(scene: &Scene, rules: &Rules, x: usize, y: usize) -> Story {
     let shader = Shader::of(scene, rules);
     if let Some(sheets) = &scene.sheets {
@@ -103,23 +104,50 @@ pub fn story(scene: &Scene, rules: &Rules, x: usize, y: usize) -> Story {
 
 fn of_fragments<S: Slot>(scene: &Scene, shader: &Shader, rules: &Rules, pixel: [u32; 2]) -> Story {
     let mut golden = Golden::<S>::new(rules, scene.surface.z_threshold, shader);
-    let arrivals = arrivals(scene, shader, rules.turn_normals, pixel, |_, fragment| golden.decide(0, fragment));
+    let arrivals = arrivals(scene, shader, rules.turn_normals, pixel, |_, fragment| {
+        golden.decide(0, fragment)
+    });
     let slots = golden.fragments(0);
-    let mut layers: Vec<Layer> = slots.iter().enumerate().map(|(slot, held)| Layer::new(slot, held.fragment(), shader)).collect();
+    let mut layers: Vec<Layer> = slots
+        .iter()
+        .enumerate()
+        .map(|(slot, held)| Layer::new(slot, held.fragment(), shader))
+        .collect();
     layers.sort_by(|a, b| a.z.total_cmp(&b.z));
-    Story { arrivals, layers, rgba: resolve(shader, slots) }
+    Story {
+        arrivals,
+        layers,
+        rgba: resolve(shader, slots),
+    }
 }
 
-/// An open layer is told as its sums, a closed one as its colour and the weight of its front; both at their nearest depth.
+/// An open layer is told as its sums, a closed one as its colour and the weight of its front; both
+/// at their nearest depth.
 fn of_windows(scene: &Scene, shader: &Shader, rules: &Rules, pixel: [u32; 2]) -> Story {
     let z_threshold = scene.surface.z_threshold;
     let mut pixels = Pixels::new(rules, z_threshold, shader);
-    let arrivals = arrivals(scene, shader, rules.turn_normals, pixel, |footprint, sums| {
-        pixels.decide(0, &window::Arrival { sums, colour: shader.emission(footprint), opacity: footprint.opacity })
-    });
+    let arrivals = arrivals(
+        scene,
+        shader,
+        rules.turn_normals,
+        pixel,
+        |footprint, sums| {
+            pixels.decide(
+                0,
+                &window::Arrival {
+                    sums,
+                    colour: shader.emission(footprint),
+                    opacity: footprint.opacity,
+                },
+            )
+        },
+    );
     let slots = pixels.layers(0);
     let told = |layer: &window::Layer| match layer {
-        window::Layer::Open(open) => Fragment { z: open.span.near, ..open.sums },
+        window::Layer::Open(open) => Fragment {
+            z: open.span.near,
+            ..open.sums
+        },
         window::Layer::Closed(closed) => Fragment {
             weight: closed.front.weight,
             rgb: closed.colour.truncate(),
@@ -129,23 +157,48 @@ fn of_windows(scene: &Scene, shader: &Shader, rules: &Rules, pixel: [u32; 2]) ->
             ..Fragment::default()
         },
     };
-    let mut layers: Vec<Layer> = slots.iter().enumerate().map(|(slot, held)| Layer::new(slot, &told(held), shader)).collect();
+    let mut layers: Vec<Layer> = slots
+        .iter()
+        .enumerate()
+        .map(|(slot, held)| Layer::new(slot, &told(held), shader))
+        .collect();
     layers.sort_by(|a, b| a.z.total_cmp(&b.z));
-    Story { arrivals, layers, rgba: window::Window::new(rules, z_threshold, shader).resolve(slots) }
+    Story {
+        arrivals,
+        layers,
+        rgba: window::Window::new(rules, z_threshold, shader).resolve(slots),
+    }
 }
 
 fn of_sheets(scene: &Scene, sheets: &Sheets, shader: &Shader, x: u32, y: u32) -> Story {
     let mut pixel = Pixel::default();
-    let arrivals = arrivals(scene, shader, false, [x, y], |_, fragment| match pixel.take(sheets, &fragment) {
-        Fate::Added => Decision::Accumulated { slot: 1 },
-        Fate::First => Decision::Inserted { slot: usize::from(sheets.of != Sheet::Splat) },
-        Fate::Next => Decision::Merged { slot: 0, place: 1 },
-        Fate::Dropped => Decision::Dropped,
+    let arrivals = arrivals(scene, shader, false, [x, y], |_, fragment| {
+        match pixel.take(sheets, &fragment) {
+            Fate::Added => Decision::Accumulated { slot: 1 },
+            Fate::First => Decision::Inserted {
+                slot: usize::from(sheets.of != Sheet::Splat),
+            },
+            Fate::Next => Decision::Merged { slot: 0, place: 1 },
+            Fate::Dropped => Decision::Dropped,
+        }
     });
     let colour = pixel.colour(sheets);
-    let all = Fragment { rgb: colour.truncate(), alpha: colour.w, shaded: true, ..Fragment::default() };
-    let layers = if arrivals.is_empty() { Vec::new() } else { vec![Layer::new(0, &all, shader)] };
-    Story { arrivals, layers, rgba: over(colour, DVec4::from_array(shader.background())).to_array() }
+    let all = Fragment {
+        rgb: colour.truncate(),
+        alpha: colour.w,
+        shaded: true,
+        ..Fragment::default()
+    };
+    let layers = if arrivals.is_empty() {
+        Vec::new()
+    } else {
+        vec![Layer::new(0, &all, shader)]
+    };
+    Story {
+        arrivals,
+        layers,
+        rgba: over(colour, DVec4::from_array(shader.background())).to_array(),
+    }
 }
 
 /// Sends everything that reaches the pixel to whoever decides, in the order in which it is drawn.
@@ -157,9 +210,11 @@ fn arrivals(
     mut decide: impl FnMut(&Footprint, Fragment) -> Decision,
 ) -> Vec<Arrival> {
     let view = scene.view();
-    let footprints = (0..scene.splats.len()).filter_map(|index| footprint::set_up(scene, &view, index, scene.least_weight()).ok());
-    let mut touching: Vec<Footprint> =
-        footprints.filter(|footprint| footprint.columns.contains(&x) && footprint.rows.contains(&y)).collect();
+    let footprints = (0..scene.splats.len())
+        .filter_map(|index| footprint::set_up(scene, &view, index, scene.least_weight()).ok());
+    let mut touching: Vec<Footprint> = footprints
+        .filter(|footprint| footprint.columns.contains(&x) && footprint.rows.contains(&y))
+        .collect();
     if turn_normals {
         touching.iter_mut().for_each(Footprint::turn_normal);
     }
@@ -168,7 +223,13 @@ fn arrivals(
         let contribution = footprint.row(y).at(x)?;
         let decision = decide(footprint, Fragment::new(footprint, &contribution, [x, y]));
         let (splat, z) = (footprint.splat as usize, contribution.z);
-        Some(Arrival { splat, radial_index: contribution.radial_index, weight: contribution.weight, z, decision })
+        Some(Arrival {
+            splat,
+            radial_index: contribution.radial_index,
+            weight: contribution.weight,
+            z,
+            decision,
+        })
     });
     arrivals.collect()
 }

@@ -1,7 +1,8 @@
-//! Tiles: hands each pixel its contributions in splat order, tile by tile, so that a tile's fragments stay in the cache.
+//! Tiles: hands each pixel its contributions in splat order, tile by tile, so that a tile's
+//! fragments stay in the cache.
 //!
-//! Bands of tiles are drawn in parallel. A pixel depends on its own contributions alone and counts are integers, so the
-//! result is the same at any number of threads.
+//! Bands of tiles are drawn in parallel. A pixel depends on its own contributions alone and counts
+//! are integers, so the result is the same at any number of threads.
 
 use std::ops::Range;
 
@@ -26,7 +27,12 @@ pub(crate) trait Cover: Sync {
     /// Pixel columns and rows of its box, within the picture.
     fn sides(&self) -> [Range<u32>; 2];
     /// Gives what it has to these columns of these rows, which lie in the box.
-    fn give(&self, columns: Range<u32>, rows: Range<u32>, take: impl FnMut([u32; 2], Self::Contribution));
+    fn give(
+        &self,
+        columns: Range<u32>,
+        rows: Range<u32>,
+        take: impl FnMut([u32; 2], Self::Contribution),
+    );
 }
 
 /// Makes pixels out of contributions, one tile at a time.
@@ -41,7 +47,8 @@ pub(crate) trait Painter {
     fn outcomes(&self) -> Outcomes;
 }
 
-/// Draws the scene but for weights below the least, with normals turned or as they are, each band of tiles with a painter of its own.
+/// Draws the scene but for weights below the least, with normals turned or as they are, each band
+/// of tiles with a painter of its own.
 pub(super) fn draw<P: Painter<Contribution = Fragment>>(
     scene: &Scene,
     shader: &Shader,
@@ -52,15 +59,38 @@ pub(super) fn draw<P: Painter<Contribution = Fragment>>(
     let (image, background) = (&scene.image, shader.background());
     if scene.ellipsoids.is_some() {
         let (footprints, culled) = footprints(scene, shader, turn_normals, least_weight);
-        return Rendering { culled, ..fill(image, &footprints, background, painter) };
+        return Rendering {
+            culled,
+            ..fill(image, &footprints, background, painter)
+        };
     }
     // Discs are neither lit nor sorted before they are drawn.
-    let rules = &SetUp { scene, view: scene.view(), least_weight, turn_normals };
-    let (discs, culled) = rules.all(|Footprint { splat, columns, rows, .. }| {
-        let [columns, rows] = [columns, rows].map(|side| [side.start as u16, side.end as u16]);
-        Disc { rules, splat, columns, rows }
-    });
-    Rendering { culled, ..fill(image, &discs, background, painter) }
+    let rules = &SetUp {
+        scene,
+        view: scene.view(),
+        least_weight,
+        turn_normals,
+    };
+    let (discs, culled) = rules.all(
+        |Footprint {
+             splat,
+             columns,
+             rows,
+             ..
+         }| {
+            let [columns, rows] = [columns, rows].map(|side| [side.start as u16, side.end as u16]);
+            Disc {
+                rules,
+                splat,
+                columns,
+                rows,
+            }
+        },
+    );
+    Rendering {
+        culled,
+        ..fill(image, &discs, background, painter)
+    }
 }
 
 /// How splats are set up.
@@ -81,18 +111,25 @@ impl SetUp<'_> {
         Ok(footprint)
     }
 
-    /// What is kept of the footprints of all splats that are drawn, in splat order, and a count of the others.
+    /// What is kept of the footprints of all splats that are drawn, in splat order, and a count of
+    /// the others.
     fn all<T: Send>(&self, kept: impl Fn(Footprint) -> T + Send + Sync) -> (Vec<T>, Culled) {
         let of = |splat| self.footprint(splat).map(&kept);
-        let results: Vec<Result<T, Cull>> = (0..self.scene.splats.len()).into_par_iter().map(of).collect();
+        let results: Vec<Result<T, Cull>> = (0..self.scene.splats.len())
+            .into_par_iter()
+            .map(of)
+            .collect();
         let mut culled = Culled::default();
-        let drawn = results.into_iter().filter_map(|result| result.map_err(|reason| culled.count(reason)).ok());
+        let drawn = results
+            .into_iter()
+            .filter_map(|result| result.map_err(|reason| culled.count(reason)).ok());
         (drawn.collect(), culled)
     }
 }
 
-/// A disc that is drawn, as the pixels of its box. What it gives to them is set up once more for each tile: that takes less time than to keep
-/// and to fetch ten times as many bytes, of all splats.
+/// A disc that is drawn, as the pixels of its box. What it gives to them is set up once more for
+/// each tile: that takes less time than to keep and to fetch ten times as many bytes, of all
+/// splats.
 struct Disc<'a> {
     rules: &'a SetUp<'a>,
     splat: u32,
@@ -115,9 +152,20 @@ impl Cover for Disc<'_> {
     }
 }
 
-/// The footprints of all splats that are drawn, lit and sorted where the scene's are, and a count of the others.
-pub(super) fn footprints(scene: &Scene, shader: &Shader, turn_normals: bool, least_weight: f64) -> (Vec<Footprint>, Culled) {
-    let rules = SetUp { scene, view: scene.view(), least_weight, turn_normals };
+/// The footprints of all splats that are drawn, lit and sorted where the scene's are, and a count
+/// of the others.
+pub(super) fn footprints(
+    scene: &Scene,
+    shader: &Shader,
+    turn_normals: bool,
+    least_weight: f64,
+) -> (Vec<Footprint>, Culled) {
+    let rules = SetUp {
+        scene,
+        view: scene.view(),
+        least_weight,
+        turn_normals,
+    };
     let (mut footprints, culled) = rules.all(|footprint| footprint);
     put_in_order(scene, shader, &mut footprints);
     (footprints, culled)
@@ -125,9 +173,13 @@ pub(super) fn footprints(scene: &Scene, shader: &Shader, turn_normals: bool, lea
 
 /// Lights and sorts footprints, as far as the scene's are lit and sorted before they are drawn.
 pub(super) fn put_in_order(scene: &Scene, shader: &Shader, footprints: &mut [Footprint]) {
-    let Some(ellipsoids) = &scene.ellipsoids else { return };
+    let Some(ellipsoids) = &scene.ellipsoids else {
+        return;
+    };
     if ellipsoids.preshaded {
-        footprints.par_iter_mut().for_each(|footprint| footprint.rgb = shader.emission(footprint));
+        footprints
+            .par_iter_mut()
+            .for_each(|footprint| footprint.rgb = shader.emission(footprint));
     }
     if ellipsoids.sorted {
         footprints.sort_by(|a, b| a.z().total_cmp(&b.z()));
@@ -154,13 +206,34 @@ pub(crate) fn fill<C: Cover, P: Painter<Contribution = C::Contribution>>(
         .filter(|(_, (_, members))| !members.is_empty())
         .map(|(index, ((rgba, covered), members))| {
             let (top, painter) = (index * TILE_PX, painter());
-            let mut band = Band { top, width, rgba, covered, painter, fragments: 0, most_in_a_pixel: 0 };
+            let mut band = Band {
+                top,
+                width,
+                rgba,
+                covered,
+                painter,
+                fragments: 0,
+                most_in_a_pixel: 0,
+            };
             band.draw(footprints, members);
-            let outcomes = Outcomes { most_in_a_pixel: band.most_in_a_pixel, ..band.painter.outcomes() };
+            let outcomes = Outcomes {
+                most_in_a_pixel: band.most_in_a_pixel,
+                ..band.painter.outcomes()
+            };
             (band.fragments, outcomes)
         })
         .reduce(Default::default, |a, b| (a.0 + b.0, a.1.and(b.1)));
-    Rendering { picture: Picture { width, height, rgba, covered }, culled: Culled::default(), fragments, outcomes }
+    Rendering {
+        picture: Picture {
+            width,
+            height,
+            rgba,
+            covered,
+        },
+        culled: Culled::default(),
+        fragments,
+        outcomes,
+    }
 }
 
 impl Culled {
@@ -190,7 +263,11 @@ fn bands<C: Cover>(footprints: &[C], height: usize) -> Vec<Vec<u32>> {
 /// The tiles that hold some of these pixels, along one axis.
 fn tiles(pixels: &Range<u32>) -> Range<usize> {
     let (first, end) = (pixels.start as usize, pixels.end as usize);
-    if first == end { 0..0 } else { first / TILE_PX..end.div_ceil(TILE_PX) }
+    if first == end {
+        0..0
+    } else {
+        first / TILE_PX..end.div_ceil(TILE_PX)
+    }
 }
 
 /// The part of a range that lies in the tile that begins at `start`.
@@ -211,7 +288,11 @@ struct Band<'a, P> {
 }
 
 impl<P: Painter> Band<'_, P> {
-    fn draw<C: Cover<Contribution = P::Contribution>>(&mut self, footprints: &[C], members: &[u32]) {
+    fn draw<C: Cover<Contribution = P::Contribution>>(
+        &mut self,
+        footprints: &[C],
+        members: &[u32],
+    ) {
         let mut columns = vec![Vec::new(); self.width.div_ceil(TILE_PX)];
         for &member in members {
             let [across, _] = footprints[member as usize].sides();
@@ -222,20 +303,33 @@ impl<P: Painter> Band<'_, P> {
         for (column, members) in columns.iter().enumerate() {
             let mut arrivals = [0; PIXELS_IN_A_TILE];
             for &member in members {
-                self.scatter(column * TILE_PX, &footprints[member as usize], &mut arrivals);
+                self.scatter(
+                    column * TILE_PX,
+                    &footprints[member as usize],
+                    &mut arrivals,
+                );
             }
             self.gather(column * TILE_PX, &arrivals);
         }
     }
 
     /// Gives the painter what a footprint contributes to the tile whose first column is `left`.
-    fn scatter<C: Cover<Contribution = P::Contribution>>(&mut self, left: usize, footprint: &C, arrivals: &mut [u64; PIXELS_IN_A_TILE]) {
+    fn scatter<C: Cover<Contribution = P::Contribution>>(
+        &mut self,
+        left: usize,
+        footprint: &C,
+        arrivals: &mut [u64; PIXELS_IN_A_TILE],
+    ) {
         let [columns, rows] = footprint.sides();
-        footprint.give(clip(&columns, left), clip(&rows, self.top), |[x, y], contribution| {
-            let pixel = (y as usize - self.top) * TILE_PX + (x as usize - left);
-            arrivals[pixel] += 1;
-            self.painter.take(pixel, contribution);
-        });
+        footprint.give(
+            clip(&columns, left),
+            clip(&rows, self.top),
+            |[x, y], contribution| {
+                let pixel = (y as usize - self.top) * TILE_PX + (x as usize - left);
+                arrivals[pixel] += 1;
+                self.painter.take(pixel, contribution);
+            },
+        );
     }
 
     /// Collects the tile's finished pixels.

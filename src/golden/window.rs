@@ -1,15 +1,17 @@
-//! Window: keeps at most `l` layers of one pixel as clusters of depth, and groups them as `ideal` does, as far as they still lie apart
-//! (docs/book/algorithm-resolve.md §11).
+//! Window: keeps at most `l` layers of one pixel as clusters of depth, and groups them as `ideal`
+//! does, as far as they still lie apart (docs/book/algorithm-resolve.md §11).
 //! ```text
 //! contribution ─► 1 a cluster spans it? ─► accumulate          7 close: shade two, one over or inside the other
 //!                 2 its surface closed? ─► late, or inside     6 sum: two clusters of one window become one
 //!                 3 room? ───────────────► insert              5 evict: nobody sees the deepest
 //!                 else ─► 4 windows of ε and what is seen through them ─► 5, 6 or 7
 //! ```
-//! Open layers are sums, closed ones premultiplied colours. Each step is a function of its number, on layers in the order of their
-//! nearest depths, so that a renderer that is led may take them one by one.
+//! Open layers are sums, closed ones premultiplied colours. Each step is a function of its number,
+//! on layers in the order of their nearest depths, so that a renderer that is led may take them one
+//! by one.
 //!
-//! Laws (tests/golden_window.rs): `windows_equal_ideal_where_every_surface_has_a_slot`, `the_figures_of_the_check_scene_in_surface_order`.
+//! Laws (tests/golden_window.rs): `windows_equal_ideal_where_every_surface_has_a_slot`,
+//! `the_figures_of_the_check_scene_in_surface_order`.
 
 use std::ops::Range;
 
@@ -36,7 +38,8 @@ const LEAST_OPACITY: f64 = 1e-9;
 /// What a late contribution can cover at least is never taken for less.
 const LEAST_REST: f64 = 1e-6;
 
-/// How fast a splat of some opacity hides, by its weight, what lies behind it: −ln(1 − α)/0.5, of at most 0.95.
+/// How fast a splat of some opacity hides, by its weight, what lies behind it: −ln(1 − α)/0.5, of
+/// at most 0.95.
 pub fn density(opacity: f64) -> f64 {
     -libm::log1p(-opacity.min(MOST_INSIDE)) / FULL_INSIDE
 }
@@ -104,7 +107,11 @@ pub(crate) struct Seen {
 impl Open {
     /// Of one contribution.
     pub fn new(sums: Fragment) -> Self {
-        Open { sums, depth: sums.weight * sums.z, span: Span::at(sums.z) }
+        Open {
+            sums,
+            depth: sums.weight * sums.z,
+            span: Span::at(sums.z),
+        }
     }
 
     /// Adds one contribution.
@@ -125,7 +132,11 @@ impl Open {
     /// Σw·z/W.
     pub fn mean_depth(&self) -> f64 {
         // All of its weights may have underflowed.
-        if self.sums.weight > 0.0 { self.depth / self.sums.weight } else { self.span.near }
+        if self.sums.weight > 0.0 {
+            self.depth / self.sums.weight
+        } else {
+            self.span.near
+        }
     }
 }
 
@@ -148,7 +159,13 @@ impl Default for Layer {
 impl Closed {
     /// A contribution or a cluster that is one surface.
     pub fn of_one(colour: DVec4, part: Part) -> Self {
-        Closed { colour, front: part, back: part, behind_front: 1.0 - colour.w, before_back: 1.0 }
+        Closed {
+            colour,
+            front: part,
+            back: part,
+            behind_front: 1.0 - colour.w,
+            before_back: 1.0,
+        }
     }
 
     /// lo.
@@ -195,13 +212,19 @@ impl Closed {
     pub fn put_inside_at(&mut self, x: &Closed, nearer_to_the_back: bool) {
         let [opacity, hidden] = [self.colour.w, x.colour.w];
         let through = 1.0 - opacity;
-        // What of x is seen: all that the front lets through, or, nearer to the back, what reaches the back.
+        // What of x is seen: all that the front lets through, or, nearer to the back, what reaches
+        // the back.
         let mut seen = self.behind_front.max(through);
         if nearer_to_the_back {
             seen = self.before_back.max(through).min(seen);
         }
-        let own = if opacity > LEAST_OPACITY { self.colour.truncate() / opacity } else { DVec3::ZERO };
-        let colour = self.colour.truncate() + x.colour.truncate() * seen - own * (hidden * (seen - through));
+        let own = if opacity > LEAST_OPACITY {
+            self.colour.truncate() / opacity
+        } else {
+            DVec3::ZERO
+        };
+        let colour =
+            self.colour.truncate() + x.colour.truncate() * seen - own * (hidden * (seen - through));
         self.colour = colour.extend(1.0 - through * (1.0 - hidden));
         self.before_back *= 1.0 - hidden;
     }
@@ -228,7 +251,11 @@ impl<'a> Window<'a> {
         Window {
             shader,
             z_threshold,
-            reach: if clusters { rules.window.join * z_threshold } else { z_threshold },
+            reach: if clusters {
+                rules.window.join * z_threshold
+            } else {
+                z_threshold
+            },
             late: rules.window.late,
             inside: rules.window.inside,
             evict_hidden: rules.evict_hidden,
@@ -238,19 +265,26 @@ impl<'a> Window<'a> {
 
     /// Step 1: the cluster that a contribution of this depth joins.
     pub fn taker(&self, z: f64, layers: &[Layer]) -> Option<usize> {
-        let open = layers.iter().enumerate().filter_map(|(slot, layer)| match layer {
-            Layer::Open(open) => Some((slot, open.span)),
-            Layer::Closed(_) => None,
-        });
+        let open = layers
+            .iter()
+            .enumerate()
+            .filter_map(|(slot, layer)| match layer {
+                Layer::Open(open) => Some((slot, open.span)),
+                Layer::Closed(_) => None,
+            });
         nearest_that_stays_within(self.reach, z, open)
     }
 
-    /// Step 2: the closed layer that a contribution of this depth is late for, and on which side; of equals the lowest, its front first.
+    /// Step 2: the closed layer that a contribution of this depth is late for, and on which side;
+    /// of equals the lowest, its front first.
     pub fn late_for(&self, z: f64, layers: &[Layer]) -> Option<(usize, Side)> {
-        let closed = layers.iter().enumerate().filter_map(|(slot, layer)| match layer {
-            Layer::Open(_) => None,
-            Layer::Closed(closed) => Some((slot, closed)),
-        });
+        let closed = layers
+            .iter()
+            .enumerate()
+            .filter_map(|(slot, layer)| match layer {
+                Layer::Open(_) => None,
+                Layer::Closed(closed) => Some((slot, closed)),
+            });
         let (mut least, mut nearest) = (f64::INFINITY, None);
         for (slot, closed) in closed {
             for (side, part) in [(Side::Front, closed.front), (Side::Back, closed.back)] {
@@ -272,7 +306,11 @@ impl<'a> Window<'a> {
         };
         let had = new.opacity * part.weight.min(threshold) / threshold;
         let adds = new.opacity * (threshold - part.weight).min(weight).max(0.0) / threshold;
-        let share = if adds > 0.0 { (adds / (1.0 - had).max(LEAST_REST)).min(1.0) } else { 0.0 };
+        let share = if adds > 0.0 {
+            (adds / (1.0 - had).max(LEAST_REST)).min(1.0)
+        } else {
+            0.0
+        };
         part.weight += weight;
         part.span = part.span.with(new.sums.z);
         let late = (new.colour * share).extend(share);
@@ -288,13 +326,18 @@ impl<'a> Window<'a> {
 
     /// Step 2: the last closed layer within whose depths this one lies.
     pub fn around(&self, z: f64, layers: &[Layer]) -> Option<usize> {
-        layers.iter().rposition(|layer| matches!(layer, Layer::Closed(closed) if closed.near() < z && z < closed.far()))
+        layers.iter().rposition(
+            |layer| matches!(layer, Layer::Closed(closed) if closed.near() < z && z < closed.far()),
+        )
     }
 
     /// Step 2: a contribution by itself, as what lies inside a closed layer.
     pub fn splat_inside(new: &Arrival) -> Closed {
         let opacity = -libm::expm1(-density(new.opacity) * new.sums.weight);
-        let part = Part { span: Span::at(new.sums.z), weight: new.sums.weight };
+        let part = Part {
+            span: Span::at(new.sums.z),
+            weight: new.sums.weight,
+        };
         Closed::of_one((new.colour * opacity).extend(opacity), part)
     }
 
@@ -316,7 +359,8 @@ impl<'a> Window<'a> {
             {
                 through *= 1.0 - self.opacity(&sums);
             }
-            let (first, start) = joins.map_or((slot, layer.near()), |(first, start, _)| (first, start));
+            let (first, start) =
+                joins.map_or((slot, layer.near()), |(first, start, _)| (first, start));
             if let Layer::Open(open) = layer {
                 let sums = joins.map_or(open.sums, |(_, _, mut sums)| {
                     sums.add(&open.sums);
@@ -324,11 +368,18 @@ impl<'a> Window<'a> {
                 });
                 window = Some((first, start, sums));
             }
-            let transmittance = power_of_two(layers[..slot].iter().fold(through, |through, before| match before {
-                Layer::Open(_) => through,
-                Layer::Closed(closed) => through * closed.lets_through(layer.near()),
-            }));
-            seen.push(Seen { first, start, transmittance });
+            let transmittance = power_of_two(layers[..slot].iter().fold(
+                through,
+                |through, before| match before {
+                    Layer::Open(_) => through,
+                    Layer::Closed(closed) => through * closed.lets_through(layer.near()),
+                },
+            ));
+            seen.push(Seen {
+                first,
+                start,
+                transmittance,
+            });
         }
     }
 
@@ -339,15 +390,25 @@ impl<'a> Window<'a> {
 
     /// Opacity of sums.
     pub fn opacity(&self, sums: &Fragment) -> f64 {
-        if sums.weight > 0.0 { sums.alpha / sums.weight * (sums.weight / self.shader.coverage_threshold()).min(1.0) } else { 0.0 }
+        if sums.weight > 0.0 {
+            sums.alpha / sums.weight * (sums.weight / self.shader.coverage_threshold()).min(1.0)
+        } else {
+            0.0
+        }
     }
 
-    /// Step 6: the front of the pair that is best summed, if any two may be; of equals the one nearer to the eye.
+    /// Step 6: the front of the pair that is best summed, if any two may be; of equals the one
+    /// nearer to the eye.
     pub fn pair_to_sum(&self, layers: &[Layer], seen: &[Seen]) -> Option<usize> {
         let (mut least, mut front) = (f64::INFINITY, None);
         for slot in 0..layers.len() - 1 {
-            let (Layer::Open(a), Layer::Open(b)) = (&layers[slot], &layers[slot + 1]) else { continue };
-            let union = Span { near: a.span.near, far: a.span.far.max(b.span.far) };
+            let (Layer::Open(a), Layer::Open(b)) = (&layers[slot], &layers[slot + 1]) else {
+                continue;
+            };
+            let union = Span {
+                near: a.span.near,
+                far: a.span.far.max(b.span.far),
+            };
             let start = (seen[slot].first == seen[slot + 1].first).then_some(seen[slot].start);
             let cost = seen[slot].transmittance * self.cost_of_sum(union, start);
             if union.width() < self.z_threshold && cost < least {
@@ -357,21 +418,31 @@ impl<'a> Window<'a> {
         front
     }
 
-    /// Step 6: how much a sum of these depths may put wrong; with the start of their window, if both are of one.
+    /// Step 6: how much a sum of these depths may put wrong; with the start of their window, if
+    /// both are of one.
     pub fn cost_of_sum(&self, union: Span, start: Option<f64>) -> f64 {
         let epsilon = self.z_threshold;
-        start.map_or(epsilon, |start| union.width() * (epsilon + union.far - start) / (2.0 * epsilon))
+        start.map_or(epsilon, |start| {
+            union.width() * (epsilon + union.far - start) / (2.0 * epsilon)
+        })
     }
 
     /// Step 7: a layer, shaded once.
     pub fn close(&self, layer: &Layer) -> Closed {
         match layer {
-            Layer::Open(open) => Closed::of_one(self.shader.premultiplied(&open.sums), Part { span: open.span, weight: open.sums.weight }),
+            Layer::Open(open) => Closed::of_one(
+                self.shader.premultiplied(&open.sums),
+                Part {
+                    span: open.span,
+                    weight: open.sums.weight,
+                },
+            ),
             Layer::Closed(closed) => *closed,
         }
     }
 
-    /// Step 7: the back inside of the front, where it lies there, or behind it; and which of the two.
+    /// Step 7: the back inside of the front, where it lies there, or behind it; and which of the
+    /// two.
     pub fn merge(&self, front: &mut Closed, back: &Closed) -> bool {
         let inside = self.inside && front.encloses(back);
         if inside {
@@ -382,8 +453,15 @@ impl<'a> Window<'a> {
         inside
     }
 
-    /// One contribution to the layers of a pixel, the last of which is spare; and what became of it.
-    pub fn take(&self, layers: &mut [Layer], used: &mut usize, seen: &mut Vec<Seen>, new: &Arrival) -> Decision {
+    /// One contribution to the layers of a pixel, the last of which is spare; and what became of
+    /// it.
+    pub fn take(
+        &self,
+        layers: &mut [Layer],
+        used: &mut usize,
+        seen: &mut Vec<Seen>,
+        new: &Arrival,
+    ) -> Decision {
         let z = new.sums.z;
         if let Some(slot) = self.taker(z, &layers[..*used])
             && let Layer::Open(open) = &mut layers[slot]
@@ -391,13 +469,19 @@ impl<'a> Window<'a> {
             open.add(&new.sums);
             return Decision::Accumulated { slot };
         }
-        if let Some((slot, side)) = self.late.then(|| self.late_for(z, &layers[..*used])).flatten()
+        if let Some((slot, side)) = self
+            .late
+            .then(|| self.late_for(z, &layers[..*used]))
+            .flatten()
             && let Layer::Closed(closed) = &mut layers[slot]
         {
             self.add_late(closed, side, new);
             return Decision::Late { slot, side };
         }
-        if let Some(slot) = self.inside.then(|| self.around(z, &layers[..*used])).flatten()
+        if let Some(slot) = self
+            .inside
+            .then(|| self.around(z, &layers[..*used]))
+            .flatten()
             && let Layer::Closed(closed) = &mut layers[slot]
         {
             closed.put_inside(&Self::splat_inside(new));
@@ -411,7 +495,9 @@ impl<'a> Window<'a> {
         self.windows(layers, seen);
         let deepest = *used;
         if self.evict_hidden && seen[deepest].transmittance == 0.0 {
-            return Decision::Evicted { slot: (place < deepest).then_some(place) };
+            return Decision::Evicted {
+                slot: (place < deepest).then_some(place),
+            };
         }
         if let Some(slot) = self.sums.then(|| self.pair_to_sum(layers, seen)).flatten()
             && let (Layer::Open(front), Layer::Open(back)) = (layers[slot], layers[slot + 1])
@@ -423,7 +509,11 @@ impl<'a> Window<'a> {
         let mut front = self.close(&layers[deepest - 1]);
         let inside = self.merge(&mut front, &self.close(&layers[deepest]));
         layers[deepest - 1] = Layer::Closed(front);
-        Decision::Closed { slot: deepest - 1, place, inside }
+        Decision::Closed {
+            slot: deepest - 1,
+            place,
+            inside,
+        }
     }
 
     /// The pixel: windows summed and closed, one in or behind the other, over the background.
@@ -437,7 +527,12 @@ impl<'a> Window<'a> {
             done += taken;
             match &mut last {
                 Some(last) if self.inside && last.encloses(&next) => last.put_inside(&next),
-                _ => front = over(front, last.replace(next).map_or(DVec4::ZERO, |last| last.colour)),
+                _ => {
+                    front = over(
+                        front,
+                        last.replace(next).map_or(DVec4::ZERO, |last| last.colour),
+                    )
+                }
             }
         }
         let front = over(front, last.map_or(DVec4::ZERO, |last| last.colour));
@@ -446,7 +541,9 @@ impl<'a> Window<'a> {
 
     /// The window that starts with the first layer, closed, and how many layers it took.
     fn close_window(&self, layers: &[Layer]) -> (Closed, usize) {
-        let Layer::Open(mut window) = layers[0] else { return (self.close(&layers[0]), 1) };
+        let Layer::Open(mut window) = layers[0] else {
+            return (self.close(&layers[0]), 1);
+        };
         let start = window.span.near;
         let mut taken = 1;
         while let Some(Layer::Open(next)) = layers.get(taken).copied() {
@@ -461,17 +558,24 @@ impl<'a> Window<'a> {
 }
 
 impl Closed {
-    /// What of a layer behind it is seen that starts at this depth: all that its front lets through, where it lies before its back.
+    /// What of a layer behind it is seen that starts at this depth: all that its front lets
+    /// through, where it lies before its back.
     fn lets_through(&self, near: f64) -> f64 {
-        if near < self.far() { self.behind_front } else { 1.0 - self.colour.w }
+        if near < self.far() {
+            self.behind_front
+        } else {
+            1.0 - self.colour.w
+        }
     }
 }
 
-/// Step 3: brings a new cluster into the order of the others, of which the last place is spare; behind its equals. Returns its place.
+/// Step 3: brings a new cluster into the order of the others, of which the last place is spare;
+/// behind its equals. Returns its place.
 fn insert(layers: &mut [Layer], new: Open) -> usize {
     let last = layers.len() - 1;
     Window::sort(&mut layers[..last]);
-    let place = layers[..last].partition_point(|layer| layer.near().total_cmp(&new.span.near).is_le());
+    let place =
+        layers[..last].partition_point(|layer| layer.near().total_cmp(&new.span.near).is_le());
     layers[last] = Layer::Open(new);
     layers[place..].rotate_right(1);
     place
@@ -480,7 +584,11 @@ fn insert(layers: &mut [Layer], new: Open) -> usize {
 /// Rounded down to a power of two; what is hardly seen is not seen.
 fn power_of_two(transmittance: f64) -> f64 {
     const EXPONENT: u64 = 0xfff0_0000_0000_0000;
-    if transmittance >= LEAST_SEEN { f64::from_bits(transmittance.to_bits() & EXPONENT) } else { 0.0 }
+    if transmittance >= LEAST_SEEN {
+        f64::from_bits(transmittance.to_bits() & EXPONENT)
+    } else {
+        0.0
+    }
 }
 
 /// A footprint and its splat's own colour.
@@ -498,17 +606,32 @@ impl Cover for Lit {
 
     fn give(&self, columns: Range<u32>, rows: Range<u32>, mut take: impl FnMut([u32; 2], Arrival)) {
         let (colour, opacity) = (self.colour, self.footprint.opacity);
-        self.footprint.give(columns, rows, |pixel, sums| take(pixel, Arrival { sums, colour, opacity }));
+        self.footprint.give(columns, rows, |pixel, sums| {
+            take(
+                pixel,
+                Arrival {
+                    sums,
+                    colour,
+                    opacity,
+                },
+            )
+        });
     }
 }
 
 /// Draws a scene of surfaces.
 pub(super) fn draw(scene: &Scene, shader: &Shader, rules: &Rules) -> Rendering {
     let (footprints, culled) = footprints(scene, shader, rules.turn_normals, 0.0);
-    let light = |footprint: Footprint| Lit { colour: shader.emission(&footprint), footprint };
+    let light = |footprint: Footprint| Lit {
+        colour: shader.emission(&footprint),
+        footprint,
+    };
     let lit: Vec<Lit> = footprints.into_par_iter().map(light).collect();
     let pixels = || Pixels::new(rules, scene.surface.z_threshold, shader);
-    Rendering { culled, ..fill(&scene.image, &lit, shader.background(), pixels) }
+    Rendering {
+        culled,
+        ..fill(&scene.image, &lit, shader.background(), pixels)
+    }
 }
 
 /// The fragments of one tile.
@@ -540,7 +663,12 @@ impl<'a> Pixels<'a> {
     /// Takes one contribution in and says what became of it.
     pub fn decide(&mut self, pixel: usize, new: &Arrival) -> Decision {
         let first = pixel * self.slots;
-        self.window.take(&mut self.layers[first..first + self.slots], &mut self.used[pixel], &mut self.seen, new)
+        self.window.take(
+            &mut self.layers[first..first + self.slots],
+            &mut self.used[pixel],
+            &mut self.seen,
+            new,
+        )
     }
 
     /// The layers of one pixel in slot order.
@@ -582,19 +710,47 @@ mod tests {
     const GREY: DVec3 = DVec3::splat(0.5);
 
     fn rules(layers: usize, join: f64) -> Rules {
-        let window = WindowOptions { join, ..WindowOptions::default() };
-        Rules { layers, group: Group::Window, merge: Merge::Window, window, ..Rules::default() }
+        let window = WindowOptions {
+            join,
+            ..WindowOptions::default()
+        };
+        Rules {
+            layers,
+            group: Group::Window,
+            merge: Merge::Window,
+            window,
+            ..Rules::default()
+        }
     }
 
     /// Grey, of full weight.
     fn at(z: f64, opacity: f64) -> Arrival {
-        let sums = Fragment { weight: 1.0, rgb: GREY, alpha: opacity, normal: DVec3::NEG_Z, z, ..Fragment::default() };
-        Arrival { sums, colour: GREY, opacity }
+        let sums = Fragment {
+            weight: 1.0,
+            rgb: GREY,
+            alpha: opacity,
+            normal: DVec3::NEG_Z,
+            z,
+            ..Fragment::default()
+        };
+        Arrival {
+            sums,
+            colour: GREY,
+            opacity,
+        }
     }
 
     fn weighing(weight: f64, arrival: Arrival) -> Arrival {
-        let Fragment { rgb, alpha, normal, .. } = arrival.sums;
-        let sums = Fragment { weight, rgb: rgb * weight, alpha: alpha * weight, normal: normal * weight, ..arrival.sums };
+        let Fragment {
+            rgb, alpha, normal, ..
+        } = arrival.sums;
+        let sums = Fragment {
+            weight,
+            rgb: rgb * weight,
+            alpha: alpha * weight,
+            normal: normal * weight,
+            ..arrival.sums
+        };
         Arrival { sums, ..arrival }
     }
 
@@ -603,21 +759,34 @@ mod tests {
     }
 
     fn part(near: f64, far: f64, weight: f64) -> Part {
-        Part { span: Span { near, far }, weight }
+        Part {
+            span: Span { near, far },
+            weight,
+        }
     }
 
     /// Two grey surfaces of opacity ½, front over back, which cover half.
     fn closed(front: [f64; 2], back: [f64; 2]) -> Closed {
         let colour = (GREY * 0.75).extend(0.75);
         let [front, back] = [front, back].map(|[near, far]| part(near, far, COVERS / 2.0));
-        Closed { colour, front, back, behind_front: 0.5, before_back: 0.5 }
+        Closed {
+            colour,
+            front,
+            back,
+            behind_front: 0.5,
+            before_back: 0.5,
+        }
     }
 
-    /// What becomes of each of these at ε = 1, the nearest depths of the slots at the end, and the pixel.
+    /// What becomes of each of these at ε = 1, the nearest depths of the slots at the end, and the
+    /// pixel.
     fn drawn(rules: &Rules, arrivals: &[Arrival]) -> (Vec<Decision>, Vec<f64>, [f64; 4]) {
         let shader = Shader::unlit(COVERS);
         let mut pixels = Pixels::new(rules, 1.0, &shader);
-        let decisions = arrivals.iter().map(|arrival| pixels.decide(0, arrival)).collect();
+        let decisions = arrivals
+            .iter()
+            .map(|arrival| pixels.decide(0, arrival))
+            .collect();
         let near = pixels.layers(0).iter().map(Layer::near).collect();
         let window = pixels.window;
         (decisions, near, window.resolve(pixels.layers(0)))
@@ -640,7 +809,10 @@ mod tests {
     }
 
     fn assert_near(colour: DVec4, expected: DVec4) {
-        assert!((colour - expected).abs().max_element() < 1e-15, "{colour}, not {expected}");
+        assert!(
+            (colour - expected).abs().max_element() < 1e-15,
+            "{colour}, not {expected}"
+        );
     }
 
     // --- Step 1 ---
@@ -650,34 +822,78 @@ mod tests {
         let clusters = [9.0, 10.0, 9.5, 9.25];
         // The third finds 9 and 10 apart; the pixel overflows at two, where 9 and 9.5 are summed.
         let (decision, near) = last(&rules(2, 0.0), &clusters, 0.0);
-        assert_eq!((decision, near), (Decision::Accumulated { slot: 0 }, vec![9.0, 10.0]));
-        assert_eq!(last(&rules(2, 0.0), &[9.0, 9.0], 0.0).0, Decision::Accumulated { slot: 0 });
-        assert_eq!(last(&rules(2, 0.0), &[9.0, 9.001], 0.0).0, Decision::Inserted { slot: 1 });
+        assert_eq!(
+            (decision, near),
+            (Decision::Accumulated { slot: 0 }, vec![9.0, 10.0])
+        );
+        assert_eq!(
+            last(&rules(2, 0.0), &[9.0, 9.0], 0.0).0,
+            Decision::Accumulated { slot: 0 }
+        );
+        assert_eq!(
+            last(&rules(2, 0.0), &[9.0, 9.001], 0.0).0,
+            Decision::Inserted { slot: 1 }
+        );
     }
 
     #[test]
     fn a_contribution_joins_the_nearest_cluster_that_stays_narrow_and_of_equals_the_lowest() {
         let rules = rules(8, 0.5);
-        assert_eq!(last(&rules, &[10.0, 10.4375], 0.0).0, Decision::Accumulated { slot: 0 });
-        assert_eq!(last(&rules, &[10.0, 10.5], 0.0).0, Decision::Inserted { slot: 1 });
-        assert_eq!(last(&rules, &[10.0, 10.5, 10.25], 0.0).0, Decision::Accumulated { slot: 0 });
-        assert_eq!(last(&rules, &[10.0, 10.5, 10.375], 0.0).0, Decision::Accumulated { slot: 1 });
-        assert_eq!(last(&rules, &[10.5, 10.0, 10.25], 0.0).0, Decision::Accumulated { slot: 0 });
+        assert_eq!(
+            last(&rules, &[10.0, 10.4375], 0.0).0,
+            Decision::Accumulated { slot: 0 }
+        );
+        assert_eq!(
+            last(&rules, &[10.0, 10.5], 0.0).0,
+            Decision::Inserted { slot: 1 }
+        );
+        assert_eq!(
+            last(&rules, &[10.0, 10.5, 10.25], 0.0).0,
+            Decision::Accumulated { slot: 0 }
+        );
+        assert_eq!(
+            last(&rules, &[10.0, 10.5, 10.375], 0.0).0,
+            Decision::Accumulated { slot: 1 }
+        );
+        assert_eq!(
+            last(&rules, &[10.5, 10.0, 10.25], 0.0).0,
+            Decision::Accumulated { slot: 0 }
+        );
     }
 
     #[test]
     fn intervals_join_up_to_the_threshold_and_are_not_summed() {
-        let rules = Rules { group: Group::Interval, ..rules(2, 0.0) };
-        assert_eq!(last(&rules, &[10.0, 10.75, 10.5, 9.875], 0.0), (Decision::Accumulated { slot: 0 }, vec![9.875]));
-        assert_eq!(last(&rules, &[10.0, 10.75, 9.75], 0.0), (Decision::Inserted { slot: 0 }, vec![9.75, 10.0]));
-        assert_eq!(last(&rules, &[10.0, 10.75, 11.0, 9.75], 0.0).0, Decision::Closed { slot: 1, place: 0, inside: false });
+        let rules = Rules {
+            group: Group::Interval,
+            ..rules(2, 0.0)
+        };
+        assert_eq!(
+            last(&rules, &[10.0, 10.75, 10.5, 9.875], 0.0),
+            (Decision::Accumulated { slot: 0 }, vec![9.875])
+        );
+        assert_eq!(
+            last(&rules, &[10.0, 10.75, 9.75], 0.0),
+            (Decision::Inserted { slot: 0 }, vec![9.75, 10.0])
+        );
+        assert_eq!(
+            last(&rules, &[10.0, 10.75, 11.0, 9.75], 0.0).0,
+            Decision::Closed {
+                slot: 1,
+                place: 0,
+                inside: false
+            }
+        );
     }
 
     // --- Step 2 ---
 
     #[test]
     fn a_late_contribution_goes_to_the_nearest_surface_that_stays_narrow() {
-        let layers = [open(0.0, 0.0), Layer::Closed(closed([10.0, 10.5], [14.0, 14.0])), Layer::Closed(closed([15.0, 15.0], [20.0, 20.0]))];
+        let layers = [
+            open(0.0, 0.0),
+            Layer::Closed(closed([10.0, 10.5], [14.0, 14.0])),
+            Layer::Closed(closed([15.0, 15.0], [20.0, 20.0])),
+        ];
         let late = |z| with_rule(&rules(8, 0.0), |window| window.late_for(z, &layers));
         assert_eq!(late(9.75), Some((1, Side::Front)));
         assert_eq!(late(9.5), None);
@@ -700,49 +916,110 @@ mod tests {
     #[test]
     fn a_late_front_covers_what_its_surface_did_not() {
         let mut late = closed([10.0, 10.0], [14.0, 14.0]);
-        let white = Arrival { colour: DVec3::ONE, ..weighing(COVERS / 4.0, at(9.5, 0.5)) };
-        with_rule(&rules(8, 0.0), |window| window.add_late(&mut late, Side::Front, &white));
+        let white = Arrival {
+            colour: DVec3::ONE,
+            ..weighing(COVERS / 4.0, at(9.5, 0.5))
+        };
+        with_rule(&rules(8, 0.0), |window| {
+            window.add_late(&mut late, Side::Front, &white)
+        });
         // It had ½·½, and half of that is added: a sixth of the ¾ that were left.
         let (share, rest) = (1.0 / 6.0, 5.0 / 6.0);
-        assert_near(late.colour, DVec4::splat(share) + closed([0.0; 2], [0.0; 2]).colour * rest);
-        assert!((late.behind_front - 0.5 * rest).abs() < 1e-15 && (late.before_back - 0.5 * rest).abs() < 1e-15);
-        assert_eq!((late.front.span, late.front.weight), (Span { near: 9.5, far: 10.0 }, COVERS * 0.75));
+        assert_near(
+            late.colour,
+            DVec4::splat(share) + closed([0.0; 2], [0.0; 2]).colour * rest,
+        );
+        assert!(
+            (late.behind_front - 0.5 * rest).abs() < 1e-15
+                && (late.before_back - 0.5 * rest).abs() < 1e-15
+        );
+        assert_eq!(
+            (late.front.span, late.front.weight),
+            (
+                Span {
+                    near: 9.5,
+                    far: 10.0
+                },
+                COVERS * 0.75
+            )
+        );
         assert_eq!(late.back.weight, COVERS / 2.0);
     }
 
     #[test]
     fn a_late_back_is_seen_through_all() {
         let mut late = closed([10.0, 10.0], [14.0, 14.0]);
-        let white = Arrival { colour: DVec3::ONE, ..weighing(COVERS / 4.0, at(14.5, 0.5)) };
-        with_rule(&rules(8, 0.0), |window| window.add_late(&mut late, Side::Back, &white));
-        assert_near(late.colour, closed([0.0; 2], [0.0; 2]).colour + DVec4::splat(0.25 / 6.0));
+        let white = Arrival {
+            colour: DVec3::ONE,
+            ..weighing(COVERS / 4.0, at(14.5, 0.5))
+        };
+        with_rule(&rules(8, 0.0), |window| {
+            window.add_late(&mut late, Side::Back, &white)
+        });
+        assert_near(
+            late.colour,
+            closed([0.0; 2], [0.0; 2]).colour + DVec4::splat(0.25 / 6.0),
+        );
         assert_eq!((late.behind_front, late.before_back), (0.5, 0.5));
-        assert_eq!((late.back.span, late.back.weight), (Span { near: 14.0, far: 14.5 }, COVERS * 0.75));
+        assert_eq!(
+            (late.back.span, late.back.weight),
+            (
+                Span {
+                    near: 14.0,
+                    far: 14.5
+                },
+                COVERS * 0.75
+            )
+        );
     }
 
     #[test]
     fn what_covers_takes_no_more_colour() {
         let mut late = closed([10.0, 10.0], [14.0, 14.0]);
         late.front.weight = COVERS;
-        with_rule(&rules(8, 0.0), |window| window.add_late(&mut late, Side::Front, &at(10.0, 0.5)));
-        assert_eq!((late.colour, late.front.weight), (closed([0.0; 2], [0.0; 2]).colour, COVERS + 1.0));
+        with_rule(&rules(8, 0.0), |window| {
+            window.add_late(&mut late, Side::Front, &at(10.0, 0.5))
+        });
+        assert_eq!(
+            (late.colour, late.front.weight),
+            (closed([0.0; 2], [0.0; 2]).colour, COVERS + 1.0)
+        );
         // Half covered, and opaque: the other half is all that is left.
         let mut late = closed([10.0, 10.0], [14.0, 14.0]);
-        with_rule(&rules(8, 0.0), |window| window.add_late(&mut late, Side::Front, &at(10.0, 1.0)));
+        with_rule(&rules(8, 0.0), |window| {
+            window.add_late(&mut late, Side::Front, &at(10.0, 1.0))
+        });
         assert_eq!((late.colour, late.behind_front), (GREY.extend(1.0), 0.0));
     }
 
     #[test]
     fn what_lies_within_belongs_to_the_last_that_spans_it() {
-        let layers = [[10.0, 20.0], [12.0, 18.0], [30.0, 40.0]].map(|[near, far]| Layer::Closed(closed([near; 2], [far; 2])));
+        let layers = [[10.0, 20.0], [12.0, 18.0], [30.0, 40.0]]
+            .map(|[near, far]| Layer::Closed(closed([near; 2], [far; 2])));
         let around = |z| with_rule(&rules(8, 0.0), |window| window.around(z, &layers));
         let found = [11.0, 12.0, 15.0, 18.0, 10.0, 20.0, 25.0, 35.0].map(around);
-        assert_eq!(found, [Some(0), Some(0), Some(1), Some(0), None, None, None, Some(2)]);
+        assert_eq!(
+            found,
+            [
+                Some(0),
+                Some(0),
+                Some(1),
+                Some(0),
+                None,
+                None,
+                None,
+                Some(2)
+            ]
+        );
     }
 
     #[test]
     fn a_splat_inside_hides_by_its_weight() {
-        let opacity = |weight, opacity| Window::splat_inside(&weighing(weight, at(1.0, opacity))).colour.w;
+        let opacity = |weight, opacity| {
+            Window::splat_inside(&weighing(weight, at(1.0, opacity)))
+                .colour
+                .w
+        };
         assert!((opacity(0.5, 0.75) - 0.75).abs() < 1e-15);
         assert!((opacity(1.0, 0.75) - 0.9375).abs() < 1e-15);
         assert!((opacity(0.5, 1.0) - 0.95).abs() < 1e-15);
@@ -757,7 +1034,8 @@ mod tests {
         // ½ grey, then ½·½ white, then ¼·½ grey.
         assert_near(both.colour, (GREY * 0.625 + 0.25).extend(0.875));
         assert_eq!((both.behind_front, both.before_back), (0.5, 0.25));
-        // In the middle counts as nearer to the back: only a quarter of it is seen, and three quarters of what it hides was there.
+        // In the middle counts as nearer to the back: only a quarter of it is seen, and three
+        // quarters of what it hides was there.
         both.colour = DVec4::splat(0.875);
         both.put_inside(&white(15.0));
         assert_near(both.colour, DVec4::splat(0.9375));
@@ -766,7 +1044,12 @@ mod tests {
 
     #[test]
     fn what_is_clear_takes_the_colour_of_what_comes_inside() {
-        let mut clear = Closed { colour: DVec4::ZERO, behind_front: 1.0, before_back: 1.0, ..closed([10.0; 2], [20.0; 2]) };
+        let mut clear = Closed {
+            colour: DVec4::ZERO,
+            behind_front: 1.0,
+            before_back: 1.0,
+            ..closed([10.0; 2], [20.0; 2])
+        };
         clear.put_inside(&Closed::of_one(DVec4::splat(0.5), part(12.0, 12.0, 1.0)));
         assert_eq!(clear.colour, DVec4::splat(0.5));
     }
@@ -775,10 +1058,21 @@ mod tests {
 
     #[test]
     fn slots_are_in_the_order_of_their_nearest_depths_and_equals_as_they_came() {
-        assert_eq!(last(&rules(8, 0.0), &[30.0, 10.0, 20.0], 0.0), (Decision::Inserted { slot: 1 }, vec![10.0, 20.0, 30.0]));
-        let mut layers = [open(10.0, 0.5), Layer::Closed(closed([10.0; 2], [12.0; 2])), open(9.0, 0.0), Layer::default()];
+        assert_eq!(
+            last(&rules(8, 0.0), &[30.0, 10.0, 20.0], 0.0),
+            (Decision::Inserted { slot: 1 }, vec![10.0, 20.0, 30.0])
+        );
+        let mut layers = [
+            open(10.0, 0.5),
+            Layer::Closed(closed([10.0; 2], [12.0; 2])),
+            open(9.0, 0.0),
+            Layer::default(),
+        ];
         assert_eq!(insert(&mut layers, Open::new(at(10.0, 0.0).sums)), 3);
-        let order: Vec<bool> = layers.iter().map(|layer| matches!(layer, Layer::Open(_))).collect();
+        let order: Vec<bool> = layers
+            .iter()
+            .map(|layer| matches!(layer, Layer::Open(_)))
+            .collect();
         assert_eq!(order, [true, true, false, true]);
     }
 
@@ -786,9 +1080,26 @@ mod tests {
 
     #[test]
     fn windows_begin_at_the_nearest_depth_and_hide_what_lies_behind() {
-        let found = seen(&[open(0.0, 0.4), open(0.75, 0.4), open(1.0, 0.9), open(2.0, 0.0)]);
-        let expected = [(0, 0.0, 1.0), (0, 0.0, 1.0), (2, 1.0, 0.5), (3, 2.0, 0.03125)];
-        assert_eq!(found, expected.map(|(first, start, transmittance)| Seen { first, start, transmittance }));
+        let found = seen(&[
+            open(0.0, 0.4),
+            open(0.75, 0.4),
+            open(1.0, 0.9),
+            open(2.0, 0.0),
+        ]);
+        let expected = [
+            (0, 0.0, 1.0),
+            (0, 0.0, 1.0),
+            (2, 1.0, 0.5),
+            (3, 2.0, 0.03125),
+        ];
+        assert_eq!(
+            found,
+            expected.map(|(first, start, transmittance)| Seen {
+                first,
+                start,
+                transmittance
+            })
+        );
     }
 
     #[test]
@@ -802,16 +1113,38 @@ mod tests {
 
     #[test]
     fn a_closed_layer_ends_a_window_and_hides_by_where_the_next_lies() {
-        let layers = [open(0.0, 0.5), Layer::Closed(closed([0.25; 2], [5.0; 2])), open(0.5, 0.0), open(5.0, 0.0)];
-        let transmittances: Vec<f64> = seen(&layers).iter().map(|seen| seen.transmittance).collect();
+        let layers = [
+            open(0.0, 0.5),
+            Layer::Closed(closed([0.25; 2], [5.0; 2])),
+            open(0.5, 0.0),
+            open(5.0, 0.0),
+        ];
+        let transmittances: Vec<f64> = seen(&layers)
+            .iter()
+            .map(|seen| seen.transmittance)
+            .collect();
         assert_eq!(transmittances, [1.0, 0.5, 0.25, 0.125]);
         assert_eq!(seen(&layers)[2].first, 2);
     }
 
     #[test]
     fn what_is_seen_is_a_power_of_two_or_nothing() {
-        let rounded = [1.0, 0.9, 0.5, 0.49, 1.0 / 256.0, 0.0039, 0.0, -0.1, f64::NAN].map(power_of_two);
-        assert_eq!(rounded, [1.0, 0.5, 0.5, 0.25, 1.0 / 256.0, 0.0, 0.0, 0.0, 0.0]);
+        let rounded = [
+            1.0,
+            0.9,
+            0.5,
+            0.49,
+            1.0 / 256.0,
+            0.0039,
+            0.0,
+            -0.1,
+            f64::NAN,
+        ]
+        .map(power_of_two);
+        assert_eq!(
+            rounded,
+            [1.0, 0.5, 0.5, 0.25, 1.0 / 256.0, 0.0, 0.0, 0.0, 0.0]
+        );
     }
 
     // --- Steps 5 and 6 ---
@@ -820,38 +1153,97 @@ mod tests {
     fn what_nobody_sees_is_dropped() {
         let layers = |last: f64| [at(10.0, 1.0), at(20.0, 0.5), at(last, 0.5)];
         let (decided, near, _) = drawn(&rules(2, 0.0), &layers(15.0));
-        assert_eq!((decided[2], near), (Decision::Evicted { slot: Some(1) }, vec![10.0, 15.0]));
+        assert_eq!(
+            (decided[2], near),
+            (Decision::Evicted { slot: Some(1) }, vec![10.0, 15.0])
+        );
         let (decided, near, _) = drawn(&rules(2, 0.0), &layers(25.0));
-        assert_eq!((decided[2], near), (Decision::Evicted { slot: None }, vec![10.0, 20.0]));
-        let (decided, ..) = drawn(&Rules { evict_hidden: false, ..rules(2, 0.0) }, &layers(25.0));
-        assert_eq!(decided[2], Decision::Closed { slot: 1, place: 2, inside: false });
+        assert_eq!(
+            (decided[2], near),
+            (Decision::Evicted { slot: None }, vec![10.0, 20.0])
+        );
+        let (decided, ..) = drawn(
+            &Rules {
+                evict_hidden: false,
+                ..rules(2, 0.0)
+            },
+            &layers(25.0),
+        );
+        assert_eq!(
+            decided[2],
+            Decision::Closed {
+                slot: 1,
+                place: 2,
+                inside: false
+            }
+        );
     }
 
     #[test]
     fn the_pair_that_errs_least_is_summed() {
         // 0.25·(1 + 0.25)/2 against 0.25·(1 + 0.5)/2.
-        assert_eq!(last(&rules(2, 0.0), &[0.25, 0.0, 0.5], 0.0), (Decision::Summed { slot: 0, place: 2 }, vec![0.0, 0.5]));
+        assert_eq!(
+            last(&rules(2, 0.0), &[0.25, 0.0, 0.5], 0.0),
+            (Decision::Summed { slot: 0, place: 2 }, vec![0.0, 0.5])
+        );
         // 0.75·1.75/2 of one window against 1 of two, though the two are nearer.
-        assert_eq!(last(&rules(2, 0.0), &[0.0, 0.75, 1.25], 0.0).0, Decision::Summed { slot: 0, place: 2 });
+        assert_eq!(
+            last(&rules(2, 0.0), &[0.0, 0.75, 1.25], 0.0).0,
+            Decision::Summed { slot: 0, place: 2 }
+        );
         // Seen by half, the deeper pair costs half.
         let arrivals = [at(0.0, 0.5), at(0.25, 0.5), at(5.0, 0.0), at(5.25, 0.0)];
-        assert_eq!(drawn(&rules(3, 0.0), &arrivals).0[3], Decision::Summed { slot: 2, place: 3 });
+        assert_eq!(
+            drawn(&rules(3, 0.0), &arrivals).0[3],
+            Decision::Summed { slot: 2, place: 3 }
+        );
     }
 
     #[test]
     fn of_pairs_that_cost_the_same_the_nearer_is_summed() {
         let arrivals = [at(0.0, 0.0), at(0.25, 0.0), at(5.0, 0.0), at(5.25, 0.0)];
-        assert_eq!(drawn(&rules(3, 0.0), &arrivals).0[3], Decision::Summed { slot: 0, place: 3 });
-        let hidden = [at(0.0, 1.0), at(5.0, 0.0), at(5.75, 0.0), at(8.0, 0.0), at(8.25, 0.0)];
-        let rules = Rules { evict_hidden: false, ..rules(4, 0.0) };
-        assert_eq!(drawn(&rules, &hidden).0[4], Decision::Summed { slot: 1, place: 4 });
+        assert_eq!(
+            drawn(&rules(3, 0.0), &arrivals).0[3],
+            Decision::Summed { slot: 0, place: 3 }
+        );
+        let hidden = [
+            at(0.0, 1.0),
+            at(5.0, 0.0),
+            at(5.75, 0.0),
+            at(8.0, 0.0),
+            at(8.25, 0.0),
+        ];
+        let rules = Rules {
+            evict_hidden: false,
+            ..rules(4, 0.0)
+        };
+        assert_eq!(
+            drawn(&rules, &hidden).0[4],
+            Decision::Summed { slot: 1, place: 4 }
+        );
     }
 
     #[test]
     fn a_sum_keeps_the_material_of_its_front_and_spans_both() {
-        let of_material = |z, material| Open::new(Fragment { material, ..at(z, 0.5).sums });
+        let of_material = |z, material| {
+            Open::new(Fragment {
+                material,
+                ..at(z, 0.5).sums
+            })
+        };
         let sum = of_material(0.25, 1).with(&of_material(0.75, 2));
-        assert_eq!((sum.sums.material, sum.span, sum.depth, sum.sums.weight), (1, Span { near: 0.25, far: 0.75 }, 1.0, 2.0));
+        assert_eq!(
+            (sum.sums.material, sum.span, sum.depth, sum.sums.weight),
+            (
+                1,
+                Span {
+                    near: 0.25,
+                    far: 0.75
+                },
+                1.0,
+                2.0
+            )
+        );
     }
 
     // --- Step 7 ---
@@ -859,14 +1251,35 @@ mod tests {
     #[test]
     fn two_that_are_too_far_apart_are_closed() {
         let (decision, near) = last(&rules(2, 0.0), &[10.0, 1.0, 11.0], 0.5);
-        assert_eq!((decision, near), (Decision::Closed { slot: 1, place: 2, inside: false }, vec![1.0, 10.0]));
+        assert_eq!(
+            (decision, near),
+            (
+                Decision::Closed {
+                    slot: 1,
+                    place: 2,
+                    inside: false
+                },
+                vec![1.0, 10.0]
+            )
+        );
     }
 
     #[test]
     fn a_surface_that_is_closed_is_one_part() {
         let closed = with_rule(&rules(2, 0.0), |window| window.close(&open(3.0, 0.5)));
-        assert_eq!((closed.colour, closed.behind_front, closed.before_back), ((GREY * 0.5).extend(0.5), 0.5, 1.0));
-        assert_eq!((closed.near(), closed.far(), closed.front.weight, closed.back.weight), (3.0, 3.0, 1.0, 1.0));
+        assert_eq!(
+            (closed.colour, closed.behind_front, closed.before_back),
+            ((GREY * 0.5).extend(0.5), 0.5, 1.0)
+        );
+        assert_eq!(
+            (
+                closed.near(),
+                closed.far(),
+                closed.front.weight,
+                closed.back.weight
+            ),
+            (3.0, 3.0, 1.0, 1.0)
+        );
     }
 
     #[test]
@@ -874,36 +1287,87 @@ mod tests {
         let one = |z| Closed::of_one((GREY * 0.5).extend(0.5), part(z, z, z));
         let mut both = one(1.0);
         both.put_over(&one(5.0));
-        assert_eq!((both.colour, both.behind_front, both.before_back), ((GREY * 0.75).extend(0.75), 0.5, 0.5));
-        assert_eq!((both.far(), both.front.weight, both.back.weight), (5.0, 1.0, 5.0));
+        assert_eq!(
+            (both.colour, both.behind_front, both.before_back),
+            ((GREY * 0.75).extend(0.75), 0.5, 0.5)
+        );
+        assert_eq!(
+            (both.far(), both.front.weight, both.back.weight),
+            (5.0, 1.0, 5.0)
+        );
         both.put_over(&one(3.0));
-        assert_eq!((both.colour.w, both.before_back, both.far()), (0.875, 0.5, 5.0));
+        assert_eq!(
+            (both.colour.w, both.before_back, both.far()),
+            (0.875, 0.5, 5.0)
+        );
     }
 
     #[test]
     fn what_a_closed_layer_encloses_comes_inside() {
         let rule = rules(2, 0.0);
-        let arrivals = [at(10.0, 0.5), at(1.0, 0.5), at(11.5, 0.5), at(0.0, 0.5), at(5.0, 0.5)];
+        let arrivals = [
+            at(10.0, 0.5),
+            at(1.0, 0.5),
+            at(11.5, 0.5),
+            at(0.0, 0.5),
+            at(5.0, 0.5),
+        ];
         // 1 and 10 and 11.5 are closed; 5 lies within their depths.
         let decided = drawn(&rule, &arrivals).0;
         assert_eq!(decided[4], Decision::Inside { slot: 1 });
-        let outside = Rules { window: WindowOptions { inside: false, ..WindowOptions::default() }, ..rule };
-        assert_eq!(drawn(&outside, &arrivals).0[4], Decision::Closed { slot: 1, place: 2, inside: false });
+        let outside = Rules {
+            window: WindowOptions {
+                inside: false,
+                ..WindowOptions::default()
+            },
+            ..rule
+        };
+        assert_eq!(
+            drawn(&outside, &arrivals).0[4],
+            Decision::Closed {
+                slot: 1,
+                place: 2,
+                inside: false
+            }
+        );
         let mut around = closed([10.0; 2], [20.0; 2]);
         let within = Closed::of_one(DVec4::splat(0.5), part(12.0, 12.0, 1.0));
-        assert!(with_rule(&rule, |window| window.merge(&mut around, &within)) && around.far() == 20.0);
+        assert!(
+            with_rule(&rule, |window| window.merge(&mut around, &within)) && around.far() == 20.0
+        );
         assert!(!with_rule(&outside, |window| window.merge(&mut around, &within)));
     }
 
     #[test]
     fn what_comes_late_finds_its_surface() {
-        let arrivals = [at(10.0, 0.5), at(1.0, 0.5), at(20.0, 0.5), at(19.5, 0.5), at(9.5, 0.5)];
+        let arrivals = [
+            at(10.0, 0.5),
+            at(1.0, 0.5),
+            at(20.0, 0.5),
+            at(19.5, 0.5),
+            at(9.5, 0.5),
+        ];
         let rule = rules(2, 0.0);
         assert_eq!(
             drawn(&rule, &arrivals).0[3..],
-            [Decision::Late { slot: 1, side: Side::Back }, Decision::Late { slot: 1, side: Side::Front }]
+            [
+                Decision::Late {
+                    slot: 1,
+                    side: Side::Back
+                },
+                Decision::Late {
+                    slot: 1,
+                    side: Side::Front
+                }
+            ]
         );
-        let never = Rules { window: WindowOptions { late: false, ..WindowOptions::default() }, ..rule };
+        let never = Rules {
+            window: WindowOptions {
+                late: false,
+                ..WindowOptions::default()
+            },
+            ..rule
+        };
         assert_eq!(drawn(&never, &arrivals).0[3], Decision::Inside { slot: 1 });
     }
 
@@ -912,30 +1376,76 @@ mod tests {
     #[test]
     fn a_pixel_is_its_windows_front_to_back() {
         assert_eq!(drawn(&rules(2, 0.0), &[]).2, [0.0; 4]);
-        assert_eq!(drawn(&rules(2, 0.0), &[at(3.0, 0.5)]).2, [0.25, 0.25, 0.25, 0.5]);
+        assert_eq!(
+            drawn(&rules(2, 0.0), &[at(3.0, 0.5)]).2,
+            [0.25, 0.25, 0.25, 0.5]
+        );
         // One window of three clusters; then two windows.
-        assert_eq!(drawn(&rules(3, 0.0), &[at(3.0, 0.5), at(3.75, 0.5), at(3.25, 0.5)]).2, [0.25, 0.25, 0.25, 0.5]);
-        assert_eq!(drawn(&rules(3, 0.0), &[at(3.0, 0.5), at(4.0, 0.5)]).2, [0.375, 0.375, 0.375, 0.75]);
+        assert_eq!(
+            drawn(
+                &rules(3, 0.0),
+                &[at(3.0, 0.5), at(3.75, 0.5), at(3.25, 0.5)]
+            )
+            .2,
+            [0.25, 0.25, 0.25, 0.5]
+        );
+        assert_eq!(
+            drawn(&rules(3, 0.0), &[at(3.0, 0.5), at(4.0, 0.5)]).2,
+            [0.375, 0.375, 0.375, 0.75]
+        );
     }
 
     #[test]
     fn a_window_that_a_closed_layer_encloses_is_blended_inside() {
-        let white = Layer::Open(Open::new(Fragment { rgb: DVec3::ONE, ..at(12.0, 0.5).sums }));
-        let pixel = |rules: &Rules| with_rule(rules, |window| window.resolve(&mut [white, Layer::Closed(closed([10.0; 2], [20.0; 2]))]));
+        let white = Layer::Open(Open::new(Fragment {
+            rgb: DVec3::ONE,
+            ..at(12.0, 0.5).sums
+        }));
+        let pixel = |rules: &Rules| {
+            with_rule(rules, |window| {
+                window.resolve(&mut [white, Layer::Closed(closed([10.0; 2], [20.0; 2]))])
+            })
+        };
         assert_eq!(pixel(&rules(2, 0.0)), [0.5625, 0.5625, 0.5625, 0.875]);
-        let window = WindowOptions { inside: false, ..WindowOptions::default() };
-        assert_eq!(pixel(&Rules { window, ..rules(2, 0.0) }), [0.5, 0.5, 0.5, 0.875]);
+        let window = WindowOptions {
+            inside: false,
+            ..WindowOptions::default()
+        };
+        assert_eq!(
+            pixel(&Rules {
+                window,
+                ..rules(2, 0.0)
+            }),
+            [0.5, 0.5, 0.5, 0.875]
+        );
     }
 
     // --- Whatever comes ---
 
     #[test]
     fn no_number_is_too_odd() {
-        let odd = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY, -0.0, 0.0, 1e-300, 1e300, -1.0, 0.5, 0.75, 10.0, 11.0, 30.0];
+        let odd = [
+            f64::NAN,
+            f64::INFINITY,
+            f64::NEG_INFINITY,
+            -0.0,
+            0.0,
+            1e-300,
+            1e300,
+            -1.0,
+            0.5,
+            0.75,
+            10.0,
+            11.0,
+            30.0,
+        ];
         for group in [Group::Window, Group::Interval] {
             for layers in [1, 2, 3, 8] {
                 let shader = Shader::unlit(COVERS);
-                let rules = Rules { group, ..rules(layers, 0.25) };
+                let rules = Rules {
+                    group,
+                    ..rules(layers, 0.25)
+                };
                 let mut pixels = Pixels::new(&rules, 1.0, &shader);
                 for step in 0..2000 {
                     let pick = |stride: usize| odd[(step * stride + step / 7) % odd.len()];

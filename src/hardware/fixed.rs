@@ -16,7 +16,13 @@ use rtl_model::{Drawing, pipeline};
 /// # Errors
 /// [`Error::Input`] naming every misfit.
 pub fn elaborate(machine: &Machine) -> Result<Elaborated> {
-    machine.elaborate().map_err(|misfits| Error::input(format!("machine {} cannot be built: {}", machine.name, listed(&misfits))))
+    machine.elaborate().map_err(|misfits| {
+        Error::input(format!(
+            "machine {} cannot be built: {}",
+            machine.name,
+            listed(&misfits)
+        ))
+    })
 }
 
 /// Draws, with nobody watching.
@@ -27,7 +33,10 @@ pub fn draw(machine: &Elaborated, quantised: &Quantised) -> Drawing {
 /// Draws once, measures the range of every signal and records the work.
 pub fn draw_measured(machine: &Elaborated, quantised: &Quantised) -> (Drawing, Ranges, Work) {
     let (drawing, ranges, mut work) = pipeline::draw_measured(machine, &quantised.frame);
-    quantised.walk.iter().for_each(|walk| walk.record(&mut work));
+    quantised
+        .walk
+        .iter()
+        .for_each(|walk| walk.record(&mut work));
     (drawing, ranges, work)
 }
 
@@ -37,7 +46,11 @@ pub fn picture(machine: &Elaborated, drawing: &Drawing) -> Picture {
     Picture {
         width: drawing.width as usize,
         height: drawing.height as usize,
-        rgba: drawing.frame.iter().map(|word| word.map(|channel| format.value(i64::from(channel)))).collect(),
+        rgba: drawing
+            .frame
+            .iter()
+            .map(|word| word.map(|channel| format.value(i64::from(channel))))
+            .collect(),
         covered: drawing.covered.clone(),
     }
 }
@@ -58,15 +71,20 @@ pub fn rules(machine: &Machine) -> golden::Rules {
             machine::Group::Interval => golden::Group::Interval,
             machine::Group::Window => golden::Group::Window,
         },
-        window: fragment.window.as_ref().map_or_else(golden::WindowOptions::default, |window| golden::WindowOptions {
-            join: f64::from(window.join_permille) / 1000.0,
-            late: window.late,
-            inside: window.inside,
-        }),
-        reflection: machine
-            .reflect
+        window: fragment
+            .window
             .as_ref()
-            .map(|reflect| golden::Reflection { index_bits: reflect.index_bits.clamp(1, 8), by_ray: reflect.sight == machine::Sight::Ray }),
+            .map_or_else(golden::WindowOptions::default, |window| {
+                golden::WindowOptions {
+                    join: f64::from(window.join_permille) / 1000.0,
+                    late: window.late,
+                    inside: window.inside,
+                }
+            }),
+        reflection: machine.reflect.as_ref().map(|reflect| golden::Reflection {
+            index_bits: reflect.index_bits.clamp(1, 8),
+            by_ray: reflect.sight == machine::Sight::Ray,
+        }),
         evict_hidden: fragment.evict_hidden,
         turn_normals: fragment.turn_normals,
         opaque: f64::from(fragment.opaque_permille) / 1000.0,

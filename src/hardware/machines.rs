@@ -1,4 +1,5 @@
-//! Machines: finds a machine by name or file, changes it as asked, and publishes the schema that it is held against.
+//! Machines: finds a machine by name or file, changes it as asked, and publishes the schema that it
+//! is held against.
 
 use crate::error::{Error, Result};
 use crate::hardware::searched::SearchRecord;
@@ -14,7 +15,8 @@ use std::ffi::OsStr;
 use std::path::Path;
 use std::sync::LazyLock;
 
-/// Steps of the longest path that a description could have a use for, a few times over; values much deeper would exhaust the stack.
+/// Steps of the longest path that a description could have a use for, a few times over; values much
+/// deeper would exhaust the stack.
 const MOST_STEPS: usize = 16;
 
 /// A machine as its file has it: all of it, and for what it was searched.
@@ -32,7 +34,8 @@ pub struct File {
 #[derive(JsonSchema)]
 #[expect(dead_code, reason = "read for its schema alone")]
 struct Besides {
-    /// For what it was searched: `search` writes it, and `run` warns where the machine is used outside of that.
+    /// For what it was searched: `search` writes it, and `run` warns where the machine is used
+    /// outside of that.
     searched: Option<SearchRecord>,
 }
 
@@ -43,8 +46,8 @@ impl File {
         self
     }
 
-    /// How a scene lies outside of what the machine was searched for; none where nobody searched it. `is_changed`: a setting changed what is
-    /// drawn.
+    /// How a scene lies outside of what the machine was searched for; none where nobody searched
+    /// it. `is_changed`: a setting changed what is drawn.
     pub fn outside(&self, scene: &Scene, is_changed: bool) -> Option<Vec<String>> {
         let mut outside = self.searched.as_ref()?.outside(scene);
         outside.extend(is_changed.then(|| "a word that --set changed".to_owned()));
@@ -52,17 +55,20 @@ impl File {
     }
 }
 
-/// Gives a machine that has no walker the default one where it is to walk a tree, so that the walker is in its area.
+/// Gives a machine that has no walker the default one where it is to walk a tree, so that the
+/// walker is in its area.
 pub fn pay(machine: &mut Machine, is_walked: bool) {
     if is_walked {
         machine.timing.walk.get_or_insert_default();
     }
 }
 
-/// Loads the machine called `spec` (a name, or the path of a JSON file), with `--set PATH=VALUE` changes applied in order.
+/// Loads the machine called `spec` (a name, or the path of a JSON file), with `--set PATH=VALUE`
+/// changes applied in order.
 ///
 /// # Errors
-/// [`Error::Input`], one sentence naming the file or the setting, the field, what is wrong and what would be right.
+/// [`Error::Input`], one sentence naming the file or the setting, the field, what is wrong and what
+/// would be right.
 pub fn load(spec: impl AsRef<OsStr>, settings: &[String]) -> Result<Machine> {
     load_file(spec, settings).map(|file| file.machine)
 }
@@ -90,13 +96,23 @@ pub fn load_file(spec: impl AsRef<OsStr>, settings: &[String]) -> Result<File> {
 
 /// Whether a setting changes what is drawn, and not time alone.
 pub fn changes_picture(setting: &str) -> bool {
-    !is_below(setting.split('=').next().unwrap_or_default().trim(), "timing")
+    !is_below(
+        setting.split('=').next().unwrap_or_default().trim(),
+        "timing",
+    )
 }
 
 /// A flag and what follows it, for the beginning of an error.
 pub fn flag(flag: &str, setting: &str) -> String {
     const LONGEST: usize = 200;
-    format!("{flag} {}", if setting.len() <= LONGEST { setting.into() } else { clipped(setting) })
+    format!(
+        "{flag} {}",
+        if setting.len() <= LONGEST {
+            setting.into()
+        } else {
+            clipped(setting)
+        }
+    )
 }
 
 /// The name of the machine that draws a scene where none is asked for.
@@ -148,7 +164,11 @@ fn gather(value: &Value, path: &str, words: &mut Vec<(String, Format)>) {
     let Value::Object(fields) = value else { return };
     for (name, field) in fields {
         let path = format!("{path}{name}");
-        let format = field.get("format").unwrap_or(field).as_str().and_then(|text| text.parse().ok());
+        let format = field
+            .get("format")
+            .unwrap_or(field)
+            .as_str()
+            .and_then(|text| text.parse().ok());
         match format {
             Some(format) => words.push((path, format)),
             None => gather(field, &format!("{path}."), words),
@@ -166,11 +186,17 @@ pub fn lay(fields: &mut Value, path: &str, leaf: Value) {
     lay_over(fields, nested(path, whole(leaf)));
 }
 
-/// Lays changes over a machine's fields: a preset of memory replaces what was said before it of the fields that it fills.
+/// Lays changes over a machine's fields: a preset of memory replaces what was said before it of the
+/// fields that it fills.
 fn lay_over(fields: &mut Value, changes: Value) {
-    let has_preset = changes.pointer("/timing/memory/preset").is_some_and(Value::is_string);
-    if let (true, Some(Value::Object(memory))) = (has_preset, fields.pointer_mut("/timing/memory")) {
-        Memory::FILLED.iter().for_each(|field| drop(memory.remove(*field)));
+    let has_preset = changes
+        .pointer("/timing/memory/preset")
+        .is_some_and(Value::is_string);
+    if let (true, Some(Value::Object(memory))) = (has_preset, fields.pointer_mut("/timing/memory"))
+    {
+        Memory::FILLED
+            .iter()
+            .for_each(|field| drop(memory.remove(*field)));
     }
     merge(fields, changes);
 }
@@ -181,7 +207,10 @@ fn check_depth(path: &str, whose: &str) -> Result<()> {
     if steps <= MOST_STEPS {
         return Ok(());
     }
-    let sentence = format!("{whose}: the path {} has {steps} steps; no field of a machine lies deeper than {MOST_STEPS}", clipped(path));
+    let sentence = format!(
+        "{whose}: the path {} has {steps} steps; no field of a machine lies deeper than {MOST_STEPS}",
+        clipped(path)
+    );
     Err(Error::input(sentence))
 }
 
@@ -191,27 +220,40 @@ pub(crate) fn whole(value: Value) -> Value {
     const LARGEST: f64 = 9_007_199_254_740_992.0;
     match value {
         Value::Number(number) => {
-            let real = number.as_f64().filter(|real| number.is_f64() && real.fract() == 0.0 && real.abs() <= LARGEST);
+            let real = number
+                .as_f64()
+                .filter(|real| number.is_f64() && real.fract() == 0.0 && real.abs() <= LARGEST);
             real.map_or(Value::Number(number), |real| Value::from(real as i64))
         }
         Value::Array(items) => items.into_iter().map(whole).collect(),
-        Value::Object(fields) => Value::Object(fields.into_iter().map(|(name, field)| (name, whole(field))).collect()),
+        Value::Object(fields) => Value::Object(
+            fields
+                .into_iter()
+                .map(|(name, field)| (name, whole(field)))
+                .collect(),
+        ),
         other => other,
     }
 }
 
 /// Whether a path is another one, or leads there and further: `gauss.weight` is below `gauss`.
 pub fn is_below(path: &str, name: &str) -> bool {
-    path.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+    path.strip_prefix(name)
+        .is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
 }
 
 fn nested(path: &str, leaf: Value) -> Value {
-    path.rsplit('.').fold(leaf, |inner, step| Value::Object(Map::from_iter([(step.to_owned(), inner)])))
+    path.rsplit('.').fold(leaf, |inner, step| {
+        Value::Object(Map::from_iter([(step.to_owned(), inner)]))
+    })
 }
 
 fn set(value: &mut Value, setting: &str, flag: &str) -> Result<Machine> {
-    let (path, leaf) =
-        parse_setting(setting).ok_or_else(|| Error::input(format!("{flag}: write PATH=VALUE, as in gauss.weight=U-2F16")))?;
+    let (path, leaf) = parse_setting(setting).ok_or_else(|| {
+        Error::input(format!(
+            "{flag}: write PATH=VALUE, as in gauss.weight=U-2F16"
+        ))
+    })?;
     check_depth(path, flag)?;
     lay(value, path, leaf);
     checked(value, flag)
@@ -222,7 +264,9 @@ pub fn schema() -> Value {
     let mut schema = schema_of_machine();
     let mut besides = schemars::schema_for!(Besides).to_value();
     for part in ["properties", "$defs"] {
-        if let (Some(all), Some(more)) = (schema[part].as_object_mut(), besides[part].as_object_mut()) {
+        if let (Some(all), Some(more)) =
+            (schema[part].as_object_mut(), besides[part].as_object_mut())
+        {
             all.append(more);
         }
     }
@@ -246,20 +290,29 @@ fn read(path: &Path) -> Result<(Value, Option<SearchRecord>)> {
     let names = named.join(", ");
     if !path.exists() {
         let nearest = validate::in_brackets(name, &named);
-        return Err(input_error(format!("no such file, and no named machine either; named are {names}{nearest}")));
+        return Err(input_error(format!(
+            "no such file, and no named machine either; named are {names}{nearest}"
+        )));
     }
     let value = strict_json::read(path).map_err(input_error)?;
-    described(value, name, &one_line(&path.file_stem().unwrap_or_default().to_string_lossy()))
+    described(
+        value,
+        name,
+        &one_line(&path.file_stem().unwrap_or_default().to_string_lossy()),
+    )
 }
 
-/// A machine as a file's value describes it, perhaps by its difference from a base: `whose` begins every error, `usual_name` is its name where
-/// a base has another.
+/// A machine as a file's value describes it, perhaps by its difference from a base: `whose` begins
+/// every error, `usual_name` is its name where a base has another.
 ///
 /// # Errors
 /// As [`load`].
 pub fn from_description(value: Value, whose: &str, usual_name: &str) -> Result<File> {
     let (value, searched) = described(value, whose, usual_name)?;
-    Ok(File { machine: checked(&value, whose)?, searched })
+    Ok(File {
+        machine: checked(&value, whose)?,
+        searched,
+    })
 }
 
 fn described(value: Value, whose: &str, usual_name: &str) -> Result<(Value, Option<SearchRecord>)> {
@@ -267,10 +320,19 @@ fn described(value: Value, whose: &str, usual_name: &str) -> Result<(Value, Opti
     let Value::Object(mut fields) = whole(value) else {
         return Err(input_error("a machine is a JSON object".into()));
     };
-    let searched = fields.remove("searched").map(read_record).transpose().map_err(input_error)?;
-    let Some(base) = fields.remove("base") else { return Ok((Value::Object(fields), searched)) };
+    let searched = fields
+        .remove("searched")
+        .map(read_record)
+        .transpose()
+        .map_err(input_error)?;
+    let Some(base) = fields.remove("base") else {
+        return Ok((Value::Object(fields), searched));
+    };
     let names = Machine::names().collect::<Vec<_>>().join(", ");
-    let base = base.as_str().and_then(Machine::named).ok_or_else(|| input_error(format!("base must be one of {names}, but is {base}")))?;
+    let base = base
+        .as_str()
+        .and_then(Machine::named)
+        .ok_or_else(|| input_error(format!("base must be one of {names}, but is {base}")))?;
     let mut value = self::value(&base);
     fields.entry("name").or_insert_with(|| usual_name.into());
     lay_over(&mut value, Value::Object(fields));
@@ -279,8 +341,10 @@ fn described(value: Value, whose: &str, usual_name: &str) -> Result<(Value, Opti
 
 /// For what a machine was searched; a sentence where that is none.
 fn read_record(value: Value) -> std::result::Result<SearchRecord, String> {
-    validate::check(&value, &schemars::schema_for!(SearchRecord).to_value()).map_err(|misfit| format!("searched: {misfit}"))?;
-    serde_path_to_error::deserialize(&value).map_err(|e| format!("searched: {}: {}", e.path(), e.inner()))
+    validate::check(&value, &schemars::schema_for!(SearchRecord).to_value())
+        .map_err(|misfit| format!("searched: {misfit}"))?;
+    serde_path_to_error::deserialize(&value)
+        .map_err(|e| format!("searched: {}: {}", e.path(), e.inner()))
 }
 
 fn checked(value: &Value, whose: &str) -> Result<Machine> {
@@ -288,10 +352,14 @@ fn checked(value: &Value, whose: &str) -> Result<Machine> {
     static SCHEMA: LazyLock<Value> = LazyLock::new(schema_of_machine);
     let input_error = |sentence: String| Error::input(format!("{whose}: {sentence}"));
     validate::check(value, &SCHEMA).map_err(|misfit| input_error(misfit.to_string()))?;
-    let machine: Machine = serde_path_to_error::deserialize(value).map_err(|e| input_error(format!("{}: {}", e.path(), e.inner())))?;
+    let machine: Machine = serde_path_to_error::deserialize(value)
+        .map_err(|e| input_error(format!("{}: {}", e.path(), e.inner())))?;
     // It goes into comments of generated files, which end with their line.
     if machine.name.contains(is_unprintable) {
-        return Err(input_error(format!("name is `{}`; it must have no line breaks or other control characters", clipped(&machine.name))));
+        return Err(input_error(format!(
+            "name is `{}`; it must have no line breaks or other control characters",
+            clipped(&machine.name)
+        )));
     }
     Ok(machine)
 }
@@ -303,14 +371,17 @@ fn parse_setting(setting: &str) -> Option<(&str, Value)> {
     (!path.is_empty()).then_some((path, leaf))
 }
 
-/// Lays `change` over `value`, object by object. A word in short form opens up where a part of it is changed; one in long form keeps its
-/// rounding where its format alone is.
+/// Lays `change` over `value`, object by object. A word in short form opens up where a part of it
+/// is changed; one in long form keeps its rounding where its format alone is.
 fn merge(value: &mut Value, change: Value) {
     match change {
         Value::String(format) if value.get("format").is_some() => value["format"] = format.into(),
         Value::Object(change) => {
             if let Value::String(format) = value {
-                *value = Value::Object(Map::from_iter([("format".to_owned(), Value::from(format.as_str()))]));
+                *value = Value::Object(Map::from_iter([(
+                    "format".to_owned(),
+                    Value::from(format.as_str()),
+                )]));
             }
             if !value.is_object() {
                 *value = Value::Object(Map::new());

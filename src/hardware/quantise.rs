@@ -3,14 +3,16 @@
 //! ```text
 //! scene (f64, world units) ─►[ × 2^exponent, − offset ]─► machine units ─►[ round, saturate ]─► frame (words)
 //! ```
-//! One power of two and one offset bring a scene to the machine's position format, as large as every word allows;
-//! they are reported. `golden` and `ideal` never see what comes out of here.
+//! One power of two and one offset bring a scene to the machine's position format, as large as
+//! every word allows; they are reported. `golden` and `ideal` never see what comes out of here.
 
 use crate::error::{Error, Result};
 use crate::golden::{octahedral, window_density};
 use crate::output::text::listed;
 use crate::scene::tree::cut::{self, Budget, Order};
-use crate::scene::{Amplitude, Filter, Light, Material, Mirror, Orientation, Scene, Sheet, Splat, View};
+use crate::scene::{
+    Amplitude, Filter, Light, Material, Mirror, Orientation, Scene, Sheet, Splat, View,
+};
 use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 use rtl_model::frame::{self, Frame, Scaled};
@@ -53,7 +55,8 @@ pub struct Quantised {
     pub walk: Option<Walk>,
 }
 
-/// How a machine finds the splats of a frame in a tree: for timing, which is told by [`Walk::record`].
+/// How a machine finds the splats of a frame in a tree: for timing, which is told by
+/// [`Walk::record`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Walk {
     visits: Vec<Visit>,
@@ -77,39 +80,70 @@ impl Walk {
         Walk {
             visits: detail.cut.visits.iter().map(visit).collect(),
             ahead: detail.rules.ahead as u32,
-            listed: if detail.rules.order == Order::CoarseToFine { detail.cut.drawn.clone() } else { Vec::new() },
+            listed: if detail.rules.order == Order::CoarseToFine {
+                detail.cut.drawn.clone()
+            } else {
+                Vec::new()
+            },
         }
     }
 
     /// Adds it to the record of the frame.
     pub fn record(&self, work: &mut Work) {
-        (work.walk, work.ahead, work.listed) = (self.visits.clone(), self.ahead, self.listed.clone());
+        (work.walk, work.ahead, work.listed) =
+            (self.visits.clone(), self.ahead, self.listed.clone());
     }
 }
 
 /// Brings a scene to a machine.
 ///
 /// # Errors
-/// [`Error::Input`] where a register cannot hold a constant of the scene: every such register, and what would hold it.
+/// [`Error::Input`] where a register cannot hold a constant of the scene: every such register, and
+/// what would hold it.
 pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
     if scene.kernel.filter != Filter::Ewa {
-        let filter = if scene.kernel.filter == Filter::Circular { "circular" } else { "source-ewa" };
-        let says = "which golden and ideal draw for comparison (the example `filters`): no machine has it";
-        return Err(Error::input(format!("machine {} cannot draw {}: kernel.filter is \"{filter}\", {says}", machine.name, scene.name)));
+        let filter = if scene.kernel.filter == Filter::Circular {
+            "circular"
+        } else {
+            "source-ewa"
+        };
+        let says =
+            "which golden and ideal draw for comparison (the example `filters`): no machine has it";
+        return Err(Error::input(format!(
+            "machine {} cannot draw {}: kernel.filter is \"{filter}\", {says}",
+            machine.name, scene.name
+        )));
     }
     let view = scene.view();
     // Every leaf has room, whatever is drawn.
-    let all = scene.full().map(|full| Scene { splats: [full.splats, scene.splats.clone()].concat(), ..full });
+    let all = scene.full().map(|full| Scene {
+        splats: [full.splats, scene.splats.clone()].concat(),
+        ..full
+    });
     let scale = fit_scale(all.as_ref().unwrap_or(scene), &view, machine);
-    let mut registers = Registers { machine, misfits: Vec::new(), notes: Vec::new(), texels: Vec::new() };
+    let mut registers = Registers {
+        machine,
+        misfits: Vec::new(),
+        notes: Vec::new(),
+        texels: Vec::new(),
+    };
     let walk = registers.walk(scene);
     let frame = Frame {
         width: scene.image.width as u32,
         height: scene.image.height as u32,
         view: registers.view(scene, &view, &scale),
         z_threshold: registers.z_threshold(scene, &scale),
-        coverage_threshold: registers.hold("fragment.weight_sum", machine.fragment.weight_sum, scene.surface.coverage_threshold).max(1),
-        inverse_threshold: scaled(machine.shade.inverse_threshold, 1.0 / scene.surface.coverage_threshold),
+        coverage_threshold: registers
+            .hold(
+                "fragment.weight_sum",
+                machine.fragment.weight_sum,
+                scene.surface.coverage_threshold,
+            )
+            .max(1),
+        inverse_threshold: scaled(
+            machine.shade.inverse_threshold,
+            1.0 / scene.surface.coverage_threshold,
+        ),
         background: registers.background(scene.image.background),
         lighting: registers.lighting(scene, &view),
         splats: splats(scene, machine, &scale),
@@ -119,13 +153,29 @@ pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
         surroundings: registers.surroundings(scene, &view),
     };
     if registers.misfits.is_empty() {
-        return Ok(Quantised { frame, scale, notes: registers.notes, texels: registers.texels, walk });
+        return Ok(Quantised {
+            frame,
+            scale,
+            notes: registers.notes,
+            texels: registers.texels,
+            walk,
+        });
     }
-    let misfits: Vec<String> = registers.misfits.into_iter().map(Misfit::sentence).collect();
-    Err(Error::input(format!("machine {} cannot draw {}: {}", machine.name, scene.name, listed(&misfits))))
+    let misfits: Vec<String> = registers
+        .misfits
+        .into_iter()
+        .map(Misfit::sentence)
+        .collect();
+    Err(Error::input(format!(
+        "machine {} cannot draw {}: {}",
+        machine.name,
+        scene.name,
+        listed(&misfits)
+    )))
 }
 
-/// What the key of a machine's sort cannot tell apart in a picture of this size: tiles of 16×16 pixels, which are the smallest.
+/// What the key of a machine's sort cannot tell apart in a picture of this size: tiles of 16×16
+/// pixels, which are the smallest.
 pub fn lacks_tile_bits(machine: &Machine, size: [usize; 2]) -> Option<String> {
     let bits = machine.sort.and_then(|sort| sort.tile_bits)?;
     let tiles: usize = size.map(|pixels| pixels.div_ceil(TILE_PX)).iter().product();
@@ -137,16 +187,22 @@ pub fn lacks_tile_bits(machine: &Machine, size: [usize; 2]) -> Option<String> {
 
 /// The greatest power of two at which everything fits, around the middle of the splats.
 fn fit_scale(scene: &Scene, view: &View, machine: &Machine) -> Scale {
-    let (low, high) = scene
-        .splats
-        .iter()
-        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), splat| (low.min(splat.position), high.max(splat.position)));
-    let offset = if scene.splats.is_empty() { view.eye } else { low + (high - low) / 2.0 };
+    let (low, high) = scene.splats.iter().fold(
+        (DVec3::INFINITY, DVec3::NEG_INFINITY),
+        |(low, high), splat| (low.min(splat.position), high.max(splat.position)),
+    );
+    let offset = if scene.splats.is_empty() {
+        view.eye
+    } else {
+        low + (high - low) / 2.0
+    };
     let root_cutoff = scene.kernel.cutoff.sqrt();
     let mut need = Need::default();
     for splat in &scene.splats {
         let depth = (view.rotation * (splat.position - view.eye)).z;
-        need.position = need.position.max((splat.position - offset).abs().max_element());
+        need.position = need
+            .position
+            .max((splat.position - offset).abs().max_element());
         need.radius = need.radius.max(splat.radius);
         need.depth = need.depth.max(depth + splat.radius * root_cutoff);
     }
@@ -160,8 +216,15 @@ fn fit_scale(scene: &Scene, view: &View, machine: &Machine) -> Scale {
         (machine.fragment.depth, need.depth),
         (machine.fragment.depth, scene.surface.z_threshold),
     ];
-    let exponent = limits.into_iter().filter(|(_, needed)| *needed > 0.0).map(|(word, needed)| places_to_spare(word, needed)).min();
-    Scale { exponent: exponent.unwrap_or(0).clamp(-900, 900), offset: offset.to_array() }
+    let exponent = limits
+        .into_iter()
+        .filter(|(_, needed)| *needed > 0.0)
+        .map(|(word, needed)| places_to_spare(word, needed))
+        .min();
+    Scale {
+        exponent: exponent.unwrap_or(0).clamp(-900, 900),
+        offset: offset.to_array(),
+    }
 }
 
 /// Greatest magnitudes in world units.
@@ -177,7 +240,11 @@ fn places_to_spare(word: Word, needed: f64) -> i32 {
     let most = word.format.value(word.format.max());
     let guess = libm::floor(libm::log2(most / needed)).clamp(-2000.0, 2000.0) as i32;
     // log2 may be off by one ulp at a power of two.
-    if needed * f64::from(guess).exp2() > most { guess - 1 } else { guess }
+    if needed * f64::from(guess).exp2() > most {
+        guess - 1
+    } else {
+        guess
+    }
 }
 
 /// A real number as a word: rounded as the word says, saturated.
@@ -194,17 +261,26 @@ pub(crate) fn quantised(word: Word, value: f64) -> i64 {
 /// A positive number as a mantissa in [½, 1] and a power of two.
 fn scaled(word: Word, value: f64) -> Scaled {
     let (mantissa, exponent) = libm::frexp(value);
-    Scaled { mantissa: quantised(word, mantissa), places: -i64::from(exponent) }
+    Scaled {
+        mantissa: quantised(word, mantissa),
+        places: -i64::from(exponent),
+    }
 }
 
 fn splats(scene: &Scene, machine: &Machine, scale: &Scale) -> Vec<frame::Splat> {
-    let (words, factor, offset) = (machine.splat, scale.factor(), DVec3::from_array(scale.offset));
+    let (words, factor, offset) = (
+        machine.splat,
+        scale.factor(),
+        DVec3::from_array(scale.offset),
+    );
     let vector = |word: Word, v: DVec3| v.to_array().map(|x| quantised(word, x) as i32);
     let splat = |splat: &Splat| frame::Splat {
         position: vector(words.position, (splat.position - offset) * factor),
         normal: vector(words.normal, splat.normal),
         radius: quantised(words.radius, splat.radius * factor) as i32,
-        rgb: splat.rgb.map(|channel| quantised(words.rgb, channel) as i32),
+        rgb: splat
+            .rgb
+            .map(|channel| quantised(words.rgb, channel) as i32),
         opacity: quantised(words.opacity, splat.opacity) as i32,
         material: splat.material,
     };
@@ -219,7 +295,8 @@ struct Registers<'a> {
     texels: Vec<[f64; 3]>,
 }
 
-/// Why a scene cannot be drawn: a register that cannot hold what lies farthest off of some values, or a rule of no register.
+/// Why a scene cannot be drawn: a register that cannot hold what lies farthest off of some values,
+/// or a rule of no register.
 struct Misfit {
     /// Empty where it is none.
     register: String,
@@ -231,19 +308,40 @@ struct Misfit {
 
 impl Misfit {
     fn sentence(self) -> String {
-        if self.others == 0 { self.sentence } else { format!("{} ({} more values do not fit either)", self.sentence, self.others) }
+        if self.others == 0 {
+            self.sentence
+        } else {
+            format!(
+                "{} ({} more values do not fit either)",
+                self.sentence, self.others
+            )
+        }
     }
 }
 
 impl Registers<'_> {
     fn refuse(&mut self, sentence: String) {
-        self.misfits.push(Misfit { register: String::new(), farthest: 0.0, sentence, others: 0 });
+        self.misfits.push(Misfit {
+            register: String::new(),
+            farthest: 0.0,
+            sentence,
+            others: 0,
+        });
     }
 
     /// Names a register once, however many values it cannot hold.
     fn overflow(&mut self, register: &str, value: f64, sentence: String) {
-        match self.misfits.iter_mut().find(|misfit| misfit.register == register) {
-            None => self.misfits.push(Misfit { register: register.to_owned(), farthest: value.abs(), sentence, others: 0 }),
+        match self
+            .misfits
+            .iter_mut()
+            .find(|misfit| misfit.register == register)
+        {
+            None => self.misfits.push(Misfit {
+                register: register.to_owned(),
+                farthest: value.abs(),
+                sentence,
+                others: 0,
+            }),
             Some(misfit) => {
                 misfit.others += 1;
                 if value.abs() > misfit.farthest {
@@ -259,31 +357,53 @@ impl Registers<'_> {
         let (least, most) = (format.value(format.min()), format.value(format.max()));
         let half = format.value(1) / 2.0;
         if value > most + half || value < least - half {
-            let int_bits = libm::floor(libm::log2(value.abs())) as i32 + if format.signed { 2 } else { 1 };
-            let fits = Format { int_bits, frac_bits: (format.width() - int_bits).max(0), ..format };
-            let sentence = format!("{name} {word} holds {least} to {most}, but the scene needs {value}: {fits} would hold it");
+            let int_bits =
+                libm::floor(libm::log2(value.abs())) as i32 + if format.signed { 2 } else { 1 };
+            let fits = Format {
+                int_bits,
+                frac_bits: (format.width() - int_bits).max(0),
+                ..format
+            };
+            let sentence = format!(
+                "{name} {word} holds {least} to {most}, but the scene needs {value}: {fits} would hold it"
+            );
             self.overflow(name, value, sentence);
         }
         quantised(word, value)
     }
 
     fn view(&mut self, scene: &Scene, view: &View, scale: &Scale) -> frame::View {
-        let (p, e, raster) = (self.machine.project, self.machine.ellipse, self.machine.raster);
+        let (p, e, raster) = (
+            self.machine.project,
+            self.machine.ellipse,
+            self.machine.raster,
+        );
         let eye = (view.eye - DVec3::from_array(scale.offset)) * scale.factor();
         // Beyond what the slope's word holds nothing could be drawn: there the guard band ends.
         let focal_px = view.longest_focal_px();
         frame::View {
-            rotation: std::array::from_fn(|row| view.rotation.row(row).to_array().map(|x| quantised(p.rotation, x))),
+            rotation: std::array::from_fn(|row| {
+                view.rotation
+                    .row(row)
+                    .to_array()
+                    .map(|x| quantised(p.rotation, x))
+            }),
             eye: eye.to_array().map(|x| self.hold("project.eye", p.eye, x)),
             near: quantised(p.depth, scene.camera.near * scale.factor()).max(0),
             guard: [0, 1].map(|axis| quantised(p.slope, view.slope(axis, scene.kernel.guard))),
             focal: self.hold("project.focal", p.focal, focal_px),
             inverse_focal: scaled(e.inverse_focal, 1.0 / focal_px),
-            centre: view.off_middle_px().map(|off| self.hold("project.pixel", p.pixel, off)),
+            centre: view
+                .off_middle_px()
+                .map(|off| self.hold("project.pixel", p.pixel, off)),
             aspect: self.aspect(view),
             low_pass: self.hold("ellipse.low_pass", e.low_pass, scene.kernel.low_pass),
             cutoff: self.cutoff(raster.cutoff, scene.kernel.cutoff),
-            root_cutoff: self.hold("ellipse.root_cutoff", e.root_cutoff, scene.kernel.cutoff.sqrt()),
+            root_cutoff: self.hold(
+                "ellipse.root_cutoff",
+                e.root_cutoff,
+                scene.kernel.cutoff.sqrt(),
+            ),
             cull_backfaces: scene.surface.cull_backfaces,
         }
     }
@@ -361,8 +481,16 @@ impl Registers<'_> {
         let scales = |scales: DVec3| scales.to_array().map(|scale| quantised(words.scale, scale));
         let (least_opacity, reach) = scene.least_opacity().map_or((0, Vec::new()), |least| {
             // A weight of 0 never counts.
-            let (reach, least) = (Reach::new(machine), quantised(machine.gauss.weight, least).max(1));
-            (reach.least_opacity(least), words.reach_bits.map_or_else(Vec::new, |bits| reach_words(machine, &reach, bits, least, scene)))
+            let (reach, least) = (
+                Reach::new(machine),
+                quantised(machine.gauss.weight, least).max(1),
+            );
+            (
+                reach.least_opacity(least),
+                words.reach_bits.map_or_else(Vec::new, |bits| {
+                    reach_words(machine, &reach, bits, least, scene)
+                }),
+            )
         });
         let same = ellipsoids.orientations.len() == 1;
         let turned = view.rotation * DMat3::from_quat(ellipsoids.orientations[0].rotation);
@@ -381,25 +509,42 @@ impl Registers<'_> {
                     Amplitude::Peak if scene.compensates() => frame::Amplitude::Compensated,
                     Amplitude::Peak => frame::Amplitude::Peak,
                 },
-                jacobian: [0, 1].map(|axis| quantised(machine.project.slope, view.slope(axis, scene.kernel.jacobian))),
-                axes: [turned.x_axis, turned.y_axis, turned.z_axis]
-                    .map(|axis| axis.to_array().map(|part| quantised(machine.ellipse.normal, part))),
+                jacobian: [0, 1].map(|axis| {
+                    quantised(
+                        machine.project.slope,
+                        view.slope(axis, scene.kernel.jacobian),
+                    )
+                }),
+                axes: [turned.x_axis, turned.y_axis, turned.z_axis].map(|axis| {
+                    axis.to_array()
+                        .map(|part| quantised(machine.ellipse.normal, part))
+                }),
                 scales: scales(ellipsoids.orientations[0].scales),
                 least_opacity,
                 reach,
             },
-            own: if same { Vec::new() } else { ellipsoids.orientations.par_iter().map(own).collect() },
+            own: if same {
+                Vec::new()
+            } else {
+                ellipsoids.orientations.par_iter().map(own).collect()
+            },
             preshaded: ellipsoids.preshaded,
             sorted: ellipsoids.sorted,
             harmonics: self.harmonics(ellipsoids.harmonics),
         })
     }
 
-    /// Degree of the harmonics that the machine reads and makes colours of; 0 where it is given colours.
+    /// Degree of the harmonics that the machine reads and makes colours of; 0 where it is given
+    /// colours.
     fn harmonics(&mut self, degree: u8) -> u8 {
-        let Some(colour) = self.machine.colour.filter(|_| degree > 0) else { return 0 };
+        let Some(colour) = self.machine.colour.filter(|_| degree > 0) else {
+            return 0;
+        };
         if u32::from(degree) > colour.degree {
-            self.refuse(format!("colour.degree is {}, but its splats have spherical harmonics of degree {degree}", colour.degree));
+            self.refuse(format!(
+                "colour.degree is {}, but its splats have spherical harmonics of degree {degree}",
+                colour.degree
+            ));
         }
         self.notes.push(format!(
             "colours are worked out of harmonics of degree {degree} in f64: the unit `colour` has bytes, cycles and a price, and no formats yet"
@@ -429,7 +574,9 @@ impl Registers<'_> {
             least_weight: quantised(machine.gauss.weight, sheets.least_weight),
             most_weight: self.hold("gauss.weight", machine.gauss.weight, sheets.most_weight),
             ratio: if each == frame::Each::Slice {
-                table_words(words.table, words.depth_index, words.ratio, |depth| sheets.opacity.over_depth(depth))
+                table_words(words.table, words.depth_index, words.ratio, |depth| {
+                    sheets.opacity.over_depth(depth)
+                })
             } else {
                 Vec::new()
             },
@@ -439,12 +586,24 @@ impl Registers<'_> {
     /// Registers of windows; none where the machine groups by depth or the scene by sheets.
     fn window(&mut self, scene: &Scene, scale: &Scale) -> Option<frame::Window> {
         let fragment = &self.machine.fragment;
-        let words = fragment.window.as_ref().filter(|_| scene.sheets.is_none())?;
-        let reach = f64::from(words.join_permille.min(1000)) / 1000.0 * scene.surface.z_threshold * scale.factor();
+        let words = fragment
+            .window
+            .as_ref()
+            .filter(|_| scene.sheets.is_none())?;
+        let reach = f64::from(words.join_permille.min(1000)) / 1000.0
+            * scene.surface.z_threshold
+            * scale.factor();
         Some(frame::Window {
             reach: quantised(fragment.depth, reach),
-            density: table_words(words.density_table, self.machine.splat.opacity, words.density, window_density),
-            hidden: table_words(words.hidden_table, words.exponent, words.hidden, |x| -libm::expm1(-x)),
+            density: table_words(
+                words.density_table,
+                self.machine.splat.opacity,
+                words.density,
+                window_density,
+            ),
+            hidden: table_words(words.hidden_table, words.exponent, words.hidden, |x| {
+                -libm::expm1(-x)
+            }),
         })
     }
 
@@ -462,7 +621,8 @@ impl Registers<'_> {
     }
 
     fn background(&mut self, [r, g, b, a]: [f64; 4]) -> [i64; 4] {
-        [r * a, g * a, b * a, a].map(|channel| self.hold("resolve.frame", self.machine.resolve.frame, channel))
+        [r * a, g * a, b * a, a]
+            .map(|channel| self.hold("resolve.frame", self.machine.resolve.frame, channel))
     }
 
     fn lighting(&mut self, scene: &Scene, view: &View) -> frame::Lighting {
@@ -472,17 +632,27 @@ impl Registers<'_> {
             let direction = view.rotation * light.direction;
             let half_way = direction - DVec3::Z;
             let is_some = half_way.length() > 1e-9;
-            frame::Light { direction: vector(direction), half_way: is_some.then(|| vector(half_way.normalize())) }
+            frame::Light {
+                direction: vector(direction),
+                half_way: is_some.then(|| vector(half_way.normalize())),
+            }
         };
         frame::Lighting {
             lights: scene.lights.iter().map(light).collect(),
-            materials: scene.materials.iter().map(|material| self.material(material, &scene.lights)).collect(),
+            materials: scene
+                .materials
+                .iter()
+                .map(|material| self.material(material, &scene.lights))
+                .collect(),
         }
     }
 
     /// Surroundings; none where nothing is mirrored.
     fn surroundings(&mut self, scene: &Scene, view: &View) -> Option<frame::Surroundings> {
-        let environment = scene.environment.as_deref().filter(|environment| environment.is_seen())?;
+        let environment = scene
+            .environment
+            .as_deref()
+            .filter(|environment| environment.is_seen())?;
         let machine = self.machine;
         let Some(words) = &machine.reflect else {
             self.refuse(
@@ -491,7 +661,11 @@ impl Registers<'_> {
             );
             return None;
         };
-        let is_lit_first = machine.fragment.window.is_some() || scene.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.preshaded);
+        let is_lit_first = machine.fragment.window.is_some()
+            || scene
+                .ellipsoids
+                .as_ref()
+                .is_some_and(|ellipsoids| ellipsoids.preshaded);
         if words.sight == Sight::Ray && is_lit_first {
             self.refuse(
                 "its reflect.sight is `ray`, and splats that are lit before they are drawn have no pixel yet: `axis` mirrors them".into(),
@@ -500,29 +674,52 @@ impl Registers<'_> {
         let word = words.reflectance;
         let mirror = |mirror: &Mirror| frame::Mirror {
             kept: quantised(word, 1.0 - mirror.reflect),
-            mirrored: mirror.tint.map(|tint| quantised(word, mirror.reflect * tint)),
+            mirrored: mirror
+                .tint
+                .map(|tint| quantised(word, mirror.reflect * tint)),
         };
         // No map that elaborates has more.
         let texels = octahedral(environment, view.rotation, words.index_bits.clamp(1, 8));
         let most = words.light.format.value(words.light.format.max());
-        let beyond = texels.iter().filter(|texel| texel.iter().any(|light| *light > most)).count();
+        let beyond = texels
+            .iter()
+            .filter(|texel| texel.iter().any(|light| *light > most))
+            .count();
         if beyond > 0 {
             self.notes
                 .push(format!("{beyond} of {} texels of the surroundings are brighter than reflect.light holds, {most}", texels.len()));
         }
         let held = frame::Surroundings {
             mirrors: environment.mirrors.iter().map(mirror).collect(),
-            texels: texels.iter().map(|texel| texel.map(|light| quantised(words.light, light))).collect(),
+            texels: texels
+                .iter()
+                .map(|texel| texel.map(|light| quantised(words.light, light)))
+                .collect(),
         };
         self.texels = texels;
         Some(held)
     }
 
     fn material(&mut self, material: &Material, lights: &[Light]) -> frame::Material {
-        let Material::BlinnPhong { ambient, diffuse, specular, shininess } = *material else { return frame::Material::Unlit };
+        let Material::BlinnPhong {
+            ambient,
+            diffuse,
+            specular,
+            shininess,
+        } = *material
+        else {
+            return frame::Material::Unlit;
+        };
         let word = self.machine.shade.reflectance;
         let mut answer = |factor: f64| {
-            lights.iter().map(|light| light.rgb.map(|channel| self.hold("shade.reflectance", word, factor * channel))).collect()
+            lights
+                .iter()
+                .map(|light| {
+                    light
+                        .rgb
+                        .map(|channel| self.hold("shade.reflectance", word, factor * channel))
+                })
+                .collect()
         };
         let (diffuse, specular) = (answer(diffuse), answer(specular));
         frame::Material::BlinnPhong {
@@ -534,8 +731,14 @@ impl Registers<'_> {
     }
 }
 
-/// A function over all that an argument's word spans, at the middles or at the ends of the table's steps.
-fn table_words(shape: TableShape, argument: Word, result: Word, function: impl Fn(f64) -> f64) -> Vec<i64> {
+/// A function over all that an argument's word spans, at the middles or at the ends of the table's
+/// steps.
+fn table_words(
+    shape: TableShape,
+    argument: Word,
+    result: Word,
+    function: impl Fn(f64) -> f64,
+) -> Vec<i64> {
     // No table that elaborates has more.
     let steps = 1usize << shape.index_bits.min(12);
     let range = f64::from(argument.format.int_bits).exp2();
@@ -543,23 +746,36 @@ fn table_words(shape: TableShape, argument: Word, result: Word, function: impl F
         Interpolation::Nearest => (steps, 0.5),
         Interpolation::Linear => (steps + 1, 0.0),
     };
-    (0..count).map(|i| quantised(result, function((i as f64 + shift) / steps as f64 * range))).collect()
+    (0..count)
+        .map(|i| quantised(result, function((i as f64 + shift) / steps as f64 * range)))
+        .collect()
 }
 
-/// How much farther than its weights count a box reaches, as a part of the radial index: what words of the conic and of the differencing
-/// registers may be off by there. A pixel that they bring nearer than it is still lies in the box.
+/// How much farther than its weights count a box reaches, as a part of the radial index: what words
+/// of the conic and of the differencing registers may be off by there. A pixel that they bring
+/// nearer than it is still lies in the box.
 const REACH_MARGIN: f64 = 1.0 / 32.0;
 
-/// Cutoffs by opacity, for boxes: of each step over [0, 1], 1 included, as far as the weights of its greatest opacity count, rounded up; and
-/// none more than the frame's.
+/// Cutoffs by opacity, for boxes: of each step over [0, 1], 1 included, as far as the weights of
+/// its greatest opacity count, rounded up; and none more than the frame's.
 fn reach_words(machine: &Machine, reach: &Reach, bits: u32, least: i64, scene: &Scene) -> Vec<i64> {
-    let (opacity, word, radial) = (machine.splat.opacity.format, machine.raster.cutoff, machine.gauss.radial_index.format);
+    let (opacity, word, radial) = (
+        machine.splat.opacity.format,
+        machine.raster.cutoff,
+        machine.gauss.radial_index.format,
+    );
     let steps = 1i64 << bits.min(12);
     let frame = quantised(word, scene.kernel.cutoff).max(1);
     let cutoff = |step: i64| {
         let end = opacity.one() * (step + 1) / steps;
-        let greatest = if step + 1 == steps { end.min(opacity.max()) } else { end - 1 };
-        let Some(farthest) = reach.farthest(greatest, least) else { return 1 };
+        let greatest = if step + 1 == steps {
+            end.min(opacity.max())
+        } else {
+            end - 1
+        };
+        let Some(farthest) = reach.farthest(greatest, least) else {
+            return 1;
+        };
         // The radial index was rounded, by less than a place.
         let cutoff = radial.value(farthest + 1) * (1.0 + REACH_MARGIN);
         ((cutoff * f64::from(word.format.frac_bits).exp2()).ceil() as i64).clamp(1, frame)
@@ -575,5 +791,12 @@ fn highlight_words(machine: &Machine, shininess: f64) -> Vec<i64> {
         Interpolation::Nearest => (steps, 0.5),
         Interpolation::Linear => (steps + 1, 0.0),
     };
-    (0..count).map(|i| quantised(word, libm::pow((i as f64 + shift) / steps as f64, shininess))).collect()
+    (0..count)
+        .map(|i| {
+            quantised(
+                word,
+                libm::pow((i as f64 + shift) / steps as f64, shininess),
+            )
+        })
+        .collect()
 }

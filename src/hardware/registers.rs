@@ -1,4 +1,5 @@
-//! Registers: what the machine is given, word by word, beside the exact numbers that the words stand for.
+//! Registers: what the machine is given, word by word, beside the exact numbers that the words
+//! stand for.
 //!
 //! ```text
 //! exact number ─┬─►[ hold ]─► what is known of both (lockstep), or one of the two (mixed)
@@ -98,13 +99,27 @@ impl<'a> Hold for Chosen<'a> {
     type Real = PartialPrecision<'a>;
 
     fn hold(&self, name: &'static str, value: f64, word: Word, held: i64) -> PartialPrecision<'a> {
-        let value = if self.inputs.contains(&name) { word.format.value(held) } else { value };
+        let value = if self.inputs.contains(&name) {
+            word.format.value(held)
+        } else {
+            value
+        };
         PartialPrecision::new(value, self.switches)
     }
 
-    fn hold_scaled(&self, name: &'static str, value: f64, word: Word, held: Scaled) -> PartialPrecision<'a> {
+    fn hold_scaled(
+        &self,
+        name: &'static str,
+        value: f64,
+        word: Word,
+        held: Scaled,
+    ) -> PartialPrecision<'a> {
         let Scaled { mantissa, places } = held;
-        let value = if self.inputs.contains(&name) { word.format.value(mantissa) * (-(places as f64)).exp2() } else { value };
+        let value = if self.inputs.contains(&name) {
+            word.format.value(mantissa) * (-(places as f64)).exp2()
+        } else {
+            value
+        };
         PartialPrecision::new(value, self.switches)
     }
 }
@@ -140,20 +155,39 @@ pub struct SheetWords<'a, R> {
 
 impl<'a, R> SheetWords<'a, R> {
     /// None where fragments are grouped by depth.
-    pub fn new<H: Hold<Real = R>>(hold: &H, scene: &'a Scene, machine: &Elaborated, quantised: &'a Quantised) -> Option<Self> {
+    pub fn new<H: Hold<Real = R>>(
+        hold: &H,
+        scene: &'a Scene,
+        machine: &Elaborated,
+        quantised: &'a Quantised,
+    ) -> Option<Self> {
         let (sheets, held) = (scene.sheets.as_ref()?, quantised.frame.sheets.as_ref()?);
-        let (weight, opacity) = (machine.machine.gauss.weight, machine.machine.fragment.opacity_sum);
+        let (weight, opacity) = (
+            machine.machine.gauss.weight,
+            machine.machine.fragment.opacity_sum,
+        );
         Some(SheetWords {
             sheets,
             registers: machine.fragment.sheets(held),
             ratio: match sheets.opacity {
                 // 1/x beyond 1, of which the second derivative is 2/x³.
-                Opacity::Linear => Ratio { exact: |depth| Opacity::Linear.over_depth(depth), curves: [1.0, 2.0] },
-                Opacity::Exponential => Ratio { exact: |depth| Opacity::Exponential.over_depth(depth), curves: [0.5, 1.0 / 3.0] },
+                Opacity::Linear => Ratio {
+                    exact: |depth| Opacity::Linear.over_depth(depth),
+                    curves: [1.0, 2.0],
+                },
+                Opacity::Exponential => Ratio {
+                    exact: |depth| Opacity::Exponential.over_depth(depth),
+                    curves: [0.5, 1.0 / 3.0],
+                },
             },
             stop: hold.hold("fragment.opacity_sum", sheets.stop, opacity, held.stop),
             most_weight: hold.hold("gauss.weight", sheets.most_weight, weight, held.most_weight),
-            least_weight: hold.hold("gauss.weight", sheets.least_weight, weight, held.least_weight),
+            least_weight: hold.hold(
+                "gauss.weight",
+                sheets.least_weight,
+                weight,
+                held.least_weight,
+            ),
         })
     }
 }
@@ -170,7 +204,12 @@ pub struct WindowWords<R> {
 
 impl<R> WindowWords<R> {
     /// None where fragments are not grouped by intervals or windows.
-    pub fn new<H: Hold<Real = R>>(hold: &H, scene: &Scene, machine: &Elaborated, quantised: &Quantised) -> Option<Self> {
+    pub fn new<H: Hold<Real = R>>(
+        hold: &H,
+        scene: &Scene,
+        machine: &Elaborated,
+        quantised: &Quantised,
+    ) -> Option<Self> {
         let registers = machine.windows(&quantised.frame)?;
         let words = &machine.machine;
         let join = words.fragment.window.as_ref()?.join_permille;
@@ -189,61 +228,151 @@ impl<R> WindowWords<R> {
     }
 }
 
-fn vector<H: Hold>(hold: &H, name: &'static str, value: DVec3, word: Word, held: [i64; 3]) -> [H::Real; 3] {
+fn vector<H: Hold>(
+    hold: &H,
+    name: &'static str,
+    value: DVec3,
+    word: Word,
+    held: [i64; 3],
+) -> [H::Real; 3] {
     [0, 1, 2].map(|axis| hold.hold(name, value[axis], word, held[axis]))
 }
 
 impl Registers<'_> {
     /// The viewing registers; lengths in machine units.
     pub fn view<H: Hold>(&self, hold: &H) -> real::View<H::Real> {
-        let Registers { scene, eye: view, machine, quantised } = self;
-        let (p, e, raster) = (&machine.machine.project, &machine.machine.ellipse, &machine.machine.raster);
+        let Registers {
+            scene,
+            eye: view,
+            machine,
+            quantised,
+        } = self;
+        let (p, e, raster) = (
+            &machine.machine.project,
+            &machine.machine.ellipse,
+            &machine.machine.raster,
+        );
         let (held, scale) = (&quantised.frame.view, &quantised.scale);
         let eye = (view.eye - DVec3::from_array(scale.offset)) * scale.factor();
         let (kernel, near) = (&scene.kernel, scene.camera.near * scale.factor());
-        let guard = |axis: usize| hold.hold("project.slope", view.slope(axis, kernel.guard), p.slope, held.guard[axis]);
+        let guard = |axis: usize| {
+            hold.hold(
+                "project.slope",
+                view.slope(axis, kernel.guard),
+                p.slope,
+                held.guard[axis],
+            )
+        };
         let (focals, focal_px) = (held.focals(), view.longest_focal_px());
         let squares = view.aspect().zip(held.aspect).zip(e.aspect);
         real::View {
-            rotation: [0, 1, 2].map(|row| vector(hold, "project.rotation", view.rotation.row(row), p.rotation, held.rotation[row])),
+            rotation: [0, 1, 2].map(|row| {
+                vector(
+                    hold,
+                    "project.rotation",
+                    view.rotation.row(row),
+                    p.rotation,
+                    held.rotation[row],
+                )
+            }),
             eye: vector(hold, "project.eye", eye, p.eye, held.eye),
             near: hold.hold("project.depth", near, p.depth, held.near),
             guard: [guard(0), guard(1)],
             focal: hold.hold("project.focal", focal_px, p.focal, held.focal),
-            focals: [0, 1].map(|axis| hold.hold("project.focal", view.focal_px[axis], p.focal, focals[axis])),
+            focals: [0, 1]
+                .map(|axis| hold.hold("project.focal", view.focal_px[axis], p.focal, focals[axis])),
             inverse_focals: self.inverse_focals(hold),
             centre: self.centre(hold),
-            aspect: squares.map(|((exact, held), word)| [0, 1, 2].map(|i| hold.hold("ellipse.aspect", exact[i], word, held.squares[i]))),
-            low_pass: hold.hold("ellipse.low_pass", kernel.low_pass, e.low_pass, held.low_pass),
+            aspect: squares.map(|((exact, held), word)| {
+                [0, 1, 2].map(|i| hold.hold("ellipse.aspect", exact[i], word, held.squares[i]))
+            }),
+            low_pass: hold.hold(
+                "ellipse.low_pass",
+                kernel.low_pass,
+                e.low_pass,
+                held.low_pass,
+            ),
             cutoff: hold.hold("raster.cutoff", kernel.cutoff, raster.cutoff, held.cutoff),
-            root_cutoff: hold.hold("ellipse.root_cutoff", kernel.cutoff.sqrt(), e.root_cutoff, held.root_cutoff),
-            inverse_two_pi: hold.hold("ellipse.inverse_two_pi", 1.0 / TAU, e.inverse_two_pi, constant(e.inverse_two_pi, 1.0 / TAU)),
+            root_cutoff: hold.hold(
+                "ellipse.root_cutoff",
+                kernel.cutoff.sqrt(),
+                e.root_cutoff,
+                held.root_cutoff,
+            ),
+            inverse_two_pi: hold.hold(
+                "ellipse.inverse_two_pi",
+                1.0 / TAU,
+                e.inverse_two_pi,
+                constant(e.inverse_two_pi, 1.0 / TAU),
+            ),
         }
     }
 
     /// 1/s_x, 1/s_y.
     fn inverse_focals<H: Hold>(&self, hold: &H) -> [H::Real; 2] {
-        let (word, held) = (self.machine.machine.ellipse.inverse_focal, self.quantised.frame.view.inverse_focals());
-        [0, 1].map(|axis| hold.hold_scaled("ellipse.inverse_focal", 1.0 / self.eye.focal_px[axis], word, held[axis]))
+        let (word, held) = (
+            self.machine.machine.ellipse.inverse_focal,
+            self.quantised.frame.view.inverse_focals(),
+        );
+        [0, 1].map(|axis| {
+            hold.hold_scaled(
+                "ellipse.inverse_focal",
+                1.0 / self.eye.focal_px[axis],
+                word,
+                held[axis],
+            )
+        })
     }
 
     /// Principal point from the picture's middle, pixels.
     fn centre<H: Hold>(&self, hold: &H) -> [H::Real; 2] {
-        let (exact, word, held) = (self.eye.off_middle_px(), self.machine.machine.project.pixel, self.quantised.frame.view.centre);
+        let (exact, word, held) = (
+            self.eye.off_middle_px(),
+            self.machine.machine.project.pixel,
+            self.quantised.frame.view.centre,
+        );
         [0, 1].map(|axis| hold.hold("project.pixel", exact[axis], word, held[axis]))
     }
 
     /// A splat's record; lengths in machine units.
     pub fn splat<H: Hold>(&self, hold: &H, index: usize) -> Splat<H::Real> {
         let (words, scale) = (&self.machine.machine.splat, &self.quantised.scale);
-        let (exact, held): (_, &frame::Splat) = (&self.scene.splats[index], &self.quantised.frame.splats[index]);
-        let of = |name, value: f64, word: Word, held: i32| hold.hold(name, value, word, i64::from(held));
+        let (exact, held): (_, &frame::Splat) = (
+            &self.scene.splats[index],
+            &self.quantised.frame.splats[index],
+        );
+        let of =
+            |name, value: f64, word: Word, held: i32| hold.hold(name, value, word, i64::from(held));
         let position = (exact.position - DVec3::from_array(scale.offset)) * scale.factor();
         Splat {
-            position: vector(hold, "splat.position", position, words.position, held.position.map(i64::from)),
-            normal: vector(hold, "splat.normal", exact.normal, words.normal, held.normal.map(i64::from)),
-            radius: of("splat.radius", exact.radius * scale.factor(), words.radius, held.radius),
-            rgb: [0, 1, 2].map(|channel| of("splat.rgb", exact.rgb[channel], words.rgb, held.rgb[channel])),
+            position: vector(
+                hold,
+                "splat.position",
+                position,
+                words.position,
+                held.position.map(i64::from),
+            ),
+            normal: vector(
+                hold,
+                "splat.normal",
+                exact.normal,
+                words.normal,
+                held.normal.map(i64::from),
+            ),
+            radius: of(
+                "splat.radius",
+                exact.radius * scale.factor(),
+                words.radius,
+                held.radius,
+            ),
+            rgb: [0, 1, 2].map(|channel| {
+                of(
+                    "splat.rgb",
+                    exact.rgb[channel],
+                    words.rgb,
+                    held.rgb[channel],
+                )
+            }),
             opacity: of("splat.opacity", exact.opacity, words.opacity, held.opacity),
             turned: None,
         }
@@ -251,12 +380,20 @@ impl Registers<'_> {
 
     /// Ellipsoid of a splat; none where splats are discs.
     pub fn ellipsoid<H: Hold>(&self, hold: &H, index: usize) -> Option<Ellipsoid<H::Real>> {
-        let (exact, frame) = (self.scene.ellipsoids.as_ref()?, self.quantised.frame.ellipsoids.as_ref()?);
+        let (exact, frame) = (
+            self.scene.ellipsoids.as_ref()?,
+            self.quantised.frame.ellipsoids.as_ref()?,
+        );
         let (m, kernel) = (&self.machine.machine, &frame.kernel);
         let words = m.ellipse.ellipsoid.as_ref()?;
         let limit = |axis: usize| {
             let exact = self.eye.slope(axis, self.scene.kernel.jacobian);
-            hold.hold("project.slope", exact, m.project.slope, kernel.jacobian[axis])
+            hold.hold(
+                "project.slope",
+                exact,
+                m.project.slope,
+                kernel.jacobian[axis],
+            )
         };
         let of = exact.orientation(index);
         let scales = |held: [i64; 3]| vector(hold, "ellipse.scale", of.scales, words.scale, held);
@@ -266,8 +403,9 @@ impl Registers<'_> {
                 let DQuat { x, y, z, w } = of.rotation;
                 let held = own.quaternion.map(i64::from);
                 Orientation::Own {
-                    quaternion: [(w, 0), (x, 1), (y, 2), (z, 3)]
-                        .map(|(part, i)| hold.hold("ellipse.quaternion", part, words.quaternion, held[i])),
+                    quaternion: [(w, 0), (x, 1), (y, 2), (z, 3)].map(|(part, i)| {
+                        hold.hold("ellipse.quaternion", part, words.quaternion, held[i])
+                    }),
                     scales: scales(own.scales.map(i64::from)),
                 }
             }
@@ -275,46 +413,102 @@ impl Registers<'_> {
                 let turned = self.eye.rotation * DMat3::from_quat(of.rotation);
                 let axes = [turned.x_axis, turned.y_axis, turned.z_axis];
                 Orientation::Frame {
-                    axes: [0, 1, 2].map(|axis| vector(hold, "ellipse.normal", axes[axis], m.ellipse.normal, kernel.axes[axis])),
+                    axes: [0, 1, 2].map(|axis| {
+                        vector(
+                            hold,
+                            "ellipse.normal",
+                            axes[axis],
+                            m.ellipse.normal,
+                            kernel.axes[axis],
+                        )
+                    }),
                     scales: scales(kernel.scales),
                 }
             }
         };
-        Some(Ellipsoid { amplitude: kernel.amplitude, jacobian: [limit(0), limit(1)], cutoff, orientation })
+        Some(Ellipsoid {
+            amplitude: kernel.amplitude,
+            jacobian: [limit(0), limit(1)],
+            cutoff,
+            orientation,
+        })
     }
 
     /// The cutoff of a splat's box: that of the frame, or less where its opacity says so.
     fn box_cutoff<H: Hold>(&self, hold: &H, kernel: &frame::Kernel, index: usize) -> H::Real {
         let (exact, word) = (self.scene.kernel.cutoff, self.machine.machine.raster.cutoff);
-        let held = self.machine.box_cutoff(&self.quantised.frame.view, kernel, self.quantised.frame.splats[index].opacity);
-        let least = self.scene.least_opacity().filter(|_| !kernel.reach.is_empty());
-        let own = least.map_or(exact, |least| exact.min(2.0 * libm::log(self.scene.splats[index].opacity / least)).max(0.0));
+        let held = self.machine.box_cutoff(
+            &self.quantised.frame.view,
+            kernel,
+            self.quantised.frame.splats[index].opacity,
+        );
+        let least = self
+            .scene
+            .least_opacity()
+            .filter(|_| !kernel.reach.is_empty());
+        let own = least.map_or(exact, |least| {
+            exact
+                .min(2.0 * libm::log(self.scene.splats[index].opacity / least))
+                .max(0.0)
+        });
         hold.hold("raster.cutoff", own, word, held)
     }
 
     /// The least opacity that is drawn; none where any is.
     pub fn least_opacity<H: Hold>(&self, hold: &H) -> Option<H::Real> {
-        let (exact, ellipsoids) = (self.scene.least_opacity()?, self.quantised.frame.ellipsoids.as_ref()?);
-        Some(hold.hold("splat.opacity", exact, self.machine.machine.splat.opacity, ellipsoids.kernel.least_opacity))
+        let (exact, ellipsoids) = (
+            self.scene.least_opacity()?,
+            self.quantised.frame.ellipsoids.as_ref()?,
+        );
+        Some(hold.hold(
+            "splat.opacity",
+            exact,
+            self.machine.machine.splat.opacity,
+            ellipsoids.kernel.least_opacity,
+        ))
     }
 
     /// The lighting registers, in camera space.
     pub fn lighting<H: Hold>(&self, hold: &H) -> Lighting<H::Real> {
-        let (words, frame, scene) = (&self.machine.machine.shade, &self.quantised.frame, self.scene);
+        let (words, frame, scene) = (
+            &self.machine.machine.shade,
+            &self.quantised.frame,
+            self.scene,
+        );
         let light = |(exact, held): (&scene::Light, &frame::Light)| {
             let direction = self.eye.rotation * exact.direction;
-            let toward = |exact: DVec3, held: [i64; 3]| vector(hold, "shade.light", exact, words.light, held);
-            let half_way = held.half_way.map(|held| toward((direction - DVec3::Z).normalize(), held));
-            Light { direction: toward(direction, held.direction), half_way }
+            let toward = |exact: DVec3, held: [i64; 3]| {
+                vector(hold, "shade.light", exact, words.light, held)
+            };
+            let half_way = held
+                .half_way
+                .map(|held| toward((direction - DVec3::Z).normalize(), held));
+            Light {
+                direction: toward(direction, held.direction),
+                half_way,
+            }
         };
-        let reflectance = |exact: f64, held: i64| hold.hold("shade.reflectance", exact, words.reflectance, held);
+        let reflectance =
+            |exact: f64, held: i64| hold.hold("shade.reflectance", exact, words.reflectance, held);
         let material = |(exact, held): (&scene::Material, &frame::Material)| match (exact, held) {
             (
-                scene::Material::BlinnPhong { ambient, diffuse, specular, shininess },
-                frame::Material::BlinnPhong { ambient: held_ambient, diffuse: held_diffuse, specular: held_specular, highlight },
+                scene::Material::BlinnPhong {
+                    ambient,
+                    diffuse,
+                    specular,
+                    shininess,
+                },
+                frame::Material::BlinnPhong {
+                    ambient: held_ambient,
+                    diffuse: held_diffuse,
+                    specular: held_specular,
+                    highlight,
+                },
             ) => {
                 let answers = |factor: f64, held: &[[i64; 3]]| {
-                    let answer = |(light, held): (&scene::Light, &[i64; 3])| [0, 1, 2].map(|i| reflectance(factor * light.rgb[i], held[i]));
+                    let answer = |(light, held): (&scene::Light, &[i64; 3])| {
+                        [0, 1, 2].map(|i| reflectance(factor * light.rgb[i], held[i]))
+                    };
                     scene.lights.iter().zip(held).map(answer).collect()
                 };
                 Material::BlinnPhong {
@@ -328,27 +522,53 @@ impl Registers<'_> {
         };
         let inverse = 1.0 / scene.surface.coverage_threshold;
         Lighting {
-            lights: scene.lights.iter().zip(&frame.lighting.lights).map(light).collect(),
-            materials: scene.materials.iter().zip(&frame.lighting.materials).map(material).collect(),
+            lights: scene
+                .lights
+                .iter()
+                .zip(&frame.lighting.lights)
+                .map(light)
+                .collect(),
+            materials: scene
+                .materials
+                .iter()
+                .zip(&frame.lighting.materials)
+                .map(material)
+                .collect(),
             coverage_threshold: self.coverage_threshold(hold),
-            inverse_threshold: hold.hold_scaled("shade.inverse_threshold", inverse, words.inverse_threshold, frame.inverse_threshold),
+            inverse_threshold: hold.hold_scaled(
+                "shade.inverse_threshold",
+                inverse,
+                words.inverse_threshold,
+                frame.inverse_threshold,
+            ),
             surroundings: self.surroundings(hold),
         }
     }
 
     /// Surroundings; none where nothing is mirrored.
     fn surroundings<H: Hold>(&self, hold: &H) -> Option<Surroundings<H::Real>> {
-        let (environment, held) = (self.scene.environment.as_ref()?, self.quantised.frame.surroundings.as_ref()?);
+        let (environment, held) = (
+            self.scene.environment.as_ref()?,
+            self.quantised.frame.surroundings.as_ref()?,
+        );
         let (unit, machine) = (self.machine.shade.reflect()?, &self.machine.machine);
         let words = machine.reflect.as_ref()?;
-        let reflectance = |exact: f64, held: i64| hold.hold("reflect.reflectance", exact, words.reflectance, held);
+        let reflectance = |exact: f64, held: i64| {
+            hold.hold("reflect.reflectance", exact, words.reflectance, held)
+        };
         let mirror = |(exact, held): (&scene::Mirror, &frame::Mirror)| Mirror {
             kept: reflectance(1.0 - exact.reflect, held.kept),
-            mirrored: [0, 1, 2].map(|i| reflectance(exact.reflect * exact.tint[i], held.mirrored[i])),
+            mirrored: [0, 1, 2]
+                .map(|i| reflectance(exact.reflect * exact.tint[i], held.mirrored[i])),
             is_dull: exact.reflect == 0.0,
         };
         Some(Surroundings {
-            mirrors: environment.mirrors.iter().zip(&held.mirrors).map(mirror).collect(),
+            mirrors: environment
+                .mirrors
+                .iter()
+                .zip(&held.mirrors)
+                .map(mirror)
+                .collect(),
             inverse_focals: self.inverse_focals(hold),
             centre: self.centre(hold),
             map: unit.real_map(self.quantised.texels.clone(), &held.texels),
@@ -358,25 +578,46 @@ impl Registers<'_> {
     /// τ.
     pub fn coverage_threshold<H: Hold>(&self, hold: &H) -> H::Real {
         let word = self.machine.machine.fragment.weight_sum;
-        hold.hold("fragment.weight_sum", self.scene.surface.coverage_threshold, word, self.quantised.frame.coverage_threshold)
+        hold.hold(
+            "fragment.weight_sum",
+            self.scene.surface.coverage_threshold,
+            word,
+            self.quantised.frame.coverage_threshold,
+        )
     }
 
     /// ε, machine units.
     pub fn z_threshold<H: Hold>(&self, hold: &H) -> H::Real {
-        let (exact, word) = (self.scene.surface.z_threshold * self.quantised.scale.factor(), self.machine.machine.fragment.depth);
-        hold.hold("fragment.depth", exact, word, self.quantised.frame.z_threshold)
+        let (exact, word) = (
+            self.scene.surface.z_threshold * self.quantised.scale.factor(),
+            self.machine.machine.fragment.depth,
+        );
+        hold.hold(
+            "fragment.depth",
+            exact,
+            word,
+            self.quantised.frame.z_threshold,
+        )
     }
 
     /// The opacity from which a fragment hides what lies behind it; `exact` as the rules have it.
     pub fn opaque<H: Hold>(&self, hold: &H, exact: f64) -> H::Real {
         let word = self.machine.machine.fragment.opaque;
-        let held = word.format.one() * i64::from(self.machine.machine.fragment.opaque_permille) / 1000;
+        let held =
+            word.format.one() * i64::from(self.machine.machine.fragment.opaque_permille) / 1000;
         hold.hold("fragment.opaque", exact, word, held)
     }
 
     /// The background, premultiplied.
     pub fn background<H: Hold>(&self, hold: &H, shader: &Shader) -> [H::Real; 4] {
         let (exact, word) = (shader.background(), self.machine.machine.resolve.frame);
-        [0, 1, 2, 3].map(|i| hold.hold("resolve.frame", exact[i], word, self.quantised.frame.background[i]))
+        [0, 1, 2, 3].map(|i| {
+            hold.hold(
+                "resolve.frame",
+                exact[i],
+                word,
+                self.quantised.frame.background[i],
+            )
+        })
     }
 }

@@ -1,7 +1,8 @@
-//! Searched: for what a machine was searched, as its file has it; and whether a scene lies outside of that.
+//! Searched: for what a machine was searched, as its file has it; and whether a scene lies outside
+//! of that.
 //!
-//! A machine that `search` narrowed holds its target on the scenes, sizes and distances that it was drawn on. Elsewhere words may
-//! saturate.
+//! A machine that `search` narrowed holds its target on the scenes, sizes and distances that it was
+//! drawn on. Elsewhere words may saturate.
 //!
 //! Law: `a_machine_that_was_searched_warns_outside_of_that` (tests/search.rs).
 
@@ -14,7 +15,8 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Against {
-    /// Exact arithmetic by the machine's own rules: the arithmetic's error, which is what words make.
+    /// Exact arithmetic by the machine's own rules: the arithmetic's error, which is what words
+    /// make.
     #[default]
     Golden,
     /// The method without a limit: the whole error, of arithmetic and method.
@@ -38,7 +40,8 @@ pub enum Metric {
     /// Of the two pictures as they are, flips and all.
     #[default]
     Psnr,
-    /// Of the machine's picture and golden's that the machine's own decisions lead: rounding alone, no flips.
+    /// Of the machine's picture and golden's that the machine's own decisions lead: rounding alone,
+    /// no flips.
     Lockstep,
 }
 
@@ -69,7 +72,8 @@ pub struct Target {
     pub frames_per_second: Option<f64>,
 }
 
-/// For what a machine was searched: there it meets the target, and nothing is known of it elsewhere.
+/// For what a machine was searched: there it meets the target, and nothing is known of it
+/// elsewhere.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SearchRecord {
@@ -140,13 +144,17 @@ impl SceneRecord {
         let mut outside = Vec::new();
         let (width, height) = (scene.image.width, scene.image.height);
         if [width, height] != [self.width, self.height] {
-            outside.push(format!("{width}×{height} pixels instead of {}×{}", self.width, self.height));
+            outside.push(format!(
+                "{width}×{height} pixels instead of {}×{}",
+                self.width, self.height
+            ));
         }
         outside.extend(self.camera_outside(&scene.camera));
         outside
     }
 
-    /// How a camera lies outside. From its distance a record of several holds all around, as their unseen ones showed.
+    /// How a camera lies outside. From its distance a record of several holds all around, as their
+    /// unseen ones showed.
     fn camera_outside(&self, camera: &Camera) -> Option<String> {
         if let Some(domain) = &self.domain {
             return domain.outside(camera);
@@ -157,7 +165,11 @@ impl SceneRecord {
         };
         let [least, most] = self.distance;
         if now < least * (1.0 - SAME) || now > most * (1.0 + SAME) {
-            let told = if is_near(least, most) { format!("{least:.3}") } else { format!("{least:.3} to {most:.3}") };
+            let told = if is_near(least, most) {
+                format!("{least:.3}")
+            } else {
+                format!("{least:.3} to {most:.3}")
+            };
             return Some(format!("an eye {now:.3} from its target instead of {told}"));
         }
         let is_same = (camera.eye - alike.eye).length() <= SAME * distance(alike);
@@ -188,7 +200,9 @@ impl DomainRecord {
         for own in self.cameras.iter().filter(|own| sees_alike(camera, own)) {
             let [least, most] = [nearest, farthest].map(|part| part * distance(own));
             if now < least * (1.0 - SAME) || now > most * (1.0 + SAME) {
-                outside = Some(format!("an eye {now:.3} from its target instead of {least:.3} to {most:.3}"));
+                outside = Some(format!(
+                    "an eye {now:.3} from its target instead of {least:.3} to {most:.3}"
+                ));
                 continue;
             }
             let there = own.scaled(now / distance(own)).eye;
@@ -205,15 +219,29 @@ impl SearchRecord {
     /// How a scene lies outside of what was searched, in half sentences; none where it lies inside.
     pub fn outside(&self, scene: &Scene) -> Vec<String> {
         let splats = digest_of_places(scene);
-        let of_scene = self.scenes.iter().filter(|record| record.splats == splats).map(|record| record.outside(scene));
+        let of_scene = self
+            .scenes
+            .iter()
+            .filter(|record| record.splats == splats)
+            .map(|record| record.outside(scene));
         // A scene may be there more than once, in several sizes.
         let nearest = of_scene.min_by_key(Vec::len);
-        nearest.unwrap_or_else(|| vec![format!("the scene {} instead of {}", scene.name, self.scene_names())])
+        nearest.unwrap_or_else(|| {
+            vec![format!(
+                "the scene {} instead of {}",
+                scene.name,
+                self.scene_names()
+            )]
+        })
     }
 
     /// The scenes, one after another.
     pub fn scene_names(&self) -> String {
-        let mut names: Vec<&str> = self.scenes.iter().map(|scene| scene.name.as_str()).collect();
+        let mut names: Vec<&str> = self
+            .scenes
+            .iter()
+            .map(|scene| scene.name.as_str())
+            .collect();
         names.dedup();
         names.join(", ")
     }
@@ -227,7 +255,11 @@ impl SearchRecord {
 impl Target {
     /// The difference of pictures that it measures.
     pub fn difference(&self) -> String {
-        let metric = if self.metric == Metric::Lockstep { " in lockstep" } else { "" };
+        let metric = if self.metric == Metric::Lockstep {
+            " in lockstep"
+        } else {
+            ""
+        };
         format!("{}{metric}", self.against.difference())
     }
 
@@ -235,10 +267,19 @@ impl Target {
     pub fn aims(&self) -> Vec<String> {
         let against = self.difference();
         let mut aims = Vec::new();
-        aims.extend(self.psnr_db.map(|db| format!("at least {db} dB, {against}")));
-        aims.extend(self.max_error.map(|most| format!("nowhere more than {most} off, {against}")));
+        aims.extend(
+            self.psnr_db
+                .map(|db| format!("at least {db} dB, {against}")),
+        );
+        aims.extend(
+            self.max_error
+                .map(|most| format!("nowhere more than {most} off, {against}")),
+        );
         aims.extend(self.no_saturation.then(|| "no saturation".to_owned()));
-        aims.extend(self.frames_per_second.map(|fps| format!("at least {fps} frames/s")));
+        aims.extend(
+            self.frames_per_second
+                .map(|fps| format!("at least {fps} frames/s")),
+        );
         aims
     }
 }

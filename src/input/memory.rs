@@ -4,7 +4,8 @@ use crate::output::text::gigabytes;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Bytes from which on a need is held against what is free: less is there on any host, and looking takes time.
+/// Bytes from which on a need is held against what is free: less is there on any host, and looking
+/// takes time.
 const LEAST_BYTES: u64 = 64 << 20;
 
 /// Refuses more bytes than are free, in the second half of a sentence.
@@ -16,12 +17,23 @@ pub fn check(needed: u64) -> Result<(), String> {
         return Ok(());
     }
     match free() {
-        Some(free) if needed > free => Err(format!("it needs {} of memory, and {} are free", gigabytes(needed), gigabytes(free))),
-        // What the system says nothing of shows when the memory is asked for; none of it is touched.
-        _ => match Vec::<u8>::new().try_reserve_exact(usize::try_from(needed).unwrap_or(usize::MAX)) {
-            Ok(()) => Ok(()),
-            Err(_) => Err(format!("it needs {} of memory, which the system does not give", gigabytes(needed))),
-        },
+        Some(free) if needed > free => Err(format!(
+            "it needs {} of memory, and {} are free",
+            gigabytes(needed),
+            gigabytes(free)
+        )),
+        // What the system says nothing of shows when the memory is asked for; none of it is
+        // touched.
+        _ => {
+            match Vec::<u8>::new().try_reserve_exact(usize::try_from(needed).unwrap_or(usize::MAX))
+            {
+                Ok(()) => Ok(()),
+                Err(_) => Err(format!(
+                    "it needs {} of memory, which the system does not give",
+                    gigabytes(needed)
+                )),
+            }
+        }
     }
 }
 
@@ -29,7 +41,9 @@ pub fn check(needed: u64) -> Result<(), String> {
 pub fn free() -> Option<u64> {
     let meminfo = fs::read_to_string("/proc/meminfo").ok()?;
     let available = 1024 * field(&meminfo, "MemAvailable:")?;
-    let of_groups = groups(&fs::read_to_string("/proc/self/cgroup").unwrap_or_default()).into_iter().filter_map(|group| group.free());
+    let of_groups = groups(&fs::read_to_string("/proc/self/cgroup").unwrap_or_default())
+        .into_iter()
+        .filter_map(|group| group.free());
     Some(of_groups.chain(address_space()).fold(available, u64::min))
 }
 
@@ -43,32 +57,52 @@ fn address_space() -> Option<u64> {
 
 /// The number that follows a name at the beginning of a line.
 fn field(text: &str, name: &str) -> Option<u64> {
-    text.lines().find_map(|line| line.strip_prefix(name))?.split_whitespace().next()?.parse().ok()
+    text.lines()
+        .find_map(|line| line.strip_prefix(name))?
+        .split_whitespace()
+        .next()?
+        .parse()
+        .ok()
 }
 
 /// A control group with limits: of a container, or of a job on a cluster.
 #[derive(Debug, PartialEq)]
 struct Group {
     folder: PathBuf,
-    /// Files of its limit, of its use, and the part of the use that the system takes back where it is needed.
+    /// Files of its limit, of its use, and the part of the use that the system takes back where it
+    /// is needed.
     names: [&'static str; 3],
 }
 
-const VERSION_1: [&str; 3] = ["memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"];
+const VERSION_1: [&str; 3] = [
+    "memory.limit_in_bytes",
+    "memory.usage_in_bytes",
+    "total_inactive_file",
+];
 const VERSION_2: [&str; 3] = ["memory.max", "memory.current", "inactive_file"];
 
-/// All groups that this process is in, from the text of `/proc/self/cgroup`; in a container its own may be at the root.
+/// All groups that this process is in, from the text of `/proc/self/cgroup`; in a container its own
+/// may be at the root.
 fn groups(text: &str) -> Vec<Group> {
     let mut all = Vec::new();
     for line in text.lines() {
         let mut parts = line.splitn(3, ':').skip(1);
         let (root, names) = match parts.next() {
             Some("") => ("/sys/fs/cgroup", VERSION_2),
-            Some(controllers) if controllers.split(',').any(|controller| controller == "memory") => ("/sys/fs/cgroup/memory", VERSION_1),
+            Some(controllers)
+                if controllers
+                    .split(',')
+                    .any(|controller| controller == "memory") =>
+            {
+                ("/sys/fs/cgroup/memory", VERSION_1)
+            }
             _ => continue,
         };
         let own = Path::new(parts.next().unwrap_or_default().trim_start_matches('/'));
-        all.extend(own.ancestors().map(|folder| Group { folder: Path::new(root).join(folder), names }));
+        all.extend(own.ancestors().map(|folder| Group {
+            folder: Path::new(root).join(folder),
+            names,
+        }));
     }
     all
 }
@@ -78,7 +112,9 @@ impl Group {
         let read = |name: &str| fs::read_to_string(self.folder.join(name)).ok();
         let number = |name: &str| read(name)?.trim().parse::<u64>().ok();
         let [limit, used, inactive] = self.names;
-        let given_back = read("memory.stat").and_then(|stat| field(&stat, inactive)).unwrap_or(0);
+        let given_back = read("memory.stat")
+            .and_then(|stat| field(&stat, inactive))
+            .unwrap_or(0);
         Some(number(limit)?.saturating_sub(number(used)?.saturating_sub(given_back)))
     }
 }
@@ -90,7 +126,10 @@ mod tests {
     #[test]
     fn a_group_has_what_its_limit_leaves_and_what_the_system_takes_back() {
         let folder = tempfile::tempdir().unwrap();
-        let group = Group { folder: folder.path().to_owned(), names: VERSION_2 };
+        let group = Group {
+            folder: folder.path().to_owned(),
+            names: VERSION_2,
+        };
         assert_eq!(group.free(), None);
         let write = |name: &str, text: &str| fs::write(folder.path().join(name), text).unwrap();
         write("memory.max", "max\n");
@@ -127,7 +166,11 @@ mod tests {
     #[test]
     fn more_than_any_host_has_is_refused_in_numbers() {
         let told = check(1 << 50).unwrap_err();
-        assert!(told.starts_with("it needs 1125899.9 GB of memory, and ") && told.ends_with(" are free"), "{told}");
+        assert!(
+            told.starts_with("it needs 1125899.9 GB of memory, and ")
+                && told.ends_with(" are free"),
+            "{told}"
+        );
         assert_eq!(check(LEAST_BYTES), Ok(()));
     }
 }

@@ -1,7 +1,7 @@
 //! Input: opens every file that a user names, and reads it within limits of bytes and of time.
 //!
-//! Files are read whole where memory has room for them. Of pipes, as a shell makes for `<(command)`, a limited number of bytes is read. What
-//! need not end, as a device, is refused.
+//! Files are read whole where memory has room for them. Of pipes, as a shell makes for
+//! `<(command)`, a limited number of bytes is read. What need not end, as a device, is refused.
 
 pub mod memory;
 
@@ -23,7 +23,8 @@ const CHUNK: usize = 64 << 10;
 /// Opens a file or a pipe.
 ///
 /// # Errors
-/// Why it cannot be read, for the end of a sentence: also where it is a folder or a device, or a pipe that no process writes into.
+/// Why it cannot be read, for the end of a sentence: also where it is a folder or a device, or a
+/// pipe that no process writes into.
 pub fn open(path: &Path) -> Result<File> {
     let metadata = std::fs::metadata(path)?;
     match () {
@@ -37,7 +38,8 @@ pub fn open(path: &Path) -> Result<File> {
 /// All bytes of a file or a pipe.
 ///
 /// # Errors
-/// As [`open`]; also where it has more bytes than memory has room for, or a pipe than are read of one.
+/// As [`open`]; also where it has more bytes than memory has room for, or a pipe than are read of
+/// one.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
     let file = open(path)?;
     let metadata = file.metadata()?;
@@ -45,13 +47,28 @@ pub fn read(path: &Path) -> Result<Vec<u8>> {
         return read_pipe(file);
     }
     // Files of the system that say 0 have contents.
-    let most = if metadata.len() == 0 { MOST_OF_A_PIPE } else { metadata.len() };
+    let most = if metadata.len() == 0 {
+        MOST_OF_A_PIPE
+    } else {
+        metadata.len()
+    };
     memory::check(metadata.len()).map_err(Error::other)?;
     let mut bytes = Vec::new();
-    let too_many = |_| Error::other(format!("memory has no room for its {} bytes", metadata.len()));
-    bytes.try_reserve_exact(metadata.len() as usize).map_err(too_many)?;
+    let too_many = |_| {
+        Error::other(format!(
+            "memory has no room for its {} bytes",
+            metadata.len()
+        ))
+    };
+    bytes
+        .try_reserve_exact(metadata.len() as usize)
+        .map_err(too_many)?;
     file.take(most.saturating_add(1)).read_to_end(&mut bytes)?;
-    if bytes.len() as u64 > most { refuse("it grows while it is read") } else { Ok(bytes) }
+    if bytes.len() as u64 > most {
+        refuse("it grows while it is read")
+    } else {
+        Ok(bytes)
+    }
 }
 
 /// The same as text, without a byte-order mark: UTF-8, or UTF-16 where a mark says so.
@@ -61,13 +78,17 @@ pub fn read(path: &Path) -> Result<Vec<u8>> {
 pub fn read_text(path: &Path) -> Result<String> {
     let bytes = read(path)?;
     let wide = |order: fn([u8; 2]) -> u16, bytes: &[u8]| match bytes.as_chunks::<2>() {
-        (words, []) => String::from_utf16(&words.iter().map(|word| order(*word)).collect::<Vec<_>>()).ok(),
+        (words, []) => {
+            String::from_utf16(&words.iter().map(|word| order(*word)).collect::<Vec<_>>()).ok()
+        }
         _ => None,
     };
     let text = match bytes.as_slice() {
         [0xff, 0xfe, rest @ ..] => wide(u16::from_le_bytes, rest),
         [0xfe, 0xff, rest @ ..] => wide(u16::from_be_bytes, rest),
-        _ => String::from_utf8(bytes).ok().map(|text| without_mark(&text).to_owned()),
+        _ => String::from_utf8(bytes)
+            .ok()
+            .map(|text| without_mark(&text).to_owned()),
     };
     text.ok_or_else(|| Error::new(ErrorKind::InvalidData, "it is no text in UTF-8"))
 }
@@ -92,12 +113,17 @@ fn is_pipe(_: &std::fs::Metadata) -> bool {
     false
 }
 
-/// Opening a pipe waits for a process that writes. The thread that waits in vain ends with the process.
+/// Opening a pipe waits for a process that writes. The thread that waits in vain ends with the
+/// process.
 fn open_pipe(path: &Path) -> Result<File> {
     let (sender, receiver) = mpsc::sync_channel(1);
     let path = path.to_owned();
     std::thread::spawn(move || sender.send(File::open(path)));
-    receiver.recv_timeout(NO_WRITER).unwrap_or_else(|_| refuse(&format!("it is a pipe that no process writes into for {NO_WRITER:?}")))
+    receiver.recv_timeout(NO_WRITER).unwrap_or_else(|_| {
+        refuse(&format!(
+            "it is a pipe that no process writes into for {NO_WRITER:?}"
+        ))
+    })
 }
 
 fn read_pipe(mut file: File) -> Result<Vec<u8>> {
@@ -122,10 +148,17 @@ fn read_pipe(mut file: File) -> Result<Vec<u8>> {
             Ok(Ok(chunk)) => bytes.extend(chunk),
             Ok(Err(error)) => return Err(error),
             Err(RecvTimeoutError::Disconnected) => return refuse("its reader has ended"),
-            Err(RecvTimeoutError::Timeout) => return refuse(&format!("it is a pipe out of which nothing came for {NO_BYTES:?}")),
+            Err(RecvTimeoutError::Timeout) => {
+                return refuse(&format!(
+                    "it is a pipe out of which nothing came for {NO_BYTES:?}"
+                ));
+            }
         }
         if bytes.len() as u64 > MOST_OF_A_PIPE {
-            return refuse(&format!("it is a pipe of more than {} MB; a file may be larger", MOST_OF_A_PIPE >> 20));
+            return refuse(&format!(
+                "it is a pipe of more than {} MB; a file may be larger",
+                MOST_OF_A_PIPE >> 20
+            ));
         }
     }
 }
@@ -143,35 +176,76 @@ mod tests {
         std::fs::write(&path, [0xff]).unwrap();
         assert_eq!(read(&path).unwrap(), [0xff]);
         assert!(read_text(&path).unwrap_err().to_string().contains("UTF-8"));
-        assert!(read(folder.path()).unwrap_err().to_string().contains("it is a folder"));
-        assert_eq!(read(&folder.path().join("none")).unwrap_err().kind(), ErrorKind::NotFound);
+        assert!(
+            read(folder.path())
+                .unwrap_err()
+                .to_string()
+                .contains("it is a folder")
+        );
+        assert_eq!(
+            read(&folder.path().join("none")).unwrap_err().kind(),
+            ErrorKind::NotFound
+        );
     }
 
     #[cfg(unix)]
     #[test]
     fn devices_and_pipes_without_an_end_are_refused_and_pipes_with_one_are_read() {
-        assert!(read(Path::new("/dev/zero")).unwrap_err().to_string().contains("it is a device"));
+        assert!(
+            read(Path::new("/dev/zero"))
+                .unwrap_err()
+                .to_string()
+                .contains("it is a device")
+        );
         let folder = tempfile::tempdir().unwrap();
         let pipe = folder.path().join("pipe");
-        assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+        assert!(
+            std::process::Command::new("mkfifo")
+                .arg(&pipe)
+                .status()
+                .unwrap()
+                .success()
+        );
         let start = std::time::Instant::now();
-        assert!(read(&pipe).unwrap_err().to_string().contains("no process writes into"));
+        assert!(
+            read(&pipe)
+                .unwrap_err()
+                .to_string()
+                .contains("no process writes into")
+        );
         assert!(start.elapsed() < 4 * NO_WRITER, "{:?}", start.elapsed());
         let other = folder.path().join("other");
-        assert!(std::process::Command::new("mkfifo").arg(&other).status().unwrap().success());
+        assert!(
+            std::process::Command::new("mkfifo")
+                .arg(&other)
+                .status()
+                .unwrap()
+                .success()
+        );
         std::thread::scope(|scope| {
             scope.spawn(|| std::fs::write(&other, vec![7; 200_000]).unwrap());
             assert_eq!(read(&other).unwrap(), vec![7; 200_000]);
         });
         let endless = folder.path().join("endless");
-        assert!(std::process::Command::new("mkfifo").arg(&endless).status().unwrap().success());
+        assert!(
+            std::process::Command::new("mkfifo")
+                .arg(&endless)
+                .status()
+                .unwrap()
+                .success()
+        );
         let writes = |path: &Path| {
             let mut to = std::fs::OpenOptions::new().write(true).open(path).unwrap();
             while std::io::Write::write_all(&mut to, &[0; CHUNK]).is_ok() {}
         };
         std::thread::scope(|scope| {
             scope.spawn(|| writes(&endless));
-            assert!(read(&endless).unwrap_err().to_string().contains("a pipe of more than 256 MB"));
+            assert!(
+                read(&endless)
+                    .unwrap_err()
+                    .to_string()
+                    .contains("a pipe of more than 256 MB")
+            );
         });
     }
 
@@ -181,8 +255,14 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("large");
         // It takes no room on the disk.
-        std::fs::File::create(&path).unwrap().set_len(1 << 42).unwrap();
+        std::fs::File::create(&path)
+            .unwrap()
+            .set_len(1 << 42)
+            .unwrap();
         let told = read(&path).unwrap_err().to_string();
-        assert!(told.contains("4398.0 GB") && told.contains("free"), "{told}");
+        assert!(
+            told.contains("4398.0 GB") && told.contains("free"),
+            "{told}"
+        );
     }
 }

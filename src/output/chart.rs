@@ -1,4 +1,5 @@
-//! Chart: curves, points and bars as PNG, drawn the same on every computer (the font comes along), or as SVG.
+//! Chart: curves, points and bars as PNG, drawn the same on every computer (the font comes along),
+//! or as SVG.
 //!
 //! ```text
 //! numbers ─► [panel: axes, series, marks, notes] ─┬─► one of them, or a grid ─┬─► PNG
@@ -24,7 +25,8 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Once;
 
-/// Colours that stay apart for the colour-blind (Okabe and Ito, 2008), the first for what matters most.
+/// Colours that stay apart for the colour-blind (Okabe and Ito, 2008), the first for what matters
+/// most.
 const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -49,17 +51,27 @@ pub struct Axis {
 impl Axis {
     /// An axis by equal steps.
     pub fn linear(label: &str) -> Self {
-        Axis { label: label.into(), ..Axis::default() }
+        Axis {
+            label: label.into(),
+            ..Axis::default()
+        }
     }
 
     /// An axis by powers of ten; values that are not positive are not drawn.
     pub fn log(label: &str) -> Self {
-        Axis { label: label.into(), log: true, range: None }
+        Axis {
+            label: label.into(),
+            log: true,
+            range: None,
+        }
     }
 
     /// From here to there.
     pub fn within(self, low: f64, high: f64) -> Self {
-        Axis { range: Some([low, high]), ..self }
+        Axis {
+            range: Some([low, high]),
+            ..self
+        }
     }
 
     /// Where a value lies on the axis; none where it cannot be shown.
@@ -69,7 +81,11 @@ impl Axis {
     }
 
     fn written(&self, place: f64) -> String {
-        let value = if self.log { libm::pow(10.0, place) } else { place };
+        let value = if self.log {
+            libm::pow(10.0, place)
+        } else {
+            place
+        };
         let magnitude = value.abs();
         if value == 0.0 {
             "0".into()
@@ -82,8 +98,8 @@ impl Axis {
         }
     }
 
-    /// What a mark of the axis says, with as many digits as tell marks apart; nothing between the powers of ten, where at least two of
-    /// those are marked.
+    /// What a mark of the axis says, with as many digits as tell marks apart; nothing between the
+    /// powers of ten, where at least two of those are marked.
     fn mark(&self, place: f64, span: &Range<f64>) -> String {
         let between = (place - place.round()).abs() > 1e-6;
         let decades = span.end.floor() - span.start.ceil();
@@ -100,7 +116,11 @@ impl Axis {
         }
         let digits = (-libm::log10(step)).ceil().max(0.0) as usize;
         let text = format!("{place:.digits$}");
-        if digits == 0 { text } else { text.trim_end_matches('0').trim_end_matches('.').into() }
+        if digits == 0 {
+            text
+        } else {
+            text.trim_end_matches('0').trim_end_matches('.').into()
+        }
     }
 
     /// The range that shows all of these values, with a margin.
@@ -109,7 +129,9 @@ impl Axis {
             return self.place(low).unwrap_or(0.0)..self.place(high).unwrap_or(1.0);
         }
         let places = values.filter_map(|value| self.place(value));
-        let (low, high) = places.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), place| (low.min(place), high.max(place)));
+        let (low, high) = places.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), place| {
+            (low.min(place), high.max(place))
+        });
         if low > high {
             return 0.0..1.0;
         }
@@ -263,7 +285,11 @@ const BESIDE_PX: i32 = 15;
 impl Draw for Panel {
     fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
         let all = || self.series.iter().flat_map(|series| &series.points);
-        let x = self.x.span(all().map(|point| point[0]).chain(self.limits.iter().map(|limit| limit.0)));
+        let x = self.x.span(
+            all()
+                .map(|point| point[0])
+                .chain(self.limits.iter().map(|limit| limit.0)),
+        );
         let y = self.y.span(all().map(|point| point[1]));
         let (left, top) = (x.start, y.end - 0.02 * (y.end - y.start));
         let spans = (x.clone(), y.clone());
@@ -289,13 +315,21 @@ impl Draw for Panel {
             .draw()
             .map_err(drawing_error)?;
         for (at, word, colour) in &self.limits {
-            let (Some(at), colour) = (self.x.place(*at), COLOURS[colour % COLOURS.len()]) else { continue };
+            let (Some(at), colour) = (self.x.place(*at), COLOURS[colour % COLOURS.len()]) else {
+                continue;
+            };
             let range = chart.y_range();
             let line = [(at, range.start), (at, range.end)];
-            chart.draw_series(DashedLineSeries::new(line, 4, 4, colour.into())).map_err(drawing_error)?;
-            let style = (FONT, 13).into_font().transform(FontTransform::Rotate90).color(&colour);
+            chart
+                .draw_series(DashedLineSeries::new(line, 4, 4, colour.into()))
+                .map_err(drawing_error)?;
+            let style = (FONT, 13)
+                .into_font()
+                .transform(FontTransform::Rotate90)
+                .color(&colour);
             // The words stand beside their line, not on it.
-            let words = EmptyElement::at((at.max(left), top)) + Text::new(word.clone(), (BESIDE_PX, 0), style);
+            let words = EmptyElement::at((at.max(left), top))
+                + Text::new(word.clone(), (BESIDE_PX, 0), style);
             chart.draw_series([words]).map_err(drawing_error)?;
         }
         for series in &self.series {
@@ -304,12 +338,28 @@ impl Draw for Panel {
             let points: Vec<(f64, f64)> = series.points.iter().filter_map(place).collect();
             let drawn = match series.mark {
                 Mark::Line => chart.draw_series(LineSeries::new(points, colour.stroke_width(2))),
-                Mark::Dashed => chart.draw_series(DashedLineSeries::new(points, 7, 5, colour.stroke_width(2))),
-                Mark::Dots => chart.draw_series(points.into_iter().map(|point| Circle::new(point, 2, colour.filled()))),
-                Mark::Crosses => chart.draw_series(points.into_iter().map(|point| Cross::new(point, 7, colour.stroke_width(3)))),
-                Mark::Triangles => chart.draw_series(points.into_iter().map(|point| TriangleMarker::new(point, 9, colour.filled()))),
+                Mark::Dashed => {
+                    chart.draw_series(DashedLineSeries::new(points, 7, 5, colour.stroke_width(2)))
+                }
+                Mark::Dots => chart.draw_series(
+                    points
+                        .into_iter()
+                        .map(|point| Circle::new(point, 2, colour.filled())),
+                ),
+                Mark::Crosses => chart.draw_series(
+                    points
+                        .into_iter()
+                        .map(|point| Cross::new(point, 7, colour.stroke_width(3))),
+                ),
+                Mark::Triangles => chart.draw_series(
+                    points
+                        .into_iter()
+                        .map(|point| TriangleMarker::new(point, 9, colour.filled())),
+                ),
                 Mark::Rings => {
-                    let rings = points.iter().map(|point| Circle::new(*point, 5, colour.stroke_width(2)));
+                    let rings = points
+                        .iter()
+                        .map(|point| Circle::new(*point, 5, colour.stroke_width(2)));
                     chart.draw_series(rings).map_err(drawing_error)?;
                     chart.draw_series(LineSeries::new(points, colour.stroke_width(1)))
                 }
@@ -317,12 +367,18 @@ impl Draw for Panel {
             let drawn = drawn.map_err(drawing_error)?;
             if !series.name.is_empty() {
                 match series.mark {
-                    Mark::Crosses => drawn.label(&series.name).legend(move |(x, y)| Cross::new((x + 9, y), 6, colour.stroke_width(3))),
-                    Mark::Triangles => drawn.label(&series.name).legend(move |(x, y)| TriangleMarker::new((x + 9, y), 7, colour.filled())),
-                    Mark::Dots => drawn.label(&series.name).legend(move |(x, y)| Circle::new((x + 9, y), 3, colour.filled())),
-                    _ => {
-                        drawn.label(&series.name).legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 18, y)], colour.stroke_width(3)))
-                    }
+                    Mark::Crosses => drawn
+                        .label(&series.name)
+                        .legend(move |(x, y)| Cross::new((x + 9, y), 6, colour.stroke_width(3))),
+                    Mark::Triangles => drawn
+                        .label(&series.name)
+                        .legend(move |(x, y)| TriangleMarker::new((x + 9, y), 7, colour.filled())),
+                    Mark::Dots => drawn
+                        .label(&series.name)
+                        .legend(move |(x, y)| Circle::new((x + 9, y), 3, colour.filled())),
+                    _ => drawn.label(&series.name).legend(move |(x, y)| {
+                        PathElement::new(vec![(x, y), (x + 18, y)], colour.stroke_width(3))
+                    }),
                 };
             }
         }
@@ -338,22 +394,45 @@ impl Draw for Panel {
         }
         // Words are placed by pixels of the whole picture, and drawn by those of the area.
         let (columns, rows) = area.get_pixel_range();
-        let points = all().filter_map(|point| Some((self.x.place(point[0])?, self.y.place(point[1])?)));
+        let points =
+            all().filter_map(|point| Some((self.x.place(point[0])?, self.y.place(point[1])?)));
         let points: Vec<(i32, i32)> = points.map(|point| chart.backend_coord(&point)).collect();
-        let notes = self.notes.iter().filter_map(|([x, y], word)| Some(((self.x.place(*x)?, self.y.place(*y)?), word)));
+        let notes = self
+            .notes
+            .iter()
+            .filter_map(|([x, y], word)| Some(((self.x.place(*x)?, self.y.place(*y)?), word)));
         let plain = (FONT, 13).into_font().color(&INK);
-        let mut taken: Vec<[i32; 4]> = points.iter().map(|(x, y)| [x - 6, y - 6, x + 6, y + 6]).collect();
+        let mut taken: Vec<[i32; 4]> = points
+            .iter()
+            .map(|(x, y)| [x - 6, y - 6, x + 6, y + 6])
+            .collect();
         for (place, word) in notes {
             let at = chart.backend_coord(&place);
-            let (width, height) = area.estimate_text_size(word, &plain).map_err(drawing_error)?;
-            let (left, top) = free_place(at, [width as i32, height as i32], &taken, [&columns, &rows]);
+            let (width, height) = area
+                .estimate_text_size(word, &plain)
+                .map_err(drawing_error)?;
+            let (left, top) =
+                free_place(at, [width as i32, height as i32], &taken, [&columns, &rows]);
             let (dx, dy) = area.get_base_pixel();
-            let end = (if left > at.0 { left - 2 } else { left + width as i32 + 2 }, top + height as i32 / 2);
+            let end = (
+                if left > at.0 {
+                    left - 2
+                } else {
+                    left + width as i32 + 2
+                },
+                top + height as i32 / 2,
+            );
             if (end.1 - at.1).abs() > 6 {
                 let leader = vec![(at.0 - dx, at.1 - dy), (end.0 - dx, end.1 - dy)];
-                area.draw(&PathElement::new(leader, INK.mix(0.35))).map_err(drawing_error)?;
+                area.draw(&PathElement::new(leader, INK.mix(0.35)))
+                    .map_err(drawing_error)?;
             }
-            area.draw(&Text::new(word.clone(), (left - dx, top - dy), plain.clone())).map_err(drawing_error)?;
+            area.draw(&Text::new(
+                word.clone(),
+                (left - dx, top - dy),
+                plain.clone(),
+            ))
+            .map_err(drawing_error)?;
             taken.push([left, top, left + width as i32, top + height as i32]);
         }
         Ok(())
@@ -364,15 +443,33 @@ impl Panel {
     /// Where a legend covers fewest points.
     fn emptiest_corner(&self, (x, y): &(Range<f64>, Range<f64>)) -> SeriesLabelPosition {
         const NEAR: f64 = 0.35;
-        let part = |axis: &Axis, span: &Range<f64>, value: f64| Some((axis.place(value)? - span.start) / (span.end - span.start));
+        let part = |axis: &Axis, span: &Range<f64>, value: f64| {
+            Some((axis.place(value)? - span.start) / (span.end - span.start))
+        };
         let place = |[a, b]: &[f64; 2]| Some((part(&self.x, x, *a)?, part(&self.y, y, *b)?));
-        let mut places: Vec<(f64, f64)> = self.series.iter().flat_map(|series| &series.points).filter_map(place).collect();
+        let mut places: Vec<(f64, f64)> = self
+            .series
+            .iter()
+            .flat_map(|series| &series.points)
+            .filter_map(place)
+            .collect();
         // A line is covered wherever it goes.
-        for series in self.series.iter().filter(|series| matches!(series.mark, Mark::Line | Mark::Dashed)) {
+        for series in self
+            .series
+            .iter()
+            .filter(|series| matches!(series.mark, Mark::Line | Mark::Dashed))
+        {
             let ends: Vec<(f64, f64)> = series.points.iter().filter_map(place).collect();
-            let between =
-                |pair: &[(f64, f64)], part: f64| (pair[0].0 + part * (pair[1].0 - pair[0].0), pair[0].1 + part * (pair[1].1 - pair[0].1));
-            places.extend(ends.windows(2).flat_map(|pair| (1..16).map(|nth| between(pair, f64::from(nth) / 16.0))));
+            let between = |pair: &[(f64, f64)], part: f64| {
+                (
+                    pair[0].0 + part * (pair[1].0 - pair[0].0),
+                    pair[0].1 + part * (pair[1].1 - pair[0].1),
+                )
+            };
+            places.extend(
+                ends.windows(2)
+                    .flat_map(|pair| (1..16).map(|nth| between(pair, f64::from(nth) / 16.0))),
+            );
         }
         let corners = [
             (SeriesLabelPosition::LowerRight, 1.0, 0.0),
@@ -380,33 +477,69 @@ impl Panel {
             (SeriesLabelPosition::UpperLeft, 0.0, 1.0),
             (SeriesLabelPosition::LowerLeft, 0.0, 0.0),
         ];
-        let near = |right: f64, top: f64| places.iter().filter(|(x, y)| (x - right).abs() < NEAR && (y - top).abs() < NEAR).count();
+        let near = |right: f64, top: f64| {
+            places
+                .iter()
+                .filter(|(x, y)| (x - right).abs() < NEAR && (y - top).abs() < NEAR)
+                .count()
+        };
         let [first, ..] = &corners;
-        let best = corners.iter().min_by_key(|(_, right, top)| near(*right, *top)).unwrap_or(first);
+        let best = corners
+            .iter()
+            .min_by_key(|(_, right, top)| near(*right, *top))
+            .unwrap_or(first);
         best.0.clone()
     }
 }
 
-/// Where words of this size may stand beside a point: the nearest place that covers least of what is there.
-fn free_place((x, y): (i32, i32), [width, height]: [i32; 2], taken: &[[i32; 4]], [columns, rows]: [&Range<i32>; 2]) -> (i32, i32) {
+/// Where words of this size may stand beside a point: the nearest place that covers least of what
+/// is there.
+fn free_place(
+    (x, y): (i32, i32),
+    [width, height]: [i32; 2],
+    taken: &[[i32; 4]],
+    [columns, rows]: [&Range<i32>; 2],
+) -> (i32, i32) {
     let middle = y - height / 2;
     let heights = (0..8).flat_map(|step| [-step * height, step * height]);
-    let places = heights.flat_map(|dy| [(x + 9 + dy.abs() / 4, middle + dy), (x - 9 - dy.abs() / 4 - width, middle + dy)]);
+    let places = heights.flat_map(|dy| {
+        [
+            (x + 9 + dy.abs() / 4, middle + dy),
+            (x - 9 - dy.abs() / 4 - width, middle + dy),
+        ]
+    });
     let inside = |(left, top): &(i32, i32)| {
-        *left >= columns.start + 70 && left + width < columns.end && *top >= rows.start + 38 && top + height < rows.end - 50
+        *left >= columns.start + 70
+            && left + width < columns.end
+            && *top >= rows.start + 38
+            && top + height < rows.end - 50
     };
     let covered = |(left, top): &(i32, i32)| {
         let [right, bottom] = [left + width, top + height];
-        let shared = |[l, t, r, b]: &[i32; 4]| (right.min(*r) - left.max(l)).max(0) * (bottom.min(*b) - top.max(t)).max(0);
-        taken.iter().map(|box_px| i64::from(shared(box_px))).sum::<i64>()
+        let shared = |[l, t, r, b]: &[i32; 4]| {
+            (right.min(*r) - left.max(l)).max(0) * (bottom.min(*b) - top.max(t)).max(0)
+        };
+        taken
+            .iter()
+            .map(|box_px| i64::from(shared(box_px)))
+            .sum::<i64>()
     };
-    places.filter(inside).min_by_key(covered).unwrap_or((x + 9, middle))
+    places
+        .filter(inside)
+        .min_by_key(covered)
+        .unwrap_or((x + 9, middle))
 }
 
 impl Draw for Bars {
     fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
         let sum = |values: &[f64]| values.iter().sum::<f64>();
-        let ends = |(_, values): &(String, Vec<f64>)| if self.shape == Shape::Stack { vec![sum(values)] } else { values.clone() };
+        let ends = |(_, values): &(String, Vec<f64>)| {
+            if self.shape == Shape::Stack {
+                vec![sum(values)]
+            } else {
+                values.clone()
+            }
+        };
         let values = self.rows.iter().flat_map(ends);
         let from_zero = !self.axis.log && self.shape != Shape::Dots;
         let mut span = self.axis.span(values.chain(from_zero.then_some(0.0)));
@@ -415,10 +548,19 @@ impl Draw for Bars {
         }
         let (start, whole) = (span.start, span.clone());
         // Bars of numbers below 0 go to the left.
-        let foot = if self.axis.log { start } else { 0.0_f64.clamp(start, span.end) };
+        let foot = if self.axis.log {
+            start
+        } else {
+            0.0_f64.clamp(start, span.end)
+        };
         let rows = self.rows.len() as f64;
         let area = &self.draw_head(area)?;
-        let longest = self.rows.iter().map(|(name, _)| name.chars().count()).max().unwrap_or(0) as u32;
+        let longest = self
+            .rows
+            .iter()
+            .map(|(name, _)| name.chars().count())
+            .max()
+            .unwrap_or(0) as u32;
         let mut chart = ChartBuilder::on(area)
             .margin(12)
             .margin_top(2)
@@ -443,7 +585,9 @@ impl Draw for Bars {
                 let middle = rows - row as f64 - 0.5;
                 PathElement::new(vec![(start, middle), (whole.end, middle)], FAINT)
             };
-            chart.draw_series((0..self.rows.len()).map(line)).map_err(drawing_error)?;
+            chart
+                .draw_series((0..self.rows.len()).map(line))
+                .map_err(drawing_error)?;
         }
         let many = self.legend.len().max(1);
         for bar in 0..many {
@@ -454,27 +598,51 @@ impl Draw for Bars {
                 Some(match self.shape {
                     Shape::Bars => {
                         let top = top - 0.76 * bar as f64 / many as f64;
-                        [(foot, top), (self.axis.place(value)?.max(start), top - 0.76 / many as f64)]
+                        [
+                            (foot, top),
+                            (self.axis.place(value)?.max(start), top - 0.76 / many as f64),
+                        ]
                     }
                     Shape::Stack => {
                         let before = sum(&values[..bar]);
-                        [(self.axis.place(before)?, top), (self.axis.place(before + value)?, top - 0.76)]
+                        [
+                            (self.axis.place(before)?, top),
+                            (self.axis.place(before + value)?, top - 0.76),
+                        ]
                     }
                     Shape::Dots => [(self.axis.place(value)?, top - 0.38); 2],
                 })
             };
-            let places: Vec<_> = (self.rows.iter().enumerate()).filter_map(|(row, (_, values))| place(row, values)).collect();
+            let places: Vec<_> = (self.rows.iter().enumerate())
+                .filter_map(|(row, (_, values))| place(row, values))
+                .collect();
             let drawn = match self.shape {
-                Shape::Dots => chart.draw_series(places.iter().map(|[at, _]| Circle::new(*at, 4, colour.filled()))),
-                _ => chart.draw_series(places.iter().map(|corners| Rectangle::new(*corners, colour.filled()))),
+                Shape::Dots => chart.draw_series(
+                    places
+                        .iter()
+                        .map(|[at, _]| Circle::new(*at, 4, colour.filled())),
+                ),
+                _ => chart.draw_series(
+                    places
+                        .iter()
+                        .map(|corners| Rectangle::new(*corners, colour.filled())),
+                ),
             };
             drawn.map_err(drawing_error)?;
         }
-        let style = (FONT, 14).into_font().color(&INK).pos(Pos::new(HPos::Right, VPos::Center));
+        let style = (FONT, 14)
+            .into_font()
+            .color(&INK)
+            .pos(Pos::new(HPos::Right, VPos::Center));
         for (row, (name, _)) in self.rows.iter().enumerate() {
             let (x, y) = chart.backend_coord(&(start, rows - row as f64 - 0.5));
             let (dx, dy) = area.get_base_pixel();
-            area.draw(&Text::new(name.clone(), (x - dx - 8, y - dy), style.clone())).map_err(drawing_error)?;
+            area.draw(&Text::new(
+                name.clone(),
+                (x - dx - 8, y - dy),
+                style.clone(),
+            ))
+            .map_err(drawing_error)?;
         }
         Ok(())
     }
@@ -483,12 +651,18 @@ impl Draw for Bars {
 impl Bars {
     /// Draws title and legend above all bars, where they cover none; what is left for those.
     fn draw_head<B: DrawingBackend>(&self, area: &Area<B>) -> std::result::Result<Area<B>, String> {
-        let style = (FONT, 14).into_font().color(&INK).pos(Pos::new(HPos::Left, VPos::Center));
+        let style = (FONT, 14)
+            .into_font()
+            .color(&INK)
+            .pos(Pos::new(HPos::Left, VPos::Center));
         let width = area.dim_in_pixel().0 as i32;
         let mut places = Vec::new();
         let (mut x, mut line) = (APART_PX, 0);
         for name in self.legend.iter().filter(|_| self.legend.len() > 1) {
-            let words_px = area.estimate_text_size(name, &style).map_err(drawing_error)?.0 as i32;
+            let words_px = area
+                .estimate_text_size(name, &style)
+                .map_err(drawing_error)?
+                .0 as i32;
             if x > APART_PX && x + SWATCH_PX + GAP_PX + words_px > width {
                 (x, line) = (APART_PX, line + 1);
             }
@@ -497,13 +671,30 @@ impl Bars {
         }
         let lines = places.last().map_or(0, |(_, line)| line + 1);
         let (head, body) = area.split_vertically(CAPTION_PX + LEGEND_PX * lines);
-        let title = (FONT, 19).into_font().color(&INK).pos(Pos::new(HPos::Center, VPos::Center));
-        head.draw(&Text::new(self.title.clone(), (width / 2, CAPTION_PX / 2 + 3), title)).map_err(drawing_error)?;
+        let title = (FONT, 19)
+            .into_font()
+            .color(&INK)
+            .pos(Pos::new(HPos::Center, VPos::Center));
+        head.draw(&Text::new(
+            self.title.clone(),
+            (width / 2, CAPTION_PX / 2 + 3),
+            title,
+        ))
+        .map_err(drawing_error)?;
         for (nth, (x, line)) in places.into_iter().enumerate() {
             let y = CAPTION_PX + LEGEND_PX * line + LEGEND_PX / 2 - 2;
             let square = [(x, y - 5), (x + SWATCH_PX, y + 5)];
-            head.draw(&Rectangle::new(square, COLOURS[nth % COLOURS.len()].filled())).map_err(drawing_error)?;
-            head.draw(&Text::new(self.legend[nth].clone(), (x + SWATCH_PX + GAP_PX, y), style.clone())).map_err(drawing_error)?;
+            head.draw(&Rectangle::new(
+                square,
+                COLOURS[nth % COLOURS.len()].filled(),
+            ))
+            .map_err(drawing_error)?;
+            head.draw(&Text::new(
+                self.legend[nth].clone(),
+                (x + SWATCH_PX + GAP_PX, y),
+                style.clone(),
+            ))
+            .map_err(drawing_error)?;
         }
         Ok(body)
     }
@@ -519,12 +710,19 @@ pub fn write_png(charts: &[&dyn Chart], columns: usize, cell: [u32; 2], path: &P
     let mut pixels = vec![255; size.0 as usize * size.1 as usize * 3];
     let root = BitMapBackend::with_buffer(&mut pixels, size).into_drawing_area();
     let cells = root.split_evenly((rows, columns));
-    let drawn = charts.iter().zip(&cells).try_for_each(|(chart, area)| chart.draw_pixels(area));
-    drawn.and_then(|()| root.present().map_err(drawing_error)).map_err(|e| Error::job(format!("{}: {e}", path.display())))?;
+    let drawn = charts
+        .iter()
+        .zip(&cells)
+        .try_for_each(|(chart, area)| chart.draw_pixels(area));
+    drawn
+        .and_then(|()| root.present().map_err(drawing_error))
+        .map_err(|e| Error::job(format!("{}: {e}", path.display())))?;
     drop((cells, root));
     write_beside(path, |file| {
-        let png = PngEncoder::new_with_quality(file, CompressionType::Default, FilterType::NoFilter);
-        png.write_image(&pixels, size.0, size.1, ExtendedColorType::Rgb8).map_err(|error| error.to_string())
+        let png =
+            PngEncoder::new_with_quality(file, CompressionType::Default, FilterType::NoFilter);
+        png.write_image(&pixels, size.0, size.1, ExtendedColorType::Rgb8)
+            .map_err(|error| error.to_string())
     })
 }
 
@@ -539,8 +737,15 @@ pub fn svg(charts: &[&dyn Chart], columns: usize, cell: [u32; 2]) -> Result<Stri
     let root = SVGBackend::with_string(&mut text, size).into_drawing_area();
     let cells = root.split_evenly((rows, columns));
     let drawn = root.fill(&WHITE).map_err(drawing_error);
-    let drawn = drawn.and_then(|()| charts.iter().zip(&cells).try_for_each(|(chart, area)| chart.draw_shapes(area)));
-    drawn.and_then(|()| root.present().map_err(drawing_error)).map_err(Error::job)?;
+    let drawn = drawn.and_then(|()| {
+        charts
+            .iter()
+            .zip(&cells)
+            .try_for_each(|(chart, area)| chart.draw_shapes(area))
+    });
+    drawn
+        .and_then(|()| root.present().map_err(drawing_error))
+        .map_err(Error::job)?;
     drop((cells, root));
     Ok(text)
 }
@@ -549,14 +754,24 @@ pub fn svg(charts: &[&dyn Chart], columns: usize, cell: [u32; 2]) -> Result<Stri
 fn grid(charts: usize, columns: usize, [width, height]: [u32; 2]) -> (usize, usize, (u32, u32)) {
     let columns = columns.clamp(1, charts.max(1));
     let rows = charts.div_ceil(columns).max(1);
-    (rows, columns, (width * columns as u32, height * rows as u32))
+    (
+        rows,
+        columns,
+        (width * columns as u32, height * rows as u32),
+    )
 }
 
 /// The font of every chart, once.
 fn register_font() {
     static ONCE: Once = Once::new();
     // A font that is compiled in cannot be an invalid one.
-    ONCE.call_once(|| drop(plotters::style::register_font(FONT, FontStyle::Normal, dejavu::sans::regular())));
+    ONCE.call_once(|| {
+        drop(plotters::style::register_font(
+            FONT,
+            FontStyle::Normal,
+            dejavu::sans::regular(),
+        ))
+    });
 }
 
 #[cfg(test)]

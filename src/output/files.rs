@@ -16,19 +16,20 @@ const TRIES: u32 = 100;
 
 /// A folder that files are being written into, by this process alone until it is dropped.
 ///
-/// Where nothing was written into a folder that was not there before, it is removed afterwards. Only a process that holds the lock of a folder
-/// removes it.
+/// Where nothing was written into a folder that was not there before, it is removed afterwards.
+/// Only a process that holds the lock of a folder removes it.
 #[derive(Debug)]
 pub struct Folder {
-    /// The open folder itself is what is locked: the system releases it however the process ends, and there is no lock file.
+    /// The open folder itself is what is locked: the system releases it however the process ends,
+    /// and there is no lock file.
     open: Option<File>,
     /// Folders that were not there before, the outermost first.
     made: Vec<PathBuf>,
 }
 
 impl Folder {
-    /// Makes sure that files can be written into a folder, before any work is done for them; removes what a process that was killed left
-    /// there unfinished.
+    /// Makes sure that files can be written into a folder, before any work is done for them;
+    /// removes what a process that was killed left there unfinished.
     ///
     /// # Errors
     /// [`Error::Input`] where they cannot, or where another process is writing there.
@@ -46,16 +47,26 @@ impl Folder {
         Folder::locked(path, File::try_lock_shared)
     }
 
-    fn locked(path: &Path, lock: fn(&File) -> std::result::Result<(), TryLockError>) -> Result<Self> {
+    fn locked(
+        path: &Path,
+        lock: fn(&File) -> std::result::Result<(), TryLockError>,
+    ) -> Result<Self> {
         if path.exists() && !path.is_dir() {
             return Err(cannot(path, "it is a file, and a folder is needed"));
         }
         let is_missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
         for _ in 0..TRIES {
-            let mut made: Vec<PathBuf> = path.ancestors().take_while(is_missing).map(Path::to_owned).collect();
+            let mut made: Vec<PathBuf> = path
+                .ancestors()
+                .take_while(is_missing)
+                .map(Path::to_owned)
+                .collect();
             made.reverse();
             // Dropped before it is locked it would remove what another process has locked.
-            let mut folder = Folder { open: None, made: Vec::new() };
+            let mut folder = Folder {
+                open: None,
+                made: Vec::new(),
+            };
             match fs::create_dir_all(path) {
                 Ok(()) => {}
                 Err(error) if error.kind() == ErrorKind::NotFound && !made.is_empty() => {
@@ -70,7 +81,8 @@ impl Folder {
             folder.open = match File::open(path) {
                 Ok(open) => Some(open),
                 Err(error) if error.kind() == ErrorKind::NotFound => continue,
-                // Where folders cannot be opened or locked, as on some networks, no process is kept out.
+                // Where folders cannot be opened or locked, as on some networks, no process is kept
+                // out.
                 Err(_) => None,
             };
             if let Some(Err(TryLockError::WouldBlock)) = folder.open.as_ref().map(lock) {
@@ -79,7 +91,9 @@ impl Folder {
             // The process that held the lock before may have removed the folder meanwhile.
             if folder.open.as_ref().is_none_or(|open| leads_to(path, open)) {
                 folder.made = made;
-                return probe(path).map(|()| folder).map_err(|error| cannot(path, &error.to_string()));
+                return probe(path)
+                    .map(|()| folder)
+                    .map_err(|error| cannot(path, &error.to_string()));
             }
         }
         Err(cannot(path, "other processes remove it again and again"))
@@ -94,18 +108,22 @@ impl Drop for Folder {
     }
 }
 
-/// Removes folders, the innermost first, in which there is nothing and no process is about to write.
+/// Removes folders, the innermost first, in which there is nothing and no process is about to
+/// write.
 fn remove_free(made: &[PathBuf]) {
     for folder in made.iter().rev() {
         let open = File::open(folder).ok();
-        let is_free = open.as_ref().is_none_or(|open| !matches!(open.try_lock(), Err(TryLockError::WouldBlock)));
+        let is_free = open
+            .as_ref()
+            .is_none_or(|open| !matches!(open.try_lock(), Err(TryLockError::WouldBlock)));
         if !is_free || fs::remove_dir(folder).is_err() {
             return;
         }
     }
 }
 
-/// Whether a path leads to this open folder, and not to one that was made after that one was removed.
+/// Whether a path leads to this open folder, and not to one that was made after that one was
+/// removed.
 #[cfg(unix)]
 fn leads_to(path: &Path, open: &File) -> bool {
     use std::os::unix::fs::MetadataExt;
@@ -122,9 +140,14 @@ fn leads_to(_: &Path, _: &File) -> bool {
 /// Removes what processes that are gone left unfinished in a folder, which this process has locked.
 fn remove_left(folder: &Path) {
     let is_left = |name: &str| {
-        let process = name.strip_suffix(PART).and_then(|name| name.rsplit_once('.')).and_then(|(_, number)| number.parse::<u32>().ok());
+        let process = name
+            .strip_suffix(PART)
+            .and_then(|name| name.rsplit_once('.'))
+            .and_then(|(_, number)| number.parse::<u32>().ok());
         // Files beside a result, as a video, are written without its lock.
-        process.is_some_and(|number| number != std::process::id() && !Path::new(&format!("/proc/{number}")).exists())
+        process.is_some_and(|number| {
+            number != std::process::id() && !Path::new(&format!("/proc/{number}")).exists()
+        })
     };
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         if entry.file_name().to_str().is_some_and(is_left) {
@@ -148,10 +171,14 @@ pub fn probe(folder: &Path) -> std::io::Result<()> {
 }
 
 fn cannot(folder: &Path, why: &str) -> Error {
-    Error::input(format!("--out {}: cannot be written: {why}", folder.display()))
+    Error::input(format!(
+        "--out {}: cannot be written: {why}",
+        folder.display()
+    ))
 }
 
-/// What is being written, under a temporary name: a file or a folder. Removed when it is dropped, and when a signal ends the process.
+/// What is being written, under a temporary name: a file or a folder. Removed when it is dropped,
+/// and when a signal ends the process.
 #[derive(Debug)]
 pub struct Unfinished(PathBuf);
 
@@ -188,19 +215,26 @@ impl Unfinished {
 
 impl Drop for Unfinished {
     fn drop(&mut self) {
-        // It may never have come to be, or may have its name already; then there is nothing to remove.
+        // It may never have come to be, or may have its name already; then there is nothing to
+        // remove.
         remove(&self.0);
         unfinished().remove(&self.0);
     }
 }
 
-/// From now on SIGINT and SIGTERM remove what is unfinished before they end the process. For a program's main thread.
+/// From now on SIGINT and SIGTERM remove what is unfinished before they end the process. For a
+/// program's main thread.
 pub fn clean_up_on_signals() {
     #[cfg(unix)]
     {
         use signal_hook::consts::{SIGINT, SIGTERM};
-        let wanted: Vec<i32> = [SIGINT, SIGTERM].into_iter().filter(|signal| !is_ignored(*signal)).collect();
-        let Ok(mut signals) = signal_hook::iterator::Signals::new(wanted) else { return };
+        let wanted: Vec<i32> = [SIGINT, SIGTERM]
+            .into_iter()
+            .filter(|signal| !is_ignored(*signal))
+            .collect();
+        let Ok(mut signals) = signal_hook::iterator::Signals::new(wanted) else {
+            return;
+        };
         std::thread::spawn(move || {
             for signal in signals.forever() {
                 // Held until the end: no other thread begins to write a file.
@@ -212,25 +246,34 @@ pub fn clean_up_on_signals() {
     }
 }
 
-/// Whether the process was started with a signal ignored, as by `nohup` or in the background of a script.
+/// Whether the process was started with a signal ignored, as by `nohup` or in the background of a
+/// script.
 #[cfg(unix)]
 fn is_ignored(signal: i32) -> bool {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:")).and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    let mask = status
+        .lines()
+        .find_map(|line| line.strip_prefix("SigIgn:"))
+        .and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
     mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
 }
 
-/// Writes a file under a temporary name beside its own, then renames it: readers find all of it or nothing.
+/// Writes a file under a temporary name beside its own, then renames it: readers find all of it or
+/// nothing.
 ///
 /// Behind a link it is the file that the link leads to. A device or a pipe is not replaced.
 ///
 /// # Errors
 /// [`Error::Job`] where it cannot be written, or something is there that is no file.
-pub fn write_beside(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> std::result::Result<(), String>) -> Result<()> {
+pub fn write_beside(
+    path: &Path,
+    write: impl FnOnce(&mut BufWriter<File>) -> std::result::Result<(), String>,
+) -> Result<()> {
     let path = &behind_links(path);
     check_replaceable(path)?;
     let part = Unfinished::beside(path);
-    let written = write_and_close(&part.0, write).and_then(|()| part.finish(path).map_err(|error| error.to_string()));
+    let written = write_and_close(&part.0, write)
+        .and_then(|()| part.finish(path).map_err(|error| error.to_string()));
     written.map_err(|error| cannot_be_written(path, &error))
 }
 
@@ -251,41 +294,71 @@ pub fn write_two_beside(
 }
 
 fn check_replaceable(path: &Path) -> Result<()> {
-    if path.exists() && !path.is_file() { Err(cannot_be_written(path, "it is no file")) } else { Ok(()) }
+    if path.exists() && !path.is_file() {
+        Err(cannot_be_written(path, "it is no file"))
+    } else {
+        Ok(())
+    }
 }
 
 fn cannot_be_written(path: &Path, why: &str) -> Error {
     Error::job(format!("{}: cannot be written: {why}", path.display()))
 }
 
-/// Writes files of a folder that are one result: all, or where one cannot be written none, and those of the result before stay as they are.
+/// Writes files of a folder that are one result: all, or where one cannot be written none, and
+/// those of the result before stay as they are.
 ///
-/// The last file tells what the others are, as `report.json`: while others are exchanged it is not there. `stale` are files of a result before
-/// that this one does not have. All are written into a folder of their own first, in parallel, then moved. Returns what was written.
+/// The last file tells what the others are, as `report.json`: while others are exchanged it is not
+/// there. `stale` are files of a result before that this one does not have. All are written into a
+/// folder of their own first, in parallel, then moved. Returns what was written.
 ///
 /// # Errors
 /// [`Error::Job`] naming the first file that cannot be written.
-pub fn write_as_one<'a>(folder: &Path, files: Vec<Unwritten<'a>>, stale: &[&str]) -> Result<Vec<PathBuf>> {
+pub fn write_as_one<'a>(
+    folder: &Path,
+    files: Vec<Unwritten<'a>>,
+    stale: &[&str],
+) -> Result<Vec<PathBuf>> {
     let finals: Vec<PathBuf> = files.iter().map(|(path, _)| path.clone()).collect();
-    finals.iter().try_for_each(|path| check_replaceable(&behind_links(path)))?;
+    finals
+        .iter()
+        .try_for_each(|path| check_replaceable(&behind_links(path)))?;
     let stage = Unfinished::beside(&folder.join(".files"));
     remove(&stage.0);
     fs::create_dir(&stage.0).map_err(|error| cannot_be_written(folder, &error.to_string()))?;
     let staged = |path: &Path| stage.0.join(path.file_name().unwrap_or_default());
-    let files = files.into_iter().map(|(path, write)| (staged(&path), write)).collect();
+    let files = files
+        .into_iter()
+        .map(|(path, write)| (staged(&path), write))
+        .collect();
     // Users know the file by its own name.
-    write_all(files).map_err(|error| Error::job(error.to_string().replace(&*stage.0.to_string_lossy(), &folder.to_string_lossy())))?;
+    write_all(files).map_err(|error| {
+        Error::job(
+            error
+                .to_string()
+                .replace(&*stage.0.to_string_lossy(), &folder.to_string_lossy()),
+        )
+    })?;
     let (last, others) = finals.split_last().expect("a result has files");
     let exchange = || {
         remove_if_there(last)?;
-        others.iter().try_for_each(|path| move_to(&staged(path), path))?;
+        others
+            .iter()
+            .try_for_each(|path| move_to(&staged(path), path))?;
         let is_stale = |path: &PathBuf| !finals.contains(path);
-        stale.iter().map(|name| folder.join(name)).filter(is_stale).try_for_each(|path| remove_if_there(&path))?;
+        stale
+            .iter()
+            .map(|name| folder.join(name))
+            .filter(is_stale)
+            .try_for_each(|path| remove_if_there(&path))?;
         move_to(&staged(last), last)
     };
     exchange().map(|()| finals.clone()).map_err(|error| {
         let name = last.file_name().unwrap_or_default().to_string_lossy();
-        Error::job(format!("{error}; files of two results are in {}, without {name}: write it again", folder.display()))
+        Error::job(format!(
+            "{error}; files of two results are in {}, without {name}: write it again",
+            folder.display()
+        ))
     })
 }
 
@@ -304,7 +377,10 @@ fn move_to(from: &Path, to: &Path) -> Result<()> {
 /// [`Error::Job`] where it is there and cannot be removed.
 pub fn remove_if_there(path: &Path) -> Result<()> {
     match fs::remove_file(path) {
-        Err(error) if error.kind() != ErrorKind::NotFound => Err(Error::job(format!("{}: cannot be removed: {error}", path.display()))),
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(Error::job(format!(
+            "{}: cannot be removed: {error}",
+            path.display()
+        ))),
         _ => Ok(()),
     }
 }
@@ -319,13 +395,21 @@ pub type Unwritten<'a> = (PathBuf, Writing<'a>);
 /// # Errors
 /// That of the first which cannot be written; the others are there.
 pub fn write_all(files: Vec<Unwritten>) -> Result<Vec<PathBuf>> {
-    in_order(files.into_par_iter().map(|(path, write)| write(&path).map(|()| path)))
+    in_order(
+        files
+            .into_par_iter()
+            .map(|(path, write)| write(&path).map(|()| path)),
+    )
 }
 
 /// Where a link leads to; the path itself where it is none.
 pub fn behind_links(path: &Path) -> PathBuf {
     let is_link = fs::symlink_metadata(path).is_ok_and(|metadata| metadata.is_symlink());
-    if is_link { fs::canonicalize(path).unwrap_or_else(|_| path.to_owned()) } else { path.to_owned() }
+    if is_link {
+        fs::canonicalize(path).unwrap_or_else(|_| path.to_owned())
+    } else {
+        path.to_owned()
+    }
 }
 
 /// Whether two paths lead to one file that is there.
@@ -350,15 +434,23 @@ mod tests {
     fn of_several_files_the_first_that_cannot_be_written_is_named_and_the_others_are_there() {
         let folder = tempfile::tempdir().unwrap();
         let put = |text: &'static str| -> Writing<'static> {
-            Box::new(move |path: &Path| write_beside(path, |file| file.write_all(text.as_bytes()).map_err(|e| e.to_string())))
+            Box::new(move |path: &Path| {
+                write_beside(path, |file| {
+                    file.write_all(text.as_bytes()).map_err(|e| e.to_string())
+                })
+            })
         };
         let at = |name: &str| folder.path().join(name);
         let all = || vec![(at("a"), put("1")), (at("b"), put("2"))];
         assert_eq!(write_all(all()).unwrap(), [at("a"), at("b")]);
         let broken = ["none/x", "none/y"].map(|name| (at(name), put("3")));
-        let error = write_all(broken.into_iter().chain([(at("c"), put("4"))]).collect()).unwrap_err();
+        let error =
+            write_all(broken.into_iter().chain([(at("c"), put("4"))]).collect()).unwrap_err();
         assert!(error.to_string().contains("none/x"), "{error}");
-        assert_eq!(["a", "b", "c"].map(|name| fs::read_to_string(at(name)).unwrap()), ["1", "2", "4"]);
+        assert_eq!(
+            ["a", "b", "c"].map(|name| fs::read_to_string(at(name)).unwrap()),
+            ["1", "2", "4"]
+        );
     }
 
     #[test]
@@ -366,13 +458,27 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("picture.png");
         let error = write_beside(&path, |_| Err("disk full".to_string())).unwrap_err();
-        assert_eq!(error.to_string(), format!("{}: cannot be written: disk full", path.display()));
+        assert_eq!(
+            error.to_string(),
+            format!("{}: cannot be written: disk full", path.display())
+        );
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
         // Of two, that which cannot be.
         let [one, missing] = [folder.path().join("one"), folder.path().join("none/other")];
         let told = |paths: [&Path; 2], error: Option<&str>| {
-            let error = write_two_beside(paths, |_| error.map_or(Ok(()), |error| Err(error.to_owned()))).unwrap_err().to_string();
-            assert_eq!((error.matches("cannot be written").count(), fs::read_dir(folder.path()).unwrap().count()), (1, 0), "{error}");
+            let error = write_two_beside(paths, |_| {
+                error.map_or(Ok(()), |error| Err(error.to_owned()))
+            })
+            .unwrap_err()
+            .to_string();
+            assert_eq!(
+                (
+                    error.matches("cannot be written").count(),
+                    fs::read_dir(folder.path()).unwrap().count()
+                ),
+                (1, 0),
+                "{error}"
+            );
             error
         };
         assert!(told([&one, &missing], None).contains("none/other"));
@@ -384,10 +490,18 @@ mod tests {
     fn a_folder_is_written_by_one_at_a_time() {
         let folder = tempfile::tempdir().unwrap();
         let first = Folder::open(folder.path()).unwrap();
-        assert!(Folder::open(folder.path()).unwrap_err().to_string().ends_with("another process is writing there"));
+        assert!(
+            Folder::open(folder.path())
+                .unwrap_err()
+                .to_string()
+                .ends_with("another process is writing there")
+        );
         assert!(Folder::shared(folder.path()).is_err());
         drop(first);
-        let parts = [Folder::shared(folder.path()).unwrap(), Folder::shared(folder.path()).unwrap()];
+        let parts = [
+            Folder::shared(folder.path()).unwrap(),
+            Folder::shared(folder.path()).unwrap(),
+        ];
         assert!(Folder::open(folder.path()).is_err());
         drop(parts);
         Folder::open(folder.path()).unwrap();
@@ -440,7 +554,9 @@ mod tests {
             for _ in 0..4 {
                 scope.spawn(|| {
                     for turn in 0..200 {
-                        let Ok(open) = Folder::open(&new) else { continue };
+                        let Ok(open) = Folder::open(&new) else {
+                            continue;
+                        };
                         held.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
                         let file = new.join("file");
                         fs::write(&file, "").expect("the folder that is held is there");
@@ -460,14 +576,20 @@ mod tests {
     fn what_a_killed_process_left_unfinished_is_removed_and_other_files_are_not() {
         let folder = tempfile::tempdir().unwrap();
         // No process has so high a number.
-        let [left, of_us, others] =
-            [format!("a.png.4194999{PART}"), format!("b.png.{}{PART}", std::process::id()), "c.png.4194999.part".to_owned()];
+        let [left, of_us, others] = [
+            format!("a.png.4194999{PART}"),
+            format!("b.png.{}{PART}", std::process::id()),
+            "c.png.4194999.part".to_owned(),
+        ];
         for name in [&left, &of_us, &others] {
             fs::write(folder.path().join(name), "").unwrap();
         }
         fs::create_dir(folder.path().join(format!(".files.4194999{PART}"))).unwrap();
         drop(Folder::open(folder.path()).unwrap());
-        let mut names: Vec<String> = fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        let mut names: Vec<String> = fs::read_dir(folder.path())
+            .unwrap()
+            .map(|e| e.unwrap().file_name().into_string().unwrap())
+            .collect();
         names.sort();
         assert_eq!(names, [of_us, others]);
     }
@@ -477,27 +599,62 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
         let put = |text: &'static str| -> Writing<'static> {
-            Box::new(move |path: &Path| write_beside(path, |file| file.write_all(text.as_bytes()).map_err(|e| e.to_string())))
+            Box::new(move |path: &Path| {
+                write_beside(path, |file| {
+                    file.write_all(text.as_bytes()).map_err(|e| e.to_string())
+                })
+            })
         };
-        let fails = || -> Writing<'static> { Box::new(|path: &Path| write_beside(path, |_| Err("disk full".into()))) };
+        let fails = || -> Writing<'static> {
+            Box::new(|path: &Path| write_beside(path, |_| Err("disk full".into())))
+        };
         let held = || {
-            let all = ["a", "b", "report"].map(|name| fs::read_to_string(at(name)).unwrap_or_default());
+            let all =
+                ["a", "b", "report"].map(|name| fs::read_to_string(at(name)).unwrap_or_default());
             (all, fs::read_dir(folder.path()).unwrap().count())
         };
-        let first = vec![(at("a"), put("1")), (at("b"), put("2")), (at("report"), put("3"))];
-        assert_eq!(write_as_one(folder.path(), first, &["b"]).unwrap(), [at("a"), at("b"), at("report")]);
+        let first = vec![
+            (at("a"), put("1")),
+            (at("b"), put("2")),
+            (at("report"), put("3")),
+        ];
+        assert_eq!(
+            write_as_one(folder.path(), first, &["b"]).unwrap(),
+            [at("a"), at("b"), at("report")]
+        );
         let old = (["1", "2", "3"].map(String::from), 3);
         assert_eq!(held(), old);
-        let broken = vec![(at("a"), put("4")), (at("b"), fails()), (at("report"), put("5"))];
-        let error = write_as_one(folder.path(), broken, &[]).unwrap_err().to_string();
-        assert_eq!((error, held()), (format!("{}: cannot be written: disk full", at("b").display()), old));
+        let broken = vec![
+            (at("a"), put("4")),
+            (at("b"), fails()),
+            (at("report"), put("5")),
+        ];
+        let error = write_as_one(folder.path(), broken, &[])
+            .unwrap_err()
+            .to_string();
+        assert_eq!(
+            (error, held()),
+            (
+                format!("{}: cannot be written: disk full", at("b").display()),
+                old
+            )
+        );
         // While it is exchanged, nothing says what the files are.
         let second = vec![(at("a"), put("6")), (at("report"), put("7"))];
         write_as_one(folder.path(), second, &["b"]).unwrap();
         assert_eq!(held(), (["6", "", "7"].map(String::from), 2));
         fs::create_dir(at("b")).unwrap();
-        let third = vec![(at("a"), put("8")), (at("b"), put("8")), (at("report"), put("8"))];
-        assert!(write_as_one(folder.path(), third, &[]).unwrap_err().to_string().ends_with("it is no file"));
+        let third = vec![
+            (at("a"), put("8")),
+            (at("b"), put("8")),
+            (at("report"), put("8")),
+        ];
+        assert!(
+            write_as_one(folder.path(), third, &[])
+                .unwrap_err()
+                .to_string()
+                .ends_with("it is no file")
+        );
         assert_eq!(held(), (["6", "", "7"].map(String::from), 3));
     }
 

@@ -34,28 +34,58 @@ impl Picture {
         let (width, height) = (self.width as u32, self.height as u32);
         write_beside(path, |file| {
             let png = PngEncoder::new(file);
-            png.write_image(pixels.as_flattened(), width, height, ExtendedColorType::Rgba8).map_err(|error| error.to_string())
+            png.write_image(
+                pixels.as_flattened(),
+                width,
+                height,
+                ExtendedColorType::Rgba8,
+            )
+            .map_err(|error| error.to_string())
         })
     }
 
-    /// The same of a picture whose colours may be `encoded`: not linear light but what a screen is sent.
+    /// The same of a picture whose colours may be `encoded`: not linear light but what a screen is
+    /// sent.
     pub fn write_shown(&self, encoded: bool, path: &Path) -> Result<()> {
-        if encoded { self.decoded().write_png(path) } else { self.write_png(path) }
+        if encoded {
+            self.decoded().write_png(path)
+        } else {
+            self.write_png(path)
+        }
     }
 
-    /// The picture seen as what a screen is sent: linear light that [`Picture::write_png`] encodes to the very numbers that are here.
+    /// The picture seen as what a screen is sent: linear light that [`Picture::write_png`] encodes
+    /// to the very numbers that are here.
     pub fn decoded(&self) -> Picture {
-        Picture { rgba: self.rgba.par_iter().map(|pixel| decode(*pixel)).collect(), covered: self.covered.clone(), ..*self }
+        Picture {
+            rgba: self.rgba.par_iter().map(|pixel| decode(*pixel)).collect(),
+            covered: self.covered.clone(),
+            ..*self
+        }
     }
 
-    /// The code values, 0 to 1, that a PNG of so many bits per channel (8 or 16) holds of it, over black where it is not opaque. `encoded` as of
-    /// [`Picture::write_shown`]. A pixel that is not finite is NaN.
+    /// The code values, 0 to 1, that a PNG of so many bits per channel (8 or 16) holds of it, over
+    /// black where it is not opaque. `encoded` as of [`Picture::write_shown`]. A pixel that is not
+    /// finite is NaN.
     pub fn stored(&self, encoded: bool, bits: u32) -> Picture {
         let most = f64::from((1_u32 << bits) - 1);
         let code = |[r, g, b, alpha]: [f64; 4]| {
-            let straight = |value: f64| if alpha > 0.0 { (value / alpha).clamp(0.0, 1.0) } else { 0.0 };
-            let shown = |value: f64| if encoded { straight(value) } else { srgb_encode(straight(value)) };
-            [shown(r), shown(g), shown(b), alpha.clamp(0.0, 1.0)].map(|value| (most * value).round())
+            let straight = |value: f64| {
+                if alpha > 0.0 {
+                    (value / alpha).clamp(0.0, 1.0)
+                } else {
+                    0.0
+                }
+            };
+            let shown = |value: f64| {
+                if encoded {
+                    straight(value)
+                } else {
+                    srgb_encode(straight(value))
+                }
+            };
+            [shown(r), shown(g), shown(b), alpha.clamp(0.0, 1.0)]
+                .map(|value| (most * value).round())
         };
         let codes = |pixel: [f64; 4]| match bits {
             // To the last place what is written.
@@ -69,23 +99,42 @@ impl Picture {
             let [r, g, b, alpha] = codes(*pixel).map(|code| code / most);
             [r * alpha, g * alpha, b * alpha, 1.0]
         };
-        Picture { rgba: self.rgba.par_iter().map(stored).collect(), covered: self.covered.clone(), ..*self }
+        Picture {
+            rgba: self.rgba.par_iter().map(stored).collect(),
+            covered: self.covered.clone(),
+            ..*self
+        }
     }
 
-    /// Writes an OpenEXR file: float32, linear light, RGBA premultiplied over the background, row 0 on top.
+    /// Writes an OpenEXR file: float32, linear light, RGBA premultiplied over the background, row 0
+    /// on top.
     pub fn write_exr(&self, path: &Path) -> Result<()> {
         let pixel = |at: Vec2<usize>| {
             let [r, g, b, a] = self.rgba[at.y() * self.width + at.x()].map(|value| value as f32);
             (r, g, b, a)
         };
-        let image = exr::image::Image::from_channels((self.width, self.height), SpecificChannels::rgba(pixel));
-        write_beside(path, |file| image.write().to_buffered(file).map_err(|error| error.to_string()))
+        let image = exr::image::Image::from_channels(
+            (self.width, self.height),
+            SpecificChannels::rgba(pixel),
+        );
+        write_beside(path, |file| {
+            image
+                .write()
+                .to_buffered(file)
+                .map_err(|error| error.to_string())
+        })
     }
 }
 
 /// Linear light of a pixel that has what a screen is sent.
 fn decode([r, g, b, alpha]: [f64; 4]) -> [f64; 4] {
-    let light = |value: f64| if alpha > 0.0 { srgb_decode((value / alpha).clamp(0.0, 1.0)) * alpha } else { 0.0 };
+    let light = |value: f64| {
+        if alpha > 0.0 {
+            srgb_decode((value / alpha).clamp(0.0, 1.0)) * alpha
+        } else {
+            0.0
+        }
+    };
     [light(r), light(g), light(b), alpha]
 }
 
@@ -93,7 +142,11 @@ fn decode([r, g, b, alpha]: [f64; 4]) -> [f64; 4] {
 fn encode([r, g, b, alpha]: [f64; 4]) -> [u8; 4] {
     let byte = |value: f64| (255.0 * value.clamp(0.0, 1.0)).round() as u8;
     let straight = |value: f64| {
-        if alpha > 0.0 { (value / alpha).clamp(0.0, 1.0) } else { 0.0 }
+        if alpha > 0.0 {
+            (value / alpha).clamp(0.0, 1.0)
+        } else {
+            0.0
+        }
     };
     let [r, g, b] = [r, g, b].map(|value| srgb_byte(straight(value)));
     [r, g, b, byte(alpha)]
@@ -113,7 +166,12 @@ mod tests {
             [1.5, -0.5, 0.0, 0.8],
             [0.1, 0.2, 0.3, 1.0],
         ];
-        Picture { width: 3, height: 2, rgba, covered: vec![true; 6] }
+        Picture {
+            width: 3,
+            height: 2,
+            rgba,
+            covered: vec![true; 6],
+        }
     }
 
     #[test]
@@ -124,7 +182,8 @@ mod tests {
         let read = image::open(&path).unwrap().into_rgba8();
         assert_eq!(read.dimensions(), (3, 2));
         let pixels: Vec<[u8; 4]> = read.pixels().map(|pixel| pixel.0).collect();
-        // sRGB of 0.5, 0.25, 0.21404114, 0.1, 0.2, 0.3: 187.5160, 136.9577, 127.5000, 89.0, 123.6, 148.9 of 255.
+        // sRGB of 0.5, 0.25, 0.21404114, 0.1, 0.2, 0.3: 187.5160, 136.9577, 127.5000, 89.0, 123.6,
+        // 148.9 of 255.
         assert_eq!(pixels[0], [0, 0, 0, 0]);
         assert_eq!(pixels[1], [188, 137, 0, 128]);
         assert_eq!(pixels[2], [255, 255, 255, 255]);
@@ -137,7 +196,8 @@ mod tests {
     fn code_values_are_those_that_a_png_holds() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("picture.png");
-        // With a value that ends in the middle between two codes, and colours that are codes already.
+        // With a value that ends in the middle between two codes, and colours that are codes
+        // already.
         let mut picture = picture();
         picture.rgba[3] = [127.5 / 255.0, 0.1, 0.9, 1.0];
         for encoded in [false, true] {
@@ -152,7 +212,11 @@ mod tests {
         assert_eq!(picture.stored(false, 16).rgba[5][0], 22884.0 / 65535.0);
         assert_eq!(picture.stored(true, 16).rgba[5][0], 6554.0 / 65535.0);
         picture.rgba[0][3] = f64::INFINITY;
-        assert!(picture.stored(false, 8).rgba[0].iter().all(|value| value.is_nan()));
+        assert!(
+            picture.stored(false, 8).rgba[0]
+                .iter()
+                .all(|value| value.is_nan())
+        );
     }
 
     #[test]
@@ -166,14 +230,20 @@ mod tests {
             .largest_resolution_level()
             .rgba_channels(
                 |size, _| (size.width(), vec![[0.0_f32; 4]; size.area()]),
-                |(width, pixels), at, (r, g, b, a): (f32, f32, f32, f32)| pixels[at.y() * *width + at.x()] = [r, g, b, a],
+                |(width, pixels), at, (r, g, b, a): (f32, f32, f32, f32)| {
+                    pixels[at.y() * *width + at.x()] = [r, g, b, a]
+                },
             )
             .first_valid_layer()
             .all_attributes()
             .from_file(&path)
             .unwrap();
         let (width, pixels) = read.layer_data.channel_data.pixels;
-        let expected: Vec<[f32; 4]> = picture().rgba.iter().map(|pixel| pixel.map(|value| value as f32)).collect();
+        let expected: Vec<[f32; 4]> = picture()
+            .rgba
+            .iter()
+            .map(|pixel| pixel.map(|value| value as f32))
+            .collect();
         assert_eq!((width, pixels), (3, expected));
     }
 
@@ -181,6 +251,12 @@ mod tests {
     fn a_picture_that_cannot_be_written_names_the_path() {
         let folder = tempfile::tempdir().unwrap();
         let nowhere = folder.path().join("absent").join("picture.exr");
-        assert!(picture().write_exr(&nowhere).unwrap_err().to_string().contains("absent"));
+        assert!(
+            picture()
+                .write_exr(&nowhere)
+                .unwrap_err()
+                .to_string()
+                .contains("absent")
+        );
     }
 }

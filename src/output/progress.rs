@@ -32,13 +32,23 @@ pub struct Watch {
 impl Watch {
     /// What is done, of how much where that is known, and where the job is in words.
     pub fn now(&self) -> (f64, Option<f64>, String) {
-        let state = self.state.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let Some(state) = state else { return (0.0, None, String::new()) };
+        let state = self
+            .state
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone();
+        let Some(state) = state else {
+            return (0.0, None, String::new());
+        };
         let total = match state.kind {
             Kind::Steps(total, _) => Some(total as f64),
             Kind::Seconds(_) | Kind::Open => None,
         };
-        (state.done.load(Ordering::Relaxed) as f64, total, state.message())
+        (
+            state.done.load(Ordering::Relaxed) as f64,
+            total,
+            state.message(),
+        )
     }
 
     /// Asks the job to stop: it does where it would write its next row.
@@ -60,8 +70,16 @@ pub fn watched_by<T>(watch: &Arc<Watch>, work: impl FnOnce() -> T) -> T {
 /// # Errors
 /// [`Error::Job`] where it was stopped.
 pub fn is_wanted() -> Result<()> {
-    let is_stopped = WATCH.with_borrow(|watch| watch.as_ref().is_some_and(|watch| watch.is_stopped.load(Ordering::Relaxed)));
-    if is_stopped { Err(Error::job("stopped")) } else { Ok(()) }
+    let is_stopped = WATCH.with_borrow(|watch| {
+        watch
+            .as_ref()
+            .is_some_and(|watch| watch.is_stopped.load(Ordering::Relaxed))
+    });
+    if is_stopped {
+        Err(Error::job("stopped"))
+    } else {
+        Ok(())
+    }
 }
 
 /// Shows a state, and whether the job is over.
@@ -118,7 +136,12 @@ impl Progress {
     }
 
     fn new(shown: bool, kind: Kind) -> Self {
-        let state = Arc::new(State { start: Instant::now(), kind, done: AtomicU64::new(0), message: Mutex::new(String::new()) });
+        let state = Arc::new(State {
+            start: Instant::now(),
+            kind,
+            done: AtomicU64::new(0),
+            message: Mutex::new(String::new()),
+        });
         let ticker = shown.then(|| {
             let (every, show): (_, Show) = if std::io::stderr().is_terminal() {
                 (TICK_EVERY, bar(kind))
@@ -136,7 +159,8 @@ impl Progress {
         });
         WATCH.with_borrow(|watch| {
             if let Some(watch) = watch {
-                *watch.state.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::clone(&state));
+                *watch.state.lock().unwrap_or_else(PoisonError::into_inner) =
+                    Some(Arc::clone(&state));
             }
         });
         Progress { state, ticker }
@@ -149,7 +173,11 @@ impl Progress {
 
     /// Where the job is.
     pub fn say(&self, message: String) {
-        *self.state.message.lock().unwrap_or_else(PoisonError::into_inner) = message;
+        *self
+            .state
+            .message
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner) = message;
     }
 }
 
@@ -179,15 +207,22 @@ impl Ticker {
 
 impl State {
     fn message(&self) -> String {
-        self.message.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.message
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone()
     }
 
     /// Part of the job that is done, 0 to 1; none where its end is not known.
     fn part(&self) -> Option<f64> {
         match self.kind {
-            Kind::Steps(total, _) => Some(self.done.load(Ordering::Relaxed) as f64 / total.max(1) as f64),
+            Kind::Steps(total, _) => {
+                Some(self.done.load(Ordering::Relaxed) as f64 / total.max(1) as f64)
+            }
             // An estimate that was too short never says that it is over.
-            Kind::Seconds(expected) => Some((self.start.elapsed().as_secs_f64() / expected).min(0.99)),
+            Kind::Seconds(expected) => {
+                Some((self.start.elapsed().as_secs_f64() / expected).min(0.99))
+            }
             Kind::Open => None,
         }
     }
@@ -199,10 +234,16 @@ impl State {
             Kind::Steps(total, name) => {
                 let done = self.done.load(Ordering::Relaxed);
                 let left = elapsed / done as f64 * total.saturating_sub(done) as f64;
-                let left = if done == 0 { String::new() } else { format!(", about {} left", duration(left)) };
+                let left = if done == 0 {
+                    String::new()
+                } else {
+                    format!(", about {} left", duration(left))
+                };
                 format!("{} of {} {name}{left}", thousands(done), thousands(total))
             }
-            Kind::Seconds(expected) => format!("{} of about {}", duration(elapsed), duration(expected)),
+            Kind::Seconds(expected) => {
+                format!("{} of about {}", duration(elapsed), duration(expected))
+            }
             Kind::Open => format!("{}: {}", duration(elapsed), self.message()),
         }
     }
@@ -235,8 +276,15 @@ mod tests {
     use super::*;
 
     fn state(kind: Kind, ago: u64) -> State {
-        let start = Instant::now().checked_sub(Duration::from_secs(ago)).unwrap();
-        State { start, kind, done: AtomicU64::new(0), message: Mutex::new("min+1".into()) }
+        let start = Instant::now()
+            .checked_sub(Duration::from_secs(ago))
+            .unwrap();
+        State {
+            start,
+            kind,
+            done: AtomicU64::new(0),
+            message: Mutex::new("min+1".into()),
+        }
     }
 
     #[test]
@@ -261,7 +309,10 @@ mod tests {
         assert_eq!(sweep.line(), "0 of 1,200 points");
         sweep.done.store(300, Ordering::Relaxed);
         assert_eq!(sweep.line(), "300 of 1,200 points, about 3 minutes left");
-        assert_eq!(state(Kind::Seconds(120.0), 30).line(), "30 s of about 2 minutes");
+        assert_eq!(
+            state(Kind::Seconds(120.0), 30).line(),
+            "30 s of about 2 minutes"
+        );
         assert_eq!(state(Kind::Open, 12).line(), "12 s: min+1");
     }
 
@@ -275,9 +326,16 @@ mod tests {
                     sink.lock().unwrap().push(state.line())
                 }
             });
-            let ticker = Ticker::start(Arc::new(state(Kind::Open, 0)), Duration::from_millis(every), show);
+            let ticker = Ticker::start(
+                Arc::new(state(Kind::Open, 0)),
+                Duration::from_millis(every),
+                show,
+            );
             thread::sleep(Duration::from_millis(lasts));
-            drop(Progress { state: Arc::new(state(Kind::Open, 0)), ticker: Some(ticker) });
+            drop(Progress {
+                state: Arc::new(state(Kind::Open, 0)),
+                ticker: Some(ticker),
+            });
             shown.lock().unwrap().len()
         };
         assert!(lines(5, 500) >= 3);

@@ -42,7 +42,8 @@ pub fn share(part: u64, whole: u64) -> String {
     }
 }
 
-/// A line broken between words where it is longer than a terminal's; what follows the break is set in.
+/// A line broken between words where it is longer than a terminal's; what follows the break is set
+/// in.
 pub fn wrapped(line: &str) -> String {
     let mut out = String::new();
     let mut column = 0;
@@ -79,17 +80,23 @@ pub fn aligned(mut table: Table) -> Table {
     table
 }
 
-/// The beginning of a word that may be megabytes of anything, on one line: what a terminal and its user can stand.
+/// The beginning of a word that may be megabytes of anything, on one line: what a terminal and its
+/// user can stand.
 pub fn clipped(word: &str) -> String {
     const MOST: usize = 40;
-    let mut clipped: String = word.chars().take(MOST).flat_map(char::escape_debug).collect();
+    let mut clipped: String = word
+        .chars()
+        .take(MOST)
+        .flat_map(char::escape_debug)
+        .collect();
     if word.chars().nth(MOST).is_some() {
         clipped.push('…');
     }
     clipped
 }
 
-/// JSON inside of a `script` element of a page: no text in it ends the element or begins a comment there.
+/// JSON inside of a `script` element of a page: no text in it ends the element or begins a comment
+/// there.
 pub fn json_in_html(value: &serde_json::Value) -> String {
     value.to_string().replace('<', "\\u003c")
 }
@@ -100,7 +107,11 @@ const MOST_LISTED: usize = 8;
 /// Half sentences, one after another; of a long list the first ones and how many more there are.
 pub fn listed(sentences: &[String]) -> String {
     let (first, rest) = sentences.split_at(sentences.len().min(MOST_LISTED));
-    let rest = if rest.is_empty() { String::new() } else { format!("; and {} more", rest.len()) };
+    let rest = if rest.is_empty() {
+        String::new()
+    } else {
+        format!("; and {} more", rest.len())
+    };
     first.join("; ") + &rest
 }
 
@@ -117,7 +128,11 @@ pub fn one_line(name: &str) -> String {
 /// A word of a command line, in quotes where a shell would take it for something else.
 pub fn quoted_for_shell(word: &str) -> String {
     let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "_-./=:,+@%".contains(letter);
-    if !word.is_empty() && word.chars().all(is_plain) { word.to_owned() } else { format!("'{}'", word.replace('\'', r"'\''")) }
+    if !word.is_empty() && word.chars().all(is_plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', r"'\''"))
+    }
 }
 
 /// Bytes as hexadecimal digits.
@@ -134,12 +149,23 @@ mod tests {
         assert_eq!(wrapped("  short  as it is"), "  short  as it is");
         let long = wrapped(&"word ".repeat(40));
         assert!(
-            long.lines().count() == 3 && long.lines().all(|line| line.len() <= 80 && line.trim_end() == line || line.ends_with("word ")),
+            long.lines().count() == 3
+                && long
+                    .lines()
+                    .all(|line| line.len() <= 80 && line.trim_end() == line
+                        || line.ends_with("word ")),
             "{long}"
         );
-        assert!(long.lines().skip(1).all(|line| line.starts_with("    word")));
+        assert!(
+            long.lines()
+                .skip(1)
+                .all(|line| line.starts_with("    word"))
+        );
         let path = "/".repeat(100);
-        assert_eq!(wrapped(&format!("note: {path} is long")), format!("note:\n    {path}\n    is long"));
+        assert_eq!(
+            wrapped(&format!("note: {path} is long")),
+            format!("note:\n    {path}\n    is long")
+        );
     }
 
     #[test]
@@ -153,7 +179,10 @@ mod tests {
     #[test]
     fn a_name_is_one_line() {
         assert_eq!(one_line("a\nb\u{2028}c\u{1b}[1m é"), "a_b_c_[1m é");
-        assert_eq!(clipped(&format!("{}\n", "x".repeat(40))), format!("{}…", "x".repeat(40)));
+        assert_eq!(
+            clipped(&format!("{}\n", "x".repeat(40))),
+            format!("{}…", "x".repeat(40))
+        );
     }
 
     #[test]
@@ -161,11 +190,17 @@ mod tests {
         let value = serde_json::json!({"</script>": "<!--<script>", "é": [1, "<"]});
         let text = json_in_html(&value);
         assert!(!text.contains('<') && text.contains("\\u003c!--"), "{text}");
-        assert_eq!(serde_json::from_str::<serde_json::Value>(&text).unwrap(), value);
+        assert_eq!(
+            serde_json::from_str::<serde_json::Value>(&text).unwrap(),
+            value
+        );
     }
 
     #[test]
     fn thousands_are_set_apart() {
-        assert_eq!([0, 999, 1000, 1_234_567].map(thousands), ["0", "999", "1,000", "1,234,567"]);
+        assert_eq!(
+            [0, 999, 1000, 1_234_567].map(thousands),
+            ["0", "999", "1,000", "1,234,567"]
+        );
     }
 }

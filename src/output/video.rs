@@ -3,7 +3,8 @@
 //! ```text
 //! picture ─► sRGB, over black ─► Y'CbCr, BT.601, limited range ─► three planes of 8 bits, 4:4:4
 //! ```
-//! BT.601 and limited range are what a reader takes where a file of this kind says nothing else (ITU-R BT.601-7, §2.5.1 to §2.5.3).
+//! BT.601 and limited range are what a reader takes where a file of this kind says nothing else
+//! (ITU-R BT.601-7, §2.5.1 to §2.5.3).
 
 use super::colour::srgb_encode;
 use super::files::{Unfinished, behind_links};
@@ -29,12 +30,15 @@ pub struct Video {
 }
 
 impl Video {
-    /// Makes sure, before any work is done, that there is a place for one: nothing is written over a file that is no video.
+    /// Makes sure, before any work is done, that there is a place for one: nothing is written over
+    /// a file that is no video.
     ///
     /// # Errors
-    /// [`Error::Input`] where there is a folder of that name, or a file that does not begin as a video does.
+    /// [`Error::Input`] where there is a folder of that name, or a file that does not begin as a
+    /// video does.
     pub fn may_be_written(path: &Path) -> Result<()> {
-        let input_error = |what: String| Err(Error::input(format!("--y4m {}: {what}", path.display())));
+        let input_error =
+            |what: String| Err(Error::input(format!("--y4m {}: {what}", path.display())));
         if path.is_dir() {
             return input_error("is a folder, and a file is needed".into());
         }
@@ -45,7 +49,8 @@ impl Video {
             return input_error("is no file, and a file is needed".into());
         }
         let mut begins = Vec::new();
-        let read = File::open(path).and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut begins));
+        let read = File::open(path)
+            .and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut begins));
         if read.is_ok() && (begins.is_empty() || begins == MAGIC.as_bytes()) {
             return Ok(());
         }
@@ -58,11 +63,17 @@ impl Video {
     /// [`Error::Input`] where no file can be written there.
     pub fn create(path: &Path, width: usize, height: usize) -> Result<Self> {
         let path = &behind_links(path);
-        let input_error = |e: std::io::Error| Error::input(format!("--y4m {}: cannot be written: {e}", path.display()));
+        let input_error = |e: std::io::Error| {
+            Error::input(format!("--y4m {}: cannot be written: {e}", path.display()))
+        };
         Video::may_be_written(path)?;
         let part = Unfinished::beside(path);
         let file = BufWriter::new(File::create(part.path()).map_err(input_error)?);
-        let mut video = Video { path: path.to_owned(), part, file: Some(file) };
+        let mut video = Video {
+            path: path.to_owned(),
+            part,
+            file: Some(file),
+        };
         let head = format!("{MAGIC} W{width} H{height} F{FRAMES_PER_SECOND}:1 Ip A1:1 C444\n");
         video.write(head.as_bytes()).map(|()| video)
     }
@@ -72,7 +83,11 @@ impl Video {
     /// # Errors
     /// [`Error::Job`] where it cannot be written.
     pub fn push(&mut self, picture: &Picture, encoded: bool) -> Result<()> {
-        let pixels: Vec<[u8; 3]> = picture.rgba.par_iter().map(|[r, g, b, _]| components([*r, *g, *b], encoded)).collect();
+        let pixels: Vec<[u8; 3]> = picture
+            .rgba
+            .par_iter()
+            .map(|[r, g, b, _]| components([*r, *g, *b], encoded))
+            .collect();
         self.write(b"FRAME\n")?;
         for plane in 0..3 {
             let bytes: Vec<u8> = pixels.iter().map(|pixel| pixel[plane]).collect();
@@ -88,11 +103,15 @@ impl Video {
     pub fn finish(self) -> Result<()> {
         let Video { path, part, file } = self;
         let done = file.map_or(Ok(()), |mut file| file.flush());
-        done.and_then(|()| part.finish(&path)).map_err(|e| error(&path, &e))
+        done.and_then(|()| part.finish(&path))
+            .map_err(|e| error(&path, &e))
     }
 
     fn write(&mut self, bytes: &[u8]) -> Result<()> {
-        let written = self.file.as_mut().map_or(Ok(()), |file| file.write_all(bytes));
+        let written = self
+            .file
+            .as_mut()
+            .map_or(Ok(()), |file| file.write_all(bytes));
         written.map_err(|e| error(&self.path, &e))
     }
 }
@@ -103,8 +122,14 @@ fn error(path: &Path, e: &std::io::Error) -> Error {
 
 /// Y', Cb and Cr of a colour: premultiplied, so over black.
 fn components(rgb: [f64; 3], encoded: bool) -> [u8; 3] {
-    let [r, g, b] = rgb.map(|value| value.clamp(0.0, 1.0)).map(|value| if encoded { value } else { srgb_encode(value) });
+    let [r, g, b] = rgb
+        .map(|value| value.clamp(0.0, 1.0))
+        .map(|value| if encoded { value } else { srgb_encode(value) });
     let luma = 0.299 * r + 0.587 * g + 0.114 * b;
-    let [y, cb, cr] = [16.0 + 219.0 * luma, 128.0 + 224.0 * (b - luma) / 1.772, 128.0 + 224.0 * (r - luma) / 1.402];
+    let [y, cb, cr] = [
+        16.0 + 219.0 * luma,
+        128.0 + 224.0 * (b - luma) / 1.772,
+        128.0 + 224.0 * (r - luma) / 1.402,
+    ];
     [y, cb, cr].map(|value| value.round() as u8)
 }

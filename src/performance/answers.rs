@@ -1,11 +1,14 @@
-//! Answers: what would make the frame faster? Fields of `timing`, each changed alone, on the frame that was drawn (docs/book/timing-explore.md).
+//! Answers: what would make the frame faster? Fields of `timing`, each changed alone, on the frame
+//! that was drawn (docs/book/timing-explore.md).
 //!
 //! ```text
 //! timing, nothing left out ─► every field twice as much, or half ─► can it be built? ─► replay ─► frames/s, area, energy ─► the best
 //! ```
-//! Each answer is the replay of the recorded work on a machine that differs in one field: the very numbers of `run --set FIELD=VALUE`.
+//! Each answer is the replay of the recorded work on a machine that differs in one field: the very
+//! numbers of `run --set FIELD=VALUE`.
 //!
-//! Laws: `no_field_of_timing_is_forgotten`; tests/compare.rs: `an_answer_is_what_the_run_with_it_says`.
+//! Laws: `no_field_of_timing_is_forgotten`; tests/compare.rs:
+//! `an_answer_is_what_the_run_with_it_says`.
 
 use crate::hardware::{fixed, machines};
 use crate::output::text::{aligned, plain_table, wrapped};
@@ -43,9 +46,11 @@ pub struct Answers {
     pub tried: u64,
     /// Machines that cannot be built: the clock leaves no time, say.
     pub refused: u64,
-    /// The best change of each field whose cost is counted, the best five of those; the most frames a second first.
+    /// The best change of each field whose cost is counted, the best five of those; the most frames
+    /// a second first.
     pub best: Vec<Answer>,
-    /// The best change of each field without a price, likewise: a gain here is of another memory, say, and its area and energy are not whole.
+    /// The best change of each field without a price, likewise: a gain here is of another memory,
+    /// say, and its area and energy are not whole.
     pub given: Vec<Answer>,
 }
 
@@ -82,10 +87,15 @@ impl Answers {
     pub fn new(machine: &Elaborated, work: &Work, cycles: &Cycles, prices: &Prices) -> Self {
         let all = candidates(machine);
         let before = CostReport::new(machine, cycles, prices).cost.area;
-        let built: Vec<(&Candidate, Elaborated)> =
-            all.par_iter().filter_map(|candidate| Some((candidate, candidate.built(&machine.machine)?))).collect();
+        let built: Vec<(&Candidate, Elaborated)> = all
+            .par_iter()
+            .filter_map(|candidate| Some((candidate, candidate.built(&machine.machine)?)))
+            .collect();
         let timings: Vec<_> = built.iter().map(|(_, built)| &built.timing).collect();
-        let answer = |((Candidate { field, from, to }, built), taken): (&(&Candidate, Elaborated), Cycles)| {
+        let answer = |((Candidate { field, from, to }, built), taken): (
+            &(&Candidate, Elaborated),
+            Cycles,
+        )| {
             let cost = CostReport::new(built, &taken, prices);
             Answer {
                 field: field.clone(),
@@ -93,39 +103,98 @@ impl Answers {
                 to: to.clone(),
                 cycles: taken.total,
                 frames_per_second: frames_per_second(&built.timing, &taken),
-                faster: if taken.total == 0 { 0.0 } else { cycles.total as f64 / taken.total as f64 - 1.0 },
+                faster: if taken.total == 0 {
+                    0.0
+                } else {
+                    cycles.total as f64 / taken.total as f64 - 1.0
+                },
                 bytes: taken.memory.total_bytes(),
                 area: cost.cost.area,
-                larger: if before > 0.0 { cost.cost.area / before - 1.0 } else { 0.0 },
+                larger: if before > 0.0 {
+                    cost.cost.area / before - 1.0
+                } else {
+                    0.0
+                },
                 energy: cost.energy.total,
                 given: given::reason_alone(field),
             }
         };
-        let mut answers: Vec<Answer> = built.iter().zip(timing::replay_all(&timings, work, Detail::Accounts)).map(answer).collect();
+        let mut answers: Vec<Answer> = built
+            .iter()
+            .zip(timing::replay_all(&timings, work, Detail::Accounts))
+            .map(answer)
+            .collect();
         let tried = answers.len() as u64;
         // Stable: of equals the first in the description.
-        answers.sort_by(|one, other| one.cycles.cmp(&other.cycles).then(one.area.total_cmp(&other.area)));
+        answers.sort_by(|one, other| {
+            one.cycles
+                .cmp(&other.cycles)
+                .then(one.area.total_cmp(&other.area))
+        });
         let [mut best, mut given] = [const { Vec::<Answer>::new() }; 2];
         for answer in answers {
-            let told = if answer.given.is_some() { &mut given } else { &mut best };
-            if told.len() < MOST && answer.faster >= LEAST_GAIN && told.iter().all(|better| better.field != answer.field) {
+            let told = if answer.given.is_some() {
+                &mut given
+            } else {
+                &mut best
+            };
+            if told.len() < MOST
+                && answer.faster >= LEAST_GAIN
+                && told.iter().all(|better| better.field != answer.field)
+            {
                 told.push(answer);
             }
         }
-        Answers { tried, refused: all.len() as u64 - tried, best, given }
+        Answers {
+            tried,
+            refused: all.len() as u64 - tried,
+            best,
+            given,
+        }
     }
 
     /// At most 80 columns.
     pub fn table(&self) -> String {
-        let count = |count: u64, one: &str, many: &str| format!("{count} {}", if count == 1 { one } else { many });
+        let count = |count: u64, one: &str, many: &str| {
+            format!("{count} {}", if count == 1 { one } else { many })
+        };
         let tried = count(self.tried, "change", "changes");
-        let refused = if self.refused == 0 { String::new() } else { format!(", {} more cannot be built", self.refused) };
+        let refused = if self.refused == 0 {
+            String::new()
+        } else {
+            format!(", {} more cannot be built", self.refused)
+        };
         if self.best.is_empty() && self.given.is_empty() {
-            return wrapped(&format!("answers: none of {tried} of one field of timing makes the frame faster by 0.1%{refused}"));
+            return wrapped(&format!(
+                "answers: none of {tried} of one field of timing makes the frame faster by 0.1%{refused}"
+            ));
         }
-        let mut table = plain_table(&["one field changed", "from", "to", "frames/s", "faster", "area", "energy mJ"]);
-        for Answer { field, from, to, frames_per_second, faster, larger, energy, given, .. } in self.best.iter().chain(&self.given) {
-            let field = if given.is_some() { format!("{field} *") } else { field.clone() };
+        let mut table = plain_table(&[
+            "one field changed",
+            "from",
+            "to",
+            "frames/s",
+            "faster",
+            "area",
+            "energy mJ",
+        ]);
+        for Answer {
+            field,
+            from,
+            to,
+            frames_per_second,
+            faster,
+            larger,
+            energy,
+            given,
+            ..
+        } in self.best.iter().chain(&self.given)
+        {
+            let field = if given.is_some() {
+                format!("{field} *")
+            } else {
+                field.clone()
+            };
             table.add_row([
                 field,
                 from.to_string(),
@@ -136,8 +205,14 @@ impl Answers {
                 format!("{:.2}", energy * 1e3),
             ]);
         }
-        let head = wrapped(&format!("answers, each the same frame replayed: the best of {tried}{refused}"));
-        let mark = if self.given.is_empty() { String::new() } else { format!("\n{}", wrapped(GIVEN)) };
+        let head = wrapped(&format!(
+            "answers, each the same frame replayed: the best of {tried}{refused}"
+        ));
+        let mark = if self.given.is_empty() {
+            String::new()
+        } else {
+            format!("\n{}", wrapped(GIVEN))
+        };
         format!("{head}\n{}{mark}", aligned(table).trim_fmt())
     }
 }
@@ -145,7 +220,12 @@ impl Answers {
 fn percent(part: f64) -> String {
     match 100.0 * part {
         0.0 => "=".into(),
-        small if small.abs() < 0.05 => if small > 0.0 { "+ < 0.1%" } else { "− < 0.1%" }.into(),
+        small if small.abs() < 0.05 => if small > 0.0 {
+            "+ < 0.1%"
+        } else {
+            "− < 0.1%"
+        }
+        .into(),
         percent => format!("{percent:+.1}%").replace('-', "−"),
     }
 }
@@ -160,7 +240,8 @@ struct Candidate {
 impl Candidate {
     /// The machine with it; none where it cannot be built.
     fn built(&self, machine: &Machine) -> Option<Elaborated> {
-        let other = machines::with(machine, &[(self.field.clone(), self.to.clone())], "answers").ok()?;
+        let other =
+            machines::with(machine, &[(self.field.clone(), self.to.clone())], "answers").ok()?;
         fixed::elaborate(&other).ok()
     }
 }
@@ -183,14 +264,24 @@ enum Way {
 /// What is done with the fields of this name, whatever unit has them; none of a name that is new.
 fn way(name: &str) -> Option<Way> {
     Some(match name {
-        "fifo" | "units" | "multipliers" | "buffers" | "lines" | "ways" | "misses" | "bytes_per_cycle" | "outstanding" | "lanes"
-        | "engines" | "merges_in_flight" | "channels" | "write_batch" | "buffer_entries" | "network" => Way::More,
+        "fifo" | "units" | "multipliers" | "buffers" | "lines" | "ways" | "misses"
+        | "bytes_per_cycle" | "outstanding" | "lanes" | "engines" | "merges_in_flight"
+        | "channels" | "write_batch" | "buffer_entries" | "network" => Way::More,
         "latency" | "interval" | "hazard" | "merge" => Way::Less,
         "side_px" | "line_px" | "burst_bytes" | "bucket_bits" => Way::Both,
         "queue" => Way::Other,
-        "clock_hz" | "technology" | "organisation" | "ideal" | "hit_latency" | "miss_latency" | "row_bytes" | "banks" => Way::Given,
-        "preset" | "bytes_per_cycle_permille" | "interleave_bytes" | "ranks" | "rank_switch_cycles" => Way::Given,
-        "refresh_interval_cycles" | "refresh_cycles" | "turnaround_cycles" | "row_cycles" | "four_rows_cycles" => Way::Given,
+        "clock_hz" | "technology" | "organisation" | "ideal" | "hit_latency" | "miss_latency"
+        | "row_bytes" | "banks" => Way::Given,
+        "preset"
+        | "bytes_per_cycle_permille"
+        | "interleave_bytes"
+        | "ranks"
+        | "rank_switch_cycles" => Way::Given,
+        "refresh_interval_cycles"
+        | "refresh_cycles"
+        | "turnaround_cycles"
+        | "row_cycles"
+        | "four_rows_cycles" => Way::Given,
         _ => return None,
     })
 }
@@ -205,18 +296,36 @@ fn candidates(machine: &Elaborated) -> Vec<Candidate> {
     };
     let ways = clock::ways(machine);
     let mut all = Vec::new();
-    for (unit, fields) in timing.as_object().into_iter().flatten().filter(|(unit, _)| !unused.contains(&unit.as_str())) {
+    for (unit, fields) in timing
+        .as_object()
+        .into_iter()
+        .flatten()
+        .filter(|(unit, _)| !unused.contains(&unit.as_str()))
+    {
         // What is no unit's is a field by itself.
-        let own = [(unit, fields)].into_iter().filter(|(_, value)| !value.is_object());
+        let own = [(unit, fields)]
+            .into_iter()
+            .filter(|(_, value)| !value.is_object());
         for (name, from) in fields.as_object().into_iter().flatten().chain(own) {
-            let field = if fields.is_object() { format!("timing.{unit}.{name}") } else { format!("timing.{name}") };
+            let field = if fields.is_object() {
+                format!("timing.{unit}.{name}")
+            } else {
+                format!("timing.{name}")
+            };
             let least = match name.as_str() {
-                "latency" => ways.iter().find(|way| way.name == unit).map_or(1, |way| way.least),
+                "latency" => ways
+                    .iter()
+                    .find(|way| way.name == unit)
+                    .map_or(1, |way| way.least),
                 "merge" => 0,
                 _ => 1,
             };
             let values = others(way(name).unwrap_or(Way::Given), from, u64::from(least));
-            all.extend(values.into_iter().map(|to| Candidate { field: field.clone(), from: from.clone(), to }));
+            all.extend(values.into_iter().map(|to| Candidate {
+                field: field.clone(),
+                from: from.clone(),
+                to,
+            }));
         }
     }
     all
@@ -230,12 +339,24 @@ fn others(way: Way, from: &Value, least: u64) -> Vec<Value> {
             pair[at] = value;
             Value::Array(pair)
         };
-        return (0..pair.len()).flat_map(|at| others(way, &pair[at], least).into_iter().map(move |value| with(at, value))).collect();
+        return (0..pair.len())
+            .flat_map(|at| {
+                others(way, &pair[at], least)
+                    .into_iter()
+                    .map(move |value| with(at, value))
+            })
+            .collect();
     }
     if way == Way::Other {
-        return QUEUES.into_iter().map(|queue| json!(queue)).filter(|queue| queue != from).collect();
+        return QUEUES
+            .into_iter()
+            .map(|queue| json!(queue))
+            .filter(|queue| queue != from)
+            .collect();
     }
-    let Some(number) = from.as_u64() else { return Vec::new() };
+    let Some(number) = from.as_u64() else {
+        return Vec::new();
+    };
     let (twice, half) = (number.saturating_mul(2), (number / 2).max(least));
     let mut values = match way {
         Way::More => vec![twice],
@@ -248,21 +369,41 @@ fn others(way: Way, from: &Value, least: u64) -> Vec<Value> {
     values.into_iter().map(Value::from).collect()
 }
 
-/// The timing of a machine with nothing left out but multipliers, of which every product then has its own.
+/// The timing of a machine with nothing left out but multipliers, of which every product then has
+/// its own.
 fn filled(machine: &Elaborated) -> Timing {
     let built = &machine.timing;
     let mut timing = built.timing;
-    for (setup, pace) in [(&mut timing.project, built.project), (&mut timing.ellipse, built.ellipse)] {
+    for (setup, pace) in [
+        (&mut timing.project, built.project),
+        (&mut timing.ellipse, built.ellipse),
+    ] {
         setup.latency = Some(pace.latency);
         setup.interval = Some(pace.interval);
     }
     if let Some(most) = built.colour.last() {
         let colour = timing.colour.unwrap_or_default();
         let latency = Some(most.pace.latency);
-        timing.colour = Some(Colour { latency, interval: Some(most.pace.interval), ..colour });
+        timing.colour = Some(Colour {
+            latency,
+            interval: Some(most.pace.interval),
+            ..colour
+        });
     }
-    if let Some(SorterShape { units, buffer_entries, network, bucket_bits, .. }) = built.sort.and_then(|sort| sort.sorter) {
-        timing.sort = Some(Sorter { units, buffer_entries, network, bucket_bits });
+    if let Some(SorterShape {
+        units,
+        buffer_entries,
+        network,
+        bucket_bits,
+        ..
+    }) = built.sort.and_then(|sort| sort.sorter)
+    {
+        timing.sort = Some(Sorter {
+            units,
+            buffer_entries,
+            network,
+            bucket_bits,
+        });
     }
     timing.engines = Some(built.engines);
     timing.fragment.units = Some(built.fragment.units);
@@ -285,7 +426,8 @@ mod tests {
     #[test]
     fn no_field_of_timing_is_forgotten() {
         let mut names = Vec::new();
-        let hierarchical = machines::load("gaussian", &["sort.kind=hierarchical".to_owned()]).unwrap();
+        let hierarchical =
+            machines::load("gaussian", &["sort.kind=hierarchical".to_owned()]).unwrap();
         for machine in [Machine::named("tiny").unwrap(), hierarchical] {
             let timing = json!(filled(&fixed::elaborate(&machine).unwrap()));
             for (name, value) in timing.as_object().unwrap() {
@@ -295,9 +437,17 @@ mod tests {
                 }
             }
         }
-        assert!(["buffer_entries", "network", "bucket_bits"].iter().all(|name| names.contains(&(*name).to_owned())), "{names:?}");
+        assert!(
+            ["buffer_entries", "network", "bucket_bits"]
+                .iter()
+                .all(|name| names.contains(&(*name).to_owned())),
+            "{names:?}"
+        );
         let new: Vec<&String> = names.iter().filter(|name| way(name).is_none()).collect();
-        assert!(names.len() > 30 && new.is_empty(), "{new:?}: say what is tried of it");
+        assert!(
+            names.len() > 30 && new.is_empty(),
+            "{new:?}: say what is tried of it"
+        );
     }
 
     #[test]

@@ -31,48 +31,74 @@ pub fn ways(machine: &Elaborated) -> Vec<Way> {
         name,
         fo4: f64::from(path.delay) / 10.0,
         cycles,
-        least: path.least_cycles(timing.technology, timing.clock_hz).unwrap_or(u32::MAX),
+        least: path
+            .least_cycles(timing.technology, timing.clock_hz)
+            .unwrap_or(u32::MAX),
         highest_hz: path.highest_clock(timing.technology, cycles),
     };
     let [raster, fragment, layer] = t.paths.one_cycle.map(|(_, _, path)| path);
     // A pixel that is taken again sooner than its decision is out.
-    let pixel = (t.hazard < t.fragment.latency).then(|| way("fragment, a pixel", t.paths.fragment, t.hazard));
+    let pixel = (t.hazard < t.fragment.latency)
+        .then(|| way("fragment, a pixel", t.paths.fragment, t.hazard));
     let f = &machine.machine.fragment;
     let merges = f.sheets.is_none() && f.merge != Merge::Replace && timing.fragment.merge > 0;
     let merge = merges.then(|| way("fragment, a merge", t.paths.over, timing.fragment.merge));
     // Windows are formed step by step.
-    let merge = merge.map(|way| Way { least: way.least.max(window::overflow_cycles(&machine.machine)), ..way });
-    let colour = t.colour.last().map(|of| way("colour", t.paths.colour[t.colour.len().clamp(1, 3) - 1].path, of.pace.latency));
-    let sorter = t.sort.and_then(|sort| sort.sorter).map(|sorter| way("sort, an entry", sorter.merge_path(), 1));
-    [("project", t.paths.project, t.project.latency), ("ellipse", t.paths.ellipse, t.ellipse.latency)]
-        .map(|(name, path, cycles)| way(name, path, cycles))
-        .into_iter()
-        .chain(colour)
-        .chain(sorter)
-        .chain(
-            [
-                ("raster", t.paths.raster, t.raster.latency),
-                ("raster, a stamp", raster, 1),
-                ("gauss", t.paths.gauss, t.gauss.latency),
-                ("fragment", t.paths.fragment, t.fragment.latency),
-                ("fragment, a stamp", fragment, 1),
-            ]
-            .map(|(name, path, cycles)| way(name, path, cycles)),
+    let merge = merge.map(|way| Way {
+        least: way.least.max(window::overflow_cycles(&machine.machine)),
+        ..way
+    });
+    let colour = t.colour.last().map(|of| {
+        way(
+            "colour",
+            t.paths.colour[t.colour.len().clamp(1, 3) - 1].path,
+            of.pace.latency,
         )
-        .chain(pixel)
-        .chain(merge)
-        .chain(
-            [("shade", t.paths.shade, t.shade.latency), ("resolve", t.paths.resolve, t.resolve.latency), ("resolve, a layer", layer, 1)]
-                .map(|(name, path, cycles)| way(name, path, cycles)),
-        )
-        .collect()
+    });
+    let sorter = t
+        .sort
+        .and_then(|sort| sort.sorter)
+        .map(|sorter| way("sort, an entry", sorter.merge_path(), 1));
+    [
+        ("project", t.paths.project, t.project.latency),
+        ("ellipse", t.paths.ellipse, t.ellipse.latency),
+    ]
+    .map(|(name, path, cycles)| way(name, path, cycles))
+    .into_iter()
+    .chain(colour)
+    .chain(sorter)
+    .chain(
+        [
+            ("raster", t.paths.raster, t.raster.latency),
+            ("raster, a stamp", raster, 1),
+            ("gauss", t.paths.gauss, t.gauss.latency),
+            ("fragment", t.paths.fragment, t.fragment.latency),
+            ("fragment, a stamp", fragment, 1),
+        ]
+        .map(|(name, path, cycles)| way(name, path, cycles)),
+    )
+    .chain(pixel)
+    .chain(merge)
+    .chain(
+        [
+            ("shade", t.paths.shade, t.shade.latency),
+            ("resolve", t.paths.resolve, t.resolve.latency),
+            ("resolve, a layer", layer, 1),
+        ]
+        .map(|(name, path, cycles)| way(name, path, cycles)),
+    )
+    .collect()
 }
 
-/// From a splat to a word of its pixels, nanoseconds: the latencies of all units, one after the other, where nothing waits.
+/// From a splat to a word of its pixels, nanoseconds: the latencies of all units, one after the
+/// other, where nothing waits.
 pub fn latency_ns(machine: &Elaborated) -> f64 {
     let t = &machine.timing;
     let colour = t.colour.last().map(|of| of.pace.latency);
-    let units = [t.project, t.ellipse, t.raster, t.gauss, t.fragment, t.shade, t.resolve].map(|pace| pace.latency);
+    let units = [
+        t.project, t.ellipse, t.raster, t.gauss, t.fragment, t.shade, t.resolve,
+    ]
+    .map(|pace| pace.latency);
     let cycles: u64 = units.into_iter().chain(colour).map(u64::from).sum();
     cycles as f64 / t.timing.clock_hz as f64 * 1e9
 }
@@ -83,12 +109,26 @@ pub fn table(machine: &Elaborated) -> String {
     let mut table = plain_table(&["", "way, FO4", "cycles", "at least", "up to MHz"]);
     let ways = ways(machine);
     for way in &ways {
-        let highest = way.highest_hz.map_or("any".into(), |hz| thousands(hz / 1_000_000));
-        table.add_row([way.name.to_owned(), format!("{:.1}", way.fo4), way.cycles.to_string(), way.least.to_string(), highest]);
+        let highest = way
+            .highest_hz
+            .map_or("any".into(), |hz| thousands(hz / 1_000_000));
+        table.add_row([
+            way.name.to_owned(),
+            format!("{:.1}", way.fo4),
+            way.cycles.to_string(),
+            way.least.to_string(),
+            highest,
+        ]);
     }
     let megahertz = timing.clock_hz as f64 / 1e6;
-    let highest = ways.iter().filter_map(|way| way.highest_hz.map(|hz| (hz, way.name))).min();
-    let period = timing.technology.fo4_fs().map(|fs| 1e15 / timing.clock_hz as f64 / fs as f64);
+    let highest = ways
+        .iter()
+        .filter_map(|way| way.highest_hz.map(|hz| (hz, way.name)))
+        .min();
+    let period = timing
+        .technology
+        .fo4_fs()
+        .map(|fs| 1e15 / timing.clock_hz as f64 / fs as f64);
     let first = match (period, highest) {
         (Some(period), Some((hz, name))) => format!(
             "{megahertz} MHz in {}: a period is {period:.1} FO4, a register takes {} of it; with these cycles up to {} MHz, for {name}",
@@ -96,7 +136,10 @@ pub fn table(machine: &Elaborated) -> String {
             latency::REGISTER / 10,
             thousands(hz / 1_000_000)
         ),
-        _ => format!("{megahertz} MHz with {}: nothing takes time", timing.technology.name()),
+        _ => format!(
+            "{megahertz} MHz with {}: nothing takes time",
+            timing.technology.name()
+        ),
     };
     format!("{}\n{}", wrapped(&first), aligned(table).trim_fmt())
 }
@@ -122,7 +165,12 @@ mod tests {
             }
             // Ideal gates take no time: there each operator has its registers.
             let ideal = machines::load(name, &["timing.technology=ideal".into()]).unwrap();
-            assert!(ways(&fixed::elaborate(&ideal).unwrap()).iter().any(|way| way.cycles > 10), "{name}");
+            assert!(
+                ways(&fixed::elaborate(&ideal).unwrap())
+                    .iter()
+                    .any(|way| way.cycles > 10),
+                "{name}"
+            );
         }
     }
 
@@ -148,7 +196,10 @@ mod tests {
                 let built = machine.elaborate();
                 assert!(built.is_ok(), "{name} in {technology:?} at {highest}");
                 // The least cycles of the table are the least that will do.
-                for way in ways(&built.unwrap()).iter().filter(|way| ["project", "ellipse", "shade"].contains(&way.name)) {
+                for way in ways(&built.unwrap())
+                    .iter()
+                    .filter(|way| ["project", "ellipse", "shade"].contains(&way.name))
+                {
                     let with = |cycles: u32| {
                         let mut machine = machine.clone();
                         let t = &mut machine.timing;
@@ -162,21 +213,37 @@ mod tests {
                     assert_eq!(with(way.least), Ok(()));
                     if way.least > 1 {
                         let misfits = with(way.least - 1).unwrap_err();
-                        assert!(misfits.len() == 1 && misfits[0].starts_with(&format!("timing.{}.latency", way.name)), "{misfits:?}");
+                        assert!(
+                            misfits.len() == 1
+                                && misfits[0].starts_with(&format!("timing.{}.latency", way.name)),
+                            "{misfits:?}"
+                        );
                     }
                 }
                 machine.timing.clock_hz = highest + highest / 50;
                 let misfits = machine.elaborate().unwrap_err();
-                assert!(misfits.iter().all(|misfit| misfit.contains("FO4")), "{misfits:?}");
+                assert!(
+                    misfits.iter().all(|misfit| misfit.contains("FO4")),
+                    "{misfits:?}"
+                );
             }
         }
     }
 
     #[test]
     fn in_ideal_gates_any_clock_will_do() {
-        let settings = ["timing.technology=ideal", "timing.clock_hz=1e12", "timing.shade.latency=1"].map(str::to_owned);
+        let settings = [
+            "timing.technology=ideal",
+            "timing.clock_hz=1e12",
+            "timing.shade.latency=1",
+        ]
+        .map(str::to_owned);
         let built = fixed::elaborate(&machines::load("reference", &settings).unwrap()).unwrap();
-        assert!(ways(&built).iter().all(|way| way.highest_hz.is_none() && way.least == 1));
+        assert!(
+            ways(&built)
+                .iter()
+                .all(|way| way.highest_hz.is_none() && way.least == 1)
+        );
         assert!(table(&built).contains("nothing takes time"));
     }
 }

@@ -6,18 +6,22 @@
 //! items of every unit, traffic    ─►( × parts )──────────────────────────────►( × prices )─► energy, joules a frame
 //! ```
 //! Prices are a table that can be replaced (`--prices FILE`). The default ones:
-//! - *Area* in six-input LUTs of a Xilinx 7, as Yosys 0.23 maps the units' twins (`sh tests/programs/area.sh`). Alone
-//!   (`sh tests/programs/operators.sh`) a multiplier takes 1.8 to 2.1 for each bit of one times bits of the other, an adder 1 a bit, a
-//!   comparator 0.67, a multiplexer 1, 0.5 to 0.6 in a shifter, a table 0.02 to 0.03. In a unit products grow, by what their sums carry,
-//!   and adders shrink: what rounds a product, or is added to it, is a row of its array. The prices are round numbers near the least
-//!   squares over the units of `tiny` and `lean`. Flip-flops are two to a LUT. FIFOs and memories as if of LUTs that keep 48 bits each.
-//! - *The fit*: over 34 units of five machines, three of them not fitted to, LUTs are 1.00 times the model without registers in the
-//!   geometric mean, 0.89 to 1.22 (docs/book/cost.md has the table). Not compared: parts of ellipsoids and sheets, what lanes share,
-//!   storage.
+//! - *Area* in six-input LUTs of a Xilinx 7, as Yosys 0.23 maps the units' twins
+//!   (`sh tests/programs/area.sh`). Alone (`sh tests/programs/operators.sh`) a multiplier takes 1.8
+//!   to 2.1 for each bit of one times bits of the other, an adder 1 a bit, a comparator 0.67, a
+//!   multiplexer 1, 0.5 to 0.6 in a shifter, a table 0.02 to 0.03. In a unit products grow, by what
+//!   their sums carry, and adders shrink: what rounds a product, or is added to it, is a row of its
+//!   array. The prices are round numbers near the least squares over the units of `tiny` and
+//!   `lean`. Flip-flops are two to a LUT. FIFOs and memories as if of LUTs that keep 48 bits each.
+//! - *The fit*: over 34 units of five machines, three of them not fitted to, LUTs are 1.00 times
+//!   the model without registers in the geometric mean, 0.89 to 1.22 (docs/book/cost.md has the
+//!   table). Not compared: parts of ellipsoids and sheets, what lanes share, storage.
 //! - *Gates*: NAND2 of standard cells, by the laws of `gates.rs`.
-//! - *Energy* from Horowitz, "Computing's energy problem" (ISSCC 2014, 45 nm): an adder 0.1 pJ and a multiplier 3.1 pJ for 32 bits, 64
-//!   bits from a small memory 10 pJ, from DRAM 1.3 nJ. What is not in it is assumed: a multiplexer or register bit takes what an adder bit
-//!   does, and what stands still a hundredth of what an adder bit does, every 2.5 ns. Other technologies: `technology.rs`.
+//! - *Energy* from Horowitz, "Computing's energy problem" (ISSCC 2014, 45 nm): an adder 0.1 pJ and
+//!   a multiplier 3.1 pJ for 32 bits, 64 bits from a small memory 10 pJ, from DRAM 1.3 nJ. What is
+//!   not in it is assumed: a multiplexer or register bit takes what an adder bit does, and what
+//!   stands still a hundredth of what an adder bit does, every 2.5 ns. Other technologies:
+//!   `technology.rs`.
 //!
 //! Law: `the_parts_of_a_raster_grow_as_synthesis_says`.
 
@@ -71,8 +75,9 @@ pub struct PerBit {
 pub struct Prices {
     /// LUT equivalents a bit.
     pub area: PerBit,
-    /// Gate equivalents a bit, NAND2 of standard cells: of a multiplier each bit but one of one operand times bits but one of the other, and
-    /// an AND for each that is left; what rounds takes none.
+    /// Gate equivalents a bit, NAND2 of standard cells: of a multiplier each bit but one of one
+    /// operand times bits but one of the other, and an AND for each that is left; what rounds takes
+    /// none.
     #[serde(default = "default_gates")]
     pub gates: PerBit,
     /// Picojoules a bit that works, in 45 nm.
@@ -83,7 +88,8 @@ pub struct Prices {
     /// Picojoules in 2.5 ns, a cycle at 400 MHz, for each LUT equivalent, at work or not, in 45 nm.
     #[schemars(range(min = 0))]
     pub static_pj_per_area: f64,
-    /// Energy in each technology, as a part of what is said here; where this is left out, it is the same in all of them.
+    /// Energy in each technology, as a part of what is said here; where this is left out, it is the
+    /// same in all of them.
     #[serde(default = "Scales::none")]
     pub technology: Scales,
 }
@@ -97,9 +103,25 @@ fn default_gates() -> PerBit {
 
 /// See the head of this file.
 pub const DEFAULT: Prices = Prices {
-    area: PerBit { multiplier: 2.4, adder: 0.5, multiplexer: 0.8, register: 0.5, rom: 0.03, fifo: 1.0 / 48.0, memory: 1.0 / 48.0 },
+    area: PerBit {
+        multiplier: 2.4,
+        adder: 0.5,
+        multiplexer: 0.8,
+        register: 0.5,
+        rom: 0.03,
+        fifo: 1.0 / 48.0,
+        memory: 1.0 / 48.0,
+    },
     gates: gates::DEFAULT,
-    energy_pj: PerBit { multiplier: 0.003, adder: 0.003, multiplexer: 0.003, register: 0.003, rom: 0.16, fifo: 0.16, memory: 0.16 },
+    energy_pj: PerBit {
+        multiplier: 0.003,
+        adder: 0.003,
+        multiplexer: 0.003,
+        register: 0.003,
+        rom: 0.16,
+        fifo: 0.16,
+        memory: 0.16,
+    },
     dram_pj_per_byte: 162.5,
     static_pj_per_area: 0.00003,
     technology: technology::DEFAULT,
@@ -125,9 +147,11 @@ impl Prices {
     /// # Errors
     /// [`Error::Input`] where it cannot be read, or says something else.
     pub fn load(path: &Path) -> Result<Self> {
-        let input_error = |sentence: String| Error::input(format!("{}: {sentence}", path.display()));
+        let input_error =
+            |sentence: String| Error::input(format!("{}: {sentence}", path.display()));
         let value = strict_json::read(path).map_err(input_error)?;
-        validate::check(&value, &schemars::schema_for!(Prices).to_value()).map_err(|misfit| input_error(misfit.to_string()))?;
+        validate::check(&value, &schemars::schema_for!(Prices).to_value())
+            .map_err(|misfit| input_error(misfit.to_string()))?;
         serde_json::from_value(value).map_err(|e| input_error(e.to_string()))
     }
 }
@@ -162,7 +186,9 @@ impl Bits {
             Operator::Adder(width) | Operator::Rounder(width) => self.adder += copies * bits(width),
             Operator::Multiplexer(width) => self.multiplexer += copies * bits(width),
             // As many choices of two as it takes.
-            Operator::Choice([words, width]) => self.multiplexer += copies * bits(words - 1) * bits(width),
+            Operator::Choice([words, width]) => {
+                self.multiplexer += copies * bits(words - 1) * bits(width)
+            }
             Operator::Hold(_) => {}
             Operator::Register(width) => self.register += copies * bits(width),
             Operator::Rom([words, width]) => {
@@ -173,9 +199,24 @@ impl Bits {
     }
 
     fn price(&self, of: &PerBit, rom: u64) -> f64 {
-        let Bits { multiplier, adder, multiplexer, register, .. } = *self;
-        let kinds = [(multiplier, of.multiplier), (adder, of.adder), (multiplexer, of.multiplexer), (register, of.register), (rom, of.rom)];
-        kinds.into_iter().map(|(bits, price)| bits as f64 * price).sum()
+        let Bits {
+            multiplier,
+            adder,
+            multiplexer,
+            register,
+            ..
+        } = *self;
+        let kinds = [
+            (multiplier, of.multiplier),
+            (adder, of.adder),
+            (multiplexer, of.multiplexer),
+            (register, of.register),
+            (rom, of.rom),
+        ];
+        kinds
+            .into_iter()
+            .map(|(bits, price)| bits as f64 * price)
+            .sum()
     }
 }
 
@@ -196,7 +237,8 @@ pub struct UnitCost {
 /// Gate equivalents of a machine: of how many NAND2 of standard cells it has the area.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Gates {
-    /// Logic, flip-flops, and FIFOs and memory at what their bits are priced: one figure, for comparing machines.
+    /// Logic, flip-flops, and FIFOs and memory at what their bits are priced: one figure, for
+    /// comparing machines.
     pub total: f64,
     /// Operators of all units.
     pub logic: f64,
@@ -235,14 +277,26 @@ impl Cost {
             .map(|name| {
                 let (bits, logic) = built(machine, name, &prices.gates);
                 let gates = logic + bits.register as f64 * prices.gates.register;
-                UnitCost { name, area: bits.price(&prices.area, bits.rom), gates, bits }
+                UnitCost {
+                    name,
+                    area: bits.price(&prices.area, bits.rom),
+                    gates,
+                    bits,
+                }
             })
             .collect();
-        let fifo_bits: u64 = storage.fifos.map(|fifo| u64::from(fifo.places) * u64::from(fifo.bits)).iter().sum();
-        let stored = fifo_bits as f64 * prices.area.fifo + storage.memory_bits as f64 * prices.area.memory;
-        let stored_gates = fifo_bits as f64 * prices.gates.fifo + storage.memory_bits as f64 * prices.gates.memory;
+        let fifo_bits: u64 = storage
+            .fifos
+            .map(|fifo| u64::from(fifo.places) * u64::from(fifo.bits))
+            .iter()
+            .sum();
+        let stored =
+            fifo_bits as f64 * prices.area.fifo + storage.memory_bits as f64 * prices.area.memory;
+        let stored_gates =
+            fifo_bits as f64 * prices.gates.fifo + storage.memory_bits as f64 * prices.gates.memory;
         let gates = units.iter().map(|unit| unit.gates).sum::<f64>();
-        let flip_flops = units.iter().map(|unit| unit.bits.register).sum::<u64>() as f64 * prices.gates.register;
+        let flip_flops =
+            units.iter().map(|unit| unit.bits.register).sum::<u64>() as f64 * prices.gates.register;
         Cost {
             area: units.iter().map(|unit| unit.area).sum::<f64>() + stored,
             gates: Gates {
@@ -260,25 +314,65 @@ impl Cost {
 
     /// The table, at most 80 columns wide.
     pub fn table(&self) -> String {
-        let mut table = plain_table(&["", "area", "", "gates", "18×18", "adders", "choices", "registers", "tables"]);
+        let mut table = plain_table(&[
+            "",
+            "area",
+            "",
+            "gates",
+            "18×18",
+            "adders",
+            "choices",
+            "registers",
+            "tables",
+        ]);
         let percent = |area: f64| share(area as u64, self.area as u64);
-        for UnitCost { name, area, gates, bits } in &self.units {
-            let bits = [bits.blocks_18, bits.adder, bits.multiplexer, bits.register, bits.rom].map(thousands);
-            let areas = [thousands(*area as u64), percent(*area), thousands(*gates as u64)];
+        for UnitCost {
+            name,
+            area,
+            gates,
+            bits,
+        } in &self.units
+        {
+            let bits = [
+                bits.blocks_18,
+                bits.adder,
+                bits.multiplexer,
+                bits.register,
+                bits.rom,
+            ]
+            .map(thousands);
+            let areas = [
+                thousands(*area as u64),
+                percent(*area),
+                thousands(*gates as u64),
+            ];
             table.add_row([(*name).to_owned()].into_iter().chain(areas).chain(bits));
         }
         let units: f64 = self.units.iter().map(|unit| unit.area).sum();
         let stored = self.area - units;
-        let Gates { total, logic, flip_flops, sram_kbit } = self.gates;
-        table.add_row(["storage".into(), thousands(stored as u64), percent(stored), thousands((total - logic - flip_flops) as u64)]);
+        let Gates {
+            total,
+            logic,
+            flip_flops,
+            sram_kbit,
+        } = self.gates;
+        table.add_row([
+            "storage".into(),
+            thousands(stored as u64),
+            percent(stored),
+            thousands((total - logic - flip_flops) as u64),
+        ]);
         let stored = format!(
             "FIFOs {} bits, memory {} bits; a pixel of the frame buffer {} bits",
             thousands(self.fifo_bits),
             thousands(self.memory_bits),
             thousands(self.frame_bits_per_pixel)
         );
-        let [logic, flip_flops, kilobits] = [logic, flip_flops, sram_kbit].map(|count| thousands(count as u64));
-        let gates = format!("gates {logic} NAND2 of logic, {flip_flops} of flip-flops; SRAM {kilobits} kbit");
+        let [logic, flip_flops, kilobits] =
+            [logic, flip_flops, sram_kbit].map(|count| thousands(count as u64));
+        let gates = format!(
+            "gates {logic} NAND2 of logic, {flip_flops} of flip-flops; SRAM {kilobits} kbit"
+        );
         format!(
             "area {} LUT equivalents; blocks counted, all else in bits\n{}\n{}\n{}",
             thousands(self.area as u64),
@@ -300,8 +394,14 @@ fn side_by_side(machine: &Elaborated, unit: &str) -> (u64, Option<u64>) {
             (colour.units.into(), Some(colour.multipliers.into()))
         }
         "raster" | "gauss" => (machine.timing.engines.into(), None),
-        "fragment" => (u64::from(machine.timing.engines * machine.timing.fragment.units), None),
-        "resolve" => (u64::from(machine.timing.engines * machine.timing.resolve.units), None),
+        "fragment" => (
+            u64::from(machine.timing.engines * machine.timing.fragment.units),
+            None,
+        ),
+        "resolve" => (
+            u64::from(machine.timing.engines * machine.timing.resolve.units),
+            None,
+        ),
         _ => (1, None),
     }
 }
@@ -311,7 +411,14 @@ fn lanes(machine: &Elaborated, part: &Part) -> u64 {
     match part.unit {
         _ if !part.per_lane => 1,
         "fragment" => machine.timing.lanes_of_fragment().into(),
-        _ => machine.timing.timing.raster.lanes.map(u64::from).iter().product(),
+        _ => machine
+            .timing
+            .timing
+            .raster
+            .lanes
+            .map(u64::from)
+            .iter()
+            .product(),
     }
 }
 
@@ -319,7 +426,9 @@ fn lanes(machine: &Elaborated, part: &Part) -> u64 {
 fn registers(machine: &Elaborated, unit: &str) -> u64 {
     let parts = machine.parts.iter().filter(|part| part.unit == unit);
     let bits = |part: &Part| match part.operator {
-        Operator::Register(bits) => u64::from(part.copies) * bits.max(0) as u64 * lanes(machine, part),
+        Operator::Register(bits) => {
+            u64::from(part.copies) * bits.max(0) as u64 * lanes(machine, part)
+        }
         _ => 0,
     };
     parts.map(bits).sum()
@@ -348,15 +457,21 @@ fn built(machine: &Elaborated, name: &str, prices: &PerBit) -> (Bits, f64) {
     for (a, b, copies) in multipliers {
         let own = copies.min(left);
         add(Operator::Multiplier([a, b]), units * own);
-        // Who takes turns at another's multiplier has its operands chosen there; that of colours is a price without a datapath.
+        // Who takes turns at another's multiplier has its operands chosen there; that of colours is
+        // a price without a datapath.
         if name != unit::COLOUR {
             add(Operator::Multiplexer(a + b), units * (copies - own));
         }
         left -= own;
     }
     // Each word has a register, and each stage as many as are live in it.
-    let stages = machine.timing.pipelines.iter().find(|pipeline| pipeline.unit == name);
-    let of_all = |of: fn(&Pipeline) -> u64| stages.map_or(0, |stages| of(stages) * u64::from(stages.units));
+    let stages = machine
+        .timing
+        .pipelines
+        .iter()
+        .find(|pipeline| pipeline.unit == name);
+    let of_all =
+        |of: fn(&Pipeline) -> u64| stages.map_or(0, |stages| of(stages) * u64::from(stages.units));
     bits.register = bits.register.max(of_all(|of| of.bits)) + of_all(|of| of.beside);
     (bits, logic)
 }
@@ -375,17 +490,38 @@ impl CostReport {
     /// Of a machine and the cycles that a frame took on it.
     pub fn new(machine: &Elaborated, cycles: &Cycles, prices: &Prices) -> Self {
         let cost = Cost::new(machine, prices);
-        CostReport { energy: Energy::new(machine, &cost, cycles, prices), cost }
+        CostReport {
+            energy: Energy::new(machine, &cost, cycles, prices),
+            cost,
+        }
     }
 
     /// Two lines, at most 80 columns wide.
     pub fn summary(&self) -> String {
-        let Energy { total, units, storage, dram, leakage } = self.energy;
-        let parts = [("units", units), ("storage", storage), ("DRAM", dram), ("leakage", leakage)];
+        let Energy {
+            total,
+            units,
+            storage,
+            dram,
+            leakage,
+        } = self.energy;
+        let parts = [
+            ("units", units),
+            ("storage", storage),
+            ("DRAM", dram),
+            ("leakage", leakage),
+        ];
         let femtojoules = |joules: f64| (joules * 1e15) as u64;
-        let parts = parts.map(|(name, joules)| format!("{name} {}", share(femtojoules(joules), femtojoules(total)))).join(", ");
+        let parts = parts
+            .map(|(name, joules)| {
+                format!("{name} {}", share(femtojoules(joules), femtojoules(total)))
+            })
+            .join(", ");
         let area = thousands(self.cost.area as u64);
-        format!("area: {area} LUT equivalents\nenergy: {:.2} mJ a frame ({parts})", total * 1e3)
+        format!(
+            "area: {area} LUT equivalents\nenergy: {:.2} mJ a frame ({parts})",
+            total * 1e3
+        )
     }
 }
 
@@ -405,35 +541,61 @@ pub struct Energy {
 }
 
 impl Energy {
-    /// Of a frame that took these cycles on a machine of that cost. Every lane of a slot counts, whether it keeps a pixel or not.
+    /// Of a frame that took these cycles on a machine of that cost. Every lane of a slot counts,
+    /// whether it keeps a pixel or not.
     pub fn new(machine: &Elaborated, cost: &Cost, cycles: &Cycles, prices: &Prices) -> Self {
-        let counted = |name: &str| cycles.units.iter().filter(|unit| unit.name == name).map(|unit| unit.items).sum::<u64>() as f64;
+        let counted = |name: &str| {
+            cycles
+                .units
+                .iter()
+                .filter(|unit| unit.name == name)
+                .map(|unit| unit.items)
+                .sum::<u64>() as f64
+        };
         let sorters = machine.timing.sorters();
         // Entries of a sorter: one in each of its cycles.
-        let sorted: f64 =
-            cycles.units.iter().filter(|unit| unit.name == unit::SORT && sorters > 0).map(|unit| unit.account.busy as f64).sum();
+        let sorted: f64 = cycles
+            .units
+            .iter()
+            .filter(|unit| unit.name == unit::SORT && sorters > 0)
+            .map(|unit| unit.account.busy as f64)
+            .sum();
         let items = |name: &str| match name {
             unit::SORT if sorters > 0 => sorted,
             // What is lit is what may be mirrored in.
-            "shade" | "reflect" => counted("shade") + counted("resolve-shade") + counted("setup-shade"),
+            "shade" | "reflect" => {
+                counted("shade") + counted("resolve-shade") + counted("setup-shade")
+            }
             name => counted(name),
         };
         let of = &prices.energy_pj;
         // Harmonics of a lesser degree than the greatest take fewer products, and fewer bits wait.
-        let (most, own) = (machine.timing.colour.last(), machine.timing.colour_of(cycles.harmonics));
-        let colour_at_work = most.zip(own).map_or(0.0, |(most, own)| f64::from(own.products) / f64::from(most.products));
-        let idle_bits = most.map_or(0, |most| most.more_bits - own.map_or(0, |own| own.more_bits));
+        let (most, own) = (
+            machine.timing.colour.last(),
+            machine.timing.colour_of(cycles.harmonics),
+        );
+        let colour_at_work = most.zip(own).map_or(0.0, |(most, own)| {
+            f64::from(own.products) / f64::from(most.products)
+        });
+        let idle_bits = most.map_or(0, |most| {
+            most.more_bits - own.map_or(0, |own| own.more_bits)
+        });
         let units: f64 = (machine.parts.iter())
             .map(|part| {
                 let mut bits = Bits::default();
                 bits.add(part.operator, lanes(machine, part) * u64::from(part.copies));
-                // Parts are those of all shade units, or of all sorters, and an item goes through one.
+                // Parts are those of all shade units, or of all sorters, and an item goes through
+                // one.
                 let instances = match part.unit {
                     "shade" | "reflect" => f64::from(machine.timing.shade_units),
                     unit::SORT => f64::from(sorters.max(1)),
                     _ => 1.0,
                 };
-                let at_work = if part.unit == "colour" { colour_at_work } else { 1.0 };
+                let at_work = if part.unit == "colour" {
+                    colour_at_work
+                } else {
+                    1.0
+                };
                 items(part.unit) / instances * at_work * bits.price(of, bits.rom_word)
             })
             .sum();
@@ -441,9 +603,16 @@ impl Energy {
         let stages: f64 = (machine.timing.pipelines.iter())
             .filter(|stages| stages.units > 0)
             .map(|stages| {
-                let own = registers(machine, stages.unit) / u64::from(if stages.unit == "shade" { stages.units } else { 1 });
+                let own = registers(machine, stages.unit)
+                    / u64::from(if stages.unit == "shade" {
+                        stages.units
+                    } else {
+                        1
+                    });
                 // Coefficients that a frame does not have go along nowhere.
-                let held = |pace: &Pace| u64::from(pace.latency.div_ceil(pace.interval)) * u64::from(idle_bits);
+                let held = |pace: &Pace| {
+                    u64::from(pace.latency.div_ceil(pace.interval)) * u64::from(idle_bits)
+                };
                 let idle = match stages.unit {
                     "project" => held(&machine.timing.project),
                     "ellipse" => held(&machine.timing.ellipse),
@@ -455,24 +624,57 @@ impl Energy {
             .sum();
         let units = units + stages;
         let lanes = machine.timing.lanes_of_fragment();
-        let read_and_written = items("fragment") * f64::from(2 * lanes * 8 * machine.timing.fragment_bytes);
+        let read_and_written =
+            items("fragment") * f64::from(2 * lanes * 8 * machine.timing.fragment_bytes);
         let moved = |fifo: Fifo| {
-            let idle = if ["project", "ellipse", "colour"].contains(&fifo.to) { idle_bits } else { 0 };
+            let idle = if ["project", "ellipse", "colour"].contains(&fifo.to) {
+                idle_bits
+            } else {
+                0
+            };
             // Each fragment unit takes its own share of a stamp.
-            let sharers = if fifo.to == "fragment" { machine.timing.fragment.units } else { 1 };
-            fifo.bits.min(1 << 20).saturating_sub(idle).div_ceil(sharers)
+            let sharers = if fifo.to == "fragment" {
+                machine.timing.fragment.units
+            } else {
+                1
+            };
+            fifo.bits
+                .min(1 << 20)
+                .saturating_sub(idle)
+                .div_ceil(sharers)
         };
-        let queued: f64 = machine.timing.storage.fifos.map(|fifo| items(fifo.to) * f64::from(2 * moved(fifo))).iter().sum();
-        let of_sorters = sorted * machine.timing.sort.map_or(0.0, |sort| f64::from(2 * 8 * sort.entry_bytes));
+        let queued: f64 = machine
+            .timing
+            .storage
+            .fifos
+            .map(|fifo| items(fifo.to) * f64::from(2 * moved(fifo)))
+            .iter()
+            .sum();
+        let of_sorters = sorted
+            * machine
+                .timing
+                .sort
+                .map_or(0.0, |sort| f64::from(2 * 8 * sort.entry_bytes));
         let storage = (read_and_written + of_sorters) * of.memory + queued * of.fifo;
         let dram = cycles.memory.total_bytes() as f64 * prices.dram_pj_per_byte;
         let timing = &machine.timing.timing;
         let seconds = cycles.total as f64 / timing.clock_hz as f64;
         let leakage = cost.area * seconds / STATIC_SECONDS * prices.static_pj_per_area;
         let scale = prices.technology.of(timing.technology);
-        let [units, storage, dram, leakage] =
-            [units * scale.dynamic, storage * scale.dynamic, dram, leakage * scale.leakage].map(|picojoules| picojoules * 1e-12);
-        Energy { total: units + storage + dram + leakage, units, storage, dram, leakage }
+        let [units, storage, dram, leakage] = [
+            units * scale.dynamic,
+            storage * scale.dynamic,
+            dram,
+            leakage * scale.leakage,
+        ]
+        .map(|picojoules| picojoules * 1e-12);
+        Energy {
+            total: units + storage + dram + leakage,
+            units,
+            storage,
+            dram,
+            leakage,
+        }
     }
 }
 

@@ -9,7 +9,10 @@
 use crate::output::chart::{Axis, Bars, Mark, Panel, Series, Shape};
 use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
-use rtl_model::timing::{self, CLIENTS, Client, Cycles, Direction, Limit, Limited, Request, Share, TileCycles, Tiles, Wait};
+use rtl_model::timing::{
+    self, CLIENTS, Client, Cycles, Direction, Limit, Limited, Request, Share, TileCycles, Tiles,
+    Wait,
+};
 use rtl_model::work::Work;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -36,10 +39,12 @@ pub struct CyclesReport {
     pub slots: [u64; 2],
     /// Lines that the cache looked up, and those that it had; none where there is no cache.
     pub lookups: Option<[u64; 2]>,
-    /// Lines of the map of surroundings that its caches looked up, and those that they had; only where it lies in memory.
+    /// Lines of the map of surroundings that its caches looked up, and those that they had; only
+    /// where it lies in memory.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub texels: Option<[u64; 2]>,
-    /// What a binned machine leaves out because pixels have stopped; only of frames in which pixels stop.
+    /// What a binned machine leaves out because pixels have stopped; only of frames in which pixels
+    /// stop.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub early_termination: Option<EarlyTerminationReport>,
     /// Tile after tile of a binned machine, which `tiles.csv` has.
@@ -50,7 +55,8 @@ pub struct CyclesReport {
 /// Limit of a frame: its name is [`CyclesReport::bottleneck`].
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct LimitReport {
-    /// `work`: a unit's own cycles; `hazard`: a pixel that is still under way in it; `memory`: bytes move no faster.
+    /// `work`: a unit's own cycles; `hazard`: a pixel that is still under way in it; `memory`:
+    /// bytes move no faster.
     pub by: &'static str,
     /// Cycles of the frame with the unit infinitely fast, a hazard of one cycle, or ideal memory.
     pub cycles_without: u64,
@@ -91,7 +97,8 @@ pub struct UnitReport {
     /// When it had items.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub over_time: Option<OverTime>,
-    /// `occupancy[n]`: how often n results waited behind it, or were on their way, when it took one.
+    /// `occupancy[n]`: how often n results waited behind it, or were on their way, when it took
+    /// one.
     pub occupancy: Vec<u64>,
 }
 
@@ -122,7 +129,8 @@ pub struct MemoryReport {
     pub bytes_per_second: f64,
     /// Bytes a second that could move; none of ideal memory.
     pub peak_bytes_per_second: Option<f64>,
-    /// Part of the requests that found their row open; none of ideal memory, or where there were none.
+    /// Part of the requests that found their row open; none of ideal memory, or where there were
+    /// none.
     pub row_hit_share: Option<f64>,
     /// Traffic by client.
     pub clients: Vec<ClientReport>,
@@ -145,7 +153,11 @@ pub struct ClientReport {
 
 /// Frames a second of such a frame; 0 of one that takes no time.
 pub fn frames_per_second(timing: &Microarchitecture, cycles: &Cycles) -> f64 {
-    if cycles.total == 0 { 0.0 } else { 1.0 / (cycles.total as f64 / timing.timing.clock_hz as f64) }
+    if cycles.total == 0 {
+        0.0
+    } else {
+        1.0 / (cycles.total as f64 / timing.timing.clock_hz as f64)
+    }
 }
 
 impl CyclesReport {
@@ -157,23 +169,42 @@ impl CyclesReport {
     /// Reports of replays of this work on several machines.
     pub fn all(frames: &[(&Microarchitecture, &Cycles)], work: &Work) -> Vec<Self> {
         let limits = timing::limits(frames, work);
-        frames.iter().zip(limits).map(|((timing, cycles), limit)| CyclesReport::limited(timing, cycles, limit)).collect()
+        frames
+            .iter()
+            .zip(limits)
+            .map(|((timing, cycles), limit)| CyclesReport::limited(timing, cycles, limit))
+            .collect()
     }
 
     /// Report of a replay of which it is known what limits it.
     fn limited(timing: &Microarchitecture, cycles: &Cycles, limit: Limit) -> Self {
         let clock_hz = timing.timing.clock_hz;
         let seconds = cycles.total as f64 / clock_hz as f64;
-        let per_second = |amount: u64| if cycles.total == 0 { 0.0 } else { amount as f64 / seconds };
+        let per_second = |amount: u64| {
+            if cycles.total == 0 {
+                0.0
+            } else {
+                amount as f64 / seconds
+            }
+        };
         let memory = &cycles.memory;
         let requests: u64 = memory.requests.iter().sum();
         let of_memory = &timing.timing.memory;
         let ideal = of_memory.ideal;
         let of_client = |client: Client| {
             let [bytes_read, bytes_written] = memory.bytes[client as usize];
-            ClientReport { name: client.name(), requests: memory.requests[client as usize], bytes_read, bytes_written }
+            ClientReport {
+                name: client.name(),
+                requests: memory.requests[client as usize],
+                bytes_read,
+                bytes_written,
+            }
         };
-        let last = memory.latencies.iter().rposition(|count| *count > 0).map_or(0, |last| last + 1);
+        let last = memory
+            .latencies
+            .iter()
+            .rposition(|count| *count > 0)
+            .map_or(0, |last| last + 1);
         CyclesReport {
             total: cycles.total,
             clock_hz,
@@ -187,41 +218,74 @@ impl CyclesReport {
                 },
                 cycles_without: limit.without,
             },
-            units: cycles.units.iter().map(|unit| unit_report(unit, &cycles.units)).collect(),
+            units: cycles
+                .units
+                .iter()
+                .map(|unit| unit_report(unit, &cycles.units))
+                .collect(),
             memory: MemoryReport {
                 busy: memory.busy,
                 bytes: memory.total_bytes(),
                 bytes_per_second: per_second(memory.total_bytes()),
-                peak_bytes_per_second: (!ideal).then(|| clock_hz as f64 * of_memory.bytes_per_1000_cycles() as f64 / 1000.0),
-                row_hit_share: (requests > 0 && !ideal).then(|| memory.row_hits as f64 / requests as f64),
-                clients: CLIENTS.into_iter().filter(|client| memory.requests[*client as usize] > 0).map(of_client).collect(),
+                peak_bytes_per_second: (!ideal)
+                    .then(|| clock_hz as f64 * of_memory.bytes_per_1000_cycles() as f64 / 1000.0),
+                row_hit_share: (requests > 0 && !ideal)
+                    .then(|| memory.row_hits as f64 / requests as f64),
+                clients: CLIENTS
+                    .into_iter()
+                    .filter(|client| memory.requests[*client as usize] > 0)
+                    .map(of_client)
+                    .collect(),
                 read_latency_log2: memory.latencies[..last].to_vec(),
             },
             slots: cycles.stamps,
             lookups: (cycles.lookups[0] > 0).then_some(cycles.lookups),
             texels: (cycles.texels[0] > 0).then_some(cycles.texels),
-            early_termination: cycles.early_termination.map(|saved| EarlyTerminationReport {
-                entries_skipped: saved.entries_skipped,
-                entries: saved.entries,
-                contributions_left_out: saved.contributions_left_out,
-                contributions: saved.contributions,
-            }),
+            early_termination: cycles
+                .early_termination
+                .map(|saved| EarlyTerminationReport {
+                    entries_skipped: saved.entries_skipped,
+                    entries: saved.entries,
+                    contributions_left_out: saved.contributions_left_out,
+                    contributions: saved.contributions,
+                }),
             tiles: cycles.tiles.clone(),
         }
     }
 
     /// The summary, at most 80 columns wide.
     pub fn summary(&self) -> String {
-        let mut table = plain_table(&["", "items", "busy", "starved", "blocked", "memory", "blocked by"]);
+        let mut table = plain_table(&[
+            "",
+            "items",
+            "busy",
+            "starved",
+            "blocked",
+            "memory",
+            "blocked by",
+        ]);
         for unit in &self.units {
             let part = |cycles: u64| share(cycles, self.total);
-            let longest = unit.blocked_by.iter().max_by_key(|blocker| blocker.cycles).map_or("", |blocker| blocker.by);
-            let row = [thousands(unit.items), part(unit.busy), part(unit.starved), part(unit.blocked), part(unit.memory), longest.into()];
+            let longest = unit
+                .blocked_by
+                .iter()
+                .max_by_key(|blocker| blocker.cycles)
+                .map_or("", |blocker| blocker.by);
+            let row = [
+                thousands(unit.items),
+                part(unit.busy),
+                part(unit.starved),
+                part(unit.blocked),
+                part(unit.memory),
+                longest.into(),
+            ];
             table.add_row(std::iter::once(unit.name.clone()).chain(row));
         }
         let memory = &self.memory;
         let gigabytes = |bytes: f64| format!("{:.2} GB/s", bytes / 1e9);
-        let why = self.why_not_the_busiest().map_or(String::new(), |why| wrapped(&why) + "\n");
+        let why = self
+            .why_not_the_busiest()
+            .map_or(String::new(), |why| wrapped(&why) + "\n");
         let mut text = format!(
             "{} cycles at {:.0} MHz: {} frames/s; limited by: {}\n{why}{}\n",
             thousands(self.total),
@@ -231,24 +295,71 @@ impl CyclesReport {
             aligned(table).trim_fmt()
         );
         let clients: Vec<String> = (memory.clients.iter())
-            .map(|client| format!("{} {}", client.name.replace('_', " "), megabytes(client.bytes_read + client.bytes_written)))
+            .map(|client| {
+                format!(
+                    "{} {}",
+                    client.name.replace('_', " "),
+                    megabytes(client.bytes_read + client.bytes_written)
+                )
+            })
             .collect();
         let of_peak = match memory.peak_bytes_per_second {
-            Some(peak) => format!("of {}, busy {}", gigabytes(peak), share(memory.busy, self.total)),
+            Some(peak) => format!(
+                "of {}, busy {}",
+                gigabytes(peak),
+                share(memory.busy, self.total)
+            ),
             None => "of ideal memory".into(),
         };
-        let [moved, clients, rate] = [megabytes(memory.bytes), clients.join(", "), gigabytes(memory.bytes_per_second)];
+        let [moved, clients, rate] = [
+            megabytes(memory.bytes),
+            clients.join(", "),
+            gigabytes(memory.bytes_per_second),
+        ];
         let traffic = format!("memory: {moved} ({clients}); {rate} {of_peak}");
         let _ = write!(text, "{}", wrapped(&traffic));
-        for (cache, lookups) in [("cache", self.lookups), ("cache of the surroundings", self.texels)] {
-            let Some([lookups, hits]) = lookups else { continue };
-            let _ = write!(text, "\n{cache}: {} look-ups, {} hits", thousands(lookups), share(hits, lookups));
+        for (cache, lookups) in [
+            ("cache", self.lookups),
+            ("cache of the surroundings", self.texels),
+        ] {
+            let Some([lookups, hits]) = lookups else {
+                continue;
+            };
+            let _ = write!(
+                text,
+                "\n{cache}: {} look-ups, {} hits",
+                thousands(lookups),
+                share(hits, lookups)
+            );
         }
-        let _ = write!(text, "\nstamps: {} tested, {} kept a pixel", thousands(self.slots[0]), share(self.slots[1], self.slots[0]));
-        if let Some(EarlyTerminationReport { entries_skipped, entries, contributions_left_out, contributions }) = self.early_termination {
-            let skipped = format!("{} of {} list entries skipped", thousands(entries_skipped), thousands(entries));
-            let left_out = format!("{} of {} contributions left out", thousands(contributions_left_out), thousands(contributions));
-            let _ = write!(text, "\n{}", wrapped(&format!("early termination: {skipped}, {left_out}")));
+        let _ = write!(
+            text,
+            "\nstamps: {} tested, {} kept a pixel",
+            thousands(self.slots[0]),
+            share(self.slots[1], self.slots[0])
+        );
+        if let Some(EarlyTerminationReport {
+            entries_skipped,
+            entries,
+            contributions_left_out,
+            contributions,
+        }) = self.early_termination
+        {
+            let skipped = format!(
+                "{} of {} list entries skipped",
+                thousands(entries_skipped),
+                thousands(entries)
+            );
+            let left_out = format!(
+                "{} of {} contributions left out",
+                thousands(contributions_left_out),
+                thousands(contributions)
+            );
+            let _ = write!(
+                text,
+                "\n{}",
+                wrapped(&format!("early termination: {skipped}, {left_out}"))
+            );
         }
         text
     }
@@ -258,7 +369,8 @@ impl CyclesReport {
         let busiest = self.units.iter().max_by_key(|unit| unit.busy)?;
         let own = busiest.name.split('.').next().unwrap_or_default();
         // What waits for light is busy with it.
-        if own == self.bottleneck || self.memory.busy >= busiest.busy && self.bottleneck == "memory" {
+        if own == self.bottleneck || self.memory.busy >= busiest.busy && self.bottleneck == "memory"
+        {
             return None;
         }
         Some(format!(
@@ -272,7 +384,11 @@ impl CyclesReport {
 
     /// Limit, in words.
     pub fn limited_by(&self) -> String {
-        if self.limit.by == "hazard" { format!("{} (hazard)", self.bottleneck) } else { self.bottleneck.into() }
+        if self.limit.by == "hazard" {
+            format!("{} (hazard)", self.bottleneck)
+        } else {
+            self.bottleneck.into()
+        }
     }
 
     /// Every unit's use over time, in per cent.
@@ -282,32 +398,53 @@ impl CyclesReport {
             let at = |window: usize| (window as u64 * over_time.window) as f64 / 1e6;
             // As steps.
             let steps = |(window, busy): (usize, &u64)| {
-                [[at(window), *busy as f64 * 100.0 / whole], [at(window + 1), *busy as f64 * 100.0 / whole]]
+                [
+                    [at(window), *busy as f64 * 100.0 / whole],
+                    [at(window + 1), *busy as f64 * 100.0 / whole],
+                ]
             };
             let points = over_time.busy.iter().enumerate().flat_map(steps).collect();
             Panel {
                 title: format!("{name}: {}", share(unit.busy, self.total)),
                 x: Axis::linear("million cycles").within(0.0, self.total as f64 / 1e6),
                 y: Axis::linear("% of cycles").within(0.0, 100.0),
-                series: vec![Series { name: String::new(), points, mark: Mark::Line, colour: nth }],
+                series: vec![Series {
+                    name: String::new(),
+                    points,
+                    mark: Mark::Line,
+                    colour: nth,
+                }],
                 ..Panel::default()
             }
         };
-        let timed = self.units.iter().filter_map(|unit| unit.over_time.as_ref().map(|over_time| (unit, over_time)));
-        timed.enumerate().map(|(nth, (unit, over_time))| panel((nth % 6, unit, over_time))).collect()
+        let timed = self
+            .units
+            .iter()
+            .filter_map(|unit| unit.over_time.as_ref().map(|over_time| (unit, over_time)));
+        timed
+            .enumerate()
+            .map(|(nth, (unit, over_time))| panel((nth % 6, unit, over_time)))
+            .collect()
     }
 
     /// What each unit does in the frame's cycles.
     pub fn stacks(&self) -> Bars {
         let row = |unit: &UnitReport| {
             let counts = [unit.busy, unit.starved, unit.blocked, unit.memory];
-            (unit.name.clone(), counts.map(|count| count as f64 * 100.0 / self.total.max(1) as f64).to_vec())
+            (
+                unit.name.clone(),
+                counts
+                    .map(|count| count as f64 * 100.0 / self.total.max(1) as f64)
+                    .to_vec(),
+            )
         };
         Bars {
             shape: Shape::Stack,
             title: "what each unit does".into(),
             axis: Axis::linear("% of cycles").within(0.0, 100.0),
-            legend: ["busy", "starved", "blocked", "memory"].map(str::to_owned).to_vec(),
+            legend: ["busy", "starved", "blocked", "memory"]
+                .map(str::to_owned)
+                .to_vec(),
             rows: self.units.iter().map(row).collect(),
         }
     }
@@ -316,21 +453,66 @@ impl CyclesReport {
     pub fn csv(&self) -> String {
         let mut text = String::from("unit,items,busy,starved,blocked,memory,total\n");
         for unit in &self.units {
-            let UnitReport { name, items, busy, starved, blocked, memory, .. } = unit;
-            let _ = writeln!(text, "{name},{items},{busy},{starved},{blocked},{memory},{}", self.total);
+            let UnitReport {
+                name,
+                items,
+                busy,
+                starved,
+                blocked,
+                memory,
+                ..
+            } = unit;
+            let _ = writeln!(
+                text,
+                "{name},{items},{busy},{starved},{blocked},{memory},{}",
+                self.total
+            );
         }
         text
     }
 
-    /// One line a tile that a splat was listed for, in the order in which engines take them; none of a machine without tiles.
+    /// One line a tile that a splat was listed for, in the order in which engines take them; none
+    /// of a machine without tiles.
     pub fn tiles_csv(&self) -> Option<String> {
-        let Tiles { side_px, from, units, tiles, .. } = self.tiles.as_ref()?;
-        let of_unit = |unit: &String| ["until", "busy", "starved", "blocked", "memory"].map(|what| format!("{unit}_{what}"));
+        let Tiles {
+            side_px,
+            from,
+            units,
+            tiles,
+            ..
+        } = self.tiles.as_ref()?;
+        let of_unit = |unit: &String| {
+            ["until", "busy", "starved", "blocked", "memory"].map(|what| format!("{unit}_{what}"))
+        };
         let heads: Vec<String> = units.iter().flat_map(of_unit).collect();
-        let mut text = format!("column,row,side_px,from,entries,done,cycles,engine,{}\n", heads.join(","));
-        for TileCycles { at: [column, row], engine, entries, done, cycles, shares } in tiles {
-            let _ = write!(text, "{column},{row},{side_px},{from},{entries},{done},{cycles},{engine}");
-            for Share { until, account: timing::Account { busy, starved, blocked, memory } } in shares {
+        let mut text = format!(
+            "column,row,side_px,from,entries,done,cycles,engine,{}\n",
+            heads.join(",")
+        );
+        for TileCycles {
+            at: [column, row],
+            engine,
+            entries,
+            done,
+            cycles,
+            shares,
+        } in tiles
+        {
+            let _ = write!(
+                text,
+                "{column},{row},{side_px},{from},{entries},{done},{cycles},{engine}"
+            );
+            for Share {
+                until,
+                account:
+                    timing::Account {
+                        busy,
+                        starved,
+                        blocked,
+                        memory,
+                    },
+            } in shares
+            {
                 let _ = write!(text, ",{until},{busy},{starved},{blocked},{memory}");
             }
             text.push('\n');
@@ -367,7 +549,9 @@ struct Segment {
 }
 
 /// What is kept where in the model: a region of 2^40 bytes each (`rtl_model::timing`, memory).
-const REGIONS: [&str; 7] = ["splats", "records", "lists", "lines", "words", "nodes", "map"];
+const REGIONS: [&str; 7] = [
+    "splats", "records", "lists", "lines", "words", "nodes", "map",
+];
 const REGION_LOG: u32 = 40;
 /// Gaps of fewer bytes stay in a trace.
 const GAP_BYTES: u64 = 1 << 16;
@@ -375,17 +559,24 @@ const GAP_BYTES: u64 = 1 << 16;
 /// The runs of addresses that are used, brought together row by row of memory.
 fn address_map(requests: &[Request], row_bytes: u64) -> Vec<Segment> {
     let row = row_bytes.max(1);
-    let mut used: Vec<std::ops::Range<u64>> =
-        requests.iter().map(|request| request.address / row * row..(request.address + request.bytes).div_ceil(row) * row).collect();
+    let mut used: Vec<std::ops::Range<u64>> = requests
+        .iter()
+        .map(|request| {
+            request.address / row * row..(request.address + request.bytes).div_ceil(row) * row
+        })
+        .collect();
     used.sort_unstable_by_key(|range| (range.start, range.end));
     let mut map: Vec<Segment> = Vec::new();
     for range in used {
-        match map
-            .last_mut()
-            .filter(|last| range.start < last.model.end + GAP_BYTES && range.start >> REGION_LOG == last.model.start >> REGION_LOG)
-        {
+        match map.last_mut().filter(|last| {
+            range.start < last.model.end + GAP_BYTES
+                && range.start >> REGION_LOG == last.model.start >> REGION_LOG
+        }) {
             Some(last) => last.model.end = last.model.end.max(range.end),
-            None => map.push(Segment { model: range, base: 0 }),
+            None => map.push(Segment {
+                model: range,
+                base: 0,
+            }),
         }
     }
     let mut base = 0;
@@ -398,7 +589,10 @@ fn address_map(requests: &[Request], row_bytes: u64) -> Vec<Segment> {
 
 impl Requests {
     /// File names.
-    pub const FORMATS: [(&'static str, Trace); 2] = [("requests.ramulator2", Trace::Ramulator2), ("requests.dramsim3", Trace::Dramsim3)];
+    pub const FORMATS: [(&'static str, Trace); 2] = [
+        ("requests.ramulator2", Trace::Ramulator2),
+        ("requests.dramsim3", Trace::Dramsim3),
+    ];
     /// The file that says what the addresses and cycles are.
     pub const MAP: &'static str = "requests.json";
 
@@ -407,14 +601,23 @@ impl Requests {
         requests.sort_by_key(|request| request.cycle);
         let memory = &timing.timing.memory;
         let map = address_map(&requests, memory.row_bytes.into());
-        Requests { burst_bytes: memory.burst_bytes.into(), clock_hz: timing.timing.clock_hz, requests, map }
+        Requests {
+            burst_bytes: memory.burst_bytes.into(),
+            clock_hz: timing.timing.clock_hz,
+            requests,
+            map,
+        }
     }
 
     /// Where the trace has a byte of the model's memory.
     fn mapped(&self, address: u64) -> u64 {
-        let after = self.map.partition_point(|segment| segment.model.start <= address);
+        let after = self
+            .map
+            .partition_point(|segment| segment.model.start <= address);
         let segment = after.checked_sub(1).map(|place| &self.map[place]);
-        segment.map_or(address, |segment| segment.base + (address - segment.model.start))
+        segment.map_or(address, |segment| {
+            segment.base + (address - segment.model.start)
+        })
     }
 
     /// Every burst as the trace has it.
@@ -422,7 +625,11 @@ impl Requests {
         self.requests.iter().flat_map(|request| {
             let first = self.mapped(request.address);
             let at = (first..first + request.bytes).step_by(self.burst_bytes as usize);
-            at.map(|address| Request { address, bytes: self.burst_bytes, ..*request })
+            at.map(|address| Request {
+                address,
+                bytes: self.burst_bytes,
+                ..*request
+            })
         })
     }
 
@@ -431,7 +638,13 @@ impl Requests {
     /// # Errors
     /// Those of the file.
     pub fn write(&self, format: Trace, file: &mut impl std::io::Write) -> std::io::Result<()> {
-        for Request { cycle, address: at, direction, .. } in self.in_trace() {
+        for Request {
+            cycle,
+            address: at,
+            direction,
+            ..
+        } in self.in_trace()
+        {
             match (format, direction) {
                 (Trace::Ramulator2, Direction::Read) => writeln!(file, "LD 0x{at:x}")?,
                 (Trace::Ramulator2, Direction::Write) => writeln!(file, "ST 0x{at:x}")?,
@@ -442,9 +655,13 @@ impl Requests {
         Ok(())
     }
 
-    /// What the addresses and cycles are: the map, the unit of time, and the size of a device that holds all addresses.
+    /// What the addresses and cycles are: the map, the unit of time, and the size of a device that
+    /// holds all addresses.
     pub fn map(&self) -> serde_json::Value {
-        let bytes = self.map.last().map_or(0, |last| last.base + (last.model.end - last.model.start));
+        let bytes = self
+            .map
+            .last()
+            .map_or(0, |last| last.base + (last.model.end - last.model.start));
         let region = |number: u64, segments: Vec<&Segment>| {
             let (first, last) = (segments[0], segments[segments.len() - 1]);
             let segments: Vec<serde_json::Value> = segments
@@ -461,8 +678,17 @@ impl Requests {
                 "bytes": last.base + (last.model.end - last.model.start) - first.base, "segments": segments,
             })
         };
-        let numbers: std::collections::BTreeSet<u64> = self.map.iter().map(|segment| segment.model.start >> REGION_LOG).collect();
-        let of = |number: u64| self.map.iter().filter(|segment| segment.model.start >> REGION_LOG == number).collect();
+        let numbers: std::collections::BTreeSet<u64> = self
+            .map
+            .iter()
+            .map(|segment| segment.model.start >> REGION_LOG)
+            .collect();
+        let of = |number: u64| {
+            self.map
+                .iter()
+                .filter(|segment| segment.model.start >> REGION_LOG == number)
+                .collect()
+        };
         serde_json::json!({
             "format": "splatsim-requests-1",
             "clock_hz": self.clock_hz,
@@ -478,9 +704,18 @@ impl Requests {
 
 fn unit_report(unit: &timing::UnitCycles, all: &[timing::UnitCycles]) -> UnitReport {
     let several = all.iter().filter(|other| other.name == unit.name).count() > 1;
-    let timing::Account { busy, starved, blocked, memory } = unit.account;
+    let timing::Account {
+        busy,
+        starved,
+        blocked,
+        memory,
+    } = unit.account;
     UnitReport {
-        name: if several { format!("{}.{}", unit.name, unit.index) } else { unit.name.into() },
+        name: if several {
+            format!("{}.{}", unit.name, unit.index)
+        } else {
+            unit.name.into()
+        },
         items: unit.items,
         busy,
         starved,
@@ -496,8 +731,16 @@ fn unit_report(unit: &timing::UnitCycles, all: &[timing::UnitCycles]) -> UnitRep
                 cycles: *cycles,
             })
             .collect(),
-        over_time: unit.timeline.as_ref().map(|timeline| OverTime { window: timeline.window, busy: timeline.busy.clone() }),
-        occupancy: unit.occupancy[..unit.occupancy.iter().rposition(|count| *count > 0).map_or(0, |last| last + 1)].to_vec(),
+        over_time: unit.timeline.as_ref().map(|timeline| OverTime {
+            window: timeline.window,
+            busy: timeline.busy.clone(),
+        }),
+        occupancy: unit.occupancy[..unit
+            .occupancy
+            .iter()
+            .rposition(|count| *count > 0)
+            .map_or(0, |last| last + 1)]
+            .to_vec(),
     }
 }
 
@@ -506,7 +749,11 @@ fn megabytes(bytes: u64) -> String {
 }
 
 fn rate(per_second: f64) -> String {
-    if per_second < 100.0 { format!("{per_second:.1}") } else { format!("{per_second:.0}") }
+    if per_second < 100.0 {
+        format!("{per_second:.1}")
+    } else {
+        format!("{per_second:.0}")
+    }
 }
 
 #[cfg(test)]
@@ -521,29 +768,61 @@ mod tests {
             let mut machine = machine.clone();
             machine.timing.memory.ideal = ideal;
             let timing = machine.elaborate().unwrap().timing;
-            let work = Work { width: 32, height: 16, ..Work::default() };
-            CyclesReport::new(&timing, &work, &timing::replay(&timing, &work, timing::Detail::Histograms))
+            let work = Work {
+                width: 32,
+                height: 16,
+                ..Work::default()
+            };
+            CyclesReport::new(
+                &timing,
+                &work,
+                &timing::replay(&timing, &work, timing::Detail::Histograms),
+            )
         };
         let [finite, ideal] = [of(false), of(true)];
         assert!(ideal.memory.bytes > 0 && ideal.memory.bytes == finite.memory.bytes);
         let told = |report: &CyclesReport| {
-            (report.memory.busy > 0, report.memory.peak_bytes_per_second.is_some(), report.memory.row_hit_share.is_some())
+            (
+                report.memory.busy > 0,
+                report.memory.peak_bytes_per_second.is_some(),
+                report.memory.row_hit_share.is_some(),
+            )
         };
-        assert_eq!([told(&finite), told(&ideal)], [(true, true, true), (false, false, false)]);
-        assert!(ideal.summary().contains("GB/s of ideal memory\n") && finite.summary().contains("of 6.40 GB/s, busy"));
+        assert_eq!(
+            [told(&finite), told(&ideal)],
+            [(true, true, true), (false, false, false)]
+        );
+        assert!(
+            ideal.summary().contains("GB/s of ideal memory\n")
+                && finite.summary().contains("of 6.40 GB/s, busy")
+        );
     }
 
     #[test]
     fn requests_are_told_burst_by_burst_in_the_order_of_cycles() {
         let timing = Machine::named("tiny").unwrap().elaborate().unwrap().timing;
-        let request = |cycle, address, bytes, direction| Request { cycle, address, bytes, direction };
-        let requests = Requests::new(&timing, vec![request(9, 256, 128, Direction::Write), request(3, 64, 64, Direction::Read)]);
+        let request = |cycle, address, bytes, direction| Request {
+            cycle,
+            address,
+            bytes,
+            direction,
+        };
+        let requests = Requests::new(
+            &timing,
+            vec![
+                request(9, 256, 128, Direction::Write),
+                request(3, 64, 64, Direction::Read),
+            ],
+        );
         let told = |format| {
             let mut text = Vec::new();
             requests.write(format, &mut text).unwrap();
             String::from_utf8(text).unwrap()
         };
-        assert_eq!(told(Trace::Dramsim3), "0x40 READ 3\n0x100 WRITE 9\n0x140 WRITE 9\n");
+        assert_eq!(
+            told(Trace::Dramsim3),
+            "0x40 READ 3\n0x100 WRITE 9\n0x140 WRITE 9\n"
+        );
         assert_eq!(told(Trace::Ramulator2), "LD 0x40\nST 0x100\nST 0x140\n");
     }
 
@@ -551,9 +830,26 @@ mod tests {
     fn regions_that_lie_far_apart_are_brought_together_and_none_shares_a_row() {
         let timing = Machine::named("tiny").unwrap().elaborate().unwrap().timing;
         let row = u64::from(timing.timing.memory.row_bytes);
-        let request = |cycle, address, bytes| Request { cycle, address, bytes, direction: Direction::Read };
-        let far = [64, (1 << 40) + 128, (2 << 40) + 64, (2 << 40) + (1 << 22), (4 << 40) + 64];
-        let requests = Requests::new(&timing, far.iter().zip(0..).map(|(&address, cycle)| request(cycle, address, 64)).collect());
+        let request = |cycle, address, bytes| Request {
+            cycle,
+            address,
+            bytes,
+            direction: Direction::Read,
+        };
+        let far = [
+            64,
+            (1 << 40) + 128,
+            (2 << 40) + 64,
+            (2 << 40) + (1 << 22),
+            (4 << 40) + 64,
+        ];
+        let requests = Requests::new(
+            &timing,
+            far.iter()
+                .zip(0..)
+                .map(|(&address, cycle)| request(cycle, address, 64))
+                .collect(),
+        );
         let mut text = Vec::new();
         requests.write(Trace::Dramsim3, &mut text).unwrap();
         let addresses: Vec<u64> = String::from_utf8(text)
@@ -562,10 +858,21 @@ mod tests {
             .map(|line| u64::from_str_radix(line[2..].split(' ').next().unwrap(), 16).unwrap())
             .collect();
         // A row each, one behind the other, each address at its place in the row.
-        assert_eq!(addresses, [64, row + 128, 2 * row + 64, 3 * row, 4 * row + 64]);
+        assert_eq!(
+            addresses,
+            [64, row + 128, 2 * row + 64, 3 * row, 4 * row + 64]
+        );
         let map = requests.map();
-        assert_eq!((&map["address_bytes"], &map["device_bytes"]), (&(5 * row).into(), &(8 * row).into()));
-        let names: Vec<&str> = map["regions"].as_array().unwrap().iter().map(|region| region["name"].as_str().unwrap()).collect();
+        assert_eq!(
+            (&map["address_bytes"], &map["device_bytes"]),
+            (&(5 * row).into(), &(8 * row).into())
+        );
+        let names: Vec<&str> = map["regions"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|region| region["name"].as_str().unwrap())
+            .collect();
         assert_eq!(names, ["splats", "records", "lists", "words"]);
         assert_eq!(map["regions"][2]["segments"].as_array().unwrap().len(), 2);
     }

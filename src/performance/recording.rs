@@ -6,8 +6,8 @@
 //! ```
 //! What happened depends on everything of a machine but its `timing`: only that can be changed.
 //!
-//! Laws (tests/recording.rs): `a_record_that_is_read_is_the_one_that_was_written`, `no_damage_is_taken_for_a_record`,
-//! `a_replay_takes_the_cycles_of_the_run`.
+//! Laws (tests/recording.rs): `a_record_that_is_read_is_the_one_that_was_written`,
+//! `no_damage_is_taken_for_a_record`, `a_replay_takes_the_cycles_of_the_run`.
 
 use crate::error::{Error, Result};
 use crate::hardware::quantise::lacks_tile_bits;
@@ -82,10 +82,18 @@ impl Recording {
     /// Makes sure that a file can be written, before any work is done for it.
     ///
     /// # Errors
-    /// [`Error::Input`] where there is no such folder, where nothing can be written there, or where what has that name is no recording.
+    /// [`Error::Input`] where there is no such folder, where nothing can be written there, or where
+    /// what has that name is no recording.
     pub fn may_be_written(path: &Path) -> Result<()> {
-        let input_error = |what: &str| Err(Error::input(format!("--record {}: cannot be written: {what}", path.display())));
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
+        let input_error = |what: &str| {
+            Err(Error::input(format!(
+                "--record {}: cannot be written: {what}",
+                path.display()
+            )))
+        };
+        let folder = path
+            .parent()
+            .filter(|folder| !folder.as_os_str().is_empty());
         if let Some(folder) = folder.filter(|folder| !folder.is_dir()) {
             return input_error(&format!("there is no folder {}", folder.display()));
         }
@@ -94,7 +102,8 @@ impl Recording {
         }
         let is_recording = || {
             let mut begins = Vec::new();
-            let read = fs::File::open(path).and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut begins));
+            let read = fs::File::open(path)
+                .and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut begins));
             read.is_ok() && (begins.is_empty() || [MAGIC, MAGIC_WITH_KEYS].contains(&&begins[..]))
         };
         if path.exists() && !(path.is_file() && is_recording()) {
@@ -108,15 +117,35 @@ impl Recording {
     /// # Errors
     /// [`Error::Job`] where it cannot be written; then nothing is.
     pub fn write(self, path: &Path) -> Result<()> {
-        let machine = serde_json::to_string(&self.machine).map_err(|error| Error::job(error.to_string()))?;
-        let parts = Parts { scene: self.scene, machine, work: self.work };
+        let machine =
+            serde_json::to_string(&self.machine).map_err(|error| Error::job(error.to_string()))?;
+        let parts = Parts {
+            scene: self.scene,
+            machine,
+            work: self.work,
+        };
         let keys = &parts.work.keys;
         write_beside(path, |file| {
-            file.write_all(if keys.is_empty() { MAGIC } else { MAGIC_WITH_KEYS }).map_err(|error| error.to_string())?;
+            file.write_all(if keys.is_empty() {
+                MAGIC
+            } else {
+                MAGIC_WITH_KEYS
+            })
+            .map_err(|error| error.to_string())?;
             // Its own error says of a full disk that a buffer is full.
             let written = postcard::to_io(&parts, &mut *file).map(|_| ());
-            let written = written.and_then(|()| if keys.is_empty() { Ok(()) } else { postcard::to_io(keys, &mut *file).map(|_| ()) });
-            written.map_err(|error| file.flush().err().map_or(error.to_string(), |e| e.to_string()))
+            let written = written.and_then(|()| {
+                if keys.is_empty() {
+                    Ok(())
+                } else {
+                    postcard::to_io(keys, &mut *file).map(|_| ())
+                }
+            });
+            written.map_err(|error| {
+                file.flush()
+                    .err()
+                    .map_or(error.to_string(), |e| e.to_string())
+            })
         })
     }
 
@@ -126,29 +155,41 @@ impl Recording {
     /// [`Error::Input`], one sentence, where the file is none of these or is damaged.
     pub fn read(path: &Path) -> Result<Self> {
         let input_error = |what: &str| Error::input(format!("{}: {what}", path.display()));
-        let bytes = input::read(path).map_err(|error| input_error(&format!("cannot be read: {error}")))?;
+        let bytes =
+            input::read(path).map_err(|error| input_error(&format!("cannot be read: {error}")))?;
         let has_keys = bytes.starts_with(MAGIC_WITH_KEYS);
         let rest = bytes
             .strip_prefix(if has_keys { MAGIC_WITH_KEYS } else { MAGIC })
-            .ok_or_else(|| input_error("is no record of a frame's work, as `run --record` writes them"))?;
+            .ok_or_else(|| {
+                input_error("is no record of a frame's work, as `run --record` writes them")
+            })?;
         let damaged = |what: &str| input_error(&format!("is damaged: {what}"));
-        let (mut parts, mut left): (Parts, &[u8]) =
-            postcard::take_from_bytes(rest).map_err(|_| damaged("it ends too soon, or holds no such values"))?;
+        let (mut parts, mut left): (Parts, &[u8]) = postcard::take_from_bytes(rest)
+            .map_err(|_| damaged("it ends too soon, or holds no such values"))?;
         if has_keys {
-            (parts.work.keys, left) = postcard::take_from_bytes(left).map_err(|_| damaged("its keys end too soon"))?;
+            (parts.work.keys, left) =
+                postcard::take_from_bytes(left).map_err(|_| damaged("its keys end too soon"))?;
         }
         if !left.is_empty() {
             return Err(damaged("something follows its end"));
         }
-        let machine = serde_json::from_str(&parts.machine).map_err(|_| damaged("its machine is no JSON"))?;
+        let machine =
+            serde_json::from_str(&parts.machine).map_err(|_| damaged("its machine is no JSON"))?;
         let machine = machines::from_value(&machine, &format!("{}: its machine", path.display()))?;
         let [width, height] = [parts.work.width, parts.work.height].map(|side| side as usize);
         if width.saturating_mul(height) > MOST_PIXELS {
-            return Err(input_error(&format!("its picture has {width}×{height} pixels; at most {MOST_PIXELS} are drawn and replayed")));
+            return Err(input_error(&format!(
+                "its picture has {width}×{height} pixels; at most {MOST_PIXELS} are drawn and replayed"
+            )));
         }
         parts.work.check().map_err(|what| damaged(&what))?;
-        holds_keys(&machine, &parts.work).map_err(|_| damaged("its machine has buckets, and it has no keys"))?;
-        Ok(Recording { scene: parts.scene, machine, work: parts.work })
+        holds_keys(&machine, &parts.work)
+            .map_err(|_| damaged("its machine has buckets, and it has no keys"))?;
+        Ok(Recording {
+            scene: parts.scene,
+            machine,
+            work: parts.work,
+        })
     }
 
     /// Changes the machine's timing, as `--set timing.…=…`.
@@ -167,14 +208,18 @@ impl Recording {
         }
         let machine = machines::changed(&self.machine, setting, &flag)?;
         holds_keys(&machine, &self.work).map_err(|what| Error::input(format!("{flag}: {what}")))?;
-        if let Some(what) = lacks_tile_bits(&machine, [self.work.width, self.work.height].map(|side| side as usize)) {
+        if let Some(what) = lacks_tile_bits(
+            &machine,
+            [self.work.width, self.work.height].map(|side| side as usize),
+        ) {
             return Err(Error::input(format!("{flag}: {what}")));
         }
         self.machine = machine;
         Ok(())
     }
 
-    /// Whether the machine's walker, and with each of other values of its timing, has room for the frame's walk.
+    /// Whether the machine's walker, and with each of other values of its timing, has room for the
+    /// frame's walk.
     ///
     /// # Errors
     /// [`Error::Input`] with the stack that would do.
@@ -188,31 +233,59 @@ impl Recording {
     ///
     /// # Errors
     /// [`Error::Input`] where no machine can have such a timing.
-    pub fn replay(&self, axes: &[Axes], requests: bool, answers: Option<&Prices>) -> Result<Replayed> {
-        self.replay_priced(axes, requests, answers.is_some(), answers.unwrap_or(&Prices::default()))
+    pub fn replay(
+        &self,
+        axes: &[Axes],
+        requests: bool,
+        answers: Option<&Prices>,
+    ) -> Result<Replayed> {
+        self.replay_priced(
+            axes,
+            requests,
+            answers.is_some(),
+            answers.unwrap_or(&Prices::default()),
+        )
     }
 
     /// The same, with these prices for the cost and for what would be faster.
     ///
     /// # Errors
     /// As [`Recording::replay`].
-    pub fn replay_priced(&self, axes: &[Axes], requests: bool, answers: bool, prices: &Prices) -> Result<Replayed> {
+    pub fn replay_priced(
+        &self,
+        axes: &[Axes],
+        requests: bool,
+        answers: bool,
+        prices: &Prices,
+    ) -> Result<Replayed> {
         let elaborated = fixed::elaborate(&self.machine)?;
         let variants = Variants::new(&self.machine, axes)?;
-        let detail = if requests { Detail::Log } else { Detail::Histograms };
+        let detail = if requests {
+            Detail::Log
+        } else {
+            Detail::Histograms
+        };
         let cycles = timing::replay(&elaborated.timing, &self.work, detail);
         let report = CyclesReport::new(&elaborated.timing, &self.work, &cycles);
         let answers = answers.then(|| Answers::new(&elaborated, &self.work, &cycles, prices));
         let cost = CostReport::new(&elaborated, &cycles, prices);
         let requests = requests.then(|| Requests::new(&elaborated.timing, cycles.requests));
         let timings = variants.map(|variants| Timings::new(&variants, &self.work));
-        Ok(Replayed { cycles: report, timings, answers, requests, cost })
+        Ok(Replayed {
+            cycles: report,
+            timings,
+            answers,
+            requests,
+            cost,
+        })
     }
 }
 
 /// Whether a record has what buckets depend on, for a machine that has any.
 fn holds_keys(machine: &Machine, work: &Work) -> std::result::Result<(), String> {
-    let has_buckets = machine.sort.is_some_and(|sort| sort.kind == SortKind::Hierarchical);
+    let has_buckets = machine
+        .sort
+        .is_some_and(|sort| sort.kind == SortKind::Hierarchical);
     if has_buckets && work.keys.len() != work.order.len() {
         return Err("the record has no keys of its splats, and buckets depend on them: record the frame with sort.kind=hierarchical".into());
     }
@@ -220,14 +293,31 @@ fn holds_keys(machine: &Machine, work: &Work) -> std::result::Result<(), String>
 }
 
 impl Replayed {
-    /// For a terminal, at most 80 columns wide. Who asks for other values of a field, or for what would be faster, has seen the frame's own
-    /// time when it was drawn.
+    /// For a terminal, at most 80 columns wide. Who asks for other values of a field, or for what
+    /// would be faster, has seen the frame's own time when it was drawn.
     pub fn summary(&self, recording: &Recording) -> String {
-        let Recording { scene, machine, work } = recording;
-        let head = wrapped(&format!("{scene} on {}: {} splats, {}×{}", machine.name, work.fates.len(), work.width, work.height));
-        let asked = [self.timings.as_ref().map(Timings::table), self.answers.as_ref().map(Answers::table)];
+        let Recording {
+            scene,
+            machine,
+            work,
+        } = recording;
+        let head = wrapped(&format!(
+            "{scene} on {}: {} splats, {}×{}",
+            machine.name,
+            work.fates.len(),
+            work.width,
+            work.height
+        ));
+        let asked = [
+            self.timings.as_ref().map(Timings::table),
+            self.answers.as_ref().map(Answers::table),
+        ];
         let asked: Vec<String> = asked.into_iter().flatten().collect();
-        let told = if asked.is_empty() { format!("{}\n{}", self.cycles.summary(), self.cost.summary()) } else { asked.join("\n\n") };
+        let told = if asked.is_empty() {
+            format!("{}\n{}", self.cycles.summary(), self.cost.summary())
+        } else {
+            asked.join("\n\n")
+        };
         format!("{head}\n\n{told}")
     }
 
@@ -236,12 +326,24 @@ impl Replayed {
     /// # Errors
     /// [`Error::Job`] where a file cannot be written; none is left half-written.
     pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>> {
-        let mut files = files_of_cycles(&self.cycles, self.timings.as_ref(), self.answers.as_ref(), self.requests.as_ref(), folder);
-        let json =
-            |path: &Path| write_beside(path, |file| serde_json::to_writer_pretty(file, &self.cycles).map_err(|error| error.to_string()));
+        let mut files = files_of_cycles(
+            &self.cycles,
+            self.timings.as_ref(),
+            self.answers.as_ref(),
+            self.requests.as_ref(),
+            folder,
+        );
+        let json = |path: &Path| {
+            write_beside(path, |file| {
+                serde_json::to_writer_pretty(file, &self.cycles).map_err(|error| error.to_string())
+            })
+        };
         files.push((folder.join("cycles.json"), Box::new(json)));
-        let cost =
-            |path: &Path| write_beside(path, |file| serde_json::to_writer_pretty(file, &self.cost).map_err(|error| error.to_string()));
+        let cost = |path: &Path| {
+            write_beside(path, |file| {
+                serde_json::to_writer_pretty(file, &self.cost).map_err(|error| error.to_string())
+            })
+        };
         files.push((folder.join("cost.json"), Box::new(cost)));
         write_as_one(folder, files, &[])
     }
@@ -255,18 +357,36 @@ pub fn files_of_cycles<'a>(
     requests: Option<&'a Requests>,
     folder: &Path,
 ) -> Vec<Unwritten<'a>> {
-    let text = |path: &Path, text: &str| write_beside(path, |file| file.write_all(text.as_bytes()).map_err(|e| e.to_string()));
+    let text = |path: &Path, text: &str| {
+        write_beside(path, |file| {
+            file.write_all(text.as_bytes()).map_err(|e| e.to_string())
+        })
+    };
     let mut files: Vec<Unwritten> = Vec::new();
     let mut add = |name: &str, write: Writing<'a>| files.push((folder.join(name), write));
     if let Some(timings) = timings {
-        add("timings.png", Box::new(|path| chart::write_png(&[&timings.chart()], 1, [760, 520], path)));
+        add(
+            "timings.png",
+            Box::new(|path| chart::write_png(&[&timings.chart()], 1, [760, 520], path)),
+        );
     }
-    for (requests, (name, format)) in requests.into_iter().flat_map(|requests| Requests::FORMATS.map(|format| (requests, format))) {
-        add(name, Box::new(move |path| write_beside(path, |file| requests.write(format, file).map_err(|e| e.to_string()))));
+    for (requests, (name, format)) in requests
+        .into_iter()
+        .flat_map(|requests| Requests::FORMATS.map(|format| (requests, format)))
+    {
+        add(
+            name,
+            Box::new(move |path| {
+                write_beside(path, |file| {
+                    requests.write(format, file).map_err(|e| e.to_string())
+                })
+            }),
+        );
     }
     if let Some(requests) = requests {
         let map = move |path: &Path| {
-            let map = serde_json::to_string_pretty(&requests.map()).map_err(|error| Error::job(error.to_string()))?;
+            let map = serde_json::to_string_pretty(&requests.map())
+                .map_err(|error| Error::job(error.to_string()))?;
             text(path, &(map + "\n"))
         };
         add(Requests::MAP, Box::new(map));
@@ -276,13 +396,29 @@ pub fn files_of_cycles<'a>(
         Box::new(|path| {
             let (stacks, over_time) = (cycles.stacks(), cycles.charts());
             let over_time = over_time.iter().map(|chart| chart as &dyn Chart);
-            chart::write_png(&std::iter::once(&stacks as &dyn Chart).chain(over_time).collect::<Vec<_>>(), 2, [460, 320], path)
+            chart::write_png(
+                &std::iter::once(&stacks as &dyn Chart)
+                    .chain(over_time)
+                    .collect::<Vec<_>>(),
+                2,
+                [460, 320],
+                path,
+            )
         }),
     );
     let roofline = move || roofline::chart(cycles, timings, answers);
-    add("roofline.png", Box::new(move |path| chart::write_png(&[&roofline()], 1, ROOFLINE_PX, path)));
-    add("roofline.svg", Box::new(move |path| text(path, &chart::svg(&[&roofline()], 1, ROOFLINE_PX)?)));
-    add("cycles.csv", Box::new(move |path| text(path, &cycles.csv())));
+    add(
+        "roofline.png",
+        Box::new(move |path| chart::write_png(&[&roofline()], 1, ROOFLINE_PX, path)),
+    );
+    add(
+        "roofline.svg",
+        Box::new(move |path| text(path, &chart::svg(&[&roofline()], 1, ROOFLINE_PX)?)),
+    );
+    add(
+        "cycles.csv",
+        Box::new(move |path| text(path, &cycles.csv())),
+    );
     if let Some(tiles) = cycles.tiles_csv() {
         add("tiles.csv", Box::new(move |path| text(path, &tiles)));
     }

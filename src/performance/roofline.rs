@@ -1,4 +1,5 @@
-//! Roofline: bytes a frame against its cycles, under what memory and the busiest units cannot be faster than (docs/book/timing-explore.md).
+//! Roofline: bytes a frame against its cycles, under what memory and the busiest units cannot be
+//! faster than (docs/book/timing-explore.md).
 //!
 //! ```text
 //! cycles ▲        ╱ memory: bytes / bytes a cycle
@@ -7,8 +8,8 @@
 //!        │─────╱─── raster
 //!        └────────────► bytes
 //! ```
-//! The roofs of Williams, Waterman and Patterson ("Roofline", CACM 2009) upside down: cycles of one frame, not work a second, for all points
-//! are the same frame.
+//! The roofs of Williams, Waterman and Patterson ("Roofline", CACM 2009) upside down: cycles of one
+//! frame, not work a second, for all points are the same frame.
 
 use crate::output::chart::{Axis, Mark, Panel, Series};
 use crate::output::text::thousands;
@@ -26,18 +27,42 @@ pub fn chart(cycles: &CyclesReport, timings: Option<&Timings>, answers: Option<&
     let point = |bytes: u64, cycles: u64| [bytes as f64 / 1e6, cycles as f64 / 1e6];
     let frame = point(cycles.memory.bytes, cycles.total);
     let varied: Vec<([f64; 2], String)> = timings.map_or_else(Vec::new, |timings| {
-        timings.rows.iter().map(|row| (point(row.cycles.memory.bytes, row.cycles.total), row.value.clone())).collect()
+        timings
+            .rows
+            .iter()
+            .map(|row| {
+                (
+                    point(row.cycles.memory.bytes, row.cycles.total),
+                    row.value.clone(),
+                )
+            })
+            .collect()
     });
     let answered: Vec<([f64; 2], String)> = answers.map_or_else(Vec::new, |answers| {
         let told = |field: &str| field.trim_start_matches("timing.").to_owned();
-        answers.best.iter().map(|best| (point(best.bytes, best.cycles), format!("{} {}", told(&best.field), best.to))).collect()
+        answers
+            .best
+            .iter()
+            .map(|best| {
+                (
+                    point(best.bytes, best.cycles),
+                    format!("{} {}", told(&best.field), best.to),
+                )
+            })
+            .collect()
     });
-    let points = || std::iter::once(frame).chain(varied.iter().chain(&answered).map(|(point, _)| *point));
-    let least = |at: usize| points().map(|point| point[at]).filter(|value| *value > 0.0).fold(f64::INFINITY, f64::min);
+    let points =
+        || std::iter::once(frame).chain(varied.iter().chain(&answered).map(|(point, _)| *point));
+    let least = |at: usize| {
+        points()
+            .map(|point| point[at])
+            .filter(|value| *value > 0.0)
+            .fold(f64::INFINITY, f64::min)
+    };
     let most = |at: usize| points().map(|point| point[at]).fold(0.0, f64::max);
     // A frame without traffic, or without cycles, has no place on axes of powers.
-    let [x, y] =
-        [[least(0) / 3.0, most(0) * 3.0], [least(1), most(1) * 1.6]].map(|[low, high]| if low < high { [low, high] } else { [0.1, 10.0] });
+    let [x, y] = [[least(0) / 3.0, most(0) * 3.0], [least(1), most(1) * 1.6]]
+        .map(|[low, high]| if low < high { [low, high] } else { [0.1, 10.0] });
 
     let mut series = Vec::new();
     let mut lowest = y[0];
@@ -59,11 +84,21 @@ pub fn chart(cycles: &CyclesReport, timings: Option<&Timings>, answers: Option<&
         let busy = unit.busy as f64 / 1e6;
         lowest = lowest.min(busy);
         let points = x.map(|x| [x, busy]).to_vec();
-        series.push(Series { name: format!("{}, busy", unit.name), points, mark: Mark::Dashed, colour: 1 + nth });
+        series.push(Series {
+            name: format!("{}, busy", unit.name),
+            points,
+            mark: Mark::Dashed,
+            colour: 1 + nth,
+        });
     }
     if !varied.is_empty() {
         let name = timings.map_or_else(String::new, |timings| timings.path.replace("timing.", ""));
-        series.push(Series { name, points: varied.iter().map(|(point, _)| *point).collect(), mark: Mark::Rings, colour: 5 });
+        series.push(Series {
+            name,
+            points: varied.iter().map(|(point, _)| *point).collect(),
+            mark: Mark::Rings,
+            colour: 5,
+        });
     }
     if !answered.is_empty() {
         series.push(Series {
@@ -73,10 +108,23 @@ pub fn chart(cycles: &CyclesReport, timings: Option<&Timings>, answers: Option<&
             colour: 6,
         });
     }
-    series.push(Series { name: "the frame".into(), points: vec![frame], mark: Mark::Crosses, colour: 6 });
-    let named = varied.into_iter().take(MOST_NAMED).chain(answered).filter(|(point, _)| *point != frame);
+    series.push(Series {
+        name: "the frame".into(),
+        points: vec![frame],
+        mark: Mark::Crosses,
+        colour: 6,
+    });
+    let named = varied
+        .into_iter()
+        .take(MOST_NAMED)
+        .chain(answered)
+        .filter(|(point, _)| *point != frame);
     Panel {
-        title: format!("{} cycles: limited by {}", thousands(cycles.total), cycles.limited_by()),
+        title: format!(
+            "{} cycles: limited by {}",
+            thousands(cycles.total),
+            cycles.limited_by()
+        ),
         x: Axis::log("MB to and from memory, a frame").within(x[0], x[1]),
         y: Axis::log("million cycles a frame").within(lowest / 1.6, y[1]),
         series,
@@ -97,8 +145,13 @@ mod tests {
         let mut machine = Machine::named("tiny").unwrap();
         machine.timing.memory.ideal = ideal;
         let timing = fixed::elaborate(&machine).unwrap().timing;
-        let work = Work { width: side, height: side, ..Work::default() };
-        let mut cycles = CyclesReport::new(&timing, &work, &replay(&timing, &work, Detail::Histograms));
+        let work = Work {
+            width: side,
+            height: side,
+            ..Work::default()
+        };
+        let mut cycles =
+            CyclesReport::new(&timing, &work, &replay(&timing, &work, Detail::Histograms));
         // No splat keeps a unit busy.
         cycles.units[0].busy = cycles.total / 2;
         let panel = chart(&cycles, None, None);
@@ -108,13 +161,41 @@ mod tests {
     #[test]
     fn no_frame_lies_below_a_roof_and_ideal_memory_has_none() {
         let (cycles, panel) = drawn(false, 64);
-        let [frame] = panel.series.last().unwrap().points[..] else { panic!() };
-        assert_eq!(frame, [cycles.memory.bytes as f64 / 1e6, cycles.total as f64 / 1e6]);
+        let [frame] = panel.series.last().unwrap().points[..] else {
+            panic!()
+        };
+        assert_eq!(
+            frame,
+            [cycles.memory.bytes as f64 / 1e6, cycles.total as f64 / 1e6]
+        );
         let memory = &panel.series[0];
-        assert!(memory.name == "memory, 16 bytes a cycle" && memory.points.iter().all(|[x, y]| (x / 16.0 - y).abs() < 1e-12), "{memory:?}");
+        assert!(
+            memory.name == "memory, 16 bytes a cycle"
+                && memory
+                    .points
+                    .iter()
+                    .all(|[x, y]| (x / 16.0 - y).abs() < 1e-12),
+            "{memory:?}"
+        );
         assert!(frame[0] / 16.0 <= frame[1]);
-        let units: Vec<&Series> = panel.series.iter().filter(|series| series.name.ends_with(", busy")).collect();
-        assert!(!units.is_empty() && units.iter().all(|unit| unit.points[0][1] <= frame[1] && unit.points[0][1] == unit.points[1][1]));
-        assert!(drawn(true, 64).1.series.iter().all(|series| !series.name.starts_with("memory")));
+        let units: Vec<&Series> = panel
+            .series
+            .iter()
+            .filter(|series| series.name.ends_with(", busy"))
+            .collect();
+        assert!(
+            !units.is_empty()
+                && units
+                    .iter()
+                    .all(|unit| unit.points[0][1] <= frame[1]
+                        && unit.points[0][1] == unit.points[1][1])
+        );
+        assert!(
+            drawn(true, 64)
+                .1
+                .series
+                .iter()
+                .all(|series| !series.name.starts_with("memory"))
+        );
     }
 }

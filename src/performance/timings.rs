@@ -1,4 +1,5 @@
-//! Timings: one frame's work on many microarchitectures, as part of `report.json`, as a table and as a chart.
+//! Timings: one frame's work on many microarchitectures, as part of `report.json`, as a table and
+//! as a chart.
 //!
 //! ```text
 //! work, recorded once ─┬─► timing.raster.fifo = 1 ─► cycles ─┐
@@ -37,12 +38,17 @@ impl FromStr for Axes {
 
     /// `timing.raster.fifo=1,2,4`: commas inside of brackets part nothing.
     fn from_str(text: &str) -> std::result::Result<Self, String> {
-        let sentence = "write PATH=VALUE,VALUE,… of a field below timing, as in timing.raster.fifo=1,2,4";
-        let (path, values) = text.split_once('=').filter(|(path, _)| path.starts_with("timing.")).ok_or(sentence)?;
+        let sentence =
+            "write PATH=VALUE,VALUE,… of a field below timing, as in timing.raster.fifo=1,2,4";
+        let (path, values) = text
+            .split_once('=')
+            .filter(|(path, _)| path.starts_with("timing."))
+            .ok_or(sentence)?;
         let mut all = vec![String::new()];
         let mut depth = 0;
         for letter in values.chars() {
-            depth += i32::from(matches!(letter, '[' | '{')) - i32::from(matches!(letter, ']' | '}'));
+            depth +=
+                i32::from(matches!(letter, '[' | '{')) - i32::from(matches!(letter, ']' | '}'));
             match all.last_mut() {
                 Some(last) if letter != ',' || depth > 0 => last.push(letter),
                 _ => all.push(String::new()),
@@ -54,7 +60,10 @@ impl FromStr for Axes {
         if all.len() > MOST {
             return Err(format!("{} values are more than {MOST}", all.len()));
         }
-        Ok(Axes { path: path.into(), values: all.iter().map(|value| value.trim().into()).collect() })
+        Ok(Axes {
+            path: path.into(),
+            values: all.iter().map(|value| value.trim().into()).collect(),
+        })
     }
 }
 
@@ -70,21 +79,44 @@ impl Variants {
     /// Of a machine; none where no field is named.
     ///
     /// # Errors
-    /// [`Error::Input`] naming the first value that no machine can have, a field that is named twice, or how many machines are too many.
+    /// [`Error::Input`] naming the first value that no machine can have, a field that is named
+    /// twice, or how many machines are too many.
     pub fn new(machine: &Machine, axes: &[Axes]) -> Result<Option<Self>> {
-        let count = axes.iter().fold(1_usize, |count, axis| count.saturating_mul(axis.values.len()));
+        let count = axes.iter().fold(1_usize, |count, axis| {
+            count.saturating_mul(axis.values.len())
+        });
         if count > MOST {
-            let product: Vec<String> = axes.iter().map(|axis| axis.values.len().to_string()).collect();
-            return Err(Error::input(format!("--timing: {} values are {count} machines; at most {MOST} are replayed", product.join("×"))));
+            let product: Vec<String> = axes
+                .iter()
+                .map(|axis| axis.values.len().to_string())
+                .collect();
+            return Err(Error::input(format!(
+                "--timing: {} values are {count} machines; at most {MOST} are replayed",
+                product.join("×")
+            )));
         }
         let paths: Vec<String> = axes.iter().map(|axis| axis.path.clone()).collect();
-        if let Some((_, twice)) = paths.iter().enumerate().find(|(at, path)| paths[..*at].contains(path)) {
-            return Err(Error::input(format!("--timing {twice}: is named twice; name each field once, with all of its values")));
+        if let Some((_, twice)) = paths
+            .iter()
+            .enumerate()
+            .find(|(at, path)| paths[..*at].contains(path))
+        {
+            return Err(Error::input(format!(
+                "--timing {twice}: is named twice; name each field once, with all of its values"
+            )));
         }
-        let is_below = |one: &str, other: &str| one.strip_prefix(other).is_some_and(|rest| rest.starts_with('.'));
+        let is_below = |one: &str, other: &str| {
+            one.strip_prefix(other)
+                .is_some_and(|rest| rest.starts_with('.'))
+        };
         for (at, one) in paths.iter().enumerate() {
-            if let Some(other) = paths[..at].iter().find(|other| is_below(one, other) || is_below(other, one)) {
-                return Err(Error::input(format!("--timing {one}: overlaps with {other}: one is part of the other")));
+            if let Some(other) = paths[..at]
+                .iter()
+                .find(|other| is_below(one, other) || is_below(other, one))
+            {
+                return Err(Error::input(format!(
+                    "--timing {one}: overlaps with {other}: one is part of the other"
+                )));
             }
         }
         let mut all = vec![(Vec::new(), machine.clone())];
@@ -92,8 +124,15 @@ impl Variants {
             let with = |(values, machine): &(Vec<String>, Machine)| {
                 let one = |value: &String| {
                     let setting = format!("{}={value}", axis.path);
-                    let other = machines::changed(machine, &setting, &machines::flag("--timing", &setting))?;
-                    Ok(([values.as_slice(), std::slice::from_ref(value)].concat(), other))
+                    let other = machines::changed(
+                        machine,
+                        &setting,
+                        &machines::flag("--timing", &setting),
+                    )?;
+                    Ok((
+                        [values.as_slice(), std::slice::from_ref(value)].concat(),
+                        other,
+                    ))
                 };
                 axis.values.iter().map(one).collect::<Result<Vec<_>>>()
             };
@@ -101,13 +140,21 @@ impl Variants {
         }
         let built = |(values, machine): (Vec<String>, Machine)| {
             let told = || {
-                let settings = paths.iter().zip(&values).map(|(path, value)| format!("{path}={value}"));
+                let settings = paths
+                    .iter()
+                    .zip(&values)
+                    .map(|(path, value)| format!("{path}={value}"));
                 machines::flag("--timing", &settings.collect::<Vec<_>>().join(" --timing "))
             };
-            let elaborated = fixed::elaborate(&machine).map_err(|error| Error::input(format!("{}: {error}", told())))?;
+            let elaborated = fixed::elaborate(&machine)
+                .map_err(|error| Error::input(format!("{}: {error}", told())))?;
             Ok((values, elaborated.timing))
         };
-        let machines = if axes.is_empty() { Vec::new() } else { all.into_iter().map(built).collect::<Result<_>>()? };
+        let machines = if axes.is_empty() {
+            Vec::new()
+        } else {
+            all.into_iter().map(built).collect::<Result<_>>()?
+        };
         Ok((!axes.is_empty()).then_some(Variants { paths, machines }))
     }
 
@@ -117,19 +164,27 @@ impl Variants {
     /// [`Error::Input`] naming the first one that has not, and the stack that would do.
     pub fn hold_stack(&self, deepest: u64) -> Result<()> {
         self.machines.iter().try_for_each(|(values, machine)| {
-            let settings = self.paths.iter().zip(values).map(|(path, value)| format!("{path}={value}"));
-            let flag = || machines::flag("--timing", &settings.collect::<Vec<_>>().join(" --timing "));
-            holds_stack(machine.timing.walk, deepest).map_err(|what| Error::input(format!("{}: {what}", flag())))
+            let settings = self
+                .paths
+                .iter()
+                .zip(values)
+                .map(|(path, value)| format!("{path}={value}"));
+            let flag =
+                || machines::flag("--timing", &settings.collect::<Vec<_>>().join(" --timing "));
+            holds_stack(machine.timing.walk, deepest)
+                .map_err(|what| Error::input(format!("{}: {what}", flag())))
         })
     }
 }
 
-/// Whether a walker has room for a frame of which so many nodes wait on its stack; else a sentence with the stack that would do. A machine
-/// without one has the default walker.
+/// Whether a walker has room for a frame of which so many nodes wait on its stack; else a sentence
+/// with the stack that would do. A machine without one has the default walker.
 pub(super) fn holds_stack(walk: Option<Walk>, deepest: u64) -> std::result::Result<(), String> {
     let stack = walk.unwrap_or_default().stack;
     if deepest > stack.into() {
-        return Err(format!("timing.walk.stack is {stack}, but {deepest} nodes of the frame wait on it; {deepest} would do"));
+        return Err(format!(
+            "timing.walk.stack is {stack}, but {deepest} nodes of the frame wait on it; {deepest} would do"
+        ));
     }
     Ok(())
 }
@@ -139,7 +194,8 @@ pub(super) fn holds_stack(walk: Option<Walk>, deepest: u64) -> std::result::Resu
 pub struct Timings {
     /// The field; several with commas between them.
     pub path: String,
-    /// Value by value; of several fields every value with every other's, those of the last field next to each other.
+    /// Value by value; of several fields every value with every other's, those of the last field
+    /// next to each other.
     pub rows: Vec<Row>,
 }
 
@@ -157,20 +213,47 @@ pub struct Row {
 impl Timings {
     /// Replays a frame's work on all of them.
     pub fn new(variants: &Variants, work: &Work) -> Self {
-        let replayed: Vec<Cycles> =
-            variants.machines.par_iter().map(|(_, machine)| timing::replay(machine, work, Detail::Histograms)).collect();
-        let frames: Vec<_> = variants.machines.iter().map(|(_, machine)| machine).zip(&replayed).collect();
+        let replayed: Vec<Cycles> = variants
+            .machines
+            .par_iter()
+            .map(|(_, machine)| timing::replay(machine, work, Detail::Histograms))
+            .collect();
+        let frames: Vec<_> = variants
+            .machines
+            .iter()
+            .map(|(_, machine)| machine)
+            .zip(&replayed)
+            .collect();
         let values = variants.machines.iter().map(|(values, _)| values.clone());
-        let row = |(values, cycles): (Vec<String>, CyclesReport)| Row { value: values.join(", "), values, cycles };
-        Timings { path: variants.paths.join(", "), rows: values.zip(CyclesReport::all(&frames, work)).map(row).collect() }
+        let row = |(values, cycles): (Vec<String>, CyclesReport)| Row {
+            value: values.join(", "),
+            values,
+            cycles,
+        };
+        Timings {
+            path: variants.paths.join(", "),
+            rows: values
+                .zip(CyclesReport::all(&frames, work))
+                .map(row)
+                .collect(),
+        }
     }
 
     /// At most 80 columns.
     pub fn table(&self) -> String {
-        let fields = self.path.split(", ").map(|path| path.trim_start_matches("timing."));
-        let head: Vec<&str> = fields.chain(["cycles", "frames/s", "of best", "limited by", "memory MB"]).collect();
+        let fields = self
+            .path
+            .split(", ")
+            .map(|path| path.trim_start_matches("timing."));
+        let head: Vec<&str> = fields
+            .chain(["cycles", "frames/s", "of best", "limited by", "memory MB"])
+            .collect();
         let mut table = plain_table(&head);
-        let best = self.rows.iter().map(|row| row.cycles.frames_per_second).fold(0.0, f64::max);
+        let best = self
+            .rows
+            .iter()
+            .map(|row| row.cycles.frames_per_second)
+            .fold(0.0, f64::max);
         for Row { values, cycles, .. } in &self.rows {
             let figures = [
                 thousands(cycles.total),
@@ -181,18 +264,27 @@ impl Timings {
             ];
             table.add_row(values.iter().cloned().chain(figures));
         }
-        let note = given::note(self.path.split(", ")).map_or(String::new(), |note| format!("\n{}", wrapped(&note)));
+        let note = given::note(self.path.split(", "))
+            .map_or(String::new(), |note| format!("\n{}", wrapped(&note)));
         format!("{}{note}", aligned(table).trim_fmt())
     }
 
     /// Frames a second by value.
     pub fn chart(&self) -> Bars {
-        let most = self.rows.iter().map(|row| row.cycles.frames_per_second).fold(0.0, f64::max);
+        let most = self
+            .rows
+            .iter()
+            .map(|row| row.cycles.frames_per_second)
+            .fold(0.0, f64::max);
         Bars {
             title: format!("Frames a second by {}", self.path),
             axis: Axis::linear("frames/s").within(0.0, 1.05 * most),
             legend: vec![String::new()],
-            rows: self.rows.iter().map(|row| (row.value.clone(), vec![row.cycles.frames_per_second])).collect(),
+            rows: self
+                .rows
+                .iter()
+                .map(|row| (row.value.clone(), vec![row.cycles.frames_per_second]))
+                .collect(),
             ..Bars::default()
         }
     }
@@ -205,9 +297,27 @@ mod tests {
     #[test]
     fn values_are_parted_by_commas_outside_of_brackets() {
         let axes: Axes = "timing.raster.lanes=[1,1], [2,2],[4,1]".parse().unwrap();
-        assert_eq!((axes.path.as_str(), axes.values), ("timing.raster.lanes", ["[1,1]", "[2,2]", "[4,1]"].map(String::from).to_vec()));
-        for wrong in ["", "raster.fifo=1", "timing.fifo", "timing.fifo=", "timing.fifo=1,,2"] {
-            assert!(wrong.parse::<Axes>().unwrap_err().contains("timing.raster.fifo=1,2,4"), "{wrong}");
+        assert_eq!(
+            (axes.path.as_str(), axes.values),
+            (
+                "timing.raster.lanes",
+                ["[1,1]", "[2,2]", "[4,1]"].map(String::from).to_vec()
+            )
+        );
+        for wrong in [
+            "",
+            "raster.fifo=1",
+            "timing.fifo",
+            "timing.fifo=",
+            "timing.fifo=1,,2",
+        ] {
+            assert!(
+                wrong
+                    .parse::<Axes>()
+                    .unwrap_err()
+                    .contains("timing.raster.fifo=1,2,4"),
+                "{wrong}"
+            );
         }
     }
 }

@@ -1,10 +1,12 @@
-//! Against: measures golden and fixed against photographs of the same views: `run --against` (docs/book/photographs.md).
+//! Against: measures golden and fixed against photographs of the same views: `run --against`
+//! (docs/book/photographs.md).
 //!
 //! ```text
 //! IMAGE or DIR ─► matching: one picture per frame ─► photograph: code values over the background ─┐
 //! golden, fixed ─► code values of as many bits ───────────────────────────────────────────────────────┴─► PSNR, SSIM, FLIP
 //! ```
-//! Every photograph is decoded before the first frame is drawn: a run that begins has all that it compares with.
+//! Every photograph is decoded before the first frame is drawn: a run that begins has all that it
+//! compares with.
 
 mod matching;
 mod photograph;
@@ -50,21 +52,45 @@ impl View {
     /// A background that is not opaque itself is over black.
     fn new(image: &Image) -> Self {
         let [r, g, b, alpha] = image.background;
-        let code = |value: f64| alpha * if image.encoded { value } else { srgb_encode(value) };
-        View { width: image.width, height: image.height, background: [r, g, b].map(code), encoded: image.encoded }
+        let code = |value: f64| {
+            alpha
+                * if image.encoded {
+                    value
+                } else {
+                    srgb_encode(value)
+                }
+        };
+        View {
+            width: image.width,
+            height: image.height,
+            background: [r, g, b].map(code),
+            encoded: image.encoded,
+        }
     }
 }
 
 impl Photographs {
-    /// Finds the photograph of each frame, or of the `only` one, and makes sure that it can be compared.
+    /// Finds the photograph of each frame, or of the `only` one, and makes sure that it can be
+    /// compared.
     ///
     /// # Errors
-    /// [`Error::Input`] where a frame has none, or one cannot be read or has another size than the frame.
+    /// [`Error::Input`] where a frame has none, or one cannot be read or has another size than the
+    /// frame.
     pub fn open(path: &Path, sequence: &Sequence, only: Option<usize>) -> Result<Self> {
         let Match { files, mut notes } = matched(path, sequence, only)?;
         let view = View::new(&sequence.scene().image);
-        let wanted: Vec<(usize, &PathBuf)> = files.iter().enumerate().filter_map(|(frame, file)| Some((frame, file.as_ref()?))).collect();
-        let whose = |frame: usize| if sequence.is_sequence() { format!("frame {frame}") } else { "the scene".into() };
+        let wanted: Vec<(usize, &PathBuf)> = files
+            .iter()
+            .enumerate()
+            .filter_map(|(frame, file)| Some((frame, file.as_ref()?)))
+            .collect();
+        let whose = |frame: usize| {
+            if sequence.is_sequence() {
+                format!("frame {frame}")
+            } else {
+                "the scene".into()
+            }
+        };
         let read = |(frame, file): &(usize, &PathBuf)| view.read(file, &whose(*frame));
         let mut kept = None;
         let all = match wanted.as_slice() {
@@ -73,22 +99,36 @@ impl Photographs {
                 vec![(one.name.clone(), one.is_transparent, one.orientation)]
             }
             many => {
-                let seen = many.par_iter().map(|one| read(one).map(|read| (read.name, read.is_transparent, read.orientation)));
+                let seen = many.par_iter().map(|one| {
+                    read(one).map(|read| (read.name, read.is_transparent, read.orientation))
+                });
                 in_order(seen)?
             }
         };
-        let transparent: Vec<String> = all.iter().filter(|(_, is_transparent, _)| *is_transparent).map(|(name, ..)| name.clone()).collect();
+        let transparent: Vec<String> = all
+            .iter()
+            .filter(|(_, is_transparent, _)| *is_transparent)
+            .map(|(name, ..)| name.clone())
+            .collect();
         if !transparent.is_empty() {
             let [r, g, b] = view.background.map(|code| (255.0 * code).round());
             let names = listed(&transparent);
             notes.push(format!("photographs: transparent pixels are over the scene's background, {r} {g} {b} of 255, in {names}"));
         }
-        let turned: Vec<String> = all.into_iter().filter_map(|(name, _, turn)| turn.map(|turn| format!("{name} ({turn})"))).collect();
+        let turned: Vec<String> = all
+            .into_iter()
+            .filter_map(|(name, _, turn)| turn.map(|turn| format!("{name} ({turn})")))
+            .collect();
         if !turned.is_empty() {
             let names = listed(&turned);
             notes.push(format!("photographs: compared as stored, though their Exif data ask viewers to turn them: {names}"));
         }
-        Ok(Photographs { files, kept, notes, view })
+        Ok(Photographs {
+            files,
+            kept,
+            notes,
+            view,
+        })
     }
 
     /// How photographs were matched with frames, and how they were read, for the summary.
@@ -107,7 +147,9 @@ impl Photographs {
         let photograph = match &self.kept {
             Some(kept) => Cow::Borrowed(kept),
             None => {
-                let file = self.files[frame].as_ref().expect("frames that are drawn have a photograph");
+                let file = self.files[frame]
+                    .as_ref()
+                    .expect("frames that are drawn have a photograph");
                 Cow::Owned(self.view.read(file, &format!("frame {frame}"))?)
             }
         };
@@ -117,9 +159,15 @@ impl Photographs {
 
 impl View {
     fn read(&self, file: &Path, whose: &str) -> Result<Photograph> {
-        let input_error = |what: String| Error::input(format!("--against {}: {what}", file.display()));
-        let bytes = input::read(file).map_err(|error| input_error(format!("cannot be read: {error}")))?;
-        let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let input_error =
+            |what: String| Error::input(format!("--against {}: {what}", file.display()));
+        let bytes =
+            input::read(file).map_err(|error| input_error(format!("cannot be read: {error}")))?;
+        let name = file
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .into_owned();
         Photograph::decode(&bytes, name, self, whose).map_err(input_error)
     }
 }

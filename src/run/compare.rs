@@ -6,9 +6,11 @@
 //! report.json, pictures ──────────────────────┘         ├─► comparison ─┬─► text, 80 columns
 //!                                                  side ─┘               └─► compare.json, a.png, b.png, difference.png
 //! ```
-//! Both sides are reports, in JSON: of a machine alone one with its description and its area, and nothing else.
+//! Both sides are reports, in JSON: of a machine alone one with its description and its area, and
+//! nothing else.
 //!
-//! Laws (tests/compare.rs): `what_is_compared_with_itself_does_not_differ`, `every_figure_is_the_one_of_its_report`.
+//! Laws (tests/compare.rs): `what_is_compared_with_itself_does_not_differ`,
+//! `every_figure_is_the_one_of_its_report`.
 
 mod fields;
 mod side;
@@ -39,7 +41,8 @@ pub struct Comparison {
     pub equal: bool,
     /// Figures that both have, in the order of a report.
     pub figures: Vec<Figure>,
-    /// Cycles and area of every unit that either has; empty where there is no frame and no area differs.
+    /// Cycles and area of every unit that either has; empty where there is no frame and no area
+    /// differs.
     pub units: Vec<Unit>,
     /// Fields of the machine's description that differ, in the order of a machine file.
     pub machine: Vec<Difference>,
@@ -79,8 +82,8 @@ pub struct Figure {
     pub name: &'static str,
     /// Where it stands in `report.json`.
     pub path: String,
-    /// Of the first: a number in the report's unit, or a text. Decibels of equal pictures are `equal`, of pictures with a pixel that has no
-    /// number `no number`.
+    /// Of the first: a number in the report's unit, or a text. Decibels of equal pictures are
+    /// `equal`, of pictures with a pixel that has no number `no number`.
     pub a: Value,
     /// Of the second.
     pub b: Value,
@@ -109,7 +112,8 @@ pub struct Unit {
 /// A unit of one.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct UnitSide {
-    /// Cycles busy, starved, blocked, waiting for memory; none where there is no frame, or no such unit.
+    /// Cycles busy, starved, blocked, waiting for memory; none where there is no frame, or no such
+    /// unit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cycles: Option<[u64; 4]>,
     /// What blocked it longest.
@@ -129,7 +133,8 @@ pub struct Difference {
     pub a: Option<Value>,
     /// Of the second.
     pub b: Option<Value>,
-    /// Sides that leave it out, `a` or `b`: the value there is the default, or follows from formats and clock; none where there is none.
+    /// Sides that leave it out, `a` or `b`: the value there is the default, or follows from formats
+    /// and clock; none where there is none.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<&'static str>,
 }
@@ -164,13 +169,17 @@ impl Comparison {
         let units = fields::units(&a.report, &b.report);
         let machine = fields::machine(&a.report, &b.report);
         let scene = fields::scene(&a.report, &b.report);
-        let pictures: Vec<Pictures> = pairs(a, b).map(|(name, one, other)| Pictures::new(name, one, other)).collect();
+        let pictures: Vec<Pictures> = pairs(a, b)
+            .map(|(name, one, other)| Pictures::new(name, one, other))
+            .collect();
         let is_shown = figures.iter().any(|figure| figure.a != figure.b)
             || units.iter().any(|unit| unit.a != unit.b)
             || !machine.is_empty()
             || !scene.is_empty();
         let elsewhere = elsewhere(&a.report, &b.report, is_shown);
-        let equal = !is_shown && elsewhere.is_empty() && pictures.iter().all(|pair| pair.pixels_that_differ == 0);
+        let equal = !is_shown
+            && elsewhere.is_empty()
+            && pictures.iter().all(|pair| pair.pixels_that_differ == 0);
         let difference_scale = fixed(a, b).map(|[one, other]| error_picture(one, other).scale);
         Ok(Comparison {
             version: env!("CARGO_PKG_VERSION"),
@@ -192,25 +201,47 @@ impl Comparison {
     /// # Errors
     /// [`crate::error::Error::Job`] where a file cannot be written; none is left half-written.
     pub fn write(&self, a: &Side, b: &Side, folder: &Path) -> Result<Vec<PathBuf>> {
-        let shown = fixed(a, b).map(|[one, other]| [one.clone(), other.clone(), error_picture(one, other).picture]);
+        let shown = fixed(a, b).map(|[one, other]| {
+            [
+                one.clone(),
+                other.clone(),
+                error_picture(one, other).picture,
+            ]
+        });
         let mut files: Vec<Unwritten> = Vec::new();
         for (name, picture) in FILES.into_iter().zip(shown.iter().flatten()) {
             files.push((folder.join(name), Box::new(|path| picture.write_png(path))));
         }
-        let json = |path: &Path| write_beside(path, |file| serde_json::to_writer_pretty(file, self).map_err(|e| e.to_string()));
+        let json = |path: &Path| {
+            write_beside(path, |file| {
+                serde_json::to_writer_pretty(file, self).map_err(|e| e.to_string())
+            })
+        };
         files.push((folder.join("compare.json"), Box::new(json)));
         write_as_one(folder, files, &FILES)
     }
 }
 
 /// Pictures that both have.
-fn pairs<'s>(a: &'s Side, b: &'s Side) -> impl Iterator<Item = (&'static str, &'s Picture, &'s Picture)> {
-    let other = |wanted: &str| b.pictures.iter().find(|(name, _)| *name == wanted).map(|(_, picture)| picture);
-    a.pictures.iter().filter_map(move |(name, picture)| Some((*name, picture, other(name)?)))
+fn pairs<'s>(
+    a: &'s Side,
+    b: &'s Side,
+) -> impl Iterator<Item = (&'static str, &'s Picture, &'s Picture)> {
+    let other = |wanted: &str| {
+        b.pictures
+            .iter()
+            .find(|(name, _)| *name == wanted)
+            .map(|(_, picture)| picture)
+    };
+    a.pictures
+        .iter()
+        .filter_map(move |(name, picture)| Some((*name, picture, other(name)?)))
 }
 
 fn fixed<'s>(a: &'s Side, b: &'s Side) -> Option<[&'s Picture; 2]> {
-    pairs(a, b).find(|(name, ..)| *name == "fixed").map(|(_, one, other)| [one, other])
+    pairs(a, b)
+        .find(|(name, ..)| *name == "fixed")
+        .map(|(_, one, other)| [one, other])
 }
 
 impl Pictures {
@@ -231,10 +262,25 @@ impl Pictures {
 
 /// Parts that differ and are not told field by field; those that are, where no such field differs.
 fn elsewhere(a: &Value, b: &Value, is_shown: bool) -> Vec<String> {
-    const TOLD: [&str; 6] = ["scene", "machine", "accuracy", "fragments", "cycles", "cost"];
+    const TOLD: [&str; 6] = [
+        "scene",
+        "machine",
+        "accuracy",
+        "fragments",
+        "cycles",
+        "cost",
+    ];
     // The scale of error.png follows from the pictures.
     const NOT_COMPARED: [&str; 3] = ["host", "version", "error_scale"];
-    let names: BTreeSet<&String> = [a, b].into_iter().filter_map(Value::as_object).flat_map(|fields| fields.keys()).collect();
+    let names: BTreeSet<&String> = [a, b]
+        .into_iter()
+        .filter_map(Value::as_object)
+        .flat_map(|fields| fields.keys())
+        .collect();
     let is_told = |name: &str| NOT_COMPARED.contains(&name) || is_shown && TOLD.contains(&name);
-    names.into_iter().filter(|name| !is_told(name) && a.get(*name) != b.get(*name)).cloned().collect()
+    names
+        .into_iter()
+        .filter(|name| !is_told(name) && a.get(*name) != b.get(*name))
+        .cloned()
+        .collect()
 }

@@ -1,10 +1,12 @@
-//! Detail: what a machine makes of a budget, and what was drawn of a tree (docs/book/level-of-detail.md).
+//! Detail: what a machine makes of a budget, and what was drawn of a tree
+//! (docs/book/level-of-detail.md).
 //!
 //! ```text
 //! scene with a tree ─┬─► bytes ÷ bytes a node = nodes ──────────────────────► cut ─► evaluation
 //!                    └─► cycles: a frame of a cut ─► too many? fewer, else more, by halving
 //! ```
-//! Laws (tests/tree.rs): `a_budget_of_bytes_is_kept_on_every_machine`, `a_budget_of_cycles_is_kept_on_every_machine`.
+//! Laws (tests/tree.rs): `a_budget_of_bytes_is_kept_on_every_machine`,
+//! `a_budget_of_cycles_is_kept_on_every_machine`.
 
 use crate::error::{Error, Result};
 use crate::hardware::fixed;
@@ -29,7 +31,8 @@ pub struct DetailReport {
     pub levels: u64,
     /// Limit of a drawn node's size that is no leaf, pixels.
     pub pixels: f64,
-    /// Size of the largest such node, pixels; infinite ones, at the near plane, are told as the greatest number.
+    /// Size of the largest such node, pixels; infinite ones, at the near plane, are told as the
+    /// greatest number.
     pub coarsest_px: f64,
     /// Nodes that were read to find what is drawn.
     pub read: u64,
@@ -43,7 +46,8 @@ pub struct DetailReport {
     pub deepest_stack: u64,
     /// Bytes of a node in memory.
     pub node_bytes: u64,
-    /// Bytes of the nodes that were read, once each; what came over the channel, in whole bursts, is `cycles.memory`'s `splats`.
+    /// Bytes of the nodes that were read, once each; what came over the channel, in whole bursts,
+    /// is `cycles.memory`'s `splats`.
     pub read_bytes: u64,
 }
 
@@ -51,7 +55,12 @@ impl DetailReport {
     /// Of a cut, on a machine with nodes of so many bytes.
     pub fn new(detail: &Detail, node_bytes: u32) -> Self {
         let (tree, cut) = (&detail.tree, &detail.cut);
-        let found = |found: Found| cut.visits.iter().filter(|visit| visit.found == found).count() as u64;
+        let found = |found: Found| {
+            cut.visits
+                .iter()
+                .filter(|visit| visit.found == found)
+                .count() as u64
+        };
         let read = cut.visits.len() as u64;
         DetailReport {
             leaves: tree.leaves() as u64,
@@ -99,32 +108,65 @@ pub fn bounded(scene: Scene, machine: &Elaborated) -> Result<Scene> {
     Ok(cut.unwrap_or(scene))
 }
 
-/// The scene with the finest cut that its budgets of bytes and cycles leave room for on a machine; as it is where it has none.
+/// The scene with the finest cut that its budgets of bytes and cycles leave room for on a machine;
+/// as it is where it has none.
 ///
 /// # Errors
 /// [`Error::Input`] where not even the root has room, or the machine cannot hold the scene.
 pub fn within_budget<'a>(scene: &'a Scene, machine: &Elaborated) -> Result<Cow<'a, Scene>> {
-    let Some(detail) = &scene.detail else { return Ok(Cow::Borrowed(scene)) };
-    let Budget { splats, bytes, cycles } = detail.rules.budget;
+    let Some(detail) = &scene.detail else {
+        return Ok(Cow::Borrowed(scene));
+    };
+    let Budget {
+        splats,
+        bytes,
+        cycles,
+    } = detail.rules.budget;
     if bytes.or(cycles).is_none() {
         return Ok(Cow::Borrowed(scene));
     }
     // Both become limits of the cut: nobody has to know the machine any more.
-    let rules = Rules { budget: Budget { splats, ..Budget::default() }, ..detail.rules };
+    let rules = Rules {
+        budget: Budget {
+            splats,
+            ..Budget::default()
+        },
+        ..detail.rules
+    };
     let cut = |limits: Limits| {
-        let detail = Detail { rules, ..detail.clone() };
-        Scene { detail: Some(detail), ..scene.clone() }.cut_within(&limits)
+        let detail = Detail {
+            rules,
+            ..detail.clone()
+        };
+        Scene {
+            detail: Some(detail),
+            ..scene.clone()
+        }
+        .cut_within(&limits)
     };
     let too_little = |what: &str, takes: u64, has: u64| {
-        let sentence = format!("level_of_detail.budget.{what} is {has}, and the coarsest frame of {} takes {takes}", scene.name);
+        let sentence = format!(
+            "level_of_detail.budget.{what} is {has}, and the coarsest frame of {} takes {takes}",
+            scene.name
+        );
         Err(Error::input(sentence))
     };
     let nodes = bytes.map(|bytes| bytes / u64::from(machine.timing.node_bytes));
     if let (Some(0), Some(bytes)) = (nodes, bytes) {
         return too_little("bytes", machine.timing.node_bytes.into(), bytes);
     }
-    let within = |opened: u64| cut(Limits { nodes, opened: Some(opened) });
-    let Some(budget) = cycles else { return Ok(Cow::Owned(cut(Limits { nodes, opened: None }))) };
+    let within = |opened: u64| {
+        cut(Limits {
+            nodes,
+            opened: Some(opened),
+        })
+    };
+    let Some(budget) = cycles else {
+        return Ok(Cow::Owned(cut(Limits {
+            nodes,
+            opened: None,
+        })));
+    };
     let taken = |scene: &Scene| -> Result<u64> {
         let quantised = quantise(scene, &machine.machine)?;
         let (_, _, work) = fixed::draw_measured(machine, &quantised);
@@ -135,9 +177,20 @@ pub fn within_budget<'a>(scene: &'a Scene, machine: &Elaborated) -> Result<Cow<'
     if least > budget {
         return too_little("cycles", least, budget);
     }
-    // Frames are drawn and timed; the last that has room is kept, whether or not cycles grow with every node.
-    let finest = cut(Limits { nodes, opened: None });
-    let opened = finest.detail.as_ref().map_or(0, |detail| detail.cut.visits.iter().filter(|visit| visit.found == Found::Opened).count());
+    // Frames are drawn and timed; the last that has room is kept, whether or not cycles grow with
+    // every node.
+    let finest = cut(Limits {
+        nodes,
+        opened: None,
+    });
+    let opened = finest.detail.as_ref().map_or(0, |detail| {
+        detail
+            .cut
+            .visits
+            .iter()
+            .filter(|visit| visit.found == Found::Opened)
+            .count()
+    });
     if taken(&finest)? <= budget {
         return Ok(Cow::Owned(finest));
     }

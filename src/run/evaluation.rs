@@ -1,4 +1,5 @@
-//! Evaluation: one scene on one machine: elaborate, quantise, draw, compare. Every job that asks how good a machine is asks here.
+//! Evaluation: one scene on one machine: elaborate, quantise, draw, compare. Every job that asks
+//! how good a machine is asks here.
 //!
 //! ```text
 //! machine ─► elaborate ─┐
@@ -62,7 +63,11 @@ impl<'a> Evaluation<'a> {
         let elaborated = fixed::elaborate(machine)?;
         let scene = detail::within_budget(scene, &elaborated)?;
         let quantised = quantise(&scene, machine)?;
-        Ok(Evaluation { scene, machine: Cow::Owned(elaborated), quantised })
+        Ok(Evaluation {
+            scene,
+            machine: Cow::Owned(elaborated),
+            quantised,
+        })
     }
 
     /// Brings the scene to the words of a machine that is checked already.
@@ -72,7 +77,11 @@ impl<'a> Evaluation<'a> {
     pub fn on(scene: &'a Scene, machine: &'a Elaborated) -> Result<Self> {
         let scene = detail::within_budget(scene, machine)?;
         let quantised = quantise(&scene, &machine.machine)?;
-        Ok(Evaluation { scene, machine: Cow::Borrowed(machine), quantised })
+        Ok(Evaluation {
+            scene,
+            machine: Cow::Borrowed(machine),
+            quantised,
+        })
     }
 
     /// The machine's rules for fragments.
@@ -88,8 +97,19 @@ impl<'a> Evaluation<'a> {
     /// Draws the frame once, and keeps the range of every signal and the work.
     pub fn observe(&self) -> Observed {
         let (drawing, ranges, work) = fixed::draw_measured(&self.machine, &self.quantised);
-        let signals = self.machine.signals.iter().zip(&ranges.0).map(|(signal, range)| SignalReport::new(signal, range)).collect();
-        Observed { picture: self.picture(&drawing), drawing, signals, work }
+        let signals = self
+            .machine
+            .signals
+            .iter()
+            .zip(&ranges.0)
+            .map(|(signal, range)| SignalReport::new(signal, range))
+            .collect();
+        Observed {
+            picture: self.picture(&drawing),
+            drawing,
+            signals,
+            work,
+        }
     }
 
     /// A frame as real numbers.

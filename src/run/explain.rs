@@ -1,4 +1,5 @@
-//! Explain: one pixel's whole story, the machine beside `golden`: every contribution, decision and layer.
+//! Explain: one pixel's whole story, the machine beside `golden`: every contribution, decision and
+//! layer.
 
 use crate::error::{Error, Result};
 use crate::golden;
@@ -33,7 +34,10 @@ struct Witness {
 
 impl Observer<'static> for Witness {
     fn fork(&self) -> Box<dyn Observer<'static>> {
-        Box::new(Witness { pixel: self.pixel, ..Witness::default() })
+        Box::new(Witness {
+            pixel: self.pixel,
+            ..Witness::default()
+        })
     }
 
     fn hand_over(self: Box<Self>) -> Box<dyn Any + Send> {
@@ -73,7 +77,8 @@ impl Observer<'static> for Witness {
 /// Tells the story of pixel (x, y).
 ///
 /// # Errors
-/// [`Error::Input`] where the pixel lies outside the picture, the machine cannot be built or cannot hold the scene.
+/// [`Error::Input`] where the pixel lies outside the picture, the machine cannot be built or cannot
+/// hold the scene.
 pub fn explain(scene: &Scene, machine: &Machine, [x, y]: [usize; 2]) -> Result<String> {
     let seen = Seen::new(scene, machine, [x, y])?;
     let side_by_side = seen.told(scene);
@@ -107,7 +112,8 @@ pub struct Explained {
     pub pixel: [usize; 2],
     /// Slots of a pixel.
     pub slots: u64,
-    /// Contributions in the machine's order; what only `golden` has comes before what follows it there.
+    /// Contributions in the machine's order; what only `golden` has comes before what follows it
+    /// there.
     pub contributions: Vec<ExplainedContribution>,
     /// Layers at the end, front to back.
     pub layers: ExplainedLayers,
@@ -226,19 +232,47 @@ impl Seen {
         }
         let elaborated = fixed::elaborate(machine)?;
         let quantised = quantise(scene, machine)?;
-        let mut witness = Witness { pixel: [x as u32, y as u32], ..Witness::default() };
+        let mut witness = Witness {
+            pixel: [x as u32, y as u32],
+            ..Witness::default()
+        };
         // What is lit is told by transfers alone.
-        let draw = if quantised.frame.surroundings.is_some() { pipeline::draw_observed } else { pipeline::draw_with_decisions };
+        let draw = if quantised.frame.surroundings.is_some() {
+            pipeline::draw_observed
+        } else {
+            pipeline::draw_with_decisions
+        };
         let drawing = draw(&elaborated, &quantised.frame, &mut witness);
         let mirrors = mirrors(&elaborated, &quantised, &witness);
         let story = golden::story(scene, &fixed::rules(machine), x, y);
         let word = drawing.frame[y * width + x].map(i64::from);
-        Ok(Seen { machine: elaborated, scale: quantised.scale, witness, story, mirrors, word })
+        Ok(Seen {
+            machine: elaborated,
+            scale: quantised.scale,
+            witness,
+            story,
+            mirrors,
+            word,
+        })
     }
 
     fn told<'a>(&'a self, scene: &'a Scene) -> Told<'a> {
-        let Seen { machine, scale, witness, story, mirrors, .. } = self;
-        Told { machine, scale: *scale, fixed: witness, golden: story, mirrors, sheet: scene.sheets.as_ref().map(|s| &s.of) }
+        let Seen {
+            machine,
+            scale,
+            witness,
+            story,
+            mirrors,
+            ..
+        } = self;
+        Told {
+            machine,
+            scale: *scale,
+            fixed: witness,
+            golden: story,
+            mirrors,
+            sheet: scene.sheets.as_ref().map(|s| &s.of),
+        }
     }
 }
 
@@ -256,17 +290,31 @@ struct Told<'a> {
 type Pair<'a> = (Option<&'a (Contribution, Decision)>, Option<&'a Arrival>);
 
 impl Told<'_> {
-    /// Brings equal splats side by side, in the machine's order; what only `golden` has comes before what follows it there.
+    /// Brings equal splats side by side, in the machine's order; what only `golden` has comes
+    /// before what follows it there.
     fn pairs(&self) -> Vec<Pair<'_>> {
         let (fixed, golden) = (&self.fixed.contributions, &self.golden.arrivals);
-        let in_golden: HashMap<usize, usize> = golden.iter().enumerate().map(|(nth, arrival)| (arrival.splat, nth)).collect();
-        let in_fixed: HashSet<usize> = fixed.iter().map(|(contribution, _)| contribution.splat as usize).collect();
-        let mut alone = golden.iter().enumerate().filter(|(_, arrival)| !in_fixed.contains(&arrival.splat)).peekable();
+        let in_golden: HashMap<usize, usize> = golden
+            .iter()
+            .enumerate()
+            .map(|(nth, arrival)| (arrival.splat, nth))
+            .collect();
+        let in_fixed: HashSet<usize> = fixed
+            .iter()
+            .map(|(contribution, _)| contribution.splat as usize)
+            .collect();
+        let mut alone = golden
+            .iter()
+            .enumerate()
+            .filter(|(_, arrival)| !in_fixed.contains(&arrival.splat))
+            .peekable();
         let mut pairs: Vec<Pair> = Vec::new();
         for one in fixed {
             let splat = one.0.splat as usize;
             let nth = in_golden.get(&splat).copied();
-            while let Some((_, arrival)) = alone.next_if(|(other, arrival)| nth.map_or(arrival.splat < splat, |nth| *other < nth)) {
+            while let Some((_, arrival)) = alone
+                .next_if(|(other, arrival)| nth.map_or(arrival.splat < splat, |nth| *other < nth))
+            {
                 pairs.push((None, Some(arrival)));
             }
             pairs.push((Some(one), nth.map(|nth| &golden[nth])));
@@ -284,10 +332,15 @@ impl Told<'_> {
         if pairs.is_empty() {
             return "No splat touches this pixel.".into();
         }
-        let mut table = plain_table(&["splat", "r", "w", "z", "decision", "golden r", "w", "z", "decision", ""]);
+        let mut table = plain_table(&[
+            "splat", "r", "w", "z", "decision", "golden r", "w", "z", "decision", "",
+        ]);
         let mut flips = 0;
         for (fixed, golden) in &pairs {
-            let splat = fixed.map(|(c, _)| c.splat as usize).or(golden.map(|a| a.splat)).unwrap_or_default();
+            let splat = fixed
+                .map(|(c, _)| c.splat as usize)
+                .or(golden.map(|a| a.splat))
+                .unwrap_or_default();
             let mut row = vec![splat.to_string()];
             row.extend(fixed.map_or_else(nothing, |(c, decision)| self.machine_row(c, *decision)));
             row.extend(golden.map_or_else(nothing, |arrival| self.golden_row(arrival)));
@@ -298,7 +351,10 @@ impl Told<'_> {
         }
         let mark = if flips > 0 { " (◄)" } else { "" };
         let count = pairs.len();
-        format!("{}\n\n{count} contributions, {flips} decided otherwise by the machine than by golden{mark}", aligned(table).trim_fmt())
+        format!(
+            "{}\n\n{count} contributions, {flips} decided otherwise by the machine than by golden{mark}",
+            aligned(table).trim_fmt()
+        )
     }
 
     fn machine_row(&self, c: &Contribution, decision: Decision) -> [String; 4] {
@@ -313,7 +369,10 @@ impl Told<'_> {
         let gauss = &self.machine.machine.gauss;
         let of_sheet = self.sheet_decision(c.splat as usize, machine_fate(decision));
         let slot = match decision {
-            Decision::Accumulated(slot) | Decision::Inserted(slot) | Decision::Late(slot, _) | Decision::Inside(slot) => Some(slot.into()),
+            Decision::Accumulated(slot)
+            | Decision::Inserted(slot)
+            | Decision::Late(slot, _)
+            | Decision::Inside(slot) => Some(slot.into()),
             _ => None,
         };
         ExplainedArrival {
@@ -345,14 +404,25 @@ impl Told<'_> {
 
     fn numbers(&self, scene: &Scene, pixel: [usize; 2], word: [i64; 4]) -> Explained {
         let machine = &self.machine.machine;
-        let contribution = |(fixed, golden): (Option<&(Contribution, Decision)>, Option<&Arrival>)| {
-            let splat = fixed.map(|(c, _)| c.splat as usize).or(golden.map(|arrival| arrival.splat)).unwrap_or_default();
-            let fixed = fixed.map(|(c, decision)| self.machine_arrival(c, *decision));
-            let golden = golden.map(|arrival| self.golden_arrival(arrival));
-            let decision = |arrival: &Option<ExplainedArrival>| arrival.as_ref().map(|arrival| arrival.decision.clone());
-            let flip = decision(&fixed) != decision(&golden);
-            ExplainedContribution { splat, fixed, golden, flip }
-        };
+        let contribution =
+            |(fixed, golden): (Option<&(Contribution, Decision)>, Option<&Arrival>)| {
+                let splat = fixed
+                    .map(|(c, _)| c.splat as usize)
+                    .or(golden.map(|arrival| arrival.splat))
+                    .unwrap_or_default();
+                let fixed = fixed.map(|(c, decision)| self.machine_arrival(c, *decision));
+                let golden = golden.map(|arrival| self.golden_arrival(arrival));
+                let decision = |arrival: &Option<ExplainedArrival>| {
+                    arrival.as_ref().map(|arrival| arrival.decision.clone())
+                };
+                let flip = decision(&fixed) != decision(&golden);
+                ExplainedContribution {
+                    splat,
+                    fixed,
+                    golden,
+                    flip,
+                }
+            };
         let premultiplied = machine.shade.premultiplied.format;
         let fixed = self.fixed.layers.iter().map(|layer| ExplainedLayer {
             slot: layer.slot,
@@ -375,7 +445,10 @@ impl Told<'_> {
             pixel,
             slots: machine.fragment.layers.into(),
             contributions: self.pairs().into_iter().map(contribution).collect(),
-            layers: ExplainedLayers { fixed: fixed.collect(), golden: golden.collect() },
+            layers: ExplainedLayers {
+                fixed: fixed.collect(),
+                golden: golden.collect(),
+            },
             mirrors: self.both_mirrors(),
             fixed: word.map(|channel| format.value(channel)),
             golden: self.golden.rgba,
@@ -400,33 +473,70 @@ impl Told<'_> {
         let mut table = plain_table(&["all sheets", "red", "green", "blue", "opacity"]);
         let fixed = self.fixed.layers.iter().map(|layer| {
             let [r, g, b] = layer.colour;
-            ("fixed", [r, g, b, layer.opacity].map(|word| premultiplied.value(word)))
+            (
+                "fixed",
+                [r, g, b, layer.opacity].map(|word| premultiplied.value(word)),
+            )
         });
         let golden = self.golden.layers.iter().map(|layer| {
             let [r, g, b] = layer.colour;
             ("golden", [r, g, b, layer.coverage])
         });
         for (name, channels) in fixed.chain(golden) {
-            table.add_row(std::iter::once(name.to_owned()).chain(channels.map(|channel| format!("{channel:.5}"))));
+            table.add_row(
+                std::iter::once(name.to_owned())
+                    .chain(channels.map(|channel| format!("{channel:.5}"))),
+            );
         }
-        format!("All sheets together; colour is multiplied by opacity:\n\n{}", aligned(table))
+        format!(
+            "All sheets together; colour is multiplied by opacity:\n\n{}",
+            aligned(table)
+        )
     }
 
     fn layers(&self) -> String {
-        let mut table = plain_table(&["layer", "slot", "z", "weight", "red", "green", "blue", "opacity"]);
+        let mut table = plain_table(&[
+            "layer", "slot", "z", "weight", "red", "green", "blue", "opacity",
+        ]);
         let premultiplied = self.machine.machine.shade.premultiplied.format;
         let weight = self.machine.machine.fragment.weight_sum.format;
-        let merged = |merged: bool, weight: f64| if merged { "merged".into() } else { format!("{weight:.5}") };
+        let merged = |merged: bool, weight: f64| {
+            if merged {
+                "merged".into()
+            } else {
+                format!("{weight:.5}")
+            }
+        };
         for (i, layer) in self.fixed.layers.iter().enumerate() {
-            let mut row = vec![format!("fixed {i}"), layer.slot.to_string(), format!("{:.5}", self.world_depth(layer.depth))];
+            let mut row = vec![
+                format!("fixed {i}"),
+                layer.slot.to_string(),
+                format!("{:.5}", self.world_depth(layer.depth)),
+            ];
             row.push(merged(layer.merged, weight.value(layer.weight)));
-            row.extend(layer.colour.iter().chain([&layer.opacity]).map(|word| format!("{:.5}", premultiplied.value(*word))));
+            row.extend(
+                layer
+                    .colour
+                    .iter()
+                    .chain([&layer.opacity])
+                    .map(|word| format!("{:.5}", premultiplied.value(*word))),
+            );
             table.add_row(row);
         }
         for (i, layer) in self.golden.layers.iter().enumerate() {
-            let mut row = vec![format!("golden {i}"), layer.slot.to_string(), format!("{:.5}", layer.z)];
+            let mut row = vec![
+                format!("golden {i}"),
+                layer.slot.to_string(),
+                format!("{:.5}", layer.z),
+            ];
             row.push(merged(layer.shaded, layer.weight));
-            row.extend(layer.colour.iter().chain([&layer.coverage]).map(|value| format!("{value:.5}")));
+            row.extend(
+                layer
+                    .colour
+                    .iter()
+                    .chain([&layer.coverage])
+                    .map(|value| format!("{value:.5}")),
+            );
             table.add_row(row);
         }
         if self.fixed.layers.is_empty() && self.golden.layers.is_empty() {
@@ -435,15 +545,31 @@ impl Told<'_> {
         if self.sheet.is_some() {
             return self.composite();
         }
-        format!("Layers at the end, front to back; colour is shaded and multiplied by opacity:\n\n{}", aligned(table))
+        format!(
+            "Layers at the end, front to back; colour is shaded and multiplied by opacity:\n\n{}",
+            aligned(table)
+        )
     }
 
     /// What layers mirror; none where that is nothing.
     fn both_mirrors(&self) -> Option<ExplainedMirrors> {
         let golden: Vec<ExplainedMirror> = (self.golden.layers.iter().enumerate())
             .filter_map(|(layer, of)| {
-                let golden::Seen { slopes, direction, texel, light, share } = of.mirrored?;
-                Some(ExplainedMirror { layer, slopes, direction, texel, light, share })
+                let golden::Seen {
+                    slopes,
+                    direction,
+                    texel,
+                    light,
+                    share,
+                } = of.mirrored?;
+                Some(ExplainedMirror {
+                    layer,
+                    slopes,
+                    direction,
+                    texel,
+                    light,
+                    share,
+                })
             })
             .collect();
         let fixed = self.mirrors.to_vec();
@@ -452,14 +578,51 @@ impl Told<'_> {
 
     fn mirrors(&self) -> Option<String> {
         let ExplainedMirrors { fixed, golden } = self.both_mirrors()?;
-        let mut table = plain_table(&["mirror", "ray a", "b", "goes to x", "y", "z", "texel", "light r", "g", "b", "share r", "g", "b"]);
-        for (whose, mirror) in fixed.iter().map(|one| ("fixed", one)).chain(golden.iter().map(|one| ("golden", one))) {
-            let ExplainedMirror { layer, slopes, direction, texel: [column, row], light, share } = mirror;
-            let numbers = |of: &[f64]| of.iter().map(|value| format!("{value:.4}")).collect::<Vec<_>>();
-            let cells = [vec![format!("{whose} {layer}")], numbers(slopes), numbers(direction), vec![format!("{column},{row}")]];
+        let mut table = plain_table(&[
+            "mirror",
+            "ray a",
+            "b",
+            "goes to x",
+            "y",
+            "z",
+            "texel",
+            "light r",
+            "g",
+            "b",
+            "share r",
+            "g",
+            "b",
+        ]);
+        for (whose, mirror) in fixed
+            .iter()
+            .map(|one| ("fixed", one))
+            .chain(golden.iter().map(|one| ("golden", one)))
+        {
+            let ExplainedMirror {
+                layer,
+                slopes,
+                direction,
+                texel: [column, row],
+                light,
+                share,
+            } = mirror;
+            let numbers = |of: &[f64]| {
+                of.iter()
+                    .map(|value| format!("{value:.4}"))
+                    .collect::<Vec<_>>()
+            };
+            let cells = [
+                vec![format!("{whose} {layer}")],
+                numbers(slopes),
+                numbers(direction),
+                vec![format!("{column},{row}")],
+            ];
             table.add_row([cells.concat(), numbers(light), numbers(share)].concat());
         }
-        Some(format!("What layers mirror that no merge had shaded; texel is the first of four:\n\n{}", aligned(table).trim_fmt()))
+        Some(format!(
+            "What layers mirror that no merge had shaded; texel is the first of four:\n\n{}",
+            aligned(table).trim_fmt()
+        ))
     }
 
     fn end(&self, word: [i64; 4]) -> String {
@@ -467,49 +630,98 @@ impl Told<'_> {
         let mut table = plain_table(&["blended", "red", "green", "blue", "alpha"]);
         let fixed = word.map(|word| format.value(word));
         let golden = self.golden.rgba;
-        let row =
-            |name: &str, values: [f64; 4]| std::iter::once(name.to_owned()).chain(values.map(|v| format!("{v:.6}"))).collect::<Vec<_>>();
+        let row = |name: &str, values: [f64; 4]| {
+            std::iter::once(name.to_owned())
+                .chain(values.map(|v| format!("{v:.6}")))
+                .collect::<Vec<_>>()
+        };
         table.add_row(row("fixed", fixed));
         table.add_row(row("golden", golden));
-        table.add_row(row("difference", std::array::from_fn(|channel| fixed[channel] - golden[channel])));
+        table.add_row(row(
+            "difference",
+            std::array::from_fn(|channel| fixed[channel] - golden[channel]),
+        ));
         let words = word.map(|word| format!("{word:x}")).join(" ");
-        format!("{}\n\nframe word ({format}, hexadecimal): {words}", aligned(table))
+        format!(
+            "{}\n\nframe word ({format}, hexadecimal): {words}",
+            aligned(table)
+        )
     }
 }
 
-/// What the layers mirror that no merge had shaded: those were lit last, in the order of their slots.
-fn mirrors(machine: &Elaborated, Quantised { frame, .. }: &Quantised, witness: &Witness) -> Vec<ExplainedMirror> {
-    let (Some(words), Some(surroundings)) = (&machine.machine.reflect, &frame.surroundings) else { return Vec::new() };
+/// What the layers mirror that no merge had shaded: those were lit last, in the order of their
+/// slots.
+fn mirrors(
+    machine: &Elaborated,
+    Quantised { frame, .. }: &Quantised,
+    witness: &Witness,
+) -> Vec<ExplainedMirror> {
+    let (Some(words), Some(surroundings)) = (&machine.machine.reflect, &frame.surroundings) else {
+        return Vec::new();
+    };
     let highlights = machine.shade.highlights(&frame.lighting);
     let registers = shade::LightRegisters::of(frame, &highlights);
-    let mut unlit: Vec<(usize, &Layer)> = witness.layers.iter().enumerate().filter(|(_, layer)| !layer.merged).collect();
+    let mut unlit: Vec<(usize, &Layer)> = witness
+        .layers
+        .iter()
+        .enumerate()
+        .filter(|(_, layer)| !layer.merged)
+        .collect();
     unlit.sort_by_key(|(_, layer)| layer.slot);
     let slope = words.slope.map(|word| word.format);
     let told = |((layer, _), input): ((usize, &Layer), &shade::Input)| {
-        let reflect::Seen { slopes, direction, texel, light } = machine.shade.mirrored(&registers, input)?;
+        let reflect::Seen {
+            slopes,
+            direction,
+            texel,
+            light,
+        } = machine.shade.mirrored(&registers, input)?;
         Some(ExplainedMirror {
             layer,
             slopes: slopes.map(|word| slope.map_or(0.0, |format| format.value(word))),
             direction: direction.map(|word| words.direction.format.value(word)),
             texel,
             light: light.map(|word| words.light.format.value(word)),
-            share: surroundings.mirrors[input.material as usize].mirrored.map(|word| words.reflectance.format.value(word)),
+            share: surroundings.mirrors[input.material as usize]
+                .mirrored
+                .map(|word| words.reflectance.format.value(word)),
         })
     };
     // Of splats that are lit before they are drawn nothing is lit here.
-    let mut all: Vec<ExplainedMirror> = unlit.into_iter().zip(&witness.lit).filter_map(told).collect();
+    let mut all: Vec<ExplainedMirror> = unlit
+        .into_iter()
+        .zip(&witness.lit)
+        .filter_map(told)
+        .collect();
     all.sort_by_key(|mirror| mirror.layer);
     all
 }
 
 /// A contribution in a table.
 fn row_of(arrival: ExplainedArrival) -> [String; 4] {
-    let ExplainedArrival { radial_index, weight, z, decision, .. } = arrival;
-    [format!("{radial_index:.5}"), format!("{weight:.6}"), format!("{z:.5}"), decision]
+    let ExplainedArrival {
+        radial_index,
+        weight,
+        z,
+        decision,
+        ..
+    } = arrival;
+    [
+        format!("{radial_index:.5}"),
+        format!("{weight:.6}"),
+        format!("{z:.5}"),
+        decision,
+    ]
 }
 
 fn nothing() -> [String; 4] {
-    std::array::from_fn(|column| if column == 3 { "none".into() } else { "–".into() })
+    std::array::from_fn(|column| {
+        if column == 3 {
+            "none".into()
+        } else {
+            "–".into()
+        }
+    })
 }
 
 fn machine_decision(decision: Decision) -> String {
@@ -535,8 +747,14 @@ fn golden_decision(decision: golden::Decision) -> String {
         golden::Decision::Accumulated { slot } => format!("add to {slot}"),
         golden::Decision::Inserted { slot } => format!("open {slot}"),
         golden::Decision::Merged { slot, .. } => format!("merge {slot}+{}", slot + 1),
-        golden::Decision::Late { slot, side: golden::Side::Front } => format!("late, front of {slot}"),
-        golden::Decision::Late { slot, side: golden::Side::Back } => format!("late, back of {slot}"),
+        golden::Decision::Late {
+            slot,
+            side: golden::Side::Front,
+        } => format!("late, front of {slot}"),
+        golden::Decision::Late {
+            slot,
+            side: golden::Side::Back,
+        } => format!("late, back of {slot}"),
         golden::Decision::Inside { slot } => format!("inside {slot}"),
         golden::Decision::Summed { slot, .. } => format!("sum {slot}+{}", slot + 1),
         // As the machine says it, which does not say the slot: it is always the last but one.

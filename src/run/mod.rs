@@ -1,4 +1,5 @@
-//! Run: the main job. Draws a scene on the machine, with `golden` and with `ideal`; compares; reports.
+//! Run: the main job. Draws a scene on the machine, with `golden` and with `ideal`; compares;
+//! reports.
 //!
 //! ```text
 //! scene ─┬─► quantise ─► fixed ─┬─► compare ─► report.json, summary
@@ -90,8 +91,17 @@ pub struct Options {
 }
 
 /// Files that every run of one frame writes, without `report.json`.
-const ALWAYS: [&str; 9] =
-    ["fixed.png", "golden.png", "ideal.png", "error.png", "ranges.png", "cycles.png", "cycles.csv", "roofline.png", "roofline.svg"];
+const ALWAYS: [&str; 9] = [
+    "fixed.png",
+    "golden.png",
+    "ideal.png",
+    "error.png",
+    "ranges.png",
+    "cycles.png",
+    "cycles.csv",
+    "roofline.png",
+    "roofline.svg",
+];
 
 /// Files that only some runs write.
 const OPTIONAL: [&str; 12] = [
@@ -133,11 +143,17 @@ pub struct Outcome {
     pub encoded: bool,
 }
 
-/// Draws `scene` on `machine` and compares; where asked to, says who makes the error. `load_seconds` goes into the report.
+/// Draws `scene` on `machine` and compares; where asked to, says who makes the error.
+/// `load_seconds` goes into the report.
 ///
 /// # Errors
 /// [`crate::error::Error::Input`] where the machine cannot be built or cannot hold the scene.
-pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Options) -> Result<Outcome> {
+pub fn run(
+    scene: &Scene,
+    machine: &Machine,
+    load_seconds: f64,
+    options: &Options,
+) -> Result<Outcome> {
     memory::check_frame(scene)?;
     let attributed = options.attribution;
     let elaborated = fixed::elaborate(machine)?;
@@ -147,12 +163,26 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
     // Of this frame nothing is used but how long it took.
     let (_, fixed_seconds) = timed(|| evaluation.draw());
     let (observed, observed_seconds) = timed(|| evaluation.observe());
-    let Observed { drawing, picture: fixed, signals, work } = observed;
-    let detail = if options.requests { Detail::Log } else { Detail::Histograms };
+    let Observed {
+        drawing,
+        picture: fixed,
+        signals,
+        work,
+    } = observed;
+    let detail = if options.requests {
+        Detail::Log
+    } else {
+        Detail::Histograms
+    };
     let replay = || {
         let (cycles, seconds) = timed(|| timing::replay(&elaborated.timing, &work, detail));
-        let timings = options.timings.as_ref().map(|variants| Timings::new(variants, &work));
-        let answers = options.answers.then(|| Answers::new(&elaborated, &work, &cycles, &options.prices));
+        let timings = options
+            .timings
+            .as_ref()
+            .map(|variants| Timings::new(variants, &work));
+        let answers = options
+            .answers
+            .then(|| Answers::new(&elaborated, &work, &cycles, &options.prices));
         let report = CyclesReport::new(&elaborated.timing, &work, &cycles);
         (cycles, report, seconds, timings, answers)
     };
@@ -160,19 +190,41 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
     let exact = || {
         let (ideal, ideal_seconds) = timed(|| golden::ideal(scene));
         let distances = Distances::between(&fixed, &golden.picture, &ideal.picture);
-        (ideal, ideal_seconds, distances, error_picture(&fixed, &golden.picture))
+        (
+            ideal,
+            ideal_seconds,
+            distances,
+            error_picture(&fixed, &golden.picture),
+        )
     };
     // A replay keeps one thread busy, and what it does not need the others.
-    let ((cycles, cycles_report, replay_seconds, timings, answers), (ideal, ideal_seconds, distances, error)) = rayon::join(replay, exact);
+    let (
+        (cycles, cycles_report, replay_seconds, timings, answers),
+        (ideal, ideal_seconds, distances, error),
+    ) = rayon::join(replay, exact);
     // What was recorded is large.
     let work = options.record.then_some(work);
-    let (lockstep, lockstep_seconds) = timed(|| options.check.tiles().map(|tiles| evaluation.lockstep_in(tiles)));
-    let (attribution, attribution_seconds) =
-        timed(|| attributed.then(|| attribute(scene, &elaborated, &evaluation.quantised, &golden.picture)));
+    let (lockstep, lockstep_seconds) = timed(|| {
+        options
+            .check
+            .tiles()
+            .map(|tiles| evaluation.lockstep_in(tiles))
+    });
+    let (attribution, attribution_seconds) = timed(|| {
+        attributed.then(|| attribute(scene, &elaborated, &evaluation.quantised, &golden.picture))
+    });
 
     let frame = options.frame.unwrap_or(0) as usize;
-    let against = options.against.as_ref().map(|photographs| photographs.compare(frame, &golden.picture, &fixed)).transpose()?;
-    let of_photographs = options.against.as_ref().map(Photographs::notes).unwrap_or_default();
+    let against = options
+        .against
+        .as_ref()
+        .map(|photographs| photographs.compare(frame, &golden.picture, &fixed))
+        .transpose()?;
+    let of_photographs = options
+        .against
+        .as_ref()
+        .map(Photographs::notes)
+        .unwrap_or_default();
 
     let fragments = drawing.outcomes.total();
     let report = Report {
@@ -187,11 +239,26 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
             fragments,
             camera: scene.camera,
             scale: evaluation.quantised.scale,
-            notes: scene.notes.iter().chain(&evaluation.quantised.notes).chain(of_photographs).cloned().collect(),
+            notes: scene
+                .notes
+                .iter()
+                .chain(&evaluation.quantised.notes)
+                .chain(of_photographs)
+                .cloned()
+                .collect(),
         },
-        level_of_detail: scene.detail.as_ref().map(|detail| DetailReport::new(detail, elaborated.timing.node_bytes)),
-        machine: MachineReport { outside_of_search: options.outside_of_search.clone(), ..MachineReport::new(&elaborated) },
-        accuracy: Accuracy { distances, lockstep: lockstep.as_ref().map(|lockstep| lockstep.summary(&fixed)) },
+        level_of_detail: scene
+            .detail
+            .as_ref()
+            .map(|detail| DetailReport::new(detail, elaborated.timing.node_bytes)),
+        machine: MachineReport {
+            outside_of_search: options.outside_of_search.clone(),
+            ..MachineReport::new(&elaborated)
+        },
+        accuracy: Accuracy {
+            distances,
+            lockstep: lockstep.as_ref().map(|lockstep| lockstep.summary(&fixed)),
+        },
         against,
         fragments: drawing.outcomes.into(),
         signals,
@@ -205,7 +272,10 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
         error_scale: error.scale,
         host: Host {
             threads: rayon::current_num_threads(),
-            scene_file: options.scene_file.as_ref().map(|path| path.to_string_lossy().into_owned()),
+            scene_file: options
+                .scene_file
+                .as_ref()
+                .map(|path| path.to_string_lossy().into_owned()),
             load_seconds,
             quantise_seconds,
             fixed_seconds,
@@ -220,13 +290,29 @@ pub fn run(scene: &Scene, machine: &Machine, load_seconds: f64, options: &Option
             fragments_per_second: fragments as f64 / fixed_seconds,
         },
     };
-    let requests = options.requests.then(|| Requests::new(&elaborated.timing, cycles.requests));
+    let requests = options
+        .requests
+        .then(|| Requests::new(&elaborated.timing, cycles.requests));
     let encoded = scene.image.encoded;
-    Ok(Outcome { fixed, golden: golden.picture, ideal: ideal.picture, error, lockstep, requests, work, report, encoded })
+    Ok(Outcome {
+        fixed,
+        golden: golden.picture,
+        ideal: ideal.picture,
+        error,
+        lockstep,
+        requests,
+        work,
+        report,
+        encoded,
+    })
 }
 
 fn found(golden: &Rendering) -> Golden {
-    Golden { fragments: golden.fragments, culled: golden.culled, outcomes: golden.outcomes }
+    Golden {
+        fragments: golden.fragments,
+        culled: golden.culled,
+        outcomes: golden.outcomes,
+    }
 }
 
 /// Runs `work`: its result, and its time in seconds.
@@ -244,19 +330,38 @@ impl Outcome {
     pub fn write(&self, folder: &Path, exr: bool) -> Result<Vec<PathBuf>> {
         let flips = self.lockstep.as_ref().map(Lockstep::flip_picture);
         let mut files: Vec<Unwritten> = Vec::new();
-        let drawn = [("fixed", &self.fixed), ("golden", &self.golden), ("ideal", &self.ideal)];
+        let drawn = [
+            ("fixed", &self.fixed),
+            ("golden", &self.golden),
+            ("ideal", &self.ideal),
+        ];
         for (name, picture) in drawn {
-            files.push((folder.join(format!("{name}.png")), Box::new(move |path| picture.write_shown(self.encoded, path))));
+            files.push((
+                folder.join(format!("{name}.png")),
+                Box::new(move |path| picture.write_shown(self.encoded, path)),
+            ));
         }
-        files.push((folder.join("error.png"), Box::new(|path| self.error.picture.write_png(path))));
+        files.push((
+            folder.join("error.png"),
+            Box::new(|path| self.error.picture.write_png(path)),
+        ));
         if let Some(flips) = &flips {
-            files.push((folder.join("flips.png"), Box::new(|path| flips.write_png(path))));
+            files.push((
+                folder.join("flips.png"),
+                Box::new(|path| flips.write_png(path)),
+            ));
         }
         for (name, picture) in drawn.into_iter().take(if exr { 3 } else { 0 }) {
-            files.push((folder.join(format!("{name}.exr")), Box::new(move |path| picture.write_exr(path))));
+            files.push((
+                folder.join(format!("{name}.exr")),
+                Box::new(move |path| picture.write_exr(path)),
+            ));
         }
         if let Some(lockstep) = &self.lockstep {
-            files.push((folder.join("bounds.png"), Box::new(|path| chart::write_png(&[&lockstep.bound_chart()], 1, [900, 640], path))));
+            files.push((
+                folder.join("bounds.png"),
+                Box::new(|path| chart::write_png(&[&lockstep.bound_chart()], 1, [900, 640], path)),
+            ));
         }
         if let Some(attribution) = &self.report.attribution {
             let charts = |path: &Path| {
@@ -266,14 +371,34 @@ impl Outcome {
             files.push((folder.join("attribution.png"), Box::new(charts)));
         }
         let ranges = |path: &Path| {
-            let Report { scene, machine, signals, .. } = &self.report;
+            let Report {
+                scene,
+                machine,
+                signals,
+                ..
+            } = &self.report;
             let chart = ranges::chart(&scene.name, &machine.description.name, signals);
             chart::write_png(&[&chart], 1, chart.size_px(), path)
         };
         files.push((folder.join("ranges.png"), Box::new(ranges)));
-        let Report { cycles, timings, answers, .. } = &self.report;
-        files.extend(files_of_cycles(cycles, timings.as_ref(), answers.as_ref(), self.requests.as_ref(), folder));
-        let report = |path: &Path| write_beside(path, |file| serde_json::to_writer_pretty(file, &self.report).map_err(|e| e.to_string()));
+        let Report {
+            cycles,
+            timings,
+            answers,
+            ..
+        } = &self.report;
+        files.extend(files_of_cycles(
+            cycles,
+            timings.as_ref(),
+            answers.as_ref(),
+            self.requests.as_ref(),
+            folder,
+        ));
+        let report = |path: &Path| {
+            write_beside(path, |file| {
+                serde_json::to_writer_pretty(file, &self.report).map_err(|e| e.to_string())
+            })
+        };
         files.push((folder.join("report.json"), Box::new(report)));
         // Optional files of the last run would be beside pictures that they are not of.
         write_as_one(folder, files, &OPTIONAL)

@@ -5,8 +5,9 @@
 //! scene at 1/8 of its side ─► [figures] ─┐
 //! scene at 1/4 ───► run ────► [figures] ─┴─► what the last doubling did to all else
 //! ```
-//! Contributions can be counted without drawing: they are the pixels within each ellipse. Nothing else can be told before: decibels
-//! hang on single flips, cycles on how often neighbours meet in a pixel.
+//! Contributions can be counted without drawing: they are the pixels within each ellipse. Nothing
+//! else can be told before: decibels hang on single flips, cycles on how often neighbours meet in a
+//! pixel.
 //!
 //! Law: `contributions_of_the_whole_are_as_close_as_is_said`.
 
@@ -28,7 +29,8 @@ use serde::Serialize;
 pub const PART: usize = 4;
 /// Pixels that the shorter side of the whole has at least.
 const LEAST_SIDE_PX: usize = 128;
-/// As a part of them, contributions are off by this, if those of the preview do not say more: rims, and what coarse words make faint.
+/// As a part of them, contributions are off by this, if those of the preview do not say more: rims,
+/// and what coarse words make faint.
 const LEAST_OFF: f64 = 0.05;
 
 /// Figures of a picture of one size.
@@ -91,20 +93,34 @@ pub fn scene(whole: &Scene) -> Result<Scene> {
 fn contributions(scene: &Scene, machine: &Machine) -> u64 {
     let weight = machine.gauss.weight;
     let place = weight.format.value(1);
-    golden::contributions(scene, if weight.round == Rounding::Truncate { place } else { place / 2.0 })
+    golden::contributions(
+        scene,
+        if weight.round == Rounding::Truncate {
+            place
+        } else {
+            place / 2.0
+        },
+    )
 }
 
-/// How far contributions of the whole may be off where so many were expected of a smaller picture, and so many it had: there, splats are
-/// smaller and fainter. (`tiny` has no words for splats seen edge-on, and may leave out a third where this says 5 %.)
+/// How far contributions of the whole may be off where so many were expected of a smaller picture,
+/// and so many it had: there, splats are smaller and fainter. (`tiny` has no words for splats seen
+/// edge-on, and may leave out a third where this says 5 %.)
 fn off(expected: u64, had: u64) -> f64 {
-    (expected as f64 / had.max(1) as f64 - 1.0).abs().max(LEAST_OFF)
+    (expected as f64 / had.max(1) as f64 - 1.0)
+        .abs()
+        .max(LEAST_OFF)
 }
 
 fn figures(scene: &Scene, machine: &Machine) -> Result<Figures> {
     let evaluation = Evaluation::new(scene, machine)?;
     let (drawing, _, work) = fixed::draw_measured(&evaluation.machine, &evaluation.quantised);
     let cycles = timing::replay(&evaluation.machine.timing, &work, Detail::Total);
-    let [fixed, golden, ideal] = [evaluation.picture(&drawing), evaluation.golden().picture, golden::ideal(scene).picture];
+    let [fixed, golden, ideal] = [
+        evaluation.picture(&drawing),
+        evaluation.golden().picture,
+        golden::ideal(scene).picture,
+    ];
     Ok(Figures {
         width: scene.image.width,
         height: scene.image.height,
@@ -139,38 +155,73 @@ impl Preview {
         longer(splats, now as f64, self.contributions as f64)
     }
 
-    /// Says what was left out and how far figures can be trusted, at most 80 columns wide. The whole would take so many seconds.
+    /// Says what was left out and how far figures can be trusted, at most 80 columns wide. The
+    /// whole would take so many seconds.
     pub fn summary(&self, seconds: f64) -> String {
-        let [less, now] = &self.sizes[..] else { return String::new() };
+        let [less, now] = &self.sizes[..] else {
+            return String::new();
+        };
         let size = |figures: &Figures| format!("{}×{}", figures.width, figures.height);
         let mut table = plain_table(&["", &size(less), &size(now), "last doubling"]);
-        let share = |a: u64, b: u64| if a == 0 { "–".to_owned() } else { format!("{:+.0}%", 100.0 * (b as f64 / a as f64 - 1.0)) };
+        let share = |a: u64, b: u64| {
+            if a == 0 {
+                "–".to_owned()
+            } else {
+                format!("{:+.0}%", 100.0 * (b as f64 / a as f64 - 1.0))
+            }
+        };
         for (name, count) in [
-            ("contributions", (|f| f.contributions) as fn(&Figures) -> u64),
+            (
+                "contributions",
+                (|f| f.contributions) as fn(&Figures) -> u64,
+            ),
             ("cycles", |f| f.cycles),
             ("bytes to and from memory", |f| f.memory_bytes),
         ] {
-            table.add_row([name.to_owned(), thousands(count(less)), thousands(count(now)), share(count(less), count(now))]);
+            table.add_row([
+                name.to_owned(),
+                thousands(count(less)),
+                thousands(count(now)),
+                share(count(less), count(now)),
+            ]);
         }
         for (name, db) in [
-            ("fixed − golden, dB", (|f| f.fixed_vs_golden_psnr_db) as fn(&Figures) -> Option<f64>),
+            (
+                "fixed − golden, dB",
+                (|f| f.fixed_vs_golden_psnr_db) as fn(&Figures) -> Option<f64>,
+            ),
             ("golden − ideal, dB", |f| f.golden_vs_ideal_psnr_db),
             ("fixed − ideal, dB", |f| f.fixed_vs_ideal_psnr_db),
         ] {
             let decibels = |db: Option<f64>| db.map_or("equal".into(), |db| format!("{db:.1}"));
-            let change = db(less).zip(db(now)).map_or("–".into(), |(less, now)| format!("{:+.1}", now - less));
-            table.add_row([name.to_owned(), decibels(db(less)), decibels(db(now)), change]);
+            let change = db(less)
+                .zip(db(now))
+                .map_or("–".into(), |(less, now)| format!("{:+.1}", now - less));
+            table.add_row([
+                name.to_owned(),
+                decibels(db(less)),
+                decibels(db(now)),
+                change,
+            ]);
         }
         let [width, height] = self.of;
         let left_out = PART * PART - 1;
-        let head = format!("preview of {width}×{height}: {left_out} of {} pixels left out, no splat", PART * PART);
+        let head = format!(
+            "preview of {width}×{height}: {left_out} of {} pixels left out, no splat",
+            PART * PART
+        );
         let whole = format!(
             "the whole has about {} contributions, {:.0}% more or less, and takes about {} here; other figures do not scale: what the last doubling changed, two more will change again",
             thousands(rounded(self.contributions)),
             100.0 * self.off,
             duration(seconds)
         );
-        format!("{}\n{}\n{}", wrapped(&head), aligned(table).trim_fmt(), wrapped(&whole))
+        format!(
+            "{}\n{}\n{}",
+            wrapped(&head),
+            aligned(table).trim_fmt(),
+            wrapped(&whole)
+        )
     }
 }
 
@@ -182,38 +233,55 @@ const MANY: usize = 2_000_000;
 /// Bytes from which on a job's memory is announced.
 const MUCH: u64 = 1 << 30;
 
-/// Sentence to say before a job that takes long or much memory, and the seconds that it may take; none otherwise. It takes a fortieth of the job or less: every
-/// splat is set up once, which tells the contributions and how fast this computer is.
+/// Sentence to say before a job that takes long or much memory, and the seconds that it may take;
+/// none otherwise. It takes a fortieth of the job or less: every splat is set up once, which tells
+/// the contributions and how fast this computer is.
 pub fn announcement(scene: &Scene, machine: &Machine) -> Option<(String, f64)> {
     let pixels = scene.image.width * scene.image.height;
-    if scene.splats.len().max(pixels) < MANY || scene.image.width.min(scene.image.height) < LEAST_SIDE_PX {
+    if scene.splats.len().max(pixels) < MANY
+        || scene.image.width.min(scene.image.height) < LEAST_SIDE_PX
+    {
         return None;
     }
     let (contributions, seconds) = timed(|| contributions(scene, machine));
     let [splat, contribution, pixel] = RUN_OVER_SET_UP;
     let each = |count: f64| count / scene.splats.len().max(1) as f64;
-    let expected = seconds * (splat + contribution * each(contributions as f64) + pixel * each(pixels as f64));
+    let expected =
+        seconds * (splat + contribution * each(contributions as f64) + pixel * each(pixels as f64));
     let is_quicker = each(contributions as f64) > SMALL;
     let bytes = memory::of_frame(scene);
     let note = || {
-        let (splats, contributions) = (thousands(scene.splats.len() as u64), thousands(rounded(contributions)));
-        let hint = if is_quicker { " (--preview is quicker)" } else { "" };
+        let (splats, contributions) = (
+            thousands(scene.splats.len() as u64),
+            thousands(rounded(contributions)),
+        );
+        let hint = if is_quicker {
+            " (--preview is quicker)"
+        } else {
+            ""
+        };
         let memory = gigabytes(bytes);
         (
-            format!("{splats} splats, about {contributions} contributions: about {} and {memory} of memory{hint}", duration(expected)),
+            format!(
+                "{splats} splats, about {contributions} contributions: about {} and {memory} of memory{hint}",
+                duration(expected)
+            ),
             expected,
         )
     };
     (expected > LONG || bytes > MUCH).then(note)
 }
 
-/// Pixels of a splat below which a smaller picture saves nothing: its low-pass filter alone reaches about ten, on each of two pictures.
+/// Pixels of a splat below which a smaller picture saves nothing: its low-pass filter alone reaches
+/// about ten, on each of two pictures.
 const SMALL: f64 = 30.0;
-/// Times to set a splat up that a run takes for each splat, each contribution and each pixel. Fitted, on the long side: 4.7 million points at
-/// 512², glass-spheres at 2048², the dragon scan at 1600² and terrain at 2048×1536 took 21, 26, 16 and 20 s where this tells 27, 36, 20 and
-/// 23 (two cores).
+/// Times to set a splat up that a run takes for each splat, each contribution and each pixel.
+/// Fitted, on the long side: 4.7 million points at 512², glass-spheres at 2048², the dragon scan at
+/// 1600² and terrain at 2048×1536 took 21, 26, 16 and 20 s where this tells 27, 36, 20 and 23 (two
+/// cores).
 const RUN_OVER_SET_UP: [f64; 3] = [35.0, 2.5, 6.0];
-/// A splat is set up in the time of so many contributions (instructions, when this was fitted: 340 and 250).
+/// A splat is set up in the time of so many contributions (instructions, when this was fitted: 340
+/// and 250).
 const SET_UP: f64 = 1.36;
 
 /// How many times as long a frame takes with other contributions of as many splats.
@@ -236,35 +304,83 @@ mod tests {
 
     #[test]
     fn contributions_of_the_whole_are_as_close_as_is_said() {
-        let surfaces = ["glass-spheres", "checkerboard", "torus-knot", "terrain"].map(|scene| (scene, "lean"));
-        let ellipsoids = [("nested-shells", "volume"), ("marschner-lobb", "volume"), ("bouquet", "gaussian")];
+        let surfaces =
+            ["glass-spheres", "checkerboard", "torus-knot", "terrain"].map(|scene| (scene, "lean"));
+        let ellipsoids = [
+            ("nested-shells", "volume"),
+            ("marschner-lobb", "volume"),
+            ("bouquet", "gaussian"),
+        ];
         for (name, machine) in surfaces.into_iter().chain(ellipsoids) {
-            let whole = Scene::load(name, &Overrides { size: Some((256, 256)) }).unwrap();
+            let whole = Scene::load(
+                name,
+                &Overrides {
+                    size: Some((256, 256)),
+                },
+            )
+            .unwrap();
             let machine = Machine::named(machine).unwrap();
             let counted = golden::contributions(&whole, 0.0) as f64;
             let drawn = golden::render(&whole, &fixed::rules(&machine)).fragments as f64;
-            assert!((counted / drawn - 1.0).abs() < 1e-5, "{name}: {counted} were counted, {drawn} were drawn");
+            assert!(
+                (counted / drawn - 1.0).abs() < 1e-5,
+                "{name}: {counted} were counted, {drawn} were drawn"
+            );
             let about = contributions(&whole, &machine) as f64;
             let elaborated = fixed::elaborate(&machine).unwrap();
-            let is = fixed::draw(&elaborated, &quantise(&whole, &machine).unwrap()).outcomes.total() as f64;
+            let is = fixed::draw(&elaborated, &quantise(&whole, &machine).unwrap())
+                .outcomes
+                .total() as f64;
             let small = super::scene(&whole).unwrap();
-            let had = fixed::draw(&elaborated, &quantise(&small, &machine).unwrap()).outcomes.total();
+            let had = fixed::draw(&elaborated, &quantise(&small, &machine).unwrap())
+                .outcomes
+                .total();
             let off = off(contributions(&small, &machine), had);
-            assert!((about / is - 1.0).abs() <= off, "{name} on {}: {about} is said, and {is} it is", machine.name);
+            assert!(
+                (about / is - 1.0).abs() <= off,
+                "{name} on {}: {about} is said, and {is} it is",
+                machine.name
+            );
         }
     }
 
     #[test]
     fn estimates_have_three_digits() {
-        assert_eq!([0, 7, 999, 1004, 1005, 14_051_197, 99_950].map(rounded), [0, 7, 999, 1000, 1010, 14_100_000, 100_000]);
+        assert_eq!(
+            [0, 7, 999, 1004, 1005, 14_051_197, 99_950].map(rounded),
+            [0, 7, 999, 1000, 1010, 14_100_000, 100_000]
+        );
     }
 
     #[test]
     fn a_small_picture_has_no_preview_and_a_small_job_no_announcement() {
-        let scene = |side| Scene::load("terrain", &Overrides { size: Some((side, 512)) }).unwrap();
-        assert!(super::scene(&scene(127)).unwrap_err().to_string().contains("127×512 pixels are few"));
+        let scene = |side| {
+            Scene::load(
+                "terrain",
+                &Overrides {
+                    size: Some((side, 512)),
+                },
+            )
+            .unwrap()
+        };
+        assert!(
+            super::scene(&scene(127))
+                .unwrap_err()
+                .to_string()
+                .contains("127×512 pixels are few")
+        );
         let smaller = super::scene(&scene(130)).unwrap();
-        assert_eq!((smaller.image.width, smaller.image.height, smaller.splats.len()), (32, 128, scene(130).splats.len()));
-        assert_eq!(announcement(&scene(512), &Machine::named("tiny").unwrap()), None);
+        assert_eq!(
+            (
+                smaller.image.width,
+                smaller.image.height,
+                smaller.splats.len()
+            ),
+            (32, 128, scene(130).splats.len())
+        );
+        assert_eq!(
+            announcement(&scene(512), &Machine::named("tiny").unwrap()),
+            None
+        );
     }
 }

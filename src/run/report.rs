@@ -1,4 +1,5 @@
-//! Report: what a run found, as `report.json` (docs/book/reference/report.md) and as a summary for a terminal of 80 columns.
+//! Report: what a run found, as `report.json` (docs/book/reference/report.md) and as a summary for
+//! a terminal of 80 columns.
 
 use crate::accuracy::attribution::Attribution;
 use crate::accuracy::ranges::SignalReport;
@@ -27,7 +28,8 @@ use std::fmt::Write;
 /// Above this two pictures differ by the last places of f64 and the summary says no more than that.
 const MOST_DB: f64 = 200.0;
 
-/// Everything that a run found. All but `host` is the same for the same input on every machine, at any thread count.
+/// Everything that a run found. All but `host` is the same for the same input on every machine, at
+/// any thread count.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Report {
     /// Version of this program.
@@ -111,8 +113,20 @@ pub struct CulledReport {
 
 impl From<Culled> for CulledReport {
     fn from(culled: Culled) -> Self {
-        let Culled { near, outside, faint, backface, transparent } = culled;
-        CulledReport { near, outside, faint, backface, transparent }
+        let Culled {
+            near,
+            outside,
+            faint,
+            backface,
+            transparent,
+        } = culled;
+        CulledReport {
+            near,
+            outside,
+            faint,
+            backface,
+            transparent,
+        }
     }
 }
 
@@ -127,8 +141,8 @@ pub struct MachineReport {
     pub widest_operand_bits: i32,
     /// The microarchitecture, nothing left out.
     pub timing: rtl_model::elaboration::microarchitecture::Microarchitecture,
-    /// How the scene lies outside of what the machine was searched for: nothing where it does not; only of a machine whose file says for
-    /// what it was searched.
+    /// How the scene lies outside of what the machine was searched for: nothing where it does not;
+    /// only of a machine whose file says for what it was searched.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub outside_of_search: Option<Vec<String>>,
 }
@@ -161,7 +175,8 @@ pub struct Accuracy {
     /// Of the pictures.
     #[serde(flatten)]
     pub distances: Distances,
-    /// The arithmetic's error alone: against `golden` led by the machine's decisions. Absent after `run --check none`.
+    /// The arithmetic's error alone: against `golden` led by the machine's decisions. Absent after
+    /// `run --check none`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lockstep: Option<Summary>,
 }
@@ -175,7 +190,8 @@ pub struct Fragments {
     evicted: u64,
     replaced: u64,
     dropped: u64,
-    /// Of windows alone, as the two that follow: blended over the front or under the back of a closed slot.
+    /// Of windows alone, as the two that follow: blended over the front or under the back of a
+    /// closed slot.
     #[serde(skip_serializing_if = "is_none")]
     late: u64,
     /// Blended between the front and the back of a closed slot.
@@ -187,7 +203,10 @@ pub struct Fragments {
     most_in_a_pixel: u64,
 }
 
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "the form that serde asks for")]
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "the form that serde asks for"
+)]
 fn is_none(count: &u64) -> bool {
     *count == 0
 }
@@ -225,7 +244,8 @@ pub struct Golden {
 pub struct Host {
     /// Threads that were used.
     pub threads: usize,
-    /// The file that the scene was read from, from the root on: `view` draws it again. None of a built-in scene.
+    /// The file that the scene was read from, from the root on: `view` draws it again. None of a
+    /// built-in scene.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scene_file: Option<String>,
     /// Reading the scene, neighbours included.
@@ -260,7 +280,13 @@ pub struct Host {
 impl MachineReport {
     /// Describes a machine.
     pub fn new(machine: &Elaborated) -> Self {
-        let operands = |part: &Part| if let Operator::Multiplier(bits) = part.operator { bits } else { [0; 2] };
+        let operands = |part: &Part| {
+            if let Operator::Multiplier(bits) = part.operator {
+                bits
+            } else {
+                [0; 2]
+            }
+        };
         let widest = machine.parts.iter().flat_map(operands).max();
         MachineReport {
             description: machine.machine.clone(),
@@ -275,7 +301,11 @@ impl MachineReport {
 impl Report {
     /// Figures of a preview.
     pub fn figures(&self) -> Figures {
-        let Distances { fixed_vs_golden, golden_vs_ideal, fixed_vs_ideal } = self.accuracy.distances;
+        let Distances {
+            fixed_vs_golden,
+            golden_vs_ideal,
+            fixed_vs_ideal,
+        } = self.accuracy.distances;
         Figures {
             width: self.scene.width,
             height: self.scene.height,
@@ -294,7 +324,10 @@ impl Report {
         let scene = &self.scene;
         let [splats, fragments] = [scene.splats, scene.fragments].map(thousands);
         let machine = &self.machine.description.name;
-        let title = format!("{} on {machine}, {}×{}: {splats} splats, {fragments} contributions", scene.name, scene.width, scene.height);
+        let title = format!(
+            "{} on {machine}, {}×{}: {splats} splats, {fragments} contributions",
+            scene.name, scene.width, scene.height
+        );
         let _ = writeln!(text, "{}\n", wrapped(&title));
         let _ = writeln!(text, "{}\n", self.accuracy_table());
         if let Some(against) = &self.against {
@@ -321,17 +354,42 @@ impl Report {
         }
         let _ = write!(text, "\n{}", self.host_summary());
         if let Some(preview) = &self.preview {
-            let _ = write!(text, "\n\n{}\n", preview.summary(self.host.whole_seconds.unwrap_or(0.0)));
+            let _ = write!(
+                text,
+                "\n\n{}\n",
+                preview.summary(self.host.whole_seconds.unwrap_or(0.0))
+            );
         }
         text
     }
 
     fn accuracy_table(&self) -> Table {
-        let mut table = plain_table(&["", "PSNR dB", "covered dB", "SSIM", "max error", "mean error", "px > 1/255"]);
-        let Distances { fixed_vs_golden, golden_vs_ideal, fixed_vs_ideal } = self.accuracy.distances;
-        for (name, m) in [("fixed − golden", fixed_vs_golden), ("golden − ideal", golden_vs_ideal), ("fixed − ideal", fixed_vs_ideal)]
-        {
-            let shown = |db: f64| if db > MOST_DB { format!("> {MOST_DB}") } else { format!("{db:.1}") };
+        let mut table = plain_table(&[
+            "",
+            "PSNR dB",
+            "covered dB",
+            "SSIM",
+            "max error",
+            "mean error",
+            "px > 1/255",
+        ]);
+        let Distances {
+            fixed_vs_golden,
+            golden_vs_ideal,
+            fixed_vs_ideal,
+        } = self.accuracy.distances;
+        for (name, m) in [
+            ("fixed − golden", fixed_vs_golden),
+            ("golden − ideal", golden_vs_ideal),
+            ("fixed − ideal", fixed_vs_ideal),
+        ] {
+            let shown = |db: f64| {
+                if db > MOST_DB {
+                    format!("> {MOST_DB}")
+                } else {
+                    format!("{db:.1}")
+                }
+            };
             let db = |db: Option<f64>| db_text(db, m.not_finite, shown);
             table.add_row([
                 name.into(),
@@ -347,17 +405,35 @@ impl Report {
     }
 
     fn lockstep_summary(&self) -> String {
-        let Some(l) = &self.accuracy.lockstep else { return "not held in lockstep, so no bound was checked (--check none)".into() };
+        let Some(l) = &self.accuracy.lockstep else {
+            return "not held in lockstep, so no bound was checked (--check none)".into();
+        };
         let f = &l.flips;
-        let kinds = f.by_kind().into_iter().chain([("unexplained", f.unexplained)]);
-        let kinds: Vec<String> =
-            kinds.filter(|(_, count)| *count > 0).map(|(kind, count)| format!("{} {kind}", thousands(count))).collect();
-        let kinds = if kinds.is_empty() { String::new() } else { format!(" ({})", kinds.join(", ")) };
+        let kinds = f
+            .by_kind()
+            .into_iter()
+            .chain([("unexplained", f.unexplained)]);
+        let kinds: Vec<String> = kinds
+            .filter(|(_, count)| *count > 0)
+            .map(|(kind, count)| format!("{} {kind}", thousands(count)))
+            .collect();
+        let kinds = if kinds.is_empty() {
+            String::new()
+        } else {
+            format!(" ({})", kinds.join(", "))
+        };
         let db = db_text(l.psnr_db, l.not_finite, |db| format!("{db:.1} dB"));
         let all = self.scene.width * self.scene.height;
-        let sampled =
-            l.sampled_pixels.map_or(String::new(), |pixels| format!(" at {} of {} pixels", thousands(pixels), thousands(all as u64)));
-        let bound = l.bound.nine_in_ten.map_or("infinite".into(), |bound| format!("{:.2}/255", 255.0 * bound));
+        let sampled = l.sampled_pixels.map_or(String::new(), |pixels| {
+            format!(
+                " at {} of {} pixels",
+                thousands(pixels),
+                thousands(all as u64)
+            )
+        });
+        let bound = l.bound.nine_in_ten.map_or("infinite".into(), |bound| {
+            format!("{:.2}/255", 255.0 * bound)
+        });
         [
             format!("in lockstep{sampled}, golden led by the machine's decisions: {db}, at most {:.4} off", l.max_error),
             format!("bound: {bound} at nine covered pixels in ten, exceeded at {}", thousands(l.bound_violations)),
@@ -370,18 +446,85 @@ impl Report {
     fn work_table(&self) -> Table {
         let f = &self.fragments;
         let g = &self.golden.outcomes;
-        let row = |name: &str, counts: [u64; 6]| std::iter::once(name.to_owned()).chain(counts.map(thousands)).collect::<Vec<_>>();
+        let row = |name: &str, counts: [u64; 6]| {
+            std::iter::once(name.to_owned())
+                .chain(counts.map(thousands))
+                .collect::<Vec<_>>()
+        };
         let of_windows = [f.late, f.inside, f.summed, g.late, g.inside, g.summed];
         if of_windows.iter().any(|count| *count > 0) {
-            let mut table = plain_table(&["", "accumulated", "inserted", "late", "inside", "summed", "closed", "evicted"]);
-            let row = |name: &str, counts: [u64; 7]| std::iter::once(name.to_owned()).chain(counts.map(thousands)).collect::<Vec<_>>();
-            table.add_row(row("fixed", [f.accumulated, f.inserted, f.late, f.inside, f.summed, f.merged, f.evicted]));
-            table.add_row(row("golden", [g.accumulated, g.inserted, g.late, g.inside, g.summed, g.merged, g.evicted]));
+            let mut table = plain_table(&[
+                "",
+                "accumulated",
+                "inserted",
+                "late",
+                "inside",
+                "summed",
+                "closed",
+                "evicted",
+            ]);
+            let row = |name: &str, counts: [u64; 7]| {
+                std::iter::once(name.to_owned())
+                    .chain(counts.map(thousands))
+                    .collect::<Vec<_>>()
+            };
+            table.add_row(row(
+                "fixed",
+                [
+                    f.accumulated,
+                    f.inserted,
+                    f.late,
+                    f.inside,
+                    f.summed,
+                    f.merged,
+                    f.evicted,
+                ],
+            ));
+            table.add_row(row(
+                "golden",
+                [
+                    g.accumulated,
+                    g.inserted,
+                    g.late,
+                    g.inside,
+                    g.summed,
+                    g.merged,
+                    g.evicted,
+                ],
+            ));
             return aligned(table);
         }
-        let mut table = plain_table(&["", "accumulated", "inserted", "merged", "evicted", "replaced", "dropped"]);
-        table.add_row(row("fixed", [f.accumulated, f.inserted, f.merged, f.evicted, f.replaced, f.dropped]));
-        table.add_row(row("golden", [g.accumulated, g.inserted, g.merged, g.evicted, g.replaced, g.dropped]));
+        let mut table = plain_table(&[
+            "",
+            "accumulated",
+            "inserted",
+            "merged",
+            "evicted",
+            "replaced",
+            "dropped",
+        ]);
+        table.add_row(row(
+            "fixed",
+            [
+                f.accumulated,
+                f.inserted,
+                f.merged,
+                f.evicted,
+                f.replaced,
+                f.dropped,
+            ],
+        ));
+        table.add_row(row(
+            "golden",
+            [
+                g.accumulated,
+                g.inserted,
+                g.merged,
+                g.evicted,
+                g.replaced,
+                g.dropped,
+            ],
+        ));
         aligned(table)
     }
 
@@ -394,26 +537,58 @@ impl Report {
             ("faint", culled.faint),
             ("backface", culled.backface),
         ];
-        let culled: Vec<String> =
-            reasons.iter().filter(|(_, count)| *count > 0).map(|(reason, count)| format!("{} {reason}", thousands(*count))).collect();
-        let culled = if culled.is_empty() { "none".into() } else { culled.join(", ") };
-        let over: Vec<&SignalReport> = self.signals.iter().filter(|signal| signal.overflows() > 0).collect();
+        let culled: Vec<String> = reasons
+            .iter()
+            .filter(|(_, count)| *count > 0)
+            .map(|(reason, count)| format!("{} {reason}", thousands(*count)))
+            .collect();
+        let culled = if culled.is_empty() {
+            "none".into()
+        } else {
+            culled.join(", ")
+        };
+        let over: Vec<&SignalReport> = self
+            .signals
+            .iter()
+            .filter(|signal| signal.overflows() > 0)
+            .collect();
         let mut text = format!(
             "culled: {culled}\nsignals: {} watched, outside of their range {}",
             self.signals.len(),
-            if over.is_empty() { "none".into() } else { over.len().to_string() }
+            if over.is_empty() {
+                "none".into()
+            } else {
+                over.len().to_string()
+            }
         );
         for signal in over {
-            let declared = if signal.is_declared_clamp() { ", a declared clamp" } else { "" };
-            let what = if signal.wrapped() > 0 { "wrapped" } else { "saturated" };
-            let times = if signal.overflows() == 1 { "once".into() } else { thousands(signal.overflows()) + " times" };
-            let line = format!("  {}.{} ({}) {what} {times}{declared}", signal.unit, signal.name, signal.format);
+            let declared = if signal.is_declared_clamp() {
+                ", a declared clamp"
+            } else {
+                ""
+            };
+            let what = if signal.wrapped() > 0 {
+                "wrapped"
+            } else {
+                "saturated"
+            };
+            let times = if signal.overflows() == 1 {
+                "once".into()
+            } else {
+                thousands(signal.overflows()) + " times"
+            };
+            let line = format!(
+                "  {}.{} ({}) {what} {times}{declared}",
+                signal.unit, signal.name, signal.format
+            );
             let _ = write!(text, "\n{}", wrapped(&line));
             if let Some(remedy) = signal.remedy() {
                 let _ = write!(
                     text,
                     "\n{}",
-                    wrapped(&format!("  (kernels seen along their length are deeper than it holds; `{remedy}` holds these)"))
+                    wrapped(&format!(
+                        "  (kernels seen along their length are deeper than it holds; `{remedy}` holds these)"
+                    ))
                 );
             }
         }
@@ -422,8 +597,18 @@ impl Report {
 
     fn host_summary(&self) -> String {
         let h = &self.host;
-        let times = [("load", h.load_seconds), ("fixed", h.fixed_seconds), ("golden", h.golden_seconds), ("ideal", h.ideal_seconds)];
-        let times = times.map(|(what, seconds)| format!("{what} {seconds:.2} s")).join(", ");
-        format!("host: {times}\n      fixed makes {:.0} M contributions a second", h.fragments_per_second / 1e6)
+        let times = [
+            ("load", h.load_seconds),
+            ("fixed", h.fixed_seconds),
+            ("golden", h.golden_seconds),
+            ("ideal", h.ideal_seconds),
+        ];
+        let times = times
+            .map(|(what, seconds)| format!("{what} {seconds:.2} s"))
+            .join(", ");
+        format!(
+            "host: {times}\n      fixed makes {:.0} M contributions a second",
+            h.fragments_per_second / 1e6
+        )
     }
 }

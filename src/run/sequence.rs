@@ -1,4 +1,5 @@
-//! Sequence: draws a scene frame by frame, on the machine, with `golden` and with `ideal`, and compares frames with those before them.
+//! Sequence: draws a scene frame by frame, on the machine, with `golden` and with `ideal`, and
+//! compares frames with those before them.
 //!
 //! ```text
 //! camera 0 ─► fixed, golden, ideal ─┬─► pictures, video, a row of the report
@@ -51,7 +52,14 @@ pub fn check(sequence: &mut Sequence, machine: &Machine) -> Result<()> {
     for frame in 0..sequence.cameras().len() {
         let scene = sequence.frame(frame)?;
         // Which splats a budget of bytes or cycles leaves is known when the frame is drawn.
-        let is_open = scene.detail.as_ref().is_some_and(|detail| detail.rules.budget.bytes.or(detail.rules.budget.cycles).is_some());
+        let is_open = scene.detail.as_ref().is_some_and(|detail| {
+            detail
+                .rules
+                .budget
+                .bytes
+                .or(detail.rules.budget.cycles)
+                .is_some()
+        });
         if !is_open {
             quantise(scene, machine).map_err(|error| match error {
                 Error::Input(sentence) => Error::input(format!("frame {frame}: {sentence}")),
@@ -62,11 +70,12 @@ pub fn check(sequence: &mut Sequence, machine: &Machine) -> Result<()> {
     Ok(())
 }
 
-/// Draws every frame on `machine` and compares, also with `photographs` where there are any. `progress` hears of each.
+/// Draws every frame on `machine` and compares, also with `photographs` where there are any.
+/// `progress` hears of each.
 ///
 /// # Errors
-/// [`crate::error::Error::Input`] where the machine cannot be built or cannot hold a frame; [`crate::error::Error::Job`] where a file cannot
-/// be written.
+/// [`crate::error::Error::Input`] where the machine cannot be built or cannot hold a frame;
+/// [`crate::error::Error::Job`] where a file cannot be written.
 pub fn run(
     sequence: &mut Sequence,
     machine: &Machine,
@@ -85,30 +94,60 @@ pub fn run(
         frames: sequence.cameras().len() as u64,
         notes: sequence.scene().notes.clone(),
     };
-    scene.notes.extend_from_slice(photographs.map(Photographs::notes).unwrap_or_default());
-    output.folder.as_deref().map_or(Ok(()), |folder| begin(folder, sequence.cameras().len()))?;
-    let mut video = output.video.as_deref().map(|path| Video::create(path, scene.width, scene.height)).transpose()?;
+    scene
+        .notes
+        .extend_from_slice(photographs.map(Photographs::notes).unwrap_or_default());
+    output
+        .folder
+        .as_deref()
+        .map_or(Ok(()), |folder| begin(folder, sequence.cameras().len()))?;
+    let mut video = output
+        .video
+        .as_deref()
+        .map(|path| Video::create(path, scene.width, scene.height))
+        .transpose()?;
     let (mut frames, mut before) = (Vec::new(), None);
     let mut all = Sums::default();
-    let mut host = Host { threads: rayon::current_num_threads(), load_seconds, ..Host::default() };
+    let mut host = Host {
+        threads: rayon::current_num_threads(),
+        load_seconds,
+        ..Host::default()
+    };
     for number in 0..sequence.cameras().len() {
         let seen = sequence.frame(number)?;
         let drawn = Drawn::new(seen, &elaborated, &mut host)?;
         let encoded = seen.image.encoded;
         let Pictures { golden, fixed, .. } = &drawn.pictures;
-        let against = photographs.map(|photographs| photographs.compare(number, golden, fixed)).transpose()?;
+        let against = photographs
+            .map(|photographs| photographs.compare(number, golden, fixed))
+            .transpose()?;
         if let Some(folder) = &output.folder {
-            write_frame(&drawn.pictures, number, encoded, output.exr, folder)
-                .map_err(|error| Error::job(format!("{error}; the run is not finished, and {} has no report.json", folder.display())))?;
+            write_frame(&drawn.pictures, number, encoded, output.exr, folder).map_err(|error| {
+                Error::job(format!(
+                    "{error}; the run is not finished, and {} has no report.json",
+                    folder.display()
+                ))
+            })?;
         }
         if let Some(video) = &mut video {
             video.push(&drawn.pictures.fixed, encoded)?;
         }
-        let sums = before.as_ref().map(|before: &Pictures| Sums::new(before.all(), drawn.pictures.all()));
+        let sums = before
+            .as_ref()
+            .map(|before: &Pictures| Sums::new(before.all(), drawn.pictures.all()));
         all = sums.as_ref().map_or(all, |sums| all.and(sums));
-        let fresh = drawn.notes.into_iter().filter(|note| !scene.notes.contains(note)).collect::<Vec<_>>();
+        let fresh = drawn
+            .notes
+            .into_iter()
+            .filter(|note| !scene.notes.contains(note))
+            .collect::<Vec<_>>();
         scene.notes.extend(fresh);
-        frames.push(FrameReport { frame: number as u64, flicker: sums.map(|sums| sums.flicker()), against, ..drawn.report });
+        frames.push(FrameReport {
+            frame: number as u64,
+            flicker: sums.map(|sums| sums.flicker()),
+            against,
+            ..drawn.report
+        });
         before = Some(drawn.pictures);
         progress.step();
     }
@@ -138,8 +177,19 @@ impl Drawn {
         let evaluation = Evaluation::on(scene, machine)?;
         let (observed, fixed_seconds) = timed(|| evaluation.observe());
         let overflows = observed.overflows();
-        let Observed { drawing, picture: fixed, work, .. } = observed;
-        let replay = || CyclesReport::new(&machine.timing, &work, &timing::replay(&machine.timing, &work, Detail::Histograms));
+        let Observed {
+            drawing,
+            picture: fixed,
+            work,
+            ..
+        } = observed;
+        let replay = || {
+            CyclesReport::new(
+                &machine.timing,
+                &work,
+                &timing::replay(&machine.timing, &work, Detail::Histograms),
+            )
+        };
         let (golden, golden_seconds) = timed(|| evaluation.golden().picture);
         let exact = || {
             let (ideal, seconds) = timed(|| golden::ideal(scene).picture);
@@ -168,7 +218,15 @@ impl Drawn {
             flicker: None,
         };
         let notes = evaluation.quantised.notes.clone();
-        Ok(Drawn { pictures: Pictures { fixed, golden, ideal }, report, notes })
+        Ok(Drawn {
+            pictures: Pictures {
+                fixed,
+                golden,
+                ideal,
+            },
+            report,
+            notes,
+        })
     }
 }
 
@@ -177,11 +235,17 @@ pub fn file_name(frame: usize, picture: &str, ending: &str) -> String {
     format!("frame_{frame:04}_{picture}.{ending}")
 }
 
-/// Frames appear one by one: from the first one on no report of an earlier run describes them, nor are files of one beside them.
+/// Frames appear one by one: from the first one on no report of an earlier run describes them, nor
+/// are files of one beside them.
 fn begin(folder: &Path, frames: usize) -> Result<()> {
     remove_if_there(&folder.join("report.json"))?;
-    super::ALWAYS.iter().chain(&super::OPTIONAL).try_for_each(|name| remove_if_there(&folder.join(name)))?;
-    let is_stale = |name: &str| frame_of(name).is_some_and(|(frame, ending)| frame >= frames || ending == "exr");
+    super::ALWAYS
+        .iter()
+        .chain(&super::OPTIONAL)
+        .try_for_each(|name| remove_if_there(&folder.join(name)))?;
+    let is_stale = |name: &str| {
+        frame_of(name).is_some_and(|(frame, ending)| frame >= frames || ending == "exr")
+    };
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         if entry.file_name().to_str().is_some_and(is_stale) {
             remove_if_there(&entry.path())?;
@@ -192,19 +256,38 @@ fn begin(folder: &Path, frames: usize) -> Result<()> {
 
 /// Frame and ending of a name that [`file_name`] gives; none of any other.
 fn frame_of(name: &str) -> Option<(usize, &str)> {
-    let (stem, ending) = name.split_once('.').filter(|(_, ending)| ["png", "exr"].contains(ending))?;
+    let (stem, ending) = name
+        .split_once('.')
+        .filter(|(_, ending)| ["png", "exr"].contains(ending))?;
     let (number, picture) = stem.strip_prefix("frame_")?.split_once('_')?;
     let frame = number.parse().ok()?;
-    (["fixed", "golden", "ideal"].contains(&picture) && file_name(frame, picture, ending) == name).then_some((frame, ending))
+    (["fixed", "golden", "ideal"].contains(&picture) && file_name(frame, picture, ending) == name)
+        .then_some((frame, ending))
 }
 
-fn write_frame(pictures: &Pictures, frame: usize, encoded: bool, exr: bool, folder: &Path) -> Result<()> {
-    let each: [(&str, &Picture); 3] = [("fixed", &pictures.fixed), ("golden", &pictures.golden), ("ideal", &pictures.ideal)];
+fn write_frame(
+    pictures: &Pictures,
+    frame: usize,
+    encoded: bool,
+    exr: bool,
+    folder: &Path,
+) -> Result<()> {
+    let each: [(&str, &Picture); 3] = [
+        ("fixed", &pictures.fixed),
+        ("golden", &pictures.golden),
+        ("ideal", &pictures.ideal),
+    ];
     let mut files: Vec<Unwritten> = Vec::new();
     for (name, picture) in each {
-        files.push((folder.join(file_name(frame, name, "png")), Box::new(move |path| picture.write_shown(encoded, path))));
+        files.push((
+            folder.join(file_name(frame, name, "png")),
+            Box::new(move |path| picture.write_shown(encoded, path)),
+        ));
         if exr {
-            files.push((folder.join(file_name(frame, name, "exr")), Box::new(move |path| picture.write_exr(path))));
+            files.push((
+                folder.join(file_name(frame, name, "exr")),
+                Box::new(move |path| picture.write_exr(path)),
+            ));
         }
     }
     write_all(files).map(drop)
@@ -216,6 +299,8 @@ impl Report {
     /// # Errors
     /// [`crate::error::Error::Job`] where it cannot be written.
     pub fn write(&self, folder: &Path) -> Result<()> {
-        write_beside(&folder.join("report.json"), |file| serde_json::to_writer_pretty(file, self).map_err(|e| e.to_string()))
+        write_beside(&folder.join("report.json"), |file| {
+            serde_json::to_writer_pretty(file, self).map_err(|e| e.to_string())
+        })
     }
 }

@@ -25,15 +25,22 @@ impl Cells {
             of_cube.insert(cubes[cell[0] as usize], start..start + cell.len());
             start += cell.len();
         }
-        Cells { width, order, of_cube }
+        Cells {
+            width,
+            order,
+            of_cube,
+        }
     }
 
-    /// Calls for every point of the 27 cubes around a place, in an order that depends on the points alone.
+    /// Calls for every point of the 27 cubes around a place, in an order that depends on the points
+    /// alone.
     pub fn around(&self, place: DVec3, mut each: impl FnMut(usize)) {
         let [x, y, z] = cube(place, self.width);
         for (i, j, k) in (0..27).map(|n| (n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1)) {
             if let Some(cell) = self.of_cube.get(&[x + i, y + j, z + k]) {
-                self.order[cell.clone()].iter().for_each(|&point| each(point as usize));
+                self.order[cell.clone()]
+                    .iter()
+                    .for_each(|&point| each(point as usize));
             }
         }
     }

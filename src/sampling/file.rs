@@ -1,4 +1,5 @@
-//! File: writes points as a PLY that scenes are read from (docs/book/scenes.md): binary, positions in f64, all else in f32.
+//! File: writes points as a PLY that scenes are read from (docs/book/scenes.md): binary, positions
+//! in f64, all else in f32.
 
 use crate::error::Result;
 use crate::output::files::write_beside;
@@ -16,12 +17,31 @@ pub fn ply(splats: &[Splat]) -> Vec<u8> {
         splats.len()
     )
     .into_bytes();
-    bytes.extend(["x", "y", "z"].iter().flat_map(|name| format!("property double {name}\n").into_bytes()));
-    bytes.extend(PROPERTIES.iter().flat_map(|name| format!("property float {name}\n").into_bytes()));
+    bytes.extend(
+        ["x", "y", "z"]
+            .iter()
+            .flat_map(|name| format!("property double {name}\n").into_bytes()),
+    );
+    bytes.extend(
+        PROPERTIES
+            .iter()
+            .flat_map(|name| format!("property float {name}\n").into_bytes()),
+    );
     bytes.extend(b"end_header\n");
     for splat in splats {
-        bytes.extend(splat.position.to_array().iter().flat_map(|c| c.to_le_bytes()));
-        let floats = splat.normal.to_array().into_iter().chain(splat.rgb).chain([splat.opacity, splat.radius]);
+        bytes.extend(
+            splat
+                .position
+                .to_array()
+                .iter()
+                .flat_map(|c| c.to_le_bytes()),
+        );
+        let floats = splat
+            .normal
+            .to_array()
+            .into_iter()
+            .chain(splat.rgb)
+            .chain([splat.opacity, splat.radius]);
         bytes.extend(floats.flat_map(|c| (c as f32).to_le_bytes()));
     }
     bytes
@@ -33,6 +53,8 @@ pub fn ply(splats: &[Splat]) -> Vec<u8> {
 /// [`crate::error::Error::Job`] where it cannot be written.
 pub fn write(path: &Path, splats: &[Splat]) -> Result<usize> {
     let bytes = ply(splats);
-    write_beside(path, |file| file.write_all(&bytes).map_err(|e| e.to_string()))?;
+    write_beside(path, |file| {
+        file.write_all(&bytes).map_err(|e| e.to_string())
+    })?;
     Ok(bytes.len())
 }

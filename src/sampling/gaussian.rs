@@ -15,7 +15,10 @@ pub struct Gaussian {
 impl Gaussian {
     /// One that is as wide in all directions.
     pub fn round(middle: DVec2, radius: f64) -> Self {
-        Gaussian { middle, variance: DMat2::from_diagonal(DVec2::splat(radius * radius)) }
+        Gaussian {
+            middle,
+            variance: DMat2::from_diagonal(DVec2::splat(radius * radius)),
+        }
     }
 
     /// Its value.
@@ -26,26 +29,34 @@ impl Gaussian {
 
     /// The same after an affine map x ↦ M x + t.
     pub fn mapped(&self, linear: DMat2, offset: DVec2) -> Self {
-        Gaussian { middle: linear * self.middle + offset, variance: linear * self.variance * linear.transpose() }
+        Gaussian {
+            middle: linear * self.middle + offset,
+            variance: linear * self.variance * linear.transpose(),
+        }
     }
 
-    /// ⟨a, b⟩ = ∫ a b = 2π √(|V_a| |V_b| / |V_a + V_b|) exp(−½ dᵀ (V_a + V_b)⁻¹ d), d the way between their middles: the product is a Gaussian
-    /// too.
+    /// ⟨a, b⟩ = ∫ a b = 2π √(|V_a| |V_b| / |V_a + V_b|) exp(−½ dᵀ (V_a + V_b)⁻¹ d), d the way
+    /// between their middles: the product is a Gaussian too.
     pub fn inner(&self, other: &Gaussian) -> f64 {
-        let sum = Gaussian { middle: self.middle, variance: self.variance + other.variance };
-        let determinants = self.variance.determinant() * other.variance.determinant() / sum.variance.determinant();
+        let sum = Gaussian {
+            middle: self.middle,
+            variance: self.variance + other.variance,
+        };
+        let determinants =
+            self.variance.determinant() * other.variance.determinant() / sum.variance.determinant();
         2.0 * PI * determinants.sqrt() * sum.at(other.middle)
     }
 }
 
-/// [`Gaussian::inner`] of two round ones, by their radii and the square of the distance between them.
+/// [`Gaussian::inner`] of two round ones, by their radii and the square of the distance between
+/// them.
 pub fn inner_of_round(a: f64, b: f64, squared: f64) -> f64 {
     let sum = a * a + b * b;
     2.0 * PI * a * a * b * b / sum * (-0.5 * squared / sum).exp()
 }
 
-/// Radius of the Gaussian that has the variance of one that is cut where its radial index reaches `cutoff`, over its own: the root of
-/// 1 − (c/2)/(e^(c/2) − 1).
+/// Radius of the Gaussian that has the variance of one that is cut where its radial index reaches
+/// `cutoff`, over its own: the root of 1 − (c/2)/(e^(c/2) − 1).
 pub fn cut(cutoff: f64) -> f64 {
     let half = cutoff / 2.0;
     (1.0 - half / libm::expm1(half)).sqrt()

@@ -1,11 +1,12 @@
-//! Sampling: makes points of a mesh's surface, each with the normal, radius, colour and opacity that a splat needs.
+//! Sampling: makes points of a mesh's surface, each with the normal, radius, colour and opacity
+//! that a splat needs.
 //! ```text
 //! mesh ─► [surface] ─► [pattern]: where ─► [radii]: how wide ─► [texture]: which colour ─► splats ─► [file]
 //! ```
 //! The same mesh, request and seed make the same points, at any number of threads.
 //!
-//! Laws (tests/sampling.rs): `there_are_exactly_as_many_points_as_asked_for`, `points_lie_on_the_mesh`,
-//! `areas_have_points_in_proportion`, `a_sampled_plane_has_no_hole`.
+//! Laws (tests/sampling.rs): `there_are_exactly_as_many_points_as_asked_for`,
+//! `points_lie_on_the_mesh`, `areas_have_points_in_proportion`, `a_sampled_plane_has_no_hole`.
 
 mod cells;
 pub mod file;
@@ -26,13 +27,15 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use surface::Surface;
 
-/// Bytes that a point takes at most while it is made: place, splat, neighbours and, where colours are solved for, a row of the matrix.
+/// Bytes that a point takes at most while it is made: place, splat, neighbours and, where colours
+/// are solved for, a row of the matrix.
 const POINT_BYTES: u64 = 900;
-/// Spacing over the largest coordinate below which points are refused: positions there are 10⁻¹⁶ of it apart, and a spacing should have three
-/// digits and more.
+/// Spacing over the largest coordinate below which points are refused: positions there are 10⁻¹⁶ of
+/// it apart, and a spacing should have three digits and more.
 const LEAST_SPACING: f64 = 1e-12;
-/// Radius over the root of the area that a point stands for, and over the mean distance to neighbours. Cut at 2, kernels as wide as that root
-/// weigh 0.63 on average, and 0.24 in the widest gap of a blue-noise pattern, where 0.4 cover a pixel. With these factors the least of 20,000
+/// Radius over the root of the area that a point stands for, and over the mean distance to
+/// neighbours. Cut at 2, kernels as wide as that root weigh 0.63 on average, and 0.24 in the widest
+/// gap of a blue-noise pattern, where 0.4 cover a pixel. With these factors the least of 20,000
 /// points is 0.46 and more.
 const OF_AREA: f64 = 1.2;
 const OF_NEIGHBOURS: f64 = 1.1;
@@ -89,13 +92,29 @@ pub enum Picture {
 }
 
 impl Picture {
-    /// N×N checks, black and white, over each unit square of texture coordinates; the upper left one is white.
+    /// N×N checks, black and white, over each unit square of texture coordinates; the upper left
+    /// one is white.
     pub fn checkerboard(checks: usize) -> Picture {
         let texels = CHECKERBOARD_TEXELS.div_ceil(checks);
         let side = checks * texels;
-        let code = |place: usize| if (place / side / texels + place % side / texels).is_multiple_of(2) { 255 } else { 0 };
-        let texels = (0..side * side).map(|place| [code(place), code(place), code(place), 255]).collect();
-        Picture::Texture(Texture { image: Arc::new(Image { width: side, height: side, texels }), wrap: [Wrap::Repeat; 2] })
+        let code = |place: usize| {
+            if (place / side / texels + place % side / texels).is_multiple_of(2) {
+                255
+            } else {
+                0
+            }
+        };
+        let texels = (0..side * side)
+            .map(|place| [code(place), code(place), code(place), 255])
+            .collect();
+        Picture::Texture(Texture {
+            image: Arc::new(Image {
+                width: side,
+                height: side,
+                texels,
+            }),
+            wrap: [Wrap::Repeat; 2],
+        })
     }
 }
 
@@ -137,7 +156,8 @@ pub struct Sampled {
     pub notes: Vec<String>,
 }
 
-/// Makes points of a mesh; the error is the second half of a sentence that begins with the mesh's name.
+/// Makes points of a mesh; the error is the second half of a sentence that begins with the mesh's
+/// name.
 pub fn sample(mesh: &Mesh, request: &Request) -> Result<Sampled, String> {
     let surface = Surface::of(mesh);
     let area = surface.area();
@@ -158,20 +178,41 @@ pub fn sample(mesh: &Mesh, request: &Request) -> Result<Sampled, String> {
         Pattern::Stratified => (pattern::stratified(&surface, count, request.seed), None),
     };
     let mut splats: Vec<Splat> = sites.par_iter().map(|site| surface.splat(site)).collect();
-    let faces: Vec<_> = sites.par_iter().map(|site| mesh.triangles[site.triangle as usize].face()).collect();
-    let wider = if request.pattern == Pattern::Stratified { OF_STRATA } else { 1.0 };
+    let faces: Vec<_> = sites
+        .par_iter()
+        .map(|site| mesh.triangles[site.triangle as usize].face())
+        .collect();
+    let wider = if request.pattern == Pattern::Stratified {
+        OF_STRATA
+    } else {
+        1.0
+    };
     match request.radii {
-        Radii::Area => splats.iter_mut().for_each(|splat| splat.radius = wider * OF_AREA * typical),
-        Radii::Neighbours => radii::from_neighbours(&mut splats, &faces, typical, wider * OF_NEIGHBOURS),
+        Radii::Area => splats
+            .iter_mut()
+            .for_each(|splat| splat.radius = wider * OF_AREA * typical),
+        Radii::Neighbours => {
+            radii::from_neighbours(&mut splats, &faces, typical, wider * OF_NEIGHBOURS)
+        }
     }
     let colours = texture::Acquired::of(mesh, &sites, &splats, &faces, request)?;
     for (splat, rgb) in splats.iter_mut().zip(&colours.rgba) {
         let [r, g, b, opacity] = *rgb;
         (splat.rgb, splat.opacity) = ([r, g, b], opacity);
     }
-    let beyond = |splat: &Splat| splat.rgb.iter().map(|c| (c - 1.0).max(-c)).fold(0.0, f64::max);
+    let beyond = |splat: &Splat| {
+        splat
+            .rgb
+            .iter()
+            .map(|c| (c - 1.0).max(-c))
+            .fold(0.0, f64::max)
+    };
     // What is nearer than the last place of f32, in which files hold colours, is no excess.
-    let excess: Vec<f64> = splats.iter().map(beyond).filter(|excess| *excess > f32::EPSILON as f64).collect();
+    let excess: Vec<f64> = splats
+        .iter()
+        .map(beyond)
+        .filter(|excess| *excess > f32::EPSILON as f64)
+        .collect();
     Ok(Sampled {
         area,
         spacing,
@@ -189,7 +230,10 @@ fn count(amount: Amount, area: f64) -> Result<usize, String> {
         Amount::Density(density) => (density * area).round().max(1.0),
     };
     if !(1.0..=u32::MAX as f64).contains(&count) {
-        return Err(format!("would have {count} points; from 1 to {} can be made", u32::MAX));
+        return Err(format!(
+            "would have {count} points; from 1 to {} can be made",
+            u32::MAX
+        ));
     }
     memory::check(count as u64, "points", POINT_BYTES)?;
     Ok(count as usize)

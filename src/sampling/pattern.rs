@@ -1,9 +1,12 @@
 //! Pattern: chooses the places of points, stratified or by blue noise.
 //!
-//! - Stratified: the surface's area is cut into as many equal parts, each of which has one point, somewhere.
-//! - Blue noise: darts are thrown, and one that lands too near to an earlier one is taken away (Cook 1986, *Stochastic sampling in computer
-//!   graphics*); when few find room any more, the distance shrinks (McCool and Fiume 1992, *Hierarchical Poisson disk sampling
-//!   distributions*), until there are as many as asked for. Faces that look apart are two sides, and keep no distance.
+//! - Stratified: the surface's area is cut into as many equal parts, each of which has one point,
+//!   somewhere.
+//! - Blue noise: darts are thrown, and one that lands too near to an earlier one is taken away
+//!   (Cook 1986, *Stochastic sampling in computer graphics*); when few find room any more, the
+//!   distance shrinks (McCool and Fiume 1992, *Hierarchical Poisson disk sampling distributions*),
+//!   until there are as many as asked for. Faces that look apart are two sides, and keep no
+//!   distance.
 
 use super::surface::{Site, Surface};
 use crate::scene::digest::mixed;
@@ -12,13 +15,15 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
-/// Square of the first distance, in areas of a point: thrown for ever, darts come to 0.6965 of it (jamming of discs, a coverage of 0.547).
+/// Square of the first distance, in areas of a point: thrown for ever, darts come to 0.6965 of it
+/// (jamming of discs, a coverage of 0.547).
 const FIRST: f64 = 0.68;
 /// Rounds of a dart a point before the distance shrinks; from then on it does after each.
 const BEFORE_SHRINKING: usize = 4;
 /// What becomes of the distance in a step: 70 halve its square.
 const SHRUNK: f64 = 0.995;
-/// Rounds after which all darts stay: surfaces that lie upon themselves a hundred thousand times would take for ever.
+/// Rounds after which all darts stay: surfaces that lie upon themselves a hundred thousand times
+/// would take for ever.
 const MOST_ROUNDS: usize = 2000;
 
 /// Numbers that look random: SplitMix64, as the words of a counter.
@@ -45,14 +50,19 @@ fn unit(state: u64) -> f64 {
 /// One point in each of `count` parts of equal area.
 pub(super) fn stratified(surface: &Surface, count: usize, seed: u64) -> Vec<Site> {
     let start = mixed(seed);
-    let jitter = |i: usize| unit(start.wrapping_add((i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)));
-    (0..count).into_par_iter().map(|i| surface.at(((i as f64 + jitter(i)) / count as f64).min(1.0 - f64::EPSILON))).collect()
+    let jitter =
+        |i: usize| unit(start.wrapping_add((i as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15)));
+    (0..count)
+        .into_par_iter()
+        .map(|i| surface.at(((i as f64 + jitter(i)) / count as f64).min(1.0 - f64::EPSILON)))
+        .collect()
 }
 
 /// As many points as asked for, and the distance that any two of a side keep.
 ///
-/// In each round every stratum gets a dart, one after another from a stratum at random: neighbours in memory are neighbours on the surface, which
-/// is what makes a million points a matter of seconds.
+/// In each round every stratum gets a dart, one after another from a stratum at random: neighbours
+/// in memory are neighbours on the surface, which is what makes a million points a matter of
+/// seconds.
 pub(super) fn blue_noise(surface: &Surface, count: usize, seed: u64) -> (Vec<Site>, f64) {
     let mut random = Random::new(seed);
     let mut distance = (FIRST * surface.area() / count as f64).sqrt();
@@ -63,7 +73,8 @@ pub(super) fn blue_noise(surface: &Surface, count: usize, seed: u64) -> (Vec<Sit
         let is_late = round >= MOST_ROUNDS;
         let first = (random.next() * count as f64) as usize;
         for i in (first..count).chain(0..first) {
-            let site = surface.at(((i as f64 + random.next()) / count as f64).min(1.0 - f64::EPSILON));
+            let site =
+                surface.at(((i as f64 + random.next()) / count as f64).min(1.0 - f64::EPSILON));
             let (position, face) = (surface.position(&site), surface.face(&site));
             if is_late || board.is_free(position, face, distance) {
                 sites.push(site);
@@ -78,14 +89,17 @@ pub(super) fn blue_noise(surface: &Surface, count: usize, seed: u64) -> (Vec<Sit
             distance *= SHRUNK;
             if distance < board.reach / 2.0 {
                 board = Board::new(distance);
-                sites.iter().for_each(|site| board.add(surface.position(site), surface.face(site)));
+                sites
+                    .iter()
+                    .for_each(|site| board.add(surface.position(site), surface.face(site)));
             }
         }
     }
     (sites, if round > MOST_ROUNDS { 0.0 } else { distance })
 }
 
-/// Points in cubes twice as wide as their reach: each is known to all cubes that its reach touches, so that one look into one cube is enough.
+/// Points in cubes twice as wide as their reach: each is known to all cubes that its reach touches,
+/// so that one look into one cube is enough.
 struct Board {
     reach: f64,
     last_of_cube: HashMap<[i64; 3], u32, BuildHasherDefault<Mixing>>,
@@ -102,18 +116,27 @@ const NONE: u32 = u32::MAX;
 
 impl Board {
     fn new(reach: f64) -> Self {
-        Board { reach, last_of_cube: HashMap::default(), entries: Vec::new() }
+        Board {
+            reach,
+            last_of_cube: HashMap::default(),
+            entries: Vec::new(),
+        }
     }
 
     fn cube(&self, position: DVec3) -> [i64; 3] {
-        (position / (2.0 * self.reach)).floor().to_array().map(|c| c as i64)
+        (position / (2.0 * self.reach))
+            .floor()
+            .to_array()
+            .map(|c| c as i64)
     }
 
     fn is_free(&self, position: DVec3, face: DVec3, distance: f64) -> bool {
         let mut at = *self.last_of_cube.get(&self.cube(position)).unwrap_or(&NONE);
         while at != NONE {
             let entry = &self.entries[at as usize];
-            if entry.position.distance_squared(position) < distance * distance && entry.face.dot(face) > 0.0 {
+            if entry.position.distance_squared(position) < distance * distance
+                && entry.face.dot(face) > 0.0
+            {
                 return false;
             }
             at = entry.before;
@@ -122,13 +145,20 @@ impl Board {
     }
 
     fn add(&mut self, position: DVec3, face: DVec3) {
-        let (low, high) = (self.cube(position - self.reach), self.cube(position + self.reach));
+        let (low, high) = (
+            self.cube(position - self.reach),
+            self.cube(position + self.reach),
+        );
         for x in low[0]..=high[0] {
             for y in low[1]..=high[1] {
                 for z in low[2]..=high[2] {
                     let number = self.entries.len() as u32;
                     let before = self.last_of_cube.insert([x, y, z], number).unwrap_or(NONE);
-                    self.entries.push(Entry { position, face, before });
+                    self.entries.push(Entry {
+                        position,
+                        face,
+                        before,
+                    });
                 }
             }
         }

@@ -8,23 +8,41 @@ use std::num::NonZero;
 
 /// How many neighbours make a radius (EWA §6.3).
 const NEIGHBOURS: usize = 6;
-/// How many are looked at to find those: of two sides that lie close together, half are on the wrong one.
+/// How many are looked at to find those: of two sides that lie close together, half are on the
+/// wrong one.
 const LOOKED_AT: usize = 16;
-/// Least and largest mean distance, in roots of the area that a point stands for: points at a border, and on parts smaller than that area, have
-/// their neighbours far away or none.
+/// Least and largest mean distance, in roots of the area that a point stands for: points at a
+/// border, and on parts smaller than that area, have their neighbours far away or none.
 const LEAST: f64 = 0.75;
 const MOST: f64 = 2.0;
 
-/// The mean distance to the nearest neighbours whose faces look the same way, between bounds, times a factor.
+/// The mean distance to the nearest neighbours whose faces look the same way, between bounds, times
+/// a factor.
 pub(super) fn from_neighbours(splats: &mut [Splat], faces: &[DVec3], typical: f64, factor: f64) {
-    let points: Vec<[f64; 3]> = splats.iter().map(|splat| splat.position.to_array()).collect();
-    let tree = ImmutableKdTree::<f64, 3>::new_from_slice(&points).expect("the points are finite and fewer than 2^32");
+    let points: Vec<[f64; 3]> = splats
+        .iter()
+        .map(|splat| splat.position.to_array())
+        .collect();
+    let tree = ImmutableKdTree::<f64, 3>::new_from_slice(&points)
+        .expect("the points are finite and fewer than 2^32");
     let found = NonZero::new(LOOKED_AT + 1).expect("more than 0");
     splats.par_iter_mut().enumerate().for_each(|(i, splat)| {
-        let near = tree.query(&points[i]).nearest_n::<SquaredEuclidean<f64>>(found).execute();
-        let same_side = near.iter().filter(|n| n.item as usize != i && faces[n.item as usize].dot(faces[i]) > 0.0).take(NEIGHBOURS);
-        let (count, sum) = same_side.fold((0, 0.0), |(count, sum), n| (count + 1, sum + n.distance.sqrt()));
-        let mean = if count == 0 { typical } else { sum / count as f64 };
+        let near = tree
+            .query(&points[i])
+            .nearest_n::<SquaredEuclidean<f64>>(found)
+            .execute();
+        let same_side = near
+            .iter()
+            .filter(|n| n.item as usize != i && faces[n.item as usize].dot(faces[i]) > 0.0)
+            .take(NEIGHBOURS);
+        let (count, sum) = same_side.fold((0, 0.0), |(count, sum), n| {
+            (count + 1, sum + n.distance.sqrt())
+        });
+        let mean = if count == 0 {
+            typical
+        } else {
+            sum / count as f64
+        };
         splat.radius = factor * mean.clamp(LEAST * typical, MOST * typical);
     });
 }

@@ -1,21 +1,26 @@
-//! Solve: colours whose kernels together come nearest to a picture, R w = c (SS Appendix A), by conjugate gradients.
+//! Solve: colours whose kernels together come nearest to a picture, R w = c (SS Appendix A), by
+//! conjugate gradients.
 //!
-//! The method is thirty lines of our own: crates that have it (`faer`) are linear algebra as a whole, which would double the time of a build, and
-//! smaller ones (`sprs`) have only methods for matrices that are not symmetric.
+//! The method is thirty lines of our own: crates that have it (`faer`) are linear algebra as a
+//! whole, which would double the time of a build, and smaller ones (`sprs`) have only methods for
+//! matrices that are not symmetric.
 
 use super::cells::Cells;
 use super::gaussian::inner_of_round;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Kernels whose inner product, over that of a kernel with itself, is less than this do not see each other.
+/// Kernels whose inner product, over that of a kernel with itself, is less than this do not see
+/// each other.
 const LEAST_PRODUCT: f64 = 1e-3;
-/// Weight of the wish to stay near the averages, over the mean sum of a row, so that frequencies which kernels can hardly hold are not blown up.
-/// It must exceed [`LEAST_PRODUCT`], the share of a row that is left out, or the matrix might have eigenvalues below 0. Of 10,000 points with
-/// 10×10 and 25×25 checks this one is nearest to the picture, or within 0.1 dB; with 0.001 colours reach 5.8 instead of 1.3 past [0, 1] and the
-/// picture is up to 1.6 dB farther.
+/// Weight of the wish to stay near the averages, over the mean sum of a row, so that frequencies
+/// which kernels can hardly hold are not blown up. It must exceed [`LEAST_PRODUCT`], the share of a
+/// row that is left out, or the matrix might have eigenvalues below 0. Of 10,000 points with 10×10
+/// and 25×25 checks this one is nearest to the picture, or within 0.1 dB; with 0.001 colours reach
+/// 5.8 instead of 1.3 past [0, 1] and the picture is up to 1.6 dB farther.
 const STAY: f64 = 0.03;
-/// Residual, over the right side, at which the solution is good enough: a tenth of a step of 16 bits.
+/// Residual, over the right side, at which the solution is good enough: a tenth of a step of 16
+/// bits.
 const GOOD: f64 = 1e-6;
 /// Steps after which it is as good as it gets.
 const MOST_STEPS: usize = 500;
@@ -27,7 +32,8 @@ const CHUNK: usize = 4096;
 /// How well a solution fulfils its equations.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solution {
-    /// ‖c − R w‖ / ‖c‖, of the worst channel: how far colours that stay near the averages are from fulfilling the equations.
+    /// ‖c − R w‖ / ‖c‖, of the worst channel: how far colours that stay near the averages are from
+    /// fulfilling the equations.
     pub residual: f64,
     /// ‖c′ − (R + s) w‖ / ‖c′‖ of the system that is solved, c′ = c + s e, of the worst channel.
     pub damped_residual: f64,
@@ -47,28 +53,43 @@ pub(super) struct Matrix {
 }
 
 impl Matrix {
-    /// Inner products of the kernels at these places with these radii, in units of πσ² for their root mean square radius σ. Kernels on opposite
-    /// sides do not see each other.
+    /// Inner products of the kernels at these places with these radii, in units of πσ² for their
+    /// root mean square radius σ. Kernels on opposite sides do not see each other.
     pub fn of(places: &[DVec3], faces: &[DVec3], radii: &[f64]) -> Result<Matrix, String> {
         let most = radii.iter().copied().fold(0.0, f64::max);
         let reach_of_radius = (2.0 * -libm::log(LEAST_PRODUCT)).sqrt();
         let cells = Cells::new(places, reach_of_radius * std::f64::consts::SQRT_2 * most);
-        let unit = std::f64::consts::PI * radii.iter().map(|r| r * r).sum::<f64>() / radii.len() as f64;
+        let unit =
+            std::f64::consts::PI * radii.iter().map(|r| r * r).sum::<f64>() / radii.len() as f64;
         let row = |k: usize| {
             let mut row = Vec::new();
             cells.around(places[k], |j| {
-                let (squared, sum) = (places[k].distance_squared(places[j]), radii[k] * radii[k] + radii[j] * radii[j]);
-                if squared <= reach_of_radius * reach_of_radius * sum && faces[k].dot(faces[j]) > 0.0 && row.len() <= MOST_IN_ROW {
-                    row.push((j as u32, (inner_of_round(radii[k], radii[j], squared) / unit) as f32));
+                let (squared, sum) = (
+                    places[k].distance_squared(places[j]),
+                    radii[k] * radii[k] + radii[j] * radii[j],
+                );
+                if squared <= reach_of_radius * reach_of_radius * sum
+                    && faces[k].dot(faces[j]) > 0.0
+                    && row.len() <= MOST_IN_ROW
+                {
+                    row.push((
+                        j as u32,
+                        (inner_of_round(radii[k], radii[j], squared) / unit) as f32,
+                    ));
                 }
             });
             row.into_boxed_slice()
         };
         let rows: Vec<Box<[(u32, f32)]>> = (0..places.len()).into_par_iter().map(row).collect();
         if rows.iter().any(|row| row.len() > MOST_IN_ROW) {
-            return Err(format!("lies upon itself so often that a point would have more than {MOST_IN_ROW} neighbours"));
+            return Err(format!(
+                "lies upon itself so often that a point would have more than {MOST_IN_ROW} neighbours"
+            ));
         }
-        let sums: Vec<f64> = rows.iter().map(|row| row.iter().map(|&(_, value)| value as f64).sum()).collect();
+        let sums: Vec<f64> = rows
+            .iter()
+            .map(|row| row.iter().map(|&(_, value)| value as f64).sum())
+            .collect();
         let stay = STAY * sums.iter().sum::<f64>() / sums.len() as f64;
         Ok(Matrix { rows, sums, stay })
     }
@@ -86,11 +107,18 @@ impl Matrix {
         self.rows.par_iter().map(|entries| row(entries)).collect()
     }
 
-    /// Right sides: of a point with an average of a picture under its kernel that average, times what all kernels weigh there, because the
-    /// renderer divides by the sum of weights; of any other that for which its own colour solves.
+    /// Right sides: of a point with an average of a picture under its kernel that average, times
+    /// what all kernels weigh there, because the renderer divides by the sum of weights; of any
+    /// other that for which its own colour solves.
     pub fn right_sides(&self, averages: &[Rgb], is_averaged: &[bool]) -> Vec<Rgb> {
         let held = self.times(averages);
-        let one = |k: usize| if is_averaged[k] { averages[k].map(|a| a * self.sums[k]) } else { held[k] };
+        let one = |k: usize| {
+            if is_averaged[k] {
+                averages[k].map(|a| a * self.sums[k])
+            } else {
+                held[k]
+            }
+        };
         (0..averages.len()).map(one).collect()
     }
 
@@ -98,50 +126,107 @@ impl Matrix {
     pub fn solve(&self, right: &[Rgb], averages: &[Rgb]) -> (Vec<Rgb>, Solution) {
         let applied = |w: &[Rgb]| {
             let mut product = self.times(w);
-            product.par_iter_mut().zip(w).for_each(|(p, w)| (0..3).for_each(|c| p[c] += self.stay * w[c]));
+            product
+                .par_iter_mut()
+                .zip(w)
+                .for_each(|(p, w)| (0..3).for_each(|c| p[c] += self.stay * w[c]));
             product
         };
         let undamped = right;
-        let right: Vec<Rgb> = right.iter().zip(averages).map(|(c, e)| std::array::from_fn(|i| c[i] + self.stay * e[i])).collect();
+        let right: Vec<Rgb> = right
+            .iter()
+            .zip(averages)
+            .map(|(c, e)| std::array::from_fn(|i| c[i] + self.stay * e[i]))
+            .collect();
         let mut w = averages.to_vec();
-        let mut residual: Vec<Rgb> = right.iter().zip(applied(&w)).map(|(c, p)| std::array::from_fn(|i| c[i] - p[i])).collect();
+        let mut residual: Vec<Rgb> = right
+            .iter()
+            .zip(applied(&w))
+            .map(|(c, p)| std::array::from_fn(|i| c[i] - p[i]))
+            .collect();
         let mut direction = residual.clone();
         let mut squares = dot(&residual, &residual);
-        let over =
-            |norm: Rgb, squares: &Rgb| (0..3).map(|c| if norm[c] > 0.0 { (squares[c] / norm[c]).sqrt() } else { 0.0 }).fold(0.0, f64::max);
+        let over = |norm: Rgb, squares: &Rgb| {
+            (0..3)
+                .map(|c| {
+                    if norm[c] > 0.0 {
+                        (squares[c] / norm[c]).sqrt()
+                    } else {
+                        0.0
+                    }
+                })
+                .fold(0.0, f64::max)
+        };
         let norm = dot(&right, &right);
         let relative = |squares: &Rgb| over(norm, squares);
         let mut steps = 0;
         while steps < MOST_STEPS && relative(&squares) > GOOD {
             let product = applied(&direction);
             let curvature = dot(&direction, &product);
-            let step: Rgb = std::array::from_fn(|c| if curvature[c] > 0.0 { squares[c] / curvature[c] } else { 0.0 });
+            let step: Rgb = std::array::from_fn(|c| {
+                if curvature[c] > 0.0 {
+                    squares[c] / curvature[c]
+                } else {
+                    0.0
+                }
+            });
             add(&mut w, &direction, step);
             add(&mut residual, &product, step.map(|s| -s));
             let next = dot(&residual, &residual);
-            let turn: Rgb = std::array::from_fn(|c| if squares[c] > 0.0 { next[c] / squares[c] } else { 0.0 });
-            direction.par_iter_mut().zip(&residual).for_each(|(d, r)| (0..3).for_each(|c| d[c] = r[c] + turn[c] * d[c]));
+            let turn: Rgb = std::array::from_fn(|c| {
+                if squares[c] > 0.0 {
+                    next[c] / squares[c]
+                } else {
+                    0.0
+                }
+            });
+            direction
+                .par_iter_mut()
+                .zip(&residual)
+                .for_each(|(d, r)| (0..3).for_each(|c| d[c] = r[c] + turn[c] * d[c]));
             squares = next;
             steps += 1;
         }
         let entries = self.rows.iter().map(|row| row.len()).sum();
-        let left: Vec<Rgb> = undamped.iter().zip(self.times(&w)).map(|(c, p)| std::array::from_fn(|i| c[i] - p[i])).collect();
+        let left: Vec<Rgb> = undamped
+            .iter()
+            .zip(self.times(&w))
+            .map(|(c, p)| std::array::from_fn(|i| c[i] - p[i]))
+            .collect();
         let undamped_residual = over(dot(undamped, undamped), &dot(&left, &left));
-        (w, Solution { residual: undamped_residual, damped_residual: relative(&squares), steps, entries })
+        (
+            w,
+            Solution {
+                residual: undamped_residual,
+                damped_residual: relative(&squares),
+                steps,
+                entries,
+            },
+        )
     }
 }
 
 fn add(to: &mut [Rgb], what: &[Rgb], times: Rgb) {
-    to.par_iter_mut().zip(what).for_each(|(to, what)| (0..3).for_each(|c| to[c] += times[c] * what[c]));
+    to.par_iter_mut()
+        .zip(what)
+        .for_each(|(to, what)| (0..3).for_each(|c| to[c] += times[c] * what[c]));
 }
 
 /// Scalar products of each channel, summed in an order that no thread decides.
 fn dot(a: &[Rgb], b: &[Rgb]) -> Rgb {
     let of_chunk = |(a, b): (&[Rgb], &[Rgb])| {
         let mut sum = [0.0; 3];
-        a.iter().zip(b).for_each(|(a, b)| (0..3).for_each(|c| sum[c] += a[c] * b[c]));
+        a.iter()
+            .zip(b)
+            .for_each(|(a, b)| (0..3).for_each(|c| sum[c] += a[c] * b[c]));
         sum
     };
-    let sums: Vec<Rgb> = a.par_chunks(CHUNK).zip(b.par_chunks(CHUNK)).map(of_chunk).collect();
-    sums.into_iter().fold([0.0; 3], |sum, part| std::array::from_fn(|c| sum[c] + part[c]))
+    let sums: Vec<Rgb> = a
+        .par_chunks(CHUNK)
+        .zip(b.par_chunks(CHUNK))
+        .map(of_chunk)
+        .collect();
+    sums.into_iter().fold([0.0; 3], |sum, part| {
+        std::array::from_fn(|c| sum[c] + part[c])
+    })
 }

@@ -1,4 +1,5 @@
-//! Surface: finds the place on a mesh that a number stands for, so that equal intervals are equal areas.
+//! Surface: finds the place on a mesh that a number stands for, so that equal intervals are equal
+//! areas.
 
 use crate::scene::Splat;
 use crate::scene::mesh::{Mesh, Triangle};
@@ -29,7 +30,10 @@ impl<'a> Surface<'a> {
             sum += triangle.twice_area().length() / 2.0;
             sum
         });
-        Surface { mesh, upto: upto.collect() }
+        Surface {
+            mesh,
+            upto: upto.collect(),
+        }
     }
 
     pub fn area(&self) -> f64 {
@@ -38,16 +42,31 @@ impl<'a> Surface<'a> {
 
     /// The largest coordinate of a corner.
     pub fn farthest(&self) -> f64 {
-        self.mesh.triangles.iter().flat_map(|t| t.corners).map(|corner| corner.abs().max_element()).fold(0.0, f64::max)
+        self.mesh
+            .triangles
+            .iter()
+            .flat_map(|t| t.corners)
+            .map(|corner| corner.abs().max_element())
+            .fold(0.0, f64::max)
     }
 
     /// The place at a share of the area, in [0, 1).
     pub fn at(&self, share: f64) -> Site {
         let area = share * self.area();
-        let triangle = self.upto.partition_point(|&upto| upto <= area).min(self.upto.len() - 1);
-        let before = if triangle == 0 { 0.0 } else { self.upto[triangle - 1] };
+        let triangle = self
+            .upto
+            .partition_point(|&upto| upto <= area)
+            .min(self.upto.len() - 1);
+        let before = if triangle == 0 {
+            0.0
+        } else {
+            self.upto[triangle - 1]
+        };
         let within = (area - before) / (self.upto[triangle] - before);
-        Site { triangle: triangle as u32, weights: in_triangle(within.clamp(0.0, 1.0 - f64::EPSILON)) }
+        Site {
+            triangle: triangle as u32,
+            weights: in_triangle(within.clamp(0.0, 1.0 - f64::EPSILON)),
+        }
     }
 
     pub fn position(&self, site: &Site) -> DVec3 {
@@ -64,21 +83,34 @@ impl<'a> Surface<'a> {
     /// A splat with position and normal; no radius yet, and no colour.
     pub fn splat(&self, site: &Site) -> Splat {
         let triangle = &self.mesh.triangles[site.triangle as usize];
-        Splat { position: self.position(site), normal: normal(triangle, site), radius: 0.0, rgb: [0.0; 3], opacity: 1.0, material: 0 }
+        Splat {
+            position: self.position(site),
+            normal: normal(triangle, site),
+            radius: 0.0,
+            rgb: [0.0; 3],
+            opacity: 1.0,
+            material: 0,
+        }
     }
 }
 
 fn normal(triangle: &Triangle, site: &Site) -> DVec3 {
-    let [a, b, c] = triangle.normals.map(|normal| DVec3::from_array(normal.map(f64::from)));
+    let [a, b, c] = triangle
+        .normals
+        .map(|normal| DVec3::from_array(normal.map(f64::from)));
     let [_, v, w] = site.weights;
-    (a + (b - a) * v + (c - a) * w).try_normalize().unwrap_or_else(|| triangle.face())
+    (a + (b - a) * v + (c - a) * w)
+        .try_normalize()
+        .unwrap_or_else(|| triangle.face())
 }
 
-/// The place of a number in [0, 1): its digits to the base 4 choose among the four like parts of a triangle, again and again, so an interval
-/// is a part of the triangle that hangs together (Basu and Owen 2015, *Low discrepancy constructions in the triangle*).
+/// The place of a number in [0, 1): its digits to the base 4 choose among the four like parts of a
+/// triangle, again and again, so an interval is a part of the triangle that hangs together (Basu
+/// and Owen 2015, *Low discrepancy constructions in the triangle*).
 fn in_triangle(share: f64) -> [f64; 3] {
     let mut corners = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    let middle = |a: [f64; 3], b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| (a[i] + b[i]) / 2.0) };
+    let middle =
+        |a: [f64; 3], b: [f64; 3]| -> [f64; 3] { std::array::from_fn(|i| (a[i] + b[i]) / 2.0) };
     let mut rest = share;
     for _ in 0..DIGITS {
         let [a, b, c] = corners;
@@ -92,6 +124,7 @@ fn in_triangle(share: f64) -> [f64; 3] {
             _ => [ca, bc, c],
         };
     }
-    let [_, v, w]: [f64; 3] = std::array::from_fn(|i| (corners[0][i] + corners[1][i] + corners[2][i]) / 3.0);
+    let [_, v, w]: [f64; 3] =
+        std::array::from_fn(|i| (corners[0][i] + corners[1][i] + corners[2][i]) / 3.0);
     [1.0 - v - w, v, w]
 }

@@ -7,7 +7,11 @@ fn a_number_of_points_is_whole_and_there_is_room_for_it() {
     assert_eq!(count(Amount::Density(10.0), 0.26), Ok(3));
     assert_eq!(count(Amount::Density(10.0), 0.001), Ok(1));
     assert_eq!(count(Amount::Points(7), 1.0), Ok(7));
-    for amount in [Amount::Points(0), Amount::Density(1e300), Amount::Density(f64::INFINITY)] {
+    for amount in [
+        Amount::Points(0),
+        Amount::Density(1e300),
+        Amount::Density(f64::INFINITY),
+    ] {
         assert!(count(amount, 1.0).unwrap_err().starts_with("would have "));
     }
 }
@@ -24,18 +28,33 @@ fn a_cut_kernel_is_as_wide_as_its_second_moment_says() {
             weight += ring;
             moment += ring * distance * distance / 2.0;
         }
-        assert!((gaussian::cut(cutoff).powi(2) - moment / weight).abs() < 1e-6, "{cutoff}");
+        assert!(
+            (gaussian::cut(cutoff).powi(2) - moment / weight).abs() < 1e-6,
+            "{cutoff}"
+        );
     }
     assert_eq!(gaussian::cut(1e4), 1.0);
 }
 
 #[test]
 fn a_checkerboard_begins_with_white() {
-    let Picture::Texture(Texture { image, .. }) = Picture::checkerboard(3) else { panic!("a picture is made") };
+    let Picture::Texture(Texture { image, .. }) = Picture::checkerboard(3) else {
+        panic!("a picture is made")
+    };
     assert_eq!((image.width, image.height), (2049, 2049));
     let third = 683;
-    for (x, y, code) in [(0, 0, 255), (third - 1, third - 1, 255), (third, 0, 0), (third, third, 255), (2048, 2048, 255), (2048, third, 0)]
-    {
-        assert_eq!(image.texels[y * 2049 + x], [code, code, code, 255], "{x} {y}");
+    for (x, y, code) in [
+        (0, 0, 255),
+        (third - 1, third - 1, 255),
+        (third, 0, 0),
+        (third, third, 255),
+        (2048, 2048, 255),
+        (2048, third, 0),
+    ] {
+        assert_eq!(
+            image.texels[y * 2049 + x],
+            [code, code, code, 255],
+            "{x} {y}"
+        );
     }
 }

@@ -7,8 +7,9 @@
 //! - EWA, independent of any view: w_k = Σ_i c_i ⟨r_k, n_i∘t⁻¹⟩, the products' sum made 1.
 //! - optimised: R w = c with R_kj = ⟨r_k, r_j⟩ ([`super::solve`]).
 //!
-//! r_k is as wide as what a renderer draws of the splat, which cuts it at the scene's cutoff ([`super::gaussian::cut`]). Where a kernel reaches
-//! past its triangle, t is continued: across a seam of the texture it sees what lies beside it in the picture.
+//! r_k is as wide as what a renderer draws of the splat, which cuts it at the scene's cutoff
+//! ([`super::gaussian::cut`]). Where a kernel reaches past its triangle, t is continued: across a
+//! seam of the texture it sees what lies beside it in the picture.
 
 use super::gaussian::cut;
 use super::solve::{Matrix, Solution};
@@ -24,7 +25,8 @@ use std::sync::OnceLock;
 const TEXEL: f64 = 1.0 / 12.0;
 /// Radial index at which texels under a kernel end: e^(−4.5) = 1.1 % of the weight lies beyond.
 const REACH: f64 = 9.0;
-/// Texels that one kernel looks at, at most; under wider ones each level of the pyramid has a quarter.
+/// Texels that one kernel looks at, at most; under wider ones each level of the pyramid has a
+/// quarter.
 const MOST_TEXELS: f64 = 4096.0;
 
 /// Colours and opacities of all points.
@@ -35,10 +37,18 @@ pub(super) struct Acquired {
 }
 
 impl Acquired {
-    pub fn of(mesh: &Mesh, sites: &[Site], splats: &[Splat], faces: &[DVec3], request: &Request) -> Result<Acquired, String> {
+    pub fn of(
+        mesh: &Mesh,
+        sites: &[Site],
+        splats: &[Splat],
+        faces: &[DVec3],
+        request: &Request,
+    ) -> Result<Acquired, String> {
         let painting = Painting::of(mesh, &request.picture)?;
         let drawn = cut(request.cutoff);
-        let colour = |(site, splat): (&Site, &Splat)| painting.colour(site, drawn * splat.radius, request.acquisition);
+        let colour = |(site, splat): (&Site, &Splat)| {
+            painting.colour(site, drawn * splat.radius, request.acquisition)
+        };
         let mut rgba: Vec<[f64; 4]> = sites.par_iter().zip(splats).map(colour).collect();
         let mut solution = None;
         if request.acquisition == Acquisition::Optimised {
@@ -46,13 +56,26 @@ impl Acquired {
             let radii: Vec<f64> = splats.iter().map(|splat| drawn * splat.radius).collect();
             let matrix = Matrix::of(&places, faces, &radii)?;
             let averages: Vec<[f64; 3]> = rgba.iter().map(|&[r, g, b, _]| [r, g, b]).collect();
-            let is_averaged: Vec<bool> =
-                sites.iter().map(|site| painting.texture(&mesh.triangles[site.triangle as usize]).is_some()).collect();
-            let (colours, found) = matrix.solve(&matrix.right_sides(&averages, &is_averaged), &averages);
-            rgba.iter_mut().zip(colours).for_each(|(rgba, colour)| rgba[..3].copy_from_slice(&colour));
+            let is_averaged: Vec<bool> = sites
+                .iter()
+                .map(|site| {
+                    painting
+                        .texture(&mesh.triangles[site.triangle as usize])
+                        .is_some()
+                })
+                .collect();
+            let (colours, found) =
+                matrix.solve(&matrix.right_sides(&averages, &is_averaged), &averages);
+            rgba.iter_mut()
+                .zip(colours)
+                .for_each(|(rgba, colour)| rgba[..3].copy_from_slice(&colour));
             solution = Some(found);
         }
-        Ok(Acquired { rgba, solution, notes: painting.notes })
+        Ok(Acquired {
+            rgba,
+            solution,
+            notes: painting.notes,
+        })
     }
 }
 
@@ -71,18 +94,32 @@ impl<'a> Painting<'a> {
         let textures = match picture {
             Picture::Own => mesh.textures.iter().collect(),
             Picture::Texture(texture) => {
-                let bare = mesh.triangles.iter().filter(|triangle| triangle.uv.is_none()).count();
+                let bare = mesh
+                    .triangles
+                    .iter()
+                    .filter(|triangle| triangle.uv.is_none())
+                    .count();
                 if bare == mesh.triangles.len() {
-                    return Err("has no texture coordinates, so no picture can be put onto it".into());
+                    return Err(
+                        "has no texture coordinates, so no picture can be put onto it".into(),
+                    );
                 }
                 if bare > 0 {
-                    notes.push(format!("{bare} of {} triangles have no texture coordinates and keep their colours", mesh.triangles.len()));
+                    notes.push(format!(
+                        "{bare} of {} triangles have no texture coordinates and keep their colours",
+                        mesh.triangles.len()
+                    ));
                 }
                 vec![texture]
             }
         };
         let pyramids = textures.into_iter().map(Pyramid::of).collect();
-        Ok(Painting { mesh, is_covered: matches!(picture, Picture::Texture(_)), pyramids, notes })
+        Ok(Painting {
+            mesh,
+            is_covered: matches!(picture, Picture::Texture(_)),
+            pyramids,
+            notes,
+        })
     }
 
     fn material(&self, triangle: &Triangle) -> &Material {
@@ -92,7 +129,11 @@ impl<'a> Painting<'a> {
     /// The picture on a triangle, and the texture coordinates of its corners.
     fn texture(&self, triangle: &Triangle) -> Option<(&Pyramid<'a>, [DVec2; 3])> {
         let uv = triangle.uv?.map(|uv| DVec2::from_array(uv.map(f64::from)));
-        let number = if self.is_covered { 0 } else { self.material(triangle).texture? };
+        let number = if self.is_covered {
+            0
+        } else {
+            self.material(triangle).texture?
+        };
         Some((&self.pyramids[number], uv))
     }
 
@@ -115,7 +156,12 @@ impl<'a> Painting<'a> {
             rgba = std::array::from_fn(|c| rgba[c] * texel[c]);
         }
         let alpha: Alpha = material.alpha;
-        [rgba[0].clamp(0.0, 1.0), rgba[1].clamp(0.0, 1.0), rgba[2].clamp(0.0, 1.0), alpha.of(rgba[3])]
+        [
+            rgba[0].clamp(0.0, 1.0),
+            rgba[1].clamp(0.0, 1.0),
+            rgba[2].clamp(0.0, 1.0),
+            alpha.of(rgba[3]),
+        ]
     }
 }
 
@@ -135,7 +181,10 @@ impl<'a> Pyramid<'a> {
     fn of(texture: &'a Texture) -> Self {
         let Image { width, height, .. } = *texture.image;
         let halvings = usize::BITS - (width.max(height) - 1).leading_zeros();
-        Pyramid { texture, halves: (0..halvings).map(|_| OnceLock::new()).collect() }
+        Pyramid {
+            texture,
+            halves: (0..halvings).map(|_| OnceLock::new()).collect(),
+        }
     }
 
     fn size(&self, level: usize) -> [usize; 2] {
@@ -157,19 +206,34 @@ impl<'a> Pyramid<'a> {
             let ([width, height], [wide, high]) = (self.size(level), self.size(level - 1));
             let mean = |place: usize| {
                 let (column, row) = (place % width * 2, place / width * 2);
-                let four = [(0, 0), (1, 0), (0, 1), (1, 1)]
-                    .map(|(x, y)| self.texel(level - 1, [(column + x).min(wide - 1), (row + y).min(high - 1)]));
+                let four = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(x, y)| {
+                    self.texel(
+                        level - 1,
+                        [(column + x).min(wide - 1), (row + y).min(high - 1)],
+                    )
+                });
                 std::array::from_fn(|c| four.iter().map(|texel| texel[c]).sum::<f32>() / 4.0)
             };
-            Level { width, texels: (0..width * height).map(mean).collect() }
+            Level {
+                width,
+                texels: (0..width * height).map(mean).collect(),
+            }
         })
     }
 
     /// Linear light and opacity under a kernel.
-    fn under(&self, triangle: &Triangle, uv: [DVec2; 3], site: &Site, radius: f64, acquisition: Acquisition) -> [f64; 4] {
+    fn under(
+        &self,
+        triangle: &Triangle,
+        uv: [DVec2; 3],
+        site: &Site,
+        radius: f64,
+        acquisition: Acquisition,
+    ) -> [f64; 4] {
         let Image { width, height, .. } = *self.texture.image;
         let size = DVec2::new(width as f64, height as f64);
-        let middle = (uv[0] * site.weights[0] + uv[1] * site.weights[1] + uv[2] * site.weights[2]) * size;
+        let middle =
+            (uv[0] * site.weights[0] + uv[1] * site.weights[1] + uv[2] * site.weights[2]) * size;
         if acquisition == Acquisition::Nearest {
             let [column, row] = self.index(0, middle.floor());
             return self.texture.image.linear(column, row).map(f64::from);
@@ -179,10 +243,16 @@ impl<'a> Pyramid<'a> {
         self.average(middle, variance)
     }
 
-    /// The mean of texels around a place of the picture, weighted by a Gaussian of this variance (texels squared) and their own.
+    /// The mean of texels around a place of the picture, weighted by a Gaussian of this variance
+    /// (texels squared) and their own.
     fn average(&self, middle: DVec2, variance: DMat2) -> [f64; 4] {
         let own = DMat2::from_diagonal(DVec2::splat(TEXEL));
-        let extent = |variance: DMat2| DVec2::new((REACH * variance.x_axis.x).sqrt(), (REACH * variance.y_axis.y).sqrt());
+        let extent = |variance: DMat2| {
+            DVec2::new(
+                (REACH * variance.x_axis.x).sqrt(),
+                (REACH * variance.y_axis.y).sqrt(),
+            )
+        };
         let count = |extent: DVec2| (2.0 * extent.x + 1.0) * (2.0 * extent.y + 1.0);
         let (mut level, mut scale) = (0, DVec2::ONE);
         let whole = self.size(0).map(|side| side as f64);
@@ -200,7 +270,10 @@ impl<'a> Pyramid<'a> {
             return straight(self.texel(level, [0, 0]).map(f64::from));
         }
         let (middle, extent, inverse) = (middle * scale, extent(scaled), scaled.inverse());
-        let (low, high) = ((middle - extent - 0.5).ceil(), (middle + extent - 0.5).floor());
+        let (low, high) = (
+            (middle - extent - 0.5).ceil(),
+            (middle + extent - 0.5).floor(),
+        );
         let (mut sum, mut weights) = ([0.0; 4], 0.0);
         let mut row = low.y;
         while row <= high.y {
@@ -221,19 +294,26 @@ impl<'a> Pyramid<'a> {
         if weights > 0.0 {
             straight(sum.map(|c| c / weights))
         } else {
-            straight(self.texel(level, self.index(level, middle.floor())).map(f64::from))
+            straight(
+                self.texel(level, self.index(level, middle.floor()))
+                    .map(f64::from),
+            )
         }
     }
 
     fn index(&self, level: usize, texel: DVec2) -> [usize; 2] {
         let [width, height] = self.size(level);
         let [across, down]: [Wrap; 2] = self.texture.wrap;
-        [across.index(texel.x as i64, width), down.index(texel.y as i64, height)]
+        [
+            across.index(texel.x as i64, width),
+            down.index(texel.y as i64, height),
+        ]
     }
 }
 
-/// The linear part of t⁻¹, from a triangle's tangent plane to texels; its columns are what the plane's two axes become. What surface direction
-/// the first axis has does not matter for round kernels.
+/// The linear part of t⁻¹, from a triangle's tangent plane to texels; its columns are what the
+/// plane's two axes become. What surface direction the first axis has does not matter for round
+/// kernels.
 fn to_texture(triangle: &Triangle, uv: [DVec2; 3]) -> DMat2 {
     let [a, b, c] = triangle.corners;
     let x = (b - a).normalize();
@@ -243,5 +323,9 @@ fn to_texture(triangle: &Triangle, uv: [DVec2; 3]) -> DMat2 {
 }
 
 fn straight([r, g, b, alpha]: [f64; 4]) -> [f64; 4] {
-    if alpha > 0.0 { [r / alpha, g / alpha, b / alpha, alpha] } else { [0.0; 4] }
+    if alpha > 0.0 {
+        [r / alpha, g / alpha, b / alpha, alpha]
+    } else {
+        [0.0; 4]
+    }
 }

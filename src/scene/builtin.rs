@@ -1,7 +1,8 @@
 //! Built-in clouds: makes splats from formulas, any number of them, the same ones on every machine.
 //!
-//! Each has a scene file of its own beside this one, with a good view of it: what its name alone stands for.
-//! Every cloud has exactly as many splats as it is asked for, and σ is the spacing of its samples.
+//! Each has a scene file of its own beside this one, with a good view of it: what its name alone
+//! stands for. Every cloud has exactly as many splats as it is asked for, and σ is the spacing of
+//! its samples.
 
 use super::{Material, Splat};
 use glam::{DVec2, DVec3};
@@ -14,7 +15,8 @@ use std::f64::consts::{PI, TAU};
 #[derive(Deserialize, JsonSchema, Clone, Copy, Debug, PartialEq)]
 #[serde(rename_all = "kebab-case")]
 pub enum Builtin {
-    /// Two glass spheres and an opaque one over a checkerboard floor (docs/book/algorithm-resolve.md §10).
+    /// Two glass spheres and an opaque one over a checkerboard floor
+    /// (docs/book/algorithm-resolve.md §10).
     GlassSpheres,
     /// A checkerboard to the horizon: magnified near the eye, minified far away.
     Checkerboard,
@@ -26,7 +28,10 @@ pub enum Builtin {
 
 /// Built-in scenes of other things than clouds: volumes and Gaussians.
 const MEDIA: [(&str, &str); 4] = [
-    ("marschner-lobb", include_str!("builtin/marschner-lobb.json")),
+    (
+        "marschner-lobb",
+        include_str!("builtin/marschner-lobb.json"),
+    ),
     ("nested-shells", include_str!("builtin/nested-shells.json")),
     ("fuzzy-clouds", include_str!("builtin/fuzzy-clouds.json")),
     ("bouquet", include_str!("builtin/bouquet.json")),
@@ -34,13 +39,24 @@ const MEDIA: [(&str, &str); 4] = [
 
 /// The scene that a name alone stands for.
 pub(super) fn scene(name: &str) -> Option<&'static str> {
-    let cloud = Builtin::ALL.into_iter().find(|builtin| builtin.name() == name).map(Builtin::scene);
-    cloud.or_else(|| MEDIA.into_iter().find(|(own, _)| *own == name).map(|(_, text)| text))
+    let cloud = Builtin::ALL
+        .into_iter()
+        .find(|builtin| builtin.name() == name)
+        .map(Builtin::scene);
+    cloud.or_else(|| {
+        MEDIA
+            .into_iter()
+            .find(|(own, _)| *own == name)
+            .map(|(_, text)| text)
+    })
 }
 
 /// Names of all built-in scenes.
 pub fn names() -> impl Iterator<Item = &'static str> {
-    Builtin::ALL.into_iter().map(Builtin::name).chain(MEDIA.into_iter().map(|(name, _)| name))
+    Builtin::ALL
+        .into_iter()
+        .map(Builtin::name)
+        .chain(MEDIA.into_iter().map(|(name, _)| name))
 }
 
 /// In which order splats reach the machine: neighbours after each other, or shuffled.
@@ -59,7 +75,12 @@ const GOLDEN: f64 = 1.618_033_988_749_895;
 
 impl Builtin {
     /// All of them, in the order in which they are listed.
-    pub const ALL: [Builtin; 4] = [Builtin::GlassSpheres, Builtin::Checkerboard, Builtin::TorusKnot, Builtin::Terrain];
+    pub const ALL: [Builtin; 4] = [
+        Builtin::GlassSpheres,
+        Builtin::Checkerboard,
+        Builtin::TorusKnot,
+        Builtin::Terrain,
+    ];
 
     /// The name that scenes and the command line use.
     pub fn name(self) -> &'static str {
@@ -83,7 +104,12 @@ impl Builtin {
 
     /// What its splats' material indices mean.
     pub(super) fn materials(self) -> Vec<Material> {
-        let lit = |ambient, diffuse, specular, shininess| Material::BlinnPhong { ambient, diffuse, specular, shininess };
+        let lit = |ambient, diffuse, specular, shininess| Material::BlinnPhong {
+            ambient,
+            diffuse,
+            specular,
+            shininess,
+        };
         match self {
             Builtin::GlassSpheres => vec![Material::Unlit, lit(0.15, 0.8, 0.3, 32.0)],
             Builtin::Checkerboard => vec![Material::Unlit],
@@ -103,7 +129,8 @@ impl Builtin {
     }
 }
 
-/// Shuffles by Fisher and Yates, with splitmix64 as the source: a given seed means one order for ever.
+/// Shuffles by Fisher and Yates, with splitmix64 as the source: a given seed means one order for
+/// ever.
 pub(super) fn shuffle(splats: &mut [Splat], seed: u64) {
     let mut state = seed;
     for i in (1..splats.len()).rev() {
@@ -127,7 +154,8 @@ fn share(count: usize, parts: usize, i: usize) -> usize {
 
 // ---- glass-spheres ----
 
-/// Four sevenths of the splats are floor (a square grid, so a few less), the rest 3 : 2 : 1 spheres.
+/// Four sevenths of the splats are floor (a square grid, so a few less), the rest 3 : 2 : 1
+/// spheres.
 fn glass_spheres(count: usize) -> Vec<Splat> {
     let side = (count * 4 / 7).isqrt();
     let round = count - side * side;
@@ -135,8 +163,22 @@ fn glass_spheres(count: usize) -> Vec<Splat> {
     let mut splats = Vec::with_capacity(count);
     splats.extend((0..side * side).map(|i| floor_splat(i, side)));
     sphere(&mut splats, red, DVec3::ZERO, 1.0, [0.9, 0.2, 0.1], 0.5);
-    sphere(&mut splats, green, DVec3::new(0.7, 0.2, 0.5), 0.8, [0.1, 0.8, 0.2], 0.5);
-    sphere(&mut splats, round - red - green, DVec3::new(-0.9, -0.3, 0.8), 0.6, [0.2, 0.3, 0.9], 1.0);
+    sphere(
+        &mut splats,
+        green,
+        DVec3::new(0.7, 0.2, 0.5),
+        0.8,
+        [0.1, 0.8, 0.2],
+        0.5,
+    );
+    sphere(
+        &mut splats,
+        round - red - green,
+        DVec3::new(-0.9, -0.3, 0.8),
+        0.6,
+        [0.2, 0.3, 0.9],
+        1.0,
+    );
     splats
 }
 
@@ -148,21 +190,43 @@ fn floor_splat(i: usize, side: usize) -> Splat {
         position: DVec3::new(x, -1.0, z),
         normal: DVec3::Y,
         radius: spacing,
-        rgb: if odd { [0.9, 0.9, 0.9] } else { [0.1, 0.1, 0.3] },
+        rgb: if odd {
+            [0.9, 0.9, 0.9]
+        } else {
+            [0.1, 0.1, 0.3]
+        },
         opacity: 1.0,
         material: UNLIT,
     }
 }
 
 /// A Fibonacci lattice around the z axis.
-fn sphere(splats: &mut Vec<Splat>, count: usize, centre: DVec3, radius: f64, rgb: [f64; 3], opacity: f64) {
+fn sphere(
+    splats: &mut Vec<Splat>,
+    count: usize,
+    centre: DVec3,
+    radius: f64,
+    rgb: [f64; 3],
+    opacity: f64,
+) {
     let spacing = radius * (4.0 * PI / count as f64).sqrt();
     splats.extend((0..count).map(|i| {
         let i = i as f64 + 0.5;
         let polar = libm::acos(1.0 - 2.0 * i / count as f64);
         let azimuth = PI * (1.0 + 5f64.sqrt()) * i;
-        let normal = DVec3::new(sin(polar) * cos(azimuth), sin(polar) * sin(azimuth), cos(polar));
-        Splat { position: centre + radius * normal, normal, radius: spacing, rgb, opacity, material: LIT }
+        let normal = DVec3::new(
+            sin(polar) * cos(azimuth),
+            sin(polar) * sin(azimuth),
+            cos(polar),
+        );
+        Splat {
+            position: centre + radius * normal,
+            normal,
+            radius: spacing,
+            rgb,
+            opacity,
+            material: LIT,
+        }
     }));
 }
 
@@ -172,22 +236,33 @@ fn sphere(splats: &mut Vec<Splat>, count: usize, centre: DVec3, radius: f64, rgb
 const NEAR_EDGE: f64 = 1.2;
 const FAR_EDGE: f64 = 200.0;
 
-/// Rows from near to far. Spacing grows with the root of depth: splats are many pixels wide near the eye and far less
-/// than one at the horizon, yet never wider than half a check, or the pattern itself would be undersampled.
+/// Rows from near to far. Spacing grows with the root of depth: splats are many pixels wide near
+/// the eye and far less than one at the horizon, yet never wider than half a check, or the pattern
+/// itself would be undersampled.
 fn checkerboard(count: usize) -> Vec<Splat> {
-    // With spacing c·√d, a strip of depth dd holds d·dd/(c²d) splats: as many in each unit of depth.
+    // With spacing c·√d, a strip of depth dd holds d·dd/(c²d) splats: as many in each unit of
+    // depth.
     let c = ((FAR_EDGE - NEAR_EDGE) / count as f64).sqrt();
     let rows = ((2.0 * (FAR_EDGE.sqrt() - NEAR_EDGE.sqrt()) / c).round() as usize).clamp(1, count);
     let edge = |row: usize| {
-        let root = NEAR_EDGE.sqrt() + (FAR_EDGE.sqrt() - NEAR_EDGE.sqrt()) * row as f64 / rows as f64;
+        let root =
+            NEAR_EDGE.sqrt() + (FAR_EDGE.sqrt() - NEAR_EDGE.sqrt()) * row as f64 / rows as f64;
         root * root
     };
-    let upto = |row: usize| ((edge(row) - NEAR_EDGE) / (FAR_EDGE - NEAR_EDGE) * count as f64).round() as usize;
+    let upto = |row: usize| {
+        ((edge(row) - NEAR_EDGE) / (FAR_EDGE - NEAR_EDGE) * count as f64).round() as usize
+    };
     let row = |row: usize| {
         let (near, far, columns) = (edge(row), edge(row + 1), upto(row + 1) - upto(row));
         let depth = (near + far) / 2.0;
         let radius = (depth * (far - near) / columns as f64).sqrt();
-        (0..columns).map(move |i| plane_splat(depth * ((i as f64 + 0.5) / columns as f64 - 0.5), -depth, radius))
+        (0..columns).map(move |i| {
+            plane_splat(
+                depth * ((i as f64 + 0.5) / columns as f64 - 0.5),
+                -depth,
+                radius,
+            )
+        })
     };
     (0..rows).flat_map(row).collect()
 }
@@ -208,7 +283,8 @@ fn plane_splat(x: f64, z: f64, radius: f64) -> Splat {
 
 /// Less than half the distance at which the knot passes itself.
 const TUBE: f64 = 0.4;
-/// Pieces in which the knot's length is measured; halving them moves no splat by a thousandth of its radius.
+/// Pieces in which the knot's length is measured; halving them moves no splat by a thousandth of
+/// its radius.
 const PIECES: usize = 4096;
 
 /// A phyllotaxis on the tube around a (2, 3) torus knot.
@@ -219,13 +295,21 @@ fn torus_knot(count: usize) -> Vec<Splat> {
     let splat = |i: usize| {
         let along = (i as f64 + 0.5) / count as f64;
         let piece = length_upto.partition_point(|&l| l <= along * length) - 1;
-        let inside = (along * length - length_upto[piece]) / (length_upto[piece + 1] - length_upto[piece]);
+        let inside =
+            (along * length - length_upto[piece]) / (length_upto[piece + 1] - length_upto[piece]);
         let angle = TAU * (piece as f64 + inside) / PIECES as f64;
         let (centre, across, above) = knot_frame(angle);
         let around = TAU * (i as f64 * GOLDEN).fract();
         let normal = cos(around) * across + sin(around) * above;
         let rgb = [0.0, 1.0 / 3.0, 2.0 / 3.0].map(|phase| 0.5 + 0.45 * cos(TAU * (along + phase)));
-        Splat { position: centre + TUBE * normal, normal, radius, rgb, opacity: 1.0, material: 0 }
+        Splat {
+            position: centre + TUBE * normal,
+            normal,
+            radius,
+            rgb,
+            opacity: 1.0,
+            material: 0,
+        }
     };
     (0..count).map(splat).collect()
 }
@@ -242,10 +326,19 @@ fn knot_lengths() -> Vec<f64> {
 
 /// Point of the knot's centre line, and two unit vectors that span the plane across it.
 fn knot_frame(angle: f64) -> (DVec3, DVec3, DVec3) {
-    let (s2, c2, s3, c3) = (sin(2.0 * angle), cos(2.0 * angle), sin(3.0 * angle), cos(3.0 * angle));
+    let (s2, c2, s3, c3) = (
+        sin(2.0 * angle),
+        cos(2.0 * angle),
+        sin(3.0 * angle),
+        cos(3.0 * angle),
+    );
     let from_axis = 2.0 + c3;
     let centre = DVec3::new(from_axis * c2, from_axis * s2, s3);
-    let tangent = DVec3::new(-3.0 * s3 * c2 - 2.0 * from_axis * s2, -3.0 * s3 * s2 + 2.0 * from_axis * c2, 3.0 * c3);
+    let tangent = DVec3::new(
+        -3.0 * s3 * c2 - 2.0 * from_axis * s2,
+        -3.0 * s3 * s2 + 2.0 * from_axis * c2,
+        3.0 * c3,
+    );
     // Outwards from the torus that the knot lies on: never along the knot.
     let across = DVec3::new(c3 * c2, c3 * s2, s3);
     (centre, across, tangent.normalize().cross(across))
@@ -253,7 +346,8 @@ fn knot_frame(angle: f64) -> (DVec3, DVec3, DVec3) {
 
 // ---- terrain ----
 
-/// Half the side of the square that the terrain covers; its highest peaks are about as high as a quarter of it.
+/// Half the side of the square that the terrain covers; its highest peaks are about as high as a
+/// quarter of it.
 const HALF_SIDE: f64 = 4.0;
 
 /// Rows of a near-square grid, z from far to near, x from left to right.
@@ -262,8 +356,11 @@ fn terrain(count: usize) -> Vec<Splat> {
     let spacing = 2.0 * HALF_SIDE / (count as f64).sqrt();
     let row = move |row: usize| {
         let columns = share(count, rows, row);
-        let cell = move |i: usize, of: usize| ((i as f64 + 0.5) / of as f64 * 2.0 - 1.0) * HALF_SIDE;
-        (0..columns).map(move |column| terrain_splat(DVec2::new(cell(column, columns), cell(row, rows)), spacing))
+        let cell =
+            move |i: usize, of: usize| ((i as f64 + 0.5) / of as f64 * 2.0 - 1.0) * HALF_SIDE;
+        (0..columns).map(move |column| {
+            terrain_splat(DVec2::new(cell(column, columns), cell(row, rows)), spacing)
+        })
     };
     (0..rows).flat_map(row).collect()
 }
@@ -295,7 +392,8 @@ fn height(at: DVec2) -> f64 {
     (hills * (0..7).map(octave).sum::<f64>() * 1.1 - 0.25).max(0.0)
 }
 
-/// Linear light of water, grass, rock and snow, by height, steepness (the normal's y) and a bit of chance.
+/// Linear light of water, grass, rock and snow, by height, steepness (the normal's y) and a bit of
+/// chance.
 fn ground(height: f64, up: f64, chance: f64) -> [f64; 3] {
     const WATER: DVec3 = DVec3::new(0.02, 0.09, 0.16);
     const GRASS: DVec3 = DVec3::new(0.09, 0.17, 0.03);
@@ -308,7 +406,9 @@ fn ground(height: f64, up: f64, chance: f64) -> [f64; 3] {
     let low = GRASS * (0.6 + 0.8 * chance);
     let rock = ROCK * (0.7 + 0.6 * chance);
     let snow = smooth((height + 0.3 * chance - 0.85) / 0.25) * smooth((up - 0.4) / 0.2);
-    rock.lerp(low, flat * (1.0 - smooth((height - 0.35) / 0.35))).lerp(SNOW, snow).to_array()
+    rock.lerp(low, flat * (1.0 - smooth((height - 0.35) / 0.35)))
+        .lerp(SNOW, snow)
+        .to_array()
 }
 
 /// 0 below 0, 1 above 1, and between them without a kink.
@@ -328,7 +428,11 @@ fn noise(at: DVec2, seed: u64) -> f64 {
     };
     let (u, v) = (smooth(part.x), smooth(part.y));
     let lerp = |a: f64, b: f64, t: f64| a + (b - a) * t;
-    lerp(lerp(corner(0.0, 0.0), corner(1.0, 0.0), u), lerp(corner(0.0, 1.0), corner(1.0, 1.0), u), v)
+    lerp(
+        lerp(corner(0.0, 0.0), corner(1.0, 0.0), u),
+        lerp(corner(0.0, 1.0), corner(1.0, 1.0), u),
+        v,
+    )
 }
 
 #[cfg(test)]

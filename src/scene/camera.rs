@@ -4,8 +4,9 @@
 //! positions ─► box of all but 0.5 % on each side of each axis ─► ball of all ────────────────────────────────────┐
 //! positions, opacity, radius ─► box of all but 2 % of what is seen ─► ball of what is seen, if less than half of it ─┴─► eye, target
 //! ```
-//! The second ball is for scenes with a few splats far away that are faint or small: it counts only where those that it leaves out are,
-//! in the mean, less than half as visible as all are. Splats that are all alike never lead to it.
+//! The second ball is for scenes with a few splats far away that are faint or small: it counts only
+//! where those that it leaves out are, in the mean, less than half as visible as all are. Splats
+//! that are all alike never lead to it.
 
 use super::{Camera, Image, Splat, neighbours};
 use glam::{DQuat, DVec3};
@@ -17,7 +18,8 @@ const FROM: DVec3 = DVec3::new(0.35, 0.3, 1.0);
 const MARGIN: f64 = 1.05;
 /// Stray points of a scan lie outside this share of its points, on each side of each axis.
 const STRAYS: f64 = 0.005;
-/// What is seen lies within all but this share of the weight of splats, on each side of each axis, and so far from its middle.
+/// What is seen lies within all but this share of the weight of splats, on each side of each axis,
+/// and so far from its middle.
 const UNSEEN: f64 = 0.02;
 /// Farther than this many times that, a splat is outside.
 const REACH: f64 = 1.5;
@@ -25,7 +27,8 @@ const REACH: f64 = 1.5;
 const SMALLER: f64 = 0.5;
 /// What lies outside must have less than this part of the mean weight.
 const FAINTER: f64 = 0.5;
-/// Splats by which boxes are measured, at most twice as many: enough for a share of 2 %, and sorted in no time.
+/// Splats by which boxes are measured, at most twice as many: enough for a share of 2 %, and sorted
+/// in no time.
 const MEASURED: usize = 1 << 17;
 /// A splat is visible to about this many radii.
 const VISIBLE_RADII: f64 = 2.0;
@@ -36,15 +39,23 @@ pub(super) struct Ball {
     pub radius: f64,
 }
 
-/// Weight of each splat: its opacity, times its area where it is smaller than the median. None where all weigh the same.
+/// Weight of each splat: its opacity, times its area where it is smaller than the median. None
+/// where all weigh the same.
 fn weights(splats: &[Splat]) -> Option<Vec<f64>> {
     let median = neighbours::median(splats.iter().map(|splat| splat.radius).collect())?;
     let weight = |splat: &Splat| {
-        let size = if median > 0.0 { (splat.radius / median).min(1.0) } else { 1.0 };
+        let size = if median > 0.0 {
+            (splat.radius / median).min(1.0)
+        } else {
+            1.0
+        };
         splat.opacity.min(1.0) * size * size
     };
     let weights: Vec<f64> = splats.iter().map(weight).collect();
-    weights.iter().any(|weight| *weight != weights[0]).then_some(weights)
+    weights
+        .iter()
+        .any(|weight| *weight != weights[0])
+        .then_some(weights)
 }
 
 /// The first value, in ascending order, before which more than a share of the weight lies.
@@ -60,14 +71,17 @@ fn quantile(ascending: impl Iterator<Item = (f64, f64)>, most: f64) -> f64 {
 }
 
 impl Ball {
-    /// The ball around what is seen of the splats: of all, or of those that are not far away and faint or small.
+    /// The ball around what is seen of the splats: of all, or of those that are not far away and
+    /// faint or small.
     pub fn around(splats: &[Splat]) -> Ball {
         let all = Ball::of_all(splats);
-        Ball::of_seen(splats).filter(|seen| seen.radius < SMALLER * all.radius).unwrap_or(all)
+        Ball::of_seen(splats)
+            .filter(|seen| seen.radius < SMALLER * all.radius)
+            .unwrap_or(all)
     }
 
-    /// The ball about the middle of the box that holds all but a share of what is seen, and what reaches little farther; none where that is
-    /// not what the others are fainter or smaller than.
+    /// The ball about the middle of the box that holds all but a share of what is seen, and what
+    /// reaches little farther; none where that is not what the others are fainter or smaller than.
     fn of_seen(splats: &[Splat]) -> Option<Ball> {
         let weights = weights(splats)?;
         let all: f64 = weights.iter().sum();
@@ -75,13 +89,19 @@ impl Ball {
         let measured = || splats.iter().zip(&weights).step_by(stride);
         let most = UNSEEN * measured().map(|(_, weight)| weight).sum::<f64>();
         let ends = |value: &dyn Fn(&Splat) -> f64| {
-            let mut values: Vec<(f64, f64)> = measured().map(|(splat, weight)| (value(splat), *weight)).collect();
+            let mut values: Vec<(f64, f64)> = measured()
+                .map(|(splat, weight)| (value(splat), *weight))
+                .collect();
             values.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-            [quantile(values.iter().copied(), most), quantile(values.iter().rev().copied(), most)]
+            [
+                quantile(values.iter().copied(), most),
+                quantile(values.iter().rev().copied(), most),
+            ]
         };
         let spans = [0, 1, 2].map(|axis| ends(&|splat| splat.position[axis]));
         let centre = DVec3::from_array(spans.map(|[low, high]| low + (high - low) / 2.0));
-        let reach = |splat: &Splat| (splat.position - centre).length() + VISIBLE_RADII * splat.radius;
+        let reach =
+            |splat: &Splat| (splat.position - centre).length() + VISIBLE_RADII * splat.radius;
         let [_, usual] = ends(&reach);
         let (mut radius, mut outside, mut outside_weight) = (0.0_f64, 0, 0.0);
         for (splat, weight) in splats.iter().zip(&weights) {
@@ -99,12 +119,19 @@ impl Ball {
     /// A ball that an eye can see.
     fn sound(centre: DVec3, radius: f64) -> Ball {
         // Below that, the eye's own coordinates could not tell it from the centre.
-        let least = if radius > 0.0 { centre.length() * 1e-6 } else { VISIBLE_RADII * neighbours::lone_radius(centre) };
-        Ball { centre, radius: radius.max(least) }
+        let least = if radius > 0.0 {
+            centre.length() * 1e-6
+        } else {
+            VISIBLE_RADII * neighbours::lone_radius(centre)
+        };
+        Ball {
+            centre,
+            radius: radius.max(least),
+        }
     }
 
-    /// The ball about the middle of the box that holds all but the strays, as large as what is in that box.
-    /// Splats without a radius (0) count as points; the ball never has radius 0.
+    /// The ball about the middle of the box that holds all but the strays, as large as what is in
+    /// that box. Splats without a radius (0) count as points; the ball never has radius 0.
     fn of_all(splats: &[Splat]) -> Ball {
         let span = |axis: usize| {
             let mut values: Vec<f64> = splats.iter().map(|s| s.position[axis]).collect();
@@ -118,11 +145,14 @@ impl Ball {
         let (low, high) = (DVec3::new(x.0, y.0, z.0), DVec3::new(x.1, y.1, z.1));
         let centre = (low + high) / 2.0;
         let reach = |s: &Splat| (s.position - centre).length() + VISIBLE_RADII * s.radius;
-        let inside = splats.iter().filter(|s| s.position.cmpge(low).all() && s.position.cmple(high).all());
+        let inside = splats
+            .iter()
+            .filter(|s| s.position.cmpge(low).all() && s.position.cmple(high).all());
         Ball::sound(centre, inside.map(reach).fold(0.0, f64::max))
     }
 
-    /// From the ball's centre to an eye that sees all of it, in a picture of `aspect` = width / height.
+    /// From the ball's centre to an eye that sees all of it, in a picture of `aspect` = width /
+    /// height.
     pub fn way_to_eye(&self, fov_y_degrees: f64, aspect: f64) -> DVec3 {
         let tan_y = libm::tan(fov_y_degrees.to_radians() / 2.0);
         let tan = tan_y.min(tan_y * aspect);
@@ -131,10 +161,20 @@ impl Ball {
     }
 }
 
-/// As a scene file has it: fields that are left out are not written. To a format whose fields have no names every field is written.
+/// As a scene file has it: fields that are left out are not written. To a format whose fields have
+/// no names every field is written.
 impl Serialize for Camera {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let &Camera { eye, target, up, fov_y_degrees, near, focal_px, centre_px, picture_px } = self;
+        let &Camera {
+            eye,
+            target,
+            up,
+            fov_y_degrees,
+            near,
+            focal_px,
+            centre_px,
+            picture_px,
+        } = self;
         let skips = serializer.is_human_readable();
         let mut camera = serializer.serialize_struct("Camera", 8)?;
         camera.serialize_field("eye", &eye.to_array())?;
@@ -142,7 +182,11 @@ impl Serialize for Camera {
         camera.serialize_field("up", &up.to_array())?;
         camera.serialize_field("fov_y_degrees", &fov_y_degrees)?;
         camera.serialize_field("near", &near)?;
-        for (name, value) in [("focal_px", focal_px), ("centre_px", centre_px), ("picture_px", picture_px)] {
+        for (name, value) in [
+            ("focal_px", focal_px),
+            ("centre_px", centre_px),
+            ("picture_px", picture_px),
+        ] {
             if skips && value.is_none() {
                 camera.skip_field(name)?;
             } else {
@@ -164,16 +208,23 @@ const NEAREST_TARGET: f64 = 1e-100;
 const LEAST_SINE: f64 = 1e-9;
 
 impl Camera {
-    /// Says what is wrong with eye, target and up, if anything is. `begin` begins the sentence, `own` the names of the fields.
+    /// Says what is wrong with eye, target and up, if anything is. `begin` begins the sentence,
+    /// `own` the names of the fields.
     pub(super) fn check(&self, begin: &str, own: &str) -> Result<(), String> {
         let distance = (self.target - self.eye).length();
         // Also where the distance is no number.
         if distance.is_nan() || distance < NEAREST_TARGET {
-            return Err(format!("{begin}{own}eye and {own}target are the same point; they must differ"));
+            return Err(format!(
+                "{begin}{own}eye and {own}target are the same point; they must differ"
+            ));
         }
-        let sine = ((self.target - self.eye) / distance).cross(self.up.normalize_or_zero()).length();
+        let sine = ((self.target - self.eye) / distance)
+            .cross(self.up.normalize_or_zero())
+            .length();
         if sine.is_nan() || sine < LEAST_SINE {
-            return Err(format!("{begin}{own}up is parallel to the view from eye to target; it must point to the side of it"));
+            return Err(format!(
+                "{begin}{own}up is parallel to the view from eye to target; it must point to the side of it"
+            ));
         }
         Ok(())
     }
@@ -201,7 +252,8 @@ const TURN_DEGREES: f64 = 137.507_764;
 const RISE_DEGREES: f64 = 20.0;
 
 impl Camera {
-    /// The n-th camera around the same target, as far from it: turned about `up` and risen or sunk a little. The 0th is this one.
+    /// The n-th camera around the same target, as far from it: turned about `up` and risen or sunk
+    /// a little. The 0th is this one.
     pub fn turned(&self, nth: usize) -> Camera {
         if nth == 0 {
             return *self;
@@ -214,31 +266,47 @@ impl Camera {
         let rise = RISE_DEGREES * (2.0 * (nth as f64 * 0.618_033_988_75).fract() - 1.0);
         let height = way.angle_between(up).to_degrees();
         let rise = rise.clamp(height - 175.0, height - 5.0);
-        Camera { eye: self.target + DQuat::from_axis_angle(right, -rise.to_radians()) * way, ..*self }
+        Camera {
+            eye: self.target + DQuat::from_axis_angle(right, -rise.to_radians()) * way,
+            ..*self
+        }
     }
 
-    /// The same from a distance that is such a part of its own, with the near plane at the same part of it.
+    /// The same from a distance that is such a part of its own, with the near plane at the same
+    /// part of it.
     pub fn scaled(&self, distance: f64) -> Camera {
         // Where it stays, not a bit changes.
         if distance == 1.0 {
             return *self;
         }
-        Camera { eye: self.target + distance * (self.eye - self.target), near: distance * self.near, ..*self }
+        Camera {
+            eye: self.target + distance * (self.eye - self.target),
+            near: distance * self.near,
+            ..*self
+        }
     }
 
-    /// The n-th camera beside it, in whose picture the target's surroundings lie less than half a pixel to the side, and up or down. The 0th
-    /// is this one.
+    /// The n-th camera beside it, in whose picture the target's surroundings lie less than half a
+    /// pixel to the side, and up or down. The 0th is this one.
     pub fn nudged(&self, nth: usize, image: &Image) -> Camera {
         if nth == 0 {
             return *self;
         }
         let view = self.view(image);
         let distance = (self.target - self.eye).length();
-        // Evenly spread over the pixel: multiples of the plastic number's inverse and of its square.
-        let [x, y] = [(0.754_877_666_247, view.focal_px[0]), (0.569_840_290_998, view.focal_px[1])]
-            .map(|(step, focal_px)| ((nth as f64 * step).fract() - 0.5) * (distance / focal_px));
+        // Evenly spread over the pixel: multiples of the plastic number's inverse and of its
+        // square.
+        let [x, y] = [
+            (0.754_877_666_247, view.focal_px[0]),
+            (0.569_840_290_998, view.focal_px[1]),
+        ]
+        .map(|(step, focal_px)| ((nth as f64 * step).fract() - 0.5) * (distance / focal_px));
         let by = view.rotation.row(0) * x + view.rotation.row(1) * y;
-        Camera { eye: self.eye + by, target: self.target + by, ..*self }
+        Camera {
+            eye: self.eye + by,
+            target: self.target + by,
+            ..*self
+        }
     }
 }
 

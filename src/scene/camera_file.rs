@@ -1,12 +1,15 @@
-//! Camera file: reads the cameras of other programs: nerfstudio's `transforms.json` and `camera_path.json`, COLMAP's text and binary files,
-//! and the `cameras.json` that programs which train Gaussians write.
+//! Camera file: reads the cameras of other programs: nerfstudio's `transforms.json` and
+//! `camera_path.json`, COLMAP's text and binary files, and the `cameras.json` that programs which
+//! train Gaussians write.
 //!
 //! ```text
 //! nerfstudio  camera → world, x right, y up, z back        ─┐
 //! COLMAP      world → camera, x right, y down, z forward   ─┼─► eye, forward, up, intrinsics ─► one camera per frame
 //! training    camera → world, x right, y down, z forward   ─┘
 //! ```
-//! Readers give each picture its focal lengths and its principal point in pixels ([`Intrinsics`]). Distortion is refused by each reader. Sources: nerfstudio, *Data conventions* and `camera_paths.py`; COLMAP, *Output format* and *Camera models*; graphdeco-inria,
+//! Readers give each picture its focal lengths and its principal point in pixels ([`Intrinsics`]).
+//! Distortion is refused by each reader. Sources: nerfstudio, *Data conventions* and
+//! `camera_paths.py`; COLMAP, *Output format* and *Camera models*; graphdeco-inria,
 //! gaussian-splatting, `camera_utils.py`.
 
 mod colmap;
@@ -64,7 +67,8 @@ struct Pose {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Lens {
     Known(Intrinsics),
-    /// Full horizontal angle of view, radians, where a file has no picture's size: the scene's picture decides.
+    /// Full horizontal angle of view, radians, where a file has no picture's size: the scene's
+    /// picture decides.
     HorizontalAngle(f64),
 }
 
@@ -81,13 +85,22 @@ impl Intrinsics {
     fn new(size: [u32; 2], focal_px: [f64; 2], centre_px: [Option<f64>; 2]) -> Parsed<Self> {
         let [fx, fy] = focal_px;
         if !(fx > 0.0 && fy > 0.0 && fx.is_finite() && fy.is_finite()) {
-            return Err(format!("its focal lengths are {fx} and {fy} pixels; they must be above 0"));
+            return Err(format!(
+                "its focal lengths are {fx} and {fy} pixels; they must be above 0"
+            ));
         }
         let centre_px = [0, 1].map(|axis| centre_px[axis].unwrap_or(f64::from(size[axis]) / 2.0));
         if centre_px.iter().any(|centre| !centre.is_finite()) {
-            return Err(format!("its principal point is {}, {}; it must be finite", centre_px[0], centre_px[1]));
+            return Err(format!(
+                "its principal point is {}, {}; it must be finite",
+                centre_px[0], centre_px[1]
+            ));
         }
-        Ok(Intrinsics { focal_px, centre_px, size })
+        Ok(Intrinsics {
+            focal_px,
+            centre_px,
+            size,
+        })
     }
 
     /// The full vertical angle of view, radians.
@@ -95,55 +108,93 @@ impl Intrinsics {
         2.0 * libm::atan(f64::from(self.size[1]) / 2.0 / self.focal_px[1])
     }
 
-    /// A camera with this lens: its angle of view alone where pixels are square and its axis is in the middle, to a hundredth of a pixel.
+    /// A camera with this lens: its angle of view alone where pixels are square and its axis is in
+    /// the middle, to a hundredth of a pixel.
     fn seen(&self, camera: Camera) -> Camera {
         let ([fx, fy], [cx, cy]) = (self.focal_px, self.centre_px);
         let [width, height] = self.size.map(f64::from);
-        let off_px = [(fx / fy - 1.0).abs() * width / 2.0, (cx - width / 2.0).abs(), (cy - height / 2.0).abs()];
+        let off_px = [
+            (fx / fy - 1.0).abs() * width / 2.0,
+            (cx - width / 2.0).abs(),
+            (cy - height / 2.0).abs(),
+        ];
         if off_px.into_iter().all(|off| off <= MOST_OFF_PX) {
             return camera;
         }
-        Camera { focal_px: Some([fx, fy]), centre_px: Some([cx, cy]), picture_px: Some([width, height]), ..camera }
+        Camera {
+            focal_px: Some([fx, fy]),
+            centre_px: Some([cx, cy]),
+            picture_px: Some([width, height]),
+            ..camera
+        }
     }
 }
 
 impl Pose {
-    /// Full vertical angle of view in a picture of the scene, radians. A picture that the file has at another size is scaled by its height.
+    /// Full vertical angle of view in a picture of the scene, radians. A picture that the file has
+    /// at another size is scaled by its height.
     fn vertical_angle(&self, image: &Image) -> f64 {
         match &self.lens {
             Lens::Known(intrinsics) => intrinsics.vertical_angle(),
-            Lens::HorizontalAngle(angle) => 2.0 * libm::atan(libm::tan(angle / 2.0) * image.height as f64 / image.width as f64),
+            Lens::HorizontalAngle(angle) => {
+                2.0 * libm::atan(libm::tan(angle / 2.0) * image.height as f64 / image.width as f64)
+            }
         }
     }
 }
 
-/// Files that a folder may hold, those that are looked for first in front. COLMAP's two files count as one, by their first.
-const IN_FOLDER: [&str; 6] = ["transforms.json", "cameras.txt", "cameras.bin", "cameras.json", "camera_path.json", "transforms_train.json"];
+/// Files that a folder may hold, those that are looked for first in front. COLMAP's two files count
+/// as one, by their first.
+const IN_FOLDER: [&str; 6] = [
+    "transforms.json",
+    "cameras.txt",
+    "cameras.bin",
+    "cameras.json",
+    "camera_path.json",
+    "transforms_train.json",
+];
 /// Where in a folder they may lie: COLMAP's projects keep them deeper.
 const FOLDERS: [&str; 3] = ["", "sparse/0", "sparse"];
 
 impl CameraFile {
-    /// Reads a file of cameras, or the folder of one: `transforms.json`, COLMAP's `cameras` and `images` as `.txt` or `.bin`, `cameras.json` or
-    /// `camera_path.json`.
+    /// Reads a file of cameras, or the folder of one: `transforms.json`, COLMAP's `cameras` and
+    /// `images` as `.txt` or `.bin`, `cameras.json` or `camera_path.json`.
     ///
     /// # Errors
-    /// [`Error::Input`], a sentence: which file and line or frame, what is wrong there, what would be right.
+    /// [`Error::Input`], a sentence: which file and line or frame, what is wrong there, what would
+    /// be right.
     pub fn read(path: &Path) -> Result<Self> {
         let mut notes = Vec::new();
-        let path = &if path.is_dir() { found_in(path, &mut notes)? } else { path.to_owned() };
-        let is = |names: [&str; 2]| path.file_name().is_some_and(|own| names.iter().any(|name| own.eq_ignore_ascii_case(name)));
+        let path = &if path.is_dir() {
+            found_in(path, &mut notes)?
+        } else {
+            path.to_owned()
+        };
+        let is = |names: [&str; 2]| {
+            path.file_name()
+                .is_some_and(|own| names.iter().any(|name| own.eq_ignore_ascii_case(name)))
+        };
         let folder = path.parent().unwrap_or(Path::new(""));
         let (name, poses) = if is(["images.txt", "cameras.txt"]) {
             colmap::read_text(folder)?
         } else if is(["images.bin", "cameras.bin"]) {
             colmap::read_binary(folder)?
-        } else if path.extension().is_some_and(|own| own.eq_ignore_ascii_case("json")) {
+        } else if path
+            .extension()
+            .is_some_and(|own| own.eq_ignore_ascii_case("json"))
+        {
             let name = named(path);
             let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
             let value = strict_json::read(path).map_err(input_error)?;
             if let Some(cameras) = value.get("splatsim_cameras") {
                 let own = recorded(cameras).map_err(input_error)?;
-                return Ok(CameraFile { name, size: None, notes: Vec::new(), poses: Vec::new(), own });
+                return Ok(CameraFile {
+                    name,
+                    size: None,
+                    notes: Vec::new(),
+                    poses: Vec::new(),
+                    own,
+                });
             }
             let poses = of_json(&value, &mut notes).map_err(input_error)?;
             (name, poses)
@@ -156,21 +207,43 @@ impl CameraFile {
         };
         let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
         match poses.len() {
-            0 => return Err(input_error("has no camera; it must have one per frame".into())),
-            many if many > MOST_FRAMES => return Err(input_error(format!("has {many} cameras; at most {MOST_FRAMES} are right"))),
+            0 => {
+                return Err(input_error(
+                    "has no camera; it must have one per frame".into(),
+                ));
+            }
+            many if many > MOST_FRAMES => {
+                return Err(input_error(format!(
+                    "has {many} cameras; at most {MOST_FRAMES} are right"
+                )));
+            }
             _ => {}
         }
         let size = common_size(&poses, &mut notes);
-        let notes = notes.into_iter().map(|note| format!("{name}: {note}")).collect();
-        Ok(CameraFile { name, size, notes, poses, own: Vec::new() })
+        let notes = notes
+            .into_iter()
+            .map(|note| format!("{name}: {note}"))
+            .collect();
+        Ok(CameraFile {
+            name,
+            size,
+            notes,
+            poses,
+            own: Vec::new(),
+        })
     }
 
-    /// The name of each camera's picture, as the file has it: a path, or a name that may have no ending. None where the file has none.
+    /// The name of each camera's picture, as the file has it: a path, or a name that may have no
+    /// ending. None where the file has none.
     pub(super) fn pictures(&self) -> Vec<Option<&str>> {
-        self.poses.iter().map(|pose| pose.picture.as_deref()).collect()
+        self.poses
+            .iter()
+            .map(|pose| pose.picture.as_deref())
+            .collect()
     }
 
-    /// One camera per frame. Targets lie as far as the middle of the splats, and the near plane as it does where a scene leaves it out.
+    /// One camera per frame. Targets lie as far as the middle of the splats, and the near plane as
+    /// it does where a scene leaves it out.
     pub(super) fn cameras(&self, image: &Image, splats: &[Splat]) -> Result<Vec<Camera>> {
         if !self.own.is_empty() {
             return Ok(self.own.clone());
@@ -194,27 +267,44 @@ impl CameraFile {
                 Lens::Known(intrinsics) => intrinsics.seen(camera),
                 Lens::HorizontalAngle(_) => camera,
             };
-            camera.check(&format!("{}: frame {frame}: ", self.name), "").map(|()| camera)
+            camera
+                .check(&format!("{}: frame {frame}: ", self.name), "")
+                .map(|()| camera)
         };
-        self.poses.iter().enumerate().map(camera).collect::<Parsed<_>>().map_err(Error::input)
+        self.poses
+            .iter()
+            .enumerate()
+            .map(camera)
+            .collect::<Parsed<_>>()
+            .map_err(Error::input)
     }
 }
 
 /// Cameras as a search records them: a list of names and cameras.
 fn recorded(cameras: &Value) -> Parsed<Vec<Camera>> {
     let cameras = cameras.as_array().filter(|cameras| !cameras.is_empty());
-    let cameras = cameras.ok_or("splatsim_cameras is not a list of cameras; it must have one per frame")?;
+    let cameras =
+        cameras.ok_or("splatsim_cameras is not a list of cameras; it must have one per frame")?;
     if cameras.len() > MOST_FRAMES {
-        return Err(format!("has {} cameras; at most {MOST_FRAMES} are right", cameras.len()));
+        return Err(format!(
+            "has {} cameras; at most {MOST_FRAMES} are right",
+            cameras.len()
+        ));
     }
     let schema = schema_for!(CameraFields).to_value();
     let camera = |(frame, recorded): (usize, &Value)| {
         let begin = format!("splatsim_cameras[{frame}].camera");
-        let value = recorded.get("camera").ok_or_else(|| format!("{begin} is missing"))?;
+        let value = recorded
+            .get("camera")
+            .ok_or_else(|| format!("{begin} is missing"))?;
         validate::check(value, &schema).map_err(|misfit| format!("{begin}: {misfit}"))?;
-        let camera: Camera = serde_json::from_value(value.clone()).map_err(|error| format!("{begin}: {error}"))?;
-        if camera.picture_px.is_none() && (camera.focal_px.is_some() || camera.centre_px.is_some()) {
-            return Err(format!("{begin}: has focal_px or centre_px, and no picture_px that they refer to"));
+        let camera: Camera =
+            serde_json::from_value(value.clone()).map_err(|error| format!("{begin}: {error}"))?;
+        if camera.picture_px.is_none() && (camera.focal_px.is_some() || camera.centre_px.is_some())
+        {
+            return Err(format!(
+                "{begin}: has focal_px or centre_px, and no picture_px that they refer to"
+            ));
         }
         check_position(camera.eye)?;
         camera.check(&format!("{begin}: "), "").map(|()| camera)
@@ -230,10 +320,16 @@ fn named(path: &Path) -> String {
 /// The file of cameras in a folder; a note where there are others.
 fn found_in(folder: &Path, notes: &mut Vec<String>) -> Result<PathBuf> {
     for inside in FOLDERS.map(|inside| folder.join(inside)) {
-        let there: Vec<&str> = IN_FOLDER.into_iter().filter(|file| inside.join(file).is_file()).collect();
+        let there: Vec<&str> = IN_FOLDER
+            .into_iter()
+            .filter(|file| inside.join(file).is_file())
+            .collect();
         if let [first, others @ ..] = there.as_slice() {
             if !others.is_empty() {
-                notes.push(format!("is read, and not the {} in the same folder", others.join(", ")));
+                notes.push(format!(
+                    "is read, and not the {} in the same folder",
+                    others.join(", ")
+                ));
             }
             return Ok(inside.join(first));
         }
@@ -286,16 +382,27 @@ fn common_size(poses: &[Pose], notes: &mut Vec<String>) -> Option<(usize, usize)
 // ---- what the formats share ----
 
 fn check_position(eye: DVec3) -> Parsed<()> {
-    if eye.abs().max_element() <= FARTHEST { Ok(()) } else { Err(format!("its position is {eye}; it must lie within ±{FARTHEST:e}")) }
+    if eye.abs().max_element() <= FARTHEST {
+        Ok(())
+    } else {
+        Err(format!(
+            "its position is {eye}; it must lie within ±{FARTHEST:e}"
+        ))
+    }
 }
 
 /// Refuses axes that are not at right angles, of unit length and right-handed.
 fn check_rotation(axes: &DMat3, field: &str) -> Parsed<()> {
-    let off = (axes.transpose() * *axes - DMat3::IDENTITY).to_cols_array().into_iter().fold(0.0, |most: f64, value| most.max(value.abs()));
+    let off = (axes.transpose() * *axes - DMat3::IDENTITY)
+        .to_cols_array()
+        .into_iter()
+        .fold(0.0, |most: f64, value| most.max(value.abs()));
     if axes.is_finite() && off <= MOST_OFF_ROTATION && axes.determinant() > 0.0 {
         return Ok(());
     }
-    Err(format!("{field} is no rotation: its columns must be unit vectors at right angles, right-handed"))
+    Err(format!(
+        "{field} is no rotation: its columns must be unit vectors at right angles, right-handed"
+    ))
 }
 
 /// A side of a picture, pixels.
@@ -303,14 +410,19 @@ fn side(pixels: f64, name: &str) -> Parsed<u32> {
     if (1.0..=f64::from(LONGEST_SIDE)).contains(&pixels) && pixels.fract() == 0.0 {
         return Ok(pixels as u32);
     }
-    Err(format!("{name} is {pixels}; it must be a whole number of pixels from 1 to 10⁶"))
+    Err(format!(
+        "{name} is {pixels}; it must be a whole number of pixels from 1 to 10⁶"
+    ))
 }
 
 /// A field that may be left out.
 fn number(object: &Value, name: &str) -> Parsed<Option<f64>> {
     match object.get(name) {
         None | Some(Value::Null) => Ok(None),
-        Some(value) => value.as_f64().map(Some).ok_or(format!("{name} is no number")),
+        Some(value) => value
+            .as_f64()
+            .map(Some)
+            .ok_or(format!("{name} is no number")),
     }
 }
 

@@ -1,16 +1,19 @@
-//! Cells: turns samples on an irregular grid, or at points, into splats with kernels of their own (EWA §6).
+//! Cells: turns samples on an irregular grid, or at points, into splats with kernels of their own
+//! (EWA §6).
 //!
 //! ```text
 //! places ─►[ steps to the neighbours ]─► J, a cell ─►[ principal axes ]─► σ, axes, scales
 //! values ─►[ transfer ]─►(× gradient's factor)─► optical depth of a layer ─►(× |det J| over that of a ball)─► opacity
 //! ```
-//! A sample stands for a cell that three steps span, the columns of J; its kernel has the variance radius²·J·Jᵀ, and stands for the volume
-//! |det J|. On a grid a step is half of the way from the neighbour before to the one behind, and at the border the way to the one that is
-//! there: of a curvilinear grid this is its Jacobian. A point has a step as long as its spacing in all directions, or J·Jᵀ = V/radius²
-//! where its variance V is given. An evenly spaced grid so has the kernels of a volume (`an_even_grid_is_the_volume_that_it_is`).
+//! A sample stands for a cell that three steps span, the columns of J; its kernel has the variance
+//! radius²·J·Jᵀ, and stands for the volume |det J|. On a grid a step is half of the way from the
+//! neighbour before to the one behind, and at the border the way to the one that is there: of a
+//! curvilinear grid this is its Jacobian. A point has a step as long as its spacing in all
+//! directions, or J·Jᵀ = V/radius² where its variance V is given. An evenly spaced grid so has the
+//! kernels of a volume (`an_even_grid_is_the_volume_that_it_is`).
 //!
-//! Extinction is that of [`super::voxels`]: a transfer function's opacity is that of a layer, here as thick as it is said to be, or as the
-//! median of the samples' shortest steps.
+//! Extinction is that of [`super::voxels`]: a transfer function's opacity is that of a layer, here
+//! as thick as it is said to be, or as the median of the samples' shortest steps.
 
 use super::neighbours::{self, Surroundings};
 use super::placement::Placement;
@@ -23,7 +26,8 @@ use std::f64::consts::TAU;
 
 /// Axes thinner than this many times the thickest are as thick as that: no word tells them from 0.
 const THINNEST: f64 = 1e-6;
-/// Points lie in a plane where the determinant of their squares is less than this part of the trace's cube.
+/// Points lie in a plane where the determinant of their squares is less than this part of the
+/// trace's cube.
 const FLAT: f64 = 1e-9;
 
 /// A field with what lies around each sample.
@@ -41,7 +45,8 @@ pub struct Sampled {
     pub splats: Vec<Splat>,
     /// One for each.
     pub orientations: Vec<Orientation>,
-    /// Indices on the grid and the grid's coordinates, where it is rectilinear: its slices are sheets.
+    /// Indices on the grid and the grid's coordinates, where it is rectilinear: its slices are
+    /// sheets.
     pub slices: Option<Slices>,
 }
 
@@ -68,12 +73,20 @@ impl Cell {
     /// Of three steps.
     pub(super) fn new(steps: DMat3) -> Self {
         let (axes, lengths) = principal_axes(steps);
-        Cell { steps, axes, lengths }
+        Cell {
+            steps,
+            axes,
+            lengths,
+        }
     }
 
     /// Its principal axes, as long as it is along them.
     pub(super) fn principal(&self) -> [DVec3; 3] {
-        [self.axes.x_axis * self.lengths.x, self.axes.y_axis * self.lengths.y, self.axes.z_axis * self.lengths.z]
+        [
+            self.axes.x_axis * self.lengths.x,
+            self.axes.y_axis * self.lengths.y,
+            self.axes.z_axis * self.lengths.z,
+        ]
     }
 
     fn volume(&self) -> f64 {
@@ -87,16 +100,28 @@ impl Cell {
     /// Gradient of a field that grows by these amounts along the steps.
     fn gradient(&self, growth: DVec3) -> DVec3 {
         let gradient = self.steps.transpose().inverse() * growth;
-        if gradient.is_finite() { gradient } else { DVec3::ZERO }
+        if gradient.is_finite() {
+            gradient
+        } else {
+            DVec3::ZERO
+        }
     }
 }
 
-/// Principal axes, unit vectors, right-handed, and lengths of what three steps span: one-sided rotations (Hestenes 1958) make them orthogonal,
-/// and what they span together stays as it is. No axis is finite that has the length 0.
+/// Principal axes, unit vectors, right-handed, and lengths of what three steps span: one-sided
+/// rotations (Hestenes 1958) make them orthogonal, and what they span together stays as it is. No
+/// axis is finite that has the length 0.
 pub(super) fn principal_axes(steps: DMat3) -> (DMat3, DVec3) {
-    let largest = steps.to_cols_array().iter().fold(0.0_f64, |largest, entry| largest.max(entry.abs()));
+    let largest = steps
+        .to_cols_array()
+        .iter()
+        .fold(0.0_f64, |largest, entry| largest.max(entry.abs()));
     // Scaled to about 1: squares can neither overflow nor vanish.
-    let scale = if largest > 0.0 && largest.is_finite() { largest } else { 1.0 };
+    let scale = if largest > 0.0 && largest.is_finite() {
+        largest
+    } else {
+        1.0
+    };
     let mut columns = [steps.x_axis, steps.y_axis, steps.z_axis].map(|column| column / scale);
     // Convergence is quadratic: six sweeps reach rounding from anywhere.
     for (p, q) in [(0, 1), (0, 2), (1, 2)].into_iter().cycle().take(18) {
@@ -113,22 +138,33 @@ pub(super) fn principal_axes(steps: DMat3) -> (DMat3, DVec3) {
     let [x, y, z] = [0, 1, 2].map(|i| columns[i] / lengths[i]);
     // A kernel looks the same from both ends.
     let z = if x.cross(y).dot(z) < 0.0 { -z } else { z };
-    (DMat3::from_cols(x, y, z), DVec3::from_array(lengths) * scale)
+    (
+        DMat3::from_cols(x, y, z),
+        DVec3::from_array(lengths) * scale,
+    )
 }
 
-/// Steps of a grid that has a single sample along some axes: there at right angles to the others, and as long as they are in the mean.
+/// Steps of a grid that has a single sample along some axes: there at right angles to the others,
+/// and as long as they are in the mean.
 fn completed(steps: [Option<DVec3>; 3], lone: f64) -> DMat3 {
     let mut steps = steps;
     if steps == [None; 3] {
         steps[0] = Some(DVec3::X * lone);
     }
-    if let (Some(i), 1) = (steps.iter().position(Option::is_some), steps.iter().flatten().count()) {
+    if let (Some(i), 1) = (
+        steps.iter().position(Option::is_some),
+        steps.iter().flatten().count(),
+    ) {
         let along = steps[i].unwrap_or_default();
-        steps[(i + 1) % 3] = super::unit(along).map(|unit| unit.any_orthonormal_vector() * along.length()).or(Some(DVec3::ZERO));
+        steps[(i + 1) % 3] = super::unit(along)
+            .map(|unit| unit.any_orthonormal_vector() * along.length())
+            .or(Some(DVec3::ZERO));
     }
     if let Some(i) = steps.iter().position(Option::is_none) {
         let [a, b] = [1, 2].map(|next| steps[(i + next) % 3].unwrap_or_default());
-        steps[i] = super::unit(a.cross(b)).map(|unit| unit * (a.length() * b.length()).sqrt()).or(Some(DVec3::ZERO));
+        steps[i] = super::unit(a.cross(b))
+            .map(|unit| unit * (a.length() * b.length()).sqrt())
+            .or(Some(DVec3::ZERO));
     }
     let [x, y, z] = steps.map(Option::unwrap_or_default);
     DMat3::from_cols(x, y, z)
@@ -141,7 +177,11 @@ fn root([xx, yy, zz, xy, yz, xz]: [f64; 6]) -> DMat3 {
     let c = (yy - b * b).max(0.0).sqrt();
     let e = if c > 0.0 { (yz - d * b) / c } else { 0.0 };
     let f = (zz - d * d - e * e).max(0.0).sqrt();
-    DMat3::from_cols(DVec3::new(a, b, d), DVec3::new(0.0, c, e), DVec3::new(0.0, 0.0, f))
+    DMat3::from_cols(
+        DVec3::new(a, b, d),
+        DVec3::new(0.0, c, e),
+        DVec3::new(0.0, 0.0, f),
+    )
 }
 
 impl<'a> Cells<'a> {
@@ -151,7 +191,11 @@ impl<'a> Cells<'a> {
             Places::Scattered(points, _) => neighbours::surroundings(points),
             _ => Vec::new(),
         };
-        Cells { field, around, radius }
+        Cells {
+            field,
+            around,
+            radius,
+        }
     }
 
     fn size(&self) -> [usize; 3] {
@@ -164,7 +208,11 @@ impl<'a> Cells<'a> {
 
     fn at(&self, index: usize) -> [usize; 3] {
         let [width, height, _] = self.size();
-        [index % width, index / width % height, index / width / height]
+        [
+            index % width,
+            index / width % height,
+            index / width / height,
+        ]
     }
 
     fn index(&self, [x, y, z]: [usize; 3]) -> usize {
@@ -186,10 +234,14 @@ impl<'a> Cells<'a> {
         }
     }
 
-    /// The neighbours along an axis of a grid: the sample itself at its border; none where it is alone.
+    /// The neighbours along an axis of a grid: the sample itself at its border; none where it is
+    /// alone.
     fn beside(&self, index: usize, axis: usize) -> Option<([usize; 2], f64)> {
         let at = self.at(index);
-        let (low, high) = (at[axis].saturating_sub(1), (at[axis] + 1).min(self.size()[axis] - 1));
+        let (low, high) = (
+            at[axis].saturating_sub(1),
+            (at[axis] + 1).min(self.size()[axis] - 1),
+        );
         let there = |to: usize| {
             let mut there = at;
             there[axis] = to;
@@ -201,27 +253,51 @@ impl<'a> Cells<'a> {
     fn cell(&self, index: usize) -> Cell {
         let steps = match &self.field.places {
             Places::Scattered(_, Some(variances)) => root(variances[index]) * (1.0 / self.radius),
-            Places::Scattered(_, None) => DMat3::from_diagonal(DVec3::splat(self.around[index].spacing)),
+            Places::Scattered(_, None) => {
+                DMat3::from_diagonal(DVec3::splat(self.around[index].spacing))
+            }
             _ => {
-                let step = |axis| self.beside(index, axis).map(|([low, high], ways)| (self.position(high) - self.position(low)) / ways);
-                completed([step(0), step(1), step(2)], neighbours::lone_radius(self.position(index)))
+                let step = |axis| {
+                    self.beside(index, axis).map(|([low, high], ways)| {
+                        (self.position(high) - self.position(low)) / ways
+                    })
+                };
+                completed(
+                    [step(0), step(1), step(2)],
+                    neighbours::lone_radius(self.position(index)),
+                )
             }
         };
         Cell::new(steps)
     }
 
-    /// Of a grid by differences along it; of points the one that their nearest ask for with the least squares.
+    /// Of a grid by differences along it; of points the one that their nearest ask for with the
+    /// least squares.
     fn gradient(&self, index: usize, cell: &Cell) -> DVec3 {
         let Places::Scattered(points, _) = &self.field.places else {
             let beside = [0, 1, 2].map(|axis| self.beside(index, axis));
-            if beside.iter().flatten().flat_map(|(ends, _)| ends).any(|end| self.value(*end).is_nan()) {
-                return self.one_sided_gradient(index, beside.map(|beside| beside.map(|(ends, _)| ends)));
+            if beside
+                .iter()
+                .flatten()
+                .flat_map(|(ends, _)| ends)
+                .any(|end| self.value(*end).is_nan())
+            {
+                return self
+                    .one_sided_gradient(index, beside.map(|beside| beside.map(|(ends, _)| ends)));
             }
-            let growth = |axis: usize| beside[axis].map_or(0.0, |([low, high], ways)| (self.value(high) - self.value(low)) / ways);
+            let growth = |axis: usize| {
+                beside[axis].map_or(0.0, |([low, high], ways)| {
+                    (self.value(high) - self.value(low)) / ways
+                })
+            };
             return cell.gradient(DVec3::new(growth(0), growth(1), growth(2)));
         };
         let around = &self.around[index];
-        let nearest = around.nearest.iter().filter(|other| **other != neighbours::NONE).map(|other| *other as usize);
+        let nearest = around
+            .nearest
+            .iter()
+            .filter(|other| **other != neighbours::NONE)
+            .map(|other| *other as usize);
         let nearest = nearest.filter(|other| !self.value(*other).is_nan());
         let (mut squares, mut growth) = (DMat3::ZERO, DVec3::ZERO);
         for other in nearest {
@@ -235,16 +311,29 @@ impl<'a> Cells<'a> {
             return DVec3::ZERO;
         }
         let gradient = squares.inverse() * growth / around.spacing;
-        if gradient.is_finite() { gradient } else { DVec3::ZERO }
+        if gradient.is_finite() {
+            gradient
+        } else {
+            DVec3::ZERO
+        }
     }
 
     /// That of a grid beside samples that are NaN, in the place of which the sample itself stands.
     fn one_sided_gradient(&self, index: usize, beside: [Option<[usize; 2]>; 3]) -> DVec3 {
         let known = |to: usize| if self.value(to).is_nan() { index } else { to };
-        let ends = beside.map(|ends| ends.map(|ends| ends.map(known)).filter(|[low, high]| low != high));
-        let steps = ends.map(|ends| ends.map(|[low, high]| self.position(high) - self.position(low)));
-        let growth = ends.map(|ends| ends.map_or(0.0, |[low, high]| self.value(high) - self.value(low)));
-        Cell::new(completed(steps, neighbours::lone_radius(self.position(index)))).gradient(DVec3::from_array(growth))
+        let ends = beside.map(|ends| {
+            ends.map(|ends| ends.map(known))
+                .filter(|[low, high]| low != high)
+        });
+        let steps =
+            ends.map(|ends| ends.map(|[low, high]| self.position(high) - self.position(low)));
+        let growth =
+            ends.map(|ends| ends.map_or(0.0, |[low, high]| self.value(high) - self.value(low)));
+        Cell::new(completed(
+            steps,
+            neighbours::lone_radius(self.position(index)),
+        ))
+        .gradient(DVec3::from_array(growth))
     }
 
     fn count(&self) -> usize {
@@ -253,11 +342,21 @@ impl<'a> Cells<'a> {
 
     /// Median of the samples' shortest steps; none where no sample has a cell.
     pub fn usual_layer(&self) -> Option<f64> {
-        let shortest = |index| Some(self.cell(index)).filter(Cell::has_volume).map(|cell| cell.lengths.min_element());
-        neighbours::median((0..self.count()).into_par_iter().filter_map(shortest).collect())
+        let shortest = |index| {
+            Some(self.cell(index))
+                .filter(Cell::has_volume)
+                .map(|cell| cell.lengths.min_element())
+        };
+        neighbours::median(
+            (0..self.count())
+                .into_par_iter()
+                .filter_map(shortest)
+                .collect(),
+        )
     }
 
-    /// Every sample that is seen, and how many would be but for a cell of no volume. A layer is `layer` world units thick.
+    /// Every sample that is seen, and how many would be but for a cell of no volume. A layer is
+    /// `layer` world units thick.
     pub fn samples(&self, classification: &Classification, layer: f64) -> (Sampled, usize) {
         let sample = |index: usize| {
             let (rgb, depth) = classification.colour(self.value(index));
@@ -270,7 +369,10 @@ impl<'a> Cells<'a> {
             }
             let gradient = self.gradient(index, &cell);
             let depth = depth * classification.factor(gradient.length());
-            let (longest, sigma) = (cell.lengths.max_element(), self.radius * cell.lengths.max_element());
+            let (longest, sigma) = (
+                cell.lengths.max_element(),
+                self.radius * cell.lengths.max_element(),
+            );
             // Optical depth of a layer to that through a ball of radius σ.
             let through = cell.volume() / (layer * TAU * sigma * sigma);
             let splat = Splat {
@@ -282,10 +384,16 @@ impl<'a> Cells<'a> {
                 material: classification.material,
             };
             let scales = (cell.lengths / longest).max(DVec3::splat(THINNEST));
-            let orientation = Orientation { rotation: DQuat::from_mat3(&cell.axes), scales };
+            let orientation = Orientation {
+                rotation: DQuat::from_mat3(&cell.axes),
+                scales,
+            };
             (depth > 0.0).then_some(Some((splat, orientation, index)))
         };
-        let found: Vec<_> = (0..self.count()).into_par_iter().filter_map(sample).collect();
+        let found: Vec<_> = (0..self.count())
+            .into_par_iter()
+            .filter_map(sample)
+            .collect();
         let flat = found.iter().filter(|sample| sample.is_none()).count();
         let (mut splats, mut orientations, mut at) = (Vec::new(), Vec::new(), Vec::new());
         for (splat, orientation, index) in found.into_iter().flatten() {
@@ -294,10 +402,21 @@ impl<'a> Cells<'a> {
             at.push(self.at(index).map(|index| index as u32));
         }
         let slices = match &self.field.places {
-            Places::Rectilinear(coordinates) => Some(Slices { at, coordinates: coordinates.clone(), place: Placement::NONE }),
+            Places::Rectilinear(coordinates) => Some(Slices {
+                at,
+                coordinates: coordinates.clone(),
+                place: Placement::NONE,
+            }),
             _ => None,
         };
-        (Sampled { splats, orientations, slices }, flat)
+        (
+            Sampled {
+                splats,
+                orientations,
+                slices,
+            },
+            flat,
+        )
     }
 }
 
@@ -307,14 +426,23 @@ impl Slices {
         self.place = place.after(&self.place);
     }
 
-    /// The splats' order in a view, by their numbers: slice after slice along the axis nearest to where it looks, as of a volume; and the
-    /// sheet of each in that order.
+    /// The splats' order in a view, by their numbers: slice after slice along the axis nearest to
+    /// where it looks, as of a volume; and the sheet of each in that order.
     pub fn ordered(&self, view: &View, back_to_front: bool) -> (Vec<u32>, Vec<u32>) {
         let back = self.place.turn.conjugate();
-        let (forward, eye) = (back * view.rotation.row(2), back * (view.eye - self.place.way) / self.place.scale);
-        let axis = (0..3).max_by(|a, b| forward[*a].abs().total_cmp(&forward[*b].abs())).unwrap_or(0);
+        let (forward, eye) = (
+            back * view.rotation.row(2),
+            back * (view.eye - self.place.way) / self.place.scale,
+        );
+        let axis = (0..3)
+            .max_by(|a, b| forward[*a].abs().total_cmp(&forward[*b].abs()))
+            .unwrap_or(0);
         let along = &self.coordinates[axis];
-        let rank = ranks(along.len() as u32, |slice| (along[slice as usize] - eye[axis]).abs(), back_to_front);
+        let rank = ranks(
+            along.len() as u32,
+            |slice| (along[slice as usize] - eye[axis]).abs(),
+            back_to_front,
+        );
         let mut order: Vec<u32> = (0..self.at.len() as u32).collect();
         let rank_of = |splat: &u32| rank[self.at[*splat as usize][axis] as usize];
         order.sort_by_key(rank_of);

@@ -30,8 +30,17 @@ pub fn digest_of(scene: &Scene) -> String {
         detail,
     } = scene;
     let mut sha = Sha256::new();
-    let Kernel { cutoff, low_pass, guard, jacobian, filter, compensate_opacity } = kernel;
-    let mut kernel = format!("Kernel {{ cutoff: {cutoff:?}, low_pass: {low_pass:?}, guard: {guard:?}, jacobian: {jacobian:?} }}");
+    let Kernel {
+        cutoff,
+        low_pass,
+        guard,
+        jacobian,
+        filter,
+        compensate_opacity,
+    } = kernel;
+    let mut kernel = format!(
+        "Kernel {{ cutoff: {cutoff:?}, low_pass: {low_pass:?}, guard: {guard:?}, jacobian: {jacobian:?} }}"
+    );
     if *compensate_opacity {
         kernel += "compensated";
     }
@@ -39,56 +48,133 @@ pub fn digest_of(scene: &Scene) -> String {
     if *filter != Filter::Ewa {
         kernel += &format!("{filter:?}");
     }
-    let Camera { eye, target, up, fov_y_degrees, near, focal_px, centre_px, picture_px } = camera;
+    let Camera {
+        eye,
+        target,
+        up,
+        fov_y_degrees,
+        near,
+        focal_px,
+        centre_px,
+        picture_px,
+    } = camera;
     let angle = format!("fov_y_degrees: {fov_y_degrees:?}");
-    let mut camera = format!("Camera {{ eye: {eye:?}, target: {target:?}, up: {up:?}, {angle}, near: {near:?} }}");
+    let mut camera = format!(
+        "Camera {{ eye: {eye:?}, target: {target:?}, up: {up:?}, {angle}, near: {near:?} }}"
+    );
     if focal_px.or(*centre_px).is_some() {
         camera += &format!("{focal_px:?}{centre_px:?}{picture_px:?}");
     }
-    sha.update(format!("{camera}{image:?}{kernel}{surface:?}{lights:?}{materials:?}"));
-    if let Some(Ellipsoids { orientations, amplitude, preshaded, sorted, harmonics }) = ellipsoids {
+    sha.update(format!(
+        "{camera}{image:?}{kernel}{surface:?}{lights:?}{materials:?}"
+    ));
+    if let Some(Ellipsoids {
+        orientations,
+        amplitude,
+        preshaded,
+        sorted,
+        harmonics,
+    }) = ellipsoids
+    {
         sha.update(format!("{amplitude:?}{preshaded}{sorted}"));
         // It changes no picture, but what is read.
         if *harmonics > 0 {
             sha.update([*harmonics]);
         }
         for Orientation { rotation, scales } in orientations {
-            add(&mut sha, &[rotation.to_array().as_slice(), scales.to_array().as_slice()].concat());
+            add(
+                &mut sha,
+                &[rotation.to_array().as_slice(), scales.to_array().as_slice()].concat(),
+            );
         }
     }
-    if let Some(Sheets { of, back_to_front, opacity, stop, keeps_last, least_weight, most_weight }) = sheets {
-        let numbers: &[u32] = if let Sheet::Slice(numbers) = of { numbers } else { &[] };
-        numbers.iter().for_each(|number| sha.update(number.to_le_bytes()));
-        sha.update(format!("{back_to_front}{opacity:?}{stop}{keeps_last}{least_weight}{most_weight}"));
+    if let Some(Sheets {
+        of,
+        back_to_front,
+        opacity,
+        stop,
+        keeps_last,
+        least_weight,
+        most_weight,
+    }) = sheets
+    {
+        let numbers: &[u32] = if let Sheet::Slice(numbers) = of {
+            numbers
+        } else {
+            &[]
+        };
+        numbers
+            .iter()
+            .for_each(|number| sha.update(number.to_le_bytes()));
+        sha.update(format!(
+            "{back_to_front}{opacity:?}{stop}{keeps_last}{least_weight}{most_weight}"
+        ));
     }
     if let Some(environment) = environment {
         sha.update(environment.bytes().collect::<Vec<u8>>());
     }
-    let mut add_splat = |Splat { position, normal, radius, rgb, opacity, material }: &Splat| {
-        let numbers = [position.to_array(), normal.to_array(), *rgb, [*radius, *opacity, (*material).into()]];
+    let mut add_splat = |Splat {
+                             position,
+                             normal,
+                             radius,
+                             rgb,
+                             opacity,
+                             material,
+                         }: &Splat| {
+        let numbers = [
+            position.to_array(),
+            normal.to_array(),
+            *rgb,
+            [*radius, *opacity, (*material).into()],
+        ];
         add(&mut sha, numbers.as_flattened());
     };
     splats.iter().for_each(&mut add_splat);
     // Scenes without a tree keep their digests.
     if let Some(detail) = detail {
-        detail.tree.nodes().iter().for_each(|node| add_splat(&node.splat));
+        detail
+            .tree
+            .nodes()
+            .iter()
+            .for_each(|node| add_splat(&node.splat));
         let visits = &detail.cut.visits;
         sha.update(format!("{:?}", detail.rules));
-        visits.iter().for_each(|visit| sha.update(visit.node.to_le_bytes()));
+        visits
+            .iter()
+            .for_each(|visit| sha.update(visit.node.to_le_bytes()));
     }
     hex(&sha.finalize())
 }
 
-/// A digest of where a scene's splats are and how large: the same whatever camera, size or light they are drawn with, and in whatever
-/// order, for a camera may set order, normals and colours.
+/// A digest of where a scene's splats are and how large: the same whatever camera, size or light
+/// they are drawn with, and in whatever order, for a camera may set order, normals and colours.
 pub fn digest_of_places(scene: &Scene) -> String {
     let number = |number: u64, value: f64| mixed(number ^ value.to_bits());
-    let of_one = |splat: &Splat| splat.position.to_array().into_iter().chain([splat.radius]).fold(0, number);
+    let of_one = |splat: &Splat| {
+        splat
+            .position
+            .to_array()
+            .into_iter()
+            .chain([splat.radius])
+            .fold(0, number)
+    };
     // Of a tree all leaves, whatever of it a camera draws.
     let leaves = scene.detail.as_ref().map(|detail| detail.tree.splats());
     let splats = leaves.as_ref().unwrap_or(&scene.splats);
-    let sums = splats.iter().map(of_one).fold([0u64; 2], |[sum, mix], one| [sum.wrapping_add(one), mix.wrapping_add(mixed(!one))]);
-    digest(&[sums[0].to_le_bytes(), sums[1].to_le_bytes(), (splats.len() as u64).to_le_bytes()].concat())
+    let sums = splats
+        .iter()
+        .map(of_one)
+        .fold([0u64; 2], |[sum, mix], one| {
+            [sum.wrapping_add(one), mix.wrapping_add(mixed(!one))]
+        });
+    digest(
+        &[
+            sums[0].to_le_bytes(),
+            sums[1].to_le_bytes(),
+            (splats.len() as u64).to_le_bytes(),
+        ]
+        .concat(),
+    )
 }
 
 /// SplitMix64: what a number is turned into.
@@ -100,5 +186,7 @@ pub fn mixed(number: u64) -> u64 {
 }
 
 fn add(sha: &mut Sha256, numbers: &[f64]) {
-    numbers.iter().for_each(|number| sha.update(number.to_le_bytes()));
+    numbers
+        .iter()
+        .for_each(|number| sha.update(number.to_le_bytes()));
 }

@@ -1,7 +1,8 @@
-//! Environment: light from all around, read of a picture or made here, and what a direction sees of it.
+//! Environment: light from all around, read of a picture or made here, and what a direction sees of
+//! it.
 //!
-//! A picture is latitude-longitude: twice as wide as high, its upper edge straight up (+y), its middle column towards −z, +x a quarter to the right
-//! of it.
+//! A picture is latitude-longitude: twice as wide as high, its upper edge straight up (+y), its
+//! middle column towards −z, +x a quarter to the right of it.
 
 use crate::output::colour::srgb_decode;
 use glam::DVec3;
@@ -50,7 +51,10 @@ pub struct Mirror {
 
 impl Mirror {
     /// Mirrors nothing.
-    pub const NONE: Mirror = Mirror { reflect: 0.0, tint: [1.0; 3] };
+    pub const NONE: Mirror = Mirror {
+        reflect: 0.0,
+        tint: [1.0; 3],
+    };
 }
 
 impl Environment {
@@ -64,11 +68,22 @@ impl Environment {
                 "has {width} × {height} texels; surroundings are latitude-longitude, all around by pole to pole: twice as wide as high"
             ));
         }
-        if let Some(at) = texels.iter().position(|texel| texel.iter().any(|light| !light.is_finite() || *light < 0.0)) {
+        if let Some(at) = texels
+            .iter()
+            .position(|texel| texel.iter().any(|light| !light.is_finite() || *light < 0.0))
+        {
             let (row, column) = (at / width, at % width);
-            return Err(format!("has a texel in row {row}, column {column} that is not a finite light ≥ 0: {:?}", texels[at]));
+            return Err(format!(
+                "has a texel in row {row}, column {column} that is not a finite light ≥ 0: {:?}",
+                texels[at]
+            ));
         }
-        Ok(Environment { width, height, texels, mirrors: Vec::new() })
+        Ok(Environment {
+            width,
+            height,
+            texels,
+            mirrors: Vec::new(),
+        })
     }
 
     /// Made here.
@@ -79,7 +94,12 @@ impl Environment {
             let (row, column) = ((at / width) as f64 + 0.5, (at % width) as f64 + 0.5);
             sky(direction([column / width as f64, row / height as f64])).map(|light| light as f32)
         };
-        Environment { width, height, texels: (0..width * height).map(texel).collect(), mirrors: Vec::new() }
+        Environment {
+            width,
+            height,
+            texels: (0..width * height).map(texel).collect(),
+            mirrors: Vec::new(),
+        }
     }
 
     /// Decodes a PNG (sRGB), a Radiance picture or an EXR (linear light), all of it times `scale`.
@@ -87,33 +107,66 @@ impl Environment {
     /// # Errors
     /// The second half of a sentence that begins with the picture's name.
     pub fn decode(bytes: &[u8], scale: f64) -> Result<Self, String> {
-        let known = |format: &ImageFormat| matches!(format, ImageFormat::Png | ImageFormat::Hdr | ImageFormat::OpenExr);
-        let format = image::guess_format(bytes).ok().filter(known).ok_or("is no PNG, Radiance or EXR picture")?;
+        let known = |format: &ImageFormat| {
+            matches!(
+                format,
+                ImageFormat::Png | ImageFormat::Hdr | ImageFormat::OpenExr
+            )
+        };
+        let format = image::guess_format(bytes)
+            .ok()
+            .filter(known)
+            .ok_or("is no PNG, Radiance or EXR picture")?;
         let cannot = |error: image::ImageError| format!("cannot be decoded: {error}");
         let reader = || {
             let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
             let mut limits = Limits::default();
-            (limits.max_image_width, limits.max_image_height, limits.max_alloc) =
-                (Some(LONGEST_SIDE), Some(LONGEST_SIDE), Some(MOST_BYTES));
+            (
+                limits.max_image_width,
+                limits.max_image_height,
+                limits.max_alloc,
+            ) = (Some(LONGEST_SIDE), Some(LONGEST_SIDE), Some(MOST_BYTES));
             reader.limits(limits);
             reader
         };
         // By the header alone, before anything is made room for.
         let (width, height) = reader().into_dimensions().map_err(cannot)?;
-        if width.max(height) > LONGEST_SIDE || u64::from(width) * u64::from(height) * 24 > MOST_BYTES {
-            return Err(format!("has {width} × {height} texels, more than can be read"));
+        if width.max(height) > LONGEST_SIDE
+            || u64::from(width) * u64::from(height) * 24 > MOST_BYTES
+        {
+            return Err(format!(
+                "has {width} × {height} texels, more than can be read"
+            ));
         }
         let picture = reader().decode().map_err(cannot)?;
         let (width, height) = (picture.width() as usize, picture.height() as usize);
-        let encoded = !matches!(picture, DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_));
+        let encoded = !matches!(
+            picture,
+            DynamicImage::ImageRgb32F(_) | DynamicImage::ImageRgba32F(_)
+        );
         let light = |channel: f32| {
-            let linear = if encoded { srgb_decode(f64::from(channel)) } else { f64::from(channel) };
+            let linear = if encoded {
+                srgb_decode(f64::from(channel))
+            } else {
+                f64::from(channel)
+            };
             let scaled = (linear * scale) as f32;
-            if scaled.is_nan() { scaled } else { scaled.min(BRIGHTEST) }
+            if scaled.is_nan() {
+                scaled
+            } else {
+                scaled.min(BRIGHTEST)
+            }
         };
-        let is_finite = picture.to_rgb32f().pixels().all(|texel| texel.0.iter().all(|light| light.is_finite()));
+        let is_finite = picture
+            .to_rgb32f()
+            .pixels()
+            .all(|texel| texel.0.iter().all(|light| light.is_finite()));
         let texels: Vec<[f32; 3]> = if is_finite {
-            picture.to_rgb32f().pixels().map(|texel| texel.0.map(light)).collect()
+            picture
+                .to_rgb32f()
+                .pixels()
+                .map(|texel| texel.0.map(light))
+                .collect()
         } else {
             picture.to_rgb32f().pixels().map(|texel| texel.0).collect()
         };
@@ -123,8 +176,14 @@ impl Environment {
     /// Light from a direction of any length but 0: between the four nearest texels.
     pub fn light(&self, direction: DVec3) -> [f64; 3] {
         let [across, down] = place(direction);
-        let (x, y) = (across * self.width as f64 - 0.5, (down * self.height as f64 - 0.5).clamp(0.0, self.height as f64 - 1.0));
-        let (left, above) = (x.floor(), y.floor().min((self.height as f64 - 2.0).max(0.0)));
+        let (x, y) = (
+            across * self.width as f64 - 0.5,
+            (down * self.height as f64 - 0.5).clamp(0.0, self.height as f64 - 1.0),
+        );
+        let (left, above) = (
+            x.floor(),
+            y.floor().min((self.height as f64 - 2.0).max(0.0)),
+        );
         let texel = |column: f64, row: f64| {
             let column = (column as i64).rem_euclid(self.width as i64) as usize;
             self.texels[(row as usize).min(self.height - 1) * self.width + column].map(f64::from)
@@ -149,10 +208,21 @@ impl Environment {
 
     /// All that is to be known of it, in bytes.
     pub(super) fn bytes(&self) -> impl Iterator<Item = u8> {
-        let size = [self.width as u64, self.height as u64].into_iter().flat_map(u64::to_le_bytes);
-        let mirrors =
-            self.mirrors.iter().flat_map(|mirror| [[mirror.reflect].as_slice(), &mirror.tint].concat()).flat_map(f64::to_le_bytes);
-        size.chain(self.texels.as_flattened().iter().flat_map(|light| light.to_le_bytes())).chain(mirrors)
+        let size = [self.width as u64, self.height as u64]
+            .into_iter()
+            .flat_map(u64::to_le_bytes);
+        let mirrors = self
+            .mirrors
+            .iter()
+            .flat_map(|mirror| [[mirror.reflect].as_slice(), &mirror.tint].concat())
+            .flat_map(f64::to_le_bytes);
+        size.chain(
+            self.texels
+                .as_flattened()
+                .iter()
+                .flat_map(|light| light.to_le_bytes()),
+        )
+        .chain(mirrors)
     }
 }
 
@@ -160,19 +230,28 @@ impl Environment {
 fn place(direction: DVec3) -> [f64; 2] {
     let unit = direction.normalize();
     // Towards −z is the middle, +x to the right of it.
-    [0.5 + libm::atan2(unit.x, -unit.z) / TAU, libm::acos(unit.y.clamp(-1.0, 1.0)) / PI]
+    [
+        0.5 + libm::atan2(unit.x, -unit.z) / TAU,
+        libm::acos(unit.y.clamp(-1.0, 1.0)) / PI,
+    ]
 }
 
 /// The direction that lies there.
 fn direction([across, down]: [f64; 2]) -> DVec3 {
     let (turn, from_top) = ((across - 0.5) * TAU, down * PI);
     let ring = libm::sin(from_top);
-    DVec3::new(ring * libm::sin(turn), libm::cos(from_top), -ring * libm::cos(turn))
+    DVec3::new(
+        ring * libm::sin(turn),
+        libm::cos(from_top),
+        -ring * libm::cos(turn),
+    )
 }
 
 /// The built-in sky.
 fn sky(direction: DVec3) -> [f64; 3] {
-    let mix = |from: [f64; 3], to: [f64; 3], part: f64| [0, 1, 2].map(|i| from[i] + (to[i] - from[i]) * part);
+    let mix = |from: [f64; 3], to: [f64; 3], part: f64| {
+        [0, 1, 2].map(|i| from[i] + (to[i] - from[i]) * part)
+    };
     let (horizon, zenith) = ([0.75, 0.82, 0.9], [0.1, 0.25, 0.6]);
     let (near_ground, far_ground) = ([0.22, 0.17, 0.12], [0.1, 0.08, 0.06]);
     let up = direction.y;
@@ -184,7 +263,11 @@ fn sky(direction: DVec3) -> [f64; 3] {
     let disc = ((sun - 0.994) / 0.003).clamp(0.0, 1.0);
     let glow = 0.4 * libm::pow(sun.max(0.0), 32.0);
     let sky = mix(horizon, zenith, libm::sqrt(up));
-    mix(sky.map(|light| (light + glow).min(1.0)), [1.0, 0.97, 0.85], disc)
+    mix(
+        sky.map(|light| (light + glow).min(1.0)),
+        [1.0, 0.97, 0.85],
+        disc,
+    )
 }
 
 #[cfg(test)]

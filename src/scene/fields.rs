@@ -11,7 +11,8 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 #[derive(Deserialize, JsonSchema, Clone, Copy, Debug, PartialEq)]
 #[serde(rename_all = "kebab-case")]
 pub enum Field {
-    /// Waves near the limit of what a grid can hold (Marschner and Lobb, *An Evaluation of Reconstruction Filters*, 1994), in [0, 1].
+    /// Waves near the limit of what a grid can hold (Marschner and Lobb, *An Evaluation of
+    /// Reconstruction Filters*, 1994), in [0, 1].
     MarschnerLobb,
     /// Four shells around each other, of values 0.25, 0.5, 0.75 and 1 on ground 0.
     NestedShells,
@@ -27,11 +28,19 @@ impl Field {
         let mut values = Vec::with_capacity(samples * samples * samples);
         for z in 0..samples {
             for y in 0..samples {
-                values.extend((0..samples).map(|x| self.at(DVec3::new(place(x), place(y), place(z))) as f32));
+                values.extend(
+                    (0..samples).map(|x| self.at(DVec3::new(place(x), place(y), place(z))) as f32),
+                );
             }
         }
         let axes = [[step, 0.0, 0.0], [0.0, step, 0.0], [0.0, 0.0, step]];
-        Volume { size: [samples; 3], axes, origin: [-1.0; 3], values, notes: vec![] }
+        Volume {
+            size: [samples; 3],
+            axes,
+            origin: [-1.0; 3],
+            values,
+            notes: vec![],
+        }
     }
 
     fn at(self, p: DVec3) -> f64 {
@@ -50,7 +59,8 @@ fn marschner_lobb(p: DVec3) -> f64 {
     (1.0 - sin(FRAC_PI_2 * p.z) + depth * (1.0 + waves)) / (2.0 * (1.0 + depth))
 }
 
-/// Shells of radius 0.2, 0.4, 0.6 and 0.8, soft by 0.025; an eighth is cut away so that one sees in.
+/// Shells of radius 0.2, 0.4, 0.6 and 0.8, soft by 0.025; an eighth is cut away so that one sees
+/// in.
 fn nested_shells(p: DVec3) -> f64 {
     if p.x > 0.0 && p.y > 0.0 && p.z > 0.0 {
         return 0.0;

@@ -4,9 +4,9 @@
 //! first bytes ─► [Content::of] ─► format ──┬─► reader, where the place can draw it
 //! name's end  ─► where bytes tell nothing ─┘   else a sentence: what the file is, and what makes of it what is read
 //! ```
-//! The content decides: a file whose bytes begin as another format's is read as that, and a note says that its name contradicts it.
-//! A format is added by its reader, a line here, and what its bytes begin with: what a scene may name, and what an error says can be read,
-//! follow from it.
+//! The content decides: a file whose bytes begin as another format's is read as that, and a note
+//! says that its name contradicts it. A format is added by its reader, a line here, and what its
+//! bytes begin with: what a scene may name, and what an error says can be read, follow from it.
 
 use super::gaussians::{self, Gaussians};
 use super::ply::{self, Cloud};
@@ -25,7 +25,8 @@ pub(super) enum Splats {
     Tree(Tree),
 }
 
-/// Reader of a file's bytes; the error is the second half of a sentence that begins with the file's name.
+/// Reader of a file's bytes; the error is the second half of a sentence that begins with the file's
+/// name.
 #[derive(Clone, Copy)]
 pub(super) enum Reader {
     /// A file may name others, which are in that folder.
@@ -100,8 +101,18 @@ struct Format {
     reader: Option<Reader>,
 }
 
-const fn format(content: Content, ends: &'static [&'static str], kinds: &'static [Kind], reader: Option<Reader>) -> Format {
-    Format { content, ends, kinds, reader }
+const fn format(
+    content: Content,
+    ends: &'static [&'static str],
+    kinds: &'static [Kind],
+    reader: Option<Reader>,
+) -> Format {
+    Format {
+        content,
+        ends,
+        kinds,
+        reader,
+    }
 }
 
 const FORMATS: &[Format] = &[
@@ -111,49 +122,134 @@ const FORMATS: &[Format] = &[
         &[Kind::Points, Kind::Gaussians, Kind::Mesh],
         Some(Reader::Splats(|bytes, _| points_or_gaussians(bytes))),
     ),
-    format(Content::Tree, &[".tree"], &[Kind::Points], Some(Reader::Splats(|bytes, _| tree::file::parse(bytes).map(Splats::Tree)))),
+    format(
+        Content::Tree,
+        &[".tree"],
+        &[Kind::Points],
+        Some(Reader::Splats(|bytes, _| {
+            tree::file::parse(bytes).map(Splats::Tree)
+        })),
+    ),
     format(
         Content::Splat,
         &[".splat"],
         &[Kind::Gaussians],
-        Some(Reader::Splats(|bytes, _| gaussians::splat::parse(bytes).map(Splats::Gaussians))),
+        Some(Reader::Splats(|bytes, _| {
+            gaussians::splat::parse(bytes).map(Splats::Gaussians)
+        })),
     ),
     format(
         Content::Spz,
         &[".spz"],
         &[Kind::Gaussians],
-        Some(Reader::Splats(|bytes, _| gaussians::spz::parse(bytes).map(Splats::Gaussians))),
+        Some(Reader::Splats(|bytes, _| {
+            gaussians::spz::parse(bytes).map(Splats::Gaussians)
+        })),
     ),
     format(
         Content::Gltf,
         &[".gltf", ".glb"],
         &[Kind::Gaussians, Kind::Mesh],
-        Some(Reader::Splats(|bytes, folder| gaussians::gltf::parse(bytes, folder).map(Splats::Gaussians))),
+        Some(Reader::Splats(|bytes, folder| {
+            gaussians::gltf::parse(bytes, folder).map(Splats::Gaussians)
+        })),
     ),
-    format(Content::Nrrd, &[".nrrd", ".nhdr"], &[Kind::Volume], Some(Reader::Volume(volume::nrrd::read))),
-    format(Content::MetaImage, &[".mhd", ".mha"], &[Kind::Volume], Some(Reader::Volume(volume::metaimage::read))),
-    format(Content::Nifti, &[".nii", ".nii.gz"], &[Kind::Volume], Some(Reader::Volume(|bytes, _| volume::nifti::read(bytes)))),
-    format(Content::Vti, &[".vti"], &[Kind::Volume], Some(Reader::Image(volume::vti::read))),
-    format(Content::Vtr, &[".vtr"], &[Kind::Volume], Some(Reader::Irregular(volume::irregular::read_rectilinear))),
-    format(Content::Vts, &[".vts"], &[Kind::Volume], Some(Reader::Irregular(volume::irregular::read_curvilinear))),
-    format(Content::Vtu, &[".vtu"], &[Kind::Volume], Some(Reader::Irregular(volume::irregular::read_unstructured))),
-    format(Content::Vtp, &[".vtp"], &[Kind::Volume], Some(Reader::Irregular(volume::irregular::read_poly_data))),
+    format(
+        Content::Nrrd,
+        &[".nrrd", ".nhdr"],
+        &[Kind::Volume],
+        Some(Reader::Volume(volume::nrrd::read)),
+    ),
+    format(
+        Content::MetaImage,
+        &[".mhd", ".mha"],
+        &[Kind::Volume],
+        Some(Reader::Volume(volume::metaimage::read)),
+    ),
+    format(
+        Content::Nifti,
+        &[".nii", ".nii.gz"],
+        &[Kind::Volume],
+        Some(Reader::Volume(|bytes, _| volume::nifti::read(bytes))),
+    ),
+    format(
+        Content::Vti,
+        &[".vti"],
+        &[Kind::Volume],
+        Some(Reader::Image(volume::vti::read)),
+    ),
+    format(
+        Content::Vtr,
+        &[".vtr"],
+        &[Kind::Volume],
+        Some(Reader::Irregular(volume::irregular::read_rectilinear)),
+    ),
+    format(
+        Content::Vts,
+        &[".vts"],
+        &[Kind::Volume],
+        Some(Reader::Irregular(volume::irregular::read_curvilinear)),
+    ),
+    format(
+        Content::Vtu,
+        &[".vtu"],
+        &[Kind::Volume],
+        Some(Reader::Irregular(volume::irregular::read_unstructured)),
+    ),
+    format(
+        Content::Vtp,
+        &[".vtp"],
+        &[Kind::Volume],
+        Some(Reader::Irregular(volume::irregular::read_poly_data)),
+    ),
     format(Content::Obj, &[".obj"], &[Kind::Mesh], None),
     format(Content::Stl, &[".stl"], &[Kind::Mesh], None),
     format(Content::Json, &[".json"], &[], None),
     format(Content::Foreign(Foreign::Sog), &[".sog"], &[], None),
-    format(Content::Foreign(Foreign::Ksplat), &[".ksplat", ".lcc"], &[], None),
+    format(
+        Content::Foreign(Foreign::Ksplat),
+        &[".ksplat", ".lcc"],
+        &[],
+        None,
+    ),
     format(Content::Foreign(Foreign::Zip), &[".zip"], &[], None),
     format(Content::Foreign(Foreign::Las), &[".las", ".laz"], &[], None),
     format(Content::Foreign(Foreign::Pcd), &[".pcd"], &[], None),
     format(Content::Foreign(Foreign::E57), &[".e57"], &[], None),
-    format(Content::Foreign(Foreign::Lines), &[".xyz", ".pts", ".ptx", ".asc", ".csv", ".txt"], &[], None),
+    format(
+        Content::Foreign(Foreign::Lines),
+        &[".xyz", ".pts", ".ptx", ".asc", ".csv", ".txt"],
+        &[],
+        None,
+    ),
     format(Content::Foreign(Foreign::Vtk), &[".vtk"], &[], None),
     format(Content::Foreign(Foreign::Dicom), &[".dcm"], &[], None),
-    format(Content::Foreign(Foreign::NiftiPair), &[".hdr", ".img"], &[], None),
-    format(Content::Foreign(Foreign::Hdf5), &[".h5", ".hdf5"], &[], None),
-    format(Content::Foreign(Foreign::Mesh), &[".off", ".fbx", ".dae", ".3ds", ".3mf", ".blend", ".usd", ".usdz", ".usdc"], &[], None),
-    format(Content::Foreign(Foreign::Picture), &[".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff"], &[], None),
+    format(
+        Content::Foreign(Foreign::NiftiPair),
+        &[".hdr", ".img"],
+        &[],
+        None,
+    ),
+    format(
+        Content::Foreign(Foreign::Hdf5),
+        &[".h5", ".hdf5"],
+        &[],
+        None,
+    ),
+    format(
+        Content::Foreign(Foreign::Mesh),
+        &[
+            ".off", ".fbx", ".dae", ".3ds", ".3mf", ".blend", ".usd", ".usdz", ".usdc",
+        ],
+        &[],
+        None,
+    ),
+    format(
+        Content::Foreign(Foreign::Picture),
+        &[".png", ".jpg", ".jpeg", ".webp", ".tif", ".tiff"],
+        &[],
+        None,
+    ),
 ];
 
 /// A PLY's header says which it has.
@@ -176,15 +272,28 @@ impl Content {
     }
 
     fn by_name(path: &Path) -> Option<Content> {
-        let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-        FORMATS.iter().find(|format| format.ends.iter().any(|end| name.ends_with(end))).map(|format| format.content)
+        let name = path
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy()
+            .to_lowercase();
+        FORMATS
+            .iter()
+            .find(|format| format.ends.iter().any(|end| name.ends_with(end)))
+            .map(|format| format.content)
     }
 
     fn by_bytes(path: &Path) -> Option<Content> {
         // What is no regular file may never end, or wait.
-        let metadata = std::fs::metadata(path).ok().filter(std::fs::Metadata::is_file)?;
+        let metadata = std::fs::metadata(path)
+            .ok()
+            .filter(std::fs::Metadata::is_file)?;
         let mut head = Vec::new();
-        crate::input::open(path).ok()?.take(HEAD).read_to_end(&mut head).ok()?;
+        crate::input::open(path)
+            .ok()?
+            .take(HEAD)
+            .read_to_end(&mut head)
+            .ok()?;
         Content::of(&head, metadata.len())
     }
 
@@ -193,15 +302,26 @@ impl Content {
         if head.starts_with(&[0x1f, 0x8b]) {
             let mut inside = Vec::new();
             // A head that ends within a block of gzip still gives what is before it.
-            let _ = GzDecoder::new(head).take(UNPACKED_HEAD).read_to_end(&mut inside);
-            return Content::of_magic(&inside)
-                .filter(|content| matches!(content, Content::Spz | Content::Nifti | Content::Foreign(Foreign::Nifti2)));
+            let _ = GzDecoder::new(head)
+                .take(UNPACKED_HEAD)
+                .read_to_end(&mut inside);
+            return Content::of_magic(&inside).filter(|content| {
+                matches!(
+                    content,
+                    Content::Spz | Content::Nifti | Content::Foreign(Foreign::Nifti2)
+                )
+            });
         }
-        Content::of_magic(head).or_else(|| Content::of_binary_stl(head, length)).or_else(|| Content::of_text(head))
+        Content::of_magic(head)
+            .or_else(|| Content::of_binary_stl(head, length))
+            .or_else(|| Content::of_text(head))
     }
 
     fn of_magic(head: &[u8]) -> Option<Content> {
-        let at = |place: usize, magic: &[u8]| head.get(place..).is_some_and(|rest| rest.starts_with(magic));
+        let at = |place: usize, magic: &[u8]| {
+            head.get(place..)
+                .is_some_and(|rest| rest.starts_with(magic))
+        };
         let starts = |magic: &str| head.starts_with(magic.as_bytes());
         let is_ply = starts("ply") && head.get(3).is_some_and(|byte| byte.is_ascii_whitespace());
         Some(match () {
@@ -221,7 +341,12 @@ impl Content {
             () if at(128, b"DICM") => Content::Foreign(Foreign::Dicom),
             () if at(0, b"\x89HDF\r\n") => Content::Foreign(Foreign::Hdf5),
             () if starts("Kaydara FBX") || starts("BLENDER") => Content::Foreign(Foreign::Mesh),
-            () if at(0, b"\x89PNG\r\n") || at(0, b"\xff\xd8\xff") || at(0, b"RIFF") && at(8, b"WEBP") => Content::Foreign(Foreign::Picture),
+            () if at(0, b"\x89PNG\r\n")
+                || at(0, b"\xff\xd8\xff")
+                || at(0, b"RIFF") && at(8, b"WEBP") =>
+            {
+                Content::Foreign(Foreign::Picture)
+            }
             () => return None,
         })
     }
@@ -237,25 +362,50 @@ impl Content {
         // Samples behind a header need not be text, so only its beginning must be.
         let text = String::from_utf8_lossy(head);
         let text = text.trim_start_matches('\u{feff}').trim_start();
-        let lower = text.get(..text.floor_char_boundary(4096)).unwrap_or_default().to_ascii_lowercase();
-        let is_word = |word: &str| lower.starts_with(word) && !lower[word.len()..].starts_with(|c: char| c.is_ascii_alphanumeric());
+        let lower = text
+            .get(..text.floor_char_boundary(4096))
+            .unwrap_or_default()
+            .to_ascii_lowercase();
+        let is_word = |word: &str| {
+            lower.starts_with(word)
+                && !lower[word.len()..].starts_with(|c: char| c.is_ascii_alphanumeric())
+        };
         if lower.starts_with('{') {
             // Both may come late in a long file: then its name decides.
             let has = |key: &str| text.contains(&format!("\"{key}\""));
-            return if has("asset") { Some(Content::Gltf) } else { has("splats").then_some(Content::Json) };
+            return if has("asset") {
+                Some(Content::Gltf)
+            } else {
+                has("splats").then_some(Content::Json)
+            };
         }
         if lower.starts_with('<') {
             let tag = &lower[lower.find("<vtkfile")?..];
             let tag = &tag[..tag.find('>').unwrap_or(tag.len())];
-            let kinds = [("imagedata", Content::Vti), ("rectilineargrid", Content::Vtr), ("structuredgrid", Content::Vts)];
-            let kinds = kinds.into_iter().chain([("unstructuredgrid", Content::Vtu), ("polydata", Content::Vtp)]);
-            let value = tag.split_ascii_whitespace().find_map(|word| word.strip_prefix("type="))?.trim_start_matches(['"', '\'']);
-            return kinds.into_iter().find(|(name, _)| value.starts_with(name)).map(|(_, content)| content);
+            let kinds = [
+                ("imagedata", Content::Vti),
+                ("rectilineargrid", Content::Vtr),
+                ("structuredgrid", Content::Vts),
+            ];
+            let kinds = kinds.into_iter().chain([
+                ("unstructuredgrid", Content::Vtu),
+                ("polydata", Content::Vtp),
+            ]);
+            let value = tag
+                .split_ascii_whitespace()
+                .find_map(|word| word.strip_prefix("type="))?
+                .trim_start_matches(['"', '\'']);
+            return kinds
+                .into_iter()
+                .find(|(name, _)| value.starts_with(name))
+                .map(|(_, content)| content);
         }
         if is_word("solid") && (lower.contains("facet") || lower.contains("endsolid")) {
             return Some(Content::Stl);
         }
-        if ["objecttype", "ndims"].iter().any(|key| is_word(key)) && lower.lines().next().is_some_and(|line| line.contains('=')) {
+        if ["objecttype", "ndims"].iter().any(|key| is_word(key))
+            && lower.lines().next().is_some_and(|line| line.contains('='))
+        {
             return Some(Content::MetaImage);
         }
         if is_word("off") || is_word("coff") || is_word("noff") {
@@ -317,7 +467,9 @@ impl Foreign {
         match self {
             Foreign::Sog | Foreign::Ksplat => "splat-transform writes it as .ply",
             Foreign::Zip => "unpack it; of an .sog, splat-transform makes a .ply",
-            Foreign::Las => "PDAL (`pdal translate IN OUT.ply`) writes it as .ply, las2txt of LAStools as text",
+            Foreign::Las => {
+                "PDAL (`pdal translate IN OUT.ply`) writes it as .ply, las2txt of LAStools as text"
+            }
             Foreign::Pcd => "pcl_pcd2ply of PCL, or CloudCompare, writes it as .ply",
             Foreign::E57 | Foreign::Lines => "CloudCompare writes it as .ply",
             Foreign::Vtk => "ParaView writes it as .vti, .vtr, .vts, .vtu or .vtp",
@@ -325,23 +477,28 @@ impl Foreign {
             Foreign::Nifti2 => "nibabel writes it as NIfTI-1",
             Foreign::NiftiPair => "a NIfTI-1 volume must be a single .nii or .nii.gz",
             Foreign::Hdf5 => "h5py and nibabel write its arrays as .nii",
-            Foreign::Mesh => "MeshLab or Blender writes it as .ply, .obj or .glb, of which `splatsim sample` makes points",
+            Foreign::Mesh => {
+                "MeshLab or Blender writes it as .ply, .obj or .glb, of which `splatsim sample` makes points"
+            }
             Foreign::Picture => "a picture is no scene",
         }
     }
 }
 
-/// Whether lines of text are those of an OBJ, by their first words; some line is a vertex of three numbers or more.
+/// Whether lines of text are those of an OBJ, by their first words; some line is a vertex of three
+/// numbers or more.
 fn is_obj(lower: &str) -> bool {
     const WORDS: [&str; 20] = [
-        "v", "vt", "vn", "vp", "f", "fo", "l", "p", "o", "g", "s", "mg", "usemtl", "mtllib", "usemap", "maplib", "lod", "cstype", "deg",
-        "end",
+        "v", "vt", "vn", "vp", "f", "fo", "l", "p", "o", "g", "s", "mg", "usemtl", "mtllib",
+        "usemap", "maplib", "lod", "cstype", "deg", "end",
     ];
     let mut has_vertex = false;
     // The last line may be cut.
     for line in lower.lines().take(200) {
         let mut words = line.split_ascii_whitespace();
-        let Some(word) = words.next().filter(|word| !word.starts_with('#')) else { continue };
+        let Some(word) = words.next().filter(|word| !word.starts_with('#')) else {
+            continue;
+        };
         if !WORDS.contains(&word) {
             return false;
         }
@@ -353,7 +510,8 @@ fn is_obj(lower: &str) -> bool {
     has_vertex
 }
 
-/// Reader of a file, by its content, and where that tells nothing by the end of its name; none where it is of no format that is drawn.
+/// Reader of a file, by its content, and where that tells nothing by the end of its name; none
+/// where it is of no format that is drawn.
 pub(super) fn reader(path: &Path) -> Option<Reader> {
     Content::of_file(path).and_then(Content::format)?.reader
 }
@@ -373,26 +531,47 @@ pub(super) fn is_json(path: &Path) -> bool {
 pub(super) fn contradiction(path: &Path) -> Option<String> {
     let named = Content::by_name(path)?;
     let held = Content::by_bytes(path)?;
-    (named != held).then(|| format!("is {} by its content, and {} by its name; the content was read", held.name(), named.name()))
+    (named != held).then(|| {
+        format!(
+            "is {} by its content, and {} by its name; the content was read",
+            held.name(),
+            named.name()
+        )
+    })
 }
 
-/// Why a file is not read where splats are; the second half of a sentence that begins with the file's name.
+/// Why a file is not read where splats are; the second half of a sentence that begins with the
+/// file's name.
 pub(super) fn no_splats(path: &Path) -> String {
     let [points, gaussians, volumes, _] = names();
-    let read = format!("a scene is a .json file, points ({points}), Gaussians ({gaussians}), a volume ({volumes}) or a built-in name");
+    let read = format!(
+        "a scene is a .json file, points ({points}), Gaussians ({gaussians}), a volume ({volumes}) or a built-in name"
+    );
     refusal(Content::of_file(path), path, "holds no splats", &read)
 }
 
-/// Why a file is not read where a volume is; the second half of a sentence that begins with the file's name.
+/// Why a file is not read where a volume is; the second half of a sentence that begins with the
+/// file's name.
 pub(super) fn no_volume(path: &Path) -> String {
     let [.., volumes, _] = names();
-    refusal(Content::of_file(path), path, "holds no volume", &format!("{volumes} are read"))
+    refusal(
+        Content::of_file(path),
+        path,
+        "holds no volume",
+        &format!("{volumes} are read"),
+    )
 }
 
-/// Why a file is not read where a mesh is; the second half of a sentence that begins with the file's name.
+/// Why a file is not read where a mesh is; the second half of a sentence that begins with the
+/// file's name.
 pub(super) fn no_mesh(content: Option<Content>, path: &Path) -> String {
     let [.., meshes] = names();
-    refusal(content, path, "holds no triangles", &format!("a mesh is one of {meshes}, or `plane`"))
+    refusal(
+        content,
+        path,
+        "holds no triangles",
+        &format!("a mesh is one of {meshes}, or `plane`"),
+    )
 }
 
 fn refusal(content: Option<Content>, path: &Path, why: &str, read: &str) -> String {
@@ -401,13 +580,31 @@ fn refusal(content: Option<Content>, path: &Path, why: &str, read: &str) -> Stri
         None => format!("is of no known kind; {read}"),
         Some(Content::Foreign(foreign)) => {
             // What is in a ZIP, its name tells.
-            let foreign = if named == Some(Content::Foreign(Foreign::Sog)) { Foreign::Sog } else { foreign };
-            format!("is {}, which is not read; {}; {read}", foreign.name(), foreign.advice())
+            let foreign = if named == Some(Content::Foreign(Foreign::Sog)) {
+                Foreign::Sog
+            } else {
+                foreign
+            };
+            format!(
+                "is {}, which is not read; {}; {read}",
+                foreign.name(),
+                foreign.advice()
+            )
         }
         Some(content) => {
-            let by = if named.is_some_and(|named| named != content) { " by its content" } else { "" };
-            let is_mesh = content.format().is_some_and(|format| format.kinds == [Kind::Mesh]);
-            let why = if is_mesh { "is a mesh; `splatsim sample` makes points of it" } else { why };
+            let by = if named.is_some_and(|named| named != content) {
+                " by its content"
+            } else {
+                ""
+            };
+            let is_mesh = content
+                .format()
+                .is_some_and(|format| format.kinds == [Kind::Mesh]);
+            let why = if is_mesh {
+                "is a mesh; `splatsim sample` makes points of it"
+            } else {
+                why
+            };
             format!("is {}{by}, which {why}; {read}", content.name())
         }
     }
@@ -417,6 +614,10 @@ fn refusal(content: Option<Content>, path: &Path, why: &str, read: &str) -> Stri
 pub(super) fn names() -> [String; 4] {
     [Kind::Points, Kind::Gaussians, Kind::Volume, Kind::Mesh].map(|kind| {
         let of_kind = FORMATS.iter().filter(|format| format.kinds.contains(&kind));
-        of_kind.flat_map(|format| format.ends).copied().collect::<Vec<_>>().join(", ")
+        of_kind
+            .flat_map(|format| format.ends)
+            .copied()
+            .collect::<Vec<_>>()
+            .join(", ")
     })
 }

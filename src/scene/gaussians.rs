@@ -6,8 +6,9 @@
 //! .spz                  packed, up to 65 bytes each ─► [spz]       ─┤
 //! .gltf, .glb           an accessor for each number ─► [gltf]      ─┘
 //! ```
-//! - Axes are as in the file: right, down, forward as cameras have them in what training programs write and in `.splat`;
-//!   right, up, back in `.spz` and glTF, which is half a turn about x (`three_formats_of_the_same_three_gaussians_agree`).
+//! - Axes are as in the file: right, down, forward as cameras have them in what training programs
+//!   write and in `.splat`; right, up, back in `.spz` and glTF, which is half a turn about x
+//!   (`three_formats_of_the_same_three_gaussians_agree`).
 //! - What no program can draw is left out and counted in a note: see `FLAWS`.
 //! - Nothing is reserved that the file's length does not vouch for.
 
@@ -27,7 +28,8 @@ use glam::{DQuat, DVec3, DVec4};
 
 type Parsed<T> = Result<T, String>;
 
-/// One trained Gaussian as its file has it, with its activations applied. Its colour is [`Gaussians::harmonics`].
+/// One trained Gaussian as its file has it, with its activations applied. Its colour is
+/// [`Gaussians::harmonics`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gaussian {
     /// Centre, world units.
@@ -47,11 +49,13 @@ pub struct Gaussians {
     pub all: Vec<Gaussian>,
     /// Degree of the spherical harmonics, 0 to 3.
     pub degree: usize,
-    /// The file says that they were trained to get fainter as the low-pass filter widens them (Yu et al. 2024, Mip-Splatting).
+    /// The file says that they were trained to get fainter as the low-pass filter widens them (Yu
+    /// et al. 2024, Mip-Splatting).
     pub compensated: bool,
     /// Notes of what was left out or looks odd, one sentence each.
     pub notes: Vec<String>,
-    /// Of all Gaussians, one after another: `(degree + 1)²` coefficients each, as f32, which no format exceeds.
+    /// Of all Gaussians, one after another: `(degree + 1)²` coefficients each, as f32, which no
+    /// format exceeds.
     harmonics: Vec<[f32; 3]>,
 }
 
@@ -59,7 +63,8 @@ pub struct Gaussians {
 pub const SMALLEST_SCALE: f64 = super::LEAST_RADIUS;
 
 impl Gaussians {
-    /// Coefficients of red, green and blue of one of [`Gaussians::all`], for [`colour`]: 1, 4, 9 or 16 by degree.
+    /// Coefficients of red, green and blue of one of [`Gaussians::all`], for [`colour`]: 1, 4, 9 or
+    /// 16 by degree.
     ///
     /// # Panics
     /// Where `index` is not one of a Gaussian.
@@ -69,17 +74,29 @@ impl Gaussians {
     }
 }
 
-/// Whether the bytes are a PLY file whose header is one of trained Gaussians; [`parse_ply`] reads those.
+/// Whether the bytes are a PLY file whose header is one of trained Gaussians; [`parse_ply`] reads
+/// those.
 pub(super) fn is_trained_ply(bytes: &[u8]) -> bool {
-    ply::read_header(bytes).is_ok_and(|(header, _)| packed_ply::is_packed(&header) || float_ply::is_trained(&header))
+    ply::read_header(bytes)
+        .is_ok_and(|(header, _)| packed_ply::is_packed(&header) || float_ply::is_trained(&header))
 }
 
 /// Reads a PLY file of trained Gaussians.
 pub(super) fn parse_ply(bytes: &[u8]) -> Parsed<Gaussians> {
     let (header, body) = ply::read_header(bytes)?;
-    let parsed = if packed_ply::is_packed(&header) { packed_ply::parse(&header, body) } else { float_ply::parse(&header, body) };
-    let compensated = header.comments.iter().any(|comment| asks_for_compensation(comment));
-    parsed.map(|gaussians| Gaussians { compensated, ..gaussians })
+    let parsed = if packed_ply::is_packed(&header) {
+        packed_ply::parse(&header, body)
+    } else {
+        float_ply::parse(&header, body)
+    };
+    let compensated = header
+        .comments
+        .iter()
+        .any(|comment| asks_for_compensation(comment));
+    parsed.map(|gaussians| Gaussians {
+        compensated,
+        ..gaussians
+    })
 }
 
 /// Whether a comment is `SplatRenderMode: mip`, in any case, with or without the blank.
@@ -114,22 +131,39 @@ impl Intake {
     fn new(degree: usize, room: usize, notes: Vec<String>) -> Self {
         let harmonics = Vec::with_capacity(room.saturating_mul(coefficients(degree)));
         Intake {
-            gaussians: Gaussians { all: Vec::with_capacity(room), degree, compensated: false, notes, harmonics },
+            gaussians: Gaussians {
+                all: Vec::with_capacity(room),
+                degree,
+                compensated: false,
+                notes,
+                harmonics,
+            },
             count: 0,
             left_out: [0; FLAWS.len()],
         }
     }
 
-    /// Takes one Gaussian, whose rotation may have any length, and its `(degree + 1)²` coefficients.
+    /// Takes one Gaussian, whose rotation may have any length, and its `(degree + 1)²`
+    /// coefficients.
     fn push(&mut self, raw: Gaussian, harmonics: impl IntoIterator<Item = [f32; 3]>) {
-        let Gaussians { all, harmonics: store, .. } = &mut self.gaussians;
+        let Gaussians {
+            all,
+            harmonics: store,
+            ..
+        } = &mut self.gaussians;
         let before = store.len();
         store.extend(harmonics);
         let rotation = unit(raw.rotation);
         let flaws = [
-            !raw.position.to_array().iter().all(|c| c.abs() <= ply::FARTHEST),
+            !raw.position
+                .to_array()
+                .iter()
+                .all(|c| c.abs() <= ply::FARTHEST),
             rotation.is_none(),
-            !raw.scale.to_array().iter().all(|s| (0.0..=ply::FARTHEST).contains(s)),
+            !raw.scale
+                .to_array()
+                .iter()
+                .all(|s| (0.0..=ply::FARTHEST).contains(s)),
             raw.opacity.is_nan(),
             !store[before..].as_flattened().iter().all(|c| c.is_finite()),
         ];
@@ -139,22 +173,34 @@ impl Intake {
                 self.left_out[flaw] += 1;
                 store.truncate(before);
             }
-            None => {
-                all.push(Gaussian { rotation: rotation.unwrap_or_default(), scale: raw.scale.max(DVec3::splat(SMALLEST_SCALE)), ..raw })
-            }
+            None => all.push(Gaussian {
+                rotation: rotation.unwrap_or_default(),
+                scale: raw.scale.max(DVec3::splat(SMALLEST_SCALE)),
+                ..raw
+            }),
         }
     }
 
     fn finish(mut self) -> Parsed<Gaussians> {
         let count = self.count;
-        let left_out = self.left_out.iter().zip(FLAWS).filter(|(number, _)| **number > 0);
-        let notes: Vec<String> =
-            left_out.map(|(number, flaw)| format!("{number} of {count} Gaussians have {flaw} and were left out")).collect();
+        let left_out = self
+            .left_out
+            .iter()
+            .zip(FLAWS)
+            .filter(|(number, _)| **number > 0);
+        let notes: Vec<String> = left_out
+            .map(|(number, flaw)| {
+                format!("{number} of {count} Gaussians have {flaw} and were left out")
+            })
+            .collect();
         if count == 0 {
             return Err("holds no Gaussians".into());
         }
         if self.gaussians.all.is_empty() {
-            return Err(format!("holds no Gaussian that can be drawn: {}", notes.join("; ")));
+            return Err(format!(
+                "holds no Gaussian that can be drawn: {}",
+                notes.join("; ")
+            ));
         }
         self.gaussians.notes.extend(notes);
         Ok(self.gaussians)

@@ -1,14 +1,17 @@
-//! GlTF: opens a glTF 2.0 file, as JSON with its buffers beside it or in it, or as GLB, for the readers of meshes and of Gaussians.
+//! GlTF: opens a glTF 2.0 file, as JSON with its buffers beside it or in it, or as GLB, for the
+//! readers of meshes and of Gaussians.
 //!
 //! ```text
 //! bytes ─► [JSON] ─► attributes that the crate does not know, extensions that are required ─► [gltf] ─► document, validated
 //!                                                                  buffers, accessors, nodes, every range checked ◄─┘
 //! ```
-//! The crate `gltf` reads and validates the JSON; buffers, accessors and the tree of nodes are read here, every range checked, because that
-//! crate's readers panic past a buffer's end and follow cycles for ever.
+//! The crate `gltf` reads and validates the JSON; buffers, accessors and the tree of nodes are read
+//! here, every range checked, because that crate's readers panic past a buffer's end and follow
+//! cycles for ever.
 //!
-//! Attributes whose names begin with an underscore are an application's own (glTF 2.0, 3.7.2.1), others with a colon an extension's; that crate
-//! takes neither. `KHR_mesh_quantization` allows types of components that are read in any case.
+//! Attributes whose names begin with an underscore are an application's own (glTF 2.0, 3.7.2.1),
+//! others with a colon an extension's; that crate takes neither. `KHR_mesh_quantization` allows
+//! types of components that are read in any case.
 
 use crate::output::text::clipped;
 use ::gltf::accessor::{DataType, Dimensions};
@@ -30,8 +33,13 @@ const GLB_HEADER: usize = 12;
 /// The extension of Gaussians, and what the names of its attributes begin with.
 const GAUSSIANS: &str = "KHR_gaussian_splatting";
 /// Extensions that may be required: they are read, or say nothing of shapes and base colours.
-const READ: [&str; 5] =
-    [GAUSSIANS, "KHR_mesh_quantization", "KHR_texture_transform", "KHR_materials_pbrSpecularGlossiness", "KHR_materials_transmission"];
+const READ: [&str; 5] = [
+    GAUSSIANS,
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_transmission",
+];
 const HARMLESS: [&str; 4] = ["KHR_materials_", "KHR_lights_", "KHR_xmp", "EXT_lights_"];
 
 /// An open file.
@@ -44,7 +52,8 @@ pub(super) struct File {
     own: HashMap<(usize, usize), Own>,
 }
 
-/// Attributes of a primitive that are an application's or an extension's own, and the object of the extension of Gaussians.
+/// Attributes of a primitive that are an application's or an extension's own, and the object of the
+/// extension of Gaussians.
 #[derive(Default)]
 pub(super) struct Own {
     /// Numbers of accessors.
@@ -60,18 +69,31 @@ impl Own {
 }
 
 fn unsound(fault: impl std::fmt::Display) -> String {
-    format!("is no sound glTF 2.0: {}", clipped_sentence(&fault.to_string()))
+    format!(
+        "is no sound glTF 2.0: {}",
+        clipped_sentence(&fault.to_string())
+    )
 }
 
 impl File {
-    /// Reads a file and those that it names; the error is the second half of a sentence that begins with the file's name.
+    /// Reads a file and those that it names; the error is the second half of a sentence that begins
+    /// with the file's name.
     pub fn parse(bytes: &[u8], folder: &Path) -> Parsed<File> {
         let (json, blob) = if bytes.starts_with(b"glTF") {
             check_length(bytes)?;
             let glb = Glb::from_slice(bytes).map_err(unsound)?;
-            (glb.json.into_owned(), glb.bin.map(std::borrow::Cow::into_owned))
+            (
+                glb.json.into_owned(),
+                glb.bin.map(std::borrow::Cow::into_owned),
+            )
         } else {
-            (bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).to_vec(), None)
+            (
+                bytes
+                    .strip_prefix(b"\xef\xbb\xbf")
+                    .unwrap_or(bytes)
+                    .to_vec(),
+                None,
+            )
         };
         let mut json: Value = serde_json::from_slice(&json).map_err(unsound)?;
         let notes = take_extensions(&mut json)?;
@@ -79,10 +101,23 @@ impl File {
         let root: Root = serde_json::from_value(json).map_err(unsound)?;
         check_positions(&root)?;
         let document = Document::from_json(root).map_err(unsound)?;
-        if let Some(number) = own.values().flat_map(|own| own.attributes.values()).find(|number| **number >= document.accessors().len()) {
-            return Err(unsound(format!("an attribute names accessor {number} of {}", document.accessors().len())));
+        if let Some(number) = own
+            .values()
+            .flat_map(|own| own.attributes.values())
+            .find(|number| **number >= document.accessors().len())
+        {
+            return Err(unsound(format!(
+                "an attribute names accessor {number} of {}",
+                document.accessors().len()
+            )));
         }
-        let mut file = File { document, notes, buffers: Vec::new(), folder: folder.to_owned(), own };
+        let mut file = File {
+            document,
+            notes,
+            buffers: Vec::new(),
+            folder: folder.to_owned(),
+            own,
+        };
         file.read_buffers(blob)?;
         Ok(file)
     }
@@ -94,45 +129,87 @@ impl File {
 
     /// Whether a primitive of a mesh holds Gaussians.
     pub fn is_gaussians(&self, mesh: usize, primitive: usize) -> bool {
-        let has_any = |own: &Own| own.gaussians.is_some() || own.attributes.keys().any(|name| name.starts_with(&format!("{GAUSSIANS}:")));
+        let has_any = |own: &Own| {
+            own.gaussians.is_some()
+                || own
+                    .attributes
+                    .keys()
+                    .any(|name| name.starts_with(&format!("{GAUSSIANS}:")))
+        };
         self.own(mesh, primitive).is_some_and(has_any)
     }
 
     /// Rows of the accessor of this number, as many as `count`, of this kind.
-    pub fn numbered<const N: usize>(&self, number: usize, count: usize, kind: Dimensions) -> Parsed<Vec<[f64; N]>> {
-        let accessor = self.document.accessors().nth(number).ok_or_else(|| unsound(format!("there is no accessor {number}")))?;
+    pub fn numbered<const N: usize>(
+        &self,
+        number: usize,
+        count: usize,
+        kind: Dimensions,
+    ) -> Parsed<Vec<[f64; N]>> {
+        let accessor = self
+            .document
+            .accessors()
+            .nth(number)
+            .ok_or_else(|| unsound(format!("there is no accessor {number}")))?;
         if accessor.dimensions() != kind {
-            return Err(format!("accessor {number} has rows of another number of components than its attribute"));
+            return Err(format!(
+                "accessor {number} has rows of another number of components than its attribute"
+            ));
         }
         if accessor.count() != count {
-            return Err(format!("accessor {number} has {} rows and should have {count}", accessor.count()));
+            return Err(format!(
+                "accessor {number} has {} rows and should have {count}",
+                accessor.count()
+            ));
         }
         self.rows(&accessor)
     }
 
-    /// Nodes of the default scene, else of the first, else all, from the roots on, each with its transform: that of its ancestors times its
-    /// own. A node that is met twice makes them no tree.
+    /// Nodes of the default scene, else of the first, else all, from the roots on, each with its
+    /// transform: that of its ancestors times its own. A node that is met twice makes them no tree.
     pub fn nodes(&self) -> Parsed<Vec<(Node<'_>, DMat4)>> {
         let document = &self.document;
-        let scene = document.default_scene().or_else(|| document.scenes().next());
+        let scene = document
+            .default_scene()
+            .or_else(|| document.scenes().next());
         let mut open: Vec<_> = match scene {
             Some(scene) => scene.nodes().collect(),
             None => {
-                let children: Vec<usize> = document.nodes().flat_map(|node| node.children().map(|child| child.index())).collect();
+                let children: Vec<usize> = document
+                    .nodes()
+                    .flat_map(|node| node.children().map(|child| child.index()))
+                    .collect();
                 let mut is_root = vec![true; document.nodes().len()];
-                children.into_iter().for_each(|child| is_root[child] = false);
-                document.nodes().filter(|node| is_root[node.index()]).collect()
+                children
+                    .into_iter()
+                    .for_each(|child| is_root[child] = false);
+                document
+                    .nodes()
+                    .filter(|node| is_root[node.index()])
+                    .collect()
             }
         };
         open.reverse();
-        let mut open: Vec<_> = open.into_iter().map(|node| (node, DMat4::IDENTITY)).collect();
+        let mut open: Vec<_> = open
+            .into_iter()
+            .map(|node| (node, DMat4::IDENTITY))
+            .collect();
         let mut met = vec![false; document.nodes().len()];
         let mut nodes = Vec::new();
         while let Some((node, above)) = open.pop() {
             if std::mem::replace(&mut met[node.index()], true) {
-                return Err(format!("node {} is met twice, so its nodes are no tree", node.index()));
+                return Err(format!(
+                    "node {} is met twice, so its nodes are no tree",
+                    node.index()
+                ));
             }
-            let transform = above * DMat4::from_cols_array_2d(&node.transform().matrix().map(|column| column.map(f64::from)));
+            let transform = above
+                * DMat4::from_cols_array_2d(
+                    &node
+                        .transform()
+                        .matrix()
+                        .map(|column| column.map(f64::from)),
+                );
             let children: Vec<_> = node.children().collect();
             nodes.push((node, transform));
             open.extend(children.into_iter().rev().map(|child| (child, transform)));
@@ -144,11 +221,19 @@ impl File {
         for buffer in self.document.buffers() {
             let number = buffer.index();
             let bytes = match buffer.source() {
-                Source::Bin => blob.take().ok_or_else(|| format!("buffer {number} has no data"))?,
-                Source::Uri(uri) => self.resource(uri).map_err(|e| format!("buffer {number}: {e}"))?,
+                Source::Bin => blob
+                    .take()
+                    .ok_or_else(|| format!("buffer {number} has no data"))?,
+                Source::Uri(uri) => self
+                    .resource(uri)
+                    .map_err(|e| format!("buffer {number}: {e}"))?,
             };
             if bytes.len() < buffer.length() {
-                return Err(format!("buffer {number} should have {} bytes and has {}", buffer.length(), bytes.len()));
+                return Err(format!(
+                    "buffer {number} should have {} bytes and has {}",
+                    buffer.length(),
+                    bytes.len()
+                ));
             }
             self.buffers.push(bytes);
         }
@@ -159,30 +244,57 @@ impl File {
     pub fn resource(&self, uri: &str) -> Parsed<Vec<u8>> {
         let Some(data) = uri.strip_prefix("data:") else {
             if uri.contains("://") {
-                return Err(format!("`{}` lies elsewhere; only files beside the mesh are read", clipped(uri)));
+                return Err(format!(
+                    "`{}` lies elsewhere; only files beside the mesh are read",
+                    clipped(uri)
+                ));
             }
             return super::mesh::beside(&self.folder, &percent_decoded(uri)?);
         };
-        let (_, encoded) = data.split_once(";base64,").ok_or("data in a URI must be `;base64,`")?;
-        STANDARD.decode(encoded).map_err(|e| format!("data in a URI cannot be decoded: {e}"))
+        let (_, encoded) = data
+            .split_once(";base64,")
+            .ok_or("data in a URI must be `;base64,`")?;
+        STANDARD
+            .decode(encoded)
+            .map_err(|e| format!("data in a URI cannot be decoded: {e}"))
     }
 
     pub fn view(&self, view: &View) -> Parsed<&[u8]> {
         let buffer = &self.buffers[view.buffer().index()];
-        let end = view.offset().checked_add(view.length()).filter(|&end| end <= buffer.len());
-        let end = end.ok_or_else(|| format!("buffer view {} ends past buffer {}", view.index(), view.buffer().index()))?;
+        let end = view
+            .offset()
+            .checked_add(view.length())
+            .filter(|&end| end <= buffer.len());
+        let end = end.ok_or_else(|| {
+            format!(
+                "buffer view {} ends past buffer {}",
+                view.index(),
+                view.buffer().index()
+            )
+        })?;
         Ok(&buffer[view.offset()..end])
     }
 
-    /// Rows of an accessor, N numbers each; integers are scaled to [0, 1] or [−1, 1] where the file says so.
+    /// Rows of an accessor, N numbers each; integers are scaled to [0, 1] or [−1, 1] where the file
+    /// says so.
     pub fn rows<const N: usize>(&self, accessor: &Accessor) -> Parsed<Vec<[f64; N]>> {
         let number = accessor.index();
-        let view = accessor.view().ok_or_else(|| format!("accessor {number} has no buffer view"))?;
+        let view = accessor
+            .view()
+            .ok_or_else(|| format!("accessor {number} has no buffer view"))?;
         let stride = view.stride().unwrap_or(accessor.size());
-        let bytes = span(self.view(&view)?, accessor.offset(), accessor.count(), stride, accessor.size())
-            .ok_or_else(|| format!("accessor {number} ends past buffer view {}", view.index()))?;
+        let bytes = span(
+            self.view(&view)?,
+            accessor.offset(),
+            accessor.count(),
+            stride,
+            accessor.size(),
+        )
+        .ok_or_else(|| format!("accessor {number} ends past buffer view {}", view.index()))?;
         let (kind, scaled) = (accessor.data_type(), accessor.normalized());
-        let row = |bytes: &[u8]| std::array::from_fn(|i| component(kind, scaled, &bytes[i * kind.size()..]));
+        let row = |bytes: &[u8]| {
+            std::array::from_fn(|i| component(kind, scaled, &bytes[i * kind.size()..]))
+        };
         let mut rows: Vec<[f64; N]> = bytes.chunks(stride.max(1)).map(row).collect();
         if let Some(sparse) = accessor.sparse() {
             let (places, values) = (sparse.indices(), sparse.values());
@@ -192,19 +304,40 @@ impl File {
                 ::gltf::accessor::sparse::IndexType::U32 => DataType::U32,
             };
             let past = || format!("accessor {number} has sparse values past a buffer view");
-            let (place_bytes, value_bytes) = (self.view(&places.view())?, self.view(&values.view())?);
+            let (place_bytes, value_bytes) =
+                (self.view(&places.view())?, self.view(&values.view())?);
             let place_size = kind_of_index.size();
-            let place_bytes = span(place_bytes, places.offset(), sparse.count(), place_size, place_size).ok_or_else(past)?;
-            let value_bytes = span(value_bytes, values.offset(), sparse.count(), accessor.size(), accessor.size()).ok_or_else(past)?;
-            for (place, value) in place_bytes.chunks(place_size).zip(value_bytes.chunks(accessor.size())) {
+            let place_bytes = span(
+                place_bytes,
+                places.offset(),
+                sparse.count(),
+                place_size,
+                place_size,
+            )
+            .ok_or_else(past)?;
+            let value_bytes = span(
+                value_bytes,
+                values.offset(),
+                sparse.count(),
+                accessor.size(),
+                accessor.size(),
+            )
+            .ok_or_else(past)?;
+            for (place, value) in place_bytes
+                .chunks(place_size)
+                .zip(value_bytes.chunks(accessor.size()))
+            {
                 let place = component(kind_of_index, false, place) as usize;
-                *rows.get_mut(place).ok_or_else(|| format!("accessor {number} has a sparse value for row {place}"))? = row(value);
+                *rows.get_mut(place).ok_or_else(|| {
+                    format!("accessor {number} has a sparse value for row {place}")
+                })? = row(value);
             }
         }
         Ok(rows)
     }
 
-    /// Rows of a vertex's attribute, as many as there are vertices; none where there are none of this kind.
+    /// Rows of a vertex's attribute, as many as there are vertices; none where there are none of
+    /// this kind.
     pub fn attribute<const N: usize>(
         &self,
         primitive: &Primitive,
@@ -212,21 +345,45 @@ impl File {
         count: usize,
         kind: Dimensions,
     ) -> Parsed<Option<Vec<[f64; N]>>> {
-        let Some(accessor) = primitive.get(semantic).filter(|accessor| accessor.dimensions() == kind) else { return Ok(None) };
+        let Some(accessor) = primitive
+            .get(semantic)
+            .filter(|accessor| accessor.dimensions() == kind)
+        else {
+            return Ok(None);
+        };
         let rows = self.rows(&accessor)?;
         if rows.len() != count {
-            return Err(format!("accessor {} has {} rows and should have {count}", accessor.index(), rows.len()));
+            return Err(format!(
+                "accessor {} has {} rows and should have {count}",
+                accessor.index(),
+                rows.len()
+            ));
         }
         Ok(Some(rows))
     }
 }
 
-/// Takes the required extensions out of the JSON: those that are read or harmless; the others are refused by name.
+/// Takes the required extensions out of the JSON: those that are read or harmless; the others are
+/// refused by name.
 fn take_extensions(json: &mut Value) -> Parsed<Vec<String>> {
-    let Some(required) = json.as_object_mut().and_then(|root| root.remove("extensionsRequired")) else { return Ok(Vec::new()) };
-    let names = required.as_array().ok_or_else(|| unsound("`extensionsRequired` is no array"))?;
-    let names: Vec<&str> = names.iter().map(|name| name.as_str().unwrap_or("?")).collect();
-    let unread: Vec<&str> = names.iter().copied().filter(|name| !READ.contains(name)).collect();
+    let Some(required) = json
+        .as_object_mut()
+        .and_then(|root| root.remove("extensionsRequired"))
+    else {
+        return Ok(Vec::new());
+    };
+    let names = required
+        .as_array()
+        .ok_or_else(|| unsound("`extensionsRequired` is no array"))?;
+    let names: Vec<&str> = names
+        .iter()
+        .map(|name| name.as_str().unwrap_or("?"))
+        .collect();
+    let unread: Vec<&str> = names
+        .iter()
+        .copied()
+        .filter(|name| !READ.contains(name))
+        .collect();
     let is_harmless = |name: &&&str| HARMLESS.iter().any(|beginning| name.starts_with(beginning));
     if let Some(name) = unread.iter().find(|name| !is_harmless(name)) {
         return Err(format!(
@@ -236,11 +393,17 @@ fn take_extensions(json: &mut Value) -> Parsed<Vec<String>> {
     }
     Ok(unread
         .iter()
-        .map(|name| format!("requires the extension {}, which is not read: base colours are drawn without it", clipped(name)))
+        .map(|name| {
+            format!(
+                "requires the extension {}, which is not read: base colours are drawn without it",
+                clipped(name)
+            )
+        })
         .collect())
 }
 
-/// Takes attributes that are an application's or an extension's own, and the objects of the extension of Gaussians, out of the JSON.
+/// Takes attributes that are an application's or an extension's own, and the objects of the
+/// extension of Gaussians, out of the JSON.
 fn take_attributes(json: &mut Value) -> Parsed<HashMap<(usize, usize), Own>> {
     let mut all = HashMap::new();
     let meshes = json.get_mut("meshes").and_then(Value::as_array_mut);
@@ -248,15 +411,32 @@ fn take_attributes(json: &mut Value) -> Parsed<HashMap<(usize, usize), Own>> {
         let primitives = fields.get_mut("primitives").and_then(Value::as_array_mut);
         for (number, primitive) in primitives.into_iter().flatten().enumerate() {
             let mut own = Own::default();
-            if let Some(attributes) = primitive.get_mut("attributes").and_then(Value::as_object_mut) {
-                let names = attributes.keys().filter(|name| name.starts_with('_') || name.contains(':'));
+            if let Some(attributes) = primitive
+                .get_mut("attributes")
+                .and_then(Value::as_object_mut)
+            {
+                let names = attributes
+                    .keys()
+                    .filter(|name| name.starts_with('_') || name.contains(':'));
                 for name in names.cloned().collect::<Vec<_>>() {
-                    let index = attributes.remove(&name).as_ref().and_then(Value::as_u64).and_then(|index| usize::try_from(index).ok());
-                    let index = index.ok_or_else(|| unsound(format!("the attribute {} names no accessor", clipped(&name))))?;
+                    let index = attributes
+                        .remove(&name)
+                        .as_ref()
+                        .and_then(Value::as_u64)
+                        .and_then(|index| usize::try_from(index).ok());
+                    let index = index.ok_or_else(|| {
+                        unsound(format!(
+                            "the attribute {} names no accessor",
+                            clipped(&name)
+                        ))
+                    })?;
                     own.attributes.insert(name, index);
                 }
             }
-            own.gaussians = primitive.get_mut("extensions").and_then(Value::as_object_mut).and_then(|all| all.remove(GAUSSIANS));
+            own.gaussians = primitive
+                .get_mut("extensions")
+                .and_then(Value::as_object_mut)
+                .and_then(|all| all.remove(GAUSSIANS));
             if !own.attributes.is_empty() || own.gaussians.is_some() {
                 all.insert((mesh, number), own);
             }
@@ -268,19 +448,35 @@ fn take_attributes(json: &mut Value) -> Parsed<HashMap<(usize, usize), Own>> {
 /// Positions name accessors that exist: the crate looks them up before it validates them.
 fn check_positions(root: &Root) -> Parsed<()> {
     let primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
-    let positions = primitives.filter_map(|primitive| primitive.attributes.get(&Checked::Valid(Semantic::Positions)));
-    match positions.map(|index| index.value()).find(|&index| index >= root.accessors.len()) {
-        Some(index) => Err(format!("is no sound glTF 2.0: positions name accessor {index} of {}", root.accessors.len())),
+    let positions = primitives.filter_map(|primitive| {
+        primitive
+            .attributes
+            .get(&Checked::Valid(Semantic::Positions))
+    });
+    match positions
+        .map(|index| index.value())
+        .find(|&index| index >= root.accessors.len())
+    {
+        Some(index) => Err(format!(
+            "is no sound glTF 2.0: positions name accessor {index} of {}",
+            root.accessors.len()
+        )),
         None => Ok(()),
     }
 }
 
-/// A GLB says its length, which must be that of a header at least (the crate subtracts it) and lie in the file.
+/// A GLB says its length, which must be that of a header at least (the crate subtracts it) and lie
+/// in the file.
 fn check_length(bytes: &[u8]) -> Parsed<()> {
-    let length = bytes.get(8..GLB_HEADER).map(|length| u32::from_le_bytes(length.try_into().expect("four bytes")) as usize);
+    let length = bytes
+        .get(8..GLB_HEADER)
+        .map(|length| u32::from_le_bytes(length.try_into().expect("four bytes")) as usize);
     match length {
         Some(length) if (GLB_HEADER..=bytes.len()).contains(&length) => Ok(()),
-        Some(length) => Err(format!("says that it has {length} bytes, and has {}", bytes.len())),
+        Some(length) => Err(format!(
+            "says that it has {length} bytes, and has {}",
+            bytes.len()
+        )),
         None => Err("ends inside its header".into()),
     }
 }
@@ -291,7 +487,8 @@ fn clipped_sentence(text: &str) -> String {
     line.replace(char::is_control, " ")
 }
 
-/// The bytes of `count` rows, the last one without what lies between rows; none where they end past the view or rows overlap.
+/// The bytes of `count` rows, the last one without what lies between rows; none where they end past
+/// the view or rows overlap.
 fn span(view: &[u8], offset: usize, count: usize, stride: usize, size: usize) -> Option<&[u8]> {
     if count == 0 {
         return Some(&[]);
@@ -313,7 +510,11 @@ fn component(kind: DataType, scaled: bool, bytes: &[u8]) -> f64 {
         DataType::U32 => (word as f64, u32::MAX as f64),
         DataType::F32 => return f32::from_bits(word) as f64,
     };
-    if scaled { (value / most).max(-1.0) } else { value }
+    if scaled {
+        (value / most).max(-1.0)
+    } else {
+        value
+    }
 }
 
 /// A URI's path with `%20` and its like decoded.
@@ -322,7 +523,11 @@ fn percent_decoded(uri: &str) -> Parsed<String> {
     let mut rest = uri.as_bytes();
     while let [first, after @ ..] = rest {
         rest = after;
-        let code = || std::str::from_utf8(after.get(..2)?).ok().and_then(|hex| u8::from_str_radix(hex, 16).ok());
+        let code = || {
+            std::str::from_utf8(after.get(..2)?)
+                .ok()
+                .and_then(|hex| u8::from_str_radix(hex, 16).ok())
+        };
         match (first, code()) {
             (b'%', Some(code)) => {
                 bytes.push(code);

@@ -1,15 +1,16 @@
 //! JSON: reads a scene file (docs/book/scenes.md) and fills in what it leaves out.
 //!
-//! The types below are the file format: the JSON Schema is derived from them, and a file is held against that schema
-//! before it is read into them. What a schema cannot say (directions that are zero, indices out of range) comes after.
+//! The types below are the file format: the JSON Schema is derived from them, and a file is held
+//! against that schema before it is read into them. What a schema cannot say (directions that are
+//! zero, indices out of range) comes after.
 
 use super::cells::{Cells, Sampled, Slices};
 use super::gaussians::{Gaussian, Gaussians};
 use super::volume::{Arrays, RawDescription, Samples};
 use super::voxels::{Classification, MOST_OPACITY, TransferPoint, Voxels, depth_of_layer};
 use super::{
-    Amplitude, Camera, Ellipsoids, Image, Kernel, LEAST_RADIUS, Light, Material, Opacity, Orientation, Overrides, Scene, Sheet, Sheets,
-    Splat, Surface,
+    Amplitude, Camera, Ellipsoids, Image, Kernel, LEAST_RADIUS, Light, Material, Opacity,
+    Orientation, Overrides, Scene, Sheet, Sheets, Splat, Surface,
 };
 use super::{Environment, Mirror, environment::BuiltinEnvironment};
 use super::{
@@ -41,33 +42,40 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// ε, left out, is this many times the median radius: served well on three scans (docs/book/algorithm.md §2).
+/// ε, left out, is this many times the median radius: served well on three scans
+/// (docs/book/algorithm.md §2).
 const Z_THRESHOLD_OF_RADIUS: f64 = 4.0;
 /// The near plane, left out, lies at this share of the way from the eye to its target.
 pub(super) const NEAR_OF_DISTANCE: f64 = 1e-3;
-/// Most pixels of a picture along a side, and in all: what a desktop computer still holds a few times over.
+/// Most pixels of a picture along a side, and in all: what a desktop computer still holds a few
+/// times over.
 const LONGEST_SIDE: usize = 16384;
 /// Pixels of the largest picture.
 pub const MOST_PIXELS: usize = 1 << 25;
-/// Least radius of a volume's kernels, in steps of the grid: through the middle of one that stands for a whole cell of opacity 1 the optical
-/// depth is 1/(2πr²), here 1.6·10¹¹, and beyond that a volume is points in empty space.
+/// Least radius of a volume's kernels, in steps of the grid: through the middle of one that stands
+/// for a whole cell of opacity 1 the optical depth is 1/(2πr²), here 1.6·10¹¹, and beyond that a
+/// volume is points in empty space.
 const LEAST_STEPS: f64 = 1e-6;
 
 /// No Gaussian is more opaque than this where a scene says nothing else.
 const MOST_WEIGHT: f64 = 0.99;
-/// How many times flatter discs are than wide where ellipsoids are drawn beside them: as far as a scene may flatten any.
+/// How many times flatter discs are than wide where ellipsoids are drawn beside them: as far as a
+/// scene may flatten any.
 const FLATTEST: f64 = 1e6;
 
-/// A scene: splats, and how they are looked at. All numbers in world units, linear light and degrees.
+/// A scene: splats, and how they are looked at. All numbers in world units, linear light and
+/// degrees.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "splatsim scene")]
 struct SceneFields {
     /// Where the splats come from.
     splats: Source,
-    /// The eye; what is left out is chosen so that the splats fill the picture. In its place may stand `cameras` or `camera_path`.
+    /// The eye; what is left out is chosen so that the splats fill the picture. In its place may
+    /// stand `cameras` or `camera_path`.
     camera: Option<CameraFields>,
-    /// A camera a frame: a sequence. What else a scene leaves out, as normals and the light, is chosen for the first.
+    /// A camera a frame: a sequence. What else a scene leaves out, as normals and the light, is
+    /// chosen for the first.
     #[schemars(length(min = 1, max = MOST_FRAMES))]
     cameras: Option<Vec<CameraFields>>,
     /// The same by a path.
@@ -88,7 +96,8 @@ struct SceneFields {
     level_of_detail: Option<DetailFields>,
     /// Directional lights; left out: one white light from behind the eye.
     lights: Option<Vec<LightFields>>,
-    /// What splats' `material` counts in; left out: the built-in sources' own, for others one Blinn-Phong.
+    /// What splats' `material` counts in; left out: the built-in sources' own, for others one
+    /// Blinn-Phong.
     #[schemars(length(min = 1))]
     materials: Option<Vec<MaterialFields>>,
     /// Light from all around, which materials with `reflect` mirror.
@@ -122,7 +131,8 @@ struct EnvironmentFile {
     scale: f64,
 }
 
-/// A splat, a file, a built-in cloud, a volume, Gaussians, any of these at another place, or an array of all these.
+/// A splat, a file, a built-in cloud, a volume, Gaussians, any of these at another place, or an
+/// array of all these.
 #[derive(Deserialize, JsonSchema)]
 #[serde(untagged)]
 enum Source {
@@ -140,8 +150,11 @@ enum Source {
     Given(Vec<Splat>),
 }
 
-/// Of an object alone: an array would be tried as its fields one by one, and so twice at every depth of arrays.
-fn placed<'de, D: serde::Deserializer<'de>>(from: D) -> std::result::Result<PlacedSource, D::Error> {
+/// Of an object alone: an array would be tried as its fields one by one, and so twice at every
+/// depth of arrays.
+fn placed<'de, D: serde::Deserializer<'de>>(
+    from: D,
+) -> std::result::Result<PlacedSource, D::Error> {
     let object = serde_json::Map::deserialize(from)?;
     PlacedSource::deserialize(serde_json::Value::Object(object)).map_err(serde::de::Error::custom)
 }
@@ -177,8 +190,9 @@ struct PlaceFields {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct FileSource {
-    /// Path of the file, relative to the scene file. Of trained Gaussians: rotations are quaternions, real part first (`rot_0` is w), of any
-    /// length but 0; `f_rest` has all coefficients of red, then of green, then of blue.
+    /// Path of the file, relative to the scene file. Of trained Gaussians: rotations are
+    /// quaternions, real part first (`rot_0` is w), of any length but 0; `f_rest` has all
+    /// coefficients of red, then of green, then of blue.
     file: PathBuf,
     /// Index into `materials`.
     #[serde(default)]
@@ -199,33 +213,36 @@ struct FileSource {
 #[serde(deny_unknown_fields)]
 struct VolumeSource {
     volume: VolumeFile,
-    /// Which of a file's arrays at points has the samples; left out: the one that the file names, else the first of one component. Of `.vti`,
-    /// `.vtr`, `.vts`, `.vtu` and `.vtp`.
+    /// Which of a file's arrays at points has the samples; left out: the one that the file names,
+    /// else the first of one component. Of `.vti`, `.vtr`, `.vts`, `.vtu` and `.vtp`.
     array: Option<String>,
-    /// Which array has the variance of each point's kernel, world units²: of 1 component, the same in all directions, of 3, along x, y and
-    /// z, or of 6, xx, yy, zz, xy, yz and xz. Left out: from the distance to the 6 nearest points. Of `.vtu` and `.vtp`.
+    /// Which array has the variance of each point's kernel, world units²: of 1 component, the same
+    /// in all directions, of 3, along x, y and z, or of 6, xx, yy, zz, xy, yz and xz. Left out:
+    /// from the distance to the 6 nearest points. Of `.vtu` and `.vtp`.
     variance: Option<String>,
-    /// How thick the layer is that `opacity` is of, world units; left out: the shortest step of the grid, or where steps differ the median of
-    /// each sample's shortest.
+    /// How thick the layer is that `opacity` is of, world units; left out: the shortest step of the
+    /// grid, or where steps differ the median of each sample's shortest.
     #[schemars(range(min = 1e-30, max = 1e30))]
     layer: Option<f64>,
-    /// Colour and opacity by value, in ascending order; between two values colour and optical depth, −ln(1 − opacity), are linear. Left out:
-    /// a white ramp.
+    /// Colour and opacity by value, in ascending order; between two values colour and optical
+    /// depth, −ln(1 − opacity), are linear. Left out: a white ramp.
     #[schemars(length(min = 1))]
     transfer: Option<Vec<TransferFields>>,
     /// Factor on optical depth by gradient magnitude, in ascending order; left out: 1.
     #[serde(default)]
     gradient: Vec<GradientFields>,
-    /// Standard deviation of the kernel along each axis, in steps of the grid along it, or in the mean distance to the nearest points. Thinner
-    /// than the least, no light would meet one. With `variance`, which says how wide kernels are, what part of a step that is.
+    /// Standard deviation of the kernel along each axis, in steps of the grid along it, or in the
+    /// mean distance to the nearest points. Thinner than the least, no light would meet one. With
+    /// `variance`, which says how wide kernels are, what part of a step that is.
     #[serde(default = "kernel_steps")]
     #[schemars(range(min = 1e-6, max = 100))]
     radius: f64,
-    /// Draws the surface where the field has this value, instead of what the transfer function shows. Not read of `.vtr`, `.vts`, `.vtu` and
-    /// `.vtp`.
+    /// Draws the surface where the field has this value, instead of what the transfer function
+    /// shows. Not read of `.vtr`, `.vts`, `.vtu` and `.vtp`.
     #[schemars(range(min = -1e30, max = 1e30))]
     isovalue: Option<f64>,
-    /// How many times flatter kernels are along the gradient; infinitely flat they are discs. For `isovalue`.
+    /// How many times flatter kernels are along the gradient; infinitely flat they are discs. For
+    /// `isovalue`.
     #[serde(default = "flat")]
     #[schemars(range(min = 1, max = 1e6))]
     flatten: f64,
@@ -252,7 +269,8 @@ enum BuiltinGaussians {
     Bouquet,
 }
 
-/// A file of a known format, relative to the scene file; a file of plain samples; or a built-in field.
+/// A file of a known format, relative to the scene file; a file of plain samples; or a built-in
+/// field.
 #[derive(Deserialize, JsonSchema)]
 #[serde(untagged)]
 enum VolumeFile {
@@ -282,7 +300,8 @@ struct TransferFields {
     #[serde(default = "white")]
     #[schemars(inner(range(min = 0, max = 1)))]
     rgb: [f64; 3],
-    /// Of a layer as thick as the shortest step of the grid, or `layer`: what part of the light behind it does not come through. 1 counts as 1 − 2⁻¹⁶.
+    /// Of a layer as thick as the shortest step of the grid, or `layer`: what part of the light
+    /// behind it does not come through. 1 counts as 1 − 2⁻¹⁶.
     #[schemars(range(min = 0, max = 1))]
     opacity: f64,
 }
@@ -320,7 +339,8 @@ struct SheetFields {
     order: Option<SheetOrder>,
     /// Left out: exponential. For volumes.
     opacity: Option<OpacityLaw>,
-    /// A pixel that lets through less than this takes nothing more; left out: 1/1024 for volumes, 1e-4 for Gaussians.
+    /// A pixel that lets through less than this takes nothing more; left out: 1/1024 for volumes,
+    /// 1e-4 for Gaussians.
     #[schemars(range(min = 0), extend("exclusiveMaximum" = 1))]
     stop: Option<f64>,
     /// What makes a pixel stop is blended still; left out: so for volumes, not for Gaussians.
@@ -357,7 +377,8 @@ struct SplatFields {
     /// Of any length but 0; left out: fitted to the nearest splats of the same array.
     #[schemars(inner(range(min = -1e30, max = 1e30)))]
     normal: Option<[f64; 3]>,
-    /// Standard deviation of the kernel; left out: mean distance to the 6 nearest splats of the same array.
+    /// Standard deviation of the kernel; left out: mean distance to the 6 nearest splats of the
+    /// same array.
     #[schemars(range(min = 1e-30, max = 1e30))]
     radius: Option<f64>,
     /// Linear light.
@@ -384,21 +405,25 @@ pub(super) struct CameraFields {
     /// What is up in the picture; left out: y (for Gaussians −y), or z where the eye looks along y.
     #[schemars(inner(range(min = -1e30, max = 1e30)))]
     up: Option<[f64; 3]>,
-    /// Full vertical angle of view; left out, 45, or what `focal_px` means. Narrower than the least, the picture's coordinates leave f64.
+    /// Full vertical angle of view; left out, 45, or what `focal_px` means. Narrower than the
+    /// least, the picture's coordinates leave f64.
     #[schemars(range(min = 1e-6), extend("exclusiveMaximum" = 180))]
     fov_y_degrees: Option<f64>,
-    /// Focal lengths along x and y, pixels of a picture of `picture_px`. Two different ones are pixels that are not square.
+    /// Focal lengths along x and y, pixels of a picture of `picture_px`. Two different ones are
+    /// pixels that are not square.
     #[schemars(inner(range(min = 1e-3, max = 1e9)))]
     focal_px: Option<[f64; 2]>,
-    /// Principal point: where the axis of the camera meets a picture of `picture_px`, pixels from its top left corner (x to the right, y
-    /// down; the centre of the first pixel is 0.5, 0.5). Left out, the middle.
+    /// Principal point: where the axis of the camera meets a picture of `picture_px`, pixels from
+    /// its top left corner (x to the right, y down; the centre of the first pixel is 0.5, 0.5).
+    /// Left out, the middle.
     #[schemars(inner(range(min = -1e6, max = 1e6)))]
     centre_px: Option<[f64; 2]>,
-    /// Width and height that `focal_px` and `centre_px` refer to; left out, `image`. In a picture of another size (`--size`) both are scaled
-    /// by its height, about its middle.
+    /// Width and height that `focal_px` and `centre_px` refer to; left out, `image`. In a picture
+    /// of another size (`--size`) both are scaled by its height, about its middle.
     #[schemars(inner(range(min = 1, max = 1e6)))]
     picture_px: Option<[f64; 2]>,
-    /// Splats whose centres lie at or nearer than this depth are not drawn, Gaussians too; left out: a thousandth of the way to the target.
+    /// Splats whose centres lie at or nearer than this depth are not drawn, Gaussians too; left
+    /// out: a thousandth of the way to the target.
     #[schemars(range(max = 1e30), extend("exclusiveMinimum" = 0))]
     near: Option<f64>,
 }
@@ -426,11 +451,13 @@ pub(super) struct KeyedFields {
     pub interpolation: Interpolation,
 }
 
-/// What lies between two keys: of eye, target, up and angle of view; the near plane is always linear.
+/// What lies between two keys: of eye, target, up and angle of view; the near plane is always
+/// linear.
 #[derive(Deserialize, JsonSchema, Clone, Copy, Default, PartialEq)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Interpolation {
-    /// Cubic Hermite curves with Catmull and Rom's slopes, (next − last)/(their frames apart): no jolt at a key.
+    /// Cubic Hermite curves with Catmull and Rom's slopes, (next − last)/(their frames apart): no
+    /// jolt at a key.
     #[default]
     Smooth,
     /// Straight lines.
@@ -459,8 +486,22 @@ pub(super) struct KeyFields {
 
 impl KeyFields {
     fn camera(&self) -> CameraFields {
-        let &KeyFields { at: _, eye, target, up, fov_y_degrees, near } = self;
-        CameraFields { eye, target, up, fov_y_degrees: Some(fov_y_degrees), near, ..CameraFields::default() }
+        let &KeyFields {
+            at: _,
+            eye,
+            target,
+            up,
+            fov_y_degrees,
+            near,
+        } = self;
+        CameraFields {
+            eye,
+            target,
+            up,
+            fov_y_degrees: Some(fov_y_degrees),
+            near,
+            ..CameraFields::default()
+        }
     }
 }
 
@@ -494,25 +535,29 @@ struct ImageFields {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct KernelFields {
-    /// Fragments exist where the radial index is below this; left out: 2 for surfaces, 4 for volumes, 2·ln 255 = 11.0825 for
-    /// Gaussians, where an opaque one weighs 1/255.
+    /// Fragments exist where the radial index is below this; left out: 2 for surfaces, 4 for
+    /// volumes, 2·ln 255 = 11.0825 for Gaussians, where an opaque one weighs 1/255.
     #[schemars(range(max = 100), extend("exclusiveMinimum" = 0))]
     cutoff: Option<f64>,
-    /// Variance of the low-pass filter, pixel²; left out: 1, for Gaussians 0.3, which makes none of them fainter: opacity is at the peak.
+    /// Variance of the low-pass filter, pixel²; left out: 1, for Gaussians 0.3, which makes none of
+    /// them fainter: opacity is at the peak.
     #[schemars(range(min = 0, max = 1e6))]
     low_pass: Option<f64>,
-    /// Whether a Gaussian is made fainter by as much as the low-pass filter widens it: its peak is opacity · √(det V_r/det V), which Gaussians
-    /// trained with Mip-Splatting's filter expect. Discs and volumes always have that factor. Left out, what the file of the Gaussians says
+    /// Whether a Gaussian is made fainter by as much as the low-pass filter widens it: its peak is
+    /// opacity · √(det V_r/det V), which Gaussians trained with Mip-Splatting's filter expect.
+    /// Discs and volumes always have that factor. Left out, what the file of the Gaussians says
     /// (`comment SplatRenderMode: mip` of a PLY, the flag of a `.spz`), else false.
     compensate_opacity: Option<bool>,
     /// How a volume's kernels are filtered.
     low_pass_by: LowPass,
     /// What is drawn of a splat; others than the papers' are for comparison.
     filter: FilterField,
-    /// Splats whose centres lie farther to the side than this, in half pictures, are not drawn; left out: 1.5, for Gaussians 100.
+    /// Splats whose centres lie farther to the side than this, in half pictures, are not drawn;
+    /// left out: 1.5, for Gaussians 100.
     #[schemars(range(max = 100), extend("exclusiveMinimum" = 0))]
     guard: Option<f64>,
-    /// Farther to the side than this, in half pictures, an ellipsoid is projected as if it were there.
+    /// Farther to the side than this, in half pictures, an ellipsoid is projected as if it were
+    /// there.
     #[schemars(range(max = 100), extend("exclusiveMinimum" = 0))]
     jacobian: f64,
 }
@@ -524,9 +569,11 @@ enum FilterField {
     Ewa,
     /// The ellipse without the filter: as if `low_pass` were 0.
     Elliptical,
-    /// A circle as wide as the ellipse's major axis, with the filter. Of discs; `golden` and `ideal` alone draw it, in the example `filters`.
+    /// A circle as wide as the ellipse's major axis, with the filter. Of discs; `golden` and
+    /// `ideal` alone draw it, in the example `filters`.
     Circular,
-    /// Heckbert's source-space EWA: the filter is brought onto the splat's plane along each pixel's ray. Of discs; drawn as `circular` is.
+    /// Heckbert's source-space EWA: the filter is brought onto the splat's plane along each pixel's
+    /// ray. Of discs; drawn as `circular` is.
     SourceEwa,
 }
 
@@ -535,7 +582,8 @@ enum FilterField {
 enum LowPass {
     /// Each footprint is convolved with the filter (EWA §6.2).
     Convolution,
-    /// Each kernel is enlarged, the same in all directions, until its thinnest axis is as wide as the filter (Swan et al. 1997).
+    /// Each kernel is enlarged, the same in all directions, until its thinnest axis is as wide as
+    /// the filter (Swan et al. 1997).
     Scaling,
 }
 
@@ -577,7 +625,8 @@ struct MaterialFields {
     specular: f64,
     #[schemars(range(min = 0, max = 1e6))]
     shininess: f64,
-    /// Share of what leaves the surface that is its surroundings, mirrored; of unlit materials too. Needs `environment`.
+    /// Share of what leaves the surface that is its surroundings, mirrored; of unlit materials too.
+    /// Needs `environment`.
     #[schemars(range(min = 0, max = 1))]
     reflect: f64,
     /// Factor on what is mirrored.
@@ -589,26 +638,37 @@ struct MaterialFields {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct DetailFields {
-    /// The coarsest nodes are drawn whose spheres are no larger on the screen, pixels across; 0 draws every splat.
+    /// The coarsest nodes are drawn whose spheres are no larger on the screen, pixels across; 0
+    /// draws every splat.
     #[schemars(range(min = 0, max = 1e6))]
     pixels: f64,
     /// In which order; left out: `walk`, or with a budget `coarse-to-fine`.
     order: Option<DetailOrder>,
-    /// Leaves out nodes outside of the picture, and where `cull_backfaces` is true those whose normals all face away.
+    /// Leaves out nodes outside of the picture, and where `cull_backfaces` is true those whose
+    /// normals all face away.
     cull: bool,
     /// Nodes whose children a walker asks for at a time.
     #[schemars(range(min = 1, max = 1024))]
     ahead: usize,
-    /// Most children of a node where the tree is built from splats; a tree that is read has its own.
+    /// Most children of a node where the tree is built from splats; a tree that is read has its
+    /// own.
     #[schemars(range(min = 2, max = MOST_CHILDREN))]
     children: usize,
-    /// What the frame may take: the largest nodes become their children first, and none for which there is no room.
+    /// What the frame may take: the largest nodes become their children first, and none for which
+    /// there is no room.
     budget: BudgetFields,
 }
 
 impl Default for DetailFields {
     fn default() -> Self {
-        DetailFields { pixels: 1.0, order: None, cull: true, ahead: 8, children: 4, budget: BudgetFields::default() }
+        DetailFields {
+            pixels: 1.0,
+            order: None,
+            cull: true,
+            ahead: 8,
+            children: 4,
+            budget: BudgetFields::default(),
+        }
     }
 }
 
@@ -638,8 +698,16 @@ struct BudgetFields {
 
 impl DetailFields {
     fn rules(&self) -> Rules {
-        let BudgetFields { splats, bytes, cycles } = self.budget;
-        let usual = if splats.or(bytes).or(cycles).is_some() { DrawOrder::CoarseToFine } else { DrawOrder::Walk };
+        let BudgetFields {
+            splats,
+            bytes,
+            cycles,
+        } = self.budget;
+        let usual = if splats.or(bytes).or(cycles).is_some() {
+            DrawOrder::CoarseToFine
+        } else {
+            DrawOrder::Walk
+        };
         Rules {
             pixels: self.pixels,
             order: match self.order {
@@ -649,7 +717,11 @@ impl DetailFields {
             },
             culls: self.cull,
             ahead: self.ahead,
-            budget: Budget { splats, bytes, cycles },
+            budget: Budget {
+                splats,
+                bytes,
+                cycles,
+            },
         }
     }
 }
@@ -688,7 +760,11 @@ fn white() -> [f64; 3] {
 
 impl Default for ImageFields {
     fn default() -> Self {
-        ImageFields { width: 512, height: 512, background: [0.0; 4] }
+        ImageFields {
+            width: 512,
+            height: 512,
+            background: [0.0; 4],
+        }
     }
 }
 
@@ -708,19 +784,36 @@ impl Default for KernelFields {
 
 impl Default for SurfaceFields {
     fn default() -> Self {
-        SurfaceFields { z_threshold: None, coverage_threshold: 0.4, cull_backfaces: false }
+        SurfaceFields {
+            z_threshold: None,
+            coverage_threshold: 0.4,
+            cull_backfaces: false,
+        }
     }
 }
 
 impl Default for PlaceFields {
     fn default() -> Self {
-        PlaceFields { scale: 1.0, axis: [0.0, 1.0, 0.0], degrees: 0.0, way: [0.0; 3] }
+        PlaceFields {
+            scale: 1.0,
+            axis: [0.0, 1.0, 0.0],
+            degrees: 0.0,
+            way: [0.0; 3],
+        }
     }
 }
 
 impl Default for MaterialFields {
     fn default() -> Self {
-        MaterialFields { unlit: false, ambient: 0.15, diffuse: 0.8, specular: 0.3, shininess: 32.0, reflect: 0.0, tint: [1.0; 3] }
+        MaterialFields {
+            unlit: false,
+            ambient: 0.15,
+            diffuse: 0.8,
+            specular: 0.3,
+            shininess: 32.0,
+            reflect: 0.0,
+            tint: [1.0; 3],
+        }
     }
 }
 
@@ -736,7 +829,8 @@ pub(super) struct Seen {
     pub cameras: Vec<Camera>,
     /// Whether cameras were given, be it one: then it is a sequence.
     pub is_sequence: bool,
-    /// Whether frames differ in nothing but the camera: splats of volumes and Gaussians are ordered and coloured for the eye.
+    /// Whether frames differ in nothing but the camera: splats of volumes and Gaussians are ordered
+    /// and coloured for the eye.
     pub shares_splats: bool,
 }
 
@@ -747,13 +841,28 @@ pub(super) struct Which<'a> {
     pub cameras: Option<&'a CameraFile>,
 }
 
-/// Reads a scene file's text. Files that it names lie relative to `folder`; `name` begins every error.
-pub(super) fn read(text: &str, name: &str, folder: &Path, overrides: &Overrides, which: Which) -> Result<Seen> {
+/// Reads a scene file's text. Files that it names lie relative to `folder`; `name` begins every
+/// error.
+pub(super) fn read(
+    text: &str,
+    name: &str,
+    folder: &Path,
+    overrides: &Overrides,
+    which: Which,
+) -> Result<Seen> {
     build(fields(text, name)?, name, folder, overrides, which)
 }
 
-/// The same with these splats instead of the text's own, which may be any. A normal or a radius of 0 is fitted.
-pub(super) fn read_with(splats: Vec<Splat>, text: &str, name: &str, folder: &Path, overrides: &Overrides, which: Which) -> Result<Seen> {
+/// The same with these splats instead of the text's own, which may be any. A normal or a radius of
+/// 0 is fitted.
+pub(super) fn read_with(
+    splats: Vec<Splat>,
+    text: &str,
+    name: &str,
+    folder: &Path,
+    overrides: &Overrides,
+    which: Which,
+) -> Result<Seen> {
     let mut fields = fields(text, name)?;
     fields.splats = Source::Given(splats);
     build(fields, name, folder, overrides, which)
@@ -767,9 +876,19 @@ fn fields(text: &str, name: &str) -> Result<SceneFields> {
 }
 
 /// Makes the scene of a file of splats alone, all else left out; `name` begins every error.
-pub(super) fn of_file(file: &Path, name: &str, overrides: &Overrides, which: Which) -> Result<Seen> {
+pub(super) fn of_file(
+    file: &Path,
+    name: &str,
+    overrides: &Overrides,
+    which: Which,
+) -> Result<Seen> {
     let fields = SceneFields {
-        splats: Source::File(FileSource { file: file.to_owned(), material: 0, radius_scale: 1.0, opacity: 1.0 }),
+        splats: Source::File(FileSource {
+            file: file.to_owned(),
+            material: 0,
+            radius_scale: 1.0,
+            opacity: 1.0,
+        }),
         camera: None,
         cameras: None,
         camera_path: None,
@@ -785,7 +904,13 @@ pub(super) fn of_file(file: &Path, name: &str, overrides: &Overrides, which: Whi
     build(fields, name, Path::new(""), overrides, which)
 }
 
-fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides, which: Which) -> Result<Seen> {
+fn build(
+    fields: SceneFields,
+    name: &str,
+    folder: &Path,
+    overrides: &Overrides,
+    which: Which,
+) -> Result<Seen> {
     let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
     let environment = environment(&fields, folder).map_err(input_error)?;
     let image = image(&fields.image, name, overrides, which.cameras)?;
@@ -799,26 +924,46 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides, 
     let kind = gathered.kind();
     if kind == Kind::Mixed {
         let count = gathered.splats.len() as u64;
-        memory::check(count, "splats", memory::GAUSSIAN_BYTES).map_err(|sentence| input_error(format!("splats: {sentence}")))?;
+        memory::check(count, "splats", memory::GAUSSIAN_BYTES)
+            .map_err(|sentence| input_error(format!("splats: {sentence}")))?;
     }
     // Training programs have y down, as their cameras do.
-    let up = if kind == Kind::Gaussians { DVec3::NEG_Y } else { DVec3::Y };
+    let up = if kind == Kind::Gaussians {
+        DVec3::NEG_Y
+    } else {
+        DVec3::Y
+    };
     let cameras = match which.cameras {
         Some(file) => file.cameras(&image, &gathered.splats)?,
-        None => fields.seen_by(up, &image, &gathered.splats).map_err(input_error)?,
+        None => fields
+            .seen_by(up, &image, &gathered.splats)
+            .map_err(input_error)?,
     };
     let Some(&camera) = cameras.get(which.frame) else {
-        let right = if cameras.len() == 1 { "0 alone is right".into() } else { format!("0 to {} are right", cameras.len() - 1) };
-        return Err(input_error(format!("has no frame {} (--frame): {right}", which.frame)));
+        let right = if cameras.len() == 1 {
+            "0 alone is right".into()
+        } else {
+            format!("0 to {} are right", cameras.len() - 1)
+        };
+        return Err(input_error(format!(
+            "has no frame {} (--frame): {right}",
+            which.frame
+        )));
     };
-    // Whatever else depends on the eye is the first one's: the world stays as it is while the eye moves.
+    // Whatever else depends on the eye is the first one's: the world stays as it is while the eye
+    // moves.
     if which.cameras.is_none() && fields.frames_itself() {
-        let (missed, all) = (cameras[0].misses(&image, &gathered.splats), gathered.splats.len());
+        let (missed, all) = (
+            cameras[0].misses(&image, &gathered.splats),
+            gathered.splats.len(),
+        );
         if missed > 0 {
             gathered.notes.push(format!("{missed} of {all} splats lie outside of the frame that was chosen; `camera` shows them"));
         }
     }
-    gathered.notes.extend(which.cameras.iter().flat_map(|file| &file.notes).cloned());
+    gathered
+        .notes
+        .extend(which.cameras.iter().flat_map(|file| &file.notes).cloned());
     gathered.complete(cameras[0].eye);
     let lights = lights(fields.lights, &cameras[0]).map_err(input_error)?;
     let surface = surface(&fields.surface, &gathered.splats);
@@ -829,23 +974,40 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides, 
         )));
     }
     if fields.kernel.low_pass_by == LowPass::Scaling && kind != Kind::Volume {
-        return Err(input_error("kernel.low_pass_by is \"scaling\", and only the kernels of a volume are scaled".into()));
+        return Err(input_error(
+            "kernel.low_pass_by is \"scaling\", and only the kernels of a volume are scaled".into(),
+        ));
     }
-    if fields.kernel.filter == FilterField::Elliptical && fields.kernel.low_pass.is_some_and(|variance| variance > 0.0) {
+    if fields.kernel.filter == FilterField::Elliptical
+        && fields
+            .kernel
+            .low_pass
+            .is_some_and(|variance| variance > 0.0)
+    {
         return Err(input_error("kernel.filter is \"elliptical\", which has no low-pass filter, and kernel.low_pass is not 0".into()));
     }
-    if fields.kernel.compensate_opacity == Some(true) && ![Kind::Gaussians, Kind::Mixed].contains(&kind) {
+    if fields.kernel.compensate_opacity == Some(true)
+        && ![Kind::Gaussians, Kind::Mixed].contains(&kind)
+    {
         return Err(input_error(
             "kernel.compensate_opacity is true, and discs and volumes have that factor already; it is for Gaussians".into(),
         ));
     }
     let of_discs = [FilterField::Circular, FilterField::SourceEwa];
     if of_discs.contains(&fields.kernel.filter) && !gathered.media.is_empty() {
-        let name = if fields.kernel.filter == FilterField::Circular { "circular" } else { "source-ewa" };
-        return Err(input_error(format!("kernel.filter is \"{name}\", which is of discs, and these splats are none")));
+        let name = if fields.kernel.filter == FilterField::Circular {
+            "circular"
+        } else {
+            "source-ewa"
+        };
+        return Err(input_error(format!(
+            "kernel.filter is \"{name}\", which is of discs, and these splats are none"
+        )));
     }
     if surface.cull_backfaces && kind != Kind::Surfaces {
-        return Err(input_error("surface.cull_backfaces is true, and neither voxels nor Gaussians have a back".into()));
+        return Err(input_error(
+            "surface.cull_backfaces is true, and neither voxels nor Gaussians have a back".into(),
+        ));
     }
     if gathered.comes_by_depth() && fields.sheets.order == Some(SheetOrder::BackToFront) {
         return Err(input_error("sheets.order is \"back-to-front\", and samples that are sorted by depth come front-to-back".into()));
@@ -857,11 +1019,29 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides, 
         }
         Some(fields) => Some(gathered.detail(fields).map_err(input_error)?),
     };
-    let compensate_opacity = kind == Kind::Gaussians && fields.kernel.compensate_opacity.unwrap_or_else(|| gathered.compensates());
-    let Gathered { splats, materials, notes, media, .. } = gathered;
+    let compensate_opacity = kind == Kind::Gaussians
+        && fields
+            .kernel
+            .compensate_opacity
+            .unwrap_or_else(|| gathered.compensates());
+    let Gathered {
+        splats,
+        materials,
+        notes,
+        media,
+        ..
+    } = gathered;
     // What is written of a scene may be a comment of one line.
-    let name = one_line(&Path::new(name).file_name().unwrap_or_default().to_string_lossy());
-    let kernel = Kernel { compensate_opacity, ..kernel(&fields.kernel, kind) };
+    let name = one_line(
+        &Path::new(name)
+            .file_name()
+            .unwrap_or_default()
+            .to_string_lossy(),
+    );
+    let kernel = Kernel {
+        compensate_opacity,
+        ..kernel(&fields.kernel, kind)
+    };
     let mut scene = Scene {
         name,
         splats,
@@ -880,28 +1060,43 @@ fn build(fields: SceneFields, name: &str, folder: &Path, overrides: &Overrides, 
     match kind {
         Kind::Mixed => mixed(media, &fields.sheets, &mut scene),
         Kind::Surfaces => surfaces(media, &mut scene),
-        Kind::Volume | Kind::Gaussians => media.into_iter().for_each(|part| part.medium.complete(&fields.sheets, &mut scene)),
+        Kind::Volume | Kind::Gaussians => media
+            .into_iter()
+            .for_each(|part| part.medium.complete(&fields.sheets, &mut scene)),
     }
     if fields.kernel.low_pass_by == LowPass::Scaling {
         scene.scale_kernels();
     }
     let scene = scene.cut();
-    let is_sequence = which.cameras.is_some() || fields.cameras.is_some() || fields.camera_path.is_some();
+    let is_sequence =
+        which.cameras.is_some() || fields.cameras.is_some() || fields.camera_path.is_some();
     // Of a tree each camera has a cut of its own.
     let shares_splats = kind == Kind::Surfaces && scene.detail.is_none();
-    Ok(Seen { scene, cameras, is_sequence, shares_splats })
+    Ok(Seen {
+        scene,
+        cameras,
+        is_sequence,
+        shares_splats,
+    })
 }
 
 /// Surroundings, and what the materials do with them; none where no material mirrors anything.
-fn environment(fields: &SceneFields, folder: &Path) -> std::result::Result<Option<Arc<Environment>>, String> {
+fn environment(
+    fields: &SceneFields,
+    folder: &Path,
+) -> std::result::Result<Option<Arc<Environment>>, String> {
     let materials = fields.materials.as_deref().unwrap_or_default();
     let shiny = materials.iter().position(|material| material.reflect > 0.0);
     let mut environment = match (&fields.environment, shiny) {
         (None, None) => return Ok(None),
         (None, Some(material)) => {
-            return Err(format!("materials[{material}].reflect is above 0, and the scene has no `environment` to mirror"));
+            return Err(format!(
+                "materials[{material}].reflect is above 0, and the scene has no `environment` to mirror"
+            ));
         }
-        (Some(EnvironmentFields::Builtin(BuiltinSurroundings { builtin })), _) => Environment::builtin(*builtin),
+        (Some(EnvironmentFields::Builtin(BuiltinSurroundings { builtin })), _) => {
+            Environment::builtin(*builtin)
+        }
         (Some(EnvironmentFields::File(EnvironmentFile { file, scale })), _) => {
             let file = folder.join(file);
             let of_file = |sentence: String| format!("environment: {}: {sentence}", file.display());
@@ -909,7 +1104,10 @@ fn environment(fields: &SceneFields, folder: &Path) -> std::result::Result<Optio
             Environment::decode(&bytes, *scale).map_err(of_file)?
         }
     };
-    environment.mirrors = materials.iter().map(|&MaterialFields { reflect, tint, .. }| Mirror { reflect, tint }).collect();
+    environment.mirrors = materials
+        .iter()
+        .map(|&MaterialFields { reflect, tint, .. }| Mirror { reflect, tint })
+        .collect();
     Ok(shiny.map(|_| Arc::new(environment)))
 }
 
@@ -932,7 +1130,11 @@ fn kernel(fields: &KernelFields, kind: Kind) -> Kernel {
     };
     Kernel {
         cutoff: fields.cutoff.unwrap_or(cutoff),
-        low_pass: if fields.filter == FilterField::Elliptical { 0.0 } else { fields.low_pass.unwrap_or(low_pass) },
+        low_pass: if fields.filter == FilterField::Elliptical {
+            0.0
+        } else {
+            fields.low_pass.unwrap_or(low_pass)
+        },
         filter: match fields.filter {
             FilterField::Ewa | FilterField::Elliptical => Filter::Ewa,
             FilterField::Circular => Filter::Circular,
@@ -950,7 +1152,8 @@ fn kernel(fields: &KernelFields, kind: Kind) -> Kernel {
 enum Medium {
     /// Splats are voxels, in the order of the samples until the view is known.
     Volume(Voxels),
-    /// Splats are samples with kernels of their own, in the order of the samples; of a rectilinear grid with its slices.
+    /// Splats are samples with kernels of their own, in the order of the samples; of a rectilinear
+    /// grid with its slices.
     Cells(Vec<Orientation>, Option<Slices>),
     /// Splats lie on a surface and are flat; and the area that each stands for, world units².
     Isosurface(Vec<Orientation>, f64),
@@ -988,11 +1191,15 @@ impl Medium {
         match self {
             Medium::Volume(voxels) => voxels.put(place),
             Medium::Cells(orientations, slices) => {
-                orientations.iter_mut().for_each(|orientation| place.turn(orientation));
+                orientations
+                    .iter_mut()
+                    .for_each(|orientation| place.turn(orientation));
                 slices.iter_mut().for_each(|slices| slices.put(place));
             }
             Medium::Isosurface(orientations, area) => {
-                orientations.iter_mut().for_each(|orientation| place.turn(orientation));
+                orientations
+                    .iter_mut()
+                    .for_each(|orientation| place.turn(orientation));
                 *area *= place.scale * place.scale;
             }
             Medium::Gaussians(_, turn) => *turn = place.turn * *turn,
@@ -1003,7 +1210,11 @@ impl Medium {
         match self {
             Medium::Volume(voxels) => {
                 let back_to_front = fields.order == Some(SheetOrder::BackToFront);
-                let (splats, orientation, of) = voxels.ordered(std::mem::take(&mut scene.splats), &scene.view(), back_to_front);
+                let (splats, orientation, of) = voxels.ordered(
+                    std::mem::take(&mut scene.splats),
+                    &scene.view(),
+                    back_to_front,
+                );
                 scene.splats = splats;
                 scene.ellipsoids = Some(Ellipsoids::of_volume(vec![orientation], false));
                 scene.sheets = Some(fields.of_volume(of, back_to_front));
@@ -1012,32 +1223,64 @@ impl Medium {
                 let sorted = slices.is_none();
                 let (mut orientations, numbers, back_to_front) = match slices {
                     // A sample by itself is a sheet, as a Gaussian is.
-                    None => (orientations, (0..scene.splats.len() as u32).collect(), false),
+                    None => (
+                        orientations,
+                        (0..scene.splats.len() as u32).collect(),
+                        false,
+                    ),
                     Some(slices) => {
                         let back_to_front = fields.order == Some(SheetOrder::BackToFront);
                         let (order, numbers) = slices.ordered(&scene.view(), back_to_front);
-                        scene.splats = order.iter().map(|splat| scene.splats[*splat as usize]).collect();
-                        (order.iter().map(|splat| orientations[*splat as usize]).collect(), numbers, back_to_front)
+                        scene.splats = order
+                            .iter()
+                            .map(|splat| scene.splats[*splat as usize])
+                            .collect();
+                        (
+                            order
+                                .iter()
+                                .map(|splat| orientations[*splat as usize])
+                                .collect(),
+                            numbers,
+                            back_to_front,
+                        )
                     }
                 };
-                if orientations.iter().all(|orientation| *orientation == orientations[0]) {
+                if orientations
+                    .iter()
+                    .all(|orientation| *orientation == orientations[0])
+                {
                     orientations.truncate(1);
                 }
                 scene.ellipsoids = Some(Ellipsoids::of_volume(orientations, sorted));
                 scene.sheets = Some(fields.of_volume(Sheet::Slice(numbers), back_to_front));
             }
             Medium::Isosurface(orientations, _) => {
-                scene.ellipsoids =
-                    Some(Ellipsoids { orientations, amplitude: Amplitude::Disc, preshaded: false, sorted: false, harmonics: 0 });
+                scene.ellipsoids = Some(Ellipsoids {
+                    orientations,
+                    amplitude: Amplitude::Disc,
+                    preshaded: false,
+                    sorted: false,
+                    harmonics: 0,
+                });
             }
             Medium::Gaussians(gaussians, turn) => {
                 let eye = scene.camera.eye;
                 for (index, splat) in scene.splats.iter_mut().enumerate() {
                     splat.rgb = seen_colour(&gaussians, index, turn, splat.position - eye);
                 }
-                let orientations = gaussians.all.iter().map(|gaussian| of_gaussian(gaussian, turn)).collect();
+                let orientations = gaussians
+                    .all
+                    .iter()
+                    .map(|gaussian| of_gaussian(gaussian, turn))
+                    .collect();
                 let harmonics = gaussians.degree as u8;
-                scene.ellipsoids = Some(Ellipsoids { orientations, amplitude: Amplitude::Peak, preshaded: false, sorted: true, harmonics });
+                scene.ellipsoids = Some(Ellipsoids {
+                    orientations,
+                    amplitude: Amplitude::Peak,
+                    preshaded: false,
+                    sorted: true,
+                    harmonics,
+                });
                 scene.sheets = Some(Sheets {
                     of: Sheet::Splat,
                     back_to_front: false,
@@ -1055,18 +1298,31 @@ impl Medium {
 
 /// Colour of a Gaussian that was turned, seen along a way from the eye.
 fn seen_colour(gaussians: &Gaussians, index: usize, turn: DQuat, way: DVec3) -> [f64; 3] {
-    gaussians::colour(gaussians.harmonics(index), turn.conjugate() * unit(way).unwrap_or(DVec3::Z))
+    gaussians::colour(
+        gaussians.harmonics(index),
+        turn.conjugate() * unit(way).unwrap_or(DVec3::Z),
+    )
 }
 
 fn of_gaussian(gaussian: &Gaussian, turn: DQuat) -> Orientation {
     // A turn by nothing is no product: old scenes keep their last bits.
-    let rotation = if turn == DQuat::IDENTITY { gaussian.rotation } else { turn * gaussian.rotation };
-    Orientation { rotation, scales: gaussian.scale / gaussian.scale.max_element() }
+    let rotation = if turn == DQuat::IDENTITY {
+        gaussian.rotation
+    } else {
+        turn * gaussian.rotation
+    };
+    Orientation {
+        rotation,
+        scales: gaussian.scale / gaussian.scale.max_element(),
+    }
 }
 
 /// A disc as an ellipsoid that is `flatten` times thinner along its normal.
 fn of_disc(normal: DVec3, flatten: f64) -> Orientation {
-    Orientation { rotation: DQuat::from_rotation_arc(DVec3::Z, normal), scales: DVec3::new(1.0, 1.0, 1.0 / flatten) }
+    Orientation {
+        rotation: DQuat::from_rotation_arc(DVec3::Z, normal),
+        scales: DVec3::new(1.0, 1.0, 1.0 / flatten),
+    }
 }
 
 /// Surfaces alone: where one is of flattened kernels, all are.
@@ -1074,7 +1330,11 @@ fn surfaces(media: Vec<Part>, scene: &mut Scene) {
     if media.is_empty() {
         return;
     }
-    let mut all: Vec<Orientation> = scene.splats.iter().map(|splat| of_disc(splat.normal, FLATTEST)).collect();
+    let mut all: Vec<Orientation> = scene
+        .splats
+        .iter()
+        .map(|splat| of_disc(splat.normal, FLATTEST))
+        .collect();
     for Part { splats, medium } in media {
         if let Medium::Isosurface(orientations, _) = medium {
             all[splats].copy_from_slice(&orientations);
@@ -1083,20 +1343,30 @@ fn surfaces(media: Vec<Part>, scene: &mut Scene) {
     Medium::Isosurface(all, 0.0).complete(&SheetFields::default(), scene);
 }
 
-/// Everything in one frame: each splat is a sheet of its own, sorted by depth, that emits and absorbs as a volume's do (EWA Fig. 16).
+/// Everything in one frame: each splat is a sheet of its own, sorted by depth, that emits and
+/// absorbs as a volume's do (EWA Fig. 16).
 ///
-/// A surface is a thin layer of that depth: its kernels, flattened, share the optical depth of its opacity, by the area that each stands for;
-/// a disc of σ stands for σ². A Gaussian is as deep along the way to the eye as its peak is opaque, and sends the light that its colour is on
-/// a screen.
+/// A surface is a thin layer of that depth: its kernels, flattened, share the optical depth of its
+/// opacity, by the area that each stands for; a disc of σ stands for σ². A Gaussian is as deep
+/// along the way to the eye as its peak is opaque, and sends the light that its colour is on a
+/// screen.
 fn mixed(media: Vec<Part>, fields: &SheetFields, scene: &mut Scene) {
     let cutoff = scene.kernel.cutoff;
     // Peak of a flattened kernel seen from the front, which stands for a part of σ².
     let layer = |opacity: f64, part: f64| depth_of_layer(opacity, cutoff) * part / TAU;
-    let mut all: Vec<Orientation> = scene.splats.iter().map(|splat| of_disc(splat.normal, flat())).collect();
+    let mut all: Vec<Orientation> = scene
+        .splats
+        .iter()
+        .map(|splat| of_disc(splat.normal, flat()))
+        .collect();
     let mut is_disc = vec![true; scene.splats.len()];
     let eye = scene.camera.eye;
     let unlit = scene.materials.len() as u32;
-    for Part { splats: range, medium } in media {
+    for Part {
+        splats: range,
+        medium,
+    } in media
+    {
         is_disc[range.clone()].fill(false);
         let splats = &mut scene.splats[range.clone()];
         match medium {
@@ -1104,16 +1374,27 @@ fn mixed(media: Vec<Part>, fields: &SheetFields, scene: &mut Scene) {
             Medium::Cells(orientations, _) => all[range].copy_from_slice(&orientations),
             Medium::Isosurface(orientations, area) => {
                 all[range].copy_from_slice(&orientations);
-                splats.iter_mut().for_each(|splat| splat.opacity = layer(splat.opacity, area / (splat.radius * splat.radius)));
+                splats.iter_mut().for_each(|splat| {
+                    splat.opacity = layer(splat.opacity, area / (splat.radius * splat.radius))
+                });
             }
             Medium::Gaussians(gaussians, turn) => {
                 for (index, splat) in splats.iter_mut().enumerate() {
-                    let (way, of) = (splat.position - eye, of_gaussian(&gaussians.all[index], turn));
+                    let (way, of) = (
+                        splat.position - eye,
+                        of_gaussian(&gaussians.all[index], turn),
+                    );
                     splat.rgb = seen_colour(&gaussians, index, turn, way).map(srgb_decode);
                     splat.material = unlit;
-                    // Of a ball the depth through its middle is the opacity; an ellipsoid has 1/(Πsᵢ·√Σ(dᵢ/sᵢ)²) of that along d.
+                    // Of a ball the depth through its middle is the opacity; an ellipsoid has
+                    // 1/(Πsᵢ·√Σ(dᵢ/sᵢ)²) of that along d.
                     let along = of.rotation.conjugate() * unit(way).unwrap_or(DVec3::Z) / of.scales;
-                    let depth = -libm::log1p(-splat.opacity.min(fields.most_weight.unwrap_or(MOST_WEIGHT)).min(MOST_OPACITY));
+                    let depth = -libm::log1p(
+                        -splat
+                            .opacity
+                            .min(fields.most_weight.unwrap_or(MOST_WEIGHT))
+                            .min(MOST_OPACITY),
+                    );
                     splat.opacity = depth * of.scales.element_product() * along.length();
                     all[range.start + index] = of;
                 }
@@ -1123,7 +1404,11 @@ fn mixed(media: Vec<Part>, fields: &SheetFields, scene: &mut Scene) {
             }
         }
     }
-    let discs = scene.splats.iter_mut().zip(is_disc).filter(|(_, is_disc)| *is_disc);
+    let discs = scene
+        .splats
+        .iter_mut()
+        .zip(is_disc)
+        .filter(|(_, is_disc)| *is_disc);
     discs.for_each(|(splat, _)| splat.opacity = layer(splat.opacity, 1.0));
     scene.ellipsoids = Some(Ellipsoids::of_volume(all, true));
     let numbers = (0..scene.splats.len() as u32).collect();
@@ -1131,10 +1416,17 @@ fn mixed(media: Vec<Part>, fields: &SheetFields, scene: &mut Scene) {
 }
 
 /// Points that must ascend.
-fn ascending(values: impl Iterator<Item = f64> + Clone, path: &str, field: &str) -> std::result::Result<(), String> {
+fn ascending(
+    values: impl Iterator<Item = f64> + Clone,
+    path: &str,
+    field: &str,
+) -> std::result::Result<(), String> {
     let pairs = values.clone().zip(values.skip(1)).enumerate();
     match pairs.into_iter().find(|(_, (a, b))| a >= b) {
-        Some((i, (a, b))) => Err(format!("{path}[{}].{field} is {b}, which does not lie above the {a} before it", i + 1)),
+        Some((i, (a, b))) => Err(format!(
+            "{path}[{}].{field} is {b}, which does not lie above the {a} before it",
+            i + 1
+        )),
         None => Ok(()),
     }
 }
@@ -1191,7 +1483,10 @@ impl<'a> Gathered<'a> {
             Source::Builtin(builtin) => self.add_builtin(builtin, path),
             Source::Splat(splat) => self.add_splat(splat, path),
             Source::Volume(volume) => self.add_volume(volume, path),
-            Source::Gaussians(GaussianSource { gaussians: BuiltinGaussians::Bouquet, count }) => {
+            Source::Gaussians(GaussianSource {
+                gaussians: BuiltinGaussians::Bouquet,
+                count,
+            }) => {
                 self.take_gaussians(gaussians::bouquet(*count), [1.0; 2]);
                 Ok(())
             }
@@ -1203,7 +1498,13 @@ impl<'a> Gathered<'a> {
 
     fn kind(&self) -> Kind {
         match self.media.as_slice() {
-            parts if parts.iter().all(|part| matches!(part.medium, Medium::Isosurface(..))) => Kind::Surfaces,
+            parts
+                if parts
+                    .iter()
+                    .all(|part| matches!(part.medium, Medium::Isosurface(..))) =>
+            {
+                Kind::Surfaces
+            }
             [part] if part.splats == (0..self.splats.len()) => match part.medium {
                 Medium::Volume(_) | Medium::Cells(..) => Kind::Volume,
                 Medium::Gaussians(..) => Kind::Gaussians,
@@ -1215,7 +1516,14 @@ impl<'a> Gathered<'a> {
 
     /// Whether splats are sheets of their own, drawn by depth, that may also be drawn as a volume.
     fn comes_by_depth(&self) -> bool {
-        self.kind() == Kind::Mixed || matches!(self.media.as_slice(), [Part { medium: Medium::Cells(_, None), .. }])
+        self.kind() == Kind::Mixed
+            || matches!(
+                self.media.as_slice(),
+                [Part {
+                    medium: Medium::Cells(_, None),
+                    ..
+                }]
+            )
     }
 
     /// What is wrong where there are no splats.
@@ -1239,22 +1547,40 @@ impl<'a> Gathered<'a> {
         self.end_cloud(1.0);
         let start = self.splats.len();
         self.splats.extend(splats);
-        self.media.push(Part { splats: start..self.splats.len(), medium });
+        self.media.push(Part {
+            splats: start..self.splats.len(),
+            medium,
+        });
         self.end_cloud(1.0);
     }
 
     fn add_placed(&mut self, source: &PlacedSource, path: &str) -> Result<()> {
         let (first, media) = (self.splats.len(), self.media.len());
-        let PlaceFields { scale, axis, degrees, way } = source.place;
-        let axis = direction(axis, &format!("{path}.place.axis")).map_err(|sentence| self.input_error(sentence))?;
-        let place = Placement { scale, turn: DQuat::from_axis_angle(axis, degrees.to_radians()), way: DVec3::from_array(way) };
+        let PlaceFields {
+            scale,
+            axis,
+            degrees,
+            way,
+        } = source.place;
+        let axis = direction(axis, &format!("{path}.place.axis"))
+            .map_err(|sentence| self.input_error(sentence))?;
+        let place = Placement {
+            scale,
+            turn: DQuat::from_axis_angle(axis, degrees.to_radians()),
+            way: DVec3::from_array(way),
+        };
         self.add(&source.splats, &format!("{path}.splats"))?;
         self.end_cloud(1.0);
-        self.splats[first..].iter_mut().for_each(|splat| place.put(splat));
-        self.media[media..].iter_mut().for_each(|part| part.medium.put(&place));
+        self.splats[first..]
+            .iter_mut()
+            .for_each(|splat| place.put(splat));
+        self.media[media..]
+            .iter_mut()
+            .for_each(|part| part.medium.put(&place));
         let is_sound = |splat: &Splat| {
             // A radius of 0 is fitted later.
-            let radius = splat.radius == 0.0 || (LEAST_RADIUS..=ply::FARTHEST).contains(&splat.radius);
+            let radius =
+                splat.radius == 0.0 || (LEAST_RADIUS..=ply::FARTHEST).contains(&splat.radius);
             radius && splat.position.abs().max_element() <= ply::FARTHEST
         };
         if self.splats[first..].iter().all(is_sound) {
@@ -1268,7 +1594,10 @@ impl<'a> Gathered<'a> {
 
     fn add_volume(&mut self, source: &VolumeSource, path: &str) -> Result<()> {
         let material = self.known_material(source.material, path)?;
-        let arrays = Arrays { values: source.array.as_deref(), variance: source.variance.as_deref() };
+        let arrays = Arrays {
+            values: source.array.as_deref(),
+            variance: source.variance.as_deref(),
+        };
         let (file, read) = match &source.volume {
             VolumeFile::Path(file) => {
                 let file = self.folder.join(file);
@@ -1276,42 +1605,91 @@ impl<'a> Gathered<'a> {
                 (file.clone(), volume::read_samples(&file, &arrays))
             }
             _ if arrays.values.or(arrays.variance).is_some() => {
-                let field = if arrays.values.is_some() { "array" } else { "variance" };
-                return Err(self.input_error(format!("{path}.{field} names an array of a file of VTK's, and this is none")));
+                let field = if arrays.values.is_some() {
+                    "array"
+                } else {
+                    "variance"
+                };
+                return Err(self.input_error(format!(
+                    "{path}.{field} names an array of a file of VTK's, and this is none"
+                )));
             }
-            VolumeFile::Raw(raw) => (self.folder.join(&raw.file), volume::read_raw(raw, self.folder).map(Samples::Even)),
-            VolumeFile::Builtin(BuiltinField { builtin, samples }) => {
-                (PathBuf::from("built-in field"), Ok(Samples::Even(builtin.volume(*samples))))
-            }
+            VolumeFile::Raw(raw) => (
+                self.folder.join(&raw.file),
+                volume::read_raw(raw, self.folder).map(Samples::Even),
+            ),
+            VolumeFile::Builtin(BuiltinField { builtin, samples }) => (
+                PathBuf::from("built-in field"),
+                Ok(Samples::Even(builtin.volume(*samples))),
+            ),
         };
         let samples = read.map_err(|sentence| match &source.volume {
             VolumeFile::Raw(_) => self.input_error(format!("{path}.volume: {sentence}")),
             _ => Error::input(format!("{}: {sentence}", file.display())),
         })?;
         self.add_notes(samples.notes(), &file);
-        let (all, absent) = (samples.values().len(), samples.values().iter().filter(|value| value.is_nan()).count());
+        let (all, absent) = (
+            samples.values().len(),
+            samples
+                .values()
+                .iter()
+                .filter(|value| value.is_nan())
+                .count(),
+        );
         if absent == all {
-            return Err(Error::input(format!("{}: all of its {all} samples are NaN; there is nothing to draw", file.display())));
+            return Err(Error::input(format!(
+                "{}: all of its {all} samples are NaN; there is nothing to draw",
+                file.display()
+            )));
         }
         if absent > 0 {
-            self.add_notes(&[format!("{absent} of {all} samples are NaN: they are drawn as empty")], &file);
+            self.add_notes(
+                &[format!(
+                    "{absent} of {all} samples are NaN: they are drawn as empty"
+                )],
+                &file,
+            );
         }
         let cutoff = self.volume_cutoff;
         let transfer = match &source.transfer {
             Some(points) => {
-                ascending(points.iter().map(|p| p.value), &format!("{path}.transfer"), "value")
-                    .map_err(|sentence| self.input_error(sentence))?;
+                ascending(
+                    points.iter().map(|p| p.value),
+                    &format!("{path}.transfer"),
+                    "value",
+                )
+                .map_err(|sentence| self.input_error(sentence))?;
                 points
                     .iter()
-                    .map(|&TransferFields { value, rgb, opacity }| TransferPoint { value, rgb, depth: depth_of_layer(opacity, cutoff) })
+                    .map(
+                        |&TransferFields {
+                             value,
+                             rgb,
+                             opacity,
+                         }| TransferPoint {
+                            value,
+                            rgb,
+                            depth: depth_of_layer(opacity, cutoff),
+                        },
+                    )
                     .collect()
             }
             None => Classification::usual(samples.values(), cutoff),
         };
         let magnitudes = source.gradient.iter().map(|point| point.magnitude);
-        ascending(magnitudes, &format!("{path}.gradient"), "magnitude").map_err(|sentence| self.input_error(sentence))?;
-        let gradient = source.gradient.iter().map(|point| [point.magnitude, point.factor]).collect();
-        let classification = Classification { transfer, gradient, radius: source.radius, material };
+        ascending(magnitudes, &format!("{path}.gradient"), "magnitude")
+            .map_err(|sentence| self.input_error(sentence))?;
+        let gradient = source
+            .gradient
+            .iter()
+            .map(|point| [point.magnitude, point.factor])
+            .collect();
+        let classification = Classification {
+            transfer,
+            gradient,
+            radius: source.radius,
+            material,
+        };
         let is_thin = source.radius < LEAST_STEPS;
         let of_kernels = |sigma: f64| {
             if (LEAST_RADIUS..=ply::FARTHEST).contains(&sigma) && !is_thin {
@@ -1327,9 +1705,13 @@ impl<'a> Gathered<'a> {
         let memory = |count: u64, what: &str, bytes_each: u64| {
             let held = self.splats.len() as u64;
             // Beside others every splat has an orientation of its own.
-            let (count, what, bytes_each) =
-                if held > 0 { (count + held, "splats", memory::GAUSSIAN_BYTES) } else { (count, what, bytes_each) };
-            memory::check(count, what, bytes_each).map_err(|sentence| self.input_error(format!("{path}: {sentence}")))
+            let (count, what, bytes_each) = if held > 0 {
+                (count + held, "splats", memory::GAUSSIAN_BYTES)
+            } else {
+                (count, what, bytes_each)
+            };
+            memory::check(count, what, bytes_each)
+                .map_err(|sentence| self.input_error(format!("{path}: {sentence}")))
         };
         let (splats, medium, what) = match (&samples, source.isovalue) {
             (Samples::Even(volume), isovalue) => {
@@ -1338,35 +1720,70 @@ impl<'a> Gathered<'a> {
                 let what = format!("voxels are seen ({x} × {y} × {z})");
                 match isovalue {
                     Some(isovalue) => {
-                        memory(Classification::on_surface(volume, isovalue), "splats of a surface", memory::GAUSSIAN_BYTES)?;
-                        let (splats, orientations, area) = classification.isosurface(volume, isovalue, source.flatten);
+                        memory(
+                            Classification::on_surface(volume, isovalue),
+                            "splats of a surface",
+                            memory::GAUSSIAN_BYTES,
+                        )?;
+                        let (splats, orientations, area) =
+                            classification.isosurface(volume, isovalue, source.flatten);
                         (splats, Medium::Isosurface(orientations, area), what)
                     }
                     None => {
-                        memory(classification.seen(samples.values()), "voxels", memory::DISC_BYTES)?;
+                        memory(
+                            classification.seen(samples.values()),
+                            "voxels",
+                            memory::DISC_BYTES,
+                        )?;
                         let (splats, voxels) = classification.voxels(volume, source.layer);
                         (splats, Medium::Volume(voxels), what)
                     }
                 }
             }
             (Samples::Uneven(_), Some(_)) => {
-                return Err(self.input_error(format!("{path}.isovalue is not read of VTR, VTS, VTU and VTP; `transfer` shows them")));
+                return Err(self.input_error(format!(
+                    "{path}.isovalue is not read of VTR, VTS, VTU and VTP; `transfer` shows them"
+                )));
             }
             (Samples::Uneven(field), None) => {
-                memory(classification.seen(samples.values()), "samples", memory::GAUSSIAN_BYTES)?;
+                memory(
+                    classification.seen(samples.values()),
+                    "samples",
+                    memory::GAUSSIAN_BYTES,
+                )?;
                 let cells = Cells::new(field, source.radius);
                 // Where no sample has a cell, none is seen either.
                 let layer = source.layer.or_else(|| cells.usual_layer()).unwrap_or(1.0);
-                let (Sampled { splats, orientations, slices }, flat) = cells.samples(&classification, layer);
-                splats.iter().try_for_each(|splat| of_kernels(splat.radius))?;
+                let (
+                    Sampled {
+                        splats,
+                        orientations,
+                        slices,
+                    },
+                    flat,
+                ) = cells.samples(&classification, layer);
+                splats
+                    .iter()
+                    .try_for_each(|splat| of_kernels(splat.radius))?;
                 if flat > 0 {
                     self.lacks_cells = true;
-                    self.notes.push(format!("{}: {flat} samples have a cell of no volume and were left out", file.display()));
+                    self.notes.push(format!(
+                        "{}: {flat} samples have a cell of no volume and were left out",
+                        file.display()
+                    ));
                 }
-                (splats, Medium::Cells(orientations, slices), "samples are seen".to_string())
+                (
+                    splats,
+                    Medium::Cells(orientations, slices),
+                    "samples are seen".to_string(),
+                )
             }
         };
-        self.notes.push(format!("{} of {} {what}", splats.len(), samples.values().len()));
+        self.notes.push(format!(
+            "{} of {} {what}",
+            splats.len(),
+            samples.values().len()
+        ));
         self.add_medium(splats, medium);
         Ok(())
     }
@@ -1378,7 +1795,11 @@ impl<'a> Gathered<'a> {
     }
 
     fn add_notes(&mut self, notes: &[String], file: &Path) {
-        self.notes.extend(notes.iter().map(|note| format!("{}: {note}", file.display())));
+        self.notes.extend(
+            notes
+                .iter()
+                .map(|note| format!("{}: {note}", file.display())),
+        );
     }
 
     /// Gaussians whose radii and opacities are that much greater.
@@ -1386,7 +1807,8 @@ impl<'a> Gathered<'a> {
         let splat = |gaussian: &Gaussian| Splat {
             position: gaussian.position,
             normal: DVec3::Z,
-            radius: (gaussian.scale.max_element() * radius_scale).clamp(LEAST_RADIUS, ply::FARTHEST),
+            radius: (gaussian.scale.max_element() * radius_scale)
+                .clamp(LEAST_RADIUS, ply::FARTHEST),
             rgb: [0.0; 3],
             opacity: gaussian.opacity * opacity,
             material: 0,
@@ -1397,7 +1819,9 @@ impl<'a> Gathered<'a> {
 
     /// Whether the file of the Gaussians says that their opacities are compensated; a note says so.
     fn compensates(&mut self) -> bool {
-        let asks = self.media.iter().any(|part| matches!(&part.medium, Medium::Gaussians(gaussians, _) if gaussians.compensated));
+        let asks = self.media.iter().any(
+            |part| matches!(&part.medium, Medium::Gaussians(gaussians, _) if gaussians.compensated),
+        );
         if asks {
             let says = "opacities are compensated for the low-pass filter, as the file asks (`kernel.compensate_opacity`: false draws them without)";
             self.notes.push(says.into());
@@ -1405,7 +1829,8 @@ impl<'a> Gathered<'a> {
         asks
     }
 
-    /// Splats that follow each other in an array are one cloud; every other source is one of its own.
+    /// Splats that follow each other in an array are one cloud; every other source is one of its
+    /// own.
     fn add_several(&mut self, sources: &[Source], path: &str) -> Result<()> {
         for (i, source) in sources.iter().enumerate() {
             if !matches!(source, Source::Splat(_)) {
@@ -1420,7 +1845,8 @@ impl<'a> Gathered<'a> {
     fn add_file(&mut self, source: &FileSource, path: &str) -> Result<()> {
         let material = self.known_material(source.material, path)?;
         let file = self.folder.join(&source.file);
-        let input_error = |sentence: String| Error::input(format!("{}: {sentence}", file.display()));
+        let input_error =
+            |sentence: String| Error::input(format!("{}: {sentence}", file.display()));
         let cannot = |e: std::io::Error| input_error(format!("cannot be read: {e}"));
         let parse = match formats::reader(&file) {
             Some(Reader::Splats(parse)) => parse,
@@ -1440,8 +1866,13 @@ impl<'a> Gathered<'a> {
             }
             Splats::Tree(tree) => {
                 for splat in tree.splats() {
-                    let material = self.known_material(splat.material.saturating_add(material), path)?;
-                    self.splats.push(Splat { material, opacity: splat.opacity * source.opacity, ..splat });
+                    let material =
+                        self.known_material(splat.material.saturating_add(material), path)?;
+                    self.splats.push(Splat {
+                        material,
+                        opacity: splat.opacity * source.opacity,
+                        ..splat
+                    });
                 }
                 for node in tree.nodes() {
                     self.known_material(node.splat.material.saturating_add(material), path)?;
@@ -1450,7 +1881,11 @@ impl<'a> Gathered<'a> {
                 self.end_cloud(source.radius_scale);
             }
             Splats::Points(cloud) => {
-                let own = |splat: Splat| Splat { material, opacity: splat.opacity * source.opacity, ..splat };
+                let own = |splat: Splat| Splat {
+                    material,
+                    opacity: splat.opacity * source.opacity,
+                    ..splat
+                };
                 self.splats.extend(cloud.splats.into_iter().map(own));
                 self.add_notes(&cloud.notes, &file);
                 self.end_cloud(source.radius_scale);
@@ -1471,16 +1906,24 @@ impl<'a> Gathered<'a> {
         if source.order == Order::Random {
             builtin::shuffle(&mut splats, source.seed);
         }
-        self.splats.extend(splats.into_iter().map(|splat| Splat { material: splat.material + first, ..splat }));
+        self.splats.extend(splats.into_iter().map(|splat| Splat {
+            material: splat.material + first,
+            ..splat
+        }));
         self.end_cloud(1.0);
         Ok(())
     }
 
     fn add_splat(&mut self, splat: &SplatFields, path: &str) -> Result<()> {
-        let normal = splat.normal.map(|normal| direction(normal, &format!("{path}.normal"))).transpose();
+        let normal = splat
+            .normal
+            .map(|normal| direction(normal, &format!("{path}.normal")))
+            .transpose();
         self.splats.push(Splat {
             position: DVec3::from_array(splat.position),
-            normal: normal.map_err(|sentence| self.input_error(sentence))?.unwrap_or(DVec3::ZERO),
+            normal: normal
+                .map_err(|sentence| self.input_error(sentence))?
+                .unwrap_or(DVec3::ZERO),
             radius: splat.radius.unwrap_or(0.0),
             rgb: splat.rgb,
             opacity: splat.opacity,
@@ -1491,17 +1934,36 @@ impl<'a> Gathered<'a> {
 
     fn add_given(&mut self, splats: &[Splat], path: &str) -> Result<()> {
         for (number, splat) in splats.iter().enumerate() {
-            let input_error = |field: &str, right: &str| self.input_error(format!("{path}[{number}].{field} must be {right}"));
-            let is_within = |vector: DVec3| vector.to_array().iter().all(|part| part.abs() <= ply::FARTHEST);
+            let input_error = |field: &str, right: &str| {
+                self.input_error(format!("{path}[{number}].{field} must be {right}"))
+            };
+            let is_within = |vector: DVec3| {
+                vector
+                    .to_array()
+                    .iter()
+                    .all(|part| part.abs() <= ply::FARTHEST)
+            };
             let share = |part: f64| (0.0..=1.0).contains(&part);
             if !is_within(splat.position) {
-                return Err(input_error("position", &format!("three numbers within ±{:e}", ply::FARTHEST)));
+                return Err(input_error(
+                    "position",
+                    &format!("three numbers within ±{:e}", ply::FARTHEST),
+                ));
             }
             if !is_within(splat.normal) {
-                return Err(input_error("normal", &format!("three numbers within ±{:e}", ply::FARTHEST)));
+                return Err(input_error(
+                    "normal",
+                    &format!("three numbers within ±{:e}", ply::FARTHEST),
+                ));
             }
             if splat.radius != 0.0 && !(LEAST_RADIUS..=ply::FARTHEST).contains(&splat.radius) {
-                return Err(input_error("radius", &format!("0, which means fitted, or {LEAST_RADIUS:e} to {:e}", ply::FARTHEST)));
+                return Err(input_error(
+                    "radius",
+                    &format!(
+                        "0, which means fitted, or {LEAST_RADIUS:e} to {:e}",
+                        ply::FARTHEST
+                    ),
+                ));
             }
             if !splat.rgb.into_iter().all(share) {
                 return Err(input_error("rgb", "three numbers from 0 to 1"));
@@ -1510,7 +1972,10 @@ impl<'a> Gathered<'a> {
                 return Err(input_error("opacity", "a number from 0 to 1"));
             }
             self.known_material(splat.material, &format!("{path}[{number}]"))?;
-            self.splats.push(Splat { normal: unit(splat.normal).unwrap_or(DVec3::ZERO), ..*splat });
+            self.splats.push(Splat {
+                normal: unit(splat.normal).unwrap_or(DVec3::ZERO),
+                ..*splat
+            });
         }
         self.end_cloud(1.0);
         Ok(())
@@ -1518,18 +1983,31 @@ impl<'a> Gathered<'a> {
 
     /// A tree of all splats: the one that was read, where it is of just these.
     fn detail(&mut self, fields: &DetailFields) -> std::result::Result<Detail, String> {
-        memory::check(self.splats.len() as u64, "splats of a tree", memory::DISC_BYTES + memory::NODE_BYTES)?;
+        memory::check(
+            self.splats.len() as u64,
+            "splats of a tree",
+            memory::DISC_BYTES + memory::NODE_BYTES,
+        )?;
         let read = self.tree.take().filter(|tree| tree.splats() == self.splats);
-        let tree = read.or_else(|| Tree::new(&self.splats, fields.children)).ok_or("holds no splats; a tree needs at least one")?;
+        let tree = read
+            .or_else(|| Tree::new(&self.splats, fields.children))
+            .ok_or("holds no splats; a tree needs at least one")?;
         Ok(Detail::new(Arc::new(tree), fields.rules()))
     }
 
     fn known_material(&self, index: u32, path: &str) -> Result<u32> {
-        let count = if self.materials_are_given { self.materials.len() } else { 1 };
+        let count = if self.materials_are_given {
+            self.materials.len()
+        } else {
+            1
+        };
         if (index as usize) < count {
             return Ok(index);
         }
-        Err(self.input_error(format!("{path} uses material {index}, but `materials` has only the indices 0 to {}", count - 1)))
+        Err(self.input_error(format!(
+            "{path} uses material {index}, but `materials` has only the indices 0 to {}",
+            count - 1
+        )))
     }
 
     fn input_error(&self, sentence: String) -> Error {
@@ -1545,12 +2023,19 @@ impl<'a> Gathered<'a> {
         self.end_cloud(1.0);
         let mut start = 0;
         // Both in the order of the splats; what is more than discs is a cloud of its own.
-        let mut media = self.media.iter().map(|part| &part.splats).filter(|splats| !splats.is_empty()).peekable();
+        let mut media = self
+            .media
+            .iter()
+            .map(|part| &part.splats)
+            .filter(|splats| !splats.is_empty())
+            .peekable();
         for &(end, radius_scale) in &self.clouds {
             if media.next_if(|splats| **splats == (start..end)).is_none() {
                 let cloud = &mut self.splats[start..end];
                 neighbours::fit(cloud, eye);
-                cloud.iter_mut().for_each(|s| s.radius = (s.radius * radius_scale).clamp(LEAST_RADIUS, ply::FARTHEST));
+                cloud.iter_mut().for_each(|s| {
+                    s.radius = (s.radius * radius_scale).clamp(LEAST_RADIUS, ply::FARTHEST)
+                });
             }
             start = end;
         }
@@ -1578,10 +2063,19 @@ impl VolumeSource {
 impl Source {
     /// Says what the splats that are asked for by number would take, before any are made.
     fn check_memory(&self) -> std::result::Result<(), String> {
-        let what = if matches!(self, Source::Gaussians(_)) { "Gaussians" } else { "splats" };
+        let what = if matches!(self, Source::Gaussians(_)) {
+            "Gaussians"
+        } else {
+            "splats"
+        };
         // Where any has an orientation, all have one.
-        let bytes_each = if self.is_medium() { memory::GAUSSIAN_BYTES } else { memory::DISC_BYTES };
-        memory::check(self.promised(), what, bytes_each).map_err(|sentence| format!("splats: {sentence}"))
+        let bytes_each = if self.is_medium() {
+            memory::GAUSSIAN_BYTES
+        } else {
+            memory::DISC_BYTES
+        };
+        memory::check(self.promised(), what, bytes_each)
+            .map_err(|sentence| format!("splats: {sentence}"))
     }
 
     /// Whether anything of it is known to be more than discs before files are read.
@@ -1611,7 +2105,11 @@ impl Source {
             Source::Builtin(_) => true,
             Source::Several(sources) => sources.iter().all(Source::is_only_builtin),
             Source::Placed(source) => source.splats.is_only_builtin(),
-            Source::File(_) | Source::Splat(_) | Source::Given(_) | Source::Volume(_) | Source::Gaussians(_) => false,
+            Source::File(_)
+            | Source::Splat(_)
+            | Source::Given(_)
+            | Source::Volume(_)
+            | Source::Gaussians(_) => false,
         }
     }
 }
@@ -1620,19 +2118,30 @@ impl Source {
 
 /// A direction of any length but 0, made a unit vector.
 fn direction(vector: [f64; 3], path: &str) -> std::result::Result<DVec3, String> {
-    unit(DVec3::from_array(vector)).ok_or_else(|| format!("{path} is zero; it must point somewhere"))
+    unit(DVec3::from_array(vector))
+        .ok_or_else(|| format!("{path} is zero; it must point somewhere"))
 }
 
-fn image(fields: &ImageFields, name: &str, overrides: &Overrides, cameras: Option<&CameraFile>) -> Result<Image> {
+fn image(
+    fields: &ImageFields,
+    name: &str,
+    overrides: &Overrides,
+    cameras: Option<&CameraFile>,
+) -> Result<Image> {
     let of_cameras = cameras.and_then(|file| file.size);
-    let (width, height) = overrides.size.or(of_cameras).unwrap_or((fields.width, fields.height));
+    let (width, height) = overrides
+        .size
+        .or(of_cameras)
+        .unwrap_or((fields.width, fields.height));
     let input_error = |right: String| {
         let whose = match (overrides.size, of_cameras, cameras) {
             (Some(_), ..) => "--size".into(),
             (_, Some(_), Some(file)) => format!("{}: the picture", file.name),
             _ => format!("{name}: image"),
         };
-        Error::input(format!("{whose} is {width}x{height} pixels; it must be {right}"))
+        Error::input(format!(
+            "{whose} is {width}x{height} pixels; it must be {right}"
+        ))
     };
     if !(1..=LONGEST_SIDE).contains(&width) || !(1..=LONGEST_SIDE).contains(&height) {
         return Err(input_error(format!("1 to {LONGEST_SIDE} on each side")));
@@ -1640,40 +2149,86 @@ fn image(fields: &ImageFields, name: &str, overrides: &Overrides, cameras: Optio
     if width * height > MOST_PIXELS {
         return Err(input_error(format!("at most {MOST_PIXELS} pixels in all")));
     }
-    Ok(Image { width, height, background: fields.background, encoded: false })
+    Ok(Image {
+        width,
+        height,
+        background: fields.background,
+        encoded: false,
+    })
 }
 
 impl SceneFields {
     /// At most one of the three ways to say what sees the scene.
     fn check_cameras(&self) -> std::result::Result<(), String> {
-        let given = [("camera", self.camera.is_some()), ("cameras", self.cameras.is_some()), ("camera_path", self.camera_path.is_some())];
-        let given: Vec<&str> = given.iter().filter(|(_, is_given)| *is_given).map(|(name, _)| *name).collect();
+        let given = [
+            ("camera", self.camera.is_some()),
+            ("cameras", self.cameras.is_some()),
+            ("camera_path", self.camera_path.is_some()),
+        ];
+        let given: Vec<&str> = given
+            .iter()
+            .filter(|(_, is_given)| *is_given)
+            .map(|(name, _)| *name)
+            .collect();
         if given.len() > 1 {
-            return Err(format!("has {}; only one of `camera`, `cameras` and `camera_path` may be given", given.join(" and ")));
+            return Err(format!(
+                "has {}; only one of `camera`, `cameras` and `camera_path` may be given",
+                given.join(" and ")
+            ));
         }
-        if let Some(PathFields::Keys(path)) = &self.camera_path { path.check() } else { Ok(()) }
+        if let Some(PathFields::Keys(path)) = &self.camera_path {
+            path.check()
+        } else {
+            Ok(())
+        }
     }
 
     /// Whether the one camera's place is left to be chosen.
     fn frames_itself(&self) -> bool {
-        self.cameras.is_none() && self.camera_path.is_none() && self.camera.as_ref().is_none_or(|camera| camera.eye.is_none())
+        self.cameras.is_none()
+            && self.camera_path.is_none()
+            && self
+                .camera
+                .as_ref()
+                .is_none_or(|camera| camera.eye.is_none())
     }
 
     /// A camera a frame.
-    fn seen_by(&self, up: DVec3, image: &Image, splats: &[Splat]) -> std::result::Result<Vec<Camera>, String> {
+    fn seen_by(
+        &self,
+        up: DVec3,
+        image: &Image,
+        splats: &[Splat],
+    ) -> std::result::Result<Vec<Camera>, String> {
         let picture = [self.image.width as f64, self.image.height as f64];
-        let complete = |fields: &CameraFields, whose: &str| camera(fields, whose, up, (image, picture), splats);
+        let complete = |fields: &CameraFields, whose: &str| {
+            camera(fields, whose, up, (image, picture), splats)
+        };
         if let Some(cameras) = &self.cameras {
-            return cameras.iter().enumerate().map(|(i, fields)| complete(fields, &format!("cameras[{i}]"))).collect();
+            return cameras
+                .iter()
+                .enumerate()
+                .map(|(i, fields)| complete(fields, &format!("cameras[{i}]")))
+                .collect();
         }
         match &self.camera_path {
             Some(PathFields::Keys(path)) => {
                 let keys = path.keys.iter().enumerate();
-                let keys = keys.map(|(i, key)| Ok((key.at, complete(&key.camera(), &format!("camera_path.keys[{i}]"))?)));
+                let keys = keys.map(|(i, key)| {
+                    Ok((
+                        key.at,
+                        complete(&key.camera(), &format!("camera_path.keys[{i}]"))?,
+                    ))
+                });
                 path.cameras(&keys.collect::<std::result::Result<Vec<_>, String>>()?)
             }
-            Some(PathFields::Pan(path)) => path.cameras(&complete(&path.camera, "camera_path.camera")?, image),
-            None => Ok(vec![complete(self.camera.as_ref().unwrap_or(&CameraFields::default()), "camera")?]),
+            Some(PathFields::Pan(path)) => {
+                path.cameras(&complete(&path.camera, "camera_path.camera")?, image)
+            }
+            None => Ok(vec![complete(
+                self.camera.as_ref().unwrap_or(&CameraFields::default()),
+                "camera",
+            )?]),
         }
     }
 }
@@ -1681,8 +2236,8 @@ impl SceneFields {
 /// How far two angles of view may differ that mean the same, as a part of one.
 const SAME_ANGLE: f64 = 1e-6;
 
-/// Completes a camera; `whose` begins every complaint. A picture of the scene is an `image`, which may be larger or smaller than the `picture`
-/// that the scene file has.
+/// Completes a camera; `whose` begins every complaint. A picture of the scene is an `image`, which
+/// may be larger or smaller than the `picture` that the scene file has.
 fn camera(
     fields: &CameraFields,
     whose: &str,
@@ -1690,17 +2245,28 @@ fn camera(
     (image, picture): (&Image, [f64; 2]),
     splats: &[Splat],
 ) -> std::result::Result<Camera, String> {
-    let &CameraFields { focal_px, centre_px, picture_px, .. } = fields;
+    let &CameraFields {
+        focal_px,
+        centre_px,
+        picture_px,
+        ..
+    } = fields;
     let has_lens = focal_px.is_some() || centre_px.is_some();
     if picture_px.is_some() && !has_lens {
-        return Err(format!("{whose}.picture_px is the size that focal_px and centre_px refer to, and neither is given"));
+        return Err(format!(
+            "{whose}.picture_px is the size that focal_px and centre_px refer to, and neither is given"
+        ));
     }
     let picture_px = has_lens.then(|| picture_px.unwrap_or(picture));
-    let meant = focal_px.zip(picture_px).map(|([_, fy], [_, height])| 2.0 * libm::atan(height / 2.0 / fy).to_degrees());
+    let meant = focal_px
+        .zip(picture_px)
+        .map(|([_, fy], [_, height])| 2.0 * libm::atan(height / 2.0 / fy).to_degrees());
     if let (Some(angle), Some(meant)) = (fields.fov_y_degrees, meant)
         && (angle / meant - 1.0).abs() > SAME_ANGLE
     {
-        return Err(format!("{whose} has fov_y_degrees {angle} and a focal_px that means {meant}; one of both is enough"));
+        return Err(format!(
+            "{whose} has fov_y_degrees {angle} and a focal_px that means {meant}; one of both is enough"
+        ));
     }
     let fov_y_degrees = meant.or(fields.fov_y_degrees).unwrap_or_else(usual_fov);
     // Tangents of half the angles of view, across to down.
@@ -1717,33 +2283,60 @@ fn camera(
         None => usual_up,
     };
     let near = fields.near.unwrap_or(distance * NEAR_OF_DISTANCE);
-    let camera = Camera { eye, target, up, fov_y_degrees, near, focal_px, centre_px, picture_px };
+    let camera = Camera {
+        eye,
+        target,
+        up,
+        fov_y_degrees,
+        near,
+        focal_px,
+        centre_px,
+        picture_px,
+    };
     camera.check("", &format!("{whose}.")).map(|()| camera)
 }
 
-fn eye_and_target(fields: &CameraFields, fov_y_degrees: f64, aspect: f64, splats: &[Splat]) -> (DVec3, DVec3) {
+fn eye_and_target(
+    fields: &CameraFields,
+    fov_y_degrees: f64,
+    aspect: f64,
+    splats: &[Splat],
+) -> (DVec3, DVec3) {
     let [eye, target] = [fields.eye, fields.target].map(|point| point.map(DVec3::from_array));
     if let (Some(eye), Some(target)) = (eye, target) {
         return (eye, target);
     }
     let ball = Ball::around(splats);
     let target = target.unwrap_or(ball.centre);
-    (eye.unwrap_or_else(|| target + ball.way_to_eye(fov_y_degrees, aspect)), target)
+    (
+        eye.unwrap_or_else(|| target + ball.way_to_eye(fov_y_degrees, aspect)),
+        target,
+    )
 }
 
-fn lights(fields: Option<Vec<LightFields>>, camera: &Camera) -> std::result::Result<Vec<Light>, String> {
+fn lights(
+    fields: Option<Vec<LightFields>>,
+    camera: &Camera,
+) -> std::result::Result<Vec<Light>, String> {
     let Some(lights) = fields else {
-        return Ok(vec![Light { direction: (camera.eye - camera.target).normalize(), rgb: white() }]);
+        return Ok(vec![Light {
+            direction: (camera.eye - camera.target).normalize(),
+            rgb: white(),
+        }]);
     };
     let light = |(i, light): (usize, &LightFields)| {
-        Ok(Light { direction: direction(light.direction, &format!("lights[{i}].direction"))?, rgb: light.rgb })
+        Ok(Light {
+            direction: direction(light.direction, &format!("lights[{i}].direction"))?,
+            rgb: light.rgb,
+        })
     };
     lights.iter().enumerate().map(light).collect()
 }
 
 fn surface(fields: &SurfaceFields, splats: &[Splat]) -> Surface {
     let usual = || {
-        let radius = neighbours::median(splats.iter().map(|s| s.radius).collect()).expect("a scene has splats");
+        let radius = neighbours::median(splats.iter().map(|s| s.radius).collect())
+            .expect("a scene has splats");
         radius * Z_THRESHOLD_OF_RADIUS
     };
     Surface {
@@ -1754,8 +2347,24 @@ fn surface(fields: &SurfaceFields, splats: &[Splat]) -> Surface {
 }
 
 fn material(fields: &MaterialFields) -> Material {
-    let &MaterialFields { unlit, ambient, diffuse, specular, shininess, .. } = fields;
-    if unlit { Material::Unlit } else { Material::BlinnPhong { ambient, diffuse, specular, shininess } }
+    let &MaterialFields {
+        unlit,
+        ambient,
+        diffuse,
+        specular,
+        shininess,
+        ..
+    } = fields;
+    if unlit {
+        Material::Unlit
+    } else {
+        Material::BlinnPhong {
+            ambient,
+            diffuse,
+            specular,
+            shininess,
+        }
+    }
 }
 
 #[cfg(test)]

@@ -1,28 +1,36 @@
-//! Memory: says what a scene would take before it is made, and a frame before it is drawn; an allocation that fails ends a process without a
-//! sentence of its own.
+//! Memory: says what a scene would take before it is made, and a frame before it is drawn; an
+//! allocation that fails ends a process without a sentence of its own.
 
 use super::{Image, Scene, Splat};
 use crate::error::Error;
 use crate::input::memory::free;
 use crate::output::text::{gigabytes, thousands};
 
-/// Bytes that a disc, or a voxel, takes in a `run` at its height: pictures, words, records and golden's own (200,000 to 800,000 discs of
-/// `terrain` on 16×16 pixels, release build).
+/// Bytes that a disc, or a voxel, takes in a `run` at its height: pictures, words, records and
+/// golden's own (200,000 to 800,000 discs of `terrain` on 16×16 pixels, release build).
 pub(super) const DISC_BYTES: u64 = 1_130;
-/// Bytes of a splat's nodes while a tree is built: itself and at most as many above it, with their sums.
+/// Bytes of a splat's nodes while a tree is built: itself and at most as many above it, with their
+/// sums.
 pub(super) const NODE_BYTES: u64 = 1_100;
 /// Bytes of a Gaussian, with an orientation and harmonics of degree 0 (`bouquet`).
 pub(super) const GAUSSIAN_BYTES: u64 = 1_660;
 
-/// Bytes of a pixel in a `run`: pictures, what is measured of them, and the frame's words. Files are encoded from copies.
+/// Bytes of a pixel in a `run`: pictures, what is measured of them, and the frame's words. Files
+/// are encoded from copies.
 const PIXEL_BYTES: u64 = 220;
 
 /// Bytes that a `run` of a scene takes besides the scene itself.
 pub(crate) fn of_frame(scene: &Scene) -> u64 {
     let pixels = scene.image.width as u64 * scene.image.height as u64;
-    let splat_bytes = if scene.ellipsoids.is_some() { GAUSSIAN_BYTES } else { DISC_BYTES };
+    let splat_bytes = if scene.ellipsoids.is_some() {
+        GAUSSIAN_BYTES
+    } else {
+        DISC_BYTES
+    };
     let rest = splat_bytes - std::mem::size_of::<Splat>() as u64;
-    pixels.saturating_mul(PIXEL_BYTES).saturating_add(rest.saturating_mul(scene.splats.len() as u64))
+    pixels
+        .saturating_mul(PIXEL_BYTES)
+        .saturating_add(rest.saturating_mul(scene.splats.len() as u64))
 }
 
 /// Refuses a frame for which there is no room.
@@ -33,7 +41,10 @@ pub(crate) fn check_frame(scene: &Scene) -> Result<(), Error> {
     let Image { width, height, .. } = scene.image;
     let told = |sentence: String| {
         let splats = thousands(scene.splats.len() as u64);
-        Error::input(format!("{}: a frame of {width}×{height} pixels and {splats} splats is too large here: {sentence}", scene.name))
+        Error::input(format!(
+            "{}: a frame of {width}×{height} pixels and {splats} splats is too large here: {sentence}",
+            scene.name
+        ))
     };
     crate::input::memory::check(of_frame(scene)).map_err(told)
 }
@@ -48,7 +59,12 @@ fn check_against(free: u64, count: u64, what: &str, bytes_each: u64) -> Result<(
     if needed <= free {
         return Ok(());
     }
-    Err(format!("{} {what} would take about {} of memory, and {} are free", thousands(count), gigabytes(needed), gigabytes(free)))
+    Err(format!(
+        "{} {what} would take about {} of memory, and {} are free",
+        thousands(count),
+        gigabytes(needed),
+        gigabytes(free)
+    ))
 }
 
 #[cfg(test)]
@@ -57,7 +73,10 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_is_refused_in_numbers() {
-        assert_eq!(check_against(1_130_000, 1_000, "splats", DISC_BYTES), Ok(()));
+        assert_eq!(
+            check_against(1_130_000, 1_000, "splats", DISC_BYTES),
+            Ok(())
+        );
         assert_eq!(
             check_against(8_000_000_000, 67_108_864, "Gaussians", GAUSSIAN_BYTES).unwrap_err(),
             "67,108,864 Gaussians would take about 111.4 GB of memory, and 8.0 GB are free"

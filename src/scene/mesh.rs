@@ -1,10 +1,13 @@
-//! Mesh: reads triangles and their materials from a file, complete and checked, for what makes points of them.
+//! Mesh: reads triangles and their materials from a file, complete and checked, for what makes
+//! points of them.
 //!
-//! A value of [`Mesh`] has no holes left in its data: every corner has a normal and a colour, every triangle an area and a material that
-//! exists. Holes in its surface are no fault. Triangles without an area are left out and counted.
+//! A value of [`Mesh`] has no holes left in its data: every corner has a normal and a colour, every
+//! triangle an area and a material that exists. Holes in its surface are no fault. Triangles
+//! without an area are left out and counted.
 //!
-//! Readers: Wavefront OBJ with its MTL, PLY with faces, glTF 2.0 and GLB, STL. Each turns bytes, and files beside them, into `Raw`
-//! triangles; a file never names another outside of its own folder.
+//! Readers: Wavefront OBJ with its MTL, PLY with faces, glTF 2.0 and GLB, STL. Each turns bytes,
+//! and files beside them, into `Raw` triangles; a file never names another outside of its own
+//! folder.
 
 mod gltf;
 mod obj;
@@ -29,16 +32,19 @@ type Parsed<T> = std::result::Result<T, String>;
 /// Coordinates past this are taken for "no value", as in clouds ([`super::ply`]).
 use super::ply::FARTHEST;
 
-/// Bytes that a triangle takes at most while it is read and sampled: two copies of [`Raw`], one of [`Triangle`], sums of areas.
+/// Bytes that a triangle takes at most while it is read and sampled: two copies of [`Raw`], one of
+/// [`Triangle`], sums of areas.
 const TRIANGLE_BYTES: u64 = 1_000;
 /// Bytes that a texel takes at most: decoded, as bytes, and in a pyramid.
 const TEXEL_BYTES: u64 = 24;
 /// Colour of what has none, linear light: that of points without a colour.
 const GREY: [f32; 4] = [0.5, 0.5, 0.5, 1.0];
-/// Area over the square of the longest side below which a triangle has none: past it rounding of f64 decides where its normal points.
+/// Area over the square of the longest side below which a triangle has none: past it rounding of
+/// f64 decides where its normal points.
 const LEAST_SHAPE: f64 = 1e-14;
-/// Cosine between a face and the mean of the faces around a corner from which the corner has that mean's normal (40°): sharper edges stay
-/// sharp. Two faces at a right angle are 45° from their mean, a cube's three 55°.
+/// Cosine between a face and the mean of the faces around a corner from which the corner has that
+/// mean's normal (40°): sharper edges stay sharp. Two faces at a right angle are 45° from their
+/// mean, a cube's three 55°.
 const SMOOTH_COSINE: f64 = 0.766;
 
 /// A surface of triangles with their colours.
@@ -98,7 +104,11 @@ pub struct Material {
 impl Material {
     /// The material of what has none.
     fn none() -> Material {
-        Material { rgba: [1.0; 4], texture: None, alpha: Alpha::Blend }
+        Material {
+            rgba: [1.0; 4],
+            texture: None,
+            alpha: Alpha::Blend,
+        }
     }
 }
 
@@ -158,17 +168,21 @@ fn reader(content: Option<Content>) -> Option<Reader> {
     }
 }
 
-/// The square from 0 to 1 of the plane z = 0, a picture upright on it: the one mesh that needs no file.
-const PLANE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n";
+/// The square from 0 to 1 of the plane z = 0, a picture upright on it: the one mesh that needs no
+/// file.
+const PLANE: &str =
+    "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n";
 
 impl Mesh {
-    /// The built-in mesh `plane`: the square from 0 to 1 of the plane z = 0, with texture coordinates.
+    /// The built-in mesh `plane`: the square from 0 to 1 of the plane z = 0, with texture
+    /// coordinates.
     pub fn plane() -> Mesh {
         let contents = obj::read(PLANE.as_bytes(), Path::new("")).and_then(Contents::checked);
         contents.expect("a square is sound")
     }
 
-    /// Reads a mesh, by its content, and where that tells nothing by the end of the file's name; `plane`, where there is no such file, is [`Mesh::plane`].
+    /// Reads a mesh, by its content, and where that tells nothing by the end of the file's name;
+    /// `plane`, where there is no such file, is [`Mesh::plane`].
     ///
     /// # Errors
     /// [`Error::Input`], one sentence: which file, which line or part of it, what is wrong with it.
@@ -182,7 +196,8 @@ impl Mesh {
         let bytes = input::read(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
         let content = formats::mesh(&bytes, path);
         let reader = reader(content).ok_or_else(|| input_error(formats::no_mesh(content, path)))?;
-        let mut contents = reader(&bytes, path.parent().unwrap_or(Path::new(""))).map_err(input_error)?;
+        let mut contents =
+            reader(&bytes, path.parent().unwrap_or(Path::new(""))).map_err(input_error)?;
         contents.notes.extend(formats::contradiction(path));
         contents.checked().map_err(input_error)
     }
@@ -191,13 +206,26 @@ impl Mesh {
 impl Contents {
     /// Says that this many triangles more are to come, before there is room for them.
     fn reserve(&self, more: usize) -> Parsed<()> {
-        memory::check((self.triangles.len() as u64).saturating_add(more as u64), "triangles", TRIANGLE_BYTES)
+        memory::check(
+            (self.triangles.len() as u64).saturating_add(more as u64),
+            "triangles",
+            TRIANGLE_BYTES,
+        )
     }
 
     /// Says that a picture of this file is to come, before there is room for it.
     fn reserve_picture(&self, bytes: &[u8]) -> Parsed<()> {
-        let held = self.textures.iter().map(|texture| texture.image.texels.len() as u64).sum::<u64>();
-        memory::check(held.saturating_add(Image::texels(bytes)?), "texels", TEXEL_BYTES).map_err(|e| format!("is too large: {e}"))
+        let held = self
+            .textures
+            .iter()
+            .map(|texture| texture.image.texels.len() as u64)
+            .sum::<u64>();
+        memory::check(
+            held.saturating_add(Image::texels(bytes)?),
+            "texels",
+            TEXEL_BYTES,
+        )
+        .map_err(|e| format!("is too large: {e}"))
     }
 
     fn checked(mut self) -> Parsed<Mesh> {
@@ -205,13 +233,22 @@ impl Contents {
         if all == 0 {
             return Err("has no triangles, so there is no surface to sample".into());
         }
-        if let Some(number) = self.triangles.iter().position(|t| !t.corners.iter().all(|&corner| is_placed(corner))) {
-            return Err(format!("triangle {number} of {all} has a corner without a finite position"));
+        if let Some(number) = self
+            .triangles
+            .iter()
+            .position(|t| !t.corners.iter().all(|&corner| is_placed(corner)))
+        {
+            return Err(format!(
+                "triangle {number} of {all} has a corner without a finite position"
+            ));
         }
         if let Some(number) = self.triangles.iter().position(|t| !is_finite(t)) {
-            return Err(format!("triangle {number} of {all} has a texture coordinate or a colour that is no finite number"));
+            return Err(format!(
+                "triangle {number} of {all} has a texture coordinate or a colour that is no finite number"
+            ));
         }
-        self.triangles.retain(|triangle| has_area(&triangle.corners));
+        self.triangles
+            .retain(|triangle| has_area(&triangle.corners));
         let degenerate = all - self.triangles.len();
         if self.triangles.is_empty() {
             return Err(format!("has no triangle with an area among its {all}"));
@@ -220,8 +257,18 @@ impl Contents {
             self.materials.push(Material::none());
         }
         let smooth = Smooth::of(&self.triangles);
-        let triangles = self.triangles.iter().map(|raw| smooth.complete(raw)).collect();
-        Ok(Mesh { triangles, materials: self.materials, textures: self.textures, degenerate, notes: self.notes })
+        let triangles = self
+            .triangles
+            .iter()
+            .map(|raw| smooth.complete(raw))
+            .collect();
+        Ok(Mesh {
+            triangles,
+            materials: self.materials,
+            textures: self.textures,
+            degenerate,
+            notes: self.notes,
+        })
     }
 }
 
@@ -230,7 +277,11 @@ fn is_placed(corner: DVec3) -> bool {
 }
 
 fn is_finite(raw: &Raw) -> bool {
-    raw.rgba.as_flattened().iter().chain(raw.uv.iter().flat_map(|uv| uv.as_flattened())).all(|c| c.is_finite())
+    raw.rgba
+        .as_flattened()
+        .iter()
+        .chain(raw.uv.iter().flat_map(|uv| uv.as_flattened()))
+        .all(|c| c.is_finite())
 }
 
 fn has_area([a, b, c]: &[DVec3; 3]) -> bool {
@@ -240,31 +291,58 @@ fn has_area([a, b, c]: &[DVec3; 3]) -> bool {
     longest > 0.0 && (u / longest).cross(v / longest).length() > LEAST_SHAPE
 }
 
-/// Mean normals of the faces around each corner, weighted by their angles there, for triangles without normals: however a face is cut into
-/// triangles, it weighs the same (Thürmer and Wüthrich 1998).
+/// Mean normals of the faces around each corner, weighted by their angles there, for triangles
+/// without normals: however a face is cut into triangles, it weighs the same (Thürmer and Wüthrich
+/// 1998).
 struct Smooth(HashMap<[u64; 3], DVec3>);
 
 impl Smooth {
     fn of(triangles: &[Raw]) -> Smooth {
         let mut sums = HashMap::new();
-        for raw in triangles.iter().filter(|raw| raw.normals.is_none() && !raw.flat) {
+        for raw in triangles
+            .iter()
+            .filter(|raw| raw.normals.is_none() && !raw.flat)
+        {
             let [a, b, c] = raw.corners;
-            let Some(normal) = unit((b - a).cross(c - a)) else { continue };
+            let Some(normal) = unit((b - a).cross(c - a)) else {
+                continue;
+            };
             for (corner, one, other) in [(a, b, c), (b, c, a), (c, a, b)] {
-                *sums.entry(place(corner)).or_insert(DVec3::ZERO) += normal * angle(one - corner, other - corner);
+                *sums.entry(place(corner)).or_insert(DVec3::ZERO) +=
+                    normal * angle(one - corner, other - corner);
             }
         }
         Smooth(sums)
     }
 
     fn complete(&self, raw: &Raw) -> Triangle {
-        let Raw { corners, uv, rgba, material, .. } = *raw;
-        let mut triangle = Triangle { corners, normals: [[0.0; 3]; 3], uv, rgba, material };
+        let Raw {
+            corners,
+            uv,
+            rgba,
+            material,
+            ..
+        } = *raw;
+        let mut triangle = Triangle {
+            corners,
+            normals: [[0.0; 3]; 3],
+            uv,
+            rgba,
+            material,
+        };
         let face = triangle.face();
-        let around = |corner: DVec3| self.0.get(&place(corner)).and_then(|&sum| unit(sum)).filter(|mean| mean.dot(face) >= SMOOTH_COSINE);
+        let around = |corner: DVec3| {
+            self.0
+                .get(&place(corner))
+                .and_then(|&sum| unit(sum))
+                .filter(|mean| mean.dot(face) >= SMOOTH_COSINE)
+        };
         triangle.normals = std::array::from_fn(|i| {
             let own = raw.normals.and_then(|normals| unit(normals[i]));
-            own.or_else(|| around(corners[i])).unwrap_or(face).as_vec3().to_array()
+            own.or_else(|| around(corners[i]))
+                .unwrap_or(face)
+                .as_vec3()
+                .to_array()
         });
         triangle
     }
@@ -272,7 +350,9 @@ impl Smooth {
 
 /// Angle between two vectors of any length, radians.
 fn angle(a: DVec3, b: DVec3) -> f64 {
-    unit(a).zip(unit(b)).map_or(0.0, |(a, b)| libm::acos(a.dot(b).clamp(-1.0, 1.0)))
+    unit(a)
+        .zip(unit(b))
+        .map_or(0.0, |(a, b)| libm::acos(a.dot(b).clamp(-1.0, 1.0)))
 }
 
 /// A position as something that can be compared; 0 and −0 are one place.
@@ -289,10 +369,17 @@ pub(super) fn beside(folder: &Path, name: &str) -> Parsed<Vec<u8>> {
 /// Path of a file that another names; only one in the same folder or below it will do.
 fn inside(folder: &Path, name: &str) -> Parsed<PathBuf> {
     let relative = PathBuf::from(name.replace('\\', "/"));
-    if relative.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir)) && !name.is_empty() {
+    if relative
+        .components()
+        .all(|part| matches!(part, Component::Normal(_) | Component::CurDir))
+        && !name.is_empty()
+    {
         return Ok(folder.join(relative));
     }
-    Err(format!("`{}` leads out of the mesh's folder; put the file beside the mesh and name it alone", clipped(name)))
+    Err(format!(
+        "`{}` leads out of the mesh's folder; put the file beside the mesh and name it alone",
+        clipped(name)
+    ))
 }
 
 #[cfg(test)]

@@ -1,6 +1,8 @@
-//! Scene: everything that is to be drawn and how it is looked at, complete and checked, in f64 and world units.
+//! Scene: everything that is to be drawn and how it is looked at, complete and checked, in f64 and
+//! world units.
 //!
-//! A value of [`Scene`] has no holes left: readers fill in what a file leaves out (docs/book/scenes.md).
+//! A value of [`Scene`] has no holes left: readers fill in what a file leaves out
+//! (docs/book/scenes.md).
 
 mod builtin;
 mod camera;
@@ -45,11 +47,13 @@ use std::ffi::OsStr;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Least radius, world units. Positions and radii end at 10³⁰, so a radius is never less than 10⁻⁶¹ of a distance: its fourth power, which
-/// a footprint's determinant is, still is a normal number of f64 (2.2·10⁻³⁰⁸), where squares of less would vanish and make 0/0.
+/// Least radius, world units. Positions and radii end at 10³⁰, so a radius is never less than 10⁻⁶¹
+/// of a distance: its fourth power, which a footprint's determinant is, still is a normal number of
+/// f64 (2.2·10⁻³⁰⁸), where squares of less would vanish and make 0/0.
 pub const LEAST_RADIUS: f64 = 1e-30;
 
-/// Radial index at which an opaque Gaussian weighs 1/255, the least that a screen of 8 bits shows: e^(−r/2) = 1/255 at r = 2·ln 255.
+/// Radial index at which an opaque Gaussian weighs 1/255, the least that a screen of 8 bits shows:
+/// e^(−r/2) = 1/255 at r = 2·ln 255.
 pub fn gaussian_cutoff() -> f64 {
     2.0 * libm::log(255.0)
 }
@@ -61,7 +65,8 @@ pub struct Splat {
     pub position: DVec3,
     /// Unit normal, world space.
     pub normal: DVec3,
-    /// Standard deviation σ of the reconstruction kernel in the tangent plane, world units, at least [`LEAST_RADIUS`].
+    /// Standard deviation σ of the reconstruction kernel in the tangent plane, world units, at
+    /// least [`LEAST_RADIUS`].
     pub radius: f64,
     /// Linear light, each in [0, 1]; of Gaussians whatever their file means, ≥ 0.
     pub rgb: [f64; 3],
@@ -87,18 +92,21 @@ pub struct Camera {
     #[serde(deserialize_with = "camera::from_array")]
     #[schemars(with = "[f64; 3]")]
     pub up: DVec3,
-    /// Full vertical angle of view, degrees, in (0, 180). Where `focal_px` is given, the angle that it means.
+    /// Full vertical angle of view, degrees, in (0, 180). Where `focal_px` is given, the angle that
+    /// it means.
     pub fov_y_degrees: f64,
     /// Splats at or nearer than this depth are culled, world units, > 0.
     pub near: f64,
-    /// Focal lengths along x and y, pixels of a picture of `picture_px`; left out, both follow from `fov_y_degrees`.
+    /// Focal lengths along x and y, pixels of a picture of `picture_px`; left out, both follow from
+    /// `fov_y_degrees`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub focal_px: Option<[f64; 2]>,
-    /// Principal point: where the axis of the camera meets a picture of `picture_px`, pixels from its top left corner; left out, its middle.
+    /// Principal point: where the axis of the camera meets a picture of `picture_px`, pixels from
+    /// its top left corner; left out, its middle.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub centre_px: Option<[f64; 2]>,
-    /// Width and height that `focal_px` and `centre_px` refer to: in a picture of another size both are scaled by its height. Left out,
-    /// those of the picture.
+    /// Width and height that `focal_px` and `centre_px` refer to: in a picture of another size both
+    /// are scaled by its height. Left out, those of the picture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture_px: Option<[f64; 2]>,
 }
@@ -112,7 +120,8 @@ pub struct Image {
     pub height: usize,
     /// Linear RGB and straight alpha, each in [0, 1].
     pub background: [f64; 4],
-    /// Colours are not linear light but what a screen is sent: those of trained Gaussians, which are blended as they are.
+    /// Colours are not linear light but what a screen is sent: those of trained Gaussians, which
+    /// are blended as they are.
     pub encoded: bool,
 }
 
@@ -123,8 +132,8 @@ pub struct Kernel {
     pub cutoff: f64,
     /// Variance of the low-pass filter, pixel², ≥ 0.
     pub low_pass: f64,
-    /// Splats whose centre lies farther to the side than this, in half pictures, are culled: the affine approximation has no meaning
-    /// there. Above 0.
+    /// Splats whose centre lies farther to the side than this, in half pictures, are culled: the
+    /// affine approximation has no meaning there. Above 0.
     pub guard: f64,
     /// No slope a or b beyond this, in half pictures, counts in an ellipsoid's Jacobian. Above 0.
     pub jacobian: f64,
@@ -134,24 +143,28 @@ pub struct Kernel {
     pub compensate_opacity: bool,
 }
 
-/// How a splat is filtered (SS Fig. 8). Splats without a low-pass filter are [`Filter::Ewa`] with a variance of 0.
+/// How a splat is filtered (SS Fig. 8). Splats without a low-pass filter are [`Filter::Ewa`] with a
+/// variance of 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Filter {
-    /// The projected ellipse, convolved with the low-pass filter in the picture: the affine approximation at the splat's centre.
+    /// The projected ellipse, convolved with the low-pass filter in the picture: the affine
+    /// approximation at the splat's centre.
     Ewa,
     /// A circle as wide as that ellipse's major axis. Of discs; no machine has it.
     Circular,
-    /// Heckbert's: the pixel's low-pass filter brought onto the splat's plane, where the pixel's own ray meets it, and convolved there with
-    /// the splat. Of discs; no machine has it.
+    /// Heckbert's: the pixel's low-pass filter brought onto the splat's plane, where the pixel's
+    /// own ray meets it, and convolved there with the splat. Of discs; no machine has it.
     SourceEwa,
 }
 
 /// Meaning of an ellipsoid's amplitude.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Amplitude {
-    /// That of the disc which its first two axes span (SS §5): for kernels flattened along the third, which is the normal.
+    /// That of the disc which its first two axes span (SS §5): for kernels flattened along the
+    /// third, which is the normal.
     Disc,
-    /// Opacity times the kernel's integral along the ray, relative to that of a ball of radius σ (EWA (33)).
+    /// Opacity times the kernel's integral along the ray, relative to that of a ball of radius σ
+    /// (EWA (33)).
     LineIntegral,
     /// The opacity itself, at the peak: the convention of trained Gaussians.
     Peak,
@@ -162,11 +175,13 @@ pub enum Amplitude {
 pub struct Orientation {
     /// The axes are the columns of its matrix, world space.
     pub rotation: DQuat,
-    /// Standard deviations along them relative to the splat's radius, which is the largest: at most 1, above 0.
+    /// Standard deviations along them relative to the splat's radius, which is the largest: at most
+    /// 1, above 0.
     pub scales: DVec3,
 }
 
-/// Axes and rules that make ellipsoids of a scene's splats (EWA §6.2, docs/book/algorithm-resolve.md §9).
+/// Axes and rules that make ellipsoids of a scene's splats (EWA §6.2,
+/// docs/book/algorithm-resolve.md §9).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Ellipsoids {
     /// One for each splat, or a single one that all have.
@@ -177,14 +192,19 @@ pub struct Ellipsoids {
     pub preshaded: bool,
     /// Drawn in the order of depth, nearest first, those of equal depth in input order.
     pub sorted: bool,
-    /// Degree of the spherical harmonics that splats have in the place of colours, 0 to 3; their rgb is what those are for this camera.
+    /// Degree of the spherical harmonics that splats have in the place of colours, 0 to 3; their
+    /// rgb is what those are for this camera.
     pub harmonics: u8,
 }
 
 impl Ellipsoids {
     /// Of the splat with this number.
     pub fn orientation(&self, splat: usize) -> &Orientation {
-        &self.orientations[if self.orientations.len() == 1 { 0 } else { splat }]
+        &self.orientations[if self.orientations.len() == 1 {
+            0
+        } else {
+            splat
+        }]
     }
 }
 
@@ -320,11 +340,13 @@ pub struct View {
     pub rotation: DMat3,
     /// World position of the eye.
     pub eye: DVec3,
-    /// Pixels per unit of `t_x/t_z` and of `t_y/t_z` (docs/book/algorithm.md §1): `s`, where both are equal.
+    /// Pixels per unit of `t_x/t_z` and of `t_y/t_z` (docs/book/algorithm.md §1): `s`, where both
+    /// are equal.
     pub focal_px: [f64; 2],
     /// Half the picture's width and height, pixels.
     pub half_px: [f64; 2],
-    /// Principal point, pixels from the picture's top left corner: `half_px` unless the camera says otherwise.
+    /// Principal point, pixels from the picture's top left corner: `half_px` unless the camera says
+    /// otherwise.
     pub centre_px: [f64; 2],
 }
 
@@ -334,8 +356,8 @@ impl View {
         self.focal_px[0].max(self.focal_px[1])
     }
 
-    /// Slope `t_x/t_z`, or `t_y/t_z`, of a ray so many half pictures from the principal point, where half a picture reaches to the side
-    /// that is farther from that point.
+    /// Slope `t_x/t_z`, or `t_y/t_z`, of a ray so many half pictures from the principal point,
+    /// where half a picture reaches to the side that is farther from that point.
     pub fn slope(&self, axis: usize, half_pictures: f64) -> f64 {
         let [centre, size] = [self.centre_px[axis], 2.0 * self.half_px[axis]];
         half_pictures * centre.max(size - centre) / self.focal_px[axis]
@@ -346,24 +368,30 @@ impl View {
         [0, 1].map(|axis| self.centre_px[axis] - self.half_px[axis])
     }
 
-    /// Squares and product of both focal lengths, xx, xy and yy, relative to the square of the larger; none where pixels are square.
+    /// Squares and product of both focal lengths, xx, xy and yy, relative to the square of the
+    /// larger; none where pixels are square.
     pub fn aspect(&self) -> Option<[f64; 3]> {
-        let [x, y] = self.focal_px.map(|focal_px| focal_px / self.longest_focal_px());
+        let [x, y] = self
+            .focal_px
+            .map(|focal_px| focal_px / self.longest_focal_px());
         (x != y).then_some([x * x, x * y, y * y])
     }
 
-    /// Slopes `t_x/t_z` and `t_y/t_z` of the ray through a point of the picture, pixels from its top left corner.
+    /// Slopes `t_x/t_z` and `t_y/t_z` of the ray through a point of the picture, pixels from its
+    /// top left corner.
     pub fn slopes(&self, at_px: [f64; 2]) -> [f64; 2] {
         [0, 1].map(|axis| (at_px[axis] - self.centre_px[axis]) / self.focal_px[axis])
     }
 }
 
 impl Scene {
-    /// Reads a scene: the path of a `.json` scene file or of a file of splats, or, where there is no such file, the name of a built-in
-    /// scene. Of a sequence it is the first frame, and a note says so.
+    /// Reads a scene: the path of a `.json` scene file or of a file of splats, or, where there is
+    /// no such file, the name of a built-in scene. Of a sequence it is the first frame, and a note
+    /// says so.
     ///
     /// # Errors
-    /// [`Error::Input`], one sentence: which file, which field or row, what is wrong with it, what would be right.
+    /// [`Error::Input`], one sentence: which file, which field or row, what is wrong with it, what
+    /// would be right.
     pub fn load(name_or_path: impl AsRef<OsStr>, overrides: &Overrides) -> Result<Scene> {
         Scene::load_frame(name_or_path, overrides, 0)
     }
@@ -372,28 +400,83 @@ impl Scene {
     ///
     /// # Errors
     /// As [`Scene::load`]; also where there is no such frame.
-    pub fn load_frame(name_or_path: impl AsRef<OsStr>, overrides: &Overrides, frame: usize) -> Result<Scene> {
-        let Seen { mut scene, cameras, is_sequence, .. } = Scene::seen(name_or_path.as_ref(), overrides, Which { frame, cameras: None })?;
+    pub fn load_frame(
+        name_or_path: impl AsRef<OsStr>,
+        overrides: &Overrides,
+        frame: usize,
+    ) -> Result<Scene> {
+        let Seen {
+            mut scene,
+            cameras,
+            is_sequence,
+            ..
+        } = Scene::seen(
+            name_or_path.as_ref(),
+            overrides,
+            Which {
+                frame,
+                cameras: None,
+            },
+        )?;
         if is_sequence {
-            scene.notes.push(format!("frame {frame} of a sequence of {} (--frame)", cameras.len()));
+            scene.notes.push(format!(
+                "frame {frame} of a sequence of {} (--frame)",
+                cameras.len()
+            ));
         }
         Ok(scene)
     }
 
-    /// Reads the text of a scene file; files that it names lie relative to `folder`, and `name` begins every error. Of a sequence it is `frame`.
+    /// Reads the text of a scene file; files that it names lie relative to `folder`, and `name`
+    /// begins every error. Of a sequence it is `frame`.
     ///
     /// # Errors
     /// As [`Scene::load`].
-    pub fn from_text(text: &str, name: &str, folder: &Path, overrides: &Overrides, frame: usize) -> Result<Scene> {
-        Ok(json::read(text, name, folder, overrides, Which { frame, cameras: None })?.scene)
+    pub fn from_text(
+        text: &str,
+        name: &str,
+        folder: &Path,
+        overrides: &Overrides,
+        frame: usize,
+    ) -> Result<Scene> {
+        Ok(json::read(
+            text,
+            name,
+            folder,
+            overrides,
+            Which {
+                frame,
+                cameras: None,
+            },
+        )?
+        .scene)
     }
 
-    /// The same, of these splats instead of the text's: a normal or a radius of 0 is fitted to the nearest, as where a file leaves it out.
+    /// The same, of these splats instead of the text's: a normal or a radius of 0 is fitted to the
+    /// nearest, as where a file leaves it out.
     ///
     /// # Errors
     /// As [`Scene::load`]; also the first number of a splat that is out of range.
-    pub fn of_splats(splats: Vec<Splat>, text: &str, name: &str, folder: &Path, overrides: &Overrides, frame: usize) -> Result<Scene> {
-        Ok(json::read_with(splats, text, name, folder, overrides, Which { frame, cameras: None })?.scene)
+    pub fn of_splats(
+        splats: Vec<Splat>,
+        text: &str,
+        name: &str,
+        folder: &Path,
+        overrides: &Overrides,
+        frame: usize,
+    ) -> Result<Scene> {
+        Ok(json::read_with(
+            splats,
+            text,
+            name,
+            folder,
+            overrides,
+            Which {
+                frame,
+                cameras: None,
+            },
+        )?
+        .scene)
     }
 
     fn seen(name_or_path: &OsStr, overrides: &Overrides, which: Which) -> Result<Seen> {
@@ -407,8 +490,15 @@ impl Scene {
             return Err(input_error(no_such_file(name)));
         }
         if formats::is_json(path) {
-            let text = input::read_text(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
-            let mut seen = json::read(&text, name, path.parent().unwrap_or(Path::new("")), overrides, which)?;
+            let text =
+                input::read_text(path).map_err(|e| input_error(format!("cannot be read: {e}")))?;
+            let mut seen = json::read(
+                &text,
+                name,
+                path.parent().unwrap_or(Path::new("")),
+                overrides,
+                which,
+            )?;
             seen.scene.notes.extend(formats::contradiction(path));
             return Ok(seen);
         }
@@ -418,7 +508,8 @@ impl Scene {
         Err(input_error(formats::no_splats(path)))
     }
 
-    /// Text of a `.json` scene or of a built-in one, as [`Scene::load`] finds it; none where there is none.
+    /// Text of a `.json` scene or of a built-in one, as [`Scene::load`] finds it; none where there
+    /// is none.
     pub fn text(name_or_path: impl AsRef<OsStr>) -> Option<String> {
         let path = Path::new(name_or_path.as_ref());
         if let (Some(text), false) = (path.to_str().and_then(builtin::scene), path.is_file()) {
@@ -429,18 +520,28 @@ impl Scene {
 
     /// The least weight that makes a fragment; 0 where any does.
     pub fn least_weight(&self) -> f64 {
-        self.sheets.as_ref().map_or(0.0, |sheets| sheets.least_weight)
+        self.sheets
+            .as_ref()
+            .map_or(0.0, |sheets| sheets.least_weight)
     }
 
-    /// The least opacity whose weights count, where a splat's greatest weight is its opacity and not every weight counts.
+    /// The least opacity whose weights count, where a splat's greatest weight is its opacity and
+    /// not every weight counts.
     pub fn least_opacity(&self) -> Option<f64> {
-        let is_peak = self.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.amplitude == Amplitude::Peak);
+        let is_peak = self
+            .ellipsoids
+            .as_ref()
+            .is_some_and(|ellipsoids| ellipsoids.amplitude == Amplitude::Peak);
         Some(self.least_weight()).filter(|least| is_peak && *least > 0.0)
     }
 
     /// Whether a peak is its splat's opacity times √(det V_r/det V).
     pub fn compensates(&self) -> bool {
-        self.kernel.compensate_opacity && self.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.amplitude == Amplitude::Peak)
+        self.kernel.compensate_opacity
+            && self
+                .ellipsoids
+                .as_ref()
+                .is_some_and(|ellipsoids| ellipsoids.amplitude == Amplitude::Peak)
     }
 
     /// The viewing transform (docs/book/algorithm.md §1): `t = rotation · (p − eye)`.
@@ -448,7 +549,8 @@ impl Scene {
         self.camera.view(&self.image)
     }
 
-    /// Appends a material that mirrors nothing. `environment.mirrors` has one entry per material, so both lists grow together.
+    /// Appends a material that mirrors nothing. `environment.mirrors` has one entry per material,
+    /// so both lists grow together.
     fn add_material(&mut self, material: Material) {
         self.materials.push(material);
         if let Some(environment) = &mut self.environment {
@@ -471,11 +573,14 @@ impl Camera {
         View {
             rotation: DMat3::from_cols(right, down, forward).transpose(),
             eye: self.eye,
-            focal_px: self
-                .focal_px
-                .map_or([half_px[1] / libm::tan(self.fov_y_degrees.to_radians() / 2.0); 2], |focal_px| focal_px.map(|px| scale * px)),
+            focal_px: self.focal_px.map_or(
+                [half_px[1] / libm::tan(self.fov_y_degrees.to_radians() / 2.0); 2],
+                |focal_px| focal_px.map(|px| scale * px),
+            ),
             half_px,
-            centre_px: self.centre_px.map_or(half_px, |centre| [0, 1].map(|i| half_px[i] + scale * (centre[i] - picture_px[i] / 2.0))),
+            centre_px: self.centre_px.map_or(half_px, |centre| {
+                [0, 1].map(|i| half_px[i] + scale * (centre[i] - picture_px[i] / 2.0))
+            }),
         }
     }
 }
@@ -484,7 +589,10 @@ impl Camera {
 fn no_such_file(name: &str) -> String {
     let names: Vec<&str> = builtin::names().collect();
     let nearest = validate::in_brackets(name, &names);
-    format!("no such file, and no built-in scene either; built in are {}{nearest}", names.join(", "))
+    format!(
+        "no such file, and no built-in scene either; built in are {}{nearest}",
+        names.join(", ")
+    )
 }
 
 /// The vector's direction, however long it is; none where it is zero or not finite.

@@ -1,11 +1,14 @@
-//! Neighbours: gives a splat the radius and the normal that its file does not have, from the points around it.
+//! Neighbours: gives a splat the radius and the normal that its file does not have, from the points
+//! around it.
 //!
-//! - Radius: the mean distance to the 6 nearest neighbours (EWA §6.3), at most 4 × the median of these means, or one
-//!   stray point of a scan would cover a fifth of the picture. Points at one and the same place are each other's
-//!   neighbours at distance 0; where all 6 are, the radius is the median of those that have one. Where no point has
-//!   one (a single point, say) it is [`lone_radius`].
-//! - Normal: the direction of least variance of the point and its 6 nearest neighbours at other places, turned towards
-//!   the eye. Where that leaves a choice (points on a line, a lone point), it faces the eye as much as it can.
+//! - Radius: the mean distance to the 6 nearest neighbours (EWA §6.3), at most 4 × the median of
+//!   these means, or one stray point of a scan would cover a fifth of the picture. Points at one
+//!   and the same place are each other's neighbours at distance 0; where all 6 are, the radius is
+//!   the median of those that have one. Where no point has one (a single point, say) it is
+//!   [`lone_radius`].
+//! - Normal: the direction of least variance of the point and its 6 nearest neighbours at other
+//!   places, turned towards the eye. Where that leaves a choice (points on a line, a lone point),
+//!   it faces the eye as much as it can.
 //!
 //! Both depend on nothing but the points and the eye: the number of threads cannot show.
 
@@ -21,41 +24,51 @@ const NEIGHBOURS: usize = 6;
 pub(super) const NONE: u32 = u32::MAX;
 /// A fitted radius is at most this many times the median one.
 const LARGEST_OF_MEDIAN: f64 = 4.0;
-/// Variances further apart than this (as a ratio) count as "none" beside the larger: rounding of f64, squared, with room.
+/// Variances further apart than this (as a ratio) count as "none" beside the larger: rounding of
+/// f64, squared, with room.
 const NO_VARIANCE: f64 = 1e-12;
 
-/// Radius of a point that has nothing around it: 1, or a millionth of its distance from the origin if that is more, so
-/// that the point's own coordinates can still tell its two sides apart.
+/// Radius of a point that has nothing around it: 1, or a millionth of its distance from the origin
+/// if that is more, so that the point's own coordinates can still tell its two sides apart.
 pub(super) fn lone_radius(position: DVec3) -> f64 {
     (position.length() * 1e-6).max(1.0)
 }
 
 /// Fills in radii and normals that are zero.
 pub(super) fn fit(splats: &mut [Splat], eye: DVec3) {
-    if splats.iter().all(|s| s.radius > 0.0 && s.normal != DVec3::ZERO) {
+    if splats
+        .iter()
+        .all(|s| s.radius > 0.0 && s.normal != DVec3::ZERO)
+    {
         return;
     }
     let places = Places::of(splats.len(), |i| splats[i].position);
     let fits = places.fit();
     let radius = Spacings::of(&places, &fits, |fit| fit.spacing);
-    splats.par_iter_mut().zip(&places.place_of_splat).for_each(|(splat, &place)| {
-        let fit = &fits[place as usize];
-        if splat.radius == 0.0 {
-            splat.radius = radius.at(fit.spacing, splat.position);
-        }
-        if splat.normal == DVec3::ZERO {
-            splat.normal = least_variance(&places.variance(place as usize, fit), eye - splat.position);
-        }
-    });
+    splats
+        .par_iter_mut()
+        .zip(&places.place_of_splat)
+        .for_each(|(splat, &place)| {
+            let fit = &fits[place as usize];
+            if splat.radius == 0.0 {
+                splat.radius = radius.at(fit.spacing, splat.position);
+            }
+            if splat.normal == DVec3::ZERO {
+                splat.normal =
+                    least_variance(&places.variance(place as usize, fit), eye - splat.position);
+            }
+        });
 }
 
 /// What lies around a point.
 #[derive(Clone, Debug)]
 pub(super) struct Surroundings {
-    /// Mean distance to [`Surroundings::nearest`], within the bounds of a fitted radius; above 0. Copies of a point are none of its
-    /// neighbours here: samples at one place would have next to no volume.
+    /// Mean distance to [`Surroundings::nearest`], within the bounds of a fitted radius; above 0.
+    /// Copies of a point are none of its neighbours here: samples at one place would have next to
+    /// no volume.
     pub spacing: f64,
-    /// The nearest points at other places, by number: one of each place, and [`NONE`] where there are fewer.
+    /// The nearest points at other places, by number: one of each place, and [`NONE`] where there
+    /// are fewer.
     pub nearest: [u32; NEIGHBOURS],
 }
 
@@ -65,15 +78,25 @@ pub(super) fn surroundings(points: &[DVec3]) -> Vec<Surroundings> {
     let fits = places.fit();
     let radius = Spacings::of(&places, &fits, |fit| fit.apart);
     let mut first = vec![NONE; places.points.len()];
-    places.place_of_splat.iter().zip(0..).for_each(|(&place, i)| first[place as usize] = first[place as usize].min(i));
+    places
+        .place_of_splat
+        .iter()
+        .zip(0..)
+        .for_each(|(&place, i)| first[place as usize] = first[place as usize].min(i));
     let of_point = |(point, &place): (&DVec3, &u32)| {
         let fit = &fits[place as usize];
         Surroundings {
             spacing: radius.at(fit.apart, *point),
-            nearest: fit.nearest.map(|other| first.get(other as usize).copied().unwrap_or(NONE)),
+            nearest: fit
+                .nearest
+                .map(|other| first.get(other as usize).copied().unwrap_or(NONE)),
         }
     };
-    points.par_iter().zip(&places.place_of_splat).map(of_point).collect()
+    points
+        .par_iter()
+        .zip(&places.place_of_splat)
+        .map(of_point)
+        .collect()
 }
 
 /// Bounds on the radii of a cloud.
@@ -84,16 +107,33 @@ struct Spacings {
 
 impl Spacings {
     fn of(places: &Places, fits: &[Fit], spacing: impl Fn(&Fit) -> f64 + Sync) -> Spacings {
-        let spacings = places.place_of_splat.par_iter().map(|&place| spacing(&fits[place as usize]));
+        let spacings = places
+            .place_of_splat
+            .par_iter()
+            .map(|&place| spacing(&fits[place as usize]));
         match median(spacings.filter(|&spacing| spacing > 0.0).collect()) {
-            Some(median) => Spacings { typical: median, largest: median * LARGEST_OF_MEDIAN },
-            None => Spacings { typical: 0.0, largest: f64::INFINITY },
+            Some(median) => Spacings {
+                typical: median,
+                largest: median * LARGEST_OF_MEDIAN,
+            },
+            None => Spacings {
+                typical: 0.0,
+                largest: f64::INFINITY,
+            },
         }
     }
 
     fn at(&self, spacing: f64, position: DVec3) -> f64 {
-        let radius = if spacing > 0.0 { spacing.min(self.largest) } else { self.typical };
-        if radius > 0.0 { radius } else { lone_radius(position) }
+        let radius = if spacing > 0.0 {
+            spacing.min(self.largest)
+        } else {
+            self.typical
+        };
+        if radius > 0.0 {
+            radius
+        } else {
+            lone_radius(position)
+        }
     }
 }
 
@@ -105,12 +145,16 @@ pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
     let half = values.len() / 2;
     let even = values.len().is_multiple_of(2);
     let (below, &mut upper, _) = values.select_nth_unstable_by(half, f64::total_cmp);
-    let lower = if even { below.iter().copied().fold(f64::MIN, f64::max) } else { upper };
+    let lower = if even {
+        below.iter().copied().fold(f64::MIN, f64::max)
+    } else {
+        upper
+    };
     Some((lower + upper) / 2.0)
 }
 
-/// A curve through a cube, along which what is near follows each other (Morton's Z): who asks for the neighbours of one point after the
-/// other finds them in the host's cache.
+/// A curve through a cube, along which what is near follows each other (Morton's Z): who asks for
+/// the neighbours of one point after the other finds them in the host's cache.
 struct Curve {
     least: DVec3,
     /// Steps of the curve, 2^21 along each axis, in a unit of length.
@@ -121,7 +165,10 @@ impl Curve {
     fn new(least: DVec3, most: DVec3) -> Curve {
         // The cloud may be a point, or larger than a number is.
         let steps = ((1 << 21) - 1) as f64 / (most - least).max_element();
-        Curve { least, steps: if steps.is_finite() { steps } else { 0.0 } }
+        Curve {
+            least,
+            steps: if steps.is_finite() { steps } else { 0.0 },
+        }
     }
 
     /// Where a point lies along it: the bits of its three steps in turn.
@@ -144,7 +191,8 @@ impl Curve {
     }
 }
 
-/// The cloud with equal positions made one: a k-d tree cannot split a pile of points, and would search all of it for each.
+/// The cloud with equal positions made one: a k-d tree cannot split a pile of points, and would
+/// search all of it for each.
 struct Places {
     /// Each position once, in the order of a [`Curve`].
     points: Vec<[f64; 3]>,
@@ -170,16 +218,32 @@ impl Places {
         // Minus zero is the same place as zero.
         let position = |i: u32| position(i as usize) + DVec3::ZERO;
         let numbers = || (0..count as u32).into_par_iter();
-        let least = numbers().map(position).reduce(|| DVec3::INFINITY, DVec3::min);
-        let most = numbers().map(position).reduce(|| DVec3::NEG_INFINITY, DVec3::max);
+        let least = numbers()
+            .map(position)
+            .reduce(|| DVec3::INFINITY, DVec3::min);
+        let most = numbers()
+            .map(position)
+            .reduce(|| DVec3::NEG_INFINITY, DVec3::max);
         let curve = Curve::new(least, most);
-        let mut sorted: Vec<(u64, u32)> = numbers().map(|i| (curve.place(position(i)), i)).collect();
-        let order = |a: [f64; 3], b: [f64; 3]| a.into_iter().zip(b).map(|(a, b)| a.total_cmp(&b)).find(|order| order.is_ne());
+        let mut sorted: Vec<(u64, u32)> =
+            numbers().map(|i| (curve.place(position(i)), i)).collect();
+        let order = |a: [f64; 3], b: [f64; 3]| {
+            a.into_iter()
+                .zip(b)
+                .map(|(a, b)| a.total_cmp(&b))
+                .find(|order| order.is_ne())
+        };
         sorted.par_sort_unstable_by(|(a, i), (b, j)| {
-            a.cmp(b).then_with(|| order(position(*i).to_array(), position(*j).to_array()).unwrap_or(i.cmp(j)))
+            a.cmp(b).then_with(|| {
+                order(position(*i).to_array(), position(*j).to_array()).unwrap_or(i.cmp(j))
+            })
         });
-        let mut points: Vec<[f64; 3]> = sorted.par_iter().map(|(_, i)| position(*i).to_array()).collect();
-        let (mut copies, mut place_of_splat): (Vec<u32>, _) = (Vec::with_capacity(count), vec![0; count]);
+        let mut points: Vec<[f64; 3]> = sorted
+            .par_iter()
+            .map(|(_, i)| position(*i).to_array())
+            .collect();
+        let (mut copies, mut place_of_splat): (Vec<u32>, _) =
+            (Vec::with_capacity(count), vec![0; count]);
         for (at, (_, i)) in sorted.into_iter().enumerate() {
             let places = copies.len();
             match copies.last_mut() {
@@ -192,23 +256,41 @@ impl Places {
             place_of_splat[i as usize] = copies.len() as u32 - 1;
         }
         points.truncate(copies.len());
-        Places { points, copies, place_of_splat }
+        Places {
+            points,
+            copies,
+            place_of_splat,
+        }
     }
 
     fn fit(&self) -> Vec<Fit> {
-        let tree = ImmutableKdTree::<f64, 3>::new_from_slice(&self.points).expect("the points are finite and fewer than 2^32");
+        let tree = ImmutableKdTree::<f64, 3>::new_from_slice(&self.points)
+            .expect("the points are finite and fewer than 2^32");
         let found = NonZero::new(NEIGHBOURS + 1).expect("more than 0");
         let fit_at = |place: usize| {
-            let near = tree.query(&self.points[place]).nearest_n::<SquaredEuclidean<f64>>(found).execute();
-            let (mut nearest, mut distances, mut count) = ([NONE; NEIGHBOURS], [0.0; NEIGHBOURS], 0);
-            for other in near.iter().filter(|other| other.item as usize != place).take(NEIGHBOURS) {
+            let near = tree
+                .query(&self.points[place])
+                .nearest_n::<SquaredEuclidean<f64>>(found)
+                .execute();
+            let (mut nearest, mut distances, mut count) =
+                ([NONE; NEIGHBOURS], [0.0; NEIGHBOURS], 0);
+            for other in near
+                .iter()
+                .filter(|other| other.item as usize != place)
+                .take(NEIGHBOURS)
+            {
                 (nearest[count], distances[count]) = (other.item, other.distance.sqrt());
                 count += 1;
             }
             let (nearest_ones, distances) = (&nearest[..count], &distances[..count]);
             let apart = distances.iter().sum::<f64>() / count.max(1) as f64;
             let reach = distances.last().copied().unwrap_or(0.0);
-            Fit { spacing: self.spacing(place, nearest_ones, distances), apart, reach, nearest }
+            Fit {
+                spacing: self.spacing(place, nearest_ones, distances),
+                apart,
+                reach,
+                nearest,
+            }
         };
         (0..self.points.len()).into_par_iter().map(fit_at).collect()
     }
@@ -229,17 +311,24 @@ impl Places {
     fn variance(&self, place: usize, fit: &Fit) -> DMat3 {
         let others = fit.nearest.iter().filter(|other| **other != NONE);
         let here = DVec3::from_array(self.points[place]);
-        // Offsets from the place itself, scaled to about 1: squares can neither overflow nor vanish.
-        let offsets = || others.clone().map(|other| (DVec3::from_array(self.points[*other as usize]) - here) / fit.reach);
+        // Offsets from the place itself, scaled to about 1: squares can neither overflow nor
+        // vanish.
+        let offsets = || {
+            others
+                .clone()
+                .map(|other| (DVec3::from_array(self.points[*other as usize]) - here) / fit.reach)
+        };
         let mean = offsets().sum::<DVec3>() / (others.clone().count() + 1) as f64;
         let outer = |d: DVec3| DMat3::from_cols(d * d.x, d * d.y, d * d.z);
-        let sum = offsets().map(|d| outer(d - mean)).fold(outer(-mean), |sum, square| sum + square);
+        let sum = offsets()
+            .map(|d| outer(d - mean))
+            .fold(outer(-mean), |sum, square| sum + square);
         if sum.is_finite() { sum } else { DMat3::ZERO }
     }
 }
 
-/// The unit vector along which a symmetric matrix is least, on the side of `towards`; where several are equally good,
-/// the one nearest to it.
+/// The unit vector along which a symmetric matrix is least, on the side of `towards`; where several
+/// are equally good, the one nearest to it.
 fn least_variance(variance: &DMat3, towards: DVec3) -> DVec3 {
     let towards = unit(towards).unwrap_or(DVec3::Z);
     let [least, middle, most] = eigen(variance);
@@ -251,7 +340,11 @@ fn least_variance(variance: &DMat3, towards: DVec3) -> DVec3 {
         Some(least.1)
     };
     let normal = normal.unwrap_or_else(|| most.1.any_orthonormal_vector());
-    if normal.dot(towards) < 0.0 { -normal } else { normal }
+    if normal.dot(towards) < 0.0 {
+        -normal
+    } else {
+        normal
+    }
 }
 
 /// Eigenvalues and unit eigenvectors of a symmetric matrix, ascending, by Jacobi rotations.
@@ -261,7 +354,10 @@ fn eigen(matrix: &DMat3) -> [(f64, DVec3); 3] {
     // Convergence is quadratic: five sweeps reach rounding from anywhere.
     for _ in 0..6 {
         let most = (0..3).map(|i| m[i][i].abs()).fold(0.0, f64::max);
-        if [m[0][1], m[0][2], m[1][2]].iter().all(|off| off.abs() <= f64::EPSILON * f64::EPSILON * most) {
+        if [m[0][1], m[0][2], m[1][2]]
+            .iter()
+            .all(|off| off.abs() <= f64::EPSILON * f64::EPSILON * most)
+        {
             break;
         }
         for (p, q) in [(0, 1), (0, 2), (1, 2)] {
@@ -290,7 +386,10 @@ fn rotate(m: &mut [[f64; 3]; 3], vectors: &mut [DVec3; 3], p: usize, q: usize) {
         (m[other][axis], m[axis][other]) = (value, value);
     }
     (m[p][q], m[q][p]) = (0.0, 0.0);
-    (vectors[p], vectors[q]) = (vectors[p] * c - vectors[q] * s, vectors[p] * s + vectors[q] * c);
+    (vectors[p], vectors[q]) = (
+        vectors[p] * c - vectors[q] * s,
+        vectors[p] * s + vectors[q] * c,
+    );
 }
 
 #[cfg(test)]

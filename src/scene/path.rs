@@ -20,7 +20,8 @@ const LEAST_FOV_DEGREES: f64 = 1e-6;
 type Numbers = [f64; 10];
 
 fn numbers(camera: &Camera) -> Numbers {
-    let [[a, b, c], [d, e, f], [g, h, i]] = [camera.eye, camera.target, camera.up].map(|vector| vector.to_array());
+    let [[a, b, c], [d, e, f], [g, h, i]] =
+        [camera.eye, camera.target, camera.up].map(|vector| vector.to_array());
     [a, b, c, d, e, f, g, h, i, camera.fov_y_degrees]
 }
 
@@ -29,9 +30,12 @@ impl KeyedFields {
     pub fn check(&self) -> Result<(), String> {
         let pairs = self.keys.iter().zip(&self.keys[1..]).enumerate();
         match pairs.into_iter().find(|(_, (a, b))| a.at >= b.at) {
-            Some((i, (a, b))) => {
-                Err(format!("camera_path.keys[{}].at is {}, which does not lie above the {} before it", i + 1, b.at, a.at))
-            }
+            Some((i, (a, b))) => Err(format!(
+                "camera_path.keys[{}].at is {}, which does not lie above the {} before it",
+                i + 1,
+                b.at,
+                a.at
+            )),
             None => Ok(()),
         }
     }
@@ -39,10 +43,13 @@ impl KeyedFields {
     /// The camera of every frame.
     ///
     /// # Errors
-    /// A sentence where one between two keys sees nothing: eye on target, up along the view, an angle beyond its range.
+    /// A sentence where one between two keys sees nothing: eye on target, up along the view, an
+    /// angle beyond its range.
     pub fn cameras(&self, keys: &[(usize, Camera)]) -> Result<Vec<Camera>, String> {
         let last = keys[keys.len() - 1].0;
-        (0..self.frames.unwrap_or(last + 1)).map(|frame| self.camera(keys, frame)).collect()
+        (0..self.frames.unwrap_or(last + 1))
+            .map(|frame| self.camera(keys, frame))
+            .collect()
     }
 
     fn camera(&self, keys: &[(usize, Camera)], frame: usize) -> Result<Camera, String> {
@@ -58,7 +65,13 @@ impl KeyedFields {
             Interpolation::Linear => std::array::from_fn(|i| from[i] + part * (to[i] - from[i])),
             Interpolation::Smooth => {
                 let [leaves, arrives] = [slope(keys, a), slope(keys, b)];
-                std::array::from_fn(|i| hermite([from[i], to[i]], [span * leaves[i], span * arrives[i]], part))
+                std::array::from_fn(|i| {
+                    hermite(
+                        [from[i], to[i]],
+                        [span * leaves[i], span * arrives[i]],
+                        part,
+                    )
+                })
             }
         };
         let [a1, a2, a3, b1, b2, b3, c1, c2, c3, fov_y_degrees] = between;
@@ -86,7 +99,8 @@ impl KeyedFields {
     }
 }
 
-/// Change a frame at a key: from the key before to the one after; at an end from that to its neighbour.
+/// Change a frame at a key: from the key before to the one after; at an end from that to its
+/// neighbour.
 fn slope(keys: &[(usize, Camera)], at: usize) -> Numbers {
     let (before, after) = (at.saturating_sub(1), (at + 1).min(keys.len() - 1));
     let (from, to) = (numbers(&keys[before].1), numbers(&keys[after].1));
@@ -96,31 +110,47 @@ fn slope(keys: &[(usize, Camera)], at: usize) -> Numbers {
 /// The cubic with these ends and these slopes at them, over [0, 1].
 fn hermite([from, to]: [f64; 2], [leaves, arrives]: [f64; 2], part: f64) -> f64 {
     let (square, cube) = (part * part, part * part * part);
-    from + (3.0 * square - 2.0 * cube) * (to - from) + (cube - 2.0 * square + part) * leaves + (cube - square) * arrives
+    from + (3.0 * square - 2.0 * cube) * (to - from)
+        + (cube - 2.0 * square + part) * leaves
+        + (cube - square) * arrives
 }
 
 impl Camera {
-    /// Turned to the right about the eye, so that what was in the middle of the picture lies as many pixels to the left of it.
+    /// Turned to the right about the eye, so that what was in the middle of the picture lies as
+    /// many pixels to the left of it.
     pub fn panned(&self, image: &Image, pixels: f64) -> Camera {
         let view = self.view(image);
-        let [right, down, forward] = [view.rotation.row(0), view.rotation.row(1), view.rotation.row(2)];
+        let [right, down, forward] = [
+            view.rotation.row(0),
+            view.rotation.row(1),
+            view.rotation.row(2),
+        ];
         // The tangent of the angle that the view turns by.
         let ahead = (forward + right * (pixels / view.focal_px[0])).normalize();
         // The picture's own up: with another the view would roll as it turns.
-        Camera { target: self.eye + ahead * (self.target - self.eye).length(), up: -down, ..*self }
+        Camera {
+            target: self.eye + ahead * (self.target - self.eye).length(),
+            up: -down,
+            ..*self
+        }
     }
 }
 
 impl PanFields {
-    /// The camera of every frame: in frame k, what was in the middle of the first picture lies k · `pan_pixels` farther to the left.
+    /// The camera of every frame: in frame k, what was in the middle of the first picture lies k ·
+    /// `pan_pixels` farther to the left.
     ///
     /// # Errors
     /// A sentence where a frame has no camera, as [`KeyedFields::cameras`].
     pub fn cameras(&self, first: &Camera, image: &Image) -> Result<Vec<Camera>, String> {
         let camera = |frame: usize| {
             let camera = first.panned(image, frame as f64 * self.pan_pixels);
-            camera.check(&format!("camera_path at frame {frame}: "), "").map(|()| camera)
+            camera
+                .check(&format!("camera_path at frame {frame}: "), "")
+                .map(|()| camera)
         };
-        std::iter::once(Ok(*first)).chain((1..self.frames).map(camera)).collect()
+        std::iter::once(Ok(*first))
+            .chain((1..self.frames).map(camera))
+            .collect()
     }
 }

@@ -1,4 +1,5 @@
-//! Placement: brings splats to another place: made larger about the origin, then turned about it, then moved.
+//! Placement: brings splats to another place: made larger about the origin, then turned about it,
+//! then moved.
 //!
 //! Opacities stay: what is made larger lets as much light through as before.
 
@@ -18,7 +19,11 @@ pub struct Placement {
 
 impl Placement {
     /// Where nothing is changed.
-    pub const NONE: Placement = Placement { scale: 1.0, turn: DQuat::IDENTITY, way: DVec3::ZERO };
+    pub const NONE: Placement = Placement {
+        scale: 1.0,
+        turn: DQuat::IDENTITY,
+        way: DVec3::ZERO,
+    };
 
     /// A place, brought there.
     pub fn point(&self, point: DVec3) -> DVec3 {
@@ -44,6 +49,10 @@ impl Placement {
 
     /// This one after another.
     pub fn after(&self, first: &Placement) -> Placement {
-        Placement { scale: self.scale * first.scale, turn: self.turn * first.turn, way: self.point(first.way) }
+        Placement {
+            scale: self.scale * first.scale,
+            turn: self.turn * first.turn,
+            way: self.point(first.way),
+        }
     }
 }

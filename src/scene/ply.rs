@@ -1,14 +1,19 @@
-//! PLY: reads a cloud of points from a file, in whichever of the format's many ways it was written; its header and rows
-//! also serve the readers of trained Gaussians.
+//! PLY: reads a cloud of points from a file, in whichever of the format's many ways it was written;
+//! its header and rows also serve the readers of trained Gaussians.
 //!
-//! A reader of our own, because `serde-ply` loses files that people have: headers with the line ends of old Macs (Rhino
-//! still writes them), text without a final line end; and its errors name neither row nor line. Values go straight into
-//! the splats, and nothing is reserved that the file's length does not vouch for, so a header cannot ask for memory.
+//! A reader of our own, because `serde-ply` loses files that people have: headers with the line
+//! ends of old Macs (Rhino still writes them), text without a final line end; and its errors name
+//! neither row nor line. Values go straight into the splats, and nothing is reserved that the
+//! file's length does not vouch for, so a header cannot ask for memory.
 //!
-//! - Text is read by lines, one row a line; blank lines and unknown header lines are skipped, too few or too many values refused.
-//! - Colours are sRGB codes of whatever type, and are decoded, unless a comment says that they are linear light ([`colours`]).
-//! - Vertices without a finite position (or past ±1e30, as some scanners mark holes) are left out and counted in a note.
-//! - Faces serve only to find normals where the file has none; a face that names a vertex out of range is left out and counted.
+//! - Text is read by lines, one row a line; blank lines and unknown header lines are skipped, too
+//!   few or too many values refused.
+//! - Colours are sRGB codes of whatever type, and are decoded, unless a comment says that they are
+//!   linear light ([`colours`]).
+//! - Vertices without a finite position (or past ±1e30, as some scanners mark holes) are left out
+//!   and counted in a note.
+//! - Faces serve only to find normals where the file has none; a face that names a vertex out of
+//!   range is left out and counted.
 
 mod colours;
 mod faces;
@@ -30,18 +35,25 @@ pub(super) struct Cloud {
     pub notes: Vec<String>,
 }
 
-/// Coordinates past this are taken for "no value"; squares and products of smaller ones stay finite in f64.
+/// Coordinates past this are taken for "no value"; squares and products of smaller ones stay finite
+/// in f64.
 pub(super) const FARTHEST: f64 = 1e30;
 
-/// Lines of a header; real ones have a hundred. Names are compared with all before them, which must stay quick.
+/// Lines of a header; real ones have a hundred. Names are compared with all before them, which must
+/// stay quick.
 const LONGEST_HEADER: usize = 10_000;
 
 pub(super) type Parsed<T> = Result<T, String>;
 
-/// Reads the bytes of a PLY file; the error is the second half of a sentence that begins with the file's name.
+/// Reads the bytes of a PLY file; the error is the second half of a sentence that begins with the
+/// file's name.
 pub(super) fn parse(bytes: &[u8]) -> Parsed<Cloud> {
     let (header, mut body) = read_header(bytes)?;
-    let vertices = header.elements.iter().find(|e| e.name == "vertex").ok_or("has no element `vertex`, so there are no points in it")?;
+    let vertices = header
+        .elements
+        .iter()
+        .find(|e| e.name == "vertex")
+        .ok_or("has no element `vertex`, so there are no points in it")?;
     let layout = Layout::of(vertices)?;
     let mut notes = header.notes.clone();
     if vertices.properties.iter().any(|p| p.name == "f_dc_0") {
@@ -101,10 +113,15 @@ pub(super) struct Triangle {
     pub picture: Option<u32>,
 }
 
-/// Reads the bytes of a PLY file as a mesh; the error is the second half of a sentence that begins with the file's name.
+/// Reads the bytes of a PLY file as a mesh; the error is the second half of a sentence that begins
+/// with the file's name.
 pub(super) fn parse_faced(bytes: &[u8]) -> Parsed<Faced> {
     let (header, mut body) = read_header(bytes)?;
-    let vertices = header.elements.iter().find(|e| e.name == "vertex").ok_or("has no element `vertex`, so there are no corners in it")?;
+    let vertices = header
+        .elements
+        .iter()
+        .find(|e| e.name == "vertex")
+        .ok_or("has no element `vertex`, so there are no corners in it")?;
     let layout = Layout::of(vertices)?;
     let has_uv = layout.is_filled[TEXTURE..].iter().all(|&filled| filled);
     let (mut splats, mut uv, mut faces) = (Vec::new(), Vec::new(), Faces::new(vertices.count));
@@ -114,12 +131,17 @@ pub(super) fn parse_faced(bytes: &[u8]) -> Parsed<Faced> {
             continue;
         }
         splats.reserve(body.room(element));
-        body.rows(element, &layout.slot_of_property, &mut [0.0; SLOTS.len()], |values| {
-            splats.push(layout.splat(values));
-            if has_uv {
-                uv.push(from_upper_left([values[TEXTURE], values[TEXTURE + 1]]));
-            }
-        })?;
+        body.rows(
+            element,
+            &layout.slot_of_property,
+            &mut [0.0; SLOTS.len()],
+            |values| {
+                splats.push(layout.splat(values));
+                if has_uv {
+                    uv.push(from_upper_left([values[TEXTURE], values[TEXTURE + 1]]));
+                }
+            },
+        )?;
     }
     body.finish(std::iter::empty())?;
     let mut notes = header.notes.clone();
@@ -203,9 +225,13 @@ const TYPES: [(Scalar, &str, &str); 8] = [
 
 impl Scalar {
     fn named(name: &str) -> Parsed<Scalar> {
-        let found = TYPES.iter().find(|(_, old, new)| [*old, *new].contains(&name));
+        let found = TYPES
+            .iter()
+            .find(|(_, old, new)| [*old, *new].contains(&name));
         let names = || TYPES.map(|(_, old, _)| old).join(", ");
-        found.map(|(kind, ..)| *kind).ok_or_else(|| format!("`{}` is no PLY type; types are {}", clip(name), names()))
+        found
+            .map(|(kind, ..)| *kind)
+            .ok_or_else(|| format!("`{}` is no PLY type; types are {}", clip(name), names()))
     }
 
     fn name(self) -> &'static str {
@@ -265,19 +291,34 @@ impl Element {
 
     /// For each property its place among `names`; all of them must be there as single numbers.
     pub(super) fn slots(&self, names: &[String]) -> Parsed<Vec<Option<usize>>> {
-        let is_number = |name: &&String| self.properties.iter().any(|p| p.name == **name && matches!(p.kind, Kind::Scalar(_)));
+        let is_number = |name: &&String| {
+            self.properties
+                .iter()
+                .any(|p| p.name == **name && matches!(p.kind, Kind::Scalar(_)))
+        };
         match names.iter().find(|name| !is_number(name)) {
-            Some(missing) => Err(format!("element `{}` has no number `{missing}`", clip(&self.name))),
-            None => Ok(self.names().map(|own| names.iter().position(|name| name == own)).collect()),
+            Some(missing) => Err(format!(
+                "element `{}` has no number `{missing}`",
+                clip(&self.name)
+            )),
+            None => Ok(self
+                .names()
+                .map(|own| names.iter().position(|name| name == own))
+                .collect()),
         }
     }
 
     /// Rows to be read: rows without properties take no room, however many the header promises.
     fn rows(&self) -> usize {
-        if self.properties.is_empty() { 0 } else { self.count }
+        if self.properties.is_empty() {
+            0
+        } else {
+            self.count
+        }
     }
 
-    /// The shortest a row can be, in bytes: what bounds the rows that a file of a given length can hold.
+    /// The shortest a row can be, in bytes: what bounds the rows that a file of a given length can
+    /// hold.
     fn shortest_row(&self, encoding: Encoding) -> usize {
         let shortest = |p: &Property| match (&p.kind, encoding) {
             (_, Encoding::Text) => 2,
@@ -297,8 +338,13 @@ struct Lines<'a> {
 impl<'a> Lines<'a> {
     fn new(bytes: &'a [u8]) -> Self {
         let end_of_first = bytes.iter().position(|&b| b == b'\r' || b == b'\n');
-        let mac = end_of_first.is_some_and(|i| bytes[i] == b'\r' && bytes.get(i + 1) != Some(&b'\n'));
-        Lines { rest: bytes, end: if mac { b'\r' } else { b'\n' }, number: 0 }
+        let mac =
+            end_of_first.is_some_and(|i| bytes[i] == b'\r' && bytes.get(i + 1) != Some(&b'\n'));
+        Lines {
+            rest: bytes,
+            end: if mac { b'\r' } else { b'\n' },
+            number: 0,
+        }
     }
 }
 
@@ -309,7 +355,11 @@ impl<'a> Iterator for Lines<'a> {
         if self.rest.is_empty() {
             return None;
         }
-        let length = self.rest.iter().position(|&b| b == self.end).unwrap_or(self.rest.len());
+        let length = self
+            .rest
+            .iter()
+            .position(|&b| b == self.end)
+            .unwrap_or(self.rest.len());
         let line = &self.rest[..length];
         self.rest = self.rest.get(length + 1..).unwrap_or_default();
         self.number += 1;
@@ -323,10 +373,16 @@ pub(super) fn read_header(bytes: &[u8]) -> Parsed<(Header, Body<'_>)> {
     if lines.next() != Some(b"ply") {
         return Err("is no PLY file: its first line is not `ply`".into());
     }
-    let mut header = Header { elements: Vec::new(), comments: Vec::new(), notes: Vec::new() };
+    let mut header = Header {
+        elements: Vec::new(),
+        comments: Vec::new(),
+        notes: Vec::new(),
+    };
     let mut encoding = None;
     loop {
-        let line = lines.next().ok_or("ends inside its header: there is no line `end_header`")?;
+        let line = lines
+            .next()
+            .ok_or("ends inside its header: there is no line `end_header`")?;
         if lines.number > LONGEST_HEADER {
             return Err(format!("has a header of more than {LONGEST_HEADER} lines"));
         }
@@ -334,12 +390,25 @@ pub(super) fn read_header(bytes: &[u8]) -> Parsed<(Header, Body<'_>)> {
         let words: Vec<&str> = line.split_ascii_whitespace().collect();
         match words.as_slice() {
             ["end_header"] => break,
-            ["comment", ..] => header.comments.push(line.trim_start().trim_start_matches("comment").trim().to_owned()),
+            ["comment", ..] => header.comments.push(
+                line.trim_start()
+                    .trim_start_matches("comment")
+                    .trim()
+                    .to_owned(),
+            ),
             [] | ["obj_info", ..] => {}
-            ["format", rest @ ..] => encoding = Some(format(rest).map_err(|e| at_line(lines.number, e))?),
+            ["format", rest @ ..] => {
+                encoding = Some(format(rest).map_err(|e| at_line(lines.number, e))?)
+            }
             ["element", rest @ ..] => header.element(rest).map_err(|e| at_line(lines.number, e))?,
-            ["property", rest @ ..] => header.property(rest).map_err(|e| at_line(lines.number, e))?,
-            [word, ..] => header.notes.push(format!("line {}: `{}` is no PLY keyword; the line was skipped", lines.number, clip(word))),
+            ["property", rest @ ..] => header
+                .property(rest)
+                .map_err(|e| at_line(lines.number, e))?,
+            [word, ..] => header.notes.push(format!(
+                "line {}: `{}` is no PLY keyword; the line was skipped",
+                lines.number,
+                clip(word)
+            )),
         }
     }
     let encoding = encoding.ok_or("has no `format` line in its header")?;
@@ -364,14 +433,17 @@ fn format(words: &[&str]) -> Parsed<Encoding> {
 
 impl Header {
     fn has_linear_colours(&self) -> bool {
-        self.comments.iter().any(|comment| colours::says_linear(comment))
+        self.comments
+            .iter()
+            .any(|comment| colours::says_linear(comment))
     }
 
     /// Names behind `TextureFile` in comments, as MeshLab writes them; they may have blanks.
     fn pictures(&self) -> Vec<String> {
         let name = |comment: &String| {
             let (word, name) = comment.split_once(|c: char| c.is_ascii_whitespace())?;
-            word.eq_ignore_ascii_case("texturefile").then(|| name.trim().to_owned())
+            word.eq_ignore_ascii_case("texturefile")
+                .then(|| name.trim().to_owned())
         };
         self.comments.iter().filter_map(name).collect()
     }
@@ -380,28 +452,49 @@ impl Header {
         let [name, count] = words else {
             return Err("an element line must read `element NAME COUNT`".into());
         };
-        let count = count.parse().map_err(|_| format!("`{}` is no count of elements", clip(count)))?;
+        let count = count
+            .parse()
+            .map_err(|_| format!("`{}` is no count of elements", clip(count)))?;
         if self.elements.iter().any(|e| e.name == *name) {
             return Err(format!("element `{}` is there twice", clip(name)));
         }
-        self.elements.push(Element { name: name.to_string(), count, properties: Vec::new() });
+        self.elements.push(Element {
+            name: name.to_string(),
+            count,
+            properties: Vec::new(),
+        });
         Ok(())
     }
 
     fn property(&mut self, words: &[&str]) -> Parsed<()> {
         let (name, kind) = match words {
-            ["list", count, item, name] => (name, Kind::List { count: Scalar::named(count)?, item: Scalar::named(item)? }),
+            ["list", count, item, name] => (
+                name,
+                Kind::List {
+                    count: Scalar::named(count)?,
+                    item: Scalar::named(item)?,
+                },
+            ),
             [kind, name] => (name, Kind::Scalar(Scalar::named(kind)?)),
-            _ => return Err("a property line must read `property TYPE NAME` or `property list TYPE TYPE NAME`".into()),
+            _ => return Err(
+                "a property line must read `property TYPE NAME` or `property list TYPE TYPE NAME`"
+                    .into(),
+            ),
         };
         if matches!(kind, Kind::List { count, .. } if count.is_float()) {
             return Err("the length of a list must be of an integer type".into());
         }
-        let element = self.elements.last_mut().ok_or("a property stands before the first element")?;
+        let element = self
+            .elements
+            .last_mut()
+            .ok_or("a property stands before the first element")?;
         if element.properties.iter().any(|p| p.name == *name) {
             return Err(format!("property `{}` is there twice", clip(name)));
         }
-        element.properties.push(Property { name: name.to_string(), kind });
+        element.properties.push(Property {
+            name: name.to_string(),
+            kind,
+        });
         Ok(())
     }
 }
@@ -420,10 +513,13 @@ pub(super) struct Body<'a> {
 impl<'a> Body<'a> {
     /// How many of the element's rows there can be at most: what may be reserved for them.
     pub(super) fn room(&self, element: &Element) -> usize {
-        element.count.min(self.lines.rest.len() / element.shortest_row(self.encoding))
+        element
+            .count
+            .min(self.lines.rest.len() / element.shortest_row(self.encoding))
     }
 
-    /// Reads all rows of the next element and hands each row's numbers to `each`, every property's in its slot of `values`.
+    /// Reads all rows of the next element and hands each row's numbers to `each`, every property's
+    /// in its slot of `values`.
     pub(super) fn rows(
         &mut self,
         element: &Element,
@@ -442,8 +538,9 @@ impl<'a> Body<'a> {
         Ok(())
     }
 
-    /// All rows of the next element, and where in a row each property lies: where they are as long as each other, so that threads can share
-    /// them. None of text, of lists, and where the file ends too early.
+    /// All rows of the next element, and where in a row each property lies: where they are as long
+    /// as each other, so that threads can share them. None of text, of lists, and where the file
+    /// ends too early.
     fn equal_rows(&mut self, element: &Element) -> Option<(ChunksExact<'a, u8>, Vec<Field>)> {
         if self.encoding == Encoding::Text {
             return None;
@@ -457,60 +554,118 @@ impl<'a> Body<'a> {
             }
             Kind::List { .. } => None,
         };
-        let fields: Vec<Field> = element.properties.iter().map(field).collect::<Option<_>>()?;
-        let (rows, rest) = self.lines.rest.split_at_checked(element.rows().checked_mul(row)?)?;
+        let fields: Vec<Field> = element
+            .properties
+            .iter()
+            .map(field)
+            .collect::<Option<_>>()?;
+        let (rows, rest) = self
+            .lines
+            .rest
+            .split_at_checked(element.rows().checked_mul(row)?)?;
         self.lines.rest = rest;
         Some((rows.par_chunks_exact(row.max(1)), fields))
     }
 
-    /// Hands each value of the next row to `value`, with the number of its property; a list's values one by one.
-    fn row(&mut self, element: &Element, number: usize, value: impl FnMut(usize, f64)) -> Parsed<()> {
+    /// Hands each value of the next row to `value`, with the number of its property; a list's
+    /// values one by one.
+    fn row(
+        &mut self,
+        element: &Element,
+        number: usize,
+        value: impl FnMut(usize, f64),
+    ) -> Parsed<()> {
         let read = match self.encoding {
             Encoding::Text => self.text_row(element, value),
-            encoding => read_values(element, |kind| take(&mut self.lines.rest, kind, encoding), value),
+            encoding => read_values(
+                element,
+                |kind| take(&mut self.lines.rest, kind, encoding),
+                value,
+            ),
         };
         read.map_err(|e| {
-            let line = if self.encoding == Encoding::Text { format!(" (line {})", self.lines.number) } else { String::new() };
-            format!("{} {number} of {}{line}: {e}", clip(&element.name), element.count)
+            let line = if self.encoding == Encoding::Text {
+                format!(" (line {})", self.lines.number)
+            } else {
+                String::new()
+            };
+            format!(
+                "{} {number} of {}{line}: {e}",
+                clip(&element.name),
+                element.count
+            )
         })
     }
 
-    /// Refuses lines of text that no element has, where only these elements are left; other encodings end in anything.
+    /// Refuses lines of text that no element has, where only these elements are left; other
+    /// encodings end in anything.
     pub(super) fn finish<'e>(&mut self, left: impl Iterator<Item = &'e Element>) -> Parsed<()> {
         if self.encoding != Encoding::Text {
             return Ok(());
         }
         let promised = left.map(Element::rows).fold(0, usize::saturating_add);
-        match self.lines.by_ref().filter(|line| !line.is_empty()).nth(promised) {
+        match self
+            .lines
+            .by_ref()
+            .filter(|line| !line.is_empty())
+            .nth(promised)
+        {
             None => Ok(()),
             Some(line) => {
                 let number = self.lines.number;
-                Err(at_line(number, format!("`{}` is one row more than the header promises", clip(&String::from_utf8_lossy(line)))))
+                Err(at_line(
+                    number,
+                    format!(
+                        "`{}` is one row more than the header promises",
+                        clip(&String::from_utf8_lossy(line))
+                    ),
+                ))
             }
         }
     }
 
     fn text_row(&mut self, element: &Element, value: impl FnMut(usize, f64)) -> Parsed<()> {
         let line = self.lines.find(|line| !line.is_empty()).ok_or(ENDS_EARLY)?;
-        let mut words = line.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
-        read_values(element, |kind| number(words.next().ok_or("the row ends before its last value")?, kind), value)?;
+        let mut words = line
+            .split(u8::is_ascii_whitespace)
+            .filter(|word| !word.is_empty());
+        read_values(
+            element,
+            |kind| {
+                number(
+                    words.next().ok_or("the row ends before its last value")?,
+                    kind,
+                )
+            },
+            value,
+        )?;
         match words.next() {
             None => Ok(()),
-            Some(word) => Err(format!("`{}` is one value more than the header promises", clip(&String::from_utf8_lossy(word)))),
+            Some(word) => Err(format!(
+                "`{}` is one value more than the header promises",
+                clip(&String::from_utf8_lossy(word))
+            )),
         }
     }
 }
 
 const ENDS_EARLY: &str = "the file ends here; the header promises more";
 
-fn read_values(element: &Element, mut next: impl FnMut(Scalar) -> Parsed<f64>, mut value: impl FnMut(usize, f64)) -> Parsed<()> {
+fn read_values(
+    element: &Element,
+    mut next: impl FnMut(Scalar) -> Parsed<f64>,
+    mut value: impl FnMut(usize, f64),
+) -> Parsed<()> {
     for (i, property) in element.properties.iter().enumerate() {
         match property.kind {
             Kind::Scalar(kind) => value(i, next(kind)?),
             Kind::List { count, item } => {
                 let length = next(count)?;
                 if length < 0.0 {
-                    return Err(format!("list `{}` has the length {length}", clip(&property.name)));
+                    return Err(format!(
+                        "list `{}` has the length {length}",
+                        clip(&property.name)
+                    ));
                 }
                 for _ in 0..length as u64 {
                     value(i, next(item)?);
@@ -538,13 +693,18 @@ fn number(word: &[u8], kind: Scalar) -> Parsed<f64> {
         Ok(value) if kind.holds(value) => Ok(value),
         // What C libraries print for a value that is none: `-nan(ind)`, `1.#QNAN`, `nan(0x8000)`.
         Err(_) if kind.is_float() && (text.contains("nan") || text.contains(".#")) => Ok(f64::NAN),
-        _ => Err(format!("`{}` is no value of type {}", clip(&String::from_utf8_lossy(word)), kind.name())),
+        _ => Err(format!(
+            "`{}` is no value of type {}",
+            clip(&String::from_utf8_lossy(word)),
+            kind.name()
+        )),
     }
 }
 
 // ---- vertices ----
 
-/// Where a vertex's values go, under all names that mean the same; names of colours are those of [`colours`].
+/// Where a vertex's values go, under all names that mean the same; names of colours are those of
+/// [`colours`].
 const SLOTS: [&[&str]; 13] = [
     &["x"],
     &["y"],
@@ -580,21 +740,42 @@ impl Layout {
     fn of(vertices: &Element) -> Parsed<Layout> {
         let mut is_filled = [false; SLOTS.len()];
         let colours = Columns::of(vertices);
-        let slot_of_property = vertices.properties.iter().enumerate().map(|(place, property)| {
-            let Kind::Scalar(_) = property.kind else {
-                return None;
-            };
-            let channel = colours.rgb.and_then(|(places, _)| places.iter().position(|&own| own == place)).map(|channel| COLOUR + channel);
-            let alpha = colours.alpha.filter(|&(own, _)| own == place).map(|_| ALPHA);
-            let other = || SLOTS.iter().position(|names| names.contains(&property.name.as_str()));
-            let slot = channel.or(alpha).or_else(other)?;
-            (!std::mem::replace(&mut is_filled[slot], true)).then_some(slot)
-        });
+        let slot_of_property = vertices
+            .properties
+            .iter()
+            .enumerate()
+            .map(|(place, property)| {
+                let Kind::Scalar(_) = property.kind else {
+                    return None;
+                };
+                let channel = colours
+                    .rgb
+                    .and_then(|(places, _)| places.iter().position(|&own| own == place))
+                    .map(|channel| COLOUR + channel);
+                let alpha = colours
+                    .alpha
+                    .filter(|&(own, _)| own == place)
+                    .map(|_| ALPHA);
+                let other = || {
+                    SLOTS
+                        .iter()
+                        .position(|names| names.contains(&property.name.as_str()))
+                };
+                let slot = channel.or(alpha).or_else(other)?;
+                (!std::mem::replace(&mut is_filled[slot], true)).then_some(slot)
+            });
         let slot_of_property = slot_of_property.collect();
         if let Some(missing) = (0..NORMAL).find(|&slot| !is_filled[slot]) {
-            return Err(format!("element `vertex` has no number `{}`; a point needs x, y and z", SLOTS[missing][0]));
+            return Err(format!(
+                "element `vertex` has no number `{}`; a point needs x, y and z",
+                SLOTS[missing][0]
+            ));
         }
-        Ok(Layout { slot_of_property, is_filled, colours })
+        Ok(Layout {
+            slot_of_property,
+            is_filled,
+            colours,
+        })
     }
 
     fn has_normals(&self) -> bool {
@@ -606,7 +787,11 @@ impl Layout {
         let vector = |slot| DVec3::from_slice(&values[slot..slot + 3]);
         Splat {
             position: vector(0),
-            normal: if self.has_normals() { unit(vector(NORMAL)).unwrap_or(DVec3::ZERO) } else { DVec3::ZERO },
+            normal: if self.has_normals() {
+                unit(vector(NORMAL)).unwrap_or(DVec3::ZERO)
+            } else {
+                DVec3::ZERO
+            },
             radius: values[RADIUS],
             rgb: std::array::from_fn(|i| values[COLOUR + i]),
             opacity: values[ALPHA],
@@ -616,18 +801,43 @@ impl Layout {
 
     /// Makes linear light and opacities of all splats' numbers; what was assumed is a note.
     fn decode(&self, splats: &mut [Splat], header: &Header) -> Vec<String> {
-        let rgb = |extent: Extent, splat: &Splat| splat.rgb.iter().fold(extent, |extent, &value| extent.with(value));
+        let rgb = |extent: Extent, splat: &Splat| {
+            splat
+                .rgb
+                .iter()
+                .fold(extent, |extent, &value| extent.with(value))
+        };
         let opacity = |extent: Extent, splat: &Splat| extent.with(splat.opacity);
-        let colours = self.colours.rgb.map(|(_, kind)| (kind, extent(splats, kind, rgb)));
-        let colours = colours.map(|(kind, extent)| (kind, extent, Meaning::of_colours(kind, extent, header.has_linear_colours())));
-        let of_colours = colours.as_ref().map(|(kind, _, meaning)| (*kind, meaning));
-        let opacities = self.colours.alpha.map(|(_, kind)| Meaning::of_opacities(kind, extent(splats, kind, opacity), of_colours));
-        splats.par_iter_mut().for_each(|splat| {
-            let light = |value| of_colours.and_then(|(_, meaning)| meaning.light(value)).unwrap_or(GREY);
-            splat.rgb = splat.rgb.map(light);
-            splat.opacity = opacities.as_ref().and_then(|meaning| meaning.light(splat.opacity)).unwrap_or(1.0);
+        let colours = self
+            .colours
+            .rgb
+            .map(|(_, kind)| (kind, extent(splats, kind, rgb)));
+        let colours = colours.map(|(kind, extent)| {
+            (
+                kind,
+                extent,
+                Meaning::of_colours(kind, extent, header.has_linear_colours()),
+            )
         });
-        let note = colours.as_ref().and_then(|(kind, extent, meaning)| meaning.note("vertex", *kind, *extent));
+        let of_colours = colours.as_ref().map(|(kind, _, meaning)| (*kind, meaning));
+        let opacities = self.colours.alpha.map(|(_, kind)| {
+            Meaning::of_opacities(kind, extent(splats, kind, opacity), of_colours)
+        });
+        splats.par_iter_mut().for_each(|splat| {
+            let light = |value| {
+                of_colours
+                    .and_then(|(_, meaning)| meaning.light(value))
+                    .unwrap_or(GREY)
+            };
+            splat.rgb = splat.rgb.map(light);
+            splat.opacity = opacities
+                .as_ref()
+                .and_then(|meaning| meaning.light(splat.opacity))
+                .unwrap_or(1.0);
+        });
+        let note = colours
+            .as_ref()
+            .and_then(|(kind, extent, meaning)| meaning.note("vertex", *kind, *extent));
         self.colours.notes.iter().cloned().chain(note).collect()
     }
 
@@ -644,36 +854,58 @@ impl Layout {
     }
 }
 
-fn extent(splats: &[Splat], kind: Scalar, add: impl Fn(Extent, &Splat) -> Extent + Send + Sync) -> Extent {
-    splats.par_iter().fold(|| Extent::of(kind), add).reduce(|| Extent::of(kind), Extent::and)
+fn extent(
+    splats: &[Splat],
+    kind: Scalar,
+    add: impl Fn(Extent, &Splat) -> Extent + Send + Sync,
+) -> Extent {
+    splats
+        .par_iter()
+        .fold(|| Extent::of(kind), add)
+        .reduce(|| Extent::of(kind), Extent::and)
 }
 
 fn read_vertices(body: &mut Body, element: &Element, layout: &Layout) -> Parsed<Vec<Splat>> {
     if let Some((rows, fields)) = body.equal_rows(element) {
         let encoding = body.encoding;
-        let slotted = fields.iter().zip(&layout.slot_of_property).filter_map(|(field, slot)| slot.map(|slot| (field, slot)));
+        let slotted = fields
+            .iter()
+            .zip(&layout.slot_of_property)
+            .filter_map(|(field, slot)| slot.map(|slot| (field, slot)));
         let slotted: Vec<(&Field, usize)> = slotted.collect();
         let splat = |row: &[u8]| {
             let mut values = [0.0; SLOTS.len()];
-            slotted.iter().for_each(|((kind, bytes), slot)| values[*slot] = kind.read(&row[bytes.clone()], encoding));
+            slotted.iter().for_each(|((kind, bytes), slot)| {
+                values[*slot] = kind.read(&row[bytes.clone()], encoding)
+            });
             layout.splat(&values)
         };
         return Ok(rows.map(splat).collect());
     }
     let mut splats = Vec::with_capacity(body.room(element));
-    body.rows(element, &layout.slot_of_property, &mut [0.0; SLOTS.len()], |values| splats.push(layout.splat(values)))?;
+    body.rows(
+        element,
+        &layout.slot_of_property,
+        &mut [0.0; SLOTS.len()],
+        |values| splats.push(layout.splat(values)),
+    )?;
     Ok(splats)
 }
 
 fn is_placed(splat: &Splat) -> bool {
-    splat.position.to_array().iter().all(|c| c.abs() <= FARTHEST)
+    splat
+        .position
+        .to_array()
+        .iter()
+        .all(|c| c.abs() <= FARTHEST)
 }
 
 fn drop_unplaced(splats: &mut Vec<Splat>) -> Option<String> {
     let all = splats.len();
     splats.retain(is_placed);
     let dropped = all - splats.len();
-    (dropped > 0).then(|| format!("{dropped} of {all} vertices have no finite position and were left out"))
+    (dropped > 0)
+        .then(|| format!("{dropped} of {all} vertices have no finite position and were left out"))
 }
 
 #[cfg(test)]

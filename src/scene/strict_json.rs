@@ -1,4 +1,5 @@
-//! Strict JSON: reads a text in which no object has a field twice; of two values one would be lost without a word.
+//! Strict JSON: reads a text in which no object has a field twice; of two values one would be lost
+//! without a word.
 //!
 //! A byte-order mark, as editors put it at the start of a file, is no part of the text.
 
@@ -14,11 +15,20 @@ pub(crate) fn read(path: &Path) -> Result<Value, String> {
     parse(&input::read_text(path).map_err(|e| format!("cannot be read: {e}"))?)
 }
 
-/// Reads a text, with or without a byte-order mark; the error is the second half of a sentence that begins with the file's name, and says line and column.
+/// Reads a text, with or without a byte-order mark; the error is the second half of a sentence that
+/// begins with the file's name, and says line and column.
 pub(crate) fn parse(text: &str) -> Result<Value, String> {
     let mut deserializer = serde_json::Deserializer::from_str(input::without_mark(text));
-    let value = Unique.deserialize(&mut deserializer).and_then(|value| deserializer.end().map(|()| value));
-    value.map_err(|e| if e.is_data() { e.to_string() } else { format!("not JSON: {e}") })
+    let value = Unique
+        .deserialize(&mut deserializer)
+        .and_then(|value| deserializer.end().map(|()| value));
+    value.map_err(|e| {
+        if e.is_data() {
+            e.to_string()
+        } else {
+            format!("not JSON: {e}")
+        }
+    })
 }
 
 /// A value whose objects have each field once.
@@ -80,7 +90,10 @@ impl<'de> Visitor<'de> for Unique {
         let mut all = Map::new();
         while let Some(name) = fields.next_key::<String>()? {
             if all.contains_key(&name) {
-                return Err(A::Error::custom(format_args!("the field `{}` is there twice", clipped(&name))));
+                return Err(A::Error::custom(format_args!(
+                    "the field `{}` is there twice",
+                    clipped(&name)
+                )));
             }
             all.insert(name, fields.next_value_seed(Unique)?);
         }
@@ -96,7 +109,10 @@ mod tests {
     fn what_is_read_is_what_serde_json_reads() {
         let text = r#"{"b": [1, -2, 0.1, 1e300, -0.0, 18446744073709551616, "é\n", true, null, {}], "a": {"b": 1, "a": 2}}"#;
         let value = parse(text).unwrap();
-        assert_eq!(value.to_string(), serde_json::from_str::<Value>(text).unwrap().to_string());
+        assert_eq!(
+            value.to_string(),
+            serde_json::from_str::<Value>(text).unwrap().to_string()
+        );
     }
 
     #[test]
@@ -104,26 +120,61 @@ mod tests {
         let text = "{\"é\": [1, \"\u{1f600}\"]}";
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("x.json");
-        let wide = |order: fn(u16) -> [u8; 2]| format!("\u{feff}{text}").encode_utf16().flat_map(order).collect::<Vec<u8>>();
+        let wide = |order: fn(u16) -> [u8; 2]| {
+            format!("\u{feff}{text}")
+                .encode_utf16()
+                .flat_map(order)
+                .collect::<Vec<u8>>()
+        };
         let plain = text.as_bytes().to_vec();
-        for bytes in [plain, format!("\u{feff}{text}").into_bytes(), wide(u16::to_le_bytes), wide(u16::to_be_bytes)] {
+        for bytes in [
+            plain,
+            format!("\u{feff}{text}").into_bytes(),
+            wide(u16::to_le_bytes),
+            wide(u16::to_be_bytes),
+        ] {
             std::fs::write(&path, bytes).unwrap();
-            assert_eq!(read(&path).unwrap(), serde_json::from_str::<Value>(text).unwrap());
+            assert_eq!(
+                read(&path).unwrap(),
+                serde_json::from_str::<Value>(text).unwrap()
+            );
         }
         // One mark alone is none of the text, and what is cut or of another encoding is told of.
-        assert!(parse("\u{feff}\u{feff}1").unwrap_err().starts_with("not JSON"));
-        for bytes in [&[0xff, 0xfe, b'1'][..], &[0xff, 0xfe, 0x00, 0xd8], &[b'"', 0xe9, b'"']] {
+        assert!(
+            parse("\u{feff}\u{feff}1")
+                .unwrap_err()
+                .starts_with("not JSON")
+        );
+        for bytes in [
+            &[0xff, 0xfe, b'1'][..],
+            &[0xff, 0xfe, 0x00, 0xd8],
+            &[b'"', 0xe9, b'"'],
+        ] {
             std::fs::write(&path, bytes).unwrap();
-            assert_eq!(read(&path).unwrap_err(), "cannot be read: it is no text in UTF-8");
+            assert_eq!(
+                read(&path).unwrap_err(),
+                "cannot be read: it is no text in UTF-8"
+            );
         }
     }
 
     #[test]
     fn a_field_that_is_there_twice_is_refused_with_its_place() {
         let sentence = parse("{\"a\": 1,\n \"b\": {\"c\": 1, \"c\": 1}}").unwrap_err();
-        assert!(sentence.starts_with("the field `c` is there twice at line 2 column "), "{sentence}");
-        assert!(parse("{\"a\": 1} 2").unwrap_err().starts_with("not JSON: trailing characters at line 1"));
+        assert!(
+            sentence.starts_with("the field `c` is there twice at line 2 column "),
+            "{sentence}"
+        );
+        assert!(
+            parse("{\"a\": 1} 2")
+                .unwrap_err()
+                .starts_with("not JSON: trailing characters at line 1")
+        );
         assert!(parse("{").unwrap_err().starts_with("not JSON: EOF"));
-        assert!(parse(&"[".repeat(100_000)).unwrap_err().starts_with("not JSON: recursion limit"));
+        assert!(
+            parse(&"[".repeat(100_000))
+                .unwrap_err()
+                .starts_with("not JSON: recursion limit")
+        );
     }
 }

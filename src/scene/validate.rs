@@ -1,12 +1,15 @@
-//! Validate: holds a JSON value against a JSON Schema and says in one sentence where it does not fit.
+//! Validate: holds a JSON value against a JSON Schema and says in one sentence where it does not
+//! fit.
 //!
-//! The schema is derived from the very types that the value is read into, so that what we publish, what we check and
-//! what we read cannot drift apart. Understood are the keywords that such schemas use; all others are annotations.
+//! The schema is derived from the very types that the value is read into, so that what we publish,
+//! what we check and what we read cannot drift apart. Understood are the keywords that such schemas
+//! use; all others are annotations.
 
 use crate::output::text::clipped;
 use serde_json::{Map, Value};
 
-/// Where a value does not fit: the path of the field, as in `lights[0].rgb`, and what is wrong there.
+/// Where a value does not fit: the path of the field, as in `lights[0].rgb`, and what is wrong
+/// there.
 #[derive(Debug)]
 pub(crate) struct Misfit {
     path: String,
@@ -24,7 +27,10 @@ impl std::fmt::Display for Misfit {
 
 impl Misfit {
     fn here(wrong: impl Into<String>) -> Misfit {
-        Misfit { path: String::new(), wrong: wrong.into() }
+        Misfit {
+            path: String::new(),
+            wrong: wrong.into(),
+        }
     }
 
     fn inside(mut self, step: String) -> Misfit {
@@ -61,14 +67,20 @@ impl<'s> Law<'s> {
     }
 
     fn resolve(&self, schema: &'s Value) -> &'s Value {
-        match schema["$ref"].as_str().and_then(|path| self.root.pointer(path.trim_start_matches('#'))) {
+        match schema["$ref"]
+            .as_str()
+            .and_then(|path| self.root.pointer(path.trim_start_matches('#')))
+        {
             Some(target) => self.resolve(target),
             None => schema,
         }
     }
 
     fn check_items(&self, items: &[Value], schema: &'s Value) -> Fits {
-        let (least, most) = (schema["minItems"].as_u64().unwrap_or(0), schema["maxItems"].as_u64().unwrap_or(u64::MAX));
+        let (least, most) = (
+            schema["minItems"].as_u64().unwrap_or(0),
+            schema["maxItems"].as_u64().unwrap_or(u64::MAX),
+        );
         let count = items.len() as u64;
         if count < least || count > most {
             let right = match () {
@@ -76,12 +88,14 @@ impl<'s> Law<'s> {
                 () if count > most => format!("at most {most}"),
                 () => format!("at least {least}"),
             };
-            return Err(Misfit::here(format!("has {count} entries; it must have {right}")));
+            return Err(Misfit::here(format!(
+                "has {count} entries; it must have {right}"
+            )));
         }
-        items
-            .iter()
-            .enumerate()
-            .try_for_each(|(i, item)| self.check(item, &schema["items"]).map_err(|misfit| misfit.inside(format!("[{i}]"))))
+        items.iter().enumerate().try_for_each(|(i, item)| {
+            self.check(item, &schema["items"])
+                .map_err(|misfit| misfit.inside(format!("[{i}]")))
+        })
     }
 
     fn check_fields(&self, fields: &Map<String, Value>, schema: &'s Value) -> Fits {
@@ -95,7 +109,8 @@ impl<'s> Law<'s> {
             return Err(Misfit::here(format!("lacks the field `{missing}`")));
         }
         fields.iter().try_for_each(|(name, value)| {
-            self.check(value, &schema["properties"][name]).map_err(|misfit| misfit.inside(format!(".{name}")))
+            self.check(value, &schema["properties"][name])
+                .map_err(|misfit| misfit.inside(format!(".{name}")))
         })
     }
 
@@ -106,26 +121,59 @@ impl<'s> Law<'s> {
         if value.is_null() && options.iter().any(|option| option["type"] == "null") {
             return Ok(());
         }
-        let words: Vec<&str> = options.iter().filter_map(|option| option["const"].as_str()).collect();
+        let words: Vec<&str> = options
+            .iter()
+            .filter_map(|option| option["const"].as_str())
+            .collect();
         if let (Value::String(text), false) = (value, words.is_empty()) {
             return check_word(text, &words);
         }
-        let alike: Vec<&Value> = options.iter().copied().filter(|option| check_type(value, option).is_ok()).collect();
+        let alike: Vec<&Value> = options
+            .iter()
+            .copied()
+            .filter(|option| check_type(value, option).is_ok())
+            .collect();
         match (alike.as_slice(), value) {
-            ([], _) => Err(wrong_type(value, options.iter().flat_map(|option| types(option)).collect())),
+            ([], _) => Err(wrong_type(
+                value,
+                options.iter().flat_map(|option| types(option)).collect(),
+            )),
             ([only], _) => self.check(value, only),
-            (several, Value::Object(fields)) => self.check_fields_of_options(value, fields, several),
+            (several, Value::Object(fields)) => {
+                self.check_fields_of_options(value, fields, several)
+            }
             (several, _) => self.check(value, several[0]),
         }
     }
 
-    fn check_fields_of_options(&self, value: &Value, fields: &Map<String, Value>, options: &[&'s Value]) -> Fits {
-        if let Some(meant) = options.iter().find(|option| required(option).all(|name| fields.contains_key(name))) {
+    fn check_fields_of_options(
+        &self,
+        value: &Value,
+        fields: &Map<String, Value>,
+        options: &[&'s Value],
+    ) -> Fits {
+        if let Some(meant) = options
+            .iter()
+            .find(|option| required(option).all(|name| fields.contains_key(name)))
+        {
             return self.check(value, meant);
         }
-        check_known(fields, &options.iter().flat_map(|option| field_names(option)).collect::<Vec<_>>())?;
-        let needed: Vec<String> = options.iter().flat_map(|option| required(option)).map(|name| format!("`{name}`")).collect();
-        Err(Misfit::here(format!("must have one of the fields {}", needed.join(", "))))
+        check_known(
+            fields,
+            &options
+                .iter()
+                .flat_map(|option| field_names(option))
+                .collect::<Vec<_>>(),
+        )?;
+        let needed: Vec<String> = options
+            .iter()
+            .flat_map(|option| required(option))
+            .map(|name| format!("`{name}`"))
+            .collect();
+        Err(Misfit::here(format!(
+            "must have one of the fields {}",
+            needed.join(", ")
+        )))
     }
 }
 
@@ -135,11 +183,20 @@ fn options(schema: &Value) -> Option<&[Value]> {
 }
 
 fn required(schema: &Value) -> impl Iterator<Item = &str> {
-    schema["required"].as_array().into_iter().flatten().filter_map(Value::as_str)
+    schema["required"]
+        .as_array()
+        .into_iter()
+        .flatten()
+        .filter_map(Value::as_str)
 }
 
 fn field_names(schema: &Value) -> Vec<&str> {
-    schema["properties"].as_object().into_iter().flat_map(Map::keys).map(String::as_str).collect()
+    schema["properties"]
+        .as_object()
+        .into_iter()
+        .flat_map(Map::keys)
+        .map(String::as_str)
+        .collect()
 }
 
 fn types(schema: &Value) -> Vec<&str> {
@@ -156,14 +213,22 @@ fn check_type(value: &Value, schema: &Value) -> Fits {
         "integer" => value.is_u64() || value.is_i64(),
         name => name == type_name(value),
     };
-    if types.is_empty() || types.iter().any(|name| is(name)) { Ok(()) } else { Err(wrong_type(value, types)) }
+    if types.is_empty() || types.iter().any(|name| is(name)) {
+        Ok(())
+    } else {
+        Err(wrong_type(value, types))
+    }
 }
 
 fn wrong_type(value: &Value, mut types: Vec<&str>) -> Misfit {
     types.retain(|name| *name != "null");
     types.dedup();
     let wanted: Vec<&str> = types.into_iter().map(with_article).collect();
-    let found = if value.is_f64() { value.to_string() } else { with_article(type_name(value)).into() };
+    let found = if value.is_f64() {
+        value.to_string()
+    } else {
+        with_article(type_name(value)).into()
+    };
     Misfit::here(format!("is {found}; it must be {}", wanted.join(" or ")))
 }
 
@@ -198,23 +263,39 @@ fn check_range(value: f64, schema: &Value) -> Fits {
         ("maximum", "at most", f64::le),
         ("exclusiveMaximum", "less than", f64::lt),
     ];
-    let limits = laws.iter().filter_map(|(key, word, holds)| schema[key].as_f64().map(|limit| (word, limit, holds)));
+    let limits = laws
+        .iter()
+        .filter_map(|(key, word, holds)| schema[key].as_f64().map(|limit| (word, limit, holds)));
     let limits: Vec<_> = limits.collect();
     if limits.iter().all(|(_, limit, holds)| holds(&value, limit)) {
         return Ok(());
     }
-    let right: Vec<String> = limits.iter().map(|(word, limit, _)| format!("{word} {}", short(*limit))).collect();
-    Err(Misfit::here(format!("is {}; it must be {}", short(value), right.join(" and "))))
+    let right: Vec<String> = limits
+        .iter()
+        .map(|(word, limit, _)| format!("{word} {}", short(*limit)))
+        .collect();
+    Err(Misfit::here(format!(
+        "is {}; it must be {}",
+        short(value),
+        right.join(" and ")
+    )))
 }
 
 /// A number as people write it: no row of zeros.
 fn short(value: f64) -> String {
-    if value != 0.0 && !(1e-4..1e10).contains(&value.abs()) { format!("{value:e}") } else { value.to_string() }
+    if value != 0.0 && !(1e-4..1e10).contains(&value.abs()) {
+        format!("{value:e}")
+    } else {
+        value.to_string()
+    }
 }
 
 fn check_words(text: &str, schema: &Value) -> Fits {
     match schema["enum"].as_array() {
-        Some(words) => check_word(text, &words.iter().filter_map(Value::as_str).collect::<Vec<_>>()),
+        Some(words) => check_word(
+            text,
+            &words.iter().filter_map(Value::as_str).collect::<Vec<_>>(),
+        ),
         None => Ok(()),
     }
 }
@@ -223,15 +304,25 @@ fn check_word(text: &str, words: &[&str]) -> Fits {
     if words.contains(&text) {
         return Ok(());
     }
-    Err(Misfit::here(format!("is `{}`; it must be one of {}{}", clipped(text), list(words), in_brackets(text, words))))
+    Err(Misfit::here(format!(
+        "is `{}`; it must be one of {}{}",
+        clipped(text),
+        list(words),
+        in_brackets(text, words)
+    )))
 }
 
 fn check_known(fields: &Map<String, Value>, known: &[&str]) -> Fits {
     match fields.keys().find(|name| !known.contains(&name.as_str())) {
         None => Ok(()),
         Some(stray) => {
-            let nearest = nearest(stray, known).map_or(String::new(), |name| format!("; the nearest is `{name}`"));
-            Err(Misfit::here(format!("is no known field{nearest} (known are {})", list(known))).inside(format!(".{}", clipped(stray))))
+            let nearest = nearest(stray, known)
+                .map_or(String::new(), |name| format!("; the nearest is `{name}`"));
+            Err(Misfit::here(format!(
+                "is no known field{nearest} (known are {})",
+                list(known)
+            ))
+            .inside(format!(".{}", clipped(stray))))
         }
     }
 }
@@ -246,8 +337,9 @@ fn list(words: &[&str]) -> String {
     distinct.join(", ")
 }
 
-/// How much a word must be like another one to be meant by it, by Jaro and Winkler: 1 is the same. Words with a letter missing, wrong or
-/// swapped lie above 0.85, unrelated ones mostly below 0.7 (`nono` and `precision-in-lockstep`: 0.52); `wait` and `weight` have 0.78.
+/// How much a word must be like another one to be meant by it, by Jaro and Winkler: 1 is the same.
+/// Words with a letter missing, wrong or swapped lie above 0.85, unrelated ones mostly below 0.7
+/// (`nono` and `precision-in-lockstep`: 0.52); `wait` and `weight` have 0.78.
 const LIKE: f64 = 0.76;
 
 /// The known word most like `text`, if it may well have been meant.
@@ -258,8 +350,12 @@ pub(crate) fn nearest<'a>(text: &str, known: &[&'a str]) -> Option<&'a str> {
     }
     // Of short words a swap of letters leaves little that agrees, though it is one slip.
     let one_slip = |word: &str| text.len() > 2 && strsim::osa_distance(text, word) == 1;
-    let likeness = |word: &str| strsim::jaro_winkler(text, word).max(if one_slip(word) { LIKE } else { 0.0 });
-    let best = known.iter().copied().max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
+    let likeness =
+        |word: &str| strsim::jaro_winkler(text, word).max(if one_slip(word) { LIKE } else { 0.0 });
+    let best = known
+        .iter()
+        .copied()
+        .max_by(|a, b| likeness(a).total_cmp(&likeness(b)));
     best.filter(|word| likeness(word) >= LIKE)
 }
 
@@ -272,7 +368,14 @@ pub(crate) fn in_brackets(text: &str, known: &[&str]) -> String {
 mod tests {
     use super::*;
 
-    const NAMES: [&str; 6] = ["precision", "precision-in-lockstep", "curves", "architecture", "layers", "clock"];
+    const NAMES: [&str; 6] = [
+        "precision",
+        "precision-in-lockstep",
+        "curves",
+        "architecture",
+        "layers",
+        "clock",
+    ];
 
     #[test]
     fn a_name_of_megabytes_is_compared_with_none() {
@@ -283,10 +386,33 @@ mod tests {
 
     #[test]
     fn a_misspelt_name_has_a_nearest_one_and_a_strange_one_has_none() {
-        let meant = ["precison", "Precision", "curvs", "layer", "architektur", "lyaers"].map(|text| nearest(text, &NAMES));
-        assert_eq!(meant, ["precision", "precision", "curves", "layers", "architecture", "layers"].map(Some));
+        let meant = [
+            "precison",
+            "Precision",
+            "curvs",
+            "layer",
+            "architektur",
+            "lyaers",
+        ]
+        .map(|text| nearest(text, &NAMES));
+        assert_eq!(
+            meant,
+            [
+                "precision",
+                "precision",
+                "curves",
+                "layers",
+                "architecture",
+                "layers"
+            ]
+            .map(Some)
+        );
         for strange in ["nono", "", "x", "plan.json", "found/rows", "torus-knot"] {
-            assert_eq!((nearest(strange, &NAMES), in_brackets(strange, &NAMES)), (None, String::new()), "{strange}");
+            assert_eq!(
+                (nearest(strange, &NAMES), in_brackets(strange, &NAMES)),
+                (None, String::new()),
+                "{strange}"
+            );
         }
         assert_eq!(nearest("any", &[]), None);
         assert_eq!(nearest("rbg", &["direction", "rgb"]), Some("rgb"));

@@ -1,8 +1,9 @@
-//! Volume: reads a scalar field on a grid from NRRD, MetaImage, NIfTI-1, VTK's XML or plain samples; or at points, from VTK's XML.
+//! Volume: reads a scalar field on a grid from NRRD, MetaImage, NIfTI-1, VTK's XML or plain
+//! samples; or at points, from VTK's XML.
 //!
-//! Readers of our own, because the files come in few, simple layouts and every fault must end in a sentence. Nothing is
-//! reserved that the file's length does not vouch for, so a header cannot ask for memory. Medical formats are brought into one
-//! world, right-anterior-superior ([`world`]).
+//! Readers of our own, because the files come in few, simple layouts and every fault must end in a
+//! sentence. Nothing is reserved that the file's length does not vouch for, so a header cannot ask
+//! for memory. Medical formats are brought into one world, right-anterior-superior ([`world`]).
 
 mod decode;
 pub(super) mod irregular;
@@ -17,7 +18,9 @@ mod world;
 
 use super::formats::{self, Reader};
 pub use decode::{ByteOrder, SampleType};
-use decode::{Layout, Parsed, check_grid, clip, diagonal, in_data_file, positive, read_beside, read_file};
+use decode::{
+    Layout, Parsed, check_grid, clip, diagonal, in_data_file, positive, read_beside, read_file,
+};
 pub use irregular::{Arrays, Irregular, Places};
 use std::path::Path;
 
@@ -26,13 +29,15 @@ use std::path::Path;
 pub struct Volume {
     /// Samples along each axis, x fastest; at least 1 each, at most 2³¹ in all.
     pub size: [usize; 3],
-    /// World vector of one step along each axis (spacing times direction); they span space, at any angles.
+    /// World vector of one step along each axis (spacing times direction); they span space, at any
+    /// angles.
     pub axes: [[f64; 3]; 3],
     /// World position of the first sample.
     pub origin: [f64; 3],
     /// The samples, x fastest; finite, or NaN where there is none.
     pub values: Vec<f32>,
-    /// What a reader assumed or turned, for the summary; each is the second half of a sentence that begins with the file's name.
+    /// What a reader assumed or turned, for the summary; each is the second half of a sentence that
+    /// begins with the file's name.
     pub notes: Vec<String>,
 }
 
@@ -97,16 +102,26 @@ fn unit_spacing() -> [f64; 3] {
 /// As [`read`].
 pub fn read_samples(path: &Path, arrays: &Arrays) -> Result<Samples, String> {
     match formats::reader(path) {
-        Some(Reader::Irregular(parse)) => return parse(&read_file(path)?, arrays).map(Samples::Uneven),
+        Some(Reader::Irregular(parse)) => {
+            return parse(&read_file(path)?, arrays).map(Samples::Uneven);
+        }
         Some(Reader::Image(parse)) => return parse(&read_file(path)?, arrays).map(Samples::Even),
         _ => {}
     }
     let volume = read(path)?;
-    let field = arrays.values.map(|_| "array").or(arrays.variance.map(|_| "variance"));
-    field.map_or(Ok(Samples::Even(volume)), |field| Err(format!("is of a format without named arrays, and `{field}` requests one")))
+    let field = arrays
+        .values
+        .map(|_| "array")
+        .or(arrays.variance.map(|_| "variance"));
+    field.map_or(Ok(Samples::Even(volume)), |field| {
+        Err(format!(
+            "is of a format without named arrays, and `{field}` requests one"
+        ))
+    })
 }
 
-/// Reads a volume in the format that the extension names; of named arrays the one that the file itself names, or the first.
+/// Reads a volume in the format that the extension names; of named arrays the one that the file
+/// itself names, or the first.
 ///
 /// # Errors
 /// One sentence that does not name `path` itself, but names a second file if that is at fault.
@@ -117,26 +132,51 @@ pub fn read(path: &Path) -> Result<Volume, String> {
     if let Some(Reader::Image(parse)) = formats::reader(path) {
         return parse(&read_file(path)?, &Arrays::default());
     }
-    if path.is_file() { Err(formats::no_volume(path)) } else { read_file(path).and(Err(formats::no_volume(path))) }
+    if path.is_file() {
+        Err(formats::no_volume(path))
+    } else {
+        read_file(path).and(Err(formats::no_volume(path)))
+    }
 }
 
 /// Reads plain samples; bytes after the last sample are ignored.
 ///
 /// # Errors
-/// One sentence: which field of the description is wrong, or what is wrong with the file of samples, by its name.
+/// One sentence: which field of the description is wrong, or what is wrong with the file of
+/// samples, by its name.
 pub fn read_raw(description: &RawDescription, folder: &Path) -> Result<Volume, String> {
-    let layout = Layout::new(description.size, description.sample_type, description.endian, "size")?;
+    let layout = Layout::new(
+        description.size,
+        description.sample_type,
+        description.endian,
+        "size",
+    )?;
     positive(description.spacing, "spacing")?;
     let axes = diagonal(description.spacing);
     check_grid(&axes, "spacing", &description.origin, "origin")?;
     let bytes = read_beside(folder, &description.file, "file")?;
-    let values = skip_bytes(&bytes, description.skip, "skip").and_then(|samples| layout.values(samples));
+    let values =
+        skip_bytes(&bytes, description.skip, "skip").and_then(|samples| layout.values(samples));
     let values = values.map_err(|e| in_data_file(&description.file, e))?;
-    Ok(Volume { size: layout.size, axes, origin: description.origin, values, notes: vec![] })
+    Ok(Volume {
+        size: layout.size,
+        axes,
+        origin: description.origin,
+        values,
+        notes: vec![],
+    })
 }
 
 /// The bytes after the first `skip`.
 fn skip_bytes<'a>(bytes: &'a [u8], skip: u64, field: &str) -> Parsed<&'a [u8]> {
-    let rest = usize::try_from(skip).ok().and_then(|skip| bytes.get(skip..));
-    rest.ok_or_else(|| format!("`{field}` passes over {} bytes, but there are only {}", clip(&skip.to_string()), bytes.len()))
+    let rest = usize::try_from(skip)
+        .ok()
+        .and_then(|skip| bytes.get(skip..));
+    rest.ok_or_else(|| {
+        format!(
+            "`{field}` passes over {} bytes, but there are only {}",
+            clip(&skip.to_string()),
+            bytes.len()
+        )
+    })
 }

@@ -1,17 +1,20 @@
-//! Voxels: turns a scalar field into splats, by a transfer function or along an isosurface (EWA §6, docs/book/algorithm-resolve.md §9).
+//! Voxels: turns a scalar field into splats, by a transfer function or along an isosurface (EWA §6,
+//! docs/book/algorithm-resolve.md §9).
 //!
 //! ```text
 //! samples ─►[ transfer: value → rgb, opacity ]─►(× gradient's factor)─► what is seen at all ─►[ slices along the view ]─► sheets
 //!       └─►[ isovalue: moved along the gradient to the surface, flattened there ]─► surface splats
 //! ```
-//! A voxel that is not seen never becomes a splat. A transfer function's opacity α is that of a layer one step thick, a step being the
-//! shortest spacing: its optical depth is −ln(1 − α), and extinction g is that over the step. A kernel of standard deviations σᵢ that stands
-//! for one cell of volume V_c has, through its middle, the optical depth g·V_c/(2πσ²) of a ball of the largest σ: that is the splat's opacity,
-//! and setup does the rest. A footprint ends where the radial index reaches the cutoff c and lacks e^(−c/2) of what the whole one has: what is
-//! left is made that much deeper.
+//! A voxel that is not seen never becomes a splat. A transfer function's opacity α is that of a
+//! layer one step thick, a step being the shortest spacing: its optical depth is −ln(1 − α), and
+//! extinction g is that over the step. A kernel of standard deviations σᵢ that stands for one cell
+//! of volume V_c has, through its middle, the optical depth g·V_c/(2πσ²) of a ball of the largest
+//! σ: that is the splat's opacity, and setup does the rest. A footprint ends where the radial index
+//! reaches the cutoff c and lacks e^(−c/2) of what the whole one has: what is left is made that
+//! much deeper.
 //!
-//! A grid may be sheared: its kernels have the principal axes of the cell that its three steps span, as those of [`super::cells`] have, and
-//! its slices are the planes of two of its axes.
+//! A grid may be sheared: its kernels have the principal axes of the cell that its three steps
+//! span, as those of [`super::cells`] have, and its slices are the planes of two of its axes.
 //!
 //! Law: `a_slab_is_as_opaque_as_it_says` (tests/regressions_promises.rs).
 
@@ -23,7 +26,8 @@ use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Colour and optical depth of a value; between two values linear, beyond the first and the last as there.
+/// Colour and optical depth of a value; between two values linear, beyond the first and the last as
+/// there.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TransferPoint {
     /// Of the field.
@@ -34,10 +38,12 @@ pub struct TransferPoint {
     pub depth: f64,
 }
 
-/// Opacities beyond this count as this: an opaque layer would be infinitely deep, and no frame word of 16 bits tells the two apart.
+/// Opacities beyond this count as this: an opaque layer would be infinitely deep, and no frame word
+/// of 16 bits tells the two apart.
 pub(super) const MOST_OPACITY: f64 = 1.0 - 1.0 / 65536.0;
 
-/// Optical depth that a layer's kernels need in all, so that the layer has this opacity where they end at a cutoff.
+/// Optical depth that a layer's kernels need in all, so that the layer has this opacity where they
+/// end at a cutoff.
 pub fn depth_of_layer(opacity: f64, cutoff: f64) -> f64 {
     let left = -libm::expm1(-cutoff / 2.0);
     -libm::log1p(-opacity.min(MOST_OPACITY)) / left
@@ -79,7 +85,8 @@ const RIGHT_ANGLE: f64 = 1e-3;
 #[derive(Clone, Copy, Debug)]
 struct Axes {
     steps: [DVec3; 3],
-    /// At right angles to the planes of the other two: the steps themselves where all are at right angles.
+    /// At right angles to the planes of the other two: the steps themselves where all are at right
+    /// angles.
     normals: [DVec3; 3],
     /// The box that a cell is.
     principal: [DVec3; 3],
@@ -90,11 +97,19 @@ impl Axes {
         let [x, y, z] = steps;
         let is_right = |a: DVec3, b: DVec3| a.dot(b).abs() <= RIGHT_ANGLE * a.length() * b.length();
         if is_right(x, y) && is_right(x, z) && is_right(y, z) {
-            return Axes { steps, normals: steps, principal: steps };
+            return Axes {
+                steps,
+                normals: steps,
+                principal: steps,
+            };
         }
         let units = steps.map(DVec3::normalize);
         let normals = [0, 1, 2].map(|axis| units[(axis + 1) % 3].cross(units[(axis + 2) % 3]));
-        Axes { steps, normals, principal: Cell::new(DMat3::from_cols(x, y, z)).principal() }
+        Axes {
+            steps,
+            normals,
+            principal: Cell::new(DMat3::from_cols(x, y, z)).principal(),
+        }
     }
 
     /// How long a cell is along its principal axes.
@@ -116,7 +131,10 @@ struct Field<'a> {
 
 impl<'a> Field<'a> {
     fn new(volume: &'a Volume) -> Self {
-        Field { volume, axes: Axes::new(volume.axes.map(vector)) }
+        Field {
+            volume,
+            axes: Axes::new(volume.axes.map(vector)),
+        }
     }
 
     fn value(&self, [x, y, z]: [usize; 3]) -> f64 {
@@ -125,7 +143,9 @@ impl<'a> Field<'a> {
     }
 
     fn position(&self, at: [usize; 3]) -> DVec3 {
-        (0..3).fold(vector(self.volume.origin), |position, axis| position + self.axes.steps[axis] * at[axis] as f64)
+        (0..3).fold(vector(self.volume.origin), |position, axis| {
+            position + self.axes.steps[axis] * at[axis] as f64
+        })
     }
 
     /// Central differences, one-sided at the border and beside a sample that is NaN.
@@ -137,12 +157,17 @@ impl<'a> Field<'a> {
                 self.value(there)
             };
             let known = |to: usize| if step(to).is_nan() { at[axis] } else { to };
-            let (low, high) = (known(at[axis].saturating_sub(1)), known((at[axis] + 1).min(self.volume.size[axis] - 1)));
+            let (low, high) = (
+                known(at[axis].saturating_sub(1)),
+                known((at[axis] + 1).min(self.volume.size[axis] - 1)),
+            );
             if low == high {
                 return DVec3::ZERO;
             }
             let normal = self.axes.normals[axis];
-            normal * ((step(high) - step(low)) / ((high - low) as f64 * normal.dot(self.axes.steps[axis])))
+            normal
+                * ((step(high) - step(low))
+                    / ((high - low) as f64 * normal.dot(self.axes.steps[axis])))
         };
         along(0) + along(1) + along(2)
     }
@@ -155,7 +180,8 @@ impl<'a> Field<'a> {
         self.steps().into_iter().fold(0.0, f64::max)
     }
 
-    /// The surface's normal and how far away it lies along that from a sample; none where other samples are nearer to it.
+    /// The surface's normal and how far away it lies along that from a sample; none where other
+    /// samples are nearer to it.
     fn surface(&self, at: [usize; 3], isovalue: f64) -> Option<(DVec3, f64)> {
         let gradient = self.gradient(at);
         let away = (isovalue - self.value(at)) / gradient.length();
@@ -192,10 +218,17 @@ fn piecewise<const N: usize>(points: impl Iterator<Item = (f64, [f64; N])>, at: 
 impl Classification {
     /// A ramp over a field's upper three quarters, for kernels that end at a cutoff.
     pub fn usual(values: &[f32], cutoff: f64) -> Vec<TransferPoint> {
-        let (low, high) = values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), v| (low.min(*v), high.max(*v)));
+        let (low, high) = values
+            .iter()
+            .fold((f32::INFINITY, f32::NEG_INFINITY), |(low, high), v| {
+                (low.min(*v), high.max(*v))
+            });
         let (low, high) = (f64::from(low), f64::from(high));
-        let at =
-            |part: f64, opacity| TransferPoint { value: low + (high - low) * part, rgb: [1.0; 3], depth: depth_of_layer(opacity, cutoff) };
+        let at = |part: f64, opacity| TransferPoint {
+            value: low + (high - low) * part,
+            rgb: [1.0; 3],
+            depth: depth_of_layer(opacity, cutoff),
+        };
         vec![at(0.25, 0.0), at(1.0, USUAL_OPACITY)]
     }
 
@@ -204,7 +237,10 @@ impl Classification {
         if value.is_nan() {
             return ([0.0; 3], 0.0);
         }
-        let points = self.transfer.iter().map(|p| (p.value, [p.rgb[0], p.rgb[1], p.rgb[2], p.depth]));
+        let points = self
+            .transfer
+            .iter()
+            .map(|p| (p.value, [p.rgb[0], p.rgb[1], p.rgb[2], p.depth]));
         let [r, g, b, depth] = piecewise(points, value);
         ([r, g, b], depth)
     }
@@ -213,18 +249,29 @@ impl Classification {
         if self.gradient.is_empty() {
             return 1.0;
         }
-        piecewise(self.gradient.iter().map(|[at, factor]| (*at, [*factor])), magnitude)[0]
+        piecewise(
+            self.gradient.iter().map(|[at, factor]| (*at, [*factor])),
+            magnitude,
+        )[0]
     }
 
     /// Counts the samples that the transfer function shows, a gradient apart.
     pub fn seen(&self, values: &[f32]) -> u64 {
-        values.par_iter().filter(|value| self.colour(f64::from(**value)).1 > 0.0).count() as u64
+        values
+            .par_iter()
+            .filter(|value| self.colour(f64::from(**value)).1 > 0.0)
+            .count() as u64
     }
 
     /// Counts the splats of an isosurface.
     pub fn on_surface(volume: &Volume, isovalue: f64) -> u64 {
         let field = Field::new(volume);
-        let of_slice = |z| field.slice(z).filter(|at| field.surface(*at, isovalue).is_some()).count() as u64;
+        let of_slice = |z| {
+            field
+                .slice(z)
+                .filter(|at| field.surface(*at, isovalue).is_some())
+                .count() as u64
+        };
         (0..volume.size[2]).into_par_iter().map(of_slice).sum()
     }
 
@@ -233,7 +280,8 @@ impl Classification {
         self.radius * Field::new(volume).longest_step()
     }
 
-    /// Every voxel that is seen, in the order of the samples. A layer is `layer` world units thick, or the shortest step.
+    /// Every voxel that is seen, in the order of the samples. A layer is `layer` world units thick,
+    /// or the shortest step.
     pub fn voxels(&self, volume: &Volume, layer: Option<f64>) -> (Vec<Splat>, Voxels) {
         let field = Field::new(volume);
         let steps = field.steps();
@@ -259,15 +307,30 @@ impl Classification {
             };
             (depth > 0.0).then_some((splat, at.map(|index| index as u32)))
         };
-        let slices: Vec<Vec<(Splat, [u32; 3])>> =
-            (0..volume.size[2]).into_par_iter().map(|z| field.slice(z).filter_map(voxel).collect()).collect();
+        let slices: Vec<Vec<(Splat, [u32; 3])>> = (0..volume.size[2])
+            .into_par_iter()
+            .map(|z| field.slice(z).filter_map(voxel).collect())
+            .collect();
         let (splats, at) = slices.into_iter().flatten().unzip();
-        (splats, Voxels { at, axes: field.axes, origin: vector(volume.origin) })
+        (
+            splats,
+            Voxels {
+                at,
+                axes: field.axes,
+                origin: vector(volume.origin),
+            },
+        )
     }
 
-    /// Splats on the surface where the field has this value, their axes, and the area that each stands for: σ is `radius` of the longest
-    /// step, and `flatten` times less along the gradient (EWA §6.4).
-    pub fn isosurface(&self, volume: &Volume, isovalue: f64, flatten: f64) -> (Vec<Splat>, Vec<Orientation>, f64) {
+    /// Splats on the surface where the field has this value, their axes, and the area that each
+    /// stands for: σ is `radius` of the longest step, and `flatten` times less along the gradient
+    /// (EWA §6.4).
+    pub fn isosurface(
+        &self,
+        volume: &Volume,
+        isovalue: f64,
+        flatten: f64,
+    ) -> (Vec<Splat>, Vec<Orientation>, f64) {
         let field = Field::new(volume);
         let longest = field.longest_step();
         let rgb = self.colour(isovalue).0;
@@ -282,13 +345,25 @@ impl Classification {
                 material: self.material,
             };
             let rotation = DQuat::from_rotation_arc(DVec3::Z, normal);
-            Some((splat, Orientation { rotation, scales: DVec3::new(1.0, 1.0, 1.0 / flatten) }))
+            Some((
+                splat,
+                Orientation {
+                    rotation,
+                    scales: DVec3::new(1.0, 1.0, 1.0 / flatten),
+                },
+            ))
         };
-        let slices: Vec<Vec<(Splat, Orientation)>> =
-            (0..volume.size[2]).into_par_iter().map(|z| field.slice(z).filter_map(splat).collect()).collect();
+        let slices: Vec<Vec<(Splat, Orientation)>> = (0..volume.size[2])
+            .into_par_iter()
+            .map(|z| field.slice(z).filter_map(splat).collect())
+            .collect();
         let (splats, orientations) = slices.into_iter().flatten().unzip();
         // Those within half of the longest step on both sides: a layer so thick of cells.
-        (splats, orientations, field.steps().iter().product::<f64>() / longest)
+        (
+            splats,
+            orientations,
+            field.steps().iter().product::<f64>() / longest,
+        )
     }
 }
 
@@ -300,7 +375,10 @@ pub(super) fn ranks(slices: u32, distance: impl Fn(u32) -> f64, back_to_front: b
         order.reverse();
     }
     let mut rank = vec![0; slices as usize];
-    order.iter().zip(0..).for_each(|(slice, nth)| rank[*slice as usize] = nth);
+    order
+        .iter()
+        .zip(0..)
+        .for_each(|(slice, nth)| rank[*slice as usize] = nth);
     rank
 }
 
@@ -323,17 +401,33 @@ impl Voxels {
         }
     }
 
-    /// Brings the splats into the order of a view: slice after slice along the axis nearest to where it looks, those nearest to the eye
-    /// first, or last. A slice's number is its sheet.
-    pub fn ordered(self, splats: Vec<Splat>, view: &View, back_to_front: bool) -> (Vec<Splat>, Orientation, Sheet) {
+    /// Brings the splats into the order of a view: slice after slice along the axis nearest to
+    /// where it looks, those nearest to the eye first, or last. A slice's number is its sheet.
+    pub fn ordered(
+        self,
+        splats: Vec<Splat>,
+        view: &View,
+        back_to_front: bool,
+    ) -> (Vec<Splat>, Orientation, Sheet) {
         let forward = view.rotation.row(2);
         let across = |axis: &usize| self.axes.normals[*axis].normalize().dot(forward).abs();
-        let axis = (0..3).max_by(|a, b| across(a).total_cmp(&across(b))).unwrap_or(0);
+        let axis = (0..3)
+            .max_by(|a, b| across(a).total_cmp(&across(b)))
+            .unwrap_or(0);
         let eye = self.axes.index(axis, view.eye - self.origin);
         let slices = self.at.iter().map(|at| at[axis] + 1).max().unwrap_or(0);
-        let rank = ranks(slices, |slice| (f64::from(slice) - eye).abs(), back_to_front);
+        let rank = ranks(
+            slices,
+            |slice| (f64::from(slice) - eye).abs(),
+            back_to_front,
+        );
         let orientation = self.orientation();
-        let mut ranked: Vec<(u32, Splat)> = self.at.iter().zip(splats).map(|(at, splat)| (rank[at[axis] as usize], splat)).collect();
+        let mut ranked: Vec<(u32, Splat)> = self
+            .at
+            .iter()
+            .zip(splats)
+            .map(|(at, splat)| (rank[at[axis] as usize], splat))
+            .collect();
         ranked.sort_by_key(|(rank, _)| *rank);
         let (numbers, splats) = ranked.into_iter().unzip();
         (splats, orientation, Sheet::Slice(numbers))
@@ -343,22 +437,37 @@ impl Voxels {
 impl Ellipsoids {
     /// Splats that emit: all with the same kernel, or each with its own.
     pub(super) fn of_volume(orientations: Vec<Orientation>, sorted: bool) -> Self {
-        Ellipsoids { orientations, amplitude: super::Amplitude::LineIntegral, preshaded: true, sorted, harmonics: 0 }
+        Ellipsoids {
+            orientations,
+            amplitude: super::Amplitude::LineIntegral,
+            preshaded: true,
+            sorted,
+            harmonics: 0,
+        }
     }
 }
 
 impl Scene {
-    /// Enlarges kernels, the same in all directions, until the thinnest axis of each is as wide on the screen as the low-pass filter, and
-    /// takes the filter away (Swan et al., *An Anti-Aliasing Technique for Splatting*, 1997). What a kernel emits in all stays the same.
+    /// Enlarges kernels, the same in all directions, until the thinnest axis of each is as wide on
+    /// the screen as the low-pass filter, and takes the filter away (Swan et al., *An Anti-Aliasing
+    /// Technique for Splatting*, 1997). What a kernel emits in all stays the same.
     pub(super) fn scale_kernels(&mut self) {
         let (view, filter) = (self.view(), self.kernel.low_pass.sqrt());
-        let Some(ellipsoids) = &self.ellipsoids else { return };
+        let Some(ellipsoids) = &self.ellipsoids else {
+            return;
+        };
         for (index, splat) in self.splats.iter_mut().enumerate() {
             let depth = view.rotation.row(2).dot(splat.position - view.eye);
-            let thinnest_px =
-                view.focal_px[0].min(view.focal_px[1]) * splat.radius * ellipsoids.orientation(index).scales.min_element() / depth;
+            let thinnest_px = view.focal_px[0].min(view.focal_px[1])
+                * splat.radius
+                * ellipsoids.orientation(index).scales.min_element()
+                / depth;
             // What lies behind the eye is not drawn.
-            let factor = if thinnest_px > 0.0 { (filter / thinnest_px).max(1.0) } else { 1.0 };
+            let factor = if thinnest_px > 0.0 {
+                (filter / thinnest_px).max(1.0)
+            } else {
+                1.0
+            };
             splat.radius *= factor;
             splat.opacity /= factor * factor;
         }

@@ -16,18 +16,66 @@ const STYLE: &str = "text/css; charset=utf-8";
 
 /// Files of the page, in the order in which it takes them.
 pub const ALL: [Asset; 12] = [
-    Asset { name: "uPlot.min.css", kind: STYLE, text: include_str!("assets/uplot/uPlot.min.css") },
-    Asset { name: "view.css", kind: STYLE, text: include_str!("assets/view.css") },
-    Asset { name: "uPlot.iife.min.js", kind: SCRIPT, text: include_str!("assets/uplot/uPlot.iife.min.js") },
-    Asset { name: "source.js", kind: SCRIPT, text: include_str!("assets/source.js") },
-    Asset { name: "tiles.js", kind: SCRIPT, text: include_str!("assets/tiles.js") },
-    Asset { name: "frame.js", kind: SCRIPT, text: include_str!("assets/frame.js") },
-    Asset { name: "story.js", kind: SCRIPT, text: include_str!("assets/story.js") },
-    Asset { name: "machine.js", kind: SCRIPT, text: include_str!("assets/machine.js") },
-    Asset { name: "rows.js", kind: SCRIPT, text: include_str!("assets/rows.js") },
-    Asset { name: "compare.js", kind: SCRIPT, text: include_str!("assets/compare.js") },
-    Asset { name: "sequence.js", kind: SCRIPT, text: include_str!("assets/sequence.js") },
-    Asset { name: "view.js", kind: SCRIPT, text: include_str!("assets/view.js") },
+    Asset {
+        name: "uPlot.min.css",
+        kind: STYLE,
+        text: include_str!("assets/uplot/uPlot.min.css"),
+    },
+    Asset {
+        name: "view.css",
+        kind: STYLE,
+        text: include_str!("assets/view.css"),
+    },
+    Asset {
+        name: "uPlot.iife.min.js",
+        kind: SCRIPT,
+        text: include_str!("assets/uplot/uPlot.iife.min.js"),
+    },
+    Asset {
+        name: "source.js",
+        kind: SCRIPT,
+        text: include_str!("assets/source.js"),
+    },
+    Asset {
+        name: "tiles.js",
+        kind: SCRIPT,
+        text: include_str!("assets/tiles.js"),
+    },
+    Asset {
+        name: "frame.js",
+        kind: SCRIPT,
+        text: include_str!("assets/frame.js"),
+    },
+    Asset {
+        name: "story.js",
+        kind: SCRIPT,
+        text: include_str!("assets/story.js"),
+    },
+    Asset {
+        name: "machine.js",
+        kind: SCRIPT,
+        text: include_str!("assets/machine.js"),
+    },
+    Asset {
+        name: "rows.js",
+        kind: SCRIPT,
+        text: include_str!("assets/rows.js"),
+    },
+    Asset {
+        name: "compare.js",
+        kind: SCRIPT,
+        text: include_str!("assets/compare.js"),
+    },
+    Asset {
+        name: "sequence.js",
+        kind: SCRIPT,
+        text: include_str!("assets/sequence.js"),
+    },
+    Asset {
+        name: "view.js",
+        kind: SCRIPT,
+        text: include_str!("assets/view.js"),
+    },
 ];
 
 /// Title of the page, in its head.
@@ -39,10 +87,13 @@ const BODY: &str = include_str!("assets/body.html");
 /// The page as the server has it: each asset by its name.
 pub fn page() -> String {
     let [styles, scripts] = [STYLE, SCRIPT].map(|kind| {
-        let assets = ALL.iter().filter(|asset| asset.kind == kind).map(|asset| match kind {
-            STYLE => format!("<link rel=\"stylesheet\" href=\"assets/{}\">\n", asset.name),
-            _ => format!("<script src=\"assets/{}\"></script>\n", asset.name),
-        });
+        let assets = ALL
+            .iter()
+            .filter(|asset| asset.kind == kind)
+            .map(|asset| match kind {
+                STYLE => format!("<link rel=\"stylesheet\" href=\"assets/{}\">\n", asset.name),
+                _ => format!("<script src=\"assets/{}\"></script>\n", asset.name),
+            });
         assets.collect::<String>()
     });
     around(&styles, "", &scripts)
@@ -51,10 +102,13 @@ pub fn page() -> String {
 /// The page with all that it needs in it; `folder` is JSON that no script ends in.
 pub fn page_with(folder: &str) -> String {
     let [styles, scripts] = [STYLE, SCRIPT].map(|kind| {
-        let assets = ALL.iter().filter(|asset| asset.kind == kind).map(|asset| match kind {
-            STYLE => format!("<style>{}</style>\n", asset.text),
-            _ => format!("<script>{}</script>\n", asset.text),
-        });
+        let assets = ALL
+            .iter()
+            .filter(|asset| asset.kind == kind)
+            .map(|asset| match kind {
+                STYLE => format!("<style>{}</style>\n", asset.text),
+                _ => format!("<script>{}</script>\n", asset.text),
+            });
         assets.collect::<String>()
     });
     // Nothing is asked for: all is here.

@@ -1,4 +1,5 @@
-//! Export: the same page as one file that needs no server and no network; what is computed on demand is left out.
+//! Export: the same page as one file that needs no server and no network; what is computed on
+//! demand is left out.
 //!
 //! Law (tests/view.rs): `an_export_names_nothing_outside_of_itself`.
 
@@ -25,8 +26,15 @@ const HEAD_BYTES: u64 = 1024;
 /// # Errors
 /// [`Error::Input`] where there is no place for it, [`Error::Job`] where it cannot be written.
 pub fn write(view: &View, path: &Path) -> Result<()> {
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-    let input_error = |what: &str| Err(Error::input(format!("--export {}: cannot be written: {what}", path.display())));
+    let folder = path
+        .parent()
+        .filter(|folder| !folder.as_os_str().is_empty());
+    let input_error = |what: &str| {
+        Err(Error::input(format!(
+            "--export {}: cannot be written: {what}",
+            path.display()
+        )))
+    };
     if folder.is_some_and(|folder| !folder.is_dir()) {
         return input_error("there is no such folder");
     }
@@ -37,13 +45,17 @@ pub fn write(view: &View, path: &Path) -> Result<()> {
         return input_error("it is there already and is not a page that --export wrote");
     }
     let page = html(view)?;
-    write_beside(path, |file| file.write_all(page.as_bytes()).map_err(|e| e.to_string()))
+    write_beside(path, |file| {
+        file.write_all(page.as_bytes()).map_err(|e| e.to_string())
+    })
 }
 
 /// Whether a file is empty or begins as a page of this kind does.
 fn is_page(path: &Path) -> bool {
     let mut begins = Vec::new();
-    let read = path.is_file() && File::open(path).is_ok_and(|file| file.take(HEAD_BYTES).read_to_end(&mut begins).is_ok());
+    let read = path.is_file()
+        && File::open(path)
+            .is_ok_and(|file| file.take(HEAD_BYTES).read_to_end(&mut begins).is_ok());
     read && (begins.is_empty() || String::from_utf8_lossy(&begins).contains(assets::TITLE))
 }
 
@@ -56,16 +68,24 @@ pub fn html(view: &View) -> Result<String> {
     let mut told = folder.told.clone();
     let names = folder.pictures();
     if names.len() > MOST_PICTURES {
-        return Err(Error::input(format!("{}: has {} pictures; an exported page has at most {MOST_PICTURES}", folder.name(), names.len())));
+        return Err(Error::input(format!(
+            "{}: has {} pictures; an exported page has at most {MOST_PICTURES}",
+            folder.name(),
+            names.len()
+        )));
     }
     let pictures = names.into_iter().map(|name| {
-        let bytes = folder.file(&name).map_err(|(_, sentence)| Error::input(sentence))?;
+        let bytes = folder
+            .file(&name)
+            .map_err(|(_, sentence)| Error::input(sentence))?;
         let url = Value::from(format!("data:image/png;base64,{}", STANDARD.encode(bytes)));
         Ok((name, url))
     });
     told["files"] = Value::Object(pictures.collect::<Result<Map<_, _>>>()?);
     if told["tiles"] == true {
-        let bytes = folder.file("tiles.csv").map_err(|(_, sentence)| Error::input(sentence))?;
+        let bytes = folder
+            .file("tiles.csv")
+            .map_err(|(_, sentence)| Error::input(sentence))?;
         told["texts"] = json!({"tiles.csv": String::from_utf8_lossy(&bytes)});
     }
     hide_paths(&mut told);
@@ -74,11 +94,16 @@ pub fn html(view: &View) -> Result<String> {
 
 /// Leaves no folder of this computer in what others will read: a scene keeps its file's name alone.
 fn hide_paths(told: &mut Value) {
-    if let Some(host) = told.pointer_mut("/run/report/host").and_then(Value::as_object_mut) {
+    if let Some(host) = told
+        .pointer_mut("/run/report/host")
+        .and_then(Value::as_object_mut)
+    {
         host.remove("scene_file");
     }
     if let Some(scene) = told.pointer_mut("/run/scene")
-        && let Some(name) = scene.as_str().and_then(|path| path.rsplit(['/', '\\']).next())
+        && let Some(name) = scene
+            .as_str()
+            .and_then(|path| path.rsplit(['/', '\\']).next())
     {
         *scene = Value::from(name);
     }

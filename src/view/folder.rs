@@ -1,4 +1,5 @@
-//! Folder: what `run`, `replay`, `sweep`, `search` or `stress` left in a folder, as one value that a page is made of.
+//! Folder: what `run`, `replay`, `sweep`, `search` or `stress` left in a folder, as one value that
+//! a page is made of.
 //!
 //! ```text
 //! report.json, fixed.png …     ─► run      (frame, machine)
@@ -10,7 +11,8 @@
 //! choices.json, stress.json    ─┴► tables  (rows, their machine)
 //! other PNGs                   ─► charts
 //! ```
-//! Files are listed once, by name; what is asked for later is looked up in that list, so no name that is asked for is ever a path.
+//! Files are listed once, by name; what is asked for later is looked up in that list, so no name
+//! that is asked for is ever a path.
 
 use crate::error::{Error, Result};
 use crate::explore::sweep::table::Table;
@@ -57,25 +59,48 @@ pub struct Listed {
 impl Listed {
     fn new(path: PathBuf) -> std::io::Result<Self> {
         let metadata = fs::symlink_metadata(&path)?;
-        Ok(Listed { path, length: metadata.len(), modified: metadata.modified().ok() })
+        Ok(Listed {
+            path,
+            length: metadata.len(),
+            modified: metadata.modified().ok(),
+        })
     }
 
     /// Its bytes; or a status, and what goes on behind the file's name in a sentence.
     fn read(&self) -> std::result::Result<Vec<u8>, (u16, String)> {
         if self.length > MOST_BYTES {
-            let what = format!("has {} MB; no file of splatsim has more than {}", self.length >> 20, MOST_BYTES >> 20);
+            let what = format!(
+                "has {} MB; no file of splatsim has more than {}",
+                self.length >> 20,
+                MOST_BYTES >> 20
+            );
             return Err((413, what));
         }
-        let changed = || (409, "has changed since view read the folder: start view again".to_owned());
-        let is_same =
-            |metadata: &fs::Metadata| metadata.is_file() && metadata.len() == self.length && metadata.modified().ok() == self.modified;
+        let changed = || {
+            (
+                409,
+                "has changed since view read the folder: start view again".to_owned(),
+            )
+        };
+        let is_same = |metadata: &fs::Metadata| {
+            metadata.is_file()
+                && metadata.len() == self.length
+                && metadata.modified().ok() == self.modified
+        };
         // A link or a pipe in its place is not even opened.
-        fs::symlink_metadata(&self.path).ok().filter(is_same).ok_or_else(changed)?;
+        fs::symlink_metadata(&self.path)
+            .ok()
+            .filter(is_same)
+            .ok_or_else(changed)?;
         let cannot = |e: std::io::Error| (404, format!("cannot be read: {e}"));
         let file = File::open(&self.path).map_err(cannot)?;
         let mut bytes = Vec::new();
-        (&file).take(self.length + 1).read_to_end(&mut bytes).map_err(cannot)?;
-        let is_whole = bytes.len() as u64 == self.length && file.metadata().is_ok_and(|metadata| is_same(&metadata));
+        (&file)
+            .take(self.length + 1)
+            .read_to_end(&mut bytes)
+            .map_err(cannot)?;
+        let is_whole = bytes.len() as u64 == self.length
+            && file.metadata().is_ok_and(|metadata| is_same(&metadata));
         if is_whole { Ok(bytes) } else { Err(changed()) }
     }
 }
@@ -105,9 +130,11 @@ impl Folder {
     /// Reads what a folder holds.
     ///
     /// # Errors
-    /// [`Error::Input`], one sentence naming the file, where it holds nothing that can be shown, or a file is broken or of something else.
+    /// [`Error::Input`], one sentence naming the file, where it holds nothing that can be shown, or
+    /// a file is broken or of something else.
     pub fn read(folder: &Path) -> Result<Self> {
-        let cannot = |e: std::io::Error| Error::input(format!("{}: cannot be read: {e}", folder.display()));
+        let cannot =
+            |e: std::io::Error| Error::input(format!("{}: cannot be read: {e}", folder.display()));
         if folder.is_file() {
             return Err(Error::input(format!(
                 "{}: is a file; view takes a folder that run, sweep, search or stress wrote",
@@ -120,16 +147,27 @@ impl Folder {
             let entry = entry.map_err(cannot)?;
             // Links are followed nowhere: they may lead out of the folder.
             let is_plain = entry.file_type().is_ok_and(|kind| kind.is_file());
-            let Ok(name) = entry.file_name().into_string() else { continue };
+            let Ok(name) = entry.file_name().into_string() else {
+                continue;
+            };
             let listed = Listed::new(entry.path()).map_err(cannot)?;
             if is_journal(&name) {
                 // Who reads the rows takes every file of such a name.
-                let refused = |what: &str| Err(Error::input(format!("{}: {what}", folder.join(&name).display())));
+                let refused = |what: &str| {
+                    Err(Error::input(format!(
+                        "{}: {what}",
+                        folder.join(&name).display()
+                    )))
+                };
                 if !is_plain {
                     return refused("is a link or no file: rows are read from plain files");
                 }
                 if listed.length > MOST_BYTES {
-                    return refused(&format!("has {} MB; view shows rows of at most {}", listed.length >> 20, MOST_BYTES >> 20));
+                    return refused(&format!(
+                        "has {} MB; view shows rows of at most {}",
+                        listed.length >> 20,
+                        MOST_BYTES >> 20
+                    ));
                 }
             }
             if is_plain {
@@ -137,69 +175,141 @@ impl Folder {
             }
         }
         let shown = |name: &str| folder.join(name).display().to_string();
-        let value = |name: &str| files.get(name).map(|listed| read_json(listed, &shown(name))).transpose();
+        let value = |name: &str| {
+            files
+                .get(name)
+                .map(|listed| read_json(listed, &shown(name)))
+                .transpose()
+        };
         let report = value("report.json")?;
         let (sequences, reports): (Option<&Value>, Option<&Value>) = match &report {
-            Some(report) if report.get("frames").is_some_and(Value::is_array) => (Some(report), None),
+            Some(report) if report.get("frames").is_some_and(Value::is_array) => {
+                (Some(report), None)
+            }
             other => (None, other.as_ref()),
         };
-        let run = reports.map(|report| Run::new(report, &shown("report.json"))).transpose()?;
-        let sequence = sequences.map(|report| sequence(report, &files, &shown)).transpose()?;
-        let pictures = run.as_ref().map_or(Ok(Vec::new()), |run| pictures(&files, run.size, &shown))?;
+        let run = reports
+            .map(|report| Run::new(report, &shown("report.json")))
+            .transpose()?;
+        let sequence = sequences
+            .map(|report| sequence(report, &files, &shown))
+            .transpose()?;
+        let pictures = run
+            .as_ref()
+            .map_or(Ok(Vec::new()), |run| pictures(&files, run.size, &shown))?;
         let cycles = value("cycles.json")?;
-        if cycles.as_ref().is_some_and(|cycles| !cycles["units"].is_array() || !cycles["total"].is_u64()) {
-            return Err(Error::input(format!("{}: is no account of cycles, as `replay` writes it", shown("cycles.json"))));
+        if cycles
+            .as_ref()
+            .is_some_and(|cycles| !cycles["units"].is_array() || !cycles["total"].is_u64())
+        {
+            return Err(Error::input(format!(
+                "{}: is no account of cycles, as `replay` writes it",
+                shown("cycles.json")
+            )));
         }
         let compare = value("compare.json")?;
-        if compare.as_ref().is_some_and(|compare| !compare["figures"].is_array() || !compare["a"].is_object()) {
-            return Err(Error::input(format!("{}: is no comparison, as `compare --out` writes it", shown("compare.json"))));
+        if compare
+            .as_ref()
+            .is_some_and(|compare| !compare["figures"].is_array() || !compare["a"].is_object())
+        {
+            return Err(Error::input(format!(
+                "{}: is no comparison, as `compare --out` writes it",
+                shown("compare.json")
+            )));
         }
         let mut tables = Vec::new();
         if files.keys().any(|name| is_journal(name)) {
-            let plan = value("plan.json")?.ok_or_else(|| Error::input(format!("{}: is missing beside the rows", shown("plan.json"))))?;
+            let plan = value("plan.json")?.ok_or_else(|| {
+                Error::input(format!(
+                    "{}: is missing beside the rows",
+                    shown("plan.json")
+                ))
+            })?;
             tables.push(points(&Table::read(folder)?, &plan, &shown("plan.json"))?);
         }
-        for (name, title, path) in
-            [("choices.json", "rules for fragments", &["choices"][..]), ("stress.json", "stress cases", &["cases", "machines", "points"])]
-        {
+        for (name, title, path) in [
+            ("choices.json", "rules for fragments", &["choices"][..]),
+            (
+                "stress.json",
+                "stress cases",
+                &["cases", "machines", "points"],
+            ),
+        ] {
             if let Some(value) = value(name)? {
-                let too_many = || Error::input(format!("{}: has more than 10,000,000 cells, which view cannot show", shown(name)));
+                let too_many = || {
+                    Error::input(format!(
+                        "{}: has more than 10,000,000 cells, which view cannot show",
+                        shown(name)
+                    ))
+                };
                 let mut left = Cells(MOST_CELLS);
-                let rows = rows_of(&value, path, &mut left).map_err(|_| too_many())?.filter(|rows| !rows.is_empty());
-                let rows = rows.ok_or_else(|| Error::input(format!("{}: has no {}, as splatsim writes them", shown(name), path[0])))?;
+                let rows = rows_of(&value, path, &mut left)
+                    .map_err(|_| too_many())?
+                    .filter(|rows| !rows.is_empty());
+                let rows = rows.ok_or_else(|| {
+                    Error::input(format!(
+                        "{}: has no {}, as splatsim writes them",
+                        shown(name),
+                        path[0]
+                    ))
+                })?;
                 tables.push(table_of(title, rows).map_err(|_| too_many())?);
             }
         }
         if let Some(report) = sequences {
-            let too_many = || Error::input(format!("{}: has more than 10,000,000 cells, which view cannot show", shown("report.json")));
-            let rows = report["frames"].as_array().into_iter().flatten().map(|frame| {
-                let mut row = Map::new();
-                flatten(frame, "", &mut row, &mut Cells(MOST_CELLS)).map(|()| row)
-            });
-            let rows = rows.collect::<std::result::Result<Vec<_>, _>>().map_err(|_| too_many())?;
+            let too_many = || {
+                Error::input(format!(
+                    "{}: has more than 10,000,000 cells, which view cannot show",
+                    shown("report.json")
+                ))
+            };
+            let rows = report["frames"]
+                .as_array()
+                .into_iter()
+                .flatten()
+                .map(|frame| {
+                    let mut row = Map::new();
+                    flatten(frame, "", &mut row, &mut Cells(MOST_CELLS)).map(|()| row)
+                });
+            let rows = rows
+                .collect::<std::result::Result<Vec<_>, _>>()
+                .map_err(|_| too_many())?;
             tables.push(table_of("frames", rows).map_err(|_| too_many())?);
         }
         let is_chart = |name: &&String| {
-            let stem = name.strip_suffix(".png").filter(|stem| !is_of_sequence(stem));
+            let stem = name
+                .strip_suffix(".png")
+                .filter(|stem| !is_of_sequence(stem));
             stem.is_some_and(|stem| !PICTURES.contains(&stem))
         };
         let charts: Vec<&String> = files.keys().filter(is_chart).take(MOST_CHARTS).collect();
-        if run.is_none() && sequence.is_none() && cycles.is_none() && compare.is_none() && tables.is_empty() {
+        if run.is_none()
+            && sequence.is_none()
+            && cycles.is_none()
+            && compare.is_none()
+            && tables.is_empty()
+        {
             let is_picture = |name: &String| {
-                PICTURES.contains(&name.strip_suffix(".png").unwrap_or(name)) || is_of_sequence(name.trim_end_matches(".png"))
+                PICTURES.contains(&name.strip_suffix(".png").unwrap_or(name))
+                    || is_of_sequence(name.trim_end_matches(".png"))
             };
             if files.keys().any(is_picture) {
                 let told = "has pictures of a run and no report.json, which is written last: the run was ended before, or is still at work";
                 return Err(Error::input(format!("{}: {told}", folder.display())));
             }
-            let told =
-                "holds nothing that view shows: no report.json, points.jsonl, choices.json, stress.json, cycles.json or compare.json";
+            let told = "holds nothing that view shows: no report.json, points.jsonl, choices.json, stress.json, cycles.json or compare.json";
             return Err(Error::input(format!("{}: {told}", folder.display())));
         }
         // What an earlier run on a binned machine left is of no other.
-        let units = reports.map(|report| &report["cycles"]["units"]).or(cycles.as_ref().map(|cycles| &cycles["units"]));
-        let has_tiles = units.and_then(Value::as_array).is_some_and(|units| units.iter().any(|unit| unit["name"] == "list"));
-        let name = root.file_name().map_or_else(|| "/".into(), |name| name.to_string_lossy().into_owned());
+        let units = reports
+            .map(|report| &report["cycles"]["units"])
+            .or(cycles.as_ref().map(|cycles| &cycles["units"]));
+        let has_tiles = units
+            .and_then(Value::as_array)
+            .is_some_and(|units| units.iter().any(|unit| unit["name"] == "list"));
+        let name = root
+            .file_name()
+            .map_or_else(|| "/".into(), |name| name.to_string_lossy().into_owned());
         let told = json!({
             "version": env!("CARGO_PKG_VERSION"),
             "name": name,
@@ -213,17 +323,27 @@ impl Folder {
             "tables": tables,
             "charts": charts,
         });
-        files.retain(|name, _| [".png", ".csv", ".json"].iter().any(|end| name.ends_with(end)));
+        files.retain(|name, _| {
+            [".png", ".csv", ".json"]
+                .iter()
+                .any(|end| name.ends_with(end))
+        });
         Ok(Folder { told, files, run })
     }
 
     /// A file's bytes, if it is one of those that were there and is still as it was.
     ///
     /// # Errors
-    /// A status of HTTP and a sentence: 404 where there is none, 409 where it has changed since, 413 where it is too large.
+    /// A status of HTTP and a sentence: 404 where there is none, 409 where it has changed since,
+    /// 413 where it is too large.
     pub fn file(&self, name: &str) -> std::result::Result<Vec<u8>, (u16, String)> {
-        let listed = self.files.get(name).ok_or((404, format!("{name}: there is none")))?;
-        listed.read().map_err(|(status, what)| (status, format!("{name}: {what}")))
+        let listed = self
+            .files
+            .get(name)
+            .ok_or((404, format!("{name}: there is none")))?;
+        listed
+            .read()
+            .map_err(|(status, what)| (status, format!("{name}: {what}")))
     }
 
     /// Name of the folder.
@@ -233,49 +353,100 @@ impl Folder {
 
     /// Files of the pictures that the page shows.
     pub fn pictures(&self) -> Vec<String> {
-        let names = |value: &Value| value.as_array().into_iter().flatten().filter_map(Value::as_str).map(str::to_owned).collect::<Vec<_>>();
-        if let Some(sequence) = self.told.get("sequence").filter(|sequence| sequence.is_object()) {
+        let names = |value: &Value| {
+            value
+                .as_array()
+                .into_iter()
+                .flatten()
+                .filter_map(Value::as_str)
+                .map(str::to_owned)
+                .collect::<Vec<_>>()
+        };
+        if let Some(sequence) = self
+            .told
+            .get("sequence")
+            .filter(|sequence| sequence.is_object())
+        {
             let frames = sequence["report"]["frames"].as_array().map_or(0, Vec::len);
-            let kinds = sequence["kinds"].as_array().into_iter().flatten().filter_map(Value::as_str);
+            let kinds = sequence["kinds"]
+                .as_array()
+                .into_iter()
+                .flatten()
+                .filter_map(Value::as_str);
             let kinds: Vec<&str> = kinds.collect();
             return (0..frames)
                 .flat_map(|frame| kinds.iter().map(move |kind| frame_name(frame, kind)))
                 .chain(names(&self.told["charts"]))
                 .collect();
         }
-        let of_run = names(&self.told["run"]["pictures"]).into_iter().map(|name| format!("{name}.png"));
+        let of_run = names(&self.told["run"]["pictures"])
+            .into_iter()
+            .map(|name| format!("{name}.png"));
         of_run.chain(names(&self.told["charts"])).collect()
     }
 }
 
 impl Run {
     fn new(report: &Value, whose: &str) -> Result<Self> {
-        let lacks = |what: &str| Error::input(format!("{whose}: has no {what}: it is no report of `run`"));
-        let count = |path: &str| report.pointer(path).and_then(Value::as_u64).ok_or_else(|| lacks(&path[1..].replace('/', ".")));
-        let scene = report.pointer("/scene/name").and_then(Value::as_str).ok_or_else(|| lacks("scene.name"))?;
-        let described = report.pointer("/machine/description").ok_or_else(|| lacks("machine.description"))?;
+        let lacks =
+            |what: &str| Error::input(format!("{whose}: has no {what}: it is no report of `run`"));
+        let count = |path: &str| {
+            report
+                .pointer(path)
+                .and_then(Value::as_u64)
+                .ok_or_else(|| lacks(&path[1..].replace('/', ".")))
+        };
+        let scene = report
+            .pointer("/scene/name")
+            .and_then(Value::as_str)
+            .ok_or_else(|| lacks("scene.name"))?;
+        let described = report
+            .pointer("/machine/description")
+            .ok_or_else(|| lacks("machine.description"))?;
         let machine = machines::from_value(described, &format!("{whose}: machine.description"))?;
         fixed::elaborate(&machine).map_err(|error| Error::input(format!("{whose}: {error}")))?;
-        for part in ["/accuracy/fixed_vs_golden", "/cycles/units", "/cost/units", "/signals", "/fragments", "/scene/camera"] {
-            report.pointer(part).ok_or_else(|| lacks(&part[1..].replace('/', ".")))?;
+        for part in [
+            "/accuracy/fixed_vs_golden",
+            "/cycles/units",
+            "/cost/units",
+            "/signals",
+            "/fragments",
+            "/scene/camera",
+        ] {
+            report
+                .pointer(part)
+                .ok_or_else(|| lacks(&part[1..].replace('/', ".")))?;
         }
         let pair = |value: &Value| Some([value[0].as_u64()? as usize, value[1].as_u64()? as usize]);
         Ok(Run {
-            scene: report.pointer("/host/scene_file").and_then(Value::as_str).unwrap_or(scene).into(),
-            frame: report.pointer("/scene/frame").and_then(Value::as_u64).unwrap_or(0) as usize,
-            size: [count("/scene/width")? as usize, count("/scene/height")? as usize],
+            scene: report
+                .pointer("/host/scene_file")
+                .and_then(Value::as_str)
+                .unwrap_or(scene)
+                .into(),
+            frame: report
+                .pointer("/scene/frame")
+                .and_then(Value::as_u64)
+                .unwrap_or(0) as usize,
+            size: [
+                count("/scene/width")? as usize,
+                count("/scene/height")? as usize,
+            ],
             preview_of: report.pointer("/preview/of").and_then(pair),
             machine,
             camera: report["scene"]["camera"].clone(),
             counts: [count("/scene/splats")?, count("/scene/fragments")?],
-            accuracy: ["fixed_vs_golden", "golden_vs_ideal"].map(|pair| report["accuracy"][pair].clone()),
+            accuracy: ["fixed_vs_golden", "golden_vs_ideal"]
+                .map(|pair| report["accuracy"][pair].clone()),
         })
     }
 
     /// The name by which `--machine` finds the machine; none of one that a file must describe.
     pub fn machine_flag(&self) -> Option<&str> {
         let name = &self.machine.name;
-        Machine::named(name).filter(|named| *named == self.machine).map(|_| name.as_str())
+        Machine::named(name)
+            .filter(|named| *named == self.machine)
+            .map(|_| name.as_str())
     }
 }
 
@@ -286,24 +457,54 @@ fn frame_name(frame: usize, kind: &str) -> String {
 
 /// Whether a picture without its ending is a frame's.
 fn is_of_sequence(stem: &str) -> bool {
-    let parts = stem.strip_prefix("frame_").and_then(|rest| rest.split_once('_'));
-    parts.is_some_and(|(number, kind)| number.bytes().all(|digit| digit.is_ascii_digit()) && PICTURES.contains(&kind))
+    let parts = stem
+        .strip_prefix("frame_")
+        .and_then(|rest| rest.split_once('_'));
+    parts.is_some_and(|(number, kind)| {
+        number.bytes().all(|digit| digit.is_ascii_digit()) && PICTURES.contains(&kind)
+    })
 }
 
 /// What `run` drew of a sequence: its report, and the kinds of pictures that every frame has.
-fn sequence(report: &Value, files: &BTreeMap<String, Listed>, shown: &dyn Fn(&str) -> String) -> Result<Value> {
+fn sequence(
+    report: &Value,
+    files: &BTreeMap<String, Listed>,
+    shown: &dyn Fn(&str) -> String,
+) -> Result<Value> {
     let whose = shown("report.json");
-    let lacks = |what: &str| Error::input(format!("{whose}: has no {what}: it is no report of `run` on a sequence"));
-    for part in ["/scene/width", "/scene/height", "/machine/description/name", "/spreads/frames_per_second"] {
-        report.pointer(part).ok_or_else(|| lacks(&part[1..].replace('/', ".")))?;
+    let lacks = |what: &str| {
+        Error::input(format!(
+            "{whose}: has no {what}: it is no report of `run` on a sequence"
+        ))
+    };
+    for part in [
+        "/scene/width",
+        "/scene/height",
+        "/machine/description/name",
+        "/spreads/frames_per_second",
+    ] {
+        report
+            .pointer(part)
+            .ok_or_else(|| lacks(&part[1..].replace('/', ".")))?;
     }
-    let frames = report["frames"].as_array().filter(|frames| !frames.is_empty()).ok_or_else(|| lacks("frames"))?;
+    let frames = report["frames"]
+        .as_array()
+        .filter(|frames| !frames.is_empty())
+        .ok_or_else(|| lacks("frames"))?;
     for frame in frames {
-        for part in ["/cycles", "/frames_per_second", "/accuracy/fixed_vs_golden", "/accuracy/golden_vs_ideal"] {
-            frame.pointer(part).ok_or_else(|| lacks(&format!("frames[].{}", part[1..].replace('/', "."))))?;
+        for part in [
+            "/cycles",
+            "/frames_per_second",
+            "/accuracy/fixed_vs_golden",
+            "/accuracy/golden_vs_ideal",
+        ] {
+            frame
+                .pointer(part)
+                .ok_or_else(|| lacks(&format!("frames[].{}", part[1..].replace('/', "."))))?;
         }
     }
-    let is_whole = |kind: &&str| (0..frames.len()).all(|frame| files.contains_key(&frame_name(frame, kind)));
+    let is_whole =
+        |kind: &&str| (0..frames.len()).all(|frame| files.contains_key(&frame_name(frame, kind)));
     let kinds: Vec<&str> = PICTURES.into_iter().filter(is_whole).collect();
     Ok(json!({"report": report, "kinds": kinds}))
 }
@@ -313,7 +514,8 @@ fn read_json(listed: &Listed, whose: &str) -> Result<Value> {
     let input_error = |what: String| Error::input(format!("{whose}: {what}"));
     let bytes = listed.read().map_err(|(_, what)| input_error(what))?;
     let text = String::from_utf8(bytes).map_err(|e| input_error(format!("cannot be read: {e}")))?;
-    serde_json::from_str(input::without_mark(&text)).map_err(|e| input_error(format!("is no JSON that splatsim wrote: {e}")))
+    serde_json::from_str(input::without_mark(&text))
+        .map_err(|e| input_error(format!("is no JSON that splatsim wrote: {e}")))
 }
 
 /// Whether a file has rows, by its name.
@@ -322,20 +524,32 @@ fn is_journal(name: &str) -> bool {
 }
 
 /// Names of the pictures that are there, all of one size.
-fn pictures(files: &BTreeMap<String, Listed>, size: [usize; 2], shown: &dyn Fn(&str) -> String) -> Result<Vec<&'static str>> {
+fn pictures(
+    files: &BTreeMap<String, Listed>,
+    size: [usize; 2],
+    shown: &dyn Fn(&str) -> String,
+) -> Result<Vec<&'static str>> {
     let mut found = Vec::new();
     for name in PICTURES {
         let file = format!("{name}.png");
-        let Some(listed) = files.get(&file) else { continue };
-        let opened = image::ImageReader::open(&listed.path).map_err(|e| e.to_string()).and_then(|file| {
-            let is_png = file.with_guessed_format().map_err(|e| e.to_string())?;
-            is_png.into_dimensions().map_err(|e| e.to_string())
-        });
-        let (width, height) = opened.map_err(|e| Error::input(format!("{}: is no picture: {e}", shown(&file))))?;
+        let Some(listed) = files.get(&file) else {
+            continue;
+        };
+        let opened = image::ImageReader::open(&listed.path)
+            .map_err(|e| e.to_string())
+            .and_then(|file| {
+                let is_png = file.with_guessed_format().map_err(|e| e.to_string())?;
+                is_png.into_dimensions().map_err(|e| e.to_string())
+            });
+        let (width, height) =
+            opened.map_err(|e| Error::input(format!("{}: is no picture: {e}", shown(&file))))?;
         if [width as usize, height as usize] != size {
             let [columns, rows] = size;
             let told = format!("is {width}×{height}, and report.json is of {columns}×{rows}");
-            return Err(Error::input(format!("{}: {told}: it is of another run", shown(&file))));
+            return Err(Error::input(format!(
+                "{}: {told}: it is of another run",
+                shown(&file)
+            )));
         }
         found.push(name);
     }
@@ -344,12 +558,27 @@ fn pictures(files: &BTreeMap<String, Listed>, size: [usize; 2], shown: &dyn Fn(&
 
 /// The rows of `sweep` and `search`, and the machine that they change.
 fn points(table: &Table, plan: &Value, whose: &str) -> Result<Value> {
-    let machine = plan.get("machine").ok_or_else(|| Error::input(format!("{whose}: has no machine: it is no plan of `sweep`")))?;
+    let machine = plan.get("machine").ok_or_else(|| {
+        Error::input(format!("{whose}: has no machine: it is no plan of `sweep`"))
+    })?;
     machines::from_value(machine, &format!("{whose}: machine"))?;
-    let columns =
-        table.columns.iter().enumerate().map(|(at, (name, _))| (name.clone(), table.rows.iter().map(|row| row[at].clone()).collect()));
-    let title = if ["search", "search_over_timing"].iter().any(|name| plan.get(name).is_some()) { "search" } else { "sweep" };
-    Ok(json!({"title": title, "machine": machine, "columns": columns.map(column).collect::<Vec<_>>()}))
+    let columns = table.columns.iter().enumerate().map(|(at, (name, _))| {
+        (
+            name.clone(),
+            table.rows.iter().map(|row| row[at].clone()).collect(),
+        )
+    });
+    let title = if ["search", "search_over_timing"]
+        .iter()
+        .any(|name| plan.get(name).is_some())
+    {
+        "search"
+    } else {
+        "sweep"
+    };
+    Ok(
+        json!({"title": title, "machine": machine, "columns": columns.map(column).collect::<Vec<_>>()}),
+    )
 }
 
 /// Cells that a table may still have.
@@ -366,25 +595,44 @@ impl Cells {
     }
 }
 
-/// Objects down a path of lists, each with the scalars of those above it; none where they are not there.
-fn rows_of(value: &Value, path: &[&str], left: &mut Cells) -> std::result::Result<Option<Vec<Map<String, Value>>>, TooMany> {
+/// Objects down a path of lists, each with the scalars of those above it; none where they are not
+/// there.
+fn rows_of(
+    value: &Value,
+    path: &[&str],
+    left: &mut Cells,
+) -> std::result::Result<Option<Vec<Map<String, Value>>>, TooMany> {
     let Some((list, rest)) = path.split_first() else {
         let mut row = Map::new();
         flatten(value, "", &mut row, left)?;
         return Ok(value.is_object().then_some(vec![row]));
     };
-    let Some((fields, items)) = value.as_object().zip(value.get(list).and_then(Value::as_array)) else { return Ok(None) };
+    let Some((fields, items)) = value
+        .as_object()
+        .zip(value.get(list).and_then(Value::as_array))
+    else {
+        return Ok(None);
+    };
     let is_repeated = |name: &str, value: &Value| {
         let length = name.len() + value.as_str().map_or(0, str::len);
-        name != "version" && !value.is_array() && !value.is_object() && length <= MOST_REPEATED_BYTES
+        name != "version"
+            && !value.is_array()
+            && !value.is_object()
+            && length <= MOST_REPEATED_BYTES
     };
-    let own = fields.iter().filter(|(name, value)| is_repeated(name, value)).map(|(name, value)| (name.clone(), value.clone()));
+    let own = fields
+        .iter()
+        .filter(|(name, value)| is_repeated(name, value))
+        .map(|(name, value)| (name.clone(), value.clone()));
     let own: Map<String, Value> = own.collect();
     let mut rows = Vec::new();
     for item in items {
-        let Some(below) = rows_of(item, rest, left)? else { return Ok(None) };
+        let Some(below) = rows_of(item, rest, left)? else {
+            return Ok(None);
+        };
         for row in below {
-            own.iter().try_for_each(|(name, value)| left.take(name, value))?;
+            own.iter()
+                .try_for_each(|(name, value)| left.take(name, value))?;
             let mut all = own.clone();
             all.extend(row);
             rows.push(all);
@@ -394,19 +642,43 @@ fn rows_of(value: &Value, path: &[&str], left: &mut Cells) -> std::result::Resul
 }
 
 /// Objects become names with dots, lists of numbers one column a place, other lists text.
-fn flatten(value: &Value, name: &str, row: &mut Map<String, Value>, left: &mut Cells) -> std::result::Result<(), TooMany> {
-    let below = |part: &str| if name.is_empty() { part.to_owned() } else { format!("{name}.{part}") };
+fn flatten(
+    value: &Value,
+    name: &str,
+    row: &mut Map<String, Value>,
+    left: &mut Cells,
+) -> std::result::Result<(), TooMany> {
+    let below = |part: &str| {
+        if name.is_empty() {
+            part.to_owned()
+        } else {
+            format!("{name}.{part}")
+        }
+    };
     // Names grow down the tree, so they count where they are made too.
     left.take(name, &Value::Null)?;
     let scalar = match value {
-        Value::Object(fields) => return fields.iter().try_for_each(|(part, value)| flatten(value, &below(part), row, left)),
+        Value::Object(fields) => {
+            return fields
+                .iter()
+                .try_for_each(|(part, value)| flatten(value, &below(part), row, left));
+        }
         Value::Array(items) if items.len() == 1 => return flatten(&items[0], name, row, left),
         Value::Array(items) if items.iter().any(Value::is_string) => {
-            let texts: Vec<String> = items.iter().map(|item| item.as_str().map_or_else(|| item.to_string(), str::to_owned)).collect();
+            let texts: Vec<String> = items
+                .iter()
+                .map(|item| {
+                    item.as_str()
+                        .map_or_else(|| item.to_string(), str::to_owned)
+                })
+                .collect();
             Value::from(texts.join(" "))
         }
         Value::Array(items) => {
-            return items.iter().enumerate().try_for_each(|(at, value)| flatten(value, &below(&at.to_string()), row, left));
+            return items
+                .iter()
+                .enumerate()
+                .try_for_each(|(at, value)| flatten(value, &below(&at.to_string()), row, left));
         }
         scalar => scalar.clone(),
     };
@@ -416,12 +688,19 @@ fn flatten(value: &Value, name: &str, row: &mut Map<String, Value>, left: &mut C
 
 fn table_of(title: &str, rows: Vec<Map<String, Value>>) -> std::result::Result<Value, TooMany> {
     let mut known = BTreeSet::new();
-    let names: Vec<&String> = rows.iter().flat_map(Map::keys).filter(|name| known.insert(*name)).collect();
+    let names: Vec<&String> = rows
+        .iter()
+        .flat_map(Map::keys)
+        .filter(|name| known.insert(*name))
+        .collect();
     if rows.len().saturating_mul(names.len()) > MOST_CELLS {
         return Err(TooMany);
     }
     let columns = names.into_iter().map(|name| {
-        let values = rows.iter().map(|row| row.get(name).cloned().unwrap_or(Value::Null)).collect();
+        let values = rows
+            .iter()
+            .map(|row| row.get(name).cloned().unwrap_or(Value::Null))
+            .collect();
         column((name.clone(), values))
     });
     Ok(json!({"title": title, "machine": null, "columns": columns.collect::<Vec<_>>()}))
@@ -429,8 +708,14 @@ fn table_of(title: &str, rows: Vec<Map<String, Value>>) -> std::result::Result<V
 
 /// A column: all of its values, or the one that all rows have.
 fn column((name, values): (String, Vec<Value>)) -> Value {
-    let is_number = values.iter().all(|value| value.is_number() || value.is_null());
-    let kind = if is_number && values.iter().any(Value::is_number) { "number" } else { "text" };
+    let is_number = values
+        .iter()
+        .all(|value| value.is_number() || value.is_null());
+    let kind = if is_number && values.iter().any(Value::is_number) {
+        "number"
+    } else {
+        "text"
+    };
     let is_same = values.windows(2).all(|pair| pair[0] == pair[1]);
     let rows = values.len();
     if is_same {

@@ -1,10 +1,12 @@
-//! Http: one request and one answer a connection, as little of HTTP/1.1 (RFC 9112) as a browser needs; whatever else comes is refused.
+//! Http: one request and one answer a connection, as little of HTTP/1.1 (RFC 9112) as a browser
+//! needs; whatever else comes is refused.
 //!
 //! ```text
 //! bytes ─► [head: at most 8 KiB, in 5 s] ─► [GET or HEAD, target, Host] ─► Request ─► whoever answers ─► Response ─► bytes
 //!                      └──────────────────────────┴─► status alone
 //! ```
-//! No body is ever read. Law: `no_bytes_make_the_reader_panic`, `a_request_is_read_whatever_its_parts`.
+//! No body is ever read. Law: `no_bytes_make_the_reader_panic`,
+//! `a_request_is_read_whatever_its_parts`.
 
 use std::borrow::Cow;
 use std::io::{ErrorKind, Read, Write};
@@ -21,7 +23,8 @@ pub type Refusal = u16;
 /// A request that was understood.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Request {
-    /// Parts of the path between its slashes, as they came: nothing is decoded, for no name here needs it.
+    /// Parts of the path between its slashes, as they came: nothing is decoded, for no name here
+    /// needs it.
     pub path: Vec<String>,
     /// What follows the `?`, as pairs.
     pub query: Vec<(String, String)>,
@@ -34,7 +37,10 @@ pub struct Request {
 impl Request {
     /// A whole number of the query.
     pub fn number(&self, name: &str) -> Option<usize> {
-        self.query.iter().find(|(other, _)| other == name).and_then(|(_, value)| value.parse().ok())
+        self.query
+            .iter()
+            .find(|(other, _)| other == name)
+            .and_then(|(_, value)| value.parse().ok())
     }
 }
 
@@ -52,20 +58,33 @@ pub struct Response {
 impl Response {
     /// An answer that says no more than its status.
     pub fn refusal(status: Refusal) -> Self {
-        Response { status, kind: "text/plain; charset=utf-8", body: Cow::Owned(format!("{status} {}\n", reason(status)).into_bytes()) }
+        Response {
+            status,
+            kind: "text/plain; charset=utf-8",
+            body: Cow::Owned(format!("{status} {}\n", reason(status)).into_bytes()),
+        }
     }
 
     /// One sentence about what could not be done.
     pub fn sentence(status: u16, sentence: &str) -> Self {
-        Response { status, kind: "text/plain; charset=utf-8", body: Cow::Owned(sentence.as_bytes().to_vec()) }
+        Response {
+            status,
+            kind: "text/plain; charset=utf-8",
+            body: Cow::Owned(sentence.as_bytes().to_vec()),
+        }
     }
 
     /// A value as JSON.
     pub fn json(text: String) -> Self {
-        Response { status: 200, kind: "application/json", body: Cow::Owned(text.into_bytes()) }
+        Response {
+            status: 200,
+            kind: "application/json",
+            body: Cow::Owned(text.into_bytes()),
+        }
     }
 
-    /// Writes it. The page may load nothing but what this server has, and be framed by nobody; nothing is kept by the browser.
+    /// Writes it. The page may load nothing but what this server has, and be framed by nobody;
+    /// nothing is kept by the browser.
     ///
     /// # Errors
     /// Those of the connection.
@@ -109,7 +128,10 @@ fn reason(status: u16) -> &'static str {
 ///
 /// # Errors
 /// 400 where the other end stops before, 408 where it is too slow, 431 where the head is too long.
-pub fn read_head<R: Read>(from: &mut R, set_time: impl Fn(&R, Duration)) -> Result<Vec<u8>, Refusal> {
+pub fn read_head<R: Read>(
+    from: &mut R,
+    set_time: impl Fn(&R, Duration),
+) -> Result<Vec<u8>, Refusal> {
     let end = Instant::now() + HEAD_TIME;
     let mut head = Vec::new();
     let mut part = [0; 1024];
@@ -123,12 +145,18 @@ pub fn read_head<R: Read>(from: &mut R, set_time: impl Fn(&R, Duration)) -> Resu
             Ok(0) => return Err(400),
             Ok(length) => head.extend_from_slice(&part[..length]),
             Err(error) if error.kind() == ErrorKind::Interrupted => {}
-            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => return Err(408),
+            Err(error) if matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
+                return Err(408);
+            }
             Err(_) => return Err(400),
         }
         if let Some(end) = head.windows(4).position(|four| four == b"\r\n\r\n") {
             head.truncate(end + 2);
-            return if head.len() > MOST_HEAD_BYTES { Err(431) } else { Ok(head) };
+            return if head.len() > MOST_HEAD_BYTES {
+                Err(431)
+            } else {
+                Ok(head)
+            };
         }
         if head.len() > MOST_HEAD_BYTES {
             return Err(431);
@@ -139,15 +167,21 @@ pub fn read_head<R: Read>(from: &mut R, set_time: impl Fn(&R, Duration)) -> Resu
 /// Understands a head, whose lines all end in CR LF.
 ///
 /// # Errors
-/// 400 where it is none, 405 where it asks for more than an answer, 413 where a body would follow, 505 of another HTTP.
+/// 400 where it is none, 405 where it asks for more than an answer, 413 where a body would follow,
+/// 505 of another HTTP.
 pub fn parse(head: &[u8]) -> Result<Request, Refusal> {
     let text = std::str::from_utf8(head).map_err(|_| 400_u16)?;
     let mut lines = text.strip_suffix("\r\n").ok_or(400_u16)?.split("\r\n");
     let mut words = lines.next().unwrap_or_default().split(' ');
-    let (Some(method), Some(target), Some(version), None) = (words.next(), words.next(), words.next(), words.next()) else {
+    let (Some(method), Some(target), Some(version), None) =
+        (words.next(), words.next(), words.next(), words.next())
+    else {
         return Err(400);
     };
-    if method.is_empty() || !method.bytes().all(|byte| byte.is_ascii_uppercase()) || !target.starts_with('/') {
+    if method.is_empty()
+        || !method.bytes().all(|byte| byte.is_ascii_uppercase())
+        || !target.starts_with('/')
+    {
         return Err(400);
     }
     match version {
@@ -158,7 +192,11 @@ pub fn parse(head: &[u8]) -> Result<Request, Refusal> {
     let mut has_body = false;
     for line in lines {
         let (name, value) = line.split_once(':').ok_or(400_u16)?;
-        if name.is_empty() || !name.bytes().all(|byte| byte.is_ascii_alphanumeric() || b"!#$%&'*+-.^_`|~".contains(&byte)) {
+        if name.is_empty()
+            || !name
+                .bytes()
+                .all(|byte| byte.is_ascii_alphanumeric() || b"!#$%&'*+-.^_`|~".contains(&byte))
+        {
             return Err(400);
         }
         let value = value.trim_matches([' ', '\t']);
@@ -183,7 +221,9 @@ pub fn parse(head: &[u8]) -> Result<Request, Refusal> {
     let pairs = query.split('&').filter_map(|pair| pair.split_once('='));
     Ok(Request {
         path: path[1..].split('/').map(str::to_owned).collect(),
-        query: pairs.map(|(name, value)| (name.to_owned(), value.to_owned())).collect(),
+        query: pairs
+            .map(|(name, value)| (name.to_owned(), value.to_owned()))
+            .collect(),
         host: host.ok_or(400_u16)?,
         head_only,
     })
@@ -200,9 +240,21 @@ mod tests {
 
     #[test]
     fn a_request_is_read() {
-        let request = parse(b"GET /a/b.png?x=3&y=04 HTTP/1.1\r\nhost:  127.0.0.1:80 \r\nAccept: */*\r\n").unwrap();
-        assert_eq!((request.path.clone(), request.host.as_str()), (vec!["a".to_owned(), "b.png".to_owned()], "127.0.0.1:80"));
-        assert_eq!((request.number("x"), request.number("y"), request.number("z")), (Some(3), Some(4), None));
+        let request =
+            parse(b"GET /a/b.png?x=3&y=04 HTTP/1.1\r\nhost:  127.0.0.1:80 \r\nAccept: */*\r\n")
+                .unwrap();
+        assert_eq!(
+            (request.path.clone(), request.host.as_str()),
+            (vec!["a".to_owned(), "b.png".to_owned()], "127.0.0.1:80")
+        );
+        assert_eq!(
+            (
+                request.number("x"),
+                request.number("y"),
+                request.number("z")
+            ),
+            (Some(3), Some(4), None)
+        );
         assert!(parse(b"HEAD / HTTP/1.0\r\nHost: a\r\n").unwrap().head_only);
     }
 
@@ -220,8 +272,14 @@ mod tests {
             ("GET / HTTP/2\r\nHost: a\r\n", 505),
             ("GET / SPDY\r\nHost: a\r\n", 400),
             ("POST / HTTP/1.1\r\nHost: a\r\n", 405),
-            ("GET / HTTP/1.1\r\nHost: a\r\nContent-Length: 1000000000\r\n", 413),
-            ("GET / HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: chunked\r\n", 413),
+            (
+                "GET / HTTP/1.1\r\nHost: a\r\nContent-Length: 1000000000\r\n",
+                413,
+            ),
+            (
+                "GET / HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: chunked\r\n",
+                413,
+            ),
         ] {
             assert_eq!(refusal(head), status, "{head:?}");
         }
@@ -230,10 +288,16 @@ mod tests {
     #[test]
     fn a_head_ends_where_its_empty_line_is_or_is_too_long() {
         let read = |mut bytes: &[u8]| read_head(&mut bytes, |_, _| ());
-        assert_eq!(read(b"GET / HTTP/1.1\r\nHost: a\r\n\r\nbody"), Ok(b"GET / HTTP/1.1\r\nHost: a\r\n".to_vec()));
+        assert_eq!(
+            read(b"GET / HTTP/1.1\r\nHost: a\r\n\r\nbody"),
+            Ok(b"GET / HTTP/1.1\r\nHost: a\r\n".to_vec())
+        );
         assert_eq!(read(b"GET / HTTP/1.1\r\nHost: a\r\n"), Err(400));
         assert_eq!(read(&[b'a'; 3 * MOST_HEAD_BYTES]), Err(431));
-        let long = format!("GET / HTTP/1.1\r\nHost: {}\r\n\r\n", "a".repeat(MOST_HEAD_BYTES));
+        let long = format!(
+            "GET / HTTP/1.1\r\nHost: {}\r\n\r\n",
+            "a".repeat(MOST_HEAD_BYTES)
+        );
         assert_eq!(read(long.as_bytes()), Err(431));
     }
 

@@ -1,4 +1,5 @@
-//! View: shows what is in a folder in a browser: the frame and each pixel's story, the machine, rows of a sweep.
+//! View: shows what is in a folder in a browser: the frame and each pixel's story, the machine,
+//! rows of a sweep.
 //!
 //! ```text
 //! DIR ─► folder ─┬─► server ─► answers: page, assets, files, pixels, maps, stories ─► browser
@@ -6,8 +7,9 @@
 //! redraw ────────────► pixels, maps, stories (drawn when first asked for)
 //! assets/            HTML, CSS and JavaScript as they are; uPlot draws charts
 //! ```
-//! The page is plain HTML, CSS and JavaScript and asks this program for data alone. Charts with axes are uPlot's (1.6.32, 51 KB, MIT): it
-//! draws 10,000 points in a few milliseconds on a canvas, where Observable Plot and Vega-Lite bring ten times as many bytes.
+//! The page is plain HTML, CSS and JavaScript and asks this program for data alone. Charts with
+//! axes are uPlot's (1.6.32, 51 KB, MIT): it draws 10,000 points in a few milliseconds on a canvas,
+//! where Observable Plot and Vega-Lite bring ten times as many bytes.
 //!
 //! Laws: tests/view.rs (the server), tests/browser.rs (the page).
 
@@ -46,7 +48,12 @@ impl View {
     /// # Errors
     /// As [`Folder::read`].
     pub fn new(folder: &Path, scene: Option<OsString>) -> Result<Self> {
-        Ok(View { folder: Folder::read(folder)?, scene, redraw: OnceLock::new(), story: Mutex::new(()) })
+        Ok(View {
+            folder: Folder::read(folder)?,
+            scene,
+            redraw: OnceLock::new(),
+            story: Mutex::new(()),
+        })
     }
 
     /// The folder.
@@ -56,8 +63,12 @@ impl View {
 
     fn redraw(&self) -> std::result::Result<&Redraw, Response> {
         let run = self.folder.run.as_ref().ok_or(Response::refusal(404))?;
-        let drawn = self.redraw.get_or_init(|| Redraw::new(run, self.scene.as_deref()).map_err(|error| error.to_string()));
-        drawn.as_ref().map_err(|sentence| Response::sentence(503, sentence))
+        let drawn = self.redraw.get_or_init(|| {
+            Redraw::new(run, self.scene.as_deref()).map_err(|error| error.to_string())
+        });
+        drawn
+            .as_ref()
+            .map_err(|sentence| Response::sentence(503, sentence))
     }
 
     fn computed(&self, name: &str, request: &Request) -> std::result::Result<Response, Response> {
@@ -65,7 +76,13 @@ impl View {
             return Err(Response::refusal(404));
         }
         let redraw = self.redraw()?;
-        let pixel = || request.number("x").zip(request.number("y")).map(|(x, y)| [x, y]).ok_or(Response::refusal(400));
+        let pixel = || {
+            request
+                .number("x")
+                .zip(request.number("y"))
+                .map(|(x, y)| [x, y])
+                .ok_or(Response::refusal(400))
+        };
         let json = |value: &serde_json::Value| Response::json(value.to_string());
         match name {
             "drawn" => Ok(json(&serde_json::json!({"maps": redraw::MAPS}))),
@@ -73,7 +90,9 @@ impl View {
             _ => {
                 let pixel = pixel()?;
                 let _one = self.story.lock().unwrap_or_else(PoisonError::into_inner);
-                let story = redraw.story(pixel).map_err(|error| Response::sentence(404, &error.to_string()))?;
+                let story = redraw
+                    .story(pixel)
+                    .map_err(|error| Response::sentence(404, &error.to_string()))?;
                 Ok(json(&serde_json::json!(story)))
             }
         }
@@ -81,22 +100,43 @@ impl View {
 
     fn map(&self, name: &str) -> std::result::Result<Response, Response> {
         let values = self.redraw()?.map(name).ok_or(Response::refusal(404))?;
-        Ok(Response { status: 200, kind: "application/octet-stream", body: Cow::Owned(values) })
+        Ok(Response {
+            status: 200,
+            kind: "application/octet-stream",
+            body: Cow::Owned(values),
+        })
     }
 }
 
 impl Answers for View {
     fn answer(&self, path: &[&str], request: &Request) -> Response {
-        let either = |answer: std::result::Result<Response, Response>| answer.unwrap_or_else(|refusal| refusal);
+        let either = |answer: std::result::Result<Response, Response>| {
+            answer.unwrap_or_else(|refusal| refusal)
+        };
         match path {
-            [""] => Response { status: 200, kind: "text/html; charset=utf-8", body: Cow::Owned(assets::page().into_bytes()) },
+            [""] => Response {
+                status: 200,
+                kind: "text/html; charset=utf-8",
+                body: Cow::Owned(assets::page().into_bytes()),
+            },
             ["folder"] => Response::json(self.folder.told.to_string()),
-            ["assets", name] => assets::ALL.iter().find(|asset| asset.name == *name).map_or_else(
-                || Response::refusal(404),
-                |asset| Response { status: 200, kind: asset.kind, body: Cow::Borrowed(asset.text.as_bytes()) },
-            ),
+            ["assets", name] => assets::ALL
+                .iter()
+                .find(|asset| asset.name == *name)
+                .map_or_else(
+                    || Response::refusal(404),
+                    |asset| Response {
+                        status: 200,
+                        kind: asset.kind,
+                        body: Cow::Borrowed(asset.text.as_bytes()),
+                    },
+                ),
             ["file", name] => match self.folder.file(name) {
-                Ok(bytes) => Response { status: 200, kind: kind_of(name), body: Cow::Owned(bytes) },
+                Ok(bytes) => Response {
+                    status: 200,
+                    kind: kind_of(name),
+                    body: Cow::Owned(bytes),
+                },
                 Err((404, _)) => Response::refusal(404),
                 Err((status, sentence)) => Response::sentence(status, &sentence),
             },

@@ -1,4 +1,5 @@
-//! Redraw: the frame of a folder drawn once more, for what its files do not say: exact values, and counts a pixel.
+//! Redraw: the frame of a folder drawn once more, for what its files do not say: exact values, and
+//! counts a pixel.
 //!
 //! ```text
 //! report.json ─► scene, machine ─► same camera, splats? ─► draw ─► same contributions, errors? ─┬─► pixel: words, linear light, errors, bound, flips
@@ -54,10 +55,24 @@ impl Redraw {
     pub fn new(run: &Run, scene: Option<&OsStr>) -> Result<Self> {
         let [width, height] = run.preview_of.unwrap_or(run.size);
         let name = scene.unwrap_or(OsStr::new(&run.scene));
-        let scene = Scene::load_frame(name, &Overrides { size: Some((width, height)) }, run.frame)?;
-        let scene = if run.preview_of.is_some() { preview::scene(&scene)? } else { scene };
+        let scene = Scene::load_frame(
+            name,
+            &Overrides {
+                size: Some((width, height)),
+            },
+            run.frame,
+        )?;
+        let scene = if run.preview_of.is_some() {
+            preview::scene(&scene)?
+        } else {
+            scene
+        };
         let name = scene.name.clone();
-        let other = |what: &str| Error::input(format!("{name}: is not the scene of report.json any more: it has {what}"));
+        let other = |what: &str| {
+            Error::input(format!(
+                "{name}: is not the scene of report.json any more: it has {what}"
+            ))
+        };
         if [scene.image.width, scene.image.height] != run.size {
             return Err(other("another size"));
         }
@@ -68,28 +83,54 @@ impl Redraw {
         // Of a tree what its budget left on this machine.
         let scene = bounded(scene, &fixed::elaborate(&run.machine)?)?;
         if scene.splats.len() as u64 != splats {
-            return Err(other(&format!("{} splats, and {splats} were drawn", scene.splats.len())));
+            return Err(other(&format!(
+                "{} splats, and {splats} were drawn",
+                scene.splats.len()
+            )));
         }
         memory::check_frame(&scene)?;
         let evaluation = Evaluation::new(&scene, &run.machine)?;
         let mut census = Census::default();
-        let drawing = pipeline::draw_with_decisions(&evaluation.machine, &evaluation.quantised.frame, &mut census);
+        let drawing = pipeline::draw_with_decisions(
+            &evaluation.machine,
+            &evaluation.quantised.frame,
+            &mut census,
+        );
         if drawing.outcomes.total() != contributions {
-            return Err(other(&format!("{} contributions, and {contributions} were made", drawing.outcomes.total())));
+            return Err(other(&format!(
+                "{} contributions, and {contributions} were made",
+                drawing.outcomes.total()
+            )));
         }
         let (golden, lockstep) = (evaluation.golden().picture, evaluation.lockstep());
         let ideal = golden::ideal(&scene).picture;
         let fixed = evaluation.picture(&drawing);
-        for (pictures, told) in [(&fixed, &golden), (&golden, &ideal)].into_iter().zip(&run.accuracy) {
+        for (pictures, told) in [(&fixed, &golden), (&golden, &ideal)]
+            .into_iter()
+            .zip(&run.accuracy)
+        {
             let now = distance(pictures.0, pictures.1);
-            if !is_near(now.psnr_db, told["psnr_db"].as_f64()) || !is_near(Some(now.max_error), told["max_error"].as_f64()) {
-                return Err(other("another picture: colours, lights, or the version that drew it differ"));
+            if !is_near(now.psnr_db, told["psnr_db"].as_f64())
+                || !is_near(Some(now.max_error), told["max_error"].as_f64())
+            {
+                return Err(other(
+                    "another picture: colours, lights, or the version that drew it differ",
+                ));
             }
         }
         let counts = census.counts(scene.image.width, scene.image.height);
         let frame = run.machine.resolve.frame.format;
         let words = drawing.frame;
-        Ok(Redraw { machine: run.machine.clone(), frame, words, golden, ideal, lockstep, counts, scene })
+        Ok(Redraw {
+            machine: run.machine.clone(),
+            frame,
+            words,
+            golden,
+            ideal,
+            lockstep,
+            counts,
+            scene,
+        })
     }
 
     fn index(&self, [x, y]: [usize; 2]) -> Option<usize> {
@@ -105,7 +146,10 @@ impl Redraw {
         let golden = self.golden.rgba[index];
         let error: [f64; 4] = std::array::from_fn(|channel| fixed[channel] - golden[channel]);
         let flipped = self.lockstep.flipped[index];
-        let flips: Vec<&str> = (0..KINDS.len()).filter(|kind| flipped >> kind & 1 == 1).map(|kind| KINDS[kind]).collect();
+        let flips: Vec<&str> = (0..KINDS.len())
+            .filter(|kind| flipped >> kind & 1 == 1)
+            .map(|kind| KINDS[kind])
+            .collect();
         let [contributions, layers, merges] = self.counts[index];
         let bound = self.lockstep.bound[index];
         Some(json!({
@@ -121,7 +165,8 @@ impl Redraw {
         self.counts[index][0] > 0 || self.golden.covered[index]
     }
 
-    /// A map, pixel by pixel as little-endian float32, row 0 first; none where there is no such map.
+    /// A map, pixel by pixel as little-endian float32, row 0 first; none where there is no such
+    /// map.
     pub fn map(&self, name: &str) -> Option<Vec<u8>> {
         let pixels = 0..self.counts.len();
         let value = |index: usize| -> Option<f32> {
@@ -147,7 +192,8 @@ impl Redraw {
     }
 }
 
-/// Whether two figures are one but for the last places, which computers may have otherwise; or both none, of equal pictures.
+/// Whether two figures are one but for the last places, which computers may have otherwise; or both
+/// none, of equal pictures.
 fn is_near(now: Option<f64>, told: Option<f64>) -> bool {
     match (now, told) {
         (Some(now), Some(told)) => (now - told).abs() <= 1e-7 * told.abs().max(1e-6),
@@ -174,7 +220,9 @@ impl Census {
         if self.open.as_ref().is_none_or(|(open, _)| *open != tile) {
             self.close();
         }
-        let (_, counts) = self.open.get_or_insert_with(|| (tile, vec![[0; 3]; TILE_AREA]));
+        let (_, counts) = self
+            .open
+            .get_or_insert_with(|| (tile, vec![[0; 3]; TILE_AREA]));
         &mut counts[(y % side * side + x % side) as usize]
     }
 
@@ -185,7 +233,10 @@ impl Census {
     }
 
     fn add(&mut self, tile: [u32; 2], counts: Counts) {
-        let all = self.tiles.entry(tile).or_insert_with(|| vec![[0; 3]; TILE_AREA]);
+        let all = self
+            .tiles
+            .entry(tile)
+            .or_insert_with(|| vec![[0; 3]; TILE_AREA]);
         for (all, more) in all.iter_mut().zip(counts) {
             (0..3).for_each(|count| all[count] += more[count]);
         }
@@ -218,14 +269,19 @@ impl Observer<'static> for Census {
 
     fn take_over(&mut self, seen: Box<dyn Any + Send>) {
         if let Ok(fork) = seen.downcast::<Census>() {
-            fork.tiles.into_iter().for_each(|(tile, counts)| self.add(tile, counts));
+            fork.tiles
+                .into_iter()
+                .for_each(|(tile, counts)| self.add(tile, counts));
         }
     }
 
     fn contribution(&mut self, x: u32, y: u32, _: &Contribution, decision: Decision) {
         let counts = self.at(x, y);
         counts[0] += 1;
-        counts[2] += u32::from(matches!(decision, Decision::Merged(..) | Decision::Closed(..)));
+        counts[2] += u32::from(matches!(
+            decision,
+            Decision::Merged(..) | Decision::Closed(..)
+        ));
     }
 
     fn resolved(&mut self, x: u32, y: u32, layers: &[Layer], _: [i64; 4]) {

@@ -1,13 +1,16 @@
-//! Server: answers requests on 127.0.0.1, of whoever knows the token in the address, for as long as it is wanted.
+//! Server: answers requests on 127.0.0.1, of whoever knows the token in the address, for as long as
+//! it is wanted.
 //!
 //! ```text
 //! connection ─┬─► more than 32 at once: 503
 //!             └─► thread ─► head ─► Host is ours? ─► token is ours? ─► Answers ─► response, connection closed
 //! ```
-//! A page of another origin cannot read answers, for it has no token, and cannot reach them under another name (DNS rebinding), for
-//! `Host` must be this address. What is behind the token decides what there is to be had: no path of a request is ever a path of a file.
+//! A page of another origin cannot read answers, for it has no token, and cannot reach them under
+//! another name (DNS rebinding), for `Host` must be this address. What is behind the token decides
+//! what there is to be had: no path of a request is ever a path of a file.
 //!
-//! Laws (tests/view.rs): `who_has_no_token_gets_nothing`, `no_path_leads_out_of_the_folder`, `hostile_requests_end_in_an_error_and_the_rest_goes_on`.
+//! Laws (tests/view.rs): `who_has_no_token_gets_nothing`, `no_path_leads_out_of_the_folder`,
+//! `hostile_requests_end_in_an_error_and_the_rest_goes_on`.
 
 use super::http::{self, Request, Response};
 use crate::error::{Error, Result};
@@ -47,11 +50,19 @@ impl Server {
     /// [`Error::Job`] where there is none, or no randomness for the token.
     pub fn open() -> Result<Self> {
         let failed = |what: &str| Error::job(format!("127.0.0.1: cannot be listened on: {what}"));
-        let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).map_err(|e| failed(&e.to_string()))?;
-        let port = listener.local_addr().map_err(|e| failed(&e.to_string()))?.port();
+        let listener =
+            TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).map_err(|e| failed(&e.to_string()))?;
+        let port = listener
+            .local_addr()
+            .map_err(|e| failed(&e.to_string()))?
+            .port();
         let mut random = [0; 16];
         getrandom::fill(&mut random).map_err(|e| failed(&format!("no random token: {e}")))?;
-        Ok(Server { listener, port, token: crate::output::text::hex(&random) })
+        Ok(Server {
+            listener,
+            port,
+            token: crate::output::text::hex(&random),
+        })
     }
 
     /// What a browser is given to open.
@@ -62,7 +73,10 @@ impl Server {
     /// Answers until the time is over; without one, until the process ends.
     pub fn serve(self, answers: impl Answers, time: Option<Duration>) {
         let thread = thread::spawn(move || {
-            let (shared, open) = (Arc::new((self.port, self.token, answers)), Arc::new(AtomicUsize::new(0)));
+            let (shared, open) = (
+                Arc::new((self.port, self.token, answers)),
+                Arc::new(AtomicUsize::new(0)),
+            );
             for stream in self.listener.incoming() {
                 let Ok(stream) = stream else {
                     // Out of handles, say: what is open will close.
@@ -108,7 +122,10 @@ impl Drop for Place {
 
 /// Reads a request and answers it. Whatever goes wrong with the connection is its other end's.
 fn converse(mut stream: TcpStream, port: u16, token: &str, answers: &impl Answers) {
-    let request = http::read_head(&mut stream, |stream, left| _ = stream.set_read_timeout(Some(left))).and_then(|head| http::parse(&head));
+    let request = http::read_head(&mut stream, |stream, left| {
+        _ = stream.set_read_timeout(Some(left))
+    })
+    .and_then(|head| http::parse(&head));
     let request = match request {
         Ok(request) => request,
         Err(status) => return refuse(stream, status),
@@ -117,7 +134,10 @@ fn converse(mut stream: TcpStream, port: u16, token: &str, answers: &impl Answer
         return refuse(stream, 421);
     }
     let path: Vec<&str> = request.path.iter().map(String::as_str).collect();
-    let Some((_, rest)) = path.split_first().filter(|(first, _)| is_equal(first.as_bytes(), token.as_bytes())) else {
+    let Some((_, rest)) = path
+        .split_first()
+        .filter(|(first, _)| is_equal(first.as_bytes(), token.as_bytes()))
+    else {
         return refuse(stream, 403);
     };
     let response = answers.answer(rest, &request);
@@ -127,10 +147,14 @@ fn converse(mut stream: TcpStream, port: u16, token: &str, answers: &impl Answer
     }
 }
 
-/// Sends a status and closes. A little of what still comes is read: else the system would tell the sender of lost bytes, not of the status.
+/// Sends a status and closes. A little of what still comes is read: else the system would tell the
+/// sender of lost bytes, not of the status.
 fn refuse(mut stream: TcpStream, status: u16) {
     let _ = stream.set_write_timeout(Some(DRAIN_TIME));
-    if Response::refusal(status).write(&mut stream, false).is_err() || stream.shutdown(Shutdown::Write).is_err() || status == 503 {
+    if Response::refusal(status).write(&mut stream, false).is_err()
+        || stream.shutdown(Shutdown::Write).is_err()
+        || status == 503
+    {
         return;
     }
     let end = Instant::now() + DRAIN_TIME;
@@ -150,5 +174,9 @@ fn refuse(mut stream: TcpStream, status: u16) {
 
 /// Whether two texts are equal, in a time that does not depend on where they differ.
 fn is_equal(a: &[u8], b: &[u8]) -> bool {
-    a.len() == b.len() && a.iter().zip(b).fold(0, |different, (a, b)| different | a ^ b) == 0
+    a.len() == b.len()
+        && a.iter()
+            .zip(b)
+            .fold(0, |different, (a, b)| different | a ^ b)
+            == 0
 }

@@ -1,6 +1,8 @@
-//! How long a frame takes, one thread: setup and fill of the machine, both together, and the f64 renderer `golden` beside them.
+//! How long a frame takes, one thread: setup and fill of the machine, both together, and the f64
+//! renderer `golden` beside them.
 //!
-//! `cargo bench`. The dragon scan joins in where the shared data is (`SPLATSIM_DATA`, else `../shared/data`).
+//! `cargo bench`. The dragon scan joins in where the shared data is (`SPLATSIM_DATA`, else
+//! `../shared/data`).
 
 use std::sync::LazyLock;
 
@@ -34,9 +36,18 @@ impl std::fmt::Display for Case {
 static CASES: LazyLock<Vec<Case>> = LazyLock::new(|| {
     let root = std::env::var("SPLATSIM_DATA").unwrap_or_else(|_| "../shared/data".into());
     let dragon = format!("{root}/scenes/dragon.json");
-    let scenes = [("glass-spheres", "glass-spheres"), ("dragon", dragon.as_str())];
-    let there = scenes.into_iter().filter_map(|(name, path)| Some((name, Scene::load(path, &Overrides::default()).ok()?)));
-    there.flat_map(|(name, scene)| ["reference", "lean"].map(|machine| case(name, scene.clone(), machine))).collect()
+    let scenes = [
+        ("glass-spheres", "glass-spheres"),
+        ("dragon", dragon.as_str()),
+    ];
+    let there = scenes
+        .into_iter()
+        .filter_map(|(name, path)| Some((name, Scene::load(path, &Overrides::default()).ok()?)));
+    there
+        .flat_map(|(name, scene)| {
+            ["reference", "lean"].map(|machine| case(name, scene.clone(), machine))
+        })
+        .collect()
 });
 
 fn case(name: &'static str, scene: Scene, machine: &str) -> Case {
@@ -44,8 +55,17 @@ fn case(name: &'static str, scene: Scene, machine: &str) -> Case {
     let quantised = quantise(&scene, &machine).unwrap();
     let machine = fixed::elaborate(&machine).unwrap();
     let setup = pipeline::set_up_unobserved(&machine, &quantised.frame);
-    let fragments = pipeline::fill_unobserved(&machine, &quantised.frame, &setup).outcomes.total();
-    Case { name, scene, machine, quantised, setup, fragments }
+    let fragments = pipeline::fill_unobserved(&machine, &quantised.frame, &setup)
+        .outcomes
+        .total();
+    Case {
+        name,
+        scene,
+        machine,
+        quantised,
+        setup,
+        fragments,
+    }
 }
 
 fn cases() -> impl Iterator<Item = &'static Case> {
@@ -63,7 +83,8 @@ fn setup(bencher: Bencher, case: &Case) {
 #[divan::bench(args = cases())]
 fn fill(bencher: Bencher, case: &Case) {
     let fragments = bencher.counter(ItemsCount::new(case.fragments));
-    fragments.bench(|| pipeline::fill_unobserved(&case.machine, &case.quantised.frame, &case.setup));
+    fragments
+        .bench(|| pipeline::fill_unobserved(&case.machine, &case.quantised.frame, &case.setup));
 }
 
 #[divan::bench(args = cases())]
@@ -88,7 +109,9 @@ fn whole_frame_golden(bencher: Bencher, case: &Case) {
 }
 
 fn main() {
-    let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build_global();
+    let one_thread = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build_global();
     one_thread.expect("nobody has used the threads yet");
     divan::Divan::from_args().sample_count(10).main();
 }

@@ -1,4 +1,5 @@
-//! Book: reads README and the pages in `docs/book` just well enough: fenced blocks, marks, tables, links and headings.
+//! Book: reads README and the pages in `docs/book` just well enough: fenced blocks, marks, tables,
+//! links and headings.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
@@ -15,7 +16,10 @@ pub fn root() -> &'static Path {
 }
 
 pub fn page(path: &str) -> Page {
-    Page { path: path.into(), text: std::fs::read_to_string(root().join(path)).unwrap() }
+    Page {
+        path: path.into(),
+        text: std::fs::read_to_string(root().join(path)).unwrap(),
+    }
 }
 
 /// README first, then what lies beside it, then the book.
@@ -24,7 +28,11 @@ pub fn pages() -> Vec<Page> {
     walk(Path::new("docs/book"), "md", &mut paths);
     paths.sort();
     let beside = ["README.md", "CONTRIBUTING.md", "CHANGELOG.md"].map(PathBuf::from);
-    beside.into_iter().chain(paths).map(|path| page(path.to_str().unwrap())).collect()
+    beside
+        .into_iter()
+        .chain(paths)
+        .map(|path| page(path.to_str().unwrap()))
+        .collect()
 }
 
 /// The files with an extension, in a folder and those in it, but not what a build left.
@@ -43,8 +51,16 @@ pub fn walk(folder: &Path, extension: &str, paths: &mut Vec<PathBuf>) {
 
 /// The one page of all that has a mark or a heading.
 pub fn page_with(mark: &str) -> Page {
-    let mut found: Vec<Page> = pages().into_iter().filter(|page| page.text.contains(mark)).collect();
-    assert_eq!(found.len(), 1, "{mark} stands in {:?}", found.iter().map(|page| &page.path).collect::<Vec<_>>());
+    let mut found: Vec<Page> = pages()
+        .into_iter()
+        .filter(|page| page.text.contains(mark))
+        .collect();
+    assert_eq!(
+        found.len(),
+        1,
+        "{mark} stands in {:?}",
+        found.iter().map(|page| &page.path).collect::<Vec<_>>()
+    );
     found.remove(0)
 }
 
@@ -75,15 +91,26 @@ pub fn blocks(text: &str, language: &str) -> Vec<Vec<String>> {
 
 /// What follows a heading or a mark, up to the next heading.
 pub fn after<'t>(text: &'t str, mark: &str) -> &'t str {
-    let start = text.find(mark).unwrap_or_else(|| panic!("{mark} is absent")) + mark.len();
+    let start = text
+        .find(mark)
+        .unwrap_or_else(|| panic!("{mark} is absent"))
+        + mark.len();
     let length = text[start..].find("\n#").unwrap_or(text.len() - start);
     &text[start..start + length]
 }
 
 /// The cells of the rows of the first table after a mark, without its head.
 pub fn table(text: &str, mark: &str) -> Vec<Vec<String>> {
-    let lines = after(text, mark).lines().skip_while(|line| !line.starts_with('|')).take_while(|line| line.starts_with('|'));
-    let cells = |line: &str| line.trim_matches('|').split('|').map(|cell| cell.trim().trim_matches('`').to_owned()).collect();
+    let lines = after(text, mark)
+        .lines()
+        .skip_while(|line| !line.starts_with('|'))
+        .take_while(|line| line.starts_with('|'));
+    let cells = |line: &str| {
+        line.trim_matches('|')
+            .split('|')
+            .map(|cell| cell.trim().trim_matches('`').to_owned())
+            .collect()
+    };
     lines.skip(2).map(cells).collect()
 }
 
@@ -98,9 +125,16 @@ pub struct Sample {
 pub fn samples(page: &Page) -> Vec<Sample> {
     let of = |rest: &str| {
         let (arguments, rest) = rest.split_once(" -->\n").expect("a mark ends its line");
-        let lines =
-            blocks(rest, "text").into_iter().next().filter(|_| rest.starts_with("```text\n")).expect("a mark stands above its sample");
-        Sample { path: page.path.clone(), arguments: arguments.to_owned(), lines }
+        let lines = blocks(rest, "text")
+            .into_iter()
+            .next()
+            .filter(|_| rest.starts_with("```text\n"))
+            .expect("a mark stands above its sample");
+        Sample {
+            path: page.path.clone(),
+            arguments: arguments.to_owned(),
+            lines,
+        }
     };
     // What pages say of marks stands in quotes.
     page.text.split("\n<!-- prints: ").skip(1).map(of).collect()
@@ -123,7 +157,11 @@ fn prose(text: &str) -> String {
 
 /// Where a page's links lead, pictures too.
 pub fn links(text: &str) -> Vec<String> {
-    prose(text).split("](").skip(1).map(|rest| rest.split(')').next().unwrap().to_owned()).collect()
+    prose(text)
+        .split("](")
+        .skip(1)
+        .map(|rest| rest.split(')').next().unwrap().to_owned())
+        .collect()
 }
 
 /// What is quoted in backticks.
@@ -131,7 +169,8 @@ pub fn quoted(text: &str) -> Vec<&str> {
     text.split('`').skip(1).step_by(2).collect()
 }
 
-/// The names by which GitHub, and the book as it is built, know a page's headings; not those of two headings, which links cannot tell apart.
+/// The names by which GitHub, and the book as it is built, know a page's headings; not those of two
+/// headings, which links cannot tell apart.
 pub fn anchors(text: &str) -> BTreeSet<String> {
     let mut fence = false;
     let mut times = BTreeMap::new();
@@ -139,24 +178,52 @@ pub fn anchors(text: &str) -> BTreeSet<String> {
         fence ^= line.trim_start().starts_with("```");
         let heading = line.trim_start_matches('#');
         if !fence && heading.len() < line.len() && heading.starts_with(' ') {
-            let kept = heading.trim().to_lowercase().chars().filter(|c| c.is_alphanumeric() || " -_".contains(*c)).collect::<String>();
+            let kept = heading
+                .trim()
+                .to_lowercase()
+                .chars()
+                .filter(|c| c.is_alphanumeric() || " -_".contains(*c))
+                .collect::<String>();
             *times.entry(kept.replace(' ', "-")).or_insert(0) += 1;
         }
     }
-    times.into_iter().filter(|(_, times)| *times == 1).map(|(name, _)| name).collect()
+    times
+        .into_iter()
+        .filter(|(_, times)| *times == 1)
+        .map(|(name, _)| name)
+        .collect()
 }
 
 /// Links that lead nowhere: from which page, and where to.
 pub fn dead_links(pages: &[Page], exists: impl Fn(&Path) -> bool) -> Vec<(PathBuf, String)> {
-    let anchors: BTreeMap<&Path, BTreeSet<String>> = pages.iter().map(|page| (page.path.as_path(), anchors(&page.text))).collect();
+    let anchors: BTreeMap<&Path, BTreeSet<String>> = pages
+        .iter()
+        .map(|page| (page.path.as_path(), anchors(&page.text)))
+        .collect();
     let leads = |page: &Page, link: &str| {
-        let (file, anchor) = link.split_once('#').map_or((link, None), |(file, anchor)| (file, Some(anchor)));
-        let to = if file.is_empty() { page.path.clone() } else { plain(&page.path.parent().unwrap().join(file)) };
-        exists(&to) && anchor.is_none_or(|anchor| anchors.get(to.as_path()).is_some_and(|known| known.contains(anchor)))
+        let (file, anchor) = link
+            .split_once('#')
+            .map_or((link, None), |(file, anchor)| (file, Some(anchor)));
+        let to = if file.is_empty() {
+            page.path.clone()
+        } else {
+            plain(&page.path.parent().unwrap().join(file))
+        };
+        exists(&to)
+            && anchor.is_none_or(|anchor| {
+                anchors
+                    .get(to.as_path())
+                    .is_some_and(|known| known.contains(anchor))
+            })
     };
     let dead = |page: &Page| {
-        let links = links(&page.text).into_iter().filter(|link| !link.starts_with("https://"));
-        links.filter(|link| !leads(page, link)).map(|link| (page.path.clone(), link)).collect::<Vec<_>>()
+        let links = links(&page.text)
+            .into_iter()
+            .filter(|link| !link.starts_with("https://"));
+        links
+            .filter(|link| !leads(page, link))
+            .map(|link| (page.path.clone(), link))
+            .collect::<Vec<_>>()
     };
     pages.iter().flat_map(dead).collect()
 }

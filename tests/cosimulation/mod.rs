@@ -39,7 +39,12 @@ const WINDOWS: &str = "HAS_WINDOWS";
 const RESOLVE: &str = "HAS_RESOLVE";
 
 const fn of_itself(name: &'static str, macros: &'static [&'static str]) -> Unit {
-    Unit { name, stream: name, macros, parameters: &[] }
+    Unit {
+        name,
+        stream: name,
+        macros,
+        parameters: &[],
+    }
 }
 
 /// All units, in the order of the diagram.
@@ -55,29 +60,56 @@ pub const UNITS: [Unit; 7] = [
 
 /// What a frame of ellipsoids has in the place of a unit.
 pub const OF_ELLIPSOIDS: [Unit; 2] = [
-    Unit { stream: "ellipse", ..of_itself("ellipsoid", &[FRAME]) },
-    Unit { stream: "fragment", ..of_itself("sheets", &[FRAME, DRAIN, SHEETS]) },
+    Unit {
+        stream: "ellipse",
+        ..of_itself("ellipsoid", &[FRAME])
+    },
+    Unit {
+        stream: "fragment",
+        ..of_itself("sheets", &[FRAME, DRAIN, SHEETS])
+    },
 ];
 
 /// What a frame has in the place of fragment whose fragments are grouped by intervals or windows.
-pub const OF_WINDOWS: Unit = Unit { stream: "fragment", ..of_itself("windows", &[FRAME, DRAIN, WINDOWS]) };
+pub const OF_WINDOWS: Unit = Unit {
+    stream: "fragment",
+    ..of_itself("windows", &[FRAME, DRAIN, WINDOWS])
+};
 
 /// All of them wired together.
 pub const PIPELINE: Unit = wired("pipeline", &[FRAME, LIGHTING, DRAIN, FRAGMENT, RESOLVE]);
 
 /// The same of a binned machine: lists, and two tile engines behind them, one, or three.
-pub const PIPELINE_OF_TILES: Unit = wired("pipeline_tiles", &[FRAME, LIGHTING, DRAIN, FRAGMENT, RESOLVE]);
-pub const OF_ONE_ENGINE: Unit = Unit { parameters: &[".ENGINES(1)"], ..PIPELINE_OF_TILES };
-pub const OF_THREE_ENGINES: Unit = Unit { parameters: &[".ENGINES(3)"], ..PIPELINE_OF_TILES };
+pub const PIPELINE_OF_TILES: Unit = wired(
+    "pipeline_tiles",
+    &[FRAME, LIGHTING, DRAIN, FRAGMENT, RESOLVE],
+);
+pub const OF_ONE_ENGINE: Unit = Unit {
+    parameters: &[".ENGINES(1)"],
+    ..PIPELINE_OF_TILES
+};
+pub const OF_THREE_ENGINES: Unit = Unit {
+    parameters: &[".ENGINES(3)"],
+    ..PIPELINE_OF_TILES
+};
 
 /// The same for ellipsoids, whose fragments are grouped by depth, or by sheets.
 pub const PIPELINES_OF_ELLIPSOIDS: [Unit; 2] = [
-    wired("pipeline_ellipsoids", &[FRAME, LIGHTING, DRAIN, FRAGMENT, RESOLVE]),
-    wired("pipeline_sheets", &[FRAME, LIGHTING, DRAIN, SHEETS, RESOLVE]),
+    wired(
+        "pipeline_ellipsoids",
+        &[FRAME, LIGHTING, DRAIN, FRAGMENT, RESOLVE],
+    ),
+    wired(
+        "pipeline_sheets",
+        &[FRAME, LIGHTING, DRAIN, SHEETS, RESOLVE],
+    ),
 ];
 
 const fn wired(name: &'static str, macros: &'static [&'static str]) -> Unit {
-    Unit { stream: "pipeline", ..of_itself(name, macros) }
+    Unit {
+        stream: "pipeline",
+        ..of_itself(name, macros)
+    }
 }
 
 /// Where the twins lie.
@@ -87,21 +119,31 @@ pub fn sources() -> PathBuf {
 
 /// Whether these programs are here; where they are not, says what is skipped, or fails in CI.
 pub fn have(programs: &[&str], what: &str) -> bool {
-    let is_missing =
-        |program: &&&str| Command::new(program).arg("--version").output().is_err() && Command::new(program).arg("-V").output().is_err();
+    let is_missing = |program: &&&str| {
+        Command::new(program).arg("--version").output().is_err()
+            && Command::new(program).arg("-V").output().is_err()
+    };
     let missing: Vec<&str> = programs.iter().filter(is_missing).copied().collect();
     if missing.is_empty() {
         return true;
     }
-    assert!(std::env::var_os("CI").is_none(), "CI needs {}", missing.join(", "));
+    assert!(
+        std::env::var_os("CI").is_none(),
+        "CI needs {}",
+        missing.join(", ")
+    );
     println!("skipped: {what}, for want of {}", missing.join(", "));
     false
 }
 
 /// Runs a command, which must succeed.
 pub fn run(command: &mut Command) -> Output {
-    let output = command.output().unwrap_or_else(|e| panic!("{command:?}: {e}"));
-    let told = [&output.stdout[..], &output.stderr[..]].map(String::from_utf8_lossy).concat();
+    let output = command
+        .output()
+        .unwrap_or_else(|e| panic!("{command:?}: {e}"));
+    let told = [&output.stdout[..], &output.stderr[..]]
+        .map(String::from_utf8_lossy)
+        .concat();
     assert!(output.status.success(), "{command:?} failed:\n{told}");
     output
 }
@@ -131,40 +173,73 @@ pub struct Given {
 }
 
 impl Given {
-    /// What it gave in each of so many frames that came one behind the other, in which as much was given; none if there is no such number.
+    /// What it gave in each of so many frames that came one behind the other, in which as much was
+    /// given; none if there is no such number.
     pub fn frames(self, frames: usize, folder: &Path) -> Option<Vec<Given>> {
         let files = [&self.out, &self.requests, &self.held];
         let texts = files.map(|file| std::fs::read_to_string(file).unwrap_or_default());
         let of = |frame: usize| {
             let part = |text: &String, file: &Path| {
                 let lines: Vec<&str> = text.lines().collect();
-                let each = lines.len().is_multiple_of(frames).then_some(lines.len() / frames)?;
+                let each = lines
+                    .len()
+                    .is_multiple_of(frames)
+                    .then_some(lines.len() / frames)?;
                 let path = folder.join(format!("{frame}-{}", file.file_name().unwrap().display()));
-                std::fs::write(&path, lines[frame * each..][..each].iter().map(|line| format!("{line}\n")).collect::<String>()).unwrap();
+                std::fs::write(
+                    &path,
+                    lines[frame * each..][..each]
+                        .iter()
+                        .map(|line| format!("{line}\n"))
+                        .collect::<String>(),
+                )
+                .unwrap();
                 Some(path)
             };
             let [out, requests, held] = [0, 1, 2].map(|i| part(&texts[i], files[i]));
-            Some(Given { last: self.last.clone(), out: out?, times: self.times.clone(), requests: requests?, held: held? })
+            Some(Given {
+                last: self.last.clone(),
+                out: out?,
+                times: self.times.clone(),
+                requests: requests?,
+                held: held?,
+            })
         };
         (0..frames).map(of).collect()
     }
 }
 
-/// The program that these files and those of `sources` make. It is kept by the digest of them all, so that a unit is compiled once for a
-/// machine, whatever tests ask for it and in whatever run; of other sources, which mutants have, it lies in `folder` and is kept no longer.
-fn compiled(simulator: Simulator, sources: &Path, defines: &[String], files: &[PathBuf], folder: &Path) -> PathBuf {
+/// The program that these files and those of `sources` make. It is kept by the digest of them all,
+/// so that a unit is compiled once for a machine, whatever tests ask for it and in whatever run; of
+/// other sources, which mutants have, it lies in `folder` and is kept no longer.
+fn compiled(
+    simulator: Simulator,
+    sources: &Path,
+    defines: &[String],
+    files: &[PathBuf],
+    folder: &Path,
+) -> PathBuf {
     if sources != self::sources() {
         return compile(simulator, sources, defines, files, folder);
     }
     type Programs = Mutex<HashMap<PathBuf, Arc<OnceLock<()>>>>;
     static PROGRAMS: LazyLock<Programs> = LazyLock::new(Programs::default);
     let program = shelf().join(digest(simulator, sources, defines, files));
-    let once = PROGRAMS.lock().unwrap().entry(program.clone()).or_default().clone();
+    let once = PROGRAMS
+        .lock()
+        .unwrap()
+        .entry(program.clone())
+        .or_default()
+        .clone();
     once.get_or_init(|| {
         if !program.exists() {
             // Another process may do the same: each puts a whole program in its place.
             let folder = tempfile::tempdir_in(shelf()).unwrap();
-            std::fs::rename(compile(simulator, sources, defines, files, folder.path()), &program).unwrap();
+            std::fs::rename(
+                compile(simulator, sources, defines, files, folder.path()),
+                &program,
+            )
+            .unwrap();
         }
     });
     program
@@ -177,10 +252,16 @@ fn shelf() -> PathBuf {
     shelf
 }
 
-/// A name for all that a program is made of: the simulator, the twins and the bench, the machine's package, what is defined.
+/// A name for all that a program is made of: the simulator, the twins and the bench, the machine's
+/// package, what is defined.
 fn digest(simulator: Simulator, sources: &Path, defines: &[String], files: &[PathBuf]) -> String {
-    static VERSIONS: LazyLock<[Vec<u8>; 2]> = LazyLock::new(|| [["iverilog", "-V"], ["verilator", "--version"]].map(version));
-    let mut all: Vec<PathBuf> = [sources, &sources.join("bench")].into_iter().flat_map(files_in).chain(files.iter().cloned()).collect();
+    static VERSIONS: LazyLock<[Vec<u8>; 2]> =
+        LazyLock::new(|| [["iverilog", "-V"], ["verilator", "--version"]].map(version));
+    let mut all: Vec<PathBuf> = [sources, &sources.join("bench")]
+        .into_iter()
+        .flat_map(files_in)
+        .chain(files.iter().cloned())
+        .collect();
     // By name: a trace's folder has another one each time.
     all.sort_by_key(|file| file.file_name().map(OsStr::to_owned));
     all.dedup();
@@ -191,21 +272,34 @@ fn digest(simulator: Simulator, sources: &Path, defines: &[String], files: &[Pat
     digest.update(defines.join("\n"));
     for file in all {
         let text = std::fs::read(&file).unwrap();
-        digest.update(format!("\n{} {}\n", file.file_name().unwrap().display(), text.len()));
+        digest.update(format!(
+            "\n{} {}\n",
+            file.file_name().unwrap().display(),
+            text.len()
+        ));
         digest.update(text);
     }
     format!("{simulator:?}-{:x}", digest.finalize())
 }
 
 fn version([program, option]: [&str; 2]) -> Vec<u8> {
-    Command::new(program).arg(option).output().map(|output| output.stdout).unwrap_or_default()
+    Command::new(program)
+        .arg(option)
+        .output()
+        .map(|output| output.stdout)
+        .unwrap_or_default()
 }
 
 fn files_in(folder: &Path) -> Vec<PathBuf> {
-    std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).filter(|path| path.is_file()).collect()
+    std::fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.is_file())
+        .collect()
 }
 
-/// What Verilator is told of every unit. What it makes is compiled as one file: each of many would read the same headers anew.
+/// What Verilator is told of every unit. What it makes is compiled as one file: each of many would
+/// read the same headers anew.
 const VERILATOR: [&str; 13] = [
     "--binary",
     "--timing",
@@ -222,15 +316,24 @@ const VERILATOR: [&str; 13] = [
     "VM_PARALLEL_BUILDS=0",
 ];
 
-/// And where clang is here, which takes half as long as g++ for what Verilator makes, and makes programs that take as long.
+/// And where clang is here, which takes half as long as g++ for what Verilator makes, and makes
+/// programs that take as long.
 fn compiler() -> &'static [&'static str] {
-    const CLANG: [&str; 6] =
-        ["-MAKEFLAGS", "CXX=clang++", "-MAKEFLAGS", "LINK=clang++", "-MAKEFLAGS", "CFG_CXXFLAGS_COROUTINES=-std=gnu++20"];
-    static IS_HERE: LazyLock<bool> = LazyLock::new(|| Command::new("clang++").arg("--version").output().is_ok());
+    const CLANG: [&str; 6] = [
+        "-MAKEFLAGS",
+        "CXX=clang++",
+        "-MAKEFLAGS",
+        "LINK=clang++",
+        "-MAKEFLAGS",
+        "CFG_CXXFLAGS_COROUTINES=-std=gnu++20",
+    ];
+    static IS_HERE: LazyLock<bool> =
+        LazyLock::new(|| Command::new("clang++").arg("--version").output().is_ok());
     if *IS_HERE { &CLANG } else { &[] }
 }
 
-/// Verilator; with ccache, where that is here: its own library is most of what there is to compile for a unit, and the same for each.
+/// Verilator; with ccache, where that is here: its own library is most of what there is to compile
+/// for a unit, and the same for each.
 pub fn verilator() -> Command {
     let mut verilator = Command::new("verilator");
     if Command::new("ccache").arg("--version").output().is_ok() {
@@ -239,7 +342,13 @@ pub fn verilator() -> Command {
     verilator
 }
 
-fn compile(simulator: Simulator, sources: &Path, defines: &[String], files: &[PathBuf], folder: &Path) -> PathBuf {
+fn compile(
+    simulator: Simulator,
+    sources: &Path,
+    defines: &[String],
+    files: &[PathBuf],
+    folder: &Path,
+) -> PathBuf {
     let program = folder.join("device");
     match simulator {
         Simulator::Icarus => {
@@ -254,20 +363,42 @@ fn compile(simulator: Simulator, sources: &Path, defines: &[String], files: &[Pa
             program
         }
         Simulator::Verilator => {
-            run(verilator().args(VERILATOR).args(compiler()).arg("--Mdir").arg(&program).args(defines).arg("-y").arg(sources).args(files));
+            run(verilator()
+                .args(VERILATOR)
+                .args(compiler())
+                .arg("--Mdir")
+                .arg(&program)
+                .args(defines)
+                .arg("-y")
+                .arg(sources)
+                .args(files));
             program.join("Vbench")
         }
     }
 }
 
 impl Device {
-    /// Compiles a unit, its files taken from `sources`, with the package of a trace's folder, for a picture of so many pixels a side.
-    pub fn new(simulator: Simulator, sources: &Path, trace: &Path, unit: Unit, side: u32) -> Device {
+    /// Compiles a unit, its files taken from `sources`, with the package of a trace's folder, for a
+    /// picture of so many pixels a side.
+    pub fn new(
+        simulator: Simulator,
+        sources: &Path,
+        trace: &Path,
+        unit: Unit,
+        side: u32,
+    ) -> Device {
         Device::with(simulator, sources, trace, unit, side, None)
     }
 
     /// The same; where it looks for its tables, below the trace's folder, if that is said.
-    pub fn with(simulator: Simulator, sources: &Path, trace: &Path, unit: Unit, side: u32, roms: Option<&str>) -> Device {
+    pub fn with(
+        simulator: Simulator,
+        sources: &Path,
+        trace: &Path,
+        unit: Unit,
+        side: u32,
+        roms: Option<&str>,
+    ) -> Device {
         let kept = tempfile::tempdir().unwrap();
         let bench = match unit.name {
             "fragment" | "windows" => "bench_fragment",
@@ -275,10 +406,17 @@ impl Device {
             name => name,
         };
         let upper = unit.stream.to_uppercase();
-        let mut defines =
-            vec![format!("-DDUT={bench}"), format!("-DIN_W=machine_pkg::{upper}_IN_W"), format!("-DOUT_W=machine_pkg::{upper}_OUT_W")];
+        let mut defines = vec![
+            format!("-DDUT={bench}"),
+            format!("-DIN_W=machine_pkg::{upper}_IN_W"),
+            format!("-DOUT_W=machine_pkg::{upper}_OUT_W"),
+        ];
         defines.extend(unit.macros.iter().map(|name| format!("-D{name}")));
-        let mut parameters: Vec<String> = unit.parameters.iter().map(|&parameter| parameter.into()).collect();
+        let mut parameters: Vec<String> = unit
+            .parameters
+            .iter()
+            .map(|&parameter| parameter.into())
+            .collect();
         if unit.macros.contains(&DRAIN) {
             parameters.push(format!(".WIDTH({side}),.HEIGHT({side})"));
         }
@@ -290,31 +428,71 @@ impl Device {
         }
         let mut files = vec![trace.join("machine_pkg.sv"), sources.join("bench/bench.sv")];
         if simulator == Simulator::Verilator {
-            files.extend(["handshake", "handshakes"].map(|name| sources.join("bench").join(name).with_extension("sv")));
+            files.extend(
+                ["handshake", "handshakes"]
+                    .map(|name| sources.join("bench").join(name).with_extension("sv")),
+            );
         }
         if bench != unit.name {
-            let starts = if unit.name == "windows" { &[][..] } else { &["bench_start"] };
-            files.extend(starts.iter().chain([&bench]).map(|name| sources.join("bench").join(name).with_extension("sv")));
+            let starts = if unit.name == "windows" {
+                &[][..]
+            } else {
+                &["bench_start"]
+            };
+            files.extend(
+                starts
+                    .iter()
+                    .chain([&bench])
+                    .map(|name| sources.join("bench").join(name).with_extension("sv")),
+            );
         }
         let program = match simulator {
-            Simulator::Icarus => vec!["vvp".into(), compiled(simulator, sources, &defines, &files, kept.path())],
-            Simulator::Verilator => vec![compiled(simulator, sources, &defines, &files, kept.path())],
+            Simulator::Icarus => vec![
+                "vvp".into(),
+                compiled(simulator, sources, &defines, &files, kept.path()),
+            ],
+            Simulator::Verilator => {
+                vec![compiled(simulator, sources, &defines, &files, kept.path())]
+            }
         };
-        // Of all units wired together nothing is seen while the splats under way are drawn, each of which may be as large as the picture.
-        // Windows have each pixel's layers shaded in the end, when nothing comes any more.
+        // Of all units wired together nothing is seen while the splats under way are drawn, each of
+        // which may be as large as the picture. Windows have each pixel's layers shaded in the end,
+        // when nothing comes any more.
         let is_long = unit.stream == "pipeline" || unit.name == "windows";
-        let patience = if is_long { 20_000 + 512 * side * side } else { 20_000 };
-        Device { program, trace: trace.to_owned(), unit, patience, kept }
+        let patience = if is_long {
+            20_000 + 512 * side * side
+        } else {
+            20_000
+        };
+        Device {
+            program,
+            trace: trace.to_owned(),
+            unit,
+            patience,
+            kept,
+        }
     }
 
     /// Drives it with these inputs, or a trace's, and expects so many records.
     pub fn drive(&self, inputs: Option<&[String]>, expect: usize, arguments: &[&str]) -> Given {
         let file = |name: &str| self.kept.path().join(name);
-        let (out, times, requests, held) = (file("out.hex"), file("times"), file("requests.hex"), file("held.hex"));
+        let (out, times, requests, held) = (
+            file("out.hex"),
+            file("times"),
+            file("requests.hex"),
+            file("held.hex"),
+        );
         let mut input = self.trace.join(format!("{}.in.hex", self.unit.stream));
         if let Some(inputs) = inputs {
             input = file("in.hex");
-            std::fs::write(&input, inputs.iter().map(|line| format!("{line}\n")).collect::<String>()).unwrap();
+            std::fs::write(
+                &input,
+                inputs
+                    .iter()
+                    .map(|line| format!("{line}\n"))
+                    .collect::<String>(),
+            )
+            .unwrap();
         }
         let mut command = Command::new(&self.program[0]);
         command.args(&self.program[1..]).current_dir(&self.trace);
@@ -338,13 +516,33 @@ impl Device {
         }
         // What is given first counts.
         command.args(arguments);
-        command.args([format!("+expect={expect}"), "+quiet=200".into(), format!("+patience={}", self.patience)]);
-        let output = command.output().unwrap_or_else(|e| panic!("{command:?}: {e}"));
-        let text = [&output.stdout[..], &output.stderr[..]].map(String::from_utf8_lossy).concat();
+        command.args([
+            format!("+expect={expect}"),
+            "+quiet=200".into(),
+            format!("+patience={}", self.patience),
+        ]);
+        let output = command
+            .output()
+            .unwrap_or_else(|e| panic!("{command:?}: {e}"));
+        let text = [&output.stdout[..], &output.stderr[..]]
+            .map(String::from_utf8_lossy)
+            .concat();
         // A failed assertion ends the program.
         let failed = text.lines().find(|line| line.contains("Assertion failed"));
-        assert!(output.status.success() || failed.is_some(), "{command:?} failed:\n{text}");
-        let last = failed.or(text.lines().rfind(|line| line.starts_with("bench:"))).unwrap_or_default().to_owned();
-        Given { last, out, times, requests, held }
+        assert!(
+            output.status.success() || failed.is_some(),
+            "{command:?} failed:\n{text}"
+        );
+        let last = failed
+            .or(text.lines().rfind(|line| line.starts_with("bench:")))
+            .unwrap_or_default()
+            .to_owned();
+        Given {
+            last,
+            out,
+            times,
+            requests,
+            held,
+        }
     }
 }

@@ -193,7 +193,8 @@ const RULES: &[Mutant] = &[
     Mutant { unit: "shade", file: "shade.sv", find: "shines = faces && ", put: "shines = " },
 ];
 
-/// Those of tiles and their engines, seen where splats lie across the borders of tiles, or in the next frame.
+/// Those of tiles and their engines, seen where splats lie across the borders of tiles, or in the
+/// next frame.
 const TILES_APART: &[Mutant] = &[
     Mutant { unit: "pipeline_tiles", file: "raster_skip.sv", find: "+ second * W'(there_and_back >> 1)", put: "" },
     Mutant { unit: "pipeline_tiles", file: "raster.sv", find: "RASTER_DIFFERENCED != 0 ? first_row : y", put: "RASTER_DIFFERENCED != 0 ? top : y" },

@@ -4,7 +4,8 @@
 use glam::DVec3;
 use splatsim::scene::{Camera, Filter, Image, Kernel, Light, Material, Scene, Splat, Surface};
 
-/// A scene seen along +z, x right, y down, with `s` pixels to a unit of `t_x/t_z`; black transparent background.
+/// A scene seen along +z, x right, y down, with `s` pixels to a unit of `t_x/t_z`; black
+/// transparent background.
 pub fn scene(width: usize, height: usize, s: f64, splats: Vec<Splat>) -> Scene {
     Scene {
         name: "test".into(),
@@ -19,11 +20,27 @@ pub fn scene(width: usize, height: usize, s: f64, splats: Vec<Splat>) -> Scene {
             centre_px: None,
             picture_px: None,
         },
-        image: Image { width, height, background: [0.0; 4], encoded: false },
-        kernel: Kernel { cutoff: 2.0, low_pass: 1.0, guard: 1.5, jacobian: 1.3, filter: Filter::Ewa, compensate_opacity: false },
+        image: Image {
+            width,
+            height,
+            background: [0.0; 4],
+            encoded: false,
+        },
+        kernel: Kernel {
+            cutoff: 2.0,
+            low_pass: 1.0,
+            guard: 1.5,
+            jacobian: 1.3,
+            filter: Filter::Ewa,
+            compensate_opacity: false,
+        },
         ellipsoids: None,
         sheets: None,
-        surface: Surface { z_threshold: 0.05, coverage_threshold: 0.4, cull_backfaces: false },
+        surface: Surface {
+            z_threshold: 0.05,
+            coverage_threshold: 0.4,
+            cull_backfaces: false,
+        },
         lights: Vec::new(),
         materials: vec![Material::Unlit],
         environment: None,
@@ -35,7 +52,14 @@ pub fn scene(width: usize, height: usize, s: f64, splats: Vec<Splat>) -> Scene {
 /// White, opaque, facing the eye.
 pub fn splat(position: [f64; 3], radius: f64) -> Splat {
     let position = DVec3::from_array(position);
-    Splat { position, normal: DVec3::NEG_Z, radius, rgb: [1.0; 3], opacity: 1.0, material: 0 }
+    Splat {
+        position,
+        normal: DVec3::NEG_Z,
+        radius,
+        rgb: [1.0; 3],
+        opacity: 1.0,
+        material: 0,
+    }
 }
 
 /// Numbers in [0, 1) from a 64-bit linear congruential generator.
@@ -43,7 +67,10 @@ pub struct Rng(pub u64);
 
 impl Rng {
     pub fn roll(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        self.0 = self
+            .0
+            .wrapping_mul(6364136223846793005)
+            .wrapping_add(1442695040888963407);
         (self.0 >> 11) as f64 / (1_u64 << 53) as f64
     }
 
@@ -82,8 +109,16 @@ pub fn confetti(count: usize, seed: u64) -> Scene {
         }
     });
     let mut scene = scene(40, 24, 40.0, splats.collect());
-    scene.lights = vec![Light { direction: DVec3::new(0.3, -0.5, -0.8).normalize(), rgb: [0.9, 1.0, 0.8] }];
-    scene.materials.push(Material::BlinnPhong { ambient: 0.1, diffuse: 0.7, specular: 0.4, shininess: 20.0 });
+    scene.lights = vec![Light {
+        direction: DVec3::new(0.3, -0.5, -0.8).normalize(),
+        rgb: [0.9, 1.0, 0.8],
+    }];
+    scene.materials.push(Material::BlinnPhong {
+        ambient: 0.1,
+        diffuse: 0.7,
+        specular: 0.4,
+        shininess: 20.0,
+    });
     scene.image.background = [0.2, 0.4, 0.6, 0.5];
     scene
 }
@@ -96,7 +131,12 @@ pub fn glass(sheets: usize, seed: u64) -> Scene {
         let position = [rng.within(0.6), rng.within(0.4), sheet + rng.within(0.01)];
         let normal = DVec3::new(rng.within(0.3), rng.within(0.3), -1.0).normalize();
         let rgb = [rng.roll(), rng.roll(), rng.roll()];
-        Splat { normal, rgb, opacity: 0.5 * rng.roll(), ..splat(position, 0.008) }
+        Splat {
+            normal,
+            rgb,
+            opacity: 0.5 * rng.roll(),
+            ..splat(position, 0.008)
+        }
     });
     let mut scene = scene(40, 24, 40.0, splats.collect());
     rng.shuffle(&mut scene.splats);

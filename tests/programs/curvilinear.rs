@@ -1,10 +1,12 @@
-//! Draws a curvilinear volume of our own: three vortices twist through a bent pipe, whose grid follows the bend and is finest at the wall.
+//! Draws a curvilinear volume of our own: three vortices twist through a bent pipe, whose grid
+//! follows the bend and is finest at the wall.
 //!
 //! ```sh
 //! cargo run --release --example curvilinear -- [FOLDER]
 //! ```
-//! Writes the field on its grid (`vortices.vts`), as points (`vortices.vtu`) and on an even grid of as many samples (`even.vtr`), a scene of
-//! each beside it, and `curvilinear.png`; prints how far each is from a grid that is twice as fine in all directions.
+//! Writes the field on its grid (`vortices.vts`), as points (`vortices.vtu`) and on an even grid of
+//! as many samples (`even.vtr`), a scene of each beside it, and `curvilinear.png`; prints how far
+//! each is from a grid that is twice as fine in all directions.
 
 use base64::Engine;
 use glam::DVec3;
@@ -55,9 +57,14 @@ fn pipe(finer: usize) -> ([usize; 3], Vec<DVec3>) {
         let radius = 1.0 - (1.0 - CORE) * (1.0 - part(i, size[0])).powf(1.5);
         let (around, along) = (TAU * j as f64 / size[1] as f64, TURN * part(k, size[2]));
         let from_axis = BEND + radius * around.cos();
-        DVec3::new(from_axis * along.cos(), radius * around.sin(), from_axis * along.sin())
+        DVec3::new(
+            from_axis * along.cos(),
+            radius * around.sin(),
+            from_axis * along.sin(),
+        )
     };
-    let places = (0..size[2]).flat_map(|k| (0..size[1]).flat_map(move |j| (0..size[0]).map(move |i| place(i, j, k))));
+    let places = (0..size[2])
+        .flat_map(|k| (0..size[1]).flat_map(move |j| (0..size[0]).map(move |i| place(i, j, k))));
     (size, places.collect())
 }
 
@@ -66,15 +73,23 @@ fn even() -> [Vec<f64>; 3] {
     let (low, high) = ([-2.75, -1.0, 0.0], [3.0, 1.0, 3.0]);
     let volume: f64 = (0..3).map(|axis| high[axis] - low[axis]).product();
     let step = (volume / SIZE.iter().product::<usize>() as f64).cbrt();
-    [0, 1, 2].map(|axis| (0..=((high[axis] - low[axis]) / step) as usize).map(|i| low[axis] + i as f64 * step).collect())
+    [0, 1, 2].map(|axis| {
+        (0..=((high[axis] - low[axis]) / step) as usize)
+            .map(|i| low[axis] + i as f64 * step)
+            .collect()
+    })
 }
 
 /// An array of 32-bit floats, as base64 after its length.
 fn array(name: &str, components: usize, numbers: impl Iterator<Item = f64>) -> String {
-    let bytes: Vec<u8> = numbers.flat_map(|number| (number as f32).to_le_bytes()).collect();
+    let bytes: Vec<u8> = numbers
+        .flat_map(|number| (number as f32).to_le_bytes())
+        .collect();
     let whole = [&(bytes.len() as u32).to_le_bytes()[..], &bytes].concat();
     let text = base64::engine::general_purpose::STANDARD.encode(whole);
-    format!("<DataArray type=\"Float32\" Name=\"{name}\" NumberOfComponents=\"{components}\" format=\"binary\">{text}</DataArray>\n")
+    format!(
+        "<DataArray type=\"Float32\" Name=\"{name}\" NumberOfComponents=\"{components}\" format=\"binary\">{text}</DataArray>\n"
+    )
 }
 
 /// A file of one data set, with what surrounds its samples.
@@ -92,13 +107,26 @@ fn extent(size: [usize; 3]) -> String {
 }
 
 fn points(places: &[DVec3]) -> String {
-    format!("<Points>\n{}</Points>\n", array("points", 3, places.iter().flat_map(|place| place.to_array())))
+    format!(
+        "<Points>\n{}</Points>\n",
+        array(
+            "points",
+            3,
+            places.iter().flat_map(|place| place.to_array())
+        )
+    )
 }
 
 fn curvilinear(finer: usize) -> String {
     let (size, places) = pipe(finer);
     let extent = extent(size);
-    vtk("StructuredGrid", &format!("Whole{extent}"), &extent, &places, &points(&places))
+    vtk(
+        "StructuredGrid",
+        &format!("Whole{extent}"),
+        &extent,
+        &places,
+        &points(&places),
+    )
 }
 
 fn scattered() -> String {
@@ -107,15 +135,33 @@ fn scattered() -> String {
                  <DataArray type=\"Int32\" Name=\"offsets\" format=\"ascii\"></DataArray>\n\
                  <DataArray type=\"UInt8\" Name=\"types\" format=\"ascii\"></DataArray>\n</Cells>\n";
     let piece = format!("NumberOfPoints=\"{}\" NumberOfCells=\"0\"", places.len());
-    vtk("UnstructuredGrid", "", &piece, &places, &(points(&places) + cells))
+    vtk(
+        "UnstructuredGrid",
+        "",
+        &piece,
+        &places,
+        &(points(&places) + cells),
+    )
 }
 
 fn rectilinear() -> String {
     let [x, y, z] = &even();
-    let places: Vec<DVec3> = z.iter().flat_map(|z| y.iter().flat_map(move |y| x.iter().map(move |x| DVec3::new(*x, *y, *z)))).collect();
+    let places: Vec<DVec3> = z
+        .iter()
+        .flat_map(|z| {
+            y.iter()
+                .flat_map(move |y| x.iter().map(move |x| DVec3::new(*x, *y, *z)))
+        })
+        .collect();
     let axes = [x, y, z].map(|axis| array("axis", 1, axis.iter().copied()));
     let extent = extent([x.len(), y.len(), z.len()]);
-    vtk("RectilinearGrid", &format!("Whole{extent}"), &extent, &places, &format!("<Coordinates>\n{}</Coordinates>\n", axes.concat()))
+    vtk(
+        "RectilinearGrid",
+        &format!("Whole{extent}"),
+        &extent,
+        &places,
+        &format!("<Coordinates>\n{}</Coordinates>\n", axes.concat()),
+    )
 }
 
 /// The scene of a file: the same layer, whatever the grid.
@@ -148,12 +194,16 @@ fn drawn(folder: &Path, name: &str, end: &str, file: &str) -> Result<(Picture, u
     let path = folder.join(format!("{name}-{end}.json"));
     written(&path, &scene(&format!("{name}.{end}")))?;
     let scene = Scene::load(&path, &Overrides::default())?;
-    Ok((render(&scene, &Rules::default()).picture, scene.splats.len()))
+    Ok((
+        render(&scene, &Rules::default()).picture,
+        scene.splats.len(),
+    ))
 }
 
 fn main() -> Result<()> {
     let folder = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "out".into()));
-    std::fs::create_dir_all(&folder).map_err(|error| Error::Job(format!("{}: {error}", folder.display())))?;
+    std::fs::create_dir_all(&folder)
+        .map_err(|error| Error::Job(format!("{}: {error}", folder.display())))?;
     let (reference, _) = drawn(&folder, "finer", "vts", &curvilinear(2))?;
     println!("| | samples that are seen | dB against a grid twice as fine |\n|---|---|---|");
     let mut tiles = Vec::new();
@@ -163,10 +213,20 @@ fn main() -> Result<()> {
         ("even grid, as many samples", "even", "vtr", rectilinear()),
     ] {
         let (picture, seen) = drawn(&folder, name, end, &file)?;
-        let db = metrics(&picture, &reference).psnr_db.map_or("equal".into(), |db| format!("{db:.1}"));
+        let db = metrics(&picture, &reference)
+            .psnr_db
+            .map_or("equal".into(), |db| format!("{db:.1}"));
         println!("| {told} | {seen} | {db} |");
-        tiles.push(Tile { caption: format!("{told}: {db} dB"), picture });
+        tiles.push(Tile {
+            caption: format!("{told}: {db} dB"),
+            picture,
+        });
     }
     let tiles: Vec<&dyn Chart> = tiles.iter().map(|tile| tile as &dyn Chart).collect();
-    write_png(&tiles, tiles.len(), [SIDE as u32 + 12, SIDE as u32 + 30], &folder.join("curvilinear.png"))
+    write_png(
+        &tiles,
+        tiles.len(),
+        [SIDE as u32 + 12, SIDE as u32 + 30],
+        &folder.join("curvilinear.png"),
+    )
 }

@@ -1,11 +1,12 @@
-//! Requests to memory of built-in scenes on memory that can be bought, and the cycles that the model takes for them: what `dram.py` holds
-//! against memory simulators.
+//! Requests to memory of built-in scenes on memory that can be bought, and the cycles that the
+//! model takes for them: what `dram.py` holds against memory simulators.
 //!
 //! ```sh
 //! cargo run --release --example dram -- FOLDER PRESET SCENE… [--set PATH=VALUE]…
 //! ```
-//! Writes `FOLDER/SCENE.trace`, in the format of DRAMsim3, for each scene, and prints a line of JSON for each: cycles of the frame, and the cycles
-//! that memory takes for the same requests as fast as it takes them, 32 of each channel under way.
+//! Writes `FOLDER/SCENE.trace`, in the format of DRAMsim3, for each scene, and prints a line of
+//! JSON for each: cycles of the frame, and the cycles that memory takes for the same requests as
+//! fast as it takes them, 32 of each channel under way.
 
 use rtl_model::timing::{Detail, replay, serve};
 use serde_json::json;
@@ -22,25 +23,41 @@ const QUEUE: u32 = 32;
 
 fn main() -> Result<()> {
     let mut arguments = std::env::args().skip(1);
-    let mut next = |what: &str| arguments.next().ok_or_else(|| Error::input(format!("write {what}")));
-    let (folder, preset) = (PathBuf::from(next("FOLDER PRESET SCENE…")?), next("PRESET SCENE…")?);
-    std::fs::create_dir_all(&folder).map_err(|error| Error::Job(format!("{}: {error}", folder.display())))?;
+    let mut next = |what: &str| {
+        arguments
+            .next()
+            .ok_or_else(|| Error::input(format!("write {what}")))
+    };
+    let (folder, preset) = (
+        PathBuf::from(next("FOLDER PRESET SCENE…")?),
+        next("PRESET SCENE…")?,
+    );
+    std::fs::create_dir_all(&folder)
+        .map_err(|error| Error::Job(format!("{}: {error}", folder.display())))?;
     let rest: Vec<String> = arguments.collect();
     let scenes = rest.iter().take_while(|argument| *argument != "--set");
     let mut settings = vec![format!("timing.memory.preset={preset}")];
-    settings.extend(rest.iter().filter(|argument| argument.contains('=')).cloned());
+    settings.extend(
+        rest.iter()
+            .filter(|argument| argument.contains('='))
+            .cloned(),
+    );
     let machine = fixed::elaborate(&machines::load("reference", &settings)?)?;
     let memory = machine.timing.timing.memory;
     for name in scenes {
         let scene = Scene::load(name, &Overrides::default())?;
         let work = Evaluation::on(&scene, &machine)?.observe().work;
         let cycles = replay(&machine.timing, &work, Detail::Log);
-        let hits = cycles.memory.row_hits as f64 / cycles.memory.requests.iter().sum::<u64>() as f64;
+        let hits =
+            cycles.memory.row_hits as f64 / cycles.memory.requests.iter().sum::<u64>() as f64;
         let requests = Requests::new(&machine.timing, cycles.requests);
         let path = folder.join(format!("{name}.trace"));
         let failed = |error: std::io::Error| Error::Job(format!("{}: {error}", path.display()));
         let mut file = BufWriter::new(std::fs::File::create(&path).map_err(failed)?);
-        requests.write(Trace::Dramsim3, &mut file).and_then(|()| file.flush()).map_err(failed)?;
+        requests
+            .write(Trace::Dramsim3, &mut file)
+            .and_then(|()| file.flush())
+            .map_err(failed)?;
         let untimed = serve(memory, requests.in_trace(), QUEUE * memory.channels());
         println!(
             "{}",

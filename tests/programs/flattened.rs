@@ -1,10 +1,12 @@
-//! Flattens the kernels of an isosurface ever more and compares with the same splats as discs: they converge (EWA §6.4, (37)).
+//! Flattens the kernels of an isosurface ever more and compares with the same splats as discs: they
+//! converge (EWA §6.4, (37)).
 //!
 //! ```sh
 //! cargo run --release --example flattened -- [FOLDER]
 //! ```
-//! Prints a table and writes `flattened.png`: how far `golden` and the machine lie from `golden` of the discs. Amplitudes of the two
-//! agree where a kernel is flat, so that pictures converge as the variance does.
+//! Prints a table and writes `flattened.png`: how far `golden` and the machine lie from `golden` of
+//! the discs. Amplitudes of the two agree where a kernel is flat, so that pictures converge as the
+//! variance does.
 
 use serde_json::json;
 use splatsim::accuracy::{Distance, distance};
@@ -25,16 +27,21 @@ fn surface(folder: &Path, flatten: f64) -> Result<Scene> {
         "image": {"width": 256, "height": 256},
     });
     let path = folder.join("flattened.json");
-    std::fs::write(&path, text.to_string()).map_err(|error| Error::Job(format!("{}: {error}", path.display())))?;
+    std::fs::write(&path, text.to_string())
+        .map_err(|error| Error::Job(format!("{}: {error}", path.display())))?;
     Scene::load(&path, &Overrides::default())
 }
 
 fn main() -> Result<()> {
     let folder = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "out".into()));
-    std::fs::create_dir_all(&folder).map_err(|error| Error::Job(format!("{}: {error}", folder.display())))?;
+    std::fs::create_dir_all(&folder)
+        .map_err(|error| Error::Job(format!("{}: {error}", folder.display())))?;
     let machine = machines::load("volume", &[])?;
     let (elaborated, rules) = (fixed::elaborate(&machine)?, fixed::rules(&machine));
-    let discs = Scene { ellipsoids: None, ..surface(&folder, 1.0)? };
+    let discs = Scene {
+        ellipsoids: None,
+        ..surface(&folder, 1.0)?
+    };
     let limit = render(&discs, &rules).picture;
     let small = |distance: &Distance| format!("{:.1e}", distance.mean_covered_error);
     let [mut golden, mut fixed_] = [Vec::new(), Vec::new()];
@@ -45,12 +52,21 @@ fn main() -> Result<()> {
         let drawing = fixed::draw(&elaborated, &quantise::quantise(&scene, &machine)?);
         let of_golden = distance(&render(&scene, &rules).picture, &limit);
         let of_fixed = distance(&fixed::picture(&elaborated, &drawing), &limit);
-        println!("| {flatten} | {} | {} |", small(&of_golden), small(&of_fixed));
+        println!(
+            "| {flatten} | {} | {} |",
+            small(&of_golden),
+            small(&of_fixed)
+        );
         golden.push([flatten, of_golden.mean_covered_error.max(1e-16)]);
         fixed_.push([flatten, of_fixed.mean_covered_error]);
     }
     let series = [("golden", golden, 6), ("volume", fixed_, 0)]
-        .map(|(name, points, colour)| Series { name: name.into(), points, mark: Mark::Line, colour })
+        .map(|(name, points, colour)| Series {
+            name: name.into(),
+            points,
+            mark: Mark::Line,
+            colour,
+        })
         .into();
     let panel = Panel {
         title: "Flattened kernels become discs".into(),

@@ -1,5 +1,6 @@
-//! Draws a scene once on a machine, one thread, with no probe, or with ranges measured and work recorded: for counting instructions.
-//! Arguments: scene, machine, `plain` or `measured`, pixels a side. `instructions.sh` counts a few cases and prints a table.
+//! Draws a scene once on a machine, one thread, with no probe, or with ranges measured and work
+//! recorded: for counting instructions. Arguments: scene, machine, `plain` or `measured`, pixels a
+//! side. `instructions.sh` counts a few cases and prints a table.
 //!
 //! ```sh
 //! cargo build --release --example instructions
@@ -14,9 +15,10 @@
 //!   --toggle-collect="*FillTile*::resolve*"
 //! callgrind_annotate /tmp/fill.out   # the same by function and file
 //! ```
-//! "Collected" of the first run over the splats printed is instructions a splat in setup; that of the second over the fragments
-//! printed is instructions a fragment in all that follows. The third leaves out binning, the shading of fragments that merge, and
-//! resolving: raster, gauss and fragment alone.
+//! "Collected" of the first run over the splats printed is instructions a splat in setup; that of
+//! the second over the fragments printed is instructions a fragment in all that follows. The third
+//! leaves out binning, the shading of fragments that merge, and resolving: raster, gauss and
+//! fragment alone.
 
 use rtl_model::machine::Machine;
 use rtl_model::pipeline::Elaborated;
@@ -35,7 +37,12 @@ fn setup(machine: &Elaborated, quantised: &Quantised, probe: &mut Option<Composi
 }
 
 #[inline(never)]
-fn fill(machine: &Elaborated, quantised: &Quantised, setup: &Setup, probe: &mut Option<Composite>) -> Drawing {
+fn fill(
+    machine: &Elaborated,
+    quantised: &Quantised,
+    setup: &Setup,
+    probe: &mut Option<Composite>,
+) -> Drawing {
     match probe {
         None => pipeline::fill_unobserved(machine, &quantised.frame, setup),
         Some(probe) => pipeline::fill_measured(machine, &quantised.frame, setup, probe),
@@ -47,19 +54,34 @@ fn main() -> Result<()> {
     let scene = arguments.next().unwrap_or_else(|| "glass-spheres".into());
     let name = arguments.next().unwrap_or_else(|| "reference".into());
     let measured = arguments.next().as_deref() == Some("measured");
-    let side = arguments.next().map(|side| side.parse::<usize>().map_err(|_| Error::input(format!("{side} is no number of pixels"))));
+    let side = arguments.next().map(|side| {
+        side.parse::<usize>()
+            .map_err(|_| Error::input(format!("{side} is no number of pixels")))
+    });
     let size = side.transpose()?.map(|side| (side, side));
     let scene = Scene::load(&scene, &Overrides { size })?;
-    let machine =
-        Machine::named(&name).ok_or_else(|| Error::input(format!("no machine {name}; there are {}", Machine::NAMES.join(", "))))?;
+    let machine = Machine::named(&name).ok_or_else(|| {
+        Error::input(format!(
+            "no machine {name}; there are {}",
+            Machine::NAMES.join(", ")
+        ))
+    })?;
     let elaborated = splatsim::hardware::fixed::elaborate(&machine)?;
     let quantised = quantise(&scene, &machine)?;
-    let one_thread = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|e| Error::job(e.to_string()))?;
+    let one_thread = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .map_err(|e| Error::job(e.to_string()))?;
     let mut probe = measured.then(|| Composite::new(&elaborated.signals));
     let drawing = one_thread.install(|| {
         let setup = setup(&elaborated, &quantised, &mut probe);
         fill(&elaborated, &quantised, &setup, &mut probe)
     });
-    println!("{} on {name}: {} splats, {} fragments", scene.name, scene.splats.len(), drawing.outcomes.total());
+    println!(
+        "{} on {name}: {} splats, {} fragments",
+        scene.name,
+        scene.splats.len(),
+        drawing.outcomes.total()
+    );
     Ok(())
 }

@@ -1,9 +1,11 @@
-//! Draws a scene as coarser and coarser cuts of its tree, and from farther and farther away: what splats, cycles and bytes buy.
+//! Draws a scene as coarser and coarser cuts of its tree, and from farther and farther away: what
+//! splats, cycles and bytes buy.
 //!
 //! ```sh
 //! cargo run --release --example level_of_detail -- [FOLDER] [SCENE] [SIDE]
 //! ```
-//! Prints two tables and writes `level-of-detail.png`. Left out, the scene is `torus-knot`, 256 pixels a side.
+//! Prints two tables and writes `level-of-detail.png`. Left out, the scene is `torus-knot`, 256
+//! pixels a side.
 
 use splatsim::accuracy::metrics;
 use splatsim::error::{Error, Result};
@@ -34,19 +36,37 @@ struct Row {
     db: f64,
 }
 
-fn row(scene: &Scene, tree: &Arc<Tree>, (pixels, order): (f64, Order), whole: &Picture) -> Result<Row> {
-    let rules = Rules { pixels, order, culls: true, ahead: 8, budget: Budget::default() };
-    let scene = Scene { detail: Some(Detail::new(tree.clone(), rules)), ..scene.clone() }.cut();
+fn row(
+    scene: &Scene,
+    tree: &Arc<Tree>,
+    (pixels, order): (f64, Order),
+    whole: &Picture,
+) -> Result<Row> {
+    let rules = Rules {
+        pixels,
+        order,
+        culls: true,
+        ahead: 8,
+        budget: Budget::default(),
+    };
+    let scene = Scene {
+        detail: Some(Detail::new(tree.clone(), rules)),
+        ..scene.clone()
+    }
+    .cut();
     let machine = fixed::elaborate(&machines::load("reference", &[])?)?;
     let evaluation = Evaluation::on(&scene, &machine)?;
     let work = evaluation.observe().work;
-    let cycles = rtl_model::timing::replay(&machine.timing, &work, rtl_model::timing::Detail::Accounts);
+    let cycles =
+        rtl_model::timing::replay(&machine.timing, &work, rtl_model::timing::Detail::Accounts);
     Ok(Row {
         splats: scene.splats.len() as u64,
         read: work.walk.len() as u64,
         cycles: cycles.total,
         megabytes: cycles.memory.total_bytes() as f64 / 1e6,
-        db: metrics(&evaluation.golden().picture, whole).psnr_db.unwrap_or(f64::INFINITY),
+        db: metrics(&evaluation.golden().picture, whole)
+            .psnr_db
+            .unwrap_or(f64::INFINITY),
     })
 }
 
@@ -56,22 +76,46 @@ fn panel(title: &str, x: &str, series: Vec<(String, Vec<[f64; 2]>)>) -> Panel {
         title: title.into(),
         x: Axis::log(x),
         y: Axis::linear("golden − ideal, dB"),
-        series: series.map(|(colour, (name, points))| Series { name, points, mark: Mark::Rings, colour }).collect(),
+        series: series
+            .map(|(colour, (name, points))| Series {
+                name,
+                points,
+                mark: Mark::Rings,
+                colour,
+            })
+            .collect(),
         ..Panel::default()
     }
 }
 
 fn main() -> Result<()> {
-    let argument = |nth: usize, usual: &str| std::env::args().nth(nth).unwrap_or_else(|| usual.into());
+    let argument =
+        |nth: usize, usual: &str| std::env::args().nth(nth).unwrap_or_else(|| usual.into());
     let folder = PathBuf::from(argument(1, "out"));
-    std::fs::create_dir_all(&folder).map_err(|error| Error::Job(format!("{}: {error}", folder.display())))?;
-    let side: usize = argument(3, "256").parse().map_err(|_| Error::Job("SIDE must be a number of pixels".into()))?;
-    let scene = Scene::load(argument(2, "torus-knot"), &Overrides { size: Some((side, side)) })?;
-    let tree = Tree::new(&scene.splats, 4).ok_or_else(|| Error::Job("the scene holds no splats".into()))?;
+    std::fs::create_dir_all(&folder)
+        .map_err(|error| Error::Job(format!("{}: {error}", folder.display())))?;
+    let side: usize = argument(3, "256")
+        .parse()
+        .map_err(|_| Error::Job("SIDE must be a number of pixels".into()))?;
+    let scene = Scene::load(
+        argument(2, "torus-knot"),
+        &Overrides {
+            size: Some((side, side)),
+        },
+    )?;
+    let tree = Tree::new(&scene.splats, 4)
+        .ok_or_else(|| Error::Job("the scene holds no splats".into()))?;
     let tree = Arc::new(tree);
     let whole = ideal(&scene).picture;
-    println!("{} on reference, {side}×{side}: {} splats, {} nodes\n", scene.name, tree.leaves(), tree.nodes().len());
-    println!("| pixels | splats | nodes read | cycles | coarse to fine | MB | golden − ideal, dB |");
+    println!(
+        "{} on reference, {side}×{side}: {} splats, {} nodes\n",
+        scene.name,
+        tree.leaves(),
+        tree.nodes().len()
+    );
+    println!(
+        "| pixels | splats | nodes read | cycles | coarse to fine | MB | golden − ideal, dB |"
+    );
     println!("|---|---|---|---|---|---|---|");
     let mut rows = Vec::new();
     for pixels in PIXELS {
@@ -83,12 +127,18 @@ fn main() -> Result<()> {
         );
         rows.push(walk);
     }
-    println!("\n| farther | {} |", FROM_AFAR.map(|pixels| format!("dB and splats at {pixels} px")).join(" | "));
+    println!(
+        "\n| farther | {} |",
+        FROM_AFAR
+            .map(|pixels| format!("dB and splats at {pixels} px"))
+            .join(" | ")
+    );
     println!("|---|{}", "---|".repeat(FROM_AFAR.len()));
     let mut afar = FROM_AFAR.map(|pixels| (format!("{pixels} px"), Vec::new()));
     for distance in DISTANCES {
         let mut scene = scene.clone();
-        scene.camera.eye = scene.camera.target + (scene.camera.eye - scene.camera.target) * distance;
+        scene.camera.eye =
+            scene.camera.target + (scene.camera.eye - scene.camera.target) * distance;
         let whole = ideal(&scene).picture;
         let mut cells = Vec::new();
         for (pixels, (_, points)) in FROM_AFAR.iter().zip(&mut afar) {
@@ -98,11 +148,24 @@ fn main() -> Result<()> {
         }
         println!("| {distance}× | {} |", cells.join(" | "));
     }
-    let points = |of: fn(&Row) -> f64| vec![(String::new(), rows.iter().map(|row| [of(row), row.db]).collect::<Vec<_>>())];
+    let points = |of: fn(&Row) -> f64| {
+        vec![(
+            String::new(),
+            rows.iter().map(|row| [of(row), row.db]).collect::<Vec<_>>(),
+        )]
+    };
     let panels = [
-        panel("what splats buy", "splats drawn", points(|row| row.splats as f64)),
+        panel(
+            "what splats buy",
+            "splats drawn",
+            points(|row| row.splats as f64),
+        ),
         panel("what cycles buy", "cycles", points(|row| row.cycles as f64)),
-        panel("what bytes buy", "MB to and from memory", points(|row| row.megabytes)),
+        panel(
+            "what bytes buy",
+            "MB to and from memory",
+            points(|row| row.megabytes),
+        ),
         panel("from afar", "times farther away", afar.into()),
     ];
     let charts: Vec<&dyn Chart> = panels.iter().map(|panel| panel as &dyn Chart).collect();

@@ -1,11 +1,12 @@
-//! Compares the two ways to filter a volume seen from afar whose voxels are four times as wide as high: each footprint convolved with
-//! the low-pass filter (EWA §6.2), or each kernel enlarged by the same factor in all directions (Swan et al. 1997); EWA Fig. 14.
+//! Compares the two ways to filter a volume seen from afar whose voxels are four times as wide as
+//! high: each footprint convolved with the low-pass filter (EWA §6.2), or each kernel enlarged by
+//! the same factor in all directions (Swan et al. 1997); EWA Fig. 14.
 //!
 //! ```sh
 //! cargo run --release --example low_pass -- [FOLDER]
 //! ```
-//! Prints a table and writes `low-pass.png`, and the volume and its scene beside it. The reference is the unfiltered picture at eight
-//! times the size, convolved with the filter as a picture.
+//! Prints a table and writes `low-pass.png`, and the volume and its scene beside it. The reference
+//! is the unfiltered picture at eight times the size, convolved with the filter as a picture.
 
 use serde_json::json;
 use splatsim::accuracy::metrics;
@@ -26,7 +27,8 @@ const SIZE: [usize; 3] = [80, 320, 4];
 /// Pixels of the picture's middle that are compared: the slab's border is another matter.
 const COMPARED: usize = 144;
 
-/// Rings around the middle, the finer the farther out: every direction, and every frequency that the wide voxels can hold.
+/// Rings around the middle, the finer the farther out: every direction, and every frequency that
+/// the wide voxels can hold.
 fn rings() -> Vec<u8> {
     let [width, height, slices] = SIZE;
     let place = |i: usize, of: usize| (i as f64 + 0.5) / of as f64 - 0.5;
@@ -34,7 +36,9 @@ fn rings() -> Vec<u8> {
         let radius = place(x, width).hypot(place(y, height));
         (127.5 + 127.5 * (160.0 * radius * radius).cos()).round() as u8
     };
-    (0..slices).flat_map(|_| (0..height).flat_map(move |y| (0..width).map(move |x| ring(x, y)))).collect()
+    (0..slices)
+        .flat_map(|_| (0..height).flat_map(move |y| (0..width).map(move |x| ring(x, y))))
+        .collect()
 }
 
 /// A scene file's text: the slab fills 5/6 of the picture.
@@ -77,20 +81,44 @@ fn filtered(fine: &Picture) -> Picture {
         let middle = ((at * FINER) as f64) + 0.5 * FINER as f64 - 0.5;
         let first = (middle as i64 - reach).max(0);
         let last = (middle as i64 + reach).min(fine.width as i64 - 1);
-        let all: Vec<(usize, f64)> = (first..=last).map(|i| (i as usize, (-0.5 * ((i as f64 - middle) / sigma).powi(2)).exp())).collect();
+        let all: Vec<(usize, f64)> = (first..=last)
+            .map(|i| {
+                (
+                    i as usize,
+                    (-0.5 * ((i as f64 - middle) / sigma).powi(2)).exp(),
+                )
+            })
+            .collect();
         let sum: f64 = all.iter().map(|(_, weight)| weight).sum();
-        all.into_iter().map(move |(i, weight)| (i, weight / sum)).collect::<Vec<_>>()
+        all.into_iter()
+            .map(move |(i, weight)| (i, weight / sum))
+            .collect::<Vec<_>>()
     };
-    let add = |sum: [f64; 4], pixel: [f64; 4], weight: f64| [0, 1, 2, 3].map(|i| sum[i] + weight * pixel[i]);
+    let add = |sum: [f64; 4], pixel: [f64; 4], weight: f64| {
+        [0, 1, 2, 3].map(|i| sum[i] + weight * pixel[i])
+    };
     let across: Vec<[f64; 4]> = (0..fine.height)
         .flat_map(|y| (0..SIDE).map(move |x| (x, y)))
-        .map(|(x, y)| weights(x).into_iter().fold([0.0; 4], |sum, (i, weight)| add(sum, fine.rgba[y * fine.width + i], weight)))
+        .map(|(x, y)| {
+            weights(x).into_iter().fold([0.0; 4], |sum, (i, weight)| {
+                add(sum, fine.rgba[y * fine.width + i], weight)
+            })
+        })
         .collect();
     let rgba = (0..SIDE)
         .flat_map(|y| (0..SIDE).map(move |x| (x, y)))
-        .map(|(x, y)| weights(y).into_iter().fold([0.0; 4], |sum, (i, weight)| add(sum, across[i * SIDE + x], weight)))
+        .map(|(x, y)| {
+            weights(y).into_iter().fold([0.0; 4], |sum, (i, weight)| {
+                add(sum, across[i * SIDE + x], weight)
+            })
+        })
         .collect();
-    Picture { width: SIDE, height: SIDE, rgba, covered: vec![true; SIDE * SIDE] }
+    Picture {
+        width: SIDE,
+        height: SIDE,
+        rgba,
+        covered: vec![true; SIDE * SIDE],
+    }
 }
 
 /// The middle of a picture.
@@ -98,38 +126,73 @@ fn middle(picture: &Picture) -> Picture {
     let from = (SIDE - COMPARED) / 2;
     let row = |y: usize| &picture.rgba[(from + y) * SIDE + from..][..COMPARED];
     let rgba = (0..COMPARED).flat_map(|y| row(y).to_vec()).collect();
-    Picture { width: COMPARED, height: COMPARED, rgba, covered: vec![true; COMPARED * COMPARED] }
+    Picture {
+        width: COMPARED,
+        height: COMPARED,
+        rgba,
+        covered: vec![true; COMPARED * COMPARED],
+    }
 }
 
-/// Root of the mean square of differences between neighbours, across and down: how much detail is there.
+/// Root of the mean square of differences between neighbours, across and down: how much detail is
+/// there.
 fn detail(picture: &Picture, [right, down]: [usize; 2]) -> f64 {
     let (width, height) = (picture.width - right, picture.height - down);
     let difference = |x: usize, y: usize| {
-        let [a, b] = [y * picture.width + x, (y + down) * picture.width + x + right].map(|at| picture.rgba[at]);
+        let [a, b] = [
+            y * picture.width + x,
+            (y + down) * picture.width + x + right,
+        ]
+        .map(|at| picture.rgba[at]);
         (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>()
     };
-    let sum: f64 = (0..height).flat_map(|y| (0..width).map(move |x| difference(x, y))).sum();
+    let sum: f64 = (0..height)
+        .flat_map(|y| (0..width).map(move |x| difference(x, y)))
+        .sum();
     (sum / (3 * width * height) as f64).sqrt()
 }
 
 fn main() -> Result<()> {
     let folder = PathBuf::from(std::env::args().nth(1).unwrap_or_else(|| "out".into()));
-    std::fs::create_dir_all(&folder).map_err(|error| Error::Job(format!("{}: {error}", folder.display())))?;
+    std::fs::create_dir_all(&folder)
+        .map_err(|error| Error::Job(format!("{}: {error}", folder.display())))?;
     written(&folder.join("rings.raw"), &rings())?;
     let reference = filtered(&drawn(&folder, SIDE * FINER, 0.0, "convolution")?);
-    let ways = [("no filter", 0.0, "convolution"), ("uniform scaling", 1.0, "scaling"), ("convolution", 1.0, "convolution")];
-    let kept = |picture: &Picture, axis| detail(&middle(picture), axis) / detail(&middle(&reference), axis);
+    let ways = [
+        ("no filter", 0.0, "convolution"),
+        ("uniform scaling", 1.0, "scaling"),
+        ("convolution", 1.0, "convolution"),
+    ];
+    let kept = |picture: &Picture, axis| {
+        detail(&middle(picture), axis) / detail(&middle(&reference), axis)
+    };
     println!("| | dB against the reference | greatest error | detail kept across | down |");
     println!("|---|---|---|---|---|");
-    let mut tiles = vec![Tile { caption: "reference".into(), picture: reference.clone() }];
+    let mut tiles = vec![Tile {
+        caption: "reference".into(),
+        picture: reference.clone(),
+    }];
     for (name, low_pass, by) in ways {
         let picture = drawn(&folder, SIDE, low_pass, by)?;
         let found = metrics(&middle(&picture), &middle(&reference));
-        let db = found.psnr_db.map_or("equal".into(), |db| format!("{db:.1}"));
+        let db = found
+            .psnr_db
+            .map_or("equal".into(), |db| format!("{db:.1}"));
         let [across, down] = [[1, 0], [0, 1]].map(|axis| 100.0 * kept(&picture, axis));
-        println!("| {name} | {db} | {:.3} | {across:.0} % | {down:.0} % |", found.max_error);
-        tiles.push(Tile { caption: format!("{name}: {db} dB"), picture });
+        println!(
+            "| {name} | {db} | {:.3} | {across:.0} % | {down:.0} % |",
+            found.max_error
+        );
+        tiles.push(Tile {
+            caption: format!("{name}: {db} dB"),
+            picture,
+        });
     }
     let tiles: Vec<&dyn Chart> = tiles.iter().map(|tile| tile as &dyn Chart).collect();
-    write_png(&tiles, tiles.len(), [SIDE as u32 + 12, SIDE as u32 + 30], &folder.join("low-pass.png"))
+    write_png(
+        &tiles,
+        tiles.len(),
+        [SIDE as u32 + 12, SIDE as u32 + 30],
+        &folder.join("low-pass.png"),
+    )
 }

@@ -1,10 +1,12 @@
-//! Compares mirrors of the book's spheres by the size of their map, by where they are looked at from and by their words.
+//! Compares mirrors of the book's spheres by the size of their map, by where they are looked at
+//! from and by their words.
 //!
 //! ```sh
 //! cargo run --release --example reflection -- [FOLDER [DATA]]
 //! ```
-//! Prints four tables, and writes `reflection.png`: ideal, the machine along rays and along the axis, and the machine with a map of 8 × 8. With
-//! the folder of scans it draws `reflection-scan.png` too: the dragon as chrome and as porcelain under the sky.
+//! Prints four tables, and writes `reflection.png`: ideal, the machine along rays and along the
+//! axis, and the machine with a map of 8 × 8. With the folder of scans it draws
+//! `reflection-scan.png` too: the dragon as chrome and as porcelain under the sky.
 
 use rtl_model::Machine;
 use rtl_model::machine::Sight;
@@ -27,7 +29,10 @@ fn machine(settings: &[String]) -> Result<Machine> {
 
 fn drawn(scene: &Scene, machine: &Machine) -> Result<Picture> {
     let elaborated = fixed::elaborate(machine)?;
-    Ok(fixed::picture(&elaborated, &fixed::draw(&elaborated, &quantise::quantise(scene, machine)?)))
+    Ok(fixed::picture(
+        &elaborated,
+        &fixed::draw(&elaborated, &quantise::quantise(scene, machine)?),
+    ))
 }
 
 fn golden(scene: &Scene, machine: &Machine) -> Picture {
@@ -36,23 +41,39 @@ fn golden(scene: &Scene, machine: &Machine) -> Picture {
 
 /// Decibels at covered pixels.
 fn db(a: &Picture, b: &Picture) -> String {
-    metrics(a, b).psnr_covered_db.map_or("equal".into(), |db| format!("{db:.1}"))
+    metrics(a, b)
+        .psnr_covered_db
+        .map_or("equal".into(), |db| format!("{db:.1}"))
 }
 
 /// Area of the unit, and cycles through shade.
 fn cost(machine: &Machine) -> Result<(f64, u32)> {
     let elaborated = fixed::elaborate(machine)?;
     let cost = Cost::new(&elaborated, &Prices::default());
-    let area = cost.units.iter().find(|unit| unit.name == "reflect").map_or(0.0, |unit| unit.area);
+    let area = cost
+        .units
+        .iter()
+        .find(|unit| unit.name == "reflect")
+        .map_or(0.0, |unit| unit.area);
     Ok((area, elaborated.timing.shade.latency))
 }
 
-/// What a map in memory costs, beside one on the chip: the whole machine's area, a frame's cycles, what is read of the map, look-ups that hit.
+/// What a map in memory costs, beside one on the chip: the whole machine's area, a frame's cycles,
+/// what is read of the map, look-ups that hit.
 fn in_memory(scene: &Scene) -> Result<()> {
-    println!("\n| texels | lines of `timing.environment` | area | cycles | map, KB | hits |\n|---|---|---|---|---|---|");
-    for (bits, lines) in [6, 8].into_iter().flat_map(|bits| [None, Some(8), Some(32), Some(128)].map(|lines| (bits, lines))) {
+    println!(
+        "\n| texels | lines of `timing.environment` | area | cycles | map, KB | hits |\n|---|---|---|---|---|---|"
+    );
+    for (bits, lines) in [6, 8]
+        .into_iter()
+        .flat_map(|bits| [None, Some(8), Some(32), Some(128)].map(|lines| (bits, lines)))
+    {
         let cache = lines.map(|lines| format!("timing.environment={{\"lines\":{lines}}}"));
-        let machine = machine(&std::iter::once(format!("reflect.index_bits={bits}")).chain(cache).collect::<Vec<_>>())?;
+        let machine = machine(
+            &std::iter::once(format!("reflect.index_bits={bits}"))
+                .chain(cache)
+                .collect::<Vec<_>>(),
+        )?;
         let elaborated = fixed::elaborate(&machine)?;
         let (_, _, work) = fixed::draw_measured(&elaborated, &quantise::quantise(scene, &machine)?);
         let cycles = timing::replay(&elaborated.timing, &work, Detail::Accounts);
@@ -65,7 +86,11 @@ fn in_memory(scene: &Scene) -> Result<()> {
             Cost::new(&elaborated, &Prices::default()).area,
             cycles.total,
             read as f64 / 1e3,
-            if lookups == 0 { "–".into() } else { format!("{:.1} %", 100.0 * hits as f64 / lookups as f64) }
+            if lookups == 0 {
+                "–".into()
+            } else {
+                format!("{:.1} %", 100.0 * hits as f64 / lookups as f64)
+            }
         );
     }
     Ok(())
@@ -74,7 +99,8 @@ fn in_memory(scene: &Scene) -> Result<()> {
 /// A scan under the sky, as chrome and as porcelain.
 fn scan(data: &Path) -> Result<Picture> {
     let of = |reflect: f64, diffuse: f64| {
-        let file = std::path::absolute(data.join("scans/dragon_stand_merged_normals_be.ply")).unwrap_or_default();
+        let file = std::path::absolute(data.join("scans/dragon_stand_merged_normals_be.ply"))
+            .unwrap_or_default();
         let scene = json!({
             "splats": {"file": file},
             "camera": {"eye": [0.061, 0.172, 0.26], "target": [-0.019, 0.112, -0.01], "up": [0, 1, 0], "fov_y_degrees": 40, "near": 0.01},
@@ -84,26 +110,55 @@ fn scan(data: &Path) -> Result<Picture> {
             "materials": [{"ambient": 0.15, "diffuse": diffuse, "reflect": reflect}],
             "environment": {"builtin": "sky"}
         });
-        drawn(&Scene::from_text(&scene.to_string(), "dragon", Path::new("."), &Overrides::default(), 0)?, &machine(&[])?)
+        drawn(
+            &Scene::from_text(
+                &scene.to_string(),
+                "dragon",
+                Path::new("."),
+                &Overrides::default(),
+                0,
+            )?,
+            &machine(&[])?,
+        )
     };
     Ok(beside(&[of(1.0, 0.0)?, of(0.25, 0.8)?]))
 }
 
 /// Pictures side by side.
 fn beside(pictures: &[Picture]) -> Picture {
-    let (height, width) = (pictures[0].height, pictures.iter().map(|picture| picture.width).sum());
-    let rows =
-        |row: usize| pictures.iter().flat_map(move |picture| (row * picture.width..(row + 1) * picture.width).map(move |at| (picture, at)));
+    let (height, width) = (
+        pictures[0].height,
+        pictures.iter().map(|picture| picture.width).sum(),
+    );
+    let rows = |row: usize| {
+        pictures.iter().flat_map(move |picture| {
+            (row * picture.width..(row + 1) * picture.width).map(move |at| (picture, at))
+        })
+    };
     let all = || (0..height).flat_map(rows);
-    Picture { width, height, rgba: all().map(|(of, at)| of.rgba[at]).collect(), covered: all().map(|(of, at)| of.covered[at]).collect() }
+    Picture {
+        width,
+        height,
+        rgba: all().map(|(of, at)| of.rgba[at]).collect(),
+        covered: all().map(|(of, at)| of.covered[at]).collect(),
+    }
 }
 
 fn run(folder: Option<PathBuf>, data: Option<PathBuf>) -> Result<()> {
     let scene = Scene::load(format!("{FOLDER}/spheres.json"), &Overrides::default())?;
     let ideal = ideal(&scene).picture;
     // The same rules for fragments, and surroundings as they are: what is left is the map's own.
-    let as_they_are = render(&scene, &Rules { reflection: None, ..fixed::rules(&machine(&[])?) }).picture;
-    println!("| `reflect.index_bits` | texels | Kbit | golden − golden without a map, dB | area |\n|---|---|---|---|---|");
+    let as_they_are = render(
+        &scene,
+        &Rules {
+            reflection: None,
+            ..fixed::rules(&machine(&[])?)
+        },
+    )
+    .picture;
+    println!(
+        "| `reflect.index_bits` | texels | Kbit | golden − golden without a map, dB | area |\n|---|---|---|---|---|"
+    );
     for bits in 2..=8u32 {
         let machine = machine(&[format!("reflect.index_bits={bits}")])?;
         let (texels, light) = (1u32 << (2 * bits), 33.0);
@@ -121,9 +176,18 @@ fn run(folder: Option<PathBuf>, data: Option<PathBuf>) -> Result<()> {
     let mut pictures = vec![ideal.clone()];
     for (name, sight) in [("ray", Sight::Ray), ("axis", Sight::Axis)] {
         let machine = machine(&[format!("reflect.sight={name}")])?;
-        let (golden, fixed, (area, cycles)) = (golden(&scene, &machine), drawn(&scene, &machine)?, cost(&machine)?);
+        let (golden, fixed, (area, cycles)) = (
+            golden(&scene, &machine),
+            drawn(&scene, &machine)?,
+            cost(&machine)?,
+        );
         assert_eq!(machine.reflect.map(|reflect| reflect.sight), Some(sight));
-        println!("| `{name}` | {} | {} | {} | {area:.0} | {cycles} |", db(&golden, &as_they_are), db(&fixed, &golden), db(&fixed, &ideal));
+        println!(
+            "| `{name}` | {} | {} | {} | {area:.0} | {cycles} |",
+            db(&golden, &as_they_are),
+            db(&fixed, &golden),
+            db(&fixed, &ideal)
+        );
         pictures.push(fixed);
     }
     println!("\n| words | fixed − golden, dB | area |\n|---|---|---|");
@@ -139,17 +203,28 @@ fn run(folder: Option<PathBuf>, data: Option<PathBuf>) -> Result<()> {
         ("`direction` I3F6", vec!["reflect.direction=I3F6"]),
         ("`facing` I2F8", vec!["reflect.facing=I2F8"]),
         ("`slope` I2F8", vec!["reflect.slope=I2F8"]),
-        ("`reciprocal` without a step, 10 bits", vec![r#"reflect.reciprocal={"table_bits":8,"newton_steps":0,"bits":10}"#]),
+        (
+            "`reciprocal` without a step, 10 bits",
+            vec![r#"reflect.reciprocal={"table_bits":8,"newton_steps":0,"bits":10}"#],
+        ),
         ("`reflectance` U1F6", vec!["reflect.reflectance=U1F6"]),
     ];
     for (name, settings) in narrower {
         let machine = machine(&settings.into_iter().map(str::to_owned).collect::<Vec<_>>())?;
-        println!("| {name} | {} | {:.0} |", db(&drawn(&scene, &machine)?, &golden(&scene, &machine)), cost(&machine)?.0);
+        println!(
+            "| {name} | {} | {:.0} |",
+            db(&drawn(&scene, &machine)?, &golden(&scene, &machine)),
+            cost(&machine)?.0
+        );
     }
     in_memory(&scene)?;
     let Some(folder) = folder else { return Ok(()) };
-    pictures.push(drawn(&scene, &machine(&["reflect.index_bits=3".to_owned()])?)?);
-    std::fs::create_dir_all(&folder).map_err(|e| Error::input(format!("{}: {e}", folder.display())))?;
+    pictures.push(drawn(
+        &scene,
+        &machine(&["reflect.index_bits=3".to_owned()])?,
+    )?);
+    std::fs::create_dir_all(&folder)
+        .map_err(|e| Error::input(format!("{}: {e}", folder.display())))?;
     if let Some(data) = data {
         scan(&data)?.write_png(&folder.join("reflection-scan.png"))?;
     }

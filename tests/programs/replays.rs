@@ -3,8 +3,9 @@
 //! ```sh
 //! cargo run --release --example replays -- ../shared/data/scenes/dragon.json
 //! ```
-//! Prints, for each organisation, for memory as described and ideal, told with histograms, with accounts or as a total: rows of boxes replayed in
-//! a second by one thread, in the fastest of ten replays. Then the same of eight machines, by FIFO and latency, one by one and abreast.
+//! Prints, for each organisation, for memory as described and ideal, told with histograms, with
+//! accounts or as a total: rows of boxes replayed in a second by one thread, in the fastest of ten
+//! replays. Then the same of eight machines, by FIFO and latency, one by one and abreast.
 
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine::Machine;
@@ -19,26 +20,46 @@ use std::time::Instant;
 const TIMES: usize = 10;
 
 fn main() -> Result<()> {
-    let scene = std::env::args().nth(1).unwrap_or_else(|| "glass-spheres".into());
+    let scene = std::env::args()
+        .nth(1)
+        .unwrap_or_else(|| "glass-spheres".into());
     let scene = Scene::load(&scene, &Overrides::default())?;
-    let machine = Machine::named("reference").ok_or_else(|| Error::job("no machine called reference"))?;
-    let (_, _, work) =
-        splatsim::hardware::fixed::draw_measured(&splatsim::hardware::fixed::elaborate(&machine)?, &quantise(&scene, &machine)?);
-    println!("{}: {} rows in {} MB", scene.name, work.rows(), work.bytes() / 1_000_000);
+    let machine =
+        Machine::named("reference").ok_or_else(|| Error::job("no machine called reference"))?;
+    let (_, _, work) = splatsim::hardware::fixed::draw_measured(
+        &splatsim::hardware::fixed::elaborate(&machine)?,
+        &quantise(&scene, &machine)?,
+    );
+    println!(
+        "{}: {} rows in {} MB",
+        scene.name,
+        work.rows(),
+        work.bytes() / 1_000_000
+    );
     for organisation in [Organisation::Immediate, Organisation::Binned] {
         for (ideal, memory) in [(false, "as described"), (true, "ideal")] {
-            for (detail, told) in [(Detail::Histograms, "all of it"), (Detail::Accounts, "accounts"), (Detail::Total, "total")] {
+            for (detail, told) in [
+                (Detail::Histograms, "all of it"),
+                (Detail::Accounts, "accounts"),
+                (Detail::Total, "total"),
+            ] {
                 let mut machine = machine.clone();
                 machine.timing.organisation = organisation;
                 machine.timing.memory.ideal = ideal;
                 let elaborated = splatsim::hardware::fixed::elaborate(&machine)?;
-                let (cycles, rows) = fastest(&work, 1, || replay(&elaborated.timing, &work, detail).total);
+                let (cycles, rows) =
+                    fastest(&work, 1, || replay(&elaborated.timing, &work, detail).total);
                 let organisation = format!("{organisation:?}").to_lowercase();
-                println!("{organisation:9}  memory {memory:12}  {told:9}  {cycles:10} cycles  {rows:5.1} M rows/s");
+                println!(
+                    "{organisation:9}  memory {memory:12}  {told:9}  {cycles:10} cycles  {rows:5.1} M rows/s"
+                );
             }
         }
     }
-    let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().map_err(|error| Error::job(error.to_string()))?;
+    let one = rayon::ThreadPoolBuilder::new()
+        .num_threads(1)
+        .build()
+        .map_err(|error| Error::job(error.to_string()))?;
     one.install(|| eight(&machine, &work))
 }
 
@@ -56,16 +77,28 @@ fn fastest<T>(work: &Work, times: u64, mut of: impl FnMut() -> T) -> (T, f64) {
 /// Eight binned machines, one by one and abreast.
 fn eight(machine: &Machine, work: &Work) -> Result<()> {
     let mut machines = Vec::new();
-    for (fifo, latency) in [4, 16, 64, 256].into_iter().flat_map(|fifo| [3, 10].map(|latency| (fifo, latency))) {
+    for (fifo, latency) in [4, 16, 64, 256]
+        .into_iter()
+        .flat_map(|fifo| [3, 10].map(|latency| (fifo, latency)))
+    {
         let mut machine = machine.clone();
         machine.timing.organisation = Organisation::Binned;
         (machine.timing.raster.fifo, machine.timing.shade.latency) = (fifo, Some(latency));
         machines.push(splatsim::hardware::fixed::elaborate(&machine)?);
     }
     let timings: Vec<&Microarchitecture> = machines.iter().map(|machine| &machine.timing).collect();
-    let (cycles, rows) = fastest(work, 8, || timings.iter().map(|timing| replay(timing, work, Detail::Accounts)).collect::<Vec<_>>());
+    let (cycles, rows) = fastest(work, 8, || {
+        timings
+            .iter()
+            .map(|timing| replay(timing, work, Detail::Accounts))
+            .collect::<Vec<_>>()
+    });
     println!("eight machines  one by one  {rows:5.1} M rows/s");
     let (again, rows) = fastest(work, 8, || replay_all(&timings, work, Detail::Accounts));
     println!("eight machines  abreast     {rows:5.1} M rows/s");
-    if cycles == again { Ok(()) } else { Err(Error::job("abreast they take other cycles than one by one")) }
+    if cycles == again {
+        Ok(())
+    } else {
+        Err(Error::job("abreast they take other cycles than one by one"))
+    }
 }

@@ -1,12 +1,15 @@
-//! Prints what the order of Gaussians costs and what it buys: the machine that sorts beside machines that take them as they come, with and
-//! without windows: the table *Gaussians without a sort* of docs/book/merging-experiments.md.
+//! Prints what the order of Gaussians costs and what it buys: the machine that sorts beside
+//! machines that take them as they come, with and without windows: the table *Gaussians without a
+//! sort* of docs/book/merging-experiments.md.
 //!
 //! ```sh
 //! cargo run --release --example unsorted -- [SCENE]...
 //! ```
-//! Without a scene: the bouquet. For windows each Gaussian is a surface of its own. A fragment's opacity is (Σw·α/W)·min(1, W/τ), so with
-//! τ = 1 a Gaussian that weighs √o·G and is √o opaque covers o·G, as it should. Lesser weights than 1/255 count there too. ε, within which
-//! Gaussians are one surface, is a hundredth of the depth that the middle half of them spans; a third and three times of it are no better.
+//! Without a scene: the bouquet. For windows each Gaussian is a surface of its own. A fragment's
+//! opacity is (Σw·α/W)·min(1, W/τ), so with τ = 1 a Gaussian that weighs √o·G and is √o opaque
+//! covers o·G, as it should. Lesser weights than 1/255 count there too. ε, within which Gaussians
+//! are one surface, is a hundredth of the depth that the middle half of them spans; a third and
+//! three times of it are no better.
 
 use rtl_model::Machine;
 use rtl_model::machine::{Group, Merge};
@@ -32,30 +35,48 @@ const PART: f64 = 0.01;
 fn surfaces(scene: &Scene) -> Scene {
     let mut scene = as_they_come(scene);
     scene.sheets = None;
-    scene.splats.iter_mut().for_each(|splat| splat.opacity = splat.opacity.sqrt());
-    (scene.surface.z_threshold, scene.surface.coverage_threshold) = (PART * middle_half(&scene), 1.0);
+    scene
+        .splats
+        .iter_mut()
+        .for_each(|splat| splat.opacity = splat.opacity.sqrt());
+    (scene.surface.z_threshold, scene.surface.coverage_threshold) =
+        (PART * middle_half(&scene), 1.0);
     scene
 }
 
 /// Gaussians in input order, each blended behind those before it.
 fn as_they_come(scene: &Scene) -> Scene {
     let mut scene = scene.clone();
-    scene.ellipsoids.iter_mut().for_each(|ellipsoids| ellipsoids.sorted = false);
+    scene
+        .ellipsoids
+        .iter_mut()
+        .for_each(|ellipsoids| ellipsoids.sorted = false);
     scene
 }
 
 /// Depth from the first quarter of the splats before the eye to the last.
 fn middle_half(scene: &Scene) -> f64 {
     let view = scene.view();
-    let mut depths: Vec<f64> = scene.splats.iter().map(|splat| (view.rotation * (splat.position - view.eye)).z).collect();
+    let mut depths: Vec<f64> = scene
+        .splats
+        .iter()
+        .map(|splat| (view.rotation * (splat.position - view.eye)).z)
+        .collect();
     depths.retain(|z| *z > scene.camera.near);
     depths.sort_by(f64::total_cmp);
-    let at = |quarter: usize| depths.get(quarter * depths.len() / 4).copied().unwrap_or(1.0);
+    let at = |quarter: usize| {
+        depths
+            .get(quarter * depths.len() / 4)
+            .copied()
+            .unwrap_or(1.0)
+    };
     at(3) - at(1)
 }
 
 fn db(picture: &Picture, ideal: &Picture) -> String {
-    distance(picture, ideal).psnr_db.map_or("equal".into(), |db| format!("{db:.1}"))
+    distance(picture, ideal)
+        .psnr_db
+        .map_or("equal".into(), |db| format!("{db:.1}"))
 }
 
 /// What a machine makes of a scene, and what it costs.
@@ -75,9 +96,21 @@ fn row(scene: &Scene, machine: &Machine, ideal: &Picture) -> Result<String> {
 
 /// The machine for Gaussians with the fragments of `window`.
 fn with_windows(gaussian: &Machine, layers: usize, join_permille: u32) -> Result<Machine> {
-    let mut machine = Machine { sort: None, fragment: machines::load("window", &[])?.fragment, ..gaussian.clone() };
-    (machine.fragment.group, machine.fragment.merge, machine.fragment.layers) = (Group::Window, Merge::Window, layers as u32);
-    machine.fragment.window.iter_mut().for_each(|window| window.join_permille = join_permille);
+    let mut machine = Machine {
+        sort: None,
+        fragment: machines::load("window", &[])?.fragment,
+        ..gaussian.clone()
+    };
+    (
+        machine.fragment.group,
+        machine.fragment.merge,
+        machine.fragment.layers,
+    ) = (Group::Window, Merge::Window, layers as u32);
+    machine
+        .fragment
+        .window
+        .iter_mut()
+        .for_each(|window| window.join_permille = join_permille);
     machine.timing.fragment.merge = machine.timing.fragment.merge.max(overflow_cycles(&machine));
     Ok(machine)
 }
@@ -87,27 +120,59 @@ fn main() -> Result<()> {
     if paths.is_empty() {
         paths.push("bouquet".into());
     }
-    println!("| scene | order | golden − ideal, dB | fixed − ideal, dB | Mcycles | MB | LUT equivalents |");
+    println!(
+        "| scene | order | golden − ideal, dB | fixed − ideal, dB | Mcycles | MB | LUT equivalents |"
+    );
     println!("|---|---|---|---|---|---|---|");
     let gaussian = machines::load("gaussian", &[])?;
     for path in paths {
         let scene = Scene::load(&path, &Overrides::default())?;
         let ideal = ideal(&scene).picture;
-        println!("| {} | sorted | {} |", scene.name, row(&scene, &gaussian, &ideal)?);
-        let unsorted = Machine { sort: None, ..gaussian.clone() };
-        println!("| | as they come, blended | {} |", row(&as_they_come(&scene), &unsorted, &ideal)?);
+        println!(
+            "| {} | sorted | {} |",
+            scene.name,
+            row(&scene, &gaussian, &ideal)?
+        );
+        let unsorted = Machine {
+            sort: None,
+            ..gaussian.clone()
+        };
+        println!(
+            "| | as they come, blended | {} |",
+            row(&as_they_come(&scene), &unsorted, &ideal)?
+        );
         let surfaces = surfaces(&scene);
         for (layers, join_permille) in WINDOWS {
             let join = f64::from(join_permille) / 1000.0;
             let figures = if layers <= MAX_LAYERS {
-                row(&surfaces, &with_windows(&gaussian, layers, join_permille)?, &ideal)?
+                row(
+                    &surfaces,
+                    &with_windows(&gaussian, layers, join_permille)?,
+                    &ideal,
+                )?
             } else {
                 // More than a machine may have.
-                let window = WindowOptions { join, ..WindowOptions::default() };
-                let rules = Rules { layers, group: golden::Group::Window, merge: golden::Merge::Window, window, ..Rules::default() };
-                format!("{} | – | – | – | –", db(&render(&surfaces, &rules).picture, &ideal))
+                let window = WindowOptions {
+                    join,
+                    ..WindowOptions::default()
+                };
+                let rules = Rules {
+                    layers,
+                    group: golden::Group::Window,
+                    merge: golden::Merge::Window,
+                    window,
+                    ..Rules::default()
+                };
+                format!(
+                    "{} | – | – | – | –",
+                    db(&render(&surfaces, &rules).picture, &ideal)
+                )
             };
-            let join = if join_permille > 0 { format!(", join {join}") } else { String::new() };
+            let join = if join_permille > 0 {
+                format!(", join {join}")
+            } else {
+                String::new()
+            };
             println!("| | windows, l = {layers}{join} | {figures} |");
         }
     }

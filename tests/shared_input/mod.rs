@@ -2,14 +2,19 @@
 
 use std::path::{Path, PathBuf};
 
-/// A file or folder of the input data (`SPLATSIM_DATA`, else `../shared/data`); none where it is absent, which a CI run does not forgive.
+/// A file or folder of the input data (`SPLATSIM_DATA`, else `../shared/data`); none where it is
+/// absent, which a CI run does not forgive.
 pub fn find(name: &str) -> Option<PathBuf> {
     let root = std::env::var("SPLATSIM_DATA").unwrap_or_else(|_| "../shared/data".into());
     let path = Path::new(&root).join(name);
     if path.exists() {
         return Some(path);
     }
-    assert!(std::env::var("CI").is_err(), "{} is absent; set SPLATSIM_DATA", path.display());
+    assert!(
+        std::env::var("CI").is_err(),
+        "{} is absent; set SPLATSIM_DATA",
+        path.display()
+    );
     println!("skipped: {} is absent", path.display());
     None
 }

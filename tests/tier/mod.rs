@@ -1,4 +1,5 @@
-//! Tier: how much is tested, as `SPLATSIM_TIER` says. What a tier tests follows from nothing else, so two runs of one tier test the same.
+//! Tier: how much is tested, as `SPLATSIM_TIER` says. What a tier tests follows from nothing else,
+//! so two runs of one tier test the same.
 //!
 //! | tier | who runs it | what it leaves out |
 //! |---|---|---|
@@ -24,7 +25,8 @@ impl Tier {
         }
     }
 
-    /// Which items of a list it has, by their number: one in so many in each of the first two tiers.
+    /// Which items of a list it has, by their number: one in so many in each of the first two
+    /// tiers.
     fn has(self, [test, ci]: [usize; 2], number: usize) -> bool {
         number.is_multiple_of(match self {
             Tier::Test => test,
@@ -43,17 +45,30 @@ pub fn tier() -> Tier {
 pub fn runs(least: Tier) -> bool {
     let runs = tier() >= least;
     if !runs {
-        println!("skipped: a test of {}", if least == Tier::Full { ".ci/full" } else { ".ci/run" });
+        println!(
+            "skipped: a test of {}",
+            if least == Tier::Full {
+                ".ci/full"
+            } else {
+                ".ci/run"
+            }
+        );
     }
     runs
 }
 
-/// The items of a long list that are run: in the first two tiers one in so many, the first among them; in the last tier all.
+/// The items of a long list that are run: in the first two tiers one in so many, the first among
+/// them; in the last tier all.
 pub fn some<T>(one_in: [usize; 2], items: impl IntoIterator<Item = T>) -> impl Iterator<Item = T> {
-    items.into_iter().enumerate().filter(move |(number, _)| has(one_in, *number)).map(|(_, item)| item)
+    items
+        .into_iter()
+        .enumerate()
+        .filter(move |(number, _)| has(one_in, *number))
+        .map(|(_, item)| item)
 }
 
-/// Whether the item of this number is run, of a list of which the first two tiers run one in so many.
+/// Whether the item of this number is run, of a list of which the first two tiers run one in so
+/// many.
 pub fn has(one_in: [usize; 2], number: usize) -> bool {
     tier().has(one_in, number)
 }
@@ -69,9 +84,20 @@ fn a_tier_has_all_that_the_one_before_it_has() {
     let [test, ci, full] = [None, Some("ci"), Some("full")].map(Tier::parse);
     assert!(test < ci && ci < full && Tier::parse(Some("test")) == test);
     for one_in in [[12, 4], [3, 1], [12, 12]] {
-        let [of_test, of_ci, of_full] = [test, ci, full].map(|tier| (0..100).filter(|n| tier.has(one_in, *n)).collect::<Vec<_>>());
+        let [of_test, of_ci, of_full] = [test, ci, full].map(|tier| {
+            (0..100)
+                .filter(|n| tier.has(one_in, *n))
+                .collect::<Vec<_>>()
+        });
         assert!(of_test.contains(&0) && of_test.iter().all(|n| of_ci.contains(n)));
-        assert_eq!((of_test.len(), of_ci.len(), of_full.len()), (100_usize.div_ceil(one_in[0]), 100_usize.div_ceil(one_in[1]), 100));
+        assert_eq!(
+            (of_test.len(), of_ci.len(), of_full.len()),
+            (
+                100_usize.div_ceil(one_in[0]),
+                100_usize.div_ceil(one_in[1]),
+                100
+            )
+        );
     }
 }
 

@@ -17,7 +17,8 @@ pub struct Traced {
     _kept: TempDir,
 }
 
-/// A cloud of discs of all sizes and directions, opaque and clear, glossy and unlit, in a picture of so many pixels a side.
+/// A cloud of discs of all sizes and directions, opaque and clear, glossy and unlit, in a picture
+/// of so many pixels a side.
 pub fn cloud(count: u32, side: u32) -> String {
     let mut state = 9u32;
     let mut next = |from: f64, to: f64| {
@@ -25,8 +26,16 @@ pub fn cloud(count: u32, side: u32) -> String {
         from + (to - from) * f64::from(state >> 8) / f64::from(1 << 24)
     };
     let splat = |i: u32| {
-        let [position, normal, rgb] = [[-1.2, 1.2], [-1.0, 1.0], [0.0, 1.0]].map(|[from, to]| [(); 3].map(|()| next(from, to)));
-        let (radius, opacity) = (next(0.02, 0.2), if i.is_multiple_of(2) { 1.0 } else { next(0.1, 0.9) });
+        let [position, normal, rgb] = [[-1.2, 1.2], [-1.0, 1.0], [0.0, 1.0]]
+            .map(|[from, to]| [(); 3].map(|()| next(from, to)));
+        let (radius, opacity) = (
+            next(0.02, 0.2),
+            if i.is_multiple_of(2) {
+                1.0
+            } else {
+                next(0.1, 0.9)
+            },
+        );
         let material = i % 2;
         format!(
             r#"{{"position": {position:?}, "normal": {normal:?}, "radius": {radius}, "rgb": {rgb:?}, "opacity": {opacity}, "material": {material}}}"#
@@ -57,28 +66,44 @@ fn media(splats: &Value, side: u32, sheets: &Value) -> String {
     scene.to_string()
 }
 
-/// A volume of so many samples a side: voxels that share their axes, lit before they are drawn, sheet by sheet.
+/// A volume of so many samples a side: voxels that share their axes, lit before they are drawn,
+/// sheet by sheet.
 pub fn shells(samples: u32, side: u32, sheets: &Value) -> String {
     let transfer = json!([
         {"value": 0.1, "rgb": [0.2, 0.4, 1], "opacity": 0}, {"value": 0.5, "rgb": [0.2, 0.9, 0.3], "opacity": 0.49929179534464957},
         {"value": 1, "rgb": [1, 0.2, 0.1], "opacity": 0.5407673088982273},
     ]);
-    media(&json!({"volume": {"builtin": "nested-shells", "samples": samples}, "transfer": transfer}), side, sheets)
+    media(
+        &json!({"volume": {"builtin": "nested-shells", "samples": samples}, "transfer": transfer}),
+        side,
+        sheets,
+    )
 }
 
 /// Gaussians with axes of their own, sorted.
 pub fn bouquet(count: u32, side: u32, sheets: &Value) -> String {
-    media(&json!({"gaussians": "bouquet", "count": count}), side, sheets)
+    media(
+        &json!({"gaussians": "bouquet", "count": count}),
+        side,
+        sheets,
+    )
 }
 
 /// A surface in a volume: flattened voxels with axes of their own, grouped by depth.
 pub fn isosurface(samples: u32, side: u32) -> String {
-    media(&json!({"volume": {"builtin": "marschner-lobb", "samples": samples}, "isovalue": 0.5}), side, &json!({}))
+    media(
+        &json!({"volume": {"builtin": "marschner-lobb", "samples": samples}, "isovalue": 0.5}),
+        side,
+        &json!({}),
+    )
 }
 
 /// A machine by name with fields changed.
 pub fn machine(name: &str, settings: &[&str]) -> Machine {
-    let settings: Vec<String> = settings.iter().map(|setting| (*setting).to_owned()).collect();
+    let settings: Vec<String> = settings
+        .iter()
+        .map(|setting| (*setting).to_owned())
+        .collect();
     machines::load(name, &settings).unwrap()
 }
 
@@ -89,14 +114,36 @@ pub fn traced(text: &str, machine: &Machine, window: &Window) -> Traced {
     std::fs::write(&scene_file, text).unwrap();
     let scene = Scene::load(scene_file.to_str().unwrap(), &Overrides::default()).unwrap();
     let folder = kept.path().join("trace");
-    trace(&scene, Origin { text: Some(text), ..Origin::default() }, machine, window, &folder).unwrap();
-    let manifest = serde_json::from_str(&std::fs::read_to_string(folder.join("manifest.json")).unwrap()).unwrap();
-    Traced { folder, manifest, _kept: kept }
+    trace(
+        &scene,
+        Origin {
+            text: Some(text),
+            ..Origin::default()
+        },
+        machine,
+        window,
+        &folder,
+    )
+    .unwrap();
+    let manifest =
+        serde_json::from_str(&std::fs::read_to_string(folder.join("manifest.json")).unwrap())
+            .unwrap();
+    Traced {
+        folder,
+        manifest,
+        _kept: kept,
+    }
 }
 
 /// Bits of a hexadecimal line.
 fn bits(line: &str) -> Vec<bool> {
-    line.chars().flat_map(|digit| (0..4).rev().map(move |bit| digit.to_digit(16).unwrap() >> bit & 1 == 1)).collect()
+    line.chars()
+        .flat_map(|digit| {
+            (0..4)
+                .rev()
+                .map(move |bit| digit.to_digit(16).unwrap() >> bit & 1 == 1)
+        })
+        .collect()
 }
 
 /// The word at a field's place, bit by bit.
@@ -104,44 +151,78 @@ fn word(bits: &[bool], field: &Value) -> i64 {
     let number = |name: &str| field[name].as_u64().unwrap() as usize;
     let (lsb, width) = (number("lsb"), number("width"));
     let field_bits = &bits[bits.len() - lsb - width..bits.len() - lsb];
-    let natural = field_bits.iter().fold(0i64, |word, bit| word << 1 | i64::from(*bit));
-    if field["signed"] == true && field_bits[0] { natural - (1 << width) } else { natural }
+    let natural = field_bits
+        .iter()
+        .fold(0i64, |word, bit| word << 1 | i64::from(*bit));
+    if field["signed"] == true && field_bits[0] {
+        natural - (1 << width)
+    } else {
+        natural
+    }
 }
 
 impl Traced {
     /// What the manifest says of a stream or constant.
     pub fn stream(&self, name: &str) -> &Value {
-        let all = ["streams", "constants"].into_iter().flat_map(|list| self.manifest[list].as_array().unwrap());
-        all.clone().find(|stream| stream["name"] == name).unwrap_or_else(|| panic!("no stream {name}"))
+        let all = ["streams", "constants"]
+            .into_iter()
+            .flat_map(|list| self.manifest[list].as_array().unwrap());
+        all.clone()
+            .find(|stream| stream["name"] == name)
+            .unwrap_or_else(|| panic!("no stream {name}"))
     }
 
     /// Its lines.
     pub fn lines(&self, name: &str) -> Vec<String> {
-        let text = std::fs::read_to_string(self.folder.join(self.stream(name)["file"].as_str().unwrap())).unwrap();
+        let text = std::fs::read_to_string(
+            self.folder
+                .join(self.stream(name)["file"].as_str().unwrap()),
+        )
+        .unwrap();
         text.lines().map(str::to_owned).collect()
     }
 
     /// Its records, each field a word.
     pub fn records(&self, name: &str) -> Vec<Vec<i64>> {
         let fields = self.stream(name)["fields"].as_array().unwrap();
-        self.lines(name).iter().map(|line| bits(line)).map(|bits| fields.iter().map(|field| word(&bits, field)).collect()).collect()
+        self.lines(name)
+            .iter()
+            .map(|line| bits(line))
+            .map(|bits| fields.iter().map(|field| word(&bits, field)).collect())
+            .collect()
     }
 
     /// The place of a field in a record.
     pub fn field(&self, name: &str, field: &str) -> usize {
-        self.stream(name)["fields"].as_array().unwrap().iter().position(|other| other["name"] == field).unwrap()
+        self.stream(name)["fields"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .position(|other| other["name"] == field)
+            .unwrap()
     }
 
     /// Its keys: splat, x, y, slot, parent, flags.
     pub fn keys(&self, name: &str) -> Vec<Vec<i64>> {
-        let fields = self.manifest["keys"]["fields"].as_array().unwrap().iter().map(|field| {
-            let mut field = field.clone();
-            field["signed"] = false.into();
-            field
-        });
+        let fields = self.manifest["keys"]["fields"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|field| {
+                let mut field = field.clone();
+                field["signed"] = false.into();
+                field
+            });
         let fields: Vec<Value> = fields.collect();
-        let text = std::fs::read_to_string(self.folder.join(self.stream(name)["keys"]["file"].as_str().unwrap())).unwrap();
-        text.lines().map(bits).map(|bits| fields.iter().map(|field| word(&bits, field)).collect()).collect()
+        let text = std::fs::read_to_string(
+            self.folder
+                .join(self.stream(name)["keys"]["file"].as_str().unwrap()),
+        )
+        .unwrap();
+        text.lines()
+            .map(bits)
+            .map(|bits| fields.iter().map(|field| word(&bits, field)).collect())
+            .collect()
     }
 
     /// Where a file of the trace lies.
@@ -160,7 +241,10 @@ pub fn files(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
             if path.is_dir() {
                 folders.push(path);
             } else {
-                all.push((path.strip_prefix(folder).unwrap().to_owned(), std::fs::read(&path).unwrap()));
+                all.push((
+                    path.strip_prefix(folder).unwrap().to_owned(),
+                    std::fs::read(&path).unwrap(),
+                ));
             }
         }
     }

@@ -62,7 +62,8 @@ pub(crate) unsafe fn freed<T>(handle: *mut T) {
     }
 }
 
-/// What is behind a lock, even where another call failed while it had it: no call leaves anything half done that another could trip over.
+/// What is behind a lock, even where another call failed while it had it: no call leaves anything
+/// half done that another could trip over.
 pub(crate) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -90,12 +91,16 @@ pub unsafe extern "C" fn splatsim_machine_open(name_or_path: *const c_char) -> *
     })
 }
 
-/// The machine that a JSON text of `length` bytes describes, as a machine file does. NULL where it describes none.
+/// The machine that a JSON text of `length` bytes describes, as a machine file does. NULL where it
+/// describes none.
 ///
 /// # Safety
 /// `json` is NULL or points to `length` bytes.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn splatsim_machine_from_json(json: *const c_char, length: usize) -> *mut Machine {
+pub unsafe extern "C" fn splatsim_machine_from_json(
+    json: *const c_char,
+    length: usize,
+) -> *mut Machine {
     guarded(std::ptr::null_mut(), || {
         sound(json, length, "json")?;
         // SAFETY: the caller's; it was checked.
@@ -111,16 +116,21 @@ fn checked(machine: rtl_model::Machine) -> Told<*mut Machine> {
     Ok(handle(Machine(Mutex::new(machine))))
 }
 
-/// Changes a field, as in "gauss.weight=U-2F12". 0, or -1 where the machine has no such field or cannot be built with it: it then stays as it
-/// was. Units and drawings that were made before keep the machine that they were made with.
+/// Changes a field, as in "gauss.weight=U-2F12". 0, or -1 where the machine has no such field or
+/// cannot be built with it: it then stays as it was. Units and drawings that were made before keep
+/// the machine that they were made with.
 ///
 /// # Safety
 /// `machine` is NULL or a machine, `setting` NULL or a string that ends in 0.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn splatsim_machine_set(machine: *mut Machine, setting: *const c_char) -> c_int {
+pub unsafe extern "C" fn splatsim_machine_set(
+    machine: *mut Machine,
+    setting: *const c_char,
+) -> c_int {
     guarded(-1, || {
         // SAFETY: the caller's.
-        let (machine, setting) = unsafe { (held(machine, "machine")?, string(setting, "setting")?) };
+        let (machine, setting) =
+            unsafe { (held(machine, "machine")?, string(setting, "setting")?) };
         let mut machine = locked(&machine.0);
         let changed = machines::changed(&machine, setting, setting).map_err(sentence)?;
         fixed::elaborate(&changed).map_err(sentence)?;
@@ -129,13 +139,18 @@ pub unsafe extern "C" fn splatsim_machine_set(machine: *mut Machine, setting: *c
     })
 }
 
-/// Writes the machine as JSON, and a 0, into `text` if `capacity` is greater than the count that is returned: bytes without the 0. -1 on
-/// failure.
+/// Writes the machine as JSON, and a 0, into `text` if `capacity` is greater than the count that is
+/// returned: bytes without the 0. -1 on failure.
 ///
 /// # Safety
-/// `machine` is NULL or a machine; `text` is NULL, with capacity 0, or has room for `capacity` bytes.
+/// `machine` is NULL or a machine; `text` is NULL, with capacity 0, or has room for `capacity`
+/// bytes.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn splatsim_machine_json(machine: *const Machine, text: *mut c_char, capacity: usize) -> isize {
+pub unsafe extern "C" fn splatsim_machine_json(
+    machine: *const Machine,
+    text: *mut c_char,
+    capacity: usize,
+) -> isize {
     guarded(-1, || {
         // SAFETY: the caller's.
         let machine = unsafe { held(machine, "machine") }?.now();
@@ -155,18 +170,24 @@ pub unsafe extern "C" fn splatsim_machine_free(machine: *mut Machine) {
     unsafe { freed(machine) }
 }
 
-/// A scene's file, a cloud, a volume or a built-in name, such as "glass-spheres"; in a picture of so many columns and rows, or, where one is 0,
-/// of its own size. NULL where it cannot be read.
+/// A scene's file, a cloud, a volume or a built-in name, such as "glass-spheres"; in a picture of
+/// so many columns and rows, or, where one is 0, of its own size. NULL where it cannot be read.
 ///
 /// # Safety
 /// `name_or_path` is NULL or a string that ends in 0.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn splatsim_scene_open(name_or_path: *const c_char, width: u32, height: u32) -> *mut Scene {
+pub unsafe extern "C" fn splatsim_scene_open(
+    name_or_path: *const c_char,
+    width: u32,
+    height: u32,
+) -> *mut Scene {
     guarded(std::ptr::null_mut(), || {
         // SAFETY: the caller's.
         let name = unsafe { string(name_or_path, "name_or_path") }?;
         let size = (width != 0 && height != 0).then_some((width as usize, height as usize));
-        Ok(handle(Scene(Loaded::load(name, &Overrides { size }).map_err(sentence)?)))
+        Ok(handle(Scene(
+            Loaded::load(name, &Overrides { size }).map_err(sentence)?,
+        )))
     })
 }
 
@@ -185,7 +206,10 @@ pub unsafe extern "C" fn splatsim_scene_free(scene: *mut Scene) {
 /// # Safety
 /// Both are NULL or what their types say.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn splatsim_draw(machine: *const Machine, scene: *const Scene) -> *mut Drawing {
+pub unsafe extern "C" fn splatsim_draw(
+    machine: *const Machine,
+    scene: *const Scene,
+) -> *mut Drawing {
     guarded(std::ptr::null_mut(), || {
         // SAFETY: the caller's.
         let (machine, scene) = unsafe { (held(machine, "machine")?.now(), held(scene, "scene")?) };
@@ -200,7 +224,11 @@ pub unsafe extern "C" fn splatsim_draw(machine: *const Machine, scene: *const Sc
 /// # Safety
 /// `drawing` is NULL or a drawing, `width` and `height` NULL or places for a number each.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn splatsim_drawing_size(drawing: *const Drawing, width: *mut u32, height: *mut u32) -> c_int {
+pub unsafe extern "C" fn splatsim_drawing_size(
+    drawing: *const Drawing,
+    width: *mut u32,
+    height: *mut u32,
+) -> c_int {
     guarded(-1, || {
         // SAFETY: the caller's.
         let picture = unsafe { &held(drawing, "drawing")?.outcome.fixed };
@@ -212,13 +240,20 @@ pub unsafe extern "C" fn splatsim_drawing_size(drawing: *const Drawing, width: *
     })
 }
 
-/// Writes one of the pictures, SPLATSIM_FIXED and so on, into `rgba`: linear light, premultiplied, four numbers a pixel, row by row from the
-/// top. `count` must be 4 * width * height. 0, or -1 on failure.
+/// Writes one of the pictures, SPLATSIM_FIXED and so on, into `rgba`: linear light, premultiplied,
+/// four numbers a pixel, row by row from the top. `count` must be 4 * width * height. 0, or -1 on
+/// failure.
 ///
 /// # Safety
-/// `drawing` is NULL or a drawing, `rgba` NULL or a place for `count` numbers, which nobody else uses meanwhile.
+/// `drawing` is NULL or a drawing, `rgba` NULL or a place for `count` numbers, which nobody else
+/// uses meanwhile.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn splatsim_picture(drawing: *const Drawing, which: c_int, rgba: *mut f64, count: usize) -> c_int {
+pub unsafe extern "C" fn splatsim_picture(
+    drawing: *const Drawing,
+    which: c_int,
+    rgba: *mut f64,
+    count: usize,
+) -> c_int {
     guarded(-1, || {
         // SAFETY: the caller's.
         let outcome = unsafe { &held(drawing, "drawing")?.outcome };
@@ -226,12 +261,19 @@ pub unsafe extern "C" fn splatsim_picture(drawing: *const Drawing, which: c_int,
             SPLATSIM_FIXED => &outcome.fixed,
             SPLATSIM_GOLDEN => &outcome.golden,
             SPLATSIM_IDEAL => &outcome.ideal,
-            _ => return Err(format!("there is no picture {which}: 0 is fixed, 1 golden, 2 ideal")),
+            _ => {
+                return Err(format!(
+                    "there is no picture {which}: 0 is fixed, 1 golden, 2 ideal"
+                ));
+            }
         };
         let pixels = pixels.as_flattened();
         sound(rgba, count, "rgba")?;
         if count != pixels.len() {
-            return Err(format!("rgba needs room for {} numbers, and count says {count}", pixels.len()));
+            return Err(format!(
+                "rgba needs room for {} numbers, and count says {count}",
+                pixels.len()
+            ));
         }
         // SAFETY: the caller's; it was checked, and `count` compared.
         unsafe { std::ptr::copy_nonoverlapping(pixels.as_ptr(), rgba, count) };
@@ -239,13 +281,18 @@ pub unsafe extern "C" fn splatsim_picture(drawing: *const Drawing, which: c_int,
     })
 }
 
-/// Writes the report as JSON, as `report.json` has it, and a 0, into `text` if `capacity` is greater than the count that is returned: bytes
-/// without the 0. -1 on failure.
+/// Writes the report as JSON, as `report.json` has it, and a 0, into `text` if `capacity` is
+/// greater than the count that is returned: bytes without the 0. -1 on failure.
 ///
 /// # Safety
-/// `drawing` is NULL or a drawing; `text` is NULL, with capacity 0, or has room for `capacity` bytes.
+/// `drawing` is NULL or a drawing; `text` is NULL, with capacity 0, or has room for `capacity`
+/// bytes.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn splatsim_report_json(drawing: *const Drawing, text: *mut c_char, capacity: usize) -> isize {
+pub unsafe extern "C" fn splatsim_report_json(
+    drawing: *const Drawing,
+    text: *mut c_char,
+    capacity: usize,
+) -> isize {
     guarded(-1, || {
         // SAFETY: the caller's.
         unsafe { hand_out(&held(drawing, "drawing")?.report, text, capacity) }

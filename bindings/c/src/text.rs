@@ -13,7 +13,8 @@ thread_local! {
 
 /// Runs what C has asked for; `failed` where it went wrong, which is then this thread's last error.
 pub(crate) fn guarded<T>(failed: T, work: impl FnOnce() -> Told<T>) -> T {
-    let told = catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| Err("splatsim has failed: this is a fault of its own".into()));
+    let told = catch_unwind(AssertUnwindSafe(work))
+        .unwrap_or_else(|_| Err("splatsim has failed: this is a fault of its own".into()));
     told.unwrap_or_else(|sentence| {
         remember(&sentence);
         failed
@@ -32,10 +33,18 @@ pub(crate) fn sound<T>(numbers: *const T, count: usize, what: &str) -> Told<()> 
         return Err(format!("{what} is NULL"));
     }
     if !numbers.is_aligned() {
-        return Err(format!("{what} is at no address of a number of {} bits", 8 * size_of::<T>()));
+        return Err(format!(
+            "{what} is at no address of a number of {} bits",
+            8 * size_of::<T>()
+        ));
     }
-    if count.checked_mul(size_of::<T>()).is_none_or(|bytes| isize::try_from(bytes).is_err()) {
-        return Err(format!("{what} has {count} numbers, and no memory holds so many"));
+    if count
+        .checked_mul(size_of::<T>())
+        .is_none_or(|bytes| isize::try_from(bytes).is_err())
+    {
+        return Err(format!(
+            "{what} has {count} numbers, and no memory holds so many"
+        ));
     }
     Ok(())
 }
@@ -49,7 +58,9 @@ pub(crate) unsafe fn string<'a>(text: *const c_char, what: &str) -> Told<&'a str
         return Err(format!("{what} is NULL"));
     }
     // SAFETY: the caller's.
-    unsafe { CStr::from_ptr(text) }.to_str().map_err(|_| format!("{what} is no UTF-8"))
+    unsafe { CStr::from_ptr(text) }
+        .to_str()
+        .map_err(|_| format!("{what} is no UTF-8"))
 }
 
 /// Writes a text and a 0 behind it, where both fit; its bytes, without the 0.
@@ -70,10 +81,12 @@ pub(crate) unsafe fn hand_out(from: &str, text: *mut c_char, capacity: usize) ->
     isize::try_from(from.len()).map_err(|_| "the text is too long".into())
 }
 
-/// What went wrong last in this thread, in a sentence; empty if nothing has. It stays until the thread's next failure.
+/// What went wrong last in this thread, in a sentence; empty if nothing has. It stays until the
+/// thread's next failure.
 #[unsafe(no_mangle)]
 pub extern "C" fn splatsim_last_error() -> *const c_char {
-    LAST.try_with(|last| last.borrow().as_ptr()).unwrap_or(c"".as_ptr())
+    LAST.try_with(|last| last.borrow().as_ptr())
+        .unwrap_or(c"".as_ptr())
 }
 
 /// The version, such as 0.1.0.

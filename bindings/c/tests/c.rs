@@ -1,5 +1,5 @@
-//! Does the C library do what its header says: from C with gcc and clang, under AddressSanitizer and valgrind, from C++
-//! and from a testbench?
+//! Does the C library do what its header says: from C with gcc and clang, under AddressSanitizer
+//! and valgrind, from C++ and from a testbench?
 
 mod dpi;
 #[path = "../../../tests/tier/mod.rs"]
@@ -26,15 +26,23 @@ fn have(program: &str) -> bool {
 }
 
 fn run(command: &mut Command) -> String {
-    let output = command.output().unwrap_or_else(|e| panic!("{command:?}: {e}"));
-    let told = [&output.stdout[..], &output.stderr[..]].map(String::from_utf8_lossy).concat();
+    let output = command
+        .output()
+        .unwrap_or_else(|e| panic!("{command:?}: {e}"));
+    let told = [&output.stdout[..], &output.stderr[..]]
+        .map(String::from_utf8_lossy)
+        .concat();
     assert!(output.status.success(), "{command:?} failed:\n{told}");
     told
 }
 
 /// Where cargo put the libraries that it built with this test.
 fn libraries() -> PathBuf {
-    std::env::current_exe().unwrap().parent().unwrap().to_owned()
+    std::env::current_exe()
+        .unwrap()
+        .parent()
+        .unwrap()
+        .to_owned()
 }
 
 /// A few discs, lit, in a picture of a few pixels.
@@ -62,7 +70,15 @@ fn scene(folder: &Path) -> PathBuf {
 fn compiled(compiler: &str, options: &[&str], folder: &Path) -> PathBuf {
     let program = folder.join(format!("units-{compiler}{}", options.concat()));
     run(Command::new(compiler)
-        .args(["-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-g", "-o"])
+        .args([
+            "-std=c99",
+            "-Wall",
+            "-Wextra",
+            "-Werror",
+            "-pedantic",
+            "-g",
+            "-o",
+        ])
         .arg(&program)
         .args(options)
         .arg("-I")
@@ -75,19 +91,34 @@ fn compiled(compiler: &str, options: &[&str], folder: &Path) -> PathBuf {
 }
 
 fn says_all_is_well(told: &str) {
-    assert!(told.lines().last().is_some_and(|line| line == "all well"), "{told}");
-    assert!(told.contains("gauss: ") && told.contains("the model's is"), "{told}");
+    assert!(
+        told.lines().last().is_some_and(|line| line == "all well"),
+        "{told}"
+    );
+    assert!(
+        told.contains("gauss: ") && told.contains("the model's is"),
+        "{told}"
+    );
 }
 
 #[test]
 fn the_example_runs_with_gcc_under_its_sanitizers_and_with_clang() {
     let folder = tempfile::tempdir().unwrap();
     let scene = scene(folder.path());
-    let cases: [(&str, &[&str], &[&str]); 2] =
-        [("gcc", &["-fsanitize=address,undefined", "-fno-sanitize-recover"], &[]), ("clang", &[], &["gauss", "resolve"])];
+    let cases: [(&str, &[&str], &[&str]); 2] = [
+        (
+            "gcc",
+            &["-fsanitize=address,undefined", "-fno-sanitize-recover"],
+            &[],
+        ),
+        ("clang", &[], &["gauss", "resolve"]),
+    ];
     for (compiler, options, units) in cases.into_iter().filter(|(compiler, ..)| have(compiler)) {
         let program = compiled(compiler, options, folder.path());
-        says_all_is_well(&run(Command::new(program).arg(&scene).args(units).env("LD_LIBRARY_PATH", libraries())));
+        says_all_is_well(&run(Command::new(program)
+            .arg(&scene)
+            .args(units)
+            .env("LD_LIBRARY_PATH", libraries())));
     }
 }
 
@@ -100,7 +131,13 @@ fn valgrind_finds_nothing_in_the_example() {
     let program = compiled("gcc", &[], folder.path());
     // What threads of the pool keep for themselves until the end is no leak.
     let told = run(Command::new("valgrind")
-        .args(["--quiet", "--error-exitcode=9", "--leak-check=full", "--show-leak-kinds=definite", "--errors-for-leak-kinds=definite"])
+        .args([
+            "--quiet",
+            "--error-exitcode=9",
+            "--leak-check=full",
+            "--show-leak-kinds=definite",
+            "--errors-for-leak-kinds=definite",
+        ])
         .arg(program)
         .arg(scene(folder.path()))
         .args(["gauss", "raster", "resolve"])
@@ -124,22 +161,41 @@ fn the_example_runs_with_the_static_library() {
         .arg(root().join("examples/units.c"))
         .arg(libraries().join("libsplatsim_c.a"))
         .args(["-lpthread", "-ldl", "-lm"]));
-    says_all_is_well(&run(Command::new(program).arg(scene(folder.path())).args(["gauss", "fragment"])));
+    says_all_is_well(&run(Command::new(program)
+        .arg(scene(folder.path()))
+        .args(["gauss", "fragment"])));
 }
 
 #[test]
 fn the_header_is_what_cbindgen_makes_and_is_cpp_too() {
     let config = cbindgen::Config::from_file(root().join("cbindgen.toml")).unwrap();
     let mut text = Vec::new();
-    cbindgen::Builder::new().with_crate(root()).with_config(config).generate().unwrap().write(&mut text);
+    cbindgen::Builder::new()
+        .with_crate(root())
+        .with_config(config)
+        .generate()
+        .unwrap()
+        .write(&mut text);
     let path = root().join("include/splatsim.h");
     let text = String::from_utf8(text).unwrap();
     if std::env::var_os("SPLATSIM_WRITE_HEADER").is_some() {
         std::fs::write(&path, &text).unwrap();
     }
     let header = std::fs::read_to_string(&path).unwrap_or_default();
-    assert!(header == text, "include/splatsim.h is not what src/ says: SPLATSIM_WRITE_HEADER=1 cargo test -p splatsim-c writes it anew");
+    assert!(
+        header == text,
+        "include/splatsim.h is not what src/ says: SPLATSIM_WRITE_HEADER=1 cargo test -p splatsim-c writes it anew"
+    );
     if have("g++") {
-        run(Command::new("g++").args(["-fsyntax-only", "-Wall", "-Werror", "-pedantic", "-x", "c++"]).arg(&path));
+        run(Command::new("g++")
+            .args([
+                "-fsyntax-only",
+                "-Wall",
+                "-Werror",
+                "-pedantic",
+                "-x",
+                "c++",
+            ])
+            .arg(&path));
     }
 }

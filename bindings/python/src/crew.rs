@@ -19,16 +19,24 @@ impl Asked {
 
 /// An exception of a callback as a fault of the job; of its own exceptions the sentence alone.
 fn fault(py: Python<'_>, raised: &PyErr) -> Error {
-    if raised.is_instance_of::<SplatsimError>(py) { sentence(py, raised) } else { Error::job(raised.to_string()) }
+    if raised.is_instance_of::<SplatsimError>(py) {
+        sentence(py, raised)
+    } else {
+        Error::job(raised.to_string())
+    }
 }
 
 impl crew::Crew for Asked {
     fn width(&self) -> usize {
-        self.call(|crew| crew.call_method0("width")?.extract()).unwrap_or(1)
+        self.call(|crew| crew.call_method0("width")?.extract())
+            .unwrap_or(1)
     }
 
     fn learn(&mut self, view: Vec<u8>) -> Result<()> {
-        self.call(|crew| crew.call_method1("learn", (PyBytes::new(crew.py(), &view),)).map(drop))
+        self.call(|crew| {
+            crew.call_method1("learn", (PyBytes::new(crew.py(), &view),))
+                .map(drop)
+        })
     }
 
     fn measure(&mut self, machines: &[String], target: &str) -> Result<Vec<String>> {
@@ -47,13 +55,25 @@ impl View {
     #[new]
     fn new(py: Python<'_>, view: &[u8]) -> PyResult<Self> {
         let view = view.to_vec();
-        done(py, None, move || Ok(View(Arc::new(Sight::unpacked(&view)?))))
+        done(py, None, move || {
+            Ok(View(Arc::new(Sight::unpacked(&view)?)))
+        })
     }
 }
 
 /// Measures a machine on views, for a crew.
 #[pyfunction]
-pub(crate) fn measure(py: Python<'_>, views: Vec<Py<View>>, machine: String, target: String, threads: usize) -> PyResult<String> {
+pub(crate) fn measure(
+    py: Python<'_>,
+    views: Vec<Py<View>>,
+    machine: String,
+    target: String,
+    threads: usize,
+) -> PyResult<String> {
     let views: Vec<Arc<Sight>> = views.iter().map(|view| Arc::clone(&view.get().0)).collect();
-    done(py, None, move || on_threads(threads, || crew::measured(views.iter().map(Arc::as_ref), &machine, &target)))
+    done(py, None, move || {
+        on_threads(threads, || {
+            crew::measured(views.iter().map(Arc::as_ref), &machine, &target)
+        })
+    })
 }

@@ -24,7 +24,13 @@ pub(crate) struct Outcome {
 
 /// Parses `timing.raster.fifo=1,2,4`.
 fn axes(texts: &[String]) -> PyResult<Vec<Axes>> {
-    texts.iter().map(|text| text.parse().map_err(|sentence| refused(format!("--timing {text}: {sentence}")))).collect()
+    texts
+        .iter()
+        .map(|text| {
+            text.parse()
+                .map_err(|sentence| refused(format!("--timing {text}: {sentence}")))
+        })
+        .collect()
 }
 
 /// Draws a scene on a machine and in exact arithmetic.
@@ -49,9 +55,15 @@ pub(crate) fn run(
         "full" => Check::Full,
         "sampled" => Check::Sampled,
         "none" => Check::None,
-        other => return Err(refused(format!("check is {other}: it can be full, sampled or none"))),
+        other => {
+            return Err(refused(format!(
+                "check is {other}: it can be full, sampled or none"
+            )));
+        }
     };
-    let Scene { scene, frame, file, .. } = scene.clone();
+    let Scene {
+        scene, frame, file, ..
+    } = scene.clone();
     done(py, progress, move || {
         fixed::elaborate(&machine)?;
         let timings = Variants::new(&machine, &axes)?;
@@ -73,7 +85,10 @@ pub(crate) fn run(
             against: None,
         };
         let outcome = drawn(&scene, &machine, 0.0, &options)?;
-        Ok(Outcome { outcome: Arc::new(outcome), machine })
+        Ok(Outcome {
+            outcome: Arc::new(outcome),
+            machine,
+        })
     })
 }
 
@@ -97,13 +112,23 @@ impl Outcome {
 
     /// A picture's f64, four a pixel, row by row from the top.
     fn picture<'py>(&self, py: Python<'py>, which: &str) -> PyResult<Bound<'py, PyBytes>> {
-        let Drawn { fixed, golden, ideal, error, .. } = &*self.outcome;
+        let Drawn {
+            fixed,
+            golden,
+            ideal,
+            error,
+            ..
+        } = &*self.outcome;
         let picture = match which {
             "fixed" => fixed,
             "golden" => golden,
             "ideal" => ideal,
             "error" => &error.picture,
-            _ => return Err(refused(format!("{which}: no such picture; there are fixed, golden, ideal, error"))),
+            _ => {
+                return Err(refused(format!(
+                    "{which}: no such picture; there are fixed, golden, ideal, error"
+                )));
+            }
         };
         let numbers = picture.rgba.as_flattened();
         PyBytes::new_with(py, size_of_val(numbers), |bytes| {
@@ -126,7 +151,11 @@ impl Outcome {
     /// The recorded work.
     fn recording(&self) -> Option<Recording> {
         let work = self.outcome.work.clone()?;
-        Some(Recording(recording::Recording { scene: self.outcome.report.scene.name.clone(), machine: self.machine.clone(), work }))
+        Some(Recording(recording::Recording {
+            scene: self.outcome.report.scene.name.clone(),
+            machine: self.machine.clone(),
+            work,
+        }))
     }
 }
 
@@ -140,7 +169,9 @@ impl Recording {
     /// Reads what `write` or `run --record` wrote.
     #[staticmethod]
     fn read(path: PathBuf) -> PyResult<Self> {
-        recording::Recording::read(&path).map(Recording).map_err(raised)
+        recording::Recording::read(&path)
+            .map(Recording)
+            .map_err(raised)
     }
 
     /// Writes it into a file.
@@ -157,26 +188,50 @@ impl Recording {
         Ok(Recording(own))
     }
 
-    /// The frame's time, with other timings, and what would make it faster: three texts, `null` where nobody asked.
-    fn replay(&self, py: Python<'_>, timing: Vec<String>, answers: bool, prices: Option<PathBuf>) -> PyResult<(String, String, String)> {
+    /// The frame's time, with other timings, and what would make it faster: three texts, `null`
+    /// where nobody asked.
+    fn replay(
+        &self,
+        py: Python<'_>,
+        timing: Vec<String>,
+        answers: bool,
+        prices: Option<PathBuf>,
+    ) -> PyResult<(String, String, String)> {
         let axes = axes(&timing)?;
         let own = self.0.clone();
         let replayed = done(py, None, move || {
             fixed::elaborate(&own.machine)?;
             own.hold_stack(&axes)?;
-            let prices = answers.then(|| Prices::load_or_default(prices.as_deref())).transpose()?;
+            let prices = answers
+                .then(|| Prices::load_or_default(prices.as_deref()))
+                .transpose()?;
             own.replay(&axes, false, prices.as_ref())
         })?;
-        Ok((json(&replayed.cycles)?, json(&replayed.timings)?, json(&replayed.answers)?))
+        Ok((
+            json(&replayed.cycles)?,
+            json(&replayed.timings)?,
+            json(&replayed.answers)?,
+        ))
     }
 }
 
 /// One pixel's story: as text, and as JSON.
 #[pyfunction]
-pub(crate) fn explain(py: Python<'_>, scene: &Scene, machine: Option<&Machine>, x: usize, y: usize) -> PyResult<(String, String)> {
+pub(crate) fn explain(
+    py: Python<'_>,
+    scene: &Scene,
+    machine: Option<&Machine>,
+    x: usize,
+    y: usize,
+) -> PyResult<(String, String)> {
     let (machine, _) = Machine::of(machine, &scene.scene).map_err(raised)?;
     let scene = Arc::clone(&scene.scene);
-    let (text, numbers) = done(py, None, move || Ok((told(&scene, &machine, [x, y])?, explained(&scene, &machine, [x, y])?)))?;
+    let (text, numbers) = done(py, None, move || {
+        Ok((
+            told(&scene, &machine, [x, y])?,
+            explained(&scene, &machine, [x, y])?,
+        ))
+    })?;
     Ok((text, json(&numbers)?))
 }
 
@@ -201,12 +256,33 @@ pub(crate) fn trace(
         return Err(refused("sample is 0, and one in 1 is the most"));
     }
     let (machine, _) = Machine::of(machine, &scene.scene).map_err(raised)?;
-    let Scene { scene, text, file, frame } = scene.clone();
-    let file = file.and_then(|file| std::path::absolute(file).ok()).and_then(|file| file.to_str().map(str::to_owned));
-    let window = Window { units, splats, pixels, sample, stimulus, waves, seed };
+    let Scene {
+        scene,
+        text,
+        file,
+        frame,
+    } = scene.clone();
+    let file = file
+        .and_then(|file| std::path::absolute(file).ok())
+        .and_then(|file| file.to_str().map(str::to_owned));
+    let window = Window {
+        units,
+        splats,
+        pixels,
+        sample,
+        stimulus,
+        waves,
+        seed,
+    };
     done(py, None, move || {
-        let frame = frame.and_then(|frame| usize::try_from(frame).ok()).unwrap_or(0);
-        let origin = Origin { text: text.as_deref(), source: file.as_deref(), frame };
+        let frame = frame
+            .and_then(|frame| usize::try_from(frame).ok())
+            .unwrap_or(0);
+        let origin = Origin {
+            text: text.as_deref(),
+            source: file.as_deref(),
+            frame,
+        };
         write_trace(&scene, origin, &machine, &window, &folder).map(|written| written.table())
     })
 }

@@ -39,12 +39,26 @@ pub(crate) fn sweep(
     prices: Option<PathBuf>,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Job> {
-    let shard = shard.map(|text| text.parse().map_err(|sentence| refused(format!("--shard {text}: {sentence}")))).transpose()?;
+    let shard = shard
+        .map(|text| {
+            text.parse()
+                .map_err(|sentence| refused(format!("--shard {text}: {sentence}")))
+        })
+        .transpose()?;
     done(py, progress, move || {
         let points = plan(&name, text.as_deref())?;
-        let options = sweeping::Options { shard, most, prices: Prices::load_or_default(prices.as_deref())?, progress: false };
+        let options = sweeping::Options {
+            shard,
+            most,
+            prices: Prices::load_or_default(prices.as_deref())?,
+            progress: false,
+        };
         let outcome = sweeping::run(&points, &folder, &options)?;
-        Ok(Job { summary: outcome.summary(), files: outcome.files, json: String::new() })
+        Ok(Job {
+            summary: outcome.summary(),
+            files: outcome.files,
+            json: String::new(),
+        })
     })
 }
 
@@ -69,14 +83,38 @@ pub(crate) fn search(
     crew: Option<Py<PyAny>>,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<Job> {
-    let scenes: Vec<Arc<splatsim::scene::Scene>> = scenes.iter().map(|scene| Arc::clone(&scene.get().scene)).collect();
-    let first = scenes.first().ok_or_else(|| refused("a search needs a scene, one at least"))?;
+    let scenes: Vec<Arc<splatsim::scene::Scene>> = scenes
+        .iter()
+        .map(|scene| Arc::clone(&scene.get().scene))
+        .collect();
+    let first = scenes
+        .first()
+        .ok_or_else(|| refused("a search needs a scene, one at least"))?;
     let (machine, _) = Machine::of(machine, first).map_err(raised)?;
-    let against = if against_ideal { Against::Ideal } else { Against::Golden };
-    let target = Target { psnr_db: target_psnr, max_error, no_saturation, against, ..Target::default() };
+    let against = if against_ideal {
+        Against::Ideal
+    } else {
+        Against::Golden
+    };
+    let target = Target {
+        psnr_db: target_psnr,
+        max_error,
+        no_saturation,
+        against,
+        ..Target::default()
+    };
     let outcome = done(py, progress, move || {
         let prices = Prices::load_or_default(prices.as_deref())?;
-        let options = searching::Options { target, views, robust: 1, seed, tries, only, prices, progress: false };
+        let options = searching::Options {
+            target,
+            views,
+            robust: 1,
+            seed,
+            tries,
+            only,
+            prices,
+            progress: false,
+        };
         let scenes: Vec<_> = scenes.iter().map(|scene| (**scene).clone()).collect();
         let search = || searching::run(&scenes, &machine, &folder, &options);
         match crew {
@@ -84,5 +122,9 @@ pub(crate) fn search(
             None => search(),
         }
     })?;
-    Ok(Job { summary: outcome.summary(), json: json(&outcome)?, files: outcome.files })
+    Ok(Job {
+        summary: outcome.summary(),
+        json: json(&outcome)?,
+        files: outcome.files,
+    })
 }

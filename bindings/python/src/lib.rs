@@ -1,7 +1,9 @@
-//! splatsim for Python: what `bindings/python/splatsim` stands on. Texts are JSON, arrays are buffers; names and types for people are there.
+//! splatsim for Python: what `bindings/python/splatsim` stands on. Texts are JSON, arrays are
+//! buffers; names and types for people are there.
 //!
-//! Work is done on a thread of its own while the interpreter's lock is free; the thread that waits for it hears Ctrl-C. A fault is an exception
-//! with the command line's sentence. No panic crosses: a thread that panics ends in an exception too.
+//! Work is done on a thread of its own while the interpreter's lock is free; the thread that waits
+//! for it hears Ctrl-C. A fault is an exception with the command line's sentence. No panic crosses:
+//! a thread that panics ends in an exception too.
 
 mod crew;
 mod draw;

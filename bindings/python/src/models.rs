@@ -25,22 +25,40 @@ impl Machine {
     #[staticmethod]
     fn open(name_or_path: OsString) -> PyResult<Self> {
         let file = machines::load_file(name_or_path, &[]).map_err(raised)?;
-        Ok(Machine { file, is_changed: false })
+        Ok(Machine {
+            file,
+            is_changed: false,
+        })
     }
 
     /// That of a text as a machine file has it; `whose` begins every error.
     #[staticmethod]
     fn parse(text: &str, whose: &str) -> PyResult<Self> {
-        let value = serde_json::from_str(text.trim_start_matches('\u{feff}')).map_err(|error| refused(format!("{whose}: {error}")))?;
+        let value = serde_json::from_str(text.trim_start_matches('\u{feff}'))
+            .map_err(|error| refused(format!("{whose}: {error}")))?;
         let file = machines::from_description(value, whose, whose).map_err(raised)?;
-        Ok(Machine { file, is_changed: false })
+        Ok(Machine {
+            file,
+            is_changed: false,
+        })
     }
 
     /// With a change such as `gauss.weight=U-2F12`.
     fn changed(&self, setting: &str) -> PyResult<Self> {
-        let machine = machines::changed(&self.file.machine, setting, &machines::flag("--set", setting)).map_err(raised)?;
+        let machine = machines::changed(
+            &self.file.machine,
+            setting,
+            &machines::flag("--set", setting),
+        )
+        .map_err(raised)?;
         let is_changed = self.is_changed || machines::changes_picture(setting);
-        Ok(Machine { file: File { machine, ..self.file.clone() }, is_changed })
+        Ok(Machine {
+            file: File {
+                machine,
+                ..self.file.clone()
+            },
+            is_changed,
+        })
     }
 
     /// As a machine file has it.
@@ -50,13 +68,20 @@ impl Machine {
 
     /// Every word that can be set, and its format.
     fn words(&self) -> Vec<(String, String)> {
-        machines::words(&self.file.machine).into_iter().map(|(path, format)| (path, format.to_string())).collect()
+        machines::words(&self.file.machine)
+            .into_iter()
+            .map(|(path, format)| (path, format.to_string()))
+            .collect()
     }
 }
 
 impl Machine {
-    /// The one that was asked for, or the usual one, as it draws a scene; and how the scene lies outside of what it was searched for.
-    pub(crate) fn of(machine: Option<&Self>, scene: &scene::Scene) -> Result<(rtl_model::Machine, Option<Vec<String>>), Error> {
+    /// The one that was asked for, or the usual one, as it draws a scene; and how the scene lies
+    /// outside of what it was searched for.
+    pub(crate) fn of(
+        machine: Option<&Self>,
+        scene: &scene::Scene,
+    ) -> Result<(rtl_model::Machine, Option<Vec<String>>), Error> {
         let (file, is_changed) = match machine {
             Some(machine) => (machine.file.clone(), machine.is_changed),
             None => (machines::load_file(machines::usual(scene), &[])?, false),
@@ -81,22 +106,40 @@ pub(crate) struct Scene {
 }
 
 /// Splats as columns of numbers: three a splat of position, normal and colour.
-type Columns = (PyBuffer<f64>, PyBuffer<f64>, PyBuffer<f64>, PyBuffer<f64>, PyBuffer<f64>, PyBuffer<u32>);
+type Columns = (
+    PyBuffer<f64>,
+    PyBuffer<f64>,
+    PyBuffer<f64>,
+    PyBuffer<f64>,
+    PyBuffer<f64>,
+    PyBuffer<u32>,
+);
 
 #[pymethods]
 impl Scene {
     /// A file, or a built-in name.
     #[staticmethod]
-    fn open(py: Python<'_>, name_or_path: OsString, size: Option<(usize, usize)>, frame: Option<usize>) -> PyResult<Self> {
+    fn open(
+        py: Python<'_>,
+        name_or_path: OsString,
+        size: Option<(usize, usize)>,
+        frame: Option<usize>,
+    ) -> PyResult<Self> {
         done(py, None, move || {
             let mut sequence = Sequence::load(&name_or_path, &Overrides { size }, None)?;
             let number = frame.unwrap_or(0);
             sequence.frame(number)?;
-            let text = if number == 0 { scene::Scene::text(&name_or_path) } else { None };
+            let text = if number == 0 {
+                scene::Scene::text(&name_or_path)
+            } else {
+                None
+            };
             Ok(Scene {
                 frame: sequence.is_sequence().then_some(number as u64),
                 scene: Arc::new(sequence.into_scene()),
-                file: std::path::absolute(&name_or_path).ok().filter(|path| path.exists()),
+                file: std::path::absolute(&name_or_path)
+                    .ok()
+                    .filter(|path| path.exists()),
                 text,
             })
         })
@@ -114,8 +157,14 @@ impl Scene {
     ) -> PyResult<Self> {
         done(py, None, move || {
             let number = frame.unwrap_or(0);
-            let scene = scene::Scene::from_text(&text, &name, &folder, &Overrides { size }, number)?;
-            Ok(Scene { scene: Arc::new(scene), frame: frame.map(|frame| frame as u64), file: None, text: (number == 0).then_some(text) })
+            let scene =
+                scene::Scene::from_text(&text, &name, &folder, &Overrides { size }, number)?;
+            Ok(Scene {
+                scene: Arc::new(scene),
+                frame: frame.map(|frame| frame as u64),
+                file: None,
+                text: (number == 0).then_some(text),
+            })
         })
     }
 
@@ -132,8 +181,20 @@ impl Scene {
     ) -> PyResult<Self> {
         let splats = splats(py, &columns)?;
         done(py, None, move || {
-            let scene = scene::Scene::of_splats(splats, &text, &name, &folder, &Overrides { size }, frame.unwrap_or(0))?;
-            Ok(Scene { scene: Arc::new(scene), frame: frame.map(|frame| frame as u64), file: None, text: None })
+            let scene = scene::Scene::of_splats(
+                splats,
+                &text,
+                &name,
+                &folder,
+                &Overrides { size },
+                frame.unwrap_or(0),
+            )?;
+            Ok(Scene {
+                scene: Arc::new(scene),
+                frame: frame.map(|frame| frame as u64),
+                file: None,
+                text: None,
+            })
         })
     }
 
@@ -168,9 +229,16 @@ impl Scene {
     }
 }
 
-fn splats(py: Python<'_>, (position, normal, radius, rgb, opacity, material): &Columns) -> PyResult<Vec<Splat>> {
+fn splats(
+    py: Python<'_>,
+    (position, normal, radius, rgb, opacity, material): &Columns,
+) -> PyResult<Vec<Splat>> {
     let count = radius.item_count();
-    let [position, normal, rgb] = [column(py, position, 3 * count)?, column(py, normal, 3 * count)?, column(py, rgb, 3 * count)?];
+    let [position, normal, rgb] = [
+        column(py, position, 3 * count)?,
+        column(py, normal, 3 * count)?,
+        column(py, rgb, 3 * count)?,
+    ];
     let [radius, opacity] = [column(py, radius, count)?, column(py, opacity, count)?];
     let material = column(py, material, count)?;
     let three = |cells: &[f64], at: usize| [cells[3 * at], cells[3 * at + 1], cells[3 * at + 2]];
@@ -187,7 +255,10 @@ fn splats(py: Python<'_>, (position, normal, radius, rgb, opacity, material): &C
 
 fn column<T: Element>(py: Python<'_>, buffer: &PyBuffer<T>, count: usize) -> PyResult<Vec<T>> {
     if buffer.item_count() != count {
-        return Err(refused(format!("splats: an array has {} numbers, and {count} are needed", buffer.item_count())));
+        return Err(refused(format!(
+            "splats: an array has {} numbers, and {count} are needed",
+            buffer.item_count()
+        )));
     }
     buffer.to_vec(py)
 }

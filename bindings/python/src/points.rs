@@ -1,4 +1,5 @@
-//! Points: carries a sweep out piece by piece: a folder that rows come into, and a stage that draws some, in this process or another.
+//! Points: carries a sweep out piece by piece: a folder that rows come into, and a stage that draws
+//! some, in this process or another.
 
 use crate::explore::Job;
 use crate::work::{done, json, refused};
@@ -17,13 +18,20 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 /// The plan of a text or a name.
 pub(crate) fn plan(name: &str, text: Option<&str>) -> Result<Points> {
-    text.map_or_else(|| Points::load(name), |text| Points::from_text(text, name, Path::new("")))
+    text.map_or_else(
+        || Points::load(name),
+        |text| Points::from_text(text, name, Path::new("")),
+    )
 }
 
 /// Does `work` on so many threads.
-pub(crate) fn on_threads<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+pub(crate) fn on_threads<T: Send>(
+    threads: usize,
+    work: impl FnOnce() -> Result<T> + Send,
+) -> Result<T> {
     let pool = ThreadPoolBuilder::new().num_threads(threads).build();
-    pool.map_err(|e| Error::job(format!("no {threads} threads can be started: {e}")))?.install(work)
+    pool.map_err(|e| Error::job(format!("no {threads} threads can be started: {e}")))?
+        .install(work)
 }
 
 /// A sweep whose rows others draw.
@@ -34,10 +42,22 @@ pub(crate) struct Sweep(Arc<Mutex<Option<sweep::Sweep>>>);
 impl Sweep {
     /// Opens a folder, which nobody else may write into until it is closed.
     #[staticmethod]
-    fn open(py: Python<'_>, name: String, text: Option<String>, folder: PathBuf, most: u64, prices: Option<PathBuf>) -> PyResult<Self> {
+    fn open(
+        py: Python<'_>,
+        name: String,
+        text: Option<String>,
+        folder: PathBuf,
+        most: u64,
+        prices: Option<PathBuf>,
+    ) -> PyResult<Self> {
         done(py, None, move || {
             let points = plan(&name, text.as_deref())?;
-            let options = Options { shard: None, most, prices: Prices::load_or_default(prices.as_deref())?, progress: false };
+            let options = Options {
+                shard: None,
+                most,
+                prices: Prices::load_or_default(prices.as_deref())?,
+                progress: false,
+            };
             let own = sweep::Sweep::open(points, &folder, &options, Folder::open)?;
             Ok(Sweep(Arc::new(Mutex::new(Some(own)))))
         })
@@ -45,12 +65,16 @@ impl Sweep {
 
     /// Scenes of the plan, and all points.
     fn counts(&self, py: Python<'_>) -> PyResult<(usize, u64)> {
-        self.with(py, |own| Ok((own.points().plan.scenes.len(), own.points().count())))
+        self.with(py, |own| {
+            Ok((own.points().plan.scenes.len(), own.points().count()))
+        })
     }
 
     /// Points on a scene that the folder does not have; those that may share a frame together.
     fn missing(&self, py: Python<'_>, scene: usize) -> PyResult<Vec<Vec<u64>>> {
-        self.with(py, move |own| Ok(own.points().together(&own.missing(scene))))
+        self.with(py, move |own| {
+            Ok(own.points().together(&own.missing(scene)))
+        })
     }
 
     /// Plan and prices, for a stage.
@@ -75,7 +99,11 @@ impl Sweep {
     fn finish(&self, py: Python<'_>) -> PyResult<Job> {
         let own = self.own().take().ok_or_else(closed)?;
         let outcome = done(py, None, move || own.finish())?;
-        Ok(Job { summary: outcome.summary(), files: outcome.files, json: String::new() })
+        Ok(Job {
+            summary: outcome.summary(),
+            files: outcome.files,
+            json: String::new(),
+        })
     }
 
     /// Closes the folder; what it has stays.
@@ -90,9 +118,18 @@ impl Sweep {
     }
 
     /// Does something with it, without the interpreter's lock.
-    fn with<T: Send + 'static>(&self, py: Python<'_>, work: impl FnOnce(&mut sweep::Sweep) -> Result<T> + Send + 'static) -> PyResult<T> {
+    fn with<T: Send + 'static>(
+        &self,
+        py: Python<'_>,
+        work: impl FnOnce(&mut sweep::Sweep) -> Result<T> + Send + 'static,
+    ) -> PyResult<T> {
         let own = Arc::clone(&self.0);
-        let work = move || own.lock().unwrap_or_else(PoisonError::into_inner).as_mut().map(work);
+        let work = move || {
+            own.lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .as_mut()
+                .map(work)
+        };
         done(py, None, move || work().transpose())?.ok_or_else(closed)
     }
 }
@@ -109,20 +146,39 @@ pub(crate) struct Stage(Arc<stage::Stage>);
 impl Stage {
     /// Of a plan and a scene as a sweep gives them: the scene of this number.
     #[new]
-    fn new(py: Python<'_>, plan: String, number: usize, scene: &[u8], threads: usize) -> PyResult<Self> {
+    fn new(
+        py: Python<'_>,
+        plan: String,
+        number: usize,
+        scene: &[u8],
+        threads: usize,
+    ) -> PyResult<Self> {
         let scene = scene.to_vec();
         done(py, None, move || {
             let (points, prices): (Points, Prices) =
-                serde_json::from_str(&plan).map_err(|error| Error::input(format!("the plan is none of this version: {error}")))?;
+                serde_json::from_str(&plan).map_err(|error| {
+                    Error::input(format!("the plan is none of this version: {error}"))
+                })?;
             let scene = parcel::unpacked(&scene)?;
-            on_threads(threads, || Ok(Stage(Arc::new(stage::Stage::new(&points, &prices, number, scene)))))
+            on_threads(threads, || {
+                Ok(Stage(Arc::new(stage::Stage::new(
+                    &points, &prices, number, scene,
+                ))))
+            })
         })
     }
 
     /// The rows of points, as a Parquet file.
-    fn draw<'py>(&self, py: Python<'py>, numbers: Vec<u64>, threads: usize) -> PyResult<Bound<'py, PyBytes>> {
+    fn draw<'py>(
+        &self,
+        py: Python<'py>,
+        numbers: Vec<u64>,
+        threads: usize,
+    ) -> PyResult<Bound<'py, PyBytes>> {
         let stage = Arc::clone(&self.0);
-        let bytes = done(py, None, move || on_threads(threads, || rows(&stage, &numbers)))?;
+        let bytes = done(py, None, move || {
+            on_threads(threads, || rows(&stage, &numbers))
+        })?;
         Ok(PyBytes::new(py, &bytes))
     }
 }
@@ -154,10 +210,27 @@ pub(crate) fn draw(
             return Err(Error::input(format!("{name}: no points are asked for")));
         }
         if let Some(number) = numbers.iter().find(|number| **number >= points.count()) {
-            return Err(Error::input(format!("{name}: no point {number}: the plan has {}", points.count())));
+            return Err(Error::input(format!(
+                "{name}: no point {number}: the plan has {}",
+                points.count()
+            )));
         }
-        let on_scene = |nth: usize| numbers.iter().copied().filter(|number| points.point(*number).0 == nth).collect::<Vec<u64>>();
-        let all = (0..points.plan.scenes.len()).map(|nth| (nth, on_scene(nth))).filter(|(_, numbers)| !numbers.is_empty());
-        all.map(|(nth, numbers)| rows(&stage::Stage::new(&points, &prices, nth, points.scene(nth)?), &numbers)).collect()
+        let on_scene = |nth: usize| {
+            numbers
+                .iter()
+                .copied()
+                .filter(|number| points.point(*number).0 == nth)
+                .collect::<Vec<u64>>()
+        };
+        let all = (0..points.plan.scenes.len())
+            .map(|nth| (nth, on_scene(nth)))
+            .filter(|(_, numbers)| !numbers.is_empty());
+        all.map(|(nth, numbers)| {
+            rows(
+                &stage::Stage::new(&points, &prices, nth, points.scene(nth)?),
+                &numbers,
+            )
+        })
+        .collect()
     })
 }

@@ -16,7 +16,10 @@ use std::path::PathBuf;
 /// Draws all frames: the report, and what the command line prints.
 #[pyfunction]
 #[pyo3(signature = (name, size, cameras, machine, folder, exr, video, progress))]
-#[expect(clippy::too_many_arguments, reason = "as many as a sequence has options")]
+#[expect(
+    clippy::too_many_arguments,
+    reason = "as many as a sequence has options"
+)]
 pub(crate) fn sequence(
     py: Python<'_>,
     name: OsString,
@@ -31,7 +34,8 @@ pub(crate) fn sequence(
     let machine = machine.cloned();
     let report = done(py, progress, move || {
         let cameras = cameras.as_deref().map(CameraFile::read).transpose()?;
-        let (sequence, load_seconds) = timed(|| Sequence::load(&name, &Overrides { size }, cameras));
+        let (sequence, load_seconds) =
+            timed(|| Sequence::load(&name, &Overrides { size }, cameras));
         let mut sequence = sequence?;
         if !sequence.is_sequence() {
             return Err(Error::input(format!(
@@ -43,18 +47,35 @@ pub(crate) fn sequence(
         fixed::elaborate(&drawing)?;
         running::check(&mut sequence, &drawing)?;
         // Each camera may lie elsewhere.
-        for frame in (0..sequence.cameras().len()).filter(|_| outside.is_some()).collect::<Vec<_>>() {
+        for frame in (0..sequence.cameras().len())
+            .filter(|_| outside.is_some())
+            .collect::<Vec<_>>()
+        {
             let (_, of_frame) = Machine::of(machine.as_ref(), sequence.frame(frame)?)?;
             let all = outside.get_or_insert_default();
-            let fresh: Vec<String> = of_frame.into_iter().flatten().filter(|what| !all.contains(what)).collect();
+            let fresh: Vec<String> = of_frame
+                .into_iter()
+                .flatten()
+                .filter(|what| !all.contains(what))
+                .collect();
             all.extend(fresh);
         }
         let _open = folder.as_deref().map(Folder::open).transpose()?;
         let progress = Progress::of_steps(false, sequence.cameras().len() as u64, "frames");
         let output = Output { folder, exr, video };
-        let mut report = running::run(&mut sequence, &drawing, None, load_seconds, &output, &progress)?;
+        let mut report = running::run(
+            &mut sequence,
+            &drawing,
+            None,
+            load_seconds,
+            &output,
+            &progress,
+        )?;
         report.machine.outside_of_search = outside;
-        output.folder.as_deref().map_or(Ok(()), |folder| report.write(folder))?;
+        output
+            .folder
+            .as_deref()
+            .map_or(Ok(()), |folder| report.write(folder))?;
         Ok(report)
     })?;
     Ok((json(&report)?, report.summary()))

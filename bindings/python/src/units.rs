@@ -24,16 +24,32 @@ self_cell!(
 pub(crate) struct Unit(Arc<Mutex<Cell>>);
 
 fn with<T>(cell: &Mutex<Cell>, work: impl FnOnce(&mut Scoreboard) -> T) -> T {
-    cell.lock().unwrap_or_else(PoisonError::into_inner).with_dependent_mut(|_, board| work(board))
+    cell.lock()
+        .unwrap_or_else(PoisonError::into_inner)
+        .with_dependent_mut(|_, board| work(board))
 }
 
 /// A port by its name, which the unit must have.
 fn side(board: &Scoreboard, port: &str) -> PyResult<Side> {
     const NAMES: [&str; 5] = ["in", "out", "request", "answer", "held"];
-    let found = NAMES.iter().position(|name| *name == port).map(|at| Side::ALL[at]);
-    let own: Vec<&str> = NAMES.into_iter().zip(Side::ALL).filter(|(_, side)| board.port(*side).is_some()).map(|(name, _)| name).collect();
+    let found = NAMES
+        .iter()
+        .position(|name| *name == port)
+        .map(|at| Side::ALL[at]);
+    let own: Vec<&str> = NAMES
+        .into_iter()
+        .zip(Side::ALL)
+        .filter(|(_, side)| board.port(*side).is_some())
+        .map(|(name, _)| name)
+        .collect();
     let found = found.filter(|side| board.port(*side).is_some());
-    found.ok_or_else(|| refused(format!("{} has no port {port}; it has {}", board.name(), own.join(", "))))
+    found.ok_or_else(|| {
+        refused(format!(
+            "{} has no port {port}; it has {}",
+            board.name(),
+            own.join(", ")
+        ))
+    })
 }
 
 /// Words as i64, side by side.
@@ -50,12 +66,21 @@ fn bytes<'py>(py: Python<'py>, records: &[Record]) -> PyResult<Bound<'py, PyByte
 #[pymethods]
 impl Unit {
     #[new]
-    fn new(py: Python<'_>, name: String, machine: Option<&Machine>, scene: &Scene, seed: u64) -> PyResult<Self> {
+    fn new(
+        py: Python<'_>,
+        name: String,
+        machine: Option<&Machine>,
+        scene: &Scene,
+        seed: u64,
+    ) -> PyResult<Self> {
         let (machine, _) = Machine::of(machine, &scene.scene).map_err(raised)?;
         let scene = Arc::clone(&scene.scene);
         done(py, None, move || {
             let constants = Constants::new(&scene, &machine)?;
-            Ok(Unit(Arc::new(Mutex::new(Cell::try_new(constants, |of| Scoreboard::new(of, &name, seed))?))))
+            Ok(Unit(Arc::new(Mutex::new(Cell::try_new(
+                constants,
+                |of| Scoreboard::new(of, &name, seed),
+            )?))))
         })
     }
 
@@ -63,7 +88,13 @@ impl Unit {
     fn fields(&self, port: &str) -> PyResult<Vec<String>> {
         with(&self.0, |board| {
             let port = board.port(side(board, port)?);
-            Ok(port.map_or_else(Vec::new, |port| port.stream.fields.iter().map(|field| field.name.clone()).collect()))
+            Ok(port.map_or_else(Vec::new, |port| {
+                port.stream
+                    .fields
+                    .iter()
+                    .map(|field| field.name.clone())
+                    .collect()
+            }))
         })
     }
 
@@ -71,19 +102,37 @@ impl Unit {
     fn registers(&self, name: &str) -> PyResult<(Vec<String>, Vec<Record>)> {
         let cell = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let found = cell.with_dependent(|constants, _| constants.registers(name));
-        let (port, records) =
-            found.ok_or_else(|| refused(format!("{name} is not constant in a frame: frame, light, material and reflection are")))?;
-        Ok((port.stream.fields.iter().map(|field| field.name.clone()).collect(), records))
+        let (port, records) = found.ok_or_else(|| {
+            refused(format!(
+                "{name} is not constant in a frame: frame, light, material and reflection are"
+            ))
+        })?;
+        Ok((
+            port.stream
+                .fields
+                .iter()
+                .map(|field| field.name.clone())
+                .collect(),
+            records,
+        ))
     }
 
     /// Takes a record. What it gives waits.
     fn give(&self, words: Record) -> PyResult<()> {
-        with(&self.0, |board| board.step(&words).map_err(|fault| refused(format!("{}.in: {fault}", board.name()))))
+        with(&self.0, |board| {
+            board
+                .step(&words)
+                .map_err(|fault| refused(format!("{}.in: {fault}", board.name())))
+        })
     }
 
     /// Ends a frame. What it gives in the end waits.
     fn end(&self) -> PyResult<()> {
-        with(&self.0, |board| board.end().map_err(|fault| refused(format!("{}.in: {fault}", board.name()))))
+        with(&self.0, |board| {
+            board
+                .end()
+                .map_err(|fault| refused(format!("{}.in: {fault}", board.name())))
+        })
     }
 
     /// Number of records that wait.
@@ -113,7 +162,12 @@ impl Unit {
     }
 
     /// Takes records, side by side; how many it gave for each, and those.
-    fn map<'py>(&self, py: Python<'py>, words: PyBuffer<i64>, fields: usize) -> PyResult<(Bound<'py, PyBytes>, Bound<'py, PyBytes>)> {
+    fn map<'py>(
+        &self,
+        py: Python<'py>,
+        words: PyBuffer<i64>,
+        fields: usize,
+    ) -> PyResult<(Bound<'py, PyBytes>, Bound<'py, PyBytes>)> {
         let words: Vec<i64> = words.to_vec(py)?;
         let cell = Arc::clone(&self.0);
         let (counts, out) = done(py, None, move || {
@@ -121,7 +175,9 @@ impl Unit {
                 let (mut counts, mut out) = (Vec::new(), Vec::new());
                 for (number, words) in words.chunks_exact(fields.max(1)).enumerate() {
                     let name = board.name();
-                    board.step(words).map_err(|fault| Error::input(format!("{name}.in: record {number}: {fault}")))?;
+                    board.step(words).map_err(|fault| {
+                        Error::input(format!("{name}.in: record {number}: {fault}"))
+                    })?;
                     let given: Vec<Record> = std::iter::from_fn(|| board.next(Side::Out)).collect();
                     counts.push(vec![given.len() as i64]);
                     out.extend(given);

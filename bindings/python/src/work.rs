@@ -10,9 +10,24 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::Builder;
 use std::time::{Duration, Instant};
 
-create_exception!(splatsim, SplatsimError, PyValueError, "What is wrong, in a sentence.");
-create_exception!(splatsim, InputError, SplatsimError, "An argument or a file is wrong: the command line's exit status 2.");
-create_exception!(splatsim, JobError, SplatsimError, "The work itself failed, as where a disk is full: the command line's exit status 1.");
+create_exception!(
+    splatsim,
+    SplatsimError,
+    PyValueError,
+    "What is wrong, in a sentence."
+);
+create_exception!(
+    splatsim,
+    InputError,
+    SplatsimError,
+    "An argument or a file is wrong: the command line's exit status 2."
+);
+create_exception!(
+    splatsim,
+    JobError,
+    SplatsimError,
+    "The work itself failed, as where a disk is full: the command line's exit status 1."
+);
 
 /// Between two looks for Ctrl-C.
 const LISTEN_EVERY: Duration = Duration::from_millis(50);
@@ -33,7 +48,11 @@ pub(crate) fn raised(error: Error) -> PyErr {
 /// The fault that an exception of [`raised`] says.
 pub(crate) fn sentence(py: Python<'_>, raised: &PyErr) -> Error {
     let sentence = raised.value(py).to_string();
-    if raised.is_instance_of::<InputError>(py) { Error::input(sentence) } else { Error::job(sentence) }
+    if raised.is_instance_of::<InputError>(py) {
+        Error::input(sentence)
+    } else {
+        Error::job(sentence)
+    }
 }
 
 /// An exception for what only a call from Python can get wrong.
@@ -45,8 +64,8 @@ pub(crate) fn json(value: &impl serde::Serialize) -> PyResult<String> {
     serde_json::to_string(value).map_err(|error| raised(Error::job(error.to_string())))
 }
 
-/// Does `work` on another thread, without the interpreter's lock. Where a signal or `progress` raises, that is raised at once; the work is told
-/// to stop, and what it has begun ends unseen.
+/// Does `work` on another thread, without the interpreter's lock. Where a signal or `progress`
+/// raises, that is raised at once; the work is told to stop, and what it has begun ends unseen.
 pub(crate) fn done<T: Send + 'static>(
     py: Python<'_>,
     progress: Option<&Bound<'_, PyAny>>,
@@ -68,7 +87,11 @@ pub(crate) fn done<T: Send + 'static>(
                 progress.map_or(Ok(()), |progress| tell(progress, &watch))?;
                 return done.map_err(raised);
             }
-            Err(RecvTimeoutError::Disconnected) => return Err(PyRuntimeError::new_err("splatsim has failed: this is a fault of its own")),
+            Err(RecvTimeoutError::Disconnected) => {
+                return Err(PyRuntimeError::new_err(
+                    "splatsim has failed: this is a fault of its own",
+                ));
+            }
             Err(RecvTimeoutError::Timeout) => {}
         }
         let heard = py.check_signals().and_then(|()| match progress {
@@ -80,16 +103,21 @@ pub(crate) fn done<T: Send + 'static>(
         });
         if let Err(raised) = heard {
             watch.stop();
-            // A journal is closed with the point that is being drawn, if that is soon; what comes of it nobody wants.
+            // A journal is closed with the point that is being drawn, if that is soon; what comes
+            // of it nobody wants.
             let _ = py.detach(|| received(&result, LAST_POINT));
             return Err(raised);
         }
     }
 }
 
-/// What a thread sends within some time. The lock is there for the interpreter's, beside which nothing of one thread alone may be used.
+/// What a thread sends within some time. The lock is there for the interpreter's, beside which
+/// nothing of one thread alone may be used.
 fn received<T>(result: &Mutex<Receiver<T>>, within: Duration) -> Result<T, RecvTimeoutError> {
-    result.lock().unwrap_or_else(PoisonError::into_inner).recv_timeout(within)
+    result
+        .lock()
+        .unwrap_or_else(PoisonError::into_inner)
+        .recv_timeout(within)
 }
 
 /// Calls a callback with what is done, of how much where that is known, and a message.

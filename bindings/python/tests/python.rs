@@ -1,4 +1,5 @@
-//! Is the Python package what the command line is? Its own tests, notebooks and types, on the library that cargo has just built.
+//! Is the Python package what the command line is? Its own tests, notebooks and types, on the
+//! library that cargo has just built.
 
 #[path = "../../../tests/tier/mod.rs"]
 #[allow(dead_code, reason = "others use the rest")]
@@ -7,21 +8,31 @@ mod tier;
 use std::path::Path;
 use std::process::Command;
 
-/// Python of `SPLATSIM_PYTHON`, else `python3`, if it has what the tests need; fails in CI where it has not.
+/// Python of `SPLATSIM_PYTHON`, else `python3`, if it has what the tests need; fails in CI where it
+/// has not.
 fn python() -> Option<String> {
     let python = std::env::var("SPLATSIM_PYTHON").unwrap_or_else(|_| "python3".into());
-    let has = Command::new(&python).args(["-c", "import numpy, pyarrow, pytest, mypy"]).output();
+    let has = Command::new(&python)
+        .args(["-c", "import numpy, pyarrow, pytest, mypy"])
+        .output();
     if has.is_ok_and(|output| output.status.success()) {
         return Some(python);
     }
-    assert!(std::env::var_os("CI").is_none(), "CI needs tests/requirements.txt in the Python of SPLATSIM_PYTHON");
+    assert!(
+        std::env::var_os("CI").is_none(),
+        "CI needs tests/requirements.txt in the Python of SPLATSIM_PYTHON"
+    );
     println!("skipped: the Python package, whose tests {python} cannot run");
     None
 }
 
 fn run(command: &mut Command) {
-    let output = command.output().unwrap_or_else(|e| panic!("{command:?}: {e}"));
-    let told = [&output.stdout[..], &output.stderr[..]].map(String::from_utf8_lossy).concat();
+    let output = command
+        .output()
+        .unwrap_or_else(|e| panic!("{command:?}: {e}"));
+    let told = [&output.stdout[..], &output.stderr[..]]
+        .map(String::from_utf8_lossy)
+        .concat();
     println!("{told}");
     assert!(output.status.success(), "{command:?}: {told}");
 }
@@ -36,7 +47,9 @@ fn install(folder: &Path) {
             std::fs::copy(&path, package.join(path.file_name().unwrap())).unwrap();
         }
     }
-    let built = std::env::current_exe().unwrap().with_file_name("libsplatsim_native.so");
+    let built = std::env::current_exe()
+        .unwrap()
+        .with_file_name("libsplatsim_native.so");
     std::fs::copy(built, package.join("_native.abi3.so")).unwrap();
 }
 
@@ -60,7 +73,19 @@ fn the_package_is_what_the_command_line_is() {
     let settings = sources.join("pyproject.toml");
     let settings = settings.to_str().unwrap();
     of_package("mypy", &["--config-file", settings]);
-    of_package("mypy.stubtest", &["--mypy-config-file", settings, "splatsim._native"]);
+    of_package(
+        "mypy.stubtest",
+        &["--mypy-config-file", settings, "splatsim._native"],
+    );
     let tests = sources.join("tests");
-    of_package("pytest", &["-q", "--durations=5", "-p", "no:cacheprovider", tests.to_str().unwrap()]);
+    of_package(
+        "pytest",
+        &[
+            "-q",
+            "--durations=5",
+            "-p",
+            "no:cacheprovider",
+            tests.to_str().unwrap(),
+        ],
+    );
 }

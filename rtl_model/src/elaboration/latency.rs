@@ -4,9 +4,10 @@
 //! operators, one after the other ─┬─► cycles, where each has registers of its own
 //!                                 └─► delay, FO4 ─►( ÷ what a clock period leaves )─► least cycles
 //! ```
-//! A unit declares its longest way once, with the widths of its operators. Delays are in tenths of FO4, the delay of an inverter that
-//! drives four of its like, so that they hold in any technology. They are round numbers near what Yosys and ABC map to open 180 nm standard
-//! cells (`sh tests/programs/delays.sh`, docs/book/clock-cells.md).
+//! A unit declares its longest way once, with the widths of its operators. Delays are in tenths of
+//! FO4, the delay of an inverter that drives four of its like, so that they hold in any technology.
+//! They are round numbers near what Yosys and ABC map to open 180 nm standard cells
+//! (`sh tests/programs/delays.sh`, docs/book/clock-cells.md).
 //!
 //! Laws: `a_wider_operator_is_never_faster`, `a_faster_clock_never_takes_fewer_cycles`.
 
@@ -52,12 +53,19 @@ fn adder(bits: i32) -> u32 {
 impl Path {
     /// Goes on through an operator.
     fn step(self, cycles: u32, delay: u32) -> Path {
-        Path { cycles: self.cycles.saturating_add(cycles), delay: self.delay.saturating_add(delay) }
+        Path {
+            cycles: self.cycles.saturating_add(cycles),
+            delay: self.delay.saturating_add(delay),
+        }
     }
 
     /// A product: rows of adders, as a tree, and the carries of the sum that is left.
     pub fn product(self, a: i32, b: i32) -> Path {
-        self.step(PRODUCT, (75 * log2(a.min(b)) / 16).saturating_sub(105) + adder(a.clamp(0, WIDEST) + b.clamp(0, WIDEST)))
+        self.step(
+            PRODUCT,
+            (75 * log2(a.min(b)) / 16).saturating_sub(105)
+                + adder(a.clamp(0, WIDEST) + b.clamp(0, WIDEST)),
+        )
     }
 
     /// A sum, a difference or a comparison.
@@ -117,34 +125,54 @@ impl Path {
 
     /// The longer of two ways side by side.
     pub fn beside(self, other: Path) -> Path {
-        Path { cycles: self.cycles.max(other.cycles), delay: self.delay.max(other.delay) }
+        Path {
+            cycles: self.cycles.max(other.cycles),
+            delay: self.delay.max(other.delay),
+        }
     }
 
     /// So many times, one after the other.
     pub fn times(self, count: u32) -> Path {
-        Path { cycles: self.cycles.saturating_mul(count), delay: self.delay.saturating_mul(count) }
+        Path {
+            cycles: self.cycles.saturating_mul(count),
+            delay: self.delay.saturating_mul(count),
+        }
     }
 
-    /// Least cycles at a clock, if its registers lie where they cut it evenly; none where a cycle leaves nothing beside its register.
+    /// Least cycles at a clock, if its registers lie where they cut it evenly; none where a cycle
+    /// leaves nothing beside its register.
     pub fn least_cycles(self, technology: Technology, clock_hz: u64) -> Option<u32> {
-        let Some(fo4_fs) = technology.fo4_fs() else { return Some(1) };
+        let Some(fo4_fs) = technology.fo4_fs() else {
+            return Some(1);
+        };
         let period = period(fo4_fs, clock_hz);
-        let left = period.checked_sub(u64::from(REGISTER)).filter(|left| *left > 0)?;
-        Some(u64::from(self.delay).div_ceil(left).clamp(1, u64::from(u32::MAX)) as u32)
+        let left = period
+            .checked_sub(u64::from(REGISTER))
+            .filter(|left| *left > 0)?;
+        Some(
+            u64::from(self.delay)
+                .div_ceil(left)
+                .clamp(1, u64::from(u32::MAX)) as u32,
+        )
     }
 
-    /// Cycles of a latency that is left out: as few as the clock has time for. In ideal gates, which take no time, as many as the operators
-    /// have registers.
+    /// Cycles of a latency that is left out: as few as the clock has time for. In ideal gates,
+    /// which take no time, as many as the operators have registers.
     pub fn cycles_at(self, timing: &Timing) -> u32 {
         if timing.technology == Technology::Ideal {
             return self.cycles.max(1);
         }
-        self.least_cycles(timing.technology, timing.clock_hz).unwrap_or(1)
+        self.least_cycles(timing.technology, timing.clock_hz)
+            .unwrap_or(1)
     }
 
-    /// Cycles where every operator keeps its registers: as many as these are, or as the clock asks for.
+    /// Cycles where every operator keeps its registers: as many as these are, or as the clock asks
+    /// for.
     pub fn registered_at(self, timing: &Timing) -> u32 {
-        self.cycles.max(self.least_cycles(timing.technology, timing.clock_hz).unwrap_or(1))
+        self.cycles.max(
+            self.least_cycles(timing.technology, timing.clock_hz)
+                .unwrap_or(1),
+        )
     }
 
     /// Highest clock at which it takes at most so many cycles, Hz; none where that is any.
@@ -177,7 +205,10 @@ mod tests {
         for operator in operators {
             for bits in -2..62 {
                 let [narrow, wide] = [bits, bits + 1].map(operator);
-                assert!(narrow.delay <= wide.delay && narrow.cycles == wide.cycles, "{bits} bits: {narrow:?}, {wide:?}");
+                assert!(
+                    narrow.delay <= wide.delay && narrow.cycles == wide.cycles,
+                    "{bits} bits: {narrow:?}, {wide:?}"
+                );
             }
         }
     }
@@ -185,11 +216,20 @@ mod tests {
     #[test]
     fn a_faster_clock_never_takes_fewer_cycles() {
         let path = Path::default().product(24, 24).sum(48).normalise(48);
-        for technology in [Technology::Nm180, Technology::Nm65, Technology::Nm28, Technology::Nm7, Technology::Fpga] {
+        for technology in [
+            Technology::Nm180,
+            Technology::Nm65,
+            Technology::Nm28,
+            Technology::Nm7,
+            Technology::Fpga,
+        ] {
             let mut before = 0;
             for megahertz in 1..4000 {
                 let Some(cycles) = path.least_cycles(technology, megahertz * 1_000_000) else {
-                    assert_eq!(path.least_cycles(technology, (megahertz + 1) * 1_000_000), None);
+                    assert_eq!(
+                        path.least_cycles(technology, (megahertz + 1) * 1_000_000),
+                        None
+                    );
                     continue;
                 };
                 assert!(cycles >= before, "{technology:?} at {megahertz} MHz");
@@ -202,11 +242,21 @@ mod tests {
     #[test]
     fn the_least_cycles_are_those_that_the_period_has_room_for() {
         // 100 FO4 at 10 ps and a register of 5 are 1.05 ns in one cycle, 0.55 ns in two.
-        let path = Path { cycles: 1, delay: 1000 };
+        let path = Path {
+            cycles: 1,
+            delay: 1000,
+        };
         let at = |megahertz: u64| path.least_cycles(Technology::Nm28, megahertz * 1_000_000);
-        assert_eq!([at(952), at(953), at(1818), at(1819)], [Some(1), Some(2), Some(2), Some(3)]);
+        assert_eq!(
+            [at(952), at(953), at(1818), at(1819)],
+            [Some(1), Some(2), Some(2), Some(3)]
+        );
         assert_eq!(at(20_000), None);
-        assert_eq!(path.highest_clock(Technology::Nm28, 1).map(|hz| hz / 1_000_000), Some(952));
+        assert_eq!(
+            path.highest_clock(Technology::Nm28, 1)
+                .map(|hz| hz / 1_000_000),
+            Some(952)
+        );
         assert_eq!(path.least_cycles(Technology::Ideal, u64::MAX), Some(1));
     }
 }

@@ -1,7 +1,7 @@
 //! Elaboration: what is gathered while a description is checked: signals, parts, misfits.
 //!
-//! Units declare what they do with words, and elaboration keeps what that is built of: each product is a multiplier, each sum its
-//! adders, each word a register.
+//! Units declare what they do with words, and elaboration keeps what that is built of: each product
+//! is a multiplier, each sum its adders, each word a register.
 //!
 //! Laws: `what_setup_multiplies_is_what_it_declares`, `every_multiplier_is_declared`.
 
@@ -27,7 +27,8 @@ pub enum Operator {
     Multiplexer(i32),
     /// A choice of one of more than two: of how many, and of how many bits.
     Choice([i32; 2]),
-    /// What leaves a kept word of so many bits as it is: in standard cells a choice, of an FPGA a flip-flop's own enable.
+    /// What leaves a kept word of so many bits as it is: in standard cells a choice, of an FPGA a
+    /// flip-flop's own enable.
     Hold(i32),
     /// A word of so many bits that is kept for a cycle.
     Register(i32),
@@ -51,7 +52,11 @@ pub struct Part {
 impl Part {
     /// Products that it makes in a cycle.
     pub fn products(&self) -> u32 {
-        if matches!(self.operator, Operator::Multiplier(_)) { self.copies } else { 0 }
+        if matches!(self.operator, Operator::Multiplier(_)) {
+            self.copies
+        } else {
+            0
+        }
     }
 }
 
@@ -71,7 +76,13 @@ pub struct Elaboration {
 
 impl Default for Elaboration {
     fn default() -> Self {
-        Elaboration { signals: Vec::new(), parts: Vec::new(), misfits: Vec::new(), copies: 1, per_lane: false }
+        Elaboration {
+            signals: Vec::new(),
+            parts: Vec::new(),
+            misfits: Vec::new(),
+            copies: 1,
+            per_lane: false,
+        }
     }
 }
 
@@ -83,12 +94,24 @@ const MAX_EXACT_BITS: i32 = 62;
 impl Elaboration {
     /// A word on a port or at a multiplier: at most 32 bits.
     pub fn port(&mut self, unit: &'static str, name: &str, word: Word) {
-        let Format { signed, frac_bits, .. } = word.format;
-        let limit = if signed { MAX_OPERAND_BITS } else { MAX_OPERAND_BITS - 1 };
+        let Format {
+            signed, frac_bits, ..
+        } = word.format;
+        let limit = if signed {
+            MAX_OPERAND_BITS
+        } else {
+            MAX_OPERAND_BITS - 1
+        };
         if word.format.width() > limit {
-            let fits = Format { int_bits: limit - frac_bits.min(limit), frac_bits: frac_bits.min(limit), signed };
-            self.misfits
-                .push(format!("{unit}.{name} is {word}, {} bits on a port that carries {limit}: {fits} would fit", word.format.width()));
+            let fits = Format {
+                int_bits: limit - frac_bits.min(limit),
+                frac_bits: frac_bits.min(limit),
+                signed,
+            };
+            self.misfits.push(format!(
+                "{unit}.{name} is {word}, {} bits on a port that carries {limit}: {fits} would fit",
+                word.format.width()
+            ));
         }
         self.saturates(unit, name, word);
     }
@@ -127,14 +150,26 @@ impl Elaboration {
 
     /// A part.
     pub fn part(&mut self, unit: &'static str, operator: Operator) {
-        let Elaboration { copies, per_lane, .. } = *self;
+        let Elaboration {
+            copies, per_lane, ..
+        } = *self;
         if copies > 0 {
-            self.parts.push(Part { unit, operator, copies, per_lane });
+            self.parts.push(Part {
+                unit,
+                operator,
+                copies,
+                per_lane,
+            });
         }
     }
 
     /// A multiplier of two words: the exact product.
-    pub fn times(&mut self, unit: &'static str, a: impl Into<Operand>, b: impl Into<Operand>) -> Exact {
+    pub fn times(
+        &mut self,
+        unit: &'static str,
+        a: impl Into<Operand>,
+        b: impl Into<Operand>,
+    ) -> Exact {
         let (a, b) = (a.into(), b.into());
         self.part(unit, Operator::Multiplier([a.bits, b.bits]));
         a.exact.times(b.exact)
@@ -147,7 +182,10 @@ impl Elaboration {
             self.part(unit, Operator::Adder(sum.bits()));
             sum
         };
-        terms.into_iter().reduce(add).unwrap_or(Exact { int_bits: 0, frac_bits: 0 })
+        terms.into_iter().reduce(add).unwrap_or(Exact {
+            int_bits: 0,
+            frac_bits: 0,
+        })
     }
 
     /// Adders of so many bits.
@@ -160,7 +198,10 @@ impl Elaboration {
         match words {
             0 | 1 => {}
             2 => self.part(unit, Operator::Multiplexer(bits)),
-            _ => self.part(unit, Operator::Choice([words.min(i32::MAX as u32) as i32, bits])),
+            _ => self.part(
+                unit,
+                Operator::Choice([words.min(i32::MAX as u32) as i32, bits]),
+            ),
         }
     }
 
@@ -176,7 +217,8 @@ impl Elaboration {
         self.copies(stages, |e| e.part(unit, Operator::Multiplexer(bits)));
     }
 
-    /// Shifts the leading one to the front: counts the zeros before it, which takes about as many gates as an adder.
+    /// Shifts the leading one to the front: counts the zeros before it, which takes about as many
+    /// gates as an adder.
     pub fn normaliser(&mut self, unit: &'static str, bits: i32) {
         self.part(unit, Operator::Adder(bits));
         self.shifter(unit, bits);
@@ -202,8 +244,9 @@ impl Elaboration {
         self.part(unit, Operator::Register(bits));
         if word.round != Rounding::Truncate && from.frac_bits > word.format.frac_bits {
             self.part(unit, Operator::Rounder(bits));
-            // A tie looks at the word's last bit, so half of a last place is no row of a product's array: a chain of half adders along the
-            // exact result, half of an adder (docs/book/cost.md has what synthesis says).
+            // A tie looks at the word's last bit, so half of a last place is no row of a product's
+            // array: a chain of half adders along the exact result, half of an adder
+            // (docs/book/cost.md has what synthesis says).
             if word.round == Rounding::NearestEven {
                 self.part(unit, Operator::Adder((from.bits() + 1) / 2));
             }
@@ -214,33 +257,71 @@ impl Elaboration {
         Fit::new(self.signal(unit, name, word), word, from)
     }
 
-    /// [`Elaboration::fit`] of a result that is shifted first, by any number of places: to the left until nothing but a limit is left, to
-    /// the right until nothing but a sign.
+    /// [`Elaboration::fit`] of a result that is shifted first, by any number of places: to the left
+    /// until nothing but a limit is left, to the right until nothing but a sign.
     pub fn fit_shifted(&mut self, unit: &'static str, name: &str, word: Word, from: Exact) -> Fit {
         self.shifter(unit, from.bits() + word.format.width());
         self.fit(unit, name, word, from)
     }
 
     fn signal(&mut self, unit: &'static str, name: &str, word: Word) -> usize {
-        if let Some(known) = self.signals.iter().position(|s| s.unit == unit && s.name == name) {
+        if let Some(known) = self
+            .signals
+            .iter()
+            .position(|s| s.unit == unit && s.name == name)
+        {
             return known;
         }
-        self.signals.push(Signal { unit, name: name.to_owned(), word });
+        self.signals.push(Signal {
+            unit,
+            name: name.to_owned(),
+            word,
+        });
         self.signals.len() - 1
     }
 
     /// A function unit's shape, made possible if it is not, so that elaboration can go on.
-    pub fn function_unit(&mut self, unit: &'static str, name: &str, config: FunctionUnit) -> FunctionUnit {
+    pub fn function_unit(
+        &mut self,
+        unit: &'static str,
+        name: &str,
+        config: FunctionUnit,
+    ) -> FunctionUnit {
         let bits = self.within(unit, &format!("{name}.bits"), config.bits, 4, 30);
-        let table_bits = self.within(unit, &format!("{name}.table_bits"), config.table_bits, 1, 12.min(bits));
-        let newton_steps = self.within(unit, &format!("{name}.newton_steps"), config.newton_steps, 0, 3);
-        FunctionUnit { table_bits, newton_steps, bits }
+        let table_bits = self.within(
+            unit,
+            &format!("{name}.table_bits"),
+            config.table_bits,
+            1,
+            12.min(bits),
+        );
+        let newton_steps = self.within(
+            unit,
+            &format!("{name}.newton_steps"),
+            config.newton_steps,
+            0,
+            3,
+        );
+        FunctionUnit {
+            table_bits,
+            newton_steps,
+            bits,
+        }
     }
 
     /// A number that must lie in a range.
-    pub fn within(&mut self, unit: &'static str, name: &str, value: u32, least: u32, most: u32) -> u32 {
+    pub fn within(
+        &mut self,
+        unit: &'static str,
+        name: &str,
+        value: u32,
+        least: u32,
+        most: u32,
+    ) -> u32 {
         if !(least..=most).contains(&value) {
-            self.misfits.push(format!("{unit}.{name} is {value}: {least} to {most} can be built"));
+            self.misfits.push(format!(
+                "{unit}.{name} is {value}: {least} to {most} can be built"
+            ));
         }
         value.clamp(least, most)
     }
@@ -257,7 +338,11 @@ impl Elaboration {
         let format = word.format;
         self.require(format.max() >= format.one(), || {
             let frac_bits = format.frac_bits.min(MAX_OPERAND_BITS - 2);
-            let fits = Format { int_bits: if format.signed { 2 } else { 1 }, frac_bits, ..format };
+            let fits = Format {
+                int_bits: if format.signed { 2 } else { 1 },
+                frac_bits,
+                ..format
+            };
             format!("{unit}.{name} is {word} and must hold 1: {fits} would fit")
         });
     }
@@ -265,8 +350,14 @@ impl Elaboration {
     /// A word that must be unsigned (`signed` false) or signed.
     pub fn signedness(&mut self, unit: &'static str, name: &str, word: Word, signed: bool) {
         self.require(word.format.signed == signed, || {
-            let fits = Format { signed, ..word.format };
-            format!("{unit}.{name} is {word}, but its values are {}: {fits} would fit", if signed { "signed" } else { "never negative" })
+            let fits = Format {
+                signed,
+                ..word.format
+            };
+            format!(
+                "{unit}.{name} is {word}, but its values are {}: {fits} would fit",
+                if signed { "signed" } else { "never negative" }
+            )
         });
     }
 }
@@ -280,13 +371,19 @@ pub struct Operand {
 
 impl From<Word> for Operand {
     fn from(word: Word) -> Self {
-        Operand { bits: word.format.width(), exact: word.into() }
+        Operand {
+            bits: word.format.width(),
+            exact: word.into(),
+        }
     }
 }
 
 impl From<Format> for Operand {
     fn from(format: Format) -> Self {
-        Operand { bits: format.width(), exact: format.into() }
+        Operand {
+            bits: format.width(),
+            exact: format.into(),
+        }
     }
 }
 

@@ -5,8 +5,9 @@
 //! list ─►  │  loaded  │ ────────────────► │ network │ ───► │ merged ⇄ too │ ────────► │  stored  │ ─► memory
 //!          └──────────┘                   └─────────┘      └──────────────┘  1 a cycle└──────────┘
 //! ```
-//! Each box with a border is a buffer of `buffer_entries`, but the network, which has registers after each of its stages. Without merging (the
-//! network is as wide as the buffer), the two buffers in the middle are not built; without a network, runs are single entries.
+//! Each box with a border is a buffer of `buffer_entries`, but the network, which has registers
+//! after each of its stages. Without merging (the network is as wide as the buffer), the two
+//! buffers in the middle are not built; without a network, runs are single entries.
 //!
 //! Laws: `what_a_sorter_has_is_priced`, `a_sorter_that_cannot_be_is_refused`.
 
@@ -55,9 +56,14 @@ impl SorterShape {
         Path::default().sum(self.entry_bits()).choose(2)
     }
 
-    /// Bits of the buffers of all sorters; where lists are distributed, with the burst and the count of each bucket.
+    /// Bits of the buffers of all sorters; where lists are distributed, with the burst and the
+    /// count of each bucket.
     pub fn memory_bits(&self, burst_bytes: u32) -> u64 {
-        let buffers = if self.network < self.buffer_entries { 4 } else { 2 };
+        let buffers = if self.network < self.buffer_entries {
+            4
+        } else {
+            2
+        };
         let buffered = buffers * u64::from(self.buffer_entries) * self.entry_bits() as u64;
         let bucket = 8 * u64::from(burst_bytes) + SORT_COUNT_BITS;
         let buckets = self.bucket_bits.map_or(0, |bits| bucket << bits);
@@ -68,17 +74,23 @@ impl SorterShape {
     pub fn declare(&self, e: &mut Elaboration) {
         let bits = self.entry_bits();
         e.copies(self.units, |e| {
-            // Entries with equal keys stay in input order: the number of the splat is compared behind the key.
+            // Entries with equal keys stay in input order: the number of the splat is compared
+            // behind the key.
             e.adders(unit::SORT, self.exchanges(), bits);
             e.copies(2 * self.exchanges(), |e| e.choice(unit::SORT, 2, bits));
-            e.copies(self.network * self.network_latency, |e| e.part(unit::SORT, Operator::Register(bits)));
+            e.copies(self.network * self.network_latency, |e| {
+                e.part(unit::SORT, Operator::Register(bits))
+            });
             // The heads of two runs, and the entry that leaves.
             e.adders(unit::SORT, 1, bits);
             e.choice(unit::SORT, 2, bits);
             e.copies(3, |e| e.part(unit::SORT, Operator::Register(bits)));
-            // Places of what is loaded, of both heads, of what is stored, and of the end of each run.
+            // Places of what is loaded, of both heads, of what is stored, and of the end of each
+            // run.
             e.adders(unit::SORT, 6, SORT_COUNT_BITS as i32);
-            e.copies(6, |e| e.part(unit::SORT, Operator::Register(SORT_COUNT_BITS as i32)));
+            e.copies(6, |e| {
+                e.part(unit::SORT, Operator::Register(SORT_COUNT_BITS as i32))
+            });
             // The count of an entry's bucket, up by one.
             if self.bucket_bits.is_some() {
                 e.adders(unit::SORT, 1, SORT_COUNT_BITS as i32);
@@ -100,15 +112,27 @@ impl Machine {
             });
             return None;
         };
-        let Sorter { units, buffer_entries, network, bucket_bits } = t.sort.unwrap_or_default();
-        e.require((1..=64).contains(&units), || format!("timing.sort.units is {units}: it can be 1 to 64"));
-        let powers = [("buffer_entries", buffer_entries, 4, 65_536), ("network", network, 1, 1024)];
+        let Sorter {
+            units,
+            buffer_entries,
+            network,
+            bucket_bits,
+        } = t.sort.unwrap_or_default();
+        e.require((1..=64).contains(&units), || {
+            format!("timing.sort.units is {units}: it can be 1 to 64")
+        });
+        let powers = [
+            ("buffer_entries", buffer_entries, 4, 65_536),
+            ("network", network, 1, 1024),
+        ];
         for (name, value, least, most) in powers {
             e.require(value.is_power_of_two() && (least..=most).contains(&value), || {
                 format!("timing.sort.{name} is {value}: it must be a power of two, {least} to {most}")
             });
         }
-        let are_powers = powers.iter().all(|(_, value, least, most)| value.is_power_of_two() && (least..=most).contains(&value));
+        let are_powers = powers.iter().all(|(_, value, least, most)| {
+            value.is_power_of_two() && (least..=most).contains(&value)
+        });
         e.require(network <= buffer_entries || !are_powers, || {
             format!("timing.sort.network is {network}, more than the {buffer_entries} entries of timing.sort.buffer_entries")
         });
@@ -132,10 +156,19 @@ impl Machine {
         };
         // What is out of range is refused already: here it must do no harm.
         let buffer_entries = buffer_entries.clamp(4, 65_536).next_power_of_two();
-        let network = network.clamp(1, 1024.min(buffer_entries)).next_power_of_two();
+        let network = network
+            .clamp(1, 1024.min(buffer_entries))
+            .next_power_of_two();
         let stages = network.ilog2();
         let network_latency = stages * (stages + 1) / 2;
-        let shape = SorterShape { units: units.clamp(1, 64), buffer_entries, network, network_latency, bucket_bits, key_bits };
+        let shape = SorterShape {
+            units: units.clamp(1, 64),
+            buffer_entries,
+            network,
+            network_latency,
+            bucket_bits,
+            key_bits,
+        };
         let path = shape.merge_path();
         e.require(path.least_cycles(t.technology, t.clock_hz) == Some(1), || {
             let highest = path.highest_clock(t.technology, 1).unwrap_or(u64::MAX);

@@ -1,6 +1,8 @@
-//! Frame: everything the machine is given for one picture, in words: constants in registers, splats in memory.
+//! Frame: everything the machine is given for one picture, in words: constants in registers, splats
+//! in memory.
 //!
-//! The bench makes it (`quantise.rs` there is the one door from real numbers to bits); the machine only reads it.
+//! The bench makes it (`quantise.rs` there is the one door from real numbers to bits); the machine
+//! only reads it.
 
 /// One splat record (formats: machine `splat`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -19,7 +21,8 @@ pub struct Splat {
     pub material: u32,
 }
 
-/// A positive constant as a mantissa and a power of two: `value = mantissa · 2^−places`, the mantissa in [½, 1].
+/// A positive constant as a mantissa and a power of two: `value = mantissa · 2^−places`, the
+/// mantissa in [½, 1].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Scaled {
     /// Word of the format named where it is used.
@@ -81,7 +84,8 @@ impl View {
 
     /// 1/s_x, 1/s_y.
     pub fn inverse_focals(&self) -> [Scaled; 2] {
-        self.aspect.map_or([self.inverse_focal; 2], |aspect| aspect.inverse_focal)
+        self.aspect
+            .map_or([self.inverse_focal; 2], |aspect| aspect.inverse_focal)
     }
 }
 
@@ -107,7 +111,8 @@ pub enum Material {
         diffuse: Vec<[i64; 3]>,
         /// Specular factor times light, for each light (`shade.reflectance`).
         specular: Vec<[i64; 3]>,
-        /// Words of x^shininess over [0, 1] (`shade.highlight`): at the steps' middles or at their ends.
+        /// Words of x^shininess over [0, 1] (`shade.highlight`): at the steps' middles or at their
+        /// ends.
         highlight: Vec<i64>,
     },
 }
@@ -126,7 +131,8 @@ pub struct Mirror {
 pub struct Surroundings {
     /// One for each material.
     pub mirrors: Vec<Mirror>,
-    /// The octahedral map in camera space, its middle towards the viewer: texels (`reflect.light`) row by row.
+    /// The octahedral map in camera space, its middle towards the viewer: texels (`reflect.light`)
+    /// row by row.
     pub texels: Vec<[i64; 3]>,
 }
 
@@ -142,10 +148,12 @@ pub struct Lighting {
 /// Meaning of an ellipsoid's amplitude.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Amplitude {
-    /// That of the disc which its first two axes span (Surface Splatting §5): for kernels flattened along the third.
+    /// That of the disc which its first two axes span (Surface Splatting §5): for kernels flattened
+    /// along the third.
     #[default]
     Disc,
-    /// Opacity times the kernel's integral along the ray, relative to that of a ball of radius σ (EWA (33)).
+    /// Opacity times the kernel's integral along the ray, relative to that of a ball of radius σ
+    /// (EWA (33)).
     LineIntegral,
     /// The opacity itself, at the peak.
     Peak,
@@ -166,7 +174,8 @@ pub struct Kernel {
     pub scales: [i64; 3],
     /// No splat of less opacity is drawn (`splat.opacity`): none of its weights would count.
     pub least_opacity: i64,
-    /// Words of the table of cutoffs by opacity, for boxes (`raster.cutoff`); none where all have that of the view.
+    /// Words of the table of cutoffs by opacity, for boxes (`raster.cutoff`); none where all have
+    /// that of the view.
     pub reach: Vec<i64>,
 }
 
@@ -190,8 +199,8 @@ pub struct Ellipsoids {
     pub preshaded: bool,
     /// Drawn in the order of their depths, as far as the sort's key tells them apart.
     pub sorted: bool,
-    /// Degree of the spherical harmonics that their colours are, in memory: their words here are what the view makes of them. 0 where they
-    /// are colours.
+    /// Degree of the spherical harmonics that their colours are, in memory: their words here are
+    /// what the view makes of them. 0 where they are colours.
     pub harmonics: u8,
 }
 
@@ -214,7 +223,8 @@ pub struct Sheets {
     pub numbers: Vec<u32>,
     /// The deepest sheet comes first.
     pub back_to_front: bool,
-    /// A pixel that lets through less than this (`fragment.opacity_sum`) takes nothing more; 0 never.
+    /// A pixel that lets through less than this (`fragment.opacity_sum`) takes nothing more; 0
+    /// never.
     pub stop: i64,
     /// The sheet that makes a pixel stop is blended still.
     pub keeps_last: bool,

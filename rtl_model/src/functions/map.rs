@@ -1,11 +1,13 @@
-//! Map: colours over a square, read from a table of 2^k × 2^k texels, with straight lines between them.
+//! Map: colours over a square, read from a table of 2^k × 2^k texels, with straight lines between
+//! them.
 //!
 //! The table lies on the chip, or in memory behind a cache of its lines.
 //!
 //! ```text
 //! u, v ─►(× 2^k − 1)─►[ index | fraction ]─► four texels ─►(lines along u)─► two ─►(a line along v)─► light
 //! ```
-//! The first and the last texel of a row lie on the square's sides, so that nothing wraps: 2^k texels are 2^k − 1 steps.
+//! The first and the last texel of a row lie on the square's sides, so that nothing wraps: 2^k
+//! texels are 2^k − 1 steps.
 //!
 //! Losses: `fraction` is rounded; each line's result is rounded to the texels' own word.
 //!
@@ -49,31 +51,51 @@ pub struct Words {
 /// Longest way from a place to its light.
 pub fn path(words: &Words) -> Path {
     let [fraction, light] = [words.fraction, words.light].map(|word| word.format.width());
-    let line = Path::default().sum(light).product(light + 1, fraction).sum(light + fraction).fit(light);
+    let line = Path::default()
+        .sum(light)
+        .product(light + 1, fraction)
+        .sum(light + fraction)
+        .fit(light);
     let index_bits = words.index_bits.min(64) as i32;
-    let placed = Path::default().sum(words.place_bits + index_bits).fit(fraction);
+    let placed = Path::default()
+        .sum(words.place_bits + index_bits)
+        .fit(fraction);
     let read = match words.cached {
         None => placed.table(2 * index_bits),
         // Tags, then the line of the set that has it.
-        Some(ways) => placed.memory().sum(2 * index_bits).choose(ways.clamp(1, 64)),
+        Some(ways) => placed
+            .memory()
+            .sum(2 * index_bits)
+            .choose(ways.clamp(1, 64)),
     };
     read.then(line.times(2))
 }
 
 impl Map {
-    /// Elaborates a unit's map, whose fraction and texels are that unit's words `fraction` and `light`.
+    /// Elaborates a unit's map, whose fraction and texels are that unit's words `fraction` and
+    /// `light`.
     pub fn new(e: &mut Elaboration, unit: &'static str, words: Words) -> Self {
-        let Words { index_bits, place_bits, fraction, light, cached } = words;
+        let Words {
+            index_bits,
+            place_bits,
+            fraction,
+            light,
+            cached,
+        } = words;
         let place_bits = place_bits.clamp(0, 40) as u32;
         // u·2^k − u, of each axis.
         e.adders(unit, 2, place_bits as i32 + index_bits as i32);
         // The last step has the last texel too.
         e.copies(2, |e| e.limit(unit, index_bits as i32));
-        // Four texels at a time, of which each lies in a table of its own: even and odd columns and rows.
+        // Four texels at a time, of which each lies in a table of its own: even and odd columns and
+        // rows.
         let texels = 1 << (2 * index_bits - 2);
-        // A cache's lines are storage: of those what is read counts here, and the tags that are compared.
+        // A cache's lines are storage: of those what is read counts here, and the tags that are
+        // compared.
         let kept = if cached.is_some() { 0 } else { texels };
-        e.copies(4, |e| e.part(unit, Operator::Rom([kept, 3 * light.format.width()])));
+        e.copies(4, |e| {
+            e.part(unit, Operator::Rom([kept, 3 * light.format.width()]))
+        });
         if let Some(ways) = cached {
             let ways = ways.clamp(1, 64);
             e.copies(4, |e| {
@@ -82,16 +104,27 @@ impl Map {
             });
         }
         e.copies(2, |e| e.choice(unit, 4, 3 * light.format.width()));
-        // Two lines along u and one along v, of three channels: a difference times a fraction, and what it begins with.
+        // Two lines along u and one along v, of three channels: a difference times a fraction, and
+        // what it begins with.
         let line = e.copies(9, |e| {
             e.part(unit, Operator::Adder(light.format.width() + 1));
-            let step = Format { signed: true, int_bits: light.format.int_bits + 1, ..light.format };
+            let step = Format {
+                signed: true,
+                int_bits: light.format.int_bits + 1,
+                ..light.format
+            };
             let rise = e.times(unit, step, fraction);
             e.part(unit, Operator::Adder(rise.bits()));
-            Exact { int_bits: light.format.int_bits, ..rise }
+            Exact {
+                int_bits: light.format.int_bits,
+                ..rise
+            }
         });
         e.copies(2, |e| e.limit(unit, fraction.format.width()));
-        let between = Exact { int_bits: 1, frac_bits: place_bits as i32 };
+        let between = Exact {
+            int_bits: 1,
+            frac_bits: place_bits as i32,
+        };
         Map {
             index_bits,
             place_bits,
@@ -111,7 +144,9 @@ impl Map {
         let steps = (1 << self.index_bits) - 1;
         let exact = place * steps;
         let index = (exact >> self.place_bits).min(steps - 1);
-        let fraction = tap.fit_one(&self.fraction, exact - (index << self.place_bits)).min(self.one);
+        let fraction = tap
+            .fit_one(&self.fraction, exact - (index << self.place_bits))
+            .min(self.one);
         (index as usize, fraction)
     }
 
@@ -121,12 +156,27 @@ impl Map {
     }
 
     /// A line from one texel to another.
-    fn line<P: Probe>(&self, from: [i64; 3], to: [i64; 3], fraction: i64, tap: &mut Tap<P>) -> [i64; 3] {
-        tap.fit_three(&self.light, three!(i => from[i] * self.one + (to[i] - from[i]) * fraction))
+    fn line<P: Probe>(
+        &self,
+        from: [i64; 3],
+        to: [i64; 3],
+        fraction: i64,
+        tap: &mut Tap<P>,
+    ) -> [i64; 3] {
+        tap.fit_three(
+            &self.light,
+            three!(i => from[i] * self.one + (to[i] - from[i]) * fraction),
+        )
     }
 
-    /// Light at a place, each coordinate from 0 to 1 with the elaborated fraction bits, among texels that lie row by row.
-    pub fn light<P: Probe>(&self, texels: &[[i64; 3]], [u, v]: [i64; 2], tap: &mut Tap<P>) -> [i64; 3] {
+    /// Light at a place, each coordinate from 0 to 1 with the elaborated fraction bits, among
+    /// texels that lie row by row.
+    pub fn light<P: Probe>(
+        &self,
+        texels: &[[i64; 3]],
+        [u, v]: [i64; 2],
+        tap: &mut Tap<P>,
+    ) -> [i64; 3] {
         let ((column, right), (row, down)) = (self.step(u, tap), self.step(v, tap));
         if P::WORK {
             tap.probe.looked_up([column, row].map(|at| at as u8));

@@ -1,5 +1,5 @@
-//! Functions: units that several blocks have, each built of a table: reciprocal, square root, any function of one argument, colours over
-//! a square.
+//! Functions: units that several blocks have, each built of a table: reciprocal, square root, any
+//! function of one argument, colours over a square.
 
 pub mod map;
 pub mod reciprocal;

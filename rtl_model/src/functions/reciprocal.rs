@@ -4,7 +4,8 @@
 //! x ─►[<< lz]─► mantissa m ∈ [1,2) ─┬─►[table]─► y₀ ─►┌ c = 2 − m·y ┐×steps ─► y ∈ [½,1]
 //!       └─► exponent e              └────────────────►└ y = y·c     ┘          1/x = y · 2^−e
 //! ```
-//! Losses: `mantissa` is cut (its rounding up could leave [1,2)); `correction` and `result` are rounded to nearest.
+//! Losses: `mantissa` is cut (its rounding up could leave [1,2)); `correction` and `result` are
+//! rounded to nearest.
 //!
 //! Laws: `a_reciprocal_is_within_its_bound`, `normalisation_restores_the_operand`.
 
@@ -26,12 +27,20 @@ pub struct Scientific<L> {
     pub exponent: L,
 }
 
-/// Longest way from an operand of so many bits: normalise, look up, and two products and a sum for each Newton step.
+/// Longest way from an operand of so many bits: normalise, look up, and two products and a sum for
+/// each Newton step.
 pub fn path(unit: FunctionUnit, operand_bits: i32) -> Path {
     // A misfit already where it is more.
     let bits = unit.bits.min(64) as i32;
-    let step = Path::default().product(bits, bits).sum(2 * bits).product(bits, bits).fit(bits);
-    Path::default().normalise(operand_bits).table(unit.table_bits.min(64) as i32).then(step.times(unit.newton_steps))
+    let step = Path::default()
+        .product(bits, bits)
+        .sum(2 * bits)
+        .product(bits, bits)
+        .fit(bits);
+    Path::default()
+        .normalise(operand_bits)
+        .table(unit.table_bits.min(64) as i32)
+        .then(step.times(unit.newton_steps))
 }
 
 /// An elaborated reciprocal unit.
@@ -49,7 +58,13 @@ pub struct Reciprocal {
 
 impl Reciprocal {
     /// Elaborates the unit called `name` for operands with `operand_frac_bits` fraction bits.
-    pub fn new(e: &mut Elaboration, unit: &'static str, name: &str, config: FunctionUnit, operand_frac_bits: i32) -> Self {
+    pub fn new(
+        e: &mut Elaboration,
+        unit: &'static str,
+        name: &str,
+        config: FunctionUnit,
+        operand_frac_bits: i32,
+    ) -> Self {
         let config = e.function_unit(unit, name, config);
         let word = Word::new(Format::unsigned(1, config.bits as i32));
         let product = Exact::from(word).times(word);
@@ -60,12 +75,27 @@ impl Reciprocal {
             e.part(unit, Operator::Adder(product.bits()));
             e.times(unit, word, word);
         });
-        e.part(unit, Operator::Rom([1 << config.table_bits, config.bits as i32]));
-        let normalised = Exact { int_bits: 1, frac_bits: NORMALISED_FRAC_BITS };
+        e.part(
+            unit,
+            Operator::Rom([1 << config.table_bits, config.bits as i32]),
+        );
+        let normalised = Exact {
+            int_bits: 1,
+            frac_bits: NORMALISED_FRAC_BITS,
+        };
         Reciprocal {
-            mantissa: e.fit(unit, &format!("{name}.mantissa"), word.rounded(Rounding::Truncate), normalised),
-            correction: e.copies(steps, |e| e.fit(unit, &format!("{name}.correction"), word, product)),
-            result: e.copies(steps, |e| e.fit(unit, &format!("{name}.result"), word, product)),
+            mantissa: e.fit(
+                unit,
+                &format!("{name}.mantissa"),
+                word.rounded(Rounding::Truncate),
+                normalised,
+            ),
+            correction: e.copies(steps, |e| {
+                e.fit(unit, &format!("{name}.correction"), word, product)
+            }),
+            result: e.copies(steps, |e| {
+                e.fit(unit, &format!("{name}.result"), word, product)
+            }),
             table: table(config),
             table_bits: config.table_bits,
             newton_steps: config.newton_steps,
@@ -74,25 +104,36 @@ impl Reciprocal {
         }
     }
 
-    /// 1/x of eight positive words: mantissa in [½, 1], by its own error less, with `bits` fraction bits, and the power of two it is times.
+    /// 1/x of eight positive words: mantissa in [½, 1], by its own error less, with `bits` fraction
+    /// bits, and the power of two it is times.
     #[inline(always)]
     pub fn lanes<X: Exacts, P: Probe>(&self, x: X, tap: &mut Tap<P>) -> Scientific<X::Words> {
         let lead = x.leading_zeros() - X::Words::splat(2);
         let m = tap.fit_top(&self.mantissa, x.left_by(lead));
         let mut y = m.right(self.bits - self.table_bits).look_up(&self.table);
         for _ in 0..self.newton_steps {
-            let correction = tap.fit_words(&self.correction, X::splat(2 << (2 * self.bits)) - m * y);
+            let correction =
+                tap.fit_words(&self.correction, X::splat(2 << (2 * self.bits)) - m * y);
             y = tap.fit_words(&self.result, y * correction);
         }
-        Scientific { mantissa: y, exponent: lead + X::Words::splat(self.operand_frac_bits - i64::from(NORMALISED_FRAC_BITS)) }
+        Scientific {
+            mantissa: y,
+            exponent: lead
+                + X::Words::splat(self.operand_frac_bits - i64::from(NORMALISED_FRAC_BITS)),
+        }
     }
 
     /// Its shape.
     pub fn shape(&self) -> FunctionUnit {
-        FunctionUnit { table_bits: self.table_bits, newton_steps: self.newton_steps, bits: self.bits }
+        FunctionUnit {
+            table_bits: self.table_bits,
+            newton_steps: self.newton_steps,
+            bits: self.bits,
+        }
     }
 
-    /// Its ROM: a first guess, with `bits` fraction bits, for each of 2^`table_bits` steps of [1, 2).
+    /// Its ROM: a first guess, with `bits` fraction bits, for each of 2^`table_bits` steps of [1,
+    /// 2).
     pub fn guesses(&self) -> Vec<i64> {
         self.table.iter().map(|&guess| guess.into()).collect()
     }
@@ -107,7 +148,10 @@ impl Reciprocal {
             let correction = tap.fit_one(&self.correction, (2 << (2 * self.bits)) - m * y);
             y = tap.fit_one(&self.result, y * correction);
         }
-        (y, lead + self.operand_frac_bits - i64::from(NORMALISED_FRAC_BITS))
+        (
+            y,
+            lead + self.operand_frac_bits - i64::from(NORMALISED_FRAC_BITS),
+        )
     }
 
     #[inline(always)]
@@ -116,7 +160,8 @@ impl Reciprocal {
     }
 }
 
-/// First guesses: the reciprocal at the middle of each of 2^`table_bits` steps of [1, 2), rounded to nearest.
+/// First guesses: the reciprocal at the middle of each of 2^`table_bits` steps of [1, 2), rounded
+/// to nearest.
 fn table(config: FunctionUnit) -> Vec<i32> {
     let steps = 1u128 << config.table_bits;
     (0..steps)

@@ -5,7 +5,8 @@
 //!       └─► exponent 2e                  │                 │ c = 3 − m·q   │          1/√x = y · 2^−e
 //!                                        └────────────────►└ y = ½·y·c     ┘          √x = m·y · 2^e
 //! ```
-//! Losses: `mantissa` is cut (its rounding up could leave [1,4)); `square`, `correction` and `result` are rounded to nearest.
+//! Losses: `mantissa` is cut (its rounding up could leave [1,4)); `square`, `correction` and
+//! `result` are rounded to nearest.
 //!
 //! Law: `a_reciprocal_root_is_within_its_bound`.
 
@@ -16,12 +17,22 @@ use crate::machine::FunctionUnit;
 use crate::num::{Exact, Exacts, Fit, Format, Rounding, Word, Words};
 use crate::probe::{Probe, Tap};
 
-/// Longest way from an operand of so many bits: that of a [reciprocal](super::reciprocal::path) with the square of the guess before each step.
+/// Longest way from an operand of so many bits: that of a [reciprocal](super::reciprocal::path)
+/// with the square of the guess before each step.
 pub fn path(unit: FunctionUnit, operand_bits: i32) -> Path {
     // A misfit already where it is more.
     let bits = unit.bits.min(64) as i32;
-    let step = Path::default().product(bits, bits).fit(bits).product(bits, bits).sum(2 * bits).product(bits, bits).fit(bits);
-    Path::default().normalise(operand_bits).table(unit.table_bits.min(64) as i32).then(step.times(unit.newton_steps))
+    let step = Path::default()
+        .product(bits, bits)
+        .fit(bits)
+        .product(bits, bits)
+        .sum(2 * bits)
+        .product(bits, bits)
+        .fit(bits);
+    Path::default()
+        .normalise(operand_bits)
+        .table(unit.table_bits.min(64) as i32)
+        .then(step.times(unit.newton_steps))
 }
 
 /// An elaborated reciprocal square root unit.
@@ -40,10 +51,17 @@ pub struct ReciprocalRoot {
 
 impl ReciprocalRoot {
     /// Elaborates the unit called `name` for operands with `operand_frac_bits` fraction bits.
-    pub fn new(e: &mut Elaboration, unit: &'static str, name: &str, config: FunctionUnit, operand_frac_bits: i32) -> Self {
+    pub fn new(
+        e: &mut Elaboration,
+        unit: &'static str,
+        name: &str,
+        config: FunctionUnit,
+        operand_frac_bits: i32,
+    ) -> Self {
         let config = e.function_unit(unit, name, config);
         let word = Word::new(Format::unsigned(1, config.bits as i32));
-        let operand = Word::new(Format::unsigned(2, config.bits as i32 - 1)).rounded(Rounding::Truncate);
+        let operand =
+            Word::new(Format::unsigned(2, config.bits as i32 - 1)).rounded(Rounding::Truncate);
         let product = Exact::from(word).times(word);
         let steps = config.newton_steps;
         // y·y, m·q, 3 − m·q and y·c.
@@ -53,13 +71,25 @@ impl ReciprocalRoot {
             e.part(unit, Operator::Adder(product.bits()));
             e.times(unit, word, word);
         });
-        e.part(unit, Operator::Rom([1 << config.table_bits, config.bits as i32]));
-        let normalised = Exact { int_bits: 2, frac_bits: NORMALISED_FRAC_BITS - 1 };
+        e.part(
+            unit,
+            Operator::Rom([1 << config.table_bits, config.bits as i32]),
+        );
+        let normalised = Exact {
+            int_bits: 2,
+            frac_bits: NORMALISED_FRAC_BITS - 1,
+        };
         ReciprocalRoot {
             mantissa: e.fit(unit, &format!("{name}.mantissa"), operand, normalised),
-            square: e.copies(steps, |e| e.fit(unit, &format!("{name}.square"), word, product)),
-            correction: e.copies(steps, |e| e.fit(unit, &format!("{name}.correction"), word, product)),
-            result: e.copies(steps, |e| e.fit(unit, &format!("{name}.result"), word, product)),
+            square: e.copies(steps, |e| {
+                e.fit(unit, &format!("{name}.square"), word, product)
+            }),
+            correction: e.copies(steps, |e| {
+                e.fit(unit, &format!("{name}.correction"), word, product)
+            }),
+            result: e.copies(steps, |e| {
+                e.fit(unit, &format!("{name}.result"), word, product)
+            }),
             table: table(config),
             table_bits: config.table_bits,
             newton_steps: config.newton_steps,
@@ -68,13 +98,15 @@ impl ReciprocalRoot {
         }
     }
 
-    /// 1/√x of eight positive words: mantissa in [½, 1] with `bits` fraction bits, and the power of two it is times.
+    /// 1/√x of eight positive words: mantissa in [½, 1] with `bits` fraction bits, and the power of
+    /// two it is times.
     #[inline(always)]
     pub fn lanes<X: Exacts, P: Probe>(&self, x: X, tap: &mut Tap<P>) -> Scientific<X::Words> {
         self.with_operand(x, tap).1
     }
 
-    /// √x of eight positive words: an exact product with `2·bits − 1` fraction bits, and the power of two that it is times.
+    /// √x of eight positive words: an exact product with `2·bits − 1` fraction bits, and the power
+    /// of two that it is times.
     #[inline(always)]
     pub fn root_lanes<X: Exacts, P: Probe>(&self, x: X, tap: &mut Tap<P>) -> (X, X::Words) {
         let (m, y) = self.with_operand(x, tap);
@@ -83,28 +115,51 @@ impl ReciprocalRoot {
 
     /// The operand's mantissa, and 1/√x.
     #[inline(always)]
-    fn with_operand<X: Exacts, P: Probe>(&self, x: X, tap: &mut Tap<P>) -> (X::Words, Scientific<X::Words>) {
+    fn with_operand<X: Exacts, P: Probe>(
+        &self,
+        x: X,
+        tap: &mut Tap<P>,
+    ) -> (X::Words, Scientific<X::Words>) {
         let splat = X::Words::splat;
         let lead = x.leading_zeros() - splat(2);
-        let odd = (lead + splat(self.operand_frac_bits + i64::from(NORMALISED_FRAC_BITS - 1))) & splat(1);
+        let odd =
+            (lead + splat(self.operand_frac_bits + i64::from(NORMALISED_FRAC_BITS - 1))) & splat(1);
         let lead = lead - odd;
         let m = tap.fit_top(&self.mantissa, x.left_by(lead));
-        let mut y = m.right(self.bits + 1 - self.table_bits).look_up(&self.table);
+        let mut y = m
+            .right(self.bits + 1 - self.table_bits)
+            .look_up(&self.table);
         for _ in 0..self.newton_steps {
             let square = tap.fit_words(&self.square, y * y);
             // c = 3 − m·q, halved by wiring so that ½·y·c is a plain product.
-            let half_correction = tap.fit_words(&self.correction, X::splat(3 << (2 * self.bits - 1)) - m * square);
+            let half_correction = tap.fit_words(
+                &self.correction,
+                X::splat(3 << (2 * self.bits - 1)) - m * square,
+            );
             y = tap.fit_words(&self.result, y * half_correction);
         }
-        (m, Scientific { mantissa: y, exponent: (lead + splat(self.operand_frac_bits - i64::from(NORMALISED_FRAC_BITS - 1))).right(1) })
+        (
+            m,
+            Scientific {
+                mantissa: y,
+                exponent: (lead
+                    + splat(self.operand_frac_bits - i64::from(NORMALISED_FRAC_BITS - 1)))
+                .right(1),
+            },
+        )
     }
 
     /// Its shape.
     pub fn shape(&self) -> FunctionUnit {
-        FunctionUnit { table_bits: self.table_bits, newton_steps: self.newton_steps, bits: self.bits }
+        FunctionUnit {
+            table_bits: self.table_bits,
+            newton_steps: self.newton_steps,
+            bits: self.bits,
+        }
     }
 
-    /// Its ROM: a first guess, with `bits` fraction bits, for each of 2^`table_bits` steps of [0, 4), of which those under 1 are never asked for.
+    /// Its ROM: a first guess, with `bits` fraction bits, for each of 2^`table_bits` steps of [0,
+    /// 4), of which those under 1 are never asked for.
     pub fn guesses(&self) -> Vec<i64> {
         self.table.iter().map(|&guess| guess.into()).collect()
     }
@@ -117,7 +172,8 @@ impl ReciprocalRoot {
         let mut y = i64::from(self.table[self.address(m)]);
         for _ in 0..self.newton_steps {
             let square = tap.fit_one(&self.square, y * y);
-            let half_correction = tap.fit_one(&self.correction, (3 << (2 * self.bits - 1)) - m * square);
+            let half_correction =
+                tap.fit_one(&self.correction, (3 << (2 * self.bits - 1)) - m * square);
             y = tap.fit_one(&self.result, y * half_correction);
         }
         (y, self.exponent(lead))
@@ -130,7 +186,8 @@ impl ReciprocalRoot {
         (m * y, -exponent)
     }
 
-    /// Places to shift so that the value is 2^(even) times [1, 4), read with one fraction bit less than the reciprocal's.
+    /// Places to shift so that the value is 2^(even) times [1, 4), read with one fraction bit less
+    /// than the reciprocal's.
     #[inline(always)]
     fn lead(&self, x: i64) -> i64 {
         let lead = i64::from(x.leading_zeros()) - 2;
@@ -149,12 +206,14 @@ impl ReciprocalRoot {
     }
 }
 
-/// First guesses: the reciprocal root at the middle of each of 2^`table_bits` steps of [0, 4); those under 1 are never asked for.
+/// First guesses: the reciprocal root at the middle of each of 2^`table_bits` steps of [0, 4);
+/// those under 1 are never asked for.
 fn table(config: FunctionUnit) -> Vec<i32> {
     let one = 1i64 << config.bits;
     (0..1u128 << config.table_bits)
         .map(|i| {
-            // y = 1/√((2i + 1)·2 / 2^table_bits), as √(2^n / (2i + 1)) with two spare bits to round by.
+            // y = 1/√((2i + 1)·2 / 2^table_bits), as √(2^n / (2i + 1)) with two spare bits to round
+            // by.
             let n = 2 * config.bits + 4 + config.table_bits - 1;
             let guess = ((1u128 << n) / (2 * i + 1)).isqrt() as i64;
             ((guess + 2) >> 2).min(one) as i32

@@ -1,10 +1,12 @@
-//! Table: a function of one argument, read from a ROM of 2^k steps, nearest or with straight lines between.
+//! Table: a function of one argument, read from a ROM of 2^k steps, nearest or with straight lines
+//! between.
 //!
 //! ```text
 //! argument = [ address | fraction ]        nearest:  word = ROM[address]                         (value at the step's middle)
 //!                                          linear:   word = ROM[address] + Δ[address] · fraction (values at the step's ends)
 //! ```
-//! Losses: the ROM's words are rounded to nearest when it is made; with straight lines the sum is fitted into the same format.
+//! Losses: the ROM's words are rounded to nearest when it is made; with straight lines the sum is
+//! fitted into the same format.
 //!
 //! Laws: `a_table_is_within_its_bound`, `the_exponential_table_is_right_to_the_last_place`.
 
@@ -28,9 +30,16 @@ pub struct Table {
 impl Table {
     /// A table of 2^`index_bits` steps over arguments of `argument_bits` bits, from its words.
     ///
-    /// `words` are the values at the steps' middles (nearest), or at their 2^`index_bits` + 1 ends (linear).
-    /// `fit` is elaborated for the words' own fraction bits plus the argument's fraction bits ([`Table::fraction_bits`]).
-    pub fn new(fit: Fit, index_bits: u32, argument_bits: u32, interpolation: Interpolation, words: &[i64]) -> Self {
+    /// `words` are the values at the steps' middles (nearest), or at their 2^`index_bits` + 1 ends
+    /// (linear). `fit` is elaborated for the words' own fraction bits plus the argument's fraction
+    /// bits ([`Table::fraction_bits`]).
+    pub fn new(
+        fit: Fit,
+        index_bits: u32,
+        argument_bits: u32,
+        interpolation: Interpolation,
+        words: &[i64],
+    ) -> Self {
         let steps = 1usize << index_bits;
         let delta = |i: usize| match interpolation {
             Interpolation::Nearest => 0,
@@ -41,7 +50,10 @@ impl Table {
             fit,
             interpolation,
             fraction_bits: Table::fraction_bits(index_bits, argument_bits),
-            short: words.iter().map(|pair| pair.map(|word| word as i32)).collect(),
+            short: words
+                .iter()
+                .map(|pair| pair.map(|word| word as i32))
+                .collect(),
             words,
         }
     }
@@ -81,13 +93,18 @@ impl Table {
     /// Whether words of 32 bits hold all of [`Table::natural`].
     pub fn is_short(&self) -> bool {
         let held = |[value, step]: &[i64; 2]| {
-            let product = (i128::from(*step) << self.fraction_bits.min(62)) + i128::from(self.fit.half());
+            let product =
+                (i128::from(*step) << self.fraction_bits.min(62)) + i128::from(self.fit.half());
             (0..1 << 31).contains(value) && (-1i128 << 31..1 << 31).contains(&product)
         };
-        self.fit.is_simple() && self.fraction_bits < 31 && self.fit.places() == i64::from(self.fraction_bits) && self.words.iter().all(held)
+        self.fit.is_simple()
+            && self.fraction_bits < 31
+            && self.fit.places() == i64::from(self.fraction_bits)
+            && self.words.iter().all(held)
     }
 
-    /// The same table with its constants on all lanes, where [`Table::is_short`] holds and the word is known to reach all results.
+    /// The same table with its constants on all lanes, where [`Table::is_short`] holds and the word
+    /// is known to reach all results.
     #[inline(always)]
     pub fn natural<W: Words>(&self) -> Natural<'_, W> {
         Natural {
@@ -144,7 +161,8 @@ pub fn address(argument: i64, fraction_bits: u32) -> usize {
 /// Fraction bits of [`exp_minus`].
 pub const EXP_FRAC_BITS: u32 = 60;
 
-/// `e^(−numerator / 2^shift)` with [`EXP_FRAC_BITS`] fraction bits, for arguments up to 32, in integers so that every machine makes the same ROM.
+/// `e^(−numerator / 2^shift)` with [`EXP_FRAC_BITS`] fraction bits, for arguments up to 32, in
+/// integers so that every machine makes the same ROM.
 ///
 /// The series of `e^(+x)` has no cancellation; its reciprocal is right to about 2⁻⁵⁵.
 pub fn exp_minus(numerator: u64, shift: u32) -> u64 {
@@ -161,8 +179,14 @@ pub fn exp_minus(numerator: u64, shift: u32) -> u64 {
     (one_squared / sum) as u64
 }
 
-/// The words of `e^(−r/2)` over r in [0, 2^`range_bits`), for [`Table::new`]; `frac_bits` of each word.
-pub fn gaussian_words(index_bits: u32, range_bits: i32, interpolation: Interpolation, frac_bits: u32) -> Vec<i64> {
+/// The words of `e^(−r/2)` over r in [0, 2^`range_bits`), for [`Table::new`]; `frac_bits` of each
+/// word.
+pub fn gaussian_words(
+    index_bits: u32,
+    range_bits: i32,
+    interpolation: Interpolation,
+    frac_bits: u32,
+) -> Vec<i64> {
     let (first, step, count) = match interpolation {
         Interpolation::Nearest => (1, 2, 1u64 << index_bits),
         Interpolation::Linear => (0, 2, (1u64 << index_bits) + 1),
@@ -172,7 +196,11 @@ pub fn gaussian_words(index_bits: u32, range_bits: i32, interpolation: Interpola
     (0..count)
         .map(|i| {
             let half_steps = first + i * step;
-            let word = if shift >= 0 { exp_minus(half_steps, shift as u32) } else { exp_minus(half_steps << -shift, 0) };
+            let word = if shift >= 0 {
+                exp_minus(half_steps, shift as u32)
+            } else {
+                exp_minus(half_steps << -shift, 0)
+            };
             let cut = EXP_FRAC_BITS - frac_bits;
             ((word + ((1 << cut) >> 1)) >> cut) as i64
         })
@@ -180,33 +208,65 @@ pub fn gaussian_words(index_bits: u32, range_bits: i32, interpolation: Interpola
 }
 
 /// A table's shape, made possible if it is not, so that elaboration can go on.
-pub fn shape(e: &mut Elaboration, unit: &'static str, name: &str, shape: TableShape, argument_bits: i32) -> TableShape {
+pub fn shape(
+    e: &mut Elaboration,
+    unit: &'static str,
+    name: &str,
+    shape: TableShape,
+    argument_bits: i32,
+) -> TableShape {
     let most = argument_bits.clamp(1, 12) as u32;
-    TableShape { index_bits: e.within(unit, &format!("{name}.index_bits"), shape.index_bits, 1, most), ..shape }
+    TableShape {
+        index_bits: e.within(
+            unit,
+            &format!("{name}.index_bits"),
+            shape.index_bits,
+            1,
+            most,
+        ),
+        ..shape
+    }
 }
 
-/// The multiplier between a table's words, where there is one: a step, which stands beside each word, times a fraction.
-pub fn interpolator(e: &mut Elaboration, unit: &'static str, shape: TableShape, word: Word, fraction_bits: u32) {
+/// The multiplier between a table's words, where there is one: a step, which stands beside each
+/// word, times a fraction.
+pub fn interpolator(
+    e: &mut Elaboration,
+    unit: &'static str,
+    shape: TableShape,
+    word: Word,
+    fraction_bits: u32,
+) {
     if shape.interpolation == Interpolation::Linear && fraction_bits > 0 {
         let line = e.times(unit, word, Format::unsigned(0, fraction_bits as i32));
-        e.part(unit, Operator::Rom([1 << shape.index_bits, word.format.width() + 1]));
+        e.part(
+            unit,
+            Operator::Rom([1 << shape.index_bits, word.format.width() + 1]),
+        );
         e.sum(unit, [line, word.into()]);
     }
 }
 
-/// Longest way from an argument to a word of so many bits: look up, and a product and a sum where there are straight lines between the words.
+/// Longest way from an argument to a word of so many bits: look up, and a product and a sum where
+/// there are straight lines between the words.
 pub fn path(shape: TableShape, word_bits: i32) -> Path {
     let found = Path::default().table(shape.index_bits.min(64) as i32);
     match shape.interpolation {
         Interpolation::Nearest => found,
-        Interpolation::Linear => found.product(word_bits, word_bits).sum(word_bits).fit(word_bits),
+        Interpolation::Linear => found
+            .product(word_bits, word_bits)
+            .sum(word_bits)
+            .fit(word_bits),
     }
 }
 
 /// Shape of a table word plus a step times a fraction.
 pub fn interpolated(word: Word, fraction_bits: u32) -> Exact {
     let word = Exact::from(word);
-    Exact { int_bits: word.int_bits, frac_bits: word.frac_bits + fraction_bits as i32 }
+    Exact {
+        int_bits: word.int_bits,
+        frac_bits: word.frac_bits + fraction_bits as i32,
+    }
 }
 
 pub mod real;

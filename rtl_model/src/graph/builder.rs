@@ -15,30 +15,53 @@ pub struct Builder<'e> {
     nodes: Vec<Node>,
     functions: Functions,
     inputs: usize,
-    /// Of each wire that holds an exponent what it is a power of, and that power in words of such wires: a unit counts a power from where it
-    /// begins, while a power is counted from 1.
+    /// Of each wire that holds an exponent what it is a power of, and that power in words of such
+    /// wires: a unit counts a power from where it begins, while a power is counted from 1.
     words: Vec<(Wire, Power)>,
 }
 
 /// Shape of an exponent.
-const EXPONENT: Exact = Exact { int_bits: 15, frac_bits: 0 };
+const EXPONENT: Exact = Exact {
+    int_bits: 15,
+    frac_bits: 0,
+};
 /// Shape of a condition.
-const CONDITION: Exact = Exact { int_bits: 1, frac_bits: 0 };
+const CONDITION: Exact = Exact {
+    int_bits: 1,
+    frac_bits: 0,
+};
 
 impl<'e> Builder<'e> {
     /// An empty graph of a unit.
     pub fn new(e: &'e mut Elaboration, unit: &'static str) -> Self {
-        Builder { e, unit, nodes: Vec::new(), functions: Functions::default(), inputs: 0, words: Vec::new() }
+        Builder {
+            e,
+            unit,
+            nodes: Vec::new(),
+            functions: Functions::default(),
+            inputs: 0,
+            words: Vec::new(),
+        }
     }
 
     fn node(&mut self, operator: Operator, shape: Exact, signed: bool, power: Power) -> Wire {
-        self.nodes.push(Node { operator, shape, signed, power });
+        self.nodes.push(Node {
+            operator,
+            shape,
+            signed,
+            power,
+        });
         Wire((self.nodes.len() - 1) as u16)
     }
 
     /// The same shape from another operator.
     fn alike(&mut self, operator: Operator, from: Wire) -> Wire {
-        let Node { shape, signed, power, .. } = self.of(from);
+        let Node {
+            shape,
+            signed,
+            power,
+            ..
+        } = self.of(from);
         self.node(operator, shape, signed, power)
     }
 
@@ -72,16 +95,24 @@ impl<'e> Builder<'e> {
 
     /// A power in the words that wires hold.
     fn in_words(&self, power: Power) -> Power {
-        let word = |wire: Wire| self.words.iter().find(|(known, _)| *known == wire).map_or(Power::of(wire), |(_, word)| *word);
+        let word = |wire: Wire| {
+            self.words
+                .iter()
+                .find(|(known, _)| *known == wire)
+                .map_or(Power::of(wire), |(_, word)| *word)
+        };
         let constant = Power::ONE.shifted(power.constant);
-        power.terms().iter().fold(constant, |sum, (wire, factor)| sum.times(word(*wire).power(*factor)))
+        power.terms().iter().fold(constant, |sum, (wire, factor)| {
+            sum.times(word(*wire).power(*factor))
+        })
     }
 
     /// A wire that holds an exponent, which counts from another power.
     fn exponent(&mut self, operator: Operator, sign: i32, from: Power) -> Power {
         let from = self.in_words(from);
         let wire = self.node(operator, EXPONENT, true, Power::ONE);
-        self.words.push((wire, Power::of(wire).power(sign).times(from)));
+        self.words
+            .push((wire, Power::of(wire).power(sign).times(from)));
         let power = Power::of(wire);
         self.nodes[wire.place()].power = power;
         power
@@ -99,7 +130,8 @@ impl<'e> Builder<'e> {
         wire
     }
 
-    /// The next input, an exact result that is kept from one item to the next, or comes from another graph.
+    /// The next input, an exact result that is kept from one item to the next, or comes from
+    /// another graph.
     pub fn state(&mut self, shape: Exact, signed: bool) -> Wire {
         self.inputs += 1;
         self.node(Operator::Input(self.inputs - 1), shape, signed, Power::ONE)
@@ -120,7 +152,13 @@ impl<'e> Builder<'e> {
     /// A word that holds a power's exponent.
     pub fn exponent_of(&mut self, power: Power) -> Wire {
         let words = self.in_words(power);
-        debug_assert!(words.terms().iter().all(|(_, factor)| factor.unsigned_abs().is_power_of_two()), "a batch shifts exponents");
+        debug_assert!(
+            words
+                .terms()
+                .iter()
+                .all(|(_, factor)| factor.unsigned_abs().is_power_of_two()),
+            "a batch shifts exponents"
+        );
         self.node(Operator::Exponents(words), EXPONENT, true, power)
     }
 
@@ -133,7 +171,13 @@ impl<'e> Builder<'e> {
     /// 1, in the places of a word or an exact result.
     pub fn one(&mut self, places: impl Into<Exact>) -> Wire {
         let frac_bits = places.into().frac_bits;
-        self.constant(1 << frac_bits.clamp(0, 62), Exact { int_bits: 1, frac_bits })
+        self.constant(
+            1 << frac_bits.clamp(0, 62),
+            Exact {
+                int_bits: 1,
+                frac_bits,
+            },
+        )
     }
 
     /// So many last places of a shape.
@@ -146,18 +190,37 @@ impl<'e> Builder<'e> {
         let [x, y] = [a, b].map(|wire| self.of(wire));
         let operator = elaboration::Operator::Multiplier([x.bits(), y.bits()]);
         self.e.part(self.unit, operator);
-        self.node(Operator::Product([a, b]), x.shape.times(y.shape), x.signed || y.signed, x.power.times(y.power))
+        self.node(
+            Operator::Product([a, b]),
+            x.shape.times(y.shape),
+            x.signed || y.signed,
+            x.power.times(y.power),
+        )
     }
 
     /// Times 2^`places`, by wiring.
     pub fn scaled(&mut self, from: Wire, places: i32) -> Wire {
-        let Node { shape, signed, power, .. } = self.of(from);
-        self.node(Operator::Scaled(from, places), shape.scaled(places), signed, power)
+        let Node {
+            shape,
+            signed,
+            power,
+            ..
+        } = self.of(from);
+        self.node(
+            Operator::Scaled(from, places),
+            shape.scaled(places),
+            signed,
+            power,
+        )
     }
 
     fn terms(&mut self, a: Wire, b: Wire) -> [u32; 2] {
         let [x, y] = [a, b].map(|wire| self.of(wire));
-        debug_assert_eq!(x.power.times(y.power.inverse()), Power::ONE, "terms of a sum are relative to one power");
+        debug_assert_eq!(
+            x.power.times(y.power.inverse()),
+            Power::ONE,
+            "terms of a sum are relative to one power"
+        );
         align([x.shape.frac_bits, y.shape.frac_bits])
     }
 
@@ -166,7 +229,12 @@ impl<'e> Builder<'e> {
         self.e.adders(self.unit, 1, shape.bits());
         let lefts = self.terms(a, b);
         let [x, y] = [a, b].map(|wire| self.of(wire));
-        self.node(Operator::Sum([a, b], lefts), shape, x.signed || y.signed, x.power)
+        self.node(
+            Operator::Sum([a, b], lefts),
+            shape,
+            x.signed || y.signed,
+            x.power,
+        )
     }
 
     /// An exact sum, by an adder.
@@ -196,7 +264,8 @@ impl<'e> Builder<'e> {
         self.plus(sum, z)
     }
 
-    /// What is left of `a`, of which `b` is a part: a difference that has no more than a shape, and is not negative.
+    /// What is left of `a`, of which `b` is a part: a difference that has no more than a shape, and
+    /// is not negative.
     pub fn rest(&mut self, a: Wire, b: Wire, shape: Exact) -> Wire {
         let difference = self.minus_within(a, b, shape);
         self.nodes[difference.place()].signed = false;
@@ -230,7 +299,15 @@ impl<'e> Builder<'e> {
     pub fn turned(&mut self, from: Wire, by: Wire) -> Wire {
         let Node { shape, power, .. } = self.of(from);
         self.e.limit(self.unit, self.of(from).bits() + 1);
-        self.node(Operator::Turned(from, by), Exact { int_bits: shape.int_bits + 1, ..shape }, true, power)
+        self.node(
+            Operator::Turned(from, by),
+            Exact {
+                int_bits: shape.int_bits + 1,
+                ..shape
+            },
+            true,
+            power,
+        )
     }
 
     /// At least 0, by a choice that a difference's own sign makes.
@@ -240,10 +317,14 @@ impl<'e> Builder<'e> {
         self.node(Operator::Natural(from), shape, false, power)
     }
 
-    /// At most 1. What saturates the word that comes of it limits this too, so that it takes no part of its own.
+    /// At most 1. What saturates the word that comes of it limits this too, so that it takes no
+    /// part of its own.
     pub fn at_most_one(&mut self, from: Wire) -> Wire {
         let Node { shape, .. } = self.of(from);
-        self.alike(Operator::AtMost(from, 1 << shape.frac_bits.clamp(0, 62)), from)
+        self.alike(
+            Operator::AtMost(from, 1 << shape.frac_bits.clamp(0, 62)),
+            from,
+        )
     }
 
     /// The lesser of two words of one format; the unit declares the gates.
@@ -256,7 +337,8 @@ impl<'e> Builder<'e> {
         self.alike(Operator::Greater([a, b]), a)
     }
 
-    /// At least a last place, as a reciprocal, a root or a normaliser needs it; a place that is set costs a gate.
+    /// At least a last place, as a reciprocal, a root or a normaliser needs it; a place that is set
+    /// costs a gate.
     pub fn at_least_a_place(&mut self, from: Wire) -> Wire {
         self.alike(Operator::AtLeast(from, 1), from)
     }
@@ -274,7 +356,8 @@ impl<'e> Builder<'e> {
         node
     }
 
-    /// A word instead of one that means nothing where a condition holds: for the host, which goes on with what hardware would drop.
+    /// A word instead of one that means nothing where a condition holds: for the host, which goes
+    /// on with what hardware would drop.
     pub fn guarded(&mut self, from: Wire, condition: Wire, instead: i64) -> Wire {
         self.alike(Operator::Guarded(from, condition, instead), from)
     }
@@ -283,7 +366,12 @@ impl<'e> Builder<'e> {
     pub fn fit(&mut self, name: &str, word: Word, from: Wire) -> Wire {
         let Node { shape, power, .. } = self.of(from);
         let fit = self.e.fit(self.unit, name, word, shape);
-        self.node(Operator::Fit(from, fit), word.into(), word.format.signed, power)
+        self.node(
+            Operator::Fit(from, fit),
+            word.into(),
+            word.format.signed,
+            power,
+        )
     }
 
     /// The same for a word of another unit.
@@ -299,28 +387,58 @@ impl<'e> Builder<'e> {
         let node = self.of(from);
         let fit = self.e.fit_shifted(self.unit, name, word, node.shape);
         let more = self.exponent_of(power.times(node.power.inverse()));
-        self.node(Operator::FitShifted(from, more, fit), word.into(), word.format.signed, power)
+        self.node(
+            Operator::FitShifted(from, more, fit),
+            word.into(),
+            word.format.signed,
+            power,
+        )
     }
 
     /// A word of a table, which the fit of the table makes.
     pub fn look_up(&mut self, table: Table, argument: Wire) -> Wire {
         let word = table.fit().word;
         self.functions.tables.push(table);
-        self.node(Operator::Lookup(argument, self.functions.tables.len() - 1), word.into(), word.format.signed, Power::ONE)
+        self.node(
+            Operator::Lookup(argument, self.functions.tables.len() - 1),
+            word.into(),
+            word.format.signed,
+            Power::ONE,
+        )
     }
 
-    /// Vectors' parts, shifted left together until nothing but `int_bits` of the largest is before the binary point, relative to the power
-    /// that this takes. A normaliser for each part, and where there are three what compares them.
-    pub fn normalised<const N: usize>(&mut self, largest: Wire, parts: [Wire; N], int_bits: i32) -> [Wire; N] {
+    /// Vectors' parts, shifted left together until nothing but `int_bits` of the largest is before
+    /// the binary point, relative to the power that this takes. A normaliser for each part, and
+    /// where there are three what compares them.
+    pub fn normalised<const N: usize>(
+        &mut self,
+        largest: Wire,
+        parts: [Wire; N],
+        int_bits: i32,
+    ) -> [Wire; N] {
         let Node { shape, power, .. } = self.of(largest);
         let frac_bits = NORMALISED_FRAC_BITS + 1 - int_bits;
         // A leading one at bit 61 was at 61 − lead, and is 2^(61 − lead − frac_bits).
-        let leading = self.exponent(Operator::Lead(largest), -1, power.shifted(NORMALISED_FRAC_BITS - shape.frac_bits));
-        let [(lead, _)] = *leading.terms() else { unreachable!("it is one wire's") };
+        let leading = self.exponent(
+            Operator::Lead(largest),
+            -1,
+            power.shifted(NORMALISED_FRAC_BITS - shape.frac_bits),
+        );
+        let [(lead, _)] = *leading.terms() else {
+            unreachable!("it is one wire's")
+        };
         parts.map(|part| {
             self.e.normaliser(self.unit, shape.bits());
             let signed = self.of(part).signed;
-            self.node(Operator::Normalised(part, lead), Exact { int_bits, frac_bits }, signed, leading.shifted(1 - int_bits))
+            self.node(
+                Operator::Normalised(part, lead),
+                Exact {
+                    int_bits,
+                    frac_bits,
+                },
+                signed,
+                leading.shifted(1 - int_bits),
+            )
         })
     }
 
@@ -336,7 +454,13 @@ impl<'e> Builder<'e> {
     pub fn reciprocal(&mut self, name: &str, config: FunctionUnit, x: Wire) -> Wire {
         let node = self.of(x);
         self.e.normaliser(self.unit, node.bits());
-        self.functions.reciprocals.push(Reciprocal::new(self.e, self.unit, name, config, node.shape.frac_bits));
+        self.functions.reciprocals.push(Reciprocal::new(
+            self.e,
+            self.unit,
+            name,
+            config,
+            node.shape.frac_bits,
+        ));
         let operator = Operator::Reciprocal(x, self.functions.reciprocals.len() - 1);
         let inverse = self.node(operator, config.format().into(), false, Power::ONE);
         let power = self.exponent(Operator::Exponent(inverse), 1, node.power.inverse());
@@ -345,10 +469,23 @@ impl<'e> Builder<'e> {
     }
 
     /// A root of a positive result, by the operator that this makes.
-    fn root_by(&mut self, name: &str, config: FunctionUnit, x: Wire, operator: impl FnOnce(usize) -> Operator, shape: Exact) -> Wire {
+    fn root_by(
+        &mut self,
+        name: &str,
+        config: FunctionUnit,
+        x: Wire,
+        operator: impl FnOnce(usize) -> Operator,
+        shape: Exact,
+    ) -> Wire {
         let node = self.of(x);
         self.e.normaliser(self.unit, node.bits());
-        self.functions.roots.push(ReciprocalRoot::new(self.e, self.unit, name, config, node.shape.frac_bits));
+        self.functions.roots.push(ReciprocalRoot::new(
+            self.e,
+            self.unit,
+            name,
+            config,
+            node.shape.frac_bits,
+        ));
         let operator = operator(self.functions.roots.len() - 1);
         let is_inverse = matches!(operator, Operator::InverseRoot(..));
         let root = self.node(operator, shape, false, Power::ONE);
@@ -361,13 +498,26 @@ impl<'e> Builder<'e> {
 
     /// 1/√x of a positive result, by a normaliser and the root called `name`.
     pub fn inverse_root(&mut self, name: &str, config: FunctionUnit, x: Wire) -> Wire {
-        self.root_by(name, config, x, |unit| Operator::InverseRoot(x, unit), config.format().into())
+        self.root_by(
+            name,
+            config,
+            x,
+            |unit| Operator::InverseRoot(x, unit),
+            config.format().into(),
+        )
     }
 
-    /// √x of a positive result, an exact product, by a normaliser, the root called `name` and a multiplier.
+    /// √x of a positive result, an exact product, by a normaliser, the root called `name` and a
+    /// multiplier.
     pub fn root(&mut self, name: &str, config: FunctionUnit, x: Wire) -> Wire {
         let word = Exact::from(config.format());
-        let root = self.root_by(name, config, x, |unit| Operator::Root(x, unit), word.times(word).scaled(1));
+        let root = self.root_by(
+            name,
+            config,
+            x,
+            |unit| Operator::Root(x, unit),
+            word.times(word).scaled(1),
+        );
         self.e.times(self.unit, config.format(), config.format());
         root
     }
@@ -408,7 +558,14 @@ impl<'e> Builder<'e> {
 
     /// The graph, with these results.
     pub fn build<const OUTPUTS: usize>(&mut self, outputs: [Wire; OUTPUTS]) -> Graph<OUTPUTS> {
-        let (nodes, functions) = (std::mem::take(&mut self.nodes), std::mem::take(&mut self.functions));
-        Graph { nodes, functions, outputs }
+        let (nodes, functions) = (
+            std::mem::take(&mut self.nodes),
+            std::mem::take(&mut self.functions),
+        );
+        Graph {
+            nodes,
+            functions,
+            outputs,
+        }
     }
 }

@@ -18,9 +18,25 @@ pub(super) fn program(nodes: &[Node], functions: &Functions, outputs: &[Wire]) -
     for place in 0..compiler.nodes.len() {
         compiler.node(place);
     }
-    let outputs = outputs.iter().map(|wire| compiler.place(compiler.resolved(*wire))).collect();
-    let Compiler { steps, rows, constants, inputs, .. } = compiler;
-    Program { steps, functions: functions.clone(), rows, constants, inputs, outputs }
+    let outputs = outputs
+        .iter()
+        .map(|wire| compiler.place(compiler.resolved(*wire)))
+        .collect();
+    let Compiler {
+        steps,
+        rows,
+        constants,
+        inputs,
+        ..
+    } = compiler;
+    Program {
+        steps,
+        functions: functions.clone(),
+        rows,
+        constants,
+        inputs,
+        outputs,
+    }
 }
 
 /// Turns nodes into steps.
@@ -59,7 +75,11 @@ impl<'n> Compiler<'n> {
             constants: Vec::new(),
             inputs: Vec::new(),
         };
-        for (reader, node) in nodes.iter().enumerate().filter(|(_, node)| !matches!(node.operator, Operator::Scaled(..))) {
+        for (reader, node) in nodes
+            .iter()
+            .enumerate()
+            .filter(|(_, node)| !matches!(node.operator, Operator::Scaled(..)))
+        {
             node.operator.reads(|wire| {
                 let place = compiler.resolved(wire).place();
                 compiler.reads[place] += 1;
@@ -110,7 +130,10 @@ impl<'n> Compiler<'n> {
         }
         let source = self.source(wire);
         let to = self.row(WORD, wire);
-        self.steps.push(Step::Value { source, sink: Sink::Word(to) });
+        self.steps.push(Step::Value {
+            source,
+            sink: Sink::Word(to),
+        });
         to
     }
 
@@ -122,7 +145,10 @@ impl<'n> Compiler<'n> {
         }
         let source = self.source(wire);
         let to = self.row(EXACT, wire);
-        self.steps.push(Step::Value { source, sink: Sink::Exact(to) });
+        self.steps.push(Step::Value {
+            source,
+            sink: Sink::Exact(to),
+        });
         to
     }
 
@@ -131,7 +157,10 @@ impl<'n> Compiler<'n> {
         for wire in wires {
             let place = self.resolved(*wire).place();
             self.reads[place] -= 1;
-            let is_kept = matches!(self.nodes[place].operator, Operator::Input(_) | Operator::Constant(_));
+            let is_kept = matches!(
+                self.nodes[place].operator,
+                Operator::Input(_) | Operator::Constant(_)
+            );
             if self.reads[place] == 0 && !is_kept {
                 for kind in [WORD, EXACT] {
                     self.free[kind].extend(self.rows_of[place][kind].take());
@@ -148,15 +177,22 @@ impl<'n> Compiler<'n> {
         let reader = self.nodes[self.readers[wire.place()]].operator;
         let is_fit = matches!(reader, Operator::Fit(..) | Operator::FitShifted(..));
         match self.nodes[wire.place()].operator {
-            Operator::Product(_) => is_fit || matches!(reader, Operator::Sum(..) | Operator::Difference(..)),
+            Operator::Product(_) => {
+                is_fit || matches!(reader, Operator::Sum(..) | Operator::Difference(..))
+            }
             Operator::Normalised(..) => is_fit,
-            Operator::Sum([a, b], _) | Operator::Difference([a, b], _) => is_fit && !self.is_sum_of_words(wire, [a, b]),
+            Operator::Sum([a, b], _) | Operator::Difference([a, b], _) => {
+                is_fit && !self.is_sum_of_words(wire, [a, b])
+            }
             _ => false,
         }
     }
 
     fn is_sum_of_words(&self, sum: Wire, terms: [Wire; 2]) -> bool {
-        self.is_word(sum) && terms.into_iter().all(|term| self.is_word(self.resolved(term)))
+        self.is_word(sum)
+            && terms
+                .into_iter()
+                .all(|term| self.is_word(self.resolved(term)))
     }
 
     /// Where a term of a sum lies.
@@ -195,7 +231,10 @@ impl<'n> Compiler<'n> {
 
     fn sum(&mut self, [a, b]: [Wire; 2], [p, q]: [u32; 2], is_difference: bool) -> Source {
         let [first, second] = [a, b].map(|wire| self.resolved(wire));
-        let is_product = |wire: Wire| matches!(self.nodes[wire.place()].operator, Operator::Product(_)) && self.is_deferred(wire);
+        let is_product = |wire: Wire| {
+            matches!(self.nodes[wire.place()].operator, Operator::Product(_))
+                && self.is_deferred(wire)
+        };
         let [x, y] = [first, second].map(is_product);
         let (sum, product, [left, of_product]) = match () {
             () if y => (first, second, [p, q]),
@@ -203,14 +242,26 @@ impl<'n> Compiler<'n> {
             () => {
                 let (x, y) = (self.exact(a), self.exact(b));
                 self.read(&[a, b]);
-                return if is_difference { Source::Difference([x, y], [p, q]) } else { Source::Sum([x, y], [p, q]) };
+                return if is_difference {
+                    Source::Difference([x, y], [p, q])
+                } else {
+                    Source::Sum([x, y], [p, q])
+                };
             }
         };
-        let Operator::Product([c, d]) = self.nodes[product.place()].operator else { return Source::From(Place::Exact(0)) };
+        let Operator::Product([c, d]) = self.nodes[product.place()].operator else {
+            return Source::From(Place::Exact(0));
+        };
         let from = self.term(sum);
         let (x, y) = (self.word(c), self.word(d));
         self.read(&[sum, product, c, d]);
-        Source::WithProduct { from, left, product: [x, y], of_product, is_difference }
+        Source::WithProduct {
+            from,
+            left,
+            product: [x, y],
+            of_product,
+            is_difference,
+        }
     }
 
     /// Inputs and constants have rows of their own, which no step writes.
@@ -236,37 +287,75 @@ impl<'n> Compiler<'n> {
             Operator::Input(_) | Operator::Constant(_) | Operator::Scaled(..) => {}
             // Made where it is read.
             _ if self.is_deferred(to) => {}
-            Operator::Sum(terms, lefts) if self.is_sum_of_words(to, terms) => self.sum_of_words(terms, lefts, false, to),
-            Operator::Difference(terms, lefts) if self.is_sum_of_words(to, terms) => self.sum_of_words(terms, lefts, true, to),
-            Operator::Product(_) | Operator::Sum(..) | Operator::Difference(..) | Operator::Normalised(..) => {
+            Operator::Sum(terms, lefts) if self.is_sum_of_words(to, terms) => {
+                self.sum_of_words(terms, lefts, false, to)
+            }
+            Operator::Difference(terms, lefts) if self.is_sum_of_words(to, terms) => {
+                self.sum_of_words(terms, lefts, true, to)
+            }
+            Operator::Product(_)
+            | Operator::Sum(..)
+            | Operator::Difference(..)
+            | Operator::Normalised(..) => {
                 let source = self.source(to);
                 let to = self.row(EXACT, to);
-                self.steps.push(Step::Value { source, sink: Sink::Exact(to) });
+                self.steps.push(Step::Value {
+                    source,
+                    sink: Sink::Exact(to),
+                });
             }
             Operator::Negation(from) => self.unary(Unary::Negation, from, to),
             Operator::Magnitude(from) => self.unary(Unary::Magnitude, from, to),
-            Operator::Natural(from) | Operator::AtLeastOne(from) => self.unary(Unary::AtLeast(0), from, to),
+            Operator::Natural(from) | Operator::AtLeastOne(from) => {
+                self.unary(Unary::AtLeast(0), from, to)
+            }
             Operator::AtLeast(from, least) => self.unary(Unary::AtLeast(least), from, to),
             Operator::Not(from) => self.unary(Unary::Not, from, to),
             Operator::AtMost(from, most) => self.unary(Unary::AtMost(most), from, to),
             Operator::APlaceMore(from) => self.unary(Unary::APlaceMore, from, to),
-            Operator::Opposed(from, other) => self.words([from, other], to, |[from, other], to| Step::Opposed { from, other, to }),
-            Operator::Turned(from, by) => self.words([from, by], to, |[from, by], to| Step::Turned { from, by, to }),
-            Operator::Lesser([a, b]) => self.words([a, b], to, |[a, b], to| Step::Lesser { a, b, to }),
-            Operator::Greater([a, b]) => self.words([a, b], to, |[a, b], to| Step::Greater { a, b, to }),
-            Operator::Guarded(from, condition, instead) => {
-                self.words([from, condition], to, |[from, condition], to| Step::Guarded { from, condition, instead, to });
+            Operator::Opposed(from, other) => self.words([from, other], to, |[from, other], to| {
+                Step::Opposed { from, other, to }
+            }),
+            Operator::Turned(from, by) => self.words([from, by], to, |[from, by], to| {
+                Step::Turned { from, by, to }
+            }),
+            Operator::Lesser([a, b]) => {
+                self.words([a, b], to, |[a, b], to| Step::Lesser { a, b, to })
             }
-            Operator::Above([a, b], [0, 0]) if [a, b].into_iter().all(|wire| self.is_word(self.resolved(wire))) => {
+            Operator::Greater([a, b]) => {
+                self.words([a, b], to, |[a, b], to| Step::Greater { a, b, to })
+            }
+            Operator::Guarded(from, condition, instead) => {
+                self.words([from, condition], to, |[from, condition], to| {
+                    Step::Guarded {
+                        from,
+                        condition,
+                        instead,
+                        to,
+                    }
+                });
+            }
+            Operator::Above([a, b], [0, 0])
+                if [a, b]
+                    .into_iter()
+                    .all(|wire| self.is_word(self.resolved(wire))) =>
+            {
                 self.words([a, b], to, |[a, b], to| Step::AboveWords { a, b, to });
             }
             Operator::Above([a, b], lefts) => {
                 let (x, y) = (self.exact(a), self.exact(b));
                 self.read(&[a, b]);
                 let to = self.row(WORD, to);
-                self.steps.push(Step::Above { a: x, b: y, lefts, to });
+                self.steps.push(Step::Above {
+                    a: x,
+                    b: y,
+                    lefts,
+                    to,
+                });
             }
-            Operator::Either([a, b]) => self.words([a, b], to, |[a, b], to| Step::Either { a, b, to }),
+            Operator::Either([a, b]) => {
+                self.words([a, b], to, |[a, b], to| Step::Either { a, b, to })
+            }
             Operator::Both([a, b]) => self.words([a, b], to, |[a, b], to| Step::Both { a, b, to }),
             Operator::Drop(from) => {
                 let condition = self.word(from);
@@ -275,7 +364,12 @@ impl<'n> Compiler<'n> {
             }
             Operator::Lookup(from, table) => {
                 let short = self.functions.tables[table].is_short();
-                self.words([from], to, |[from], to| Step::Lookup { from, table, short, to });
+                self.words([from], to, |[from], to| Step::Lookup {
+                    from,
+                    table,
+                    short,
+                    to,
+                });
             }
             Operator::Fit(from, fit) => self.fit(from, None, fit, to),
             Operator::FitShifted(from, more, fit) => self.fit(from, Some(more), fit, to),
@@ -292,12 +386,29 @@ impl<'n> Compiler<'n> {
                 self.steps.push(Step::Lead { from: row, to });
             }
             Operator::Reciprocal(from, unit) => {
-                self.function(from, to, WORD, |from, to, exponent| Step::Reciprocal { from, unit, to, exponent });
+                self.function(from, to, WORD, |from, to, exponent| Step::Reciprocal {
+                    from,
+                    unit,
+                    to,
+                    exponent,
+                });
             }
             Operator::InverseRoot(from, unit) => {
-                self.function(from, to, WORD, |from, to, exponent| Step::InverseRoot { from, unit, to, exponent });
+                self.function(from, to, WORD, |from, to, exponent| Step::InverseRoot {
+                    from,
+                    unit,
+                    to,
+                    exponent,
+                });
             }
-            Operator::Root(from, unit) => self.function(from, to, EXACT, |from, to, exponent| Step::Root { from, unit, to, exponent }),
+            Operator::Root(from, unit) => {
+                self.function(from, to, EXACT, |from, to, exponent| Step::Root {
+                    from,
+                    unit,
+                    to,
+                    exponent,
+                })
+            }
             // Its row was written with the other's.
             Operator::Exponent(from) => self.read(&[from]),
             Operator::Exponents(power) => {
@@ -309,13 +420,23 @@ impl<'n> Compiler<'n> {
                 let (constant, count) = (power.constant, wires.len());
                 self.read(&wires);
                 let to = self.row(WORD, to);
-                self.steps.push(Step::Exponents { terms, count, constant, to });
+                self.steps.push(Step::Exponents {
+                    terms,
+                    count,
+                    constant,
+                    to,
+                });
             }
         }
     }
 
     /// A step from words to a word.
-    fn words<const N: usize>(&mut self, from: [Wire; N], to: Wire, step: impl FnOnce([usize; N], usize) -> Step) {
+    fn words<const N: usize>(
+        &mut self,
+        from: [Wire; N],
+        to: Wire,
+        step: impl FnOnce([usize; N], usize) -> Step,
+    ) {
         let rows = from.map(|wire| self.word(wire));
         self.read(&from);
         let to = self.row(WORD, to);
@@ -324,7 +445,11 @@ impl<'n> Compiler<'n> {
 
     fn sum_of_words(&mut self, terms: [Wire; 2], lefts: [u32; 2], is_difference: bool, to: Wire) {
         self.words(terms, to, |[a, b], to| {
-            if is_difference { Step::DifferenceOfWords { a, b, lefts, to } } else { Step::SumOfWords { a, b, lefts, to } }
+            if is_difference {
+                Step::DifferenceOfWords { a, b, lefts, to }
+            } else {
+                Step::SumOfWords { a, b, lefts, to }
+            }
         });
     }
 
@@ -341,11 +466,21 @@ impl<'n> Compiler<'n> {
         let row = self.exact(from);
         self.read(&[from]);
         let to = self.row(EXACT, to);
-        self.steps.push(Step::Unary { unary, from: row, to });
+        self.steps.push(Step::Unary {
+            unary,
+            from: row,
+            to,
+        });
     }
 
     /// A reciprocal or a root, whose exponent is the next node.
-    fn function(&mut self, from: Wire, to: Wire, kind: usize, step: impl FnOnce(Place, usize, usize) -> Step) {
+    fn function(
+        &mut self,
+        from: Wire,
+        to: Wire,
+        kind: usize,
+        step: impl FnOnce(Place, usize, usize) -> Step,
+    ) {
         let row = self.term(from);
         self.read(&[from]);
         let exponent = self.row(WORD, Wire(to.0 + 1));

@@ -1,5 +1,5 @@
-//! Graph: the arithmetic of a unit, stated once, as operators on wires. It is built when a machine is elaborated; what else is made of it is
-//! a pass, a file each.
+//! Graph: the arithmetic of a unit, stated once, as operators on wires. It is built when a machine
+//! is elaborated; what else is made of it is a pass, a file each.
 //!
 //! ```text
 //! a unit's function ─► Builder ─┬─► parts, signals, misfits          as it is built
@@ -7,9 +7,10 @@
 //!                                          ├─► a batch of items      compile.rs, run.rs: the same, in the narrowest words
 //!                                          └─► bounds                real.rs
 //! ```
-//! A wire has a shape, how far it reaches above and below the binary point, and may be relative to a [`Power`] of two that the data decides
-//! on. Sums and products grow; [`Builder::fit`] and [`Builder::fit_to`] are the only operators that lose bits, at a named signal. A condition
-//! is a wire of words −1 (holds) and 0.
+//! A wire has a shape, how far it reaches above and below the binary point, and may be relative to
+//! a [`Power`] of two that the data decides on. Sums and products grow; [`Builder::fit`] and
+//! [`Builder::fit_to`] are the only operators that lose bits, at a named signal. A condition is a
+//! wire of words −1 (holds) and 0.
 //!
 //! Law: `a_batch_equals_one_item_at_a_time`.
 
@@ -119,7 +120,9 @@ impl Operator {
             | Operator::Either([a, b])
             | Operator::Both([a, b]) => [a, b].into_iter().for_each(read),
             Operator::Largest([a, b, c]) => [a, b, c].into_iter().for_each(read),
-            Operator::Exponents(ref power) => power.terms().iter().for_each(|(wire, _)| read(*wire)),
+            Operator::Exponents(ref power) => {
+                power.terms().iter().for_each(|(wire, _)| read(*wire))
+            }
             Operator::Negation(from)
             | Operator::Magnitude(from)
             | Operator::Natural(from)
@@ -206,7 +209,11 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
                 }
             };
         }
-        let Functions { tables, reciprocals, roots } = &self.functions;
+        let Functions {
+            tables,
+            reciprocals,
+            roots,
+        } = &self.functions;
         for (place, node) in self.nodes.iter().enumerate() {
             let of = |wire: Wire| results[wire.place()];
             let result = match node.operator {
@@ -245,9 +252,13 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
                         of(from)
                     }
                 }
-                Operator::Lookup(from, table) => tapped!(tap => tap.fit_one(tables[table].fit(), tables[table].exact(of(from)))),
+                Operator::Lookup(from, table) => {
+                    tapped!(tap => tap.fit_one(tables[table].fit(), tables[table].exact(of(from))))
+                }
                 Operator::Fit(from, ref fit) => tapped!(tap => tap.fit_one(fit, of(from))),
-                Operator::FitShifted(from, more, ref fit) => tapped!(tap => tap.fit_one_shifted(fit, of(from), of(more))),
+                Operator::FitShifted(from, more, ref fit) => {
+                    tapped!(tap => tap.fit_one_shifted(fit, of(from), of(more)))
+                }
                 Operator::Largest([a, b, c]) => of(a).abs() | of(b).abs() | of(c).abs() | 1,
                 Operator::Lead(from) => i64::from(of(from).leading_zeros()) - 2,
                 Operator::Normalised(from, lead) => of(from) << of(lead),
@@ -267,9 +278,12 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
                     word
                 }
                 Operator::Exponent(from) => exponents[from.place()],
-                Operator::Exponents(ref power) => {
-                    power.terms().iter().fold(power.constant.into(), |sum: i64, (wire, factor)| sum + of(*wire) * i64::from(*factor))
-                }
+                Operator::Exponents(ref power) => power
+                    .terms()
+                    .iter()
+                    .fold(power.constant.into(), |sum: i64, (wire, factor)| {
+                        sum + of(*wire) * i64::from(*factor)
+                    }),
                 Operator::Above([a, b], [p, q]) => word(of(a) << p > of(b) << q),
                 Operator::Either([a, b]) => of(a) | of(b),
                 Operator::Both([a, b]) => of(a) & of(b),
@@ -293,10 +307,19 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
         for (place, node) in self.nodes.iter().enumerate().rev() {
             if is_needed[place] {
                 node.operator.reads(|wire| is_needed[wire.place()] = true);
-                node.power.terms().iter().for_each(|(wire, _)| is_needed[wire.place()] = true);
+                node.power
+                    .terms()
+                    .iter()
+                    .for_each(|(wire, _)| is_needed[wire.place()] = true);
             }
         }
-        Asked { wires, places: (0..self.nodes.len()).filter(|place| is_needed[*place]).map(|place| place as u16).collect() }
+        Asked {
+            wires,
+            places: (0..self.nodes.len())
+                .filter(|place| is_needed[*place])
+                .map(|place| place as u16)
+                .collect(),
+        }
     }
 
     /// The same of its results.
@@ -309,10 +332,11 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
     /// # Panics
     /// Where a result is not fitted.
     pub fn fits(&self) -> [Fit; OUTPUTS] {
-        self.outputs.map(|wire| match self.nodes[wire.place()].operator {
-            Operator::Fit(_, fit) | Operator::FitShifted(_, _, fit) => fit,
-            other => panic!("{other:?} is not a word"),
-        })
+        self.outputs
+            .map(|wire| match self.nodes[wire.place()].operator {
+                Operator::Fit(_, fit) | Operator::FitShifted(_, _, fit) => fit,
+                other => panic!("{other:?} is not a word"),
+            })
     }
 
     /// The n-th fit of a signal, for a kernel that does the same.
@@ -324,8 +348,13 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
             Operator::Fit(_, fit) | Operator::FitShifted(_, _, fit) => Some(fit),
             _ => None,
         });
-        let mut own = fits.filter(|fit| signals.get(fit.signal).is_some_and(|signal| signal.unit == unit && signal.name == name));
-        own.nth(nth).unwrap_or_else(|| panic!("{unit}.{name} is fitted"))
+        let mut own = fits.filter(|fit| {
+            signals
+                .get(fit.signal)
+                .is_some_and(|signal| signal.unit == unit && signal.name == name)
+        });
+        own.nth(nth)
+            .unwrap_or_else(|| panic!("{unit}.{name} is fitted"))
     }
 
     /// Its tables, in the order in which they are looked up.
@@ -348,7 +377,9 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
     pub fn products(&self) -> u32 {
         let products = |node: &Node| match node.operator {
             Operator::Product(_) => 1,
-            Operator::Reciprocal(_, unit) => 2 * self.functions.reciprocals[unit].shape().newton_steps,
+            Operator::Reciprocal(_, unit) => {
+                2 * self.functions.reciprocals[unit].shape().newton_steps
+            }
             Operator::InverseRoot(_, unit) => 3 * self.functions.roots[unit].shape().newton_steps,
             Operator::Root(_, unit) => 3 * self.functions.roots[unit].shape().newton_steps + 1,
             _ => 0,

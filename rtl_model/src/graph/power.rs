@@ -1,8 +1,9 @@
 //! Power: the power of two that a wire is relative to, where the data decides on it.
 //!
-//! A wire's value is `word · 2^(power − frac_bits)`. A normaliser, a reciprocal and a root make words that are relative to a power; products
-//! multiply powers, and a fit may put a result under another. So the shifts between them follow from what the wires are relative to, and no
-//! unit states them.
+//! A wire's value is `word · 2^(power − frac_bits)`. A normaliser, a reciprocal and a root make
+//! words that are relative to a power; products multiply powers, and a fit may put a result under
+//! another. So the shifts between them follow from what the wires are relative to, and no unit
+//! states them.
 
 use super::Wire;
 
@@ -19,11 +20,19 @@ pub struct Power {
 
 impl Power {
     /// 2^0: a word that is what it says.
-    pub const ONE: Power = Power { constant: 0, terms: [(Wire(0), 0); MOST], count: 0 };
+    pub const ONE: Power = Power {
+        constant: 0,
+        terms: [(Wire(0), 0); MOST],
+        count: 0,
+    };
 
     /// 2^exponent of a wire.
     pub(super) fn of(exponent: Wire) -> Power {
-        Power { constant: 0, terms: [(exponent, 1), (Wire(0), 0), (Wire(0), 0), (Wire(0), 0)], count: 1 }
+        Power {
+            constant: 0,
+            terms: [(exponent, 1), (Wire(0), 0), (Wire(0), 0), (Wire(0), 0)],
+            count: 1,
+        }
     }
 
     /// Wires and their factors.
@@ -38,14 +47,20 @@ impl Power {
     pub fn times(mut self, other: Power) -> Power {
         self.constant = self.constant.saturating_add(other.constant);
         for &(wire, factor) in other.terms() {
-            match self.terms[..self.count].iter_mut().find(|(known, _)| *known == wire) {
+            match self.terms[..self.count]
+                .iter_mut()
+                .find(|(known, _)| *known == wire)
+            {
                 Some((_, known)) => *known += factor,
                 None => {
                     self.terms[self.count] = (wire, factor);
                     self.count += 1;
                 }
             }
-            if let Some(gone) = self.terms[..self.count].iter().position(|(_, factor)| *factor == 0) {
+            if let Some(gone) = self.terms[..self.count]
+                .iter()
+                .position(|(_, factor)| *factor == 0)
+            {
                 self.count -= 1;
                 self.terms.swap(gone, self.count);
                 self.terms[self.count] = (Wire(0), 0);
@@ -60,7 +75,9 @@ impl Power {
             return Power::ONE;
         }
         self.constant = self.constant.saturating_mul(n);
-        self.terms[..self.count].iter_mut().for_each(|(_, factor)| *factor *= n);
+        self.terms[..self.count]
+            .iter_mut()
+            .for_each(|(_, factor)| *factor *= n);
         self
     }
 
@@ -79,12 +96,17 @@ impl Power {
             *exponent /= 2;
         };
         half(&mut self.constant);
-        self.terms[..self.count].iter_mut().for_each(|(_, factor)| half(factor));
+        self.terms[..self.count]
+            .iter_mut()
+            .for_each(|(_, factor)| half(factor));
         self
     }
 
     /// The same times 2^`places`.
     pub fn shifted(self, places: i32) -> Power {
-        Power { constant: self.constant.saturating_add(places), ..self }
+        Power {
+            constant: self.constant.saturating_add(places),
+            ..self
+        }
     }
 }

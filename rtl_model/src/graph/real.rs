@@ -1,7 +1,8 @@
 //! Real: a graph over real numbers: bounds, or the losses of some words alone ([`Real`]).
 //!
-//! Every wire has its value, whatever power it is relative to; a fit's last place depends on that power, which is known from the value that a
-//! normaliser, a reciprocal or a root was given. What the host alone needs ([`Operator::Guarded`]) and conditions are not there.
+//! Every wire has its value, whatever power it is relative to; a fit's last place depends on that
+//! power, which is known from the value that a normaliser, a reciprocal or a root was given. What
+//! the host alone needs ([`Operator::Guarded`]) and conditions are not there.
 
 use super::{Asked, Graph, Node, Operator, Power, Wire};
 use crate::functions::Table;
@@ -12,7 +13,8 @@ use crate::real::{Real, Scale};
 /// Most nodes of a graph that is worked out without memory of its own.
 const FEW: usize = 32;
 
-/// A wire's number, and the power of two that it is relative to; of a wire that holds an exponent, that power.
+/// A wire's number, and the power of two that it is relative to; of a wire that holds an exponent,
+/// that power.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounded<R> {
     /// Its value.
@@ -24,12 +26,18 @@ pub struct Bounded<R> {
 impl<R: Real> Bounded<R> {
     /// A number that is what it says.
     pub fn of(value: R) -> Self {
-        Bounded { value, scale: Scale::ONE }
+        Bounded {
+            value,
+            scale: Scale::ONE,
+        }
     }
 
     /// An exponent.
     pub fn exponent(scale: Scale) -> Self {
-        Bounded { value: R::constant(0.0), scale }
+        Bounded {
+            value: R::constant(0.0),
+            scale,
+        }
     }
 }
 
@@ -38,17 +46,22 @@ impl<R: Real> Bounded<R> {
 pub struct Given<'a, R> {
     /// Inputs: a number's own scale follows from the graph.
     pub inputs: &'a [Bounded<R>],
-    /// Whether what a sign turns is turned, where the machine's decision is followed; else each side decides by itself.
+    /// Whether what a sign turns is turned, where the machine's decision is followed; else each
+    /// side decides by itself.
     pub turned: Option<bool>,
 }
 
 /// The power of two whose even power normalises a number to [1, 4).
 fn half(scale: Scale) -> Scale {
-    Scale { low: scale.low.div_euclid(2), high: scale.high.div_euclid(2) }
+    Scale {
+        low: scale.low.div_euclid(2),
+        high: scale.high.div_euclid(2),
+    }
 }
 
 impl<const OUTPUTS: usize> Graph<OUTPUTS> {
-    /// Numbers of one item that are what they say; `look_up` is the function that a table stands for.
+    /// Numbers of one item that are what they say; `look_up` is the function that a table stands
+    /// for.
     #[inline]
     pub fn real<R: Real, const INPUTS: usize, const N: usize>(
         &self,
@@ -57,7 +70,15 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
         look_up: impl Fn(&Table, R) -> R,
     ) -> [R; N] {
         let inputs = inputs.map(Bounded::of);
-        self.bounded(asked, &Given { inputs: &inputs, turned: None }, look_up).map(|result| result.value)
+        self.bounded(
+            asked,
+            &Given {
+                inputs: &inputs,
+                turned: None,
+            },
+            look_up,
+        )
+        .map(|result| result.value)
     }
 
     /// The fit that a wire's word comes of, as it is or without its sign.
@@ -100,11 +121,24 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
                 let constant = Scale::ONE.shifted(power.constant);
                 power.terms().iter().fold(constant, |sum, (wire, factor)| {
                     let Scale { low, high } = results[wire.place()].scale;
-                    let (low, high) = if *factor < 0 { (high, low) } else { (low, high) };
-                    sum.times(Scale { low: low * factor, high: high * factor })
+                    let (low, high) = if *factor < 0 {
+                        (high, low)
+                    } else {
+                        (low, high)
+                    };
+                    sum.times(Scale {
+                        low: low * factor,
+                        high: high * factor,
+                    })
                 })
             };
-            let own = || if node.power == Power::ONE { Scale::ONE } else { scale(&node.power) };
+            let own = || {
+                if node.power == Power::ONE {
+                    Scale::ONE
+                } else {
+                    scale(&node.power)
+                }
+            };
             let last_place = |wire: Wire| {
                 let Node { power, shape, .. } = &self.nodes[wire.place()];
                 power_of_two(scale(power).low - shape.frac_bits)
@@ -126,20 +160,28 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
                     Some(true) => -of(from),
                     Some(false) => of(from),
                     None => {
-                        let [turned] = of(by).beside(0.0).branch(of(by), || [of(from)], || [-of(from)]);
+                        let [turned] =
+                            of(by)
+                                .beside(0.0)
+                                .branch(of(by), || [of(from)], || [-of(from)]);
                         turned
                     }
                 },
                 Operator::AtLeastOne(from) => {
                     let Scale { low, high } = scale(&self.nodes[from.place()].power);
-                    results[place].scale = Scale { low: low.max(0), high: high.max(0) };
+                    results[place].scale = Scale {
+                        low: low.max(0),
+                        high: high.max(0),
+                    };
                     continue;
                 }
                 Operator::Natural(from) => of(from).max(R::constant(0.0)),
                 Operator::AtMost(from, most) => of(from).at_most(value(most)),
                 Operator::AtLeast(from, 0) => of(from).at_least(0.0),
                 Operator::AtLeast(from, _) => match self.fit_of(from) {
-                    Some(fit) => of(from).at_least_a_place(fit, scale(&self.nodes[from.place()].power)),
+                    Some(fit) => {
+                        of(from).at_least_a_place(fit, scale(&self.nodes[from.place()].power))
+                    }
                     None => of(from).at_least(last_place(from)),
                 },
                 Operator::APlaceMore(from) => match self.fit_of(from) {
@@ -154,10 +196,20 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
                     let table = &self.functions.tables[table];
                     look_up(table, of(from)).fit(table.fit(), Scale::ONE)
                 }
-                Operator::Fit(from, ref fit) | Operator::FitShifted(from, _, ref fit) => of(from).fit(fit, own()),
-                Operator::Largest([a, b, c]) => of(a).abs().max(of(b).abs()).max(of(c).abs()).at_least(last_place(a)),
-                Operator::Reciprocal(from, unit) => of(from).reciprocal(&self.functions.reciprocals[unit]),
-                Operator::InverseRoot(from, unit) => of(from).inverse_root(&self.functions.roots[unit]),
+                Operator::Fit(from, ref fit) | Operator::FitShifted(from, _, ref fit) => {
+                    of(from).fit(fit, own())
+                }
+                Operator::Largest([a, b, c]) => of(a)
+                    .abs()
+                    .max(of(b).abs())
+                    .max(of(c).abs())
+                    .at_least(last_place(a)),
+                Operator::Reciprocal(from, unit) => {
+                    of(from).reciprocal(&self.functions.reciprocals[unit])
+                }
+                Operator::InverseRoot(from, unit) => {
+                    of(from).inverse_root(&self.functions.roots[unit])
+                }
                 Operator::Root(from, unit) => of(from).root(&self.functions.roots[unit]),
                 Operator::Lead(from) => {
                     results[place].scale = of(from).leading();
@@ -176,7 +228,11 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
                     results[place].scale = own();
                     continue;
                 }
-                Operator::Above(..) | Operator::Either(_) | Operator::Both(_) | Operator::Not(_) | Operator::Drop(_) => continue,
+                Operator::Above(..)
+                | Operator::Either(_)
+                | Operator::Both(_)
+                | Operator::Not(_)
+                | Operator::Drop(_) => continue,
             };
             results[place].value = value;
         }

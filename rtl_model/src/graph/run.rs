@@ -1,5 +1,5 @@
-//! Run: a graph's steps for a batch of items, eight lanes of the host at a time. Each step is one loop over the batch, compiled once with
-//! vector instructions and once without.
+//! Run: a graph's steps for a batch of items, eight lanes of the host at a time. Each step is one
+//! loop over the batch, compiled once with vector instructions and once without.
 
 use super::Functions;
 use super::compile::{EXACT, WORD};
@@ -13,7 +13,8 @@ pub const ROWS: usize = 8;
 /// Most items of a batch.
 pub const BATCH: usize = ROWS * LANES;
 
-/// A wire of a batch: of 32 bits; or of 64, of each eight those of even number first, as products of words come.
+/// A wire of a batch: of 32 bits; or of 64, of each eight those of even number first, as products
+/// of words come.
 type Row<T> = [Cell<[T; LANES]>; ROWS];
 
 /// Where a wire lies.
@@ -218,7 +219,10 @@ impl Program {
 
     /// Rows for a batch, with the constants in them.
     pub fn batch(&self) -> Batch {
-        let mut batch = Batch { words: vec![row(0); self.rows[WORD]], exacts: vec![row(0); self.rows[EXACT]] };
+        let mut batch = Batch {
+            words: vec![row(0); self.rows[WORD]],
+            exacts: vec![row(0); self.rows[EXACT]],
+        };
         for &(place, value) in &self.constants {
             match place {
                 Place::Word(at) => batch.words[at] = row(value as i32),
@@ -256,7 +260,12 @@ pub struct Batch {
 impl Batch {
     /// Sets an input of some rows.
     #[inline(always)]
-    pub fn set<T: Copy + Into<i64>>(&mut self, program: &Program, input: usize, rows: &[[T; LANES]]) {
+    pub fn set<T: Copy + Into<i64>>(
+        &mut self,
+        program: &Program,
+        input: usize,
+        rows: &[[T; LANES]],
+    ) {
         match program.inputs[input] {
             Place::Word(at) => {
                 for (to, from) in self.words[at].iter_mut().zip(rows) {
@@ -293,10 +302,18 @@ impl Batch {
     pub fn carry(&self, from: Port, rows: usize, to: Port, batch: &Batch) {
         match (from.0, to.0) {
             (Place::Word(from), Place::Word(to)) => {
-                self.words[from].iter().zip(&batch.words[to]).take(rows).for_each(|(from, to)| to.set(from.get()));
+                self.words[from]
+                    .iter()
+                    .zip(&batch.words[to])
+                    .take(rows)
+                    .for_each(|(from, to)| to.set(from.get()));
             }
             (Place::Exact(from), Place::Exact(to)) => {
-                self.exacts[from].iter().zip(&batch.exacts[to]).take(rows).for_each(|(from, to)| to.set(from.get()));
+                self.exacts[from]
+                    .iter()
+                    .zip(&batch.exacts[to])
+                    .take(rows)
+                    .for_each(|(from, to)| to.set(from.get()));
             }
             (Place::Word(from), Place::Exact(to)) => {
                 self.words[from]
@@ -307,7 +324,11 @@ impl Batch {
             }
             (Place::Exact(from), Place::Word(to)) => {
                 let narrowed = |word: i64| word as i32;
-                self.exacts[from].iter().zip(&batch.words[to]).take(rows).for_each(|(from, to)| to.set(in_order(from.get()).map(narrowed)));
+                self.exacts[from]
+                    .iter()
+                    .zip(&batch.words[to])
+                    .take(rows)
+                    .for_each(|(from, to)| to.set(in_order(from.get()).map(narrowed)));
             }
         }
     }
@@ -331,10 +352,14 @@ impl Batch {
     #[inline(always)]
     pub fn words(&self, program: &Program, output: usize, rows: &mut [[i32; LANES]]) {
         match program.outputs[output] {
-            Place::Word(at) => rows.iter_mut().zip(&self.words[at]).for_each(|(to, from)| *to = from.get()),
-            Place::Exact(at) => {
-                rows.iter_mut().zip(&self.exacts[at]).for_each(|(to, from)| *to = in_order(from.get()).map(|word| word as i32))
-            }
+            Place::Word(at) => rows
+                .iter_mut()
+                .zip(&self.words[at])
+                .for_each(|(to, from)| *to = from.get()),
+            Place::Exact(at) => rows
+                .iter_mut()
+                .zip(&self.exacts[at])
+                .for_each(|(to, from)| *to = in_order(from.get()).map(|word| word as i32)),
         }
     }
 
@@ -409,12 +434,17 @@ impl<P: Probe> Run<'_, '_, P> {
     #[inline(always)]
     fn steps<W: Words>(self) -> [u8; ROWS] {
         let Batch { words, exacts } = &*self.batch;
-        let Functions { tables, reciprocals, roots } = &self.program.functions;
+        let Functions {
+            tables,
+            reciprocals,
+            roots,
+        } = &self.program.functions;
         let rows = self.live.len().min(ROWS);
         let mut live = [0; ROWS];
         live[..rows].copy_from_slice(&self.live[..rows]);
         let tap = &mut Tap::new(self.probe);
-        // What a source makes and a sink takes: in one loop of both, each source would be compiled with each sink.
+        // What a source makes and a sink takes: in one loop of both, each source would be compiled
+        // with each sink.
         let mut made = [X::<W>::splat(0); ROWS];
         macro_rules! make {
             ($row:ident => $result:expr) => {
@@ -456,7 +486,10 @@ impl<P: Probe> Run<'_, '_, P> {
         }
         for step in &self.program.steps {
             match *step {
-                Step::Value { ref source, ref sink } => {
+                Step::Value {
+                    ref source,
+                    ref sink,
+                } => {
                     match *source {
                         Source::From(place) => from!(place),
                         Source::Product(a, b) => {
@@ -471,7 +504,13 @@ impl<P: Probe> Run<'_, '_, P> {
                             let (a, b) = (&exacts[a], &exacts[b]);
                             make!(row => exact_at!(a, row).left(p) - exact_at!(b, row).left(q));
                         }
-                        Source::WithProduct { from, left: p, product: [a, b], of_product: q, is_difference } => {
+                        Source::WithProduct {
+                            from,
+                            left: p,
+                            product: [a, b],
+                            of_product: q,
+                            is_difference,
+                        } => {
                             from!(from);
                             let (a, b) = (&words[a], &words[b]);
                             if is_difference {
@@ -501,7 +540,9 @@ impl<P: Probe> Run<'_, '_, P> {
                             match fit.narrow::<W>() {
                                 Some(fit) if !P::WORDS => rows!(to[row] = fit.words(made[row])),
                                 Some(_) => fits!(to[row] = tap.fit_words(fit, made[row])),
-                                None if fit.is_deep() => fits!(to[row] = tap.fit_top(fit, made[row])),
+                                None if fit.is_deep() => {
+                                    fits!(to[row] = tap.fit_top(fit, made[row]))
+                                }
                                 None => fits!(to[row] = tap.fit_wide(fit, made[row]).low()),
                             }
                         }
@@ -518,11 +559,21 @@ impl<P: Probe> Run<'_, '_, P> {
                         }
                     }
                 }
-                Step::SumOfWords { a, b, lefts: [p, q], to } => {
+                Step::SumOfWords {
+                    a,
+                    b,
+                    lefts: [p, q],
+                    to,
+                } => {
                     let (a, b, to) = (&words[a], &words[b], &words[to]);
                     rows!(to[row] = (at!(a, row).left(p) + at!(b, row).left(q)));
                 }
-                Step::DifferenceOfWords { a, b, lefts: [p, q], to } => {
+                Step::DifferenceOfWords {
+                    a,
+                    b,
+                    lefts: [p, q],
+                    to,
+                } => {
                     let (a, b, to) = (&words[a], &words[b], &words[to]);
                     rows!(to[row] = (at!(a, row).left(p) - at!(b, row).left(q)));
                 }
@@ -531,7 +582,9 @@ impl<P: Probe> Run<'_, '_, P> {
                     match unary {
                         Unary::Negation => rows!(to[row] = (-at!(from, row))),
                         Unary::Magnitude => rows!(to[row] = at!(from, row).abs()),
-                        Unary::AtLeast(least) => rows!(to[row] = at!(from, row).max(W::splat(least))),
+                        Unary::AtLeast(least) => {
+                            rows!(to[row] = at!(from, row).max(W::splat(least)))
+                        }
                         Unary::AtMost(most) => rows!(to[row] = at!(from, row).min(W::splat(most))),
                         Unary::APlaceMore => rows!(to[row] = (at!(from, row) + W::splat(1))),
                         Unary::Not => rows!(to[row] = at!(from, row).not()),
@@ -549,20 +602,32 @@ impl<P: Probe> Run<'_, '_, P> {
                     match unary {
                         Unary::Negation => exact_rows!(row => (-exact_at!(from, row))),
                         Unary::Magnitude => exact_rows!(row => exact_at!(from, row).abs()),
-                        Unary::AtLeast(least) => exact_rows!(row => exact_at!(from, row).max(X::<W>::splat(least))),
-                        Unary::AtMost(most) => exact_rows!(row => exact_at!(from, row).min(X::<W>::splat(most))),
-                        Unary::APlaceMore => exact_rows!(row => (exact_at!(from, row) + X::<W>::splat(1))),
+                        Unary::AtLeast(least) => {
+                            exact_rows!(row => exact_at!(from, row).max(X::<W>::splat(least)))
+                        }
+                        Unary::AtMost(most) => {
+                            exact_rows!(row => exact_at!(from, row).min(X::<W>::splat(most)))
+                        }
+                        Unary::APlaceMore => {
+                            exact_rows!(row => (exact_at!(from, row) + X::<W>::splat(1)))
+                        }
                         // A condition is a word.
                         Unary::Not => {}
                     }
                 }
                 Step::Opposed { from, other, to } => {
                     let (from, other, to) = (&words[from], &words[other], &words[to]);
-                    rows!(to[row] = at!(from, row).where_else(W::splat(0).above(at!(other, row)), -at!(from, row)));
+                    rows!(
+                        to[row] = at!(from, row)
+                            .where_else(W::splat(0).above(at!(other, row)), -at!(from, row))
+                    );
                 }
                 Step::Turned { from, by, to } => {
                     let (from, by, to) = (&words[from], &words[by], &words[to]);
-                    rows!(to[row] = (-at!(from, row)).where_else(at!(by, row).above(W::splat(0)), at!(from, row)));
+                    rows!(
+                        to[row] = (-at!(from, row))
+                            .where_else(at!(by, row).above(W::splat(0)), at!(from, row))
+                    );
                 }
                 Step::Lesser { a, b, to } => {
                     let (a, b, to) = (&words[a], &words[b], &words[to]);
@@ -572,23 +637,42 @@ impl<P: Probe> Run<'_, '_, P> {
                     let (a, b, to) = (&words[a], &words[b], &words[to]);
                     rows!(to[row] = at!(a, row).max(at!(b, row)));
                 }
-                Step::Guarded { from, condition, instead, to } => {
+                Step::Guarded {
+                    from,
+                    condition,
+                    instead,
+                    to,
+                } => {
                     let (from, condition, to) = (&words[from], &words[condition], &words[to]);
-                    rows!(to[row] = W::splat(instead).where_else(at!(condition, row), at!(from, row)));
+                    rows!(
+                        to[row] = W::splat(instead).where_else(at!(condition, row), at!(from, row))
+                    );
                 }
-                Step::Lookup { from, table, short, to } => {
+                Step::Lookup {
+                    from,
+                    table,
+                    short,
+                    to,
+                } => {
                     let (from, to, table) = (&words[from], &words[to], &tables[table]);
                     if short && !P::WORDS {
                         let table = table.natural::<W>();
                         rows!(to[row] = table.words(at!(from, row)));
                     } else {
-                        fits!(to[row] = tap.fit_words(table.fit(), table.exact_words(at!(from, row))));
+                        fits!(
+                            to[row] = tap.fit_words(table.fit(), table.exact_words(at!(from, row)))
+                        );
                     }
                 }
-                Step::Largest { parts: [a, b, c], to } => {
+                Step::Largest {
+                    parts: [a, b, c],
+                    to,
+                } => {
                     let (a, b, c, to) = (&exacts[a], &exacts[b], &exacts[c], &exacts[to]);
                     for row in 0..rows {
-                        let bits = exact_at!(a, row).abs() | exact_at!(b, row).abs() | exact_at!(c, row).abs();
+                        let bits = exact_at!(a, row).abs()
+                            | exact_at!(b, row).abs()
+                            | exact_at!(c, row).abs();
                         to[row].set((bits | X::<W>::splat(1)).to_evens_first());
                     }
                 }
@@ -596,7 +680,12 @@ impl<P: Probe> Run<'_, '_, P> {
                     let (from, to) = (&exacts[from], &words[to]);
                     rows!(to[row] = (exact_at!(from, row).leading_zeros() - W::splat(2)));
                 }
-                Step::Reciprocal { from, unit, to, exponent } => {
+                Step::Reciprocal {
+                    from,
+                    unit,
+                    to,
+                    exponent,
+                } => {
                     let (unit, to, exponent) = (&reciprocals[unit], &words[to], &words[exponent]);
                     from!(from);
                     for row in 0..rows {
@@ -606,7 +695,12 @@ impl<P: Probe> Run<'_, '_, P> {
                         exponent[row].set(inverse.exponent.to_array());
                     }
                 }
-                Step::InverseRoot { from, unit, to, exponent } => {
+                Step::InverseRoot {
+                    from,
+                    unit,
+                    to,
+                    exponent,
+                } => {
                     let (unit, to, exponent) = (&roots[unit], &words[to], &words[exponent]);
                     from!(from);
                     for row in 0..rows {
@@ -616,7 +710,12 @@ impl<P: Probe> Run<'_, '_, P> {
                         exponent[row].set(inverse.exponent.to_array());
                     }
                 }
-                Step::Root { from, unit, to, exponent } => {
+                Step::Root {
+                    from,
+                    unit,
+                    to,
+                    exponent,
+                } => {
                     let (unit, to, exponent) = (&roots[unit], &exacts[to], &words[exponent]);
                     from!(from);
                     for row in 0..rows {
@@ -626,17 +725,32 @@ impl<P: Probe> Run<'_, '_, P> {
                         exponent[row].set(power.to_array());
                     }
                 }
-                Step::Exponents { ref terms, count, constant, to } => {
+                Step::Exponents {
+                    ref terms,
+                    count,
+                    constant,
+                    to,
+                } => {
                     for (row, to) in words[to].iter().enumerate().take(rows) {
                         let mut sum = W::splat(constant.into());
                         for &(from, factor) in terms.iter().take(count) {
-                            let exponent = at!(&words[from], row).left(factor.unsigned_abs().trailing_zeros());
-                            sum = if factor < 0 { sum - exponent } else { sum + exponent };
+                            let exponent =
+                                at!(&words[from], row).left(factor.unsigned_abs().trailing_zeros());
+                            sum = if factor < 0 {
+                                sum - exponent
+                            } else {
+                                sum + exponent
+                            };
                         }
                         to.set(sum.to_array());
                     }
                 }
-                Step::Above { a, b, lefts: [p, q], to } => {
+                Step::Above {
+                    a,
+                    b,
+                    lefts: [p, q],
+                    to,
+                } => {
                     let (a, b, to) = (&exacts[a], &exacts[b], &words[to]);
                     rows!(to[row] = exact_at!(a, row).left(p).above(exact_at!(b, row).left(q)));
                 }

@@ -14,13 +14,26 @@ type Choice = (u8, u16, u16, Word);
 fn words() -> impl Strategy<Value = Word> {
     let format = (any::<bool>(), 1..=31i32, -4..=30i32).prop_map(|(signed, width, frac_bits)| {
         let frac_bits = frac_bits.max(0);
-        Format { signed, int_bits: width - frac_bits, frac_bits }
+        Format {
+            signed,
+            int_bits: width - frac_bits,
+            frac_bits,
+        }
     });
-    let round = prop::sample::select(vec![Rounding::Nearest, Rounding::Truncate, Rounding::NearestEven]);
-    (format, round).prop_map(|(format, round)| Word { format, round, overflow: Overflow::Saturate })
+    let round = prop::sample::select(vec![
+        Rounding::Nearest,
+        Rounding::Truncate,
+        Rounding::NearestEven,
+    ]);
+    (format, round).prop_map(|(format, round)| Word {
+        format,
+        round,
+        overflow: Overflow::Saturate,
+    })
 }
 
-/// A graph of random operators, as far as 62 bits hold what they make. Its results are its last two words.
+/// A graph of random operators, as far as 62 bits hold what they make. Its results are its last two
+/// words.
 fn graph(inputs: &[Word], choices: &[Choice]) -> Graph<2> {
     let e = &mut Elaboration::default();
     let g = &mut Builder::new(e, "unit");
@@ -29,10 +42,19 @@ fn graph(inputs: &[Word], choices: &[Choice]) -> Graph<2> {
     let mut all = operands.clone();
     for (nth, (kind, a, b, word)) in choices.iter().enumerate() {
         let pick = |wires: &[Wire], which: u16| wires[usize::from(which) % wires.len()];
-        let (a, b, a_word, b_word) = (pick(&all, *a), pick(&all, *b), pick(&operands, *a), pick(&operands, *b));
+        let (a, b, a_word, b_word) = (
+            pick(&all, *a),
+            pick(&all, *b),
+            pick(&operands, *a),
+            pick(&operands, *b),
+        );
         let [x, y] = [a, b].map(|wire| g.of(wire).shape);
         let bits = x.plus(y).bits();
-        let unit = FunctionUnit { table_bits: 4, newton_steps: u32::from(kind % 3), bits: 12 };
+        let unit = FunctionUnit {
+            table_bits: 4,
+            newton_steps: u32::from(kind % 3),
+            bits: 12,
+        };
         let name = format!("word{nth}");
         let finer = |from: Exact| word.format.frac_bits - from.frac_bits;
         let positive = |g: &mut Builder, wire: Wire| {
@@ -98,7 +120,10 @@ fn graph(inputs: &[Word], choices: &[Choice]) -> Graph<2> {
             }
             11 if x.bits() <= 60 => {
                 let x = positive(g, a);
-                let (root, inverse) = (g.root(&format!("{name}.root"), unit, x), g.inverse_root(&format!("{name}.inverse_root"), unit, x));
+                let (root, inverse) = (
+                    g.root(&format!("{name}.root"), unit, x),
+                    g.inverse_root(&format!("{name}.inverse_root"), unit, x),
+                );
                 let fitted = g.fit_to(&name, *word, root, Power::ONE);
                 let quotient = g.times(fitted, inverse);
                 let other = g.fit_to(&name, *word, quotient, Power::ONE);
@@ -118,15 +143,32 @@ fn graph(inputs: &[Word], choices: &[Choice]) -> Graph<2> {
 }
 
 /// Runs a batch on a host.
-fn run<H: Host, P: Probe>(host: H, graph: &Graph<2>, items: &[Vec<i64>], probe: &mut P) -> Vec<[i64; 2]> {
+fn run<H: Host, P: Probe>(
+    host: H,
+    graph: &Graph<2>,
+    items: &[Vec<i64>],
+    probe: &mut P,
+) -> Vec<[i64; 2]> {
     let program = graph.program();
     let mut batch = program.batch();
     for (item, inputs) in items.iter().enumerate() {
-        inputs.iter().enumerate().for_each(|(input, word)| batch.set_one(&program, input, item, *word));
+        inputs
+            .iter()
+            .enumerate()
+            .for_each(|(input, word)| batch.set_one(&program, input, item, *word));
     }
-    let live: Vec<u8> = (0..items.len().div_ceil(LANES)).map(|row| ((1u32 << (items.len() - row * LANES).min(LANES)) - 1) as u8).collect();
-    host.run(Run { program: &program, batch: &mut batch, live: &live, probe });
-    (0..items.len()).map(|item| [0, 1].map(|output| batch.result(&program, output, item / LANES)[item % LANES])).collect()
+    let live: Vec<u8> = (0..items.len().div_ceil(LANES))
+        .map(|row| ((1u32 << (items.len() - row * LANES).min(LANES)) - 1) as u8)
+        .collect();
+    host.run(Run {
+        program: &program,
+        batch: &mut batch,
+        live: &live,
+        probe,
+    });
+    (0..items.len())
+        .map(|item| [0, 1].map(|output| batch.result(&program, output, item / LANES)[item % LANES]))
+        .collect()
 }
 
 proptest! {

@@ -1,14 +1,17 @@
-//! Host: how the simulator uses the computer that it runs on. Nothing here is hardware, and nothing here changes a bit.
+//! Host: how the simulator uses the computer that it runs on. Nothing here is hardware, and nothing
+//! here changes a bit.
 //!
-//! The only `unsafe` of the crate: vector instructions, after asking whether they are there. It buys speed alone
-//! (`cargo bench`), and is held to plain lanes and words, operation by operation and frame by frame, by
-//! `vector_lanes_equal_plain_lanes`, `vector_words_equal_plain_words` and `every_machine_that_elaborates_draws_every_frame`.
+//! The only `unsafe` of the crate: vector instructions, after asking whether they are there. It
+//! buys speed alone (`cargo bench`), and is held to plain lanes and words, operation by operation
+//! and frame by frame, by `vector_lanes_equal_plain_lanes`, `vector_words_equal_plain_words` and
+//! `every_machine_that_elaborates_draws_every_frame`.
 #![allow(unsafe_code, reason = "see above; everywhere else it is denied")]
 
 use crate::num::lanes::Plain;
 use crate::num::{LANES, Lanes};
 
-/// A kernel: work that gains from vector instructions. `run` must be `#[inline(always)]` all the way down to be compiled for them.
+/// A kernel: work that gains from vector instructions. `run` must be `#[inline(always)]` all the
+/// way down to be compiled for them.
 pub trait Kernel {
     /// Result.
     type Output;
@@ -101,13 +104,15 @@ pub mod avx2 {
         kernel.run::<Vectors>()
     }
 
-    /// Eight lanes. Made only inside [`run`], so that the host is known to have the instructions below.
+    /// Eight lanes. Made only inside [`run`], so that the host is known to have the instructions
+    /// below.
     #[derive(Clone, Copy, Debug)]
     pub struct Vectors([__m256i; 2]);
 
     /// The same instruction on both registers.
     ///
-    /// SAFETY: a value of [`Vectors`] exists only inside [`run`], whose caller vouched for the instructions.
+    /// SAFETY: a value of [`Vectors`] exists only inside [`run`], whose caller vouched for the
+    /// instructions.
     macro_rules! both {
         ($i:ident => $instruction:expr) => {
             Vectors(unsafe {
@@ -154,7 +159,8 @@ pub mod avx2 {
                     let (a, b) = (eight!(items[$first]), eight!(items[$first + 1]));
                     let (c, d) = (eight!(items[$first + 2]), eight!(items[$first + 3]));
                     let (ab, cd) = (_mm256_unpacklo_epi32(a, b), _mm256_unpacklo_epi32(c, d));
-                    let (ab_after, cd_after) = (_mm256_unpackhi_epi32(a, b), _mm256_unpackhi_epi32(c, d));
+                    let (ab_after, cd_after) =
+                        (_mm256_unpackhi_epi32(a, b), _mm256_unpackhi_epi32(c, d));
                     [
                         _mm256_unpacklo_epi64(ab, cd),
                         _mm256_unpackhi_epi64(ab, cd),
@@ -178,7 +184,12 @@ pub mod avx2 {
                     [words!($n, four => _mm256_castsi256_si128(four)), words!($n, four => _mm256_extracti128_si256::<1>(four))]
                 };
             }
-            let [[w0, w4], [w1, w5], [w2, w6], [w3, w7]] = [both_words!(0), both_words!(1), both_words!(2), both_words!(3)];
+            let [[w0, w4], [w1, w5], [w2, w6], [w3, w7]] = [
+                both_words!(0),
+                both_words!(1),
+                both_words!(2),
+                both_words!(3),
+            ];
             [w0, w1, w2, w3, w4, w5, w6, w7]
         }
         #[inline(always)]
@@ -199,7 +210,10 @@ pub mod avx2 {
         fn low(self) -> VectorWords {
             // SAFETY: as `both`. Low halves by pairs, then pairs in order.
             VectorWords(unsafe {
-                let [a, b] = [_mm256_castsi256_ps(self.0[0]), _mm256_castsi256_ps(self.0[1])];
+                let [a, b] = [
+                    _mm256_castsi256_ps(self.0[0]),
+                    _mm256_castsi256_ps(self.0[1]),
+                ];
                 let low = _mm256_castps_si256(_mm256_shuffle_ps::<0b10_00_10_00>(a, b));
                 _mm256_permute4x64_epi64::<0b11_01_10_00>(low)
             })
@@ -208,7 +222,8 @@ pub mod avx2 {
         fn left(self, by: u32) -> Self {
             both!(i => _mm256_sll_epi64(self.0[i], _mm_cvtsi32_si128(by as i32)))
         }
-        // AVX2 shifts 64-bit lanes right without their sign only: adding 2^63 moves the sign out of the way.
+        // AVX2 shifts 64-bit lanes right without their sign only: adding 2^63 moves the sign out of
+        // the way.
         #[inline(always)]
         fn right(self, by: u32) -> Self {
             let moved = Self::splat((SIGN as u64 >> by) as i64);
@@ -274,7 +289,8 @@ pub mod avx2 {
         #[inline(always)]
         fn signs(self) -> u8 {
             // SAFETY: as `both`.
-            let [low, high] = two!(i => unsafe { _mm256_movemask_pd(_mm256_castsi256_pd(self.0[i])) });
+            let [low, high] =
+                two!(i => unsafe { _mm256_movemask_pd(_mm256_castsi256_pd(self.0[i])) });
             (low | high << 4) as u8
         }
         #[inline(always)]
@@ -289,7 +305,8 @@ pub mod avx2 {
             // SAFETY: as `both`; every array is eight words.
             unsafe {
                 let product = _mm256_mullo_epi32(eight!(words), _mm256_set1_epi32(factor));
-                let rounded = _mm256_srav_epi32(_mm256_add_epi32(product, eight!(half)), eight!(right));
+                let rounded =
+                    _mm256_srav_epi32(_mm256_add_epi32(product, eight!(half)), eight!(right));
                 let sum = _mm256_add_epi32(eight!(sums), rounded);
                 let limited = _mm256_min_epi32(_mm256_max_epi32(sum, eight!(min)), eight!(max));
                 _mm256_storeu_si256(sums.as_mut_ptr().cast(), limited);
@@ -301,7 +318,10 @@ pub mod avx2 {
             // SAFETY: as `both`.
             unsafe {
                 let distance = distance(eight!(keys), word);
-                let far = _mm256_cmpeq_epi32(_mm256_max_epu32(distance, _mm256_set1_epi32(limit as i32)), distance);
+                let far = _mm256_cmpeq_epi32(
+                    _mm256_max_epu32(distance, _mm256_set1_epi32(limit as i32)),
+                    distance,
+                );
                 _mm256_movemask_ps(_mm256_castsi256_ps(far)) as u32 ^ 0xff
             }
         }
@@ -310,10 +330,12 @@ pub mod avx2 {
             // SAFETY: as `both`.
             unsafe {
                 let distance = distance(eight!(keys), word);
-                let least = _mm256_min_epu32(distance, _mm256_permute2x128_si256::<1>(distance, distance));
+                let least =
+                    _mm256_min_epu32(distance, _mm256_permute2x128_si256::<1>(distance, distance));
                 let least = _mm256_min_epu32(least, _mm256_shuffle_epi32::<0b01_00_11_10>(least));
                 let least = _mm256_min_epu32(least, _mm256_shuffle_epi32::<0b10_11_00_01>(least));
-                let equal = _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_cmpeq_epi32(distance, least)));
+                let equal =
+                    _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_cmpeq_epi32(distance, least)));
                 equal.trailing_zeros() as usize
             }
         }
@@ -379,13 +401,15 @@ pub mod avx2 {
     #[derive(Clone, Copy, Debug)]
     pub struct VectorWords(__m256i);
 
-    /// Eight exact results: even lanes in the first register, odd lanes in the second, for that is how words of 32 bits multiply.
+    /// Eight exact results: even lanes in the first register, odd lanes in the second, for that is
+    /// how words of 32 bits multiply.
     #[derive(Clone, Copy, Debug)]
     pub struct VectorExacts([__m256i; 2]);
 
     /// One instruction on a register of words.
     ///
-    /// SAFETY: a value of [`VectorWords`] exists only inside [`run`], whose caller vouched for the instructions.
+    /// SAFETY: a value of [`VectorWords`] exists only inside [`run`], whose caller vouched for the
+    /// instructions.
     macro_rules! word {
         ($instruction:expr) => {
             VectorWords(unsafe { $instruction })
@@ -412,7 +436,12 @@ pub mod avx2 {
         #[inline(always)]
         fn natural(self) -> [__m256i; 2] {
             // SAFETY: as `word`.
-            unsafe { [_mm256_blend_epi32::<0b10101010>(self.0, _mm256_setzero_si256()), _mm256_srli_epi64::<32>(self.0)] }
+            unsafe {
+                [
+                    _mm256_blend_epi32::<0b10101010>(self.0, _mm256_setzero_si256()),
+                    _mm256_srli_epi64::<32>(self.0),
+                ]
+            }
         }
     }
 
@@ -425,7 +454,9 @@ pub mod avx2 {
         }
         #[inline(always)]
         fn from_bytes(bytes: [u8; LANES]) -> Self {
-            word!(_mm256_cvtepu8_epi32(_mm_cvtsi64_si128(i64::from_le_bytes(bytes))))
+            word!(_mm256_cvtepu8_epi32(_mm_cvtsi64_si128(i64::from_le_bytes(
+                bytes
+            ))))
         }
         #[inline(always)]
         fn times(self, other: Self) -> Self {
@@ -440,7 +471,10 @@ pub mod avx2 {
         }
         #[inline(always)]
         fn splat(word: i64) -> Self {
-            debug_assert!(word == i64::from(word as i32), "a constant is wider than 32 bits");
+            debug_assert!(
+                word == i64::from(word as i32),
+                "a constant is wider than 32 bits"
+            );
             word!(_mm256_set1_epi32(word as i32))
         }
         #[inline(always)]
@@ -484,13 +518,17 @@ pub mod avx2 {
             assert!(table.len().is_power_of_two(), "a table has 2^n words");
             let low = table.len() as i32 - 1;
             // SAFETY: as `word`; the address is cut to the table's length, a power of two.
-            word!(_mm256_i32gather_epi32::<4>(table.as_ptr(), _mm256_and_si256(self.0, _mm256_set1_epi32(low))))
+            word!(_mm256_i32gather_epi32::<4>(
+                table.as_ptr(),
+                _mm256_and_si256(self.0, _mm256_set1_epi32(low))
+            ))
         }
         #[inline(always)]
         fn look_up_pairs(self, table: &[[i32; 2]]) -> [Self; 2] {
             assert!(table.len().is_power_of_two(), "a table has 2^n pairs");
             let at = (Self::splat(table.len() as i64 - 1) & self).to_array();
-            // Two pairs in the half of a register, one load each: a gather of eight is some forty operations on hosts that split it up.
+            // Two pairs in the half of a register, one load each: a gather of eight is some forty
+            // operations on hosts that split it up.
             //
             // SAFETY: as `word`; the address is cut to the table's length, a power of two.
             macro_rules! pairs {
@@ -500,15 +538,23 @@ pub mod avx2 {
             }
             macro_rules! pair {
                 ($n:literal) => {
-                    table.as_ptr().add(at[$n] as usize).cast::<i64>().read_unaligned()
+                    table
+                        .as_ptr()
+                        .add(at[$n] as usize)
+                        .cast::<i64>()
+                        .read_unaligned()
                 };
             }
             unsafe {
                 let ends = _mm256_castsi256_ps(_mm256_set_m128i(pairs!(4, 5), pairs!(0, 1)));
                 let others = _mm256_castsi256_ps(_mm256_set_m128i(pairs!(6, 7), pairs!(2, 3)));
                 [
-                    VectorWords(_mm256_castps_si256(_mm256_shuffle_ps::<0b10_00_10_00>(ends, others))),
-                    VectorWords(_mm256_castps_si256(_mm256_shuffle_ps::<0b11_01_11_01>(ends, others))),
+                    VectorWords(_mm256_castps_si256(_mm256_shuffle_ps::<0b10_00_10_00>(
+                        ends, others,
+                    ))),
+                    VectorWords(_mm256_castps_si256(_mm256_shuffle_ps::<0b11_01_11_01>(
+                        ends, others,
+                    ))),
                 ]
             }
         }
@@ -537,12 +583,17 @@ pub mod avx2 {
                     [$(word!($low($rows[$a].0, $rows[$b].0)), word!($high($rows[$a].0, $rows[$b].0))),*]
                 };
             }
-            let w: [Self; LANES] = pairs!(_mm256_unpacklo_epi32, _mm256_unpackhi_epi32, r: 0 1, 2 3, 4 5, 6 7);
-            let p: [Self; LANES] = pairs!(_mm256_unpacklo_epi64, _mm256_unpackhi_epi64, w: 0 2, 1 3, 4 6, 5 7);
+            let w: [Self; LANES] =
+                pairs!(_mm256_unpacklo_epi32, _mm256_unpackhi_epi32, r: 0 1, 2 3, 4 5, 6 7);
+            let p: [Self; LANES] =
+                pairs!(_mm256_unpacklo_epi64, _mm256_unpackhi_epi64, w: 0 2, 1 3, 4 6, 5 7);
             macro_rules! halves {
                 ($half:literal: $($a:literal $b:literal),*) => { [$(word!(_mm256_permute2x128_si256::<$half>(p[$a].0, p[$b].0))),*] };
             }
-            let [[a, b, c, d], [e, f, g, h]]: [[Self; 4]; 2] = [halves!(0x20: 0 4, 1 5, 2 6, 3 7), halves!(0x31: 0 4, 1 5, 2 6, 3 7)];
+            let [[a, b, c, d], [e, f, g, h]]: [[Self; 4]; 2] = [
+                halves!(0x20: 0 4, 1 5, 2 6, 3 7),
+                halves!(0x31: 0 4, 1 5, 2 6, 3 7),
+            ];
             [a, b, c, d, e, f, g, h]
         }
     }
@@ -623,8 +674,9 @@ pub mod avx2 {
                 _mm256_castpd_si256(_mm256_blendv_pd(own, negated, own))
             })
         }
-        // The exponent of a float of double precision. Without the bits that follow a one, no lane is rounded up to the next power of
-        // two. Both halves become floats by being put below a one far to the left, which is then taken away.
+        // The exponent of a float of double precision. Without the bits that follow a one, no lane
+        // is rounded up to the next power of two. Both halves become floats by being put below a
+        // one far to the left, which is then taken away.
         #[inline(always)]
         fn leading_zeros(self) -> VectorWords {
             const LOW: i64 = 0x4330_0000_0000_0000;
@@ -641,7 +693,10 @@ pub mod avx2 {
         }
         #[inline(always)]
         fn low(self) -> VectorWords {
-            word!(_mm256_blend_epi32::<0b10101010>(self.0[0], _mm256_shuffle_epi32::<0b10_10_00_00>(self.0[1])))
+            word!(_mm256_blend_epi32::<0b10101010>(
+                self.0[0],
+                _mm256_shuffle_epi32::<0b10_10_00_00>(self.0[1])
+            ))
         }
         #[inline(always)]
         fn cut(self, by: u32) -> VectorWords {
@@ -654,7 +709,10 @@ pub mod avx2 {
         }
         #[inline(always)]
         fn cut_deep(self, by: u32) -> VectorWords {
-            let high = word!(_mm256_blend_epi32::<0b10101010>(_mm256_shuffle_epi32::<0b11_11_01_01>(self.0[0]), self.0[1]));
+            let high = word!(_mm256_blend_epi32::<0b10101010>(
+                _mm256_shuffle_epi32::<0b11_11_01_01>(self.0[0]),
+                self.0[1]
+            ));
             high.right(by - 32)
         }
         #[inline(always)]
@@ -673,7 +731,13 @@ pub mod avx2 {
             // A word of 31 bits, moved up by half of their values, has nothing above them.
             let moved = cut + Self::splat(1 << 30);
             // SAFETY: as `word`.
-            if unsafe { _mm256_testz_si256(_mm256_or_si256(moved.0[0], moved.0[1]), _mm256_set1_epi64x(-1 << 31)) } == 0 {
+            if unsafe {
+                _mm256_testz_si256(
+                    _mm256_or_si256(moved.0[0], moved.0[1]),
+                    _mm256_set1_epi64x(-1 << 31),
+                )
+            } == 0
+            {
                 return None;
             }
             Some(cut.low())

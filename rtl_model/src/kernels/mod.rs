@@ -1,6 +1,8 @@
-//! Kernels: how the simulator's host draws fast: vector instructions, and a tile's fragments packed for them. No hardware is here.
+//! Kernels: how the simulator's host draws fast: vector instructions, and a tile's fragments packed
+//! for them. No hardware is here.
 //!
-//! Each is held to what its unit means, on random machines: `the_unit_is_the_algorithm` (fragment), and the laws of [`host`].
+//! Each is held to what its unit means, on random machines: `the_unit_is_the_algorithm` (fragment),
+//! and the laws of [`host`].
 
 pub mod host;
 mod packed;

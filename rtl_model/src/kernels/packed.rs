@@ -1,4 +1,5 @@
-//! Packed: a fragment in the host's words, its eight sums side by side in one vector register where they are 32 bits.
+//! Packed: a fragment in the host's words, its eight sums side by side in one vector register where
+//! they are 32 bits.
 
 use super::tile::NO_MATCH;
 use crate::num::{Fit, Lanes, Seen, Word, Words};
@@ -25,8 +26,8 @@ impl<A: Accumulator> PackedSums<A> {
 pub trait Accumulator: Copy + Default + Send + Sync + 'static {
     /// The limits in this word.
     fn limits(limits: &SumLimits) -> &Limits<Self>;
-    /// Adds `weight · attributes`, each rounded, to sums that saturate. For whoever watches, where words of 31 bits hold all: what was
-    /// seen.
+    /// Adds `weight · attributes`, each rounded, to sums that saturate. For whoever watches, where
+    /// words of 31 bits hold all: what was seen.
     fn accumulate<V: Lanes>(
         sums: &mut PackedSums<Self>,
         attributes: &Attributes,
@@ -67,9 +68,13 @@ pub struct SumLimits {
 }
 
 impl SumLimits {
-    /// For sums in these words, each of which is shifted right by so many places after its half is added.
+    /// For sums in these words, each of which is shifted right by so many places after its half is
+    /// added.
     pub fn new(half: [i64; SUMS], right: [u32; SUMS], words: [Word; SUMS]) -> Self {
-        SumLimits { narrow: Limits::new(half, right, words), wide: Limits::new(half, right, words) }
+        SumLimits {
+            narrow: Limits::new(half, right, words),
+            wide: Limits::new(half, right, words),
+        }
     }
 }
 
@@ -84,10 +89,25 @@ impl Accumulator for i32 {
         weight: i64,
         limits: &Limits<i32>,
     ) -> Option<Seen<V::Words>> {
-        let Limits { half, right, min, max } = limits;
-        let unlimited = V::add_product(&mut sums.0, attributes, weight as i32, half, right, [min, max]);
+        let Limits {
+            half,
+            right,
+            min,
+            max,
+        } = limits;
+        let unlimited = V::add_product(
+            &mut sums.0,
+            attributes,
+            weight as i32,
+            half,
+            right,
+            [min, max],
+        );
         let words = V::Words::from_array(sums.0);
-        Some(Seen { words, limited: !(unlimited - words).is_zero().signs() })
+        Some(Seen {
+            words,
+            limited: !(unlimited - words).is_zero().signs(),
+        })
     }
     #[inline(always)]
     fn put(word: i64) -> i32 {
@@ -115,7 +135,9 @@ impl Accumulator for i64 {
         for lane in 0..SUMS {
             let product = i64::from(attributes[lane]) * i64::from(weight);
             let rounded = (product + limits.half[lane]) >> (limits.right[lane] & 63);
-            sums[lane] = (sums[lane] + rounded).max(limits.min[lane]).min(limits.max[lane]);
+            sums[lane] = (sums[lane] + rounded)
+                .max(limits.min[lane])
+                .min(limits.max[lane]);
         }
         None
     }
@@ -131,7 +153,8 @@ impl Accumulator for i64 {
 
 /// Whether 32 bits hold a lane's product, its rounding and its sum.
 pub fn fits_32_bits(weight: Word, attribute: Word, sum: Word, fit: &Fit) -> bool {
-    let most = i128::from(weight.format.max()) * i128::from(attribute.format.max()) + i128::from(fit.half());
+    let most = i128::from(weight.format.max()) * i128::from(attribute.format.max())
+        + i128::from(fit.half());
     let least = i128::from(weight.format.max()) * i128::from(attribute.format.min());
     let held = i128::from(i32::MIN)..=i128::from(i32::MAX);
     let right = fit.places().clamp(0, 62);
@@ -157,13 +180,22 @@ pub struct PackedSlot<A> {
 impl<A: Accumulator> PackedSlot<A> {
     /// The fragment.
     pub fn get(&self) -> Slot {
-        Slot { sums: self.sums.get(), depth: i64::from(self.depth()), material: self.material, shaded: self.key < 0 }
+        Slot {
+            sums: self.sums.get(),
+            depth: i64::from(self.depth()),
+            material: self.material,
+            shaded: self.key < 0,
+        }
     }
 
     /// From words that fit.
     pub fn put(slot: &Slot) -> Self {
         let key = slot.depth as i32 | if slot.shaded { NO_MATCH } else { 0 };
-        PackedSlot { sums: PackedSums::put(&slot.sums), key, material: slot.material }
+        PackedSlot {
+            sums: PackedSums::put(&slot.sums),
+            key,
+            material: slot.material,
+        }
     }
 
     /// Its depth.

@@ -1,5 +1,6 @@
-//! Queue: fragments on their way from gauss to fragment. The host weighs those of eight splats, eight side by side, before it adds up any,
-//! one by one: each loop keeps its own constants, and is left once.
+//! Queue: fragments on their way from gauss to fragment. The host weighs those of eight splats,
+//! eight side by side, before it adds up any, one by one: each loop keeps its own constants, and is
+//! left once.
 
 use crate::num::{LANES, Words};
 use crate::records::TILE_AREA;
@@ -32,7 +33,12 @@ pub struct Queued {
 
 impl Default for Queue {
     fn default() -> Self {
-        Queue { len: 0, weight: [0; 2 * MOST + LANES], depth: [0; 2 * MOST + LANES], place: [0; 2 * MOST + LANES] }
+        Queue {
+            len: 0,
+            weight: [0; 2 * MOST + LANES],
+            depth: [0; 2 * MOST + LANES],
+            place: [0; 2 * MOST + LANES],
+        }
     }
 }
 
@@ -59,10 +65,16 @@ impl Queue {
     pub fn get(&self, nth: usize) -> Queued {
         let nth = nth % (2 * MOST);
         let [pixel, lane, ..] = self.place[nth].to_le_bytes();
-        Queued { weight: self.weight[nth], depth: self.depth[nth], pixel, lane: usize::from(lane) % LANES }
+        Queued {
+            weight: self.weight[nth],
+            depth: self.depth[nth],
+            pixel,
+            lane: usize::from(lane) % LANES,
+        }
     }
 
-    /// Adds those of eight fragments whose bits are set, the first in the last place: weights, depths and 256 · lane + pixel.
+    /// Adds those of eight fragments whose bits are set, the first in the last place: weights,
+    /// depths and 256 · lane + pixel.
     #[inline(always)]
     pub fn push<W: Words>(&mut self, [weight, depth, place]: [W; 3], which: u8) {
         let lanes = W::from_bytes(ONES[usize::from(which)].to_le_bytes());
@@ -104,17 +116,30 @@ mod tests {
         let mut expected = Vec::new();
         for round in 0..300 {
             let words = |first: i32| std::array::from_fn(|lane| first + lane as i32);
-            let (weight, depth, place): ([i32; LANES], [i32; LANES], _) =
-                (words(10 * round), words(-round), words(0x700 + 247 - round % 240));
+            let (weight, depth, place): ([i32; LANES], [i32; LANES], _) = (
+                words(10 * round),
+                words(-round),
+                words(0x700 + 247 - round % 240),
+            );
             let which = (round * 37) as u8;
             queue.push([weight, depth, place].map(PlainWords), which);
             for lane in (0..LANES).filter(|lane| which & 1 << lane != 0) {
                 let pixel = (place[lane] & 0xff) as u8;
-                expected.push(Queued { weight: weight[lane], depth: depth[lane], pixel, lane: 7 });
+                expected.push(Queued {
+                    weight: weight[lane],
+                    depth: depth[lane],
+                    pixel,
+                    lane: 7,
+                });
             }
         }
         assert!(expected.len() > 1000);
-        assert_eq!((0..queue.len()).map(|nth| queue.get(nth)).collect::<Vec<_>>(), expected);
+        assert_eq!(
+            (0..queue.len())
+                .map(|nth| queue.get(nth))
+                .collect::<Vec<_>>(),
+            expected
+        );
         queue.clear();
         assert!(queue.is_empty());
     }

@@ -1,10 +1,12 @@
-//! Tile: the fragments of 16 × 16 pixels, packed so that a contribution finds its own with one vector instruction.
+//! Tile: the fragments of 16 × 16 pixels, packed so that a contribution finds its own with one
+//! vector instruction.
 
 use super::packed::{Accumulator, PackedSlot, PackedSums};
 use crate::num::Lanes;
 use crate::records::{MAX_LAYERS, Slot, TILE_AREA};
 
-/// Set in the key of a slot that is shaded or empty: its depth is then farther than any ε from any depth word.
+/// Set in the key of a slot that is shaded or empty: its depth is then farther than any ε from any
+/// depth word.
 pub const NO_MATCH: i32 = i32::MIN;
 /// Widest depth that the comparators take, bits.
 pub const MAX_DEPTH_BITS: i32 = 30;
@@ -84,7 +86,8 @@ impl<A: Accumulator> Tile<A> {
         self.read(pixel, slot).get()
     }
 
-    /// The slot of the fragment that is nearest to a depth, the first of equals, if it is nearer than a limit.
+    /// The slot of the fragment that is nearest to a depth, the first of equals, if it is nearer
+    /// than a limit.
     #[inline(always)]
     pub fn nearest<V: Lanes>(&self, pixel: u8, depth: i32, limit: u32) -> Option<usize> {
         let keys = &self.keys[usize::from(pixel)];
@@ -94,7 +97,11 @@ impl<A: Accumulator> Tile<A> {
         }
         // Rarely more than one.
         let several = near & (near - 1) != 0;
-        Some(if several { V::nearest(keys, depth) } else { near.trailing_zeros() as usize })
+        Some(if several {
+            V::nearest(keys, depth)
+        } else {
+            near.trailing_zeros() as usize
+        })
     }
 
     /// The sums in a slot.
@@ -132,7 +139,11 @@ impl<A: Accumulator> Tile<A> {
     #[inline(always)]
     pub fn read(&self, pixel: u8, slot: usize) -> PackedSlot<A> {
         let material = self.material[within(slot)][usize::from(pixel)];
-        PackedSlot { sums: *self.sums(pixel, slot), key: self.key(pixel, slot), material }
+        PackedSlot {
+            sums: *self.sums(pixel, slot),
+            key: self.key(pixel, slot),
+            material,
+        }
     }
 
     /// Puts a fragment into a slot.
@@ -156,15 +167,25 @@ impl<A: Accumulator> Tile<A> {
         if !self.keys[usize::from(pixel)][..slots].is_sorted_by_key(|key| key & !NO_MATCH) {
             let mut stack = [PackedSlot::default(); MAX_LAYERS];
             let stack = &mut stack[..slots];
-            stack.iter_mut().enumerate().for_each(|(slot, fragment)| *fragment = self.read(pixel, slot));
+            stack
+                .iter_mut()
+                .enumerate()
+                .for_each(|(slot, fragment)| *fragment = self.read(pixel, slot));
             stack.sort_by_key(PackedSlot::depth);
-            stack.iter().enumerate().for_each(|(slot, fragment)| self.write(pixel, slot, *fragment));
+            stack
+                .iter()
+                .enumerate()
+                .for_each(|(slot, fragment)| self.write(pixel, slot, *fragment));
         }
     }
 
-    /// The first of so many slots, which are in depth order, that lies behind a depth; after the last where none does.
+    /// The first of so many slots, which are in depth order, that lies behind a depth; after the
+    /// last where none does.
     #[inline(always)]
     pub fn place(&self, pixel: u8, slots: usize, depth: i32) -> usize {
-        self.keys[usize::from(pixel)][..slots].iter().position(|key| key & !NO_MATCH > depth).unwrap_or(slots)
+        self.keys[usize::from(pixel)][..slots]
+            .iter()
+            .position(|key| key & !NO_MATCH > depth)
+            .unwrap_or(slots)
     }
 }

@@ -1,9 +1,10 @@
 //! Weigh: what gauss does, in registers, between the walk of the rasteriser and a tile's fragments.
 //!
-//! The graph of `gauss` says what a weight is. As a batch each operator of it reads and writes a row in memory; here the walk, the table and
-//! the queue are one loop in registers.
+//! The graph of `gauss` says what a weight is. As a batch each operator of it reads and writes a
+//! row in memory; here the walk, the table and the queue are one loop in registers.
 //!
-//! Laws (tests of gauss, against its graph): `a_weight_never_exceeds_its_amplitude`, `words_of_32_bits_weigh_as_wide_ones_do`.
+//! Laws (tests of gauss, against its graph): `a_weight_never_exceeds_its_amplitude`,
+//! `words_of_32_bits_weigh_as_wide_ones_do`.
 
 use crate::functions::{Table, table};
 use crate::num::{Exacts, Fit, Lanes, Words, fit};
@@ -15,13 +16,15 @@ pub struct Weigh {
     radial_index: Fit,
     table: Table,
     weight: Fit,
-    /// Whether 32 bits hold every radial index below the cutoff, and every weight, before they are limited.
+    /// Whether 32 bits hold every radial index below the cutoff, and every weight, before they are
+    /// limited.
     is_natural: bool,
     /// Whether [`Weigh::short`] may be asked, for r below 2^30.
     is_narrow: bool,
 }
 
-/// How large the numbers are that gauss is given and makes; of the first two, bits before the binary point.
+/// How large the numbers are that gauss is given and makes; of the first two, bits before the
+/// binary point.
 #[derive(Clone, Copy, Debug)]
 pub struct WeighShape {
     /// An r below the cutoff.
@@ -47,19 +50,25 @@ impl<W: Words> Short<'_, W> {
     #[inline(always)]
     pub fn weight(&self, radial: W, amplitude: W) -> W {
         let falloff = self.table.words(self.radial_index.words(radial));
-        (amplitude * falloff + self.half).cut(self.places).min(self.max)
+        (amplitude * falloff + self.half)
+            .cut(self.places)
+            .min(self.max)
     }
 }
 
 impl Weigh {
     /// Of a unit with this table and these fits.
     pub fn new([radial_index, weight]: [Fit; 2], table: &Table, shape: WeighShape) -> Self {
-        let short = |fit: &Fit| fit.is_simple() && fit.places() < 31 && fit.word.format.width() < 32;
+        let short =
+            |fit: &Fit| fit.is_simple() && fit.places() < 31 && fit.word.format.width() < 32;
         let falloff_max = i128::from(table.fit().word.format.max());
         let most = falloff_max * i128::from(shape.amplitude) + i128::from(weight.half());
         let room = 1i128 << (31 + weight.places().clamp(0, 62));
         Weigh {
-            is_narrow: [radial_index, weight].iter().all(short) && falloff_max < 1 << 31 && most < room && table.is_short(),
+            is_narrow: [radial_index, weight].iter().all(short)
+                && falloff_max < 1 << 31
+                && most < room
+                && table.is_short(),
             is_natural: radial_index.is_natural(shape.radial) && weight.is_natural(shape.weighed),
             radial_index,
             table: table.clone(),
@@ -91,10 +100,19 @@ impl Weigh {
 
     /// Radial index and weight of eight fragments of one splat, whose r is not negative.
     #[inline(always)]
-    pub fn lanes<const SIMPLE_FITS: bool, L: Lanes, P: Probe>(&self, radial: L, amplitude: i64, tap: &mut Tap<P>) -> [L; 2] {
+    pub fn lanes<const SIMPLE_FITS: bool, L: Lanes, P: Probe>(
+        &self,
+        radial: L,
+        amplitude: i64,
+        tap: &mut Tap<P>,
+    ) -> [L; 2] {
         let radial_index = tap.fit_unsigned::<SIMPLE_FITS, L>(&self.radial_index, radial);
         // Between two words of the table lies nothing beyond them.
-        let falloff = tap.fit_within::<SIMPLE_FITS, L>(self.table.fit(), self.table.exact_lanes(radial_index));
-        [radial_index, tap.fit_unsigned::<SIMPLE_FITS, L>(&self.weight, L::splat(amplitude) * falloff)]
+        let falloff = tap
+            .fit_within::<SIMPLE_FITS, L>(self.table.fit(), self.table.exact_lanes(radial_index));
+        [
+            radial_index,
+            tap.fit_unsigned::<SIMPLE_FITS, L>(&self.weight, L::splat(amplitude) * falloff),
+        ]
     }
 }

@@ -1,4 +1,5 @@
-//! Machine: every format, table and rule of a splatting machine on one page, and the named machines.
+//! Machine: every format, table and rule of a splatting machine on one page, and the named
+//! machines.
 //!
 //! A description does not depend on the units. The units read their formats only from here.
 
@@ -21,7 +22,8 @@ pub struct Machine {
     pub project: Project,
     /// Normal and radius → conic, box, depth slopes.
     pub ellipse: Ellipse,
-    /// Spherical harmonics → colour. Left out: records hold colours only, which were computed elsewhere for the view.
+    /// Spherical harmonics → colour. Left out: records hold colours only, which were computed
+    /// elsewhere for the view.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colour: Option<Colour>,
     /// Sort by depth. Left out: splats stay in input order.
@@ -98,7 +100,8 @@ pub struct Splat {
 pub struct Project {
     /// The eye, machine units.
     pub eye: Word,
-    /// Position minus eye, divided by a power of two. Each splat has its own, so that the largest component is in [½, 1).
+    /// Position minus eye, divided by a power of two. Each splat has its own, so that the largest
+    /// component is in [½, 1).
     pub relative: Word,
     /// Elements of the viewing rotation.
     pub rotation: Word,
@@ -116,7 +119,8 @@ pub struct Project {
     pub pixel: Word,
 }
 
-/// Formats of the unit `ellipse`. Sizes are relative to a power of two, which is separate for each splat.
+/// Formats of the unit `ellipse`. Sizes are relative to a power of two, which is separate for each
+/// splat.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Ellipse {
@@ -132,7 +136,8 @@ pub struct Ellipse {
     pub size: Word,
     /// k'², and its products with `aspect`.
     pub size_squared: Word,
-    /// s_x², s_x·s_y and s_y² relative to s², for pixels that are not square. Left out: the machine draws only square pixels.
+    /// s_x², s_x·s_y and s_y² relative to s², for pixels that are not square. Left out: the machine
+    /// draws only square pixels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub aspect: Option<Word>,
     /// [1+a², ab; ab, 1+b²] − ggᵀ.
@@ -171,7 +176,8 @@ pub struct Ellipse {
     pub inverse_focal: Word,
     /// t_z/s and t_z/(s·c_n), mantissas.
     pub depth_step: Word,
-    /// z_x and z_y, machine units per pixel. They are clamped, because the slope of a plane at a grazing angle is unbounded.
+    /// z_x and z_y, machine units per pixel. They are clamped, because the slope of a plane at a
+    /// grazing angle is unbounded.
     pub depth_slope: Word,
     /// √cutoff.
     pub root_cutoff: Word,
@@ -188,7 +194,8 @@ pub struct Ellipse {
 pub struct Ellipsoid {
     /// Orientation in the splat record: elements of a unit quaternion.
     pub quaternion: Word,
-    /// Standard deviations in the splat record, relative to σ, the largest; also products of two of them.
+    /// Standard deviations in the splat record, relative to σ, the largest; also products of two of
+    /// them.
     pub scale: Word,
     /// sᵢ·gᵢ: the projection of an axis to the screen.
     pub stretch: Word,
@@ -196,11 +203,12 @@ pub struct Ellipsoid {
     pub ray: Word,
     /// √(1 + a² + b²).
     pub ray_root: FunctionUnit,
-    /// √(det V_r), for opacities that are compensated for the low-pass filter. Left out: the machine does not compensate.
+    /// √(det V_r), for opacities that are compensated for the low-pass filter. Left out: the
+    /// machine does not compensate.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub compensation_root: Option<FunctionUnit>,
-    /// The table of cutoffs by opacity has 2^this words, 1 to 12. It makes boxes smaller if there is a least weight that counts. Left
-    /// out: every box ends at the frame's cutoff.
+    /// The table of cutoffs by opacity has 2^this words, 1 to 12. It makes boxes smaller if there
+    /// is a least weight that counts. Left out: every box ends at the frame's cutoff.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reach_bits: Option<u32>,
 }
@@ -219,7 +227,8 @@ pub struct Colour {
 pub enum Rows {
     /// The first pixel of each row is evaluated from the conic.
     Seeded,
-    /// Only the first pixel of the box is evaluated from the conic; rows are differenced as pixels are.
+    /// Only the first pixel of the box is evaluated from the conic; rows are differenced as pixels
+    /// are.
     Differenced,
 }
 
@@ -259,7 +268,8 @@ pub struct Gauss {
     pub weight: Word,
 }
 
-/// Which pair of fragments is merged when a pixel has no free slot. Traces number the rules in this order, from 0 on.
+/// Which pair of fragments is merged when a pixel has no free slot. Traces number the rules in this
+/// order, from 0 on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Merge {
@@ -269,8 +279,8 @@ pub enum Merge {
     FarthestPair,
     /// No pair: the nearer fragment replaces the other (a z-buffer, one layer).
     Replace,
-    /// Two fragments of one window are summed; if there are none, the two deepest are closed. For [`Group::Window`], and for
-    /// [`Group::Interval`], which never sums.
+    /// Two fragments of one window are summed; if there are none, the two deepest are closed. For
+    /// [`Group::Window`], and for [`Group::Interval`], which never sums.
     Window,
 }
 
@@ -283,7 +293,8 @@ pub enum Group {
     First,
     /// Contributions whose depths together span less than ε.
     Interval,
-    /// Small clusters, summed if they certainly belong to one window of ε. The windows are formed at the end, from the nearest depth on.
+    /// Small clusters, summed if they certainly belong to one window of ε. The windows are formed
+    /// at the end, from the nearest depth on.
     Window,
 }
 
@@ -312,7 +323,8 @@ pub struct Fragment {
     pub evict_hidden: bool,
     /// The depth of a fragment.
     pub fragment_depth: FragmentDepth,
-    /// Setup turns each splat's normal towards the viewer, so that the normals of the two sides of a surface do not cancel in the sum.
+    /// Setup turns each splat's normal towards the viewer, so that the normals of the two sides of
+    /// a surface do not cancel in the sum.
     #[serde(default = "turned")]
     pub turn_normals: bool,
     /// The limit from which a fragment counts as opaque, in thousandths of full opacity.
@@ -340,7 +352,10 @@ pub struct Fragment {
 }
 
 /// Whether a description leaves the field out, as old descriptions do.
-#[expect(clippy::trivially_copy_pass_by_ref, reason = "the signature that serde requires")]
+#[expect(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "the signature that serde requires"
+)]
 fn is_first(group: &Group) -> bool {
     *group == Group::First
 }
@@ -349,8 +364,9 @@ fn is_first(group: &Group) -> bool {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Window {
-    /// A contribution joins a cluster if the cluster stays narrower than this many thousandths of ε, 0 to 1000. At 0 it joins a cluster
-    /// whose span contains its depth. Intervals always join at 1000.
+    /// A contribution joins a cluster if the cluster stays narrower than this many thousandths of
+    /// ε, 0 to 1000. At 0 it joins a cluster whose span contains its depth. Intervals always join
+    /// at 1000.
     pub join_permille: u32,
     /// Closed slots accept late contributions to their front and their back.
     pub late: bool,
@@ -358,13 +374,15 @@ pub struct Window {
     pub inside: bool,
     /// Σw·z.
     pub depth_sum: Word,
-    /// TF, TB and T: the transmittance behind the front of a closed slot, before its back, and of windows.
+    /// TF, TB and T: the transmittance behind the front of a closed slot, before its back, and of
+    /// windows.
     pub through: Word,
     /// 1/max(W, τ), 1/(τ − α·W) and 1/A, computed one after the other.
     pub reciprocal: FunctionUnit,
     /// Numerators, divided by the power of two that normalises their denominators.
     pub share: Word,
-    /// Quotients: the opacity of a window, β, and the share of its own colour that a closed slot loses.
+    /// Quotients: the opacity of a window, β, and the share of its own colour that a closed slot
+    /// loses.
     pub part: Word,
     /// −2·ln(1 − min(α, 0.95)).
     pub density: Word,
@@ -395,18 +413,19 @@ pub struct Sheets {
     pub ratio: Word,
 }
 
-/// How the splats of a tile come into the order of their depths. Each kind gives the same order, and so the same picture.
+/// How the splats of a tile come into the order of their depths. Each kind gives the same order,
+/// and so the same picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum SortKind {
     /// A radix sort of the entries of all lists, in memory: one pass for each digit of the key.
     #[default]
     Radix,
-    /// Each tile's list by itself, in the buffer of a sorter (`timing.sort`). A list that is longer than the buffer is sorted in chunks,
-    /// which are merged in memory.
+    /// Each tile's list by itself, in the buffer of a sorter (`timing.sort`). A list that is longer
+    /// than the buffer is sorted in chunks, which are merged in memory.
     Tile,
-    /// As `tile`, but a list that is longer than the buffer is first distributed to buckets in memory, by the upper bits of the key; then
-    /// each bucket is sorted.
+    /// As `tile`, but a list that is longer than the buffer is first distributed to buckets in
+    /// memory, by the upper bits of the key; then each bucket is sorted.
     Hierarchical,
 }
 
@@ -425,11 +444,13 @@ pub struct Sort {
     pub kind: SortKind,
     /// The sort key: depth, machine units. Splats with equal keys stay in input order.
     pub key: Word,
-    /// Bits of the tile's number in front of the depth in the key of `radix`, 1 to 20: a picture has at most 2^this tiles of 16×16 pixels,
-    /// whatever the side of the machine's tiles. Left out, the key is the depth alone.
+    /// Bits of the tile's number in front of the depth in the key of `radix`, 1 to 20: a picture
+    /// has at most 2^this tiles of 16×16 pixels, whatever the side of the machine's tiles. Left
+    /// out, the key is the depth alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tile_bits: Option<u32>,
-    /// Bits of the key that one pass of the radix sort uses, 1 to 16; the other kinds do not use it.
+    /// Bits of the key that one pass of the radix sort uses, 1 to 16; the other kinds do not use
+    /// it.
     pub digit_bits: u32,
 }
 
@@ -504,7 +525,8 @@ pub enum Sight {
 pub struct Reflect {
     /// The direction from which a mirror is seen.
     pub sight: Sight,
-    /// a and b of the pixel's ray (a, b, 1). With `axis` they are 0: the word is not needed, and may be left out.
+    /// a and b of the pixel's ray (a, b, 1). With `axis` they are 0: the word is not needed, and
+    /// may be left out.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub slope: Option<Word>,
     /// N·V.
@@ -531,7 +553,8 @@ pub struct Reflect {
 pub struct Resolve {
     /// Transmittance: the share of the light from behind that remains.
     pub transmittance: Word,
-    /// A channel of the frame: linear light, premultiplied, over the background. Also the background itself.
+    /// A channel of the frame: linear light, premultiplied, over the background. Also the
+    /// background itself.
     pub frame: Word,
 }
 
@@ -543,18 +566,30 @@ impl FunctionUnit {
 }
 
 impl Machine {
-    /// Bits of one fragment in the frame buffer: sums, depth, material index (8) and the shaded flag. With windows, a slot is as large as
-    /// the larger of an open one, which also has both ends of its span and Σw·z, and a closed one, which has colour and opacity, four
-    /// depths, two weights, TF and TB.
+    /// Bits of one fragment in the frame buffer: sums, depth, material index (8) and the shaded
+    /// flag. With windows, a slot is as large as the larger of an open one, which also has both
+    /// ends of its span and Σw·z, and a closed one, which has colour and opacity, four depths, two
+    /// weights, TF and TB.
     pub fn fragment_bits(&self) -> i32 {
         let f = &self.fragment;
-        let [weight, opacity, colour, normal, depth] =
-            [f.weight_sum, f.opacity_sum, f.colour_sum, f.normal_sum, f.depth].map(|word| word.format.width());
+        let [weight, opacity, colour, normal, depth] = [
+            f.weight_sum,
+            f.opacity_sum,
+            f.colour_sum,
+            f.normal_sum,
+            f.depth,
+        ]
+        .map(|word| word.format.width());
         let sums = weight + opacity + 3 * (colour + normal) + 8 + 1;
         match &f.window {
             None => sums + depth,
             Some(words) => {
-                let closed = 3 * colour + opacity + 4 * depth + 2 * weight + 2 * words.through.format.width() + 1;
+                let closed = 3 * colour
+                    + opacity
+                    + 4 * depth
+                    + 2 * weight
+                    + 2 * words.through.format.width()
+                    + 1;
                 closed.max(sums + 2 * depth + words.depth_sum.format.width())
             }
         }

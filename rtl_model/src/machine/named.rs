@@ -1,8 +1,9 @@
 //! Named machines.
 
 use super::{
-    Colour, Ellipse, Ellipsoid, Fragment, FragmentDepth, FunctionUnit, Gauss, Group, Interpolation, Machine, Merge, Project, Raster,
-    Resolve, Rows, Shade, Sheets, Sort, SortKind, Splat, TableShape, Window, timing,
+    Colour, Ellipse, Ellipsoid, Fragment, FragmentDepth, FunctionUnit, Gauss, Group, Interpolation,
+    Machine, Merge, Project, Raster, Resolve, Rows, Shade, Sheets, Sort, SortKind, Splat,
+    TableShape, Window, timing,
 };
 use crate::num::{Format, Overflow, Rounding, Word};
 
@@ -29,7 +30,10 @@ impl Machine {
 
     /// All names.
     pub fn names() -> impl Iterator<Item = &'static str> + Clone {
-        Self::NAMES.into_iter().chain(Self::WINDOW_NAMES).chain(Self::ELLIPSOID_NAMES)
+        Self::NAMES
+            .into_iter()
+            .chain(Self::WINDOW_NAMES)
+            .chain(Self::ELLIPSOID_NAMES)
     }
 }
 
@@ -41,9 +45,14 @@ const fn unsigned(int_bits: i32, frac_bits: i32) -> Word {
     Word::new(Format::unsigned(int_bits, frac_bits))
 }
 
-/// The default: for an engineer its picture is exact. No multiplier operand has more than 27 bits. A fragment fits the paper's 38 bytes.
+/// The default: for an engineer its picture is exact. No multiplier operand has more than 27 bits.
+/// A fragment fits the paper's 38 bytes.
 fn reference() -> Machine {
-    let fine = FunctionUnit { table_bits: 8, newton_steps: 2, bits: 26 };
+    let fine = FunctionUnit {
+        table_bits: 8,
+        newton_steps: 2,
+        bits: 26,
+    };
     Machine {
         name: "reference".into(),
         splat: Splat {
@@ -85,9 +94,17 @@ fn reference() -> Machine {
             visibility: unsigned(1, 24),
             inverse_two_pi: unsigned(-2, 24),
             amplitude: unsigned(-2, 24),
-            extent_root: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 18 },
+            extent_root: FunctionUnit {
+                table_bits: 8,
+                newton_steps: 1,
+                bits: 18,
+            },
             extent: unsigned(15, 4),
-            slope_reciprocal: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 20 },
+            slope_reciprocal: FunctionUnit {
+                table_bits: 8,
+                newton_steps: 1,
+                bits: 20,
+            },
             inverse_focal: unsigned(1, 24),
             depth_step: unsigned(1, 25),
             depth_slope: signed(3, 24),
@@ -109,7 +126,10 @@ fn reference() -> Machine {
         },
         gauss: Gauss {
             radial_index: unsigned(2, 18),
-            table: TableShape { index_bits: 8, interpolation: Interpolation::Linear },
+            table: TableShape {
+                index_bits: 8,
+                interpolation: Interpolation::Linear,
+            },
             falloff: unsigned(1, 20),
             weight: unsigned(-2, 20),
         },
@@ -132,8 +152,16 @@ fn reference() -> Machine {
             window: None,
         },
         shade: Shade {
-            reciprocal: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 20 },
-            root: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 20 },
+            reciprocal: FunctionUnit {
+                table_bits: 8,
+                newton_steps: 1,
+                bits: 20,
+            },
+            root: FunctionUnit {
+                table_bits: 8,
+                newton_steps: 1,
+                bits: 20,
+            },
             share: unsigned(2, 20),
             normal_share: signed(2, 20),
             rgb: unsigned(1, 18),
@@ -141,7 +169,10 @@ fn reference() -> Machine {
             normal: signed(2, 18),
             light: signed(2, 18),
             cosine: signed(2, 18),
-            highlight_table: TableShape { index_bits: 10, interpolation: Interpolation::Linear },
+            highlight_table: TableShape {
+                index_bits: 10,
+                interpolation: Interpolation::Linear,
+            },
             highlight: unsigned(1, 18),
             reflectance: unsigned(4, 18),
             irradiance: unsigned(4, 18),
@@ -151,14 +182,22 @@ fn reference() -> Machine {
             premultiplied: unsigned(1, 18),
         },
         reflect: None,
-        resolve: Resolve { transmittance: unsigned(1, 18), frame: unsigned(1, 16) },
+        resolve: Resolve {
+            transmittance: unsigned(1, 18),
+            frame: unsigned(1, 16),
+        },
         timing: timing::DEFAULT,
     }
 }
 
-/// The cheapest machine with a good picture: no multiplier operand has more than 18 bits, no accumulator more than 24.
+/// The cheapest machine with a good picture: no multiplier operand has more than 18 bits, no
+/// accumulator more than 24.
 fn lean() -> Machine {
-    let unit = FunctionUnit { table_bits: 8, newton_steps: 1, bits: 17 };
+    let unit = FunctionUnit {
+        table_bits: 8,
+        newton_steps: 1,
+        bits: 17,
+    };
     let base = reference();
     Machine {
         name: "lean".into(),
@@ -201,9 +240,17 @@ fn lean() -> Machine {
             visibility: unsigned(1, 16),
             inverse_two_pi: unsigned(-2, 18),
             amplitude: unsigned(-2, 18),
-            extent_root: FunctionUnit { table_bits: 8, newton_steps: 0, bits: 12 },
+            extent_root: FunctionUnit {
+                table_bits: 8,
+                newton_steps: 0,
+                bits: 12,
+            },
             extent: unsigned(12, 3),
-            slope_reciprocal: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 14 },
+            slope_reciprocal: FunctionUnit {
+                table_bits: 8,
+                newton_steps: 1,
+                bits: 14,
+            },
             inverse_focal: unsigned(1, 16),
             depth_step: unsigned(1, 17),
             depth_slope: signed(1, 17),
@@ -225,7 +272,10 @@ fn lean() -> Machine {
         },
         gauss: Gauss {
             radial_index: unsigned(2, 12),
-            table: TableShape { index_bits: 6, interpolation: Interpolation::Linear },
+            table: TableShape {
+                index_bits: 6,
+                interpolation: Interpolation::Linear,
+            },
             falloff: unsigned(1, 14),
             weight: unsigned(-2, 17),
         },
@@ -240,8 +290,16 @@ fn lean() -> Machine {
             ..base.fragment
         },
         shade: Shade {
-            reciprocal: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 16 },
-            root: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 16 },
+            reciprocal: FunctionUnit {
+                table_bits: 8,
+                newton_steps: 1,
+                bits: 16,
+            },
+            root: FunctionUnit {
+                table_bits: 8,
+                newton_steps: 1,
+                bits: 16,
+            },
             share: unsigned(2, 14),
             normal_share: signed(2, 14),
             rgb: unsigned(1, 14),
@@ -249,7 +307,10 @@ fn lean() -> Machine {
             normal: signed(2, 14),
             light: signed(2, 14),
             cosine: signed(2, 14),
-            highlight_table: TableShape { index_bits: 8, interpolation: Interpolation::Linear },
+            highlight_table: TableShape {
+                index_bits: 8,
+                interpolation: Interpolation::Linear,
+            },
             highlight: unsigned(1, 14),
             reflectance: unsigned(3, 12),
             irradiance: unsigned(3, 12),
@@ -259,14 +320,21 @@ fn lean() -> Machine {
             premultiplied: unsigned(1, 14),
         },
         reflect: None,
-        resolve: Resolve { transmittance: unsigned(1, 14), frame: unsigned(1, 12) },
+        resolve: Resolve {
+            transmittance: unsigned(1, 14),
+            frame: unsigned(1, 12),
+        },
         timing: timing::DEFAULT,
     }
 }
 
 /// Visibly coarse and fast: words of about eight bits, for tests and to make errors visible.
 fn tiny() -> Machine {
-    let unit = FunctionUnit { table_bits: 6, newton_steps: 0, bits: 9 };
+    let unit = FunctionUnit {
+        table_bits: 6,
+        newton_steps: 0,
+        bits: 9,
+    };
     let base = reference();
     Machine {
         name: "tiny".into(),
@@ -333,7 +401,10 @@ fn tiny() -> Machine {
         },
         gauss: Gauss {
             radial_index: unsigned(2, 6),
-            table: TableShape { index_bits: 5, interpolation: Interpolation::Nearest },
+            table: TableShape {
+                index_bits: 5,
+                interpolation: Interpolation::Nearest,
+            },
             falloff: unsigned(1, 8),
             weight: unsigned(-2, 10),
         },
@@ -348,8 +419,16 @@ fn tiny() -> Machine {
             ..base.fragment
         },
         shade: Shade {
-            reciprocal: FunctionUnit { table_bits: 6, newton_steps: 0, bits: 8 },
-            root: FunctionUnit { table_bits: 6, newton_steps: 0, bits: 8 },
+            reciprocal: FunctionUnit {
+                table_bits: 6,
+                newton_steps: 0,
+                bits: 8,
+            },
+            root: FunctionUnit {
+                table_bits: 6,
+                newton_steps: 0,
+                bits: 8,
+            },
             share: unsigned(2, 8),
             normal_share: signed(2, 8),
             rgb: unsigned(1, 8),
@@ -357,7 +436,10 @@ fn tiny() -> Machine {
             normal: signed(2, 8),
             light: signed(2, 8),
             cosine: signed(2, 8),
-            highlight_table: TableShape { index_bits: 6, interpolation: Interpolation::Nearest },
+            highlight_table: TableShape {
+                index_bits: 6,
+                interpolation: Interpolation::Nearest,
+            },
             highlight: unsigned(1, 8),
             reflectance: unsigned(3, 6),
             irradiance: unsigned(3, 6),
@@ -367,12 +449,16 @@ fn tiny() -> Machine {
             premultiplied: unsigned(1, 8),
         },
         reflect: None,
-        resolve: Resolve { transmittance: unsigned(1, 8), frame: unsigned(1, 8) },
+        resolve: Resolve {
+            transmittance: unsigned(1, 8),
+            frame: unsigned(1, 8),
+        },
         timing: timing::DEFAULT,
     }
 }
 
-/// `reference` with four slots that are grouped into windows as late as possible. Four slots of 27 bytes take less than the paper's three.
+/// `reference` with four slots that are grouped into windows as late as possible. Four slots of 27
+/// bytes take less than the paper's three.
 fn window() -> Machine {
     let base = reference();
     Machine {
@@ -393,28 +479,48 @@ fn window() -> Machine {
                 inside: true,
                 depth_sum: unsigned(4, 21),
                 through: unsigned(1, 9),
-                reciprocal: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 18 },
+                reciprocal: FunctionUnit {
+                    table_bits: 8,
+                    newton_steps: 1,
+                    bits: 18,
+                },
                 share: unsigned(2, 18),
                 part: unsigned(1, 18),
                 density: unsigned(3, 12),
-                density_table: TableShape { index_bits: 8, interpolation: Interpolation::Linear },
+                density_table: TableShape {
+                    index_bits: 8,
+                    interpolation: Interpolation::Linear,
+                },
                 exponent: unsigned(1, 12),
-                hidden_table: TableShape { index_bits: 6, interpolation: Interpolation::Linear },
+                hidden_table: TableShape {
+                    index_bits: 6,
+                    interpolation: Interpolation::Linear,
+                },
                 hidden: unsigned(1, 14),
             }),
             ..base.fragment
         },
-        timing: timing::Timing { fragment: timing::Fragment { merge: 23, ..timing::DEFAULT.fragment }, ..timing::DEFAULT },
+        timing: timing::Timing {
+            fragment: timing::Fragment {
+                merge: 23,
+                ..timing::DEFAULT.fragment
+            },
+            ..timing::DEFAULT
+        },
         ..base
     }
 }
 
-/// For volumes: setup for ellipsoids, grouping by sheets. The rest is `reference`, except that optical depths may exceed 1/2π.
+/// For volumes: setup for ellipsoids, grouping by sheets. The rest is `reference`, except that
+/// optical depths may exceed 1/2π.
 fn volume() -> Machine {
     let base = reference();
     Machine {
         name: "volume".into(),
-        splat: Splat { opacity: unsigned(3, 20), ..base.splat },
+        splat: Splat {
+            opacity: unsigned(3, 20),
+            ..base.splat
+        },
         ellipse: Ellipse {
             visibility: unsigned(3, 22),
             amplitude: unsigned(3, 22),
@@ -423,17 +529,31 @@ fn volume() -> Machine {
                 scale: unsigned(1, 24),
                 stretch: signed(4, 22),
                 ray: unsigned(4, 20),
-                ray_root: FunctionUnit { table_bits: 8, newton_steps: 1, bits: 20 },
-                compensation_root: Some(FunctionUnit { table_bits: 8, newton_steps: 1, bits: 20 }),
+                ray_root: FunctionUnit {
+                    table_bits: 8,
+                    newton_steps: 1,
+                    bits: 20,
+                },
+                compensation_root: Some(FunctionUnit {
+                    table_bits: 8,
+                    newton_steps: 1,
+                    bits: 20,
+                }),
                 reach_bits: None,
             }),
             ..base.ellipse
         },
-        gauss: Gauss { weight: unsigned(3, 20), ..base.gauss },
+        gauss: Gauss {
+            weight: unsigned(3, 20),
+            ..base.gauss
+        },
         fragment: Fragment {
             sheets: Some(Sheets {
                 depth_index: unsigned(3, 16),
-                table: TableShape { index_bits: 10, interpolation: Interpolation::Linear },
+                table: TableShape {
+                    index_bits: 10,
+                    interpolation: Interpolation::Linear,
+                },
                 ratio: unsigned(1, 20),
             }),
             ..base.fragment
@@ -442,24 +562,48 @@ fn volume() -> Machine {
     }
 }
 
-/// For trained Gaussians: `volume` with a sort by depth, the cutoff of Gaussians, and smaller boxes for low opacities.
+/// For trained Gaussians: `volume` with a sort by depth, the cutoff of Gaussians, and smaller boxes
+/// for low opacities.
 fn gaussian() -> Machine {
     let base = volume();
-    let ellipsoid = base.ellipse.ellipsoid.map(|ellipsoid| Ellipsoid { reach_bits: Some(7), ..ellipsoid });
+    let ellipsoid = base.ellipse.ellipsoid.map(|ellipsoid| Ellipsoid {
+        reach_bits: Some(7),
+        ..ellipsoid
+    });
     Machine {
         name: "gaussian".into(),
-        splat: Splat { rgb: unsigned(3, 14), ..base.splat },
+        splat: Splat {
+            rgb: unsigned(3, 14),
+            ..base.splat
+        },
         // Centres far to the side count too.
-        project: Project { slope: signed(6, 22), ..base.project },
-        ellipse: Ellipse { ellipsoid, ..base.ellipse },
+        project: Project {
+            slope: signed(6, 22),
+            ..base.project
+        },
+        ellipse: Ellipse {
+            ellipsoid,
+            ..base.ellipse
+        },
         colour: Some(Colour { degree: 3 }),
-        sort: Some(Sort { kind: SortKind::Radix, key: unsigned(1, 23), tile_bits: None, digit_bits: 8 }),
+        sort: Some(Sort {
+            kind: SortKind::Radix,
+            key: unsigned(1, 23),
+            tile_bits: None,
+            digit_bits: 8,
+        }),
         gauss: Gauss {
             radial_index: unsigned(4, 16),
-            table: TableShape { index_bits: 10, interpolation: Interpolation::Linear },
+            table: TableShape {
+                index_bits: 10,
+                interpolation: Interpolation::Linear,
+            },
             ..base.gauss
         },
-        shade: Shade { premultiplied: unsigned(3, 18), ..base.shade },
+        shade: Shade {
+            premultiplied: unsigned(3, 18),
+            ..base.shade
+        },
         ..base
     }
 }

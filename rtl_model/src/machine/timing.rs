@@ -12,7 +12,8 @@ use serde::{Deserialize, Serialize};
 pub enum Organisation {
     /// Splats in input order, fragments in memory behind a cache of lines.
     Immediate,
-    /// A first pass writes a list for each tile. Then each tile is drawn on the chip and written once.
+    /// A first pass writes a list for each tile. Then each tile is drawn on the chip and written
+    /// once.
     Binned,
 }
 
@@ -20,7 +21,8 @@ pub enum Organisation {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Technology {
-    /// Operators take no time, and any clock and latency is accepted. It shows what latency costs; no real machine has it.
+    /// Operators take no time, and any clock and latency is accepted. It shows what latency costs;
+    /// no real machine has it.
     Ideal,
     /// 180 nm: 98 ps.
     #[serde(rename = "180nm")]
@@ -40,9 +42,11 @@ pub enum Technology {
 }
 
 impl Technology {
-    /// An FO4 in the typical corner, femtoseconds; `None` if operators take no time. For 180 nm it is that of the open cells with which
-    /// delays were measured. The others are 0.36 ps per nanometre of gate length (Ho, Mai and Horowitz, "The future of wires", 2001; 0.5 in
-    /// the worst corner). It is an assumption that this holds below 100 nm. The FPGA's value is an assumption too. Wires are not counted.
+    /// An FO4 in the typical corner, femtoseconds; `None` if operators take no time. For 180 nm it
+    /// is that of the open cells with which delays were measured. The others are 0.36 ps per
+    /// nanometre of gate length (Ho, Mai and Horowitz, "The future of wires", 2001; 0.5 in the
+    /// worst corner). It is an assumption that this holds below 100 nm. The FPGA's value is an
+    /// assumption too. Wires are not counted.
     pub fn fo4_fs(self) -> Option<u64> {
         match self {
             Technology::Ideal => None,
@@ -78,7 +82,8 @@ pub enum Queue {
     /// Row by row.
     #[default]
     Order,
-    /// The most entries first, and equal ones row by row. The lengths are sorted between the passes.
+    /// The most entries first, and equal ones row by row. The lengths are sorted between the
+    /// passes.
     Longest,
 }
 
@@ -94,31 +99,36 @@ impl Queue {
 pub struct Timing {
     /// Clock frequency, Hz.
     pub clock_hz: u64,
-    /// Technology; left out, 28 nm. Together with the clock it determines the least latency of each unit.
+    /// Technology; left out, 28 nm. Together with the clock it determines the least latency of each
+    /// unit.
     #[serde(default, skip_serializing_if = "Technology::is_default")]
     pub technology: Technology,
     /// Order in which a frame is drawn.
     pub organisation: Organisation,
-    /// Tile engines of a binned machine, from `list` to `resolve`. Each takes the next tile from one queue when its `list` has finished the
-    /// previous one. Left out, 1.
+    /// Tile engines of a binned machine, from `list` to `resolve`. Each takes the next tile from
+    /// one queue when its `list` has finished the previous one. Left out, 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub engines: Option<u32>,
     /// Order in which engines take tiles; left out, row by row.
     #[serde(default, skip_serializing_if = "Queue::is_default")]
     pub queue: Queue,
-    /// Reads splat records; in the second pass of a binned machine, lists and the records of their entries.
+    /// Reads splat records; in the second pass of a binned machine, lists and the records of their
+    /// entries.
     pub fetch: Fetch,
-    /// Walker of trees. Left out: a frame with a tree uses the default walker, which is not part of the machine's area.
+    /// Walker of trees. Left out: a frame with a tree uses the default walker, which is not part of
+    /// the machine's area.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub walk: Option<Walk>,
     /// World point → pixel.
     pub project: Setup,
     /// Normal and radius → conic, box.
     pub ellipse: Setup,
-    /// Spherical harmonics → colour, on a machine with the unit `colour`; left out, one unit with 16 multipliers.
+    /// Spherical harmonics → colour, on a machine with the unit `colour`; left out, one unit with
+    /// 16 multipliers.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub colour: Option<Colour>,
-    /// Sorters of tiles' lists, on a machine whose `sort.kind` is `tile` or `hierarchical`; left out there, one with the default sizes.
+    /// Sorters of tiles' lists, on a machine whose `sort.kind` is `tile` or `hierarchical`; left
+    /// out there, one with the default sizes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sort: Option<Sorter>,
     /// Ellipse → fragments.
@@ -133,7 +143,8 @@ pub struct Timing {
     pub fragment: Fragment,
     /// Normalise and light.
     pub shade: Shade,
-    /// The map of the environment in memory, with a cache for each shade unit. Left out: it is a table on the chip.
+    /// The map of the environment in memory, with a cache for each shade unit. Left out: it is a
+    /// table on the chip.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub environment: Option<Environment>,
     /// Blend into the frame.
@@ -193,13 +204,16 @@ pub struct Setup {
 pub struct Colour {
     /// Parallel units; splats are given to them in turn.
     pub units: u32,
-    /// Cycles from a splat to its colour; left out, the least that the degree of its harmonics and the clock allow.
+    /// Cycles from a splat to its colour; left out, the least that the degree of its harmonics and
+    /// the clock allow.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
-    /// Initiation interval, cycles; left out, the least that its products and the multipliers allow.
+    /// Initiation interval, cycles; left out, the least that its products and the multipliers
+    /// allow.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub interval: Option<u32>,
-    /// Multipliers that the products of a splat share, at most as many as there are products of the greatest degree.
+    /// Multipliers that the products of a splat share, at most as many as there are products of the
+    /// greatest degree.
     pub multipliers: u32,
     /// Places of the FIFO behind it, results.
     pub fifo: u32,
@@ -207,7 +221,13 @@ pub struct Colour {
 
 impl Default for Colour {
     fn default() -> Self {
-        Colour { units: 1, latency: None, interval: None, multipliers: 16, fifo: 4 }
+        Colour {
+            units: 1,
+            latency: None,
+            interval: None,
+            multipliers: 16,
+            fifo: 4,
+        }
     }
 }
 
@@ -220,17 +240,24 @@ pub struct Sorter {
     pub units: u32,
     /// Entries that a sorter sorts at a time, a power of two, 4 to 65536.
     pub buffer_entries: u32,
-    /// Entries that its bitonic network sorts at a time, a power of two, 1 to 1024 and at most `buffer_entries`; 1: it has no network. The
-    /// runs of the network are merged in the buffer, an entry a cycle.
+    /// Entries that its bitonic network sorts at a time, a power of two, 1 to 1024 and at most
+    /// `buffer_entries`; 1: it has no network. The runs of the network are merged in the buffer, an
+    /// entry a cycle.
     pub network: u32,
-    /// Upper bits of the key that choose the bucket of an entry, 1 to 12, on a machine whose `sort.kind` is `hierarchical`; left out there, 6.
+    /// Upper bits of the key that choose the bucket of an entry, 1 to 12, on a machine whose
+    /// `sort.kind` is `hierarchical`; left out there, 6.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub bucket_bits: Option<u32>,
 }
 
 impl Default for Sorter {
     fn default() -> Self {
-        Sorter { units: 1, buffer_entries: 256, network: 16, bucket_bits: None }
+        Sorter {
+            units: 1,
+            buffer_entries: 256,
+            network: 16,
+            bucket_bits: None,
+        }
     }
 }
 
@@ -239,9 +266,11 @@ impl Default for Sorter {
 #[schemars(rename = "RasterTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Raster {
-    /// Pixels tested per cycle: columns and rows of a stamp. A stamp with one covered pixel costs as much as a full one.
+    /// Pixels tested per cycle: columns and rows of a stamp. A stamp with one covered pixel costs
+    /// as much as a full one.
     pub lanes: [u32; 2],
-    /// Cycles from a stamp to its contributions; left out, the least that the formats and the clock allow.
+    /// Cycles from a stamp to its contributions; left out, the least that the formats and the clock
+    /// allow.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
     /// Places of the FIFO behind it, stamps.
@@ -286,8 +315,8 @@ pub struct Cache {
 pub struct Tile {
     /// Side, pixels: a multiple of 16.
     pub side_px: u32,
-    /// 1: a tile is drawn after the previous one is resolved. 2: while the previous one is resolved; merging and resolving then have
-    /// separate shade units.
+    /// 1: a tile is drawn after the previous one is resolved. 2: while the previous one is
+    /// resolved; merging and resolving then have separate shade units.
     pub buffers: u32,
 }
 
@@ -296,21 +325,24 @@ pub struct Tile {
 #[schemars(rename = "FragmentTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Fragment {
-    /// Units that share the rasteriser's lanes, a power of two. Pixel (x, y) belongs to unit (x + y·columns of a stamp) mod units, so the
-    /// pixels of a stamp are distributed evenly. A stamp waits for all units that its pixels need. Left out, 1.
+    /// Units that share the rasteriser's lanes, a power of two. Pixel (x, y) belongs to unit (x +
+    /// y·columns of a stamp) mod units, so the pixels of a stamp are distributed evenly. A stamp
+    /// waits for all units that its pixels need. Left out, 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub units: Option<u32>,
-    /// Stamps whose fragments can be merged in a unit at the same time. When this number is reached, the unit takes no stamp. Left out, 1:
-    /// a merge occupies the unit.
+    /// Stamps whose fragments can be merged in a unit at the same time. When this number is
+    /// reached, the unit takes no stamp. Left out, 1: a merge occupies the unit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub merges_in_flight: Option<u32>,
-    /// Cycles from reading a fragment until it is written; left out, the least that the formats and the clock allow.
+    /// Cycles from reading a fragment until it is written; left out, the least that the formats and
+    /// the clock allow.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
     /// Cycles until the same pixel can be taken again; left out, the latency. 1 with forwarding.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hazard: Option<u32>,
-    /// Additional cycles for each pixel of a stamp in which two fragments merge, after they are shaded.
+    /// Additional cycles for each pixel of a stamp in which two fragments merge, after they are
+    /// shaded.
     pub merge: u32,
 }
 
@@ -319,10 +351,12 @@ pub struct Fragment {
 #[schemars(rename = "ShadeTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Shade {
-    /// Parallel units, wherever the machine has one. A fragment goes to the first that is free. Left out, 1.
+    /// Parallel units, wherever the machine has one. A fragment goes to the first that is free.
+    /// Left out, 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub units: Option<u32>,
-    /// Cycles from a fragment to its light; left out, the least that the formats and the clock allow.
+    /// Cycles from a fragment to its light; left out, the least that the formats and the clock
+    /// allow.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
     /// Initiation interval, cycles.
@@ -344,7 +378,11 @@ pub struct Environment {
 
 impl Default for Environment {
     fn default() -> Self {
-        Environment { line_texels: [4, 4], lines: 32, ways: 4 }
+        Environment {
+            line_texels: [4, 4],
+            lines: 32,
+            ways: 4,
+        }
     }
 }
 
@@ -353,27 +391,32 @@ impl Default for Environment {
 #[schemars(rename = "ResolveTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Resolve {
-    /// Units that share the pixels of a tile or a line. The next pixel goes to the first unit that is free. Left out, 1.
+    /// Units that share the pixels of a tile or a line. The next pixel goes to the first unit that
+    /// is free. Left out, 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub units: Option<u32>,
-    /// Cycles from the last light of a pixel to its word; left out, the least that the formats and the clock allow.
+    /// Cycles from the last light of a pixel to its word; left out, the least that the formats and
+    /// the clock allow.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub latency: Option<u32>,
-    /// Least cycles from one pixel to the next. A pixel takes longer if it has more fragments than this, or if shading takes longer.
+    /// Least cycles from one pixel to the next. A pixel takes longer if it has more fragments than
+    /// this, or if shading takes longer.
     pub interval: u32,
 }
 
-/// Memory outside of the chip: channels with banks and open rows. A field that a preset fills is 0 or left out, unless the machine
-/// sets it.
+/// Memory outside of the chip: channels with banks and open rows. A field that a preset fills is 0
+/// or left out, unless the machine sets it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[schemars(rename = "MemoryTiming")]
 #[serde(deny_unknown_fields)]
 pub struct Memory {
-    /// A memory standard. It fills every field below that is left out, except `outstanding`, with the numbers of its data sheet at the
-    /// clock of the machine. Left out: the fields from `bytes_per_cycle` to `banks` are required.
+    /// A memory standard. It fills every field below that is left out, except `outstanding`, with
+    /// the numbers of its data sheet at the clock of the machine. Left out: the fields from
+    /// `bytes_per_cycle` to `banks` are required.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preset: Option<Preset>,
-    /// Every request is served after the latency of an open row, regardless of other requests. It shows the cycles of the datapath.
+    /// Every request is served after the latency of an open row, regardless of other requests. It
+    /// shows the cycles of the datapath.
     #[serde(default)]
     pub ideal: bool,
     /// Bytes per cycle of each channel.
@@ -399,10 +442,12 @@ pub struct Memory {
     /// Banks of a rank, a power of two. Each has one open row and its own share of the addresses.
     #[serde(default, skip_serializing_if = "is_left_out")]
     pub banks: u32,
-    /// Channels, a power of two up to 64. Each has the bandwidth above and its own banks. Left out, 1.
+    /// Channels, a power of two up to 64. Each has the bandwidth above and its own banks. Left
+    /// out, 1.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub channels: Option<u32>,
-    /// Bytes after which addresses continue in the next channel, a power of two, at least a burst; left out, a burst.
+    /// Bytes after which addresses continue in the next channel, a power of two, at least a burst;
+    /// left out, a burst.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub interleave_bytes: Option<u32>,
     /// Ranks of a channel, a power of two up to 8. Each has the number of banks above. Left out, 1.
@@ -414,10 +459,12 @@ pub struct Memory {
     /// Cycles from one refresh of all ranks to the next (tREFI); 0 or left out: no refresh.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refresh_interval_cycles: Option<u32>,
-    /// Cycles of a refresh (tRFC), less than `refresh_interval_cycles`. The bus is idle meanwhile, and every row is closed afterwards.
+    /// Cycles of a refresh (tRFC), less than `refresh_interval_cycles`. The bus is idle meanwhile,
+    /// and every row is closed afterwards.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refresh_cycles: Option<u32>,
-    /// Cycles for which the bus of a channel is idle when it turns from reads to writes and back; left out, 0.
+    /// Cycles for which the bus of a channel is idle when it turns from reads to writes and back;
+    /// left out, 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub turnaround_cycles: Option<u32>,
     /// Bursts that a channel gathers and writes together, if it has that many; left out, 1.
@@ -438,13 +485,15 @@ fn is_left_out(value: &u32) -> bool {
 /// A memory standard, with the numbers of its data sheet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub enum Preset {
-    /// LPDDR4 of 3200 MT/s, four channels of 32 bits (each of two devices of 8 Gbit and 16 bits): 51.2 GB/s.
+    /// LPDDR4 of 3200 MT/s, four channels of 32 bits (each of two devices of 8 Gbit and 16 bits):
+    /// 51.2 GB/s.
     #[serde(rename = "lpddr4-3200-x4")]
     Lpddr4,
     /// LPDDR5 of 6400 MT/s, four channels of 16 bits (each of one device of 8 Gbit): 51.2 GB/s.
     #[serde(rename = "lpddr5-6400-x4")]
     Lpddr5,
-    /// DDR5 of 4800 MT/s, one module: two channels of 32 bits (each of four devices of 16 Gbit and 8 bits): 38.4 GB/s.
+    /// DDR5 of 4800 MT/s, one module: two channels of 32 bits (each of four devices of 16 Gbit and
+    /// 8 bits): 38.4 GB/s.
     #[serde(rename = "ddr5-4800")]
     Ddr5,
     /// HBM2 of 2 Gbit/s per pin, one stack: eight channels of 128 bits (8 Gbit each): 256 GB/s.
@@ -476,7 +525,8 @@ struct DataSheet {
 }
 
 impl Preset {
-    /// JESD209-4, JESD209-5B, JESD79-5 (speed bin 4800B) and JESD235. Where these leave a value to the manufacturer, a usual value.
+    /// JESD209-4, JESD209-5B, JESD79-5 (speed bin 4800B) and JESD235. Where these leave a value to
+    /// the manufacturer, a usual value.
     fn data_sheet(self) -> DataSheet {
         match self {
             Preset::Lpddr4 => DataSheet {
@@ -547,7 +597,8 @@ impl Preset {
     }
 }
 
-/// Bursts that the controller of a preset writes together: half of the usual 32 places of its queue.
+/// Bursts that the controller of a preset writes together: half of the usual 32 places of its
+/// queue.
 const WRITE_BATCH: u32 = 16;
 
 impl Memory {
@@ -572,25 +623,43 @@ impl Memory {
         "four_rows_cycles",
     ];
 
-    /// The memory with every field set: a field that the machine leaves out is that of its preset at this clock. Bandwidth is rounded down
-    /// to thousandths of a byte per cycle, times are rounded up to cycles.
+    /// The memory with every field set: a field that the machine leaves out is that of its preset
+    /// at this clock. Bandwidth is rounded down to thousandths of a byte per cycle, times are
+    /// rounded up to cycles.
     pub fn resolved(self, clock_hz: u64) -> Self {
-        let Some(preset) = self.preset else { return self };
+        let Some(preset) = self.preset else {
+            return self;
+        };
         let sheet = preset.data_sheet();
         // At a clock of 1 Hz, there are more bytes per cycle than a field holds.
         let number = |value: u128| u32::try_from(value).unwrap_or(u32::MAX);
-        let cycles = |picoseconds: u64| number((u128::from(picoseconds) * u128::from(clock_hz)).div_ceil(1_000_000_000_000).max(1));
+        let cycles = |picoseconds: u64| {
+            number(
+                (u128::from(picoseconds) * u128::from(clock_hz))
+                    .div_ceil(1_000_000_000_000)
+                    .max(1),
+            )
+        };
         let thousandths = u128::from(sheet.bytes) * 1000 / u128::from(clock_hz.max(1));
         let or = |said: u32, value: u32| if said == 0 { value } else { said };
         // Thousandths belong to the bytes of the preset.
-        let permille = if self.bytes_per_cycle == 0 { number(thousandths % 1000) } else { 0 };
+        let permille = if self.bytes_per_cycle == 0 {
+            number(thousandths % 1000)
+        } else {
+            0
+        };
         let burst_bytes = or(self.burst_bytes, sheet.burst_bytes);
-        let interval = self.refresh_interval_cycles.unwrap_or(cycles(sheet.refresh_interval));
+        let interval = self
+            .refresh_interval_cycles
+            .unwrap_or(cycles(sheet.refresh_interval));
         Memory {
             bytes_per_cycle: or(self.bytes_per_cycle, number(thousandths / 1000)),
             bytes_per_cycle_permille: self.bytes_per_cycle_permille.or(Some(permille)),
             hit_latency: or(self.hit_latency, cycles(sheet.read)),
-            miss_latency: or(self.miss_latency, cycles(sheet.precharge + sheet.activate + sheet.read)),
+            miss_latency: or(
+                self.miss_latency,
+                cycles(sheet.precharge + sheet.activate + sheet.read),
+            ),
             burst_bytes,
             row_bytes: or(self.row_bytes, sheet.row_bytes),
             banks: or(self.banks, sheet.banks),
@@ -600,7 +669,9 @@ impl Memory {
             rank_switch_cycles: self.rank_switch_cycles.or(Some(cycles(sheet.rank_switch))),
             refresh_interval_cycles: self.refresh_interval_cycles.or(Some(interval)),
             // With a slow clock both are one cycle.
-            refresh_cycles: self.refresh_cycles.or(Some(cycles(sheet.refresh).min(interval.saturating_sub(1)))),
+            refresh_cycles: self
+                .refresh_cycles
+                .or(Some(cycles(sheet.refresh).min(interval.saturating_sub(1)))),
             turnaround_cycles: self.turnaround_cycles.or(Some(cycles(sheet.turnaround))),
             write_batch: self.write_batch.or(Some(WRITE_BATCH)),
             row_cycles: self.row_cycles.or(Some(cycles(sheet.row_cycle))),
@@ -621,12 +692,14 @@ impl Memory {
 
     /// Thousandths of a byte that all channels together move per cycle.
     pub fn bytes_per_1000_cycles(&self) -> u64 {
-        let of_one = u64::from(self.bytes_per_cycle) * 1000 + u64::from(self.bytes_per_cycle_permille.unwrap_or(0));
+        let of_one = u64::from(self.bytes_per_cycle) * 1000
+            + u64::from(self.bytes_per_cycle_permille.unwrap_or(0));
         of_one * u64::from(self.channels())
     }
 }
 
-/// The default microarchitecture: tiles, one stamp of 4×1 pixels per cycle, all units pipelined, memory of 6.4 GB/s.
+/// The default microarchitecture: tiles, one stamp of 4×1 pixels per cycle, all units pipelined,
+/// memory of 6.4 GB/s.
 pub const DEFAULT: Timing = Timing {
     clock_hz: 400_000_000,
     technology: Technology::Nm28,
@@ -635,18 +708,61 @@ pub const DEFAULT: Timing = Timing {
     queue: Queue::Order,
     fetch: Fetch { fifo: 16 },
     walk: None,
-    project: Setup { units: 1, latency: None, interval: None, multipliers: None, fifo: 4 },
-    ellipse: Setup { units: 1, latency: None, interval: None, multipliers: None, fifo: 16 },
+    project: Setup {
+        units: 1,
+        latency: None,
+        interval: None,
+        multipliers: None,
+        fifo: 4,
+    },
+    ellipse: Setup {
+        units: 1,
+        latency: None,
+        interval: None,
+        multipliers: None,
+        fifo: 16,
+    },
     colour: None,
     sort: None,
-    raster: Raster { lanes: [4, 1], latency: None, fifo: 16 },
-    gauss: Stage { latency: None, fifo: 4 },
-    cache: Cache { line_px: [4, 4], lines: 256, ways: 4, misses: 8, latency: 2, fifo: 32 },
-    tile: Tile { side_px: 16, buffers: 1 },
-    fragment: Fragment { units: None, merges_in_flight: None, latency: None, hazard: None, merge: 1 },
-    shade: Shade { units: None, latency: None, interval: 1 },
+    raster: Raster {
+        lanes: [4, 1],
+        latency: None,
+        fifo: 16,
+    },
+    gauss: Stage {
+        latency: None,
+        fifo: 4,
+    },
+    cache: Cache {
+        line_px: [4, 4],
+        lines: 256,
+        ways: 4,
+        misses: 8,
+        latency: 2,
+        fifo: 32,
+    },
+    tile: Tile {
+        side_px: 16,
+        buffers: 1,
+    },
+    fragment: Fragment {
+        units: None,
+        merges_in_flight: None,
+        latency: None,
+        hazard: None,
+        merge: 1,
+    },
+    shade: Shade {
+        units: None,
+        latency: None,
+        interval: 1,
+    },
     environment: None,
-    resolve: Resolve { units: None, latency: None, interval: 1 },
+    resolve: Resolve {
+        units: None,
+        latency: None,
+        interval: 1,
+    },
     memory: Memory {
         preset: None,
         ideal: false,

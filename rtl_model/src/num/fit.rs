@@ -3,11 +3,12 @@
 //! ```text
 //! exact ─►(<< left)─►(+ round)─►(>> right)─►[ saturate | wrap ]─► word
 //! ```
-//! Everything that depends on formats is worked out once, at elaboration; per value there are shifts, an add and limits.
-//! A barrel shifter in front (`…_shifted`) takes results whose binary point the data decides, after a normalisation.
+//! Everything that depends on formats is worked out once, at elaboration; per value there are
+//! shifts, an add and limits. A barrel shifter in front (`…_shifted`) takes results whose binary
+//! point the data decides, after a normalisation.
 //!
-//! Laws: `fit_agrees_with_exact_rationals`, `fit_agrees_with_the_crate_fixed`, `eight_lanes_equal_one`, `eight_narrow_words_equal_one`,
-//! `loss_is_told_truly`.
+//! Laws: `fit_agrees_with_exact_rationals`, `fit_agrees_with_the_crate_fixed`,
+//! `eight_lanes_equal_one`, `eight_narrow_words_equal_one`, `loss_is_told_truly`.
 
 use super::{Exact, Exacts, LANES, Lanes, Overflow, Rounding, Word, Words, three};
 use std::hint::cold_path;
@@ -43,17 +44,21 @@ pub struct Fit {
     pub word: Word,
     /// Fraction bits of the exact result less those of the word: places to the right.
     places: i64,
-    /// Half a place, which rounds to nearest before those places are cut; 0 where they are just cut.
+    /// Half a place, which rounds to nearest before those places are cut; 0 where they are just
+    /// cut.
     half: i64,
     min: i64,
     max: i64,
-    /// Places by which a result is first shifted left, for a barrel shifter that then only needs to go right.
+    /// Places by which a result is first shifted left, for a barrel shifter that then only needs to
+    /// go right.
     head: u32,
-    /// Places to the right from there that leave one place to round by; impossible ones where an add and limits are not all there is.
+    /// Places to the right from there that leave one place to round by; impossible ones where an
+    /// add and limits are not all there is.
     barrel: i64,
     /// The usual rounding and overflow, and no shift to the left: an add, a shift and two limits.
     simple: bool,
-    /// Simple, and any exact result of the elaborated shape, cut by 0 to 31 places, is a word of 32 bits: limits can wait until it is one.
+    /// Simple, and any exact result of the elaborated shape, cut by 0 to 31 places, is a word of 32
+    /// bits: limits can wait until it is one.
     narrow: bool,
     /// The same after 32 places and more, which leave a word of any exact result.
     deep: bool,
@@ -66,7 +71,8 @@ const MOST_HEAD: i64 = 24;
 /// More places than any shifter has, whatever the data adds to them.
 const IMPOSSIBLE: i64 = 1 << 20;
 
-/// A [`Fit`] with its constants on all lanes, where limits can wait until a result is a word of 32 bits: see [`Fit::narrow`].
+/// A [`Fit`] with its constants on all lanes, where limits can wait until a result is a word of 32
+/// bits: see [`Fit::narrow`].
 #[derive(Clone, Copy, Debug)]
 pub struct Narrow<W: Words> {
     half: W::Exact,
@@ -79,7 +85,10 @@ impl<W: Words> Narrow<W> {
     /// The words for eight exact results.
     #[inline(always)]
     pub fn words(&self, exact: W::Exact) -> W {
-        (exact + self.half).cut(self.places).max(self.min).min(self.max)
+        (exact + self.half)
+            .cut(self.places)
+            .max(self.min)
+            .min(self.max)
     }
 }
 
@@ -103,13 +112,25 @@ impl Fit {
     /// Elaborates `word` for exact results of the shape `from`.
     pub fn new(signal: usize, word: Word, from: Exact) -> Self {
         let places = i64::from(from.frac_bits - word.format.frac_bits);
-        let half = if word.round == Rounding::Truncate { 0 } else { half(places.clamp(0, 63) as u32) };
+        let half = if word.round == Rounding::Truncate {
+            0
+        } else {
+            half(places.clamp(0, 63) as u32)
+        };
         let usual = word.round != Rounding::NearestEven && word.overflow == Overflow::Saturate;
         let simple = usual && (0..=62).contains(&places);
         let narrow = simple && places < 32 && i64::from(from.bits()) - places <= 30;
         let deep = simple && places >= 32;
-        let head = if places < MOST_HEAD { (62 - from.bits()).clamp(0, MOST_HEAD as i32) as u32 } else { 0 };
-        let barrel = if usual { places + i64::from(head) - 1 } else { IMPOSSIBLE };
+        let head = if places < MOST_HEAD {
+            (62 - from.bits()).clamp(0, MOST_HEAD as i32) as u32
+        } else {
+            0
+        };
+        let barrel = if usual {
+            places + i64::from(head) - 1
+        } else {
+            IMPOSSIBLE
+        };
         Fit {
             signal,
             word,
@@ -132,7 +153,9 @@ impl Fit {
         if !self.simple {
             return self.one_shifted(exact, 0);
         }
-        (exact.wrapping_add(self.half) >> self.right).max(self.min).min(self.max)
+        (exact.wrapping_add(self.half) >> self.right)
+            .max(self.min)
+            .min(self.max)
     }
 
     /// Half a place, or what else is added before places are cut.
@@ -156,12 +179,14 @@ impl Fit {
         self.simple
     }
 
-    /// Whether at least 32 places are cut, which leaves a word of 32 bits of any exact result ([`Fit::top`]).
+    /// Whether at least 32 places are cut, which leaves a word of 32 bits of any exact result
+    /// ([`Fit::top`]).
     pub fn is_deep(&self) -> bool {
         self.deep
     }
 
-    /// Whether an add, a shift and one limit of 32 bits are all there is for results from 0 to 2^`int_bits`.
+    /// Whether an add, a shift and one limit of 32 bits are all there is for results from 0 to
+    /// 2^`int_bits`.
     pub fn is_natural(&self, int_bits: i32) -> bool {
         self.simple && !self.word.format.signed && int_bits + self.word.format.frac_bits < 32
     }
@@ -173,7 +198,11 @@ impl Fit {
         if places < 0 {
             let left = (-places).min(63) as u32;
             let shifted = exact << left;
-            return if shifted >> left == exact { self.limit(shifted) } else { self.limit_wide(i128::from(exact) << left) };
+            return if shifted >> left == exact {
+                self.limit(shifted)
+            } else {
+                self.limit_wide(i128::from(exact) << left)
+            };
         }
         self.limit(self.cut(exact, places.min(63) as u32))
     }
@@ -199,20 +228,26 @@ impl Fit {
     /// Whether an add, a shift and a register that wraps are all there is.
     #[inline(always)]
     pub fn is_register(&self) -> bool {
-        (0..=62).contains(&self.places) && self.word.round != Rounding::NearestEven && self.word.overflow == Overflow::Wrap
+        (0..=62).contains(&self.places)
+            && self.word.round != Rounding::NearestEven
+            && self.word.overflow == Overflow::Wrap
     }
 
-    /// The words for eight exact results of which none is negative, in a word without a sign. `SIMPLE_FITS` says that [`Fit::is_natural`], so
-    /// that nothing has to be asked.
+    /// The words for eight exact results of which none is negative, in a word without a sign.
+    /// `SIMPLE_FITS` says that [`Fit::is_natural`], so that nothing has to be asked.
     #[inline(always)]
     pub fn lanes_unsigned<const SIMPLE_FITS: bool, L: Lanes>(&self, exact: L) -> L {
         if SIMPLE_FITS {
-            return (exact + L::splat(self.half)).right_unsigned(self.right).min_of_halves(L::splat(self.max));
+            return (exact + L::splat(self.half))
+                .right_unsigned(self.right)
+                .min_of_halves(L::splat(self.max));
         }
         if !self.simple {
             return L::from_array(one_by_one(*self, exact.to_array(), [0; LANES]));
         }
-        (exact + L::splat(self.half)).right_unsigned(self.right).min(L::splat(self.max))
+        (exact + L::splat(self.half))
+            .right_unsigned(self.right)
+            .min(L::splat(self.max))
     }
 
     /// [`Fit::lanes_unsigned`] where the word is known to reach all results.
@@ -224,10 +259,15 @@ impl Fit {
         (exact + L::splat(self.half)).right_unsigned(self.right)
     }
 
-    /// [`Fit::lanes_unsigned`] of words of 31 bits, which hold what is added to them, for a word of as many that is simple.
+    /// [`Fit::lanes_unsigned`] of words of 31 bits, which hold what is added to them, for a word of
+    /// as many that is simple.
     #[inline(always)]
     pub fn natural<W: Words>(&self) -> Natural<W> {
-        Natural { half: W::splat(self.half), right: self.right, max: W::splat(self.max) }
+        Natural {
+            half: W::splat(self.half),
+            right: self.right,
+            max: W::splat(self.max),
+        }
     }
 
     /// [`Fit::words`] with its constants on all lanes; none where it takes the long way.
@@ -237,7 +277,12 @@ impl Fit {
             return None;
         }
         let (half, places) = (W::Exact::splat(self.half), self.places as u32);
-        Some(Narrow { half, places, min: W::splat(self.min), max: W::splat(self.max) })
+        Some(Narrow {
+            half,
+            places,
+            min: W::splat(self.min),
+            max: W::splat(self.max),
+        })
     }
 
     #[inline(always)]
@@ -255,20 +300,30 @@ impl Fit {
         self.limit_words(exact, (exact + X::splat(self.half)).cut(self.places as u32))
     }
 
-    /// The words, of at most 32 bits, for eight exact results that a normaliser has shifted to the top of their 62 bits.
+    /// The words, of at most 32 bits, for eight exact results that a normaliser has shifted to the
+    /// top of their 62 bits.
     #[inline(always)]
     pub fn top<X: Exacts>(&self, exact: X) -> X::Words {
         if !self.deep {
             cold_path();
             return self.wide(exact).low();
         }
-        self.limit_words(exact, (exact + X::splat(self.half)).cut_deep(self.places as u32))
+        self.limit_words(
+            exact,
+            (exact + X::splat(self.half)).cut_deep(self.places as u32),
+        )
     }
 
     #[inline(always)]
     fn limit_words<X: Exacts>(&self, exact: X, cut: X::Words) -> X::Words {
-        let words = cut.max(X::Words::splat(self.min)).min(X::Words::splat(self.max));
-        debug_assert_eq!(words.exact().to_array(), self.wide(exact).to_array(), "{exact:?} has not the shape that was elaborated");
+        let words = cut
+            .max(X::Words::splat(self.min))
+            .min(X::Words::splat(self.max));
+        debug_assert_eq!(
+            words.exact().to_array(),
+            self.wide(exact).to_array(),
+            "{exact:?} has not the shape that was elaborated"
+        );
         words
     }
 
@@ -279,16 +334,26 @@ impl Fit {
             cold_path();
             return X::from_array(one_by_one(*self, exact.to_array(), [0; LANES]));
         }
-        (exact + X::splat(self.half)).right(self.places as u32).max(X::splat(self.min)).min(X::splat(self.max))
+        (exact + X::splat(self.half))
+            .right(self.places as u32)
+            .max(X::splat(self.min))
+            .min(X::splat(self.max))
     }
 
-    /// The words, of at most 32 bits, for eight exact results, each with `more` fraction bits than was elaborated.
+    /// The words, of at most 32 bits, for eight exact results, each with `more` fraction bits than
+    /// was elaborated.
     #[inline(always)]
     pub fn words_shifted<X: Exacts>(&self, exact: X, more: X::Words) -> X::Words {
-        match exact.left(self.head).cut_by(more + X::Words::splat(self.barrel)) {
+        match exact
+            .left(self.head)
+            .cut_by(more + X::Words::splat(self.barrel))
+        {
             Some(cut) => {
                 let round = X::Words::splat(i64::from(self.word.round == Rounding::Nearest));
-                (cut + round).right(1).max(X::Words::splat(self.min)).min(X::Words::splat(self.max))
+                (cut + round)
+                    .right(1)
+                    .max(X::Words::splat(self.min))
+                    .min(X::Words::splat(self.max))
             }
             None => {
                 cold_path();
@@ -297,7 +362,8 @@ impl Fit {
         }
     }
 
-    /// [`Fit::lanes`], and which met a limit; none where it takes the long way. `UNSIGNED` says that no result is negative, and no word.
+    /// [`Fit::lanes`], and which met a limit; none where it takes the long way. `UNSIGNED` says
+    /// that no result is negative, and no word.
     #[inline(always)]
     pub fn lanes_seen<const UNSIGNED: bool, L: Lanes>(&self, exact: L) -> Option<(L, u8)> {
         if !self.simple {
@@ -312,7 +378,11 @@ impl Fit {
             (cut, self.limit_lanes(cut))
         };
         let limited = cut.above(words);
-        let limited = if UNSIGNED { limited } else { limited | words.above(cut) };
+        let limited = if UNSIGNED {
+            limited
+        } else {
+            limited | words.above(cut)
+        };
         Some((words, limited.signs()))
     }
 
@@ -351,7 +421,9 @@ impl Fit {
         if !self.is_short() {
             return None;
         }
-        let cut = exact.left(self.head).cut_by(more + X::Words::splat(self.barrel))?;
+        let cut = exact
+            .left(self.head)
+            .cut_by(more + X::Words::splat(self.barrel))?;
         let round = X::Words::splat(i64::from(self.word.round == Rounding::Nearest));
         Some(self.limit_seen((cut + round).right(1)))
     }
@@ -359,7 +431,10 @@ impl Fit {
     #[inline(always)]
     fn limit_seen<W: Words>(&self, cut: W) -> Seen<W> {
         let words = cut.max(W::splat(self.min)).min(W::splat(self.max));
-        Seen { words, limited: !(cut - words).is_zero().signs() }
+        Seen {
+            words,
+            limited: !(cut - words).is_zero().signs(),
+        }
     }
 
     /// [`Fit::one`]; none where it meets a limit.
@@ -424,7 +499,8 @@ impl Fit {
         }
         let places = self.places + more;
         let [right, left] = [places, -places].map(|places| places.clamp(0, 63) as u32);
-        // Places are to the one side or to the other. A word that met its limit, shifted back, is another result, or loses bits by that.
+        // Places are to the one side or to the other. A word that met its limit, shifted back, is
+        // another result, or loses bits by that.
         self.cut(exact, right) == word >> left && word.trailing_zeros() >= left
     }
 
@@ -442,21 +518,35 @@ impl Fit {
 
     /// A result rounded to the word's last place, before its limits; the nearest that 64 bits hold.
     pub fn before_limits(&self, exact: i64, more: i64) -> i64 {
-        self.rounded(exact, more).clamp(i64::MIN.into(), i64::MAX.into()) as i64
+        self.rounded(exact, more)
+            .clamp(i64::MIN.into(), i64::MAX.into()) as i64
     }
 
     fn rounded(&self, exact: i64, more: i64) -> i128 {
         let places = self.places + more;
-        if places < 0 { i128::from(exact) << (-places).min(63) } else { i128::from(self.cut(exact, places.min(63) as u32)) }
+        if places < 0 {
+            i128::from(exact) << (-places).min(63)
+        } else {
+            i128::from(self.cut(exact, places.min(63) as u32))
+        }
     }
 
-    /// Says what is lost when `exact`, with `more` fraction bits than was elaborated, becomes a word.
+    /// Says what is lost when `exact`, with `more` fraction bits than was elaborated, becomes a
+    /// word.
     pub fn loss(&self, exact: i64, more: i64) -> Loss {
         let rounded = self.rounded(exact, more);
         let inexact = self.is_inexact(exact, more);
-        let (below, above) = (rounded < i128::from(self.min), rounded > i128::from(self.max));
+        let (below, above) = (
+            rounded < i128::from(self.min),
+            rounded > i128::from(self.max),
+        );
         let wrap = self.word.overflow == Overflow::Wrap;
-        Loss { inexact, saturated_low: below && !wrap, saturated_high: above && !wrap, wrapped: (below || above) && wrap }
+        Loss {
+            inexact,
+            saturated_low: below && !wrap,
+            saturated_high: above && !wrap,
+            wrapped: (below || above) && wrap,
+        }
     }
 
     #[inline(always)]
@@ -490,12 +580,17 @@ impl Fit {
     fn wrap(&self, v: i64) -> i64 {
         let unused = 64 - self.word.format.width() as u32;
         let top = v << unused;
-        if self.word.format.signed { top >> unused } else { ((top as u64) >> unused) as i64 }
+        if self.word.format.signed {
+            top >> unused
+        } else {
+            ((top as u64) >> unused) as i64
+        }
     }
 }
 
-/// The long way: every rounding, every overflow, shifts to the left. Of a copy, for a fit whose address is given away could be changed
-/// behind the compiler's back, which then would load its constants again and again.
+/// The long way: every rounding, every overflow, shifts to the left. Of a copy, for a fit whose
+/// address is given away could be changed behind the compiler's back, which then would load its
+/// constants again and again.
 #[cold]
 #[inline(never)]
 fn one_by_one(fit: Fit, mut exact: [i64; LANES], more: [i64; LANES]) -> [i64; LANES] {
@@ -505,7 +600,8 @@ fn one_by_one(fit: Fit, mut exact: [i64; LANES], more: [i64; LANES]) -> [i64; LA
     exact
 }
 
-/// Half of the last place that `right` dropped places leave: 63 of them leave nothing but a sign of the 62 bits that are held.
+/// Half of the last place that `right` dropped places leave: 63 of them leave nothing but a sign of
+/// the 62 bits that are held.
 #[inline(always)]
 fn half(right: u32) -> i64 {
     ((1u64 << right) >> 1) as i64

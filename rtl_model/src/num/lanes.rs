@@ -1,8 +1,10 @@
-//! Lanes: eight items side by side on one set of wires, so that a unit is written once, as for one item, and runs eight wide.
+//! Lanes: eight items side by side on one set of wires, so that a unit is written once, as for one
+//! item, and runs eight wide.
 //!
-//! Nothing here is hardware: it is how the simulator keeps a host's vector units busy. [`Plain`] is what every operation
-//! means; `kernels/host.rs` has the same eight lanes in vector registers. Every operation is exact; multiplier operands are words of
-//! at most 32 bits (elaboration sees to it), so a product never leaves 64.
+//! Nothing here is hardware: it is how the simulator keeps a host's vector units busy. [`Plain`] is
+//! what every operation means; `kernels/host.rs` has the same eight lanes in vector registers.
+//! Every operation is exact; multiplier operands are words of at most 32 bits (elaboration sees to
+//! it), so a product never leaves 64.
 //!
 //! Law: `vector_lanes_equal_plain_lanes`.
 
@@ -53,7 +55,8 @@ pub trait Lanes:
     fn max(self, other: Self) -> Self;
     /// The lesser word of each lane.
     fn min(self, other: Self) -> Self;
-    /// The lesser low and the lesser high 32 bits of each lane, as naturals: of naturals below 2^32, the lesser.
+    /// The lesser low and the lesser high 32 bits of each lane, as naturals: of naturals below
+    /// 2^32, the lesser.
     fn min_of_halves(self, other: Self) -> Self;
     /// Where `self` is greater.
     fn above(self, other: Self) -> Self;
@@ -63,13 +66,14 @@ pub trait Lanes:
     fn look_up_pairs(self, table: &[[i64; 2]]) -> [Self; 2];
     /// The signs of the lanes, bit by bit, the first lane in the last place.
     fn signs(self) -> u8;
-    /// Which keys differ from a word by less than a limit, bit by bit, the first key in the last place.
+    /// Which keys differ from a word by less than a limit, bit by bit, the first key in the last
+    /// place.
     fn near(keys: &[i32; LANES], word: i32, limit: u32) -> u32;
     /// The key nearest to a word, the first of equals.
     fn nearest(keys: &[i32; LANES], word: i32) -> usize;
 
-    /// `sums + (words · factor + half >> right)`, between limits, in words of 32 bits, which hold all of it. For whoever watches, the
-    /// sums before their limits.
+    /// `sums + (words · factor + half >> right)`, between limits, in words of 32 bits, which hold
+    /// all of it. For whoever watches, the sums before their limits.
     fn add_product(
         sums: &mut [i32; LANES],
         words: &[i32; LANES],
@@ -92,7 +96,8 @@ pub trait Lanes:
 
 /// `[f(0), f(1), f(2)]`, written out.
 ///
-/// A closure of any size is compiled on its own, without the vector instructions that its caller may use (`kernels/host.rs`).
+/// A closure of any size is compiled on its own, without the vector instructions that its caller
+/// may use (`kernels/host.rs`).
 macro_rules! three {
     ($i:ident => $f:expr) => {
         [
@@ -235,7 +240,9 @@ impl Lanes for Plain {
     ) -> PlainWords {
         let mut unlimited = [0; LANES];
         for lane in 0..LANES {
-            unlimited[lane] = sums[lane].wrapping_add(words[lane].wrapping_mul(factor).wrapping_add(half[lane]) >> right[lane]);
+            unlimited[lane] = sums[lane].wrapping_add(
+                words[lane].wrapping_mul(factor).wrapping_add(half[lane]) >> right[lane],
+            );
             sums[lane] = unlimited[lane].max(min[lane]).min(max[lane]);
         }
         PlainWords(unlimited)
@@ -246,7 +253,9 @@ impl Lanes for Plain {
     }
     #[inline(always)]
     fn nearest(keys: &[i32; LANES], word: i32) -> usize {
-        (0..LANES).min_by_key(|&index| distance(keys[index], word)).unwrap_or(0)
+        (0..LANES)
+            .min_by_key(|&index| distance(keys[index], word))
+            .unwrap_or(0)
     }
 }
 
@@ -259,7 +268,9 @@ fn distance(a: i32, b: i32) -> u32 {
 /// A condition of each lane as a word of eight bits.
 #[inline(always)]
 fn bits(mask: [bool; LANES]) -> u8 {
-    mask.into_iter().rev().fold(0, |bits, holds| bits << 1 | u8::from(holds))
+    mask.into_iter()
+        .rev()
+        .fold(0, |bits, holds| bits << 1 | u8::from(holds))
 }
 
 impl Add for Plain {
@@ -308,7 +319,10 @@ impl Mul for Plain {
     #[inline(always)]
     fn mul(self, other: Plain) -> Plain {
         self.zip(other, |a, b| {
-            debug_assert!(a == i64::from(a as i32) && b == i64::from(b as i32), "a multiplier operand is wider than 32 bits");
+            debug_assert!(
+                a == i64::from(a as i32) && b == i64::from(b as i32),
+                "a multiplier operand is wider than 32 bits"
+            );
             i64::from(a as i32) * i64::from(b as i32)
         })
     }

@@ -1,14 +1,16 @@
 //! Num: numbers as hardware holds them, a word of bits and a place for its binary point.
 //!
-//! A format is two numbers, the rest is derived. Sums, differences and products are exact and grow; bits are lost
-//! in one act only, [`Fit`], at a named signal. Searching for `fit` lists every place where the machine loses bits.
+//! A format is two numbers, the rest is derived. Sums, differences and products are exact and grow;
+//! bits are lost in one act only, [`Fit`], at a named signal. Searching for `fit` lists every place
+//! where the machine loses bits.
 //!
 //! ```text
 //! I10F6   iiiiiiiiii.ffffff    signed, the sign is one of the ten        −512 … 512 − 2⁻⁶
 //! U3F13          iii.fffffffffffff                                          0 … 8 − 2⁻¹³
 //! U-2F14            .00ffffffffffff    fourteen places, the first two never there: 0 … ¼ − 2⁻¹⁴
 //! ```
-//! The notation is that of the crate `fixed`, which serves as an oracle in the tests and nowhere else.
+//! The notation is that of the crate `fixed`, which serves as an oracle in the tests and nowhere
+//! else.
 
 pub mod fit;
 pub mod lanes;
@@ -46,12 +48,20 @@ pub struct Format {
 impl Format {
     /// A signed format `I{int}F{frac}`.
     pub const fn signed(int_bits: i32, frac_bits: i32) -> Self {
-        Format { signed: true, int_bits, frac_bits }
+        Format {
+            signed: true,
+            int_bits,
+            frac_bits,
+        }
     }
 
     /// An unsigned format `U{int}F{frac}`.
     pub const fn unsigned(int_bits: i32, frac_bits: i32) -> Self {
-        Format { signed: false, int_bits, frac_bits }
+        Format {
+            signed: false,
+            int_bits,
+            frac_bits,
+        }
     }
 
     /// Bits in the word.
@@ -61,23 +71,40 @@ impl Format {
 
     /// Smallest word.
     pub const fn min(self) -> i64 {
-        if self.signed { -(1 << (self.width() - 1)) } else { 0 }
+        if self.signed {
+            -(1 << (self.width() - 1))
+        } else {
+            0
+        }
     }
 
     /// Greatest word.
     pub const fn max(self) -> i64 {
-        if self.signed { (1 << (self.width() - 1)) - 1 } else { (1 << self.width()) - 1 }
+        if self.signed {
+            (1 << (self.width() - 1)) - 1
+        } else {
+            (1 << self.width()) - 1
+        }
     }
 
     /// Bits of the greatest magnitude: what the word adds to a product's width.
     pub const fn magnitude_bits(self) -> i32 {
-        if self.signed { self.width() - 1 } else { self.width() }
+        if self.signed {
+            self.width() - 1
+        } else {
+            self.width()
+        }
     }
 
-    /// The format with these fraction bits whose integer bits are nearest and that a word of `most` bits can have: what a misfit suggests.
+    /// The format with these fraction bits whose integer bits are nearest and that a word of `most`
+    /// bits can have: what a misfit suggests.
     pub fn within(self, most: i32) -> Format {
         let frac_bits = self.frac_bits.clamp(0, MAX_FRACTION_BITS);
-        Format { int_bits: self.int_bits.clamp(1 - frac_bits, most - frac_bits), frac_bits, ..self }
+        Format {
+            int_bits: self.int_bits.clamp(1 - frac_bits, most - frac_bits),
+            frac_bits,
+            ..self
+        }
     }
 
     /// The word that stands for 1, if the format holds it.
@@ -88,7 +115,13 @@ impl Format {
 
 impl fmt::Display for Format {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{}{}F{}", if self.signed { 'I' } else { 'U' }, self.int_bits, self.frac_bits)
+        write!(
+            f,
+            "{}{}F{}",
+            if self.signed { 'I' } else { 'U' },
+            self.int_bits,
+            self.frac_bits
+        )
     }
 }
 
@@ -96,7 +129,11 @@ impl FromStr for Format {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let shape = || format!("`{text}` is not a format: write U or I, integer bits, F, fraction bits, as in U3F13 or I10F6");
+        let shape = || {
+            format!(
+                "`{text}` is not a format: write U or I, integer bits, F, fraction bits, as in U3F13 or I10F6"
+            )
+        };
         let signed = match text.chars().next() {
             Some('I') => true,
             Some('U') => false,
@@ -107,7 +144,11 @@ impl FromStr for Format {
             Ok(number) if !digits.starts_with('+') => Ok(i32::from(number)),
             _ => Err(shape()),
         };
-        let format = Format { signed, int_bits: number(int_bits)?, frac_bits: number(frac_bits)? };
+        let format = Format {
+            signed,
+            int_bits: number(int_bits)?,
+            frac_bits: number(frac_bits)?,
+        };
         format.check(text)?;
         Ok(format)
     }
@@ -116,16 +157,23 @@ impl FromStr for Format {
 impl Format {
     fn check(self, text: &str) -> Result<(), String> {
         if !(0..=MAX_FRACTION_BITS).contains(&self.frac_bits) {
-            return Err(format!("`{text}` has {} fraction bits: 0 to {MAX_FRACTION_BITS} can be modelled", self.frac_bits));
+            return Err(format!(
+                "`{text}` has {} fraction bits: 0 to {MAX_FRACTION_BITS} can be modelled",
+                self.frac_bits
+            ));
         }
         if !(1..=MAX_WIDTH_BITS).contains(&self.width()) {
-            return Err(format!("`{text}` is {} bits wide: 1 to {MAX_WIDTH_BITS} can be modelled", self.width()));
+            return Err(format!(
+                "`{text}` is {} bits wide: 1 to {MAX_WIDTH_BITS} can be modelled",
+                self.width()
+            ));
         }
         Ok(())
     }
 }
 
-/// The shape of an exact result: how far it reaches above and below the binary point. It grows, it never loses.
+/// The shape of an exact result: how far it reaches above and below the binary point. It grows, it
+/// never loses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Exact {
     /// Bits that the magnitude needs before the binary point (may be negative).
@@ -138,23 +186,35 @@ impl Exact {
     /// The shape of a product.
     pub fn times(self, other: impl Into<Exact>) -> Exact {
         let other = other.into();
-        Exact { int_bits: self.int_bits + other.int_bits, frac_bits: self.frac_bits + other.frac_bits }
+        Exact {
+            int_bits: self.int_bits + other.int_bits,
+            frac_bits: self.frac_bits + other.frac_bits,
+        }
     }
 
     /// The shape of a sum or difference.
     pub fn plus(self, other: impl Into<Exact>) -> Exact {
         let other = other.into();
-        Exact { int_bits: self.int_bits.max(other.int_bits) + 1, frac_bits: self.frac_bits.max(other.frac_bits) }
+        Exact {
+            int_bits: self.int_bits.max(other.int_bits) + 1,
+            frac_bits: self.frac_bits.max(other.frac_bits),
+        }
     }
 
     /// The shape of twice the value, in the same places.
     pub fn doubled(self) -> Exact {
-        Exact { int_bits: self.int_bits + 1, ..self }
+        Exact {
+            int_bits: self.int_bits + 1,
+            ..self
+        }
     }
 
     /// The shape of the same value times 2^`places`, by wiring alone.
     pub fn scaled(self, places: i32) -> Exact {
-        Exact { int_bits: self.int_bits + places, frac_bits: self.frac_bits - places }
+        Exact {
+            int_bits: self.int_bits + places,
+            frac_bits: self.frac_bits - places,
+        }
     }
 
     /// Bits of the magnitude.
@@ -165,7 +225,10 @@ impl Exact {
 
 impl From<Format> for Exact {
     fn from(format: Format) -> Exact {
-        Exact { int_bits: format.magnitude_bits() - format.frac_bits, frac_bits: format.frac_bits }
+        Exact {
+            int_bits: format.magnitude_bits() - format.frac_bits,
+            frac_bits: format.frac_bits,
+        }
     }
 }
 
@@ -221,7 +284,11 @@ pub struct Word {
 impl Word {
     /// A word with the default rounding and overflow: nearest, saturate.
     pub const fn new(format: Format) -> Self {
-        Word { format, round: Rounding::Nearest, overflow: Overflow::Saturate }
+        Word {
+            format,
+            round: Rounding::Nearest,
+            overflow: Overflow::Saturate,
+        }
     }
 
     /// The same word, rounded otherwise.
@@ -245,7 +312,8 @@ impl fmt::Display for Word {
 #[derive(Serialize, Deserialize, JsonSchema)]
 #[serde(untagged)]
 enum WordText {
-    /// A format with the default rounding (nearest) and overflow (saturate), such as `U3F13`, `I10F6`, `U-2F14`.
+    /// A format with the default rounding (nearest) and overflow (saturate), such as `U3F13`,
+    /// `I10F6`, `U-2F14`.
     Short(#[schemars(regex(pattern = r"^[UI]-?\d+F\d+$"))] String),
     /// A format with its rounding and overflow.
     Long {
@@ -264,7 +332,11 @@ impl Serialize for Word {
         let text = if *self == Word::new(self.format) {
             WordText::Short(format)
         } else {
-            WordText::Long { format, round: self.round, overflow: self.overflow }
+            WordText::Long {
+                format,
+                round: self.round,
+                overflow: self.overflow,
+            }
         };
         text.serialize(serializer)
     }
@@ -274,10 +346,18 @@ impl<'de> Deserialize<'de> for Word {
     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let (format, round, overflow) = match WordText::deserialize(deserializer)? {
             WordText::Short(format) => (format, Rounding::default(), Overflow::default()),
-            WordText::Long { format, round, overflow } => (format, round, overflow),
+            WordText::Long {
+                format,
+                round,
+                overflow,
+            } => (format, round, overflow),
         };
         let format = format.parse().map_err(serde::de::Error::custom)?;
-        Ok(Word { format, round, overflow })
+        Ok(Word {
+            format,
+            round,
+            overflow,
+        })
     }
 }
 

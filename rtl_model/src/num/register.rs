@@ -1,8 +1,8 @@
 //! Register: a word that is added to again and again, with an adder as wide as itself that wraps.
 //!
-//! The word is kept at the top of a 64-bit host word, so that the host's own wrapping is the register's.
-//! Its adds are exact modulo 2^width: a sum reached step by step equals the same sum in closed form, which is what
-//! lets the simulator enter a row in the middle.
+//! The word is kept at the top of a 64-bit host word, so that the host's own wrapping is the
+//! register's. Its adds are exact modulo 2^width: a sum reached step by step equals the same sum in
+//! closed form, which is what lets the simulator enter a row in the middle.
 //!
 //! Law: `stepping_equals_the_closed_form` (unit `raster`).
 
@@ -20,7 +20,9 @@ pub type Held = i64;
 impl Register {
     /// A register that holds `word`.
     pub fn new(word: Word) -> Self {
-        Register { unused: (64 - word.format.width()).clamp(0, 63) as u32 }
+        Register {
+            unused: (64 - word.format.width()).clamp(0, 63) as u32,
+        }
     }
 
     /// Loads a value that lacks so many of the register's fraction bits.

@@ -32,7 +32,11 @@ fn every_valid_format_reads_back_what_it_writes() {
     for frac_bits in 0..=MAX_FRACTION_BITS {
         for width in 1..=MAX_WIDTH_BITS {
             for signed in [false, true] {
-                let format = Format { signed, int_bits: width - frac_bits, frac_bits };
+                let format = Format {
+                    signed,
+                    int_bits: width - frac_bits,
+                    frac_bits,
+                };
                 assert_eq!(format.to_string().parse(), Ok(format));
             }
         }
@@ -50,26 +54,59 @@ fn negative_integer_bits_are_places_that_are_never_there() {
 
 #[test]
 fn formats_that_cannot_be_built_are_refused_in_a_sentence() {
-    assert_eq!(refusal("U0F0"), "`U0F0` is 0 bits wide: 1 to 48 can be modelled");
-    assert_eq!(refusal("I0F0"), "`I0F0` is 0 bits wide: 1 to 48 can be modelled");
-    assert_eq!(refusal("I99F3"), "`I99F3` is 102 bits wide: 1 to 48 can be modelled");
-    assert_eq!(refusal("U33F16"), "`U33F16` is 49 bits wide: 1 to 48 can be modelled");
-    assert_eq!(refusal("U-20F63"), "`U-20F63` has 63 fraction bits: 0 to 62 can be modelled");
-    assert_eq!(refusal("U-5F5"), "`U-5F5` is 0 bits wide: 1 to 48 can be modelled");
-    assert_eq!(refusal("U3F-1"), "`U3F-1` has -1 fraction bits: 0 to 62 can be modelled");
+    assert_eq!(
+        refusal("U0F0"),
+        "`U0F0` is 0 bits wide: 1 to 48 can be modelled"
+    );
+    assert_eq!(
+        refusal("I0F0"),
+        "`I0F0` is 0 bits wide: 1 to 48 can be modelled"
+    );
+    assert_eq!(
+        refusal("I99F3"),
+        "`I99F3` is 102 bits wide: 1 to 48 can be modelled"
+    );
+    assert_eq!(
+        refusal("U33F16"),
+        "`U33F16` is 49 bits wide: 1 to 48 can be modelled"
+    );
+    assert_eq!(
+        refusal("U-20F63"),
+        "`U-20F63` has 63 fraction bits: 0 to 62 can be modelled"
+    );
+    assert_eq!(
+        refusal("U-5F5"),
+        "`U-5F5` is 0 bits wide: 1 to 48 can be modelled"
+    );
+    assert_eq!(
+        refusal("U3F-1"),
+        "`U3F-1` has -1 fraction bits: 0 to 62 can be modelled"
+    );
 }
 
 #[test]
 fn what_is_no_format_is_refused_with_an_example() {
     for text in [
-        "", "I1", "F3", "U3", "u3f13", "u3F13", "i3F13", "U3f13", "i10F6", "3F13", "UF", "U3F", "UF3", "Ü3F1", "U３F1", "U3F1é", "€",
-        " U3F13", "U3F13 ",
+        "", "I1", "F3", "U3", "u3f13", "u3F13", "i3F13", "U3f13", "i10F6", "3F13", "UF", "U3F",
+        "UF3", "Ü3F1", "U３F1", "U3F1é", "€", " U3F13", "U3F13 ",
     ] {
         let sentence = refusal(text);
-        assert!(sentence.starts_with(&format!("`{text}` is not a format")), "{sentence}");
+        assert!(
+            sentence.starts_with(&format!("`{text}` is not a format")),
+            "{sentence}"
+        );
         assert!(sentence.contains("U3F13"), "{sentence}");
     }
-    for text in ["U99999999999999999999F3", "I3F99999999999999999999", "U40000F1", "U+3F13", "U3F+13", "U3.0F2", "U3F1F1", "U--2F14"] {
+    for text in [
+        "U99999999999999999999F3",
+        "I3F99999999999999999999",
+        "U40000F1",
+        "U+3F13",
+        "U3F+13",
+        "U3.0F2",
+        "U3F1F1",
+        "U--2F14",
+    ] {
         assert!(refusal(text).contains("is not a format"), "{text}");
     }
 }
@@ -79,10 +116,27 @@ fn a_word_reads_back_in_both_of_its_spellings() {
     let plain: Word = serde_json::from_str("\"I10F6\"").unwrap();
     assert_eq!(plain, Word::new(Format::signed(10, 6)));
     assert_eq!(serde_json::to_string(&plain).unwrap(), "\"I10F6\"");
-    let long: Word = serde_json::from_str(r#"{"format": "U3F13", "round": "nearest-even", "overflow": "wrap"}"#).unwrap();
-    assert_eq!(long, Word { format: Format::unsigned(3, 13), round: Rounding::NearestEven, overflow: Overflow::Wrap });
-    assert_eq!(serde_json::from_str::<Word>(&serde_json::to_string(&long).unwrap()).unwrap(), long);
-    assert!(serde_json::from_str::<Word>("\"U0F0\"").unwrap_err().to_string().contains("0 bits wide"));
+    let long: Word =
+        serde_json::from_str(r#"{"format": "U3F13", "round": "nearest-even", "overflow": "wrap"}"#)
+            .unwrap();
+    assert_eq!(
+        long,
+        Word {
+            format: Format::unsigned(3, 13),
+            round: Rounding::NearestEven,
+            overflow: Overflow::Wrap
+        }
+    );
+    assert_eq!(
+        serde_json::from_str::<Word>(&serde_json::to_string(&long).unwrap()).unwrap(),
+        long
+    );
+    assert!(
+        serde_json::from_str::<Word>("\"U0F0\"")
+            .unwrap_err()
+            .to_string()
+            .contains("0 bits wide")
+    );
 }
 
 /// `value · 2^(frac_bits)` of a word that has fewer places.

@@ -1,8 +1,10 @@
 //! Words: eight words of at most 32 bits side by side, and the exact results that they make.
 //!
-//! Ports and multiplier operands are such words (elaboration sees to it). A product of two [`Words`] is [`Exacts`], of at most
-//! 62 bits; a fit leads back. Nothing here is hardware: it is how the simulator keeps a host's vector units busy, at half the
-//! width of [`super::Lanes`]. [`PlainWords`] and [`Plain`] are what every operation means; `kernels/host.rs` has the same in vector registers.
+//! Ports and multiplier operands are such words (elaboration sees to it). A product of two
+//! [`Words`] is [`Exacts`], of at most 62 bits; a fit leads back. Nothing here is hardware: it is
+//! how the simulator keeps a host's vector units busy, at half the width of [`super::Lanes`].
+//! [`PlainWords`] and [`Plain`] are what every operation means; `kernels/host.rs` has the same in
+//! vector registers.
 //!
 //! Law: `vector_words_equal_plain_words`.
 
@@ -11,7 +13,8 @@ use super::lanes::{Plain, two};
 use std::fmt::Debug;
 use std::ops::{Add, BitAnd, BitOr, Mul, Neg, Sub};
 
-/// One signal of eight items, words of at most 32 bits. A condition is a signal of words −1 (holds) and 0.
+/// One signal of eight items, words of at most 32 bits. A condition is a signal of words −1 (holds)
+/// and 0.
 pub trait Words:
     Copy
     + Debug
@@ -71,7 +74,9 @@ pub trait Words:
     /// The product of a row of constants with a vector.
     #[inline(always)]
     fn dot(row: [i64; 3], vector: [Self; 3]) -> Self::Exact {
-        Self::splat(row[0]) * vector[0] + Self::splat(row[1]) * vector[1] + Self::splat(row[2]) * vector[2]
+        Self::splat(row[0]) * vector[0]
+            + Self::splat(row[1]) * vector[1]
+            + Self::splat(row[2]) * vector[2]
     }
 
     /// Where a lane is not above 0.
@@ -87,8 +92,11 @@ pub trait Words:
     }
 }
 
-/// Exact results of eight items: sums and products of [`Words`], of at most 62 bits, before they are fitted.
-pub trait Exacts: Copy + Debug + Add<Output = Self> + Sub<Output = Self> + Neg<Output = Self> + BitOr<Output = Self> {
+/// Exact results of eight items: sums and products of [`Words`], of at most 62 bits, before they
+/// are fitted.
+pub trait Exacts:
+    Copy + Debug + Add<Output = Self> + Sub<Output = Self> + Neg<Output = Self> + BitOr<Output = Self>
+{
     /// The words that they are made of and become.
     type Words: Words<Exact = Self>;
 
@@ -124,7 +132,8 @@ pub trait Exacts: Copy + Debug + Add<Output = Self> + Sub<Output = Self> + Neg<O
     fn cut(self, by: u32) -> Self::Words;
     /// Each lane shifted right by the same amount, 32 to 63, which leaves a word.
     fn cut_deep(self, by: u32) -> Self::Words;
-    /// Each lane shifted right by its own amount: if all are 0 to 63 and every lane then is a word of 31 bits.
+    /// Each lane shifted right by its own amount: if all are 0 to 63 and every lane then is a word
+    /// of 31 bits.
     fn cut_by(self, by: Self::Words) -> Option<Self::Words>;
 }
 
@@ -165,7 +174,10 @@ impl Words for PlainWords {
     }
     #[inline]
     fn splat(word: i64) -> Self {
-        debug_assert!(word == i64::from(word as i32), "a constant is wider than 32 bits");
+        debug_assert!(
+            word == i64::from(word as i32),
+            "a constant is wider than 32 bits"
+        );
         PlainWords([word as i32; LANES])
     }
     #[inline]
@@ -222,7 +234,10 @@ impl Words for PlainWords {
     }
     #[inline]
     fn signs(self) -> u8 {
-        self.0.iter().rev().fold(0, |bits, &v| bits << 1 | u8::from(v < 0))
+        self.0
+            .iter()
+            .rev()
+            .fold(0, |bits, &v| bits << 1 | u8::from(v < 0))
     }
     #[inline]
     fn pick(self, lanes: Self) -> Self {

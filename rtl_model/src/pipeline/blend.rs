@@ -23,8 +23,8 @@ impl Blender {
         Blender([0, 1].map(|nth| resolve.programs()[nth].batch()))
     }
 
-    /// Blends the layers of up to [`BATCH`](crate::graph::BATCH) pixels, which stand in depth order, over the background; the channels of each
-    /// row of pixels.
+    /// Blends the layers of up to [`BATCH`](crate::graph::BATCH) pixels, which stand in depth
+    /// order, over the background; the channels of each row of pixels.
     pub fn blend<H: Host, P: Probe>(
         &mut self,
         host: H,
@@ -45,7 +45,12 @@ impl Blender {
             let (mut light, mut live) = ([[[0; LANES]; ROWS]; 4], [0; ROWS]);
             for (item, layers) in pixels.iter().enumerate() {
                 let (row, lane) = (item / LANES % ROWS, item % LANES);
-                if let Some(Layer { colour: [r, g, b], opacity, .. }) = layers.get(nth) {
+                if let Some(Layer {
+                    colour: [r, g, b],
+                    opacity,
+                    ..
+                }) = layers.get(nth)
+                {
                     for (input, word) in [*r, *g, *b, *opacity].into_iter().enumerate() {
                         light[input][row][lane] = word as i32;
                     }
@@ -55,7 +60,12 @@ impl Blender {
             for (input, words) in light.iter().enumerate() {
                 layer.set(layered, 4 + input, &words[..rows]);
             }
-            host.run(Run { program: layered, batch: layer, live: &live[..rows], probe: &mut *probe });
+            host.run(Run {
+                program: layered,
+                batch: layer,
+                live: &live[..rows],
+                probe: &mut *probe,
+            });
             for kept in 0..4 {
                 layer.carry(layered.output(kept), rows, layered.input(kept), layer);
             }
@@ -64,8 +74,15 @@ impl Blender {
             layer.carry(layered.input(kept), rows, framed.input(kept), frame);
             frame.set(framed, 4 + kept, &[[word; LANES]; ROWS][..rows]);
         }
-        let live: [u8; ROWS] = std::array::from_fn(|row| ((1u32 << pixels.len().saturating_sub(row * LANES).min(LANES)) - 1) as u8);
-        host.run(Run { program: framed, batch: frame, live: &live[..rows], probe });
+        let live: [u8; ROWS] = std::array::from_fn(|row| {
+            ((1u32 << pixels.len().saturating_sub(row * LANES).min(LANES)) - 1) as u8
+        });
+        host.run(Run {
+            program: framed,
+            batch: frame,
+            live: &live[..rows],
+            probe,
+        });
         let mut words = [[[0; LANES]; ROWS]; 4];
         for (channel, words) in words.iter_mut().enumerate() {
             frame.words(framed, channel, &mut words[..rows]);

@@ -1,7 +1,8 @@
-//! Discs: `project` and `ellipse` of discs for the host, eight splats at a time in registers, where no probe observes them.
+//! Discs: `project` and `ellipse` of discs for the host, eight splats at a time in registers, where
+//! no probe observes them.
 //!
-//! Both are stated as graphs in their units, whose words and function units these are; a batch of those takes 1.8 times as many instructions
-//! a splat. Names and order are those of the graphs.
+//! Both are stated as graphs in their units, whose words and function units these are; a batch of
+//! those takes 1.8 times as many instructions a splat. Names and order are those of the graphs.
 //!
 //! Law: `discs_are_set_up_as_their_graphs_say`.
 
@@ -130,8 +131,13 @@ impl Discs {
         let variance = f(m.size_squared) + f(m.shape);
         let shape = align([2 * f(p.slope), 2 * f(m.tilt)]);
         let [position, eye] = [machine.splat.position, p.eye].map(f);
-        let [reciprocal] = point.reciprocals() else { unreachable!("project has one") };
-        let ([slope_reciprocal], [root, extent_root, ..]) = (disc.reciprocals(), disc.roots()) else { unreachable!("ellipse has these") };
+        let [reciprocal] = point.reciprocals() else {
+            unreachable!("project has one")
+        };
+        let ([slope_reciprocal], [root, extent_root, ..]) = (disc.reciprocals(), disc.roots())
+        else {
+            unreachable!("ellipse has these")
+        };
         let units = Units {
             reciprocal: reciprocal.clone(),
             root: root.clone(),
@@ -180,7 +186,11 @@ impl Discs {
                 scaled_radius: i64::from(f(p.focal) + f(machine.splat.radius)),
                 shape: [(2 * f(p.slope)) as u32 + shape[0], shape[0], shape[1]],
                 variance: align([variance, f(m.low_pass)]),
-                determinant: align([2 * f(m.area), f(m.low_pass) + f(m.variance), 2 * f(m.low_pass)]),
+                determinant: align([
+                    2 * f(m.area),
+                    f(m.low_pass) + f(m.variance),
+                    2 * f(m.low_pass),
+                ]),
                 edge: align([f(p.pixel), f(m.extent)]),
                 edge_frac_bits: f(p.pixel).max(f(m.extent)).max(1) as u32,
             },
@@ -191,11 +201,22 @@ impl Discs {
 impl Discs {
     /// Sets eight discs up. A lane that is culled carries harmless words from there on.
     #[inline(always)]
-    pub(super) fn set_up<W: Words>(&self, view: &View, size_px: [u32; 2], splats: &[Splat; LANES]) -> Made<W> {
+    pub(super) fn set_up<W: Words>(
+        &self,
+        view: &View,
+        size_px: [u32; 2],
+        splats: &[Splat; LANES],
+    ) -> Made<W> {
         // The first eight words of each record as they lie in memory: red comes along.
         let mut records = [W::splat(0); LANES];
         for (record, splat) in records.iter_mut().zip(splats) {
-            let Splat { position: [x, y, z], normal: [n, m, o], radius, rgb: [red, ..], .. } = *splat;
+            let Splat {
+                position: [x, y, z],
+                normal: [n, m, o],
+                radius,
+                rgb: [red, ..],
+                ..
+            } = *splat;
             *record = W::from_array([x, y, z, n, m, o, radius, red]);
         }
         let [x, y, z, n, m, o, radius, _] = W::transposed(records);
@@ -203,7 +224,11 @@ impl Discs {
         let normal = self.camera_normal(view, [n, m, o]);
         let (tilt, facing) = self.turn(point.slope, normal);
         let (zero, one) = (W::splat(0), W::splat(1));
-        let away = if view.cull_backfaces { facing.above(zero) } else { zero };
+        let away = if view.cull_backfaces {
+            facing.above(zero)
+        } else {
+            zero
+        };
         let blind = facing.is_zero() | radius.is_none();
         let facing = one.where_else(blind, facing);
         let radius = radius.max(one);
@@ -212,7 +237,14 @@ impl Discs {
         let shape = self.shape(point.slope, tilt);
         let footprint = self.footprint(view, size_px, point.pixel, sized, (shape, facing));
         Made {
-            culled: [point.near, point.outside, zero, away, blind | footprint.faint, footprint.outside],
+            culled: [
+                point.near,
+                point.outside,
+                zero,
+                away,
+                blind | footprint.faint,
+                footprint.outside,
+            ],
             pixel: point.pixel,
             depth: point.depth,
             conic: footprint.conic,
@@ -229,13 +261,19 @@ impl Discs {
         let (relative, exponent) = self.relative(view, position);
         let camera = three!(row => self.camera.words(W::dot(view.rotation[row], relative)));
         let forward = camera[2].max(W::splat(1));
-        let depth = self.depth.words_shifted(camera[2].max(W::splat(0)).exact(), -exponent);
+        let depth = self
+            .depth
+            .words_shifted(camera[2].max(W::splat(0)).exact(), -exponent);
         let near = depth.above(W::splat(view.near)).not();
         let limit = two!(axis => W::splat(view.guard[axis]) * forward);
-        let beyond = two!(axis => camera[axis].exact().abs().left(self.places.slope).above(limit[axis]));
+        let beyond =
+            two!(axis => camera[axis].exact().abs().left(self.places.slope).above(limit[axis]));
         let outside = beyond[0] | beyond[1];
 
-        let inverse_depth = self.units.reciprocal.lanes(forward.exact(), &mut Tap::new(&mut NoProbe));
+        let inverse_depth = self
+            .units
+            .reciprocal
+            .lanes(forward.exact(), &mut Tap::new(&mut NoProbe));
         let offset = two!(axis => W::splat(0).where_else(near | outside, camera[axis]));
         let slope = two!(axis => self.projected_slope.words_shifted(offset[axis] * inverse_depth.mantissa, -inverse_depth.exponent));
         let [of_screen, of_centre] = self.places.screen;
@@ -244,7 +282,16 @@ impl Discs {
             let screen = (W::splat(focal[axis]) * slope[axis]).left(of_screen);
             self.pixel.wide(screen + W::Exact::splat(centre[axis])).low()
         });
-        Projected { camera: [camera[0], camera[1], forward], exponent, depth, inverse_depth, slope, pixel, near, outside }
+        Projected {
+            camera: [camera[0], camera[1], forward],
+            exponent,
+            depth,
+            inverse_depth,
+            slope,
+            pixel,
+            near,
+            outside,
+        }
     }
 
     /// Position less eye, and the power of two that it is relative to.
@@ -256,7 +303,10 @@ impl Discs {
         // As many as those of the largest.
         let lead = (x | y | z | W::Exact::splat(1)).leading_zeros() - W::splat(2);
         let relative = three!(axis => self.relative.top(difference[axis].left_by(lead)));
-        (relative, W::splat(i64::from(PARTS_FRAC_BITS) - self.places.difference) - lead)
+        (
+            relative,
+            W::splat(i64::from(PARTS_FRAC_BITS) - self.places.difference) - lead,
+        )
     }
 
     /// From a shape's variance without size, and its faces, to a conic and a box.
@@ -269,22 +319,38 @@ impl Discs {
         (size_squared, exponent): ([W; 3], W),
         (shape, facing): ([W; 3], W),
     ) -> Footprint<W> {
-        let low_pass = self.low_pass.words_shifted(W::Exact::splat(view.low_pass), exponent + exponent);
+        let low_pass = self
+            .low_pass
+            .words_shifted(W::Exact::splat(view.low_pass), exponent + exponent);
         let variance = self.variance(shape, size_squared, low_pass);
         let area = self.area.words(size_squared[1] * facing);
         let determinant = self.determinant(area, variance, low_pass);
         let flat = W::Exact::splat(1).above(determinant);
 
-        let inverse_root = self.units.root.lanes(determinant.max(W::Exact::splat(1)), &mut Tap::new(&mut NoProbe));
+        let inverse_root = self.units.root.lanes(
+            determinant.max(W::Exact::splat(1)),
+            &mut Tap::new(&mut NoProbe),
+        );
         let conic = self.conic(variance, inverse_root, exponent);
-        let visibility = self.visibility.words_shifted(area.abs() * inverse_root.mantissa, -inverse_root.exponent);
-        let amplitude = self.amplitude.words(visibility * W::splat(self.inverse_two_pi));
+        let visibility = self
+            .visibility
+            .words_shifted(area.abs() * inverse_root.mantissa, -inverse_root.exponent);
+        let amplitude = self
+            .amplitude
+            .words(visibility * W::splat(self.inverse_two_pi));
         let dark = amplitude.is_none();
 
         let across = [variance[0], variance[2]];
         let [columns, rows] = two!(axis => self.side(view.cutoff, size_px[axis], pixel[axis], across[axis], exponent));
         let outside = columns[0].above(columns[1]) | rows[0].above(rows[1]);
-        Footprint { conic, amplitude, columns, rows, faint: flat | dark, outside }
+        Footprint {
+            conic,
+            amplitude,
+            columns,
+            rows,
+            faint: flat | dark,
+            outside,
+        }
     }
 
     #[inline(always)]
@@ -292,7 +358,8 @@ impl Discs {
         three!(row => self.normal.words(W::dot(view.rotation[row], normal)))
     }
 
-    /// The normal that fragments sum: towards the viewer where the machine turns it, so that a sheet's two sides do not cancel.
+    /// The normal that fragments sum: towards the viewer where the machine turns it, so that a
+    /// sheet's two sides do not cancel.
     #[inline(always)]
     fn seen_normal<W: Words>(&self, normal: [W; 3]) -> [W; 3] {
         let mut seen = normal;
@@ -322,10 +389,14 @@ impl Discs {
         let inverse_depth = point.inverse_depth;
         let power = inverse_depth.exponent - point.exponent + W::splat(floor) - lead;
         let exponent = (power + W::splat(1)).max(W::splat(0));
-        let size = self.size.words_shifted(mantissa * inverse_depth.mantissa, exponent - power);
+        let size = self
+            .size
+            .words_shifted(mantissa * inverse_depth.mantissa, exponent - power);
         let squared = self.size_squared.words(size * size);
         let squares = match (view.aspect, &self.stretched) {
-            (Some(aspect), Some(fit)) => three!(i => fit.words(squared * W::splat(aspect.squares[i]))),
+            (Some(aspect), Some(fit)) => {
+                three!(i => fit.words(squared * W::splat(aspect.squares[i])))
+            }
             _ => [squared; 3],
         };
         (squares, exponent)
@@ -346,13 +417,20 @@ impl Discs {
 
     /// V00', V01', V11'.
     #[inline(always)]
-    fn variance<W: Words>(&self, [xx, xy, yy]: [W; 3], size_squared: [W; 3], low_pass: W) -> [W; 3] {
+    fn variance<W: Words>(
+        &self,
+        [xx, xy, yy]: [W; 3],
+        size_squared: [W; 3],
+        low_pass: W,
+    ) -> [W; 3] {
         let [spread, filter] = self.places.variance;
         let low_pass = low_pass.exact().left(filter);
         [
-            self.variance.words((size_squared[0] * xx).left(spread) + low_pass),
+            self.variance
+                .words((size_squared[0] * xx).left(spread) + low_pass),
             self.variance_cross.words(size_squared[1] * xy),
-            self.variance.words((size_squared[2] * yy).left(spread) + low_pass),
+            self.variance
+                .words((size_squared[2] * yy).left(spread) + low_pass),
         ]
     }
 
@@ -360,13 +438,16 @@ impl Discs {
     fn determinant<W: Words>(&self, area: W, variance: [W; 3], low_pass: W) -> W::Exact {
         let [squares, filtered, filters] = self.places.determinant;
         let trace = variance[0] + variance[2];
-        let exact = (low_pass * trace).left(filtered) - (low_pass * low_pass).left(filters) + (area * area).left(squares);
+        let exact = (low_pass * trace).left(filtered) - (low_pass * low_pass).left(filters)
+            + (area * area).left(squares);
         self.determinant.wide(exact)
     }
 
     #[inline(always)]
     fn conic<W: Words>(&self, v: [W; 3], inverse_root: Scientific<W>, exponent: W) -> [W; 3] {
-        let inverse = self.inverse.words(inverse_root.mantissa * inverse_root.mantissa);
+        let inverse = self
+            .inverse
+            .words(inverse_root.mantissa * inverse_root.mantissa);
         let more = (exponent - inverse_root.exponent).left(1);
         [
             self.conic.words_shifted(v[2] * inverse, more),
@@ -375,11 +456,22 @@ impl Discs {
         ]
     }
 
-    /// First and last column, or row, clipped to the picture; the first lies behind the last where nothing is left.
+    /// First and last column, or row, clipped to the picture; the first lies behind the last where
+    /// nothing is left.
     #[inline(always)]
-    fn side<W: Words>(&self, cutoff: i64, pixels: u32, pixel: W, variance: W, exponent: W) -> [W; 2] {
+    fn side<W: Words>(
+        &self,
+        cutoff: i64,
+        pixels: u32,
+        pixel: W,
+        variance: W,
+        exponent: W,
+    ) -> [W; 2] {
         let reach = (W::splat(cutoff) * variance).max(W::Exact::splat(1));
-        let (root, power) = self.units.extent_root.root_lanes(reach, &mut Tap::new(&mut NoProbe));
+        let (root, power) = self
+            .units
+            .extent_root
+            .root_lanes(reach, &mut Tap::new(&mut NoProbe));
         let extent = self.extent.words_shifted(root, -power - exponent);
         let [pixel_align, extent_align] = self.places.edge;
         let last_px = i64::from(pixels) - 1;
@@ -394,17 +486,36 @@ impl Discs {
     }
 
     #[inline(always)]
-    fn depth_slope<W: Words>(&self, view: &View, point: &Projected<W>, n: [W; 3], facing: W) -> [W; 2] {
-        let inverse = self.units.slope_reciprocal.lanes(facing.exact().abs(), &mut Tap::new(&mut NoProbe));
+    fn depth_slope<W: Words>(
+        &self,
+        view: &View,
+        point: &Projected<W>,
+        n: [W; 3],
+        facing: W,
+    ) -> [W; 2] {
+        let inverse = self
+            .units
+            .slope_reciprocal
+            .lanes(facing.exact().abs(), &mut Tap::new(&mut NoProbe));
         let scale = |inverse_focal: Scaled| {
-            let step = self.depth_step.words(point.camera[2] * W::splat(inverse_focal.mantissa));
+            let step = self
+                .depth_step
+                .words(point.camera[2] * W::splat(inverse_focal.mantissa));
             let scale = self.slope_scale.words(step * inverse.mantissa);
             let away = scale.where_else(W::splat(0).above(facing), -scale);
-            (away, W::splat(inverse_focal.places) - inverse.exponent - point.exponent)
+            (
+                away,
+                W::splat(inverse_focal.places) - inverse.exponent - point.exponent,
+            )
         };
         let across = scale(view.inverse_focals()[0]);
         // Of square pixels it is the same step.
-        let down = view.aspect.map_or(across, |aspect| scale(aspect.inverse_focal[1]));
-        [self.depth_slope.words_shifted(across.0 * n[0], across.1), self.depth_slope.words_shifted(down.0 * n[1], down.1)]
+        let down = view
+            .aspect
+            .map_or(across, |aspect| scale(aspect.inverse_focal[1]));
+        [
+            self.depth_slope.words_shifted(across.0 * n[0], across.1),
+            self.depth_slope.words_shifted(down.0 * n[1], down.1),
+        ]
     }
 }

@@ -1,4 +1,5 @@
-//! Elaborate: makes a machine that can draw of a description, or every misfit at once, in sentences.
+//! Elaborate: makes a machine that can draw of a description, or every misfit at once, in
+//! sentences.
 //!
 //! A description is checked once, as an RTL elaboration would; afterwards the datapath cannot fail.
 
@@ -55,7 +56,11 @@ impl Elaborated {
 
     /// Every reciprocal root, by the name of its unit and its own.
     pub fn roots(&self) -> [(&'static str, &ReciprocalRoot); 3] {
-        [("ellipse.root", self.ellipse.root()), ("ellipse.extent_root", self.ellipse.extent_root()), ("shade.root", self.shade.root())]
+        [
+            ("ellipse.root", self.ellipse.root()),
+            ("ellipse.extent_root", self.ellipse.extent_root()),
+            ("shade.root", self.shade.root()),
+        ]
     }
 
     /// |(a, b, 1)| of `ellipse`, `ellipse.ray_root`, if it sets ellipsoids up.
@@ -80,8 +85,18 @@ impl Elaborated {
 
     /// Registers of windows; none where fragments are grouped otherwise.
     pub fn windows(&self, frame: &Frame) -> Option<WindowRegisters> {
-        let Frame { z_threshold, coverage_threshold, .. } = *frame;
-        self.fragment.windows(frame.window.as_ref()?, FragmentRegisters { z_threshold, coverage_threshold })
+        let Frame {
+            z_threshold,
+            coverage_threshold,
+            ..
+        } = *frame;
+        self.fragment.windows(
+            frame.window.as_ref()?,
+            FragmentRegisters {
+                z_threshold,
+                coverage_threshold,
+            },
+        )
     }
 
     /// The table of e^(−r/2), `gauss.table`.
@@ -91,22 +106,35 @@ impl Elaborated {
 }
 
 impl Machine {
-    /// Checks the description and works out everything that does not change while it draws; or every misfit, a sentence each.
+    /// Checks the description and works out everything that does not change while it draws; or
+    /// every misfit, a sentence each.
     pub fn elaborate(&self) -> Result<Elaborated, Vec<String>> {
         let e = &mut Elaboration::default();
         check_splat(&self.splat, e);
         colour::declare(e, self);
-        let (project, ellipse) = (project::Project::new(e, self), ellipse::Ellipse::new(e, self));
-        let disc = &ellipse.datapath(ellipse.variant(self.ellipse.aspect.is_some(), None)).graph;
+        let (project, ellipse) = (
+            project::Project::new(e, self),
+            ellipse::Ellipse::new(e, self),
+        );
+        let disc = &ellipse
+            .datapath(ellipse.variant(self.ellipse.aspect.is_some(), None))
+            .graph;
         let elaborated = Elaborated {
-            discs: Discs::new(self, &e.signals, project.graph(), disc, ellipse.inverse_two_pi()),
+            discs: Discs::new(
+                self,
+                &e.signals,
+                project.graph(),
+                disc,
+                ellipse.inverse_two_pi(),
+            ),
             project,
             ellipse,
             sort: self.elaborate_sort(e),
             raster: raster::Raster::new(e, self),
             gauss: e.per_lane(|e| gauss::Gauss::new(e, self)),
             fragment: fragment::Fragment::new(e, self, raster::Raster::depth_exact(self)),
-            // Of windows a second one lights splats in setup, of two tile buffers one what a tile holds in the end.
+            // Of windows a second one lights splats in setup, of two tile buffers one what a tile
+            // holds in the end.
             shade: e.copies(self.shade_units(), |e| shade::Shade::new(e, self)),
             resolve: resolve::Resolve::new(e, self),
             emission: self.elaborate_emission(e),
@@ -115,7 +143,11 @@ impl Machine {
             signals: std::mem::take(&mut e.signals),
             parts: std::mem::take(&mut e.parts),
         };
-        if e.misfits.is_empty() { Ok(elaborated) } else { Err(std::mem::take(&mut e.misfits)) }
+        if e.misfits.is_empty() {
+            Ok(elaborated)
+        } else {
+            Err(std::mem::take(&mut e.misfits))
+        }
     }
 
     fn elaborate_sort(&self, e: &mut Elaboration) -> Option<Fit> {
@@ -133,14 +165,23 @@ impl Machine {
             // Sorters are a part of the microarchitecture.
             return Some(e.fit(unit::SORT, "key", sort.key, self.project.depth.into()));
         }
-        // One counts the next digit's values, one counts where the next entry of this digit's value goes, or sums up.
+        // One counts the next digit's values, one counts where the next entry of this digit's value
+        // goes, or sums up.
         e.adders(unit::SORT, 2, SORT_COUNT_BITS as i32);
-        // The digit of a pass is chosen from the key, for the entry that moves and for the one that is counted.
+        // The digit of a pass is chosen from the key, for the entry that moves and for the one that
+        // is counted.
         let key_bits = sort.key_bits() as i32;
         let digit_bits = sort.digit_bits.clamp(1, 16);
-        e.copies(2, |e| e.choice(unit::SORT, sort.passes(), digit_bits as i32));
+        e.copies(2, |e| {
+            e.choice(unit::SORT, sort.passes(), digit_bits as i32)
+        });
         // An entry, a splat's number and its key, is read, and is written.
-        e.copies(2, |e| e.part(unit::SORT, Operator::Register(SORT_COUNT_BITS as i32 + key_bits)));
+        e.copies(2, |e| {
+            e.part(
+                unit::SORT,
+                Operator::Register(SORT_COUNT_BITS as i32 + key_bits),
+            )
+        });
         Some(e.fit(unit::SORT, "key", sort.key, self.project.depth.into()))
     }
 
@@ -155,7 +196,11 @@ impl Machine {
                 "splat.rgb is {word}, {left} fraction bits finer than shade.premultiplied, which lights splats: {fits} would hold all of it"
             )
         });
-        if is_lit && left <= 31 { e.copies(3, |e| e.fit(unit::ELLIPSE, "emission", word, from)) } else { Fit::new(0, word, from) }
+        if is_lit && left <= 31 {
+            e.copies(3, |e| e.fit(unit::ELLIPSE, "emission", word, from))
+        } else {
+            Fit::new(0, word, from)
+        }
     }
 
     /// Longest way through each unit.

@@ -12,7 +12,10 @@ use crate::kernels::{Accumulator, Path, Queue, Queued, Short as ShortWeigh, Tile
 use crate::num::fit::Natural;
 use crate::num::{LANES, Lanes, Words};
 use crate::probe::{Probe, Ranges, Tap};
-use crate::records::{Attributes, Contribution, Decision, Layer, MAX_LAYERS, Outcomes, Premultiplied, Slot, TILE_AREA, TILE_PX, Weighed};
+use crate::records::{
+    Attributes, Contribution, Decision, Layer, MAX_LAYERS, Outcomes, Premultiplied, Slot,
+    TILE_AREA, TILE_PX, Weighed,
+};
 use crate::units::fragment::sheets::{SheetInput, SheetRegisters, has_stopped};
 use crate::units::fragment::window::{self, Cluster, Clusters, WindowRegisters};
 use crate::units::fragment::{self, FragmentRegisters};
@@ -22,7 +25,12 @@ use crate::work::Bins;
 use rayon::prelude::*;
 
 /// The second half: raster, gauss, fragment, shade and resolve.
-pub fn fill<P: Probe>(machine: &Elaborated, frame: &Frame, setup: &Setup, probe: &mut P) -> Drawing {
+pub fn fill<P: Probe>(
+    machine: &Elaborated,
+    frame: &Frame,
+    setup: &Setup,
+    probe: &mut P,
+) -> Drawing {
     let (true, Some(host)) = (P::QUICK, Vectorised::there()) else {
         return fill_as::<false, i64, P, _>(Plainly, machine, frame, setup, probe);
     };
@@ -48,12 +56,20 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
 ) -> Drawing {
     let highlights = machine.shade.highlights(&frame.lighting);
     let lights = shade::LightRegisters::of(frame, &highlights);
-    let registers = FragmentRegisters { z_threshold: frame.z_threshold, coverage_threshold: frame.coverage_threshold };
-    let sheets = frame.sheets.as_ref().map(|sheets| machine.fragment.sheets(sheets));
+    let registers = FragmentRegisters {
+        z_threshold: frame.z_threshold,
+        coverage_threshold: frame.coverage_threshold,
+    };
+    let sheets = frame
+        .sheets
+        .as_ref()
+        .map(|sheets| machine.fragment.sheets(sheets));
     let windows = machine.windows(frame);
     let is_short = SIMPLE_FITS
         && frame.window.is_none()
-        && machine.raster.is_short(machine.raster.cutoff(frame.view.cutoff))
+        && machine
+            .raster
+            .is_short(machine.raster.cutoff(frame.view.cutoff))
         && machine.gauss.kernel().is_narrow()
         && machine.fragment.is_depth_narrow();
     let is_lit_by_eight = H::VECTORISED
@@ -63,7 +79,9 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
         && machine.fragment.is_narrow()
         && lights.surroundings.is_none();
     let bins = bins(frame, setup);
-    let touched: Vec<usize> = (0..bins.tiles()).filter(|&tile| !bins.of(tile).is_empty()).collect();
+    let touched: Vec<usize> = (0..bins.tiles())
+        .filter(|&tile| !bins.of(tile).is_empty())
+        .collect();
     // One tile's fragments at a time, and one probe, for every run of tiles that a thread takes.
     let clusters = || windows.as_ref().map(|_| Clusters::default());
     let start = || Run {
@@ -86,11 +104,33 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
             is_short,
             is_lit_by_eight,
         };
-        let part =
-            Part { splats: bins.of(index), corner: [(index % bins.columns * TILE_PX) as u16, (index / bins.columns * TILE_PX) as u16] };
-        let Run { tile, queue, resolve, clusters, probe, .. } = &mut run;
+        let part = Part {
+            splats: bins.of(index),
+            corner: [
+                (index % bins.columns * TILE_PX) as u16,
+                (index / bins.columns * TILE_PX) as u16,
+            ],
+        };
+        let Run {
+            tile,
+            queue,
+            resolve,
+            clusters,
+            probe,
+            ..
+        } = &mut run;
         let (clusters, waiting) = (clusters.as_mut(), Waiting::default());
-        let resolved = host.run(FillTile::<SIMPLE_FITS, _, L, P> { host, shared, part, tile, queue, resolve, waiting, clusters, probe });
+        let resolved = host.run(FillTile::<SIMPLE_FITS, _, L, P> {
+            host,
+            shared,
+            part,
+            tile,
+            queue,
+            resolve,
+            waiting,
+            clusters,
+            probe,
+        });
         if let Some(ranges) = run.probe.resample(nth, touched.len()) {
             resample_tile(shared, part, ranges);
         }
@@ -102,13 +142,21 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
         run
     };
     let finish = |run: Run<L, P>| (run.done, run.probe);
-    // Tiles differ: so many runs that a thread which is free, or becomes so, finds another to begin with.
-    let longest = touched.len().div_ceil(RUNS_A_THREAD * rayon::current_num_threads());
+    // Tiles differ: so many runs that a thread which is free, or becomes so, finds another to begin
+    // with.
+    let longest = touched
+        .len()
+        .div_ceil(RUNS_A_THREAD * rayon::current_num_threads());
     let tiles = touched.par_iter().enumerate().with_max_len(longest.max(1));
     let runs: Vec<(Vec<Resolved>, P)> = tiles.fold(start, draw_tile).map(finish).collect();
-    let background = machine.resolve.one(&[], frame.background, &mut Tap::new(probe)).map(|word| word as u32);
+    let background = machine
+        .resolve
+        .one(&[], frame.background, &mut Tap::new(probe))
+        .map(|word| word as u32);
     if let Some(ranges) = probe.resample(0, 1) {
-        machine.resolve.one(&[], frame.background, &mut Tap::new(ranges));
+        machine
+            .resolve
+            .one(&[], frame.background, &mut Tap::new(ranges));
     }
     let pixels = frame.width as usize * frame.height as usize;
     let mut drawing = Drawing {
@@ -203,7 +251,12 @@ impl<'a> Drawn<'a> {
             light = emission.light;
         }
         let [r, g, b] = light;
-        Drawn { attributes: [1, r, g, b, own.opacity, n, m, o], material: own.material, entry, record }
+        Drawn {
+            attributes: [1, r, g, b, own.opacity, n, m, o],
+            material: own.material,
+            entry,
+            record,
+        }
     }
 }
 
@@ -225,9 +278,19 @@ struct Short<'a, W: Words> {
 
 impl<'a, W: Words> Short<'a, W> {
     #[inline(always)]
-    fn new(units: &'a Units, Shared { machine, frame, sheets, .. }: Shared) -> Self {
+    fn new(
+        units: &'a Units,
+        Shared {
+            machine,
+            frame,
+            sheets,
+            ..
+        }: Shared,
+    ) -> Self {
         Short {
-            cutoff: units.raster.short_cutoff(units.raster.cutoff(frame.view.cutoff)),
+            cutoff: units
+                .raster
+                .short_cutoff(units.raster.cutoff(frame.view.cutoff)),
             gauss: units.gauss.short(),
             depth: machine.fragment.short_depth(),
             below: W::splat(sheets.map_or(0, |registers| registers.sheets.least_weight.max(1) - 1)),
@@ -235,7 +298,8 @@ impl<'a, W: Words> Short<'a, W> {
     }
 }
 
-/// Pixels before they are resolved, and the layers of all, each pixel's in the order of their depths.
+/// Pixels before they are resolved, and the layers of all, each pixel's in the order of their
+/// depths.
 #[derive(Default)]
 struct Blends {
     /// A pixel, and where its layers begin.
@@ -245,7 +309,10 @@ struct Blends {
 
 impl Blends {
     fn of(&self, item: usize) -> &[Layer] {
-        let end = self.pixels.get(item + 1).map_or(self.layers.len(), |(_, next)| *next);
+        let end = self
+            .pixels
+            .get(item + 1)
+            .map_or(self.layers.len(), |(_, next)| *next);
         &self.layers[self.pixels[item].1..end]
     }
 }
@@ -261,7 +328,10 @@ impl Part<'_> {
     /// Column and row in the picture of one of the tile's pixels.
     pub fn pixel(&self, pixel: u8) -> [u32; 2] {
         let pixel = u32::from(pixel);
-        [u32::from(self.corner[0]) + pixel % TILE_PX as u32, u32::from(self.corner[1]) + pixel / TILE_PX as u32]
+        [
+            u32::from(self.corner[0]) + pixel % TILE_PX as u32,
+            u32::from(self.corner[1]) + pixel / TILE_PX as u32,
+        ]
     }
 }
 
@@ -283,7 +353,10 @@ fn resample_tile(shared: Shared, part: Part, probe: &mut Ranges) {
     let mut clusters = shared.windows.map(|_| Clusters::default());
     let (tile, queue, clusters) = (&mut Box::default(), &mut Box::default(), clusters.as_mut());
     let resolve = &mut Blender::new(&shared.machine.resolve);
-    let shared = Shared { is_lit_by_eight: false, ..shared };
+    let shared = Shared {
+        is_lit_by_eight: false,
+        ..shared
+    };
     plainly(FillTile::<false, Plainly, i64, Ranges> {
         host: Plainly,
         shared,
@@ -297,7 +370,9 @@ fn resample_tile(shared: Shared, part: Part, probe: &mut Ranges) {
     });
 }
 
-impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> Kernel for FillTile<'_, SIMPLE_FITS, H, L, P> {
+impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> Kernel
+    for FillTile<'_, SIMPLE_FITS, H, L, P>
+{
     type Output = Resolved;
 
     #[inline(always)]
@@ -306,15 +381,23 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> Kernel for Fill
         let mut outcomes = Outcomes::default();
         let mut span = raster::Span::default();
         let mut rows = ShortRows::default();
-        // Copies that nobody else can see, so that the host need not load their constants again and again.
+        // Copies that nobody else can see, so that the host need not load their constants again and
+        // again.
         let Elaborated { raster, gauss, .. } = self.shared.machine;
-        let units = &Units { raster: raster.clone(), gauss: gauss.kernel().clone() };
+        let units = &Units {
+            raster: raster.clone(),
+            gauss: gauss.kernel().clone(),
+        };
         let Shared { setup, frame, .. } = self.shared;
         let entries = self.part.splats;
         let records: Vec<&SetupRecord> = entries.iter().map(|&entry| setup.splat(entry)).collect();
         let mut later = &records[..];
-        for (splats, records) in entries.chunks(Self::AT_A_TIME).zip(records.chunks(Self::AT_A_TIME)) {
-            // Records lie scattered: those of the time after the next are on their way meanwhile, and so are the next one's splats.
+        for (splats, records) in entries
+            .chunks(Self::AT_A_TIME)
+            .zip(records.chunks(Self::AT_A_TIME))
+        {
+            // Records lie scattered: those of the time after the next are on their way meanwhile,
+            // and so are the next one's splats.
             later = later.get(Self::AT_A_TIME..).unwrap_or_default();
             let (next, after) = later.split_at(later.len().min(Self::AT_A_TIME));
             for record in next {
@@ -323,13 +406,21 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> Kernel for Fill
             for &record in &after[..after.len().min(Self::AT_A_TIME)] {
                 AnyLanes::soon(record);
             }
-            self.splats::<AnyLanes>(units, splats, records, (&mut span, &mut rows), &mut outcomes);
+            self.splats::<AnyLanes>(
+                units,
+                splats,
+                records,
+                (&mut span, &mut rows),
+                &mut outcomes,
+            );
         }
         self.resolve(outcomes)
     }
 }
 
-impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SIMPLE_FITS, H, L, P> {
+impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
+    FillTile<'_, SIMPLE_FITS, H, L, P>
+{
     /// Splats, and fragments, that are worked on side by side.
     const AT_A_TIME: usize = if P::TRANSFERS { 1 } else { LANES };
     /// Pixels that are resolved side by side.
@@ -350,18 +441,28 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
         let size_px = [frame.width, frame.height];
         let cutoff = raster.cutoff(frame.view.cutoff);
         // Beyond the last splat, the last again: a lane that nobody looks at.
-        let record: [&SetupRecord; LANES] = std::array::from_fn(|lane| records[lane.min(records.len() - 1)]);
+        let record: [&SetupRecord; LANES] =
+            std::array::from_fn(|lane| records[lane.min(records.len() - 1)]);
         let inputs = record.map(|splat| &splat.raster);
         let tap = &mut Tap::new(&mut *self.probe).first(splats.len());
-        let is_short = SIMPLE_FITS && !P::WORDS && !P::DECISIONS && !P::WORK && self.shared.is_short;
+        let is_short =
+            SIMPLE_FITS && !P::WORDS && !P::DECISIONS && !P::WORK && self.shared.is_short;
         let short_walks = if is_short {
-            let (walks, held) = raster.enter_short::<V, P>(size_px, self.part.corner, &inputs, cutoff, tap);
+            let (walks, held) =
+                raster.enter_short::<V, P>(size_px, self.part.corner, &inputs, cutoff, tap);
             Some((walks, held, Short::<V::Words>::new(units, self.shared)))
         } else {
             None
         };
         let mut wide_walks = None;
-        let drawn: [Drawn; LANES] = std::array::from_fn(|lane| Drawn::new(setup, frame, record[lane], splats[lane.min(splats.len() - 1)]));
+        let drawn: [Drawn; LANES] = std::array::from_fn(|lane| {
+            Drawn::new(
+                setup,
+                frame,
+                record[lane],
+                splats[lane.min(splats.len() - 1)],
+            )
+        });
         let mut lane = 0;
         while lane < splats.len().min(LANES) {
             // Asked before the bits, so that it is not compiled where it is never so.
@@ -369,7 +470,15 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                 let first = lane;
                 while lane < splats.len()
                     && held & 1 << lane != 0
-                    && raster.short_rows::<V, P>(size_px, walks, lane, inputs[lane], cutoff, rows, &mut Tap::new(&mut *self.probe))
+                    && raster.short_rows::<V, P>(
+                        size_px,
+                        walks,
+                        lane,
+                        inputs[lane],
+                        cutoff,
+                        rows,
+                        &mut Tap::new(&mut *self.probe),
+                    )
                 {
                     self.weigh::<V::Words>(units, short, walks, lane, rows, record[lane].amplitude);
                     lane += 1;
@@ -404,18 +513,38 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
         }
     }
 
-    /// Raster and gauss in words of 32 bits, with nobody watching: queues the fragments of one of eight splats.
+    /// Raster and gauss in words of 32 bits, with nobody watching: queues the fragments of one of
+    /// eight splats.
     #[inline(always)]
-    fn weigh<W: Words>(&mut self, units: &Units, short: &Short<W>, walks: &ShortWalks, lane: usize, rows: &ShortRows, amplitude: i32) {
-        let Short { cutoff, gauss, depth: depths, below } = *short;
-        let (amplitude, own) = (W::splat(amplitude.into()), W::splat((lane as i64) << TILE_AREA.ilog2()));
+    fn weigh<W: Words>(
+        &mut self,
+        units: &Units,
+        short: &Short<W>,
+        walks: &ShortWalks,
+        lane: usize,
+        rows: &ShortRows,
+        amplitude: i32,
+    ) {
+        let Short {
+            cutoff,
+            gauss,
+            depth: depths,
+            below,
+        } = *short;
+        let (amplitude, own) = (
+            W::splat(amplitude.into()),
+            W::splat((lane as i64) << TILE_AREA.ilog2()),
+        );
         for shape in Shape::of(walks.columns(lane)) {
             let mut blocks = units.raster.blocks(walks, lane, rows, shape);
             loop {
                 let [radial, depth] = units.raster.short_fragments(walks, lane, &blocks, cutoff);
                 let weight = gauss.weight(radial, amplitude);
                 let depth = depths.words(depth.max(W::splat(0)));
-                self.queue.push([weight, depth, blocks.pixels() | own], blocks.inside(weight.above(below)));
+                self.queue.push(
+                    [weight, depth, blocks.pixels() | own],
+                    blocks.inside(weight.above(below)),
+                );
                 if !blocks.go_on() {
                     break;
                 }
@@ -426,14 +555,41 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
     /// Fragment: all that are queued.
     #[inline(always)]
     fn add_up<V: Lanes>(&mut self, drawn: &[Drawn; LANES], outcomes: &mut Outcomes) {
-        let Shared { machine, registers, sheets, .. } = self.shared;
-        let merges = &mut Merges { host: self.host, shared: self.shared, part: self.part, waiting: &mut self.waiting };
-        let (tile, queue, tap) = (&mut *self.tile, &mut *self.queue, &mut Tap::new(&mut *self.probe));
+        let Shared {
+            machine,
+            registers,
+            sheets,
+            ..
+        } = self.shared;
+        let merges = &mut Merges {
+            host: self.host,
+            shared: self.shared,
+            part: self.part,
+            waiting: &mut self.waiting,
+        };
+        let (tile, queue, tap) = (
+            &mut *self.tile,
+            &mut *self.queue,
+            &mut Tap::new(&mut *self.probe),
+        );
         if let Some(registers) = sheets {
             for nth in 0..queue.len() {
-                let Queued { weight, pixel, lane, .. } = queue.get(nth);
+                let Queued {
+                    weight,
+                    pixel,
+                    lane,
+                    ..
+                } = queue.get(nth);
                 let (weight, drawn) = (weight.into(), &drawn[lane]);
-                let decision = self.host.run(ToSheet::<SIMPLE_FITS, L, P> { machine, tile, pixel, weight, drawn, registers, tap });
+                let decision = self.host.run(ToSheet::<SIMPLE_FITS, L, P> {
+                    machine,
+                    tile,
+                    pixel,
+                    weight,
+                    drawn,
+                    registers,
+                    tap,
+                });
                 if !matches!(decision, Decision::Accumulated(_)) {
                     outcomes.count(decision);
                 }
@@ -441,10 +597,26 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
             return queue.clear();
         }
         for nth in 0..queue.len() {
-            let Queued { weight, depth, pixel, lane } = queue.get(nth);
-            let Drawn { attributes, material, .. } = &drawn[lane];
-            let input = fragment::Input { weight: weight.into(), depth: depth.into(), attributes, material };
-            let decision = machine.fragment.contribute::<Path<SIMPLE_FITS, V, L>, P>(tile, pixel, input, &registers, merges, tap);
+            let Queued {
+                weight,
+                depth,
+                pixel,
+                lane,
+            } = queue.get(nth);
+            let Drawn {
+                attributes,
+                material,
+                ..
+            } = &drawn[lane];
+            let input = fragment::Input {
+                weight: weight.into(),
+                depth: depth.into(),
+                attributes,
+                material,
+            };
+            let decision = machine.fragment.contribute::<Path<SIMPLE_FITS, V, L>, P>(
+                tile, pixel, input, &registers, merges, tap,
+            );
             if !matches!(decision, Decision::Accumulated(_)) {
                 outcomes.count(decision);
             }
@@ -463,20 +635,40 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
         first: usize,
         outcomes: &mut Outcomes,
     ) {
-        let Shared { machine, setup, lights, registers, sheets, windows, .. } = self.shared;
+        let Shared {
+            machine,
+            setup,
+            lights,
+            registers,
+            sheets,
+            windows,
+            ..
+        } = self.shared;
         let record = drawn.record;
         let tile = &mut *self.tile;
         let count = (span.fragments() - first).min(Self::AT_A_TIME);
         let tap = &mut Tap::new(&mut *self.probe).first(count);
         let places = span.places(first);
         let [radial, depth] = units.raster.fragments::<V>(walks, lane, span, places);
-        let [radial_index, weight] = units.gauss.lanes::<SIMPLE_FITS, V, P>(radial, i64::from(record.amplitude), tap);
+        let [radial_index, weight] =
+            units
+                .gauss
+                .lanes::<SIMPLE_FITS, V, P>(radial, i64::from(record.amplitude), tap);
         let pixels = walks.pixels(lane, places);
         if P::TRANSFERS {
             let [x, y] = self.part.pixel(pixels[0]);
             let splat = record.splat;
             let [radial, depth, weight] = [radial, depth, weight].map(|lanes| lanes.to_array()[0]);
-            tap.probe.weighed(x, y, &Weighed { splat, radial, depth, weight });
+            tap.probe.weighed(
+                x,
+                y,
+                &Weighed {
+                    splat,
+                    radial,
+                    depth,
+                    weight,
+                },
+            );
         }
         // A weight that rounds to 0 makes no fragment: its depth is nobody's.
         if P::WORDS {
@@ -484,7 +676,10 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
         }
         let least = sheets.map_or(1, |registers| registers.sheets.least_weight.max(1));
         let (radial_index, weight) = (radial_index.to_array(), weight.to_array());
-        let depth = machine.fragment.depth::<SIMPLE_FITS, V, P>(depth, tap).to_array();
+        let depth = machine
+            .fragment
+            .depth::<SIMPLE_FITS, V, P>(depth, tap)
+            .to_array();
         for lane in 0..count {
             if weight[lane] < least {
                 if P::WORK {
@@ -495,10 +690,15 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
             let pixel = pixels[lane];
             let had_stopped = P::WORK && sheets.is_some() && has_stopped(tile, pixel);
             let decision = match sheets {
-                None if let (Some(registers), Some(clusters)) = (windows, self.clusters.as_deref_mut()) => {
+                None if let (Some(registers), Some(clusters)) =
+                    (windows, self.clusters.as_deref_mut()) =>
+                {
                     let place = self.part.pixel(pixel);
-                    let shade = move |slot: &Slot, tap: &mut Tap<P>| shade_for_merge(machine, lights, slot, place, tap);
-                    let Emission { light, density } = setup.emission(drawn.entry).unwrap_or_default();
+                    let shade = move |slot: &Slot, tap: &mut Tap<P>| {
+                        shade_for_merge(machine, lights, slot, place, tap)
+                    };
+                    let Emission { light, density } =
+                        setup.emission(drawn.entry).unwrap_or_default();
                     let input = window::Input {
                         weight: weight[lane],
                         depth: depth[lane],
@@ -507,7 +707,15 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                         light,
                         density,
                     };
-                    to_window(machine, shade, (tile, clusters.of(pixel)), pixel, &input, registers, tap)
+                    to_window(
+                        machine,
+                        shade,
+                        (tile, clusters.of(pixel)),
+                        pixel,
+                        &input,
+                        registers,
+                        tap,
+                    )
                 }
                 None => {
                     let input = fragment::Input {
@@ -516,26 +724,41 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                         attributes: &drawn.attributes,
                         material: &drawn.material,
                     };
-                    let merges = &mut Merges { host: self.host, shared: self.shared, part: self.part, waiting: &mut self.waiting };
-                    machine.fragment.contribute::<Path<SIMPLE_FITS, V, L>, P>(tile, pixel, input, &registers, merges, tap)
+                    let merges = &mut Merges {
+                        host: self.host,
+                        shared: self.shared,
+                        part: self.part,
+                        waiting: &mut self.waiting,
+                    };
+                    machine.fragment.contribute::<Path<SIMPLE_FITS, V, L>, P>(
+                        tile, pixel, input, &registers, merges, tap,
+                    )
                 }
                 // A call of its own, so that surfaces pay nothing for it.
-                Some(registers) => {
-                    self.host.run(ToSheet::<SIMPLE_FITS, L, P> { machine, tile, pixel, weight: weight[lane], drawn, registers, tap })
-                }
+                Some(registers) => self.host.run(ToSheet::<SIMPLE_FITS, L, P> {
+                    machine,
+                    tile,
+                    pixel,
+                    weight: weight[lane],
+                    drawn,
+                    registers,
+                    tap,
+                }),
             };
             // Most are accumulated: those are what is left of the contributions in the end.
             if !matches!(decision, Decision::Accumulated(_)) {
                 outcomes.count(decision);
             }
             if P::WORK {
-                // A Gaussian that is blended at once takes no longer than one that is added; nor does what a stopped pixel drops.
+                // A Gaussian that is blended at once takes no longer than one that is added; nor
+                // does what a stopped pixel drops.
                 let each = sheets.is_some_and(|registers| registers.sheets.each == Each::Splat);
                 if sheets.is_some() && !had_stopped && has_stopped(tile, pixel) {
                     tap.probe.stopped(!each);
                 } else {
                     let plain = had_stopped || each && decision == Decision::Merged(0, 1);
-                    // Windows are formed before it is known that the deepest is hidden: that takes as long as a sum.
+                    // Windows are formed before it is known that the deepest is hidden: that takes
+                    // as long as a sum.
                     let is_formed = windows.is_some() && matches!(decision, Decision::Evicted(_));
                     let took_as_long_as = if plain {
                         Decision::Accumulated(0)
@@ -549,18 +772,25 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
             }
             if P::DECISIONS {
                 let [x, y] = self.part.pixel(pixel);
-                let contribution =
-                    Contribution { splat: record.splat, radial_index: radial_index[lane], weight: weight[lane], depth: depth[lane] };
+                let contribution = Contribution {
+                    splat: record.splat,
+                    radial_index: radial_index[lane],
+                    weight: weight[lane],
+                    depth: depth[lane],
+                };
                 tap.probe.contribution(x, y, &contribution, decision);
             }
         }
     }
 
-    /// Shades all fragments of the tile that are not shaded yet, eight at a time, where the host gains by it: in the order of pixels
-    /// and slots. None otherwise, and of sheets, which are not shaded here. A call of its own, so that its instructions can be counted.
+    /// Shades all fragments of the tile that are not shaded yet, eight at a time, where the host
+    /// gains by it: in the order of pixels and slots. None otherwise, and of sheets, which are not
+    /// shaded here. A call of its own, so that its instructions can be counted.
     #[inline(never)]
     fn shade_side_by_side(&mut self) -> Vec<shade::Output> {
-        let Shared { machine, lights, .. } = self.shared;
+        let Shared {
+            machine, lights, ..
+        } = self.shared;
         if !self.shared.is_lit_by_eight {
             return Vec::new();
         }
@@ -575,18 +805,45 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
         }
         let mut outputs = Vec::with_capacity(inputs.len().next_multiple_of(LANES));
         for inputs in inputs.chunks(LANES) {
-            outputs.extend(self.host.run(ShadeEight { shade: &machine.shade, lights, inputs, probe: &mut *self.probe }));
+            outputs.extend(self.host.run(ShadeEight {
+                shade: &machine.shade,
+                lights,
+                inputs,
+                probe: &mut *self.probe,
+            }));
         }
         outputs
     }
 
-    /// Shade and resolve: every pixel of the tile. A call of its own, so that its instructions can be counted.
+    /// Shade and resolve: every pixel of the tile. A call of its own, so that its instructions can
+    /// be counted.
     #[inline(never)]
     fn resolve(mut self, mut outcomes: Outcomes) -> Resolved {
-        let (Shared { machine, frame, lights, sheets, windows, .. }, corner) = (self.shared, self.part.corner);
-        let mut resolved = Resolved { corner, frame: [[0; 4]; TILE_AREA], covered: [false; TILE_AREA], outcomes };
+        let (
+            Shared {
+                machine,
+                frame,
+                lights,
+                sheets,
+                windows,
+                ..
+            },
+            corner,
+        ) = (self.shared, self.part.corner);
+        let mut resolved = Resolved {
+            corner,
+            frame: [[0; 4]; TILE_AREA],
+            covered: [false; TILE_AREA],
+            outcomes,
+        };
         let probe = &mut *self.probe;
-        Merges { host: self.host, shared: self.shared, part: self.part, waiting: &mut self.waiting }.end(self.tile, probe);
+        Merges {
+            host: self.host,
+            shared: self.shared,
+            part: self.part,
+            waiting: &mut self.waiting,
+        }
+        .end(self.tile, probe);
         let lit = self.shade_side_by_side();
         let mut lit = lit.iter();
         let mut all = 0;
@@ -606,10 +863,20 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
             // Of windows all slots are gone through, and what lies inside of another is shaded too.
             let mut formed = None;
             let live = match sheets {
-                None if let (Some(registers), Some(clusters)) = (windows, self.clusters.as_deref_mut()) => {
-                    let shade = |slot: &Slot, tap: &mut Tap<P>| shade_slot(machine, lights, slot, [x, y], tap);
+                None if let (Some(registers), Some(clusters)) =
+                    (windows, self.clusters.as_deref_mut()) =>
+                {
+                    let shade = |slot: &Slot, tap: &mut Tap<P>| {
+                        shade_slot(machine, lights, slot, [x, y], tap)
+                    };
                     let slots = &mut clusters.of(at)[..live];
-                    let (count, starts, shaded) = machine.fragment.layers_of_windows(slots, registers, &mut layers, shade, tap);
+                    let (count, starts, shaded) = machine.fragment.layers_of_windows(
+                        slots,
+                        registers,
+                        &mut layers,
+                        shade,
+                        tap,
+                    );
                     if P::DECISIONS {
                         tap.probe.windows(x, y, starts);
                     }
@@ -628,12 +895,15 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
                 }
                 Some(registers) => {
                     let composite = machine.fragment.composite(self.tile, at, registers, tap);
-                    layers[0] = composite.map_or(Layer::default(), |Premultiplied { colour, opacity }| Layer {
-                        merged: true,
-                        colour,
-                        opacity,
-                        ..Layer::default()
-                    });
+                    layers[0] =
+                        composite.map_or(Layer::default(), |Premultiplied { colour, opacity }| {
+                            Layer {
+                                merged: true,
+                                colour,
+                                opacity,
+                                ..Layer::default()
+                            }
+                        });
                     usize::from(composite.is_some())
                 }
             };
@@ -661,7 +931,10 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
         }
         self.blend(&mut blends, &mut resolved);
         outcomes.accumulated = all - outcomes.total();
-        Resolved { outcomes, ..resolved }
+        Resolved {
+            outcomes,
+            ..resolved
+        }
     }
 
     /// Resolve: frame words of up to a batch of pixels.
@@ -672,10 +945,17 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
         for (item, layers) in layers[..count].iter_mut().enumerate() {
             *layers = blends.of(item);
         }
-        let words = self.resolve.blend(self.host, &machine.resolve, &layers[..count], frame.background, &mut *self.probe);
+        let words = self.resolve.blend(
+            self.host,
+            &machine.resolve,
+            &layers[..count],
+            frame.background,
+            &mut *self.probe,
+        );
         for (item, &(pixel, _)) in blends.pixels.iter().enumerate() {
             let layers = layers[item];
-            let word = [0, 1, 2, 3].map(|channel| i64::from(words[channel][item / LANES][item % LANES]));
+            let word =
+                [0, 1, 2, 3].map(|channel| i64::from(words[channel][item / LANES][item % LANES]));
             if P::DECISIONS {
                 let [x, y] = self.part.pixel(pixel);
                 self.probe.resolved(x, y, layers, word);
@@ -688,7 +968,8 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> FillTile<'_, SI
     }
 }
 
-/// One contribution to a pixel of windows. A call of its own, so that other fragments pay nothing for it.
+/// One contribution to a pixel of windows. A call of its own, so that other fragments pay nothing
+/// for it.
 #[inline(never)]
 fn to_window<L: Accumulator, P: Probe>(
     machine: &Elaborated,
@@ -701,7 +982,9 @@ fn to_window<L: Accumulator, P: Probe>(
 ) -> Decision {
     tile.count(pixel);
     let live = tile.live(pixel);
-    let decision = machine.fragment.contribute_to_window(slots, live, input, registers, shade, tap);
+    let decision = machine
+        .fragment
+        .contribute_to_window(slots, live, input, registers, shade, tap);
     if let Decision::Inserted(_) = decision {
         tile.set_live(pixel, live as u8 + 1);
     }
@@ -719,18 +1002,39 @@ struct ToSheet<'a, 'p, const SIMPLE_FITS: bool, L, P> {
     tap: &'a mut Tap<'p, P>,
 }
 
-impl<const SIMPLE_FITS: bool, L: Accumulator, P: Probe> Kernel for ToSheet<'_, '_, SIMPLE_FITS, L, P> {
+impl<const SIMPLE_FITS: bool, L: Accumulator, P: Probe> Kernel
+    for ToSheet<'_, '_, SIMPLE_FITS, L, P>
+{
     type Output = Decision;
 
     #[inline(always)]
     fn run<V: Lanes>(self) -> Decision {
-        let ToSheet { machine, tile, pixel, weight, drawn, registers, tap } = self;
+        let ToSheet {
+            machine,
+            tile,
+            pixel,
+            weight,
+            drawn,
+            registers,
+            tap,
+        } = self;
         let splat = drawn.record.splat;
         let sheet = match registers.sheets.each {
             Each::Splat => splat,
-            Each::Slice => registers.sheets.numbers.get(splat as usize).copied().unwrap_or_default(),
+            Each::Slice => registers
+                .sheets
+                .numbers
+                .get(splat as usize)
+                .copied()
+                .unwrap_or_default(),
         };
-        let input = SheetInput { sheet, weight, attributes: &drawn.attributes };
-        machine.fragment.contribute_to_sheet::<Path<SIMPLE_FITS, V, L>, P>(tile, pixel, input, registers, tap)
+        let input = SheetInput {
+            sheet,
+            weight,
+            attributes: &drawn.attributes,
+        };
+        machine
+            .fragment
+            .contribute_to_sheet::<Path<SIMPLE_FITS, V, L>, P>(tile, pixel, input, registers, tap)
     }
 }

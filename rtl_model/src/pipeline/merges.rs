@@ -1,5 +1,6 @@
-//! Merges: the host shades the fragments of a tile that merge eight side by side, as soon as there are as many, and none before. Until then a
-//! slot is closed and has no colour yet: nobody asks for it before the pixel overflows again, or the tile is resolved.
+//! Merges: the host shades the fragments of a tile that merge eight side by side, as soon as there
+//! are as many, and none before. Until then a slot is closed and has no colour yet: nobody asks for
+//! it before the pixel overflows again, or the tile is resolved.
 //!
 //! Laws: `every_machine_that_elaborates_draws_every_frame`, `merges_that_wait_are_those_at_once`.
 
@@ -55,16 +56,39 @@ impl<H: Host> Merges<'_, H> {
     }
 
     #[inline(never)]
-    fn shade<A: Accumulator, P: Probe>(&mut self, unit: &Fragment, tile: &mut Tile<A>, probe: &mut P) {
-        let Waiting { len, pairs, unshaded: count, .. } = std::mem::take(self.waiting);
+    fn shade<A: Accumulator, P: Probe>(
+        &mut self,
+        unit: &Fragment,
+        tile: &mut Tile<A>,
+        probe: &mut P,
+    ) {
+        let Waiting {
+            len,
+            pairs,
+            unshaded: count,
+            ..
+        } = std::mem::take(self.waiting);
         let pairs = &pairs[..len];
         let mut inputs = [input_of(&Slot::default(), [0; 2]); LANES];
-        let unshaded = pairs.iter().flat_map(|pair| &pair.fragments).filter(|fragment| !fragment.shaded);
-        inputs.iter_mut().zip(unshaded).for_each(|(input, fragment)| *input = input_of(fragment, [0; 2]));
+        let unshaded = pairs
+            .iter()
+            .flat_map(|pair| &pair.fragments)
+            .filter(|fragment| !fragment.shaded);
+        inputs
+            .iter_mut()
+            .zip(unshaded)
+            .for_each(|(input, fragment)| *input = input_of(fragment, [0; 2]));
         let mut outputs = [shade::Output::default(); LANES];
         if count > 0 {
-            let Shared { machine, lights, .. } = self.shared;
-            outputs = self.host.run(ShadeEight { shade: &machine.shade, lights, inputs: &inputs[..count], probe: &mut *probe });
+            let Shared {
+                machine, lights, ..
+            } = self.shared;
+            outputs = self.host.run(ShadeEight {
+                shade: &machine.shade,
+                lights,
+                inputs: &inputs[..count],
+                probe: &mut *probe,
+            });
         }
         // Asked for in the order in which they were put in.
         let next = Cell::new(0);
@@ -72,8 +96,16 @@ impl<H: Host> Merges<'_, H> {
             let shade::Output { colour, opacity } = outputs[next.replace(next.get() + 1) % LANES];
             Premultiplied { colour, opacity }
         };
-        for Pair { at: (pixel, slot), fragments: [front, back] } in pairs {
-            tile.write(*pixel, *slot, PackedSlot::put(&unit.merged(front, back, light, &mut Tap::new(probe))));
+        for Pair {
+            at: (pixel, slot),
+            fragments: [front, back],
+        } in pairs
+        {
+            tile.write(
+                *pixel,
+                *slot,
+                PackedSlot::put(&unit.merged(front, back, light, &mut Tap::new(probe))),
+            );
         }
     }
 }
@@ -85,18 +117,39 @@ impl<A: Accumulator, H: Host, P: Probe> Merging<A, P> for Merges<'_, H> {
         }
     }
 
-    fn merge(&mut self, unit: &Fragment, tile: &mut Tile<A>, at: (u8, usize), pair: &[Slot; 2], probe: &mut P) {
+    fn merge(
+        &mut self,
+        unit: &Fragment,
+        tile: &mut Tile<A>,
+        at: (u8, usize),
+        pair: &[Slot; 2],
+        probe: &mut P,
+    ) {
         let (pixel, slot) = at;
         if !self.may_wait::<P>() {
-            let Shared { machine, lights, .. } = self.shared;
+            let Shared {
+                machine, lights, ..
+            } = self.shared;
             let place = self.part.pixel(pixel);
-            let mut shade = |slot: &Slot, tap: &mut Tap<P>| shade_for_merge(machine, lights, slot, place, tap);
+            let mut shade =
+                |slot: &Slot, tap: &mut Tap<P>| shade_for_merge(machine, lights, slot, place, tap);
             return shade.merge(unit, tile, at, pair, probe);
         }
         let [front, _] = pair;
-        tile.write(pixel, slot, PackedSlot { key: front.depth as i32 | NO_MATCH, material: front.material, ..PackedSlot::default() });
+        tile.write(
+            pixel,
+            slot,
+            PackedSlot {
+                key: front.depth as i32 | NO_MATCH,
+                material: front.material,
+                ..PackedSlot::default()
+            },
+        );
         let waiting = &mut *self.waiting;
-        waiting.pairs[waiting.len % LANES] = Pair { at, fragments: *pair };
+        waiting.pairs[waiting.len % LANES] = Pair {
+            at,
+            fragments: *pair,
+        };
         waiting.len += 1;
         waiting.pixels[usize::from(pixel) / 64] |= 1 << (pixel % 64);
         waiting.unshaded += pair.iter().filter(|fragment| !fragment.shaded).count();

@@ -4,8 +4,9 @@
 //! splats ─► project ─► ellipse ─► raster ─► gauss ─► fragment ─► resolve ─► frame
 //!           └──── "setup" ────┘                        └► shade ◄┘
 //! ```
-//! The simulator draws tile by tile, whatever order the modelled machine has: a pixel's result depends on nothing but the
-//! order of its own contributions, which is the order of the splats. Tiles and blocks of splats are shared out to threads.
+//! The simulator draws tile by tile, whatever order the modelled machine has: a pixel's result
+//! depends on nothing but the order of its own contributions, which is the order of the splats.
+//! Tiles and blocks of splats are shared out to threads.
 //!
 //! Law: `threads_and_watchers_change_no_bit`.
 
@@ -80,7 +81,8 @@ pub fn draw<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> Dra
     fill(machine, frame, &setup, probe)
 }
 
-/// Draws a frame with no probe. Compiled here, once; what is generic is compiled again by each crate that calls it.
+/// Draws a frame with no probe. Compiled here, once; what is generic is compiled again by each
+/// crate that calls it.
 pub fn draw_unobserved(machine: &Elaborated, frame: &Frame) -> Drawing {
     fill_unobserved(machine, frame, &set_up_unobserved(machine, frame))
 }
@@ -110,32 +112,63 @@ pub fn set_up_measured(machine: &Elaborated, frame: &Frame, probe: &mut Composit
 }
 
 /// [`fill`], measured and recorded.
-pub fn fill_measured(machine: &Elaborated, frame: &Frame, setup: &Setup, probe: &mut Composite) -> Drawing {
+pub fn fill_measured(
+    machine: &Elaborated,
+    frame: &Frame,
+    setup: &Setup,
+    probe: &mut Composite,
+) -> Drawing {
     fill(machine, frame, setup, probe)
 }
 
 /// Draws a frame and tells an observer every decision, tile by tile.
-pub fn draw_with_decisions<'w>(machine: &Elaborated, frame: &Frame, observer: &mut dyn Observer<'w>) -> Drawing {
-    fill(machine, frame, &set_up_unobserved(machine, frame), &mut DynProbe::<false>::new(observer))
+pub fn draw_with_decisions<'w>(
+    machine: &Elaborated,
+    frame: &Frame,
+    observer: &mut dyn Observer<'w>,
+) -> Drawing {
+    fill(
+        machine,
+        frame,
+        &set_up_unobserved(machine, frame),
+        &mut DynProbe::<false>::new(observer),
+    )
 }
 
 /// Draws a frame and tells an observer everything, transfer by transfer.
-pub fn draw_observed<'w>(machine: &Elaborated, frame: &Frame, observer: &mut dyn Observer<'w>) -> Drawing {
+pub fn draw_observed<'w>(
+    machine: &Elaborated,
+    frame: &Frame,
+    observer: &mut dyn Observer<'w>,
+) -> Drawing {
     let setup = set_up_observed(machine, frame, observer);
     fill_observed(machine, frame, &setup, observer)
 }
 
 /// [`set_up`], telling an observer everything.
-pub fn set_up_observed<'w>(machine: &Elaborated, frame: &Frame, observer: &mut dyn Observer<'w>) -> Setup {
+pub fn set_up_observed<'w>(
+    machine: &Elaborated,
+    frame: &Frame,
+    observer: &mut dyn Observer<'w>,
+) -> Setup {
     set_up(machine, frame, &mut DynProbe::<true>::new(observer))
 }
 
 /// [`fill`], telling an observer everything.
-pub fn fill_observed<'w>(machine: &Elaborated, frame: &Frame, setup: &Setup, observer: &mut dyn Observer<'w>) -> Drawing {
+pub fn fill_observed<'w>(
+    machine: &Elaborated,
+    frame: &Frame,
+    setup: &Setup,
+    observer: &mut dyn Observer<'w>,
+) -> Drawing {
     fill(machine, frame, setup, &mut DynProbe::<true>::new(observer))
 }
 
 /// Does a probe's work: the branch that is not taken is not compiled either.
 fn run<P: Probe, K: Kernel>(kernel: K) -> K::Output {
-    if P::QUICK { vectorised(kernel) } else { plainly(kernel) }
+    if P::QUICK {
+        vectorised(kernel)
+    } else {
+        plainly(kernel)
+    }
 }

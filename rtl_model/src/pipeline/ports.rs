@@ -1,17 +1,20 @@
-//! Ports: what crosses the wires between units, field by field: the records that a trace holds and that a twin in hardware takes and gives.
+//! Ports: what crosses the wires between units, field by field: the records that a trace holds and
+//! that a twin in hardware takes and gives.
 //!
 //! ```text
 //! frame, lights, materials                          constants
 //! project.in ─► project.out ─► ellipse.in ─► ellipse.out ─► raster.in ─► raster.out ─► gauss.in ─► gauss.out ─► fragment.in ─► fragment.out
 //!                                                                 fragment.request ─► fragment.answer      fragment.held ─► resolve.in ─► resolve.out
 //! ```
-//! Ellipsoids bring their axes along, and may be lit before they are drawn (`ellipse.request`, `ellipse.answer`) and sorted by depth
-//! (`sort.in`, `sort.out`); where fragments are grouped by sheets, they have the number of one in the place of depth, normal and opacity.
-//! Where they are grouped by windows every splat is lit before it is drawn, a contribution brings its light and its density along, and
-//! what a pixel holds in the end are its layers, lit.
+//! Ellipsoids bring their axes along, and may be lit before they are drawn (`ellipse.request`,
+//! `ellipse.answer`) and sorted by depth (`sort.in`, `sort.out`); where fragments are grouped by
+//! sheets, they have the number of one in the place of depth, normal and opacity. Where they are
+//! grouped by windows every splat is lit before it is drawn, a contribution brings its light and
+//! its density along, and what a pixel holds in the end are its layers, lit.
 //!
-//! A record is one transfer through a port: words side by side, the first field in the most significant bits, two's complement.
-//! Fields that mean nothing in a record (a culled splat's pixel) are 0, and [`Field::unless`] says when.
+//! A record is one transfer through a port: words side by side, the first field in the most
+//! significant bits, two's complement. Fields that mean nothing in a record (a culled splat's
+//! pixel) are 0, and [`Field::unless`] says when.
 //!
 //! Law: `records_have_the_widths_of_their_fields`.
 
@@ -20,8 +23,8 @@ use crate::machine::{Machine, Sight, Window};
 use crate::num::{Format, Word};
 use crate::pipeline::Elaborated;
 use crate::records::{
-    DiscIn, EllipseOut, EllipsoidIn, FragmentIn, GaussIn, PROJECT_FLAGS, PROJECTED, ProjectOut, RasterIn, RasterOut, SHEET_BITS, SheetIn,
-    TRANSPARENT, WindowIn,
+    DiscIn, EllipseOut, EllipsoidIn, FragmentIn, GaussIn, PROJECT_FLAGS, PROJECTED, ProjectOut,
+    RasterIn, RasterOut, SHEET_BITS, SheetIn, TRANSPARENT, WindowIn,
 };
 use crate::units::raster::Raster;
 
@@ -111,15 +114,27 @@ pub struct Stream {
 
 impl Stream {
     fn new(name: &'static str) -> Self {
-        Stream { name, fields: Vec::new(), order: Order::Total }
+        Stream {
+            name,
+            fields: Vec::new(),
+            order: Order::Total,
+        }
     }
 
     fn per_pixel(self) -> Self {
-        Stream { order: Order::PerPixel, ..self }
+        Stream {
+            order: Order::PerPixel,
+            ..self
+        }
     }
 
     fn field(mut self, name: &str, signal: Option<String>, word: Word) -> Self {
-        self.fields.push(Field { name: name.to_owned(), signal, word, unless: &[] });
+        self.fields.push(Field {
+            name: name.to_owned(),
+            signal,
+            word,
+            unless: &[],
+        });
         self
     }
 
@@ -128,16 +143,25 @@ impl Stream {
     }
 
     fn words(self, names: &[&str], signal: &str, word: Word) -> Self {
-        names.iter().fold(self, |stream, name| stream.word(name, signal, word))
+        names
+            .iter()
+            .fold(self, |stream, name| stream.word(name, signal, word))
     }
 
     fn naturals(self, names: &[&str], bits: i32) -> Self {
-        names.iter().fold(self, |stream, name| stream.field(name, None, Word::new(Format::unsigned(bits, 0))))
+        names.iter().fold(self, |stream, name| {
+            stream.field(name, None, Word::new(Format::unsigned(bits, 0)))
+        })
     }
 
     /// The fields of a declared record, each with what its wire carries.
     fn record<const N: usize>(self, names: &[&str], wires: [Wire; N]) -> Self {
-        names.iter().zip(wires).fold(self, |stream, (name, Wire { signal, word })| stream.field(name, signal.map(str::to_owned), word))
+        names
+            .iter()
+            .zip(wires)
+            .fold(self, |stream, (name, Wire { signal, word })| {
+                stream.field(name, signal.map(str::to_owned), word)
+            })
     }
 
     fn exponent(self, name: &str) -> Self {
@@ -146,7 +170,9 @@ impl Stream {
 
     /// All fields from here on mean nothing where one of these flags is set.
     fn unless(mut self, first: usize, flags: &'static [&'static str]) -> Self {
-        self.fields[first..].iter_mut().for_each(|field| field.unless = flags);
+        self.fields[first..]
+            .iter_mut()
+            .for_each(|field| field.unless = flags);
         self
     }
 
@@ -182,22 +208,34 @@ struct Wire {
 
 /// A signal's word.
 fn wire(signal: &'static str, word: Word) -> Wire {
-    Wire { signal: Some(signal), word }
+    Wire {
+        signal: Some(signal),
+        word,
+    }
 }
 
 /// A number that counts something, or a flag.
 fn natural(bits: i32) -> Wire {
-    Wire { signal: None, word: Word::new(Format::unsigned(bits, 0)) }
+    Wire {
+        signal: None,
+        word: Word::new(Format::unsigned(bits, 0)),
+    }
 }
 
 /// A power of two.
 fn power() -> Wire {
-    Wire { signal: None, word: Word::new(Format::signed(EXPONENT_BITS, 0)) }
+    Wire {
+        signal: None,
+        word: Word::new(Format::signed(EXPONENT_BITS, 0)),
+    }
 }
 
 /// A depth that leaves the raster's clamp.
 fn clamped_depth(m: &Machine) -> Wire {
-    Wire { signal: None, word: Word::new(exact_depth(m)) }
+    Wire {
+        signal: None,
+        word: Word::new(exact_depth(m)),
+    }
 }
 
 const XYZ: [&str; 3] = ["x", "y", "z"];
@@ -217,14 +255,19 @@ pub fn exact_depth(machine: &Machine) -> Format {
     Format::signed(exact.int_bits + 1, exact.frac_bits)
 }
 
-/// The constants of a frame: registers, lights, materials, and what each material makes of each light.
+/// The constants of a frame: registers, lights, materials, and what each material makes of each
+/// light.
 pub fn constants(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
     let m = &elaborated.machine;
     let (p, l, s) = (&m.project, &m.ellipse, &m.shade);
     let mut frame = Stream::new("frame").naturals(&["width", "height"], PIXEL_BITS + 1);
     for row in 0..3 {
         for column in 0..3 {
-            frame = frame.word(&format!("rotation_{row}{column}"), "project.rotation", p.rotation);
+            frame = frame.word(
+                &format!("rotation_{row}{column}"),
+                "project.rotation",
+                p.rotation,
+            );
         }
     }
     let frame = axes(frame, "eye", "project.eye", p.eye)
@@ -240,17 +283,50 @@ pub fn constants(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
     let frame = aspect(frame, m)
         .naturals(&["cull_backfaces"], 1)
         .word("z_threshold", "fragment.depth", m.fragment.depth)
-        .word("coverage_threshold", "fragment.weight_sum", m.fragment.weight_sum)
-        .word("inverse_threshold", "shade.inverse_threshold", s.inverse_threshold)
+        .word(
+            "coverage_threshold",
+            "fragment.weight_sum",
+            m.fragment.weight_sum,
+        )
+        .word(
+            "inverse_threshold",
+            "shade.inverse_threshold",
+            s.inverse_threshold,
+        )
         .exponent("inverse_threshold_places")
-        .words(&["background_r", "background_g", "background_b", "background_a"], "resolve.frame", m.resolve.frame);
-    let light = axes(Stream::new("light"), "direction", "shade.light", s.light).naturals(&["has_half_way"], 1);
+        .words(
+            &[
+                "background_r",
+                "background_g",
+                "background_b",
+                "background_a",
+            ],
+            "resolve.frame",
+            m.resolve.frame,
+        );
+    let light = axes(Stream::new("light"), "direction", "shade.light", s.light)
+        .naturals(&["has_half_way"], 1);
     vec![
         window_registers(sheet_registers(kernel(frame, m, kind), m, kind), m, kind),
         axes(light, "half_way", "shade.light", s.light),
-        mirrored(Stream::new("material").naturals(&["unlit"], 1).word("ambient", "shade.reflectance", s.reflectance), m, kind),
+        mirrored(
+            Stream::new("material").naturals(&["unlit"], 1).word(
+                "ambient",
+                "shade.reflectance",
+                s.reflectance,
+            ),
+            m,
+            kind,
+        ),
         Stream::new("reflection").words(
-            &["diffuse_r", "diffuse_g", "diffuse_b", "specular_r", "specular_g", "specular_b"],
+            &[
+                "diffuse_r",
+                "diffuse_g",
+                "diffuse_b",
+                "specular_r",
+                "specular_g",
+                "specular_b",
+            ],
             "shade.reflectance",
             s.reflectance,
         ),
@@ -264,13 +340,21 @@ pub fn asks_for_pixel(m: &Machine, kind: Kind) -> bool {
 
 /// What a material does with its surroundings.
 fn mirrored(material: Stream, m: &Machine, kind: Kind) -> Stream {
-    let (true, Some(words)) = (kind.mirrors, &m.reflect) else { return material };
-    material.words(&["kept", "mirrored_r", "mirrored_g", "mirrored_b"], "reflect.reflectance", words.reflectance)
+    let (true, Some(words)) = (kind.mirrors, &m.reflect) else {
+        return material;
+    };
+    material.words(
+        &["kept", "mirrored_r", "mirrored_g", "mirrored_b"],
+        "reflect.reflectance",
+        words.reflectance,
+    )
 }
 
 /// Registers of pixels that are not square; none where the machine draws square ones alone.
 fn aspect(frame: Stream, m: &Machine) -> Stream {
-    let Some(word) = m.ellipse.aspect else { return frame };
+    let Some(word) = m.ellipse.aspect else {
+        return frame;
+    };
     let inverse = m.ellipse.inverse_focal;
     frame
         .words(&["focal_x", "focal_y"], "project.focal", m.project.focal)
@@ -278,18 +362,34 @@ fn aspect(frame: Stream, m: &Machine) -> Stream {
         .exponent("inverse_focal_x_places")
         .word("inverse_focal_y", "ellipse.inverse_focal", inverse)
         .exponent("inverse_focal_y_places")
-        .words(&["aspect_xx", "aspect_xy", "aspect_yy"], "ellipse.aspect", word)
+        .words(
+            &["aspect_xx", "aspect_xy", "aspect_yy"],
+            "ellipse.aspect",
+            word,
+        )
 }
 
 /// Registers that all ellipsoids have in common.
 fn kernel(frame: Stream, m: &Machine, kind: Kind) -> Stream {
-    let (true, Some(words)) = (kind.ellipsoids, &m.ellipse.ellipsoid) else { return frame };
-    let mut frame = frame.naturals(&["amplitude"], 2).naturals(&["preshaded", "own_axes"], 1);
-    frame = frame.words(&["jacobian_x", "jacobian_y"], "project.slope", m.project.slope);
+    let (true, Some(words)) = (kind.ellipsoids, &m.ellipse.ellipsoid) else {
+        return frame;
+    };
+    let mut frame = frame
+        .naturals(&["amplitude"], 2)
+        .naturals(&["preshaded", "own_axes"], 1);
+    frame = frame.words(
+        &["jacobian_x", "jacobian_y"],
+        "project.slope",
+        m.project.slope,
+    );
     for axis in each("axis", ["0", "1", "2"]) {
         frame = axes(frame, &axis, "ellipse.normal", m.ellipse.normal);
     }
-    frame.words(&SCALES, "ellipse.scale", words.scale).word("least_opacity", "splat.opacity", m.splat.opacity)
+    frame.words(&SCALES, "ellipse.scale", words.scale).word(
+        "least_opacity",
+        "splat.opacity",
+        m.splat.opacity,
+    )
 }
 
 /// Registers that all sheets have in common.
@@ -301,21 +401,38 @@ fn sheet_registers(frame: Stream, m: &Machine, kind: Kind) -> Stream {
         .naturals(&["each_splat", "back_to_front"], 1)
         .word("stop", "fragment.opacity_sum", m.fragment.opacity_sum)
         .naturals(&["keeps_last"], 1)
-        .words(&["least_weight", "most_weight"], "gauss.weight", m.gauss.weight)
+        .words(
+            &["least_weight", "most_weight"],
+            "gauss.weight",
+            m.gauss.weight,
+        )
         .naturals(&["has_ratio"], 1)
 }
 
 /// Registers that all windows have in common.
 fn window_registers(frame: Stream, m: &Machine, kind: Kind) -> Stream {
-    if kind.windows { frame.word("reach", "fragment.depth", m.fragment.depth) } else { frame }
+    if kind.windows {
+        frame.word("reach", "fragment.depth", m.fragment.depth)
+    } else {
+        frame
+    }
 }
 
 /// The ports of the units, in the order of the diagram.
 pub fn streams(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
     let m = &elaborated.machine;
-    let mut streams = vec![pipeline_in(m, kind), project_in(m, kind), project_out(m, kind), ellipse_in(m, kind), ellipse_out(m)];
+    let mut streams = vec![
+        pipeline_in(m, kind),
+        project_in(m, kind),
+        project_out(m, kind),
+        ellipse_in(m, kind),
+        ellipse_out(m),
+    ];
     if kind.preshaded {
-        streams.extend([sums(Stream::new("ellipse.request"), m), premultiplied(Stream::new("ellipse.answer"), m)]);
+        streams.extend([
+            sums(Stream::new("ellipse.request"), m),
+            premultiplied(Stream::new("ellipse.answer"), m),
+        ]);
     }
     if let (true, Some(sort)) = (kind.sorted, &m.sort) {
         let splat = |name| Stream::new(name).naturals(&["tag"], TAG_BITS);
@@ -337,9 +454,14 @@ pub fn streams(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
         fragment_out(kind),
     ]);
     if kind.sheets {
-        streams.extend([composite("fragment.start", m).per_pixel(), lit(composite("fragment.held", m), m).per_pixel()]);
+        streams.extend([
+            composite("fragment.start", m).per_pixel(),
+            lit(composite("fragment.held", m), m).per_pixel(),
+        ]);
     } else if kind.windows {
-        let layer = Stream::new("fragment.held").naturals(&["x", "y"], PIXEL_BITS).naturals(&["slot"], SLOT_BITS);
+        let layer = Stream::new("fragment.held")
+            .naturals(&["x", "y"], PIXEL_BITS)
+            .naturals(&["slot"], SLOT_BITS);
         streams.extend([
             sums(Stream::new("fragment.request"), m),
             premultiplied(Stream::new("fragment.answer"), m),
@@ -356,9 +478,14 @@ pub fn streams(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
     streams.extend([
         asked("shade.in", m, kind),
         premultiplied(Stream::new("shade.out"), m),
-        premultiplied(Stream::new("resolve.in").naturals(&["x", "y"], PIXEL_BITS).naturals(&["last", "empty"], 1), m)
-            .unless(4, &["empty"])
-            .per_pixel(),
+        premultiplied(
+            Stream::new("resolve.in")
+                .naturals(&["x", "y"], PIXEL_BITS)
+                .naturals(&["last", "empty"], 1),
+            m,
+        )
+        .unless(4, &["empty"])
+        .per_pixel(),
         frame_words("resolve.out", m),
         frame_words("pipeline.out", m),
     ]);
@@ -366,43 +493,78 @@ pub fn streams(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
 }
 
 fn attributes(stream: Stream, m: &Machine) -> Stream {
-    stream.words(&["red", "green", "blue"], "splat.rgb", m.splat.rgb).word("opacity", "splat.opacity", m.splat.opacity)
+    stream
+        .words(&["red", "green", "blue"], "splat.rgb", m.splat.rgb)
+        .word("opacity", "splat.opacity", m.splat.opacity)
 }
 
 fn pipeline_in(m: &Machine, kind: Kind) -> Stream {
-    let centre = axes(Stream::new("pipeline.in"), "position", "splat.position", m.splat.position);
-    let disc = axes(centre, "normal", "splat.normal", m.splat.normal).word("radius", "splat.radius", m.splat.radius);
+    let centre = axes(
+        Stream::new("pipeline.in"),
+        "position",
+        "splat.position",
+        m.splat.position,
+    );
+    let disc = axes(centre, "normal", "splat.normal", m.splat.normal).word(
+        "radius",
+        "splat.radius",
+        m.splat.radius,
+    );
     let splat = attributes(orientation(disc, m, kind), m).naturals(&["material"], MATERIAL_BITS);
-    if kind.sheets { splat.naturals(&["sheet"], SHEET_BITS) } else { splat }
+    if kind.sheets {
+        splat.naturals(&["sheet"], SHEET_BITS)
+    } else {
+        splat
+    }
 }
 
 const SCALES: [&str; 3] = ["scale_0", "scale_1", "scale_2"];
 
 /// A splat's own axes; 0 where it has those of the frame.
 fn orientation(stream: Stream, m: &Machine, kind: Kind) -> Stream {
-    let (true, Some(words)) = (kind.ellipsoids, &m.ellipse.ellipsoid) else { return stream };
+    let (true, Some(words)) = (kind.ellipsoids, &m.ellipse.ellipsoid) else {
+        return stream;
+    };
     let quaternion = each("quaternion", ["w", "x", "y", "z"]);
-    stream.words(&quaternion.each_ref().map(String::as_str), "ellipse.quaternion", words.quaternion).words(
-        &SCALES,
-        "ellipse.scale",
-        words.scale,
-    )
+    stream
+        .words(
+            &quaternion.each_ref().map(String::as_str),
+            "ellipse.quaternion",
+            words.quaternion,
+        )
+        .words(&SCALES, "ellipse.scale", words.scale)
 }
 
 /// The point, and of an ellipsoid what it is culled by.
 fn project_in(m: &Machine, kind: Kind) -> Stream {
-    let point = axes(Stream::new("project.in"), "position", "splat.position", m.splat.position);
-    if kind.ellipsoids { point.word("opacity", "splat.opacity", m.splat.opacity) } else { point }
+    let point = axes(
+        Stream::new("project.in"),
+        "position",
+        "splat.position",
+        m.splat.position,
+    );
+    if kind.ellipsoids {
+        point.word("opacity", "splat.opacity", m.splat.opacity)
+    } else {
+        point
+    }
 }
 
 /// The words of a record of `project.out`: discs have no flag [`TRANSPARENT`].
 pub fn project_out_words(kind: Kind, words: [i64; PROJECTED]) -> impl Iterator<Item = i64> {
-    words.into_iter().enumerate().filter(move |(place, _)| kind.ellipsoids || *place != TRANSPARENT).map(|(_, word)| word)
+    words
+        .into_iter()
+        .enumerate()
+        .filter(move |(place, _)| kind.ellipsoids || *place != TRANSPARENT)
+        .map(|(_, word)| word)
 }
 
 fn project_out(m: &Machine, kind: Kind) -> Stream {
     let p = &m.project;
-    let [slope, pixel] = [wire("project.slope", p.slope), wire("project.pixel", p.pixel)];
+    let [slope, pixel] = [
+        wire("project.slope", p.slope),
+        wire("project.pixel", p.pixel),
+    ];
     let wires = ProjectOut {
         near: natural(1),
         outside: natural(1),
@@ -410,7 +572,10 @@ fn project_out(m: &Machine, kind: Kind) -> Stream {
         forward: wire("project.camera", p.camera),
         exponent: power(),
         depth: wire("project.depth", p.depth),
-        inverse_depth: wire("project.reciprocal.result", Word::new(p.reciprocal.format())),
+        inverse_depth: wire(
+            "project.reciprocal.result",
+            Word::new(p.reciprocal.format()),
+        ),
         inverse_depth_exponent: power(),
         slope_x: slope,
         slope_y: slope,
@@ -418,7 +583,9 @@ fn project_out(m: &Machine, kind: Kind) -> Stream {
         pixel_y: pixel,
     };
     let record = Stream::new("project.out").record(ProjectOut::NAMES, wires.into_words());
-    let mut record = record.unless(PROJECT_FLAGS, &["near", "outside", "transparent"]).unless_first(1, &["near"]);
+    let mut record = record
+        .unless(PROJECT_FLAGS, &["near", "outside", "transparent"])
+        .unless_first(1, &["near"]);
     record.fields[TRANSPARENT].unless = &["near", "outside"];
     if !kind.ellipsoids {
         record.fields.remove(TRANSPARENT);
@@ -429,7 +596,11 @@ fn project_out(m: &Machine, kind: Kind) -> Stream {
 
 fn ellipse_in(m: &Machine, kind: Kind) -> Stream {
     let p = &m.project;
-    let [slope, pixel, normal] = [wire("project.slope", p.slope), wire("project.pixel", p.pixel), wire("splat.normal", m.splat.normal)];
+    let [slope, pixel, normal] = [
+        wire("project.slope", p.slope),
+        wire("project.pixel", p.pixel),
+        wire("splat.normal", m.splat.normal),
+    ];
     let disc = DiscIn {
         normal_x: normal,
         normal_y: normal,
@@ -437,7 +608,10 @@ fn ellipse_in(m: &Machine, kind: Kind) -> Stream {
         radius: wire("splat.radius", m.splat.radius),
         forward: wire("project.camera", p.camera),
         exponent: power(),
-        inverse_depth: wire("project.reciprocal.result", Word::new(p.reciprocal.format())),
+        inverse_depth: wire(
+            "project.reciprocal.result",
+            Word::new(p.reciprocal.format()),
+        ),
         inverse_depth_exponent: power(),
         slope_x: slope,
         slope_y: slope,
@@ -448,7 +622,10 @@ fn ellipse_in(m: &Machine, kind: Kind) -> Stream {
     let (true, Some(words)) = (kind.ellipsoids, &m.ellipse.ellipsoid) else {
         return stream.record(DiscIn::NAMES, disc.into_words());
     };
-    let [quaternion, scale] = [wire("ellipse.quaternion", words.quaternion), wire("ellipse.scale", words.scale)];
+    let [quaternion, scale] = [
+        wire("ellipse.quaternion", words.quaternion),
+        wire("ellipse.scale", words.scale),
+    ];
     let ellipsoid = EllipsoidIn {
         normal_x: normal,
         normal_y: normal,
@@ -476,8 +653,11 @@ fn ellipse_in(m: &Machine, kind: Kind) -> Stream {
 
 fn ellipse_out(m: &Machine) -> Stream {
     let l = &m.ellipse;
-    let [normal, conic, slope] =
-        [wire("fragment.normal", m.fragment.normal), wire("ellipse.conic", l.conic), wire("ellipse.depth_slope", l.depth_slope)];
+    let [normal, conic, slope] = [
+        wire("fragment.normal", m.fragment.normal),
+        wire("ellipse.conic", l.conic),
+        wire("ellipse.depth_slope", l.depth_slope),
+    ];
     let wires = EllipseOut {
         backface: natural(1),
         faint: natural(1),
@@ -506,8 +686,11 @@ fn ellipse_out(m: &Machine) -> Stream {
 
 fn raster_in(m: &Machine) -> Stream {
     let l = &m.ellipse;
-    let [pixel, conic, slope] =
-        [wire("project.pixel", m.project.pixel), wire("ellipse.conic", l.conic), wire("ellipse.depth_slope", l.depth_slope)];
+    let [pixel, conic, slope] = [
+        wire("project.pixel", m.project.pixel),
+        wire("ellipse.conic", l.conic),
+        wire("ellipse.depth_slope", l.depth_slope),
+    ];
     let wires = RasterIn {
         pixel_x: pixel,
         pixel_y: pixel,
@@ -523,7 +706,9 @@ fn raster_in(m: &Machine) -> Stream {
         first_row: natural(PIXEL_BITS),
         last_row: natural(PIXEL_BITS),
     };
-    Stream::new("raster.in").naturals(&["tag"], TAG_BITS).record(RasterIn::NAMES, wires.into_words())
+    Stream::new("raster.in")
+        .naturals(&["tag"], TAG_BITS)
+        .record(RasterIn::NAMES, wires.into_words())
 }
 
 fn raster_out(m: &Machine) -> Stream {
@@ -533,16 +718,24 @@ fn raster_out(m: &Machine) -> Stream {
         radial: wire("raster.radial", m.raster.radial),
         depth: clamped_depth(m),
     };
-    Stream::new("raster.out").naturals(&["tag"], TAG_BITS).record(RasterOut::NAMES, wires.into_words())
+    Stream::new("raster.out")
+        .naturals(&["tag"], TAG_BITS)
+        .record(RasterOut::NAMES, wires.into_words())
 }
 
 fn gauss_in(m: &Machine) -> Stream {
-    let wires = GaussIn { radial: wire("raster.radial", m.raster.radial), amplitude: wire("ellipse.amplitude", m.ellipse.amplitude) };
+    let wires = GaussIn {
+        radial: wire("raster.radial", m.raster.radial),
+        amplitude: wire("ellipse.amplitude", m.ellipse.amplitude),
+    };
     Stream::new("gauss.in").record(GaussIn::NAMES, wires.into_words())
 }
 
 fn fragment_in(m: &Machine) -> Stream {
-    let [rgb, normal] = [wire("splat.rgb", m.splat.rgb), wire("fragment.normal", m.fragment.normal)];
+    let [rgb, normal] = [
+        wire("splat.rgb", m.splat.rgb),
+        wire("fragment.normal", m.fragment.normal),
+    ];
     let wires = FragmentIn {
         x: natural(PIXEL_BITS),
         y: natural(PIXEL_BITS),
@@ -557,21 +750,35 @@ fn fragment_in(m: &Machine) -> Stream {
         normal_z: normal,
         material: natural(MATERIAL_BITS),
     };
-    Stream::new("fragment.in").record(FragmentIn::NAMES, wires.into_words()).per_pixel()
+    Stream::new("fragment.in")
+        .record(FragmentIn::NAMES, wires.into_words())
+        .per_pixel()
 }
 
 /// A contribution to windows: with its splat's light, and how fast that hides what lies behind it.
 fn window_in(m: &Machine, words: &Window) -> Stream {
     let fragment = fragment_in(m);
-    let light = fragment.words(&WindowIn::NAMES[FragmentIn::WORDS..][..3], "splat.rgb", m.splat.rgb);
+    let light = fragment.words(
+        &WindowIn::NAMES[FragmentIn::WORDS..][..3],
+        "splat.rgb",
+        m.splat.rgb,
+    );
     light.word("density", "fragment.window.density", words.density)
 }
 
-/// What became of a contribution; of windows its place among the slots too, where it was one too many.
+/// What became of a contribution; of windows its place among the slots too, where it was one too
+/// many.
 fn fragment_out(kind: Kind) -> Stream {
     let pixel = Stream::new("fragment.out").naturals(&["x", "y"], PIXEL_BITS);
-    let decision = pixel.naturals(&["outcome"], outcome_bits(kind)).naturals(&["slot"], SLOT_BITS).per_pixel();
-    if kind.windows { decision.naturals(&["place"], SLOT_BITS) } else { decision }
+    let decision = pixel
+        .naturals(&["outcome"], outcome_bits(kind))
+        .naturals(&["slot"], SLOT_BITS)
+        .per_pixel();
+    if kind.windows {
+        decision.naturals(&["place"], SLOT_BITS)
+    } else {
+        decision
+    }
 }
 
 /// Bits of what became of a contribution.
@@ -591,14 +798,20 @@ fn sheet_in(m: &Machine) -> Stream {
         green: rgb,
         blue: rgb,
     };
-    Stream::new("fragment.in").record(SheetIn::NAMES, wires.into_words()).per_pixel()
+    Stream::new("fragment.in")
+        .record(SheetIn::NAMES, wires.into_words())
+        .per_pixel()
 }
 
 fn all_sums(stream: Stream, m: &Machine) -> Stream {
     let f = &m.fragment;
     let coloured = stream
         .word("weight", "fragment.weight_sum", f.weight_sum)
-        .words(&["colour_r", "colour_g", "colour_b"], "fragment.colour_sum", f.colour_sum)
+        .words(
+            &["colour_r", "colour_g", "colour_b"],
+            "fragment.colour_sum",
+            f.colour_sum,
+        )
         .word("opacity", "fragment.opacity_sum", f.opacity_sum);
     axes(coloured, "normal", "fragment.normal_sum", f.normal_sum)
 }
@@ -610,47 +823,90 @@ fn sums(stream: Stream, m: &Machine) -> Stream {
 /// What shade is asked of a fragment: where, if it looks along rays, and its sums.
 fn asked(name: &'static str, m: &Machine, kind: Kind) -> Stream {
     let stream = Stream::new(name);
-    sums(if asks_for_pixel(m, kind) { stream.naturals(&["x", "y"], PIXEL_BITS) } else { stream }, m)
+    sums(
+        if asks_for_pixel(m, kind) {
+            stream.naturals(&["x", "y"], PIXEL_BITS)
+        } else {
+            stream
+        },
+        m,
+    )
 }
 
 fn premultiplied(stream: Stream, m: &Machine) -> Stream {
-    stream.words(&["colour_r", "colour_g", "colour_b", "opacity"], "shade.premultiplied", m.shade.premultiplied)
+    stream.words(
+        &["colour_r", "colour_g", "colour_b", "opacity"],
+        "shade.premultiplied",
+        m.shade.premultiplied,
+    )
 }
 
 /// A fragment in its slot; where it is shaded, `colour` and `opacity` are those of its light.
 fn slot(name: &'static str, m: &Machine) -> Stream {
-    let key = Stream::new(name).naturals(&["x", "y"], PIXEL_BITS).naturals(&["slot"], SLOT_BITS).naturals(&["shaded"], 1);
-    all_sums(key.word("depth", "fragment.depth", m.fragment.depth).naturals(&["material"], MATERIAL_BITS), m)
+    let key = Stream::new(name)
+        .naturals(&["x", "y"], PIXEL_BITS)
+        .naturals(&["slot"], SLOT_BITS)
+        .naturals(&["shaded"], 1);
+    all_sums(
+        key.word("depth", "fragment.depth", m.fragment.depth)
+            .naturals(&["material"], MATERIAL_BITS),
+        m,
+    )
 }
 
 /// A pixel of sheets: what has been blended, and the open sheet.
 fn composite(name: &'static str, m: &Machine) -> Stream {
     let f = &m.fragment;
-    let pixel = Stream::new(name).naturals(&["x", "y"], PIXEL_BITS).naturals(&["stopped", "closed"], 1);
+    let pixel = Stream::new(name)
+        .naturals(&["x", "y"], PIXEL_BITS)
+        .naturals(&["stopped", "closed"], 1);
     pixel
-        .words(&["colour_r", "colour_g", "colour_b"], "fragment.colour_sum", f.colour_sum)
+        .words(
+            &["colour_r", "colour_g", "colour_b"],
+            "fragment.colour_sum",
+            f.colour_sum,
+        )
         .word("opacity", "fragment.opacity_sum", f.opacity_sum)
         .naturals(&["sheet"], SHEET_BITS)
         .word("weight", "fragment.weight_sum", f.weight_sum)
-        .words(&["sheet_r", "sheet_g", "sheet_b"], "fragment.colour_sum", f.colour_sum)
+        .words(
+            &["sheet_r", "sheet_g", "sheet_b"],
+            "fragment.colour_sum",
+            f.colour_sum,
+        )
         .unless(8, &["closed"])
 }
 
 fn lit(stream: Stream, m: &Machine) -> Stream {
-    stream.words(&["lit_r", "lit_g", "lit_b", "lit_opacity"], "shade.premultiplied", m.shade.premultiplied)
+    stream.words(
+        &["lit_r", "lit_g", "lit_b", "lit_opacity"],
+        "shade.premultiplied",
+        m.shade.premultiplied,
+    )
 }
 
 /// What a pixel held before a window, in the places of its slots.
 fn start(m: &Machine) -> Stream {
     let mut start = slot("fragment.start", m).per_pixel();
-    let means_nothing = |field: &&mut Field| field.name == "weight" || field.name.starts_with("normal");
-    start.fields.iter_mut().filter(means_nothing).for_each(|field| field.unless = &["shaded"]);
+    let means_nothing =
+        |field: &&mut Field| field.name == "weight" || field.name.starts_with("normal");
+    start
+        .fields
+        .iter_mut()
+        .filter(means_nothing)
+        .for_each(|field| field.unless = &["shaded"]);
     start
 }
 
 fn frame_words(name: &'static str, m: &Machine) -> Stream {
     let pixel = Stream::new(name).naturals(&["x", "y"], PIXEL_BITS);
-    pixel.words(&["red", "green", "blue", "alpha"], "resolve.frame", m.resolve.frame).per_pixel()
+    pixel
+        .words(
+            &["red", "green", "blue", "alpha"],
+            "resolve.frame",
+            m.resolve.frame,
+        )
+        .per_pixel()
 }
 
 impl Stream {

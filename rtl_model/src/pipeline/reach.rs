@@ -1,5 +1,5 @@
-//! Reach: how far from its centre, as a radial index, a splat whose amplitude is its opacity has weights that count. What the table of
-//! cutoffs by opacity is made of, exactly.
+//! Reach: how far from its centre, as a radial index, a splat whose amplitude is its opacity has
+//! weights that count. What the table of cutoffs by opacity is made of, exactly.
 //!
 //! ```text
 //! opacity ─►[ellipse: peak]─► amplitude ─►[gauss]─► weight at each radial index, ≥ least?
@@ -32,23 +32,32 @@ impl Reach {
         }
     }
 
-    /// Weight (`gauss.weight`) of an opacity (`splat.opacity`) at a radial index (`gauss.radial_index`).
+    /// Weight (`gauss.weight`) of an opacity (`splat.opacity`) at a radial index
+    /// (`gauss.radial_index`).
     pub fn weight(&self, opacity: i64, radial_index: i64) -> i64 {
-        let [weight] = self.gauss.one(&[radial_index, self.peak.one(opacity)], &mut Tap::new(&mut NoProbe));
+        let [weight] = self.gauss.one(
+            &[radial_index, self.peak.one(opacity)],
+            &mut Tap::new(&mut NoProbe),
+        );
         weight
     }
 
-    /// The greatest radial index (`gauss.radial_index`) at which an opacity has at least this weight; none where it has none. Weights fall
-    /// with the radial index.
+    /// The greatest radial index (`gauss.radial_index`) at which an opacity has at least this
+    /// weight; none where it has none. Weights fall with the radial index.
     pub fn farthest(&self, opacity: i64, least_weight: i64) -> Option<i64> {
         let counts = |radial: i64| self.weight(opacity, radial) >= least_weight;
         counts(0).then(|| last_that([0, self.most[1]], counts))
     }
 
-    /// The least opacity (`splat.opacity`) that has at least this weight anywhere; one place above 1 where none up to 1 has.
+    /// The least opacity (`splat.opacity`) that has at least this weight anywhere; one place above
+    /// 1 where none up to 1 has.
     pub fn least_opacity(&self, least_weight: i64) -> i64 {
         let is_seen = |opacity: i64| self.weight(opacity, 0) >= least_weight;
-        if is_seen(0) { 0 } else { 1 + last_that([0, self.most[0]], |opacity| !is_seen(opacity)) }
+        if is_seen(0) {
+            0
+        } else {
+            1 + last_that([0, self.most[0]], |opacity| !is_seen(opacity))
+        }
     }
 }
 
@@ -57,7 +66,11 @@ fn last_that([first, last]: [i64; 2], holds: impl Fn(i64) -> bool) -> i64 {
     let (mut below, mut above) = (first, last + 1);
     while above - below > 1 {
         let middle = i64::midpoint(below, above);
-        *(if holds(middle) { &mut below } else { &mut above }) = middle;
+        *(if holds(middle) {
+            &mut below
+        } else {
+            &mut above
+        }) = middle;
     }
     below
 }

@@ -49,13 +49,23 @@ impl Footprint {
             (ellipse.extent[axis].high() + 1.0).min(to_edge + 1.0)
         });
         let walk = machine.raster.near(&walked(&point, &ellipse), reach);
-        Footprint { point, ellipse, walk, table_error: machine.gauss.table_error() }
+        Footprint {
+            point,
+            ellipse,
+            walk,
+            table_error: machine.gauss.table_error(),
+        }
     }
 
     /// Contribution of the splat to the pixel whose centre lies at `at` from the picture's middle.
     pub fn contribution(&self, machine: &Elaborated, at: [f64; 2]) -> Contribution {
         let radial = machine.raster.near_radial(&self.walk, at);
-        Contribution { radial, weight: machine.gauss.real_within(radial, self.ellipse.amplitude, self.table_error) }
+        Contribution {
+            radial,
+            weight: machine
+                .gauss
+                .real_within(radial, self.ellipse.amplitude, self.table_error),
+        }
     }
 
     /// z of the splat at that pixel, machine units.
@@ -65,7 +75,10 @@ impl Footprint {
 }
 
 /// Input port of raster, from setup.
-pub fn walked<R: Real>(point: &project::real::Projected<R>, ellipse: &ellipse::real::Output<R>) -> raster::real::Input<R> {
+pub fn walked<R: Real>(
+    point: &project::real::Projected<R>,
+    ellipse: &ellipse::real::Output<R>,
+) -> raster::real::Input<R> {
     raster::real::Input {
         pixel: point.pixel,
         conic: ellipse.conic,
@@ -114,7 +127,8 @@ impl Elaborated {
         self.fragment.real_accumulated(lane, sum, weight, attribute)
     }
 
-    /// Registers at the first pixels of some rows of a box ([`raster::Raster::partial_precision_rows`]).
+    /// Registers at the first pixels of some rows of a box
+    /// ([`raster::Raster::partial_precision_rows`]).
     pub fn partial_precision_rows<'a>(
         &self,
         input: &raster::real::Input<PartialPrecision<'a>>,
@@ -125,26 +139,56 @@ impl Elaborated {
     }
 
     /// r and z at some columns from the first pixel of a row.
-    pub fn partial_precision_pixel<'a>(&self, row: &raster::real::Row<'a>, columns: f64) -> [PartialPrecision<'a>; 2] {
+    pub fn partial_precision_pixel<'a>(
+        &self,
+        row: &raster::real::Row<'a>,
+        columns: f64,
+    ) -> [PartialPrecision<'a>; 2] {
         self.raster.partial_precision_pixel(row, columns)
     }
 
-    /// The light that a splat sends which is lit before it is drawn, from its own colour and normal.
-    pub fn real_emission<R: Real>(&self, lighting: &Lighting<R>, rgb: [R; 3], normal: [R; 3], material: u32) -> [R; 3] {
+    /// The light that a splat sends which is lit before it is drawn, from its own colour and
+    /// normal.
+    pub fn real_emission<R: Real>(
+        &self,
+        lighting: &Lighting<R>,
+        rgb: [R; 3],
+        normal: [R; 3],
+        material: u32,
+    ) -> [R; 3] {
         let one = rgb[0].beside(1.0);
         let (rgb, normal) = self.fragment.real_emitting(rgb, normal);
-        let [r, g, b, _] = self.shade.real(lighting, &Sums { weight: one, rgb, opacity: one, normal, material, at: [0.0; 2] });
+        let [r, g, b, _] = self.shade.real(
+            lighting,
+            &Sums {
+                weight: one,
+                rgb,
+                opacity: one,
+                normal,
+                material,
+                at: [0.0; 2],
+            },
+        );
         [r, g, b].map(|channel| channel.fit(&self.emission, Scale::ONE))
     }
 
     /// Colour times opacity, and opacity, of a sheet that is done.
-    pub fn real_close<R: Real>(&self, weight: R, rgb: [R; 3], registers: &sheets::SheetRegisters, ratio: &Ratio) -> [R; 4] {
+    pub fn real_close<R: Real>(
+        &self,
+        weight: R,
+        rgb: [R; 3],
+        registers: &sheets::SheetRegisters,
+        ratio: &Ratio,
+    ) -> [R; 4] {
         self.fragment.real_close(weight, rgb, registers, ratio)
     }
 
-    /// Least distance of depths that the sort tells apart, machine units; none where it sorts nothing.
+    /// Least distance of depths that the sort tells apart, machine units; none where it sorts
+    /// nothing.
     pub fn real_key<R: Real>(&self, depth: R) -> R {
-        self.sort.as_ref().map_or(depth, |key| depth.fit(key, Scale::ONE))
+        self.sort
+            .as_ref()
+            .map_or(depth, |key| depth.fit(key, Scale::ONE))
     }
 
     /// Shades one fragment: colour times opacity, and opacity.

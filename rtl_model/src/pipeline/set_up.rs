@@ -1,4 +1,5 @@
-//! Set up: the first half of the pipeline, the graphs of project and ellipse over batches of splats.
+//! Set up: the first half of the pipeline, the graphs of project and ellipse over batches of
+//! splats.
 
 use super::shading::{emitted, emitting};
 use super::{Culled, Elaborated, run};
@@ -16,7 +17,8 @@ use crate::units::{ellipse, project, raster, shade};
 use crate::work::{Bins, CULLED};
 use rayon::prelude::*;
 
-/// A splat that has been set up: what setup adds to the splat's own words, and waits in memory before raster. One line of the host's cache.
+/// A splat that has been set up: what setup adds to the splat's own words, and waits in memory
+/// before raster. One line of the host's cache.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C, align(64))]
 pub struct SetupRecord {
@@ -42,7 +44,8 @@ pub(super) struct Emission {
 pub struct Setup {
     /// In input order, block by block: joining them would copy every splat once more.
     blocks: Vec<Vec<SetupRecord>>,
-    /// Their boxes, first and last column, first and last row, once more and close together: whoever bins them wants nothing else.
+    /// Their boxes, first and last column, first and last row, once more and close together:
+    /// whoever bins them wants nothing else.
     boxes: Vec<Vec<[[u16; 2]; 2]>>,
     /// What they send, block by block, where splats are lit before they are drawn; else none.
     emissions: Vec<Vec<Emission>>,
@@ -53,11 +56,15 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// Brings the splats into the order of their keys, those with equal keys in that of their numbers.
+    /// Brings the splats into the order of their keys, those with equal keys in that of their
+    /// numbers.
     fn sort<P: Probe>(&mut self, key: &Fit, has_buckets: bool, probe: &mut P) {
         let tap = &mut Tap::new(&mut *probe);
-        let keyed =
-            numbered(&self.blocks).zip(0..).map(|((entry, splat), nth)| (tap.fit_one(key, i64::from(splat.raster.depth)), nth, entry));
+        let keyed = numbered(&self.blocks)
+            .zip(0..)
+            .map(|((entry, splat), nth)| {
+                (tap.fit_one(key, i64::from(splat.raster.depth)), nth, entry)
+            });
         let mut order: Vec<(i64, u32, u32)> = keyed.collect();
         if let Some(ranges) = probe.resample(0, 1) {
             let tap = &mut Tap::new(ranges);
@@ -69,7 +76,10 @@ impl Setup {
         if P::WORK || P::TRANSFERS {
             // Only buckets depend on more than the order.
             let mut keys = vec![0; if has_buckets { order.len() } else { 0 }];
-            order.iter().filter(|_| has_buckets).for_each(|(key, nth, _)| keys[*nth as usize] = *key as u32);
+            order
+                .iter()
+                .filter(|_| has_buckets)
+                .for_each(|(key, nth, _)| keys[*nth as usize] = *key as u32);
             probe.sorted(order.iter().map(|(_, nth, _)| *nth).collect(), keys);
         }
         self.order = order.into_iter().map(|(.., entry)| entry).collect();
@@ -89,22 +99,38 @@ impl Setup {
     /// What the splat of a bin's entry sends, where splats are lit before they are drawn.
     #[inline(always)]
     pub(super) fn emission(&self, entry: u32) -> Option<Emission> {
-        self.emissions.get(entry as usize / BLOCK_SPLATS)?.get(entry as usize % BLOCK_SPLATS).copied()
+        self.emissions
+            .get(entry as usize / BLOCK_SPLATS)?
+            .get(entry as usize % BLOCK_SPLATS)
+            .copied()
     }
 
     /// Which splats' boxes touch which tile, in the order in which they are drawn.
     pub(super) fn bins(&self, size_px: [u32; 2]) -> Bins {
         if self.order.is_empty() {
-            return Bins::new(size_px, TILE_PX, numbered(&self.boxes).map(|(number, sides)| (number, *sides)));
+            return Bins::new(
+                size_px,
+                TILE_PX,
+                numbered(&self.boxes).map(|(number, sides)| (number, *sides)),
+            );
         }
-        let sides = |number: u32| self.boxes[number as usize / BLOCK_SPLATS][number as usize % BLOCK_SPLATS];
-        Bins::new(size_px, TILE_PX, self.order.iter().map(|&number| (number, sides(number))))
+        let sides = |number: u32| {
+            self.boxes[number as usize / BLOCK_SPLATS][number as usize % BLOCK_SPLATS]
+        };
+        Bins::new(
+            size_px,
+            TILE_PX,
+            self.order.iter().map(|&number| (number, sides(number))),
+        )
     }
 }
 
 /// What lies in blocks, each with what a bin calls its splat.
 fn numbered<T>(blocks: &[Vec<T>]) -> impl Iterator<Item = (u32, &T)> + Clone {
-    blocks.iter().enumerate().flat_map(|(block, splats)| ((block * BLOCK_SPLATS) as u32..).zip(splats))
+    blocks
+        .iter()
+        .enumerate()
+        .flat_map(|(block, splats)| ((block * BLOCK_SPLATS) as u32..).zip(splats))
 }
 
 /// Splats that one thread sets up at a time.
@@ -135,7 +161,11 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
     let windows = frame.window.is_some();
     match &frame.ellipsoids {
         Some(ellipsoids) if P::WORK => {
-            probe.ellipsoids(ellipsoids.preshaded || windows, ellipsoids.own.is_empty(), ellipsoids.harmonics);
+            probe.ellipsoids(
+                ellipsoids.preshaded || windows,
+                ellipsoids.own.is_empty(),
+                ellipsoids.harmonics,
+            );
         }
         None if P::WORK && windows => probe.ellipsoids(true, false, 0),
         _ => {}
@@ -143,15 +173,38 @@ pub fn set_up<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> S
     if P::WORK && frame.surroundings.is_some() {
         probe.mirrors();
     }
-    if let (Some(sort), true) = (&machine.sort, frame.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.sorted)) {
-        whole.sort(sort, machine.machine.sort.is_some_and(|sort| sort.kind == SortKind::Hierarchical), probe);
+    if let (Some(sort), true) = (
+        &machine.sort,
+        frame
+            .ellipsoids
+            .as_ref()
+            .is_some_and(|ellipsoids| ellipsoids.sorted),
+    ) {
+        whole.sort(
+            sort,
+            machine
+                .machine
+                .sort
+                .is_some_and(|sort| sort.kind == SortKind::Hierarchical),
+            probe,
+        );
     }
     whole
 }
 
 /// Sets a block of a frame's splats up, which begins with `first`.
-fn set_up_block<P: Probe>(machine: &Elaborated, frame: &Frame, splats: &[Splat], (first, of): (u32, usize), probe: &mut P) -> Setup {
-    let is_lit = frame.window.is_some() || frame.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.preshaded);
+fn set_up_block<P: Probe>(
+    machine: &Elaborated,
+    frame: &Frame,
+    splats: &[Splat],
+    (first, of): (u32, usize),
+    probe: &mut P,
+) -> Setup {
+    let is_lit = frame.window.is_some()
+        || frame
+            .ellipsoids
+            .as_ref()
+            .is_some_and(|ellipsoids| ellipsoids.preshaded);
     let lit = is_lit.then(|| Lit::new(machine, frame));
     let lit = lit.as_ref();
     let mut out = Block::of(splats.len());
@@ -165,7 +218,15 @@ fn set_up_block<P: Probe>(machine: &Elaborated, frame: &Frame, splats: &[Splat],
         && !P::TRANSFERS
         && let Some(host) = Vectorised::there()
     {
-        host.run(SetUpDiscs { machine, frame, splats, first, lit, probe, out: &mut out });
+        host.run(SetUpDiscs {
+            machine,
+            frame,
+            splats,
+            first,
+            lit,
+            probe,
+            out: &mut out,
+        });
         return out.done(is_lit);
     }
     let (mut stages, mut again) = (Stages::new(machine, frame), None);
@@ -174,11 +235,22 @@ fn set_up_block<P: Probe>(machine: &Elaborated, frame: &Frame, splats: &[Splat],
         stages.set_up(splats, first, lit, probe, &mut out);
         // Some eights once more, for another to observe.
         let item = first as usize / LANES;
-        probe.resample_batch(item..item + splats.len().div_ceil(LANES), of.div_ceil(LANES), |nth, ranges| {
-            let stages = again.get_or_insert_with(|| Stages::new(machine, frame));
-            let eight = &splats[(nth - item) * LANES..splats.len().min((nth - item + 1) * LANES)];
-            stages.set_up(eight, (nth * LANES) as u32, lit, ranges, &mut Block::of(LANES));
-        });
+        probe.resample_batch(
+            item..item + splats.len().div_ceil(LANES),
+            of.div_ceil(LANES),
+            |nth, ranges| {
+                let stages = again.get_or_insert_with(|| Stages::new(machine, frame));
+                let eight =
+                    &splats[(nth - item) * LANES..splats.len().min((nth - item + 1) * LANES)];
+                stages.set_up(
+                    eight,
+                    (nth * LANES) as u32,
+                    lit,
+                    ranges,
+                    &mut Block::of(LANES),
+                );
+            },
+        );
     }
     out.done(is_lit)
 }
@@ -199,9 +271,22 @@ impl<P: Probe> Kernel for SetUpDiscs<'_, '_, P> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let SetUpDiscs { machine, frame, splats, first, lit, probe, out } = self;
-        // Copies that nobody else can see: their constants are broadcast to lanes once, outside the loop.
-        let (discs, view, size_px) = (machine.discs.clone(), frame.view.clone(), [frame.width, frame.height]);
+        let SetUpDiscs {
+            machine,
+            frame,
+            splats,
+            first,
+            lit,
+            probe,
+            out,
+        } = self;
+        // Copies that nobody else can see: their constants are broadcast to lanes once, outside the
+        // loop.
+        let (discs, view, size_px) = (
+            machine.discs.clone(),
+            frame.view.clone(),
+            [frame.width, frame.height],
+        );
         for (given, first) in splats.chunks(LANES).zip((first..).step_by(LANES)) {
             let last;
             let eight = match given.first_chunk() {
@@ -228,41 +313,99 @@ struct Stages<'a> {
 
 impl<'a> Stages<'a> {
     fn new(machine: &'a Elaborated, frame: &'a Frame) -> Self {
-        let Elaborated { project, ellipse, .. } = machine;
+        let Elaborated {
+            project, ellipse, ..
+        } = machine;
         let variant = ellipse.variant_of(frame);
-        let kernel = frame.ellipsoids.as_ref().map(|ellipsoids| ellipsoids.kernel.clone()).unwrap_or_default();
+        let kernel = frame
+            .ellipsoids
+            .as_ref()
+            .map(|ellipsoids| ellipsoids.kernel.clone())
+            .unwrap_or_default();
         let mut point = (project.program(), project.program().batch());
         for (input, register) in (project::INPUTS..).zip(project::registers(&frame.view)) {
             point.1.set_all(point.0, input, register);
         }
         let program = &ellipse.datapath(variant).program;
         let mut footprint = (program, program.batch());
-        let registers = ellipse.registers(variant, &frame.view, [frame.width, frame.height], &kernel);
+        let registers =
+            ellipse.registers(variant, &frame.view, [frame.width, frame.height], &kernel);
         for (input, register) in (variant.inputs()..).zip(registers) {
             footprint.1.set_all(footprint.0, input, register);
         }
-        Stages { frame, ellipse, project: point, footprint }
+        Stages {
+            frame,
+            ellipse,
+            project: point,
+            footprint,
+        }
     }
 
     /// Sets up to a batch of splats up.
-    fn set_up<P: Probe>(&mut self, splats: &[Splat], first: u32, lit: Option<&Lit>, probe: &mut P, out: &mut Block) {
+    fn set_up<P: Probe>(
+        &mut self,
+        splats: &[Splat],
+        first: u32,
+        lit: Option<&Lit>,
+        probe: &mut P,
+        out: &mut Block,
+    ) {
         let rows = splats.len().div_ceil(LANES);
-        let live: [u8; ROWS] = std::array::from_fn(|row| ((1u32 << splats.len().saturating_sub(row * LANES).min(LANES)) - 1) as u8);
+        let live: [u8; ROWS] = std::array::from_fn(|row| {
+            ((1u32 << splats.len().saturating_sub(row * LANES).min(LANES)) - 1) as u8
+        });
         let live = &live[..rows];
-        run::<P, _>(Load { stages: self, splats, first });
+        run::<P, _>(Load {
+            stages: self,
+            splats,
+            first,
+        });
         let (project, point) = &mut self.project;
-        let left = run::<P, _>(Run { program: project, batch: point, live, probe });
+        let left = run::<P, _>(Run {
+            program: project,
+            batch: point,
+            live,
+            probe,
+        });
         let (program, footprint) = &mut self.footprint;
         for (result, input) in CARRIED {
-            point.carry(project.output(result), rows, program.input(input), footprint);
+            point.carry(
+                project.output(result),
+                rows,
+                program.input(input),
+                footprint,
+            );
         }
-        run::<P, _>(Run { program, batch: footprint, live: &left[..rows], probe });
-        run::<P, _>(Kept { stages: self, splats, live, first, lit, probe, out });
+        run::<P, _>(Run {
+            program,
+            batch: footprint,
+            live: &left[..rows],
+            probe,
+        });
+        run::<P, _>(Kept {
+            stages: self,
+            splats,
+            live,
+            first,
+            lit,
+            probe,
+            out,
+        });
     }
 }
 
-/// Results of `project` that are inputs of `ellipse`: exponent, t_z, 1/t_z, its exponent, slope, pixel.
-const CARRIED: [(usize, usize); 8] = [(3, 4), (2, 5), (5, 6), (6, 7), (7, 8), (8, 9), (9, 10), (10, 11)];
+/// Results of `project` that are inputs of `ellipse`: exponent, t_z, 1/t_z, its exponent, slope,
+/// pixel.
+const CARRIED: [(usize, usize); 8] = [
+    (3, 4),
+    (2, 5),
+    (5, 6),
+    (6, 7),
+    (7, 8),
+    (8, 9),
+    (9, 10),
+    (10, 11),
+];
 
 /// Puts splats' records into the rows of both units.
 struct Load<'a, 's> {
@@ -276,13 +419,23 @@ impl Kernel for Load<'_, '_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let Load { stages, splats, first } = self;
+        let Load {
+            stages,
+            splats,
+            first,
+        } = self;
         let ((project, point), (program, footprint)) = (&stages.project, &stages.footprint);
         for (row, given) in splats.chunks(LANES).enumerate() {
             // The first eight words of each record as they lie in memory: red comes along.
             let mut records = [L::Words::splat(0); LANES];
             for (record, splat) in records.iter_mut().zip(given) {
-                let Splat { position: [x, y, z], normal: [n, m, o], radius, rgb: [red, ..], .. } = *splat;
+                let Splat {
+                    position: [x, y, z],
+                    normal: [n, m, o],
+                    radius,
+                    rgb: [red, ..],
+                    ..
+                } = *splat;
                 *record = L::Words::from_array([x, y, z, n, m, o, radius, red]);
             }
             let words = L::Words::transposed(records).map(Words::to_array);
@@ -298,21 +451,37 @@ impl Kernel for Load<'_, '_> {
 impl Stages<'_> {
     /// The rest of ellipsoids' records.
     #[inline(always)]
-    fn load_axes<W: Words>(&self, ellipsoids: &Ellipsoids, row: usize, splats: &[Splat], first: usize) {
+    fn load_axes<W: Words>(
+        &self,
+        ellipsoids: &Ellipsoids,
+        row: usize,
+        splats: &[Splat],
+        first: usize,
+    ) {
         let ((project, point), (program, footprint)) = (&self.project, &self.footprint);
         let [mut opacity, mut transparent, mut cutoff] = [[0; LANES]; 3];
         for (lane, splat) in splats.iter().enumerate().take(LANES) {
             opacity[lane] = splat.opacity;
-            transparent[lane] = -i32::from(i64::from(splat.opacity) < ellipsoids.kernel.least_opacity);
-            cutoff[lane] = self.ellipse.box_cutoff(&self.frame.view, &ellipsoids.kernel, splat.opacity) as i32;
+            transparent[lane] =
+                -i32::from(i64::from(splat.opacity) < ellipsoids.kernel.least_opacity);
+            cutoff[lane] =
+                self.ellipse
+                    .box_cutoff(&self.frame.view, &ellipsoids.kernel, splat.opacity)
+                    as i32;
         }
         point.set_row(project, 3, row, transparent);
         footprint.set_row(program, 12, row, opacity);
         footprint.set_row(program, 13, row, cutoff);
         if !ellipsoids.own.is_empty() {
             let mut records = [W::splat(0); LANES];
-            for (record, own) in records.iter_mut().zip(ellipsoids.own.iter().skip(first).take(splats.len())) {
-                let Orientation { quaternion: [w, x, y, z], scales: [a, b, c] } = *own;
+            for (record, own) in records
+                .iter_mut()
+                .zip(ellipsoids.own.iter().skip(first).take(splats.len()))
+            {
+                let Orientation {
+                    quaternion: [w, x, y, z],
+                    scales: [a, b, c],
+                } = *own;
                 *record = W::from_array([w, x, y, z, a, b, c, 0]);
             }
             let own = W::transposed(records).map(Words::to_array);
@@ -328,7 +497,14 @@ impl Stages<'_> {
         let of_ellipse = |output: usize| W::from_array(footprint.row(program, output, row));
         let transparent = W::from_array(point.input_row(project, 3, row));
         Made {
-            culled: [of_point(11), of_point(12), transparent, of_ellipse(14), of_ellipse(15), of_ellipse(16)],
+            culled: [
+                of_point(11),
+                of_point(12),
+                transparent,
+                of_ellipse(14),
+                of_ellipse(15),
+                of_ellipse(16),
+            ],
             pixel: two!(axis => of_point(9 + axis)),
             depth: of_point(4),
             conic: three!(i => of_ellipse(3 + i)),
@@ -351,18 +527,33 @@ struct Lit<'a> {
 
 impl<'a> Lit<'a> {
     fn new(machine: &'a Elaborated, frame: &'a Frame) -> Self {
-        Lit { machine, frame, highlights: machine.shade.highlights(&frame.lighting), windows: machine.windows(frame) }
+        Lit {
+            machine,
+            frame,
+            highlights: machine.shade.highlights(&frame.lighting),
+            windows: machine.windows(frame),
+        }
     }
 
     /// Of windows, how fast a splat hides what lies behind it.
     fn density<P: Probe>(&self, splat: &Splat, probe: &mut P) -> i32 {
-        let density = |registers: &WindowRegisters| self.machine.fragment.density(splat.opacity, registers, &mut Tap::new(probe));
+        let density = |registers: &WindowRegisters| {
+            self.machine
+                .fragment
+                .density(splat.opacity, registers, &mut Tap::new(probe))
+        };
         self.windows.as_ref().map_or(0, density)
     }
 
     /// The port from setup to shade: the light that one splat sends.
     #[inline(never)]
-    fn emission<P: Probe>(&self, splat: &Splat, number: u32, normal: [i32; 3], probe: &mut P) -> [i32; 3] {
+    fn emission<P: Probe>(
+        &self,
+        splat: &Splat,
+        number: u32,
+        normal: [i32; 3],
+        probe: &mut P,
+    ) -> [i32; 3] {
         let tap = &mut Tap::new(probe);
         let lights = shade::LightRegisters::of(self.frame, &self.highlights);
         let input = emitting(self.machine, splat.rgb, normal, splat.material, tap);
@@ -395,15 +586,30 @@ struct Block {
 impl Block {
     /// None yet of so many.
     fn of(splats: usize) -> Self {
-        Block { records: Vec::with_capacity(splats), boxes: Vec::with_capacity(splats), emissions: Vec::new(), culled: Culled::default() }
+        Block {
+            records: Vec::with_capacity(splats),
+            boxes: Vec::with_capacity(splats),
+            emissions: Vec::new(),
+            culled: Culled::default(),
+        }
     }
 
     /// All of them, without the room that was kept for those that fell out.
     fn done(mut self, is_lit: bool) -> Setup {
         self.records.shrink_to_fit();
         self.boxes.shrink_to_fit();
-        let emissions = if is_lit { vec![self.emissions] } else { Vec::new() };
-        Setup { blocks: vec![self.records], boxes: vec![self.boxes], emissions, order: Vec::new(), culled: self.culled }
+        let emissions = if is_lit {
+            vec![self.emissions]
+        } else {
+            Vec::new()
+        };
+        Setup {
+            blocks: vec![self.records],
+            boxes: vec![self.boxes],
+            emissions,
+            order: Vec::new(),
+            culled: self.culled,
+        }
     }
 }
 
@@ -423,17 +629,41 @@ impl<P: Probe> Kernel for Kept<'_, '_, '_, P> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
-        let Kept { stages, splats, live, first, lit, probe, out } = self;
+        let Kept {
+            stages,
+            splats,
+            live,
+            first,
+            lit,
+            probe,
+            out,
+        } = self;
         if P::TRANSFERS {
-            let Stages { project: (project, point), footprint: (program, footprint), .. } = stages;
+            let Stages {
+                project: (project, point),
+                footprint: (program, footprint),
+                ..
+            } = stages;
             let made = std::array::from_fn(|output| point.row(project, output, 0)[0].into());
             let ellipse = std::array::from_fn(|output| footprint.row(program, output, 0)[0].into());
             let transparent = point.input_row(project, 3, 0)[0] != 0;
-            probe.set_up(first, projected_words(made, transparent), ellipse_words(ellipse));
+            probe.set_up(
+                first,
+                projected_words(made, transparent),
+                ellipse_words(ellipse),
+            );
         }
         for (row, own) in splats.chunks(LANES).enumerate() {
             probe.item(row);
-            keep(&stages.made::<L::Words>(row), own, live[row], first + (row * LANES) as u32, lit, probe, out);
+            keep(
+                &stages.made::<L::Words>(row),
+                own,
+                live[row],
+                first + (row * LANES) as u32,
+                lit,
+                probe,
+                out,
+            );
         }
     }
 }
@@ -441,7 +671,8 @@ impl<P: Probe> Kernel for Kept<'_, '_, '_, P> {
 /// What both units made of eight splats, as far as the pipeline keeps it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Made<W> {
-    /// In the order in which the units find them: near, outside, transparent, backface, faint, box outside.
+    /// In the order in which the units find them: near, outside, transparent, backface, faint, box
+    /// outside.
     pub culled: [W; CULLED.len()],
     pub pixel: [W; 2],
     pub depth: W,
@@ -456,9 +687,20 @@ pub(super) struct Made<W> {
 
 /// Keeps those of eight splats that are not culled.
 #[inline(always)]
-fn keep<W: Words, P: Probe>(made: &Made<W>, splats: &[Splat], live: u8, first: u32, lit: Option<&Lit>, probe: &mut P, out: &mut Block) {
+fn keep<W: Words, P: Probe>(
+    made: &Made<W>,
+    splats: &[Splat],
+    live: u8,
+    first: u32,
+    lit: Option<&Lit>,
+    probe: &mut P,
+    out: &mut Block,
+) {
     let mut left = live;
-    let any = made.culled.into_iter().fold(W::splat(0), |any, reason| any | reason);
+    let any = made
+        .culled
+        .into_iter()
+        .fold(W::splat(0), |any, reason| any | reason);
     if left & any.signs() != 0 {
         // The first that holds is the reason.
         let mut lanes = [0; CULLED.len()];
@@ -469,15 +711,31 @@ fn keep<W: Words, P: Probe>(made: &Made<W>, splats: &[Splat], live: u8, first: u
         if P::WORK {
             probe.culled(first, lanes);
         }
-        let [near, outside, transparent, backface, faint, missing] = lanes.map(|lanes| u64::from(lanes.count_ones()));
-        out.culled.absorb(&Culled { near, outside: outside + missing, faint, backface, transparent });
+        let [near, outside, transparent, backface, faint, missing] =
+            lanes.map(|lanes| u64::from(lanes.count_ones()));
+        out.culled.absorb(&Culled {
+            near,
+            outside: outside + missing,
+            faint,
+            backface,
+            transparent,
+        });
     }
 
     let ([x, y], [xx, xy, yy]) = (made.pixel, made.conic);
     let ([z_x, z_y], [n, m, o]) = (made.depth_slope, made.normal);
     let [columns, rows] = two!(axis => made.sides[axis][0] | made.sides[axis][1].left(16));
     let plane = W::transposed([x, y, xx, xy, yy, made.depth, z_x, z_y]);
-    let rest = W::transposed([made.depth_range, columns, rows, made.amplitude, n, m, o, W::splat(0)]);
+    let rest = W::transposed([
+        made.depth_range,
+        columns,
+        rows,
+        made.amplitude,
+        n,
+        m,
+        o,
+        W::splat(0),
+    ]);
     for (lane, own) in splats.iter().enumerate() {
         if left & (1 << lane) == 0 {
             continue;
@@ -486,7 +744,10 @@ fn keep<W: Words, P: Probe>(made: &Made<W>, splats: &[Splat], live: u8, first: u
         let [depth_range, columns, rows, amplitude, n, m, o, _] = rest[lane].to_array();
         if let Some(lit) = lit {
             let light = lit.emission(own, first + lane as u32, [n, m, o], probe);
-            out.emissions.push(Emission { light, density: lit.density(own, probe) });
+            out.emissions.push(Emission {
+                light,
+                density: lit.density(own, probe),
+            });
         }
         if P::WORK {
             probe.drawn(first + lane as u32, [halves(columns), halves(rows)]);
@@ -517,8 +778,25 @@ fn halves(word: i32) -> [u16; 2] {
 }
 
 /// What `project` makes, as a record has it.
-pub(super) fn projected_words(made: [i64; project::OUTPUTS], transparent: bool) -> [i64; PROJECTED] {
-    let [_, _, forward, exponent, depth, inverse_depth, inverse_depth_exponent, slope_x, slope_y, pixel_x, pixel_y, near, outside] = made;
+pub(super) fn projected_words(
+    made: [i64; project::OUTPUTS],
+    transparent: bool,
+) -> [i64; PROJECTED] {
+    let [
+        _,
+        _,
+        forward,
+        exponent,
+        depth,
+        inverse_depth,
+        inverse_depth_exponent,
+        slope_x,
+        slope_y,
+        pixel_x,
+        pixel_y,
+        near,
+        outside,
+    ] = made;
     let record = ProjectOut {
         near: -near,
         outside: -outside,

@@ -8,16 +8,30 @@ use crate::records::{Layer, NORMAL, OPACITY, Premultiplied, SUMS, Slot, WEIGHT};
 use crate::units::shade;
 
 /// A splat as shade is given it, where it is lit before it is drawn.
-pub(super) fn emitting<P: Probe>(machine: &Elaborated, rgb: [i32; 3], normal: [i32; 3], material: u32, tap: &mut Tap<P>) -> shade::Input {
-    input_of(&machine.fragment.emitting(rgb, normal, material, tap), [0; 2])
+pub(super) fn emitting<P: Probe>(
+    machine: &Elaborated,
+    rgb: [i32; 3],
+    normal: [i32; 3],
+    material: u32,
+    tap: &mut Tap<P>,
+) -> shade::Input {
+    input_of(
+        &machine.fragment.emitting(rgb, normal, material, tap),
+        [0; 2],
+    )
 }
 
 /// The light of a splat, in the words of its colour.
-pub(super) fn emitted<P: Probe>(machine: &Elaborated, light: [i64; 3], tap: &mut Tap<P>) -> [i32; 3] {
+pub(super) fn emitted<P: Probe>(
+    machine: &Elaborated,
+    light: [i64; 3],
+    tap: &mut Tap<P>,
+) -> [i32; 3] {
     three!(channel => tap.fit_one(&machine.emission, light[channel]) as i32)
 }
 
-/// The port from fragment to shade. A call of its own, so that its instructions can be told from those of fragment.
+/// The port from fragment to shade. A call of its own, so that its instructions can be told from
+/// those of fragment.
 #[inline(never)]
 pub(super) fn shade_for_merge<P: Probe>(
     machine: &Elaborated,
@@ -76,15 +90,29 @@ pub(super) fn lit_layer<P: Probe>(
     pixel: [u32; 2],
     tap: &mut Tap<P>,
 ) -> Layer {
-    let Premultiplied { colour, opacity } =
-        if fragment.shaded { machine.fragment.shaded(fragment, tap) } else { shade_slot(machine, lights, fragment, pixel, tap) };
+    let Premultiplied { colour, opacity } = if fragment.shaded {
+        machine.fragment.shaded(fragment, tap)
+    } else {
+        shade_slot(machine, lights, fragment, pixel, tap)
+    };
     layer_of(slot, fragment, &shade::Output { colour, opacity })
 }
 
 /// A fragment as resolve is given it, with its light.
 pub(super) fn layer_of(slot: usize, fragment: &Slot, light: &shade::Output) -> Layer {
-    let weight = if fragment.shaded { 0 } else { fragment.sums[WEIGHT] };
-    Layer { slot, depth: fragment.depth, weight, merged: fragment.shaded, colour: light.colour, opacity: light.opacity }
+    let weight = if fragment.shaded {
+        0
+    } else {
+        fragment.sums[WEIGHT]
+    };
+    Layer {
+        slot,
+        depth: fragment.depth,
+        weight,
+        merged: fragment.shaded,
+        colour: light.colour,
+        opacity: light.opacity,
+    }
 }
 
 /// Up to eight fragments to shade.
@@ -100,20 +128,31 @@ impl<P: Probe> Kernel for ShadeEight<'_, P> {
 
     #[inline(always)]
     fn run<V: Lanes>(self) -> [shade::Output; LANES] {
-        let ShadeEight { shade, lights, inputs, probe } = self;
+        let ShadeEight {
+            shade,
+            lights,
+            inputs,
+            probe,
+        } = self;
         // Beyond the last fragment, the last again: a lane that nobody looks at.
-        let all: [shade::Input; LANES] = std::array::from_fn(|lane| inputs[lane.min(inputs.len() - 1)]);
+        let all: [shade::Input; LANES] =
+            std::array::from_fn(|lane| inputs[lane.min(inputs.len() - 1)]);
         let mut outputs = [shade::Output::default(); LANES];
         let mut left = Tap::new(&mut *probe).first(inputs.len()).live;
         // Mostly one material.
         while left != 0 {
             let material = all[left.trailing_zeros() as usize].material;
             let is_same = all.map(|input| input.material == material);
-            let same = (0..LANES).filter(|lane| is_same[*lane]).fold(0, |same, lane| same | 1 << lane) & left;
+            let same = (0..LANES)
+                .filter(|lane| is_same[*lane])
+                .fold(0, |same, lane| same | 1 << lane)
+                & left;
             let tap = &mut Tap::new(&mut *probe);
             tap.live = same;
             let shaded = shade.lanes::<V::Words, P>(lights, material, &all, tap);
-            (0..inputs.len()).filter(|lane| is_same[*lane]).for_each(|lane| outputs[lane] = shaded[lane]);
+            (0..inputs.len())
+                .filter(|lane| is_same[*lane])
+                .for_each(|lane| outputs[lane] = shaded[lane]);
             left &= !same;
         }
         outputs

@@ -1,6 +1,8 @@
-//! Unit replay: drives one unit by itself, records in and records out, as its twin in hardware sees it.
+//! Unit replay: drives one unit by itself, records in and records out, as its twin in hardware sees
+//! it.
 //!
-//! Words and order of a record are those of [`ports`](crate::pipeline::ports). The pipeline is not here: what one unit makes reaches no other.
+//! Words and order of a record are those of [`ports`](crate::pipeline::ports). The pipeline is not
+//! here: what one unit makes reaches no other.
 //!
 //! Laws: `a_trace_replays_through_the_units` (tests/trace.rs of the bench).
 
@@ -13,8 +15,9 @@ use crate::num::lanes::Plain;
 use crate::num::{LANES, Lanes};
 use crate::probe::{Observer, Probe, Tap};
 use crate::records::{
-    Contribution, Decision, DiscIn, EllipsoidIn, FragmentIn, GaussIn, Held, Layer, MAX_LAYERS, PROJECTED, Premultiplied, RasterIn,
-    RasterOut, SET_UP, SheetIn, Slot, TILE_AREA, TILE_PX, WindowIn,
+    Contribution, Decision, DiscIn, EllipsoidIn, FragmentIn, GaussIn, Held, Layer, MAX_LAYERS,
+    PROJECTED, Premultiplied, RasterIn, RasterOut, SET_UP, SheetIn, Slot, TILE_AREA, TILE_PX,
+    WindowIn,
 };
 use crate::units::fragment::sheets::{SheetInput, SheetRegisters};
 use crate::units::fragment::window::{self, Cluster, Clusters, WindowRegisters};
@@ -29,12 +32,24 @@ fn narrow(word: i64) -> i32 {
 }
 
 /// `project`: a record of `project.in`; the opacity counts where the frame has ellipsoids.
-pub fn project(machine: &Elaborated, frame: &Frame, position: [i64; 3], opacity: i64, observer: &mut dyn Observer<'_>) -> [i64; PROJECTED] {
-    let transparent = frame.ellipsoids.as_ref().is_some_and(|of| opacity < of.kernel.least_opacity);
+pub fn project(
+    machine: &Elaborated,
+    frame: &Frame,
+    position: [i64; 3],
+    opacity: i64,
+    observer: &mut dyn Observer<'_>,
+) -> [i64; PROJECTED] {
+    let transparent = frame
+        .ellipsoids
+        .as_ref()
+        .is_some_and(|of| opacity < of.kernel.least_opacity);
     let mut inputs = position.to_vec();
     inputs.push(-i64::from(transparent));
     inputs.extend(project::registers(&frame.view));
-    let made = machine.project.graph().one(&inputs, &mut Tap::new(&mut DynProbe::new(observer)));
+    let made = machine
+        .project
+        .graph()
+        .one(&inputs, &mut Tap::new(&mut DynProbe::new(observer)));
     projected_words(made, transparent)
 }
 
@@ -64,10 +79,15 @@ pub fn ellipse(
     let unit = &machine.ellipse;
     let variant = unit.variant(view.aspect.is_some(), None);
     inputs.extend(unit.registers(variant, view, size_px, &frame::Kernel::default()));
-    ellipse_words(unit.datapath(variant).graph.one(&inputs, &mut Tap::new(&mut DynProbe::new(observer))))
+    ellipse_words(
+        unit.datapath(variant)
+            .graph
+            .one(&inputs, &mut Tap::new(&mut DynProbe::new(observer))),
+    )
 }
 
-/// `ellipse` of ellipsoids: a record of `ellipse.in`, in a frame of them; none where the frame or the machine has none.
+/// `ellipse` of ellipsoids: a record of `ellipse.in`, in a frame of them; none where the frame or
+/// the machine has none.
 pub fn ellipsoid(
     machine: &Elaborated,
     frame: &Frame,
@@ -96,35 +116,78 @@ pub fn ellipsoid(
         cutoff,
     ];
     if !ellipsoids.own.is_empty() {
-        inputs.extend([i.quaternion_w, i.quaternion_x, i.quaternion_y, i.quaternion_z, i.scale_0, i.scale_1, i.scale_2]);
+        inputs.extend([
+            i.quaternion_w,
+            i.quaternion_x,
+            i.quaternion_y,
+            i.quaternion_z,
+            i.scale_0,
+            i.scale_1,
+            i.scale_2,
+        ]);
     }
     let variant = unit.variant_of(frame);
-    inputs.extend(unit.registers(variant, &frame.view, [frame.width, frame.height], &ellipsoids.kernel));
-    Some(ellipse_words(unit.datapath(variant).graph.one(&inputs, &mut Tap::new(&mut DynProbe::new(observer)))))
+    inputs.extend(unit.registers(
+        variant,
+        &frame.view,
+        [frame.width, frame.height],
+        &ellipsoids.kernel,
+    ));
+    Some(ellipse_words(
+        unit.datapath(variant)
+            .graph
+            .one(&inputs, &mut Tap::new(&mut DynProbe::new(observer))),
+    ))
 }
 
-/// Request that a splat with this colour, normal and material sends to `shade` before it is drawn: `ellipse.request`.
-pub fn emission(machine: &Elaborated, rgb: [i64; 3], normal: [i64; 3], material: u32, observer: &mut dyn Observer<'_>) -> shade::Input {
-    emitting(machine, rgb.map(narrow), normal.map(narrow), material, &mut Tap::new(&mut DynProbe::new(observer)))
+/// Request that a splat with this colour, normal and material sends to `shade` before it is drawn:
+/// `ellipse.request`.
+pub fn emission(
+    machine: &Elaborated,
+    rgb: [i64; 3],
+    normal: [i64; 3],
+    material: u32,
+    observer: &mut dyn Observer<'_>,
+) -> shade::Input {
+    emitting(
+        machine,
+        rgb.map(narrow),
+        normal.map(narrow),
+        material,
+        &mut Tap::new(&mut DynProbe::new(observer)),
+    )
 }
 
 /// The colour that a splat has after that, of the light in `ellipse.answer`.
-pub fn emitted_colour(machine: &Elaborated, light: [i64; 3], observer: &mut dyn Observer<'_>) -> [i64; 3] {
+pub fn emitted_colour(
+    machine: &Elaborated,
+    light: [i64; 3],
+    observer: &mut dyn Observer<'_>,
+) -> [i64; 3] {
     emitted(machine, light, &mut Tap::new(&mut DynProbe::new(observer))).map(i64::from)
 }
 
-/// `sort`: depths in the order of `sort.in`; of each record of `sort.out` which of them it is, and its key. None where the machine has no
-/// sort.
-pub fn sort(machine: &Elaborated, depths: &[i64], observer: &mut dyn Observer<'_>) -> Option<Vec<(usize, i64)>> {
+/// `sort`: depths in the order of `sort.in`; of each record of `sort.out` which of them it is, and
+/// its key. None where the machine has no sort.
+pub fn sort(
+    machine: &Elaborated,
+    depths: &[i64],
+    observer: &mut dyn Observer<'_>,
+) -> Option<Vec<(usize, i64)>> {
     let key = machine.sort.as_ref()?;
     let probe = &mut DynProbe::new(observer);
     let tap = &mut Tap::new(probe);
-    let mut keyed: Vec<(usize, i64)> = depths.iter().enumerate().map(|(nth, depth)| (nth, tap.fit_one(key, *depth))).collect();
+    let mut keyed: Vec<(usize, i64)> = depths
+        .iter()
+        .enumerate()
+        .map(|(nth, depth)| (nth, tap.fit_one(key, *depth)))
+        .collect();
     keyed.sort_by_key(|(_, key)| *key);
     Some(keyed)
 }
 
-/// `raster`: a record of `raster.in` without its tag; column, row, radial index and depth of each fragment, row by row.
+/// `raster`: a record of `raster.in` without its tag; column, row, radial index and depth of each
+/// fragment, row by row.
 pub fn raster(
     machine: &Elaborated,
     view: &View,
@@ -133,7 +196,13 @@ pub fn raster(
     observer: &mut dyn Observer<'_>,
 ) -> Vec<[i64; RasterOut::WORDS]> {
     let record = RasterIn::from_words(input);
-    let RasterIn { first_column: left, last_column: right, first_row: top, last_row: bottom, .. } = record;
+    let RasterIn {
+        first_column: left,
+        last_column: right,
+        first_row: top,
+        last_row: bottom,
+        ..
+    } = record;
     let side = |first: i64, last: i64| [first as u16, last as u16];
     let i = record.map(narrow);
     let input = raster::Input {
@@ -169,9 +238,17 @@ pub fn raster(
             );
             for first in 0..span.fragments() {
                 let places = span.places(first);
-                let [radial, depth] = machine.raster.fragments::<Plain>(&walks, 0, &span, places).map(|lanes| lanes.to_array()[0]);
+                let [radial, depth] = machine
+                    .raster
+                    .fragments::<Plain>(&walks, 0, &span, places)
+                    .map(|lanes| lanes.to_array()[0]);
                 let pixel = i64::from(walks.pixels(0, places)[0]);
-                let made = RasterOut { x: column * tile + pixel % tile, y: row * tile + pixel / tile, radial, depth };
+                let made = RasterOut {
+                    x: column * tile + pixel % tile,
+                    y: row * tile + pixel / tile,
+                    radial,
+                    depth,
+                };
                 fragments.push(made.into_words());
             }
         }
@@ -181,7 +258,11 @@ pub fn raster(
 }
 
 /// `gauss`: a record of `gauss.in`; its weight.
-pub fn gauss(machine: &Elaborated, input: [i64; GaussIn::WORDS], observer: &mut dyn Observer<'_>) -> i64 {
+pub fn gauss(
+    machine: &Elaborated,
+    input: [i64; GaussIn::WORDS],
+    observer: &mut dyn Observer<'_>,
+) -> i64 {
     let GaussIn { radial, amplitude } = GaussIn::from_words(input);
     let probe = &mut DynProbe::new(observer);
     let tap = &mut Tap::new(probe).first(1);
@@ -190,14 +271,32 @@ pub fn gauss(machine: &Elaborated, input: [i64; GaussIn::WORDS], observer: &mut 
 }
 
 /// `shade`: one fragment, with the lights and materials of a frame.
-pub fn shade(machine: &Elaborated, frame: &Frame, input: &shade::Input, observer: &mut dyn Observer<'_>) -> shade::Output {
+pub fn shade(
+    machine: &Elaborated,
+    frame: &Frame,
+    input: &shade::Input,
+    observer: &mut dyn Observer<'_>,
+) -> shade::Output {
     let highlights = machine.shade.highlights(&frame.lighting);
-    machine.shade.one(&shade::LightRegisters::of(frame, &highlights), input, &mut Tap::new(&mut DynProbe::new(observer)))
+    machine.shade.one(
+        &shade::LightRegisters::of(frame, &highlights),
+        input,
+        &mut Tap::new(&mut DynProbe::new(observer)),
+    )
 }
 
 /// `resolve`: the layers of a pixel, front to back; its frame word.
-pub fn resolve(machine: &Elaborated, frame: &Frame, layers: &[Layer], observer: &mut dyn Observer<'_>) -> [i64; 4] {
-    machine.resolve.one(layers, frame.background, &mut Tap::new(&mut DynProbe::new(observer)))
+pub fn resolve(
+    machine: &Elaborated,
+    frame: &Frame,
+    layers: &[Layer],
+    observer: &mut dyn Observer<'_>,
+) -> [i64; 4] {
+    machine.resolve.one(
+        layers,
+        frame.background,
+        &mut Tap::new(&mut DynProbe::new(observer)),
+    )
 }
 
 /// `fragment`, with pixels of one tile.
@@ -210,7 +309,11 @@ pub struct Fragments<'a> {
 impl<'a> Fragments<'a> {
     /// All pixels empty.
     pub fn new(machine: &'a Elaborated, frame: &'a Frame) -> Self {
-        Fragments { machine, frame, tile: Box::default() }
+        Fragments {
+            machine,
+            frame,
+            tile: Box::default(),
+        }
     }
 
     /// Takes a record of `fragment.in` whose pixel lies in the tile; `answer` stands in for shade.
@@ -220,13 +323,31 @@ impl<'a> Fragments<'a> {
         mut answer: impl FnMut(&Slot) -> Premultiplied,
         observer: &mut dyn Observer<'_>,
     ) -> Decision {
-        let FragmentIn { x, y, weight, depth: exact_depth, red, green, blue, opacity, normal_x, normal_y, normal_z, material } =
-            FragmentIn::from_words(input);
-        let registers = FragmentRegisters { z_threshold: self.frame.z_threshold, coverage_threshold: self.frame.coverage_threshold };
+        let FragmentIn {
+            x,
+            y,
+            weight,
+            depth: exact_depth,
+            red,
+            green,
+            blue,
+            opacity,
+            normal_x,
+            normal_y,
+            normal_z,
+            material,
+        } = FragmentIn::from_words(input);
+        let registers = FragmentRegisters {
+            z_threshold: self.frame.z_threshold,
+            coverage_threshold: self.frame.coverage_threshold,
+        };
         let attributes = [1, red, green, blue, opacity, normal_x, normal_y, normal_z].map(narrow);
         let unit = &self.machine.fragment;
         let depth = unit
-            .depth::<false, Plain, DynProbe>(Plain::splat(exact_depth), &mut Tap::new(&mut DynProbe::new(observer)).first(1))
+            .depth::<false, Plain, DynProbe>(
+                Plain::splat(exact_depth),
+                &mut Tap::new(&mut DynProbe::new(observer)).first(1),
+            )
             .to_array()[0];
         let pixel = (y as usize % TILE_PX * TILE_PX + x as usize % TILE_PX) as u8;
         let answers = std::cell::RefCell::new(&mut answer);
@@ -234,22 +355,44 @@ impl<'a> Fragments<'a> {
         let probe = &mut DynProbe::new(observer);
         let tap = &mut Tap::new(probe);
         let material = material as u32;
-        let input = fragment::Input { weight, depth, attributes: &attributes, material: &material };
-        let decision = unit.contribute::<Plainly, DynProbe>(&mut self.tile, pixel, input, &registers, &mut shade, tap);
-        let contribution = Contribution { splat: 0, radial_index: 0, weight, depth };
-        tap.probe.contribution(x as u32, y as u32, &contribution, decision);
+        let input = fragment::Input {
+            weight,
+            depth,
+            attributes: &attributes,
+            material: &material,
+        };
+        let decision = unit.contribute::<Plainly, DynProbe>(
+            &mut self.tile,
+            pixel,
+            input,
+            &registers,
+            &mut shade,
+            tap,
+        );
+        let contribution = Contribution {
+            splat: 0,
+            radial_index: 0,
+            weight,
+            depth,
+        };
+        tap.probe
+            .contribution(x as u32, y as u32, &contribution, decision);
         decision
     }
 
     /// Fragments that a pixel of the tile holds, slot by slot.
     pub fn held(&self, pixel: usize) -> Vec<Slot> {
         let at = (pixel % TILE_AREA) as u8;
-        (0..self.tile.live(at)).map(|slot| self.tile.slot(at, slot)).collect()
+        (0..self.tile.live(at))
+            .map(|slot| self.tile.slot(at, slot))
+            .collect()
     }
 
     /// Light that a shaded fragment is read as.
     pub fn lit(&self, slot: &Slot, observer: &mut dyn Observer<'_>) -> Premultiplied {
-        self.machine.fragment.shaded(slot, &mut Tap::new(&mut DynProbe::new(observer)))
+        self.machine
+            .fragment
+            .shaded(slot, &mut Tap::new(&mut DynProbe::new(observer)))
     }
 }
 
@@ -264,19 +407,45 @@ pub struct Sheets<'a> {
 impl<'a> Sheets<'a> {
     /// All pixels empty.
     pub fn new(machine: &'a Elaborated, sheets: &'a frame::Sheets) -> Self {
-        Sheets { machine, registers: machine.fragment.sheets(sheets), tile: Box::default() }
+        Sheets {
+            machine,
+            registers: machine.fragment.sheets(sheets),
+            tile: Box::default(),
+        }
     }
 
     /// Takes a record of `fragment.in` whose pixel lies in the tile.
-    pub fn take(&mut self, input: [i64; SheetIn::WORDS], observer: &mut dyn Observer<'_>) -> Decision {
-        let SheetIn { x, y, weight, sheet, red, green, blue } = SheetIn::from_words(input);
+    pub fn take(
+        &mut self,
+        input: [i64; SheetIn::WORDS],
+        observer: &mut dyn Observer<'_>,
+    ) -> Decision {
+        let SheetIn {
+            x,
+            y,
+            weight,
+            sheet,
+            red,
+            green,
+            blue,
+        } = SheetIn::from_words(input);
         let attributes = [1, red, green, blue, 0, 0, 0, 0].map(narrow);
         let pixel = (y as usize % TILE_PX * TILE_PX + x as usize % TILE_PX) as u8;
         let probe = &mut DynProbe::new(observer);
         let tap = &mut Tap::new(probe);
         let unit = &self.machine.fragment;
-        let input = SheetInput { sheet: sheet as u32, weight, attributes: &attributes };
-        unit.contribute_to_sheet::<Plainly, DynProbe>(&mut self.tile, pixel, input, &self.registers, tap)
+        let input = SheetInput {
+            sheet: sheet as u32,
+            weight,
+            attributes: &attributes,
+        };
+        unit.contribute_to_sheet::<Plainly, DynProbe>(
+            &mut self.tile,
+            pixel,
+            input,
+            &self.registers,
+            tap,
+        )
     }
 
     /// Sheets that a pixel of the tile holds; none where nothing came.
@@ -284,14 +453,21 @@ impl<'a> Sheets<'a> {
         let at = (pixel % TILE_AREA) as u8;
         // Where each splat is a sheet none is ever open.
         let open = self.registers.sheets.each == Each::Slice;
-        let slots: Vec<Slot> = (0..self.tile.live(at).min(1 + usize::from(open))).map(|slot| self.tile.slot(at, slot)).collect();
+        let slots: Vec<Slot> = (0..self.tile.live(at).min(1 + usize::from(open)))
+            .map(|slot| self.tile.slot(at, slot))
+            .collect();
         (!slots.is_empty()).then(|| Held::of(&slots))
     }
 
     /// Light that its sheets come to.
     pub fn lit(&self, pixel: usize, observer: &mut dyn Observer<'_>) -> Option<Premultiplied> {
         let at = (pixel % TILE_AREA) as u8;
-        self.machine.fragment.composite(&self.tile, at, &self.registers, &mut Tap::new(&mut DynProbe::new(observer)))
+        self.machine.fragment.composite(
+            &self.tile,
+            at,
+            &self.registers,
+            &mut Tap::new(&mut DynProbe::new(observer)),
+        )
     }
 }
 
@@ -307,7 +483,12 @@ impl<'a> Windows<'a> {
     /// All pixels empty; none where the frame's fragments are grouped otherwise.
     pub fn new(machine: &'a Elaborated, frame: &Frame) -> Option<Self> {
         let registers = machine.windows(frame)?;
-        Some(Windows { machine, registers, clusters: Clusters::default(), live: [0; TILE_AREA] })
+        Some(Windows {
+            machine,
+            registers,
+            clusters: Clusters::default(),
+            live: [0; TILE_AREA],
+        })
     }
 
     /// Takes a record of `fragment.in` whose pixel lies in the tile; `answer` stands in for shade.
@@ -317,12 +498,36 @@ impl<'a> Windows<'a> {
         mut answer: impl FnMut(&Slot) -> Premultiplied,
         observer: &mut dyn Observer<'_>,
     ) -> Decision {
-        let WindowIn { x, y, red, green, blue, opacity, normal_x, normal_y, normal_z, light_r, light_g, light_b, .. } =
-            WindowIn::from_words(input).map(narrow);
-        let WindowIn { weight, depth: exact_depth, material, density, .. } = WindowIn::from_words(input);
+        let WindowIn {
+            x,
+            y,
+            red,
+            green,
+            blue,
+            opacity,
+            normal_x,
+            normal_y,
+            normal_z,
+            light_r,
+            light_g,
+            light_b,
+            ..
+        } = WindowIn::from_words(input).map(narrow);
+        let WindowIn {
+            weight,
+            depth: exact_depth,
+            material,
+            density,
+            ..
+        } = WindowIn::from_words(input);
         let unit = &self.machine.fragment;
         let probe = &mut DynProbe::new(observer);
-        let depth = unit.depth::<false, Plain, DynProbe>(Plain::splat(exact_depth), &mut Tap::new(probe).first(1)).to_array()[0];
+        let depth = unit
+            .depth::<false, Plain, DynProbe>(
+                Plain::splat(exact_depth),
+                &mut Tap::new(probe).first(1),
+            )
+            .to_array()[0];
         let attributes = [1, red, green, blue, opacity, normal_x, normal_y, normal_z];
         let input = window::Input {
             weight,
@@ -337,7 +542,14 @@ impl<'a> Windows<'a> {
         let answers = std::cell::RefCell::new(&mut answer);
         let shade = |slot: &Slot, _: &mut Tap<DynProbe>| (answers.borrow_mut())(slot);
         let slots = self.clusters.of(pixel);
-        let decision = unit.contribute_to_window(slots, usize::from(*live), &input, &self.registers, shade, &mut Tap::new(probe));
+        let decision = unit.contribute_to_window(
+            slots,
+            usize::from(*live),
+            &input,
+            &self.registers,
+            shade,
+            &mut Tap::new(probe),
+        );
         *live += u8::from(matches!(decision, Decision::Inserted(_)));
         decision
     }
@@ -349,13 +561,24 @@ impl<'a> Windows<'a> {
     }
 
     /// The layers that they come to in the end; `answer` stands in for shade.
-    pub fn layers(&mut self, pixel: usize, mut answer: impl FnMut(&Slot) -> Premultiplied, observer: &mut dyn Observer<'_>) -> Vec<Layer> {
+    pub fn layers(
+        &mut self,
+        pixel: usize,
+        mut answer: impl FnMut(&Slot) -> Premultiplied,
+        observer: &mut dyn Observer<'_>,
+    ) -> Vec<Layer> {
         let mut layers = [Layer::default(); MAX_LAYERS];
         let answers = std::cell::RefCell::new(&mut answer);
         let shade = |slot: &Slot, _: &mut Tap<DynProbe>| (answers.borrow_mut())(slot);
         let (machine, registers) = (self.machine, self.registers.clone());
         let probe = &mut DynProbe::new(observer);
-        let (count, ..) = machine.fragment.layers_of_windows(self.held(pixel), &registers, &mut layers, shade, &mut Tap::new(probe));
+        let (count, ..) = machine.fragment.layers_of_windows(
+            self.held(pixel),
+            &registers,
+            &mut layers,
+            shade,
+            &mut Tap::new(probe),
+        );
         layers[..count].to_vec()
     }
 }

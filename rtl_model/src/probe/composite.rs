@@ -16,7 +16,10 @@ pub struct Composite {
 impl Composite {
     /// For a machine with these signals.
     pub fn new(signals: &[Signal]) -> Self {
-        Composite { meters: Meters::new(signals), recorder: Recorder::default() }
+        Composite {
+            meters: Meters::new(signals),
+            recorder: Recorder::default(),
+        }
     }
 
     /// The ranges measured, and the work of a frame of this size.
@@ -33,7 +36,10 @@ impl Probe for Composite {
     const WORK: bool = true;
 
     fn fork(&self) -> Self {
-        Composite { meters: self.meters.fork(), recorder: self.recorder.fork() }
+        Composite {
+            meters: self.meters.fork(),
+            recorder: self.recorder.fork(),
+        }
     }
 
     fn absorb(&mut self, fork: Self) {
@@ -93,7 +99,12 @@ impl Probe for Composite {
     }
 
     #[inline(always)]
-    fn resample_batch(&mut self, items: Range<usize>, of: usize, again: impl FnMut(usize, &mut Ranges)) {
+    fn resample_batch(
+        &mut self,
+        items: Range<usize>,
+        of: usize,
+        again: impl FnMut(usize, &mut Ranges),
+    ) {
         self.meters.resample_batch(items, of, again);
     }
 

@@ -1,4 +1,5 @@
-//! Meters: what [`Ranges`] say, with all words measured eight at a time and a sample of them counted one by one.
+//! Meters: what [`Ranges`] say, with all words measured eight at a time and a sample of them
+//! counted one by one.
 //!
 //! ```text
 //! all words ─►[ least, greatest, every bit set ]──────────────┐
@@ -6,8 +7,9 @@
 //! every n-th item of work ──┘                           └─►[ Ranges ]─► words, inexact, bins
 //! ```
 //! Of words that come alone a few that met a limit are kept: for them alone nothing is done again.
-//! An item of work is eight splats in setup, a tile in what follows. Extremes and limits are those of all words; counts are those of a
-//! sample that does not depend on threads: all items where they are few, one in [`MOST_APART`] where they are many.
+//! An item of work is eight splats in setup, a tile in what follows. Extremes and limits are those
+//! of all words; counts are those of a sample that does not depend on threads: all items where they
+//! are few, one in [`MOST_APART`] where they are many.
 //!
 //! Laws: `meters_read_what_ranges_count`, `a_sample_is_spread_evenly`.
 
@@ -21,7 +23,8 @@ const FEW: usize = 12;
 /// The sample is no thinner than one item in this many.
 pub const MOST_APART: usize = 256;
 
-/// Whether an item, of so many, belongs to the sample: every n-th, but by steps of the golden ratio, which no width of a picture divides.
+/// Whether an item, of so many, belongs to the sample: every n-th, but by steps of the golden
+/// ratio, which no width of a picture divides.
 fn is_sampled(item: usize, of: usize) -> bool {
     let apart = (of / FEW).clamp(1, MOST_APART) as u32;
     (item as u32).wrapping_mul(0x9E37_79B9) <= u32::MAX / apart
@@ -37,7 +40,11 @@ struct Extremes {
 
 impl Default for Extremes {
     fn default() -> Self {
-        Extremes { min: [i32::MAX; LANES], max: [i32::MIN; LANES], any: [0; LANES] }
+        Extremes {
+            min: [i32::MAX; LANES],
+            max: [i32::MIN; LANES],
+            any: [0; LANES],
+        }
     }
 }
 
@@ -59,7 +66,12 @@ impl Extremes {
 
     /// Tells a range what a lane saw.
     fn tell(&self, lane: usize, range: &mut Range) {
-        Alone::of(self.min[lane].into(), self.max[lane].into(), self.any[lane].into()).tell(range);
+        Alone::of(
+            self.min[lane].into(),
+            self.max[lane].into(),
+            self.any[lane].into(),
+        )
+        .tell(range);
     }
 }
 
@@ -76,14 +88,28 @@ struct Alone {
 impl Default for Alone {
     /// Every word but that of the least, which no signal has, lies out of the span.
     fn default() -> Self {
-        Alone { min: i64::MAX, max: i64::MIN, span: 0, any: 0 }
+        Alone {
+            min: i64::MAX,
+            max: i64::MIN,
+            span: 0,
+            any: 0,
+        }
     }
 }
 
 impl Alone {
     /// With its least above its greatest it has seen nothing.
     fn of(min: i64, max: i64, any: i64) -> Self {
-        if min <= max { Alone { min, max, span: max.wrapping_sub(min) as u64, any } } else { Alone::default() }
+        if min <= max {
+            Alone {
+                min,
+                max,
+                span: max.wrapping_sub(min) as u64,
+                any,
+            }
+        } else {
+            Alone::default()
+        }
     }
 
     #[inline(always)]
@@ -131,7 +157,11 @@ struct Wide {
 
 impl Default for Wide {
     fn default() -> Self {
-        Wide { min: [i64::MAX; LANES], max: [i64::MIN; LANES], any: [0; LANES] }
+        Wide {
+            min: [i64::MAX; LANES],
+            max: [i64::MIN; LANES],
+            any: [0; LANES],
+        }
     }
 }
 
@@ -150,7 +180,8 @@ impl Wide {
     }
 }
 
-/// A word that met a limit alone: of which item, its fit, its exact result and that one's additional fraction bits, the word.
+/// A word that met a limit alone: of which item, its fit, its exact result and that one's
+/// additional fraction bits, the word.
 type Limited = (u64, Fit, i64, i64, i64);
 
 /// Most of them that are kept of an item of work: with more it is resampled.
@@ -159,7 +190,8 @@ const KEPT: usize = 64;
 /// Watches the range of every signal.
 #[derive(Clone, Debug)]
 pub struct Meters {
-    /// By signal: words of eight at a time, of up to 32 bits and of more; words that came alone; what registers were to hold on their way.
+    /// By signal: words of eight at a time, of up to 32 bits and of more; words that came alone;
+    /// what registers were to hold on their way.
     together: Vec<Extremes>,
     wide: Vec<Wide>,
     alone: Vec<Alone>,
@@ -180,8 +212,12 @@ pub struct Meters {
 impl Meters {
     /// For a machine with these signals.
     pub fn new(signals: &[Signal]) -> Self {
-        let of_sum =
-            |name: &str| signals.iter().position(|signal| signal.unit == unit::FRAGMENT && signal.name == name).unwrap_or_default();
+        let of_sum = |name: &str| {
+            signals
+                .iter()
+                .position(|signal| signal.unit == unit::FRAGMENT && signal.name == name)
+                .unwrap_or_default()
+        };
         Meters::of(signals.len(), SUM_SIGNALS.map(of_sum))
     }
 
@@ -205,7 +241,12 @@ impl Meters {
         let [sample, limited] = &self.resampled;
         let mut ranges = sample.clone();
         for (signal, range) in ranges.0.iter_mut().enumerate() {
-            range.absorb(&Range { words: 0, inexact: 0, bins: Range::default().bins, ..limited.0[signal] });
+            range.absorb(&Range {
+                words: 0,
+                inexact: 0,
+                bins: Range::default().bins,
+                ..limited.0[signal]
+            });
             (0..LANES).for_each(|lane| self.together[signal].tell(lane, range));
             self.wide[signal].lanes().for_each(|lane| lane.tell(range));
             self.alone[signal].tell(range);
@@ -236,7 +277,9 @@ impl Probe for Meters {
     fn absorb(&mut self, fork: Self) {
         for (signal, alone) in self.alone.iter_mut().enumerate() {
             self.together[signal].absorb(&fork.together[signal]);
-            fork.wide[signal].lanes().for_each(|lane| alone.absorb(&lane));
+            fork.wide[signal]
+                .lanes()
+                .for_each(|lane| alone.absorb(&lane));
             alone.absorb(&fork.alone[signal]);
             self.way[signal].absorb(&fork.way[signal]);
         }
@@ -285,7 +328,8 @@ impl Probe for Meters {
         if limited & live != 0 {
             self.is_limited |= self.item;
         } else if live != 0 {
-            self.wide[signal].see(STAND_IN[usize::from(live)].map(|lane| words[lane as usize % LANES]));
+            self.wide[signal]
+                .see(STAND_IN[usize::from(live)].map(|lane| words[lane as usize % LANES]));
         }
     }
 
@@ -326,7 +370,9 @@ impl Probe for Meters {
             (true, _) => Some(sample),
             (false, 1..) => Some(limited),
             (false, 0) => {
-                self.limited.drain(..).for_each(|(_, fit, exact, more, word)| limited.word(&fit, exact, more, word));
+                self.limited
+                    .drain(..)
+                    .for_each(|(_, fit, exact, more, word)| limited.word(&fit, exact, more, word));
                 return None;
             }
         };
@@ -335,7 +381,12 @@ impl Probe for Meters {
         resampled
     }
 
-    fn resample_batch(&mut self, items: std::ops::Range<usize>, of: usize, mut again: impl FnMut(usize, &mut Ranges)) {
+    fn resample_batch(
+        &mut self,
+        items: std::ops::Range<usize>,
+        of: usize,
+        mut again: impl FnMut(usize, &mut Ranges),
+    ) {
         let [sample, limited] = &mut self.resampled;
         let is_limited = std::mem::take(&mut self.is_limited);
         let mut bit = 1;
@@ -346,7 +397,9 @@ impl Probe for Meters {
                 again(item, limited);
             } else {
                 let alone = self.limited.iter().filter(|word| word.0 == bit);
-                alone.for_each(|(_, fit, exact, more, word)| limited.word(fit, *exact, *more, *word));
+                alone.for_each(|(_, fit, exact, more, word)| {
+                    limited.word(fit, *exact, *more, *word)
+                });
             }
             bit <<= 1;
         }
@@ -354,14 +407,19 @@ impl Probe for Meters {
     }
 }
 
-/// For each set of live lanes, which lane each of the eight is to take its word from: itself, or the first that is live.
+/// For each set of live lanes, which lane each of the eight is to take its word from: itself, or
+/// the first that is live.
 const STAND_IN: [[i32; LANES]; 256] = {
     let mut all = [[0; LANES]; 256];
     let mut live = 1;
     while live < 256_usize {
         let mut lane = 0;
         while lane < LANES {
-            all[live][lane] = if live & (1 << lane) != 0 { lane as i32 } else { live.trailing_zeros() as i32 };
+            all[live][lane] = if live & (1 << lane) != 0 {
+                lane as i32
+            } else {
+                live.trailing_zeros() as i32
+            };
             lane += 1;
         }
         live += 1;

@@ -1,10 +1,13 @@
-//! Probe: what may be watched while the machine draws. It does nothing by default and then costs nothing.
+//! Probe: what may be watched while the machine draws. It does nothing by default and then costs
+//! nothing.
 //!
-//! Units hand every fitted word and every decision to a [`Tap`]; with [`NoProbe`] the compiler removes all of it.
-//! Parts of a frame are watched by forks of a probe; absorbing forks is associative, so threads cannot change a count.
+//! Units hand every fitted word and every decision to a [`Tap`]; with [`NoProbe`] the compiler
+//! removes all of it. Parts of a frame are watched by forks of a probe; absorbing forks is
+//! associative, so threads cannot change a count.
 //!
-//! A probe observes words one by one, or ([`Probe::EIGHT`]) eight at a time without what was lost; then it may ask for an item of work, eight
-//! splats or a tile, once [more](Probe::resample), to observe all.
+//! A probe observes words one by one, or ([`Probe::EIGHT`]) eight at a time without what was lost;
+//! then it may ask for an item of work, eight splats or a tile, once [more](Probe::resample), to
+//! observe all.
 
 mod composite;
 mod meters;
@@ -18,24 +21,29 @@ pub use observer::{DynProbe, Observer};
 pub use ranges::{BINS, Range, Ranges};
 
 use crate::num::{Exacts, Fit, LANES, Lanes, Register, Seen, Words, three};
-use crate::records::{Contribution, Decision, Layer, PROJECTED, SET_UP, ShadeInput, ShadeOutput, Slot, Weighed};
+use crate::records::{
+    Contribution, Decision, Layer, PROJECTED, SET_UP, ShadeInput, ShadeOutput, Slot, Weighed,
+};
 use crate::work::CULLED;
 
 /// A probe of the machine.
 pub trait Probe: Send + Sync + Sized {
     /// Whether words are wanted: if not, the compiler drops the calls.
     const WORDS: bool;
-    /// Whether words are wanted without their exact results, and eight at a time, where that can be done.
+    /// Whether words are wanted without their exact results, and eight at a time, where that can be
+    /// done.
     const EIGHT: bool = false;
     /// Whether contributions and resolved pixels are wanted.
     const DECISIONS: bool;
-    /// Whether its frames are worth vector instructions and paths of their own for common machines: quick to draw, slow to compile.
+    /// Whether its frames are worth vector instructions and paths of their own for common machines:
+    /// quick to draw, slow to compile.
     const QUICK: bool = false;
 
     /// Whether work is wanted: what became of splats, rows, contributions and pixels.
     const WORK: bool = false;
-    /// Whether transfers are wanted, record by record as in [`ports`](crate::pipeline::ports). The machine then takes one item at a time, and what
-    /// is observed of words between two transfers belongs to the second.
+    /// Whether transfers are wanted, record by record as in [`ports`](crate::pipeline::ports). The
+    /// machine then takes one item at a time, and what is observed of words between two transfers
+    /// belongs to the second.
     const TRANSFERS: bool = false;
 
     /// A fresh probe of the same kind, for another part of the frame.
@@ -61,10 +69,11 @@ pub trait Probe: Send + Sync + Sized {
     fn sums<W: Words>(&mut self, _seen: Seen<W>) {}
     /// A register outran its format and wrapped.
     fn wrapped(&mut self, _signal: usize) {}
-    /// A register of a signal was to hold all from the first to the second on its way, which are no words of their own.
+    /// A register of a signal was to hold all from the first to the second on its way, which are no
+    /// words of their own.
     fn reached(&mut self, _signal: usize, _results: [i64; 2]) {}
-    /// All words of an item of work have been observed, of the first or another of so many of its kind in the frame: who, if any, is to
-    /// observe them all once more, one by one.
+    /// All words of an item of work have been observed, of the first or another of so many of its
+    /// kind in the frame: who, if any, is to observe them all once more, one by one.
     #[inline(always)]
     fn resample(&mut self, _item: usize, _of: usize) -> Option<&mut Ranges> {
         None
@@ -73,35 +82,54 @@ pub trait Probe: Send + Sync + Sized {
     /// What follows is of the nth item of work of those that are done together.
     #[inline(always)]
     fn item(&mut self, _nth: usize) {}
-    /// [`Probe::resample`] of items that were done together, the first of them in [`Probe::item`] 0.
+    /// [`Probe::resample`] of items that were done together, the first of them in
+    /// [`Probe::item`] 0.
     #[inline(always)]
-    fn resample_batch(&mut self, _items: std::ops::Range<usize>, _of: usize, _again: impl FnMut(usize, &mut Ranges)) {}
+    fn resample_batch(
+        &mut self,
+        _items: std::ops::Range<usize>,
+        _of: usize,
+        _again: impl FnMut(usize, &mut Ranges),
+    ) {
+    }
     /// A splat contributed to pixel (x, y), and this became of it.
-    fn contribution(&mut self, _x: u32, _y: u32, _contribution: &Contribution, _decision: Decision) {}
-    /// Pixel (x, y), which is not resolved yet, has windows that start at these places, a bit each, the first in the last place.
+    fn contribution(
+        &mut self,
+        _x: u32,
+        _y: u32,
+        _contribution: &Contribution,
+        _decision: Decision,
+    ) {
+    }
+    /// Pixel (x, y), which is not resolved yet, has windows that start at these places, a bit each,
+    /// the first in the last place.
     fn windows(&mut self, _x: u32, _y: u32, _starts: u8) {}
     /// Pixel (x, y) was resolved from these layers, front to back, into this frame word.
     fn resolved(&mut self, _x: u32, _y: u32, _layers: &[Layer], _frame: [i64; 4]) {}
-    /// Which of eight splats from the first on were not drawn, by reason as in [`CULLED`], the first in the last
-    /// place.
+    /// Which of eight splats from the first on were not drawn, by reason as in [`CULLED`], the
+    /// first in the last place.
     fn culled(&mut self, _first: u32, _lanes: [u8; CULLED.len()]) {}
     /// A splat has a box: its first and last column and row.
     #[inline(always)]
     fn drawn(&mut self, _splat: u32, _sides: [[u16; 2]; 2]) {}
-    /// All splats with a box have been observed; they are drawn in this order, each by its place among them.
+    /// All splats with a box have been observed; they are drawn in this order, each by its place
+    /// among them.
     fn sorted(&mut self, _order: Vec<u32>, _keys: Vec<u32>) {}
-    /// Splats are ellipsoids: whether each with a box is lit before it is drawn, whether all have the axes in the registers, and the degree of
-    /// the harmonics that their colours are.
+    /// Splats are ellipsoids: whether each with a box is lit before it is drawn, whether all have
+    /// the axes in the registers, and the degree of the harmonics that their colours are.
     fn ellipsoids(&mut self, _preshaded: bool, _shared_axes: bool, _harmonics: u8) {}
-    /// A splat that is lit before it is drawn has this colour from now on; what it sent to shade was observed before.
+    /// A splat that is lit before it is drawn has this colour from now on; what it sent to shade
+    /// was observed before.
     fn emitted(&mut self, _splat: u32, _rgb: [i32; 3]) {}
-    /// A splat's part of a tile, of so many rows from column `left` of the tile on, keeps these places: 16 · row + column.
+    /// A splat's part of a tile, of so many rows from column `left` of the tile on, keeps these
+    /// places: 16 · row + column.
     #[inline(always)]
     fn span(&mut self, _rows: usize, _left: usize, _places: &[u8]) {}
     /// The next place had this outcome; none where its weight rounds to 0.
     #[inline(always)]
     fn became(&mut self, _decision: Option<Decision>) {}
-    /// The next place's pixel stopped with this contribution, whatever became of that: by the sheet before, or by itself.
+    /// The next place's pixel stopped with this contribution, whatever became of that: by the sheet
+    /// before, or by itself.
     fn stopped(&mut self, _by_merge: bool) {}
     /// A fragment is shaded so that it can merge.
     fn shaded(&mut self) {}
@@ -114,18 +142,20 @@ pub trait Probe: Send + Sync + Sized {
     /// The next pixel of a tile ends with so many fragments, of which so many are left to shade.
     #[inline(always)]
     fn held(&mut self, _fragments: u8, _shades: u8) {}
-    /// A splat left setup with these words: those of `project.out` and of `ellipse.out`, masked by nothing yet.
+    /// A splat left setup with these words: those of `project.out` and of `ellipse.out`, masked by
+    /// nothing yet.
     fn set_up(&mut self, _splat: u32, _project: [i64; PROJECTED], _ellipse: [i64; SET_UP]) {}
     /// The raster has walked a splat's part of a tile.
     fn walked(&mut self, _splat: u32) {}
     /// A splat's fragment at pixel (x, y) left raster and gauss.
     fn weighed(&mut self, _x: u32, _y: u32, _weighed: &Weighed) {}
-    /// A fragment enters shade, from merging or from resolving; what is observed from here on is shade's.
+    /// A fragment enters shade, from merging or from resolving; what is observed from here on is
+    /// shade's.
     fn shade_in(&mut self) {}
     /// It left shade.
     fn shade_out(&mut self, _input: &ShadeInput, _output: &ShadeOutput) {}
-    /// Pixel (x, y) holds these fragments in the end, slot by slot; the light of each beside it. Of sheets: what has been blended, then the
-    /// open one; beside it the light of all together.
+    /// Pixel (x, y) holds these fragments in the end, slot by slot; the light of each beside it. Of
+    /// sheets: what has been blended, then the open one; beside it the light of all together.
     fn holds(&mut self, _x: u32, _y: u32, _slots: &[Slot], _layers: &[Layer]) {}
     /// The tile whose first pixel is (x, y) is done: all of it has been observed.
     fn tile(&mut self, _x: u32, _y: u32) {}
@@ -150,7 +180,8 @@ impl Probe for NoProbe {
 pub struct Tap<'a, P> {
     /// The probe.
     pub probe: &'a mut P,
-    /// Lanes that carry a live item, the first in the last place; the others are not shown to the probe.
+    /// Lanes that carry a live item, the first in the last place; the others are not shown to the
+    /// probe.
     pub live: u8,
 }
 
@@ -158,13 +189,19 @@ impl<'a, P: Probe> Tap<'a, P> {
     /// A tap for one item at a time.
     #[inline(always)]
     pub fn new(probe: &'a mut P) -> Self {
-        Tap { probe, live: u8::MAX }
+        Tap {
+            probe,
+            live: u8::MAX,
+        }
     }
 
     /// Shows the probe only the first so many lanes.
     #[inline(always)]
     pub fn first(self, lanes: usize) -> Self {
-        Tap { live: ((1 << lanes.min(LANES)) - 1) as u8, ..self }
+        Tap {
+            live: ((1 << lanes.min(LANES)) - 1) as u8,
+            ..self
+        }
     }
 
     /// What follows is of the nth item of a batch, and the probe sees these lanes.
@@ -241,7 +278,11 @@ impl<'a, P: Probe> Tap<'a, P> {
     /// Fits eight results.
     #[inline(always)]
     pub fn fit<L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
-        if P::WORDS { self.observe_lanes::<false, L>(fit, exact) } else { fit.lanes(exact) }
+        if P::WORDS {
+            self.observe_lanes::<false, L>(fit, exact)
+        } else {
+            fit.lanes(exact)
+        }
     }
 
     /// Fits eight results into registers that wrap.
@@ -254,9 +295,17 @@ impl<'a, P: Probe> Tap<'a, P> {
             if P::EIGHT && fit.is_register() {
                 let limited = (result.above(word) | word.above(result)).signs();
                 if fit.word.format.width() < 32 {
-                    self.probe.eight(fit.signal, Seen { words: word.low(), limited }, self.live);
+                    self.probe.eight(
+                        fit.signal,
+                        Seen {
+                            words: word.low(),
+                            limited,
+                        },
+                        self.live,
+                    );
                 } else {
-                    self.probe.wide(fit.signal, word.to_array(), limited, self.live);
+                    self.probe
+                        .wide(fit.signal, word.to_array(), limited, self.live);
                 }
             } else {
                 self.report(*fit, exact.to_array(), [0; LANES], word.to_array());
@@ -265,16 +314,25 @@ impl<'a, P: Probe> Tap<'a, P> {
         held
     }
 
-    /// Fits eight results of which none is negative, into a word without a sign ([`Fit::lanes_unsigned`]).
+    /// Fits eight results of which none is negative, into a word without a sign
+    /// ([`Fit::lanes_unsigned`]).
     #[inline(always)]
     pub fn fit_unsigned<const SIMPLE_FITS: bool, L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
-        if P::WORDS { self.observe_lanes::<true, L>(fit, exact) } else { fit.lanes_unsigned::<SIMPLE_FITS, L>(exact) }
+        if P::WORDS {
+            self.observe_lanes::<true, L>(fit, exact)
+        } else {
+            fit.lanes_unsigned::<SIMPLE_FITS, L>(exact)
+        }
     }
 
     /// [`Tap::fit_unsigned`] where the word is known to reach all results.
     #[inline(always)]
     pub fn fit_within<const SIMPLE_FITS: bool, L: Lanes>(&mut self, fit: &Fit, exact: L) -> L {
-        if P::WORDS { self.observe_lanes::<true, L>(fit, exact) } else { fit.lanes_within::<SIMPLE_FITS, L>(exact) }
+        if P::WORDS {
+            self.observe_lanes::<true, L>(fit, exact)
+        } else {
+            fit.lanes_within::<SIMPLE_FITS, L>(exact)
+        }
     }
 
     #[inline(always)]
@@ -283,9 +341,17 @@ impl<'a, P: Probe> Tap<'a, P> {
             && let Some((words, limited)) = fit.lanes_seen::<UNSIGNED, L>(exact)
         {
             if fit.is_short() {
-                self.probe.eight(fit.signal, Seen { words: words.low(), limited }, self.live);
+                self.probe.eight(
+                    fit.signal,
+                    Seen {
+                        words: words.low(),
+                        limited,
+                    },
+                    self.live,
+                );
             } else {
-                self.probe.wide(fit.signal, words.to_array(), limited, self.live);
+                self.probe
+                    .wide(fit.signal, words.to_array(), limited, self.live);
             }
             return words;
         }
@@ -295,19 +361,46 @@ impl<'a, P: Probe> Tap<'a, P> {
     /// Fits eight results into words of at most 32 bits.
     #[inline(always)]
     pub fn fit_words<X: Exacts>(&mut self, fit: &Fit, exact: X) -> X::Words {
-        if P::WORDS { self.observe_words(fit, exact, if P::EIGHT { fit.words_seen(exact) } else { None }) } else { fit.words(exact) }
+        if P::WORDS {
+            self.observe_words(
+                fit,
+                exact,
+                if P::EIGHT {
+                    fit.words_seen(exact)
+                } else {
+                    None
+                },
+            )
+        } else {
+            fit.words(exact)
+        }
     }
 
-    /// Fits eight results that a normaliser has shifted to the top of their 62 bits into words of at most 32 bits.
+    /// Fits eight results that a normaliser has shifted to the top of their 62 bits into words of
+    /// at most 32 bits.
     #[inline(always)]
     pub fn fit_top<X: Exacts>(&mut self, fit: &Fit, exact: X) -> X::Words {
-        if P::WORDS { self.observe_words(fit, exact, if P::EIGHT { fit.top_seen(exact) } else { None }) } else { fit.top(exact) }
+        if P::WORDS {
+            self.observe_words(
+                fit,
+                exact,
+                if P::EIGHT { fit.top_seen(exact) } else { None },
+            )
+        } else {
+            fit.top(exact)
+        }
     }
 
     #[inline(always)]
-    fn observe_words<X: Exacts>(&mut self, fit: &Fit, exact: X, seen: Option<Seen<X::Words>>) -> X::Words {
+    fn observe_words<X: Exacts>(
+        &mut self,
+        fit: &Fit,
+        exact: X,
+        seen: Option<Seen<X::Words>>,
+    ) -> X::Words {
         let Some(seen) = seen else {
-            return X::from_array(self.observe_one_by_one(*fit, exact.to_array(), [0; LANES])).low();
+            return X::from_array(self.observe_one_by_one(*fit, exact.to_array(), [0; LANES]))
+                .low();
         };
         self.probe.eight(fit.signal, seen, self.live);
         seen.words
@@ -320,16 +413,29 @@ impl<'a, P: Probe> Tap<'a, P> {
             && let Some((words, limited)) = fit.wide_seen(exact)
         {
             if fit.is_short() {
-                self.probe.eight(fit.signal, Seen { words: words.low(), limited }, self.live);
+                self.probe.eight(
+                    fit.signal,
+                    Seen {
+                        words: words.low(),
+                        limited,
+                    },
+                    self.live,
+                );
             } else {
-                self.probe.wide(fit.signal, words.to_array(), limited, self.live);
+                self.probe
+                    .wide(fit.signal, words.to_array(), limited, self.live);
             }
             return words;
         }
-        if P::WORDS { X::from_array(self.observe_one_by_one(*fit, exact.to_array(), [0; LANES])) } else { fit.wide(exact) }
+        if P::WORDS {
+            X::from_array(self.observe_one_by_one(*fit, exact.to_array(), [0; LANES]))
+        } else {
+            fit.wide(exact)
+        }
     }
 
-    /// Fits eight results, each with `more` fraction bits than was elaborated, into words of at most 32 bits.
+    /// Fits eight results, each with `more` fraction bits than was elaborated, into words of at
+    /// most 32 bits.
     #[inline(always)]
     pub fn fit_shifted<X: Exacts>(&mut self, fit: &Fit, exact: X, more: X::Words) -> X::Words {
         if P::EIGHT
@@ -339,16 +445,23 @@ impl<'a, P: Probe> Tap<'a, P> {
             return seen.words;
         }
         if P::WORDS {
-            X::from_array(self.observe_one_by_one(*fit, exact.to_array(), more.exact().to_array())).low()
+            X::from_array(self.observe_one_by_one(*fit, exact.to_array(), more.exact().to_array()))
+                .low()
         } else {
             fit.words_shifted(exact, more)
         }
     }
 
-    /// Fits eight results one by one and reports what is live: the long way of all that is watched. Of a copy, as in `num::fit`.
+    /// Fits eight results one by one and reports what is live: the long way of all that is watched.
+    /// Of a copy, as in `num::fit`.
     #[cold]
     #[inline(never)]
-    fn observe_one_by_one(&mut self, fit: Fit, exact: [i64; LANES], more: [i64; LANES]) -> [i64; LANES] {
+    fn observe_one_by_one(
+        &mut self,
+        fit: Fit,
+        exact: [i64; LANES],
+        more: [i64; LANES],
+    ) -> [i64; LANES] {
         let mut words = exact;
         for (word, more) in words.iter_mut().zip(more) {
             *word = fit.one_shifted(*word, more);

@@ -1,12 +1,15 @@
-//! Observer: watches without that the pipeline is compiled for it. It is compiled once for all of them, and calls them through a table.
+//! Observer: watches without that the pipeline is compiled for it. It is compiled once for all of
+//! them, and calls them through a table.
 
 use super::Probe;
 use crate::num::Fit;
-use crate::records::{Contribution, Decision, Layer, PROJECTED, SET_UP, ShadeInput, ShadeOutput, Slot, Weighed};
+use crate::records::{
+    Contribution, Decision, Layer, PROJECTED, SET_UP, ShadeInput, ShadeOutput, Slot, Weighed,
+};
 use std::any::Any;
 
-/// An observer that is called for what it wants to see, one call at a time: slower than a [`Probe`], and no code of the machine is compiled for
-/// it. `'w` is what it borrows.
+/// An observer that is called for what it wants to see, one call at a time: slower than a
+/// [`Probe`], and no code of the machine is compiled for it. `'w` is what it borrows.
 pub trait Observer<'w>: Send + Sync {
     /// A fresh observer of the same kind, for another part of the frame.
     fn fork(&self) -> Box<dyn Observer<'w> + 'w>;
@@ -19,7 +22,14 @@ pub trait Observer<'w>: Send + Sync {
     /// As [`Probe::wrapped`].
     fn wrapped(&mut self, _signal: usize) {}
     /// As [`Probe::contribution`].
-    fn contribution(&mut self, _x: u32, _y: u32, _contribution: &Contribution, _decision: Decision) {}
+    fn contribution(
+        &mut self,
+        _x: u32,
+        _y: u32,
+        _contribution: &Contribution,
+        _decision: Decision,
+    ) {
+    }
     /// As [`Probe::windows`].
     fn windows(&mut self, _x: u32, _y: u32, _starts: u8) {}
     /// As [`Probe::resolved`].
@@ -55,7 +65,8 @@ impl Observer<'static> for super::NoProbe {
     fn take_over(&mut self, _seen: Box<dyn Any + Send>) {}
 }
 
-/// Passes on what a [`Observer`] wants: everything, transfer by transfer, or (`EVERYTHING` false) decisions alone.
+/// Passes on what a [`Observer`] wants: everything, transfer by transfer, or (`EVERYTHING` false)
+/// decisions alone.
 pub struct DynProbe<'a, 'w, const EVERYTHING: bool>(Handle<'a, 'w>);
 
 enum Handle<'a, 'w> {

@@ -1,12 +1,15 @@
-//! Ranges: what each signal's words were, counted one by one. [`Meters`](super::Meters) measure the same, and count a sample.
+//! Ranges: what each signal's words were, counted one by one. [`Meters`](super::Meters) measure the
+//! same, and count a sample.
 //!
 //! ```text
 //! exact ─►( round )─► before its limits ─►[ saturate | wrap ]─► word
 //!     └► inexact         └► least, greatest     └► counts        └► min, max, any, bins
 //! ```
-//! A sum, a least, a greatest and a union come out the same whatever the order, so threads cannot change them.
+//! A sum, a least, a greatest and a union come out the same whatever the order, so threads cannot
+//! change them.
 //!
-//! Laws: `ranges_come_together_in_any_order`, `the_narrowest_format_holds_what_was_seen_and_no_narrower_one_does`.
+//! Laws: `ranges_come_together_in_any_order`,
+//! `the_narrowest_format_holds_what_was_seen_and_no_narrower_one_does`.
 
 use super::Probe;
 use crate::num::{Fit, Format};
@@ -31,13 +34,15 @@ pub struct Range {
     pub wrapped: u64,
     /// Results among the words counted that lost bits below the last place.
     pub inexact: u64,
-    /// Least result in units of the last place, rounded but not yet limited: what the word should have been.
+    /// Least result in units of the last place, rounded but not yet limited: what the word should
+    /// have been.
     pub least: i64,
     /// Greatest result, likewise.
     pub greatest: i64,
     /// Every bit that was set in some result, likewise.
     pub any: i64,
-    /// Words counted, by the number of bits of their magnitude: `bins[0]` counts zeros, `bins[n]` those from 2^(n−1) to 2^n − 1 last places.
+    /// Words counted, by the number of bits of their magnitude: `bins[0]` counts zeros, `bins[n]`
+    /// those from 2^(n−1) to 2^n − 1 last places.
     pub bins: [u64; BINS],
 }
 
@@ -129,18 +134,27 @@ impl Range {
         self.min <= self.max
     }
 
-    /// The narrowest format, signed or not as `format` is, that would have held every result of a signal in `format`; none
-    /// where no word was seen. Without a sign, what lay below 0 does not count.
+    /// The narrowest format, signed or not as `format` is, that would have held every result of a
+    /// signal in `format`; none where no word was seen. Without a sign, what lay below 0 does not
+    /// count.
     pub fn narrowest(&self, format: Format) -> Option<Format> {
         if !self.is_seen() {
             return None;
         }
         // A sign and as many bits as the magnitude of −1 − x or x, whichever is longer.
         let bits = |result: i64| (u64::BITS - result.max(!result).leading_zeros()) as i32;
-        let width = if format.signed { 1 + bits(self.least).max(bits(self.greatest)) } else { bits(self.greatest.max(0)) };
+        let width = if format.signed {
+            1 + bits(self.least).max(bits(self.greatest))
+        } else {
+            bits(self.greatest.max(0))
+        };
         let unused = (self.any.trailing_zeros() as i32).min(format.frac_bits);
         let frac_bits = format.frac_bits - unused;
-        Some(Format { int_bits: (width - format.frac_bits).max(1 - frac_bits), frac_bits, ..format })
+        Some(Format {
+            int_bits: (width - format.frac_bits).max(1 - frac_bits),
+            frac_bits,
+            ..format
+        })
     }
 }
 
@@ -178,6 +192,8 @@ impl Probe for Ranges {
     }
 
     fn reached(&mut self, signal: usize, results: [i64; 2]) {
-        results.into_iter().for_each(|result| self.0[signal].reach(result));
+        results
+            .into_iter()
+            .for_each(|result| self.0[signal].reach(result));
     }
 }

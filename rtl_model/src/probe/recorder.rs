@@ -45,9 +45,13 @@ impl Probe for Recorder {
         let event = match decision {
             Some(Decision::Accumulated(_)) => Event::Accumulated,
             Some(Decision::Inserted(_)) => Event::Inserted,
-            Some(Decision::Merged(..) | Decision::Late(..) | Decision::Inside(_) | Decision::Summed(..) | Decision::Closed(..)) => {
-                Event::Merged(self.take_shaded())
-            }
+            Some(
+                Decision::Merged(..)
+                | Decision::Late(..)
+                | Decision::Inside(_)
+                | Decision::Summed(..)
+                | Decision::Closed(..),
+            ) => Event::Merged(self.take_shaded()),
             Some(Decision::Evicted(_)) => Event::Evicted,
             Some(Decision::Replaced | Decision::Dropped) => Event::Replaced,
             None => Event::Faint,
@@ -56,7 +60,14 @@ impl Probe for Recorder {
     }
 
     fn stopped(&mut self, by_merge: bool) {
-        Recorder::became(self, if by_merge { Event::MergedAndStopped } else { Event::Stopped });
+        Recorder::became(
+            self,
+            if by_merge {
+                Event::MergedAndStopped
+            } else {
+                Event::Stopped
+            },
+        );
     }
 
     fn shaded(&mut self) {

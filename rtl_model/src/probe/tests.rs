@@ -1,4 +1,5 @@
-//! Meters are held to ranges, which count one by one; ranges to what a word and its exact result say; narrowest formats to every other.
+//! Meters are held to ranges, which count one by one; ranges to what a word and its exact result
+//! say; narrowest formats to every other.
 
 use super::*;
 use crate::num::{Exact, Format, Overflow, Rounding, Word};
@@ -6,17 +7,33 @@ use proptest::prelude::*;
 
 /// Exact results of 16 fraction bits, and how many more they have, that become words of signal 0.
 fn results() -> impl Strategy<Value = Vec<(i64, i64)>> {
-    prop::collection::vec((prop_oneof![-1i64 << 30..1 << 30, -300..300i64, Just(0)], prop_oneof![Just(0i64), 0..6i64]), 0..40)
+    prop::collection::vec(
+        (
+            prop_oneof![-1i64 << 30..1 << 30, -300..300i64, Just(0)],
+            prop_oneof![Just(0i64), 0..6i64],
+        ),
+        0..40,
+    )
 }
 
 fn words() -> impl Strategy<Value = Word> {
-    let rounding = prop_oneof![Just(Rounding::Truncate), Just(Rounding::Nearest), Just(Rounding::NearestEven)];
+    let rounding = prop_oneof![
+        Just(Rounding::Truncate),
+        Just(Rounding::Nearest),
+        Just(Rounding::NearestEven)
+    ];
     let overflow = prop_oneof![Just(Overflow::Saturate), Just(Overflow::Wrap)];
-    (any::<bool>(), -4..14i32, 6..20i32, rounding, overflow).prop_map(|(signed, int_bits, frac_bits, round, overflow)| Word {
-        format: Format { signed, int_bits, frac_bits },
-        round,
-        overflow,
-    })
+    (any::<bool>(), -4..14i32, 6..20i32, rounding, overflow).prop_map(
+        |(signed, int_bits, frac_bits, round, overflow)| Word {
+            format: Format {
+                signed,
+                int_bits,
+                frac_bits,
+            },
+            round,
+            overflow,
+        },
+    )
 }
 
 fn seen(fit: &Fit, results: &[(i64, i64)]) -> Range {
@@ -68,7 +85,8 @@ proptest! {
         prop_assert!(all.iter().all(|v| holds(narrowest, format, *v)), "{} of {:?}", narrowest, all);
         for less in [Format { int_bits: narrowest.int_bits - 1, ..narrowest }, Format { frac_bits: narrowest.frac_bits - 1, ..narrowest }] {
             let possible = less.width() >= 1 && less.frac_bits >= 0;
-            // Bits of what lay below 0 count as bits that were used, though there is no word for it.
+            // Bits of what lay below 0 count as bits that were used, though there is no word for
+            // it.
             let below = all.len() < results.len() || word.overflow == Overflow::Wrap || range.saturated_low + range.saturated_high > 0;
             prop_assert!(!possible || below || !all.iter().all(|v| holds(less, format, *v)), "{} of {:?}", less, all);
         }
@@ -78,13 +96,41 @@ proptest! {
 #[test]
 fn a_range_is_what_its_words_say() {
     let word = Word::new(Format::signed(2, 4));
-    let fit = Fit::new(0, word, Exact { int_bits: 4, frac_bits: 6 });
+    let fit = Fit::new(
+        0,
+        word,
+        Exact {
+            int_bits: 4,
+            frac_bits: 6,
+        },
+    );
     // 1, 1½ last places, −2 of them, 0, and far too much.
     let range = seen(&fit, &[(4, 0), (6, 0), (-8, 0), (0, 0), (400, 0), (16, 1)]);
-    assert_eq!([range.words, range.inexact, range.saturated_high, range.saturated_low, range.wrapped], [6, 1, 1, 0, 0]);
-    assert_eq!([range.min, range.max, range.least, range.greatest], [-2, 31, -2, 100]);
-    assert_eq!((&range.bins[..7], range.any & 127), (&[1, 1, 3, 0, 0, 1, 0][..], 127));
+    assert_eq!(
+        [
+            range.words,
+            range.inexact,
+            range.saturated_high,
+            range.saturated_low,
+            range.wrapped
+        ],
+        [6, 1, 1, 0, 0]
+    );
+    assert_eq!(
+        [range.min, range.max, range.least, range.greatest],
+        [-2, 31, -2, 100]
+    );
+    assert_eq!(
+        (&range.bins[..7], range.any & 127),
+        (&[1, 1, 3, 0, 0, 1, 0][..], 127)
+    );
     assert_eq!(range.narrowest(word.format).unwrap().to_string(), "I4F4");
-    assert_eq!(seen(&fit, &[(0, 0)]).narrowest(word.format).unwrap().to_string(), "I1F0");
+    assert_eq!(
+        seen(&fit, &[(0, 0)])
+            .narrowest(word.format)
+            .unwrap()
+            .to_string(),
+        "I1F0"
+    );
     assert_eq!(Range::default().narrowest(word.format), None);
 }

@@ -1,4 +1,5 @@
-//! What the machine is given, over the reals: the exact number of each register and record, and the word in its place.
+//! What the machine is given, over the reals: the exact number of each register and record, and the
+//! word in its place.
 
 use crate::frame::Amplitude;
 
@@ -15,7 +16,8 @@ pub struct Splat<R> {
     pub rgb: [R; 3],
     /// α.
     pub opacity: R,
-    /// Whether the machine turns the normal towards the viewer, where its decisions are followed; else each side decides by itself.
+    /// Whether the machine turns the normal towards the viewer, where its decisions are followed;
+    /// else each side decides by itself.
     pub turned: Option<bool>,
 }
 

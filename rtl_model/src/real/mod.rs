@@ -1,19 +1,23 @@
-//! Real: the machine's steps over real numbers, so that what each step loses can be bounded, or made on purpose.
+//! Real: the machine's steps over real numbers, so that what each step loses can be bounded, or
+//! made on purpose.
 //!
 //! ```text
 //! exact scene ─► [ the same unit, over the reals ] ─► the exact result, and how far the machine's may lie from it
 //! ```
-//! A unit's `real.rs` walks its diagram once more, with a [`Real`] on every wire. [`Near`] carries a value and a bound: a
-//! sum's bounds add up, a product's are weighed by the other factor, and the one lossy act adds what its format loses. So a
-//! unit's error bound is a function of its formats, derived step by step from the very diagram that the machine follows, and
-//! it holds whatever is saturated on the way: a limit is an interval's end like any other.
+//! A unit's `real.rs` walks its diagram once more, with a [`Real`] on every wire. [`Near`] carries
+//! a value and a bound: a sum's bounds add up, a product's are weighed by the other factor, and the
+//! one lossy act adds what its format loses. So a unit's error bound is a function of its formats,
+//! derived step by step from the very diagram that the machine follows, and it holds whatever is
+//! saturated on the way: a limit is an interval's end like any other.
 //!
-//! [`PartialPrecision`] makes only some of the losses, and makes them as the machine does: who is to blame for an error?
+//! [`PartialPrecision`] makes only some of the losses, and makes them as the machine does: who is
+//! to blame for an error?
 //!
-//! Nothing here is hardware, and no unit's function depends on it. Files called `real.rs`, and what lies below this one, are the only
-//! ones of this crate with floats.
+//! Nothing here is hardware, and no unit's function depends on it. Files called `real.rs`, and what
+//! lies below this one, are the only ones of this crate with floats.
 //!
-//! Laws: `near_holds_every_outcome`, `a_fit_is_within_its_bound`, `a_share_is_within_its_bound`, `a_power_is_within_its_bound`.
+//! Laws: `near_holds_every_outcome`, `a_fit_is_within_its_bound`, `a_share_is_within_its_bound`,
+//! `a_power_is_within_its_bound`.
 
 pub mod frame;
 mod partial_precision;
@@ -30,7 +34,8 @@ use std::cmp::Ordering;
 use std::f64::consts::SQRT_2;
 use std::ops::{Add, Mul, Neg, Sub};
 
-/// Powers of two that a word may be relative to, least and greatest: `value = word · 2^(exponent − frac_bits)`.
+/// Powers of two that a word may be relative to, least and greatest:
+/// `value = word · 2^(exponent − frac_bits)`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Scale {
     /// Least exponent.
@@ -45,22 +50,34 @@ impl Scale {
 
     /// The scale of a product of two words.
     pub fn times(self, other: Scale) -> Scale {
-        Scale { low: self.low + other.low, high: self.high + other.high }
+        Scale {
+            low: self.low + other.low,
+            high: self.high + other.high,
+        }
     }
 
     /// The scale of a reciprocal.
     pub fn inverse(self) -> Scale {
-        Scale { low: -self.high, high: -self.low }
+        Scale {
+            low: -self.high,
+            high: -self.low,
+        }
     }
 
     /// The scale of an n-th power.
     pub fn power(self, n: i32) -> Scale {
-        Scale { low: self.low * n, high: self.high * n }
+        Scale {
+            low: self.low * n,
+            high: self.high * n,
+        }
     }
 
     /// The same times 2^`places`.
     pub fn shifted(self, places: i32) -> Scale {
-        Scale { low: self.low + places, high: self.high + places }
+        Scale {
+            low: self.low + places,
+            high: self.high + places,
+        }
     }
 }
 
@@ -69,24 +86,33 @@ impl Scale {
 pub struct Direction<R> {
     /// Its parts, and what each has lost by itself.
     pub parts: [R; 3],
-    /// Sine of the greatest angle by which the machine's vector was turned before that; 1 or more where it may point anywhere.
+    /// Sine of the greatest angle by which the machine's vector was turned before that; 1 or more
+    /// where it may point anywhere.
     pub turn: f64,
 }
 
 impl<R: Real> Direction<R> {
     /// Each part becomes a word.
     pub fn fit(self, fit: &Fit) -> Self {
-        Direction { parts: self.parts.map(|part| part.fit(fit, Scale::ONE)), ..self }
+        Direction {
+            parts: self.parts.map(|part| part.fit(fit, Scale::ONE)),
+            ..self
+        }
     }
 
     /// The same backwards.
     pub fn turned_back(self) -> Self {
-        Direction { parts: self.parts.map(R::neg), ..self }
+        Direction {
+            parts: self.parts.map(R::neg),
+            ..self
+        }
     }
 }
 
 /// A number on a wire, as exact arithmetic and the machine both understand it.
-pub trait Real: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self> {
+pub trait Real:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Neg<Output = Self>
+{
     /// A constant that both hold exactly.
     fn constant(value: f64) -> Self;
     /// A number that both hold exactly, on a wire of the same machine as this one.
@@ -97,11 +123,14 @@ pub trait Real: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Se
     fn times(self, constant: f64) -> Self;
     /// The machine's side becomes a word; the exact side stays.
     fn fit(self, fit: &Fit, scale: Scale) -> Self;
-    /// The machine's side, a number with `frac_bits` fraction bits, becomes a word, by no shift: nothing falls off where that has as many.
+    /// The machine's side, a number with `frac_bits` fraction bits, becomes a word, by no shift:
+    /// nothing falls off where that has as many.
     fn refit(self, frac_bits: i32, fit: &Fit) -> Self;
-    /// The quotient, on machine and exact side each: exact, as what [`Real::share`] and [`Real::restored`] make words of.
+    /// The quotient, on machine and exact side each: exact, as what [`Real::share`] and
+    /// [`Real::restored`] make words of.
     fn divided_by(self, whole: Self) -> Self;
-    /// A part of `whole`, which a power of two brings to [1, 2) on the machine's side, becomes a word that saturates, by the same power.
+    /// A part of `whole`, which a power of two brings to [1, 2) on the machine's side, becomes a
+    /// word that saturates, by the same power.
     fn share(self, fit: &Fit, whole: Self) -> Self;
     /// The same times `whole` and times 1/`whole` by a function unit.
     fn restored(self, unit: &Reciprocal, whole: Self) -> Self;
@@ -117,14 +146,22 @@ pub trait Real: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Se
     fn at_least(self, limit: f64) -> Self;
     /// The machine's side is at most this, a limit that the exact side does not have.
     fn at_most(self, limit: f64) -> Self;
-    /// The machine's side is at most a last place below 1, a limit that the exact side does not have.
+    /// The machine's side is at most a last place below 1, a limit that the exact side does not
+    /// have.
     fn below_one(self, fit: &Fit) -> Self;
-    /// The machine's side is at least a last place of the word that it is, a limit that the exact side does not have.
+    /// The machine's side is at least a last place of the word that it is, a limit that the exact
+    /// side does not have.
     fn at_least_a_place(self, fit: &Fit, scale: Scale) -> Self;
     /// The machine's side is a last place more than the word that it is.
     fn a_place_more(self, fit: &Fit) -> Self;
-    /// Branches to what follows where this is at least the limit, and where it is not; machine and exact side each decide for themselves.
-    fn branch<const N: usize>(self, limit: Self, at_least: impl FnOnce() -> [Self; N], below: impl FnOnce() -> [Self; N]) -> [Self; N];
+    /// Branches to what follows where this is at least the limit, and where it is not; machine and
+    /// exact side each decide for themselves.
+    fn branch<const N: usize>(
+        self,
+        limit: Self,
+        at_least: impl FnOnce() -> [Self; N],
+        below: impl FnOnce() -> [Self; N],
+    ) -> [Self; N];
     /// 1/x of a positive number, by a function unit.
     fn reciprocal(self, unit: &Reciprocal) -> Self;
     /// 1/√x of a positive number, by a function unit.
@@ -133,9 +170,11 @@ pub trait Real: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Se
     fn root(self, unit: &ReciprocalRoot) -> Self;
     /// The magnitude with the sign of another number, by machine and exact side each.
     fn with_sign_of(self, other: Self) -> Self;
-    /// A monotone function over [0, `range`) that the machine reads from a table, to within `error` before that is fitted.
+    /// A monotone function over [0, `range`) that the machine reads from a table, to within `error`
+    /// before that is fitted.
     fn table(self, table: &Table, range: f64, exact: impl Fn(f64) -> f64, error: f64) -> Self;
-    /// e^(−x/2), or 1 below 0, that the machine reads from a table over [0, `range`) to within `error` before that is fitted.
+    /// e^(−x/2), or 1 below 0, that the machine reads from a table over [0, `range`) to within
+    /// `error` before that is fitted.
     fn falloff(self, table: &Table, range: f64, error: f64) -> Self;
     /// x^exponent of a number from 0 to 1, by a table.
     fn power(self, table: &Power) -> Self;
@@ -143,7 +182,8 @@ pub trait Real: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Se
     fn look_up(place: [Self; 2], map: &RealMap) -> [Self; 3];
     /// |v|.
     fn length(v: [Self; 3]) -> Self;
-    /// v/|v| of parts of `whole` ([`Real::share`]), by a function unit for 1/√x; of 0 nothing that means anything.
+    /// v/|v| of parts of `whole` ([`Real::share`]), by a function unit for 1/√x; of 0 nothing that
+    /// means anything.
     fn direction(v: [Self; 3], whole: Self, unit: &ReciprocalRoot) -> Direction<Self>;
     /// Σ dᵢ·vᵢ.
     fn dot(direction: &Direction<Self>, v: [Self; 3]) -> Self;
@@ -160,7 +200,8 @@ pub struct Near {
     pub error: f64,
 }
 
-/// What one operation in f64 may be wrong by, relative to its result; twice, for the bound's own arithmetic.
+/// What one operation in f64 may be wrong by, relative to its result; twice, for the bound's own
+/// arithmetic.
 const ROUNDING: f64 = f64::EPSILON;
 
 impl Near {
@@ -174,15 +215,26 @@ impl Near {
         Near::within(value, word.format.value(held) - value)
     }
 
-    /// A positive number, and a mantissa of that word and a power of two that the machine holds in its place.
+    /// A positive number, and a mantissa of that word and a power of two that the machine holds in
+    /// its place.
     pub fn held_scaled(value: f64, word: Word, held: Scaled) -> Self {
-        Near::within(value, word.format.value(held.mantissa) * power_of_two(-held.places as i32) - value)
+        Near::within(
+            value,
+            word.format.value(held.mantissa) * power_of_two(-held.places as i32) - value,
+        )
     }
 
     /// A number from which the machine's differs by at most |`error`|.
     #[inline]
     pub fn within(value: f64, error: f64) -> Self {
-        Near { value, error: if error.is_nan() { f64::INFINITY } else { error.abs() * (1.0 + 2.0 * ROUNDING) + value.abs() * ROUNDING } }
+        Near {
+            value,
+            error: if error.is_nan() {
+                f64::INFINITY
+            } else {
+                error.abs() * (1.0 + 2.0 * ROUNDING) + value.abs() * ROUNDING
+            },
+        }
     }
 
     /// The number of which the machine's side lies in [low, high].
@@ -217,10 +269,15 @@ impl Near {
 
     /// This number where the machine's may also be another.
     fn or(self, other: Near) -> Self {
-        Near::between(self.value, self.low().min(other.low()), self.high().max(other.high()))
+        Near::between(
+            self.value,
+            self.low().min(other.low()),
+            self.high().max(other.high()),
+        )
     }
 
-    /// The machine's side becomes a word whose last place is worth `fine` to `coarse` and loses that many places, down and up.
+    /// The machine's side becomes a word whose last place is worth `fine` to `coarse` and loses
+    /// that many places, down and up.
     ///
     /// Then the limits. A word that wraps and may have left its range can be anything.
     #[inline]
@@ -236,11 +293,24 @@ impl Near {
 
     /// [`Near::in_word`] of what lies from `low` to `high` before the limits.
     #[cold]
-    fn at_limits(self, word: Word, [low, high]: [f64; 2], [least, most]: [f64; 2], [fine, coarse]: [f64; 2]) -> Near {
+    fn at_limits(
+        self,
+        word: Word,
+        [low, high]: [f64; 2],
+        [least, most]: [f64; 2],
+        [fine, coarse]: [f64; 2],
+    ) -> Near {
         if word.overflow == Overflow::Wrap {
-            return Near { error: f64::INFINITY, ..self };
+            return Near {
+                error: f64::INFINITY,
+                ..self
+            };
         }
-        Near::between(self.value, low.max(least * coarse).min(most * fine), high.min(most * coarse).max(least * fine))
+        Near::between(
+            self.value,
+            low.max(least * coarse).min(most * fine),
+            high.min(most * coarse).max(least * fine),
+        )
     }
 
     /// The machine's side may be off by as much more.
@@ -254,15 +324,18 @@ impl Near {
         Near::between(exact(self.value), a.min(b) - error, a.max(b) + error)
     }
 
-    /// e^(−x/2), or 1 below 0, that the machine has to within `error`: x − d gives e^(d/2) times as much as x.
+    /// e^(−x/2), or 1 below 0, that the machine has to within `error`: x − d gives e^(d/2) times as
+    /// much as x.
     #[inline]
     fn falling(self, error: f64) -> Near {
         self.growing(falloff, self.error / 2.0, error)
     }
 
-    /// A monotone function that the machine has to within `error`, and that changes by at most itself times e^`growth` − 1 within the bound.
+    /// A monotone function that the machine has to within `error`, and that changes by at most
+    /// itself times e^`growth` − 1 within the bound.
     ///
-    /// e^y − 1 is at most y/(1 − y/2) as long as y is below 2: that takes less time than to ask for the function at both ends.
+    /// e^y − 1 is at most y/(1 − y/2) as long as y is below 2: that takes less time than to ask for
+    /// the function at both ends.
     #[inline]
     fn growing(self, exact: impl Fn(f64) -> f64, growth: f64, error: f64) -> Near {
         if growth < 0.5 && self.value.is_finite() {
@@ -276,7 +349,10 @@ impl Near {
     #[inline]
     pub fn may_cross(self, limit: Near) -> bool {
         // An infinite bound may cross anything, also where the difference is no number.
-        (self.value - limit.value).abs().partial_cmp(&(self.error + limit.error)) != Some(Ordering::Greater)
+        (self.value - limit.value)
+            .abs()
+            .partial_cmp(&(self.error + limit.error))
+            != Some(Ordering::Greater)
     }
 }
 
@@ -300,7 +376,10 @@ impl Neg for Near {
     type Output = Near;
     #[inline]
     fn neg(self) -> Near {
-        Near { value: -self.value, ..self }
+        Near {
+            value: -self.value,
+            ..self
+        }
     }
 }
 
@@ -332,57 +411,100 @@ impl Real for Near {
 
     #[inline]
     fn fit(self, fit: &Fit, scale: Scale) -> Near {
-        let places = [scale.low, scale.high].map(|exponent| power_of_two(exponent - fit.word.format.frac_bits));
+        let places = [scale.low, scale.high]
+            .map(|exponent| power_of_two(exponent - fit.word.format.frac_bits));
         self.in_word(fit.word, places, loss(fit.word.round))
     }
 
     #[inline]
     fn refit(self, frac_bits: i32, fit: &Fit) -> Near {
         let format = fit.word.format;
-        let loss = if frac_bits <= format.frac_bits { [0.0; 2] } else { loss(fit.word.round) };
+        let loss = if frac_bits <= format.frac_bits {
+            [0.0; 2]
+        } else {
+            loss(fit.word.round)
+        };
         self.in_word(fit.word, [power_of_two(-format.frac_bits); 2], loss)
     }
 
     #[inline]
     fn divided_by(self, whole: Near) -> Near {
-        let value = if whole.value == 0.0 { 0.0 } else { self.value / whole.value };
+        let value = if whole.value == 0.0 {
+            0.0
+        } else {
+            self.value / whole.value
+        };
         if whole.low() <= 0.0 {
-            return Near { value, error: f64::INFINITY };
+            return Near {
+                value,
+                error: f64::INFINITY,
+            };
         }
         let ends = [self.low(), self.high()].map(|end| [end / whole.low(), end / whole.high()]);
-        let [least, most] = ends.as_flattened().iter().fold([value; 2], |[least, most], end| [least.min(*end), most.max(*end)]);
+        let [least, most] = ends
+            .as_flattened()
+            .iter()
+            .fold([value; 2], |[least, most], end| {
+                [least.min(*end), most.max(*end)]
+            });
         Near::between(value, least, most)
     }
 
-    /// The word holds x·w, with w the whole in [1, 2): its last place counts 1/w. A part with no more places than the word has loses nothing.
+    /// The word holds x·w, with w the whole in [1, 2): its last place counts 1/w. A part with no
+    /// more places than the word has loses nothing.
     fn share(self, fit: &Fit, whole: Near) -> Near {
         let Scale { low, high } = whole.leading();
-        let [least, most] = if low == high { [whole.low(), whole.high()].map(|end| end * power_of_two(-low)) } else { [1.0, 2.0] };
+        let [least, most] = if low == high {
+            [whole.low(), whole.high()].map(|end| end * power_of_two(-low))
+        } else {
+            [1.0, 2.0]
+        };
         let place = power_of_two(-fit.word.format.frac_bits);
-        let loss = if fit.places() + i64::from(high) <= 0 { [0.0; 2] } else { loss(fit.word.round) };
+        let loss = if fit.places() + i64::from(high) <= 0 {
+            [0.0; 2]
+        } else {
+            loss(fit.word.round)
+        };
         self.in_word(fit.word, [place / most, place / least], loss)
     }
 
     fn restored(self, unit: &Reciprocal, _whole: Near) -> Near {
-        self * Near { value: 1.0, error: unit.relative_error() }
+        self * Near {
+            value: 1.0,
+            error: unit.relative_error(),
+        }
     }
 
     #[inline]
     fn leading(self) -> Scale {
         let least = (self.value.abs() - self.error).max(0.0);
-        Scale { low: floor_log2(least), high: floor_log2(self.most()) }
+        Scale {
+            low: floor_log2(least),
+            high: floor_log2(self.most()),
+        }
     }
 
     fn abs(self) -> Near {
-        Near { value: self.value.abs(), ..self }
+        Near {
+            value: self.value.abs(),
+            ..self
+        }
     }
 
     fn max(self, other: Near) -> Near {
-        Near::between(self.value.max(other.value), self.low().max(other.low()), self.high().max(other.high()))
+        Near::between(
+            self.value.max(other.value),
+            self.low().max(other.low()),
+            self.high().max(other.high()),
+        )
     }
 
     fn min(self, other: Near) -> Near {
-        Near::between(self.value.min(other.value), self.low().min(other.low()), self.high().min(other.high()))
+        Near::between(
+            self.value.min(other.value),
+            self.low().min(other.low()),
+            self.high().min(other.high()),
+        )
     }
 
     #[inline]
@@ -407,7 +529,12 @@ impl Real for Near {
         self.off_by(power_of_two(-fit.word.format.frac_bits))
     }
 
-    fn branch<const N: usize>(self, limit: Near, at_least: impl FnOnce() -> [Near; N], below: impl FnOnce() -> [Near; N]) -> [Near; N] {
+    fn branch<const N: usize>(
+        self,
+        limit: Near,
+        at_least: impl FnOnce() -> [Near; N],
+        below: impl FnOnce() -> [Near; N],
+    ) -> [Near; N] {
         let (above, doubt) = (self.value - limit.value, self.error + limit.error);
         if above >= doubt {
             return at_least();
@@ -415,7 +542,11 @@ impl Real for Near {
         if above < -doubt {
             return below();
         }
-        let (taken, other) = if above >= 0.0 { (at_least(), below()) } else { (below(), at_least()) };
+        let (taken, other) = if above >= 0.0 {
+            (at_least(), below())
+        } else {
+            (below(), at_least())
+        };
         std::array::from_fn(|i| taken[i].or(other[i]))
     }
 
@@ -431,7 +562,11 @@ impl Real for Near {
 
     fn root(self, unit: &ReciprocalRoot) -> Near {
         let error = unit.relative_error();
-        Near::between(self.value.sqrt(), (1.0 - error) * self.low().max(0.0).sqrt(), (1.0 + error) * self.high().sqrt())
+        Near::between(
+            self.value.sqrt(),
+            (1.0 - error) * self.low().max(0.0).sqrt(),
+            (1.0 + error) * self.high().sqrt(),
+        )
     }
 
     fn with_sign_of(self, other: Near) -> Near {
@@ -439,7 +574,10 @@ impl Real for Near {
         if other.low() < 0.0 && other.high() >= 0.0 {
             return Near::between(value, -self.most(), self.most());
         }
-        Near { value, error: self.error }
+        Near {
+            value,
+            error: self.error,
+        }
     }
 
     fn table(self, _table: &Table, _range: f64, exact: impl Fn(f64) -> f64, error: f64) -> Near {
@@ -452,40 +590,66 @@ impl Real for Near {
     }
 
     fn power(self, table: &Power) -> Near {
-        self.growing(|x| table.exact(x), table.growth(self.value, self.error), table.error(self.low(), self.high()))
+        self.growing(
+            |x| table.exact(x),
+            table.growth(self.value, self.error),
+            table.error(self.low(), self.high()),
+        )
     }
 
     fn look_up(place: [Near; 2], map: &RealMap) -> [Near; 3] {
         let at = place.map(|place| place.value);
-        let (exact, error) = (map.exact(at), map.error(at, place.map(Near::low), place.map(Near::high)));
+        let (exact, error) = (
+            map.exact(at),
+            map.error(at, place.map(Near::low), place.map(Near::high)),
+        );
         std::array::from_fn(|i| Near::within(exact[i], error[i]))
     }
 
     /// Vectors that differ by d differ in length by at most |d|.
     fn length(v: [Near; 3]) -> Near {
-        Near::within(norm(v.map(|part| part.value)), norm(v.map(|part| part.error)))
+        Near::within(
+            norm(v.map(|part| part.value)),
+            norm(v.map(|part| part.error)),
+        )
     }
 
     /// A vector that is moved by d turns by at most the angle of sine |d|/|v|.
     fn direction(v: [Near; 3], _whole: Near, unit: &ReciprocalRoot) -> Direction<Near> {
         let length = Near::length(v);
-        let part = |part: Near| if length.value > 0.0 { part.value / length.value } else { 0.0 };
+        let part = |part: Near| {
+            if length.value > 0.0 {
+                part.value / length.value
+            } else {
+                0.0
+            }
+        };
         let error = unit.relative_error() + 4.0 * ROUNDING;
-        Direction { parts: v.map(|v| Near::within(part(v), error)), turn: length.error / length.value }
+        Direction {
+            parts: v.map(|v| Near::within(part(v), error)),
+            turn: length.error / length.value,
+        }
     }
 
-    /// A direction at angle φ to v, turned by θ, has the cosine cos φ·cos θ ± sin φ·sin θ with it, and has moved by at most √2·sin θ.
+    /// A direction at angle φ to v, turned by θ, has the cosine cos φ·cos θ ± sin φ·sin θ with it,
+    /// and has moved by at most √2·sin θ.
     fn dot(direction: &Direction<Near>, v: [Near; 3]) -> Near {
         let [x, y, z] = [0, 1, 2].map(|i| direction.parts[i] * v[i]);
         let (sum, sine) = (x + y + z, direction.turn);
         let (along, length) = (sum.value.abs(), norm(v.map(|part| part.value)));
         let across = (length * length - along * along).max(0.0).sqrt();
         let (turned, moved) = if sine < 1.0 {
-            (along * sine * sine / (1.0 + (1.0 - sine * sine).sqrt()) + across * sine, sine * SQRT_2)
+            (
+                along * sine * sine / (1.0 + (1.0 - sine * sine).sqrt()) + across * sine,
+                sine * SQRT_2,
+            )
         } else {
             (along + length, 2.0)
         };
-        Near::within(sum.value, sum.error + turned + moved * norm(v.map(|part| part.error)))
+        Near::within(
+            sum.value,
+            sum.error + turned + moved * norm(v.map(|part| part.error)),
+        )
     }
 }
 
@@ -499,13 +663,21 @@ fn norm([x, y, z]: [f64; 3]) -> f64 {
     (x * x + y * y + z * z).sqrt()
 }
 
-/// A falling function of a positive number, to within a relative error. Nothing is known where the machine's may be 0.
+/// A falling function of a positive number, to within a relative error. Nothing is known where the
+/// machine's may be 0.
 fn inverse(x: Near, exact: impl Fn(f64) -> f64, error: f64) -> Near {
     let value = exact(x.value);
     if x.low() <= 0.0 {
-        return Near { value, error: f64::INFINITY };
+        return Near {
+            value,
+            error: f64::INFINITY,
+        };
     }
-    Near::between(value, (1.0 - error) * exact(x.high()), (1.0 + error) * exact(x.low()))
+    Near::between(
+        value,
+        (1.0 - error) * exact(x.high()),
+        (1.0 + error) * exact(x.low()),
+    )
 }
 
 #[cfg(test)]

@@ -1,13 +1,16 @@
-//! Partial precision: a machine of which some signals are words, and f64 takes the place of the rest.
+//! Partial precision: a machine of which some signals are words, and f64 takes the place of the
+//! rest.
 //!
 //! ```text
 //! units over the reals ─►[ fit: is this signal on? ]─┬─ yes ─► the machine's word
 //!                                                    └─ no ──► the number as it is
 //! ```
-//! All off it is the exact pipeline, all on the machine, but for what f64 loses of products of more than 53 bits. Between the two it
-//! says who is to blame for an error: a unit alone in words, or all words but its own.
+//! All off it is the exact pipeline, all on the machine, but for what f64 loses of products of more
+//! than 53 bits. Between the two it says who is to blame for an error: a unit alone in words, or
+//! all words but its own.
 //!
-//! Laws: `all_on_a_fit_is_the_machines`, `all_on_a_function_is_the_units`, `all_off_nothing_is_lost`; of the whole, tests/attribution.rs.
+//! Laws: `all_on_a_fit_is_the_machines`, `all_on_a_function_is_the_units`,
+//! `all_off_nothing_is_lost`; of the whole, tests/attribution.rs.
 
 use super::{Direction, Real, Scale, floor_log2, norm, power_of_two};
 use crate::functions::map::real::RealMap;
@@ -52,7 +55,11 @@ fn in_word(word: Word, places: f64) -> f64 {
             // What lies far outside would lose its last places if anything were added to it.
             let values = most - least + 1.0;
             let wrapped = rounded.rem_euclid(values);
-            if wrapped > most { wrapped - values } else { wrapped }
+            if wrapped > most {
+                wrapped - values
+            } else {
+                wrapped
+            }
         }
     }
 }
@@ -60,7 +67,10 @@ fn in_word(word: Word, places: f64) -> f64 {
 impl<'a> PartialPrecision<'a> {
     /// A number of a machine with these switches.
     pub fn new(value: f64, switches: &'a Switches) -> Self {
-        PartialPrecision { value, switches: Some(switches) }
+        PartialPrecision {
+            value,
+            switches: Some(switches),
+        }
     }
 
     /// Whether a fit's signal is on.
@@ -68,7 +78,8 @@ impl<'a> PartialPrecision<'a> {
         self.switches.is_some_and(|switches| switches.0[fit.signal])
     }
 
-    /// Whether a function unit with this result is on, and can take the number: what is culled for lying behind the eye comes this far.
+    /// Whether a function unit with this result is on, and can take the number: what is culled for
+    /// lying behind the eye comes this far.
     fn is_taken(self, result: &Fit) -> bool {
         self.is_on(result) && self.value.is_normal() && self.value > 0.0
     }
@@ -79,7 +90,10 @@ impl<'a> PartialPrecision<'a> {
             return self;
         }
         let format = fit.word.format;
-        let (least, reach) = (format.value(format.min()), power_of_two(format.width() - format.frac_bits));
+        let (least, reach) = (
+            format.value(format.min()),
+            power_of_two(format.width() - format.frac_bits),
+        );
         if (least..least + reach).contains(&self.value) {
             return self;
         }
@@ -92,7 +106,10 @@ impl<'a> PartialPrecision<'a> {
     }
 
     fn and(self, other: PartialPrecision<'a>, value: f64) -> Self {
-        PartialPrecision { value, switches: self.switches.or(other.switches) }
+        PartialPrecision {
+            value,
+            switches: self.switches.or(other.switches),
+        }
     }
 }
 
@@ -124,7 +141,8 @@ impl<'a> Neg for PartialPrecision<'a> {
     }
 }
 
-/// A product without the last bits that f64 may have got wrong in a quotient that is multiplied again: those that would break a tie.
+/// A product without the last bits that f64 may have got wrong in a quotient that is multiplied
+/// again: those that would break a tie.
 fn without_noise(product: f64) -> f64 {
     if product == 0.0 {
         return 0.0;
@@ -135,7 +153,10 @@ fn without_noise(product: f64) -> f64 {
 
 impl Real for PartialPrecision<'_> {
     fn constant(value: f64) -> Self {
-        PartialPrecision { value, switches: None }
+        PartialPrecision {
+            value,
+            switches: None,
+        }
     }
 
     fn beside(self, value: f64) -> Self {
@@ -163,7 +184,11 @@ impl Real for PartialPrecision<'_> {
     }
 
     fn divided_by(self, whole: Self) -> Self {
-        let value = if whole.value == 0.0 { 0.0 } else { self.value / whole.value };
+        let value = if whole.value == 0.0 {
+            0.0
+        } else {
+            self.value / whole.value
+        };
         self.and(whole, value)
     }
 
@@ -179,12 +204,19 @@ impl Real for PartialPrecision<'_> {
 
     fn restored(self, unit: &Reciprocal, whole: Self) -> Self {
         let restored = self * whole * whole.reciprocal(unit);
-        if whole.is_on(unit.result()) { restored.with(without_noise(restored.value)) } else { restored }
+        if whole.is_on(unit.result()) {
+            restored.with(without_noise(restored.value))
+        } else {
+            restored
+        }
     }
 
     fn leading(self) -> Scale {
         let exponent = floor_log2(self.value.abs());
-        Scale { low: exponent, high: exponent }
+        Scale {
+            low: exponent,
+            high: exponent,
+        }
     }
 
     fn abs(self) -> Self {
@@ -208,31 +240,64 @@ impl Real for PartialPrecision<'_> {
     }
 
     fn below_one(self, fit: &Fit) -> Self {
-        if self.is_on(fit) { self.at_most(1.0 - power_of_two(-fit.word.format.frac_bits)) } else { self }
+        if self.is_on(fit) {
+            self.at_most(1.0 - power_of_two(-fit.word.format.frac_bits))
+        } else {
+            self
+        }
     }
 
     fn at_least_a_place(self, fit: &Fit, scale: Scale) -> Self {
-        if self.is_on(fit) { self.at_least(power_of_two(scale.low - fit.word.format.frac_bits)) } else { self }
+        if self.is_on(fit) {
+            self.at_least(power_of_two(scale.low - fit.word.format.frac_bits))
+        } else {
+            self
+        }
     }
 
     fn a_place_more(self, fit: &Fit) -> Self {
-        if self.is_on(fit) { self.plus(power_of_two(-fit.word.format.frac_bits)) } else { self }
+        if self.is_on(fit) {
+            self.plus(power_of_two(-fit.word.format.frac_bits))
+        } else {
+            self
+        }
     }
 
-    fn branch<const N: usize>(self, limit: Self, at_least: impl FnOnce() -> [Self; N], below: impl FnOnce() -> [Self; N]) -> [Self; N] {
-        if self.value >= limit.value { at_least() } else { below() }
+    fn branch<const N: usize>(
+        self,
+        limit: Self,
+        at_least: impl FnOnce() -> [Self; N],
+        below: impl FnOnce() -> [Self; N],
+    ) -> [Self; N] {
+        if self.value >= limit.value {
+            at_least()
+        } else {
+            below()
+        }
     }
 
     fn reciprocal(self, unit: &Reciprocal) -> Self {
-        self.with(if self.is_taken(unit.result()) { unit.of(self.value) } else { 1.0 / self.value })
+        self.with(if self.is_taken(unit.result()) {
+            unit.of(self.value)
+        } else {
+            1.0 / self.value
+        })
     }
 
     fn inverse_root(self, unit: &ReciprocalRoot) -> Self {
-        self.with(if self.is_taken(unit.result()) { unit.of(self.value) } else { 1.0 / self.value.sqrt() })
+        self.with(if self.is_taken(unit.result()) {
+            unit.of(self.value)
+        } else {
+            1.0 / self.value.sqrt()
+        })
     }
 
     fn root(self, unit: &ReciprocalRoot) -> Self {
-        self.with(if self.is_taken(unit.result()) { unit.root_of(self.value) } else { self.value.sqrt() })
+        self.with(if self.is_taken(unit.result()) {
+            unit.root_of(self.value)
+        } else {
+            self.value.sqrt()
+        })
     }
 
     fn with_sign_of(self, other: Self) -> Self {
@@ -240,7 +305,11 @@ impl Real for PartialPrecision<'_> {
     }
 
     fn table(self, table: &Table, range: f64, exact: impl Fn(f64) -> f64, _error: f64) -> Self {
-        self.with(if self.is_on(table.fit()) { table.at(self.value / range) } else { exact(self.value) })
+        self.with(if self.is_on(table.fit()) {
+            table.at(self.value / range)
+        } else {
+            exact(self.value)
+        })
     }
 
     fn falloff(self, table: &Table, range: f64, error: f64) -> Self {
@@ -249,20 +318,38 @@ impl Real for PartialPrecision<'_> {
 
     fn power(self, table: &Power) -> Self {
         let words = table.table();
-        self.with(if self.is_on(words.fit()) { words.at(self.value) } else { table.exact(self.value) }).fit(words.fit(), Scale::ONE)
+        self.with(if self.is_on(words.fit()) {
+            words.at(self.value)
+        } else {
+            table.exact(self.value)
+        })
+        .fit(words.fit(), Scale::ONE)
     }
 
     fn look_up(place: [Self; 2], map: &RealMap) -> [Self; 3] {
         let held = place[0].is_on(map.light());
         let step = |place: Self| {
             let (index, fraction) = map.step(place.value);
-            (index, place.with(fraction).fit(map.fraction(), Scale::ONE).at_most(1.0).value)
+            (
+                index,
+                place
+                    .with(fraction)
+                    .fit(map.fraction(), Scale::ONE)
+                    .at_most(1.0)
+                    .value,
+            )
         };
         let ((column, right), (row, down)) = (step(place[0]), step(place[1]));
-        let line = |from: f64, to: f64, fraction: f64| place[0].with(from + (to - from) * fraction).fit(map.light(), Scale::ONE).value;
+        let line = |from: f64, to: f64, fraction: f64| {
+            place[0]
+                .with(from + (to - from) * fraction)
+                .fit(map.light(), Scale::ONE)
+                .value
+        };
         std::array::from_fn(|i| {
             let texel = |column: usize, row: usize| map.texel(held, column, row)[i];
-            let [upper, lower] = [row, row + 1].map(|row| line(texel(column, row), texel(column + 1, row), right));
+            let [upper, lower] =
+                [row, row + 1].map(|row| line(texel(column, row), texel(column + 1, row), right));
             place[0].with(line(upper, lower, down))
         })
     }
@@ -271,13 +358,17 @@ impl Real for PartialPrecision<'_> {
         v[0].with(norm(v.map(|part| part.value)))
     }
 
-    /// The unit sees the words that hold the parts, so many times as large as its normaliser makes `whole`.
+    /// The unit sees the words that hold the parts, so many times as large as its normaliser makes
+    /// `whole`.
     fn direction(v: [Self; 3], whole: Self, unit: &ReciprocalRoot) -> Direction<Self> {
         let mantissa = whole.value * power_of_two(-floor_log2(whole.value));
         let held = v.map(|part| part.with(without_noise(part.value * mantissa)));
         let [x, y, z] = held;
         let inverse = (x * x + y * y + z * z).inverse_root(unit);
-        Direction { parts: held.map(|part| part * inverse), turn: 0.0 }
+        Direction {
+            parts: held.map(|part| part * inverse),
+            turn: 0.0,
+        }
     }
 
     fn dot(direction: &Direction<Self>, v: [Self; 3]) -> Self {

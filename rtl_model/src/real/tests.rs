@@ -1,4 +1,5 @@
-//! Near against numbers picked from its intervals, and what the units' tests share: rng, and machines that nobody would design.
+//! Near against numbers picked from its intervals, and what the units' tests share: rng, and
+//! machines that nobody would design.
 
 use super::*;
 use crate::Machine;
@@ -64,7 +65,8 @@ impl Rng {
         }
     }
 
-    /// A named machine, with some of the words, tables and function units changed that sums, shading and blending go through.
+    /// A named machine, with some of the words, tables and function units changed that sums,
+    /// shading and blending go through.
     pub fn machine(&mut self) -> Machine {
         let mut machine = Machine::named(self.one_of(&Machine::NAMES)).unwrap();
         for _ in 0..self.below(12) {
@@ -75,7 +77,11 @@ impl Rng {
             if unit != "fragment" || field.ends_with("_sum") {
                 self.change(&mut value[unit][&field]);
                 let changed: Machine = serde_json::from_value(value).unwrap();
-                machine = if changed.elaborate().is_ok() { changed } else { machine };
+                machine = if changed.elaborate().is_ok() {
+                    changed
+                } else {
+                    machine
+                };
             }
         }
         machine
@@ -91,10 +97,25 @@ impl Rng {
             let word: Word = serde_json::from_value(leaf.clone()).unwrap();
             let frac_bits = (word.format.frac_bits + self.below(16) as i32 - 10).max(0);
             let int_bits = word.format.int_bits + self.below(4) as i32 - 1;
-            let format = Format { int_bits: int_bits.max(1 - frac_bits), frac_bits, ..word.format };
-            let round = self.one_of(&[Rounding::Truncate, Rounding::Nearest, Rounding::NearestEven]);
-            let overflow = self.one_of(&[Overflow::Saturate, Overflow::Saturate, Overflow::Saturate, Overflow::Wrap]);
-            *leaf = serde_json::to_value(Word { format, round, overflow }).unwrap();
+            let format = Format {
+                int_bits: int_bits.max(1 - frac_bits),
+                frac_bits,
+                ..word.format
+            };
+            let round =
+                self.one_of(&[Rounding::Truncate, Rounding::Nearest, Rounding::NearestEven]);
+            let overflow = self.one_of(&[
+                Overflow::Saturate,
+                Overflow::Saturate,
+                Overflow::Saturate,
+                Overflow::Wrap,
+            ]);
+            *leaf = serde_json::to_value(Word {
+                format,
+                round,
+                overflow,
+            })
+            .unwrap();
         }
     }
 
@@ -119,11 +140,21 @@ pub fn held(word: Word, value: f64) -> (i64, Near) {
 
 /// Share of a bound that the machine's number uses; it must be the exact number's, and hold.
 pub fn used(own: f64, exact: f64, bound: Near, what: &impl Debug) -> f64 {
-    assert!((bound.value - exact).abs() <= 1e-12, "{what:?}: {bound:?} of {exact}");
+    assert!(
+        (bound.value - exact).abs() <= 1e-12,
+        "{what:?}: {bound:?} of {exact}"
+    );
     let error = (own - exact).abs();
-    assert!(error <= bound.around(exact).error, "{what:?}: {own}, exactly {exact}, {bound:?}");
+    assert!(
+        error <= bound.around(exact).error,
+        "{what:?}: {own}, exactly {exact}, {bound:?}"
+    );
     // What is lost in f64 is no loss of the machine's.
-    if bound.error > 1e-12 { error / bound.error } else { 0.0 }
+    if bound.error > 1e-12 {
+        error / bound.error
+    } else {
+        0.0
+    }
 }
 
 /// The greatest part, and the sum of parts, that many inputs use of a bound.
@@ -136,7 +167,11 @@ pub struct Use {
 
 impl Use {
     pub fn see(&mut self, used: f64) {
-        *self = Use { worst: self.worst.max(used), sum: self.sum + used, count: self.count + 1.0 };
+        *self = Use {
+            worst: self.worst.max(used),
+            sum: self.sum + used,
+            count: self.count + 1.0,
+        };
     }
 
     /// Some input uses more than `worst` of the bound, and the mean of them more than `mean`.
@@ -160,17 +195,41 @@ impl Pair {
 }
 
 fn some_fit(rng: &mut Rng) -> Fit {
-    let format = Format { signed: true, int_bits: 2 + rng.below(5) as i32, frac_bits: rng.below(12) as i32 };
+    let format = Format {
+        signed: true,
+        int_bits: 2 + rng.below(5) as i32,
+        frac_bits: rng.below(12) as i32,
+    };
     let round = rng.one_of(&[Rounding::Truncate, Rounding::Nearest, Rounding::NearestEven]);
     let overflow = rng.one_of(&[Overflow::Saturate, Overflow::Saturate, Overflow::Wrap]);
-    Fit::new(0, Word { format, round, overflow }, Exact { int_bits: 10, frac_bits: rng.below(20) as i32 })
+    Fit::new(
+        0,
+        Word {
+            format,
+            round,
+            overflow,
+        },
+        Exact {
+            int_bits: 10,
+            frac_bits: rng.below(20) as i32,
+        },
+    )
 }
 
 /// The word of a fit, as its value, of a number that is no word itself.
 fn fitted(fit: &Fit, x: f64) -> f64 {
     let places = 30;
-    let wide = Fit::new(0, fit.word, Exact { int_bits: 20, frac_bits: places });
-    fit.word.format.value(wide.one((x * power_of_two(places)).round() as i64))
+    let wide = Fit::new(
+        0,
+        fit.word,
+        Exact {
+            int_bits: 20,
+            frac_bits: places,
+        },
+    );
+    fit.word
+        .format
+        .value(wide.one((x * power_of_two(places)).round() as i64))
 }
 
 /// One more number made of the others.
@@ -189,16 +248,29 @@ fn step(rng: &mut Rng, pool: &[Pair]) -> Pair {
         7 => pair(a.near.at_most(constant), a.machine.min(constant)),
         8 => pair(a.near.plus(constant), a.machine + constant),
         9 => pair(a.near.times(constant), a.machine * constant),
-        10 => pair(a.near.function(|x| x.powi(3), 0.25), a.machine.powi(3) + rng.one_of(&[-0.25, 0.25])),
+        10 => pair(
+            a.near.function(|x| x.powi(3), 0.25),
+            a.machine.powi(3) + rng.one_of(&[-0.25, 0.25]),
+        ),
         11 => {
             let fit = some_fit(rng);
             pair(a.near.fit(&fit, Scale::ONE), fitted(&fit, a.machine))
         }
         12 => {
             let [near] = a.near.branch(b.near, || [a.near], || [b.near * b.near]);
-            pair(near, if a.machine >= b.machine { a.machine } else { b.machine * b.machine })
+            pair(
+                near,
+                if a.machine >= b.machine {
+                    a.machine
+                } else {
+                    b.machine * b.machine
+                },
+            )
         }
-        13 => pair(a.near.falling(0.25), falloff(a.machine) + rng.one_of(&[-0.25, 0.25])),
+        13 => pair(
+            a.near.falling(0.25),
+            falloff(a.machine) + rng.one_of(&[-0.25, 0.25]),
+        ),
         _ => {
             let [u, v] = [0; 2].map(|_| [0; 3].map(|_| rng.one_of(pool)));
             let length = norm(u.map(|p| p.machine));
@@ -209,12 +281,22 @@ fn step(rng: &mut Rng, pool: &[Pair]) -> Pair {
                 &mut Elaboration::default(),
                 "test",
                 "root",
-                FunctionUnit { table_bits: 4, newton_steps: 1, bits: 12 },
+                FunctionUnit {
+                    table_bits: 4,
+                    newton_steps: 1,
+                    bits: 12,
+                },
                 10,
             );
             let direction = Near::direction(u.map(|p| p.near), Near::exact(1.0), &root);
             let off = 1.0 + root.relative_error() * rng.between(-1.0, 1.0);
-            let parts = u.map(|p| if length > 0.0 { p.machine / length * off } else { 0.0 });
+            let parts = u.map(|p| {
+                if length > 0.0 {
+                    p.machine / length * off
+                } else {
+                    0.0
+                }
+            });
             let dot = (0..3).map(|i| parts[i] * v[i].machine).sum();
             pair(Near::dot(&direction, v.map(|p| p.near)), dot)
         }
@@ -230,7 +312,10 @@ fn near_holds_every_outcome() {
             let error = rng.one_of(&[0.0, 1e-6, 1e-2, 0.5]) * rng.part();
             let value = rng.between(-2.0, 2.0);
             let near = Near::within(rng.one_of(&[0.0, 1.0, value, value]), error);
-            pool.push(Pair { near, machine: rng.pick(near) });
+            pool.push(Pair {
+                near,
+                machine: rng.pick(near),
+            });
         }
         for _ in 0..12 {
             let next = step(rng, &pool);
@@ -242,31 +327,75 @@ fn near_holds_every_outcome() {
     }
 }
 
-/// All exact results of a few bits in all small words, at every shift: the bound holds them, and the farthest comes near it.
+/// All exact results of a few bits in all small words, at every shift: the bound holds them, and
+/// the farthest comes near it.
 #[test]
 fn a_fit_is_within_its_bound() {
-    for (int_bits, frac_bits, signed) in [(1, 3, false), (3, 2, true), (2, 0, true), (1, 8, true), (0, 4, false)] {
+    for (int_bits, frac_bits, signed) in [
+        (1, 3, false),
+        (3, 2, true),
+        (2, 0, true),
+        (1, 8, true),
+        (0, 4, false),
+    ] {
         for round in [Rounding::Truncate, Rounding::Nearest, Rounding::NearestEven] {
             for overflow in [Overflow::Saturate, Overflow::Wrap] {
-                let word = Word { format: Format { signed, int_bits, frac_bits }, round, overflow };
-                let fit = Fit::new(0, word, Exact { int_bits: 4, frac_bits: 6 });
+                let word = Word {
+                    format: Format {
+                        signed,
+                        int_bits,
+                        frac_bits,
+                    },
+                    round,
+                    overflow,
+                };
+                let fit = Fit::new(
+                    0,
+                    word,
+                    Exact {
+                        int_bits: 4,
+                        frac_bits: 6,
+                    },
+                );
                 for exponent in -3..3 {
                     let mut worst: f64 = 0.0;
                     for exact in -1023..=1023 {
-                        // The exact result is 2^exponent less than it was: it has so many more fraction bits, and the word counts by as much.
+                        // The exact result is 2^exponent less than it was: it has so many more
+                        // fraction bits, and the word counts by as much.
                         let value = exact as f64 * power_of_two(-6);
-                        let machine = word.format.value(fit.one_shifted(exact, i64::from(exponent))) * power_of_two(exponent);
-                        let near = Near::exact(value).fit(&fit, Scale { low: exponent, high: exponent });
-                        assert!((machine - value).abs() <= near.error, "{word:?}: {exact}/64 is {machine}, {near:?}");
-                        if near.error.is_finite() && near.error > 0.0 && fit.places() + i64::from(exponent) > 1 {
+                        let machine = word
+                            .format
+                            .value(fit.one_shifted(exact, i64::from(exponent)))
+                            * power_of_two(exponent);
+                        let near = Near::exact(value).fit(
+                            &fit,
+                            Scale {
+                                low: exponent,
+                                high: exponent,
+                            },
+                        );
+                        assert!(
+                            (machine - value).abs() <= near.error,
+                            "{word:?}: {exact}/64 is {machine}, {near:?}"
+                        );
+                        if near.error.is_finite()
+                            && near.error > 0.0
+                            && fit.places() + i64::from(exponent) > 1
+                        {
                             worst = worst.max((machine - value).abs() / near.error);
                         }
                         if exponent == 0 {
                             let near = Near::exact(value).refit(6, &fit);
-                            assert!((machine - value).abs() <= near.error, "{word:?}: {exact}/64 is {machine}, {near:?}");
+                            assert!(
+                                (machine - value).abs() <= near.error,
+                                "{word:?}: {exact}/64 is {machine}, {near:?}"
+                            );
                         }
                     }
-                    assert!(worst > 0.74 || fit.places() + i64::from(exponent) <= 1, "{word:?}, exponent {exponent}: {worst}");
+                    assert!(
+                        worst > 0.74 || fit.places() + i64::from(exponent) <= 1,
+                        "{word:?}, exponent {exponent}: {worst}"
+                    );
                 }
             }
         }
@@ -282,17 +411,39 @@ fn a_share_is_within_its_bound() {
         let bits = rng.below(13);
         let whole = 1 + rng.below(1 << bits) as i64;
         let part = rng.below(2 * whole as u64) as i64;
-        let word = Word::new(Format::unsigned(1 + rng.below(2) as i32, 4 + rng.below(8) as i32));
+        let word = Word::new(Format::unsigned(
+            1 + rng.below(2) as i32,
+            4 + rng.below(8) as i32,
+        ));
         let word = word.rounded(rng.one_of(&[Rounding::Truncate, Rounding::Nearest]));
-        let fit = Fit::new(0, word, Exact { int_bits: 5, frac_bits: 8 });
+        let fit = Fit::new(
+            0,
+            word,
+            Exact {
+                int_bits: 5,
+                frac_bits: 8,
+            },
+        );
         let exponent = i64::from(whole.ilog2()) - 8;
-        let share = word.format.value(fit.one_shifted(part, exponent)) * power_of_two(exponent as i32);
+        let share =
+            word.format.value(fit.one_shifted(part, exponent)) * power_of_two(exponent as i32);
         let (whole, part) = (whole as f64 / 256.0, part as f64 / 256.0);
         let drift = rng.one_of(&[0.0, 0.01, 0.6]) * whole;
-        let near = Near::exact(part / whole).share(&fit, Near::within(whole + rng.between(-drift, drift), drift));
+        let near = Near::exact(part / whole).share(
+            &fit,
+            Near::within(whole + rng.between(-drift, drift), drift),
+        );
         let error = (share / whole - part / whole).abs();
-        assert!(error <= near.error + 1e-15, "seed {seed}: off by {error}, bound {}", near.error);
-        worst = if near.error > 0.0 && drift == 0.0 { worst.max(error / near.error) } else { worst };
+        assert!(
+            error <= near.error + 1e-15,
+            "seed {seed}: off by {error}, bound {}",
+            near.error
+        );
+        worst = if near.error > 0.0 && drift == 0.0 {
+            worst.max(error / near.error)
+        } else {
+            worst
+        };
     }
     assert!(worst > 0.95, "{worst}");
 }
@@ -300,30 +451,64 @@ fn a_share_is_within_its_bound() {
 /// Every argument of small tables; the farthest of them comes near the bound.
 #[test]
 fn a_power_is_within_its_bound() {
-    for (interpolation, steps) in [(Interpolation::Nearest, 16.0), (Interpolation::Linear, 16.0), (Interpolation::Linear, 1024.0)] {
+    for (interpolation, steps) in [
+        (Interpolation::Nearest, 16.0),
+        (Interpolation::Linear, 16.0),
+        (Interpolation::Linear, 1024.0),
+    ] {
         for exponent in [0.0, 0.3, 0.5, 1.0, 1.5, 2.0, 8.0, 40.0] {
             for round in [Rounding::Truncate, Rounding::Nearest] {
                 let index_bits = f64::log2(steps) as u32;
                 let word = Word::new(Format::unsigned(1, 9)).rounded(round);
-                let middle = if interpolation == Interpolation::Nearest { 0.5 } else { 0.0 };
-                let words: Vec<i64> = (0..=steps as i64).map(|i| quantised(word, ((i as f64 + middle) / steps).powf(exponent))).collect();
+                let middle = if interpolation == Interpolation::Nearest {
+                    0.5
+                } else {
+                    0.0
+                };
+                let words: Vec<i64> = (0..=steps as i64)
+                    .map(|i| quantised(word, ((i as f64 + middle) / steps).powf(exponent)))
+                    .collect();
                 let argument = Format::unsigned(0, 12);
-                let fit = Fit::new(0, word, Exact { int_bits: 1, frac_bits: 9 + Table::fraction_bits(index_bits, 12) as i32 });
-                let power = Power::new(Table::new(fit, index_bits, 12, interpolation, &words), exponent);
+                let fit = Fit::new(
+                    0,
+                    word,
+                    Exact {
+                        int_bits: 1,
+                        frac_bits: 9 + Table::fraction_bits(index_bits, 12) as i32,
+                    },
+                );
+                let power = Power::new(
+                    Table::new(fit, index_bits, 12, interpolation, &words),
+                    exponent,
+                );
                 let mut worst: f64 = 0.0;
                 for x in 0..=argument.max() {
                     let value = word.format.value(fit.one(power.table().exact(x)));
                     let near = Near::exact(argument.value(x)).power(&power);
                     let error = (value - near.value).abs();
-                    assert!(error <= near.error, "{interpolation:?} {x}^{exponent}: off by {error}, bound {}", near.error);
-                    worst = if near.error > 1e-12 { worst.max(error / near.error) } else { worst };
+                    assert!(
+                        error <= near.error,
+                        "{interpolation:?} {x}^{exponent}: off by {error}, bound {}",
+                        near.error
+                    );
+                    worst = if near.error > 1e-12 {
+                        worst.max(error / near.error)
+                    } else {
+                        worst
+                    };
                     // The same word where the exact number is another.
                     for off in [-0.2, -0.01, 1e-4, 0.03, 0.5] {
                         let near = Near::within(argument.value(x) + off, off).power(&power);
-                        assert!((value - near.value).abs() <= near.error, "{x}^{exponent}, {off} off: {value}, {near:?}");
+                        assert!(
+                            (value - near.value).abs() <= near.error,
+                            "{x}^{exponent}, {off} off: {value}, {near:?}"
+                        );
                     }
                 }
-                assert!(worst > 0.3 || exponent == 0.0, "{interpolation:?}, {steps} steps, exponent {exponent}, {round:?}: {worst}");
+                assert!(
+                    worst > 0.3 || exponent == 0.0,
+                    "{interpolation:?}, {steps} steps, exponent {exponent}, {round:?}: {worst}"
+                );
             }
         }
     }

@@ -21,8 +21,16 @@ pub const OPACITY: usize = 4;
 pub const NORMAL: usize = 5;
 
 /// Names of the sums' signals in the unit fragment.
-pub const SUM_SIGNALS: [&str; SUMS] =
-    ["weight_sum", "colour_sum", "colour_sum", "colour_sum", "opacity_sum", "normal_sum", "normal_sum", "normal_sum"];
+pub const SUM_SIGNALS: [&str; SUMS] = [
+    "weight_sum",
+    "colour_sum",
+    "colour_sum",
+    "colour_sum",
+    "opacity_sum",
+    "normal_sum",
+    "normal_sum",
+    "normal_sum",
+];
 
 /// A contribution's part that is the splat's: 1, r, g, b, α, n_x, n_y, n_z.
 pub type Attributes = [i32; SUMS];
@@ -47,9 +55,11 @@ pub enum Decision {
     Accumulated(u8),
     /// Opened this free slot.
     Inserted(u8),
-    /// Made two fragments merge: places in depth order, of `layers` + 1, of the front and the back one.
+    /// Made two fragments merge: places in depth order, of `layers` + 1, of the front and the back
+    /// one.
     Merged(u8, u8),
-    /// Made the deepest fragment vanish behind an opaque one; `true` if it was the contribution itself.
+    /// Made the deepest fragment vanish behind an opaque one; `true` if it was the contribution
+    /// itself.
     Evicted(bool),
     /// Replaced what was there (z-buffer).
     Replaced,
@@ -59,9 +69,11 @@ pub enum Decision {
     Late(u8, Side),
     /// Blended into this closed slot, between its front and its back (windows).
     Inside(u8),
-    /// Made two slots add up: the place of the front one, and that of the contribution, among `layers` + 1 in depth order (windows).
+    /// Made two slots add up: the place of the front one, and that of the contribution, among
+    /// `layers` + 1 in depth order (windows).
     Summed(u8, u8),
-    /// Made the two deepest close, the deeper one behind or (`true`) inside of the other; the contribution's place (windows).
+    /// Made the two deepest close, the deeper one behind or (`true`) inside of the other; the
+    /// contribution's place (windows).
     Closed(u8, bool),
 }
 
@@ -132,7 +144,15 @@ impl Outcomes {
 
     /// All contributions.
     pub fn total(&self) -> u64 {
-        self.accumulated + self.inserted + self.merged + self.evicted + self.replaced + self.dropped + self.late + self.inside + self.summed
+        self.accumulated
+            + self.inserted
+            + self.merged
+            + self.evicted
+            + self.replaced
+            + self.dropped
+            + self.late
+            + self.inside
+            + self.summed
     }
 }
 

@@ -1,4 +1,5 @@
-//! Records: what crosses the ports between units, and what is decided there. They lie below probes and units, so that both can name them.
+//! Records: what crosses the ports between units, and what is decided there. They lie below probes
+//! and units, so that both can name them.
 
 mod fragment;
 mod light;

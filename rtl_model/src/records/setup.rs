@@ -1,4 +1,5 @@
-//! Setup's records: what project and ellipse make of a splat, and what raster and gauss make of its fragments.
+//! Setup's records: what project and ellipse make of a splat, and what raster and gauss make of its
+//! fragments.
 
 /// A fragment on its way: what `raster.out` and `gauss.out` carry of it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -23,17 +23,29 @@ pub const REFLECT: &str = "reflect";
 /// Blend into the frame.
 pub const RESOLVE: &str = "resolve";
 
-/// All of them that have words and ports, in the order of the diagram. Whoever lists units takes them from here.
-pub const ALL: [&str; 8] = [PROJECT, ELLIPSE, SORT, RASTER, GAUSS, FRAGMENT, SHADE, RESOLVE];
+/// All of them that have words and ports, in the order of the diagram. Whoever lists units takes
+/// them from here.
+pub const ALL: [&str; 8] = [
+    PROJECT, ELLIPSE, SORT, RASTER, GAUSS, FRAGMENT, SHADE, RESOLVE,
+];
 
-/// All of them that are built of parts: colour too, and fetch where it walks trees, which have no words yet.
-pub const BUILT: [&str; 11] = [FETCH, PROJECT, ELLIPSE, COLOUR, SORT, RASTER, GAUSS, FRAGMENT, SHADE, REFLECT, RESOLVE];
+/// All of them that are built of parts: colour too, and fetch where it walks trees, which have no
+/// words yet.
+pub const BUILT: [&str; 11] = [
+    FETCH, PROJECT, ELLIPSE, COLOUR, SORT, RASTER, GAUSS, FRAGMENT, SHADE, REFLECT, RESOLVE,
+];
 
-/// All of them that have words: those that have ports, and reflect, which stands in shade and has that one's.
-pub const WORDED: [&str; 9] = [PROJECT, ELLIPSE, SORT, RASTER, GAUSS, FRAGMENT, SHADE, REFLECT, RESOLVE];
+/// All of them that have words: those that have ports, and reflect, which stands in shade and has
+/// that one's.
+pub const WORDED: [&str; 9] = [
+    PROJECT, ELLIPSE, SORT, RASTER, GAUSS, FRAGMENT, SHADE, REFLECT, RESOLVE,
+];
 
 /// Some of them behind one thing more: what comes before the first unit.
-pub const fn after<const N: usize, const M: usize>(first: &'static str, units: [&'static str; N]) -> [&'static str; M] {
+pub const fn after<const N: usize, const M: usize>(
+    first: &'static str,
+    units: [&'static str; N],
+) -> [&'static str; M] {
     assert!(M == N + 1);
     let mut all = [first; M];
     let mut nth = 0;

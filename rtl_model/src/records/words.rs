@@ -1,6 +1,8 @@
-//! Words: records of ports as the trace and the twins have them, each declared once: its fields, by name, in their order.
+//! Words: records of ports as the trace and the twins have them, each declared once: its fields, by
+//! name, in their order.
 //!
-//! A record of words, and its layout in the stream, are the same declaration with another `T`: what forgets a field does not compile.
+//! A record of words, and its layout in the stream, are the same declaration with another `T`: what
+//! forgets a field does not compile.
 
 /// Declares a record.
 macro_rules! record {

@@ -59,8 +59,8 @@ pub struct UnitCycles {
     pub starved_by: Option<&'static str>,
     /// Units that blocked it, with cycles.
     pub blocked_by: Vec<(Wait, u64)>,
-    /// Count of items that it took while so many waited behind it, in the FIFO or under way; of [`Detail::Histograms`] and
-    /// above.
+    /// Count of items that it took while so many waited behind it, in the FIFO or under way; of
+    /// [`Detail::Histograms`] and above.
     pub occupancy: Vec<u64>,
 }
 
@@ -81,14 +81,26 @@ const WINDOWS: usize = 256;
 
 impl Default for Timeline {
     fn default() -> Self {
-        Timeline { window: 256, busy: vec![0], end: 256, now: 0 }
+        Timeline {
+            window: 256,
+            busy: vec![0],
+            end: 256,
+            now: 0,
+        }
     }
 }
 
 impl Timeline {
     fn new(detail: Detail) -> Self {
-        let end = if detail >= Detail::Histograms { 256 } else { u64::MAX };
-        Timeline { end, ..Timeline::default() }
+        let end = if detail >= Detail::Histograms {
+            256
+        } else {
+            u64::MAX
+        };
+        Timeline {
+            end,
+            ..Timeline::default()
+        }
     }
 
     /// Cycles from this one on, which is not before the last one's.
@@ -100,7 +112,8 @@ impl Timeline {
         self.now += cycles;
     }
 
-    /// Fills all windows but the one in which they end; says how many of the cycles are left for that.
+    /// Fills all windows but the one in which they end; says how many of the cycles are left for
+    /// that.
     #[cold]
     fn fill(&mut self, mut from: u64, mut cycles: u64) -> u64 {
         while from + cycles > self.end {
@@ -128,10 +141,12 @@ impl Timeline {
     }
 }
 
-/// The places behind a unit, which take turns: an item has the place of the one that came so many before it as there are places.
+/// The places behind a unit, which take turns: an item has the place of the one that came so many
+/// before it as there are places.
 #[derive(Clone, Debug)]
 pub struct Places {
-    /// From when on the place of an item is free again, by the item's number: as many as there are places, rounded up to a power of two.
+    /// From when on the place of an item is free again, by the item's number: as many as there are
+    /// places, rounded up to a power of two.
     free: Box<[u64]>,
     /// Items that had so many places so far, that were given a cycle, and that were given back.
     claimed: usize,
@@ -141,8 +156,8 @@ pub struct Places {
     left: usize,
     room: usize,
     mask: usize,
-    /// Items that nothing comes of: from when on the place of the first of some is free again, and how many there are, a cycle apart. The first
-    /// of them come first.
+    /// Items that nothing comes of: from when on the place of the first of some is free again, and
+    /// how many there are, a cycle apart. The first of them come first.
     vanishing: VecDeque<(u64, u64)>,
     /// How many these are: those among them that have vanished are found out when it matters.
     vanishing_items: u64,
@@ -188,10 +203,15 @@ impl Places {
         self.free[self.at(self.claimed.wrapping_sub(self.room))]
     }
 
-    /// The first cycle from this one on in which one is free, where some are taken by items that vanish.
+    /// The first cycle from this one on in which one is free, where some are taken by items that
+    /// vanish.
     #[inline(always)]
     pub fn free_from(&mut self, now: u64) -> u64 {
-        if self.are_free(now, self.vanishing_items) { now } else { self.free_late(now) }
+        if self.are_free(now, self.vanishing_items) {
+            now
+        } else {
+            self.free_late(now)
+        }
     }
 
     /// Whether one is free beside so many that items which vanish have.
@@ -201,11 +221,15 @@ impl Places {
         places > 0 && self.free[self.at(self.claimed.wrapping_sub(places))] <= now
     }
 
-    /// The same where it matters which have vanished by now. Who asks may still find another reason to take it sooner, so that only what has
-    /// vanished by now is forgotten.
+    /// The same where it matters which have vanished by now. Who asks may still find another reason
+    /// to take it sooner, so that only what has vanished by now is forgotten.
     #[inline(never)]
     fn free_late(&mut self, now: u64) -> u64 {
-        while let Some((first, count)) = self.vanishing.front_mut().filter(|(first, _)| *first <= now) {
+        while let Some((first, count)) = self
+            .vanishing
+            .front_mut()
+            .filter(|(first, _)| *first <= now)
+        {
             let gone = (*count).min(now + 1 - *first);
             (*first, *count) = (*first + gone, *count - gone);
             self.vanishing_items -= gone;
@@ -233,17 +257,23 @@ impl Places {
     /// From when on one is free beside so many that items which vanish have.
     fn given_beside(&self, vanishing: u64) -> u64 {
         let places = self.room.saturating_sub(vanishing as usize);
-        if places == 0 { u64::MAX } else { self.free[self.at(self.claimed.wrapping_sub(places))] }
+        if places == 0 {
+            u64::MAX
+        } else {
+            self.free[self.at(self.claimed.wrapping_sub(places))]
+        }
     }
 
-    /// Whether any number of items that vanish can be taken from this cycle on, one a cycle, each of which has its place for so many: at most one
-    /// less than that have one beside those that were taken before.
+    /// Whether any number of items that vanish can be taken from this cycle on, one a cycle, each
+    /// of which has its place for so many: at most one less than that have one beside those that
+    /// were taken before.
     #[inline(always)]
     pub fn has_run(&self, now: u64, latency: u32) -> bool {
         self.are_free(now, u64::from(latency) - 1)
     }
 
-    /// So many items that vanish were taken, a cycle apart; the place of the first is free again from this cycle on.
+    /// So many items that vanish were taken, a cycle apart; the place of the first is free again
+    /// from this cycle on.
     #[inline(always)]
     pub fn vanish(&mut self, from: u64, items: u64) {
         let last = items.min(self.room as u64);
@@ -292,7 +322,8 @@ pub struct Unit {
     name: &'static str,
     starved_by: Option<&'static str>,
     blocked_by: Option<&'static str>,
-    /// Of those that work side by side the one whose turn it is, and the others by their place; its own holds nothing of worth.
+    /// Of those that work side by side the one whose turn it is, and the others by their place; its
+    /// own holds nothing of worth.
     side: Side,
     sides: Box<[Side]>,
     /// Of the one whose turn it is, and the others by their place, as with sides.
@@ -350,7 +381,12 @@ impl Unit {
             starved_by,
             blocked_by,
             side: Side::default(),
-            sides: (0..pace.units).map(|index| Side { index, ..Side::default() }).collect(),
+            sides: (0..pace.units)
+                .map(|index| Side {
+                    index,
+                    ..Side::default()
+                })
+                .collect(),
             timeline: Timeline::new(detail),
             timelines: (0..pace.units).map(|_| Timeline::new(detail)).collect(),
             held: if lifted == Some(name) { 0 } else { u64::MAX },
@@ -370,7 +406,12 @@ impl Unit {
     /// When it would take an item.
     #[inline(always)]
     pub fn when(&self, ready: Ready) -> u64 {
-        self.side.free.max(ready.here).max(ready.memory).max(ready.hazard).max(ready.room)
+        self.side
+            .free
+            .max(ready.here)
+            .max(ready.memory)
+            .max(ready.hazard)
+            .max(ready.room)
     }
 
     /// Takes the next item, which holds it for so many cycles; says when.
@@ -379,7 +420,8 @@ impl Unit {
         self.hold(ready, 1, cycles, cycles)
     }
 
-    /// Takes the next item, which holds it for so many cycles, of which it works so many and waits for memory in the others.
+    /// Takes the next item, which holds it for so many cycles, of which it works so many and waits
+    /// for memory in the others.
     #[inline(always)]
     pub fn take_with_memory(&mut self, ready: Ready, busy: u64, cycles: u64) -> u64 {
         self.hold(ready, 1, busy.min(cycles), cycles)
@@ -419,7 +461,8 @@ impl Unit {
         now
     }
 
-    /// Tells when items held it that were taken a cycle apart, and gives the turn to the next side: in order, so never before the item before.
+    /// Tells when items held it that were taken a cycle apart, and gives the turn to the next side:
+    /// in order, so never before the item before.
     #[inline(never)]
     fn hand_on(&mut self, now: u64, items: u64, cycles: u64) {
         self.timeline.add(now, cycles);
@@ -430,7 +473,11 @@ impl Unit {
         if self.sides.len() == 1 {
             return;
         }
-        let next = if index + 1 == self.sides.len() { 0 } else { index + 1 };
+        let next = if index + 1 == self.sides.len() {
+            0
+        } else {
+            index + 1
+        };
         self.sides[index] = self.side;
         self.side = self.sides[next];
         std::mem::swap(&mut self.timeline, &mut self.timelines[index]);
@@ -438,9 +485,16 @@ impl Unit {
         self.side.free = self.side.free.max(now);
     }
 
-    /// What it did by now, as somebody else found: when it is free, items, cycles, and those blocked by itself.
+    /// What it did by now, as somebody else found: when it is free, items, cycles, and those
+    /// blocked by itself.
     pub fn put(&mut self, free: u64, items: u64, account: Account, hazard: u64) {
-        self.side = Side { free, items, account, hazard, ..self.side };
+        self.side = Side {
+            free,
+            items,
+            account,
+            hazard,
+            ..self.side
+        };
     }
 
     /// Whether it is infinitely fast.
@@ -456,8 +510,17 @@ impl Unit {
 
     /// When each that takes turns is free, and what it did until then; starved is not told.
     pub fn so_far(&self) -> impl Iterator<Item = (u64, Account)> {
-        let now = |side: &Side| if side.index == self.side.index { self.side } else { *side };
-        self.sides.iter().map(now).map(|side| (side.free, side.account))
+        let now = |side: &Side| {
+            if side.index == self.side.index {
+                self.side
+            } else {
+                *side
+            }
+        };
+        self.sides
+            .iter()
+            .map(now)
+            .map(|side| (side.free, side.account))
     }
 
     /// Its name.
@@ -467,18 +530,40 @@ impl Unit {
 
     /// When all that it took is done with it.
     pub fn done(&self) -> u64 {
-        self.sides.iter().fold(self.side.free, |done, side| done.max(side.free))
+        self.sides
+            .iter()
+            .fold(self.side.free, |done, side| done.max(side.free))
     }
 
     /// Its cycles in a frame of so many: at the end it is starved.
     pub fn cycles(self, total: u64) -> Vec<UnitCycles> {
-        let Unit { name, starved_by, blocked_by, side, mut sides, behind, log, timeline, mut timelines, others, .. } = self;
+        let Unit {
+            name,
+            starved_by,
+            blocked_by,
+            side,
+            mut sides,
+            behind,
+            log,
+            timeline,
+            mut timelines,
+            others,
+            ..
+        } = self;
         let mut log = log.unwrap_or_default();
         sides[side.index as usize] = side;
         timelines[side.index as usize] = timeline;
         timelines.iter_mut().for_each(Timeline::close);
         let mut of = |side: Side| {
-            let (index, Account { busy, blocked, memory, .. }) = (side.index, side.account);
+            let (
+                index,
+                Account {
+                    busy,
+                    blocked,
+                    memory,
+                    ..
+                },
+            ) = (side.index, side.account);
             let by_unit = blocked_by.map(|unit| (Wait::Unit(unit), blocked - side.hazard));
             UnitCycles {
                 name,
@@ -486,10 +571,23 @@ impl Unit {
                 items: side.items,
                 log: std::mem::take(&mut log),
                 timeline: behind.is_counted.then(|| timelines[index as usize].clone()),
-                account: Account { busy, starved: total - busy - blocked - memory, blocked, memory },
+                account: Account {
+                    busy,
+                    starved: total - busy - blocked - memory,
+                    blocked,
+                    memory,
+                },
                 starved_by,
-                blocked_by: by_unit.into_iter().chain([(Wait::Hazard, side.hazard)]).filter(|(_, cycles)| *cycles > 0).collect(),
-                occupancy: if behind.is_counted && index == 0 { behind.occupancy.to_vec() } else { Vec::new() },
+                blocked_by: by_unit
+                    .into_iter()
+                    .chain([(Wait::Hazard, side.hazard)])
+                    .filter(|(_, cycles)| *cycles > 0)
+                    .collect(),
+                occupancy: if behind.is_counted && index == 0 {
+                    behind.occupancy.to_vec()
+                } else {
+                    Vec::new()
+                },
             }
         };
         sides.into_iter().map(&mut of).collect()

@@ -6,12 +6,15 @@
 //!                                                                      or list after list (`sorters.rs`)
 //! memory ─► list ─► raster ─► gauss ─► fragment ─► resolve ─► memory  every entry of every tile; the tile's words
 //! ```
-//! The second pass begins when the first, and the sort, is through. Tiles follow each other by rows, or the longest lists come first; those
-//! without an entry are only written, behind the one before them in the picture. The pass has one engine or several, which share nothing but
-//! memory and the queue: the next tile goes to the engine whose list is through with its last one first. Entries of all engines are gone
-//! through in the order of time, so that memory is asked in that order, too. Of a tile in which every pixel has stopped, nothing more is read.
+//! The second pass begins when the first, and the sort, is through. Tiles follow each other by
+//! rows, or the longest lists come first; those without an entry are only written, behind the one
+//! before them in the picture. The pass has one engine or several, which share nothing but memory
+//! and the queue: the next tile goes to the engine whose list is through with its last one first.
+//! Entries of all engines are gone through in the order of time, so that memory is asked in that
+//! order, too. Of a tile in which every pixel has stopped, nothing more is read.
 //!
-//! Laws: `a_binned_frame_ticks_as_it_is_replayed`, `a_crowd_that_is_sorted_ticks_as_it_is_replayed`.
+//! Laws: `a_binned_frame_ticks_as_it_is_replayed`,
+//! `a_crowd_that_is_sorted_ticks_as_it_is_replayed`.
 
 pub mod abreast;
 
@@ -44,7 +47,10 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     let mut listed = Listed::new(timing, work, &lists, detail);
     let pass = SecondPass::new(timing, work, &lists, listed.from);
     let (engines, stamps, tiles, saved) = pass.run(&mut listed.memory, detail);
-    Cycles { early_termination: saved, ..listed.cycles(engines, stamps, tiles, detail) }
+    Cycles {
+        early_termination: saved,
+        ..listed.cycles(engines, stamps, tiles, detail)
+    }
 }
 
 /// A frame whose lists are written, and sorted.
@@ -66,20 +72,60 @@ impl<'a> Listed<'a> {
         let (sort, sorted) = match work.order.is_empty() {
             true => (Vec::new(), listed),
             false => sorters::sort_lists(t, work, lists, listed, &mut memory, detail)
-                .unwrap_or_else(|| sort_entries(t, lists.entries() as u64, listed, &mut memory, detail)),
+                .unwrap_or_else(|| {
+                    sort_entries(t, lists.entries() as u64, listed, &mut memory, detail)
+                }),
         };
-        let from = if t.timing.queue == Queue::Longest { sorted + queue_cycles(lists) } else { sorted };
-        Listed { memory, setup, bin, sort, from }
+        let from = if t.timing.queue == Queue::Longest {
+            sorted + queue_cycles(lists)
+        } else {
+            sorted
+        };
+        Listed {
+            memory,
+            setup,
+            bin,
+            sort,
+            from,
+        }
     }
 
     /// Cycles of the frame, when the engines have drawn it.
-    fn cycles(self, engines: Vec<Engine>, stamps: [u64; 2], tiles: Option<Tiles>, detail: Detail) -> Cycles {
-        let Listed { memory, setup, bin, sort, .. } = self;
-        let of_engine = engines.iter().map(|engine| texels::lookups([&engine.merge.texels, &engine.lit_texels]));
-        let texels = of_engine.fold(texels::lookups([&setup.texels]), |[all, had], [more, more_had]| [all + more, had + more_had]);
-        let light = engines.iter().map(|engine| engine.merge.light + engine.resolve.light).sum();
+    fn cycles(
+        self,
+        engines: Vec<Engine>,
+        stamps: [u64; 2],
+        tiles: Option<Tiles>,
+        detail: Detail,
+    ) -> Cycles {
+        let Listed {
+            memory,
+            setup,
+            bin,
+            sort,
+            ..
+        } = self;
+        let of_engine = engines
+            .iter()
+            .map(|engine| texels::lookups([&engine.merge.texels, &engine.lit_texels]));
+        let texels = of_engine.fold(
+            texels::lookups([&setup.texels]),
+            |[all, had], [more, more_had]| [all + more, had + more_had],
+        );
+        let light = engines
+            .iter()
+            .map(|engine| engine.merge.light + engine.resolve.light)
+            .sum();
         let mut each: [Vec<Unit>; 7] = Default::default();
-        for Engine { list, fill, merge, resolve, lit, .. } in engines {
+        for Engine {
+            list,
+            fill,
+            merge,
+            resolve,
+            lit,
+            ..
+        } in engines
+        {
             let (fragment, shade) = merge.units();
             let of_engine = [
                 vec![list],
@@ -90,21 +136,35 @@ impl<'a> Listed<'a> {
                 lit.into_iter().collect(),
                 resolve.units(),
             ];
-            each.iter_mut().zip(of_engine).for_each(|(all, of_engine)| all.extend(of_engine));
+            each.iter_mut()
+                .zip(of_engine)
+                .for_each(|(all, of_engine)| all.extend(of_engine));
         }
         let [list, raster, gauss, fragment, shade, lit, resolve] = each;
         let (mut units, shade) = setup.units(shade);
         units.push(bin);
         units.extend(sort);
-        units.extend([list, raster, gauss, fragment, shade, lit, resolve].into_iter().flatten());
-        Cycles { stamps, tiles, texels, light, ..Cycles::of(units, memory, detail) }
+        units.extend(
+            [list, raster, gauss, fragment, shade, lit, resolve]
+                .into_iter()
+                .flatten(),
+        );
+        Cycles {
+            stamps,
+            tiles,
+            texels,
+            light,
+            ..Cycles::of(units, memory, detail)
+        }
     }
 }
 
-/// Between the passes the queue is sorted by the lengths of lists, a digit after the other: a cycle for each tile that has an entry, and one
-/// for each value of the digit.
+/// Between the passes the queue is sorted by the lengths of lists, a digit after the other: a cycle
+/// for each tile that has an entry, and one for each value of the digit.
 fn queue_cycles(lists: &Bins) -> u64 {
-    let tiles = (0..lists.tiles()).filter(|tile| !lists.of(*tile).is_empty()).count() as u64;
+    let tiles = (0..lists.tiles())
+        .filter(|tile| !lists.of(*tile).is_empty())
+        .count() as u64;
     2 * (tiles + LENGTH_VALUES)
 }
 
@@ -153,10 +213,36 @@ struct Tile {
 }
 
 impl<'a> Engine<'a> {
-    fn new(t: &'a Microarchitecture, work: &Work, held: &Rc<Held>, from: u64, detail: Detail, nth: u32) -> Self {
-        let one = Pace { units: 1, latency: 1, interval: 1, fifo: t.timing.fetch.fifo };
-        let list = Unit::new("list", one, [Some("bin"), Some(unit::RASTER)], detail, t.lifted);
-        let lit = || Unit::new(super::RESOLVE_SHADE, t.shade, [Some(unit::RESOLVE), None], detail, t.lifted);
+    fn new(
+        t: &'a Microarchitecture,
+        work: &Work,
+        held: &Rc<Held>,
+        from: u64,
+        detail: Detail,
+        nth: u32,
+    ) -> Self {
+        let one = Pace {
+            units: 1,
+            latency: 1,
+            interval: 1,
+            fifo: t.timing.fetch.fifo,
+        };
+        let list = Unit::new(
+            "list",
+            one,
+            [Some("bin"), Some(unit::RASTER)],
+            detail,
+            t.lifted,
+        );
+        let lit = || {
+            Unit::new(
+                super::RESOLVE_SHADE,
+                t.shade,
+                [Some(unit::RESOLVE), None],
+                detail,
+                t.lifted,
+            )
+        };
         Engine {
             list: list.behind_others(nth),
             fill: Fill::new(t, "list", unit::FRAGMENT, detail, nth),
@@ -180,45 +266,85 @@ impl<'a> Engine<'a> {
     /// Every unit, in the order of the diagram.
     fn all(&self) -> impl Iterator<Item = &Unit> {
         let before = [&self.list, &self.fill.raster, &self.fill.gauss];
-        before.into_iter().chain(self.merge.all()).chain(&self.lit).chain(self.resolve.all())
+        before
+            .into_iter()
+            .chain(self.merge.all())
+            .chain(&self.lit)
+            .chain(self.resolve.all())
     }
 }
 
 impl<'a> SecondPass<'a> {
     fn new(t: &'a Microarchitecture, work: &'a Work, lists: &'a Bins, from: u64) -> Self {
-        let mut queue: Vec<usize> = (0..lists.tiles()).filter(|tile| !lists.of(*tile).is_empty()).collect();
+        let mut queue: Vec<usize> = (0..lists.tiles())
+            .filter(|tile| !lists.of(*tile).is_empty())
+            .collect();
         if t.timing.queue == Queue::Longest {
             // Longer than its two digits can say is as long as they can.
-            queue.sort_by_key(|tile| std::cmp::Reverse((lists.of(*tile).len() as u64).min(LENGTH_VALUES * LENGTH_VALUES - 1)));
+            queue.sort_by_key(|tile| {
+                std::cmp::Reverse(
+                    (lists.of(*tile).len() as u64).min(LENGTH_VALUES * LENGTH_VALUES - 1),
+                )
+            });
         }
-        SecondPass { t, work, lists, from, queue: queue.into_iter().enumerate().collect() }
+        SecondPass {
+            t,
+            work,
+            lists,
+            from,
+            queue: queue.into_iter().enumerate().collect(),
+        }
     }
 
-    /// Says what engines did, how many stamps there were and how many kept a pixel, and each tile's cycles.
-    fn run(mut self, memory: &mut Memory, detail: Detail) -> (Vec<Engine<'a>>, [u64; 2], Option<Tiles>, Option<EarlyTermination>) {
+    /// Says what engines did, how many stamps there were and how many kept a pixel, and each tile's
+    /// cycles.
+    fn run(
+        mut self,
+        memory: &mut Memory,
+        detail: Detail,
+    ) -> (
+        Vec<Engine<'a>>,
+        [u64; 2],
+        Option<Tiles>,
+        Option<EarlyTermination>,
+    ) {
         let (t, held) = (self.t, Held::new(self.work));
-        let mut engines: Vec<Engine> = (0..t.engines).map(|nth| Engine::new(t, self.work, &held, self.from, detail, nth)).collect();
+        let mut engines: Vec<Engine> = (0..t.engines)
+            .map(|nth| Engine::new(t, self.work, &held, self.from, detail, nth))
+            .collect();
         let mut walk = Stamps::new(self.work, t.timing.raster.lanes);
         let mut stops = Stops::new(self.work);
         let mut shares = vec![Shares::new(self.from); engines.len()];
         let mut turns = Vec::new();
         self.write_empty(0, self.from, memory);
         while let Some(nth) = self.next(&engines) {
-            let others = (engines.iter().enumerate()).filter(|(other, engine)| *other != nth && self.is_at_work(engine));
-            let others_from = others.map(|(_, engine)| engine.free()).min().unwrap_or(u64::MAX);
+            let others = (engines.iter().enumerate())
+                .filter(|(other, engine)| *other != nth && self.is_at_work(engine));
+            let others_from = others
+                .map(|(_, engine)| engine.free())
+                .min()
+                .unwrap_or(u64::MAX);
             let engine = &mut engines[nth];
             let mut tile = match engine.tile.take() {
                 Some(tile) => tile,
                 None => {
                     let tile = self.begin(engine, stops.as_mut());
-                    self.work.look_up(self.lists.of(tile.place), &mut engine.footprints);
+                    self.work
+                        .look_up(self.lists.of(tile.place), &mut engine.footprints);
                     tile
                 }
             };
             if let Some(stops) = &mut stops {
                 stops.tile = tile.stops;
             }
-            let is_left = self.entry(engine, &mut tile, &mut walk, stops.as_mut(), others_from, memory);
+            let is_left = self.entry(
+                engine,
+                &mut tile,
+                &mut walk,
+                stops.as_mut(),
+                others_from,
+                memory,
+            );
             tile.stops = stops.as_ref().map_or(tile.stops, |stops| stops.tile);
             if is_left {
                 engine.tile = Some(tile);
@@ -229,14 +355,30 @@ impl<'a> SecondPass<'a> {
             }
             let done = self.resolve(engine, &tile, stops.as_ref(), memory);
             if detail >= Detail::Histograms {
-                let (at, entries) = (tile.corner.map(|at| at / t.timing.tile.side_px), self.lists.of(tile.place).len() as u32);
+                let (at, entries) = (
+                    tile.corner.map(|at| at / t.timing.tile.side_px),
+                    self.lists.of(tile.place).len() as u32,
+                );
                 let shares = shares[nth].of(engine.all());
-                turns.push((tile.turn, TileCycles { at, engine: nth as u32, entries, done, cycles: 0, shares }));
+                turns.push((
+                    tile.turn,
+                    TileCycles {
+                        at,
+                        engine: nth as u32,
+                        entries,
+                        done,
+                        cycles: 0,
+                        shares,
+                    },
+                ));
             }
         }
         let stamps = [0, 1].map(|kept| engines.iter().map(|engine| engine.fill.stamps[kept]).sum());
-        let names = engines.first().map_or_else(Vec::new, |engine| names(engine.all()));
-        let tiles = (!turns.is_empty()).then(|| Tiles::new(t.timing.tile.side_px, self.from, names, turns));
+        let names = engines
+            .first()
+            .map_or_else(Vec::new, |engine| names(engine.all()));
+        let tiles =
+            (!turns.is_empty()).then(|| Tiles::new(t.timing.tile.side_px, self.from, names, turns));
         (engines, stamps, tiles, stops.map(|stops| stops.saved))
     }
 
@@ -247,26 +389,46 @@ impl<'a> SecondPass<'a> {
 
     /// The engine whose list is free first.
     fn next(&self, engines: &[Engine]) -> Option<usize> {
-        let at_work = engines.iter().enumerate().filter(|(_, engine)| self.is_at_work(engine));
-        at_work.min_by_key(|(_, engine)| engine.free()).map(|(nth, _)| nth)
+        let at_work = engines
+            .iter()
+            .enumerate()
+            .filter(|(_, engine)| self.is_at_work(engine));
+        at_work
+            .min_by_key(|(_, engine)| engine.free())
+            .map(|(nth, _)| nth)
     }
 
     /// An engine takes the next tile.
     fn begin(&mut self, engine: &mut Engine, stops: Option<&mut Stops>) -> Tile {
         let t = &self.t.timing;
         let (turn, place) = self.queue.pop_front().unwrap_or_default();
-        let corner = [place % self.lists.columns, place / self.lists.columns].map(|at| at as u32 * t.tile.side_px);
+        let corner = [place % self.lists.columns, place / self.lists.columns]
+            .map(|at| at as u32 * t.tile.side_px);
         // The only engine may resolve a tile that nothing comes to before its list is looked at.
-        engine.merge.written = if self.t.engines == 1 { self.from } else { engine.free() };
+        engine.merge.written = if self.t.engines == 1 {
+            self.from
+        } else {
+            engine.free()
+        };
         let stops = stops.map_or_else(stops::Tile::default, |stops| {
             stops.begin(corner, t.tile.side_px);
             stops.tile
         });
         let buffer_free = engine.buffers[if t.tile.buffers == 2 { 0 } else { 1 }];
-        Tile { place, turn, corner, nth: 0, bursts: 0, burst_here: 0, buffer_free, stops }
+        Tile {
+            place,
+            turn,
+            corner,
+            nth: 0,
+            bursts: 0,
+            burst_here: 0,
+            buffer_free,
+            stops,
+        }
     }
 
-    /// Draws the next entry of a tile; whether there are more. No other engine asks for anything before the cycle that is given.
+    /// Draws the next entry of a tile; whether there are more. No other engine asks for anything
+    /// before the cycle that is given.
     fn entry(
         &self,
         engine: &mut Engine,
@@ -277,18 +439,49 @@ impl<'a> SecondPass<'a> {
         memory: &mut Memory,
     ) -> bool {
         let entries = self.lists.of(tile.place);
-        let Some(from) = self.fetch(engine, tile, stops.as_deref(), others_from, memory) else { return false };
-        let Engine { list, fill, merge, footprints, .. } = engine;
+        let Some(from) = self.fetch(engine, tile, stops.as_deref(), others_from, memory) else {
+            return false;
+        };
+        let Engine {
+            list,
+            fill,
+            merge,
+            footprints,
+            ..
+        } = engine;
         let footprint = &footprints[tile.nth];
         // The tile before is still in the buffer.
         let room = tile.buffer_free;
-        let mut next = |stamp: Stamp, here| merge.stamp(stamp, Ready { here, room, ..Ready::default() }, memory);
+        let mut next = |stamp: Stamp, here| {
+            merge.stamp(
+                stamp,
+                Ready {
+                    here,
+                    room,
+                    ..Ready::default()
+                },
+                memory,
+            )
+        };
         let area = (tile.corner.map(|at| at as u16), self.t.timing.tile.side_px);
         let taken = match stops {
-            None => fill.footprint(walk, footprint, area, from, |stamp, here| next(stamp, here)[0]).0,
+            None => {
+                fill.footprint(walk, footprint, area, from, |stamp, here| {
+                    next(stamp, here)[0]
+                })
+                .0
+            }
             // Of sheets nothing is shaded here.
             Some(stops) => {
-                fill.footprint_of_stops(walk, footprint, area, from, stops, |pieces, here| next(Stamp { pieces, texels: &[] }, here))
+                fill.footprint_of_stops(walk, footprint, area, from, stops, |pieces, here| {
+                    next(
+                        Stamp {
+                            pieces,
+                            texels: &[],
+                        },
+                        here,
+                    )
+                })
             }
         };
         list.behind.give(taken);
@@ -296,8 +489,8 @@ impl<'a> SecondPass<'a> {
         tile.nth < entries.len()
     }
 
-    /// Reads the next entry of a tile, and its record: from when on raster can have it, and when the record is here. None where the tile has
-    /// stopped.
+    /// Reads the next entry of a tile, and its record: from when on raster can have it, and when
+    /// the record is here. None where the tile has stopped.
     #[inline(always)]
     fn fetch(
         &self,
@@ -309,22 +502,43 @@ impl<'a> SecondPass<'a> {
     ) -> Option<(u64, u64)> {
         let t = self.t;
         let burst = u64::from(t.timing.memory.burst_bytes);
-        let Engine { list, merge, resolve, outstanding, list_from, .. } = engine;
+        let Engine {
+            list,
+            merge,
+            resolve,
+            outstanding,
+            list_from,
+            ..
+        } = engine;
         let entry = self.lists.of(tile.place)[tile.nth];
         let needed = ((tile.nth as u64 + 1) * ENTRY_BYTES).div_ceil(burst);
-        let ready = Ready { here: *list_from, memory: outstanding.free(), room: list.behind.free(), ..Ready::default() };
+        let ready = Ready {
+            here: *list_from,
+            memory: outstanding.free(),
+            room: list.behind.free(),
+            ..Ready::default()
+        };
         if let Some(stops) = stops
             && stops.all() <= list.when(ready)
         {
             // The rest of the tile.
             *list_from = list.free().max(ready.here).max(stops.all());
-            list.wait(Ready { memory: ready.memory.min(*list_from), room: ready.room.min(*list_from), ..ready });
+            list.wait(Ready {
+                memory: ready.memory.min(*list_from),
+                room: ready.room.min(*list_from),
+                ..ready
+            });
             return None;
         }
         let now = list.take(ready, 1);
         list.behind.take(now);
-        // Who waits for texels is behind list: resolve may ask for those of a tile that nothing was written to.
-        let asked_from = if merge.texels.is_none() { now } else { merge.free().min(resolve.free()) };
+        // Who waits for texels is behind list: resolve may ask for those of a tile that nothing was
+        // written to.
+        let asked_from = if merge.texels.is_none() {
+            now
+        } else {
+            merge.free().min(resolve.free())
+        };
         memory.forget(now.min(others_from).min(asked_from));
         if needed > tile.bursts {
             let address = LISTS + tile.place as u64 * LIST_BYTES + tile.bursts * burst;
@@ -333,20 +547,42 @@ impl<'a> SecondPass<'a> {
             tile.bursts = needed;
         }
         let address = RECORDS + u64::from(entry) * u64::from(t.prepared_bytes);
-        let here = memory.request(now.max(tile.burst_here), Client::Lists, Direction::Read, address, t.prepared_bytes.into());
+        let here = memory.request(
+            now.max(tile.burst_here),
+            Client::Lists,
+            Direction::Read,
+            address,
+            t.prepared_bytes.into(),
+        );
         outstanding.push(here);
         Some((now + 1, here))
     }
 
-    /// Resolves a tile and writes it, and those behind it that have no entry; says when its last word is there.
-    fn resolve(&self, engine: &mut Engine, tile: &Tile, stops: Option<&Stops>, memory: &mut Memory) -> u64 {
+    /// Resolves a tile and writes it, and those behind it that have no entry; says when its last
+    /// word is there.
+    fn resolve(
+        &self,
+        engine: &mut Engine,
+        tile: &Tile,
+        stops: Option<&Stops>,
+        memory: &mut Memory,
+    ) -> u64 {
         let [columns, rows] = self.area(tile.place);
         let written = engine.merge.written.max(stops.map_or(0, Stops::known));
         let shade = match &mut engine.lit {
             Some(lit) => (lit, &mut engine.lit_texels),
             None => (&mut engine.merge.shade, &mut engine.merge.texels),
         };
-        let done = engine.resolve.pixels(columns, rows, Ready { here: written, ..Ready::default() }, shade, memory);
+        let done = engine.resolve.pixels(
+            columns,
+            rows,
+            Ready {
+                here: written,
+                ..Ready::default()
+            },
+            shade,
+            memory,
+        );
         engine.buffers = [engine.buffers[1], done];
         self.write(tile.place, done, memory);
         self.write_empty(tile.place + 1, done, memory);
@@ -356,36 +592,74 @@ impl<'a> SecondPass<'a> {
     /// Columns and rows of the picture that a tile has.
     fn area(&self, place: usize) -> [Range<u32>; 2] {
         let side = self.t.timing.tile.side_px;
-        let corner = [place % self.lists.columns, place / self.lists.columns].map(|at| at as u32 * side);
-        [(corner[0], self.work.width), (corner[1], self.work.height)].map(|(from, size)| from..size.min(from + side))
+        let corner =
+            [place % self.lists.columns, place / self.lists.columns].map(|at| at as u32 * side);
+        [(corner[0], self.work.width), (corner[1], self.work.height)]
+            .map(|(from, size)| from..size.min(from + side))
     }
 
     /// Writes the words of a tile.
     fn write(&self, place: usize, when: u64, memory: &mut Memory) {
         let side = self.t.timing.tile.side_px;
-        let [columns, rows] = self.area(place).map(|pixels| u64::from(pixels.end - pixels.start));
+        let [columns, rows] = self
+            .area(place)
+            .map(|pixels| u64::from(pixels.end - pixels.start));
         let address = WORDS + place as u64 * u64::from(side * side * self.t.frame_bytes);
-        memory.write_later(when, Client::FrameWrite, address, columns * rows * u64::from(self.t.frame_bytes));
+        memory.write_later(
+            when,
+            Client::FrameWrite,
+            address,
+            columns * rows * u64::from(self.t.frame_bytes),
+        );
     }
 
-    /// Tiles without entries are the background, written behind the tile before them in the picture.
+    /// Tiles without entries are the background, written behind the tile before them in the
+    /// picture.
     fn write_empty(&self, first: usize, when: u64, memory: &mut Memory) {
-        (first..self.lists.tiles()).take_while(|tile| self.lists.of(*tile).is_empty()).for_each(|tile| self.write(tile, when, memory));
+        (first..self.lists.tiles())
+            .take_while(|tile| self.lists.of(*tile).is_empty())
+            .for_each(|tile| self.write(tile, when, memory));
     }
 }
 
 /// Sets all splats up and writes the lists; says when they are written.
-fn first_pass<'a>(t: &'a Microarchitecture, work: &'a Work, lists: &Bins, memory: &mut Memory, detail: Detail) -> (SetUp<'a>, Unit, u64) {
+fn first_pass<'a>(
+    t: &'a Microarchitecture,
+    work: &'a Work,
+    lists: &Bins,
+    memory: &mut Memory,
+    detail: Detail,
+) -> (SetUp<'a>, Unit, u64) {
     let side = t.timing.tile.side_px as usize;
     let burst = u64::from(t.timing.memory.burst_bytes);
     let mut setup = SetUp::new(t, work, "bin", memory, detail);
-    let one = Pace { units: 1, latency: 1, interval: 1, fifo: 1 };
-    let mut bin = Unit::new("bin", one, [Some(SetUp::last_name(t, work)), None], detail, t.lifted);
+    let one = Pace {
+        units: 1,
+        latency: 1,
+        interval: 1,
+        fifo: 1,
+    };
+    let mut bin = Unit::new(
+        "bin",
+        one,
+        [Some(SetUp::last_name(t, work)), None],
+        detail,
+        t.lifted,
+    );
     let each = u64::from(!bin.is_lifted());
     // Sorters load entries with their keys from lists of their own.
-    let keyed_bytes = t.sort.filter(|sort| sort.sorter.is_some() && !work.order.is_empty()).map(|sort| u64::from(sort.entry_bytes));
+    let keyed_bytes = t
+        .sort
+        .filter(|sort| sort.sorter.is_some() && !work.order.is_empty())
+        .map(|sort| u64::from(sort.entry_bytes));
     let entry_bytes = keyed_bytes.unwrap_or(ENTRY_BYTES);
-    let list = |tile: usize| if keyed_bytes.is_some() { sorters::keyed(tile) } else { LISTS + tile as u64 * LIST_BYTES };
+    let list = |tile: usize| {
+        if keyed_bytes.is_some() {
+            sorters::keyed(tile)
+        } else {
+            LISTS + tile as u64 * LIST_BYTES
+        }
+    };
     let mut outstanding = Outstanding::new(t.timing.memory.outstanding);
     let mut lengths = vec![0u64; lists.tiles()];
     let mut fates = work.fates.iter().zip(0..).peekable();
@@ -395,7 +669,10 @@ fn first_pass<'a>(t: &'a Microarchitecture, work: &'a Work, lists: &Bins, memory
     for (nth, footprint) in work.footprints.iter().enumerate() {
         // What is fetched before bin takes the next splat asks before it, as far as there is room.
         while let Some((fate, index)) = fates.next_if(|(_, index)| match ahead.front() {
-            Some(here) => setup.is_known() && setup.when(*index) <= bin.free().max(outstanding.free()).max(*here),
+            Some(here) => {
+                setup.is_known()
+                    && setup.when(*index) <= bin.free().max(outstanding.free()).max(*here)
+            }
             None => true,
         }) {
             if let Some(here) = setup.splat(index, *fate, memory) {
@@ -407,7 +684,14 @@ fn first_pass<'a>(t: &'a Microarchitecture, work: &'a Work, lists: &Bins, memory
         let mut entries = 0;
         each_tile(footprint.sides(), side, lists.columns, |_| entries += 1);
         // A record, then an entry a cycle; what is written waits for its turn.
-        let now = bin.take(Ready { here, memory: outstanding.free(), ..Ready::default() }, 1 + entries);
+        let now = bin.take(
+            Ready {
+                here,
+                memory: outstanding.free(),
+                ..Ready::default()
+            },
+            1 + entries,
+        );
         setup.give(here, now);
         let mut write = |when: u64, address: u64| {
             let done = memory.request(when, Client::Binning, Direction::Write, address, burst);
@@ -422,7 +706,8 @@ fn first_pass<'a>(t: &'a Microarchitecture, work: &'a Work, lists: &Bins, memory
         each_tile(footprint.sides(), side, lists.columns, |tile| {
             when += each;
             lengths[tile] += 1;
-            // An entry is no longer than a burst, so that one is full if less than an entry lies behind it.
+            // An entry is no longer than a burst, so that one is full if less than an entry lies
+            // behind it.
             let end = lengths[tile] * entry_bytes;
             let behind = end % burst;
             if behind < entry_bytes {
@@ -438,9 +723,19 @@ fn first_pass<'a>(t: &'a Microarchitecture, work: &'a Work, lists: &Bins, memory
     // What is left of the last records and of every list.
     let last = end;
     if !(work.footprints.len() as u64 * u64::from(t.prepared_bytes)).is_multiple_of(burst) {
-        end = end.max(memory.request(last, Client::Binning, Direction::Write, RECORDS + record_bursts * burst, burst));
+        end = end.max(memory.request(
+            last,
+            Client::Binning,
+            Direction::Write,
+            RECORDS + record_bursts * burst,
+            burst,
+        ));
     }
-    for (tile, length) in lengths.into_iter().enumerate().filter(|(_, length)| !(length * entry_bytes).is_multiple_of(burst)) {
+    for (tile, length) in lengths
+        .into_iter()
+        .enumerate()
+        .filter(|(_, length)| !(length * entry_bytes).is_multiple_of(burst))
+    {
         let address = list(tile) + length * entry_bytes / burst * burst;
         end = end.max(memory.request(last, Client::Binning, Direction::Write, address, burst));
     }
@@ -452,27 +747,64 @@ const SORT_BYTES: u64 = 1 << 12;
 /// Where the sort keeps its entries, behind all lists.
 const SORTED: u64 = 1 << 60;
 
-/// Radix sort of all lists' entries by depth: a pass for each digit of the key reads every entry and writes it to where it belongs, an entry
-/// a cycle, after a cycle for each value of the digit to sum the counts up. Says which unit did, and when it is done.
-fn sort_entries(t: &Microarchitecture, entries: u64, from: u64, memory: &mut Memory, detail: Detail) -> (Vec<Unit>, u64) {
-    let one = Pace { units: 1, latency: 1, interval: 1, fifo: 1 };
-    let mut sort = Unit::new(unit::SORT, one, [Some("bin"), Some("list")], detail, t.lifted);
-    let Some(shape) = t.sort else { return (vec![sort], from) };
+/// Radix sort of all lists' entries by depth: a pass for each digit of the key reads every entry
+/// and writes it to where it belongs, an entry a cycle, after a cycle for each value of the digit
+/// to sum the counts up. Says which unit did, and when it is done.
+fn sort_entries(
+    t: &Microarchitecture,
+    entries: u64,
+    from: u64,
+    memory: &mut Memory,
+    detail: Detail,
+) -> (Vec<Unit>, u64) {
+    let one = Pace {
+        units: 1,
+        latency: 1,
+        interval: 1,
+        fifo: 1,
+    };
+    let mut sort = Unit::new(
+        unit::SORT,
+        one,
+        [Some("bin"), Some("list")],
+        detail,
+        t.lifted,
+    );
+    let Some(shape) = t.sort else {
+        return (vec![sort], from);
+    };
     let mut now = from;
     for pass in 0..u64::from(shape.passes) {
-        let busy = if sort.is_lifted() { 0 } else { entries + (1 << shape.digit_bits) };
+        let busy = if sort.is_lifted() {
+            0
+        } else {
+            entries + (1 << shape.digit_bits)
+        };
         let bytes = entries * u64::from(shape.entry_bytes);
         let [source, target] = [pass % 2, (pass + 1) % 2].map(|half| SORTED + half * (1 << 40));
         let (mut done, mut moved) = (now, 0);
         while moved < bytes {
             let part = SORT_BYTES.min(bytes - moved);
-            let asked = done.max(now + if sort.is_lifted() { 0 } else { moved / u64::from(shape.entry_bytes) });
+            let asked = done.max(
+                now + if sort.is_lifted() {
+                    0
+                } else {
+                    moved / u64::from(shape.entry_bytes)
+                },
+            );
             let here = memory.request(asked, Client::Sort, Direction::Read, source + moved, part);
             done = memory.request(here, Client::Sort, Direction::Write, target + moved, part);
             moved += part;
         }
         let cycles = busy.max(done - now);
-        sort.take_with_memory(Ready { here: now, ..Ready::default() }, busy, cycles);
+        sort.take_with_memory(
+            Ready {
+                here: now,
+                ..Ready::default()
+            },
+            busy,
+            cycles,
+        );
         now += cycles;
         memory.forget(now);
     }

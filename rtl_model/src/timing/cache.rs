@@ -1,8 +1,10 @@
-//! Cache: lines of the frame buffer, set-associative, written back, the line used longest ago going first.
+//! Cache: lines of the frame buffer, set-associative, written back, the line used longest ago going
+//! first.
 //!
 //! A line that was never written needs not be read: a bit for each says so, as a fast clear does.
 //!
-//! Laws: `a_frame_ticks_as_it_is_replayed`, `more_of_anything_is_never_slower_if_lines_come_and_go`.
+//! Laws: `a_frame_ticks_as_it_is_replayed`,
+//! `more_of_anything_is_never_slower_if_lines_come_and_go`.
 
 use super::memory::{Client, Direction, LINES, Memory, Outstanding};
 use crate::elaboration::microarchitecture::Microarchitecture;
@@ -11,13 +13,20 @@ use crate::machine::timing::Cache as Description;
 /// Nothing is there.
 pub const EMPTY: u32 = u32::MAX;
 
-/// The first of the places in which a line can be, of so many sets of so many, and which of them has it.
+/// The first of the places in which a line can be, of so many sets of so many, and which of them
+/// has it.
 #[inline(always)]
 pub fn find(lines: &[u32], [sets, ways]: [u32; 2], line: u32) -> (usize, Option<usize>) {
     let ways = ways as usize;
     let first = (line & (sets - 1)) as usize * ways;
     // All are looked at: a loop that ends where the line is would be guessed wrong too often.
-    let at = lines[first..first + ways].iter().zip(first..).fold(None, |at, (other, place)| if *other == line { Some(place) } else { at });
+    let at = lines[first..first + ways]
+        .iter()
+        .zip(first..)
+        .fold(
+            None,
+            |at, (other, place)| if *other == line { Some(place) } else { at },
+        );
     (first, at)
 }
 
@@ -90,33 +99,56 @@ impl Cache {
         self.lookups[0] += 1;
         self.touched[line as usize] = true;
         let (first, found) = self.find(line);
-        let Some(place) = found else { return self.miss(now, line, first, memory) };
+        let Some(place) = found else {
+            return self.miss(now, line, first, memory);
+        };
         self.lookups[1] += 1;
         let found = &mut self.places[place];
         found.used = self.clock;
-        LookUp { place, here: found.here.max(now), over: now }
+        LookUp {
+            place,
+            here: found.here.max(now),
+            over: now,
+        }
     }
 
     /// A line takes the place of the one of its set that was used longest ago.
     #[inline(never)]
     fn miss(&mut self, now: u64, line: u32, first: usize, memory: &mut Memory) -> LookUp {
         let set = first..first + self.description.ways as usize;
-        let place = set.min_by_key(|place| self.places[*place].used).unwrap_or(first);
+        let place = set
+            .min_by_key(|place| self.places[*place].used)
+            .unwrap_or(first);
         let (before, Line { written, .. }) = (self.lines[place], self.places[place]);
         if before != EMPTY {
             let address = LINES + u64::from(before) * self.line_bytes;
-            memory.write_later(written.max(now), Client::FrameWrite, address, self.line_bytes);
+            memory.write_later(
+                written.max(now),
+                Client::FrameWrite,
+                address,
+                self.line_bytes,
+            );
             self.in_memory[before as usize] = Some(written);
         }
         let (mut here, mut over) = (now, now);
         if let Some(left) = self.in_memory[line as usize] {
             over = now.max(self.outstanding.free());
             let address = LINES + u64::from(line) * self.line_bytes;
-            here = memory.request(over.max(written).max(left), Client::FrameRead, Direction::Read, address, self.line_bytes);
+            here = memory.request(
+                over.max(written).max(left),
+                Client::FrameRead,
+                Direction::Read,
+                address,
+                self.line_bytes,
+            );
             self.outstanding.push(here);
         }
         self.lines[place] = line;
-        self.places[place] = Line { used: self.clock, written: 0, here };
+        self.places[place] = Line {
+            used: self.clock,
+            written: 0,
+            here,
+        };
         LookUp { place, here, over }
     }
 

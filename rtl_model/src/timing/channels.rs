@@ -1,16 +1,19 @@
-//! Channels: what memory takes beyond one channel of open rows: several channels, ranks, refresh, turning from reading to writing, and how
-//! often rows can be opened.
+//! Channels: what memory takes beyond one channel of open rows: several channels, ranks, refresh,
+//! turning from reading to writing, and how often rows can be opened.
 //!
 //! ```text
 //! request ─►( split by channel and row )─► row open? ─ no ─►( bank: one row in row_cycles ─► rank: four rows in four_rows_cycles )─┐
 //!                                           └─ yes ───────────────────────────────────────────────────────────────────────────────┴─►( bus )
 //! ```
-//! Time is counted without refreshes, as if memory slept through them: `awake` and `asleep` convert one into the other. A refresh is at the
-//! end of each interval, and closes every row. Bus, bank and rank keep the gaps between what they gave away, as one channel does.
+//! Time is counted without refreshes, as if memory slept through them: `awake` and `asleep` convert
+//! one into the other. A refresh is at the end of each interval, and closes every row. Bus, bank
+//! and rank keep the gaps between what they gave away, as one channel does.
 //!
-//! Writes are gathered: a channel pays the turn to writing and back once for a batch of them, if anything was read since the last.
+//! Writes are gathered: a channel pays the turn to writing and back once for a batch of them, if
+//! anything was read since the last.
 //!
-//! Laws: `more_channels_never_take_more_cycles`, `a_refresh_takes_its_share_of_the_time`, `a_frame_with_channels_moves_the_same_bytes_in_about_the_time`.
+//! Laws: `more_channels_never_take_more_cycles`, `a_refresh_takes_its_share_of_the_time`,
+//! `a_frame_with_channels_moves_the_same_bytes_in_about_the_time`.
 
 use super::memory::{Direction, Free};
 use crate::machine::timing::Memory as Description;
@@ -37,17 +40,24 @@ struct Bank {
 const ROWS: usize = 32;
 
 impl Bank {
-    /// When a request finds its row open, if it does: before another row is opened what is asked of this one goes first.
+    /// When a request finds its row open, if it does: before another row is opened what is asked of
+    /// this one goes first.
     fn finds(&mut self, now: u64, row: u64, refreshes: u64) -> Option<u64> {
         while self.rows.get(1).is_some_and(|next| next.since <= now) || self.rows.len() > ROWS {
             self.rows.pop_front();
         }
-        let found = self.rows.iter().rev().find(|opened| opened.row == row && opened.refreshes == refreshes);
+        let found = self
+            .rows
+            .iter()
+            .rev()
+            .find(|opened| opened.row == row && opened.refreshes == refreshes);
         found.map(|opened| opened.since.max(now))
     }
 
     fn opens(&mut self, opened: Opened) {
-        let at = self.rows.partition_point(|other| other.since <= opened.since);
+        let at = self
+            .rows
+            .partition_point(|other| other.since <= opened.since);
         self.rows.insert(at, opened);
     }
 }
@@ -73,7 +83,8 @@ pub struct Channels {
     channels: Box<[Channel]>,
     /// What the bus moves: units a cycle, and units a byte.
     units: [u64; 2],
-    /// Cycles from one refresh to the next, and those of them that memory is awake; both 0 where nothing is refreshed.
+    /// Cycles from one refresh to the next, and those of them that memory is awake; both 0 where
+    /// nothing is refreshed.
     interval: u64,
     awake: u64,
     forgotten: u64,
@@ -92,7 +103,13 @@ impl Channels {
     pub fn new(description: Description) -> Option<Self> {
         let d = description;
         let refresh = d.refresh_interval_cycles.unwrap_or(0);
-        let limits = [d.bytes_per_cycle_permille, d.rank_switch_cycles, d.turnaround_cycles, d.row_cycles, d.four_rows_cycles];
+        let limits = [
+            d.bytes_per_cycle_permille,
+            d.rank_switch_cycles,
+            d.turnaround_cycles,
+            d.row_cycles,
+            d.four_rows_cycles,
+        ];
         let is_plain = limits.iter().all(|limit| limit.unwrap_or(0) == 0) && refresh == 0;
         if is_plain && d.channels() == 1 && d.ranks.unwrap_or(1) == 1 {
             return None;
@@ -112,7 +129,11 @@ impl Channels {
         Some(Channels {
             description,
             channels: vec![channel; d.channels() as usize].into(),
-            units: if permille == 0 { [whole, 1] } else { [whole * 1000 + permille, 1000] },
+            units: if permille == 0 {
+                [whole, 1]
+            } else {
+                [whole * 1000 + permille, 1000]
+            },
             interval,
             awake: interval - u64::from(d.refresh_cycles.unwrap_or(0)).min(interval),
             forgotten: 0,
@@ -129,7 +150,11 @@ impl Channels {
 
     /// The cycle before which memory was awake for so many.
     fn asleep(&self, awake: u64) -> u64 {
-        if self.interval == 0 { awake } else { awake + awake.saturating_sub(1) / self.awake * (self.interval - self.awake) }
+        if self.interval == 0 {
+            awake
+        } else {
+            awake + awake.saturating_sub(1) / self.awake * (self.interval - self.awake)
+        }
     }
 
     /// No request comes before this cycle any more.
@@ -140,7 +165,8 @@ impl Channels {
         }
     }
 
-    /// Whole bursts, from where to where: when the last has come, and how many found their row open.
+    /// Whole bursts, from where to where: when the last has come, and how many found their row
+    /// open.
     pub fn serve(&mut self, now: u64, direction: Direction, mut from: u64, end: u64) -> [u64; 2] {
         let interleave = u64::from(self.description.interleave_bytes());
         let row_bytes = u64::from(self.description.row_bytes);
@@ -149,9 +175,17 @@ impl Channels {
         while from < end {
             let (line, within) = (from / interleave, from % interleave);
             let own = line / channels * interleave + within;
-            let of_line = if channels == 1 { u64::MAX } else { interleave - within };
+            let of_line = if channels == 1 {
+                u64::MAX
+            } else {
+                interleave - within
+            };
             let bytes = (end - from).min(of_line).min(row_bytes - own % row_bytes);
-            let piece = Piece { channel: (line % channels) as usize, row: own / row_bytes, bytes };
+            let piece = Piece {
+                channel: (line % channels) as usize,
+                row: own / row_bytes,
+                bytes,
+            };
             let [here, hit] = self.piece(now, direction, piece);
             (done, hits) = (done.max(here), hits + hit);
             from += bytes;
@@ -159,9 +193,22 @@ impl Channels {
         [done, hits]
     }
 
-    fn piece(&mut self, now: u64, direction: Direction, Piece { channel, row, bytes }: Piece) -> [u64; 2] {
+    fn piece(
+        &mut self,
+        now: u64,
+        direction: Direction,
+        Piece {
+            channel,
+            row,
+            bytes,
+        }: Piece,
+    ) -> [u64; 2] {
         let now = self.awake(now);
-        let between = if self.interval == 0 { 0 } else { now / self.awake };
+        let between = if self.interval == 0 {
+            0
+        } else {
+            now / self.awake
+        };
         let (d, [a_cycle, a_byte], forgotten) = (&self.description, self.units, self.forgotten);
         let cycles = |field: Option<u32>| u64::from(field.unwrap_or(0));
         let channel = &mut self.channels[channel];
@@ -180,10 +227,19 @@ impl Channels {
                 let opened = &mut channel.opened[rank];
                 opened.forget(4 * forgotten);
                 let quarter = opened.take_whole(4 * start, cycles(d.four_rows_cycles));
-                // The next three may follow at once; then they come no faster than one in a quarter of the time.
-                start = start.max(quarter.saturating_sub(3 * cycles(d.four_rows_cycles)).div_ceil(4));
+                // The next three may follow at once; then they come no faster than one in a quarter
+                // of the time.
+                start = start.max(
+                    quarter
+                        .saturating_sub(3 * cycles(d.four_rows_cycles))
+                        .div_ceil(4),
+                );
             }
-            bank.opens(Opened { row, refreshes: between, since: start });
+            bank.opens(Opened {
+                row,
+                refreshes: between,
+                since: start,
+            });
             start
         });
         let bursts = bytes / u64::from(d.burst_bytes);
@@ -205,9 +261,19 @@ impl Channels {
                 }
             }
         }
-        let moved = channel.bus.take(start * a_cycle, still * a_cycle + bytes * a_byte).div_ceil(a_cycle);
-        let latency = if is_open { d.hit_latency } else { d.miss_latency };
+        let moved = channel
+            .bus
+            .take(start * a_cycle, still * a_cycle + bytes * a_byte)
+            .div_ceil(a_cycle);
+        let latency = if is_open {
+            d.hit_latency
+        } else {
+            d.miss_latency
+        };
         // After its first burst the row is open.
-        [self.asleep(moved) + u64::from(latency), u64::from(is_open) + bursts - 1]
+        [
+            self.asleep(moved) + u64::from(latency),
+            u64::from(is_open) + bursts - 1,
+        ]
     }
 }

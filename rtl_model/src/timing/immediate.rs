@@ -27,7 +27,11 @@ struct Lines {
 impl Lines {
     fn new(timing: &Microarchitecture, work: &Work) -> Self {
         let [columns, rows] = timing.timing.cache.line_px;
-        Lines { log: [columns.ilog2(), rows.ilog2()], across: work.width.div_ceil(columns), down: work.height.div_ceil(rows) }
+        Lines {
+            log: [columns.ilog2(), rows.ilog2()],
+            across: work.width.div_ceil(columns),
+            down: work.height.div_ceil(rows),
+        }
     }
 
     /// Adds those that a piece lies in, if they are new; where in the cache is not known yet.
@@ -54,35 +58,73 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     let mut setup = SetUp::new(t, work, unit::RASTER, &mut memory, detail);
     let mut fill = Fill::new(t, SetUp::last_name(t, work), "cache", detail, 0);
     let mut walk = Stamps::new(work, t.timing.raster.lanes);
-    let mut lookup = Unit::new("cache", t.cache, [Some(unit::GAUSS), Some(unit::FRAGMENT)], detail, t.lifted);
+    let mut lookup = Unit::new(
+        "cache",
+        t.cache,
+        [Some(unit::GAUSS), Some(unit::FRAGMENT)],
+        detail,
+        t.lifted,
+    );
     let lines = Lines::new(t, work);
     let mut cache = Cache::new(t, (lines.across * lines.down) as usize);
     let mut merge = Merge::new(t, work, "cache", None, detail, 0);
     let mut touched: Vec<(u32, usize)> = Vec::new();
     let mut footprints = work.footprints.iter();
     for (index, fate) in work.fates.iter().enumerate() {
-        let Some(here) = setup.splat(index as u64, *fate, &mut memory) else { continue };
-        let Some(footprint) = footprints.next() else { break };
-        let (taken, is_seen) = fill.footprint(&mut walk, footprint, ([0, 0], u16::MAX.into()), (here, 0), |stamp, here| {
-            touched.clear();
-            stamp.pieces.iter().for_each(|piece| lines.touch(piece, &mut touched));
-            let ready = Ready { here, room: lookup.behind.free(), ..Ready::default() };
-            // What it waits for along the way holds it: the first look-up begins when it takes the stamp.
-            let start = lookup.free().max(ready.here).max(ready.room);
-            let (mut over, mut lines_here) = (start, start);
-            for (nth, (line, place)) in touched.iter_mut().enumerate() {
-                let found = cache.look_up(over + u64::from(nth > 0 && !lookup.is_lifted()), *line, &mut memory);
-                (*place, over) = (found.place, found.over);
-                lines_here = lines_here.max(found.here);
-            }
-            let taken = lookup.take_with_memory(ready, touched.len() as u64, over + 1 - start);
-            lookup.behind.take(taken);
-            let here = over + u64::from(t.cache.latency);
-            let [now, written] = merge.stamp(stamp, Ready { here, memory: lines_here, ..Ready::default() }, &mut memory);
-            lookup.behind.give(now);
-            touched.iter().for_each(|(line, place)| cache.written(*line, *place, written));
-            taken
-        });
+        let Some(here) = setup.splat(index as u64, *fate, &mut memory) else {
+            continue;
+        };
+        let Some(footprint) = footprints.next() else {
+            break;
+        };
+        let (taken, is_seen) = fill.footprint(
+            &mut walk,
+            footprint,
+            ([0, 0], u16::MAX.into()),
+            (here, 0),
+            |stamp, here| {
+                touched.clear();
+                stamp
+                    .pieces
+                    .iter()
+                    .for_each(|piece| lines.touch(piece, &mut touched));
+                let ready = Ready {
+                    here,
+                    room: lookup.behind.free(),
+                    ..Ready::default()
+                };
+                // What it waits for along the way holds it: the first look-up begins when it takes
+                // the stamp.
+                let start = lookup.free().max(ready.here).max(ready.room);
+                let (mut over, mut lines_here) = (start, start);
+                for (nth, (line, place)) in touched.iter_mut().enumerate() {
+                    let found = cache.look_up(
+                        over + u64::from(nth > 0 && !lookup.is_lifted()),
+                        *line,
+                        &mut memory,
+                    );
+                    (*place, over) = (found.place, found.over);
+                    lines_here = lines_here.max(found.here);
+                }
+                let taken = lookup.take_with_memory(ready, touched.len() as u64, over + 1 - start);
+                lookup.behind.take(taken);
+                let here = over + u64::from(t.cache.latency);
+                let [now, written] = merge.stamp(
+                    stamp,
+                    Ready {
+                        here,
+                        memory: lines_here,
+                        ..Ready::default()
+                    },
+                    &mut memory,
+                );
+                lookup.behind.give(now);
+                touched
+                    .iter()
+                    .for_each(|(line, place)| cache.written(*line, *place, written));
+                taken
+            },
+        );
         setup.give(here, taken);
         // Resolve begins when the last pixel is written, whatever is fetched by then.
         if is_seen {
@@ -91,13 +133,33 @@ pub fn replay(timing: &Microarchitecture, work: &Work, detail: Detail) -> Cycles
     }
     setup.end(&mut memory);
     let mut resolve = Resolve::new(t, Held::new(work), detail, 0);
-    resolve_frame(t, work, &lines, &cache, &mut merge, &mut resolve, &mut memory);
+    resolve_frame(
+        t,
+        work,
+        &lines,
+        &cache,
+        &mut merge,
+        &mut resolve,
+        &mut memory,
+    );
     let texels = texels::lookups([&setup.texels, &merge.texels]);
     let light = merge.light + resolve.light;
     let (fragment, shade) = merge.units();
     let (mut units, shade) = setup.units(vec![shade]);
-    units.extend([fill.raster, fill.gauss, lookup].into_iter().chain(fragment).chain(shade).chain(resolve.units()));
-    Cycles { lookups: cache.lookups, stamps: fill.stamps, texels, light, ..Cycles::of(units, memory, detail) }
+    units.extend(
+        [fill.raster, fill.gauss, lookup]
+            .into_iter()
+            .chain(fragment)
+            .chain(shade)
+            .chain(resolve.units()),
+    );
+    Cycles {
+        lookups: cache.lookups,
+        stamps: fill.stamps,
+        texels,
+        light,
+        ..Cycles::of(units, memory, detail)
+    }
 }
 
 /// Line by line: what was touched is read, if the cache has it not; every word is written.
@@ -116,17 +178,40 @@ fn resolve_frame(
     let [columns, rows] = t.timing.cache.line_px;
     for line in 0..lines.across * lines.down {
         let [here, touched] = cache.holds(line);
-        let mut ready = Ready { here: start, ..Ready::default() };
+        let mut ready = Ready {
+            here: start,
+            ..Ready::default()
+        };
         if touched && !here {
             let from = start.max(outstanding.free());
-            ready.memory = memory.request(from, Client::FrameRead, Direction::Read, LINES + u64::from(line) * line_bytes, line_bytes);
+            ready.memory = memory.request(
+                from,
+                Client::FrameRead,
+                Direction::Read,
+                LINES + u64::from(line) * line_bytes,
+                line_bytes,
+            );
             outstanding.push(ready.memory);
         }
         let [left, top] = [line % lines.across * columns, line / lines.across * rows];
-        let (across, down) = (left..(left + columns).min(work.width), top..(top + rows).min(work.height));
+        let (across, down) = (
+            left..(left + columns).min(work.width),
+            top..(top + rows).min(work.height),
+        );
         let pixels = u64::from(across.end - left) * u64::from(down.end - top);
-        let done = resolve.pixels(across, down, ready, (&mut merge.shade, &mut merge.texels), memory);
+        let done = resolve.pixels(
+            across,
+            down,
+            ready,
+            (&mut merge.shade, &mut merge.texels),
+            memory,
+        );
         let address = WORDS + u64::from(line) * u64::from(columns * rows * t.frame_bytes);
-        memory.write_later(done, Client::FrameWrite, address, pixels * u64::from(t.frame_bytes));
+        memory.write_later(
+            done,
+            Client::FrameWrite,
+            address,
+            pixels * u64::from(t.frame_bytes),
+        );
     }
 }

@@ -5,15 +5,19 @@
 //! hazard of one cycle ──┼─► replay ─► cycles less than before: the most of them
 //! ideal memory ─────────┘
 //! ```
-//! Who is busiest need not limit: it may work beside something slower that is blocked, by a pixel under way say, most of the time.
+//! Who is busiest need not limit: it may work beside something slower that is blocked, by a pixel
+//! under way say, most of the time.
 //!
-//! A frame is the longest way through what waits for what, and a way has each cycle of a unit at most once: it becomes shorter by no more than
-//! the unit is busy, or blocked by itself; without the time that shade takes by no more than others wait for it. With ideal memory it still
-//! takes what the busiest unit of each pass does. So what could gain most is tried first, and what cannot gain more than was found is not
-//! tried. Where units share memory, a replay may gain a little more, by another order of requests: that is not what the unit takes, and does
-//! not count.
+//! A frame is the longest way through what waits for what, and a way has each cycle of a unit at
+//! most once: it becomes shorter by no more than the unit is busy, or blocked by itself; without
+//! the time that shade takes by no more than others wait for it. With ideal memory it still takes
+//! what the busiest unit of each pass does. So what could gain most is tried first, and what cannot
+//! gain more than was found is not tried. Where units share memory, a replay may gain a little
+//! more, by another order of requests: that is not what the unit takes, and does not count.
 //!
-//! Laws: `no_limit_costs_more_than_is_said_without_a_replay`, `the_limit_is_what_gains_most_where_it_is_lifted`, `a_hazard_that_blocks_is_the_limit_not_a_busy_memory`.
+//! Laws: `no_limit_costs_more_than_is_said_without_a_replay`,
+//! `the_limit_is_what_gains_most_where_it_is_lifted`,
+//! `a_hazard_that_blocks_is_the_limit_not_a_busy_memory`.
 
 use super::{Cycles, Detail, UnitCycles, Wait, replay, replay_all};
 use crate::elaboration::microarchitecture::Microarchitecture;
@@ -42,8 +46,8 @@ pub struct Limit {
     pub without: u64,
 }
 
-/// What a frame that took these cycles is limited by. Of equals the first in the order of the diagram, then hazards, then memory; where
-/// nothing alone gains anything, what is busiest.
+/// What a frame that took these cycles is limited by. Of equals the first in the order of the
+/// diagram, then hazards, then memory; where nothing alone gains anything, what is busiest.
 pub fn limit(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Limit {
     let mut search = Search::new(timing, work, cycles);
     while let Some(lifted) = search.next() {
@@ -54,7 +58,10 @@ pub fn limit(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Limit 
 
 /// The same of several machines, whose replays go abreast.
 pub fn limits(frames: &[(&Microarchitecture, &Cycles)], work: &Work) -> Vec<Limit> {
-    let mut searches: Vec<Search> = frames.iter().map(|(timing, cycles)| Search::new(timing, work, cycles)).collect();
+    let mut searches: Vec<Search> = frames
+        .iter()
+        .map(|(timing, cycles)| Search::new(timing, work, cycles))
+        .collect();
     loop {
         let (mut tried, mut lifted) = (Vec::new(), Vec::new());
         for search in &mut searches {
@@ -66,7 +73,10 @@ pub fn limits(frames: &[(&Microarchitecture, &Cycles)], work: &Work) -> Vec<Limi
             return searches.iter().map(Search::found).collect();
         }
         let totals = replay_all(&lifted.iter().collect::<Vec<_>>(), work, Detail::Total);
-        tried.into_iter().zip(totals).for_each(|(search, cycles)| search.tried(cycles.total));
+        tried
+            .into_iter()
+            .zip(totals)
+            .for_each(|(search, cycles)| search.tried(cycles.total));
     }
 }
 
@@ -87,42 +97,66 @@ impl<'a> Search<'a> {
         // Stable: equals stay in order.
         left.sort_by_key(|(at_most, ..)| std::cmp::Reverse(*at_most));
         left.reverse();
-        Search { timing, cycles, left, now: None, best: None }
+        Search {
+            timing,
+            cycles,
+            left,
+            now: None,
+            best: None,
+        }
     }
 
     fn gained(&self) -> u64 {
-        self.best.map_or(0, |(limit, _)| self.cycles.total - limit.without)
+        self.best
+            .map_or(0, |(limit, _)| self.cycles.total - limit.without)
     }
 
     /// The machine without what comes next, if that may gain more than what was tried.
     fn next(&mut self) -> Option<Microarchitecture> {
         let gained = self.gained();
-        self.now = self.left.pop().filter(|(at_most, ..)| *at_most >= gained && *at_most > 0);
+        self.now = self
+            .left
+            .pop()
+            .filter(|(at_most, ..)| *at_most >= gained && *at_most > 0);
         if self.now.is_none() {
             self.left.clear();
         }
-        self.now.map(|(_, _, name, by)| lifted(self.timing, name, by))
+        self.now
+            .map(|(_, _, name, by)| lifted(self.timing, name, by))
     }
 
     /// Without that it takes so many cycles.
     fn tried(&mut self, without: u64) {
-        let Some((at_most, place, name, by)) = self.now.take() else { return };
+        let Some((at_most, place, name, by)) = self.now.take() else {
+            return;
+        };
         let (total, gained) = (self.cycles.total, self.gained());
         let without = without.max(total.saturating_sub(at_most)).min(total);
         let gain = total - without;
-        if gain > gained || gain == gained && gain > 0 && self.best.is_some_and(|(_, before)| place < before) {
+        if gain > gained
+            || gain == gained && gain > 0 && self.best.is_some_and(|(_, before)| place < before)
+        {
             self.best = Some((Limit { name, by, without }, place));
         }
     }
 
     fn found(&self) -> Limit {
-        self.best.map_or_else(|| busiest(self.cycles), |(limit, _)| limit)
+        self.best
+            .map_or_else(|| busiest(self.cycles), |(limit, _)| limit)
     }
 }
 
-/// How many cycles a frame that took these could gain at most without each of its limits, by itself, as far as that is known without a replay.
-pub fn most_gained(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Vec<(&'static str, Limited, u64)> {
-    candidates(timing, work, cycles).into_iter().map(|(at_most, _, name, by)| (name, by, at_most)).collect()
+/// How many cycles a frame that took these could gain at most without each of its limits, by
+/// itself, as far as that is known without a replay.
+pub fn most_gained(
+    timing: &Microarchitecture,
+    work: &Work,
+    cycles: &Cycles,
+) -> Vec<(&'static str, Limited, u64)> {
+    candidates(timing, work, cycles)
+        .into_iter()
+        .map(|(at_most, _, name, by)| (name, by, at_most))
+        .collect()
 }
 
 type Candidate = (u64, usize, &'static str, Limited);
@@ -132,27 +166,56 @@ fn candidates(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Vec<C
     let mut all: Vec<Candidate> = Vec::new();
     for unit in &cycles.units {
         // Whoever asks shade waits for its latency, too.
-        let waits = if unit.name.ends_with("shade") { unit.items * u64::from(timing.shade.latency) } else { 0 };
+        let waits = if unit.name.ends_with("shade") {
+            unit.items * u64::from(timing.shade.latency)
+        } else {
+            0
+        };
         match all.iter_mut().find(|(_, _, name, _)| *name == unit.name) {
             Some((at_most, ..)) => *at_most += unit.account.busy + waits,
-            None => all.push((unit.account.busy + waits, all.len(), unit.name, Limited::Work)),
+            None => all.push((
+                unit.account.busy + waits,
+                all.len(),
+                unit.name,
+                Limited::Work,
+            )),
         }
     }
     // Look-ups stand still while too many lines are on their way.
-    let held = |unit: &UnitCycles| if unit.name == "cache" { unit.account.memory } else { 0 };
+    let held = |unit: &UnitCycles| {
+        if unit.name == "cache" {
+            unit.account.memory
+        } else {
+            0
+        }
+    };
     let held: u64 = cycles.units.iter().map(held).sum();
-    all.iter_mut().filter(|(_, _, name, _)| *name == "cache").for_each(|(at_most, ..)| *at_most += held);
-    let hazard =
-        |unit: &UnitCycles| unit.blocked_by.iter().filter(|(wait, _)| *wait == Wait::Hazard).map(|(_, cycles)| cycles).sum::<u64>();
-    all.push((cycles.units.iter().map(hazard).sum(), all.len(), "fragment", Limited::Hazard));
+    all.iter_mut()
+        .filter(|(_, _, name, _)| *name == "cache")
+        .for_each(|(at_most, ..)| *at_most += held);
+    let hazard = |unit: &UnitCycles| {
+        unit.blocked_by
+            .iter()
+            .filter(|(wait, _)| *wait == Wait::Hazard)
+            .map(|(_, cycles)| cycles)
+            .sum::<u64>()
+    };
+    all.push((
+        cycles.units.iter().map(hazard).sum(),
+        all.len(),
+        "fragment",
+        Limited::Hazard,
+    ));
     if !timing.timing.memory.ideal {
         // Who waits for what memory holds up is not known: it may be all.
         all.push((cycles.total, all.len(), "memory", Limited::Memory));
     }
-    // Where pixels stop, whatever is faster may leave more out than it is itself busy with. Of several side by side a way may go through one
-    // while the others are busy, or merges under way.
+    // Where pixels stop, whatever is faster may leave more out than it is itself busy with. Of
+    // several side by side a way may go through one while the others are busy, or merges under way.
     if work.stops() || !timing.is_single() || timing.sorters() > 1 {
-        all.iter_mut().filter(|(at_most, ..)| *at_most > 0).for_each(|(at_most, ..)| *at_most = cycles.total);
+        all.iter_mut()
+            .filter(|(at_most, ..)| *at_most > 0)
+            .for_each(|(at_most, ..)| *at_most = cycles.total);
         return all;
     }
     // What mirrors waits for its surroundings, from memory perhaps.
@@ -160,7 +223,9 @@ fn candidates(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Vec<C
         for (at_most, _, name, by) in &mut all {
             match (*name, *by) {
                 (unit::SHADE, Limited::Work) if !work.preshaded => *at_most = cycles.light,
-                (_, Limited::Memory) => *at_most = cycles.total.saturating_sub(without_memory(cycles)),
+                (_, Limited::Memory) => {
+                    *at_most = cycles.total.saturating_sub(without_memory(cycles))
+                }
                 _ => {}
             }
         }
@@ -172,11 +237,18 @@ fn of<'a>(cycles: &'a Cycles, name: &'a str) -> impl Iterator<Item = &'a UnitCyc
     cycles.units.iter().filter(move |unit| unit.name == name)
 }
 
-/// What a frame takes at least with ideal memory. Its second pass begins when every entry is written, and sorted. Shade is free whenever one
-/// fragment unit asks it, so that merges take as long.
+/// What a frame takes at least with ideal memory. Its second pass begins when every entry is
+/// written, and sorted. Shade is free whenever one fragment unit asks it, so that merges take as
+/// long.
 fn without_memory(cycles: &Cycles) -> u64 {
     let busy = |name: &str| of(cycles, name).map(|unit| unit.account.busy).sum::<u64>();
-    let units = [unit::RASTER, unit::GAUSS, "cache", unit::FRAGMENT, unit::RESOLVE];
+    let units = [
+        unit::RASTER,
+        unit::GAUSS,
+        "cache",
+        unit::FRAGMENT,
+        unit::RESOLVE,
+    ];
     busy("bin") + busy(unit::SORT) + units.into_iter().map(busy).max().unwrap_or(0)
 }
 
@@ -194,7 +266,15 @@ fn lifted(timing: &Microarchitecture, name: &'static str, by: Limited) -> Microa
 fn busiest(cycles: &Cycles) -> Limit {
     let without = cycles.total;
     match cycles.units.iter().max_by_key(|unit| unit.account.busy) {
-        Some(unit) if unit.account.busy >= cycles.memory.busy => Limit { name: unit.name, by: Limited::Work, without },
-        _ => Limit { name: "memory", by: Limited::Memory, without },
+        Some(unit) if unit.account.busy >= cycles.memory.busy => Limit {
+            name: unit.name,
+            by: Limited::Work,
+            without,
+        },
+        _ => Limit {
+            name: "memory",
+            by: Limited::Memory,
+            without,
+        },
     }
 }

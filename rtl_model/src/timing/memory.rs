@@ -1,19 +1,24 @@
-//! Memory: one channel, rows that are open, latencies; what there is beyond that is in `channels.rs`.
+//! Memory: one channel, rows that are open, latencies; what there is beyond that is in
+//! `channels.rs`.
 //!
 //! ```text
 //! request ─►( first free moment of the channel at or after it )─► bytes ÷ bandwidth ─►( + latency of an open or another row )─► done
 //! ```
-//! Items are gone through one after the other, each through all units, so that requests do not come in the order of time. The channel
-//! therefore keeps the gaps between what it gave away. A request takes the first bytes left from its cycle on. Rows are opened in the
-//! order of requests. What nobody waits for is written after all that is asked for before; where the first pass of a binned machine
-//! fetches and writes lists, who comes first asks first, as far as it has room. Ideal memory has no channel: bytes are there a cycle and the
-//! latency of an open row after they are asked for.
+//! Items are gone through one after the other, each through all units, so that requests do not come
+//! in the order of time. The channel therefore keeps the gaps between what it gave away. A request
+//! takes the first bytes left from its cycle on. Rows are opened in the order of requests. What
+//! nobody waits for is written after all that is asked for before; where the first pass of a binned
+//! machine fetches and writes lists, who comes first asks first, as far as it has room. Ideal
+//! memory has no channel: bytes are there a cycle and the latency of an open row after they are
+//! asked for.
 //!
-//! A channel that serves who came first takes as long within 0.6 % on small versions of the built-in scenes, within 0.63 % on themselves
-//! (terrain, binned, both times); of random frames with narrow memory nine in ten are off by at most 1.5 % (immediate) and 4.5 % (binned),
-//! one of a few hundred cycles by 25 %, all together by 0.3 %. The same bytes are moved in the same bursts.
+//! A channel that serves who came first takes as long within 0.6 % on small versions of the
+//! built-in scenes, within 0.63 % on themselves (terrain, binned, both times); of random frames
+//! with narrow memory nine in ten are off by at most 1.5 % (immediate) and 4.5 % (binned), one of a
+//! few hundred cycles by 25 %, all together by 0.3 %. The same bytes are moved in the same bursts.
 //!
-//! Laws: `a_frame_bound_by_memory_takes_its_bytes_over_the_bandwidth`, `replayed_scenes_are_at_most_a_hundredth_off`,
+//! Laws: `a_frame_bound_by_memory_takes_its_bytes_over_the_bandwidth`,
+//! `replayed_scenes_are_at_most_a_hundredth_off`,
 //! `a_frame_with_narrow_memory_moves_the_same_bytes_in_about_the_time`.
 
 use super::channels::Channels;
@@ -56,8 +61,15 @@ impl Client {
 }
 
 /// All of them, in the order of reports.
-pub const CLIENTS: [Client; 7] =
-    [Client::Splats, Client::Binning, Client::Sort, Client::Lists, Client::FrameRead, Client::FrameWrite, Client::Environment];
+pub const CLIENTS: [Client; 7] = [
+    Client::Splats,
+    Client::Binning,
+    Client::Sort,
+    Client::Lists,
+    Client::FrameRead,
+    Client::FrameWrite,
+    Client::Environment,
+];
 
 /// Where what lies: regions so far apart that no two share a row. Splat records begin at 0.
 const REGION: u64 = 1 << 40;
@@ -88,7 +100,8 @@ pub struct MemoryCycles {
     pub requests: [u64; CLIENTS.len()],
     /// Bursts that found their row open.
     pub row_hits: u64,
-    /// Reads, of however many bursts, by latency: `latencies[n]` counts those of 2^n to 2^(n+1) − 1 cycles.
+    /// Reads, of however many bursts, by latency: `latencies[n]` counts those of 2^n to 2^(n+1) − 1
+    /// cycles.
     pub latencies: [u64; LATENCY_BINS],
 }
 
@@ -108,7 +121,8 @@ struct Later {
     bytes: u64,
 }
 
-/// What was not given away of something, since the first cycle: gaps, and all from the last of them on.
+/// What was not given away of something, since the first cycle: gaps, and all from the last of them
+/// on.
 #[derive(Clone, Debug, Default)]
 pub struct Free {
     gaps: VecDeque<Range<u64>>,
@@ -234,7 +248,8 @@ impl Memory {
         }
     }
 
-    /// Writes bytes for which nobody waits: after all that is asked for before this cycle, whenever that is said.
+    /// Writes bytes for which nobody waits: after all that is asked for before this cycle, whenever
+    /// that is said.
     pub fn write_later(&mut self, cycle: u64, client: Client, address: u64, bytes: u64) {
         if self.description.ideal {
             let done = self.answer(cycle, client, Direction::Write, address, bytes);
@@ -242,12 +257,27 @@ impl Memory {
             return;
         }
         let at = self.later.partition_point(|before| before.cycle <= cycle);
-        self.later.insert(at, Later { cycle, client, address, bytes });
+        self.later.insert(
+            at,
+            Later {
+                cycle,
+                client,
+                address,
+                bytes,
+            },
+        );
     }
 
     /// Moves bytes from an address on, in whole bursts; says when the last has come.
     #[inline(always)]
-    pub fn request(&mut self, now: u64, client: Client, direction: Direction, address: u64, bytes: u64) -> u64 {
+    pub fn request(
+        &mut self,
+        now: u64,
+        client: Client,
+        direction: Direction,
+        address: u64,
+        bytes: u64,
+    ) -> u64 {
         if self.description.ideal {
             return self.answer(now, client, direction, address, bytes);
         }
@@ -255,7 +285,14 @@ impl Memory {
     }
 
     #[inline(never)]
-    fn request_of_channel(&mut self, now: u64, client: Client, direction: Direction, address: u64, bytes: u64) -> u64 {
+    fn request_of_channel(
+        &mut self,
+        now: u64,
+        client: Client,
+        direction: Direction,
+        address: u64,
+        bytes: u64,
+    ) -> u64 {
         self.write_until(now);
         self.serve(now, client, direction, address, bytes)
     }
@@ -272,13 +309,21 @@ impl Memory {
         self.write_until(before);
         match &mut self.channels {
             Some(channels) => channels.forget(before),
-            None => self.bus.forget(before * u64::from(self.description.bytes_per_cycle)),
+            None => self
+                .bus
+                .forget(before * u64::from(self.description.bytes_per_cycle)),
         }
     }
 
     /// Writes what is to be written up to a cycle.
     fn write_until(&mut self, now: u64) {
-        while let Some(Later { cycle, client, address, bytes }) = self.later.pop_front_if(|later| later.cycle <= now) {
+        while let Some(Later {
+            cycle,
+            client,
+            address,
+            bytes,
+        }) = self.later.pop_front_if(|later| later.cycle <= now)
+        {
             let done = self.serve(cycle, client, Direction::Write, address, bytes);
             self.written = self.written.max(done);
         }
@@ -286,7 +331,14 @@ impl Memory {
 
     /// Ideal: every request is answered as fast.
     #[inline(always)]
-    fn answer(&mut self, now: u64, client: Client, direction: Direction, address: u64, bytes: u64) -> u64 {
+    fn answer(
+        &mut self,
+        now: u64,
+        client: Client,
+        direction: Direction,
+        address: u64,
+        bytes: u64,
+    ) -> u64 {
         self.count(now, client, direction, address, bytes);
         let done = now + 1 + u64::from(self.description.hit_latency);
         self.count_latency(direction, done - now);
@@ -295,14 +347,26 @@ impl Memory {
 
     /// Whole bursts: from where to where.
     #[inline(always)]
-    fn count(&mut self, now: u64, client: Client, direction: Direction, address: u64, bytes: u64) -> [u64; 2] {
+    fn count(
+        &mut self,
+        now: u64,
+        client: Client,
+        direction: Direction,
+        address: u64,
+        bytes: u64,
+    ) -> [u64; 2] {
         let burst = 1 << self.log[0];
         let [first, last] = [address, address + bytes.max(1) - 1].map(|byte| byte / burst);
         let (from, end) = (first * burst, (last + 1) * burst);
         self.cycles.bytes[client as usize][direction as usize] += end - from;
         self.cycles.requests[client as usize] += last + 1 - first;
         if let Some(logged) = &mut self.logged {
-            logged.push(Request { cycle: now, address: from, bytes: end - from, direction });
+            logged.push(Request {
+                cycle: now,
+                address: from,
+                bytes: end - from,
+                direction,
+            });
         }
         [from, end]
     }
@@ -315,7 +379,14 @@ impl Memory {
     }
 
     /// A row is opened for each that the bytes lie in.
-    fn serve(&mut self, now: u64, client: Client, direction: Direction, address: u64, bytes: u64) -> u64 {
+    fn serve(
+        &mut self,
+        now: u64,
+        client: Client,
+        direction: Direction,
+        address: u64,
+        bytes: u64,
+    ) -> u64 {
         let row = 1 << self.log[1];
         let [mut from, end] = self.count(now, client, direction, address, bytes);
         if let Some(channels) = &mut self.channels {
@@ -336,7 +407,11 @@ impl Memory {
     }
 
     fn in_a_row(&mut self, now: u64, row: u64, bytes: u64) -> u64 {
-        let Description { hit_latency, miss_latency, .. } = self.description;
+        let Description {
+            hit_latency,
+            miss_latency,
+            ..
+        } = self.description;
         let bank = row as usize & (self.open.len() - 1);
         let open = &mut self.open[bank];
         let is_open = std::mem::replace(open, row) == row;
@@ -352,12 +427,24 @@ impl Memory {
         self.bus.take(now * a_cycle, bytes).div_ceil(a_cycle)
     }
 
-    /// The traffic, for how long the channel was busy with it, what was logged, and when all is written for which nobody waited.
+    /// The traffic, for how long the channel was busy with it, what was logged, and when all is
+    /// written for which nobody waited.
     pub fn finish(mut self) -> (MemoryCycles, Vec<Request>, u64) {
         self.write_until(u64::MAX);
         let thousandths = self.description.bytes_per_1000_cycles();
-        let busy = if self.description.ideal { 0 } else { (1000 * self.cycles.total_bytes()).div_ceil(thousandths) };
-        (MemoryCycles { busy, ..self.cycles }, self.logged.unwrap_or_default(), self.written)
+        let busy = if self.description.ideal {
+            0
+        } else {
+            (1000 * self.cycles.total_bytes()).div_ceil(thousandths)
+        };
+        (
+            MemoryCycles {
+                busy,
+                ..self.cycles
+            },
+            self.logged.unwrap_or_default(),
+            self.written,
+        )
     }
 }
 
@@ -370,7 +457,10 @@ pub struct Outstanding {
 
 impl Outstanding {
     pub fn new(most: u32) -> Self {
-        Outstanding { done: vec![0; most as usize].into(), next: 0 }
+        Outstanding {
+            done: vec![0; most as usize].into(),
+            next: 0,
+        }
     }
 
     /// The first cycle in which another can go.
@@ -381,16 +471,27 @@ impl Outstanding {
     /// Another is done then.
     pub fn push(&mut self, done: u64) {
         self.done[self.next] = done;
-        self.next = if self.next + 1 == self.done.len() { 0 } else { self.next + 1 };
+        self.next = if self.next + 1 == self.done.len() {
+            0
+        } else {
+            self.next + 1
+        };
     }
 }
 
-/// Cycles that memory takes for requests in this order, at most `queue` of them under way, whatever their own cycles are.
+/// Cycles that memory takes for requests in this order, at most `queue` of them under way, whatever
+/// their own cycles are.
 pub fn serve(memory: Description, requests: impl IntoIterator<Item = Request>, queue: u32) -> u64 {
     let mut served = Memory::new(memory, false);
     let mut outstanding = Outstanding::new(queue);
     let (mut asked, mut last) = (0, 0);
-    for Request { address, bytes, direction, .. } in requests {
+    for Request {
+        address,
+        bytes,
+        direction,
+        ..
+    } in requests
+    {
         asked = asked.max(outstanding.free());
         served.forget(asked);
         let done = served.request(asked, Client::Lists, direction, address, bytes);

@@ -7,19 +7,22 @@
 //! ```
 //! A list is a chain of *jobs*. A job loads entries, works on them and stores them:
 //!
-//! - *Sort*: up to `buffer_entries` entries. The network takes so many of them a cycle as it is wide, and gives runs of that length after its
-//!   latency. Each pass of merging then takes a cycle for each entry: ⌈log2 ⌈n/network⌉⌉ passes.
-//! - *Merge*: half a buffer of entries of two sorted chunks in memory, a cycle for each, so that the other half is loaded meanwhile. The passes
-//!   over a list of c chunks are ⌈log2 c⌉.
-//! - *Distribute*: half a buffer of entries, a cycle for each, to buckets in memory. Each bucket gathers a burst; what is left of them goes with
-//!   the last entries.
+//! - *Sort*: up to `buffer_entries` entries. The network takes so many of them a cycle as it is
+//!   wide, and gives runs of that length after its latency. Each pass of merging then takes a cycle
+//!   for each entry: ⌈log2 ⌈n/network⌉⌉ passes.
+//! - *Merge*: half a buffer of entries of two sorted chunks in memory, a cycle for each, so that
+//!   the other half is loaded meanwhile. The passes over a list of c chunks are ⌈log2 c⌉.
+//! - *Distribute*: half a buffer of entries, a cycle for each, to buckets in memory. Each bucket
+//!   gathers a burst; what is left of them goes with the last entries.
 //!
-//! A job is loaded as soon as the sorter has room: after the network has taken the job before, or at once where half a buffer is free. It
-//! begins when it is loaded and the job before has ended. Its last pass goes into the buffer that is stored, so it waits for what was stored
-//! before. What a pass over memory reads has been written before. Entries that are sorted for good are stored as numbers of 4 bytes.
+//! A job is loaded as soon as the sorter has room: after the network has taken the job before, or
+//! at once where half a buffer is free. It begins when it is loaded and the job before has ended.
+//! Its last pass goes into the buffer that is stored, so it waits for what was stored before. What
+//! a pass over memory reads has been written before. Entries that are sorted for good are stored as
+//! numbers of 4 bytes.
 //!
-//! Each sorter takes the next list, of several the first; their requests are in the order of time, those of one cycle in the order of
-//! sorters, what is stored first.
+//! Each sorter takes the next list, of several the first; their requests are in the order of time,
+//! those of one cycle in the order of sorters, what is stored first.
 //!
 //! Laws: `sorters_tick_as_they_are_replayed`, `a_list_that_fits_the_buffer_takes_its_formula`.
 
@@ -92,14 +95,33 @@ impl Plan<'_> {
         let list = self.lists.of(tile);
         let entries = list.len() as u64;
         let mut jobs = VecDeque::new();
-        let whole = Part { from: keyed(tile), entries, before: 0, follows: false };
+        let whole = Part {
+            from: keyed(tile),
+            entries,
+            before: 0,
+            follows: false,
+        };
         match self.sorter.bucket_bits {
             Some(bits) if entries > u64::from(self.sorter.buffer_entries) => {
                 let sizes = self.distribute(tile, bits, sorter, &mut jobs);
                 let mut before = 0;
-                for (bucket, entries) in sizes.into_iter().enumerate().filter(|(_, entries)| *entries > 0) {
+                for (bucket, entries) in sizes
+                    .into_iter()
+                    .enumerate()
+                    .filter(|(_, entries)| *entries > 0)
+                {
                     let from = Self::bucket(sorter, bucket);
-                    self.sort(tile, Part { from, entries, before, follows: before == 0 }, entries + before == whole.entries, &mut jobs);
+                    self.sort(
+                        tile,
+                        Part {
+                            from,
+                            entries,
+                            before,
+                            follows: before == 0,
+                        },
+                        entries + before == whole.entries,
+                        &mut jobs,
+                    );
                     before += entries;
                 }
             }
@@ -113,13 +135,24 @@ impl Plan<'_> {
     }
 
     /// Distributes a list to buckets; says how many entries each has.
-    fn distribute(&self, tile: usize, bits: u32, sorter: u64, jobs: &mut VecDeque<Job>) -> Vec<u64> {
+    fn distribute(
+        &self,
+        tile: usize,
+        bits: u32,
+        sorter: u64,
+        jobs: &mut VecDeque<Job>,
+    ) -> Vec<u64> {
         // As the first pass writes it: in input order.
         let mut list = self.lists.of(tile).to_vec();
         list.sort_unstable();
         // Keys that share a bucket.
         let of_bucket = 1 << (self.sorter.key_bits - bits);
-        let of = |nth: u32| self.work.keys.get(nth as usize).map_or(0, |key| (u64::from(*key) / of_bucket) as usize);
+        let of = |nth: u32| {
+            self.work
+                .keys
+                .get(nth as usize)
+                .map_or(0, |key| (u64::from(*key) / of_bucket) as usize)
+        };
         let mut sizes = vec![0; 1 << bits];
         let halves = list.chunks(self.half() as usize);
         let last = halves.len() - 1;
@@ -128,17 +161,36 @@ impl Plan<'_> {
             let mut stores = Vec::new();
             for entry in half {
                 let bucket = of(*entry).min(sizes.len() - 1);
-                stores.extend(self.full(Self::bucket(sorter, bucket), sizes[bucket], 1, self.entry_bytes(), false));
+                stores.extend(self.full(
+                    Self::bucket(sorter, bucket),
+                    sizes[bucket],
+                    1,
+                    self.entry_bytes(),
+                    false,
+                ));
                 sizes[bucket] += 1;
             }
             if nth == last {
-                let left =
-                    |(bucket, entries): (usize, &u64)| self.full(Self::bucket(sorter, bucket), *entries, 0, self.entry_bytes(), true);
+                let left = |(bucket, entries): (usize, &u64)| {
+                    self.full(
+                        Self::bucket(sorter, bucket),
+                        *entries,
+                        0,
+                        self.entry_bytes(),
+                        true,
+                    )
+                };
                 stores.extend(sizes.iter().enumerate().flat_map(left));
             }
             let load = self.bytes(keyed(tile), loaded, half.len() as u64);
             loaded += half.len() as u64;
-            jobs.push_back(Job::streamed(load, false, half.len() as u64, nth == last, stores));
+            jobs.push_back(Job::streamed(
+                load,
+                false,
+                half.len() as u64,
+                nth == last,
+                stores,
+            ));
         }
         sizes
     }
@@ -146,8 +198,18 @@ impl Plan<'_> {
     /// Sorts a part of a list; of a list's last one, what is left of its last burst is stored.
     fn sort(&self, tile: usize, part: Part, is_last: bool, jobs: &mut VecDeque<Job>) {
         let sorted = LISTS + tile as u64 * LIST_BYTES;
-        let SorterShape { buffer_entries, network, network_latency, .. } = self.sorter;
-        let Part { from, entries, before, follows } = part;
+        let SorterShape {
+            buffer_entries,
+            network,
+            network_latency,
+            ..
+        } = self.sorter;
+        let Part {
+            from,
+            entries,
+            before,
+            follows,
+        } = part;
         let buffer = u64::from(buffer_entries);
         let passes = entries.div_ceil(buffer).next_power_of_two().ilog2();
         let chunk = |first: u64| buffer.min(entries - first);
@@ -158,7 +220,13 @@ impl Plan<'_> {
             let is_end = first + n == entries;
             let stores = match passes {
                 0 => self.full(sorted, before + first, n, ENTRY_BYTES, is_last && is_end),
-                _ => self.full(CHUNKS[0] + tile as u64 * KEYED_BYTES, first, n, self.entry_bytes(), is_end),
+                _ => self.full(
+                    CHUNKS[0] + tile as u64 * KEYED_BYTES,
+                    first,
+                    n,
+                    self.entry_bytes(),
+                    is_end,
+                ),
             };
             jobs.push_back(Job {
                 load: self.bytes(from, first, n),
@@ -177,10 +245,22 @@ impl Plan<'_> {
                 let stores = if is_last_pass {
                     self.full(sorted, before + first, n, ENTRY_BYTES, is_last && is_end)
                 } else {
-                    self.full(CHUNKS[(pass + 1) % 2] + tile as u64 * KEYED_BYTES, first, n, self.entry_bytes(), is_end)
+                    self.full(
+                        CHUNKS[(pass + 1) % 2] + tile as u64 * KEYED_BYTES,
+                        first,
+                        n,
+                        self.entry_bytes(),
+                        is_end,
+                    )
                 };
                 let load = self.bytes(CHUNKS[pass % 2] + tile as u64 * KEYED_BYTES, first, n);
-                jobs.push_back(Job::streamed(load, first == 0, n, is_end, stores.into_iter().collect()));
+                jobs.push_back(Job::streamed(
+                    load,
+                    first == 0,
+                    n,
+                    is_end,
+                    stores.into_iter().collect(),
+                ));
             }
         }
     }
@@ -196,21 +276,50 @@ impl Plan<'_> {
 
     /// Bytes of so many entries from one on.
     fn bytes(&self, list: u64, first: u64, entries: u64) -> [u64; 2] {
-        [list + first * self.entry_bytes(), entries * self.entry_bytes()]
+        [
+            list + first * self.entry_bytes(),
+            entries * self.entry_bytes(),
+        ]
     }
 
-    /// Bursts of a list that fill up with so many entries behind others; of the last ones, what is left too.
-    fn full(&self, list: u64, before: u64, entries: u64, entry_bytes: u64, is_end: bool) -> Option<[u64; 2]> {
+    /// Bursts of a list that fill up with so many entries behind others; of the last ones, what is
+    /// left too.
+    fn full(
+        &self,
+        list: u64,
+        before: u64,
+        entries: u64,
+        entry_bytes: u64,
+        is_end: bool,
+    ) -> Option<[u64; 2]> {
         let end = (before + entries) * entry_bytes;
-        let Range { start, end } = before * entry_bytes / self.burst..if is_end { end.div_ceil(self.burst) } else { end / self.burst };
+        let Range { start, end } = before * entry_bytes / self.burst..if is_end {
+            end.div_ceil(self.burst)
+        } else {
+            end / self.burst
+        };
         (start < end).then(|| [list + start * self.burst, (end - start) * self.burst])
     }
 }
 
 impl Job {
-    /// An entry a cycle; the next job finds half a buffer free, but not where it is of another kind.
-    fn streamed(load: [u64; 2], follows: bool, entries: u64, is_end: bool, stores: Vec<[u64; 2]>) -> Self {
-        Job { load, follows, taken: if is_end { entries } else { 0 }, work: entries, last_pass: entries, stores }
+    /// An entry a cycle; the next job finds half a buffer free, but not where it is of another
+    /// kind.
+    fn streamed(
+        load: [u64; 2],
+        follows: bool,
+        entries: u64,
+        is_end: bool,
+        stores: Vec<[u64; 2]>,
+    ) -> Self {
+        Job {
+            load,
+            follows,
+            taken: if is_end { entries } else { 0 },
+            work: entries,
+            last_pass: entries,
+            stores,
+        }
     }
 }
 
@@ -231,23 +340,54 @@ struct Sorter {
 
 impl Sorter {
     fn new(from: u64, nth: u32, t: &Microarchitecture, detail: Detail) -> Self {
-        let one = Pace { units: 1, latency: 1, interval: 1, fifo: 1 };
-        let unit = Unit::new(unit::SORT, one, [Some("bin"), Some("list")], detail, t.lifted).behind_others(nth);
-        Sorter { unit, jobs: VecDeque::new(), free: from, loaded: None, stores: None, ended: from, written: from }
+        let one = Pace {
+            units: 1,
+            latency: 1,
+            interval: 1,
+            fifo: 1,
+        };
+        let unit = Unit::new(
+            unit::SORT,
+            one,
+            [Some("bin"), Some("list")],
+            detail,
+            t.lifted,
+        )
+        .behind_others(nth);
+        Sorter {
+            unit,
+            jobs: VecDeque::new(),
+            free: from,
+            loaded: None,
+            stores: None,
+            ended: from,
+            written: from,
+        }
     }
 
     /// When it asks for something next, and whether that is a load; none where it does not.
     fn next(&self, are_lists_left: bool) -> Option<(u64, bool)> {
         let follows = self.jobs.front().is_some_and(|job| job.follows);
-        let can_load = self.loaded.is_none() && (are_lists_left || !self.jobs.is_empty()) && !(follows && self.stores.is_some());
-        let load = can_load.then_some((if follows { self.free.max(self.written) } else { self.free }, true));
+        let can_load = self.loaded.is_none()
+            && (are_lists_left || !self.jobs.is_empty())
+            && !(follows && self.stores.is_some());
+        let load = can_load.then_some((
+            if follows {
+                self.free.max(self.written)
+            } else {
+                self.free
+            },
+            true,
+        ));
         let store = self.stores.as_ref().map(|(_, when)| (*when, false));
         load.into_iter().chain(store).min()
     }
 
     /// Loads the next job.
     fn load(&mut self, now: u64, from: u64, memory: &mut Memory) {
-        let Some(mut job) = self.jobs.pop_front() else { return };
+        let Some(mut job) = self.jobs.pop_front() else {
+            return;
+        };
         if self.unit.is_lifted() {
             (job.taken, job.work, job.last_pass) = (0, 0, 0);
         }
@@ -264,19 +404,37 @@ impl Sorter {
 
     /// The loaded job works, if there is one.
     fn begin(&mut self, from: u64) {
-        let Some((job, begins)) = self.loaded.take() else { return };
+        let Some((job, begins)) = self.loaded.take() else {
+            return;
+        };
         let ends = (begins + job.work).max(self.written + job.last_pass);
-        self.unit.take_with_memory(Ready { here: from, memory: begins, ..Ready::default() }, job.work, ends - begins);
+        self.unit.take_with_memory(
+            Ready {
+                here: from,
+                memory: begins,
+                ..Ready::default()
+            },
+            job.work,
+            ends - begins,
+        );
         self.stores = Some((job, ends));
     }
 
     /// Stores what it has worked on.
     fn store(&mut self, from: u64, memory: &mut Memory) {
-        let Some((job, now)) = self.stores.take() else { return };
+        let Some((job, now)) = self.stores.take() else {
+            return;
+        };
         self.ended = now;
         self.written = self.written.max(now);
         for [address, bytes] in job.stores {
-            self.written = self.written.max(memory.request(now, Client::Sort, Direction::Write, address, bytes));
+            self.written = self.written.max(memory.request(
+                now,
+                Client::Sort,
+                Direction::Write,
+                address,
+                bytes,
+            ));
         }
         self.begin(from);
     }
@@ -293,15 +451,28 @@ pub fn sort_lists(
 ) -> Option<(Vec<Unit>, u64)> {
     let shape = t.sort?;
     let sorter = shape.sorter?;
-    let plan = Plan { shape, sorter, burst: t.timing.memory.burst_bytes.into(), work, lists };
-    let mut queue = (0..lists.tiles()).filter(|tile| !lists.of(*tile).is_empty()).peekable();
-    let mut sorters: Vec<Sorter> = (0..sorter.units).map(|nth| Sorter::new(from, nth, t, detail)).collect();
+    let plan = Plan {
+        shape,
+        sorter,
+        burst: t.timing.memory.burst_bytes.into(),
+        work,
+        lists,
+    };
+    let mut queue = (0..lists.tiles())
+        .filter(|tile| !lists.of(*tile).is_empty())
+        .peekable();
+    let mut sorters: Vec<Sorter> = (0..sorter.units)
+        .map(|nth| Sorter::new(from, nth, t, detail))
+        .collect();
     loop {
         let are_left = queue.peek().is_some();
         // What is stored goes first.
-        let next =
-            (sorters.iter().enumerate()).filter_map(|(nth, sorter)| sorter.next(are_left).map(|(when, load)| (when, load, nth))).min();
-        let Some((now, is_load, nth)) = next else { break };
+        let next = (sorters.iter().enumerate())
+            .filter_map(|(nth, sorter)| sorter.next(are_left).map(|(when, load)| (when, load, nth)))
+            .min();
+        let Some((now, is_load, nth)) = next else {
+            break;
+        };
         memory.forget(now);
         let sorter = &mut sorters[nth];
         if !is_load {
@@ -309,11 +480,20 @@ pub fn sort_lists(
             continue;
         }
         if sorter.jobs.is_empty() {
-            sorter.jobs = queue.next().map_or_else(VecDeque::new, |tile| plan.jobs(tile, nth as u64));
+            sorter.jobs = queue
+                .next()
+                .map_or_else(VecDeque::new, |tile| plan.jobs(tile, nth as u64));
         }
         sorter.load(now, from, memory);
     }
-    let sorted = sorters.iter().map(|sorter| sorter.written).max().unwrap_or(from);
+    let sorted = sorters
+        .iter()
+        .map(|sorter| sorter.written)
+        .max()
+        .unwrap_or(from);
     memory.forget(sorted);
-    Some((sorters.into_iter().map(|sorter| sorter.unit).collect(), sorted))
+    Some((
+        sorters.into_iter().map(|sorter| sorter.unit).collect(),
+        sorted,
+    ))
 }

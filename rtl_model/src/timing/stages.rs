@@ -3,7 +3,8 @@
 //! ```text
 //! SetUp: fetch ─► project ─► ellipse [─► colour] [─► shade]    Fill: raster ─► gauss    Merge: fragment ◄─► shade    Resolve: resolve ◄─► shade
 //! ```
-//! Each goes through what it is given, one item after the other, and says when the next unit has it.
+//! Each goes through what it is given, one item after the other, and says when the next unit has
+//! it.
 
 use super::account::{Detail, Ready, Unit};
 use super::hazards::Hazards;
@@ -20,7 +21,8 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::rc::Rc;
 
-/// Fetch, project and ellipse, colour where harmonics become one, and shade where splats are lit before they are drawn: one splat each.
+/// Fetch, project and ellipse, colour where harmonics become one, and shade where splats are lit
+/// before they are drawn: one splat each.
 #[derive(Clone)]
 pub struct SetUp<'a> {
     timing: &'a Microarchitecture,
@@ -50,7 +52,13 @@ pub struct SetUp<'a> {
 }
 
 impl<'a> SetUp<'a> {
-    pub fn new(timing: &'a Microarchitecture, work: &'a Work, behind: &'static str, memory: &mut Memory, detail: Detail) -> Self {
+    pub fn new(
+        timing: &'a Microarchitecture,
+        work: &'a Work,
+        behind: &'static str,
+        memory: &mut Memory,
+        detail: Detail,
+    ) -> Self {
         let loaded = texels::load(timing, work, memory);
         let shaded = work.preshaded.then_some(SetUp::shade_name(timing));
         let pace = timing.colour_of(work.harmonics).map(|colour| colour.pace);
@@ -59,15 +67,41 @@ impl<'a> SetUp<'a> {
         let before_shade = coloured.unwrap_or(unit::ELLIPSE);
         SetUp {
             timing,
-            fetch: Unit::new("fetch", timing.fetch, [None, Some(unit::PROJECT)], detail, timing.lifted),
-            project: Unit::new(unit::PROJECT, timing.project, [Some("fetch"), Some(unit::ELLIPSE)], detail, timing.lifted),
-            ellipse: Unit::new(unit::ELLIPSE, timing.ellipse, [Some(unit::PROJECT), Some(after_ellipse)], detail, timing.lifted),
+            fetch: Unit::new(
+                "fetch",
+                timing.fetch,
+                [None, Some(unit::PROJECT)],
+                detail,
+                timing.lifted,
+            ),
+            project: Unit::new(
+                unit::PROJECT,
+                timing.project,
+                [Some("fetch"), Some(unit::ELLIPSE)],
+                detail,
+                timing.lifted,
+            ),
+            ellipse: Unit::new(
+                unit::ELLIPSE,
+                timing.ellipse,
+                [Some(unit::PROJECT), Some(after_ellipse)],
+                detail,
+                timing.lifted,
+            ),
             colour: pace.map(|pace| {
                 let neighbours = [Some(unit::ELLIPSE), Some(shaded.unwrap_or(behind))];
                 Unit::new(unit::COLOUR, pace, neighbours, detail, timing.lifted)
             }),
             colour_pace: pace.unwrap_or(timing.ellipse),
-            shade: shaded.map(|name| Unit::new(name, timing.shade, [Some(before_shade), Some(behind)], detail, timing.lifted)),
+            shade: shaded.map(|name| {
+                Unit::new(
+                    name,
+                    timing.shade,
+                    [Some(before_shade), Some(behind)],
+                    detail,
+                    timing.lifted,
+                )
+            }),
             outstanding: Outstanding::new(timing.timing.memory.outstanding),
             walk: Walk::new(timing, work, loaded),
             texels: Texels::new(timing, work).filter(|_| work.preshaded),
@@ -84,12 +118,29 @@ impl<'a> SetUp<'a> {
     #[inline(always)]
     fn ready(&self, index: u64) -> (u64, Ready) {
         if self.walk.is_some() {
-            return (0, Ready { room: self.fetch.behind.free(), ..Ready::default() });
+            return (
+                0,
+                Ready {
+                    room: self.fetch.behind.free(),
+                    ..Ready::default()
+                },
+            );
         }
         let burst = u64::from(self.timing.timing.memory.burst_bytes);
         let needed = ((index + 1) * self.splat_bytes).div_ceil(burst);
-        let memory = if needed > self.bursts { self.outstanding.free().max(self.loaded) } else { 0 };
-        (needed, Ready { room: self.fetch.behind.free(), memory, ..Ready::default() })
+        let memory = if needed > self.bursts {
+            self.outstanding.free().max(self.loaded)
+        } else {
+            0
+        };
+        (
+            needed,
+            Ready {
+                room: self.fetch.behind.free(),
+                memory,
+                ..Ready::default()
+            },
+        )
     }
 
     /// When a splat, the next one, will be fetched.
@@ -111,16 +162,34 @@ impl<'a> SetUp<'a> {
         self.fetch.behind.take(now);
         self.fetched = now;
         while self.bursts < needed {
-            let here = memory.request(now, Client::Splats, Direction::Read, self.bursts * burst, burst);
+            let here = memory.request(
+                now,
+                Client::Splats,
+                Direction::Read,
+                self.bursts * burst,
+                burst,
+            );
             self.outstanding.push(here);
             self.burst_here = self.burst_here.max(here);
             self.bursts += 1;
         }
 
         let goes_on = fate.leaves_project();
-        let room = if goes_on { self.project.behind.free() } else { 0 };
+        let room = if goes_on {
+            self.project.behind.free()
+        } else {
+            0
+        };
         let here = now + u64::from(t.fetch.latency);
-        let now = self.project.take(Ready { here, memory: self.burst_here, room, ..Ready::default() }, t.project.interval.into());
+        let now = self.project.take(
+            Ready {
+                here,
+                memory: self.burst_here,
+                room,
+                ..Ready::default()
+            },
+            t.project.interval.into(),
+        );
         self.fetch.behind.give(now);
         if !goes_on {
             return None;
@@ -128,19 +197,37 @@ impl<'a> SetUp<'a> {
         self.project.behind.take(now);
 
         let goes_on = fate == Fate::Drawn;
-        let room = if goes_on { self.ellipse.behind.free() } else { 0 };
+        let room = if goes_on {
+            self.ellipse.behind.free()
+        } else {
+            0
+        };
         let here = now + u64::from(t.project.latency);
-        let now = self.ellipse.take(Ready { here, room, ..Ready::default() }, t.ellipse.interval.into());
+        let now = self.ellipse.take(
+            Ready {
+                here,
+                room,
+                ..Ready::default()
+            },
+            t.ellipse.interval.into(),
+        );
         self.project.behind.give(now);
         if !goes_on {
             return None;
         }
         let (mut now, mut here) = (now, now + u64::from(t.ellipse.latency));
         let mut last = &mut self.ellipse;
-        for (unit, pace, texels) in [(&mut self.colour, self.colour_pace, &mut None), (&mut self.shade, t.shade, &mut self.texels)] {
+        for (unit, pace, texels) in [
+            (&mut self.colour, self.colour_pace, &mut None),
+            (&mut self.shade, t.shade, &mut self.texels),
+        ] {
             let Some(unit) = unit else { continue };
             last.behind.take(now);
-            let ready = Ready { here, room: unit.behind.free(), ..Ready::default() };
+            let ready = Ready {
+                here,
+                room: unit.behind.free(),
+                ..Ready::default()
+            };
             now = match texels {
                 None => unit.take(ready, pace.interval.into()),
                 Some(texels) => {
@@ -165,7 +252,11 @@ impl<'a> SetUp<'a> {
 
     /// The name of its shade unit: the only one, or, of windows, beside that of fragments.
     fn shade_name(timing: &Microarchitecture) -> &'static str {
-        if timing.lights_setup { super::SETUP_SHADE } else { unit::SHADE }
+        if timing.lights_setup {
+            super::SETUP_SHADE
+        } else {
+            unit::SHADE
+        }
     }
 
     /// Its units, and those which shade fragments where it has none of its own.
@@ -198,7 +289,12 @@ impl<'a> SetUp<'a> {
 
     /// Whether it is known when another splat has room behind the last unit.
     pub fn is_known(&self) -> bool {
-        self.shade.as_ref().or(self.colour.as_ref()).unwrap_or(&self.ellipse).behind.is_known()
+        self.shade
+            .as_ref()
+            .or(self.colour.as_ref())
+            .unwrap_or(&self.ellipse)
+            .behind
+            .is_known()
     }
 
     /// The next splat, which was here then, goes to the unit behind in this cycle.
@@ -223,19 +319,36 @@ pub struct Fill<'a> {
 
 impl<'a> Fill<'a> {
     /// The nth of several alike.
-    pub fn new(timing: &'a Microarchitecture, before: &'static str, behind: &'static str, detail: Detail, nth: u32) -> Self {
-        let unit = |name, pace, neighbours| Unit::new(name, pace, neighbours, detail, timing.lifted).behind_others(nth);
+    pub fn new(
+        timing: &'a Microarchitecture,
+        before: &'static str,
+        behind: &'static str,
+        detail: Detail,
+        nth: u32,
+    ) -> Self {
+        let unit = |name, pace, neighbours| {
+            Unit::new(name, pace, neighbours, detail, timing.lifted).behind_others(nth)
+        };
         Fill {
             timing,
-            raster: unit(unit::RASTER, timing.raster, [Some(before), Some(unit::GAUSS)]),
-            gauss: unit(unit::GAUSS, timing.gauss, [Some(unit::RASTER), Some(behind)]),
+            raster: unit(
+                unit::RASTER,
+                timing.raster,
+                [Some(before), Some(unit::GAUSS)],
+            ),
+            gauss: unit(
+                unit::GAUSS,
+                timing.gauss,
+                [Some(unit::RASTER), Some(behind)],
+            ),
             stamps: [0; 2],
             kept: Vec::new(),
         }
     }
 
-    /// The next footprint of a part of the picture, a corner and a side, is here, or comes from memory; `next` takes each stamp that has a
-    /// weight, with the first cycle in which gauss has it, and says when. Says when the raster takes it, and whether it has such a stamp.
+    /// The next footprint of a part of the picture, a corner and a side, is here, or comes from
+    /// memory; `next` takes each stamp that has a weight, with the first cycle in which gauss has
+    /// it, and says when. Says when the raster takes it, and whether it has such a stamp.
     #[inline(always)]
     pub fn footprint(
         &mut self,
@@ -245,12 +358,26 @@ impl<'a> Fill<'a> {
         (here, memory): (u64, u64),
         mut next: impl FnMut(Stamp, u64) -> u64,
     ) -> (u64, bool) {
-        let ready = Ready { here, memory, ..Ready::default() };
+        let ready = Ready {
+            here,
+            memory,
+            ..Ready::default()
+        };
         let stamps = walk.footprint(footprint, corner, side);
-        let mut so_far = SoFar { first_taken: u64::MAX, gone_through: 0, is_seen: false };
+        let mut so_far = SoFar {
+            first_taken: u64::MAX,
+            gone_through: 0,
+            is_seen: false,
+        };
         if let Some(pieces) = walk.single() {
             for piece in pieces {
-                self.stamp(walk, std::slice::from_ref(piece), ready, &mut so_far, &mut next);
+                self.stamp(
+                    walk,
+                    std::slice::from_ref(piece),
+                    ready,
+                    &mut so_far,
+                    &mut next,
+                );
             }
         } else {
             for stamp in walk.kept() {
@@ -258,7 +385,11 @@ impl<'a> Fill<'a> {
             }
         }
         self.stamps[0] += u64::from(stamps);
-        let SoFar { mut first_taken, gone_through, is_seen } = so_far;
+        let SoFar {
+            mut first_taken,
+            gone_through,
+            is_seen,
+        } = so_far;
         if gone_through < stamps {
             first_taken = first_taken.min(self.empty_stamps(ready, (stamps - gone_through).into()));
         }
@@ -267,13 +398,22 @@ impl<'a> Fill<'a> {
 
     /// The next stamp of a footprint that keeps a pixel, behind those that keep none.
     #[inline(always)]
-    fn stamp(&mut self, walk: &Stamps, stamp: &[Piece], ready: Ready, so_far: &mut SoFar, next: &mut impl FnMut(Stamp, u64) -> u64) {
+    fn stamp(
+        &mut self,
+        walk: &Stamps,
+        stamp: &[Piece],
+        ready: Ready,
+        so_far: &mut SoFar,
+        next: &mut impl FnMut(Stamp, u64) -> u64,
+    ) {
         let t = self.timing;
         self.stamps[1] += 1;
         let empty = stamp[0].stamp - so_far.gone_through;
         so_far.gone_through = stamp[0].stamp + 1;
         if empty > 0 {
-            so_far.first_taken = so_far.first_taken.min(self.empty_stamps(ready, empty.into()));
+            so_far.first_taken = so_far
+                .first_taken
+                .min(self.empty_stamps(ready, empty.into()));
         }
         let room = self.raster.behind.free_from(self.raster.when(ready));
         let now = self.raster.take(Ready { room, ..ready }, 1);
@@ -282,26 +422,46 @@ impl<'a> Fill<'a> {
         let goes_on = stamp.iter().any(|piece| piece.pixels != 0);
         let room = if goes_on { self.gauss.behind.free() } else { 0 };
         let here = now + u64::from(t.raster.latency);
-        let now = self.gauss.take(Ready { here, room, ..Ready::default() }, 1);
+        let now = self.gauss.take(
+            Ready {
+                here,
+                room,
+                ..Ready::default()
+            },
+            1,
+        );
         self.raster.behind.give(now);
         if goes_on {
             so_far.is_seen = true;
             self.gauss.behind.take(now);
-            let taken = next(Stamp { pieces: stamp, texels: walk.texels() }, now + u64::from(t.gauss.latency));
+            let taken = next(
+                Stamp {
+                    pieces: stamp,
+                    texels: walk.texels(),
+                },
+                now + u64::from(t.gauss.latency),
+            );
             self.gauss.behind.give(taken);
         }
     }
 
-    /// Stamps that keep nothing: each has a place as long as it takes to know that. Says when the first is taken.
+    /// Stamps that keep nothing: each has a place as long as it takes to know that. Says when the
+    /// first is taken.
     #[inline(always)]
     fn empty_stamps(&mut self, ready: Ready, stamps: u64) -> u64 {
         // One that is infinitely fast knows at once.
         if self.raster.is_lifted() {
             return self.raster.take_run(ready, stamps);
         }
-        if self.raster.behind.has_run(self.raster.when(ready), self.timing.raster.latency) {
+        if self
+            .raster
+            .behind
+            .has_run(self.raster.when(ready), self.timing.raster.latency)
+        {
             let first = self.raster.take_run(ready, stamps);
-            self.raster.behind.vanish(first + u64::from(self.timing.raster.latency), stamps);
+            self.raster
+                .behind
+                .vanish(first + u64::from(self.timing.raster.latency), stamps);
             return first;
         }
         self.blocked_stamps(ready, stamps)
@@ -321,8 +481,9 @@ impl<'a> Fill<'a> {
         first_taken
     }
 
-    /// The same where pixels stop, and with the cycle in which each stamp is written. Stamps of which every pixel has stopped are passed over;
-    /// a footprint of which none is left is dropped in a cycle: before its record has come, if the whole tile has stopped.
+    /// The same where pixels stop, and with the cycle in which each stamp is written. Stamps of
+    /// which every pixel has stopped are passed over; a footprint of which none is left is dropped
+    /// in a cycle: before its record has come, if the whole tile has stopped.
     pub fn footprint_of_stops(
         &mut self,
         walk: &mut Stamps,
@@ -333,24 +494,47 @@ impl<'a> Fill<'a> {
         mut next: impl FnMut(&[Piece], u64) -> [u64; 2],
     ) -> u64 {
         let t = self.timing;
-        let ready = Ready { here, memory, ..Ready::default() };
+        let ready = Ready {
+            here,
+            memory,
+            ..Ready::default()
+        };
         let stamps = walk.footprint(footprint, corner, side);
         let free = self.raster.free().max(here);
         if stops.all() <= free.max(memory) {
-            return self.raster.take_run(Ready { memory: memory.min(free.max(stops.all())), ..ready }, 1);
+            return self.raster.take_run(
+                Ready {
+                    memory: memory.min(free.max(stops.all())),
+                    ..ready
+                },
+                1,
+            );
         }
         let mut first_taken = u64::MAX;
         let mut pieces = walk.kept().peekable();
         for nth in 0..stamps {
-            let stamp = pieces.next_if(|stamp| stamp[0].stamp == nth).unwrap_or_default();
+            let stamp = pieces
+                .next_if(|stamp| stamp[0].stamp == nth)
+                .unwrap_or_default();
             let now = self.raster.free().max(here).max(memory);
             let stopped = stops.area(walk.area(nth));
             let has_weight = stamp.iter().any(|piece| piece.pixels != 0);
             let whole = stops.whole(stamp);
-            let room = if self.raster.is_lifted() && stamp.is_empty() { now } else { self.raster.behind.free_from(now) };
+            let room = if self.raster.is_lifted() && stamp.is_empty() {
+                now
+            } else {
+                self.raster.behind.free_from(now)
+            };
             // The stamp is looked at until it has room, or all of it has stopped.
-            let looked = if stopped <= room { now.max(stopped) } else { room };
-            let waited = Ready { room: looked, ..ready };
+            let looked = if stopped <= room {
+                now.max(stopped)
+            } else {
+                room
+            };
+            let waited = Ready {
+                room: looked,
+                ..ready
+            };
             if stopped <= looked {
                 self.raster.wait(waited);
                 if has_weight {
@@ -363,7 +547,9 @@ impl<'a> Fill<'a> {
                 let now = self.raster.take(waited, 1);
                 first_taken = first_taken.min(now);
                 if !self.raster.is_lifted() {
-                    self.raster.behind.vanish(now + u64::from(t.raster.latency), 1);
+                    self.raster
+                        .behind
+                        .vanish(now + u64::from(t.raster.latency), 1);
                 }
                 if has_weight {
                     stops.leave_out(looked);
@@ -381,7 +567,14 @@ impl<'a> Fill<'a> {
             }
             let room = if goes_on { self.gauss.behind.free() } else { 0 };
             let here = now + u64::from(t.raster.latency);
-            let now = self.gauss.take(Ready { here, room, ..Ready::default() }, 1);
+            let now = self.gauss.take(
+                Ready {
+                    here,
+                    room,
+                    ..Ready::default()
+                },
+                1,
+            );
             self.raster.behind.give(now);
             if goes_on {
                 self.gauss.behind.take(now);
@@ -390,7 +583,11 @@ impl<'a> Fill<'a> {
                 stops.written(footprint.splat, &self.kept, written);
             }
         }
-        if first_taken == u64::MAX { self.raster.take(ready, 1) } else { first_taken }
+        if first_taken == u64::MAX {
+            self.raster.take(ready, 1)
+        } else {
+            first_taken
+        }
     }
 }
 
@@ -420,8 +617,8 @@ pub struct Stamp<'a> {
 pub struct Merge<'a> {
     timing: &'a Microarchitecture,
     units: Vec<OfPixels>,
-    /// Whose fragments are shaded first, of one stamp: in the order of their numbers' bits from the last to the first, so that twice as many
-    /// units have the same order.
+    /// Whose fragments are shaded first, of one stamp: in the order of their numbers' bits from the
+    /// last to the first, so that twice as many units have the same order.
     order: Vec<usize>,
     pub shade: Unit,
     hazards: Hazards,
@@ -465,14 +662,32 @@ impl<'a> Merge<'a> {
     ) -> Self {
         let pace = timing.fragment;
         let unit = |of: u32| {
-            let unit = Unit::new(unit::FRAGMENT, Pace { units: 1, ..pace }, [Some(before), behind], detail, timing.lifted);
-            OfPixels { unit: unit.behind_others(nth * pace.units + of), in_flight: VecDeque::new(), merged: 0 }
+            let unit = Unit::new(
+                unit::FRAGMENT,
+                Pace { units: 1, ..pace },
+                [Some(before), behind],
+                detail,
+                timing.lifted,
+            );
+            OfPixels {
+                unit: unit.behind_others(nth * pace.units + of),
+                in_flight: VecDeque::new(),
+                merged: 0,
+            }
         };
-        let shade = Unit::new(unit::SHADE, timing.shade, [Some(unit::FRAGMENT), None], detail, timing.lifted);
+        let shade = Unit::new(
+            unit::SHADE,
+            timing.shade,
+            [Some(unit::FRAGMENT), None],
+            detail,
+            timing.lifted,
+        );
         Merge {
             timing,
             units: (0..pace.units).map(unit).collect(),
-            order: (0..pace.units).map(|of| (of.reverse_bits() as u64 * u64::from(pace.units) / (1 << 32)) as usize).collect(),
+            order: (0..pace.units)
+                .map(|of| (of.reverse_bits() as u64 * u64::from(pace.units) / (1 << 32)) as usize)
+                .collect(),
             shade: shade.behind_others(nth * timing.shade.units),
             hazards: Hazards::new(timing, work),
             texels: Texels::new(timing, work),
@@ -487,15 +702,29 @@ impl<'a> Merge<'a> {
     #[inline(always)]
     pub fn stamp(&mut self, stamp: Stamp, ready: Ready, memory: &mut Memory) -> [u64; 2] {
         let is_one = self.units.len() == 1;
-        let [now, written] = if is_one { self.stamp_of_one(stamp, ready, memory) } else { self.stamp_of_several(stamp.pieces, ready) };
+        let [now, written] = if is_one {
+            self.stamp_of_one(stamp, ready, memory)
+        } else {
+            self.stamp_of_several(stamp.pieces, ready)
+        };
         self.written = self.written.max(written);
         [now, written]
     }
 
     /// All pixels are one unit's.
     #[inline(always)]
-    fn stamp_of_one(&mut self, Stamp { pieces: stamp, texels }: Stamp, ready: Ready, memory: &mut Memory) -> [u64; 2] {
-        let hazard = self.hazards.until(stamp, ready.here.max(self.units[0].unit.free()));
+    fn stamp_of_one(
+        &mut self,
+        Stamp {
+            pieces: stamp,
+            texels,
+        }: Stamp,
+        ready: Ready,
+        memory: &mut Memory,
+    ) -> [u64; 2] {
+        let hazard = self
+            .hazards
+            .until(stamp, ready.here.max(self.units[0].unit.free()));
         let ready = Ready { hazard, ..ready };
         let now = self.units[0].unit.when(ready);
         let [merges, shades] = match stamp {
@@ -503,14 +732,19 @@ impl<'a> Merge<'a> {
             [piece] => piece.merges(u16::MAX),
             _ => merges_of(stamp, |_| u16::MAX),
         };
-        let part = Part { unit: 0, merges, shades };
+        let part = Part {
+            unit: 0,
+            merges,
+            shades,
+        };
         let written = if shades > 0 && self.texels.is_some() {
             let lit = self.mirrored(stamp, texels, now, memory);
             self.merge(part, ready, now, lit)
         } else {
             self.take(part, ready, now)
         };
-        let under_way = written - u64::from(self.timing.fragment.latency) + u64::from(self.timing.hazard);
+        let under_way =
+            written - u64::from(self.timing.fragment.latency) + u64::from(self.timing.hazard);
         if merges == 0 || self.timing.merges_in_flight == 1 {
             self.hazards.take(stamp, under_way);
         } else {
@@ -519,7 +753,8 @@ impl<'a> Merge<'a> {
         [now, written]
     }
 
-    /// Pixels are shared: all units that have one take the stamp at once, and each goes on by itself.
+    /// Pixels are shared: all units that have one take the stamp at once, and each goes on by
+    /// itself.
     #[inline(never)]
     fn stamp_of_several(&mut self, stamp: &[Piece], ready: Ready) -> [u64; 2] {
         let t = self.timing;
@@ -527,24 +762,59 @@ impl<'a> Merge<'a> {
         let here = ready.here.max(self.first_from);
         let mut parts = std::mem::take(&mut self.parts);
         parts.clear();
-        parts.extend(self.order.iter().copied().filter(|unit| has_part(t, stamp, *unit)).map(|unit| {
-            let [merges, shades] = merges_of(stamp, |piece| of_unit(t, unit, piece));
-            Part { unit, merges, shades }
-        }));
+        parts.extend(
+            self.order
+                .iter()
+                .copied()
+                .filter(|unit| has_part(t, stamp, *unit))
+                .map(|unit| {
+                    let [merges, shades] = merges_of(stamp, |piece| of_unit(t, unit, piece));
+                    Part {
+                        unit,
+                        merges,
+                        shades,
+                    }
+                }),
+        );
         // Who is free waits for the others.
-        let free = parts.iter().map(|part| self.units[part.unit].unit.free()).max().unwrap_or(0);
+        let free = parts
+            .iter()
+            .map(|part| self.units[part.unit].unit.free())
+            .max()
+            .unwrap_or(0);
         let hazard = self.hazards.until(stamp, here).max(free);
-        let ready = Ready { here, hazard, ..ready };
+        let ready = Ready {
+            here,
+            hazard,
+            ..ready
+        };
         let now = here.max(ready.memory).max(hazard).max(ready.room);
         self.first_from = now + 1;
         let mut written = 0;
         let under_way = u64::from(t.hazard);
-        for Part { unit, merges, shades } in parts.drain(..) {
+        for Part {
+            unit,
+            merges,
+            shades,
+        } in parts.drain(..)
+        {
             let of_unit = |piece: &Piece| of_unit(t, unit, piece);
-            let part_written = self.take(Part { unit, merges, shades }, ready, now);
+            let part_written = self.take(
+                Part {
+                    unit,
+                    merges,
+                    shades,
+                },
+                ready,
+                now,
+            );
             written = written.max(part_written);
             if merges > 0 {
-                self.hazards.take_merges(stamp, of_unit, part_written - u64::from(t.fragment.latency) + under_way);
+                self.hazards.take_merges(
+                    stamp,
+                    of_unit,
+                    part_written - u64::from(t.fragment.latency) + under_way,
+                );
             }
         }
         self.parts = parts;
@@ -553,7 +823,8 @@ impl<'a> Merge<'a> {
         [now, written]
     }
 
-    /// A unit takes its part of a stamp in this cycle, which is when it can; says when that is written.
+    /// A unit takes its part of a stamp in this cycle, which is when it can; says when that is
+    /// written.
     #[inline(always)]
     fn take(&mut self, part: Part, ready: Ready, now: u64) -> u64 {
         let t = self.timing;
@@ -567,19 +838,38 @@ impl<'a> Merge<'a> {
         self.merge(part, ready, now, lit)
     }
 
-    /// Shades with texels from memory what a stamp's merges ask for, from the next cycle on; says when the last light comes.
+    /// Shades with texels from memory what a stamp's merges ask for, from the next cycle on; says
+    /// when the last light comes.
     fn mirrored(&mut self, stamp: &[Piece], texels: &[u16], now: u64, memory: &mut Memory) -> u64 {
         let shade = self.timing.shade;
         let mut last = now + 1;
-        let Some(cache) = &mut self.texels else { return last };
-        for texel in stamp.iter().flat_map(|piece| &texels[piece.texels as usize..][..piece.merges(u16::MAX)[1] as usize]) {
-            let ready = Ready { here: now + 1, ..Ready::default() };
-            [last, _] = cache.shade(&mut self.shade, ready, shade.interval.into(), *texel, memory);
+        let Some(cache) = &mut self.texels else {
+            return last;
+        };
+        for texel in stamp.iter().flat_map(|piece| {
+            &texels[piece.texels as usize..][..piece.merges(u16::MAX)[1] as usize]
+        }) {
+            let ready = Ready {
+                here: now + 1,
+                ..Ready::default()
+            };
+            [last, _] = cache.shade(
+                &mut self.shade,
+                ready,
+                shade.interval.into(),
+                *texel,
+                memory,
+            );
         }
-        last + if self.shade.is_lifted() { 0 } else { u64::from(shade.latency) }
+        last + if self.shade.is_lifted() {
+            0
+        } else {
+            u64::from(shade.latency)
+        }
     }
 
-    /// A unit merges its part of a stamp, which it takes now, when light has come; says when that is written.
+    /// A unit merges its part of a stamp, which it takes now, when light has come; says when that
+    /// is written.
     #[inline(always)]
     fn merge(&mut self, Part { unit, merges, .. }: Part, ready: Ready, now: u64, lit: u64) -> u64 {
         let t = self.timing;
@@ -597,7 +887,12 @@ impl<'a> Merge<'a> {
         }
         of.in_flight.push_back(of.merged);
         // When there are as many as can be, it takes nothing until the first of them ends.
-        let first = of.in_flight.front().copied().filter(|_| of.in_flight.len() == most).unwrap_or(0);
+        let first = of
+            .in_flight
+            .front()
+            .copied()
+            .filter(|_| of.in_flight.len() == most)
+            .unwrap_or(0);
         of.unit.take(ready, first.saturating_sub(now).max(1));
         of.merged - 1 + latency
     }
@@ -609,7 +904,11 @@ impl<'a> Merge<'a> {
 
     /// When a fragment unit is free for the next stamp.
     pub fn free(&self) -> u64 {
-        self.units.iter().map(|of| of.unit.free()).min().unwrap_or(0)
+        self.units
+            .iter()
+            .map(|of| of.unit.free())
+            .min()
+            .unwrap_or(0)
     }
 
     /// Its units: fragment and shade.
@@ -627,9 +926,19 @@ impl<'a> Merge<'a> {
 pub fn light(shade: &mut Unit, timing: &Microarchitecture, asked: u64, fragments: u64) -> u64 {
     let mut last = asked;
     for _ in 0..fragments {
-        last = shade.take(Ready { here: asked, ..Ready::default() }, timing.shade.interval.into());
+        last = shade.take(
+            Ready {
+                here: asked,
+                ..Ready::default()
+            },
+            timing.shade.interval.into(),
+        );
     }
-    if fragments == 0 || shade.is_lifted() { asked } else { last + u64::from(timing.shade.latency) }
+    if fragments == 0 || shade.is_lifted() {
+        asked
+    } else {
+        last + u64::from(timing.shade.latency)
+    }
 }
 
 /// Merges of a stamp in those pixels of each piece, and fragments shaded for them.
@@ -641,30 +950,36 @@ pub fn merges_of(stamp: &[Piece], of: impl Fn(&Piece) -> u16) -> [u64; 2] {
     })
 }
 
-/// Pixels of a piece's strip that are those of a fragment unit: column plus row times the columns of a stamp says which, modulo units, which
-/// divide a strip.
+/// Pixels of a piece's strip that are those of a fragment unit: column plus row times the columns
+/// of a stamp says which, modulo units, which divide a strip.
 fn of_unit(timing: &Microarchitecture, unit: usize, piece: &Piece) -> u16 {
     let units = timing.fragment.units as usize;
-    let first = usize::from(piece.corner[0]) + usize::from(piece.corner[1]) * timing.timing.raster.lanes[0] as usize;
+    let first = usize::from(piece.corner[0])
+        + usize::from(piece.corner[1]) * timing.timing.raster.lanes[0] as usize;
     let column = (unit + first.wrapping_neg() % units) % units;
-    (column..TILE_PX).step_by(units).fold(0, |all, column| all | 1 << column)
+    (column..TILE_PX)
+        .step_by(units)
+        .fold(0, |all, column| all | 1 << column)
 }
 
 /// Whether a unit has a pixel of a stamp.
 fn has_part(timing: &Microarchitecture, stamp: &[Piece], unit: usize) -> bool {
-    stamp.iter().any(|piece| (piece.pixels | piece.merged) & of_unit(timing, unit, piece) != 0)
+    stamp
+        .iter()
+        .any(|piece| (piece.pixels | piece.merged) & of_unit(timing, unit, piece) != 0)
 }
 
-/// Resolve: pixels that lie together, a line or a tile. It takes a pixel's fragments one a cycle, whether merged, and so lit, or left to shade.
-/// Several share the pixels: the next one goes to the first that is free. They begin together.
+/// Resolve: pixels that lie together, a line or a tile. It takes a pixel's fragments one a cycle,
+/// whether merged, and so lit, or left to shade. Several share the pixels: the next one goes to the
+/// first that is free. They begin together.
 pub struct Resolve<'a> {
     timing: &'a Microarchitecture,
     units: Vec<Unit>,
     held: Rc<Held>,
     /// For how long each unit is held by what it takes.
     cycles: Vec<u64>,
-    /// Cycles for which the only unit waited for light, of pixels that do not mirror: those for which it was held longer than by what it takes
-    /// itself, and until the last light came.
+    /// Cycles for which the only unit waited for light, of pixels that do not mirror: those for
+    /// which it was held longer than by what it takes itself, and until the last light came.
     pub light: u64,
 }
 
@@ -672,15 +987,25 @@ pub struct Resolve<'a> {
 pub struct Held {
     pixels: Vec<[u8; 2]>,
     width: u32,
-    /// Of a frame that mirrors, what fragments look up that are left to shade, pixel by pixel, and where those of each pixel begin.
+    /// Of a frame that mirrors, what fragments look up that are left to shade, pixel by pixel, and
+    /// where those of each pixel begin.
     texels: Vec<u16>,
     first_texels: Vec<u32>,
 }
 
 impl Held {
     pub fn new(work: &Work) -> Rc<Self> {
-        let (texels, first_texels) = if work.mirrors { work.texels_of_pixels() } else { (Vec::new(), Vec::new()) };
-        Rc::new(Held { pixels: work.held(), width: work.width, texels, first_texels })
+        let (texels, first_texels) = if work.mirrors {
+            work.texels_of_pixels()
+        } else {
+            (Vec::new(), Vec::new())
+        };
+        Rc::new(Held {
+            pixels: work.held(),
+            width: work.width,
+            texels,
+            first_texels,
+        })
     }
 
     /// Of these columns and rows of the picture.
@@ -693,7 +1018,9 @@ impl Held {
     fn texels_of(&self, columns: Range<u32>, rows: Range<u32>) -> impl Iterator<Item = &u16> {
         let at = |row: u32, column: u32| (row * self.width + column) as usize;
         let pixels = rows.flat_map(move |row| at(row, columns.start)..at(row, columns.end));
-        pixels.flat_map(|pixel| &self.texels[self.first_texels[pixel] as usize..][..usize::from(self.pixels[pixel][1])])
+        pixels.flat_map(|pixel| {
+            &self.texels[self.first_texels[pixel] as usize..][..usize::from(self.pixels[pixel][1])]
+        })
     }
 }
 
@@ -703,13 +1030,26 @@ impl<'a> Resolve<'a> {
         let pace = timing.resolve;
         let blocked_by = (pace.units > 1).then_some(unit::RESOLVE);
         let unit = |of: u32| {
-            let unit = Unit::new(unit::RESOLVE, Pace { units: 1, ..pace }, [Some(unit::FRAGMENT), blocked_by], detail, timing.lifted);
+            let unit = Unit::new(
+                unit::RESOLVE,
+                Pace { units: 1, ..pace },
+                [Some(unit::FRAGMENT), blocked_by],
+                detail,
+                timing.lifted,
+            );
             unit.behind_others(nth * pace.units + of)
         };
-        Resolve { timing, units: (0..pace.units).map(unit).collect(), held, cycles: vec![0; pace.units as usize], light: 0 }
+        Resolve {
+            timing,
+            units: (0..pace.units).map(unit).collect(),
+            held,
+            cycles: vec![0; pace.units as usize],
+            light: 0,
+        }
     }
 
-    /// Takes these columns and rows of the picture, shading in units; says when the last of their words is there.
+    /// Takes these columns and rows of the picture, shading in units; says when the last of their
+    /// words is there.
     pub fn pixels(
         &mut self,
         columns: Range<u32>,
@@ -719,7 +1059,11 @@ impl<'a> Resolve<'a> {
         memory: &mut Memory,
     ) -> u64 {
         let t = self.timing;
-        let interval = if shade.is_lifted() { 0 } else { u64::from(t.shade.interval) };
+        let interval = if shade.is_lifted() {
+            0
+        } else {
+            u64::from(t.shade.interval)
+        };
         let shaders = u64::from(t.shade.units);
         let cycles = &mut self.cycles;
         cycles.fill(0);
@@ -734,16 +1078,35 @@ impl<'a> Resolve<'a> {
             }
             shades += left;
         }
-        // Light comes no faster than all shade units together give it; who gets no pixel looks, too.
+        // Light comes no faster than all shade units together give it; who gets no pixel looks,
+        // too.
         let light = (shades.div_ceil(shaders) * interval).max(1);
-        cycles.iter_mut().for_each(|cycles| *cycles = light.max(*cycles));
+        cycles
+            .iter_mut()
+            .for_each(|cycles| *cycles = light.max(*cycles));
         let free = self.units.iter().map(Unit::free).max().unwrap_or(0);
-        let ready = Ready { room: if self.units.len() > 1 { ready.room.max(free) } else { ready.room }, ..ready };
+        let ready = Ready {
+            room: if self.units.len() > 1 {
+                ready.room.max(free)
+            } else {
+                ready.room
+            },
+            ..ready
+        };
         if let Some(cache) = texels {
             // There is but one unit then.
             let here = ready.here.max(free).max(ready.memory).max(ready.room);
             for texel in self.held.texels_of(columns, rows) {
-                let [_, waited] = cache.shade(shade, Ready { here, ..Ready::default() }, interval, *texel, memory);
+                let [_, waited] = cache.shade(
+                    shade,
+                    Ready {
+                        here,
+                        ..Ready::default()
+                    },
+                    interval,
+                    *texel,
+                    memory,
+                );
                 cycles[0] += waited;
             }
         }
@@ -758,11 +1121,25 @@ impl<'a> Resolve<'a> {
             return done;
         }
         self.light += most.saturating_sub(own) + u64::from(t.shade.latency);
-        for nth in 0..if texels.is_some() { 0 } else { shaders.min(shades) } {
+        for nth in 0..if texels.is_some() {
+            0
+        } else {
+            shaders.min(shades)
+        } {
             let share = (shades - nth).div_ceil(shaders);
-            shade.take(Ready { here: now, ..Ready::default() }, share * interval);
+            shade.take(
+                Ready {
+                    here: now,
+                    ..Ready::default()
+                },
+                share * interval,
+            );
         }
-        done + if shade.is_lifted() { 0 } else { u64::from(t.shade.latency) }
+        done + if shade.is_lifted() {
+            0
+        } else {
+            u64::from(t.shade.latency)
+        }
     }
 
     /// When one of its units is free.

@@ -5,8 +5,8 @@
 //!      │··│##│#·│    a stamp that keeps no pixel takes its cycle, and nothing comes of it
 //!      └──┴──┴──┘
 //! ```
-//! Stamps lie side by side from the first pixel of the box, or of its part in a tile, row by row. What a stamp keeps lies in strips: 16
-//! pixels of a row, as wide as a recorded tile.
+//! Stamps lie side by side from the first pixel of the box, or of its part in a tile, row by row.
+//! What a stamp keeps lies in strips: 16 pixels of a row, as wide as a recorded tile.
 //!
 //! Laws: `tiles_of_any_size_do_the_same_work`, `a_drawn_frame_ticks_as_it_is_replayed`.
 
@@ -41,12 +41,15 @@ impl Piece {
         if self.merged & of == 0 {
             return [0; 2];
         }
-        let [one, two] = self.shaded.map(|pixels| u64::from((pixels & of).count_ones()));
+        let [one, two] = self
+            .shaded
+            .map(|pixels| u64::from((pixels & of).count_ones()));
         [(self.merged & of).count_ones().into(), one + 2 * two]
     }
 }
 
-/// What a splat did in a recorded tile: columns of each row, the first in the last place, and behind its rows those of the next splats.
+/// What a splat did in a recorded tile: columns of each row, the first in the last place, and
+/// behind its rows those of the next splats.
 #[derive(Clone, Copy, Debug)]
 struct Part<'a> {
     kept: &'a [u16],
@@ -61,7 +64,8 @@ struct Happened {
     merged: [u16; TILE_PX],
     /// Merges for which one fragment was shaded, and those for which two were.
     shaded: [[u16; TILE_PX]; 2],
-    /// Of a frame that mirrors, for each merge for which something was shaded: where, and what that looked up.
+    /// Of a frame that mirrors, for each merge for which something was shaded: where, and what that
+    /// looked up.
     looked_up: Vec<(u8, [u16; 2])>,
 }
 
@@ -81,7 +85,8 @@ pub struct Stamps<'a> {
     happened: Vec<Happened>,
     /// What a footprint's stamps keep, stamp by stamp, in each row by row.
     pieces: Vec<Piece>,
-    /// Whether each of its stamps has but one: it lies in one recorded tile, and stamps end where strips do.
+    /// Whether each of its stamps has but one: it lies in one recorded tile, and stamps end where
+    /// strips do.
     is_single: bool,
     /// What fragments look up that are shaded for its merges, piece by piece.
     texels: Vec<u16>,
@@ -91,7 +96,8 @@ pub struct Stamps<'a> {
 
 impl<'a> Stamps<'a> {
     pub fn new(work: &'a Work, lanes: [u32; 2]) -> Self {
-        let [columns, rows] = [work.width, work.height].map(|size| (size as usize).div_ceil(TILE_PX));
+        let [columns, rows] =
+            [work.width, work.height].map(|size| (size as usize).div_ceil(TILE_PX));
         let mut tiles = vec![u32::MAX; columns * rows];
         for (index, tile) in work.tiles.iter().enumerate() {
             let [column, row] = tile.corner.map(|at| usize::from(at) / TILE_PX);
@@ -112,8 +118,8 @@ impl<'a> Stamps<'a> {
         }
     }
 
-    /// Goes through the part of the next footprint that lies in these pixels of the picture, which are whole recorded tiles. Says how many
-    /// stamps there are.
+    /// Goes through the part of the next footprint that lies in these pixels of the picture, which
+    /// are whole recorded tiles. Says how many stamps there are.
     #[inline(always)]
     pub fn footprint(&mut self, footprint: &Footprint, corner: [u16; 2], side: u32) -> u32 {
         let within = |[first, last]: [u16; 2], corner: u16| {
@@ -129,7 +135,8 @@ impl<'a> Stamps<'a> {
         let tile = |at: u16| usize::from(at) / TILE_PX;
         let tile_columns = tile(columns[0])..tile(columns[1]) + 1;
         let left = columns[0] / TILE_PX as u16 * TILE_PX as u16;
-        self.is_single = tile_columns.len() == 1 && self.lanes[1] == 1 && self.width.divides_strips();
+        self.is_single =
+            tile_columns.len() == 1 && self.lanes[1] == 1 && self.width.divides_strips();
         self.pieces.clear();
         self.texels.clear();
         let mut first_stamp = 0;
@@ -139,7 +146,12 @@ impl<'a> Stamps<'a> {
             let first_y = top + part.start as u16;
             self.read(tile_row * self.columns, tile_columns.clone(), part.len());
             if self.is_single {
-                self.collect_from_tile(part.len(), [left, first_y], columns[0] - left, [first_stamp, across]);
+                self.collect_from_tile(
+                    part.len(),
+                    [left, first_y],
+                    columns[0] - left,
+                    [first_stamp, across],
+                );
                 first_stamp += across * part.len() as u32;
             } else {
                 self.collect(part.len(), [left, first_y], [columns[0], rows[0]], across);
@@ -179,11 +191,20 @@ impl<'a> Stamps<'a> {
         })
     }
 
-    /// Collects the pieces of so many rows from this pixel on, of a footprint in one recorded tile whose stamps end where strips do: four rows
-    /// at a time, and only those that keep a pixel.
+    /// Collects the pieces of so many rows from this pixel on, of a footprint in one recorded tile
+    /// whose stamps end where strips do: four rows at a time, and only those that keep a pixel.
     #[inline(always)]
-    fn collect_from_tile(&mut self, rows: usize, [left, first_y]: [u16; 2], first: u16, [first_stamp, across]: [u32; 2]) {
-        let Part { kept: mut all, has_events } = self.parts[0];
+    fn collect_from_tile(
+        &mut self,
+        rows: usize,
+        [left, first_y]: [u16; 2],
+        first: u16,
+        [first_stamp, across]: [u32; 2],
+    ) {
+        let Part {
+            kept: mut all,
+            has_events,
+        } = self.parts[0];
         let first_strip = self.strip(left, first_y);
         let mut row = 0;
         while row < rows {
@@ -198,10 +219,15 @@ impl<'a> Stamps<'a> {
                     stamp: first_stamp + row * across + self.width.divides(column),
                     strip: first_strip + row * self.columns as u32,
                     corner: [left, first_y + row as u16],
-                    pixels: ((kept / (1 << at)) as u16 & self.width.pixels_of_one) << (column + u32::from(first)),
+                    pixels: ((kept / (1 << at)) as u16 & self.width.pixels_of_one)
+                        << (column + u32::from(first)),
                     ..Piece::default()
                 };
-                self.pieces.push(if has_events { self.happened[0].of_piece(row as usize, piece, &mut self.texels) } else { piece });
+                self.pieces.push(if has_events {
+                    self.happened[0].of_piece(row as usize, piece, &mut self.texels)
+                } else {
+                    piece
+                });
             }
             all = all.get(4..).unwrap_or_default();
             row += 4;
@@ -222,7 +248,10 @@ impl<'a> Stamps<'a> {
             let index = self.tiles[first + column] as usize;
             let kept = self.readers[index].rows();
             let (_, events) = self.readers[index].splat(rows);
-            self.parts.push(Part { kept, has_events: !events.is_empty() });
+            self.parts.push(Part {
+                kept,
+                has_events: !events.is_empty(),
+            });
             if nth == self.happened.len() {
                 self.happened.push(Happened::default());
             }
@@ -241,8 +270,18 @@ impl<'a> Stamps<'a> {
             for (part, happened) in self.parts.iter().zip(&self.happened) {
                 for (nth, pixels) in cut(part.kept[row], left, first[0], self.width) {
                     let strip = self.strip(left, y);
-                    let piece = Piece { stamp: first_stamp + nth, strip, corner: [left, y], pixels, ..Piece::default() };
-                    self.pieces.push(if part.has_events { happened.of_piece(row, piece, &mut self.texels) } else { piece });
+                    let piece = Piece {
+                        stamp: first_stamp + nth,
+                        strip,
+                        corner: [left, y],
+                        pixels,
+                        ..Piece::default()
+                    };
+                    self.pieces.push(if part.has_events {
+                        happened.of_piece(row, piece, &mut self.texels)
+                    } else {
+                        piece
+                    });
                 }
                 left += TILE_PX as u16;
             }
@@ -254,7 +293,8 @@ impl<'a> Stamps<'a> {
 #[derive(Clone, Copy, Debug)]
 struct Width {
     pixels: u32,
-    /// 2^32 over them, rounded up: exact for numbers below 2^26, far more than there are columns, and up to 64 pixels.
+    /// 2^32 over them, rounded up: exact for numbers below 2^26, far more than there are columns,
+    /// and up to 64 pixels.
     inverse: u64,
     /// As many of a strip's pixels, the first.
     pixels_of_one: u16,
@@ -264,9 +304,16 @@ struct Width {
 
 impl Width {
     fn new(pixels: u32) -> Self {
-        let firsts = (0..16).step_by(pixels as usize).map(|at| 0x0001_0001_0001_0001 << at);
+        let firsts = (0..16)
+            .step_by(pixels as usize)
+            .map(|at| 0x0001_0001_0001_0001 << at);
         let first_of_each = firsts.fold(0, |all, first| all | first);
-        Width { pixels, inverse: (1_u64 << 32).div_ceil(pixels.into()), pixels_of_one: below(pixels), first_of_each }
+        Width {
+            pixels,
+            inverse: (1_u64 << 32).div_ceil(pixels.into()),
+            pixels_of_one: below(pixels),
+            first_of_each,
+        }
     }
 
     #[inline(always)]
@@ -291,7 +338,8 @@ impl Width {
     }
 }
 
-/// Pixels of a strip, which begins in this column, cut into stamps, the first of which begins in that one.
+/// Pixels of a strip, which begins in this column, cut into stamps, the first of which begins in
+/// that one.
 #[inline(always)]
 fn cut(mut pixels: u16, left: u16, first: u16, width: Width) -> impl Iterator<Item = (u32, u16)> {
     let [left, first] = [left, first].map(u32::from);
@@ -306,13 +354,19 @@ fn cut(mut pixels: u16, left: u16, first: u16, width: Width) -> impl Iterator<It
     })
 }
 
-/// The first four of these rows, or as many as there are, side by side, the first in the last places.
+/// The first four of these rows, or as many as there are, side by side, the first in the last
+/// places.
 #[inline(always)]
 fn four(rows: &[u16]) -> u64 {
     if let [a, b, c, d, ..] = rows {
-        return [*a, *b, *c, *d].iter().rev().fold(0, |all, row| all * (1 << 16) + u64::from(*row));
+        return [*a, *b, *c, *d]
+            .iter()
+            .rev()
+            .fold(0, |all, row| all * (1 << 16) + u64::from(*row));
     }
-    rows.iter().rev().fold(0, |all, row| all * (1 << 16) + u64::from(*row))
+    rows.iter()
+        .rev()
+        .fold(0, |all, row| all * (1 << 16) + u64::from(*row))
 }
 
 impl Happened {
@@ -320,23 +374,35 @@ impl Happened {
     fn read(&mut self, events: &[(u8, Event)], rows: usize, mut texels: &[u16]) {
         self.looked_up.clear();
         let [one, two] = &mut self.shaded;
-        [&mut self.faint, &mut self.merged, one, two].into_iter().for_each(|columns| columns[..rows].fill(0));
+        [&mut self.faint, &mut self.merged, one, two]
+            .into_iter()
+            .for_each(|columns| columns[..rows].fill(0));
         for (place, event) in events {
-            let (row, pixel) = (usize::from(*place) / TILE_PX, 1 << (usize::from(*place) % TILE_PX));
+            let (row, pixel) = (
+                usize::from(*place) / TILE_PX,
+                1 << (usize::from(*place) % TILE_PX),
+            );
             match event {
                 Event::Faint => self.faint[row] |= pixel,
                 Event::Merged(shades) => {
                     self.merged[row] |= pixel;
                     if let Some(nth) = usize::from(*shades).checked_sub(1) {
                         self.shaded[nth][row] |= pixel;
-                        if let Some((own, left)) = texels.split_at_checked(nth + 1).filter(|_| !texels.is_empty()) {
+                        if let Some((own, left)) = texels
+                            .split_at_checked(nth + 1)
+                            .filter(|_| !texels.is_empty())
+                        {
                             self.looked_up.push((*place, [own[0], own[nth]]));
                             texels = left;
                         }
                     }
                 }
                 Event::MergedAndStopped => self.merged[row] |= pixel,
-                Event::Accumulated | Event::Inserted | Event::Evicted | Event::Replaced | Event::Stopped => {}
+                Event::Accumulated
+                | Event::Inserted
+                | Event::Evicted
+                | Event::Replaced
+                | Event::Stopped => {}
             }
         }
     }
@@ -348,13 +414,24 @@ impl Happened {
         let pixels = piece.pixels & !faint;
         let merged = piece.pixels & self.merged[row];
         if merged == 0 {
-            return Piece { pixels, faint, ..piece };
+            return Piece {
+                pixels,
+                faint,
+                ..piece
+            };
         }
         let first = texels.len() as u32;
         if !self.looked_up.is_empty() {
             self.look_up(row, merged, texels);
         }
-        Piece { pixels, faint, merged, shaded: self.shaded.map(|rows| merged & rows[row]), texels: first, ..piece }
+        Piece {
+            pixels,
+            faint,
+            merged,
+            shaded: self.shaded.map(|rows| merged & rows[row]),
+            texels: first,
+            ..piece
+        }
     }
 
     /// Appends what was looked up for these columns' merges in a row.
@@ -365,7 +442,11 @@ impl Happened {
             let column = merged.trailing_zeros() as usize;
             let (pixel, at) = (merged & merged.wrapping_neg(), row * TILE_PX + column);
             merged -= pixel;
-            if let Some((_, both)) = self.looked_up.iter().find(|(place, _)| usize::from(*place) == at) {
+            if let Some((_, both)) = self
+                .looked_up
+                .iter()
+                .find(|(place, _)| usize::from(*place) == at)
+            {
                 texels.extend(&both[..if two & pixel == 0 { 1 } else { 2 }]);
             }
         }
@@ -381,7 +462,8 @@ pub fn below(column: u32) -> u16 {
 /// The part of an interval of pixels that lies in a recorded tile, counted from the tile's first.
 #[inline(always)]
 fn clip([first, last]: [u16; 2], corner: u16) -> Range<usize> {
-    let [from, to] = [usize::from(first), usize::from(last) + 1].map(|pixel| pixel.saturating_sub(usize::from(corner)));
+    let [from, to] = [usize::from(first), usize::from(last) + 1]
+        .map(|pixel| pixel.saturating_sub(usize::from(corner)));
     from..to.min(TILE_PX)
 }
 
@@ -393,7 +475,10 @@ mod tests {
     fn widths_divide_all_columns() {
         for pixels in 1..=64 {
             let width = Width::new(pixels);
-            assert!((0..1 << 17).all(|column| width.divides(column) == column / pixels), "{pixels}");
+            assert!(
+                (0..1 << 17).all(|column| width.divides(column) == column / pixels),
+                "{pixels}"
+            );
         }
     }
 
@@ -404,9 +489,19 @@ mod tests {
             let stamp = |pixel: u32| pixel / width.pixels * width.pixels;
             for (one, other) in (0..64).flat_map(|one| (0..64).map(move |other| (one, other))) {
                 let kept = 1_u64 << one | 1 << other;
-                assert_eq!(width.stamps(kept), 1 << stamp(one) | 1 << stamp(other), "{} {kept:x}", width.pixels);
+                assert_eq!(
+                    width.stamps(kept),
+                    1 << stamp(one) | 1 << stamp(other),
+                    "{} {kept:x}",
+                    width.pixels
+                );
             }
         }
-        assert!(![3, 5, 12, 32, 64].map(Width::new).into_iter().any(Width::divides_strips));
+        assert!(
+            ![3, 5, 12, 32, 64]
+                .map(Width::new)
+                .into_iter()
+                .any(Width::divides_strips)
+        );
     }
 }

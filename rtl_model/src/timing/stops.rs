@@ -5,11 +5,12 @@
 //!            ▼
 //! list ─► raster ─► gauss ─► fragment       every bit is set: list drops the rest of the tile, raster what has come of it
 //! ```
-//! A bit is set when the contribution that makes its pixel stop is written; from that cycle on raster leaves the pixel out, and passes over
-//! stamps in which all bits are set. What is under way by then goes on, and fragment drops it in its turn.
+//! A bit is set when the contribution that makes its pixel stop is written; from that cycle on
+//! raster leaves the pixel out, and passes over stamps in which all bits are set. What is under way
+//! by then goes on, and fragment drops it in its turn.
 //!
-//! The bits lie beside the tile's buffer. An immediate machine has none: its fragments lie in memory, and what comes to a pixel that has
-//! stopped is looked up, and dropped, like any other.
+//! The bits lie beside the tile's buffer. An immediate machine has none: its fragments lie in
+//! memory, and what comes to a pixel that has stopped is looked up, and dropped, like any other.
 //!
 //! Laws: `a_binned_frame_ticks_as_it_is_replayed`, `a_pixel_that_has_stopped_takes_no_cycle`.
 
@@ -33,7 +34,8 @@ pub struct Stops {
     pub saved: EarlyTermination,
 }
 
-/// What a binned machine leaves out because pixels have stopped: of all that it would do without the stop map.
+/// What a binned machine leaves out because pixels have stopped: of all that it would do without
+/// the stop map.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EarlyTermination {
     /// Entries of tiles' lists that are not read.
@@ -74,32 +76,63 @@ impl Stops {
                 let first = usize::from(footprint.rows[0]).max(top);
                 let end = (usize::from(footprint.rows[1]) + 1).min(top + TILE_PX);
                 let (rows, events) = reader.splat(end - first);
-                contributions += rows.iter().map(|row| u64::from(row.count_ones())).sum::<u64>();
-                contributions -= events.iter().filter(|(_, event)| *event == Event::Faint).count() as u64;
+                contributions += rows
+                    .iter()
+                    .map(|row| u64::from(row.count_ones()))
+                    .sum::<u64>();
+                contributions -= events
+                    .iter()
+                    .filter(|(_, event)| *event == Event::Faint)
+                    .count() as u64;
                 for (place, _) in events.iter().filter(|(_, event)| event.stops()) {
-                    let [x, y] = [left + usize::from(*place) % TILE_PX, first + usize::from(*place) / TILE_PX];
+                    let [x, y] = [
+                        left + usize::from(*place) % TILE_PX,
+                        first + usize::from(*place) / TILE_PX,
+                    ];
                     if x < width && y < height {
                         let at = &mut by[y * width + x];
-                        *at = if *at == u32::MAX { footprint.splat } else { *at };
+                        *at = if *at == u32::MAX {
+                            footprint.splat
+                        } else {
+                            *at
+                        };
                     }
                 }
             }
         }
         // All of them, until one comes to fragment.
-        let saved = EarlyTermination { contributions_left_out: contributions, contributions, ..EarlyTermination::default() };
-        Some(Stops { width, height, from: vec![u64::MAX; by.len()], by, tile: Tile::default(), saved })
+        let saved = EarlyTermination {
+            contributions_left_out: contributions,
+            contributions,
+            ..EarlyTermination::default()
+        };
+        Some(Stops {
+            width,
+            height,
+            from: vec![u64::MAX; by.len()],
+            by,
+            tile: Tile::default(),
+            saved,
+        })
     }
 
     /// The next tile begins, of so many pixels a side.
     pub fn begin(&mut self, corner: [u32; 2], side_px: u32) {
-        let [columns, rows] =
-            [(corner[0], self.width), (corner[1], self.height)].map(|(at, size)| (size - at as usize).min(side_px as usize));
-        self.tile = Tile { left: columns * rows, ..Tile::default() };
+        let [columns, rows] = [(corner[0], self.width), (corner[1], self.height)]
+            .map(|(at, size)| (size - at as usize).min(side_px as usize));
+        self.tile = Tile {
+            left: columns * rows,
+            ..Tile::default()
+        };
     }
 
     /// From which cycle on the whole tile has stopped, by what was taken so far.
     pub fn all(&self) -> u64 {
-        if self.tile.left == 0 { self.tile.last } else { u64::MAX }
+        if self.tile.left == 0 {
+            self.tile.last
+        } else {
+            u64::MAX
+        }
     }
 
     /// Raster left a stamp out, of which fragment would have had something.
@@ -107,7 +140,8 @@ impl Stops {
         self.tile.left_out = self.tile.left_out.max(now);
     }
 
-    /// From when on it is known that no stamp comes but those under way. A tile that has stopped waits for nothing that is left out.
+    /// From when on it is known that no stamp comes but those under way. A tile that has stopped
+    /// waits for nothing that is left out.
     pub fn known(&self) -> u64 {
         self.tile.left_out.min(self.all())
     }
@@ -115,12 +149,19 @@ impl Stops {
     /// Places of a piece's pixels in the picture, with the bit of each.
     fn pixels(&self, piece: &Piece, bits: u16) -> impl Iterator<Item = (usize, u16)> + use<> {
         let first = usize::from(piece.corner[1]) * self.width + usize::from(piece.corner[0]);
-        (0..TILE_PX).map(move |column| (first + column, 1 << column)).filter(move |(_, bit)| bits & bit != 0)
+        (0..TILE_PX)
+            .map(move |column| (first + column, 1 << column))
+            .filter(move |(_, bit)| bits & bit != 0)
     }
 
-    /// From which cycle on every pixel that a stamp keeps has stopped: from the first, if it keeps none.
+    /// From which cycle on every pixel that a stamp keeps has stopped: from the first, if it keeps
+    /// none.
     pub fn whole(&self, stamp: &[Piece]) -> u64 {
-        let of = |piece: &Piece| self.pixels(piece, piece.pixels | piece.faint).map(|(at, _)| self.from[at]).max();
+        let of = |piece: &Piece| {
+            self.pixels(piece, piece.pixels | piece.faint)
+                .map(|(at, _)| self.from[at])
+                .max()
+        };
         stamp.iter().filter_map(of).max().unwrap_or(0)
     }
 
@@ -134,9 +175,15 @@ impl Stops {
     pub fn kept(&self, stamp: &[Piece], now: u64, kept: &mut Vec<Piece>) {
         kept.clear();
         kept.extend(stamp.iter().map(|piece| {
-            let stopped = self.pixels(piece, piece.pixels | piece.faint).filter(|(at, _)| self.from[*at] <= now);
+            let stopped = self
+                .pixels(piece, piece.pixels | piece.faint)
+                .filter(|(at, _)| self.from[*at] <= now);
             let stopped = stopped.fold(0, |all, (_, bit)| all | bit);
-            Piece { pixels: piece.pixels & !stopped, faint: piece.faint & !stopped, ..*piece }
+            Piece {
+                pixels: piece.pixels & !stopped,
+                faint: piece.faint & !stopped,
+                ..*piece
+            }
         }));
     }
 

@@ -4,8 +4,9 @@
 //! fragment ─►( shade is free )─►( four texels: the lines that they lie in )─┬─ all here ─► shade takes it
 //!                                                                          └─ else they are read, and shade waits for the last
 //! ```
-//! A look-up is a cycle in which a line that is here costs nothing more. What stands before the address in shade's latency counts behind it:
-//! that moves every look-up by as many cycles, and changes no distance between two.
+//! A look-up is a cycle in which a line that is here costs nothing more. What stands before the
+//! address in shade's latency counts behind it: that moves every look-up by as many cycles, and
+//! changes no distance between two.
 //!
 //! Law: `a_frame_that_mirrors_ticks_as_it_is_replayed`.
 
@@ -34,11 +35,22 @@ impl Texels {
     pub fn new(timing: &Microarchitecture, work: &Work) -> Option<Self> {
         let shape = timing.map.filter(|_| work.mirrors)?;
         let cache = shape.cache?;
-        let (lines, used) = (vec![EMPTY; cache.lines as usize].into(), vec![0; cache.lines as usize].into());
-        Some(Texels { shape, cache, lines, used, clock: 0, lookups: [0; 2] })
+        let (lines, used) = (
+            vec![EMPTY; cache.lines as usize].into(),
+            vec![0; cache.lines as usize].into(),
+        );
+        Some(Texels {
+            shape,
+            cache,
+            lines,
+            used,
+            clock: 0,
+            lookups: [0; 2],
+        })
     }
 
-    /// A fragment that shade could take in this cycle looks up what was recorded; says when all of it is here.
+    /// A fragment that shade could take in this cycle looks up what was recorded; says when all of
+    /// it is here.
     fn look_up(&mut self, now: u64, texel: u16, memory: &mut Memory) -> u64 {
         if texel == NO_TEXEL {
             return now;
@@ -46,7 +58,12 @@ impl Texels {
         let [row, column] = texel.to_be_bytes().map(u32::from);
         let [across, down] = self.cache.line_texels;
         let columns = (1 << self.shape.index_bits) / across;
-        let corners = [[row, column], [row, column + 1], [row + 1, column], [row + 1, column + 1]];
+        let corners = [
+            [row, column],
+            [row, column + 1],
+            [row + 1, column],
+            [row + 1, column + 1],
+        ];
         let mut seen = [EMPTY; 4];
         let mut here = now;
         for nth in 0..4 {
@@ -70,28 +87,62 @@ impl Texels {
             self.lookups[1] += 1;
             return now;
         }
-        let place = (first..first + ways as usize).min_by_key(|place| self.used[*place]).unwrap_or(first);
+        let place = (first..first + ways as usize)
+            .min_by_key(|place| self.used[*place])
+            .unwrap_or(first);
         (self.lines[place], self.used[place]) = (line, self.clock);
         let bytes = u64::from(self.shape.line_bytes());
-        memory.request(now, Client::Environment, Direction::Read, MAP + u64::from(line) * bytes, bytes)
+        memory.request(
+            now,
+            Client::Environment,
+            Direction::Read,
+            MAP + u64::from(line) * bytes,
+            bytes,
+        )
     }
 
-    /// Shade takes a fragment that has come then, when its texels are here; says when, and for how many cycles it waited for them.
-    pub fn shade(&mut self, shade: &mut Unit, ready: Ready, interval: u64, texel: u16, memory: &mut Memory) -> [u64; 2] {
+    /// Shade takes a fragment that has come then, when its texels are here; says when, and for how
+    /// many cycles it waited for them.
+    pub fn shade(
+        &mut self,
+        shade: &mut Unit,
+        ready: Ready,
+        interval: u64,
+        texel: u16,
+        memory: &mut Memory,
+    ) -> [u64; 2] {
         let start = shade.free().max(ready.here);
         let here = self.look_up(start, texel, memory);
-        let now = shade.take(Ready { memory: here, ..ready }, interval);
+        let now = shade.take(
+            Ready {
+                memory: here,
+                ..ready
+            },
+            interval,
+        );
         [now, here - start]
     }
 }
 
 /// When the whole map is here, where the chip has it: nothing begins before.
 pub fn load(timing: &Microarchitecture, work: &Work, memory: &mut Memory) -> u64 {
-    let loaded = timing.map.filter(|shape| work.mirrors && shape.cache.is_none());
-    loaded.map_or(0, |shape| memory.request(0, Client::Environment, Direction::Read, MAP, shape.bytes().into()))
+    let loaded = timing
+        .map
+        .filter(|shape| work.mirrors && shape.cache.is_none());
+    loaded.map_or(0, |shape| {
+        memory.request(
+            0,
+            Client::Environment,
+            Direction::Read,
+            MAP,
+            shape.bytes().into(),
+        )
+    })
 }
 
 /// Look-ups of several, and those among them that had their line.
 pub fn lookups<const N: usize>(caches: [&Option<Texels>; N]) -> [u64; 2] {
-    caches.into_iter().flatten().fold([0; 2], |all, cache| [0, 1].map(|i| all[i] + cache.lookups[i]))
+    caches.into_iter().flatten().fold([0; 2], |all, cache| {
+        [0, 1].map(|i| all[i] + cache.lookups[i])
+    })
 }

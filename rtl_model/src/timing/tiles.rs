@@ -5,15 +5,18 @@
 //! frame      │── cycles of 0 ──│── of 1 ──│
 //! raster     │ 0 ──────│ 1 ───────│ 2 …                  each unit has shares of its own: until it is free of a tile, it is the tile's
 //! ```
-//! Units work on several tiles at a time, so a tile has two measures: by how much it puts off the end of the frame, and what each unit did
-//! for it. Both leave nothing out: shares of a unit lie end to end from the first cycle of the pass, and so do the tiles' own cycles, up to the last
-//! word that is resolved; what memory still writes then is no tile's. Each engine has units of its own, and so shares that lie end to end.
+//! Units work on several tiles at a time, so a tile has two measures: by how much it puts off the
+//! end of the frame, and what each unit did for it. Both leave nothing out: shares of a unit lie
+//! end to end from the first cycle of the pass, and so do the tiles' own cycles, up to the last
+//! word that is resolved; what memory still writes then is no tile's. Each engine has units of its
+//! own, and so shares that lie end to end.
 //!
 //! Law: `a_binned_frame_ticks_as_it_is_replayed`.
 
 use super::account::{Account, Unit};
 
-/// Tiles of a frame, in the order in which engines take them; those without an entry are not among them.
+/// Tiles of a frame, in the order in which engines take them; those without an entry are not among
+/// them.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Tiles {
     /// Pixels of a side.
@@ -46,7 +49,8 @@ pub struct TileCycles {
 /// Cycles of a unit that are a tile's: from the end of its share of the tile before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Share {
-    /// Cycle in which the unit is free of the tile; that of the tile before, where it had nothing to do.
+    /// Cycle in which the unit is free of the tile; that of the tile before, where it had nothing
+    /// to do.
     pub until: u64,
     /// What it did until then.
     pub account: Account,
@@ -54,7 +58,12 @@ pub struct Share {
 
 impl Tiles {
     /// Of a pass that begins in this cycle; all of them, each with its turn.
-    pub fn new(side_px: u32, from: u64, units: Vec<String>, mut turns: Vec<(usize, TileCycles)>) -> Self {
+    pub fn new(
+        side_px: u32,
+        from: u64,
+        units: Vec<String>,
+        mut turns: Vec<(usize, TileCycles)>,
+    ) -> Self {
         turns.sort_unstable_by_key(|(turn, _)| *turn);
         let mut end = from;
         let mut in_turn = |(_, tile): (usize, TileCycles)| {
@@ -63,7 +72,12 @@ impl Tiles {
             end = end.max(tile.done);
             TileCycles { cycles, ..tile }
         };
-        Tiles { side_px, from, units, tiles: turns.into_iter().map(&mut in_turn).collect() }
+        Tiles {
+            side_px,
+            from,
+            units,
+            tiles: turns.into_iter().map(&mut in_turn).collect(),
+        }
     }
 }
 
@@ -77,7 +91,10 @@ pub struct Shares {
 impl Shares {
     /// Of a pass that begins in this cycle.
     pub fn new(from: u64) -> Self {
-        Shares { from, before: Vec::new() }
+        Shares {
+            from,
+            before: Vec::new(),
+        }
     }
 
     /// Those of the next tile, which is through.
@@ -88,8 +105,20 @@ impl Shares {
         let share = |(before, (free, all)): (&mut (u64, Account), (u64, Account))| {
             let until = free.max(from);
             let (start, earlier) = std::mem::replace(before, (until, all));
-            let [busy, blocked, memory] = [all.busy - earlier.busy, all.blocked - earlier.blocked, all.memory - earlier.memory];
-            Share { until, account: Account { busy, starved: until - start - busy - blocked - memory, blocked, memory } }
+            let [busy, blocked, memory] = [
+                all.busy - earlier.busy,
+                all.blocked - earlier.blocked,
+                all.memory - earlier.memory,
+            ];
+            Share {
+                until,
+                account: Account {
+                    busy,
+                    starved: until - start - busy - blocked - memory,
+                    blocked,
+                    memory,
+                },
+            }
         };
         self.before.iter_mut().zip(all).map(share).collect()
     }
@@ -97,7 +126,9 @@ impl Shares {
 
 /// Names of an engine's units, with a number where several have the same.
 pub fn names<'a>(units: impl Iterator<Item = &'a Unit>) -> Vec<String> {
-    let names: Vec<&str> = units.flat_map(|unit| unit.so_far().map(|_| unit.name())).collect();
+    let names: Vec<&str> = units
+        .flat_map(|unit| unit.so_far().map(|_| unit.name()))
+        .collect();
     let count = |all: &[&str], name: &str| all.iter().filter(|other| **other == name).count();
     let name = |(at, name): (usize, &&str)| match count(&names, name) {
         1 => (*name).to_owned(),

@@ -1,11 +1,13 @@
-//! Colour: turns spherical harmonics and the direction of sight into the colour of a splat (Kerbl et al. 2023).
+//! Colour: turns spherical harmonics and the direction of sight into the colour of a splat (Kerbl
+//! et al. 2023).
 //!
 //! ```text
 //! centre − eye ─►[ · / |·| ]─► direction ─►[ monomials ]─► basis ─►( Σ coefficient · basis )─► + ½, at least 0 ─► rgb
 //!                                       coefficients, 3·(degree + 1)² ─┘
 //! ```
-//! So far this is what the unit is built of and how long it takes: its datapath is not there yet, and colours are worked out in f64 before
-//! they become words (the bench's `quantise`). Constants of the basis are taken to lie in the coefficients.
+//! So far this is what the unit is built of and how long it takes: its datapath is not there yet,
+//! and colours are worked out in f64 before they become words (the bench's `quantise`). Constants
+//! of the basis are taken to lie in the coefficients.
 
 use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
@@ -17,11 +19,13 @@ const UNIT: &str = unit::COLOUR;
 /// Greatest degree of harmonics.
 pub const MOST_DEGREE: u32 = 3;
 
-/// Bits of a coefficient, in memory and in the unit: of single precision, as files have them, and its fraction.
+/// Bits of a coefficient, in memory and in the unit: of single precision, as files have them, and
+/// its fraction.
 pub const COEFFICIENT_BITS: [i32; 2] = [32, 24];
 
-/// Products for a splat of a degree: three squares, an inverse root of a table and a Newton step, three that scale; monomials; and three
-/// channels of all coefficients but the constant one, which takes none. A colour of degree 0 is the same from all sides: it takes nothing.
+/// Products for a splat of a degree: three squares, an inverse root of a table and a Newton step,
+/// three that scale; monomials; and three channels of all coefficients but the constant one, which
+/// takes none. A colour of degree 0 is the same from all sides: it takes nothing.
 pub fn products(degree: u32) -> u32 {
     let monomials = match degree {
         0 => return 0,
@@ -34,20 +38,31 @@ pub fn products(degree: u32) -> u32 {
     3 + 3 + 3 + monomials + 3 * ((degree + 1) * (degree + 1) - 1)
 }
 
-/// Longest way: length, inverse root, direction, monomials one after the other, the coefficients' products and a tree of their sums.
+/// Longest way: length, inverse root, direction, monomials one after the other, the coefficients'
+/// products and a tree of their sums.
 pub fn path(degree: u32) -> Path {
     let [_, bits] = COEFFICIENT_BITS;
     let product = Path::default().product(bits, bits);
     let sum = Path::default().sum(bits);
-    let length = product.sum_of_three(2 * bits).normalise(2 * bits).table(8).then(product.times(3)).then(product);
+    let length = product
+        .sum_of_three(2 * bits)
+        .normalise(2 * bits)
+        .table(8)
+        .then(product.times(3))
+        .then(product);
     let monomials = product.then(sum).times(degree.saturating_sub(1));
     let coefficients = (degree + 1) * (degree + 1);
-    length.then(monomials).then(product).then(sum.times(coefficients.next_power_of_two().ilog2()))
+    length
+        .then(monomials)
+        .then(product)
+        .then(sum.times(coefficients.next_power_of_two().ilog2()))
 }
 
 /// Declares what the unit is built of, on a machine that has it.
 pub fn declare(e: &mut Elaboration, machine: &Machine) {
-    let Some(colour) = &machine.colour else { return };
+    let Some(colour) = &machine.colour else {
+        return;
+    };
     let degree = e.within(UNIT, "degree", colour.degree, 1, MOST_DEGREE);
     let [_, bits] = COEFFICIENT_BITS;
     e.copies(products(degree), |e| {
@@ -63,10 +78,14 @@ pub fn declare(e: &mut Elaboration, machine: &Machine) {
 mod tests {
     use super::*;
 
-    /// Counted by hand from the formulas: x, y, z; xy, yz, xz, xx, yy, zz; and seven of the third degree.
+    /// Counted by hand from the formulas: x, y, z; xy, yz, xz, xx, yy, zz; and seven of the third
+    /// degree.
     #[test]
     fn a_degree_takes_the_products_of_its_formulas() {
-        assert_eq!([0, 1, 2, 3].map(products), [0, 9 + 9, 9 + 6 + 24, 9 + 13 + 45]);
+        assert_eq!(
+            [0, 1, 2, 3].map(products),
+            [0, 9 + 9, 9 + 6 + 24, 9 + 13 + 45]
+        );
         assert!((1..MOST_DEGREE).all(|degree| path(degree).cycles < path(degree + 1).cycles));
     }
 }

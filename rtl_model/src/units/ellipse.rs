@@ -1,5 +1,5 @@
-//! Ellipse: turns a normal and a radius into a conic, an amplitude, a box and a depth plane (docs/book/algorithm.md §3, second half of
-//! "setup").
+//! Ellipse: turns a normal and a radius into a conic, an amplitude, a box and a depth plane
+//! (docs/book/algorithm.md §3, second half of "setup").
 //!
 //! ```text
 //! radius ─►(× s)─►(× 1/t_z)─► size k' = k/2^e ─►(× aspect)─► k'² ─┬─────────────►(×)─► variance V' ─┬─► extent ─► box
@@ -8,19 +8,22 @@
 //!                  │     └─►[ 1/|c_n| ]─► depth_slope                      └─► visibility ─► amplitude
 //!                  └─►[ −n where n_z > 0 ]─► normal of the fragments
 //! ```
-//! Each splat picks a power of two 2^e near its own radius in pixels and works relative to it, so that footprints of a
-//! tenth of a pixel and of a thousand pixels keep the same relative precision in the same words.
-//! det V' = area² + v'·tr V' − v'²: the three terms of docs/book/algorithm.md §3 with v'·tr V_r' + v'² gathered, none of which can go
-//! negative.
+//! Each splat picks a power of two 2^e near its own radius in pixels and works relative to it, so
+//! that footprints of a tenth of a pixel and of a thousand pixels keep the same relative precision
+//! in the same words. det V' = area² + v'·tr V' − v'²: the three terms of docs/book/algorithm.md §3
+//! with v'·tr V_r' + v'² gathered, none of which can go negative.
 //!
-//! Where pixels are not square, k'² is three words: k'_x², k'_x·k'_y and k'_y², each k'² times a register (`aspect`) of at most 1, for k' is
-//! that of the larger focal length; and the depth slopes come of a step each. Where they are square the registers are 1 and change no bit.
+//! Where pixels are not square, k'² is three words: k'_x², k'_x·k'_y and k'_y², each k'² times a
+//! register (`aspect`) of at most 1, for k' is that of the larger focal length; and the depth
+//! slopes come of a step each. Where they are square the registers are 1 and change no bit.
 //!
-//! Losses: every word is rounded to nearest, but `scaled_radius`, which a normaliser cuts; `extent` gets one more place than it
-//! needs, so the box never loses a pixel to rounding; `depth_slope` is clamped, for a grazing plane's slope has no limit and
-//! the depth clamp (`depth_range`) rules there.
+//! Losses: every word is rounded to nearest, but `scaled_radius`, which a normaliser cuts; `extent`
+//! gets one more place than it needs, so the box never loses a pixel to rounding; `depth_slope` is
+//! clamped, for a grazing plane's slope has no limit and the depth clamp (`depth_range`) rules
+//! there.
 //!
-//! Culls: *faint* where c_n, det V', σ or A is 0; *backface* where c_n > 0, if asked; *outside* where the box misses the picture.
+//! Culls: *faint* where c_n, det V', σ or A is 0; *backface* where c_n > 0, if asked; *outside*
+//! where the box misses the picture.
 
 use crate::elaboration::latency::{PRODUCT, Path};
 use crate::elaboration::{Elaboration, MAX_OPERAND_BITS, Operator, Signal};
@@ -37,7 +40,8 @@ use ellipsoid::Ellipsoids;
 
 const UNIT: &str = unit::ELLIPSE;
 
-/// Longest way: normal, tilt, shape, variance, determinant, root, inverse, conic; visibility and amplitude, extents and slopes beside that.
+/// Longest way: normal, tilt, shape, variance, determinant, root, inverse, conic; visibility and
+/// amplitude, extents and slopes beside that.
 pub fn path(machine: &Machine) -> Path {
     let (m, p) = (&machine.ellipse, &machine.project);
     let bits = |word: Word| word.format.width();
@@ -95,19 +99,26 @@ fn size_path(machine: &Machine) -> Path {
         .fit(bits(m.size))
         .product(bits(m.size), bits(m.size))
         .fit(bits(m.size_squared));
-    m.aspect.map_or(squared, |aspect| squared.product(bits(m.size_squared), bits(aspect)).fit(bits(m.size_squared)))
+    m.aspect.map_or(squared, |aspect| {
+        squared
+            .product(bits(m.size_squared), bits(aspect))
+            .fit(bits(m.size_squared))
+    })
 }
 
-/// Inputs of each splat: normal, radius; of `project` the exponent, t_z, 1/t_z and its exponent, slope, pixel. Ellipsoids: opacity, cutoff of
-/// the box. Axes of its own: quaternion, standard deviations. Then [`Ellipse::registers`].
+/// Inputs of each splat: normal, radius; of `project` the exponent, t_z, 1/t_z and its exponent,
+/// slope, pixel. Ellipsoids: opacity, cutoff of the box. Axes of its own: quaternion, standard
+/// deviations. Then [`Ellipse::registers`].
 pub const INPUTS: usize = 12;
 /// Those of ellipsoids.
 pub const ELLIPSOID_INPUTS: usize = INPUTS + 2;
 /// And of those with axes of their own.
 pub const OWN_INPUTS: usize = ELLIPSOID_INPUTS + 7;
-/// Results: normal, conic, amplitude, columns, rows, depth slope, depth range, backface, faint, outside.
+/// Results: normal, conic, amplitude, columns, rows, depth slope, depth range, backface, faint,
+/// outside.
 pub const OUTPUTS: usize = 17;
-/// Results that have bounds: normal, its part towards the viewer, facing, determinant, conic, amplitude, half-extents, depth slope, depth range.
+/// Results that have bounds: normal, its part towards the viewer, facing, determinant, conic,
+/// amplitude, half-extents, depth slope, depth range.
 const BOUNDS: usize = 15;
 
 /// What the unit sets up: its graph differs by that.
@@ -200,16 +211,31 @@ impl Ellipse {
         }
         e.signedness(UNIT, "determinant", m.determinant, false);
         e.saturates(UNIT, "determinant", m.determinant);
-        // The magnitude of the least area, and the sum of two variances, are multiplier operands too.
-        for (name, word, limit) in [("area", m.area, MAX_OPERAND_BITS - 1), ("variance", m.variance, MAX_OPERAND_BITS - 2)] {
+        // The magnitude of the least area, and the sum of two variances, are multiplier operands
+        // too.
+        for (name, word, limit) in [
+            ("area", m.area, MAX_OPERAND_BITS - 1),
+            ("variance", m.variance, MAX_OPERAND_BITS - 2),
+        ] {
             let Format { frac_bits, .. } = word.format;
             e.require(word.format.width() <= limit, || {
-                let fits = Format { int_bits: limit - frac_bits.min(limit), frac_bits: frac_bits.min(limit), ..word.format };
-                format!("ellipse.{name} is {word}, {} bits where {limit} can be used: {fits} would fit", word.format.width())
+                let fits = Format {
+                    int_bits: limit - frac_bits.min(limit),
+                    frac_bits: frac_bits.min(limit),
+                    ..word.format
+                };
+                format!(
+                    "ellipse.{name} is {word}, {} bits where {limit} can be used: {fits} would fit",
+                    word.format.width()
+                )
             });
         }
-        for (name, word) in [("normal", m.normal), ("scaled_radius", m.scaled_radius), ("inverse", m.inverse), ("visibility", m.visibility)]
-        {
+        for (name, word) in [
+            ("normal", m.normal),
+            ("scaled_radius", m.scaled_radius),
+            ("inverse", m.inverse),
+            ("visibility", m.visibility),
+        ] {
             e.holds_one(UNIT, name, word);
         }
         e.holds_one(UNIT, "inverse_focal", m.inverse_focal);
@@ -230,7 +256,10 @@ impl Ellipse {
 
         let scaled = e.times(UNIT, p.focal, machine.splat.radius);
         e.normaliser(UNIT, scaled.bits());
-        let normalised = Exact { int_bits: 1, frac_bits: NORMALISED_FRAC_BITS };
+        let normalised = Exact {
+            int_bits: 1,
+            frac_bits: NORMALISED_FRAC_BITS,
+        };
         e.fit(UNIT, "scaled_radius", m.scaled_radius, normalised);
         let sized = e.times(UNIT, m.scaled_radius, inverse_depth);
         e.fit_shifted(UNIT, "size", m.size, sized);
@@ -246,7 +275,10 @@ impl Ellipse {
             })
         });
 
-        let one = Exact { int_bits: 1, frac_bits: 0 };
+        let one = Exact {
+            int_bits: 1,
+            frac_bits: 0,
+        };
         e.copies(3, |e| {
             let slope_squared = e.times(UNIT, p.slope, p.slope);
             let tilt_squared = e.times(UNIT, m.tilt, m.tilt);
@@ -263,13 +295,20 @@ impl Ellipse {
 
         let turned = e.times(UNIT, m.size_squared, m.facing);
         e.fit(UNIT, "area", m.area, turned);
-        let trace = Format { int_bits: m.variance.format.int_bits + 1, ..m.variance.format };
+        let trace = Format {
+            int_bits: m.variance.format.int_bits + 1,
+            ..m.variance.format
+        };
         let area_squared = e.times(UNIT, m.area, m.area);
         let filtered = e.times(UNIT, m.low_pass, trace);
         let filter_squared = e.times(UNIT, m.low_pass, m.low_pass);
         e.part(UNIT, Operator::Adder(trace.width()));
         // One face of a disc, three of an ellipsoid.
-        let squares = if m.ellipsoid.is_some() { e.sum(UNIT, [area_squared; 3]) } else { area_squared };
+        let squares = if m.ellipsoid.is_some() {
+            e.sum(UNIT, [area_squared; 3])
+        } else {
+            area_squared
+        };
         let sum = e.sum(UNIT, [squares, filtered, filter_squared]);
         e.fit(UNIT, "determinant", m.determinant, sum);
         e.normaliser(UNIT, m.determinant.format.width());
@@ -289,8 +328,13 @@ impl Ellipse {
 
         let reach = e.copies(2, |e| e.times(UNIT, machine.raster.cutoff, m.variance));
         e.copies(2, |e| e.normaliser(UNIT, reach.bits()));
-        e.holds_exact("the operand of ellipse.extent_root, raster.cutoff · ellipse.variance, normalised,", reach.scaled(1).plus(reach));
-        let extent_root = e.copies(2, |e| ReciprocalRoot::new(e, UNIT, "extent_root", m.extent_root, reach.frac_bits));
+        e.holds_exact(
+            "the operand of ellipse.extent_root, raster.cutoff · ellipse.variance, normalised,",
+            reach.scaled(1).plus(reach),
+        );
+        let extent_root = e.copies(2, |e| {
+            ReciprocalRoot::new(e, UNIT, "extent_root", m.extent_root, reach.frac_bits)
+        });
         let root_bits = m.extent_root.format();
         e.copies(2, |e| {
             let reached = e.times(UNIT, root_bits, root_bits).scaled(1);
@@ -299,11 +343,15 @@ impl Ellipse {
         // The picture's middle lies up to 8192 pixels from its first.
         let middle = MIDDLE;
         e.copies(4, |e| {
-            let sum = e.sum(UNIT, [p.pixel.into(), middle, m.extent.into(), m.extent.into()]);
+            let sum = e.sum(
+                UNIT,
+                [p.pixel.into(), middle, m.extent.into(), m.extent.into()],
+            );
             e.fit(UNIT, "edge", EDGE, sum);
             e.limit(UNIT, 17);
         });
-        // A box in which the first lies behind the last; magnitudes of facing and area; each scale to either side.
+        // A box in which the first lies behind the last; magnitudes of facing and area; each scale
+        // to either side.
         let steps = if m.aspect.is_some() { 2 } else { 1 };
         e.adders(UNIT, 2, 17);
         for (word, copies) in [(m.facing, 1), (m.area, 1), (m.depth_step, steps)] {
@@ -311,7 +359,13 @@ impl Ellipse {
         }
 
         e.normaliser(UNIT, m.facing.format.width());
-        let slope_reciprocal = Reciprocal::new(e, UNIT, "slope_reciprocal", m.slope_reciprocal, m.facing.format.frac_bits);
+        let slope_reciprocal = Reciprocal::new(
+            e,
+            UNIT,
+            "slope_reciprocal",
+            m.slope_reciprocal,
+            m.facing.format.frac_bits,
+        );
         e.copies(steps, |e| {
             let step = e.times(UNIT, p.camera, m.inverse_focal);
             e.fit(UNIT, "depth_step", m.depth_step, step)
@@ -333,14 +387,29 @@ impl Ellipse {
             seen_normal.int_bits += 1;
             e.copies(3, |e| e.limit(UNIT, m.normal.format.width() + 1));
         }
-        e.copies(3, |e| e.fit(unit::FRAGMENT, "normal", machine.fragment.normal, seen_normal));
+        e.copies(3, |e| {
+            e.fit(
+                unit::FRAGMENT,
+                "normal",
+                machine.fragment.normal,
+                seen_normal,
+            )
+        });
 
         let ellipsoids = Ellipsoids::new(e, machine);
         Ellipse {
             machine: machine.clone(),
             signals: e.signals.clone(),
             datapaths: [const { OnceLock::new() }; VARIANTS],
-            inverse_two_pi: Fit::new(0, m.inverse_two_pi, Exact { int_bits: 0, frac_bits: 62 }).one(INVERSE_TWO_PI_Q62),
+            inverse_two_pi: Fit::new(
+                0,
+                m.inverse_two_pi,
+                Exact {
+                    int_bits: 0,
+                    frac_bits: 62,
+                },
+            )
+            .one(INVERSE_TWO_PI_Q62),
             normal,
             root,
             extent_root,
@@ -371,7 +440,9 @@ impl Ellipse {
 
     /// √(det V_r).
     pub fn compensation_root(&self) -> Option<&ReciprocalRoot> {
-        self.ellipsoids.as_ref().and_then(Ellipsoids::compensation_root)
+        self.ellipsoids
+            .as_ref()
+            .and_then(Ellipsoids::compensation_root)
     }
 
     /// 1/c_n.
@@ -381,25 +452,41 @@ impl Ellipse {
 
     /// Whether the normal of a splat is turned on its way to the fragments.
     pub fn turns(&self, view: &View, normal: [i32; 3]) -> bool {
-        let z: i64 = view.rotation[2].iter().zip(normal).map(|(row, part)| row * i64::from(part)).sum();
+        let z: i64 = view.rotation[2]
+            .iter()
+            .zip(normal)
+            .map(|(row, part)| row * i64::from(part))
+            .sum();
         self.machine.fragment.turn_normals && self.normal.one(z) > 0
     }
 
     /// What a frame asks for; discs on a machine that has not the words for its ellipsoids.
     pub fn variant(&self, has_aspect: bool, ellipsoids: Option<ellipsoid::Variant>) -> Variant {
         let has_aspect = has_aspect && self.machine.ellipse.aspect.is_some();
-        Variant { has_aspect, ellipsoid: ellipsoids.filter(|_| self.ellipsoids.is_some()) }
+        Variant {
+            has_aspect,
+            ellipsoid: ellipsoids.filter(|_| self.ellipsoids.is_some()),
+        }
     }
 
     /// What a frame asks for.
     pub fn variant_of(&self, frame: &Frame) -> Variant {
-        let of_ellipsoids = |of: &frame::Ellipsoids| ellipsoid::Variant { own: !of.own.is_empty(), amplitude: of.kernel.amplitude };
-        self.variant(frame.view.aspect.is_some(), frame.ellipsoids.as_ref().map(of_ellipsoids))
+        let of_ellipsoids = |of: &frame::Ellipsoids| ellipsoid::Variant {
+            own: !of.own.is_empty(),
+            amplitude: of.kernel.amplitude,
+        };
+        self.variant(
+            frame.view.aspect.is_some(),
+            frame.ellipsoids.as_ref().map(of_ellipsoids),
+        )
     }
 
     /// A variant's arithmetic.
     pub fn datapath(&self, variant: Variant) -> &Datapath {
-        let number = 2 * variant.ellipsoid.map_or(0, |ellipsoid| 1 + ellipsoid.number()) + usize::from(variant.has_aspect);
+        let number = 2 * variant
+            .ellipsoid
+            .map_or(0, |ellipsoid| 1 + ellipsoid.number())
+            + usize::from(variant.has_aspect);
         self.datapaths[number].get_or_init(|| {
             // Its parts are declared.
             let e = &mut Elaboration::default();
@@ -407,20 +494,44 @@ impl Ellipse {
             let g = &mut Builder::new(e, UNIT);
             let (results, bounded) = set_up(g, &self.machine, variant);
             let graph = g.build(results);
-            debug_assert_eq!(e.signals.len(), self.signals.len(), "every signal is declared");
-            Datapath { program: graph.program(), bounds: graph.asked(bounded), graph }
+            debug_assert_eq!(
+                e.signals.len(),
+                self.signals.len(),
+                "every signal is declared"
+            );
+            Datapath {
+                program: graph.program(),
+                bounds: graph.asked(bounded),
+                graph,
+            }
         })
     }
 
     /// Registers of a view and a picture, as inputs of a variant's graph, in their order there.
-    pub fn registers(&self, variant: Variant, view: &View, size_px: [u32; 2], kernel: &Kernel) -> Vec<i64> {
+    pub fn registers(
+        &self,
+        variant: Variant,
+        view: &View,
+        size_px: [u32; 2],
+        kernel: &Kernel,
+    ) -> Vec<i64> {
         let mut registers = view.rotation.as_flattened().to_vec();
-        registers.extend([-i64::from(view.cull_backfaces), view.focal, view.low_pass, view.root_cutoff, self.inverse_two_pi]);
+        registers.extend([
+            -i64::from(view.cull_backfaces),
+            view.focal,
+            view.low_pass,
+            view.root_cutoff,
+            self.inverse_two_pi,
+        ]);
         if variant.ellipsoid.is_none() {
             registers.push(view.cutoff);
         }
         let steps = if variant.has_aspect { 2 } else { 1 };
-        registers.extend(view.inverse_focals()[..steps].iter().flat_map(|Scaled { mantissa, places }| [-places, *mantissa]));
+        registers.extend(
+            view.inverse_focals()[..steps]
+                .iter()
+                .flat_map(|Scaled { mantissa, places }| [-places, *mantissa]),
+        );
         if let (true, Some(aspect)) = (variant.has_aspect, view.aspect) {
             registers.extend(aspect.squares);
         }
@@ -443,7 +554,10 @@ impl Ellipse {
 /// First and last columns and rows, before they are clipped to the picture.
 const EDGE: Word = Word::new(Format::signed(17, 0)).rounded(Rounding::Truncate);
 /// The picture's middle lies up to 8192 pixels from its first.
-const MIDDLE: Exact = Exact { int_bits: 14, frac_bits: 1 };
+const MIDDLE: Exact = Exact {
+    int_bits: 14,
+    frac_bits: 1,
+};
 
 /// Wires that the parts of the unit share.
 struct Wires {
@@ -466,7 +580,11 @@ struct Wires {
 }
 
 /// A disc or an ellipsoid, from its record to its conic and box; and what of that has bounds.
-fn set_up(g: &mut Builder, machine: &Machine, variant: Variant) -> ([Wire; OUTPUTS], [Wire; BOUNDS]) {
+fn set_up(
+    g: &mut Builder,
+    machine: &Machine,
+    variant: Variant,
+) -> ([Wire; OUTPUTS], [Wire; BOUNDS]) {
     let (m, p) = (&machine.ellipse, &machine.project);
     let normal = three!(_i => g.input(machine.splat.normal));
     let radius = g.input(machine.splat.radius);
@@ -478,23 +596,38 @@ fn set_up(g: &mut Builder, machine: &Machine, variant: Variant) -> ([Wire; OUTPU
     g.relate(inverse_depth, inverse_power);
     let slope = two!(_i => g.input(p.slope));
     let pixel = two!(_i => g.input(p.pixel));
-    let of_ellipsoid = variant.ellipsoid.zip(m.ellipsoid.as_ref()).map(|(ellipsoid, words)| {
-        let opacity = g.input(machine.splat.opacity);
-        let cutoff = g.input(machine.raster.cutoff);
-        let own = ellipsoid.own.then(|| ([(); 4].map(|()| g.input(words.quaternion)), three!(_i => g.input(words.scale))));
-        (ellipsoid, words, opacity, cutoff, own)
-    });
+    let of_ellipsoid = variant
+        .ellipsoid
+        .zip(m.ellipsoid.as_ref())
+        .map(|(ellipsoid, words)| {
+            let opacity = g.input(machine.splat.opacity);
+            let cutoff = g.input(machine.raster.cutoff);
+            let own = ellipsoid.own.then(|| {
+                (
+                    [(); 4].map(|()| g.input(words.quaternion)),
+                    three!(_i => g.input(words.scale)),
+                )
+            });
+            (ellipsoid, words, opacity, cutoff, own)
+        });
     let rotation = three!(_row => three!(_i => g.input(p.rotation)));
     let cull = g.condition_input();
-    let [focal, low_pass, root_cutoff, inverse_two_pi] = [p.focal, m.low_pass, m.root_cutoff, m.inverse_two_pi].map(|word| g.input(word));
-    let cutoff = of_ellipsoid.as_ref().map(|of| of.3).unwrap_or_else(|| g.input(machine.raster.cutoff));
+    let [focal, low_pass, root_cutoff, inverse_two_pi] =
+        [p.focal, m.low_pass, m.root_cutoff, m.inverse_two_pi].map(|word| g.input(word));
+    let cutoff = of_ellipsoid
+        .as_ref()
+        .map(|of| of.3)
+        .unwrap_or_else(|| g.input(machine.raster.cutoff));
     let steps = if variant.has_aspect { 2 } else { 1 };
     let inverse_focals = (0..steps).map(|_| {
         let power = g.power_input(Power::ONE);
         g.input_under(m.inverse_focal, power)
     });
     let inverse_focals: Vec<Wire> = inverse_focals.collect();
-    let aspect = m.aspect.filter(|_| variant.has_aspect).map(|word| three!(_i => g.input(word)));
+    let aspect = m
+        .aspect
+        .filter(|_| variant.has_aspect)
+        .map(|word| three!(_i => g.input(word)));
     let size = two!(_axis => {
         let first_centre = g.state(MIDDLE, false);
         [first_centre, g.state(Exact { int_bits: 14, frac_bits: 0 }, false)]
@@ -518,12 +651,19 @@ fn set_up(g: &mut Builder, machine: &Machine, variant: Variant) -> ([Wire; OUTPU
     };
     match of_ellipsoid {
         None => disc(g, machine, &w, normal),
-        Some((variant, words, opacity, _, own)) => ellipsoid::set_up(g, machine, &w, normal, (variant, words, opacity, own)),
+        Some((variant, words, opacity, _, own)) => {
+            ellipsoid::set_up(g, machine, &w, normal, (variant, words, opacity, own))
+        }
     }
 }
 
 /// A disc.
-fn disc(g: &mut Builder, machine: &Machine, w: &Wires, normal: [Wire; 3]) -> ([Wire; OUTPUTS], [Wire; BOUNDS]) {
+fn disc(
+    g: &mut Builder,
+    machine: &Machine,
+    w: &Wires,
+    normal: [Wire; 3],
+) -> ([Wire; OUTPUTS], [Wire; BOUNDS]) {
     let m = &machine.ellipse;
     let normal = camera_normal(g, machine, w, normal);
     let (tilt, facing) = turn(g, machine, w.slope, normal);
@@ -542,18 +682,35 @@ fn disc(g: &mut Builder, machine: &Machine, w: &Wires, normal: [Wire; 3]) -> ([W
             }
             g.fit("shape", m.shape, sum)
         };
-        [part([a, a], [g_x, g_x], true), part([a, b], [g_x, g_y], false), part([b, b], [g_y, g_y], true)]
+        [
+            part([a, a], [g_x, g_x], true),
+            part([a, b], [g_x, g_y], false),
+            part([b, b], [g_y, g_y], true),
+        ]
     };
-    let footprint = footprint(g, machine, w, (squares, exponent), (shape, vec![facing]), |g, areas, root| {
-        let visibility = visibility(g, machine, areas[0], root);
-        let shown = g.times(visibility, w.inverse_two_pi);
-        g.fit("amplitude", m.amplitude, shown)
-    });
+    let footprint = footprint(
+        g,
+        machine,
+        w,
+        (squares, exponent),
+        (shape, vec![facing]),
+        |g, areas, root| {
+            let visibility = visibility(g, machine, areas[0], root);
+            let shown = g.times(visibility, w.inverse_two_pi);
+            g.fit("amplitude", m.amplitude, shown)
+        },
+    );
     let seen = seen_normal(g, machine, normal);
     let depth_slope = depth_slope(g, machine, w, normal, (facing, across));
     let deep = g.times(w.radius, w.root_cutoff);
     let depth_range = g.fit("depth_range", m.depth_range, deep);
-    done(g, &footprint, (seen, normal[2], facing), (depth_slope, depth_range), [away, blind])
+    done(
+        g,
+        &footprint,
+        (seen, normal[2], facing),
+        (depth_slope, depth_range),
+        [away, blind],
+    )
 }
 
 /// Results in their order.
@@ -564,7 +721,15 @@ fn done(
     ([slope_x, slope_y], depth_range): ([Wire; 2], Wire),
     [away, blind]: [Wire; 2],
 ) -> ([Wire; OUTPUTS], [Wire; BOUNDS]) {
-    let Footprint { determinant, conic: [xx, xy, yy], amplitude, extent: [width, height], sides, faint, outside } = *footprint;
+    let Footprint {
+        determinant,
+        conic: [xx, xy, yy],
+        amplitude,
+        extent: [width, height],
+        sides,
+        faint,
+        outside,
+    } = *footprint;
     let faint = g.either(blind, faint);
     let [[first_column, last_column], [first_row, last_row]] = sides;
     (
@@ -587,11 +752,28 @@ fn done(
             faint,
             outside,
         ],
-        [n, m, o, towards_viewer, facing, determinant, xx, xy, yy, amplitude, width, height, slope_x, slope_y, depth_range],
+        [
+            n,
+            m,
+            o,
+            towards_viewer,
+            facing,
+            determinant,
+            xx,
+            xy,
+            yy,
+            amplitude,
+            width,
+            height,
+            slope_x,
+            slope_y,
+            depth_range,
+        ],
     )
 }
 
-/// Where a splat faces away and that counts, and where there is nothing to see: it has no size, or `nothing` holds.
+/// Where a splat faces away and that counts, and where there is nothing to see: it has no size, or
+/// `nothing` holds.
 fn culled(g: &mut Builder, w: &Wires, facing: Wire, nothing: Wire) -> (Wire, Wire) {
     let zero = g.constant(0, g.shape(facing));
     let turned_away = g.above(facing, zero);
@@ -611,7 +793,8 @@ fn camera_normal(g: &mut Builder, machine: &Machine, w: &Wires, direction: [Wire
     })
 }
 
-/// The normal that fragments sum: towards the viewer where the machine turns it, so that a sheet's two sides do not cancel.
+/// The normal that fragments sum: towards the viewer where the machine turns it, so that a sheet's
+/// two sides do not cancel.
 fn seen_normal(g: &mut Builder, machine: &Machine, normal: [Wire; 3]) -> [Wire; 3] {
     three!(axis => {
         let seen = if machine.fragment.turn_normals { g.turned(normal[axis], normal[2]) } else { normal[axis] };
@@ -709,7 +892,8 @@ fn footprint(
     let root = g.inverse_root("root", m.root, positive);
     let inverse = g.times(root, root);
     let inverse = g.fit("inverse", m.inverse, inverse);
-    let [inverted_y, inverted_xy, inverted_x] = [yy, xy, xx].map(|variance| g.times(variance, inverse));
+    let [inverted_y, inverted_xy, inverted_x] =
+        [yy, xy, xx].map(|variance| g.times(variance, inverse));
     let conic_xx = g.fit_to("conic", m.conic, inverted_y, Power::ONE);
     let cross = g.negated(inverted_xy);
     let conic_xy = g.fit_to("conic_cross", m.conic_cross, cross, Power::ONE);
@@ -761,13 +945,20 @@ fn visibility(g: &mut Builder, machine: &Machine, area: Wire, root: Wire) -> Wir
     g.fit_to("visibility", machine.ellipse.visibility, seen, Power::ONE)
 }
 
-/// First and last column, or row, clipped to the picture; the first lies behind the last where nothing is left.
+/// First and last column, or row, clipped to the picture; the first lies behind the last where
+/// nothing is left.
 fn side(g: &mut Builder, w: &Wires, axis: usize, extent: Wire) -> [Wire; 2] {
     let [first_centre, last_px] = w.size[axis];
     let centre = g.plus(w.pixel[axis], first_centre);
     let from = g.minus(centre, extent);
     let shape = g.shape(from);
-    let up = g.constant((1 << shape.frac_bits.clamp(0, 62)) - 1, Exact { int_bits: 0, ..shape });
+    let up = g.constant(
+        (1 << shape.frac_bits.clamp(0, 62)) - 1,
+        Exact {
+            int_bits: 0,
+            ..shape
+        },
+    );
     let from = g.plus(from, up);
     let first = g.fit("edge", EDGE, from);
     let to = g.plus(centre, extent);
@@ -776,7 +967,13 @@ fn side(g: &mut Builder, w: &Wires, axis: usize, extent: Wire) -> [Wire; 2] {
 }
 
 /// z_x, z_y.
-fn depth_slope(g: &mut Builder, machine: &Machine, w: &Wires, n: [Wire; 3], (facing, across): (Wire, Wire)) -> [Wire; 2] {
+fn depth_slope(
+    g: &mut Builder,
+    machine: &Machine,
+    w: &Wires,
+    n: [Wire; 3],
+    (facing, across): (Wire, Wire),
+) -> [Wire; 2] {
     let m = &machine.ellipse;
     let across = g.at_least_a_place(across);
     let inverse = g.reciprocal("slope_reciprocal", m.slope_reciprocal, across);

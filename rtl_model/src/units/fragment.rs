@@ -1,5 +1,5 @@
-//! Fragment: keeps at most `layers` fragments a pixel: accumulates, inserts, merges, evicts (Surface Splatting §6,
-//! docs/book/algorithm.md §6).
+//! Fragment: keeps at most `layers` fragments a pixel: accumulates, inserts, merges, evicts
+//! (Surface Splatting §6, docs/book/algorithm.md §6).
 //!
 //! ```text
 //! weight, depth, attributes ─►[ match: unshaded, |z − z_f| < ε, nearest ]─┬─ found ─► accumulate: sums += weight · attributes
@@ -7,15 +7,18 @@
 //!                                                                        └─ full ─► evict the deepest if something is hidden,
 //!                                                        shade ◄── two fragments ──┘ else merge an adjacent pair, front over back
 //! ```
-//! Losses: each sum is rounded once per contribution and saturates; so is what a merge writes back, by the same fits.
-//! A shaded slot keeps its premultiplied colour and its opacity where an unshaded one keeps their sums.
+//! Losses: each sum is rounded once per contribution and saturates; so is what a merge writes back,
+//! by the same fits. A shaded slot keeps its premultiplied colour and its opacity where an unshaded
+//! one keeps their sums.
 //!
 //! Laws: `every_contribution_has_one_outcome`, `slots_are_in_depth_order_after_a_merge`.
 
 use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
 use crate::functions::{Reciprocal, table};
-use crate::kernels::{Accumulator, HostPath, MAX_DEPTH_BITS, PackedSlot, PackedSums, SumLimits, Tile, fits_32_bits};
+use crate::kernels::{
+    Accumulator, HostPath, MAX_DEPTH_BITS, PackedSlot, PackedSums, SumLimits, Tile, fits_32_bits,
+};
 use crate::machine::{FragmentDepth, Group, Machine, Merge};
 use crate::num::{Exact, Fit, Lanes, Word, Words, fit, three};
 use crate::probe::{Probe, Tap};
@@ -25,8 +28,8 @@ use std::cmp::Ordering;
 use window::Windows;
 
 pub use crate::records::{
-    Attributes, COLOUR, Contribution, Decision, MAX_LAYERS, NORMAL, OPACITY, Outcomes, Premultiplied, SUM_SIGNALS, SUMS, Side, Slot, Sums,
-    TILE_AREA, TILE_PX, WEIGHT,
+    Attributes, COLOUR, Contribution, Decision, MAX_LAYERS, NORMAL, OPACITY, Outcomes,
+    Premultiplied, SUM_SIGNALS, SUMS, Side, Slot, Sums, TILE_AREA, TILE_PX, WEIGHT,
 };
 
 const UNIT: &str = unit::FRAGMENT;
@@ -86,15 +89,33 @@ pub trait Merging<A, P> {
     /// Comes to an end with what waits in a pixel that is looked at again.
     fn settle(&mut self, unit: &Fragment, tile: &mut Tile<A>, pixel: u8, probe: &mut P);
     /// The front and the back of a pair become what is in this slot of a pixel.
-    fn merge(&mut self, unit: &Fragment, tile: &mut Tile<A>, at: (u8, usize), pair: &[Slot; 2], probe: &mut P);
+    fn merge(
+        &mut self,
+        unit: &Fragment,
+        tile: &mut Tile<A>,
+        at: (u8, usize),
+        pair: &[Slot; 2],
+        probe: &mut P,
+    );
 }
 
 /// At once, with the light that a function finds.
 impl<A: Accumulator, P: Probe, F: Fn(&Slot, &mut Tap<P>) -> Premultiplied> Merging<A, P> for F {
     fn settle(&mut self, _: &Fragment, _: &mut Tile<A>, _: u8, _: &mut P) {}
 
-    fn merge(&mut self, unit: &Fragment, tile: &mut Tile<A>, (pixel, slot): (u8, usize), [front, back]: &[Slot; 2], probe: &mut P) {
-        tile.write(pixel, slot, PackedSlot::put(&unit.merged(front, back, &*self, &mut Tap::new(probe))));
+    fn merge(
+        &mut self,
+        unit: &Fragment,
+        tile: &mut Tile<A>,
+        (pixel, slot): (u8, usize),
+        [front, back]: &[Slot; 2],
+        probe: &mut P,
+    ) {
+        tile.write(
+            pixel,
+            slot,
+            PackedSlot::put(&unit.merged(front, back, &*self, &mut Tap::new(probe))),
+        );
     }
 }
 
@@ -102,40 +123,80 @@ impl<A: Accumulator, P: Probe, F: Fn(&Slot, &mut Tap<P>) -> Premultiplied> Mergi
 pub fn path(machine: &Machine) -> Path {
     let m = &machine.fragment;
     let bits = |word: Word| word.format.width();
-    let (weight, sum) = (bits(machine.gauss.weight), bits(m.colour_sum).max(bits(m.normal_sum)));
+    let (weight, sum) = (
+        bits(machine.gauss.weight),
+        bits(m.colour_sum).max(bits(m.normal_sum)),
+    );
     // The product does not wait for the match, but has its registers behind it.
     let product = Path::default().product(weight, bits(machine.splat.rgb).max(bits(m.normal)));
-    let matched = Path::default().sum(bits(m.depth)).choose(m.layers.saturating_add(1));
+    let matched = Path::default()
+        .sum(bits(m.depth))
+        .choose(m.layers.saturating_add(1));
     let way = Path::default()
         .memory()
-        .then(Path { cycles: product.cycles + matched.cycles, ..product.beside(matched) })
+        .then(Path {
+            cycles: product.cycles + matched.cycles,
+            ..product.beside(matched)
+        })
         .sum(sum)
         .fit(sum)
         .choose(m.layers.saturating_add(1))
         .memory();
     // No part of it is longer.
-    let longest = [way, decision(machine), sheet(machine), stamp(machine)].into_iter().map(|way| way.delay).max();
-    Path { delay: longest.unwrap_or_default(), ..way }
+    let longest = [way, decision(machine), sheet(machine), stamp(machine)]
+        .into_iter()
+        .map(|way| way.delay)
+        .max();
+    Path {
+        delay: longest.unwrap_or_default(),
+        ..way
+    }
 }
 
-/// From a contribution that is a sheet of its own to the composite with it: its sums, what a sheet comes to, front over back, and whether
-/// the pixel stops by that. A sheet that is open comes to the same, its sums behind it.
+/// From a contribution that is a sheet of its own to the composite with it: its sums, what a sheet
+/// comes to, front over back, and whether the pixel stops by that. A sheet that is open comes to
+/// the same, its sums behind it.
 fn sheet(machine: &Machine) -> Path {
     let m = &machine.fragment;
-    let Some(words) = &m.sheets else { return Path::default() };
+    let Some(words) = &m.sheets else {
+        return Path::default();
+    };
     let bits = |word: Word| word.format.width();
-    let (sum, ratio) = (bits(m.colour_sum).max(bits(m.weight_sum)), bits(words.ratio));
-    let summed = Path::default().memory().product(bits(machine.gauss.weight), bits(machine.splat.rgb)).sum(sum).fit(sum);
-    let scaled = summed.fit(bits(words.depth_index)).then(table::path(words.table, ratio)).product(sum, ratio);
-    scaled.fit(bits(machine.shade.premultiplied)).then(over(machine)).sum(bits(m.opacity_sum)).choose(3).memory()
+    let (sum, ratio) = (
+        bits(m.colour_sum).max(bits(m.weight_sum)),
+        bits(words.ratio),
+    );
+    let summed = Path::default()
+        .memory()
+        .product(bits(machine.gauss.weight), bits(machine.splat.rgb))
+        .sum(sum)
+        .fit(sum);
+    let scaled = summed
+        .fit(bits(words.depth_index))
+        .then(table::path(words.table, ratio))
+        .product(sum, ratio);
+    scaled
+        .fit(bits(machine.shade.premultiplied))
+        .then(over(machine))
+        .sum(bits(m.opacity_sum))
+        .choose(3)
+        .memory()
 }
 
-/// From a pixel that is read to its slots as they are written, as the twin is built: the nearest slot, the sum, the order of all slots.
+/// From a pixel that is read to its slots as they are written, as the twin is built: the nearest
+/// slot, the sum, the order of all slots.
 fn decision(machine: &Machine) -> Path {
     let m = &machine.fragment;
     let bits = |word: Word| word.format.width();
     let (depth, sum) = (bits(m.depth), bits(m.colour_sum).max(bits(m.normal_sum)));
-    nearest(machine).choose(m.layers).sum(sum).fit(sum).sum(depth).choose(m.layers.saturating_add(1)).choose(3).memory()
+    nearest(machine)
+        .choose(m.layers)
+        .sum(sum)
+        .fit(sum)
+        .sum(depth)
+        .choose(m.layers.saturating_add(1))
+        .choose(3)
+        .memory()
 }
 
 /// From a pixel that is read to the nearest slot.
@@ -143,12 +204,18 @@ fn nearest(machine: &Machine) -> Path {
     let m = &machine.fragment;
     let depth = m.depth.format.width();
     let nearer = Path::default().sum(depth).choose(2);
-    Path::default().memory().sum(depth).sum(depth).choose(2).then(nearer.times(m.layers.clamp(1, 64).next_power_of_two().ilog2()))
+    Path::default()
+        .memory()
+        .sum(depth)
+        .sum(depth)
+        .choose(2)
+        .then(nearer.times(m.layers.clamp(1, 64).next_power_of_two().ilog2()))
 }
 
-/// What a stamp takes in the one cycle in which the twin has to know whether it can take another: of a slot whether it is near, and the
-/// deepest of all, each a comparison; what is opaque it has known since the pixel was read. Of sheets it is whether the open one has the same
-/// number. Windows are formed a slot a cycle, which asks for more than whether a slot is near.
+/// What a stamp takes in the one cycle in which the twin has to know whether it can take another:
+/// of a slot whether it is near, and the deepest of all, each a comparison; what is opaque it has
+/// known since the pixel was read. Of sheets it is whether the open one has the same number.
+/// Windows are formed a slot a cycle, which asks for more than whether a slot is near.
 pub fn stamp(machine: &Machine) -> Path {
     let m = &machine.fragment;
     let bits = |word: Word| word.format.width();
@@ -156,14 +223,22 @@ pub fn stamp(machine: &Machine) -> Path {
     if m.sheets.is_some() {
         return Path::default().sum(SHEET_BITS).choose(4).choose(4);
     }
-    let near = Path::default().sum(bits(m.depth) + 2).choose(places).choose(places).choose(4).choose(4);
+    let near = Path::default()
+        .sum(bits(m.depth) + 2)
+        .choose(places)
+        .choose(places)
+        .choose(4)
+        .choose(4);
     near.beside(window::slot(machine))
 }
 
 /// What merging two fragments that are shaded takes: the front over the back, and a slot again.
 pub fn over(machine: &Machine) -> Path {
     let light = machine.shade.premultiplied.format.width();
-    Path::default().product(light, light).sum(2 * light).fit(machine.fragment.colour_sum.format.width())
+    Path::default()
+        .product(light, light)
+        .sum(2 * light)
+        .fit(machine.fragment.colour_sum.format.width())
 }
 
 /// The opacity, in `fragment.opaque`, from which a fragment counts as opaque.
@@ -172,7 +247,8 @@ fn opaque(machine: &Machine) -> i128 {
     i128::from(m.opaque.format.one()) * i128::from(m.opaque_permille) / 1000
 }
 
-/// Digits of a number that are 1 or −1, in the way of writing it that has the fewest of them: where the number and its triple differ.
+/// Digits of a number that are 1 or −1, in the way of writing it that has the fewest of them: where
+/// the number and its triple differ.
 fn signed_digits(number: i128) -> u32 {
     (number ^ number.wrapping_mul(3)).count_ones()
 }
@@ -240,10 +316,25 @@ impl Fragment {
         }
         let s = &machine.splat;
         let one = Word::new(crate::num::Format::unsigned(1, 0));
-        let attributes = [one, s.rgb, s.rgb, s.rgb, s.opacity, m.normal, m.normal, m.normal];
-        let words = [m.weight_sum, m.colour_sum, m.colour_sum, m.colour_sum, m.opacity_sum, m.normal_sum, m.normal_sum, m.normal_sum];
+        let attributes = [
+            one, s.rgb, s.rgb, s.rgb, s.opacity, m.normal, m.normal, m.normal,
+        ];
+        let words = [
+            m.weight_sum,
+            m.colour_sum,
+            m.colour_sum,
+            m.colour_sum,
+            m.opacity_sum,
+            m.normal_sum,
+            m.normal_sum,
+            m.normal_sum,
+        ];
         let products: [Exact; SUMS] = std::array::from_fn(|lane| {
-            if lane == WEIGHT { machine.gauss.weight.into() } else { e.per_lane(|e| e.times(UNIT, machine.gauss.weight, attributes[lane])) }
+            if lane == WEIGHT {
+                machine.gauss.weight.into()
+            } else {
+                e.per_lane(|e| e.times(UNIT, machine.gauss.weight, attributes[lane]))
+            }
         });
         let sums: [Fit; SUMS] = std::array::from_fn(|lane| {
             e.per_lane(|e| {
@@ -254,11 +345,14 @@ impl Fragment {
         let slot = machine.fragment_bits();
         e.per_lane(|e| {
             // All slots, as they are read and as they are written.
-            e.copies(2 * layers as u32, |e| e.part(UNIT, Operator::Register(slot)));
+            e.copies(2 * layers as u32, |e| {
+                e.part(UNIT, Operator::Register(slot))
+            });
             // A pixel that was read stays as long as it keeps the unit.
             e.copies(layers as u32, |e| e.part(UNIT, Operator::Hold(slot)));
             if m.sheets.is_some() {
-                // A sheet's number against the open one's; each slot stays, is added to, or is begun.
+                // A sheet's number against the open one's; each slot stays, is added to, or is
+                // begun.
                 e.adders(UNIT, 1, m.depth.format.width());
                 e.copies(layers as u32, |e| e.choice(UNIT, 3, slot));
             } else if m.window.is_none() {
@@ -267,7 +361,10 @@ impl Fragment {
         });
         let align = std::array::from_fn(|lane| {
             let (sum, product) = (words[lane].format.frac_bits, products[lane].frac_bits);
-            [(product - sum).clamp(0, 62) as u32, (sum - product).clamp(0, 62) as u32]
+            [
+                (product - sum).clamp(0, 62) as u32,
+                (sum - product).clamp(0, 62) as u32,
+            ]
         });
         let premultiplied = machine.shade.premultiplied;
         let shaded = Exact::from(premultiplied);
@@ -276,7 +373,8 @@ impl Fragment {
             e.sum(UNIT, [product, shaded])
         });
         let light = premultiplied.format.width();
-        // 1 less the front's opacity; lights of the front, of the back and of what is handed on, shaded before or now.
+        // 1 less the front's opacity; lights of the front, of the back and of what is handed on,
+        // shaded before or now.
         e.adders(UNIT, 1, light);
         e.copies(2 * 4, |e| e.choice(UNIT, 2, light));
         e.choice(UNIT, layers as u32, slot);
@@ -294,7 +392,13 @@ impl Fragment {
         let half = sums.map(|fit| fit.half());
         let depth = e.per_lane(|e| e.fit(UNIT, "depth", m.depth, depth));
         // From the middle's depth as far as a splat reaches.
-        let farthest = machine.project.depth.format.int_bits.max(machine.ellipse.depth_range.format.int_bits) + 1;
+        let farthest = machine
+            .project
+            .depth
+            .format
+            .int_bits
+            .max(machine.ellipse.depth_range.format.int_bits)
+            + 1;
         let right = align.map(|[right, _]: [u32; 2]| right);
         let mut fragment = Fragment {
             layers,
@@ -307,26 +411,49 @@ impl Fragment {
             depth,
             is_depth_natural: depth.is_natural(farthest),
             limits: SumLimits::new(half, right, words),
-            narrow: (0..SUMS).all(|lane| fits_32_bits(machine.gauss.weight, attributes[lane], words[lane], &sums[lane])),
+            narrow: (0..SUMS).all(|lane| {
+                fits_32_bits(
+                    machine.gauss.weight,
+                    attributes[lane],
+                    words[lane],
+                    &sums[lane],
+                )
+            }),
             sums,
             align,
-            opaque_scales: [1 << (limit_places - opacity_places).max(0), opaque << (opacity_places - limit_places).max(0)],
+            opaque_scales: [
+                1 << (limit_places - opacity_places).max(0),
+                opaque << (opacity_places - limit_places).max(0),
+            ],
             opaque_shaded: -((-opaque << opacity_places) >> m.opaque.format.frac_bits) as i64,
-            store: [e.copies(3, |e| e.fit(UNIT, "colour_sum", m.colour_sum, shaded)), e.fit(UNIT, "opacity_sum", m.opacity_sum, shaded)],
-            read: [(3, m.colour_sum), (1, m.opacity_sum)]
-                .map(|(copies, sum)| e.copies(copies, |e| e.fit(unit::SHADE, "premultiplied", premultiplied, sum.into()))),
-            blend: [e.copies(3, |e| e.fit(UNIT, "colour_sum", m.colour_sum, over)), e.fit(UNIT, "opacity_sum", m.opacity_sum, over)],
+            store: [
+                e.copies(3, |e| e.fit(UNIT, "colour_sum", m.colour_sum, shaded)),
+                e.fit(UNIT, "opacity_sum", m.opacity_sum, shaded),
+            ],
+            read: [(3, m.colour_sum), (1, m.opacity_sum)].map(|(copies, sum)| {
+                e.copies(copies, |e| {
+                    e.fit(unit::SHADE, "premultiplied", premultiplied, sum.into())
+                })
+            }),
+            blend: [
+                e.copies(3, |e| e.fit(UNIT, "colour_sum", m.colour_sum, over)),
+                e.fit(UNIT, "opacity_sum", m.opacity_sum, over),
+            ],
             premultiplied_frac_bits: premultiplied.format.frac_bits as u32,
             sheets: Sheets::new(e, machine),
             windows: Windows::new(e, machine),
             weight_frac_bits: machine.gauss.weight.format.frac_bits.max(0) as u32,
         };
         let simple = fragment.is_simple();
-        fragment.windows.iter_mut().for_each(|windows| windows.simple = simple);
+        fragment
+            .windows
+            .iter_mut()
+            .for_each(|windows| windows.simple = simple);
         fragment
     }
 
-    /// What finds a contribution's slot, or makes room for it: all slots and the fresh one are ranked, for any of them may be evicted.
+    /// What finds a contribution's slot, or makes room for it: all slots and the fresh one are
+    /// ranked, for any of them may be evicted.
     fn sorter(e: &mut Elaboration, machine: &Machine, layers: u32, slot: i32) {
         let m = &machine.fragment;
         let (depth, weight) = (m.depth.format.width(), m.weight_sum.format.width());
@@ -341,24 +468,45 @@ impl Fragment {
         // Each against each: which is in front; each place takes one of them.
         e.adders(UNIT, places * layers / 2, depth);
         e.copies(places, |e| e.choice(UNIT, places, slot));
-        // Whether one is opaque: Σw against what covers, Σw·α against Σw times a constant, which takes a sum less than it has digits.
+        // Whether one is opaque: Σw against what covers, Σw·α against Σw times a constant, which
+        // takes a sum less than it has digits.
         let limit = Exact::from(m.opaque).times(m.weight_sum).bits();
         e.copies(places, |e| {
             e.adders(UNIT, 1, weight);
             e.adders(UNIT, signed_digits(opaque(machine)), limit);
         });
-        // Of the fresh one that is known before its pixel is there: its Σw·α, were it alone. It stays while a merge holds the unit, and so does
-        // between which depths a slot is near.
+        // Of the fresh one that is known before its pixel is there: its Σw·α, were it alone. It
+        // stays while a merge holds the unit, and so does between which depths a slot is near.
         let s = &machine.splat;
         e.times(UNIT, machine.gauss.weight, s.opacity);
-        let fresh = [machine.gauss.weight, m.depth, m.depth, m.depth, s.rgb, s.rgb, s.rgb, s.opacity, m.normal, m.normal, m.normal];
-        e.part(UNIT, Operator::Hold(fresh.iter().map(|word| word.format.width()).sum()));
+        let fresh = [
+            machine.gauss.weight,
+            m.depth,
+            m.depth,
+            m.depth,
+            s.rgb,
+            s.rgb,
+            s.rgb,
+            s.opacity,
+            m.normal,
+            m.normal,
+            m.normal,
+        ];
+        e.part(
+            UNIT,
+            Operator::Hold(fresh.iter().map(|word| word.format.width()).sum()),
+        );
         // The front's light, the back's, and that which is handed on, each cut to four words.
-        e.copies(3 * 4, |e| e.choice(UNIT, 2, machine.shade.premultiplied.format.width()));
+        e.copies(3 * 4, |e| {
+            e.choice(UNIT, 2, machine.shade.premultiplied.format.width())
+        });
         // Written: the sums, the merged one, or what has this place now.
-        let written = |e: &mut Elaboration, slots: u32, more: u32| e.copies(slots, |e| e.choice(UNIT, 3 + more, slot));
+        let written = |e: &mut Elaboration, slots: u32, more: u32| {
+            e.copies(slots, |e| e.choice(UNIT, 3 + more, slot))
+        };
         match Full::from(m.merge) {
-            // Behind the pair, of which the first may be anywhere, what has the next place moves up.
+            // Behind the pair, of which the first may be anywhere, what has the next place moves
+            // up.
             Full::Merge(Pair::Nearest) => {
                 e.adders(UNIT, layers, depth);
                 e.copies(layers - 1, |e| e.limit(UNIT, depth));
@@ -374,7 +522,9 @@ impl Fragment {
     /// Whether all of its hot fits are plain.
     pub fn is_simple(&self) -> bool {
         let short = |fit: &Fit| fit.is_simple() && fit.places() < 32;
-        self.is_depth_natural && self.sums.iter().all(short) && self.align.iter().all(|[_, left]| *left == 0)
+        self.is_depth_natural
+            && self.sums.iter().all(short)
+            && self.align.iter().all(|[_, left]| *left == 0)
     }
 
     /// Whether 32-bit sums and products hold everything.
@@ -404,8 +554,16 @@ impl Fragment {
 
     /// Depths as the comparators see them. Nobody but a probe can tell what lies below 0 from 0.
     #[inline(always)]
-    pub fn depth<const SIMPLE_FITS: bool, V: Lanes, P: Probe>(&self, exact: V, tap: &mut Tap<P>) -> V {
-        if P::WORDS { tap.fit(&self.depth, exact) } else { tap.fit_unsigned::<SIMPLE_FITS, V>(&self.depth, exact.max(V::splat(0))) }
+    pub fn depth<const SIMPLE_FITS: bool, V: Lanes, P: Probe>(
+        &self,
+        exact: V,
+        tap: &mut Tap<P>,
+    ) -> V {
+        if P::WORDS {
+            tap.fit(&self.depth, exact)
+        } else {
+            tap.fit_unsigned::<SIMPLE_FITS, V>(&self.depth, exact.max(V::splat(0)))
+        }
     }
 
     /// Whether [`Fragment::short_depth`] may be asked, for depths below 2^30.
@@ -433,13 +591,22 @@ impl Fragment {
         tile.count(pixel);
         let depth = input.depth as i32;
         if let Some(slot) = tile.nearest::<H::Lanes>(pixel, depth, registers.z_threshold as u32) {
-            self.accumulate::<H, P>(tile.sums_mut(pixel, slot), input.weight, input.attributes, tap);
+            self.accumulate::<H, P>(
+                tile.sums_mut(pixel, slot),
+                input.weight,
+                input.attributes,
+                tap,
+            );
             if self.nearest_depth {
                 tile.bring_nearer(pixel, slot, depth);
             }
             return Decision::Accumulated(slot as u8);
         }
-        let mut fresh = PackedSlot { sums: PackedSums::default(), key: depth, material: *input.material };
+        let mut fresh = PackedSlot {
+            sums: PackedSums::default(),
+            key: depth,
+            material: *input.material,
+        };
         self.accumulate::<H, P>(&mut fresh.sums, input.weight, input.attributes, tap);
         if tile.live(pixel) < self.layers {
             return Decision::Inserted(tile.open(pixel, fresh));
@@ -476,7 +643,8 @@ impl Fragment {
     ) {
         for (lane, sum) in sums.0.iter_mut().enumerate() {
             let [of_sum, of_product] = self.align[lane];
-            let exact = (sum.get() << of_sum) + ((i64::from(attributes[lane]) * weight) << of_product);
+            let exact =
+                (sum.get() << of_sum) + ((i64::from(attributes[lane]) * weight) << of_product);
             *sum = A::put(tap.fit_one(&self.sums[lane], exact));
         }
     }
@@ -504,7 +672,9 @@ impl Fragment {
         let place = tile.place(pixel, self.layers, fresh.key);
         if self.evict_hidden && self.hides(tile, pixel, fresh, place, registers) {
             if place < self.layers {
-                (place..self.layers - 1).rev().for_each(|slot| tile.copy(pixel, slot, slot + 1));
+                (place..self.layers - 1)
+                    .rev()
+                    .for_each(|slot| tile.copy(pixel, slot, slot + 1));
                 tile.write(pixel, place, *fresh);
             }
             return Decision::Evicted(place == self.layers);
@@ -518,7 +688,9 @@ impl Fragment {
         let pair = [stacked(front, tile), stacked(front + 1, tile)].map(|fragment| fragment.get());
         // The slots between the pair and the fresh one's place move over by one.
         if place < front {
-            (place..front - 1).rev().for_each(|slot| tile.copy(pixel, slot, slot + 1));
+            (place..front - 1)
+                .rev()
+                .for_each(|slot| tile.copy(pixel, slot, slot + 1));
             tile.write(pixel, place, *fresh);
         } else if place > front + 1 {
             (front + 2..place).for_each(|slot| tile.copy(pixel, slot, slot - 1));
@@ -530,9 +702,17 @@ impl Fragment {
 
     /// Whether one of the fragments, the fresh one at its place among them, hides the deepest.
     #[inline(always)]
-    fn hides<A: Accumulator>(&self, tile: &Tile<A>, pixel: u8, fresh: &PackedSlot<A>, place: usize, registers: &FragmentRegisters) -> bool {
+    fn hides<A: Accumulator>(
+        &self,
+        tile: &Tile<A>,
+        pixel: u8,
+        fresh: &PackedSlot<A>,
+        place: usize,
+        registers: &FragmentRegisters,
+    ) -> bool {
         let in_front = self.layers - usize::from(place < self.layers);
-        (0..in_front).any(|slot| self.is_opaque(tile.sums(pixel, slot), tile.key(pixel, slot), registers))
+        (0..in_front)
+            .any(|slot| self.is_opaque(tile.sums(pixel, slot), tile.key(pixel, slot), registers))
             || place < self.layers && self.is_opaque(&fresh.sums, fresh.key, registers)
     }
 
@@ -540,20 +720,28 @@ impl Fragment {
     fn front_of_pair(&self, pair: Pair, depth: impl Fn(usize) -> i32) -> usize {
         match pair {
             // The first of equals: the pair nearer to the eye.
-            Pair::Nearest => (0..self.layers).min_by_key(|&i| depth(i + 1) - depth(i)).unwrap_or(0),
+            Pair::Nearest => (0..self.layers)
+                .min_by_key(|&i| depth(i + 1) - depth(i))
+                .unwrap_or(0),
             Pair::Farthest => self.layers - 1,
         }
     }
 
     /// Whether nothing behind a fragment can be seen: opaque itself, and covering the pixel.
     #[inline(always)]
-    fn is_opaque<A: Accumulator>(&self, sums: &PackedSums<A>, key: i32, registers: &FragmentRegisters) -> bool {
+    fn is_opaque<A: Accumulator>(
+        &self,
+        sums: &PackedSums<A>,
+        key: i32,
+        registers: &FragmentRegisters,
+    ) -> bool {
         let [weight, opacity] = [sums.0[WEIGHT].get(), sums.0[OPACITY].get()];
         if key < 0 {
             return opacity >= self.opaque_shaded;
         }
         let [of_opacity, of_weight] = self.opaque_scales;
-        weight >= registers.coverage_threshold && i128::from(opacity) * of_opacity >= i128::from(weight) * of_weight
+        weight >= registers.coverage_threshold
+            && i128::from(opacity) * of_opacity >= i128::from(weight) * of_weight
     }
 
     /// Front over back, at the front's depth.
@@ -568,7 +756,8 @@ impl Fragment {
             if fragment.shaded {
                 return self.shaded(fragment, tap);
             }
-            // A shaded fragment lives in a slot: what a slot cannot hold is lost before the blend, as after it.
+            // A shaded fragment lives in a slot: what a slot cannot hold is lost before the blend,
+            // as after it.
             let Premultiplied { colour, opacity } = shade(fragment, tap);
             let mut stored = *fragment;
             for (channel, colour) in colour.into_iter().enumerate() {
@@ -578,32 +767,63 @@ impl Fragment {
             self.shaded(&stored, tap)
         };
         let (over, under) = (light(front, tap), light(back, tap));
-        Slot { sums: self.blended(&over, &under, tap), depth: front.depth, material: front.material, shaded: true }
+        Slot {
+            sums: self.blended(&over, &under, tap),
+            depth: front.depth,
+            material: front.material,
+            shaded: true,
+        }
     }
 
     /// Front over back.
-    fn blended<P: Probe>(&self, over: &Premultiplied, under: &Premultiplied, tap: &mut Tap<P>) -> Sums {
+    fn blended<P: Probe>(
+        &self,
+        over: &Premultiplied,
+        under: &Premultiplied,
+        tap: &mut Tap<P>,
+    ) -> Sums {
         let one = 1 << self.premultiplied_frac_bits;
-        let blend = |over: i64, under: i64, front: i64| (over << self.premultiplied_frac_bits) + under * (one - front);
+        let blend = |over: i64, under: i64, front: i64| {
+            (over << self.premultiplied_frac_bits) + under * (one - front)
+        };
         let mut sums = [0; SUMS];
         for channel in 0..3 {
             let exact = blend(over.colour[channel], under.colour[channel], over.opacity);
             sums[COLOUR + channel] = tap.fit_one(&self.blend[0], exact);
         }
-        sums[OPACITY] = tap.fit_one(&self.blend[1], blend(over.opacity, under.opacity, over.opacity));
+        sums[OPACITY] = tap.fit_one(
+            &self.blend[1],
+            blend(over.opacity, under.opacity, over.opacity),
+        );
         sums
     }
 
     /// One splat, of weight 1 and opaque, as if it were a fragment: what is lit before it is drawn.
-    pub fn emitting<P: Probe>(&self, rgb: [i32; 3], normal: [i32; 3], material: u32, tap: &mut Tap<P>) -> Slot {
-        let attributes: Attributes = [1, rgb[0], rgb[1], rgb[2], 0, normal[0], normal[1], normal[2]];
+    pub fn emitting<P: Probe>(
+        &self,
+        rgb: [i32; 3],
+        normal: [i32; 3],
+        material: u32,
+        tap: &mut Tap<P>,
+    ) -> Slot {
+        let attributes: Attributes = [
+            1, rgb[0], rgb[1], rgb[2], 0, normal[0], normal[1], normal[2],
+        ];
         let mut sums = [0; SUMS];
         for (lane, sum) in sums.iter_mut().enumerate() {
             let [_, of_product] = self.align[lane];
-            *sum = tap.fit_one(&self.sums[lane], (i64::from(attributes[lane]) << self.weight_frac_bits) << of_product);
+            *sum = tap.fit_one(
+                &self.sums[lane],
+                (i64::from(attributes[lane]) << self.weight_frac_bits) << of_product,
+            );
         }
         sums[OPACITY] = self.sums[OPACITY].word.format.one();
-        Slot { sums, depth: 0, material, shaded: false }
+        Slot {
+            sums,
+            depth: 0,
+            material,
+            shaded: false,
+        }
     }
 
     /// Reads a shaded slot.

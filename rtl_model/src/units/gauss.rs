@@ -4,8 +4,9 @@
 //! radial_index ─►[table]─► falloff ─►(×)─► weight
 //! amplitude ─────────────────────────┘
 //! ```
-//! Losses: `radial_index` is cut to the table's reach; `falloff` and `weight` are rounded to nearest: weights are summed many
-//! times, and a cut would bias coverage (colours survive it: they are divided by the same sum).
+//! Losses: `radial_index` is cut to the table's reach; `falloff` and `weight` are rounded to
+//! nearest: weights are summed many times, and a cut would bias coverage (colours survive it: they
+//! are divided by the same sum).
 //!
 //! Law: `a_weight_never_exceeds_its_amplitude`.
 
@@ -23,13 +24,28 @@ const UNIT: &str = unit::GAUSS;
 /// Longest way: table, product.
 pub fn path(machine: &Machine) -> Path {
     let m = &machine.gauss;
-    let [index, falloff, weight, amplitude] =
-        [m.radial_index, m.falloff, m.weight, machine.ellipse.amplitude].map(|word| word.format.width());
-    Path::default().fit(index).then(table::path(m.table, falloff)).product(amplitude, falloff).fit(weight)
+    let [index, falloff, weight, amplitude] = [
+        m.radial_index,
+        m.falloff,
+        m.weight,
+        machine.ellipse.amplitude,
+    ]
+    .map(|word| word.format.width());
+    Path::default()
+        .fit(index)
+        .then(table::path(m.table, falloff))
+        .product(amplitude, falloff)
+        .fit(weight)
 }
 
 /// A·e^(−r/2) from the table's argument.
-fn weight(g: &mut Builder, machine: &Machine, table: Table, radial_index: Wire, amplitude: Wire) -> Wire {
+fn weight(
+    g: &mut Builder,
+    machine: &Machine,
+    table: Table,
+    radial_index: Wire,
+    amplitude: Wire,
+) -> Wire {
     let falloff = g.look_up(table, radial_index);
     let product = g.times(amplitude, falloff);
     g.fit("weight", machine.gauss.weight, product)
@@ -39,21 +55,43 @@ fn weight(g: &mut Builder, machine: &Machine, table: Table, radial_index: Wire, 
 fn falloff(e: &mut Elaboration, machine: &Machine) -> Table {
     let (m, argument) = (&machine.gauss, machine.gauss.radial_index.format);
     let shape = table::shape(e, UNIT, "table", m.table, argument.width());
-    let words =
-        table::gaussian_words(shape.index_bits, argument.int_bits.min(5), shape.interpolation, m.falloff.format.frac_bits.min(31) as u32);
-    e.part(UNIT, Operator::Rom([words.len() as i32, m.falloff.format.width()]));
+    let words = table::gaussian_words(
+        shape.index_bits,
+        argument.int_bits.min(5),
+        shape.interpolation,
+        m.falloff.format.frac_bits.min(31) as u32,
+    );
+    e.part(
+        UNIT,
+        Operator::Rom([words.len() as i32, m.falloff.format.width()]),
+    );
     let fraction_bits = Table::fraction_bits(shape.index_bits, argument.width() as u32);
     table::interpolator(e, UNIT, shape, m.falloff, fraction_bits);
-    let fit = e.fit(UNIT, "falloff", m.falloff, table::interpolated(m.falloff, fraction_bits));
-    Table::new(fit, shape.index_bits, argument.width() as u32, shape.interpolation, &words)
+    let fit = e.fit(
+        UNIT,
+        "falloff",
+        m.falloff,
+        table::interpolated(m.falloff, fraction_bits),
+    );
+    Table::new(
+        fit,
+        shape.index_bits,
+        argument.width() as u32,
+        shape.interpolation,
+        &words,
+    )
 }
 
-/// Weights from arguments of the table, without what comes before it: inputs are `radial_index` and `amplitude`.
+/// Weights from arguments of the table, without what comes before it: inputs are `radial_index` and
+/// `amplitude`.
 pub fn weights(machine: &Machine) -> Graph<1> {
     let e = &mut Elaboration::default();
     let table = falloff(e, machine);
     let g = &mut Builder::new(e, UNIT);
-    let (radial_index, amplitude) = (g.input(machine.gauss.radial_index), g.input(machine.ellipse.amplitude));
+    let (radial_index, amplitude) = (
+        g.input(machine.gauss.radial_index),
+        g.input(machine.ellipse.amplitude),
+    );
     let weight = weight(g, machine, table, radial_index, amplitude);
     g.build([weight])
 }
@@ -73,24 +111,38 @@ impl Gauss {
     /// Elaborates the unit.
     pub fn new(e: &mut Elaboration, machine: &Machine) -> Self {
         let m = &machine.gauss;
-        for (name, word) in [("radial_index", m.radial_index), ("falloff", m.falloff), ("weight", m.weight)] {
+        for (name, word) in [
+            ("radial_index", m.radial_index),
+            ("falloff", m.falloff),
+            ("weight", m.weight),
+        ] {
             e.port(UNIT, name, word);
             e.signedness(UNIT, name, word, false);
         }
         e.holds_one(UNIT, "falloff", m.falloff);
         let argument = m.radial_index.format;
         e.require(argument.int_bits <= 5, || {
-            format!("gauss.radial_index is {}: the table spans at most 32, U5F{}", m.radial_index, argument.frac_bits)
+            format!(
+                "gauss.radial_index is {}: the table spans at most 32, U5F{}",
+                m.radial_index, argument.frac_bits
+            )
         });
         let table = falloff(e, machine);
         let g = &mut Builder::new(e, UNIT);
-        let (radial, amplitude) = (g.state(machine.raster.radial.into(), false), g.input(machine.ellipse.amplitude));
+        let (radial, amplitude) = (
+            g.state(machine.raster.radial.into(), false),
+            g.input(machine.ellipse.amplitude),
+        );
         let radial_index = g.fit("radial_index", m.radial_index, radial);
         let weight = weight(g, machine, table, radial_index, amplitude);
         let graph = g.build([radial_index, weight]);
         let amplitude = machine.ellipse.amplitude;
         let weighed = Exact::from(amplitude).times(m.falloff).int_bits;
-        let shape = WeighShape { radial: machine.raster.cutoff.format.int_bits, weighed, amplitude: amplitude.format.max() };
+        let shape = WeighShape {
+            radial: machine.raster.cutoff.format.int_bits,
+            weighed,
+            amplitude: amplitude.format.max(),
+        };
         Gauss {
             asked: graph.asked([weight]),
             kernel: Weigh::new(graph.fits(), &graph.tables()[0], shape),
@@ -104,7 +156,8 @@ impl Gauss {
         &self.graph.tables()[0]
     }
 
-    /// Radial index and weight of a fragment, of `raster.radial`, which is not negative, and `ellipse.amplitude`.
+    /// Radial index and weight of a fragment, of `raster.radial`, which is not negative, and
+    /// `ellipse.amplitude`.
     pub fn graph(&self) -> &Graph<2> {
         &self.graph
     }

@@ -1,19 +1,22 @@
-//! Project: takes a splat's centre to camera space and to the screen (Surface Splatting §3, first half of "setup").
+//! Project: takes a splat's centre to camera space and to the screen (Surface Splatting §3, first
+//! half of "setup").
 //!
 //! ```text
 //! position ─►(− eye)─►[ << ]─► relative ─►[ W· ]─► camera t ─┬─►[ 1/t_z ]─► inverse_depth ─┐
 //!                       └─► exponent ──────────────┐         ├────────────────────────────(×)─► slope (a, b) ─►(× s)─►(+ centre)─► pixel
 //!                                                  └────────►[ >> ]─► depth t_z
 //! ```
-//! Each splat picks a power of two near its own distance from the eye, and t is relative to it: the quotients a and b do not
-//! see it, and splats at a hundredth and at a hundred units keep the same relative precision in the same words.
+//! Each splat picks a power of two near its own distance from the eye, and t is relative to it: the
+//! quotients a and b do not see it, and splats at a hundredth and at a hundred units keep the same
+//! relative precision in the same words.
 //!
-//! Losses: `relative` is cut by its normaliser; `camera`, `depth`, `slope` and `pixel` are rounded to nearest, for a picture is
-//! a mean of many splats' errors and a cut would move it; the reciprocal's inner words are its own affair.
+//! Losses: `relative` is cut by its normaliser; `camera`, `depth`, `slope` and `pixel` are rounded
+//! to nearest, for a picture is a mean of many splats' errors and a cut would move it; the
+//! reciprocal's inner words are its own affair.
 //!
-//! Culls: *near* where t_z ≤ near; *outside* where |a| or |b| exceeds the guard band, tested as |t_x| > guard·t_z, exactly
-//! and before the division, so that no quotient ever saturates; *transparent* where an ellipsoid's opacity is below the least whose
-//! weights count at all.
+//! Culls: *near* where t_z ≤ near; *outside* where |a| or |b| exceeds the guard band, tested
+//! as |t_x| > guard·t_z, exactly and before the division, so that no quotient ever saturates;
+//! *transparent* where an ellipsoid's opacity is below the least whose weights count at all.
 //!
 //! Law: `a_projected_point_is_within_its_last_places`.
 
@@ -67,14 +70,20 @@ pub const OUTPUTS: usize = 13;
 /// Results that have bounds: camera, exponent, depth, 1/t_z, slope, pixel.
 const BOUNDS: usize = 10;
 
-/// Registers of a view, as inputs of the graph: eye, rotation, near, guard band, focal lengths, centre.
+/// Registers of a view, as inputs of the graph: eye, rotation, near, guard band, focal lengths,
+/// centre.
 pub fn registers(view: &View) -> [i64; 19] {
     let ([x, y, z], [[a, b, c], [d, e, f], [g, h, i]]) = (view.eye, view.rotation);
-    let ([focal_x, focal_y], [guard_x, guard_y], [centre_x, centre_y]) = (view.focals(), view.guard, view.centre);
-    [x, y, z, a, b, c, d, e, f, g, h, i, view.near, guard_x, guard_y, focal_x, focal_y, centre_x, centre_y]
+    let ([focal_x, focal_y], [guard_x, guard_y], [centre_x, centre_y]) =
+        (view.focals(), view.guard, view.centre);
+    [
+        x, y, z, a, b, c, d, e, f, g, h, i, view.near, guard_x, guard_y, focal_x, focal_y,
+        centre_x, centre_y,
+    ]
 }
 
-/// A splat's centre in camera space and on the screen, and whether it is culled there; and what of that has bounds.
+/// A splat's centre in camera space and on the screen, and whether it is culled there; and what of
+/// that has bounds.
 fn projected(g: &mut Builder, machine: &Machine) -> ([Wire; OUTPUTS], [Wire; BOUNDS]) {
     let m = &machine.project;
     let position = three!(_i => g.input(machine.splat.position));
@@ -124,11 +133,39 @@ fn projected(g: &mut Builder, machine: &Machine) -> ([Wire; OUTPUTS], [Wire; BOU
         g.fit("pixel", m.pixel, from_middle)
     });
     let inverse_power = g.power(inverse);
-    let (exponent_word, inverse_exponent) = (g.exponent_of(exponent), g.exponent_of(inverse_power.times(exponent)));
+    let (exponent_word, inverse_exponent) = (
+        g.exponent_of(exponent),
+        g.exponent_of(inverse_power.times(exponent)),
+    );
     let ([x, y, _], [a, b], [column, row]) = (camera, slope, pixel);
     (
-        [x, y, forward, exponent_word, depth, inverse, inverse_exponent, a, b, column, row, near, outside],
-        [x, y, forward, exponent_word, depth, inverse, a, b, column, row],
+        [
+            x,
+            y,
+            forward,
+            exponent_word,
+            depth,
+            inverse,
+            inverse_exponent,
+            a,
+            b,
+            column,
+            row,
+            near,
+            outside,
+        ],
+        [
+            x,
+            y,
+            forward,
+            exponent_word,
+            depth,
+            inverse,
+            a,
+            b,
+            column,
+            row,
+        ],
     )
 }
 
@@ -150,15 +187,24 @@ impl Project {
             e.signedness(UNIT, name, word, signed);
         }
         e.holds_one(UNIT, "rotation", m.rotation);
-        e.require(m.pixel.format.frac_bits >= 1, || "project.pixel needs at least one fraction bit: pixel centres lie at halves".into());
+        e.require(m.pixel.format.frac_bits >= 1, || {
+            "project.pixel needs at least one fraction bit: pixel centres lie at halves".into()
+        });
         let difference = Exact::from(machine.splat.position).plus(m.eye);
-        e.holds_exact("the difference of splat.position and project.eye", difference);
-        // |t_x| is aligned with guard · t_z: a magnitude and a comparison, of a bit more than the product.
+        e.holds_exact(
+            "the difference of splat.position and project.eye",
+            difference,
+        );
+        // |t_x| is aligned with guard · t_z: a magnitude and a comparison, of a bit more than the
+        // product.
         let beyond = Exact::from(m.camera).times(m.slope).plus(m.camera);
         e.adders(UNIT, 4, beyond.bits());
         e.limit(UNIT, m.camera.format.width());
         e.adders(UNIT, 1, m.depth.format.width());
-        e.holds_exact("the comparison of project.camera with the guard band project.slope", beyond);
+        e.holds_exact(
+            "the comparison of project.camera with the guard band project.slope",
+            beyond,
+        );
         // An ellipsoid's opacity is compared with the least.
         if machine.ellipse.ellipsoid.is_some() {
             e.adders(UNIT, 1, machine.splat.opacity.format.width());
@@ -166,10 +212,15 @@ impl Project {
         let g = &mut Builder::new(e, UNIT);
         let (results, bounded) = projected(g, machine);
         let graph = g.build(results);
-        Project { program: graph.program(), bounds: graph.asked(bounded), graph }
+        Project {
+            program: graph.program(),
+            bounds: graph.asked(bounded),
+            graph,
+        }
     }
 
-    /// A splat's centre on the screen, of a position and whether there is too little opacity, and of a view's [`registers`].
+    /// A splat's centre on the screen, of a position and whether there is too little opacity, and
+    /// of a view's [`registers`].
     pub fn graph(&self) -> &Graph<OUTPUTS> {
         &self.graph
     }

@@ -1,23 +1,27 @@
-//! Raster: walks a splat's box and makes a fragment wherever the radial index is below the cutoff (forward differencing,
-//! docs/book/algorithm.md §4).
+//! Raster: walks a splat's box and makes a fragment wherever the radial index is below the cutoff
+//! (forward differencing, docs/book/algorithm.md §4).
 //!
 //! ```text
 //! conic ─►[ seed ]─► radial ─►(+)─►(+)─► …   r at each pixel centre; first += second, radial += first: two adds a pixel
 //! pixel ─►    │      first  ─►(+)─┘
 //!             └────► depth  ─►(+)─► …        z of the tangent plane: one add a pixel; clamped to t_z ± depth_range
 //! ```
-//! A row is seeded afresh, or rows are differenced as pixels are (`rows`). Adds are exact, so an error is that of the seed and
-//! of the increments alone: e₀ + n·e₁ + n(n−1)/2·e₂ after n pixels. Both adders wrap: that is harmless inside the footprint
-//! as long as the register holds the r of the whole box, of which corners reach 2·cutoff/(1−|ρ|).
+//! A row is seeded afresh, or rows are differenced as pixels are (`rows`). Adds are exact, so an
+//! error is that of the seed and of the increments alone: e₀ + n·e₁ + n(n−1)/2·e₂ after n pixels.
+//! Both adders wrap: that is harmless inside the footprint as long as the register holds the r of
+//! the whole box, of which corners reach 2·cutoff/(1−|ρ|).
 //!
-//! Because adds are exact, the simulator may take them in any order: it enters the boxes of eight splats side by side, straight
-//! where they meet a square of 16 × 16 pixels, and steps eight columns of one from row to row. Depth is summed up for fragments alone.
-//! Where nobody watches, [`short`] walks most boxes in words of 32 bits.
+//! Because adds are exact, the simulator may take them in any order: it enters the boxes of eight
+//! splats side by side, straight where they meet a square of 16 × 16 pixels, and steps eight
+//! columns of one from row to row. Depth is summed up for fragments alone. Where nobody watches,
+//! [`short`] walks most boxes in words of 32 bits.
 //!
-//! Losses: `offset`, `gradient`, the seeds of `radial` and `depth`, and the differences are rounded to nearest; the radial
-//! index is clamped to [0, cutoff) on its way out, for differencing may leave it slightly below 0.
+//! Losses: `offset`, `gradient`, the seeds of `radial` and `depth`, and the differences are rounded
+//! to nearest; the radial index is clamped to [0, cutoff) on its way out, for differencing may
+//! leave it slightly below 0.
 //!
-//! Laws: `stepping_equals_the_closed_form`, `seeded_and_differenced_rows_agree_within_their_guard_bits`,
+//! Laws: `stepping_equals_the_closed_form`,
+//! `seeded_and_differenced_rows_agree_within_their_guard_bits`,
 //! `a_radial_index_below_zero_is_zero`.
 
 use crate::elaboration::latency::Path;
@@ -37,7 +41,8 @@ const SIDE_PX: usize = 16;
 /// Most fragments of a span; eight lanes more have room after them.
 const SPAN_FRAGMENTS: usize = SIDE_PX * SIDE_PX;
 
-/// Input port: one splat. In memory as here, so that its first eight words are one vector of the host's.
+/// Input port: one splat. In memory as here, so that its first eight words are one vector of the
+/// host's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C)]
 pub struct Input {
@@ -57,10 +62,12 @@ pub struct Input {
     pub rows: [u16; 2],
 }
 
-/// Eight splats where their boxes enter a square of 16 × 16 pixels: registers there, with their differences by column and row.
+/// Eight splats where their boxes enter a square of 16 × 16 pixels: registers there, with their
+/// differences by column and row.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Walks {
-    /// The part of each box that lies in the square: its first row, and how many columns and rows it has.
+    /// The part of each box that lies in the square: its first row, and how many columns and rows
+    /// it has.
     top: [i64; LANES],
     columns: [i64; LANES],
     rows: [i64; LANES],
@@ -91,12 +98,18 @@ impl Walks {
 
     /// Rows of a splat's box in the tile, and the tile's column that it begins at.
     pub fn part(&self, lane: usize) -> (usize, usize) {
-        (self.size(lane)[1], self.first_pixel[lane] as usize % SIDE_PX)
+        (
+            self.size(lane)[1],
+            self.first_pixel[lane] as usize % SIDE_PX,
+        )
     }
 
     #[inline(always)]
     fn size(&self, lane: usize) -> [usize; 2] {
-        [self.columns[lane] as usize, (self.rows[lane] as usize).min(SIDE_PX)]
+        [
+            self.columns[lane] as usize,
+            (self.rows[lane] as usize).min(SIDE_PX),
+        ]
     }
 }
 
@@ -157,15 +170,22 @@ pub struct Span {
     fragments: usize,
     /// Where each lies, from the first pixel of the box's part there: 16 · row + column.
     place: [u8; SPAN_FRAGMENTS + LANES],
-    /// r of every pixel of the part, as its register holds it (`raster.radial`), eight columns at a time.
+    /// r of every pixel of the part, as its register holds it (`raster.radial`), eight columns at a
+    /// time.
     radial: [[[Held; LANES]; 2]; SIDE_PX],
-    /// z of each row's first pixel, unclamped, as its register holds it (`raster.depth`), where rows are seeded afresh.
+    /// z of each row's first pixel, unclamped, as its register holds it (`raster.depth`), where
+    /// rows are seeded afresh.
     depth: [Held; SIDE_PX],
 }
 
 impl Default for Span {
     fn default() -> Self {
-        Span { fragments: 0, place: [0; SPAN_FRAGMENTS + LANES], radial: [[[0; LANES]; 2]; SIDE_PX], depth: [0; SIDE_PX] }
+        Span {
+            fragments: 0,
+            place: [0; SPAN_FRAGMENTS + LANES],
+            radial: [[[0; LANES]; 2]; SIDE_PX],
+            depth: [0; SIDE_PX],
+        }
     }
 }
 
@@ -185,10 +205,13 @@ impl Span {
     #[inline(always)]
     pub fn places(&self, first: usize) -> [u8; LANES] {
         let first = first % SPAN_FRAGMENTS;
-        self.place[first..first + LANES].try_into().unwrap_or_default()
+        self.place[first..first + LANES]
+            .try_into()
+            .unwrap_or_default()
     }
 
-    /// Keeps those of eight pixels of a row that lie in the part, of which it has `columns`, and below the cutoff.
+    /// Keeps those of eight pixels of a row that lie in the part, of which it has `columns`, and
+    /// below the cutoff.
     #[inline(always)]
     fn keep<L: Lanes>(&mut self, [row, eight]: [usize; 2], radial: L, cutoff: L, columns: u8) {
         let inside = cutoff.above(radial).signs() & columns;
@@ -207,10 +230,15 @@ const EACH: u64 = 0x0101_0101_0101_0101;
 /// Columns of the square, eight at a time.
 const COLUMNS: [[i64; LANES]; 2] = [[0, 1, 2, 3, 4, 5, 6, 7], [8, 9, 10, 11, 12, 13, 14, 15]];
 /// n(n−1)/2 for each column n.
-const PAIRS: [[i64; LANES]; 2] = [[0, 0, 1, 3, 6, 10, 15, 21], [28, 36, 45, 55, 66, 78, 91, 105]];
+const PAIRS: [[i64; LANES]; 2] = [
+    [0, 0, 1, 3, 6, 10, 15, 21],
+    [28, 36, 45, 55, 66, 78, 91, 105],
+];
 
 /// The same for all steps across the square.
-const PAIRS_BEFORE: [i64; SIDE_PX + 1] = [0, 0, 1, 3, 6, 10, 15, 21, 28, 36, 45, 55, 66, 78, 91, 105, 120];
+const PAIRS_BEFORE: [i64; SIDE_PX + 1] = [
+    0, 0, 1, 3, 6, 10, 15, 21, 28, 36, 45, 55, 66, 78, 91, 105, 120,
+];
 
 /// Bits of a column or a row: a picture has up to 16384.
 const PIXEL_BITS: i32 = 14;
@@ -219,7 +247,11 @@ const PIXEL_BITS: i32 = 14;
 pub fn path(machine: &Machine) -> Path {
     let m = &machine.raster;
     let bits = |word: Word| word.format.width();
-    let (offset, gradient, conic) = (bits(m.offset), bits(m.gradient), bits(machine.ellipse.conic));
+    let (offset, gradient, conic) = (
+        bits(m.offset),
+        bits(m.gradient),
+        bits(machine.ellipse.conic),
+    );
     let seed = Path::default()
         .sum(bits(machine.project.pixel))
         .fit(offset)
@@ -229,9 +261,17 @@ pub fn path(machine: &Machine) -> Path {
         .product(offset, gradient)
         .sum(offset + gradient)
         .fit(bits(m.radial));
-    // To a tile: products are there when the seed is, and sums have no cycles of their own, nor have those down and on two rows of carries.
-    let on = Path { cycles: 0, ..Path::default().sum_of_three(bits(m.radial)) };
-    let on = if cuts_boxes(machine) { on } else { Path::default() };
+    // To a tile: products are there when the seed is, and sums have no cycles of their own, nor
+    // have those down and on two rows of carries.
+    let on = Path {
+        cycles: 0,
+        ..Path::default().sum_of_three(bits(m.radial))
+    };
+    let on = if cuts_boxes(machine) {
+        on
+    } else {
+        Path::default()
+    };
     seed.then(on).sum(bits(m.radial))
 }
 
@@ -245,13 +285,25 @@ fn directions(rows: Rows) -> u32 {
     if rows == Rows::Differenced { 2 } else { 1 }
 }
 
-/// What lies in one cycle: from a pixel's registers to the next one's, as a seed, the next column or the next row has them. Which pixel is
-/// next it knows before any seed, but of a box that is cut to a tile not before its sides.
+/// What lies in one cycle: from a pixel's registers to the next one's, as a seed, the next column
+/// or the next row has them. Which pixel is next it knows before any seed, but of a box that is cut
+/// to a tile not before its sides.
 pub fn stamp(machine: &Machine) -> Path {
     let m = &machine.raster;
-    let registers = Path::default().choose(2).sum(m.radial.format.width().max(m.depth.format.width())).choose(2);
-    let sides = Path::default().choose(2).limit(PIXEL_BITS).sum(PIXEL_BITS).choose(2);
-    if cuts_boxes(machine) { registers.beside(sides) } else { registers }
+    let registers = Path::default()
+        .choose(2)
+        .sum(m.radial.format.width().max(m.depth.format.width()))
+        .choose(2);
+    let sides = Path::default()
+        .choose(2)
+        .limit(PIXEL_BITS)
+        .sum(PIXEL_BITS)
+        .choose(2);
+    if cuts_boxes(machine) {
+        registers.beside(sides)
+    } else {
+        registers
+    }
 }
 
 /// The elaborated unit.
@@ -267,7 +319,8 @@ pub struct Raster {
     radial_register: Register,
     depth_register: Register,
     places: Places,
-    /// Below this z, and all that is added to it, is a word of 31 bits in all places that it goes through; 0 where a clamp is none.
+    /// Below this z, and all that is added to it, is a word of 31 bits in all places that it goes
+    /// through; 0 where a clamp is none.
     short_depth: i64,
 }
 
@@ -297,16 +350,29 @@ impl Raster {
     /// Elaborates the unit.
     pub fn new(e: &mut Elaboration, machine: &Machine) -> Self {
         let (m, s) = (&machine.raster, &machine.ellipse);
-        for (name, word, signed) in [("cutoff", m.cutoff, false), ("offset", m.offset, true), ("gradient", m.gradient, true)] {
+        for (name, word, signed) in [
+            ("cutoff", m.cutoff, false),
+            ("offset", m.offset, true),
+            ("gradient", m.gradient, true),
+        ] {
             e.port(UNIT, name, word);
             e.signedness(UNIT, name, word, signed);
         }
-        for (name, word) in [("radial", m.radial), ("first", m.first), ("second", m.second), ("depth", m.depth)] {
+        for (name, word) in [
+            ("radial", m.radial),
+            ("first", m.first),
+            ("second", m.second),
+            ("depth", m.depth),
+        ] {
             e.signedness(UNIT, name, word, true);
         }
         e.holds_one(UNIT, "offset", m.offset);
         let f = |word: Word| word.format.frac_bits;
-        for (name, word) in [("first", m.first), ("second", m.second), ("cutoff", m.cutoff)] {
+        for (name, word) in [
+            ("first", m.first),
+            ("second", m.second),
+            ("cutoff", m.cutoff),
+        ] {
             e.require(f(word) <= f(m.radial), || {
                 let fits = Format { frac_bits: f(m.radial), ..word.format }.within(MAX_WIDTH_BITS);
                 format!("raster.{name} is {word}, finer than the register raster.radial {} that it meets: {fits} would fit", m.radial)
@@ -341,7 +407,10 @@ impl Raster {
             e.adders(UNIT, 2, PIXEL_BITS);
         });
         // The picture's middle lies up to 8192 pixels from its first.
-        let middle = Exact { int_bits: 14, frac_bits: 1 };
+        let middle = Exact {
+            int_bits: 14,
+            frac_bits: 1,
+        };
         let offset = e.copies(2, |e| {
             e.adders(UNIT, 1, middle.bits());
             let sum = e.sum(UNIT, [pixel.into(), middle]);
@@ -366,7 +435,9 @@ impl Raster {
             let sum = e.sum(UNIT, [along.doubled(), along, across.doubled()]);
             e.fit(UNIT, "first", m.first, sum)
         });
-        let second = e.copies(directions, |e| e.fit(UNIT, "second", m.second, Exact::from(s.conic).doubled()));
+        let second = e.copies(directions, |e| {
+            e.fit(UNIT, "second", m.second, Exact::from(s.conic).doubled())
+        });
         let lean = e.copies(2, |e| e.times(UNIT, s.depth_slope, m.offset));
         let plane = e.sum(UNIT, [lean, lean, machine.project.depth.into()]);
         let depth = e.fit(UNIT, "depth", m.depth, plane);
@@ -386,7 +457,8 @@ impl Raster {
             step(e, &[radial_bits, first_bits, depth_bits, first_bits]);
         }
         e.per_lane(|e| {
-            // radial += first, first += second, depth += slope, or a seed; less than the cutoff; not negative; clamped from both sides.
+            // radial += first, first += second, depth += slope, or a seed; less than the cutoff;
+            // not negative; clamped from both sides.
             step(e, &[radial_bits, first_bits, depth_bits]);
             e.adders(UNIT, 1, radial_bits);
             e.choice(UNIT, 2, radial_bits);
@@ -397,12 +469,22 @@ impl Raster {
         }
         let camera = f(machine.project.depth);
         let finest = f(m.depth).max(camera).max(f(s.depth_range));
-        let clamp = [places(finest, f(m.depth)), places(finest, camera), places(finest, f(s.depth_range))];
+        let clamp = [
+            places(finest, f(m.depth)),
+            places(finest, camera),
+            places(finest, f(s.depth_range)),
+        ];
         let depth_slope_places = places(f(m.depth), f(s.depth_slope));
-        let deepest = [(machine.project.depth, clamp[1]), (s.depth_range, clamp[2])].map(|(word, by)| i128::from(word.format.max()) << by);
-        let are_short = deepest[0] + deepest[1] < 1 << 30 && clamp[0] < 16 && depth_slope_places < 16;
+        let deepest = [(machine.project.depth, clamp[1]), (s.depth_range, clamp[2])]
+            .map(|(word, by)| i128::from(word.format.max()) << by);
+        let are_short =
+            deepest[0] + deepest[1] < 1 << 30 && clamp[0] < 16 && depth_slope_places < 16;
         Raster {
-            short_depth: if are_short { 1 << (31 - clamp[0] as i32).min(bits(m.depth) - 1).max(0) } else { 0 },
+            short_depth: if are_short {
+                1 << (31 - clamp[0] as i32).min(bits(m.depth) - 1).max(0)
+            } else {
+                0
+            },
             rows: m.rows,
             offset,
             gradient,
@@ -419,37 +501,55 @@ impl Raster {
                 first: places(f(m.radial), f(m.first)),
                 second: places(f(m.radial), f(m.second)),
                 depth_slope: depth_slope_places,
-                plane: [places(plane.frac_bits, lean.frac_bits), places(plane.frac_bits, camera)],
+                plane: [
+                    places(plane.frac_bits, lean.frac_bits),
+                    places(plane.frac_bits, camera),
+                ],
                 clamp,
             },
         }
     }
 
-    /// Parts that cut a box to a tile, and take the registers of its seed there in closed form, at most a picture's columns and rows on.
+    /// Parts that cut a box to a tile, and take the registers of its seed there in closed form, at
+    /// most a picture's columns and rows on.
     fn goes_on(e: &mut Elaboration, machine: &Machine, directions: u32) {
         let (m, slope) = (&machine.raster, machine.ellipse.depth_slope);
-        // Of columns and of rows: the tile's far side, the nearer one of both sides, and how many lie before it.
+        // Of columns and of rows: the tile's far side, the nearer one of both sides, and how many
+        // lie before it.
         e.copies(2, |e| {
             e.adders(UNIT, 2, PIXEL_BITS);
             e.copies(2, |e| e.limit(UNIT, PIXEL_BITS));
         });
-        // Products of at most so many bits, and what adds them up: no multiplier is wider for it. Of each its register takes what lies within
-        // its bits, and no more is built: as many rows as have those full adders.
+        // Products of at most so many bits, and what adds them up: no multiplier is wider for it.
+        // Of each its register takes what lies within its bits, and no more is built: as many rows
+        // as have those full adders.
         let product = |e: &mut Elaboration, bits: i32, times: i32, room: i32| {
             for lowest in (0..bits.min(room)).step_by(PIXEL_BITS as usize) {
                 let (piece, room) = ((bits - lowest).min(PIXEL_BITS), room - lowest);
-                let full_adders: i32 = (1..times).map(|row| (piece.min(room - row) - 1).max(0)).sum();
-                e.part(UNIT, Operator::Multiplier([piece, 1 + full_adders / (piece - 1).max(1)]));
+                let full_adders: i32 = (1..times)
+                    .map(|row| (piece.min(room - row) - 1).max(0))
+                    .sum();
+                e.part(
+                    UNIT,
+                    Operator::Multiplier([piece, 1 + full_adders / (piece - 1).max(1)]),
+                );
                 if lowest > 0 {
                     e.adders(UNIT, 1, room.min(piece + times));
                 }
             }
         };
         // Bits of a register from the lowest one of a difference on.
-        let room = |register: Word, difference: Word| register.format.width() - (register.format.frac_bits - difference.format.frac_bits);
+        let room = |register: Word, difference: Word| {
+            register.format.width() - (register.format.frac_bits - difference.format.frac_bits)
+        };
         // A register gets a difference times the steps, or times the pairs of steps.
         let gets = |e: &mut Elaboration, register: Word, difference: Word, times: i32| {
-            product(e, difference.format.width(), times, room(register, difference));
+            product(
+                e,
+                difference.format.width(),
+                times,
+                room(register, difference),
+            );
             e.adders(UNIT, 1, register.format.width());
         };
         e.copies(directions, |e| {
@@ -465,7 +565,9 @@ impl Raster {
 
     /// Shape of the depth that leaves the clamp.
     pub fn depth_exact(machine: &Machine) -> Exact {
-        Exact::from(machine.project.depth).plus(machine.ellipse.depth_range).plus(machine.raster.depth)
+        Exact::from(machine.project.depth)
+            .plus(machine.ellipse.depth_range)
+            .plus(machine.raster.depth)
     }
 
     /// The cutoff as the register sees it.
@@ -473,9 +575,16 @@ impl Raster {
         self.radial_register.load(cutoff, self.places.cutoff)
     }
 
-    /// Enters eight splats' boxes where they lie in the square with this first pixel, which they touch.
+    /// Enters eight splats' boxes where they lie in the square with this first pixel, which they
+    /// touch.
     #[inline(always)]
-    pub fn enter<L: Lanes, P: Probe>(&self, size_px: [u32; 2], square: [u16; 2], inputs: &[&Input; LANES], tap: &mut Tap<P>) -> Walks {
+    pub fn enter<L: Lanes, P: Probe>(
+        &self,
+        size_px: [u32; 2],
+        square: [u16; 2],
+        inputs: &[&Input; LANES],
+        tap: &mut Tap<P>,
+    ) -> Walks {
         let splats = Splats::<L>::of(inputs);
         let parts = Parts::<L>::of(square, inputs, &splats);
         let [nearest, deepest] = self.clamps(inputs, &splats);
@@ -492,8 +601,18 @@ impl Raster {
             ..Walks::default()
         };
         if self.rows == Rows::Differenced {
-            let Entered { seed, by_row, by_row_twice, by_both } =
-                self.enter_boxes(size_px, &splats, L::from_array(walks.by_column_twice), parts.on, tap);
+            let Entered {
+                seed,
+                by_row,
+                by_row_twice,
+                by_both,
+            } = self.enter_boxes(
+                size_px,
+                &splats,
+                L::from_array(walks.by_column_twice),
+                parts.on,
+                tap,
+            );
             walks.seed = seed.to_array();
             walks.by_row = by_row.to_array();
             walks.by_row_twice = by_row_twice.to_array();
@@ -505,7 +624,10 @@ impl Raster {
     /// The depth clamps of eight splats (shape: [`Raster::depth_exact`]).
     #[inline(always)]
     fn clamps<L: Lanes>(&self, inputs: &[&Input; LANES], splats: &Splats<L>) -> [L; 2] {
-        let (depth, range) = (splats.depth.left(self.places.clamp[1]), word!(inputs.depth_range).left(self.places.clamp[2]));
+        let (depth, range) = (
+            splats.depth.left(self.places.clamp[1]),
+            word!(inputs.depth_range).left(self.places.clamp[2]),
+        );
         [depth - range, depth + range]
     }
 
@@ -523,7 +645,9 @@ impl Raster {
         let seed = self.seed(splats, at, tap);
         let [_, xy, yy] = splats.conic;
         let by_row = (yy * at[1] + xy * at[0]).left(1) + yy.left(self.places.offset);
-        let by_row = self.radial_register.load_lanes(tap.fit(&self.first, by_row), self.places.first);
+        let by_row = self
+            .radial_register
+            .load_lanes(tap.fit(&self.first, by_row), self.places.first);
         let (by_row_twice, by_both) = (self.second(yy, tap), self.second(xy, tap));
         let depth_by = two!(axis => self.depth_register.load_lanes(splats.depth_slope[axis], self.places.depth_slope));
         let below = Seed {
@@ -533,7 +657,9 @@ impl Raster {
         };
         Entered {
             seed: below.skip(by_column_twice, depth_by[0], columns_on),
-            by_row: by_row.wrapping_add(by_row_twice.times(rows_on)).wrapping_add(by_both.times(columns_on)),
+            by_row: by_row
+                .wrapping_add(by_row_twice.times(rows_on))
+                .wrapping_add(by_both.times(columns_on)),
             by_row_twice,
             by_both,
         }
@@ -541,12 +667,16 @@ impl Raster {
 
     #[inline(always)]
     fn second<L: Lanes, P: Probe>(&self, conic: L, tap: &mut Tap<P>) -> L {
-        self.radial_register.load_lanes(tap.fit(&self.second, conic.left(1)), self.places.second)
+        self.radial_register
+            .load_lanes(tap.fit(&self.second, conic.left(1)), self.places.second)
     }
 
     /// Makes the fragments of one of the splats.
     #[inline(always)]
-    #[expect(clippy::too_many_arguments, reason = "the ports of the unit, one by one")]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "the ports of the unit, one by one"
+    )]
     pub fn span<L: Lanes, P: Probe>(
         &self,
         size_px: [u32; 2],
@@ -566,14 +696,26 @@ impl Raster {
 
     /// Every column steps from row to row.
     #[inline(always)]
-    fn walk_down<L: Lanes, P: Probe>(&self, w: &Walks, lane: usize, cutoff: Held, span: &mut Span, tap: &mut Tap<P>) {
+    fn walk_down<L: Lanes, P: Probe>(
+        &self,
+        w: &Walks,
+        lane: usize,
+        cutoff: Held,
+        span: &mut Span,
+        tap: &mut Tap<P>,
+    ) {
         let [columns, rows] = w.size(lane);
         if P::WORDS {
             self.watch_rows(w, lane, tap);
         }
         let by_row_twice = L::splat(w.by_row_twice[lane]);
         for eight in 0..eights(columns) {
-            let mut radial: L = side_by_side(w.seed.radial[lane], w.seed.by_column[lane], w.by_column_twice[lane], eight);
+            let mut radial: L = side_by_side(
+                w.seed.radial[lane],
+                w.seed.by_column[lane],
+                w.by_column_twice[lane],
+                eight,
+            );
             let mut by_row: L = side_by_side(w.by_row[lane], w.by_both[lane], 0, eight);
             let inside = first_bits(columns - eight * LANES);
             for row in 0..rows {
@@ -600,20 +742,36 @@ impl Raster {
         let [columns, rows] = walks.size(lane);
         let by_column_twice = walks.by_column_twice[lane];
         let splat = Splats::<L>::all(input);
-        let depth_by_column = self.depth_register.load_lanes(splat.depth_slope[0], self.places.depth_slope);
+        let depth_by_column = self
+            .depth_register
+            .load_lanes(splat.depth_slope[0], self.places.depth_slope);
         for first in (0..rows).step_by(LANES) {
             if P::WORDS {
                 tap.live = first_bits(rows - first);
             }
             let y = L::splat(walks.top[lane] + first as i64) + L::from_array(COLUMNS[0]);
             let seed = self.seed(&splat, self.offsets(size_px, &splat, y, tap), tap);
-            let seed = seed.skip(L::splat(by_column_twice), depth_by_column, L::splat(walks.columns_on[lane]));
+            let seed = seed.skip(
+                L::splat(by_column_twice),
+                depth_by_column,
+                L::splat(walks.columns_on[lane]),
+            );
             let seed = seed.to_array();
             for row in first..rows.min(first + LANES) {
                 let [radial, by_column] = [seed.radial[row % LANES], seed.by_column[row % LANES]];
                 if P::WORDS {
-                    let seed = Seed { radial, by_column, depth: seed.depth[row % LANES] };
-                    self.watch_row(&seed, by_column_twice, walks.depth_slope[0][lane], columns, tap);
+                    let seed = Seed {
+                        radial,
+                        by_column,
+                        depth: seed.depth[row % LANES],
+                    };
+                    self.watch_row(
+                        &seed,
+                        by_column_twice,
+                        walks.depth_slope[0][lane],
+                        columns,
+                        tap,
+                    );
                 }
                 span.depth[row] = seed.depth[row % LANES];
                 for eight in 0..eights(columns) {
@@ -628,24 +786,50 @@ impl Raster {
     /// Shows the probe how far the registers go in the part of a box, and where they wrap.
     #[inline(always)]
     fn watch_rows<P: Probe>(&self, w: &Walks, lane: usize, tap: &mut Tap<P>) {
-        let seed = Seed { radial: w.seed.radial[lane], by_column: w.seed.by_column[lane], depth: w.seed.depth[lane] };
+        let seed = Seed {
+            radial: w.seed.radial[lane],
+            by_column: w.seed.by_column[lane],
+            depth: w.seed.depth[lane],
+        };
         let by_row = [w.by_row[lane], w.by_row_twice[lane], w.by_both[lane]];
         let depth_slope = two!(axis => w.depth_slope[axis][lane]);
-        if self.reach(&seed, w.by_column_twice[lane], by_row, depth_slope, w.size(lane), tap) {
+        if self.reach(
+            &seed,
+            w.by_column_twice[lane],
+            by_row,
+            depth_slope,
+            w.size(lane),
+            tap,
+        ) {
             self.walk_rows(w, lane, tap);
         }
     }
 
     /// Shows the probe how far the registers go in a row, and where they wrap.
     #[inline(always)]
-    fn watch_row<P: Probe>(&self, seed: &Seed<Held>, by_column_twice: Held, depth_slope: i64, columns: usize, tap: &mut Tap<P>) {
-        if self.reach(seed, by_column_twice, [0; 3], [depth_slope, 0], [columns, 1], tap) {
+    fn watch_row<P: Probe>(
+        &self,
+        seed: &Seed<Held>,
+        by_column_twice: Held,
+        depth_slope: i64,
+        columns: usize,
+        tap: &mut Tap<P>,
+    ) {
+        if self.reach(
+            seed,
+            by_column_twice,
+            [0; 3],
+            [depth_slope, 0],
+            [columns, 1],
+            tap,
+        ) {
             self.walk_row(seed.radial, seed.by_column, by_column_twice, columns, tap);
         }
     }
 
-    /// How far the registers would go if they never wrapped: r, up to the column after the last, its first difference, and z, at the
-    /// part's corners, for r is convex. Says whether one may wrap.
+    /// How far the registers would go if they never wrapped: r, up to the column after the last,
+    /// its first difference, and z, at the part's corners, for r is convex. Says whether one may
+    /// wrap.
     #[inline(always)]
     fn reach<P: Probe>(
         &self,
@@ -657,7 +841,8 @@ impl Raster {
         tap: &mut Tap<P>,
     ) -> bool {
         let (on, down) = (columns as i64, rows as i64 - 1);
-        let [r, by_column] = [seed.radial, seed.by_column].map(|held| self.radial_register.read(held));
+        let [r, by_column] =
+            [seed.radial, seed.by_column].map(|held| self.radial_register.read(held));
         let by_column_twice = self.radial_register.read(by_column_twice);
         let [by_row, by_row_twice, by_both] = by_row.map(|held| self.radial_register.read(held));
         // No word has more than 48 bits and no side more than 16 pixels: 64 bits hold all of this.
@@ -666,13 +851,22 @@ impl Raster {
         let both = on * down * by_both;
         let [low, high] = extremes([r, r + along, r + across, r + along + across + both]);
         let (turn, lean) = ((on - 1) * by_column_twice, down * by_both);
-        let [least, most] = extremes([by_column, by_column + turn, by_column + lean, by_column + turn + lean]);
-        tap.probe.reached(self.radial.signal, [low.min(least), high.max(most)]);
+        let [least, most] = extremes([
+            by_column,
+            by_column + turn,
+            by_column + lean,
+            by_column + turn + lean,
+        ]);
+        tap.probe
+            .reached(self.radial.signal, [low.min(least), high.max(most)]);
 
         let z = self.depth_register.read(seed.depth);
         let depth_slope = two!(axis => depth_slope[axis] << self.places.depth_slope);
         let [along, across] = [(on - 1) * depth_slope[0], down * depth_slope[1]];
-        tap.probe.reached(self.depth.signal, extremes([z, z + along, z + across, z + along + across]));
+        tap.probe.reached(
+            self.depth.signal,
+            extremes([z, z + along, z + across, z + along + across]),
+        );
 
         // Below its tangent plane a convex r never falls.
         let lowest = r + (on * by_column).min(0) + (down * by_row).min(0) + both.min(0);
@@ -684,7 +878,8 @@ impl Raster {
     #[inline(never)]
     fn walk_rows<P: Probe>(&self, w: &Walks, lane: usize, tap: &mut Tap<P>) {
         let [columns, rows] = w.size(lane);
-        let (mut radial, mut by_row, mut by_column) = (w.seed.radial[lane], w.by_row[lane], w.seed.by_column[lane]);
+        let (mut radial, mut by_row, mut by_column) =
+            (w.seed.radial[lane], w.by_row[lane], w.seed.by_column[lane]);
         for _ in 0..rows {
             self.walk_row(radial, by_column, w.by_column_twice[lane], columns, tap);
             radial = radial.wrapping_add(by_row);
@@ -693,7 +888,14 @@ impl Raster {
         }
     }
 
-    fn walk_row<P: Probe>(&self, mut radial: Held, mut first: Held, second: Held, columns: usize, tap: &mut Tap<P>) {
+    fn walk_row<P: Probe>(
+        &self,
+        mut radial: Held,
+        mut first: Held,
+        second: Held,
+        columns: usize,
+        tap: &mut Tap<P>,
+    ) {
         for _ in 0..columns {
             if radial.checked_add(first).is_none() {
                 tap.probe.wrapped(self.radial.signal);
@@ -703,39 +905,78 @@ impl Raster {
         }
     }
 
-    /// r (`raster.radial`), at least 0, and z clamped to what the disc can reach (shape: [`Raster::depth_exact`]), of eight fragments.
+    /// r (`raster.radial`), at least 0, and z clamped to what the disc can reach (shape:
+    /// [`Raster::depth_exact`]), of eight fragments.
     #[inline(always)]
-    pub fn fragments<L: Lanes>(&self, walks: &Walks, lane: usize, span: &Span, places: [u8; LANES]) -> [L; 2] {
+    pub fn fragments<L: Lanes>(
+        &self,
+        walks: &Walks,
+        lane: usize,
+        span: &Span,
+        places: [u8; LANES],
+    ) -> [L; 2] {
         let place = L::from_bytes(places);
         let held = place.look_up(span.radial.as_flattened().as_flattened());
         let radial = self.radial_register.read_unsigned(held.max(L::splat(0)));
-        let [column, row] = [place & L::splat(SIDE_PX as i64 - 1), place.right_unsigned(SIDE_PX.ilog2())];
+        let [column, row] = [
+            place & L::splat(SIDE_PX as i64 - 1),
+            place.right_unsigned(SIDE_PX.ilog2()),
+        ];
         let [by_column, by_row] = two!(axis => L::splat(walks.depth_slope[axis][lane]));
         let (start, lean) = match self.rows {
-            Rows::Differenced => (L::splat(walks.seed.depth[lane]), column * by_column + row * by_row),
+            Rows::Differenced => (
+                L::splat(walks.seed.depth[lane]),
+                column * by_column + row * by_row,
+            ),
             Rows::Seeded => (row.look_up(&span.depth), column * by_column),
         };
-        let depth = start.wrapping_add(self.depth_register.load_lanes(lean, self.places.depth_slope));
-        let depth = self.depth_register.read_lanes(depth).left(self.places.clamp[0]);
-        [radial, depth.max(L::splat(walks.nearest[lane])).min(L::splat(walks.deepest[lane]))]
+        let depth = start.wrapping_add(
+            self.depth_register
+                .load_lanes(lean, self.places.depth_slope),
+        );
+        let depth = self
+            .depth_register
+            .read_lanes(depth)
+            .left(self.places.clamp[0]);
+        [
+            radial,
+            depth
+                .max(L::splat(walks.nearest[lane]))
+                .min(L::splat(walks.deepest[lane])),
+        ]
     }
 
     /// Pixel centres in the boxes' first columns and in rows `y`, from the splats' centres.
     #[inline(always)]
-    fn offsets<L: Lanes, P: Probe>(&self, size_px: [u32; 2], splats: &Splats<L>, y: L, tap: &mut Tap<P>) -> [L; 2] {
+    fn offsets<L: Lanes, P: Probe>(
+        &self,
+        size_px: [u32; 2],
+        splats: &Splats<L>,
+        y: L,
+        tap: &mut Tap<P>,
+    ) -> [L; 2] {
         let pixel = [splats.first_column, y];
-        let from_middle = two!(axis => pixel[axis].left(1) + L::splat(1 - i64::from(size_px[axis])));
+        let from_middle =
+            two!(axis => pixel[axis].left(1) + L::splat(1 - i64::from(size_px[axis])));
         two!(axis => tap.fit(&self.offset, from_middle[axis].left(self.places.pixel - 1) - splats.pixel[axis]))
     }
 
     /// r, its first difference by column, and z, at offsets from the centres.
     #[inline(always)]
-    fn seed<L: Lanes, P: Probe>(&self, splats: &Splats<L>, [x, y]: [L; 2], tap: &mut Tap<P>) -> Seed<L> {
+    fn seed<L: Lanes, P: Probe>(
+        &self,
+        splats: &Splats<L>,
+        [x, y]: [L; 2],
+        tap: &mut Tap<P>,
+    ) -> Seed<L> {
         let [xx, xy, yy] = splats.conic;
         let (along, across) = (xx * x, (xy * y).left(1));
         let by_x = tap.fit(&self.gradient, along + across);
         let by_y = tap.fit(&self.gradient, yy * y);
-        let first = tap.fit(&self.first, along.left(1) + xx.left(self.places.offset) + across);
+        let first = tap.fit(
+            &self.first,
+            along.left(1) + xx.left(self.places.offset) + across,
+        );
         Seed {
             radial: tap.fit_register(&self.radial, self.radial_register, x * by_x + y * by_y),
             by_column: self.radial_register.load_lanes(first, self.places.first),
@@ -744,7 +985,12 @@ impl Raster {
     }
 
     #[inline(always)]
-    fn depth_seed<L: Lanes, P: Probe>(&self, splats: &Splats<L>, [x, y]: [L; 2], tap: &mut Tap<P>) -> L {
+    fn depth_seed<L: Lanes, P: Probe>(
+        &self,
+        splats: &Splats<L>,
+        [x, y]: [L; 2],
+        tap: &mut Tap<P>,
+    ) -> L {
         let [by_x, by_y] = splats.depth_slope;
         let [lean, camera] = self.places.plane;
         let plane = (by_x * x + by_y * y).left(lean) + splats.depth.left(camera);
@@ -758,12 +1004,25 @@ impl<L: Lanes> Splats<L> {
     fn of(inputs: &[&Input; LANES]) -> Self {
         let mut words = [[0; LANES]; LANES];
         for lane in 0..LANES {
-            let Input { pixel: [x, y], conic: [xx, xy, yy], depth, depth_slope: [by_x, by_y], .. } = *inputs[lane];
+            let Input {
+                pixel: [x, y],
+                conic: [xx, xy, yy],
+                depth,
+                depth_slope: [by_x, by_y],
+                ..
+            } = *inputs[lane];
             words[lane] = [x, y, xx, xy, yy, depth, by_x, by_y];
         }
         let [x, y, xx, xy, yy, depth, by_x, by_y] = L::transposed(&words);
         let (first_column, first_row) = (word!(inputs.columns[0]), word!(inputs.rows[0]));
-        Splats { pixel: [x, y], conic: [xx, xy, yy], depth, depth_slope: [by_x, by_y], first_column, first_row }
+        Splats {
+            pixel: [x, y],
+            conic: [xx, xy, yy],
+            depth,
+            depth_slope: [by_x, by_y],
+            first_column,
+            first_row,
+        }
     }
 
     /// The same splat eight times.
@@ -787,7 +1046,10 @@ impl<L: Lanes> Parts<L> {
         let [x, y] = two!(axis => L::splat(square[axis].into()));
         let last = L::splat(SIDE_PX as i64 - 1);
         let from = [splats.first_column.max(x), splats.first_row.max(y)];
-        let to = [word!(inputs.columns[1]).min(x + last), word!(inputs.rows[1]).min(y + last)];
+        let to = [
+            word!(inputs.columns[1]).min(x + last),
+            word!(inputs.rows[1]).min(y + last),
+        ];
         Parts {
             on: [from[0] - splats.first_column, from[1] - splats.first_row],
             size: two!(axis => to[axis] - from[axis] + L::splat(1)),
@@ -809,7 +1071,11 @@ impl<L: Lanes> Seed<L> {
 
     #[inline(always)]
     fn to_array(self) -> Seed<[Held; LANES]> {
-        Seed { radial: self.radial.to_array(), by_column: self.by_column.to_array(), depth: self.depth.to_array() }
+        Seed {
+            radial: self.radial.to_array(),
+            by_column: self.by_column.to_array(),
+            depth: self.depth.to_array(),
+        }
     }
 }
 
@@ -817,14 +1083,18 @@ impl<L: Lanes> Seed<L> {
 #[inline(always)]
 fn after<L: Lanes>(value: L, first: L, second: L, steps: L) -> L {
     let pairs = (steps * (steps - L::splat(1))).right(1);
-    value.wrapping_add(first.times(steps)).wrapping_add(second.times(pairs))
+    value
+        .wrapping_add(first.times(steps))
+        .wrapping_add(second.times(pairs))
 }
 
 /// A twice differenced register at the first or second eight of the columns from here on.
 #[inline(always)]
 fn side_by_side<L: Lanes>(value: Held, first: Held, second: Held, eight: usize) -> L {
     let [columns, pairs] = [L::from_array(COLUMNS[eight]), L::from_array(PAIRS[eight])];
-    L::splat(value).wrapping_add(L::splat(first).times(columns)).wrapping_add(L::splat(second).times(pairs))
+    L::splat(value)
+        .wrapping_add(L::splat(first).times(columns))
+        .wrapping_add(L::splat(second).times(pairs))
 }
 
 /// The magnitude of each lane.

@@ -1,11 +1,12 @@
-//! Resolve: shades what a pixel still holds, blends it front to back over the background and writes the frame word
-//! (docs/book/algorithm-resolve.md §7).
+//! Resolve: shades what a pixel still holds, blends it front to back over the background and writes
+//! the frame word (docs/book/algorithm-resolve.md §7).
 //!
 //! ```text
 //! layers in depth order ─►(× transmittance)─►(Σ)─►(+ background)─► frame
 //! opacity ─►(1 − α')─►(×)─► transmittance
 //! ```
-//! Losses: `transmittance` is rounded at each layer; the sum is exact and rounded once, into `frame`.
+//! Losses: `transmittance` is rounded at each layer; the sum is exact and rounded once, into
+//! `frame`.
 //!
 //! Laws: `an_empty_pixel_is_background`, `an_opaque_layer_hides_all_behind_it`.
 
@@ -21,10 +22,17 @@ pub use crate::records::Layer;
 
 const UNIT: &str = unit::RESOLVE;
 
-/// Longest way of a layer: a product and a sum, in which the next layer waits for its transmittance.
+/// Longest way of a layer: a product and a sum, in which the next layer waits for its
+/// transmittance.
 pub fn layer(machine: &Machine) -> Path {
-    let (transmittance, premultiplied) = (machine.resolve.transmittance.format.width(), machine.shade.premultiplied.format.width());
-    Path::default().product(transmittance, premultiplied).sum(transmittance + premultiplied).fit(transmittance)
+    let (transmittance, premultiplied) = (
+        machine.resolve.transmittance.format.width(),
+        machine.shade.premultiplied.format.width(),
+    );
+    Path::default()
+        .product(transmittance, premultiplied)
+        .sum(transmittance + premultiplied)
+        .fit(transmittance)
 }
 
 /// Longest way: a product and a sum for each layer.
@@ -32,8 +40,8 @@ pub fn path(machine: &Machine) -> Path {
     layer(machine).times(machine.fragment.layers)
 }
 
-/// What a layer hides behind it and adds in front: inputs are the transmittance, three sums, a layer's colour and its opacity; results the
-/// transmittance behind it and the sums.
+/// What a layer hides behind it and adds in front: inputs are the transmittance, three sums, a
+/// layer's colour and its opacity; results the transmittance behind it and the sums.
 fn layered(g: &mut Builder, machine: &Machine, sum: Exact) -> [Wire; 4] {
     let (m, premultiplied) = (&machine.resolve, machine.shade.premultiplied);
     let transmittance = g.input(m.transmittance);
@@ -48,10 +56,16 @@ fn layered(g: &mut Builder, machine: &Machine, sum: Exact) -> [Wire; 4] {
     let through = g.minus_within(one, opacity, premultiplied.into());
     let through = g.natural(through);
     let behind = g.times(transmittance, through);
-    [g.fit("transmittance", m.transmittance, behind), red, green, blue]
+    [
+        g.fit("transmittance", m.transmittance, behind),
+        red,
+        green,
+        blue,
+    ]
 }
 
-/// The frame's word: inputs are the transmittance, three sums, and the background's colour and alpha.
+/// The frame's word: inputs are the transmittance, three sums, and the background's colour and
+/// alpha.
 fn framed(g: &mut Builder, machine: &Machine, sum: Exact) -> [Wire; 4] {
     let m = &machine.resolve;
     let transmittance = g.input(m.transmittance);
@@ -92,9 +106,15 @@ impl Resolve {
             e.holds_one(UNIT, name, word);
         }
         // Transmittances add up to at most 1, and so do what layers add and the background.
-        let [through, behind] = [machine.shade.premultiplied, m.frame].map(|word| Exact::from(m.transmittance).times(word));
-        let sum = through.plus(through).plus(through).plus(through).plus(behind);
-        // The three sums are kept; the transmittance begins as 1, and goes on as what is behind a layer or as it is.
+        let [through, behind] = [machine.shade.premultiplied, m.frame]
+            .map(|word| Exact::from(m.transmittance).times(word));
+        let sum = through
+            .plus(through)
+            .plus(through)
+            .plus(through)
+            .plus(behind);
+        // The three sums are kept; the transmittance begins as 1, and goes on as what is behind a
+        // layer or as it is.
         e.copies(3, |e| e.part(UNIT, Operator::Register(sum.bits())));
         e.choice(UNIT, 3, m.transmittance.format.width());
         let g = &mut Builder::new(e, UNIT);
@@ -104,11 +124,18 @@ impl Resolve {
         let results = framed(g, machine, sum);
         let frame = g.build(results);
         let asked = [&layer, &frame].map(Graph::asked_for_results);
-        Resolve { programs: [layer.program(), frame.program()], asked, layer, frame, clear: m.transmittance.format.one() }
+        Resolve {
+            programs: [layer.program(), frame.program()],
+            asked,
+            layer,
+            frame,
+            clear: m.transmittance.format.one(),
+        }
     }
 
-    /// For batches: what a layer does to what is kept of a pixel, and the frame's word of that. Of both the first four inputs are what is
-    /// kept, which begins as [`Resolve::clear`]; of the first the results are.
+    /// For batches: what a layer does to what is kept of a pixel, and the frame's word of that. Of
+    /// both the first four inputs are what is kept, which begins as [`Resolve::clear`]; of the
+    /// first the results are.
     pub fn programs(&self) -> &[Program; 2] {
         &self.programs
     }
@@ -119,16 +146,29 @@ impl Resolve {
     }
 
     /// Blends layers, which stand in depth order, over the background.
-    pub fn one<P: Probe>(&self, layers: &[Layer], background: [i64; 4], tap: &mut Tap<P>) -> [i64; 4] {
+    pub fn one<P: Probe>(
+        &self,
+        layers: &[Layer],
+        background: [i64; 4],
+        tap: &mut Tap<P>,
+    ) -> [i64; 4] {
         let mut state = self.clear();
-        for Layer { colour: [r, g, b], opacity, .. } in layers {
+        for Layer {
+            colour: [r, g, b],
+            opacity,
+            ..
+        } in layers
+        {
             let [transmittance, sums @ ..] = state;
             let [x, y, z] = sums;
-            state = self.layer.one(&[transmittance, x, y, z, *r, *g, *b, *opacity], tap);
+            state = self
+                .layer
+                .one(&[transmittance, x, y, z, *r, *g, *b, *opacity], tap);
         }
         let [transmittance, x, y, z] = state;
         let [r, g, b, alpha] = background;
-        self.frame.one(&[transmittance, x, y, z, r, g, b, alpha], tap)
+        self.frame
+            .one(&[transmittance, x, y, z, r, g, b, alpha], tap)
     }
 }
 

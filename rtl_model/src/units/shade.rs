@@ -1,4 +1,5 @@
-//! Shade: turns a fragment's sums into the light that leaves it (docs/book/algorithm-resolve.md §7): normalise, Blinn-Phong, coverage.
+//! Shade: turns a fragment's sums into the light that leaves it (docs/book/algorithm-resolve.md
+//! §7): normalise, Blinn-Phong, coverage.
 //!
 //! ```text
 //! weight_sum ─►[ 1/W ]─┬────────────►(×)─► rgb, opacity ──────────────────►(×)─► colour ─►(×)─► premultiplied
@@ -6,7 +7,8 @@
 //! normal_sum ─►[ << ]─► normal_share ─►[ 1/|n| ]─► normal ─►[ N·L, N·H ]─┬┘ highlight ─►(+) │
 //! weight_sum ─►[ min(1, W/τ) ]─► coverage ────────────────────────────────────────────────►(×)
 //! ```
-//! Sums are first shifted by the power of two that brings W to [1, 2), so that a thinly covered pixel keeps its colour's precision.
+//! Sums are first shifted by the power of two that brings W to [1, 2), so that a thinly covered
+//! pixel keeps its colour's precision.
 //!
 //! Losses: all words are rounded to nearest; `colour` is clamped to 1 before it is fitted.
 //!
@@ -44,7 +46,12 @@ pub struct LightRegisters<'a> {
 impl<'a> LightRegisters<'a> {
     /// A frame's, with its materials' tables ([`Shade::highlights`]).
     pub fn of(frame: &'a Frame, highlights: &'a [Option<Table>]) -> Self {
-        let Frame { lighting, coverage_threshold, inverse_threshold, .. } = frame;
+        let Frame {
+            lighting,
+            coverage_threshold,
+            inverse_threshold,
+            ..
+        } = frame;
         LightRegisters {
             lighting,
             highlights,
@@ -55,11 +62,16 @@ impl<'a> LightRegisters<'a> {
     }
 }
 
-/// Longest way: 1/W beside the unit normal; cosine; highlight beside irradiance and colour; coverage and opacity.
+/// Longest way: 1/W beside the unit normal; cosine; highlight beside irradiance and colour;
+/// coverage and opacity.
 pub fn path(machine: &Machine) -> Path {
     let (m, f) = (&machine.shade, &machine.fragment);
     let bits = |word: Word| word.format.width();
-    let [share, normal, root] = [bits(m.normal_share), bits(m.normal), m.root.bits.min(64) as i32];
+    let [share, normal, root] = [
+        bits(m.normal_share),
+        bits(m.normal),
+        m.root.bits.min(64) as i32,
+    ];
     let unit_normal = Path::default()
         .normalise(bits(f.weight_sum))
         .product(share, share)
@@ -68,7 +80,8 @@ pub fn path(machine: &Machine) -> Path {
         .product(share, root)
         .shift(normal)
         .fit(normal);
-    let shining = table::path(m.highlight_table, bits(m.highlight)).product(bits(m.highlight), bits(m.reflectance));
+    let shining = table::path(m.highlight_table, bits(m.highlight))
+        .product(bits(m.highlight), bits(m.reflectance));
     let lighting = Path::default()
         .product(bits(m.cosine), bits(m.reflectance))
         .sum(bits(m.irradiance))
@@ -80,14 +93,21 @@ pub fn path(machine: &Machine) -> Path {
         .sum_of_three(normal + bits(m.light))
         .fit(bits(m.cosine))
         // Each has registers of its own, and coverage some.
-        .then(Path { cycles: shining.cycles + lighting.cycles + SUM, ..shining.beside(lighting) })
+        .then(Path {
+            cycles: shining.cycles + lighting.cycles + SUM,
+            ..shining.beside(lighting)
+        })
         .sum(bits(m.colour))
         .fit(bits(m.colour));
     let leaving = match &machine.reflect {
         None => lit,
-        Some(m) => lit.beside(prepared.then(reflect::way_to_light(machine, m))).then(reflect::way_to_colour(machine, m)),
+        Some(m) => lit
+            .beside(prepared.then(reflect::way_to_light(machine, m)))
+            .then(reflect::way_to_colour(machine, m)),
     };
-    leaving.product(bits(m.colour), bits(m.premultiplied)).fit(bits(m.premultiplied))
+    leaving
+        .product(bits(m.colour), bits(m.premultiplied))
+        .fit(bits(m.premultiplied))
 }
 
 /// The elaborated unit.
@@ -157,11 +177,20 @@ impl Shade {
             e.holds_one(UNIT, name, word);
         }
         e.normaliser(UNIT, f.weight_sum.format.width());
-        let reciprocal = Reciprocal::new(e, UNIT, "reciprocal", m.reciprocal, f.weight_sum.format.frac_bits);
+        let reciprocal = Reciprocal::new(
+            e,
+            UNIT,
+            "reciprocal",
+            m.reciprocal,
+            f.weight_sum.format.frac_bits,
+        );
         let inverse = m.reciprocal.format();
         let divided = e.copies(4, |e| e.times(UNIT, m.share, inverse));
         let squared = e.copies(3, |e| e.times(UNIT, m.normal_share, m.normal_share));
-        e.holds_exact("the operand of shade.root, Σ shade.normal_share², normalised,", squared.plus(squared).plus(squared).plus(squared));
+        e.holds_exact(
+            "the operand of shade.root, Σ shade.normal_share², normalised,",
+            squared.plus(squared).plus(squared).plus(squared),
+        );
         let squares = e.sum(UNIT, [squared; 3]);
         e.normaliser(UNIT, squares.bits());
         let root = ReciprocalRoot::new(e, UNIT, "root", m.root, squared.frac_bits);
@@ -175,11 +204,15 @@ impl Shade {
         let thinned = e.times(UNIT, m.opacity, m.coverage);
         let premultiplied = e.copies(3, |e| e.times(UNIT, m.colour, m.premultiplied));
         let cosine_bits = m.cosine.format.frac_bits.clamp(1, 30);
-        let highlight_table = table::shape(e, UNIT, "highlight_table", m.highlight_table, cosine_bits);
+        let highlight_table =
+            table::shape(e, UNIT, "highlight_table", m.highlight_table, cosine_bits);
         let fraction_bits = Table::fraction_bits(highlight_table.index_bits, cosine_bits as u32);
         table::interpolator(e, UNIT, highlight_table, m.highlight, fraction_bits);
         // Its words are the materials': as many as a frame has.
-        e.part(UNIT, Operator::Rom([1 << highlight_table.index_bits, m.highlight.format.width()]));
+        e.part(
+            UNIT,
+            Operator::Rom([1 << highlight_table.index_bits, m.highlight.format.width()]),
+        );
         let colour_frac_bits = coloured.frac_bits.max(glossy.frac_bits);
         // At most 1, and coverage 1 from the threshold on.
         e.limit(UNIT, m.opacity.format.width());
@@ -194,9 +227,13 @@ impl Shade {
             reciprocal,
             root,
             weight_share: e.fit_shifted(UNIT, "share", m.share, f.weight_sum.into()),
-            colour_share: e.copies(3, |e| e.fit_shifted(UNIT, "share", m.share, f.colour_sum.into())),
+            colour_share: e.copies(3, |e| {
+                e.fit_shifted(UNIT, "share", m.share, f.colour_sum.into())
+            }),
             opacity_share: e.fit_shifted(UNIT, "share", m.share, f.opacity_sum.into()),
-            normal_share: e.copies(3, |e| e.fit_shifted(UNIT, "normal_share", m.normal_share, f.normal_sum.into())),
+            normal_share: e.copies(3, |e| {
+                e.fit_shifted(UNIT, "normal_share", m.normal_share, f.normal_sum.into())
+            }),
             rgb: e.copies(3, |e| e.fit(UNIT, "rgb", m.rgb, divided)),
             opacity: e.fit(UNIT, "opacity", m.opacity, divided),
             normal: e.copies(3, |e| e.fit_shifted(UNIT, "normal", m.normal, unit_normal)),
@@ -204,7 +241,12 @@ impl Shade {
                 let sum = e.sum(UNIT, [projected; 3]);
                 e.fit(UNIT, "cosine", m.cosine, sum)
             }),
-            highlight: e.fit(UNIT, "highlight", m.highlight, table::interpolated(m.highlight, fraction_bits)),
+            highlight: e.fit(
+                UNIT,
+                "highlight",
+                m.highlight,
+                table::interpolated(m.highlight, fraction_bits),
+            ),
             irradiance: e.copies(3, |e| {
                 let sum = lit.plus(lit).plus(lit);
                 e.part(UNIT, Operator::Adder(sum.bits()));
@@ -219,7 +261,9 @@ impl Shade {
             }),
             coverage: e.fit_shifted(UNIT, "coverage", m.coverage, covered),
             covered: e.fit(UNIT, "premultiplied", m.premultiplied, thinned),
-            premultiplied: e.copies(3, |e| e.fit(UNIT, "premultiplied", m.premultiplied, premultiplied)),
+            premultiplied: e.copies(3, |e| {
+                e.fit(UNIT, "premultiplied", m.premultiplied, premultiplied)
+            }),
             words: Words {
                 ambient: places(lit.frac_bits, m.reflectance.format.frac_bits),
                 lit: places(colour_frac_bits, coloured.frac_bits),
@@ -262,11 +306,22 @@ impl Shade {
 
     fn highlight(&self, words: &[i64]) -> Table {
         let shape = self.highlight_table;
-        Table::new(self.highlight, shape.index_bits, self.words.highlight_argument_bits, shape.interpolation, words)
+        Table::new(
+            self.highlight,
+            shape.index_bits,
+            self.words.highlight_argument_bits,
+            shape.interpolation,
+            words,
+        )
     }
 
     /// Shades one fragment.
-    pub fn one<P: Probe>(&self, registers: &LightRegisters, input: &Input, tap: &mut Tap<P>) -> Output {
+    pub fn one<P: Probe>(
+        &self,
+        registers: &LightRegisters,
+        input: &Input,
+        tap: &mut Tap<P>,
+    ) -> Output {
         if input.weight <= 0 {
             return Output::default();
         }
@@ -274,55 +329,111 @@ impl Shade {
         let share = tap.fit_three_shifted(&self.colour_share, input.colour, -exponent);
         let rgb = tap.fit_three(&self.rgb, three!(i => share[i] * inverse));
         let opacity_share = tap.fit_one_shifted(&self.opacity_share, input.opacity, -exponent);
-        let opacity = tap.fit_one(&self.opacity, opacity_share * inverse).min(self.words.opacity_one);
+        let opacity = tap
+            .fit_one(&self.opacity, opacity_share * inverse)
+            .min(self.words.opacity_one);
 
         let colour = self.lit(registers, input, rgb, exponent, tap);
         let coverage = self.coverage(registers, input.weight, exponent, tap);
         let opacity = tap.fit_one(&self.covered, opacity * coverage);
-        Output { colour: tap.fit_three(&self.premultiplied, three!(i => colour[i] * opacity)), opacity }
+        Output {
+            colour: tap.fit_three(&self.premultiplied, three!(i => colour[i] * opacity)),
+            opacity,
+        }
     }
 
     /// What a fragment mirrors; none where that is nothing.
     pub fn mirrored(&self, registers: &LightRegisters, input: &Input) -> Option<reflect::Seen> {
-        let (unit, of) = self.mirror(registers, input.material as usize).filter(|_| input.weight > 0)?;
+        let (unit, of) = self
+            .mirror(registers, input.material as usize)
+            .filter(|_| input.weight > 0)?;
         let probe = &mut NoProbe;
         let tap = &mut Tap::new(probe);
         let (_, exponent) = self.reciprocal.one(input.weight, tap);
-        Some(unit.seen(of, input.pixel, self.unit_normal(input.normal, exponent, tap)?))
+        Some(unit.seen(
+            of,
+            input.pixel,
+            self.unit_normal(input.normal, exponent, tap)?,
+        ))
     }
 
     /// What mirrors in a material, and its registers; none where nothing does.
-    fn mirror<'a>(&'a self, registers: &'a LightRegisters, material: usize) -> Option<(&'a Reflect, &'a reflect::Registers<'a>)> {
-        self.reflect.as_ref().zip(registers.surroundings.as_ref()).filter(|(unit, of)| unit.mirrors(of, material))
+    fn mirror<'a>(
+        &'a self,
+        registers: &'a LightRegisters,
+        material: usize,
+    ) -> Option<(&'a Reflect, &'a reflect::Registers<'a>)> {
+        self.reflect
+            .as_ref()
+            .zip(registers.surroundings.as_ref())
+            .filter(|(unit, of)| unit.mirrors(of, material))
     }
 
     /// min(1, W/τ).
-    fn coverage<P: Probe>(&self, registers: &LightRegisters, weight: i64, exponent: i64, tap: &mut Tap<P>) -> i64 {
+    fn coverage<P: Probe>(
+        &self,
+        registers: &LightRegisters,
+        weight: i64,
+        exponent: i64,
+        tap: &mut Tap<P>,
+    ) -> i64 {
         if weight >= registers.coverage_threshold {
             return self.words.coverage_one;
         }
         let share = tap.fit_one_shifted(&self.weight_share, weight, -exponent);
         let Scaled { mantissa, places } = registers.inverse_threshold;
-        tap.fit_one_shifted(&self.coverage, share * mantissa, exponent + places).min(self.words.coverage_one)
+        tap.fit_one_shifted(&self.coverage, share * mantissa, exponent + places)
+            .min(self.words.coverage_one)
     }
 
     /// The colour that leaves the surface, at most 1.
-    fn lit<P: Probe>(&self, registers: &LightRegisters, input: &Input, rgb: [i64; 3], exponent: i64, tap: &mut Tap<P>) -> [i64; 3] {
+    fn lit<P: Probe>(
+        &self,
+        registers: &LightRegisters,
+        input: &Input,
+        rgb: [i64; 3],
+        exponent: i64,
+        tap: &mut Tap<P>,
+    ) -> [i64; 3] {
         let w = self.words;
         let material = input.material as usize;
         let mirror = self.mirror(registers, material);
-        let (Material::BlinnPhong { ambient, diffuse, specular, .. }, Some(table)) =
-            (&registers.lighting.materials[material], &registers.highlights[material])
+        let (
+            Material::BlinnPhong {
+                ambient,
+                diffuse,
+                specular,
+                ..
+            },
+            Some(table),
+        ) = (
+            &registers.lighting.materials[material],
+            &registers.highlights[material],
+        )
         else {
-            let colour = tap.fit_three(&self.colour, three!(i => (rgb[i] << w.rgb_to_colour).min(w.colour_one)));
-            let Some((unit, of)) = mirror else { return colour };
+            let colour = tap.fit_three(
+                &self.colour,
+                three!(i => (rgb[i] << w.rgb_to_colour).min(w.colour_one)),
+            );
+            let Some((unit, of)) = mirror else {
+                return colour;
+            };
             let normal = self.unit_normal(input.normal, exponent, tap);
-            return normal.map_or(colour, |normal| unit.one(of, material, input.pixel, normal, colour, tap));
+            return normal.map_or(colour, |normal| {
+                unit.one(of, material, input.pixel, normal, colour, tap)
+            });
         };
         let normal = self.unit_normal(input.normal, exponent, tap);
         let mut irradiance = [*ambient << w.ambient; 3];
         let mut gloss = [0; 3];
-        for (i, Light { direction, half_way }) in registers.lighting.lights.iter().enumerate() {
+        for (
+            i,
+            Light {
+                direction,
+                half_way,
+            },
+        ) in registers.lighting.lights.iter().enumerate()
+        {
             let Some(normal) = normal else { break };
             let towards = self.cosine(normal, *direction, tap);
             let shine = half_way.map_or(0, |half_way| {
@@ -334,9 +445,14 @@ impl Shade {
         }
         let irradiance = tap.fit_three(&self.irradiance, irradiance);
         let exact = three!(channel => ((rgb[channel] * irradiance[channel]) << w.lit) + (gloss[channel] << w.glossy));
-        let colour = tap.fit_three(&self.colour, three!(channel => exact[channel].min(w.colour_one)));
+        let colour = tap.fit_three(
+            &self.colour,
+            three!(channel => exact[channel].min(w.colour_one)),
+        );
         match (mirror, normal) {
-            (Some((unit, of)), Some(normal)) => unit.one(of, material, input.pixel, normal, colour, tap),
+            (Some((unit, of)), Some(normal)) => {
+                unit.one(of, material, input.pixel, normal, colour, tap)
+            }
             _ => colour,
         }
     }
@@ -348,15 +464,25 @@ impl Shade {
     }
 
     /// The unit normal, turned towards the viewer; none where the sums cancel.
-    fn unit_normal<P: Probe>(&self, sums: [i64; 3], exponent: i64, tap: &mut Tap<P>) -> Option<[i64; 3]> {
+    fn unit_normal<P: Probe>(
+        &self,
+        sums: [i64; 3],
+        exponent: i64,
+        tap: &mut Tap<P>,
+    ) -> Option<[i64; 3]> {
         let share = tap.fit_three_shifted(&self.normal_share, sums, -exponent);
         let squared = share[0] * share[0] + share[1] * share[1] + share[2] * share[2];
         if squared == 0 {
             return None;
         }
         let (inverse, exponent) = self.root.one(squared, tap);
-        let normal = tap.fit_three_shifted(&self.normal, three!(i => share[i] * inverse), -exponent);
-        Some(if normal[2] > 0 { three!(i => -normal[i]) } else { normal })
+        let normal =
+            tap.fit_three_shifted(&self.normal, three!(i => share[i] * inverse), -exponent);
+        Some(if normal[2] > 0 {
+            three!(i => -normal[i])
+        } else {
+            normal
+        })
     }
 }
 

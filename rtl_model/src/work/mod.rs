@@ -7,8 +7,9 @@
 //!                               what became of their contributions         2 bytes a splat, 3 for each that was not just added
 //!                               what each pixel held in the end            1 byte a pixel
 //! ```
-//! The simulator draws tiles of 16×16 pixels, and records them so; within a tile splats come in input order. Every organisation of a
-//! machine goes through the same tiles in its own order, for a pixel's result depends on nothing but the order of its contributions.
+//! The simulator draws tiles of 16×16 pixels, and records them so; within a tile splats come in
+//! input order. Every organisation of a machine goes through the same tiles in its own order, for a
+//! pixel's result depends on nothing but the order of its contributions.
 //!
 //! Laws: `what_is_recorded_is_what_was_drawn`, `a_record_is_the_same_for_any_number_of_threads`.
 
@@ -78,15 +79,18 @@ pub enum Event {
     Faint,
     /// Opened a slot.
     Inserted,
-    /// Made two fragments merge, of which so many, 0 to 2, had to be shaded for it; of windows, was blended too, or made two add up.
+    /// Made two fragments merge, of which so many, 0 to 2, had to be shaded for it; of windows, was
+    /// blended too, or made two add up.
     Merged(u8),
     /// Made the deepest fragment vanish.
     Evicted,
     /// Replaced a fragment, or was dropped behind it.
     Replaced,
-    /// Made its pixel stop: whatever comes after it there is recorded as if it were added, and changes nothing.
+    /// Made its pixel stop: whatever comes after it there is recorded as if it were added, and
+    /// changes nothing.
     Stopped,
-    /// The same by the sheet that was blended because it begins another: that takes as long as a merge.
+    /// The same by the sheet that was blended because it begins another: that takes as long as a
+    /// merge.
     MergedAndStopped,
 }
 
@@ -120,7 +124,8 @@ impl Footprint {
 pub struct Tile {
     /// Its first pixel.
     pub corner: [u16; 2],
-    /// Splat by splat, row by row of its box in the tile: which columns were kept, the first of the tile in the last place.
+    /// Splat by splat, row by row of its box in the tile: which columns were kept, the first of the
+    /// tile in the last place.
     rows: Vec<u16>,
     /// Splat by splat, how many of its contributions were not just added.
     counts: Vec<u16>,
@@ -128,7 +133,8 @@ pub struct Tile {
     events: Vec<(u8, Event)>,
     /// Fragments at the end, and 16 times how many of them were left to shade.
     pixels: Vec<u8>,
-    /// Of a frame with surroundings what each fragment that was shaded looked up: for merges, event by event, then pixel by pixel.
+    /// Of a frame with surroundings what each fragment that was shaded looked up: for merges, event
+    /// by event, then pixel by pixel.
     texels: Vec<u16>,
 }
 
@@ -143,17 +149,28 @@ impl Tile {
 
     /// Bytes that it takes.
     fn bytes(&self) -> usize {
-        2 * (self.rows.len() + self.counts.len() + self.texels.len()) + size_of::<(u8, Event)>() * self.events.len() + self.pixels.len()
+        2 * (self.rows.len() + self.counts.len() + self.texels.len())
+            + size_of::<(u8, Event)>() * self.events.len()
+            + self.pixels.len()
     }
 
     /// Reads it from its beginning.
     pub fn reader(&self) -> Reader<'_> {
-        Reader { rows: &self.rows, counts: &self.counts, events: &self.events, texels: &self.texels }
+        Reader {
+            rows: &self.rows,
+            counts: &self.counts,
+            events: &self.events,
+            texels: &self.texels,
+        }
     }
 
     /// What the fragments looked up that were left to shade in the end, pixel by pixel.
     pub fn texels_of_pixels(&self) -> &[u16] {
-        let left: usize = self.pixels.iter().map(|pixel| usize::from(pixel / 16)).sum();
+        let left: usize = self
+            .pixels
+            .iter()
+            .map(|pixel| usize::from(pixel / 16))
+            .sum();
         &self.texels[self.texels.len().saturating_sub(left)..]
     }
 }
@@ -168,10 +185,20 @@ pub struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    /// What the fragments that were shaded for these events, the next ones, looked up; nothing where nothing is mirrored.
+    /// What the fragments that were shaded for these events, the next ones, looked up; nothing
+    /// where nothing is mirrored.
     pub fn texels(&mut self, events: &[(u8, Event)]) -> &'a [u16] {
-        let shades = |(_, event): &(u8, Event)| if let Event::Merged(shades) = event { usize::from(*shades) } else { 0 };
-        let (texels, left) = self.texels.split_at_checked(events.iter().map(shades).sum()).unwrap_or_default();
+        let shades = |(_, event): &(u8, Event)| {
+            if let Event::Merged(shades) = event {
+                usize::from(*shades)
+            } else {
+                0
+            }
+        };
+        let (texels, left) = self
+            .texels
+            .split_at_checked(events.iter().map(shades).sum())
+            .unwrap_or_default();
         self.texels = left;
         texels
     }
@@ -182,11 +209,15 @@ impl<'a> Reader<'a> {
         self.rows
     }
 
-    /// The next splat, of so many rows: which columns each row kept; where, 16 times the row and the column, a contribution was not just
-    /// added, and what became of it.
+    /// The next splat, of so many rows: which columns each row kept; where, 16 times the row and
+    /// the column, a contribution was not just added, and what became of it.
     #[inline(always)]
     pub fn splat(&mut self, rows: usize) -> (&'a [u16], &'a [(u8, Event)]) {
-        let ([count, counts @ ..], Some((rows, rows_left))) = (self.counts, self.rows.split_at_checked(rows)) else { return (&[], &[]) };
+        let ([count, counts @ ..], Some((rows, rows_left))) =
+            (self.counts, self.rows.split_at_checked(rows))
+        else {
+            return (&[], &[]);
+        };
         let (events, events_left) = self.events.split_at(usize::from(*count));
         (self.rows, self.counts, self.events) = (rows_left, counts, events_left);
         (rows, events)
@@ -206,18 +237,21 @@ pub struct Work {
     pub footprints: Vec<Footprint>,
     /// In which order they are drawn: places among them; empty where they are drawn in input order.
     pub order: Vec<u32>,
-    /// Key of each drawn splat, in input order, on a machine that distributes lists to buckets by it; else empty.
+    /// Key of each drawn splat, in input order, on a machine that distributes lists to buckets by
+    /// it; else empty.
     #[serde(skip)]
     pub keys: Vec<u32>,
     /// Every drawn splat is lit before it is drawn.
     pub preshaded: bool,
     /// All splats have the axes that lie in registers.
     pub shared_axes: bool,
-    /// Degree of the spherical harmonics that become the colour of every drawn splat, 0 to 3; 0 where records have colours.
+    /// Degree of the spherical harmonics that become the colour of every drawn splat, 0 to 3; 0
+    /// where records have colours.
     pub harmonics: u8,
     /// Every tile that a box touches, by rows.
     pub tiles: Vec<Tile>,
-    /// Nodes of a tree that were read to find the splats; none where these lie in memory one after the other.
+    /// Nodes of a tree that were read to find the splats; none where these lie in memory one after
+    /// the other.
     pub walk: Vec<Visit>,
     /// How many nodes' children are asked for at a time.
     pub ahead: u32,
@@ -225,19 +259,29 @@ pub struct Work {
     pub listed: Vec<u32>,
     /// The frame has surroundings, which the machine mirrors.
     pub mirrors: bool,
-    /// Of such a frame, if splats are lit before they are drawn, what each drawn one looked up: a row and a column of the map, a byte each.
+    /// Of such a frame, if splats are lit before they are drawn, what each drawn one looked up: a
+    /// row and a column of the map, a byte each.
     pub texels: Vec<u16>,
 }
 
 impl Work {
     /// The drawn splats by tiles of so many pixels a side: their places among [`Work::footprints`].
     pub fn bins(&self, side_px: usize) -> Bins {
-        let input = 0..if self.order.is_empty() { self.footprints.len() as u32 } else { 0 };
+        let input = 0..if self.order.is_empty() {
+            self.footprints.len() as u32
+        } else {
+            0
+        };
         let drawn = self.order.iter().copied().chain(input);
-        Bins::new([self.width, self.height], side_px, drawn.map(|nth| (nth, self.footprints[nth as usize].sides())))
+        Bins::new(
+            [self.width, self.height],
+            side_px,
+            drawn.map(|nth| (nth, self.footprints[nth as usize].sides())),
+        )
     }
 
-    /// Brings the footprints of these places together: they lie scattered, and whoever went from one to the next would wait for each.
+    /// Brings the footprints of these places together: they lie scattered, and whoever went from
+    /// one to the next would wait for each.
     pub fn look_up(&self, places: &[u32], footprints: &mut Vec<Footprint>) {
         footprints.clear();
         footprints.extend(places.iter().map(|nth| self.footprints[*nth as usize]));
@@ -254,10 +298,13 @@ impl Work {
             + 2 * self.texels.len()
     }
 
-    /// Most nodes of its walk that took a place on the walker's stack; 0 where there is no walk. Those that are asked for keep their places
-    /// until their children are tested.
+    /// Most nodes of its walk that took a place on the walker's stack; 0 where there is no walk.
+    /// Those that are asked for keep their places until their children are tested.
     pub fn deepest_stack(&self) -> u64 {
-        let mut groups = self.walk.chunk_by(|one, next| one.parent == next.parent && one.node != 0).peekable();
+        let mut groups = self
+            .walk
+            .chunk_by(|one, next| one.parent == next.parent && one.node != 0)
+            .peekable();
         let (mut stack, mut deepest) = (u64::from(groups.peek().is_some()), 0);
         while groups.peek().is_some() {
             let asked = stack.clamp(1, self.ahead.max(1).into());
@@ -269,7 +316,8 @@ impl Work {
         deepest
     }
 
-    /// Contents of each pixel in the end, row by row: fragments, and how many of them are left to shade.
+    /// Contents of each pixel in the end, row by row: fragments, and how many of them are left to
+    /// shade.
     pub fn held(&self) -> Vec<[u8; 2]> {
         let [width, height] = [self.width, self.height].map(|size| size as usize);
         let mut held = vec![[0; 2]; width * height];
@@ -277,7 +325,10 @@ impl Work {
             let [x, y] = tile.corner.map(usize::from);
             for row in 0..TILE_PX.min(height - y) {
                 let first = (y + row) * width + x;
-                for (column, held) in held[first..first + TILE_PX.min(width - x)].iter_mut().enumerate() {
+                for (column, held) in held[first..first + TILE_PX.min(width - x)]
+                    .iter_mut()
+                    .enumerate()
+                {
                     *held = tile.pixel(row * TILE_PX + column);
                 }
             }
@@ -285,7 +336,8 @@ impl Work {
         held
     }
 
-    /// What fragments look up that are left to shade, pixel by pixel, tile after tile; and by rows of the picture where each pixel's begin.
+    /// What fragments look up that are left to shade, pixel by pixel, tile after tile; and by rows
+    /// of the picture where each pixel's begin.
     pub fn texels_of_pixels(&self) -> (Vec<u16>, Vec<u32>) {
         let [width, height] = [self.width, self.height].map(|size| size as usize);
         let (mut texels, mut first) = (Vec::new(), vec![0; width * height]);
@@ -306,12 +358,17 @@ impl Work {
 
     /// Whether a pixel stops before its last contribution.
     pub fn stops(&self) -> bool {
-        self.tiles.iter().any(|tile| tile.events.iter().any(|(_, event)| event.stops()))
+        self.tiles
+            .iter()
+            .any(|tile| tile.events.iter().any(|(_, event)| event.stops()))
     }
 
     /// Rows of the boxes of all drawn splats.
     pub fn rows(&self) -> u64 {
-        self.footprints.iter().map(|footprint| u64::from(footprint.rows[1] - footprint.rows[0]) + 1).sum()
+        self.footprints
+            .iter()
+            .map(|footprint| u64::from(footprint.rows[1] - footprint.rows[0]) + 1)
+            .sum()
     }
 }
 
@@ -326,7 +383,8 @@ struct TileRecorder {
     places: Vec<u8>,
     recorded: usize,
     shaded: u8,
-    /// What fragments looked up; of splats that are lit before they are drawn, if they are set up here.
+    /// What fragments looked up; of splats that are lit before they are drawn, if they are set up
+    /// here.
     texels: Vec<u16>,
 }
 
@@ -347,12 +405,30 @@ pub struct Recorder {
 }
 
 /// Splats in the order of their places; a fate for each lane that has one.
-pub const CULLED: [Fate; 6] = [Fate::Near, Fate::Outside, Fate::Transparent, Fate::Backface, Fate::Faint, Fate::Missing];
+pub const CULLED: [Fate; 6] = [
+    Fate::Near,
+    Fate::Outside,
+    Fate::Transparent,
+    Fate::Backface,
+    Fate::Faint,
+    Fate::Missing,
+];
 
 impl Recorder {
     /// Record of a frame.
     pub fn work(self, width: u32, height: u32) -> Work {
-        let Recorder { footprints, culled, order, keys, preshaded, shared_axes, harmonics, mirrors, mut tiles, now } = self;
+        let Recorder {
+            footprints,
+            culled,
+            order,
+            keys,
+            preshaded,
+            shared_axes,
+            harmonics,
+            mirrors,
+            mut tiles,
+            now,
+        } = self;
         let mut fates = vec![Fate::Drawn; footprints.len() + culled.len()];
         for (splat, fate) in culled {
             fates[splat as usize] = fate;
@@ -410,27 +486,37 @@ impl Recorder {
     /// Of eight splats, which were not drawn, by [`CULLED`], the first in the last place.
     pub fn culled(&mut self, first: u32, lanes: [u8; CULLED.len()]) {
         for (lanes, fate) in lanes.into_iter().zip(CULLED) {
-            self.culled.extend((0..8).filter(|lane| lanes & (1 << lane) != 0).map(|lane| (first + lane, fate)));
+            self.culled.extend(
+                (0..8)
+                    .filter(|lane| lanes & (1 << lane) != 0)
+                    .map(|lane| (first + lane, fate)),
+            );
         }
     }
 
-    /// All splats with a box have been recorded; they are drawn in this order. Keys, if any, are in input order.
+    /// All splats with a box have been recorded; they are drawn in this order. Keys, if any, are in
+    /// input order.
     pub fn sorted(&mut self, order: Vec<u32>, keys: Vec<u32>) {
         (self.order, self.keys) = (order, keys);
     }
 
-    /// Splats are ellipsoids: whether each with a box is lit before it is drawn, whether all have the axes in the registers, and the degree of
-    /// the harmonics that their colours are.
+    /// Splats are ellipsoids: whether each with a box is lit before it is drawn, whether all have
+    /// the axes in the registers, and the degree of the harmonics that their colours are.
     pub fn ellipsoids(&mut self, preshaded: bool, shared_axes: bool, harmonics: u8) {
         (self.preshaded, self.shared_axes, self.harmonics) = (preshaded, shared_axes, harmonics);
     }
 
     /// A splat has a box.
     pub fn drawn(&mut self, splat: u32, [columns, rows]: [[u16; 2]; 2]) {
-        self.footprints.push(Footprint { splat, columns, rows });
+        self.footprints.push(Footprint {
+            splat,
+            columns,
+            rows,
+        });
     }
 
-    /// A splat's part of a tile, of so many rows from column `left` of the tile on, keeps these places: 16 · row + column.
+    /// A splat's part of a tile, of so many rows from column `left` of the tile on, keeps these
+    /// places: 16 · row + column.
     #[inline(always)]
     pub fn span(&mut self, rows: usize, left: usize, places: &[u8]) {
         self.now.places.clear();
@@ -447,7 +533,13 @@ impl Recorder {
     /// The next place had this outcome.
     #[inline(always)]
     pub fn became(&mut self, event: Event) {
-        let TileRecorder { places, recorded, counts, events, .. } = &mut self.now;
+        let TileRecorder {
+            places,
+            recorded,
+            counts,
+            events,
+            ..
+        } = &mut self.now;
         if event != Event::Accumulated
             && let Some(count) = counts.last_mut()
         {
@@ -477,9 +569,23 @@ impl Recorder {
 
     /// The tile is done.
     pub fn tile(&mut self, corner: [u16; 2]) {
-        let TileRecorder { rows, counts, events, pixels, texels, .. } = &mut self.now;
+        let TileRecorder {
+            rows,
+            counts,
+            events,
+            pixels,
+            texels,
+            ..
+        } = &mut self.now;
         let texels = std::mem::take(texels);
-        let tile = Tile { corner, rows: rows.clone(), counts: counts.clone(), events: events.clone(), pixels: pixels.clone(), texels };
+        let tile = Tile {
+            corner,
+            rows: rows.clone(),
+            counts: counts.clone(),
+            events: events.clone(),
+            pixels: pixels.clone(),
+            texels,
+        };
         rows.clear();
         counts.clear();
         events.clear();
@@ -501,12 +607,19 @@ pub struct Bins {
 }
 
 impl Bins {
-    /// For a picture in tiles of so many pixels a side, and numbered boxes: first and last column, first and last row.
+    /// For a picture in tiles of so many pixels a side, and numbered boxes: first and last column,
+    /// first and last row.
     #[inline(always)]
-    pub fn new(size_px: [u32; 2], side_px: usize, boxes: impl Iterator<Item = (u32, [[u16; 2]; 2])> + Clone) -> Self {
+    pub fn new(
+        size_px: [u32; 2],
+        side_px: usize,
+        boxes: impl Iterator<Item = (u32, [[u16; 2]; 2])> + Clone,
+    ) -> Self {
         let [columns, rows] = size_px.map(|size| (size as usize).div_ceil(side_px));
         let mut starts = vec![0; columns * rows + 1];
-        boxes.clone().for_each(|(_, sides)| each_tile(sides, side_px, columns, |tile| starts[tile + 1] += 1));
+        boxes.clone().for_each(|(_, sides)| {
+            each_tile(sides, side_px, columns, |tile| starts[tile + 1] += 1)
+        });
         for tile in 0..columns * rows {
             starts[tile + 1] += starts[tile];
         }
@@ -518,7 +631,12 @@ impl Bins {
                 next[tile] += 1;
             });
         });
-        Bins { columns, rows, starts, entries }
+        Bins {
+            columns,
+            rows,
+            starts,
+            entries,
+        }
     }
 
     /// Number of tiles.
@@ -539,7 +657,12 @@ impl Bins {
 
 /// Every tile that a box touches, by rows.
 #[inline(always)]
-pub fn each_tile(sides: [[u16; 2]; 2], side_px: usize, columns: usize, mut visit: impl FnMut(usize)) {
+pub fn each_tile(
+    sides: [[u16; 2]; 2],
+    side_px: usize,
+    columns: usize,
+    mut visit: impl FnMut(usize),
+) {
     let tile = |pixel: u16| (u32::from(pixel) / side_px as u32) as usize;
     let [[left, right], [top, bottom]] = sides.map(|side| side.map(tile));
     // Most touch one.

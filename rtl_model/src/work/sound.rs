@@ -1,6 +1,8 @@
-//! Sound: whether a record that somebody else wrote is one that a frame can have left, so that it can be replayed.
+//! Sound: whether a record that somebody else wrote is one that a frame can have left, so that it
+//! can be replayed.
 //!
-//! Laws (tests/recording.rs of the bench): `a_record_that_is_read_is_the_one_that_was_written`, `no_damage_is_taken_for_a_record`.
+//! Laws (tests/recording.rs of the bench): `a_record_that_is_read_is_the_one_that_was_written`,
+//! `no_damage_is_taken_for_a_record`.
 
 use super::{Event, Fate, Footprint, Found, TILE_PX, Tile, Visit, Work};
 
@@ -19,59 +21,124 @@ impl Work {
     /// Half a sentence about what is wrong with it.
     pub fn check(&self) -> Result<(), String> {
         let sizes = [self.width, self.height];
-        require(sizes.iter().all(|size| (1..=MOST_PX).contains(size)), "the picture's size is not 1 to 16384")?;
-        require(self.harmonics <= 3, "its harmonics have a degree that none have")?;
+        require(
+            sizes.iter().all(|size| (1..=MOST_PX).contains(size)),
+            "the picture's size is not 1 to 16384",
+        )?;
+        require(
+            self.harmonics <= 3,
+            "its harmonics have a degree that none have",
+        )?;
         self.check_splats()?;
         self.check_walk()?;
-        let emitted = if self.mirrors && self.preshaded { self.footprints.len() } else { 0 };
-        require(self.texels.len() == emitted, "its splats look up other texels than they can")?;
+        let emitted = if self.mirrors && self.preshaded {
+            self.footprints.len()
+        } else {
+            0
+        };
+        require(
+            self.texels.len() == emitted,
+            "its splats look up other texels than they can",
+        )?;
         let columns = (self.width as usize).div_ceil(TILE_PX);
         let is_after = |pair: &[Tile]| pair[0].place(columns) < pair[1].place(columns);
-        let lies_in = |tile: &Tile| (0..2).all(|i| usize::from(tile.corner[i]) % TILE_PX == 0 && u32::from(tile.corner[i]) < sizes[i]);
-        require(self.tiles.iter().all(lies_in) && self.tiles.windows(2).all(is_after), "its tiles lie where none can")?;
+        let lies_in = |tile: &Tile| {
+            (0..2).all(|i| {
+                usize::from(tile.corner[i]) % TILE_PX == 0 && u32::from(tile.corner[i]) < sizes[i]
+            })
+        };
+        require(
+            self.tiles.iter().all(lies_in) && self.tiles.windows(2).all(is_after),
+            "its tiles lie where none can",
+        )?;
         // Counted before lists of them are made: a box of a few bytes may touch a million tiles.
         let entries: u64 = self.footprints.iter().map(Footprint::tiles).sum();
-        require(self.tiles.iter().map(|tile| tile.counts.len() as u64).sum::<u64>() == entries, "its tiles are not those of its splats")?;
+        require(
+            self.tiles
+                .iter()
+                .map(|tile| tile.counts.len() as u64)
+                .sum::<u64>()
+                == entries,
+            "its tiles are not those of its splats",
+        )?;
         let lists = self.bins(TILE_PX);
         let mut tiles = self.tiles.iter().peekable();
         for place in (0..lists.tiles()).filter(|place| !lists.of(*place).is_empty()) {
-            let tile = tiles.next_if(|tile| tile.place(columns) == place).ok_or("a tile that a splat touches is not there")?;
-            tile.check(lists.of(place).iter().map(|nth| &self.footprints[*nth as usize]))?;
+            let tile = tiles
+                .next_if(|tile| tile.place(columns) == place)
+                .ok_or("a tile that a splat touches is not there")?;
+            tile.check(
+                lists
+                    .of(place)
+                    .iter()
+                    .map(|nth| &self.footprints[*nth as usize]),
+            )?;
             require(
                 tile.texels.len() == if self.mirrors { tile.shades() } else { 0 },
                 "a tile's fragments look up other texels than they can",
             )?;
         }
-        require(tiles.next().is_none(), "a tile is there that no splat touches")
+        require(
+            tiles.next().is_none(),
+            "a tile is there that no splat touches",
+        )
     }
 
     fn check_walk(&self) -> Result<(), String> {
         if self.walk.is_empty() {
-            return require(self.listed.is_empty(), "its splats are listed, and there is no walk that lists them");
+            return require(
+                self.listed.is_empty(),
+                "its splats are listed, and there is no walk that lists them",
+            );
         }
         let is_below = |(nth, visit): (usize, &Visit)| {
             let parent = visit.parent as usize;
             nth == 0 && parent == 0 || parent < nth && self.walk[parent].found == Found::Opened
         };
-        require(self.walk.iter().enumerate().all(is_below), "its walk reads nodes that are below none")?;
-        let drawn = || self.walk.iter().filter(|visit| visit.found == Found::Drawn).map(|visit| visit.node);
-        require(drawn().count() == self.fates.len(), "its walk draws other splats than there are")?;
+        require(
+            self.walk.iter().enumerate().all(is_below),
+            "its walk reads nodes that are below none",
+        )?;
+        let drawn = || {
+            self.walk
+                .iter()
+                .filter(|visit| visit.found == Found::Drawn)
+                .map(|visit| visit.node)
+        };
+        require(
+            drawn().count() == self.fates.len(),
+            "its walk draws other splats than there are",
+        )?;
         let [mut walked, mut listed] = [drawn().collect::<Vec<u32>>(), self.listed.clone()];
         walked.sort_unstable();
         listed.sort_unstable();
-        require(self.listed.is_empty() || listed == walked, "its list has other nodes than its walk")
+        require(
+            self.listed.is_empty() || listed == walked,
+            "its list has other nodes than its walk",
+        )
     }
 
     fn check_splats(&self) -> Result<(), String> {
-        let is_drawn = |footprint: &Footprint| self.fates.get(footprint.splat as usize) == Some(&Fate::Drawn);
-        let ascends = self.footprints.windows(2).all(|pair| pair[0].splat < pair[1].splat);
-        let drawn = self.fates.iter().filter(|fate| **fate == Fate::Drawn).count();
+        let is_drawn =
+            |footprint: &Footprint| self.fates.get(footprint.splat as usize) == Some(&Fate::Drawn);
+        let ascends = self
+            .footprints
+            .windows(2)
+            .all(|pair| pair[0].splat < pair[1].splat);
+        let drawn = self
+            .fates
+            .iter()
+            .filter(|fate| **fate == Fate::Drawn)
+            .count();
         require(
             ascends && drawn == self.footprints.len() && self.footprints.iter().all(is_drawn),
             "its boxes are not those of its splats",
         )?;
         let lies_in = |[first, last]: [u16; 2], size: u32| first <= last && u32::from(last) < size;
-        let all_lie_in = self.footprints.iter().all(|f| lies_in(f.columns, self.width) && lies_in(f.rows, self.height));
+        let all_lie_in = self
+            .footprints
+            .iter()
+            .all(|f| lies_in(f.columns, self.width) && lies_in(f.rows, self.height));
         require(all_lie_in, "a box lies outside of the picture")?;
         let mut seen = vec![false; self.order.len()];
         for nth in &self.order {
@@ -79,13 +146,22 @@ impl Work {
                 *seen = true;
             }
         }
-        let is_order = self.order.is_empty() || self.order.len() == self.footprints.len() && seen.iter().all(|seen| *seen);
+        let is_order = self.order.is_empty()
+            || self.order.len() == self.footprints.len() && seen.iter().all(|seen| *seen);
         require(is_order, "its order leaves splats out")?;
         let have_keys = self.keys.is_empty() || self.keys.len() == self.order.len();
-        require(have_keys && self.order.windows(2).all(|pair| self.is_before(pair[0], pair[1])), "its order is not that of its keys")
+        require(
+            have_keys
+                && self
+                    .order
+                    .windows(2)
+                    .all(|pair| self.is_before(pair[0], pair[1])),
+            "its order is not that of its keys",
+        )
     }
 
-    /// Whether a splat is drawn before another, as far as their keys say; those with equal keys are in input order.
+    /// Whether a splat is drawn before another, as far as their keys say; those with equal keys are
+    /// in input order.
     fn is_before(&self, one: u32, other: u32) -> bool {
         let key = |nth: u32| self.keys.get(nth as usize).map(|key| (*key, nth));
         self.keys.is_empty() || key(one) < key(other)
@@ -95,7 +171,9 @@ impl Work {
 impl Footprint {
     /// How many tiles it touches.
     fn tiles(&self) -> u64 {
-        let across = |[first, last]: [u16; 2]| u64::from(last) / TILE_PX as u64 - u64::from(first) / TILE_PX as u64 + 1;
+        let across = |[first, last]: [u16; 2]| {
+            u64::from(last) / TILE_PX as u64 - u64::from(first) / TILE_PX as u64 + 1
+        };
         across(self.columns) * across(self.rows)
     }
 }
@@ -109,35 +187,71 @@ impl Tile {
 
     /// Fragments that are shaded: to merge, and in the end.
     fn shades(&self) -> usize {
-        let merged = |(_, event): &(u8, Event)| if let Event::Merged(shades) = event { usize::from(*shades) } else { 0 };
-        self.events.iter().map(merged).sum::<usize>() + self.pixels.iter().map(|held| usize::from(held / 16)).sum::<usize>()
+        let merged = |(_, event): &(u8, Event)| {
+            if let Event::Merged(shades) = event {
+                usize::from(*shades)
+            } else {
+                0
+            }
+        };
+        self.events.iter().map(merged).sum::<usize>()
+            + self
+                .pixels
+                .iter()
+                .map(|held| usize::from(held / 16))
+                .sum::<usize>()
     }
 
     /// Whether it tells of these splats, in this order.
     fn check<'a>(&self, splats: impl Iterator<Item = &'a Footprint>) -> Result<(), String> {
-        require(self.pixels.len() == TILE_PX * TILE_PX, "a tile has not as many pixels as there are")?;
-        require(self.pixels.iter().all(|held| held / 16 <= held % 16), "more fragments are left to shade than there are")?;
+        require(
+            self.pixels.len() == TILE_PX * TILE_PX,
+            "a tile has not as many pixels as there are",
+        )?;
+        require(
+            self.pixels.iter().all(|held| held / 16 <= held % 16),
+            "more fragments are left to shade than there are",
+        )?;
         let (mut rows, mut events) = (&self.rows[..], &self.events[..]);
         let mut counts = self.counts.iter();
         for splat in splats {
-            let [columns, lines] = [(splat.columns, 0), (splat.rows, 1)].map(|([first, last], side)| {
-                let corner = self.corner[side];
-                usize::from(first.max(corner) - corner)..(usize::from(last) - usize::from(corner) + 1).min(TILE_PX)
-            });
-            let count = counts.next().ok_or("a tile does not tell of all its splats")?;
-            let (kept, rows_left) = rows.split_at_checked(lines.len()).ok_or("a tile has fewer rows than its splats")?;
-            let (own, events_left) = events.split_at_checked(usize::from(*count)).ok_or("a tile has fewer contributions than it says")?;
+            let [columns, lines] =
+                [(splat.columns, 0), (splat.rows, 1)].map(|([first, last], side)| {
+                    let corner = self.corner[side];
+                    usize::from(first.max(corner) - corner)
+                        ..(usize::from(last) - usize::from(corner) + 1).min(TILE_PX)
+                });
+            let count = counts
+                .next()
+                .ok_or("a tile does not tell of all its splats")?;
+            let (kept, rows_left) = rows
+                .split_at_checked(lines.len())
+                .ok_or("a tile has fewer rows than its splats")?;
+            let (own, events_left) = events
+                .split_at_checked(usize::from(*count))
+                .ok_or("a tile has fewer contributions than it says")?;
             (rows, events) = (rows_left, events_left);
             let inside = (1u32 << columns.end) - (1u32 << columns.start);
-            require(kept.iter().all(|kept| u32::from(*kept) & !inside == 0), "a row keeps pixels outside of its box")?;
+            require(
+                kept.iter().all(|kept| u32::from(*kept) & !inside == 0),
+                "a row keeps pixels outside of its box",
+            )?;
             // Once at most, and where a pixel was kept.
-            let mut left: [u16; TILE_PX] = std::array::from_fn(|row| kept.get(row).copied().unwrap_or_default());
+            let mut left: [u16; TILE_PX] =
+                std::array::from_fn(|row| kept.get(row).copied().unwrap_or_default());
             let mut is_kept = |(place, event): &(u8, Event)| {
                 let (row, bit) = (&mut left[usize::from(place / 16)], 1 << (place % 16));
-                std::mem::replace(row, *row & !bit) & bit != 0 && !matches!(event, Event::Merged(3..))
+                std::mem::replace(row, *row & !bit) & bit != 0
+                    && !matches!(event, Event::Merged(3..))
             };
-            require(own.iter().all(&mut is_kept), "a contribution is told of that is none")?;
+            require(
+                own.iter().all(&mut is_kept),
+                "a contribution is told of that is none",
+            )?;
         }
-        require(counts.len() == 0 && rows.is_empty() && events.is_empty(), "a tile tells of more than its splats")
+        require(
+            counts.len() == 0 && rows.is_empty() && events.is_empty(),
+            "a tile tells of more than its splats",
+        )
     }
 }

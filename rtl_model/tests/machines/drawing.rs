@@ -1,4 +1,5 @@
-//! Does every machine that elaborates draw every frame in its words, watched or not, by any number of threads?
+//! Does every machine that elaborates draw every frame in its words, watched or not, by any number
+//! of threads?
 
 use crate::frames::{ellipsoids, frame};
 use crate::mutation::{Mutation, differences, mutated, mutations, named};
@@ -18,33 +19,53 @@ fn counted(machine: &Elaborated, frame: &Frame) -> Ranges {
     ranges
 }
 
-/// Draws watched, eight words at a time and one by one, without vectors, and not; what was seen must lie in the signals' formats.
+/// Draws watched, eight words at a time and one by one, without vectors, and not; what was seen
+/// must lie in the signals' formats.
 fn draws(machine: &Elaborated, frame: &Frame) -> Drawing {
     let drawing = draw_unobserved(machine, frame);
     let (watched, ranges, _) = draw_measured(machine, frame);
     assert_eq!(watched, drawing, "watched and unwatched differ");
     let mut one_by_one = Ranges::new(machine.signals.len());
-    assert_eq!(draw(machine, frame, &mut one_by_one), drawing, "with vectors and without");
+    assert_eq!(
+        draw(machine, frame, &mut one_by_one),
+        drawing,
+        "with vectors and without"
+    );
     assert_eq!(ranges, one_by_one);
-    for (range, signal) in ranges.0.iter().zip(&machine.signals).filter(|(range, _)| range.words > 0) {
+    for (range, signal) in ranges
+        .0
+        .iter()
+        .zip(&machine.signals)
+        .filter(|(range, _)| range.words > 0)
+    {
         let format = signal.word.format;
-        assert!(format.min() <= range.min && range.max <= format.max(), "{}.{} left {format}", signal.unit, signal.name);
+        assert!(
+            format.min() <= range.min && range.max <= format.max(),
+            "{}.{} left {format}",
+            signal.unit,
+            signal.name
+        );
     }
     let culled = drawing.culled;
-    assert!(culled.near + culled.outside + culled.faint + culled.backface + culled.transparent <= frame.splats.len() as u64);
+    assert!(
+        culled.near + culled.outside + culled.faint + culled.backface + culled.transparent
+            <= frame.splats.len() as u64
+    );
     drawing
 }
 
 /// Keeps every change that leaves a machine that elaborates.
 fn wander(machine: Machine, changes: &[Mutation]) -> (Machine, Elaborated) {
     let first = machine.elaborate().unwrap();
-    changes.iter().fold((machine, first), |(machine, elaborated), change| {
-        let other = mutated(&machine, change);
-        match other.elaborate() {
-            Ok(elaborated) => (other, elaborated),
-            Err(_) => (machine, elaborated),
-        }
-    })
+    changes
+        .iter()
+        .fold((machine, first), |(machine, elaborated), change| {
+            let other = mutated(&machine, change);
+            match other.elaborate() {
+                Ok(elaborated) => (other, elaborated),
+                Err(_) => (machine, elaborated),
+            }
+        })
 }
 
 /// So many random cases, or this run's third of them.
@@ -54,7 +75,10 @@ fn cases(all: u32) -> u32 {
 
 /// The named machines of discs: all, or those whose turn it is.
 fn discs() -> impl Iterator<Item = &'static str> {
-    tier::some([12, 12], Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES))
+    tier::some(
+        [12, 12],
+        Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES),
+    )
 }
 
 proptest! {
@@ -81,31 +105,55 @@ fn meters_read_what_ranges_count() {
             let mut machine = Machine::named(name).unwrap();
             machine.raster.rows = rows;
             let elaborated = machine.elaborate().unwrap();
-            for (seed, wildness) in (0..20).flat_map(|seed| [1, 12, 10_000].map(|wildness| (seed, wildness))) {
+            for (seed, wildness) in
+                (0..20).flat_map(|seed| [1, 12, 10_000].map(|wildness| (seed, wildness)))
+            {
                 let frame = frame(&machine, seed, wildness);
-                let (read, counted) = (draw_measured(&elaborated, &frame).1, counted(&elaborated, &frame));
-                for ((read, counted), signal) in read.0.iter().zip(&counted.0).zip(&elaborated.signals) {
+                let (read, counted) = (
+                    draw_measured(&elaborated, &frame).1,
+                    counted(&elaborated, &frame),
+                );
+                for ((read, counted), signal) in
+                    read.0.iter().zip(&counted.0).zip(&elaborated.signals)
+                {
                     assert_eq!(read, counted, "{}.{} of {name}", signal.unit, signal.name);
-                    assert_eq!(read.bins.iter().sum::<u64>(), read.words, "{}.{} of {name}", signal.unit, signal.name);
+                    assert_eq!(
+                        read.bins.iter().sum::<u64>(),
+                        read.words,
+                        "{}.{} of {name}",
+                        signal.unit,
+                        signal.name
+                    );
                 }
             }
         }
     }
 }
 
-/// Ellipsoids and sheets: what eight lanes are told is what one by one is counted, and no word is beyond its format.
+/// Ellipsoids and sheets: what eight lanes are told is what one by one is counted, and no word is
+/// beyond its format.
 #[test]
 fn meters_read_what_ranges_count_of_ellipsoids() {
     let mut saturated = 0;
     for name in Machine::ELLIPSOID_NAMES {
         let machine = Machine::named(name).unwrap();
         let elaborated = machine.elaborate().unwrap();
-        for (seed, wildness) in (0..40).flat_map(|seed| [1, 12, 10_000].map(|wildness| (seed, wildness))) {
+        for (seed, wildness) in
+            (0..40).flat_map(|seed| [1, 12, 10_000].map(|wildness| (seed, wildness)))
+        {
             let frame = ellipsoids(&machine, seed, wildness);
             draws(&elaborated, &frame);
-            let (read, counted) = (draw_measured(&elaborated, &frame).1, counted(&elaborated, &frame));
-            for ((read, counted), signal) in read.0.iter().zip(&counted.0).zip(&elaborated.signals) {
-                assert_eq!(read, counted, "{}.{} of {name}, {seed} {wildness}", signal.unit, signal.name);
+            let (read, counted) = (
+                draw_measured(&elaborated, &frame).1,
+                counted(&elaborated, &frame),
+            );
+            for ((read, counted), signal) in read.0.iter().zip(&counted.0).zip(&elaborated.signals)
+            {
+                assert_eq!(
+                    read, counted,
+                    "{}.{} of {name}, {seed} {wildness}",
+                    signal.unit, signal.name
+                );
                 saturated += counted.saturated_low + counted.saturated_high;
             }
         }
@@ -117,7 +165,9 @@ fn meters_read_what_ranges_count_of_ellipsoids() {
 fn crowd(machine: &Machine) -> Frame {
     let mut frame = frame(machine, 11, 10_000);
     (frame.width, frame.height) = (100, 60);
-    let splats: Vec<_> = (0..400).flat_map(|seed| crate::frames::frame(machine, seed, 10_000).splats).collect();
+    let splats: Vec<_> = (0..400)
+        .flat_map(|seed| crate::frames::frame(machine, seed, 10_000).splats)
+        .collect();
     frame.splats = splats.iter().cycle().take(9_000).copied().collect();
     frame
 }
@@ -128,20 +178,52 @@ fn meters_measure_all_and_count_a_sample() {
     for name in discs() {
         let machine = Machine::named(name).unwrap();
         let (elaborated, frame) = (machine.elaborate().unwrap(), crowd(&machine));
-        let (read, counted) = (draw_measured(&elaborated, &frame).1, counted(&elaborated, &frame));
+        let (read, counted) = (
+            draw_measured(&elaborated, &frame).1,
+            counted(&elaborated, &frame),
+        );
         let mut most_left_out = 0.0f64;
         for ((read, counted), signal) in read.0.iter().zip(&counted.0).zip(&elaborated.signals) {
             let name = format!("{}.{} of {name}", signal.unit, signal.name);
-            let Range { words, inexact, bins, .. } = *counted;
-            assert_eq!(Range { words, inexact, bins, ..*read }, *counted, "{name}");
+            let Range {
+                words,
+                inexact,
+                bins,
+                ..
+            } = *counted;
+            assert_eq!(
+                Range {
+                    words,
+                    inexact,
+                    bins,
+                    ..*read
+                },
+                *counted,
+                "{name}"
+            );
             assert_eq!(read.bins.iter().sum::<u64>(), read.words, "{name}");
-            assert!(read.words <= words && read.inexact <= inexact && read.bins.iter().zip(&bins).all(|(read, all)| read <= all), "{name}");
+            assert!(
+                read.words <= words
+                    && read.inexact <= inexact
+                    && read.bins.iter().zip(&bins).all(|(read, all)| read <= all),
+                "{name}"
+            );
             if words > 10_000 {
                 let share = |range: &Range| range.inexact as f64 / range.words as f64;
-                // Windows are formed anew for each contribution that finds no room, from slots that hardly change, so tiles differ; and shade
-                // lights splats too, of which fewer are counted than of fragments.
-                let apart = if name.ends_with(" of window") { 0.1 } else { 0.05 };
-                assert!((share(read) - share(counted)).abs() < apart, "{name}: {} and {}", share(read), share(counted));
+                // Windows are formed anew for each contribution that finds no room, from slots that
+                // hardly change, so tiles differ; and shade lights splats too, of which fewer are
+                // counted than of fragments.
+                let apart = if name.ends_with(" of window") {
+                    0.1
+                } else {
+                    0.05
+                };
+                assert!(
+                    (share(read) - share(counted)).abs() < apart,
+                    "{name}: {} and {}",
+                    share(read),
+                    share(counted)
+                );
                 most_left_out = most_left_out.max(1.0 - read.words as f64 / words as f64);
             }
         }
@@ -149,19 +231,35 @@ fn meters_measure_all_and_count_a_sample() {
     }
 }
 
-/// Of pixels that overflow again and again, with one slot to merge with or several, and materials of their own side by side.
+/// Of pixels that overflow again and again, with one slot to merge with or several, and materials
+/// of their own side by side.
 #[test]
 fn merges_that_wait_are_those_at_once() {
-    let rules = [(1, Merge::FarthestPair), (2, Merge::NearestPair), (3, Merge::FarthestPair), (7, Merge::NearestPair)];
+    let rules = [
+        (1, Merge::FarthestPair),
+        (2, Merge::NearestPair),
+        (3, Merge::FarthestPair),
+        (7, Merge::NearestPair),
+    ];
     for (layers, merge) in tier::some([12, 12], rules) {
         for evict_hidden in [false, true] {
             let mut machine = Machine::named("reference").unwrap();
-            (machine.fragment.layers, machine.fragment.merge, machine.fragment.evict_hidden) = (layers, merge, evict_hidden);
+            (
+                machine.fragment.layers,
+                machine.fragment.merge,
+                machine.fragment.evict_hidden,
+            ) = (layers, merge, evict_hidden);
             let (elaborated, frame) = (machine.elaborate().unwrap(), crowd(&machine));
             let waited = draw_unobserved(&elaborated, &frame);
             let merged = waited.outcomes.merged;
-            assert!(merged > 5_000, "{layers} layers, {merge:?}, {evict_hidden}: {merged}");
-            assert!(waited == draw_measured(&elaborated, &frame).0, "{layers} layers, {merge:?}, {evict_hidden}");
+            assert!(
+                merged > 5_000,
+                "{layers} layers, {merge:?}, {evict_hidden}: {merged}"
+            );
+            assert!(
+                waited == draw_measured(&elaborated, &frame).0,
+                "{layers} layers, {merge:?}, {evict_hidden}"
+            );
         }
     }
 }
@@ -173,20 +271,30 @@ fn threads_and_watchers_change_no_bit() {
         let machine = Machine::named(name).unwrap();
         let (elaborated, frame) = (machine.elaborate().unwrap(), crowd(&machine));
         let watched = |threads: usize| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .unwrap();
             let (drawing, ranges, _) = pool.install(|| draw_measured(&elaborated, &frame));
-            assert_eq!(pool.install(|| draw_unobserved(&elaborated, &frame)), drawing);
+            assert_eq!(
+                pool.install(|| draw_unobserved(&elaborated, &frame)),
+                drawing
+            );
             (drawing, ranges)
         };
         let one = watched(1);
-        assert!(one.0.outcomes.merged + one.0.outcomes.evicted > 0, "{name} draws too little to compare: {:?}", one.0.outcomes);
+        assert!(
+            one.0.outcomes.merged + one.0.outcomes.evicted > 0,
+            "{name} draws too little to compare: {:?}",
+            one.0.outcomes
+        );
         assert_eq!(watched(2), one, "{name}");
         assert_eq!(watched(3), one, "{name}");
     }
 }
 
-/// Kinds of sorts give the picture of the radix sort, on random frames of random keys; and their own steps, done here one by one with the keys
-/// that were recorded, give the lists that are drawn.
+/// Kinds of sorts give the picture of the radix sort, on random frames of random keys; and their
+/// own steps, done here one by one with the keys that were recorded, give the lists that are drawn.
 #[test]
 fn every_sort_that_claims_an_order_gives_the_picture_of_radix() {
     let (mut distributed, mut equal_keys, mut pictures) = (0, 0, 0);
@@ -203,7 +311,11 @@ fn every_sort_that_claims_an_order_gives_the_picture_of_radix() {
         };
         let (radix, _, work) = with(SortKind::Radix, None);
         assert!(work.keys.is_empty(), "nothing depends on keys");
-        for (kind, tile_bits) in [(SortKind::Tile, None), (SortKind::Hierarchical, None), (SortKind::Radix, Some(13))] {
+        for (kind, tile_bits) in [
+            (SortKind::Tile, None),
+            (SortKind::Hierarchical, None),
+            (SortKind::Radix, Some(13)),
+        ] {
             assert!(with(kind, tile_bits).0 == radix, "seed {seed}: {kind:?}");
         }
         pictures += u64::from(!work.order.is_empty());
@@ -215,15 +327,32 @@ fn every_sort_that_claims_an_order_gives_the_picture_of_radix() {
             let mut buckets = vec![Vec::new(); 8];
             (0..work.footprints.len() as u32)
                 .filter(|nth| list.contains(nth))
-                .for_each(|nth| buckets[(work.keys[nth as usize] >> (bits - 3)) as usize].push((work.keys[nth as usize], nth)));
-            distributed += usize::from(buckets.iter().filter(|bucket| bucket.len() > 1).count() > 1);
-            equal_keys += buckets.iter().flatten().count() - buckets.iter().flatten().map(|(key, _)| *key).collect::<BTreeSet<_>>().len();
+                .for_each(|nth| {
+                    buckets[(work.keys[nth as usize] >> (bits - 3)) as usize]
+                        .push((work.keys[nth as usize], nth))
+                });
+            distributed +=
+                usize::from(buckets.iter().filter(|bucket| bucket.len() > 1).count() > 1);
+            equal_keys += buckets.iter().flatten().count()
+                - buckets
+                    .iter()
+                    .flatten()
+                    .map(|(key, _)| *key)
+                    .collect::<BTreeSet<_>>()
+                    .len();
             let sorted = buckets.into_iter().flat_map(|mut bucket| {
                 bucket.sort_unstable();
                 bucket
             });
-            assert_eq!(sorted.map(|(_, nth)| nth).collect::<Vec<_>>(), list, "seed {seed}");
+            assert_eq!(
+                sorted.map(|(_, nth)| nth).collect::<Vec<_>>(),
+                list,
+                "seed {seed}"
+            );
         }
     }
-    assert!(pictures > 5 && distributed > 5 && equal_keys > 5, "{pictures} pictures, {distributed} lists, {equal_keys} equal keys");
+    assert!(
+        pictures > 5 && distributed > 5 && equal_keys > 5,
+        "{pictures} pictures, {distributed} lists, {equal_keys} equal keys"
+    );
 }

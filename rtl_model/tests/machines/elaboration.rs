@@ -11,7 +11,10 @@ use rtl_model::pipeline::Elaborated;
 use serde_json::json;
 
 fn built(name: &str) -> Elaborated {
-    Machine::named(name).unwrap().elaborate().unwrap_or_else(|misfits| panic!("{name}: {misfits:#?}"))
+    Machine::named(name)
+        .unwrap()
+        .elaborate()
+        .unwrap_or_else(|misfits| panic!("{name}: {misfits:#?}"))
 }
 
 #[test]
@@ -19,8 +22,16 @@ fn the_named_machines_elaborate() {
     for name in Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES) {
         let machine = built(name);
         let fragment = machine.machine.fragment;
-        let rules = if name == "window" { (4, Merge::Window, true) } else { (3, Merge::FarthestPair, true) };
-        assert_eq!((fragment.layers, fragment.merge, fragment.evict_hidden), rules, "{name}");
+        let rules = if name == "window" {
+            (4, Merge::Window, true)
+        } else {
+            (3, Merge::FarthestPair, true)
+        };
+        assert_eq!(
+            (fragment.layers, fragment.merge, fragment.evict_hidden),
+            rules,
+            "{name}"
+        );
         assert_eq!(machine.machine.name, name);
     }
     assert!(Machine::named("nobody").is_none());
@@ -42,13 +53,20 @@ fn immediate(name: &str) -> Elaborated {
     machine.elaborate().unwrap()
 }
 
-/// Signed operands carry their sign; an unsigned one of n bits goes into a signed multiplier of n + 1, which is not counted here.
+/// Signed operands carry their sign; an unsigned one of n bits goes into a signed multiplier of n +
+/// 1, which is not counted here.
 #[test]
 fn no_multiplier_is_wider_than_promised() {
     for (name, most) in [("reference", 27), ("lean", 18), ("tiny", 18)] {
         for part in built(name).parts {
-            let Operator::Multiplier(operand_bits) = part.operator else { continue };
-            assert!(operand_bits.into_iter().all(|bits| bits <= most), "{name}: {} multiplies {operand_bits:?} bits", part.unit);
+            let Operator::Multiplier(operand_bits) = part.operator else {
+                continue;
+            };
+            assert!(
+                operand_bits.into_iter().all(|bits| bits <= most),
+                "{name}: {} multiplies {operand_bits:?} bits",
+                part.unit
+            );
         }
     }
 }
@@ -56,39 +74,74 @@ fn no_multiplier_is_wider_than_promised() {
 /// Slopes below 1, which are added to 1 and to the normal: sums are as wide as their widest term.
 #[test]
 fn a_sum_is_as_wide_as_its_widest_term() {
-    let slope = with_format(&Machine::named("lean").unwrap(), "project.slope", Format::signed(-2, 20));
+    let slope = with_format(
+        &Machine::named("lean").unwrap(),
+        "project.slope",
+        Format::signed(-2, 20),
+    );
     assert!(slope.elaborate().is_ok());
-    let misfits = with_format(&slope, "ellipse.tilt", Format::signed(-5, 31)).elaborate().unwrap_err();
-    assert_eq!(misfits, ["ellipse.shape is made from an exact result of 65 bits, but 62 can be held: 3 bits must go from its operands"]);
+    let misfits = with_format(&slope, "ellipse.tilt", Format::signed(-5, 31))
+        .elaborate()
+        .unwrap_err();
+    assert_eq!(
+        misfits,
+        [
+            "ellipse.shape is made from an exact result of 65 bits, but 62 can be held: 3 bits must go from its operands"
+        ]
+    );
 }
 
 /// Products a cycle, unit by unit, of the units of which the simulator cannot count its own.
 #[test]
 fn every_multiplier_is_declared() {
-    let count = |machine: &Elaborated, unit: &str| machine.parts.iter().filter(|part| part.unit == unit).map(Part::products).sum::<u32>();
+    let count = |machine: &Elaborated, unit: &str| {
+        machine
+            .parts
+            .iter()
+            .filter(|part| part.unit == unit)
+            .map(Part::products)
+            .sum::<u32>()
+    };
     let reference = built("reference");
     // The conic along and across, squares, depth.
     assert_eq!(count(&immediate("reference"), "raster"), 2 + 2 + 2 + 2);
-    // To a tile, down and along: pairs of steps; r by its first difference of 43 bits and its second of 29, two first differences by their
-    // second, z by its slope of 27; all in pieces of 14 bits.
-    assert_eq!(count(&reference, "raster"), 2 + 2 + 2 + 2 + 2 * (1 + 4 + 3 + 2 * 3 + 2));
+    // To a tile, down and along: pairs of steps; r by its first difference of 43 bits and its
+    // second of 29, two first differences by their second, z by its slope of 27; all in pieces of
+    // 14 bits.
+    assert_eq!(
+        count(&reference, "raster"),
+        2 + 2 + 2 + 2 + 2 * (1 + 4 + 3 + 2 * 3 + 2)
+    );
     // Line between table words, amplitude.
     assert_eq!(count(&reference, "gauss"), 2);
-    // Seven attributes, one of them alone besides; four channels of two fragments that merge. The opacity limit is a product with a constant:
-    // sums.
+    // Seven attributes, one of them alone besides; four channels of two fragments that merge. The
+    // opacity limit is a product with a constant: sums.
     assert_eq!(count(&reference, "fragment"), 7 + 1 + 4);
-    // 1/W in a step; four shares, three squares; 1/|n| in a step; the normal; two cosines; light, colour, gloss; coverage, opacity,
-    // three channels; a line between the words of the highlight.
-    assert_eq!(count(&reference, "shade"), 2 + 4 + 3 + 3 + 3 + 2 * 3 + 3 * 3 + 2 + 3 + 1);
+    // 1/W in a step; four shares, three squares; 1/|n| in a step; the normal; two cosines; light,
+    // colour, gloss; coverage, opacity, three channels; a line between the words of the highlight.
+    assert_eq!(
+        count(&reference, "shade"),
+        2 + 4 + 3 + 3 + 3 + 2 * 3 + 3 * 3 + 2 + 3 + 1
+    );
     // Three channels and what goes through, of a layer and of the background.
     assert_eq!(count(&reference, "resolve"), 4 + 4);
     // The tables of the tiny machine have no lines, its function units no steps.
     let tiny = built("tiny");
     assert_eq!(count(&tiny, "gauss"), 1);
-    assert_eq!(count(&reference, "project") - count(&tiny, "project"), 2 * 2);
-    // And it draws square pixels alone: no three products with an aspect, no second step and scale of depth.
-    assert_eq!(count(&reference, "ellipse") - count(&tiny, "ellipse"), 2 * 3 + 2 * 3 + 2 + 3 + 2);
-    assert_eq!(count(&reference, "shade") - count(&tiny, "shade"), 2 + 3 + 1);
+    assert_eq!(
+        count(&reference, "project") - count(&tiny, "project"),
+        2 * 2
+    );
+    // And it draws square pixels alone: no three products with an aspect, no second step and scale
+    // of depth.
+    assert_eq!(
+        count(&reference, "ellipse") - count(&tiny, "ellipse"),
+        2 * 3 + 2 * 3 + 2 + 3 + 2
+    );
+    assert_eq!(
+        count(&reference, "shade") - count(&tiny, "shade"),
+        2 + 3 + 1
+    );
 }
 
 #[test]
@@ -98,9 +151,19 @@ fn a_reference_fragment_fits_the_papers_bytes() {
 
 #[test]
 fn no_lean_accumulator_is_wider_than_24_bits() {
-    let Machine { fragment, raster, .. } = Machine::named("lean").unwrap();
-    let sums = [fragment.weight_sum, fragment.colour_sum, fragment.opacity_sum, fragment.normal_sum];
-    for word in sums.into_iter().chain([raster.radial, raster.first, raster.second, raster.depth]) {
+    let Machine {
+        fragment, raster, ..
+    } = Machine::named("lean").unwrap();
+    let sums = [
+        fragment.weight_sum,
+        fragment.colour_sum,
+        fragment.opacity_sum,
+        fragment.normal_sum,
+    ];
+    for word in sums
+        .into_iter()
+        .chain([raster.radial, raster.first, raster.second, raster.depth])
+    {
         assert!(word.format.width() <= 24, "{word}");
     }
 }
@@ -112,8 +175,13 @@ fn misfits(machine: &Machine) -> Vec<String> {
 /// The signal that a misfit names and the format that it says would fit.
 fn suggestion(misfit: &str) -> Option<(String, Format)> {
     let signal = misfit.split_whitespace().next()?;
-    let (before, _) = misfit.split_once(" would fit").or_else(|| misfit.split_once(" would hold all of it"))?;
-    Some((signal.to_owned(), before.split_whitespace().last()?.parse().ok()?))
+    let (before, _) = misfit
+        .split_once(" would fit")
+        .or_else(|| misfit.split_once(" would hold all of it"))?;
+    Some((
+        signal.to_owned(),
+        before.split_whitespace().last()?.parse().ok()?,
+    ))
 }
 
 #[test]
@@ -121,17 +189,52 @@ fn a_misfit_names_the_signal_and_what_would_fit() {
     let reference = Machine::named("reference").unwrap();
     let format = |text: &str| text.parse::<Format>().unwrap();
     for (signal, wrong, sentence) in [
-        ("project.camera", "I4F36", "project.camera is I4F36, 40 bits on a port that carries 32: I0F32 would fit"),
-        ("shade.rgb", "U0F18", "shade.rgb is U0F18 and must hold 1: U1F18 would fit"),
-        ("splat.normal", "I1F20", "splat.normal is I1F20 and must hold 1: I2F20 would fit"),
-        ("splat.radius", "I1F20", "splat.radius is I1F20, but its values are never negative: U1F20 would fit"),
-        ("fragment.depth", "U1F30", "fragment.depth is U1F30, 31 bits: the depth comparators take at most 30"),
-        ("gauss.radial_index", "U6F10", "gauss.radial_index is U6F10: the table spans at most 32, U5F10"),
-        ("raster.first", "I8F40", "raster.first is I8F40, finer than the register raster.radial I20F27 that it meets: I8F27 would fit"),
-        ("raster.depth", "I4F20", "raster.depth is I4F20, coarser than the steps ellipse.depth_slope I3F24 that it adds: I4F24 would fit"),
+        (
+            "project.camera",
+            "I4F36",
+            "project.camera is I4F36, 40 bits on a port that carries 32: I0F32 would fit",
+        ),
+        (
+            "shade.rgb",
+            "U0F18",
+            "shade.rgb is U0F18 and must hold 1: U1F18 would fit",
+        ),
+        (
+            "splat.normal",
+            "I1F20",
+            "splat.normal is I1F20 and must hold 1: I2F20 would fit",
+        ),
+        (
+            "splat.radius",
+            "I1F20",
+            "splat.radius is I1F20, but its values are never negative: U1F20 would fit",
+        ),
+        (
+            "fragment.depth",
+            "U1F30",
+            "fragment.depth is U1F30, 31 bits: the depth comparators take at most 30",
+        ),
+        (
+            "gauss.radial_index",
+            "U6F10",
+            "gauss.radial_index is U6F10: the table spans at most 32, U5F10",
+        ),
+        (
+            "raster.first",
+            "I8F40",
+            "raster.first is I8F40, finer than the register raster.radial I20F27 that it meets: I8F27 would fit",
+        ),
+        (
+            "raster.depth",
+            "I4F20",
+            "raster.depth is I4F20, coarser than the steps ellipse.depth_slope I3F24 that it adds: I4F24 would fit",
+        ),
     ] {
         let found = misfits(&with_format(&reference, signal, format(wrong)));
-        assert!(found.iter().any(|misfit| misfit == sentence), "{signal} {wrong}: {found:#?}");
+        assert!(
+            found.iter().any(|misfit| misfit == sentence),
+            "{signal} {wrong}: {found:#?}"
+        );
     }
 }
 
@@ -139,13 +242,41 @@ fn a_misfit_names_the_signal_and_what_would_fit() {
 fn rules_that_contradict_each_other_are_misfits() {
     let reference = Machine::named("reference").unwrap();
     for (field, value, sentence) in [
-        ("fragment.layers", json!(0), "fragment.layers is 0: 1 to 8 can be built"),
-        ("fragment.layers", json!(9), "fragment.layers is 9: 1 to 8 can be built"),
-        ("fragment.merge", json!("replace"), "fragment.merge is replace, a z-buffer, with 3 layers: it needs fragment.layers 1"),
-        ("fragment.opaque_permille", json!(1001), "fragment.opaque_permille is 1001: 1 to 1000 can be built"),
-        ("gauss.table.index_bits", json!(20), "gauss.table.index_bits is 20: 1 to 12 can be built"),
-        ("ellipse.root.bits", json!(4_294_967_295u32), "ellipse.root.bits is 4294967295: 4 to 30 can be built"),
-        ("shade.reciprocal.newton_steps", json!(4), "shade.reciprocal.newton_steps is 4: 0 to 3 can be built"),
+        (
+            "fragment.layers",
+            json!(0),
+            "fragment.layers is 0: 1 to 8 can be built",
+        ),
+        (
+            "fragment.layers",
+            json!(9),
+            "fragment.layers is 9: 1 to 8 can be built",
+        ),
+        (
+            "fragment.merge",
+            json!("replace"),
+            "fragment.merge is replace, a z-buffer, with 3 layers: it needs fragment.layers 1",
+        ),
+        (
+            "fragment.opaque_permille",
+            json!(1001),
+            "fragment.opaque_permille is 1001: 1 to 1000 can be built",
+        ),
+        (
+            "gauss.table.index_bits",
+            json!(20),
+            "gauss.table.index_bits is 20: 1 to 12 can be built",
+        ),
+        (
+            "ellipse.root.bits",
+            json!(4_294_967_295u32),
+            "ellipse.root.bits is 4294967295: 4 to 30 can be built",
+        ),
+        (
+            "shade.reciprocal.newton_steps",
+            json!(4),
+            "shade.reciprocal.newton_steps is 4: 0 to 3 can be built",
+        ),
         (
             "project.slope",
             json!({"format": "I4F22", "overflow": "wrap"}),
@@ -158,20 +289,37 @@ fn rules_that_contradict_each_other_are_misfits() {
         ),
     ] {
         let found = misfits(&with_field(&reference, field, value));
-        assert!(found.iter().any(|misfit| misfit == sentence), "{field}: {found:#?}");
+        assert!(
+            found.iter().any(|misfit| misfit == sentence),
+            "{field}: {found:#?}"
+        );
     }
 }
 
 #[test]
 fn all_misfits_are_reported_at_once() {
     let mut machine = Machine::named("lean").unwrap();
-    for (signal, format) in [("shade.opacity", "U0F14"), ("splat.rgb", "I2F10"), ("ellipse.tilt", "I20F20"), ("resolve.frame", "U0F12")] {
+    for (signal, format) in [
+        ("shade.opacity", "U0F14"),
+        ("splat.rgb", "I2F10"),
+        ("ellipse.tilt", "I20F20"),
+        ("resolve.frame", "U0F12"),
+    ] {
         machine = with_format(&machine, signal, format.parse().unwrap());
     }
     machine.fragment.layers = 11;
     let found = misfits(&machine);
-    for signal in ["shade.opacity", "splat.rgb", "ellipse.tilt", "resolve.frame", "fragment.layers"] {
-        assert!(found.iter().any(|misfit| misfit.starts_with(signal)), "{signal}: {found:#?}");
+    for signal in [
+        "shade.opacity",
+        "splat.rgb",
+        "ellipse.tilt",
+        "resolve.frame",
+        "fragment.layers",
+    ] {
+        assert!(
+            found.iter().any(|misfit| misfit.starts_with(signal)),
+            "{signal}: {found:#?}"
+        );
     }
 }
 
@@ -179,12 +327,27 @@ fn all_misfits_are_reported_at_once() {
 fn unknown_and_missing_fields_are_refused() {
     let mut value = serde_json::to_value(Machine::named("tiny").unwrap()).unwrap();
     value["raster"]["radail"] = json!("I9F8");
-    assert!(serde_json::from_value::<Machine>(value.clone()).unwrap_err().to_string().contains("radail"));
+    assert!(
+        serde_json::from_value::<Machine>(value.clone())
+            .unwrap_err()
+            .to_string()
+            .contains("radail")
+    );
     value["raster"].as_object_mut().unwrap().remove("radail");
     value["raster"].as_object_mut().unwrap().remove("radial");
-    assert!(serde_json::from_value::<Machine>(value.clone()).unwrap_err().to_string().contains("radial"));
+    assert!(
+        serde_json::from_value::<Machine>(value.clone())
+            .unwrap_err()
+            .to_string()
+            .contains("radial")
+    );
     value["raster"]["radial"] = json!("I99F3");
-    assert!(serde_json::from_value::<Machine>(value).unwrap_err().to_string().contains("102 bits wide"));
+    assert!(
+        serde_json::from_value::<Machine>(value)
+            .unwrap_err()
+            .to_string()
+            .contains("102 bits wide")
+    );
 }
 
 proptest! {

@@ -1,7 +1,9 @@
-//! Small frames for any machine: a plausible scene in its words, in which any word may be replaced by any other of its format.
+//! Small frames for any machine: a plausible scene in its words, in which any word may be replaced
+//! by any other of its format.
 
 use rtl_model::frame::{
-    Amplitude, Aspect, Each, Ellipsoids, Frame, Kernel, Light, Lighting, Material, Orientation, Scaled, Sheets, Splat, View, Window,
+    Amplitude, Aspect, Each, Ellipsoids, Frame, Kernel, Light, Lighting, Material, Orientation,
+    Scaled, Sheets, Splat, View, Window,
 };
 use rtl_model::machine::{self, Interpolation, Machine};
 use rtl_model::num::{Format, Word};
@@ -35,7 +37,11 @@ struct Words {
 
 impl Words {
     fn near(&mut self, word: Word, value: f64) -> i64 {
-        if self.rng.below(self.wildness) == 0 { self.any(word.format) } else { nearest(word.format, value) }
+        if self.rng.below(self.wildness) == 0 {
+            self.any(word.format)
+        } else {
+            nearest(word.format, value)
+        }
     }
 
     fn between(&mut self, word: Word, low: f64, high: f64) -> i64 {
@@ -49,8 +55,14 @@ impl Words {
             1 => format.max(),
             2 => self.rng.below(3) as i64 - 1,
             _ => {
-                let magnitude = self.rng.next() as i64 >> (64 - format.width()).clamp(0, 63) >> self.rng.below(format.width() as u64);
-                if format.signed { magnitude } else { magnitude.abs() }
+                let magnitude = self.rng.next() as i64
+                    >> (64 - format.width()).clamp(0, 63)
+                    >> self.rng.below(format.width() as u64);
+                if format.signed {
+                    magnitude
+                } else {
+                    magnitude.abs()
+                }
             }
         };
         word.clamp(format.min(), format.max())
@@ -58,7 +70,10 @@ impl Words {
 
     fn scaled(&mut self, word: Word, value: f64) -> Scaled {
         let places = -(value.log2().floor() as i64) - 1;
-        Scaled { mantissa: self.near(word, value * (places as f64).exp2()), places }
+        Scaled {
+            mantissa: self.near(word, value * (places as f64).exp2()),
+            places,
+        }
     }
 }
 
@@ -69,7 +84,10 @@ pub fn nearest(format: Format, value: f64) -> i64 {
 
 /// A frame with a few splats: `wildness` 1 draws every word at random, large numbers almost none.
 pub fn frame(machine: &Machine, seed: u64, wildness: u64) -> Frame {
-    let mut w = Words { rng: Rng(seed), wildness };
+    let mut w = Words {
+        rng: Rng(seed),
+        wildness,
+    };
     let [width, height] = [1 + w.rng.below(40) as u32, 1 + w.rng.below(40) as u32];
     let threshold = w.rng.between(0.05, 0.9);
     let lighting = lighting(machine, &mut w);
@@ -83,8 +101,13 @@ pub fn frame(machine: &Machine, seed: u64, wildness: u64) -> Frame {
         inverse_threshold: w.scaled(machine.shade.inverse_threshold, 1.0 / threshold),
         background: std::array::from_fn(|_| w.between(machine.resolve.frame, 0.0, 1.0)),
         lighting,
-        splats: (0..w.rng.below(40)).map(|_| splat(machine, materials, &mut w)).collect(),
-        window: machine.fragment.window.map(|words| window(machine, &words, &mut w)),
+        splats: (0..w.rng.below(40))
+            .map(|_| splat(machine, materials, &mut w))
+            .collect(),
+        window: machine
+            .fragment
+            .window
+            .map(|words| window(machine, &words, &mut w)),
         ..Frame::default()
     }
 }
@@ -92,54 +115,97 @@ pub fn frame(machine: &Machine, seed: u64, wildness: u64) -> Frame {
 /// The same of ellipsoids, by sheets, on a machine that has what they need.
 pub fn ellipsoids(machine: &Machine, seed: u64, wildness: u64) -> Frame {
     let mut frame = frame(machine, seed, wildness);
-    let mut w = Words { rng: Rng(seed ^ 0x5eed), wildness };
-    let (words, sheets) = (machine.ellipse.ellipsoid.unwrap(), machine.fragment.sheets.unwrap());
+    let mut w = Words {
+        rng: Rng(seed ^ 0x5eed),
+        wildness,
+    };
+    let (words, sheets) = (
+        machine.ellipse.ellipsoid.unwrap(),
+        machine.fragment.sheets.unwrap(),
+    );
     let count = frame.splats.len();
-    let axis = |w: &mut Words| std::array::from_fn(|_| w.between(machine.ellipse.normal, -1.0, 1.0));
+    let axis =
+        |w: &mut Words| std::array::from_fn(|_| w.between(machine.ellipse.normal, -1.0, 1.0));
     let own = (0..if w.rng.below(3) > 0 { count } else { 0 }).map(|_| Orientation {
         quaternion: std::array::from_fn(|_| w.between(words.quaternion, -0.7, 0.7) as i32),
         scales: std::array::from_fn(|_| w.between(words.scale, 0.0, 1.0) as i32),
     });
     let own = own.collect();
-    let amplitudes = [Amplitude::Disc, Amplitude::LineIntegral, Amplitude::Peak, Amplitude::Compensated];
-    let amplitude = amplitudes[w.rng.below(if words.compensation_root.is_some() { 4 } else { 3 }) as usize];
-    let reach = words.reach_bits.filter(|_| w.rng.below(4) > 0).map_or(0, |bits| 1 << bits);
+    let amplitudes = [
+        Amplitude::Disc,
+        Amplitude::LineIntegral,
+        Amplitude::Peak,
+        Amplitude::Compensated,
+    ];
+    let amplitude = amplitudes[w.rng.below(if words.compensation_root.is_some() {
+        4
+    } else {
+        3
+    }) as usize];
+    let reach = words
+        .reach_bits
+        .filter(|_| w.rng.below(4) > 0)
+        .map_or(0, |bits| 1 << bits);
     frame.ellipsoids = Some(Ellipsoids {
         kernel: Kernel {
             amplitude,
             jacobian: std::array::from_fn(|_| w.near(machine.project.slope, 1.0)),
             axes: std::array::from_fn(|_| axis(&mut w)),
             scales: std::array::from_fn(|_| w.between(words.scale, 0.0, 1.0)),
-            least_opacity: if w.rng.below(2) == 0 { w.between(machine.splat.opacity, 0.0, 0.2) } else { 0 },
-            reach: (0..reach).map(|_| w.between(machine.raster.cutoff, 0.1, 4.0).max(1)).collect(),
+            least_opacity: if w.rng.below(2) == 0 {
+                w.between(machine.splat.opacity, 0.0, 0.2)
+            } else {
+                0
+            },
+            reach: (0..reach)
+                .map(|_| w.between(machine.raster.cutoff, 0.1, 4.0).max(1))
+                .collect(),
         },
         own,
         preshaded: w.rng.below(2) == 0,
         sorted: machine.sort.is_some(),
-        harmonics: machine.colour.map_or(0, |colour| w.rng.below(u64::from(colour.degree) + 1) as u8),
+        harmonics: machine
+            .colour
+            .map_or(0, |colour| w.rng.below(u64::from(colour.degree) + 1) as u8),
     });
     let weight = machine.gauss.weight;
-    let ratio = if w.rng.below(4) > 0 { (1 << sheets.table.index_bits) + 1 } else { 0 };
+    let ratio = if w.rng.below(4) > 0 {
+        (1 << sheets.table.index_bits) + 1
+    } else {
+        0
+    };
     frame.sheets = (w.rng.below(4) > 0).then(|| Sheets {
-        each: if w.rng.below(2) == 0 { Each::Slice } else { Each::Splat },
+        each: if w.rng.below(2) == 0 {
+            Each::Slice
+        } else {
+            Each::Splat
+        },
         numbers: (0..count as u32).map(|number| number / 4).collect(),
         back_to_front: w.rng.below(3) == 0,
         stop: w.near(machine.fragment.opacity_sum, 0.01),
         keeps_last: w.rng.below(2) == 0,
         least_weight: w.near(weight, 0.004),
         most_weight: w.near(weight, 0.99),
-        ratio: (0..ratio).map(|_| w.between(sheets.ratio, 0.1, 1.0)).collect(),
+        ratio: (0..ratio)
+            .map(|_| w.between(sheets.ratio, 0.1, 1.0))
+            .collect(),
     });
     frame
 }
 
 fn window(machine: &Machine, words: &machine::Window, w: &mut Words) -> Window {
-    let entries = |shape: machine::TableShape| (1usize << shape.index_bits) + usize::from(shape.interpolation == Interpolation::Linear);
+    let entries = |shape: machine::TableShape| {
+        (1usize << shape.index_bits) + usize::from(shape.interpolation == Interpolation::Linear)
+    };
     let (densities, hidden) = (entries(words.density_table), entries(words.hidden_table));
     Window {
         reach: w.between(machine.fragment.depth, 0.0, 0.05),
-        density: (0..densities).map(|i| w.near(words.density, 6.0 * i as f64 / densities as f64)).collect(),
-        hidden: (0..hidden).map(|i| w.near(words.hidden, i as f64 / hidden as f64)).collect(),
+        density: (0..densities)
+            .map(|i| w.near(words.density, 6.0 * i as f64 / densities as f64))
+            .collect(),
+        hidden: (0..hidden)
+            .map(|i| w.near(words.hidden, i as f64 / hidden as f64))
+            .collect(),
     }
 }
 
@@ -148,7 +214,10 @@ fn view(machine: &Machine, width: u32, w: &mut Words) -> View {
     let focal = w.rng.between(0.5, 3.0) * f64::from(width);
     let cutoff = w.rng.between(0.5, 4.0);
     // By numbers of its own: what else is drawn stays as it was.
-    let mut lens = Words { rng: Rng(!w.rng.0), wildness: w.wildness };
+    let mut lens = Words {
+        rng: Rng(!w.rng.0),
+        wildness: w.wildness,
+    };
     View {
         rotation: std::array::from_fn(|row| {
             std::array::from_fn(|column| {
@@ -162,7 +231,10 @@ fn view(machine: &Machine, width: u32, w: &mut Words) -> View {
         focal: w.near(p.focal, focal),
         inverse_focal: w.scaled(e.inverse_focal, 1.0 / focal),
         centre: std::array::from_fn(|_| lens.near(p.pixel, 0.0)),
-        aspect: e.aspect.filter(|_| lens.rng.below(2) == 0).map(|word| aspect(p.focal, e.inverse_focal, word, focal, &mut lens)),
+        aspect: e
+            .aspect
+            .filter(|_| lens.rng.below(2) == 0)
+            .map(|word| aspect(p.focal, e.inverse_focal, word, focal, &mut lens)),
         low_pass: w.near(e.low_pass, 1.0),
         cutoff: w.near(machine.raster.cutoff, cutoff),
         root_cutoff: w.near(e.root_cutoff, cutoff.sqrt()),
@@ -173,11 +245,16 @@ fn view(machine: &Machine, width: u32, w: &mut Words) -> View {
 /// Pixels up to three times as wide as they are high, or the reverse.
 fn aspect(focal_word: Word, inverse: Word, square: Word, focal: f64, w: &mut Words) -> Aspect {
     let ratio = w.rng.between(0.3, 1.0);
-    let focals = if w.rng.below(2) == 0 { [focal, ratio * focal] } else { [ratio * focal, focal] };
+    let focals = if w.rng.below(2) == 0 {
+        [focal, ratio * focal]
+    } else {
+        [ratio * focal, focal]
+    };
     Aspect {
         focal: focals.map(|focal| w.near(focal_word, focal)),
         inverse_focal: focals.map(|focal| w.scaled(inverse, 1.0 / focal)),
-        squares: [[0, 0], [0, 1], [1, 1]].map(|[i, j]| w.near(square, focals[i] * focals[j] / (focal * focal))),
+        squares: [[0, 0], [0, 1], [1, 1]]
+            .map(|[i, j]| w.near(square, focals[i] * focals[j] / (focal * focal))),
     }
 }
 
@@ -191,7 +268,11 @@ fn splat(machine: &Machine, materials: u64, w: &mut Words) -> Splat {
         normal: normal.map(|n| w.near(s.normal, n / length) as i32),
         radius: w.near(s.radius, size) as i32,
         rgb: std::array::from_fn(|_| w.between(s.rgb, 0.0, 1.0) as i32),
-        opacity: if w.rng.below(2) == 0 { w.near(s.opacity, 1.0) as i32 } else { w.between(s.opacity, 0.0, 1.0) as i32 },
+        opacity: if w.rng.below(2) == 0 {
+            w.near(s.opacity, 1.0) as i32
+        } else {
+            w.between(s.opacity, 0.0, 1.0) as i32
+        },
         material: w.rng.below(materials) as u32,
     }
 }
@@ -201,26 +282,39 @@ fn lighting(machine: &Machine, w: &mut Words) -> Lighting {
     let lights: Vec<Light> = (0..w.rng.below(4))
         .map(|_| Light {
             direction: std::array::from_fn(|_| w.between(s.light, -1.0, 1.0)),
-            half_way: (w.rng.below(4) > 0).then(|| std::array::from_fn(|_| w.between(s.light, -1.0, 1.0))),
+            half_way: (w.rng.below(4) > 0)
+                .then(|| std::array::from_fn(|_| w.between(s.light, -1.0, 1.0))),
         })
         .collect();
     let steps = 1usize << s.highlight_table.index_bits;
     let count = steps + usize::from(s.highlight_table.interpolation == Interpolation::Linear);
     let shiny = |w: &mut Words| {
-        let constants = |w: &mut Words| lights.iter().map(|_| std::array::from_fn(|_| w.between(s.reflectance, 0.0, 1.0))).collect();
+        let constants = |w: &mut Words| {
+            lights
+                .iter()
+                .map(|_| std::array::from_fn(|_| w.between(s.reflectance, 0.0, 1.0)))
+                .collect()
+        };
         Material::BlinnPhong {
             ambient: w.between(s.reflectance, 0.0, 0.5),
             diffuse: constants(w),
             specular: constants(w),
-            highlight: (0..count).map(|i| w.near(s.highlight, (i as f64 / steps as f64).powi(8))).collect(),
+            highlight: (0..count)
+                .map(|i| w.near(s.highlight, (i as f64 / steps as f64).powi(8)))
+                .collect(),
         }
     };
     let materials = vec![Material::Unlit, shiny(w), shiny(w)];
     Lighting { lights, materials }
 }
 
-/// Which of sixteen pixels from `corner` on lie between the first and the last, counted from the corner.
+/// Which of sixteen pixels from `corner` on lie between the first and the last, counted from the
+/// corner.
 pub fn in_tile([first, last]: [u16; 2], corner: u16) -> std::ops::Range<usize> {
-    let inside: Vec<usize> = (0..16).filter(|at| (usize::from(first)..=usize::from(last)).contains(&(usize::from(corner) + at))).collect();
-    inside.first().map_or(0..0, |from| *from..from + inside.len())
+    let inside: Vec<usize> = (0..16)
+        .filter(|at| (usize::from(first)..=usize::from(last)).contains(&(usize::from(corner) + at)))
+        .collect();
+    inside
+        .first()
+        .map_or(0..0, |from| *from..from + inside.len())
 }

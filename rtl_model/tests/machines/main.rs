@@ -1,4 +1,5 @@
-//! Which machines can be built, what is said about those that cannot, and whether those that can draw whatever they are given.
+//! Which machines can be built, what is said about those that cannot, and whether those that can
+//! draw whatever they are given.
 
 mod drawing;
 mod elaboration;

@@ -1,4 +1,5 @@
-//! Machines that nobody would design: named ones with words, counts and rules changed at random, through their JSON.
+//! Machines that nobody would design: named ones with words, counts and rules changed at random,
+//! through their JSON.
 
 use proptest::prelude::*;
 use rtl_model::Machine;
@@ -16,19 +17,33 @@ pub struct Mutation {
 
 pub fn mutations(count: std::ops::Range<usize>) -> impl Strategy<Value = Vec<Mutation>> {
     let one = (any::<prop::sample::Index>(), 0u8..8, -64..64i32, -64..64i32);
-    prop::collection::vec(one.prop_map(|(field, kind, first, second)| Mutation { field, kind, first, second }), count)
+    prop::collection::vec(
+        one.prop_map(|(field, kind, first, second)| Mutation {
+            field,
+            kind,
+            first,
+            second,
+        }),
+        count,
+    )
 }
 
 pub fn named() -> impl Strategy<Value = &'static str> {
     prop::sample::select([&Machine::NAMES[..], &Machine::WINDOW_NAMES].concat())
 }
 
-/// The fields in which a machine differs from the one that it is named after, for whoever has to find out why it failed.
+/// The fields in which a machine differs from the one that it is named after, for whoever has to
+/// find out why it failed.
 pub fn differences(machine: &Machine) -> Vec<String> {
-    let [own, base] = [machine, &Machine::named(&machine.name).unwrap()].map(|machine| serde_json::to_value(machine).unwrap());
+    let [own, base] = [machine, &Machine::named(&machine.name).unwrap()]
+        .map(|machine| serde_json::to_value(machine).unwrap());
     let mut fields = Vec::new();
     leaves(&base, "", &mut fields);
-    fields.iter().filter(|field| own.pointer(field) != base.pointer(field)).map(|f| format!("{f} {}", own.pointer(f).unwrap())).collect()
+    fields
+        .iter()
+        .filter(|field| own.pointer(field) != base.pointer(field))
+        .map(|f| format!("{f} {}", own.pointer(f).unwrap()))
+        .collect()
 }
 
 /// The machine with one change.
@@ -46,7 +61,9 @@ pub fn mutated(machine: &Machine, mutation: &Mutation) -> Machine {
 pub fn with_format(machine: &Machine, signal: &str, format: Format) -> Machine {
     let mut value = serde_json::to_value(machine).unwrap();
     let pointer = format!("/{}", signal.replace('.', "/"));
-    let leaf = value.pointer_mut(&pointer).unwrap_or_else(|| panic!("no field {signal}"));
+    let leaf = value
+        .pointer_mut(&pointer)
+        .unwrap_or_else(|| panic!("no field {signal}"));
     match leaf {
         Value::Object(word) => drop(word.insert("format".into(), json!(format.to_string()))),
         other => *other = json!(format.to_string()),
@@ -56,7 +73,9 @@ pub fn with_format(machine: &Machine, signal: &str, format: Format) -> Machine {
 
 pub fn with_field(machine: &Machine, field: &str, to: Value) -> Machine {
     let mut value = serde_json::to_value(machine).unwrap();
-    *value.pointer_mut(&format!("/{}", field.replace('.', "/"))).unwrap() = to;
+    *value
+        .pointer_mut(&format!("/{}", field.replace('.', "/")))
+        .unwrap() = to;
     serde_json::from_value(value).unwrap()
 }
 
@@ -65,7 +84,9 @@ fn leaves(value: &Value, pointer: &str, out: &mut Vec<String>) {
         // It changes no picture: `timing.rs` changes it.
         Value::Object(_) if pointer == "/timing" => {}
         Value::Object(fields) if !fields.contains_key("format") => {
-            fields.iter().for_each(|(name, field)| leaves(field, &format!("{pointer}/{name}"), out));
+            fields
+                .iter()
+                .for_each(|(name, field)| leaves(field, &format!("{pointer}/{name}"), out));
         }
         _ if pointer == "/name" => {}
         _ => out.push(pointer.to_owned()),
@@ -76,16 +97,24 @@ fn change(leaf: &Value, pointer: &str, m: &Mutation) -> Value {
     let choice = |names: &[&str]| json!(names[m.first.unsigned_abs() as usize % names.len()]);
     match leaf {
         Value::Bool(flag) => json!(!flag),
-        Value::Number(number) if m.kind < 6 => json!((number.as_i64().unwrap() + i64::from(m.first % 4)).max(0)),
+        Value::Number(number) if m.kind < 6 => {
+            json!((number.as_i64().unwrap() + i64::from(m.first % 4)).max(0))
+        }
         Value::Number(_) => json!(m.first.unsigned_abs() * 20),
         Value::String(_) if pointer.ends_with("/rows") => choice(&["seeded", "differenced"]),
-        Value::String(_) if pointer.ends_with("/merge") => choice(&["nearest-pair", "farthest-pair", "replace", "window"]),
+        Value::String(_) if pointer.ends_with("/merge") => {
+            choice(&["nearest-pair", "farthest-pair", "replace", "window"])
+        }
         Value::String(_) if pointer.ends_with("/group") => choice(&["first", "interval", "window"]),
         Value::String(_) if pointer.ends_with("/fragment_depth") => choice(&["first", "nearest"]),
         Value::String(_) if pointer.ends_with("/interpolation") => choice(&["nearest", "linear"]),
         Value::String(_) if pointer.ends_with("/sight") => choice(&["axis", "ray"]),
         Value::String(text) => word(text.parse().unwrap(), None, m),
-        Value::Object(long) => word(long["format"].as_str().unwrap().parse().unwrap(), Some(leaf), m),
+        Value::Object(long) => word(
+            long["format"].as_str().unwrap().parse().unwrap(),
+            Some(leaf),
+            m,
+        ),
         other => panic!("{pointer} is {other}"),
     }
 }
@@ -95,11 +124,21 @@ fn word(format: Format, long: Option<&Value>, m: &Mutation) -> Value {
     let text = match m.kind {
         0 => wide(format.signed, m),
         1 => anything(m),
-        2 => valid(format.signed, format.int_bits + m.first % 16, format.frac_bits - m.first % 16),
-        3..=5 => valid(format.signed, format.int_bits + m.first % 4, format.frac_bits + m.second % 8),
+        2 => valid(
+            format.signed,
+            format.int_bits + m.first % 16,
+            format.frac_bits - m.first % 16,
+        ),
+        3..=5 => valid(
+            format.signed,
+            format.int_bits + m.first % 4,
+            format.frac_bits + m.second % 8,
+        ),
         _ => {
-            let round = ["truncate", "nearest", "nearest-even"][m.first.unsigned_abs() as usize % 3];
-            let overflow = ["saturate", "saturate", "saturate", "wrap"][m.second.unsigned_abs() as usize % 4];
+            let round =
+                ["truncate", "nearest", "nearest-even"][m.first.unsigned_abs() as usize % 3];
+            let overflow =
+                ["saturate", "saturate", "saturate", "wrap"][m.second.unsigned_abs() as usize % 4];
             return json!({ "format": format.to_string(), "round": round, "overflow": overflow });
         }
     }
@@ -117,17 +156,29 @@ fn word(format: Format, long: Option<&Value>, m: &Mutation) -> Value {
 /// As wide as a port can be, the point anywhere.
 fn wide(signed: bool, m: &Mutation) -> Format {
     let frac_bits = m.second.rem_euclid(MAX_FRACTION_BITS + 1);
-    Format { signed, int_bits: 29 + m.first.rem_euclid(4) - frac_bits, frac_bits }
+    Format {
+        signed,
+        int_bits: 29 + m.first.rem_euclid(4) - frac_bits,
+        frac_bits,
+    }
 }
 
 fn anything(m: &Mutation) -> Format {
     let width = m.first.rem_euclid(MAX_WIDTH_BITS) + 1;
     let frac_bits = m.second.rem_euclid(MAX_FRACTION_BITS + 1);
-    Format { signed: m.first % 2 == 0, int_bits: width - frac_bits, frac_bits }
+    Format {
+        signed: m.first % 2 == 0,
+        int_bits: width - frac_bits,
+        frac_bits,
+    }
 }
 
 /// The nearest format that can be modelled.
 fn valid(signed: bool, int_bits: i32, frac_bits: i32) -> Format {
     let frac_bits = frac_bits.clamp(0, MAX_FRACTION_BITS);
-    Format { signed, int_bits: int_bits.clamp(1 - frac_bits, MAX_WIDTH_BITS - frac_bits), frac_bits }
+    Format {
+        signed,
+        int_bits: int_bits.clamp(1 - frac_bits, MAX_WIDTH_BITS - frac_bits),
+        frac_bits,
+    }
 }

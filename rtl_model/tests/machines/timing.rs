@@ -23,7 +23,9 @@ fn work() -> Work {
 fn work_of(machine: &Machine) -> Work {
     let mut frame = frame(machine, 5, 10_000);
     (frame.width, frame.height) = (75, 40);
-    frame.splats = (0..30).flat_map(|seed| crate::frames::frame(machine, seed, 500).splats).collect();
+    frame.splats = (0..30)
+        .flat_map(|seed| crate::frames::frame(machine, seed, 500).splats)
+        .collect();
     draw_measured(&machine.elaborate().unwrap(), &frame).2
 }
 
@@ -31,7 +33,10 @@ fn work_of(machine: &Machine) -> Work {
 fn work_of_sheets(machine: &Machine) -> Work {
     let mut frame = ellipsoids(machine, 5, 500);
     (frame.width, frame.height) = (75, 40);
-    frame.ellipsoids.iter_mut().for_each(|ellipsoids| ellipsoids.preshaded = true);
+    frame
+        .ellipsoids
+        .iter_mut()
+        .for_each(|ellipsoids| ellipsoids.preshaded = true);
     draw_measured(&machine.elaborate().unwrap(), &frame).2
 }
 
@@ -47,36 +52,124 @@ fn with(machine: &Machine, field: &str, to: Value) -> Machine {
 #[test]
 fn impossible_microarchitectures_are_refused_all_at_once_in_sentences() {
     let wrong = [
-        ("raster/fifo", json!(0), "timing.raster.fifo is 0: it can be 1 to 65536"),
-        ("raster/lanes", json!([0, 4]), "timing.raster.lanes[0] is 0: it can be 1 to 64"),
-        ("raster/lanes", json!([16, 16]), "timing.raster.lanes 16×16 are more than 64"),
-        ("memory/bytes_per_cycle", json!(0), "timing.memory.bytes_per_cycle is 0: it can be 1 to 1048576"),
-        ("memory/burst_bytes", json!(48), "timing.memory.burst_bytes is 48: it must be a power of two up to 1048576"),
-        ("memory/burst_bytes", json!(2), "timing.memory.burst_bytes is 2: an entry of a tile's list has 4"),
-        ("memory/burst_bytes", json!(4096), "timing.memory reads 4096 bytes at a time from rows of 2048"),
-        ("memory/miss_latency", json!(3), "timing.memory.miss_latency is 3: it can be 20, the latency of an open row, to 1048576"),
-        ("cache/line_px", json!([3, 4]), "timing.cache.line_px[0] is 3: it must be a power of two up to 1048576"),
-        ("cache/ways", json!(512), "timing.cache.ways is 512: at most 64 are compared in a cycle"),
-        ("cache/lines", json!(2), "timing.cache has 2 lines in sets of 4: no set is full"),
-        ("tile/side_px", json!(24), "timing.tile.side_px is 24: it must be a multiple of 16 up to 1024"),
-        ("tile/buffers", json!(3), "timing.tile.buffers is 3: it can be 1 or 2"),
-        ("project/units", json!(0), "timing.project.units is 0: it can be 1 to 16"),
-        ("fragment/units", json!(3), "timing.fragment.units is 3: it must be a power of two, for pixels go to units by their address"),
-        ("fragment/merges_in_flight", json!(65), "timing.fragment.merges_in_flight is 65: it can be 1 to 64"),
-        ("shade/units", json!(0), "timing.shade.units is 0: it can be 1 to 16"),
-        ("resolve/units", json!(17), "timing.resolve.units is 17: it can be 1 to 16"),
-        ("ellipse/interval", json!(0), "timing.ellipse.interval is 0: it can be 1 to 4096"),
-        ("shade/latency", json!(2), "timing.shade.latency is 2, but its longest way takes 565.0 FO4: 3 cycles at 400 MHz in 28 nm"),
+        (
+            "raster/fifo",
+            json!(0),
+            "timing.raster.fifo is 0: it can be 1 to 65536",
+        ),
+        (
+            "raster/lanes",
+            json!([0, 4]),
+            "timing.raster.lanes[0] is 0: it can be 1 to 64",
+        ),
+        (
+            "raster/lanes",
+            json!([16, 16]),
+            "timing.raster.lanes 16×16 are more than 64",
+        ),
+        (
+            "memory/bytes_per_cycle",
+            json!(0),
+            "timing.memory.bytes_per_cycle is 0: it can be 1 to 1048576",
+        ),
+        (
+            "memory/burst_bytes",
+            json!(48),
+            "timing.memory.burst_bytes is 48: it must be a power of two up to 1048576",
+        ),
+        (
+            "memory/burst_bytes",
+            json!(2),
+            "timing.memory.burst_bytes is 2: an entry of a tile's list has 4",
+        ),
+        (
+            "memory/burst_bytes",
+            json!(4096),
+            "timing.memory reads 4096 bytes at a time from rows of 2048",
+        ),
+        (
+            "memory/miss_latency",
+            json!(3),
+            "timing.memory.miss_latency is 3: it can be 20, the latency of an open row, to 1048576",
+        ),
+        (
+            "cache/line_px",
+            json!([3, 4]),
+            "timing.cache.line_px[0] is 3: it must be a power of two up to 1048576",
+        ),
+        (
+            "cache/ways",
+            json!(512),
+            "timing.cache.ways is 512: at most 64 are compared in a cycle",
+        ),
+        (
+            "cache/lines",
+            json!(2),
+            "timing.cache has 2 lines in sets of 4: no set is full",
+        ),
+        (
+            "tile/side_px",
+            json!(24),
+            "timing.tile.side_px is 24: it must be a multiple of 16 up to 1024",
+        ),
+        (
+            "tile/buffers",
+            json!(3),
+            "timing.tile.buffers is 3: it can be 1 or 2",
+        ),
+        (
+            "project/units",
+            json!(0),
+            "timing.project.units is 0: it can be 1 to 16",
+        ),
+        (
+            "fragment/units",
+            json!(3),
+            "timing.fragment.units is 3: it must be a power of two, for pixels go to units by their address",
+        ),
+        (
+            "fragment/merges_in_flight",
+            json!(65),
+            "timing.fragment.merges_in_flight is 65: it can be 1 to 64",
+        ),
+        (
+            "shade/units",
+            json!(0),
+            "timing.shade.units is 0: it can be 1 to 16",
+        ),
+        (
+            "resolve/units",
+            json!(17),
+            "timing.resolve.units is 17: it can be 1 to 16",
+        ),
+        (
+            "ellipse/interval",
+            json!(0),
+            "timing.ellipse.interval is 0: it can be 1 to 4096",
+        ),
+        (
+            "shade/latency",
+            json!(2),
+            "timing.shade.latency is 2, but its longest way takes 565.0 FO4: 3 cycles at 400 MHz in 28 nm",
+        ),
     ];
     let mut all = reference();
     for (field, value, sentence) in wrong {
-        let misfits = with(&reference(), field, value.clone()).elaborate().unwrap_err();
+        let misfits = with(&reference(), field, value.clone())
+            .elaborate()
+            .unwrap_err();
         assert_eq!(misfits, [sentence]);
         all = with(&all, field, value);
     }
     all.timing.clock_hz = 0;
     let misfits = all.elaborate().unwrap_err();
-    assert!(misfits.len() >= 9 && misfits.iter().any(|misfit| misfit.starts_with("timing.clock_hz is 0")), "{misfits:#?}");
+    assert!(
+        misfits.len() >= 9
+            && misfits
+                .iter()
+                .any(|misfit| misfit.starts_with("timing.clock_hz is 0")),
+        "{misfits:#?}"
+    );
 }
 
 /// An immediate machine has no tiles that engines could share.
@@ -95,7 +188,10 @@ fn engines_are_a_binned_machines() {
         ]
     );
     (machine.timing.organisation, machine.timing.engines) = (Organisation::Binned, Some(65));
-    assert_eq!(machine.elaborate().unwrap_err(), ["timing.engines is 65: it can be 1 to 64"]);
+    assert_eq!(
+        machine.elaborate().unwrap_err(),
+        ["timing.engines is 65: it can be 1 to 64"]
+    );
 }
 
 /// What a faster clock asks for, and what multipliers in turns do, is not had for nothing.
@@ -109,35 +205,63 @@ fn a_machine_cannot_be_faster_than_its_operators() {
     let refused = |change: &dyn Fn(&mut Machine)| built(change).unwrap_err();
     // In open 180 nm cells a layer takes resolve 5.8 ns and its register half a one.
     let misfits = refused(&|m| m.timing.technology = Technology::Nm180);
-    assert_eq!(misfits, ["timing.clock_hz is 400000000, but a layer takes resolve 59.5 FO4, and has one cycle: at most 156 MHz in 180 nm"]);
-    assert!(built(&|m| (m.timing.technology, m.timing.clock_hz) = (Technology::Nm180, 156_000_000)).is_ok());
+    assert_eq!(
+        misfits,
+        [
+            "timing.clock_hz is 400000000, but a layer takes resolve 59.5 FO4, and has one cycle: at most 156 MHz in 180 nm"
+        ]
+    );
+    assert!(
+        built(&|m| (m.timing.technology, m.timing.clock_hz) = (Technology::Nm180, 156_000_000))
+            .is_ok()
+    );
     let misfits = refused(&|m| m.timing.clock_hz = 2_500_000_000);
-    assert!(misfits.len() == 1 && misfits[0].ends_with("at most 1536 MHz in 28 nm"), "{misfits:?}");
+    assert!(
+        misfits.len() == 1 && misfits[0].ends_with("at most 1536 MHz in 28 nm"),
+        "{misfits:?}"
+    );
     // A pixel is not taken again before it has gone the whole way.
-    let soon = |clock_hz| move |m: &mut Machine| (m.timing.fragment.hazard, m.timing.clock_hz) = (Some(1), clock_hz);
+    let soon = |clock_hz| {
+        move |m: &mut Machine| (m.timing.fragment.hazard, m.timing.clock_hz) = (Some(1), clock_hz)
+    };
     assert!(built(&soon(700_000_000)).is_ok());
     assert_eq!(
         refused(&soon(750_000_000)),
-        ["timing.fragment.hazard is 1, but its longest way takes 132.1 FO4: 2 cycles at 750 MHz in 28 nm"]
+        [
+            "timing.fragment.hazard is 1, but its longest way takes 132.1 FO4: 2 cycles at 750 MHz in 28 nm"
+        ]
     );
     // A latency that would do at a slow clock does not at a fast one.
-    let three = |clock_hz| move |m: &mut Machine| (m.timing.shade.latency, m.timing.clock_hz) = (Some(3), clock_hz);
+    let three = |clock_hz| {
+        move |m: &mut Machine| (m.timing.shade.latency, m.timing.clock_hz) = (Some(3), clock_hz)
+    };
     assert!(built(&three(500_000_000)).is_ok());
-    assert!(refused(&three(540_000_000))[0].ends_with("takes 565.0 FO4: 4 cycles at 540 MHz in 28 nm"));
+    assert!(
+        refused(&three(540_000_000))[0].ends_with("takes 565.0 FO4: 4 cycles at 540 MHz in 28 nm")
+    );
     // 19 products of project share one multiplier.
     let one = |interval, latency| {
         move |m: &mut Machine| {
-            (m.timing.project.multipliers, m.timing.project.interval, m.timing.project.latency) = (Some(1), interval, latency)
+            (
+                m.timing.project.multipliers,
+                m.timing.project.interval,
+                m.timing.project.latency,
+            ) = (Some(1), interval, latency)
         }
     };
     let turns = built(&one(None, None)).unwrap().project;
     assert_eq!([turns.interval, turns.latency], [19, 19]);
-    assert_eq!(refused(&one(Some(18), None)), ["timing.project.interval is 18, but 19 products take 19 cycles where multipliers are 1"]);
+    assert_eq!(
+        refused(&one(Some(18), None)),
+        ["timing.project.interval is 18, but 19 products take 19 cycles where multipliers are 1"]
+    );
     assert_eq!(refused(&one(None, Some(18))).len(), 1);
     // Two that merge are blended in no less than a cycle.
     assert_eq!(
         refused(&|m| m.timing.fragment.merge = 0),
-        ["timing.fragment.merge is 0, but its longest way takes 60.1 FO4: 1 cycle at 400 MHz in 28 nm"]
+        [
+            "timing.fragment.merge is 0, but its longest way takes 60.1 FO4: 1 cycle at 400 MHz in 28 nm"
+        ]
     );
     // Whatever is absurd is refused in sentences.
     let absurd: [&dyn Fn(&mut Machine); 9] = [
@@ -155,28 +279,68 @@ fn a_machine_cannot_be_faster_than_its_operators() {
         assert!(!refused(absurd).is_empty());
     }
     // Ideal gates are for asking.
-    assert!(built(&|m| (m.timing.technology, m.timing.clock_hz, m.timing.shade.latency) = (Technology::Ideal, 1 << 39, Some(1))).is_ok());
+    assert!(
+        built(&|m| (
+            m.timing.technology,
+            m.timing.clock_hz,
+            m.timing.shade.latency
+        ) = (Technology::Ideal, 1 << 39, Some(1)))
+        .is_ok()
+    );
 }
 
 /// The four counts of every unit sum to the total, whatever it waits for.
 fn accounts_for_all(cycles: &Cycles) {
     for unit in &cycles.units {
         let account = unit.account;
-        assert_eq!(account.busy + account.starved + account.blocked + account.memory, cycles.total, "{} {account:?}", unit.name);
+        assert_eq!(
+            account.busy + account.starved + account.blocked + account.memory,
+            cycles.total,
+            "{} {account:?}",
+            unit.name
+        );
         let blamed: u64 = unit.blocked_by.iter().map(|(_, cycles)| cycles).sum();
-        assert_eq!(blamed, if unit.blocked_by.is_empty() { 0 } else { account.blocked }, "{}", unit.name);
+        assert_eq!(
+            blamed,
+            if unit.blocked_by.is_empty() {
+                0
+            } else {
+                account.blocked
+            },
+            "{}",
+            unit.name
+        );
         let together = cycles.units.iter().filter(|other| other.name == unit.name);
-        let [index, first] =
-            [together.clone().filter(|other| other.index == unit.index).count(), together.clone().filter(|other| other.index == 0).count()];
+        let [index, first] = [
+            together
+                .clone()
+                .filter(|other| other.index == unit.index)
+                .count(),
+            together.clone().filter(|other| other.index == 0).count(),
+        ];
         assert_eq!([index, first], [1, 1], "two units are called {}", unit.name);
         let busy = account.busy;
-        let Some(timeline) = &unit.timeline else { panic!("of {} nobody says when it was used", unit.name) };
+        let Some(timeline) = &unit.timeline else {
+            panic!("of {} nobody says when it was used", unit.name)
+        };
         let over_time: u64 = timeline.busy.iter().sum();
         let waits = unit.name == "cache" && over_time >= busy;
-        assert!(over_time == busy || waits, "{}: {over_time} of {busy}", unit.name);
-        assert!(timeline.busy.len() <= 257 && timeline.window * (timeline.busy.len() as u64 - 1) <= cycles.total);
+        assert!(
+            over_time == busy || waits,
+            "{}: {over_time} of {busy}",
+            unit.name
+        );
+        assert!(
+            timeline.busy.len() <= 257
+                && timeline.window * (timeline.busy.len() as u64 - 1) <= cycles.total
+        );
         let most = timeline.busy.iter().max();
-        assert!(most <= Some(&timeline.window), "{}: {most:?} busy cycles in a window of {}", unit.name, timeline.window);
+        assert!(
+            most <= Some(&timeline.window),
+            "{}: {most:?} busy cycles in a window of {}",
+            unit.name,
+            timeline.window
+        );
     }
 }
 
@@ -227,7 +391,11 @@ fn every_cycle_of_the_default_machines_is_accounted_for() {
         for buffers in [1, 2] {
             let mut machine = reference();
             (machine.timing.organisation, machine.timing.tile.buffers) = (organisation, buffers);
-            accounts_for_all(&replay(&machine.elaborate().unwrap().timing, &work(), Detail::Histograms));
+            accounts_for_all(&replay(
+                &machine.elaborate().unwrap().timing,
+                &work(),
+                Detail::Histograms,
+            ));
         }
     }
 }
@@ -240,11 +408,23 @@ fn a_frame_bound_by_memory_takes_its_bytes_over_the_bandwidth() {
         machine.timing.organisation = organisation;
         machine.timing.memory.bytes_per_cycle = 1;
         machine.timing.technology = Technology::Ideal;
-        (machine.timing.shade.latency, machine.timing.cache.lines, machine.timing.cache.misses) = (Some(1), 4, 64);
-        let cycles = replay(&machine.elaborate().unwrap().timing, &work(), Detail::Histograms);
+        (
+            machine.timing.shade.latency,
+            machine.timing.cache.lines,
+            machine.timing.cache.misses,
+        ) = (Some(1), 4, 64);
+        let cycles = replay(
+            &machine.elaborate().unwrap().timing,
+            &work(),
+            Detail::Histograms,
+        );
         let bytes = cycles.memory.total_bytes();
         assert_eq!(cycles.memory.busy, bytes);
-        assert!(cycles.total >= bytes && cycles.total * 100 < bytes * 105, "{organisation:?}: {} cycles for {bytes} bytes", cycles.total);
+        assert!(
+            cycles.total >= bytes && cycles.total * 100 < bytes * 105,
+            "{organisation:?}: {} cycles for {bytes} bytes",
+            cycles.total
+        );
         let timing = machine.elaborate().unwrap().timing;
         assert_eq!(limit(&timing, &work(), &cycles).name, "memory");
     }
@@ -259,17 +439,41 @@ fn quick() -> Machine {
 }
 
 /// Cycles of a frame without each of its limits, by itself.
-fn lifted(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Vec<(u64, &'static str, Limited)> {
-    let without = |unit: &UnitCycles| (unit.name, Limited::Work, Microarchitecture { lifted: Some(unit.name), ..timing.clone() });
+fn lifted(
+    timing: &Microarchitecture,
+    work: &Work,
+    cycles: &Cycles,
+) -> Vec<(u64, &'static str, Limited)> {
+    let without = |unit: &UnitCycles| {
+        (
+            unit.name,
+            Limited::Work,
+            Microarchitecture {
+                lifted: Some(unit.name),
+                ..timing.clone()
+            },
+        )
+    };
     let mut others: Vec<_> = cycles.units.iter().map(without).collect();
-    others.push(("fragment", Limited::Hazard, Microarchitecture { hazard: 1, ..timing.clone() }));
+    others.push((
+        "fragment",
+        Limited::Hazard,
+        Microarchitecture {
+            hazard: 1,
+            ..timing.clone()
+        },
+    ));
     let mut ideal = timing.clone();
     ideal.timing.memory.ideal = true;
     others.push(("memory", Limited::Memory, ideal));
-    others.into_iter().map(|(name, by, other)| (replay(&other, work, Detail::Accounts).total, name, by)).collect()
+    others
+        .into_iter()
+        .map(|(name, by, other)| (replay(&other, work, Detail::Accounts).total, name, by))
+        .collect()
 }
 
-/// What limits is what gains most where it is lifted, and nothing that is not tried would gain more.
+/// What limits is what gains most where it is lifted, and nothing that is not tried would gain
+/// more.
 #[test]
 fn the_limit_is_what_gains_most_where_it_is_lifted() {
     let work = work();
@@ -283,17 +487,26 @@ fn the_limit_is_what_gains_most_where_it_is_lifted() {
     ];
     let mut met = Vec::new();
     for (field, values) in fields {
-        for (value, organisation) in
-            values.iter().flat_map(|value| [Organisation::Immediate, Organisation::Binned].map(|organisation| (value, organisation)))
-        {
+        for (value, organisation) in values.iter().flat_map(|value| {
+            [Organisation::Immediate, Organisation::Binned]
+                .map(|organisation| (value, organisation))
+        }) {
             let mut machine = with(&quick(), field, value.clone());
             machine.timing.organisation = organisation;
             let timing = machine.elaborate().unwrap().timing;
             let cycles = replay(&timing, &work, Detail::Accounts);
             let found = limit(&timing, &work, &cycles);
             let least = lifted(&timing, &work, &cycles).into_iter().min().unwrap();
-            assert_eq!(found.without, least.0.min(cycles.total), "{field} {value} {organisation:?}: {found:?}, but {least:?}");
-            met.push(if found.by == Limited::Hazard { "hazard" } else { found.name });
+            assert_eq!(
+                found.without,
+                least.0.min(cycles.total),
+                "{field} {value} {organisation:?}: {found:?}, but {least:?}"
+            );
+            met.push(if found.by == Limited::Hazard {
+                "hazard"
+            } else {
+                found.name
+            });
         }
     }
     for name in ["hazard", "memory", "raster", "fragment", "project"] {
@@ -301,7 +514,8 @@ fn the_limit_is_what_gains_most_where_it_is_lifted() {
     }
 }
 
-/// One pixel, again and again: the fragment unit waits for itself, and memory, which is busier than any unit, limits nothing.
+/// One pixel, again and again: the fragment unit waits for itself, and memory, which is busier than
+/// any unit, limits nothing.
 #[test]
 fn a_hazard_that_blocks_is_the_limit_not_a_busy_memory() {
     let mut machine = quick();
@@ -309,12 +523,28 @@ fn a_hazard_that_blocks_is_the_limit_not_a_busy_memory() {
     machine.timing.memory.bytes_per_cycle = 2;
     let timing = machine.elaborate().unwrap().timing;
     let cycles = replay(&timing, &work(), Detail::Accounts);
-    let busy = |name: &str| cycles.units.iter().find(|unit| unit.name == name).unwrap().account.busy;
+    let busy = |name: &str| {
+        cycles
+            .units
+            .iter()
+            .find(|unit| unit.name == name)
+            .unwrap()
+            .account
+            .busy
+    };
     let [memory, fragment] = [cycles.memory.busy, busy("fragment")];
-    assert!(memory > fragment && memory * 2 < cycles.total, "{memory} {fragment} {}", cycles.total);
+    assert!(
+        memory > fragment && memory * 2 < cycles.total,
+        "{memory} {fragment} {}",
+        cycles.total
+    );
     let found = limit(&timing, &work(), &cycles);
     assert_eq!((found.name, found.by), ("fragment", Limited::Hazard));
-    assert!(found.without * 2 < cycles.total, "{found:?} of {}", cycles.total);
+    assert!(
+        found.without * 2 < cycles.total,
+        "{found:?} of {}",
+        cycles.total
+    );
 }
 
 /// Tiles of any size hold the same pixels and end with the same light.
@@ -324,8 +554,19 @@ fn tiles_of_any_size_do_the_same_work() {
     let of = |side: u32| {
         let mut machine = reference();
         (machine.timing.tile.side_px, machine.timing.raster.lanes) = (side, [1, 1]);
-        let cycles = replay(&machine.elaborate().unwrap().timing, &work, Detail::Histograms);
-        let items = |name: &str| cycles.units.iter().filter(|unit| unit.name == name).map(|unit| unit.items).sum::<u64>();
+        let cycles = replay(
+            &machine.elaborate().unwrap().timing,
+            &work,
+            Detail::Histograms,
+        );
+        let items = |name: &str| {
+            cycles
+                .units
+                .iter()
+                .filter(|unit| unit.name == name)
+                .map(|unit| unit.items)
+                .sum::<u64>()
+        };
         (cycles.stamps, items("fragment"), items("bin"))
     };
     assert!(of(16).1 > 1000);
@@ -336,23 +577,46 @@ fn tiles_of_any_size_do_the_same_work() {
 
 /// Machines and what they have to do.
 static WORKS: LazyLock<[(Machine, Work); 6]> = LazyLock::new(|| {
-    let names = [("reference", None), ("window", None), ("volume", None), ("gaussian", None)];
+    let names = [
+        ("reference", None),
+        ("window", None),
+        ("volume", None),
+        ("gaussian", None),
+    ];
     let sorters = [SortKind::Tile, SortKind::Hierarchical].map(|kind| ("gaussian", Some(kind)));
-    let works = [names.as_slice(), &sorters].concat().into_iter().map(|(name, kind)| {
-        let mut machine = Machine::named(name).unwrap();
-        if let (Some(kind), Some(sort)) = (kind, &mut machine.sort) {
-            sort.kind = kind;
-            let units = if kind == SortKind::Tile { 1 } else { 3 };
-            machine.timing.sort = Some(Sorter { units, buffer_entries: 4, network: 2, ..Sorter::default() });
-        }
-        let is_sheets = ["volume", "gaussian"].contains(&name);
-        let work = if is_sheets { work_of_sheets(&machine) } else { work_of(&machine) };
-        (machine, work)
-    });
+    let works = [names.as_slice(), &sorters]
+        .concat()
+        .into_iter()
+        .map(|(name, kind)| {
+            let mut machine = Machine::named(name).unwrap();
+            if let (Some(kind), Some(sort)) = (kind, &mut machine.sort) {
+                sort.kind = kind;
+                let units = if kind == SortKind::Tile { 1 } else { 3 };
+                machine.timing.sort = Some(Sorter {
+                    units,
+                    buffer_entries: 4,
+                    network: 2,
+                    ..Sorter::default()
+                });
+            }
+            let is_sheets = ["volume", "gaussian"].contains(&name);
+            let work = if is_sheets {
+                work_of_sheets(&machine)
+            } else {
+                work_of(&machine)
+            };
+            (machine, work)
+        });
     let works: [(Machine, Work); 6] = works.collect::<Vec<_>>().try_into().unwrap();
-    assert!(works.iter().all(|(_, work)| !work.footprints.is_empty()), "nothing is drawn");
+    assert!(
+        works.iter().all(|(_, work)| !work.footprints.is_empty()),
+        "nothing is drawn"
+    );
     let has = |which: fn(&Work) -> bool| works.iter().any(|(_, work)| which(work));
-    assert!(has(|work| !work.order.is_empty()) && has(|work| work.preshaded), "nothing is sorted, or lit in setup");
+    assert!(
+        has(|work| !work.order.is_empty()) && has(|work| work.preshaded),
+        "nothing is sorted, or lit in setup"
+    );
     works
 });
 
@@ -370,8 +634,14 @@ const BETWEEN: [(&str, [u32; 5]); 10] = [
     ("tile/buffers", [1, 2, 1, 2, 1]),
 ];
 
-/// Whether no limit of a machine with these values costs more than is said, and the one that is found costs most.
-fn bounds_hold(values: &[usize], binned: bool, which: usize, ideal: bool) -> Result<(), TestCaseError> {
+/// Whether no limit of a machine with these values costs more than is said, and the one that is
+/// found costs most.
+fn bounds_hold(
+    values: &[usize],
+    binned: bool,
+    which: usize,
+    ideal: bool,
+) -> Result<(), TestCaseError> {
     let (base, work) = &WORKS[which];
     let mut machine = base.clone();
     for ((field, choice), value) in BETWEEN.iter().zip(values) {
@@ -379,22 +649,49 @@ fn bounds_hold(values: &[usize], binned: bool, which: usize, ideal: bool) -> Res
     }
     // To form windows takes 23 cycles.
     machine.timing.fragment.merge += if which == 1 { 23 } else { 0 };
-    machine.timing.organisation = if binned { Organisation::Binned } else { Organisation::Immediate };
+    machine.timing.organisation = if binned {
+        Organisation::Binned
+    } else {
+        Organisation::Immediate
+    };
     (machine.timing.technology, machine.timing.memory.ideal) = (Technology::Ideal, ideal);
-    let Ok(elaborated) = machine.elaborate() else { return Err(TestCaseError::reject("cannot be built")) };
+    let Ok(elaborated) = machine.elaborate() else {
+        return Err(TestCaseError::reject("cannot be built"));
+    };
     let timing = elaborated.timing;
     let cycles = replay(&timing, work, Detail::Accounts);
     let (lifted, total) = (lifted(&timing, work, &cycles), cycles.total);
     let mut gains = Vec::new();
     for (name, by, at_most) in most_gained(&timing, work, &cycles) {
-        let (without, ..) = lifted.iter().find(|(_, other, why)| (*other, *why) == (name, by)).unwrap();
+        let (without, ..) = lifted
+            .iter()
+            .find(|(_, other, why)| (*other, *why) == (name, by))
+            .unwrap();
         // Requests in another order may gain as much more, where others wait for what one asks.
-        let reordered = if ideal || by == Limited::Memory { 0 } else { total / 20 };
-        prop_assert!(total <= without + at_most + reordered, "{} {:?}: {} of {} cycles, but {} at most", name, by, without, total, at_most);
+        let reordered = if ideal || by == Limited::Memory {
+            0
+        } else {
+            total / 20
+        };
+        prop_assert!(
+            total <= without + at_most + reordered,
+            "{} {:?}: {} of {} cycles, but {} at most",
+            name,
+            by,
+            without,
+            total,
+            at_most
+        );
         gains.push(total.saturating_sub(*without).min(at_most));
     }
     let found = limit(&timing, work, &cycles);
-    prop_assert_eq!(Some(total - found.without), gains.iter().max().copied(), "{:?}, but {:?}", found, gains);
+    prop_assert_eq!(
+        Some(total - found.without),
+        gains.iter().max().copied(),
+        "{:?}, but {:?}",
+        found,
+        gains
+    );
     Ok(())
 }
 

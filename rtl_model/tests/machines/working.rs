@@ -12,7 +12,8 @@ use rtl_model::{Elaborated, Frame, Machine};
 use std::any::Any;
 use std::collections::BTreeMap;
 
-/// Hears decisions one by one: what became of each contribution, pixel by pixel, and what each pixel held.
+/// Hears decisions one by one: what became of each contribution, pixel by pixel, and what each
+/// pixel held.
 #[derive(Default)]
 struct Witness {
     pixels: BTreeMap<[u32; 2], Vec<(u32, Decision)>>,
@@ -38,8 +39,12 @@ impl Observer<'static> for Witness {
     }
 
     fn contribution(&mut self, x: u32, y: u32, contribution: &Contribution, decision: Decision) {
-        self.pixels.entry([x, y]).or_default().push((contribution.splat, decision));
-        *self.inserted.entry([x, y]).or_default() += u8::from(matches!(decision, Decision::Inserted(_)));
+        self.pixels
+            .entry([x, y])
+            .or_default()
+            .push((contribution.splat, decision));
+        *self.inserted.entry([x, y]).or_default() +=
+            u8::from(matches!(decision, Decision::Inserted(_)));
     }
 
     fn resolved(&mut self, x: u32, y: u32, layers: &[Layer], _frame: [i64; 4]) {
@@ -55,9 +60,16 @@ fn told(work: &Work) -> BTreeMap<[u32; 2], Vec<(u32, Event)>> {
         let mut reader = tile.reader();
         let [left, top] = tile.corner;
         let as_they_come = (0..work.footprints.len() as u32).collect();
-        let drawn = if work.order.is_empty() { &as_they_come } else { &work.order };
+        let drawn = if work.order.is_empty() {
+            &as_they_come
+        } else {
+            &work.order
+        };
         for footprint in drawn.iter().map(|nth| &work.footprints[*nth as usize]) {
-            let [columns, rows] = [in_tile(footprint.columns, left), in_tile(footprint.rows, top)];
+            let [columns, rows] = [
+                in_tile(footprint.columns, left),
+                in_tile(footprint.rows, top),
+            ];
             if columns.is_empty() || rows.is_empty() {
                 continue;
             }
@@ -66,14 +78,19 @@ fn told(work: &Work) -> BTreeMap<[u32; 2], Vec<(u32, Event)>> {
             for (nth, (row, kept)) in rows.zip(kept).enumerate() {
                 for column in (0..TILE_PX).filter(|column| kept & (1 << column) != 0) {
                     assert!(columns.contains(&column));
-                    let event = events.remove(&((16 * nth + column) as u8)).unwrap_or(Event::Accumulated);
+                    let event = events
+                        .remove(&((16 * nth + column) as u8))
+                        .unwrap_or(Event::Accumulated);
                     pixels
                         .entry([u32::from(left) + column as u32, u32::from(top) + row as u32])
                         .or_default()
                         .push((footprint.splat, event));
                 }
             }
-            assert!(events.is_empty(), "of pixels that were not kept: {events:?}");
+            assert!(
+                events.is_empty(),
+                "of pixels that were not kept: {events:?}"
+            );
         }
     }
     pixels
@@ -86,7 +103,9 @@ fn is_same(event: Event, decision: Decision, forms_windows: bool) -> bool {
         Decision::Accumulated(_) => event == Event::Accumulated,
         Decision::Inserted(_) => event == Event::Inserted,
         Decision::Merged(..) | Decision::Closed(..) => matches!(event, Event::Merged(0..=2)),
-        Decision::Late(..) | Decision::Inside(_) | Decision::Summed(..) => event == Event::Merged(0),
+        Decision::Late(..) | Decision::Inside(_) | Decision::Summed(..) => {
+            event == Event::Merged(0)
+        }
         Decision::Evicted(_) => event == Event::Evicted,
         Decision::Replaced | Decision::Dropped => event == Event::Replaced,
     }
@@ -95,13 +114,27 @@ fn is_same(event: Event, decision: Decision, forms_windows: bool) -> bool {
 fn crowds() -> Vec<(Elaborated, Frame)> {
     let mut all = Vec::new();
     for name in Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES) {
-        for (layers, merge) in [(3, Merge::FarthestPair), (2, Merge::NearestPair), (1, Merge::Replace)] {
+        for (layers, merge) in [
+            (3, Merge::FarthestPair),
+            (2, Merge::NearestPair),
+            (1, Merge::Replace),
+        ] {
             let mut machine = Machine::named(name).unwrap();
-            let merge = if machine.fragment.window.is_some() { Merge::Window } else { merge };
-            (machine.fragment.layers, machine.fragment.merge, machine.fragment.evict_hidden) = (layers, merge, layers == 3);
+            let merge = if machine.fragment.window.is_some() {
+                Merge::Window
+            } else {
+                merge
+            };
+            (
+                machine.fragment.layers,
+                machine.fragment.merge,
+                machine.fragment.evict_hidden,
+            ) = (layers, merge, layers == 3);
             let mut frame = frame(&machine, 5, 10_000);
             (frame.width, frame.height) = (75, 40);
-            frame.splats = (0..60).flat_map(|seed| crate::frames::frame(&machine, seed, 500).splats).collect();
+            frame.splats = (0..60)
+                .flat_map(|seed| crate::frames::frame(&machine, seed, 500).splats)
+                .collect();
             all.push((machine.elaborate().unwrap(), frame));
         }
     }
@@ -120,7 +153,10 @@ fn what_is_recorded_is_what_was_drawn() {
         let told = told(&work);
         for (pixel, events) in &told {
             let decisions = witness.pixels.remove(pixel).unwrap_or_default();
-            let kept: Vec<_> = events.iter().filter(|(_, event)| *event != Event::Faint).collect();
+            let kept: Vec<_> = events
+                .iter()
+                .filter(|(_, event)| *event != Event::Faint)
+                .collect();
             assert_eq!(kept.len(), decisions.len(), "{pixel:?}");
             for ((splat, event), (of, decision)) in kept.into_iter().zip(decisions) {
                 assert!(
@@ -128,16 +164,28 @@ fn what_is_recorded_is_what_was_drawn() {
                     "{pixel:?}: {event:?} of {splat}, {decision:?} of {of}"
                 );
             }
-            events.iter().for_each(|(_, event)| *seen.entry(format!("{event:?}")).or_insert(0) += 1);
+            events
+                .iter()
+                .for_each(|(_, event)| *seen.entry(format!("{event:?}")).or_insert(0) += 1);
         }
         assert!(witness.pixels.is_empty(), "{:?}", witness.pixels);
         for (pixel, held) in witness.held {
             let [column, row] = pixel.map(|at| at as usize % TILE_PX);
-            let tile = work.tiles.iter().find(|tile| tile.corner.map(u32::from) == pixel.map(|at| at / 16 * 16)).unwrap();
+            let tile = work
+                .tiles
+                .iter()
+                .find(|tile| tile.corner.map(u32::from) == pixel.map(|at| at / 16 * 16))
+                .unwrap();
             let is = tile.pixel(TILE_PX * row + column);
             if frame.window.is_some() {
-                // All slots, of which windows make fewer layers; what lies inside of another is shaded too.
-                assert!(is[0] == witness.inserted.remove(&pixel).unwrap_or(0) && is[1] >= held[1] && held[0] <= is[0], "{pixel:?}");
+                // All slots, of which windows make fewer layers; what lies inside of another is
+                // shaded too.
+                assert!(
+                    is[0] == witness.inserted.remove(&pixel).unwrap_or(0)
+                        && is[1] >= held[1]
+                        && held[0] <= is[0],
+                    "{pixel:?}"
+                );
             } else {
                 assert_eq!(is, held, "{pixel:?}");
             }
@@ -146,19 +194,54 @@ fn what_is_recorded_is_what_was_drawn() {
         let fates = |of: &[Fate]| work.fates.iter().filter(|fate| of.contains(fate)).count() as u64;
         let culled = drawing.culled;
         assert_eq!(work.fates.len(), frame.splats.len());
-        assert_eq!([fates(&[Fate::Near]), fates(&[Fate::Outside, Fate::Missing])], [culled.near, culled.outside]);
-        assert_eq!([fates(&[Fate::Faint]), fates(&[Fate::Backface])], [culled.faint, culled.backface]);
+        assert_eq!(
+            [fates(&[Fate::Near]), fates(&[Fate::Outside, Fate::Missing])],
+            [culled.near, culled.outside]
+        );
+        assert_eq!(
+            [fates(&[Fate::Faint]), fates(&[Fate::Backface])],
+            [culled.faint, culled.backface]
+        );
         assert_eq!(fates(&[Fate::Transparent]), culled.transparent);
-        assert!(work.footprints.iter().all(|footprint| work.fates[footprint.splat as usize] == Fate::Drawn));
+        assert!(
+            work.footprints
+                .iter()
+                .all(|footprint| work.fates[footprint.splat as usize] == Fate::Drawn)
+        );
         assert_eq!(fates(&[Fate::Drawn]), work.footprints.len() as u64);
-        assert!(work.footprints.is_sorted_by_key(|footprint| footprint.splat));
+        assert!(
+            work.footprints
+                .is_sorted_by_key(|footprint| footprint.splat)
+        );
         // A merge needs light where a fragment has none yet.
-        let shades: u64 =
-            told.values().flatten().map(|(_, event)| if let Event::Merged(shades) = event { u64::from(*shades) } else { 0 }).sum();
-        assert!(shades <= 2 * drawing.outcomes.merged && (shades > 0) == (drawing.outcomes.merged > 0));
+        let shades: u64 = told
+            .values()
+            .flatten()
+            .map(|(_, event)| {
+                if let Event::Merged(shades) = event {
+                    u64::from(*shades)
+                } else {
+                    0
+                }
+            })
+            .sum();
+        assert!(
+            shades <= 2 * drawing.outcomes.merged && (shades > 0) == (drawing.outcomes.merged > 0)
+        );
     }
-    for event in ["Accumulated", "Faint", "Inserted", "Merged(1)", "Merged(2)", "Evicted", "Replaced"] {
-        assert!(seen.get(event).is_some_and(|count| *count > 20), "{event}: {seen:?}");
+    for event in [
+        "Accumulated",
+        "Faint",
+        "Inserted",
+        "Merged(1)",
+        "Merged(2)",
+        "Evicted",
+        "Replaced",
+    ] {
+        assert!(
+            seen.get(event).is_some_and(|count| *count > 20),
+            "{event}: {seen:?}"
+        );
     }
 }
 
@@ -170,24 +253,41 @@ fn where_a_pixel_stops_is_recorded() {
         for seed in 0..frames {
             let machine = Machine::named(name).unwrap();
             let frame = ellipsoids(&machine, seed, 500);
-            let Some(sheets) = &frame.sheets else { continue };
+            let Some(sheets) = &frame.sheets else {
+                continue;
+            };
             let machine = machine.elaborate().unwrap();
             let (_, _, work) = draw_measured(&machine, &frame);
             let mut witness = Witness::default();
             draw_with_decisions(&machine, &frame, &mut witness);
             for (pixel, events) in told(&work) {
                 let decisions = witness.pixels.remove(&pixel).unwrap_or_default();
-                let kept: Vec<_> = events.into_iter().filter(|(_, event)| *event != Event::Faint).collect();
+                let kept: Vec<_> = events
+                    .into_iter()
+                    .filter(|(_, event)| *event != Event::Faint)
+                    .collect();
                 assert_eq!(kept.len(), decisions.len());
                 let stops = kept.iter().position(|(_, event)| event.stops());
-                for (nth, ((splat, event), (of, decision))) in kept.into_iter().zip(decisions).enumerate() {
+                for (nth, ((splat, event), (of, decision))) in
+                    kept.into_iter().zip(decisions).enumerate()
+                {
                     assert_eq!(splat, of);
                     match stops {
-                        Some(at) if nth > at => assert_eq!((event, decision), (Event::Accumulated, Decision::Dropped), "{pixel:?}"),
+                        Some(at) if nth > at => assert_eq!(
+                            (event, decision),
+                            (Event::Accumulated, Decision::Dropped),
+                            "{pixel:?}"
+                        ),
                         // The last one may count still; a sheet before it has been blended.
                         Some(at) if nth == at => {
-                            assert_eq!(decision == Decision::Dropped, !sheets.keeps_last || sheets.each == Each::Slice);
-                            assert_eq!(event == Event::MergedAndStopped, sheets.each == Each::Slice);
+                            assert_eq!(
+                                decision == Decision::Dropped,
+                                !sheets.keeps_last || sheets.each == Each::Slice
+                            );
+                            assert_eq!(
+                                event == Event::MergedAndStopped,
+                                sheets.each == Each::Slice
+                            );
                         }
                         _ => assert_ne!(decision, Decision::Dropped, "{pixel:?} has not stopped"),
                     }
@@ -203,8 +303,13 @@ fn where_a_pixel_stops_is_recorded() {
 fn a_record_is_the_same_for_any_number_of_threads() {
     let (machine, mut frame) = crowds().swap_remove(0);
     frame.splats = frame.splats.iter().cycle().take(20_000).copied().collect();
-    let with =
-        |threads: usize| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap().install(|| draw_measured(&machine, &frame));
+    let with = |threads: usize| {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap()
+            .install(|| draw_measured(&machine, &frame))
+    };
     let one = with(1);
     assert!(one.2.footprints.len() > 9000);
     assert_eq!(with(2), one);

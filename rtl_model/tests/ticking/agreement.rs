@@ -18,19 +18,38 @@ fn difference(ticked: &Ticked, replayed: &Cycles) -> Option<String> {
     let mut others = replayed.units.iter();
     for unit in &ticked.units {
         for (place, side) in unit.sides.iter().enumerate() {
-            let other = others.next().filter(|other| other.name == unit.name && other.index as usize == unit.others as usize + place);
-            let Some(other) = other else { return Some(format!("{} {place} is not there", unit.name)) };
+            let other = others.next().filter(|other| {
+                other.name == unit.name && other.index as usize == unit.others as usize + place
+            });
+            let Some(other) = other else {
+                return Some(format!("{} {place} is not there", unit.name));
+            };
             if place == 0 && unit.log != other.log {
-                let at = unit.log.iter().zip(&other.log).take_while(|(ticked, replayed)| ticked == replayed).count();
-                let [ticked, replayed] = [&unit.log, &other.log].map(|log| (log.len(), log.get(at)));
-                return Some(format!("{} takes item {at} (of so many, in cycle): ticked {ticked:?}, replayed {replayed:?}", unit.name));
+                let at = unit
+                    .log
+                    .iter()
+                    .zip(&other.log)
+                    .take_while(|(ticked, replayed)| ticked == replayed)
+                    .count();
+                let [ticked, replayed] =
+                    [&unit.log, &other.log].map(|log| (log.len(), log.get(at)));
+                return Some(format!(
+                    "{} takes item {at} (of so many, in cycle): ticked {ticked:?}, replayed {replayed:?}",
+                    unit.name
+                ));
             }
             let [ticked, replayed] = [(side.items, side.account), (other.items, other.account)];
             if ticked != replayed {
-                return Some(format!("{} {place}: ticked {ticked:?}, replayed {replayed:?}", unit.name));
+                return Some(format!(
+                    "{} {place}: ticked {ticked:?}, replayed {replayed:?}",
+                    unit.name
+                ));
             }
             if place == 0 && !unit.occupancy.is_empty() && unit.occupancy != other.occupancy {
-                return Some(format!("behind {}: ticked {:?}, replayed {:?}", unit.name, unit.occupancy, other.occupancy));
+                return Some(format!(
+                    "behind {}: ticked {:?}, replayed {:?}",
+                    unit.name, unit.occupancy, other.occupancy
+                ));
             }
         }
     }
@@ -39,16 +58,27 @@ fn difference(ticked: &Ticked, replayed: &Cycles) -> Option<String> {
     }
     let [ticked, replayed] = [
         (ticked.total, ticked.lookups, ticked.texels, ticked.stamps),
-        (replayed.total, replayed.lookups, replayed.texels, replayed.stamps),
+        (
+            replayed.total,
+            replayed.lookups,
+            replayed.texels,
+            replayed.stamps,
+        ),
     ];
-    (ticked != replayed).then(|| format!("total, look-ups, texels, stamps: ticked {ticked:?}, replayed {replayed:?}"))
+    (ticked != replayed).then(|| {
+        format!("total, look-ups, texels, stamps: ticked {ticked:?}, replayed {replayed:?}")
+    })
 }
 
 /// What is moved does not depend on when.
 pub fn difference_in_traffic(ticked: &Ticked, replayed: &Cycles) -> Option<String> {
     let Traffic { bytes, bursts, .. } = ticked.traffic;
-    let [ticked, replayed] = [(bytes, bursts), (replayed.memory.bytes, replayed.memory.requests)];
-    (ticked != replayed).then(|| format!("bytes and bursts: ticked {ticked:?}, replayed {replayed:?}"))
+    let [ticked, replayed] = [
+        (bytes, bursts),
+        (replayed.memory.bytes, replayed.memory.requests),
+    ];
+    (ticked != replayed)
+        .then(|| format!("bytes and bursts: ticked {ticked:?}, replayed {replayed:?}"))
 }
 
 pub fn tick(timing: &Microarchitecture, scene: &Scene) -> Ticked {
@@ -60,13 +90,30 @@ pub fn tick(timing: &Microarchitecture, scene: &Scene) -> Ticked {
 
 /// What is told with so much detail.
 fn told_briefly(cycles: Cycles, detail: Detail) -> Cycles {
-    let told = if detail == Detail::Total { Vec::new() } else { cycles.units };
+    let told = if detail == Detail::Total {
+        Vec::new()
+    } else {
+        cycles.units
+    };
     let of = |unit: UnitCycles| match detail {
-        Detail::Accounts => UnitCycles { log: Vec::new(), timeline: None, occupancy: Vec::new(), ..unit },
-        _ => UnitCycles { log: Vec::new(), ..unit },
+        Detail::Accounts => UnitCycles {
+            log: Vec::new(),
+            timeline: None,
+            occupancy: Vec::new(),
+            ..unit
+        },
+        _ => UnitCycles {
+            log: Vec::new(),
+            ..unit
+        },
     };
     let tiles = cycles.tiles.filter(|_| detail >= Detail::Histograms);
-    Cycles { units: told.into_iter().map(of).collect(), requests: Vec::new(), tiles, ..cycles }
+    Cycles {
+        units: told.into_iter().map(of).collect(),
+        requests: Vec::new(),
+        tiles,
+        ..cycles
+    }
 }
 
 /// The first thing in which an engine's tiles are not what one of its units did.
@@ -78,34 +125,61 @@ fn difference_in_shares(
     stops: bool,
 ) -> Option<String> {
     // Shares lie end to end and leave nothing out.
-    for Share { until, account: Account { busy, starved, blocked, memory } } in shares {
+    for Share {
+        until,
+        account:
+            Account {
+                busy,
+                starved,
+                blocked,
+                memory,
+            },
+    } in shares
+    {
         if from + busy + starved + blocked + memory != *until {
-            return Some(format!("{name}: a share from {from} to {until} has other cycles"));
+            return Some(format!(
+                "{name}: a share from {from} to {until} has other cycles"
+            ));
         }
         from = *until;
     }
     let sum = |of: fn(&Account) -> u64| shares.iter().map(|share| of(&share.account)).sum::<u64>();
-    let shared = [sum(|account| account.busy), sum(|account| account.blocked), sum(|account| account.memory)];
+    let shared = [
+        sum(|account| account.busy),
+        sum(|account| account.blocked),
+        sum(|account| account.memory),
+    ];
     // A shade unit that is setup's did what it did before.
     if base == "shade" && shared == [0; 3] {
         return None;
     }
-    let Some((Side { account: whole, .. }, log)) = side else { return Some(format!("{name} does not tick")) };
+    let Some((Side { account: whole, .. }, log)) = side else {
+        return Some(format!("{name} does not tick"));
+    };
     if shared != [whole.busy, whole.blocked, whole.memory] {
         return Some(format!("{name}: shares have {shared:?} of {whole:?}"));
     }
     let taken = log?;
     match base {
         "resolve" => {
-            let starts: Vec<u64> = shares.iter().map(|share| share.until - share.account.busy).collect();
+            let starts: Vec<u64> = shares
+                .iter()
+                .map(|share| share.until - share.account.busy)
+                .collect();
             (starts != *taken).then(|| format!("{name} takes tiles at {taken:?}, not {starts:?}"))
         }
         "list" if !stops => {
             let mut entries = 0;
             for (tile, share) in drawn.iter().zip(shares) {
                 entries += tile.entries as usize;
-                if taken.get(entries - 1).is_none_or(|last| last + 1 != share.until) {
-                    return Some(format!("list takes the last of {entries} entries at {:?}", taken.get(entries - 1)));
+                if taken
+                    .get(entries - 1)
+                    .is_none_or(|last| last + 1 != share.until)
+                {
+                    return Some(format!(
+                        "list takes the last of {entries} entries at {:?}",
+                        taken.get(entries - 1)
+                    ));
                 }
             }
             None
@@ -115,45 +189,84 @@ fn difference_in_shares(
 }
 
 /// The first thing in which a frame's tiles are not what its units did.
-fn difference_in_tiles(ticked: &Ticked, replayed: &Cycles, engines: u32, stops: bool) -> Option<String> {
+fn difference_in_tiles(
+    ticked: &Ticked,
+    replayed: &Cycles,
+    engines: u32,
+    stops: bool,
+) -> Option<String> {
     let Some(tiles) = &replayed.tiles else {
         // Without an entry there is no tile.
-        let is_drawn = ticked.units.iter().any(|unit| unit.name == "list" && !unit.log.is_empty());
+        let is_drawn = ticked
+            .units
+            .iter()
+            .any(|unit| unit.name == "list" && !unit.log.is_empty());
         return is_drawn.then(|| "there are none".into());
     };
     for engine in 0..engines as usize {
-        let drawn: Vec<&TileCycles> = tiles.tiles.iter().filter(|tile| tile.engine as usize == engine).collect();
+        let drawn: Vec<&TileCycles> = tiles
+            .tiles
+            .iter()
+            .filter(|tile| tile.engine as usize == engine)
+            .collect();
         for (nth, name) in tiles.units.iter().enumerate() {
             let shares: Vec<Share> = drawn.iter().map(|tile| tile.shares[nth]).collect();
-            let (base, own) = name.split_once('.').map_or((name.as_str(), 0), |(base, own)| (base, own.parse().unwrap()));
-            let each = tiles.units.iter().filter(|other| other.split('.').next() == Some(base)).count();
-            // Its first cycle is not known of a side that is not the first: logs are those of all sides.
-            let side = ticked.units.iter().filter(|unit| unit.name == base).find_map(|unit| {
-                let place = (engine * each + own).checked_sub(unit.others as usize)?;
-                unit.sides.get(place).map(|side| (side, (unit.sides.len() == 1).then_some(&unit.log)))
-            });
-            if let Some(difference) = difference_in_shares((name, base), tiles.from, (&drawn, &shares), side, stops) {
+            let (base, own) = name
+                .split_once('.')
+                .map_or((name.as_str(), 0), |(base, own)| {
+                    (base, own.parse().unwrap())
+                });
+            let each = tiles
+                .units
+                .iter()
+                .filter(|other| other.split('.').next() == Some(base))
+                .count();
+            // Its first cycle is not known of a side that is not the first: logs are those of all
+            // sides.
+            let side = ticked
+                .units
+                .iter()
+                .filter(|unit| unit.name == base)
+                .find_map(|unit| {
+                    let place = (engine * each + own).checked_sub(unit.others as usize)?;
+                    unit.sides
+                        .get(place)
+                        .map(|side| (side, (unit.sides.len() == 1).then_some(&unit.log)))
+                });
+            if let Some(difference) =
+                difference_in_shares((name, base), tiles.from, (&drawn, &shares), side, stops)
+            {
                 return Some(difference);
             }
         }
     }
     let sum: u64 = tiles.tiles.iter().map(|tile| tile.cycles).sum();
     let end = tiles.tiles.iter().map(|tile| tile.done).max()?;
-    (tiles.from + sum != end || end > ticked.total).then(|| format!("{} + {sum} is not {end}", tiles.from))
+    (tiles.from + sum != end || end > ticked.total)
+        .then(|| format!("{} + {sum} is not {end}", tiles.from))
 }
 
 fn compare(timing: &Microarchitecture, scene: &Scene, work: &Work) -> Result<Ticked, String> {
     let ticked = tick(timing, scene);
     let replayed = replay(timing, work, Detail::Log);
     for detail in [Detail::Total, Detail::Accounts, Detail::Histograms] {
-        let [brief, all] = [replay(timing, work, detail), replayed.clone()].map(|cycles| told_briefly(cycles, detail));
+        let [brief, all] = [replay(timing, work, detail), replayed.clone()]
+            .map(|cycles| told_briefly(cycles, detail));
         assert_eq!(brief, all);
     }
     let in_tiles = || match timing.timing.organisation {
-        Organisation::Immediate => replayed.tiles.as_ref().map(|_| "an immediate machine has no tiles".into()),
-        Organisation::Binned => difference_in_tiles(&ticked, &replayed, timing.engines, work.stops()),
+        Organisation::Immediate => replayed
+            .tiles
+            .as_ref()
+            .map(|_| "an immediate machine has no tiles".into()),
+        Organisation::Binned => {
+            difference_in_tiles(&ticked, &replayed, timing.engines, work.stops())
+        }
     };
-    match difference(&ticked, &replayed).or_else(|| difference_in_traffic(&ticked, &replayed)).or_else(in_tiles) {
+    match difference(&ticked, &replayed)
+        .or_else(|| difference_in_traffic(&ticked, &replayed))
+        .or_else(in_tiles)
+    {
         Some(difference) => Err(difference),
         None => Ok(ticked),
     }
@@ -168,9 +281,12 @@ impl Seen {
         for unit in &ticked.units {
             for side in &unit.sides {
                 let account = side.account;
-                for (what, cycles) in
-                    [("busy", account.busy), ("starved", account.starved), ("memory", account.memory), ("blocked", account.blocked)]
-                {
+                for (what, cycles) in [
+                    ("busy", account.busy),
+                    ("starved", account.starved),
+                    ("memory", account.memory),
+                    ("blocked", account.blocked),
+                ] {
                     *self.0.entry(format!("{} {what}", unit.name)).or_default() += cycles;
                 }
             }
@@ -186,15 +302,37 @@ impl Seen {
         if crate::tier::tier() == crate::tier::Tier::Full {
             return self.demand(15, never);
         }
-        assert!(self.0.iter().all(|(what, cycles)| *cycles == 0 || !never.contains(&what.as_str())), "{:?}", self.0);
-        assert!(self.0["fragment blocked"] > 15 && self.0["resolve busy"] > 15, "{:?}", self.0);
+        assert!(
+            self.0
+                .iter()
+                .all(|(what, cycles)| *cycles == 0 || !never.contains(&what.as_str())),
+            "{:?}",
+            self.0
+        );
+        assert!(
+            self.0["fragment blocked"] > 15 && self.0["resolve busy"] > 15,
+            "{:?}",
+            self.0
+        );
     }
 
     fn demand(&self, least: u64, never: &[&str]) {
         for (what, cycles) in &self.0 {
             // Few are drawn that have a colour to wait with.
-            let least = if what == "colour blocked" { least / 8 } else { least };
-            assert!(if never.contains(&what.as_str()) { *cycles == 0 } else { *cycles > least }, "{what}: {:?}", self.0);
+            let least = if what == "colour blocked" {
+                least / 8
+            } else {
+                least
+            };
+            assert!(
+                if never.contains(&what.as_str()) {
+                    *cycles == 0
+                } else {
+                    *cycles > least
+                },
+                "{what}: {:?}",
+                self.0
+            );
         }
     }
 }
@@ -233,8 +371,14 @@ const NEVER_BINNED: [&str; 16] = [
 
 /// Any machine with ideal memory.
 pub fn of(organisation: Organisation, rng: &mut Rng) -> Timing {
-    let mut timing = Timing { organisation, ..machines::random(rng) };
-    (timing.tile.side_px, timing.tile.buffers) = ([16, 16, 32, 48][rng.below(4) as usize], 1 + rng.below(2) as u32);
+    let mut timing = Timing {
+        organisation,
+        ..machines::random(rng)
+    };
+    (timing.tile.side_px, timing.tile.buffers) = (
+        [16, 16, 32, 48][rng.below(4) as usize],
+        1 + rng.below(2) as u32,
+    );
     timing
 }
 
@@ -251,22 +395,45 @@ fn of_all(least: u64) -> u64 {
 
 fn compare_random(organisation: Organisation, cases: u64, never: &[&str]) {
     let mut seen = Seen::default();
-    for (size, splats, share) in [([3, 3], 1, 1), ([4, 4], 3, 2), ([8, 8], 6, 2), ([20, 20], 12, 2), ([60, 50], 40, 3)] {
+    for (size, splats, share) in [
+        ([3, 3], 1, 1),
+        ([4, 4], 3, 2),
+        ([8, 8], 6, 2),
+        ([20, 20], 12, 2),
+        ([60, 50], 40, 3),
+    ] {
         for seed in seeds(cases * share) {
             let mut rng = Rng(seed);
             let timing = of(organisation, &mut rng);
             let scene = scene::random(&mut rng, size, splats);
             let scene = if seed % 4 == 3 { scene.lit() } else { scene };
             // Some have harmonics, of which most have light of their own.
-            let scene = Scene { harmonics: [0, 0, 1, 2, 3][seed as usize % 5], ..scene };
+            let scene = Scene {
+                harmonics: [0, 0, 1, 2, 3][seed as usize % 5],
+                ..scene
+            };
             // Some are sorted.
             let sorts = organisation == Organisation::Binned && seed % 3 == 2;
             let scene = if sorts { scene.sorted(&mut rng) } else { scene };
-            let scene = if seed % 5 < 2 { scene.stopping(&mut rng) } else { scene };
-            let timing = if sorts { machines::sorting(&mut rng, timing).elaborate().unwrap().timing } else { machines::elaborate(timing) };
+            let scene = if seed % 5 < 2 {
+                scene.stopping(&mut rng)
+            } else {
+                scene
+            };
+            let timing = if sorts {
+                machines::sorting(&mut rng, timing)
+                    .elaborate()
+                    .unwrap()
+                    .timing
+            } else {
+                machines::elaborate(timing)
+            };
             match compare(&timing, &scene, &scene.record()) {
                 Ok(ticked) => seen.see(&ticked),
-                Err(difference) => panic!("{difference}\nseed {seed} of {size:?}, {splats} splats\n{:#?}\n{scene:?}", timing.timing),
+                Err(difference) => panic!(
+                    "{difference}\nseed {seed} of {size:?}, {splats} splats\n{:#?}\n{scene:?}",
+                    timing.timing
+                ),
             }
         }
     }
@@ -276,8 +443,12 @@ fn compare_random(organisation: Organisation, cases: u64, never: &[&str]) {
 fn compare_drawn(organisation: Organisation, never: &[&str]) {
     let mut seen = Seen::default();
     let sorting = (organisation == Organisation::Binned).then_some(("gaussian", 160));
-    for (name, frames) in
-        Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES).map(|name| (name, 80)).chain([("volume", 240)]).chain(sorting)
+    for (name, frames) in Machine::NAMES
+        .into_iter()
+        .chain(Machine::WINDOW_NAMES)
+        .map(|name| (name, 80))
+        .chain([("volume", 240)])
+        .chain(sorting)
     {
         for seed in seeds(frames) {
             let mut machine = Machine::named(name).unwrap();
@@ -289,21 +460,33 @@ fn compare_drawn(organisation: Organisation, never: &[&str]) {
                 machine = machines::sorting(&mut Rng(seed), machine.timing);
             }
             let is_volume = machine.fragment.sheets.is_some();
-            let mut frame = if is_volume { ellipsoids(&machine, seed, 500) } else { frame(&machine, seed, 500) };
+            let mut frame = if is_volume {
+                ellipsoids(&machine, seed, 500)
+            } else {
+                frame(&machine, seed, 500)
+            };
             if is_volume && frame.sheets.is_none() {
                 // What is lit already is not lit again.
-                frame.ellipsoids.iter_mut().for_each(|ellipsoids| ellipsoids.preshaded = false);
+                frame
+                    .ellipsoids
+                    .iter_mut()
+                    .for_each(|ellipsoids| ellipsoids.preshaded = false);
             }
             // Some are crowds.
             if seed % 8 == 0 && !is_volume {
                 (frame.width, frame.height) = (75, 40);
-                frame.splats = (0..20).flat_map(|other| crate::frames::frame(&machine, seed + other, 500).splats).collect();
+                frame.splats = (0..20)
+                    .flat_map(|other| crate::frames::frame(&machine, seed + other, 500).splats)
+                    .collect();
             }
             let machine = machine.elaborate().unwrap();
             let (_, _, work) = draw_measured(&machine, &frame);
             match compare(&machine.timing, &Scene::read(&work), &work) {
                 Ok(ticked) => seen.see(&ticked),
-                Err(difference) => panic!("{difference}\nframe {seed} of {name}\n{:#?}", machine.timing.timing),
+                Err(difference) => panic!(
+                    "{difference}\nframe {seed} of {name}\n{:#?}",
+                    machine.timing.timing
+                ),
             }
         }
     }
@@ -331,15 +514,27 @@ fn a_frame_that_mirrors_ticks_as_it_is_replayed() {
                 let timing = machines::mirroring(&mut rng, of(organisation, &mut Rng(seed)));
                 let scene = scene::random(&mut rng, size, splats);
                 let scene = if seed % 4 == 3 { scene.lit() } else { scene };
-                let scene = Scene { mirrored: Some(1 << timing.map.unwrap().index_bits), ..scene };
+                let scene = Scene {
+                    mirrored: Some(1 << timing.map.unwrap().index_bits),
+                    ..scene
+                };
                 match compare(&timing, &scene, &scene.record()) {
                     Ok(ticked) => seen.see(&ticked),
-                    Err(difference) => panic!("{difference}\nseed {seed} of {size:?}, {splats} splats\n{:#?}\n{scene:?}", timing.timing),
+                    Err(difference) => panic!(
+                        "{difference}\nseed {seed} of {size:?}, {splats} splats\n{:#?}\n{scene:?}",
+                        timing.timing
+                    ),
                 }
             }
         }
     }
-    for what in ["shade memory", "resolve-shade memory", "fetch memory", "texels", "texels that were here"] {
+    for what in [
+        "shade memory",
+        "resolve-shade memory",
+        "fetch memory",
+        "texels",
+        "texels that were here",
+    ] {
         assert!(seen.0[what] > of_all(1000), "{what}: {:?}", seen.0);
     }
     assert!(seen.0["texels"] > seen.0["texels that were here"]);
@@ -365,15 +560,25 @@ fn compare_several(organisation: Organisation, cases: u64) {
             let timing = machines::several(&mut rng, timing);
             let scene = scene::random(&mut rng, size, splats);
             let scene = if seed % 4 == 3 { scene.lit() } else { scene };
-            let scene = if seed % 5 == 1 { scene.stopping(&mut rng) } else { scene };
+            let scene = if seed % 5 == 1 {
+                scene.stopping(&mut rng)
+            } else {
+                scene
+            };
             let timing = machines::elaborate(timing);
             match compare(&timing, &scene, &scene.record()) {
                 Ok(ticked) => seen.see(&ticked),
-                Err(difference) => panic!("{difference}\nseed {seed} of {size:?}, {splats} splats\n{:#?}\n{scene:?}", timing.timing),
+                Err(difference) => panic!(
+                    "{difference}\nseed {seed} of {size:?}, {splats} splats\n{:#?}\n{scene:?}",
+                    timing.timing
+                ),
             }
         }
     }
-    let waits: u64 = ["fragment blocked", "resolve blocked"].iter().map(|what| seen.0[*what].min(1)).sum();
+    let waits: u64 = ["fragment blocked", "resolve blocked"]
+        .iter()
+        .map(|what| seen.0[*what].min(1))
+        .sum();
     assert_eq!(waits, 2, "{:?}", seen.0);
 }
 
@@ -395,11 +600,21 @@ fn a_crowd_that_is_sorted_ticks_as_it_is_replayed() {
         let mut rng = Rng(seed);
         let timing = of(Organisation::Binned, &mut rng);
         let scene = scene::random(&mut rng, [120, 100], 2000).sorted(&mut rng);
-        let elaborated = machines::sorting(&mut rng, timing).elaborate().unwrap().timing;
+        let elaborated = machines::sorting(&mut rng, timing)
+            .elaborate()
+            .unwrap()
+            .timing;
         match compare(&elaborated, &scene, &scene.record()) {
             Ok(ticked) => {
-                let entries = ticked.units.iter().find(|unit| unit.name == "list").unwrap().log.len();
-                parts = parts.max((entries * elaborated.sort.unwrap().entry_bytes as usize).div_ceil(4096));
+                let entries = ticked
+                    .units
+                    .iter()
+                    .find(|unit| unit.name == "list")
+                    .unwrap()
+                    .log
+                    .len();
+                parts = parts
+                    .max((entries * elaborated.sort.unwrap().entry_bytes as usize).div_ceil(4096));
             }
             Err(difference) => panic!("{difference}\nseed {seed}\n{timing:#?}"),
         }
@@ -411,27 +626,49 @@ fn a_crowd_that_is_sorted_ticks_as_it_is_replayed() {
 #[test]
 fn sorters_tick_as_they_are_replayed() {
     let (mut seen, mut jobs) = (Seen::default(), BTreeMap::new());
-    for (size, splats, cases) in [([8, 8], 6, 300), ([60, 50], 40, 300), ([40, 40], 400, 90), ([120, 100], 1500, 30)] {
+    for (size, splats, cases) in [
+        ([8, 8], 6, 300),
+        ([60, 50], 40, 300),
+        ([40, 40], 400, 90),
+        ([120, 100], 1500, 30),
+    ] {
         for seed in seeds(cases) {
             let mut rng = Rng(seed);
             let timing = of(Organisation::Binned, &mut rng);
             let scene = scene::random(&mut rng, size, splats).sorted(&mut rng);
-            let scene = if seed % 5 == 1 { scene.stopping(&mut rng) } else { scene };
+            let scene = if seed % 5 == 1 {
+                scene.stopping(&mut rng)
+            } else {
+                scene
+            };
             let machine = machines::sorting_lists(&mut rng, timing);
             let elaborated = machine.elaborate().unwrap().timing;
             match compare(&elaborated, &scene, &scene.record()) {
                 Ok(ticked) => {
                     seen.see(&ticked);
                     let units = ticked.units.iter().filter(|unit| unit.name == "sort");
-                    *jobs.entry(format!("{:?}", machine.sort.unwrap().kind)).or_insert(0) +=
-                        units.map(|unit| unit.log.len()).sum::<usize>();
+                    *jobs
+                        .entry(format!("{:?}", machine.sort.unwrap().kind))
+                        .or_insert(0) += units.map(|unit| unit.log.len()).sum::<usize>();
                 }
-                Err(difference) => panic!("{difference}\nseed {seed} of {size:?}, {splats} splats\n{:#?}\n{scene:?}", machine.timing),
+                Err(difference) => panic!(
+                    "{difference}\nseed {seed} of {size:?}, {splats} splats\n{:#?}\n{scene:?}",
+                    machine.timing
+                ),
             }
         }
     }
-    assert!(jobs.len() == 2 && jobs.values().all(|jobs| *jobs as u64 > of_all(3000)), "{jobs:?}");
-    assert!(["sort busy", "sort memory", "sort starved"].iter().all(|what| seen.0[*what] > of_all(10_000)), "{:?}", seen.0);
+    assert!(
+        jobs.len() == 2 && jobs.values().all(|jobs| *jobs as u64 > of_all(3000)),
+        "{jobs:?}"
+    );
+    assert!(
+        ["sort busy", "sort memory", "sort starved"]
+            .iter()
+            .all(|what| seen.0[*what] > of_all(10_000)),
+        "{:?}",
+        seen.0
+    );
 }
 
 #[test]
@@ -439,9 +676,20 @@ fn a_scene_is_read_as_it_was_told() {
     for seed in 0..300 {
         let scene = scene::random(&mut Rng(seed), [60, 50], 40);
         let scene = if seed % 4 == 3 { scene.lit() } else { scene };
-        let scene = if seed % 3 == 2 { scene.sorted(&mut Rng(seed)) } else { scene };
-        let scene = if seed % 5 == 1 { scene.stopping(&mut Rng(seed)) } else { scene };
-        let scene = Scene { harmonics: (seed % 4) as u8, ..scene };
+        let scene = if seed % 3 == 2 {
+            scene.sorted(&mut Rng(seed))
+        } else {
+            scene
+        };
+        let scene = if seed % 5 == 1 {
+            scene.stopping(&mut Rng(seed))
+        } else {
+            scene
+        };
+        let scene = Scene {
+            harmonics: (seed % 4) as u8,
+            ..scene
+        };
         assert_eq!(Scene::read(&scene.record()), scene, "seed {seed}");
     }
 }

@@ -1,23 +1,27 @@
-//! What does the binned machine do in each cycle? Two passes: lists are written, then tile after tile is drawn on the chip.
+//! What does the binned machine do in each cycle? Two passes: lists are written, then tile after
+//! tile is drawn on the chip.
 //!
-//! Between them a machine that sorts goes through all entries once for each digit of their depths: an entry a cycle, and a cycle for each
-//! value of the digit. It moves them in parts of 4096 bytes: a part is read when the one before is written, but not before the turn of its
-//! first entry, and written when it is here. A pass is over when it has no more to do and the last part is written.
+//! Between them a machine that sorts goes through all entries once for each digit of their depths:
+//! an entry a cycle, and a cycle for each value of the digit. It moves them in parts of 4096 bytes:
+//! a part is read when the one before is written, but not before the turn of its first entry, and
+//! written when it is here. A pass is over when it has no more to do and the last part is written.
 //!
 //! Or sorters sort list after list (`sorters.rs`): then `bin` writes entries with their keys.
 //!
-//! `bin` writes a record, then an entry a cycle; a burst goes when it is full, all that are begun go when the last word is written. `list`
-//! reads entries, and what they point to; fragments wait for a buffer; a tile is resolved when the last of its stamps is written, or left
-//! out; one that has stopped, when nothing of it is under way.
+//! `bin` writes a record, then an entry a cycle; a burst goes when it is full, all that are begun
+//! go when the last word is written. `list` reads entries, and what they point to; fragments wait
+//! for a buffer; a tile is resolved when the last of its stamps is written, or left out; one that
+//! has stopped, when nothing of it is under way.
 //!
-//! A pixel that stops is left out by raster from the cycle on in which the stamp that stopped it is written. When all pixels of a tile have
-//! stopped, list passes over what is left of it, in no time, and raster drops what has come, an entry a cycle. Stamps of which every pixel
-//! has stopped raster passes over in no time; where none is left, that takes it a cycle.
+//! A pixel that stops is left out by raster from the cycle on in which the stamp that stopped it is
+//! written. When all pixels of a tile have stopped, list passes over what is left of it, in no
+//! time, and raster drops what has come, an entry a cycle. Stamps of which every pixel has stopped
+//! raster passes over in no time; where none is left, that takes it a cycle.
 
 use super::memory::{Done, LIST_BYTES, LISTS, Memory, RECORDS, Requests, WORDS};
 use super::parts::{
-    Act, Fill, HELD, Link, Merge, Mirror, SetUp, Ticked, Unit, light, places, resolve, resolve_cycles, resolve_texels, run, stamps_of,
-    texels_looked_up, turn,
+    Act, Fill, HELD, Link, Merge, Mirror, SetUp, Ticked, Unit, light, places, resolve,
+    resolve_cycles, resolve_texels, run, stamps_of, texels_looked_up, turn,
 };
 use super::scene::Scene;
 use super::sorters::{self, Sorters};
@@ -52,7 +56,8 @@ struct Tile {
     corner: [usize; 2],
     place: u64,
     entries: Range<usize>,
-    /// Stamps with a weight that are neither written nor left out, and when the last of the others was.
+    /// Stamps with a weight that are neither written nor left out, and when the last of the others
+    /// was.
     left: usize,
     last: u64,
     /// Stamps with a weight between raster and fragment.
@@ -61,11 +66,17 @@ struct Tile {
     pixels: Vec<usize>,
 }
 
-/// In which order they are drawn. Longer than two digits of 256 values can say is as long as they can.
+/// In which order they are drawn. Longer than two digits of 256 values can say is as long as they
+/// can.
 fn queue(timing: &Microarchitecture, tiles: &[Tile]) -> VecDeque<usize> {
     let mut all: Vec<usize> = (0..tiles.len()).collect();
     if timing.timing.queue == Queue::Longest {
-        all.sort_by_key(|tile| (65_535usize.saturating_sub(tiles[*tile].entries.len()), *tile));
+        all.sort_by_key(|tile| {
+            (
+                65_535usize.saturating_sub(tiles[*tile].entries.len()),
+                *tile,
+            )
+        });
     }
     all.into()
 }
@@ -86,12 +97,14 @@ struct Machine<'a> {
     list_bytes: Vec<u64>,
     /// When the last entry's cycle is over.
     binned: u64,
-    /// What is left of records and lists goes; all lists are in memory, and in the order in which splats are drawn.
+    /// What is left of records and lists goes; all lists are in memory, and in the order in which
+    /// splats are drawn.
     flushed: bool,
     listed_all: bool,
     sorted: bool,
     sort: Unit,
-    /// Passes begun, when the last was, bytes that it has moved, and the part on its way, to be read or written.
+    /// Passes begun, when the last was, bytes that it has moved, and the part on its way, to be
+    /// read or written.
     passes: u32,
     begun: u64,
     moved: u64,
@@ -116,12 +129,14 @@ struct Engine {
     /// The tiles that it took, those of them that are resolved, and when they left their buffers.
     taken: Vec<usize>,
     resolved: Vec<u64>,
-    /// The first entry that list has not taken, up to the end of the tile, and the one that raster looks at.
+    /// The first entry that list has not taken, up to the end of the tile, and the one that raster
+    /// looks at.
     next: Range<usize>,
     looked_at: usize,
     list: Unit,
     reads: Requests,
-    /// The burst of its list that the last entry is in; entries whose records are read when that has come; every entry's record.
+    /// The burst of its list that the last entry is in; entries whose records are read when that
+    /// has come; every entry's record.
     burst: Done,
     waiting: VecDeque<(Done, usize)>,
     records: BTreeMap<usize, Done>,
@@ -131,8 +146,8 @@ struct Engine {
     resolve: Vec<Unit>,
     lit: Unit,
     to_light: VecDeque<(u64, u64, Option<usize>)>,
-    /// What mirrors, of that; and the tile that resolve waits with for its light: which it is, when it was taken, and for how long and until when
-    /// it is done if it waits for nothing.
+    /// What mirrors, of that; and the tile that resolve waits with for its light: which it is, when
+    /// it was taken, and for how long and until when it is done if it waits for nothing.
     mirror: Option<Mirror>,
     unwritten: Option<(usize, [u64; 3])>,
 }
@@ -150,7 +165,12 @@ impl Engine {
             burst: Done::default(),
             waiting: VecDeque::new(),
             records: BTreeMap::new(),
-            listed: Link::new(places(Pace { units: 1, latency: 1, interval: 1, fifo: t.fetch.fifo })),
+            listed: Link::new(places(Pace {
+                units: 1,
+                latency: 1,
+                interval: 1,
+                fifo: t.fetch.fifo,
+            })),
             fill: Fill::new(timing).leaving_out((scene.width * scene.height) as usize),
             merge: Merge::new(timing, scene),
             resolve: Unit::each("resolve", timing.resolve.units),
@@ -168,15 +188,30 @@ impl Engine {
             && self.merge.is_done(now)
             && self.resolved.len() >= self.taken.len()
             && self.to_light.is_empty()
-            && self.mirror.as_ref().is_none_or(|mirror| mirror.queue.is_empty())
-            && [&self.list, &self.lit].into_iter().chain(&self.resolve).all(|unit| unit.is_idle(now))
+            && self
+                .mirror
+                .as_ref()
+                .is_none_or(|mirror| mirror.queue.is_empty())
+            && [&self.list, &self.lit]
+                .into_iter()
+                .chain(&self.resolve)
+                .all(|unit| unit.is_idle(now))
     }
 
     /// Its units in the order of the diagram, under the names of all engines'.
     fn units(self, timing: &Microarchitecture, nth: u32) -> Vec<Unit> {
         let (fragment, shade) = self.merge.units();
-        let numbered = |units: Vec<Unit>, each: u32| units.into_iter().map(|unit| unit.of_engine(nth, each)).collect::<Vec<_>>();
-        let lit = if timing.timing.tile.buffers == 2 { vec![self.lit] } else { Vec::new() };
+        let numbered = |units: Vec<Unit>, each: u32| {
+            units
+                .into_iter()
+                .map(|unit| unit.of_engine(nth, each))
+                .collect::<Vec<_>>()
+        };
+        let lit = if timing.timing.tile.buffers == 2 {
+            vec![self.lit]
+        } else {
+            Vec::new()
+        };
         [
             numbered(vec![self.list.before(self.listed)], 1),
             numbered(self.fill.units(), 1),
@@ -203,15 +238,33 @@ impl<'a> Machine<'a> {
             let (mut nth, mut left) = (0, 0);
             for &(record, place) in &in_order {
                 let splat = &scene.splats[place];
-                let meets = |[first, last]: [u16; 2], from: usize| usize::from(first) < from + side && usize::from(last) >= from;
+                let meets = |[first, last]: [u16; 2], from: usize| {
+                    usize::from(first) < from + side && usize::from(last) >= from
+                };
                 if !meets(splat.columns, corner[0]) || !meets(splat.rows, corner[1]) {
                     continue;
                 }
                 touched[place].push(tile);
-                let stamps = stamps_of(timing, scene, place, [corner, corner.map(|at| at + side - 1)]);
-                let stamps = stamps.iter().filter(|stamp| !stamp.pixels.is_empty()).count();
+                let stamps = stamps_of(
+                    timing,
+                    scene,
+                    place,
+                    [corner, corner.map(|at| at + side - 1)],
+                );
+                let stamps = stamps
+                    .iter()
+                    .filter(|stamp| !stamp.pixels.is_empty())
+                    .count();
                 let drawn = tiles.len();
-                entries.push(Entry { splat: place, record: record as u64, corner, tile: tile as u64, nth, drawn, stamps });
+                entries.push(Entry {
+                    splat: place,
+                    record: record as u64,
+                    corner,
+                    tile: tile as u64,
+                    nth,
+                    drawn,
+                    stamps,
+                });
                 left += stamps;
                 nth += 1;
             }
@@ -220,21 +273,43 @@ impl<'a> Machine<'a> {
                 _ => {
                     let [width, height] = [scene.width, scene.height].map(|size| size as usize);
                     let rows = corner[1]..height.min(corner[1] + side);
-                    let pixels = rows.flat_map(|y| (corner[0]..width.min(corner[0] + side)).map(move |x| y * width + x)).collect();
+                    let pixels = rows
+                        .flat_map(|y| {
+                            (corner[0]..width.min(corner[0] + side)).map(move |x| y * width + x)
+                        })
+                        .collect();
                     let entries = entries.len() - nth as usize..entries.len();
-                    tiles.push(Tile { corner, place: tile as u64, entries, left, last: 0, under_way: 0, pixels });
+                    tiles.push(Tile {
+                        corner,
+                        place: tile as u64,
+                        entries,
+                        left,
+                        last: 0,
+                        under_way: 0,
+                        pixels,
+                    });
                 }
             }
         }
         // Lists in the order in which they are written.
         let listed = |tile: &Tile| {
-            let mut splats: Vec<usize> = entries[tile.entries.clone()].iter().map(|entry: &Entry| entry.splat).collect();
+            let mut splats: Vec<usize> = entries[tile.entries.clone()]
+                .iter()
+                .map(|entry: &Entry| entry.splat)
+                .collect();
             splats.sort_unstable();
-            (tile.place, splats.into_iter().map(|splat| scene.keys.get(splat).copied().unwrap_or(0)).collect())
+            (
+                tile.place,
+                splats
+                    .into_iter()
+                    .map(|splat| scene.keys.get(splat).copied().unwrap_or(0))
+                    .collect(),
+            )
         };
         let lists = tiles.iter().map(listed).collect();
         let sorters = timing.sort.filter(|_| !scene.order.is_empty());
-        let sorters = sorters.and_then(|shape| Sorters::new(shape, t.memory.burst_bytes.into(), lists));
+        let sorters =
+            sorters.and_then(|shape| Sorters::new(shape, t.memory.burst_bytes.into(), lists));
         Machine {
             sorters,
             timing,
@@ -263,7 +338,9 @@ impl<'a> Machine<'a> {
             in_turn: queue(timing, &tiles).into(),
             tiles,
             empty,
-            engines: (0..timing.engines).map(|_| Engine::new(timing, scene)).collect(),
+            engines: (0..timing.engines)
+                .map(|_| Engine::new(timing, scene))
+                .collect(),
             words: Requests::new(u32::MAX),
         }
     }
@@ -275,11 +352,19 @@ impl<'a> Machine<'a> {
     /// Writes the burst that ends here, or would if it were full.
     fn write(&mut self, when: u64, region: u64, end: u64) {
         let end = region + end.next_multiple_of(self.burst());
-        self.memory.ask(when, Client::Binning, Direction::Write, end - self.burst()..end, &self.writes.next());
+        self.memory.ask(
+            when,
+            Client::Binning,
+            Direction::Write,
+            end - self.burst()..end,
+            &self.writes.next(),
+        );
     }
 
     fn bin(&mut self) -> Act {
-        let Some(&splat) = self.setup.done().front(self.now) else { return Act::Starve };
+        let Some(&splat) = self.setup.done().front(self.now) else {
+            return Act::Starve;
+        };
         if !self.writes.is_free(self.now) {
             return Act::Wait;
         }
@@ -287,12 +372,17 @@ impl<'a> Machine<'a> {
         let burst = self.burst();
         let before = self.record_bytes / burst;
         self.record_bytes += u64::from(self.timing.prepared_bytes);
-        (before + 1..=self.record_bytes / burst).for_each(|full| self.write(self.now, RECORDS, full * burst));
+        (before + 1..=self.record_bytes / burst)
+            .for_each(|full| self.write(self.now, RECORDS, full * burst));
         let mut when = self.now;
         for tile in self.touched[splat].clone() {
             when += 1;
             let before = self.list_bytes[tile] / burst;
-            self.list_bytes[tile] += if self.sorters.is_some() { self.shape().entry_bytes.into() } else { ENTRY_BYTES };
+            self.list_bytes[tile] += if self.sorters.is_some() {
+                self.shape().entry_bytes.into()
+            } else {
+                ENTRY_BYTES
+            };
             if self.list_bytes[tile] / burst > before {
                 self.write(when, self.place_of_list(tile), (before + 1) * burst);
             }
@@ -302,17 +392,34 @@ impl<'a> Machine<'a> {
     }
 
     fn place_of_list(&self, tile: usize) -> u64 {
-        if self.sorters.is_some() { sorters::keyed(tile as u64) } else { LISTS + tile as u64 * LIST_BYTES }
+        if self.sorters.is_some() {
+            sorters::keyed(tile as u64)
+        } else {
+            LISTS + tile as u64 * LIST_BYTES
+        }
     }
 
     /// When all splats have been binned.
     fn flush(&mut self) {
-        if self.listed_all || self.bin.log.len() < self.drawn || self.binned > self.now || !self.writes.have_all_come(self.now) {
+        if self.listed_all
+            || self.bin.log.len() < self.drawn
+            || self.binned > self.now
+            || !self.writes.have_all_come(self.now)
+        {
             return;
         }
         if !std::mem::replace(&mut self.flushed, true) {
-            let lists = self.list_bytes.clone().into_iter().enumerate().map(|(tile, bytes)| (self.place_of_list(tile), bytes));
-            for (region, bytes) in [(RECORDS, self.record_bytes)].into_iter().chain(lists).collect::<Vec<_>>() {
+            let lists = self
+                .list_bytes
+                .clone()
+                .into_iter()
+                .enumerate()
+                .map(|(tile, bytes)| (self.place_of_list(tile), bytes));
+            for (region, bytes) in [(RECORDS, self.record_bytes)]
+                .into_iter()
+                .chain(lists)
+                .collect::<Vec<_>>()
+            {
                 if !bytes.is_multiple_of(self.burst()) {
                     self.write(self.now, region, bytes);
                 }
@@ -324,12 +431,17 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// All lists are there. If the longest is to be drawn first, their lengths are sorted: by two digits, each a cycle for every tile that has
-    /// an entry and for every value.
+    /// All lists are there. If the longest is to be drawn first, their lengths are sorted: by two
+    /// digits, each a cycle for every tile that has an entry and for every value.
     fn begin_second_pass(&mut self) {
         let by_length = self.timing.timing.queue == Queue::Longest;
         self.sorted = true;
-        self.from = self.now + if by_length { 2 * (self.tiles.len() as u64 + 256) } else { 0 };
+        self.from = self.now
+            + if by_length {
+                2 * (self.tiles.len() as u64 + 256)
+            } else {
+                0
+            };
         self.leave_out(self.from, 0);
     }
 
@@ -393,12 +505,22 @@ impl<'a> Machine<'a> {
                 self.moved += bytes;
                 return self.move_part();
             }
-            None if bytes == 0 || self.now < self.begun + self.moved / u64::from(self.shape().entry_bytes) => return,
+            None if bytes == 0
+                || self.now < self.begun + self.moved / u64::from(self.shape().entry_bytes) =>
+            {
+                return;
+            }
             None => Direction::Read,
         };
         let half = (self.passes as usize + usize::from(direction == Direction::Read)) % 2;
         let done = Done::default();
-        self.memory.ask(self.now, Client::Sort, direction, HALVES[half] + self.moved..HALVES[half] + self.moved + bytes, &done);
+        self.memory.ask(
+            self.now,
+            Client::Sort,
+            direction,
+            HALVES[half] + self.moved..HALVES[half] + self.moved + bytes,
+            &done,
+        );
         self.part = Some((done, direction));
     }
 
@@ -406,19 +528,35 @@ impl<'a> Machine<'a> {
         self.timing.timing.tile.buffers as usize
     }
 
-    /// Tiles without an entry are written behind the one before, before which are so many that have one.
+    /// Tiles without an entry are written behind the one before, before which are so many that have
+    /// one.
     fn leave_out(&mut self, when: u64, tiles: usize) {
-        let empty: Vec<u64> = self.empty.iter().filter(|(before, _)| *before == tiles).map(|(_, place)| *place).collect();
-        empty.into_iter().for_each(|place| self.write_words(when, place));
+        let empty: Vec<u64> = self
+            .empty
+            .iter()
+            .filter(|(before, _)| *before == tiles)
+            .map(|(_, place)| *place)
+            .collect();
+        empty
+            .into_iter()
+            .for_each(|place| self.write_words(when, place));
     }
 
     fn write_words(&mut self, when: u64, place: u64) {
         let side = u64::from(self.timing.timing.tile.side_px);
         let [width, height] = [self.scene.width, self.scene.height].map(u64::from);
         let across = width.div_ceil(side);
-        let size = [(place % across, width), (place / across, height)].map(|(at, size)| side.min(size - at * side));
-        let [from, bytes] = [place * side * side, size[0] * size[1]].map(|words| words * u64::from(self.timing.frame_bytes));
-        self.memory.ask(when, Client::FrameWrite, Direction::Write, WORDS + from..WORDS + from + bytes, &self.words.next());
+        let size = [(place % across, width), (place / across, height)]
+            .map(|(at, size)| side.min(size - at * side));
+        let [from, bytes] = [place * side * side, size[0] * size[1]]
+            .map(|words| words * u64::from(self.timing.frame_bytes));
+        self.memory.ask(
+            when,
+            Client::FrameWrite,
+            Direction::Write,
+            WORDS + from..WORDS + from + bytes,
+            &self.words.next(),
+        );
     }
 
     fn list(&mut self, e: usize) -> Act {
@@ -428,7 +566,9 @@ impl<'a> Machine<'a> {
         loop {
             let next = &mut self.engines[e].next;
             if next.start == next.end {
-                let Some(tile) = self.queue.pop_front() else { return Act::Starve };
+                let Some(tile) = self.queue.pop_front() else {
+                    return Act::Starve;
+                };
                 self.engines[e].taken.push(tile);
                 self.engines[e].next = self.tiles[tile].entries.clone();
                 continue;
@@ -454,7 +594,13 @@ impl<'a> Machine<'a> {
         if (nth * ENTRY_BYTES).is_multiple_of(burst_bytes) {
             engine.burst = engine.reads.next();
             let from = LISTS + tile * LIST_BYTES + nth * ENTRY_BYTES;
-            self.memory.ask(self.now, Client::Lists, Direction::Read, from..from + burst_bytes, &engine.burst);
+            self.memory.ask(
+                self.now,
+                Client::Lists,
+                Direction::Read,
+                from..from + burst_bytes,
+                &engine.burst,
+            );
         }
         engine.waiting.push_back((engine.burst.clone(), number));
         let record = engine.reads.next();
@@ -466,7 +612,10 @@ impl<'a> Machine<'a> {
 
     /// Whether every pixel of a tile has stopped.
     fn has_stopped(&self, e: usize, tile: usize) -> bool {
-        self.tiles[tile].pixels.iter().all(|pixel| self.engines[e].fill.stopped[*pixel] <= self.now)
+        self.tiles[tile]
+            .pixels
+            .iter()
+            .all(|pixel| self.engines[e].fill.stopped[*pixel] <= self.now)
     }
 
     /// So many stamps of a tile come no more.
@@ -481,12 +630,20 @@ impl<'a> Machine<'a> {
     /// Records are read when it is known which.
     fn read_records(&mut self, e: usize) {
         let bytes = u64::from(self.timing.prepared_bytes);
-        let Engine { waiting, records, .. } = &mut self.engines[e];
+        let Engine {
+            waiting, records, ..
+        } = &mut self.engines[e];
         waiting.retain(|(burst, number)| {
             let is_known = burst.has_come(self.now);
             if is_known {
                 let from = RECORDS + self.entries[*number].record * bytes;
-                self.memory.ask(self.now, Client::Lists, Direction::Read, from..from + bytes, &records[number]);
+                self.memory.ask(
+                    self.now,
+                    Client::Lists,
+                    Direction::Read,
+                    from..from + bytes,
+                    &records[number],
+                );
             }
             !is_known
         });
@@ -507,9 +664,19 @@ impl<'a> Machine<'a> {
                 return Act::Take(1);
             }
         }
-        let Engine { fill, listed, records, .. } = &mut self.engines[e];
+        let Engine {
+            fill,
+            listed,
+            records,
+            ..
+        } = &mut self.engines[e];
         let act = fill.raster(self.now, listed, |number| {
-            let Entry { splat, corner, drawn, .. } = self.entries[*number];
+            let Entry {
+                splat,
+                corner,
+                drawn,
+                ..
+            } = self.entries[*number];
             let last = corner.map(|at| at + self.timing.timing.tile.side_px as usize - 1);
             records[number].has_come(self.now).then(|| {
                 let mut stamps = stamps_of(self.timing, self.scene, splat, [corner, last]);
@@ -521,7 +688,8 @@ impl<'a> Machine<'a> {
         act
     }
 
-    /// What is left of a footprint that was begun is passed over in no time, if all of it has stopped.
+    /// What is left of a footprint that was begun is passed over in no time, if all of it has
+    /// stopped.
     fn pass_over(&mut self, e: usize) {
         let fill = &mut self.engines[e].fill;
         if fill.begun {
@@ -534,7 +702,10 @@ impl<'a> Machine<'a> {
     /// Those of the footprint that raster looks at.
     fn count_stamps(&mut self, e: usize) {
         let [passed, left_out] = std::mem::take(&mut self.engines[e].fill.decided);
-        let tile = self.entries.get(self.engines[e].looked_at).map_or(0, |entry| entry.drawn);
+        let tile = self
+            .entries
+            .get(self.engines[e].looked_at)
+            .map_or(0, |entry| entry.drawn);
         if left_out > 0 {
             self.leave_out_stamps(e, tile, left_out);
         }
@@ -545,12 +716,22 @@ impl<'a> Machine<'a> {
 
     fn fragment(&mut self, e: usize) {
         let (now, buffers) = (self.now, self.buffers());
-        let Engine { fill, merge, taken, resolved, .. } = &mut self.engines[e];
+        let Engine {
+            fill,
+            merge,
+            taken,
+            resolved,
+            ..
+        } = &mut self.engines[e];
         let stamp = fill.weighted.front(now);
         let reason = stamp.map_or(Act::Starve, |stamp| {
-            let turn = taken.iter().position(|tile| *tile == stamp.tile).expect("a tile that was taken");
+            let turn = taken
+                .iter()
+                .position(|tile| *tile == stamp.tile)
+                .expect("a tile that was taken");
             let before = turn.checked_sub(buffers);
-            let has_buffer = before.is_none_or(|turn| resolved.get(turn).is_some_and(|at| *at <= now));
+            let has_buffer =
+                before.is_none_or(|turn| resolved.get(turn).is_some_and(|at| *at <= now));
             if has_buffer { Act::Take(1) } else { Act::Block }
         });
         if merge.fragment(now, stamp, reason) {
@@ -566,24 +747,49 @@ impl<'a> Machine<'a> {
             tile.left -= 1;
             tile.under_way -= 1;
             tile.last = tile.last.max(written);
-            for pixel in stamp.stops.iter().filter(|pixel| stamp.pixels.contains(pixel)) {
+            for pixel in stamp
+                .stops
+                .iter()
+                .filter(|pixel| stamp.pixels.contains(pixel))
+            {
                 fill.stopped[*pixel] = fill.stopped[*pixel].min(written);
             }
         }
     }
 
-    /// The tile that an engine resolves next: if it is the only one, maybe before its list has begun.
+    /// The tile that an engine resolves next: if it is the only one, maybe before its list has
+    /// begun.
     fn next_resolved(&self, e: usize) -> Option<usize> {
-        let Engine { taken, resolved, .. } = &self.engines[e];
-        let in_turn = if self.engines.len() == 1 { &self.in_turn } else { taken };
-        in_turn.get(resolved.len()).copied().filter(|_| self.now >= self.from)
+        let Engine {
+            taken, resolved, ..
+        } = &self.engines[e];
+        let in_turn = if self.engines.len() == 1 {
+            &self.in_turn
+        } else {
+            taken
+        };
+        in_turn
+            .get(resolved.len())
+            .copied()
+            .filter(|_| self.now >= self.from)
     }
 
     fn resolve_reason(&self, e: usize) -> Act {
-        let Some(tile) = self.next_resolved(e) else { return Act::Starve };
-        let Tile { left, last, under_way, .. } = self.tiles[tile];
+        let Some(tile) = self.next_resolved(e) else {
+            return Act::Starve;
+        };
+        let Tile {
+            left,
+            last,
+            under_way,
+            ..
+        } = self.tiles[tile];
         let is_through = left == 0 || self.has_stopped(e, tile);
-        if !is_through || under_way > 0 || last > self.now { Act::Starve } else { Act::Take(1) }
+        if !is_through || under_way > 0 || last > self.now {
+            Act::Starve
+        } else {
+            Act::Take(1)
+        }
     }
 
     fn resolve(&mut self, e: usize) {
@@ -591,7 +797,12 @@ impl<'a> Machine<'a> {
         let (tile, mut cycles, mut shades) = (self.next_resolved(e), Vec::new(), 0);
         if reason == Act::Take(1) {
             let corner = self.tiles[tile.expect("a tile")].corner;
-            (cycles, shades) = resolve_cycles(self.timing, self.scene, corner, [self.timing.timing.tile.side_px as usize; 2]);
+            (cycles, shades) = resolve_cycles(
+                self.timing,
+                self.scene,
+                corner,
+                [self.timing.timing.tile.side_px as usize; 2],
+            );
         }
         let is_held = shades > 0 && self.engines[e].merge.mirror.is_some();
         let held: Vec<u64> = if is_held { vec![HELD] } else { cycles.clone() };
@@ -599,15 +810,33 @@ impl<'a> Machine<'a> {
             return;
         }
         let tile = tile.expect("a tile");
-        let mut done = self.now + cycles.iter().max().expect("a unit") + u64::from(self.timing.resolve.latency);
+        let mut done = self.now
+            + cycles.iter().max().expect("a unit")
+            + u64::from(self.timing.resolve.latency);
         if is_held {
             // Known when the last texels are here.
-            let texels = resolve_texels(self.scene, self.tiles[tile].corner, [self.timing.timing.tile.side_px as usize; 2]);
+            let texels = resolve_texels(
+                self.scene,
+                self.tiles[tile].corner,
+                [self.timing.timing.tile.side_px as usize; 2],
+            );
             let two = self.buffers() == 2;
-            let Engine { merge, mirror, unwritten, .. } = &mut self.engines[e];
+            let Engine {
+                merge,
+                mirror,
+                unwritten,
+                ..
+            } = &mut self.engines[e];
             let mirror = if two { mirror } else { &mut merge.mirror };
             mirror.as_mut().expect("a mirror").ask(self.now, texels);
-            *unwritten = Some((tile, [self.now, cycles[0], done + u64::from(self.timing.shade.latency)]));
+            *unwritten = Some((
+                tile,
+                [
+                    self.now,
+                    cycles[0],
+                    done + u64::from(self.timing.shade.latency),
+                ],
+            ));
             return;
         }
         let work = light(self.timing, self.now, shades);
@@ -629,7 +858,8 @@ impl<'a> Machine<'a> {
         self.leave_out(done, tile + 1);
     }
 
-    /// The tile that resolve waited with has its light, after so many cycles in which texels were waited for.
+    /// The tile that resolve waited with has its light, after so many cycles in which texels were
+    /// waited for.
     fn end_wait(&mut self, e: usize, waited: u64) {
         if let Some((tile, [begun, cycles, done])) = self.engines[e].unwritten.take() {
             self.engines[e].resolve[0].sides[0].until = begun + cycles + waited;
@@ -643,19 +873,27 @@ impl<'a> Machine<'a> {
             return self.engines[e].merge.shade(now);
         }
         let (act, waited) = self.engines[e].merge.mirror(now, &mut self.memory);
-        waited.into_iter().for_each(|waited| self.end_wait(e, waited));
+        waited
+            .into_iter()
+            .for_each(|waited| self.end_wait(e, waited));
         act
     }
 
     fn light(&mut self, e: usize) -> Act {
         let now = self.now;
         if let Some(mirror) = &mut self.engines[e].mirror {
-            let (act, asked) = mirror.shade(now, self.timing.shade.interval.into(), &mut self.memory);
+            let (act, asked) =
+                mirror.shade(now, self.timing.shade.interval.into(), &mut self.memory);
             let waited = mirror.waited(asked);
-            waited.into_iter().for_each(|waited| self.end_wait(e, waited));
+            waited
+                .into_iter()
+                .for_each(|waited| self.end_wait(e, waited));
             return act;
         }
-        match self.engines[e].to_light.pop_front_if(|(here, ..)| *here <= now) {
+        match self.engines[e]
+            .to_light
+            .pop_front_if(|(here, ..)| *here <= now)
+        {
             Some((_, cycles, _)) => Act::Take(cycles),
             None => Act::Starve,
         }
@@ -676,8 +914,18 @@ impl<'a> Machine<'a> {
         }
         for e in 0..self.engines.len() {
             self.read_records(e);
-            turn(self, now, |m| &mut m.engines[e].fill.raster, |m| m.raster(e));
-            turn(self, now, |m| &mut m.engines[e].fill.gauss, |m| m.engines[e].fill.gauss(now));
+            turn(
+                self,
+                now,
+                |m| &mut m.engines[e].fill.raster,
+                |m| m.raster(e),
+            );
+            turn(
+                self,
+                now,
+                |m| &mut m.engines[e].fill.gauss,
+                |m| m.engines[e].fill.gauss(now),
+            );
             self.fragment(e);
             self.resolve(e);
             turn(self, now, |m| &mut m.engines[e].merge.shade, |m| m.shade(e));
@@ -711,24 +959,64 @@ pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
         Some(sorters) => sorters.units.clone(),
         None => Vec::from_iter(machine.sorts().then(|| machine.sort.clone())),
     };
-    let Machine { memory, setup, bin, engines, .. } = machine;
-    let stamps =
-        engines.iter().map(|engine| engine.fill.taken()).fold([0; 2], |[all, kept], [more, more_kept]| [all + more, kept + more_kept]);
-    let of_engines = engines.iter().flat_map(|engine| [&engine.merge.mirror, &engine.mirror]);
-    let mirrors = of_engines.map(|mirror| texels_looked_up([mirror.as_ref().map(|mirror| &mirror.texels)]));
-    let texels = mirrors.fold(texels_looked_up([setup.texels.as_ref()]), |[all, had], [more, more_had]| [all + more, had + more_had]);
+    let Machine {
+        memory,
+        setup,
+        bin,
+        engines,
+        ..
+    } = machine;
+    let stamps = engines
+        .iter()
+        .map(|engine| engine.fill.taken())
+        .fold([0; 2], |[all, kept], [more, more_kept]| {
+            [all + more, kept + more_kept]
+        });
+    let of_engines = engines
+        .iter()
+        .flat_map(|engine| [&engine.merge.mirror, &engine.mirror]);
+    let mirrors =
+        of_engines.map(|mirror| texels_looked_up([mirror.as_ref().map(|mirror| &mirror.texels)]));
+    let texels = mirrors.fold(
+        texels_looked_up([setup.texels.as_ref()]),
+        |[all, had], [more, more_had]| [all + more, had + more_had],
+    );
     let (setup, shade) = setup.units();
-    let mut second: Vec<Unit> = engines.into_iter().zip(0..).flat_map(|(engine, nth)| engine.units(timing, nth)).collect();
+    let mut second: Vec<Unit> = engines
+        .into_iter()
+        .zip(0..)
+        .flat_map(|(engine, nth)| engine.units(timing, nth))
+        .collect();
     if let Some(shade) = shade {
         // It is the only one that ever shades.
-        let at = second.iter().position(|unit| unit.name == "shade").expect("shade");
+        let at = second
+            .iter()
+            .position(|unit| unit.name == "shade")
+            .expect("shade");
         second[at] = shade;
         second.retain(|unit| unit.name != "shade" || unit.others == 0);
     }
     let place = |unit: &Unit| {
-        ["list", "raster", "gauss", "fragment", "shade", "resolve-shade", "resolve"].iter().position(|name| *name == unit.name)
+        [
+            "list",
+            "raster",
+            "gauss",
+            "fragment",
+            "shade",
+            "resolve-shade",
+            "resolve",
+        ]
+        .iter()
+        .position(|name| *name == unit.name)
     };
     second.sort_by_key(place);
     let units = [setup, vec![bin], sort, second].concat();
-    Ticked { total, units, lookups: [0; 2], texels, stamps, traffic: memory.traffic }
+    Ticked {
+        total,
+        units,
+        lookups: [0; 2],
+        texels,
+        stamps,
+        traffic: memory.traffic,
+    }
 }

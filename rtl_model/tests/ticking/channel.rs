@@ -1,4 +1,5 @@
-//! How far off is the replay where memory is shared: a narrow channel, few rows open, any machine and any work?
+//! How far off is the replay where memory is shared: a narrow channel, few rows open, any machine
+//! and any work?
 
 use crate::agreement::{difference_in_traffic, of, tick};
 use crate::frames::Rng;
@@ -21,7 +22,8 @@ fn finite(rng: &mut Rng, memory: Memory) -> Memory {
     }
 }
 
-/// The same with channels, ranks, refresh, turns to writing, and rows that cannot be opened at any time.
+/// The same with channels, ranks, refresh, turns to writing, and rows that cannot be opened at any
+/// time.
 fn with_channels(rng: &mut Rng, memory: Memory) -> Memory {
     let mut some = |numbers: &[u32]| Some(numbers[rng.below(numbers.len() as u64) as usize]);
     let memory = Memory {
@@ -39,11 +41,17 @@ fn with_channels(rng: &mut Rng, memory: Memory) -> Memory {
         ..memory
     };
     let is_refreshed = memory.refresh_interval_cycles != Some(0);
-    finite(rng, Memory { refresh_cycles: memory.refresh_cycles.filter(|_| is_refreshed), ..memory })
+    finite(
+        rng,
+        Memory {
+            refresh_cycles: memory.refresh_cycles.filter(|_| is_refreshed),
+            ..memory
+        },
+    )
 }
 
-/// The same of a machine with sorters of lists, on scenes whose lists do not fit: all together are off by at most so many thousandths, and
-/// nine in ten by at most the other number.
+/// The same of a machine with sorters of lists, on scenes whose lists do not fit: all together are
+/// off by at most so many thousandths, and nine in ten by at most the other number.
 fn check_sorters(memory: fn(&mut Rng, Memory) -> Memory, most: i64, together: i64) {
     let (mut errors, mut totals) = (Vec::new(), [0; 2]);
     for seed in 0..150 {
@@ -53,7 +61,10 @@ fn check_sorters(memory: fn(&mut Rng, Memory) -> Memory, most: i64, together: i6
         machine.timing.memory = memory(&mut rng, machine.timing.memory);
         let timing = machine.elaborate().unwrap().timing;
         let scene = scene::random(&mut rng, [60, 50], 300).sorted(&mut rng);
-        let (ticked, replayed) = (tick(&timing, &scene), replay(&timing, &scene.record(), Detail::Accounts));
+        let (ticked, replayed) = (
+            tick(&timing, &scene),
+            replay(&timing, &scene.record(), Detail::Accounts),
+        );
         if let Some(difference) = difference_in_traffic(&ticked, &replayed) {
             panic!("{difference}\nseed {seed}\n{:#?}", timing.timing);
         }
@@ -63,8 +74,16 @@ fn check_sorters(memory: fn(&mut Rng, Memory) -> Memory, most: i64, together: i6
     errors.sort_unstable();
     let all = (1000.0 * (totals[1] as f64 / totals[0] as f64 - 1.0)).round() as i64;
     let at = |share: usize| errors[(errors.len() - 1) * share / 100];
-    println!("sorters: {all} ‰ together; {:?} ‰", [0, 1, 5, 25, 50, 75, 95, 99, 100].map(at));
-    assert!(-most <= at(5) && at(95) <= most, "{} to {} ‰", at(5), at(95));
+    println!(
+        "sorters: {all} ‰ together; {:?} ‰",
+        [0, 1, 5, 25, 50, 75, 95, 99, 100].map(at)
+    );
+    assert!(
+        -most <= at(5) && at(95) <= most,
+        "{} to {} ‰",
+        at(5),
+        at(95)
+    );
     assert!(all.abs() <= together, "{all} ‰ together");
 }
 
@@ -78,17 +97,30 @@ fn a_frame_with_sorters_and_channels_moves_the_same_bytes_in_about_the_time() {
     check_sorters(with_channels, 45, 10);
 }
 
-/// By how many thousandths of the ticks the replay is off, from the fastest to the slowest, and of all ticks together.
-fn errors(organisation: Organisation, memory: fn(&mut Rng, Memory) -> Memory, cases: u64) -> (Vec<i64>, i64) {
+/// By how many thousandths of the ticks the replay is off, from the fastest to the slowest, and of
+/// all ticks together.
+fn errors(
+    organisation: Organisation,
+    memory: fn(&mut Rng, Memory) -> Memory,
+    cases: u64,
+) -> (Vec<i64>, i64) {
     let mut errors = Vec::new();
     let mut totals = [0; 2];
-    let thousandths = |[ticked, replayed]: [u64; 2]| (1000.0 * (replayed as f64 / ticked as f64 - 1.0)).round() as i64;
+    let thousandths = |[ticked, replayed]: [u64; 2]| {
+        (1000.0 * (replayed as f64 / ticked as f64 - 1.0)).round() as i64
+    };
     for seed in 0..cases {
         let mut rng = Rng(seed);
         let timing = of(organisation, &mut rng);
-        let timing = elaborate(Timing { memory: memory(&mut rng, timing.memory), ..timing });
+        let timing = elaborate(Timing {
+            memory: memory(&mut rng, timing.memory),
+            ..timing
+        });
         let scene = scene::random(&mut rng, [60, 50], 40);
-        let (ticked, replayed) = (tick(&timing, &scene), replay(&timing, &scene.record(), Detail::Accounts));
+        let (ticked, replayed) = (
+            tick(&timing, &scene),
+            replay(&timing, &scene.record(), Detail::Accounts),
+        );
         if let Some(difference) = difference_in_traffic(&ticked, &replayed) {
             panic!("{difference}\nseed {seed}\n{:#?}", timing.timing);
         }
@@ -99,14 +131,34 @@ fn errors(organisation: Organisation, memory: fn(&mut Rng, Memory) -> Memory, ca
     (errors, thousandths(totals))
 }
 
-/// Of random frames nine in ten are off by at most so many thousandths, all by at most the next number, and all together by the last.
-/// Those that are off by much are small: a row that is opened once more is a large part of them.
-fn check(organisation: Organisation, memory: fn(&mut Rng, Memory) -> Memory, most: i64, worst: i64, together: i64) {
+/// Of random frames nine in ten are off by at most so many thousandths, all by at most the next
+/// number, and all together by the last. Those that are off by much are small: a row that is opened
+/// once more is a large part of them.
+fn check(
+    organisation: Organisation,
+    memory: fn(&mut Rng, Memory) -> Memory,
+    most: i64,
+    worst: i64,
+    together: i64,
+) {
     let (errors, all) = errors(organisation, memory, 1500);
     let at = |share: usize| errors[(errors.len() - 1) * share / 100];
-    println!("{organisation:?}: {all} ‰ together; {:?} ‰", [0, 1, 5, 25, 50, 75, 95, 99, 100].map(at));
-    assert!(-most <= at(5) && at(95) <= most, "{} to {} ‰", at(5), at(95));
-    assert!(-worst <= at(0) && at(100) <= worst, "{} to {} ‰", at(0), at(100));
+    println!(
+        "{organisation:?}: {all} ‰ together; {:?} ‰",
+        [0, 1, 5, 25, 50, 75, 95, 99, 100].map(at)
+    );
+    assert!(
+        -most <= at(5) && at(95) <= most,
+        "{} to {} ‰",
+        at(5),
+        at(95)
+    );
+    assert!(
+        -worst <= at(0) && at(100) <= worst,
+        "{} to {} ‰",
+        at(0),
+        at(100)
+    );
     assert!(all.abs() <= together, "{all} ‰ together");
 }
 

@@ -1,12 +1,13 @@
-//! What does the immediate machine do in each cycle? It ticks: every unit looks, in every cycle, at the item that it would take next.
+//! What does the immediate machine do in each cycle? It ticks: every unit looks, in every cycle, at
+//! the item that it would take next.
 //!
-//! Nothing that happens in a cycle is seen in the same cycle by another unit (but shading by its unit, which goes last), so their order
-//! within a cycle does not matter.
+//! Nothing that happens in a cycle is seen in the same cycle by another unit (but shading by its
+//! unit, which goes last), so their order within a cycle does not matter.
 
 use super::memory::{Done, LINES, Memory, Requests, WORDS};
 use super::parts::{
-    Act, Fill, HELD, Link, Merge, SetUp, Stamp, Ticked, Unit, light, places, resolve, resolve_cycles, resolve_texels, run, stamps_of,
-    texels_looked_up, turn,
+    Act, Fill, HELD, Link, Merge, SetUp, Stamp, Ticked, Unit, light, places, resolve,
+    resolve_cycles, resolve_texels, run, stamps_of, texels_looked_up, turn,
 };
 use super::scene::Scene;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
@@ -23,7 +24,8 @@ struct Way {
     read: Option<Done>,
 }
 
-/// A line that leaves, or one that is read in its place, when the stamps that used the one that leaves are written.
+/// A line that leaves, or one that is read in its place, when the stamps that used the one that
+/// leaves are written.
 struct HeldUp {
     client: Client,
     line: usize,
@@ -48,20 +50,32 @@ struct Lines {
 }
 
 impl Lines {
-    /// Looks a line up for a stamp: whether that is over in this cycle, and for which read the stamp has to wait.
+    /// Looks a line up for a stamp: whether that is over in this cycle, and for which read the
+    /// stamp has to wait.
     fn look_up(&mut self, now: u64, line: usize, stamp: usize) -> Option<Option<Done>> {
         let of = line % self.sets.len();
         let set = &mut self.sets[of];
         let found = set.iter().position(|way| way.line == line);
         // The line used longest ago leaves, even if the one that comes has to wait.
         if found.is_none() && set.len() == self.ways {
-            let oldest = (0..set.len()).min_by_key(|way| set[*way].used).expect("a way");
+            let oldest = (0..set.len())
+                .min_by_key(|way| set[*way].used)
+                .expect("a way");
             let victim = set.swap_remove(oldest);
             // A stamp cannot wait for itself.
-            self.before = victim.users.into_iter().filter(|user| *user != stamp).collect();
+            self.before = victim
+                .users
+                .into_iter()
+                .filter(|user| *user != stamp)
+                .collect();
             self.written_back.insert(victim.line, self.before.clone());
             let stamps = self.before.clone();
-            self.held_up.push(HeldUp { client: Client::FrameWrite, line: victim.line, stamps, done: Done::default() });
+            self.held_up.push(HeldUp {
+                client: Client::FrameWrite,
+                line: victim.line,
+                stamps,
+                done: Done::default(),
+            });
         }
         let must_read = found.is_none() && self.written_back.contains_key(&line);
         if must_read && !self.reads.is_free(now) {
@@ -84,10 +98,20 @@ impl Lines {
         stamps.extend(self.written_back.get(&line).into_iter().flatten());
         let read = must_read.then(|| {
             let done = self.reads.next();
-            self.held_up.push(HeldUp { client: Client::FrameRead, line, stamps, done: done.clone() });
+            self.held_up.push(HeldUp {
+                client: Client::FrameRead,
+                line,
+                stamps,
+                done: done.clone(),
+            });
             done
         });
-        set.push(Way { line, used: self.clock, users: vec![stamp], read: read.clone() });
+        set.push(Way {
+            line,
+            used: self.clock,
+            users: vec![stamp],
+            read: read.clone(),
+        });
         Some(read)
     }
 
@@ -99,15 +123,31 @@ impl Lines {
 
     /// Asks for what is no longer held up.
     fn send(&mut self, now: u64, memory: &mut Memory, written: &[Option<u64>]) {
-        let is_held_up = |of: &HeldUp| !of.stamps.iter().all(|stamp| written[*stamp].is_some_and(|at| at <= now));
-        for HeldUp { client, line, done, .. } in self.held_up.extract_if(.., |of| !is_held_up(of)).collect::<Vec<_>>() {
-            let direction = if client == Client::FrameRead { Direction::Read } else { Direction::Write };
+        let is_held_up = |of: &HeldUp| {
+            !of.stamps
+                .iter()
+                .all(|stamp| written[*stamp].is_some_and(|at| at <= now))
+        };
+        for HeldUp {
+            client, line, done, ..
+        } in self
+            .held_up
+            .extract_if(.., |of| !is_held_up(of))
+            .collect::<Vec<_>>()
+        {
+            let direction = if client == Client::FrameRead {
+                Direction::Read
+            } else {
+                Direction::Write
+            };
             memory.ask(now, client, direction, self.bytes(line), &done);
         }
     }
 
     fn holds(&self, line: usize) -> bool {
-        self.sets[line % self.sets.len()].iter().any(|way| way.line == line)
+        self.sets[line % self.sets.len()]
+            .iter()
+            .any(|way| way.line == line)
     }
 }
 
@@ -138,11 +178,13 @@ struct Machine<'a> {
     taken: usize,
     all_written: u64,
     resolve: Vec<Unit>,
-    /// The line that resolve waits with for its light: when it will be written, if it waits no more.
+    /// The line that resolve waits with for its light: when it will be written, if it waits no
+    /// more.
     unwritten: Option<(u64, Range<u64>)>,
     /// When it took that, and for how long if it waited for nothing.
     resolve_begun: [u64; 2],
-    /// For each line of the picture its read, if it has one; known when resolve begins. Those that are still to be asked for.
+    /// For each line of the picture its read, if it has one; known when resolve begins. Those that
+    /// are still to be asked for.
     line_reads: Option<Vec<Option<Done>>>,
     to_read: VecDeque<usize>,
     reads: Requests,
@@ -167,7 +209,9 @@ impl<'a> Machine<'a> {
             fill: Fill::new(timing),
             cache: Unit::new("cache", 1),
             lines: Lines {
-                sets: (0..t.cache.lines / t.cache.ways).map(|_| Vec::new()).collect(),
+                sets: (0..t.cache.lines / t.cache.ways)
+                    .map(|_| Vec::new())
+                    .collect(),
                 ways: t.cache.ways as usize,
                 line_bytes: timing.line_bytes.into(),
                 clock: 0,
@@ -195,7 +239,9 @@ impl<'a> Machine<'a> {
     }
 
     fn raster(&mut self) -> Act {
-        self.fill.raster(self.now, self.setup.done(), |splat| Some(stamps_of(self.timing, self.scene, *splat, ALL)))
+        self.fill.raster(self.now, self.setup.done(), |splat| {
+            Some(stamps_of(self.timing, self.scene, *splat, ALL))
+        })
     }
 
     fn gauss(&mut self) -> Act {
@@ -215,7 +261,11 @@ impl<'a> Machine<'a> {
                 return;
             }
             self.looked_up.reserve();
-            self.looking = Some(Looking { stamp: self.fill.weighted.pop(), next: 0, reads: Vec::new() });
+            self.looking = Some(Looking {
+                stamp: self.fill.weighted.pop(),
+                next: 0,
+                reads: Vec::new(),
+            });
             self.cache.sides[0].items += 1;
             self.cache.log.push(self.now);
         }
@@ -231,7 +281,10 @@ impl<'a> Machine<'a> {
         looking.next += 1;
         if looking.next == looking.stamp.lines.len() {
             let Looking { stamp, reads, .. } = self.looking.take().expect("a stamp");
-            self.looked_up.items.push_back((self.now + u64::from(self.timing.cache.latency), (stamp, reads)));
+            self.looked_up.items.push_back((
+                self.now + u64::from(self.timing.cache.latency),
+                (stamp, reads),
+            ));
         }
     }
 
@@ -242,7 +295,10 @@ impl<'a> Machine<'a> {
             Some((_, reads)) if !reads.iter().all(|read| read.has_come(self.now)) => Act::Wait,
             Some(_) => Act::Take(1),
         };
-        if self.merge.fragment(self.now, first.map(|(stamp, _)| stamp), reason) {
+        if self
+            .merge
+            .fragment(self.now, first.map(|(stamp, _)| stamp), reason)
+        {
             self.looked_up.pop();
             self.taken += 1;
         }
@@ -258,7 +314,10 @@ impl<'a> Machine<'a> {
 
     fn lines_across_and_down(&self) -> [usize; 2] {
         let [columns, rows] = self.timing.timing.cache.line_px;
-        [self.scene.width.div_ceil(columns) as usize, self.scene.height.div_ceil(rows) as usize]
+        [
+            self.scene.width.div_ceil(columns) as usize,
+            self.scene.height.div_ceil(rows) as usize,
+        ]
     }
 
     /// Once the last stamp is written, what resolve needs is read, whatever it does itself.
@@ -268,16 +327,26 @@ impl<'a> Machine<'a> {
         }
         let [across, down] = self.lines_across_and_down();
         let reads = self.line_reads.get_or_insert_with(|| {
-            self.to_read = (0..across * down).filter(|line| self.lines.touched.contains(line) && !self.lines.holds(*line)).collect();
+            self.to_read = (0..across * down)
+                .filter(|line| self.lines.touched.contains(line) && !self.lines.holds(*line))
+                .collect();
             let mut reads = vec![None; across * down];
-            self.to_read.iter().for_each(|line| reads[*line] = Some(Done::default()));
+            self.to_read
+                .iter()
+                .for_each(|line| reads[*line] = Some(Done::default()));
             reads
         });
         while self.reads.is_free(self.now)
             && let Some(line) = self.to_read.pop_front()
         {
             let done = self.reads.next();
-            self.memory.ask(self.now, Client::FrameRead, Direction::Read, self.lines.bytes(line), &done);
+            self.memory.ask(
+                self.now,
+                Client::FrameRead,
+                Direction::Read,
+                self.lines.bytes(line),
+                &done,
+            );
             reads[line] = Some(done);
         }
     }
@@ -287,7 +356,13 @@ impl<'a> Machine<'a> {
         match &self.line_reads {
             None => Act::Starve,
             Some(_) if line == across * down => Act::Starve,
-            Some(reads) if reads[line].as_ref().is_some_and(|read| !read.has_come(self.now)) => Act::Wait,
+            Some(reads)
+                if reads[line]
+                    .as_ref()
+                    .is_some_and(|read| !read.has_come(self.now)) =>
+            {
+                Act::Wait
+            }
             Some(_) => Act::Take(1),
         }
     }
@@ -298,24 +373,34 @@ impl<'a> Machine<'a> {
         let size = self.timing.timing.cache.line_px.map(|size| size as usize);
         let corner = [line % across * size[0], line / across * size[1]];
         let reason = self.resolve_reason(line);
-        let (cycles, shades) = if reason == Act::Take(1) { resolve_cycles(self.timing, self.scene, corner, size) } else { (Vec::new(), 0) };
+        let (cycles, shades) = if reason == Act::Take(1) {
+            resolve_cycles(self.timing, self.scene, corner, size)
+        } else {
+            (Vec::new(), 0)
+        };
         let mirror = self.merge.mirror.as_mut().filter(|_| shades > 0);
         let is_held = mirror.is_some();
         let held: Vec<u64> = if is_held { vec![HELD] } else { cycles.clone() };
         if !resolve(&mut self.resolve, self.now, reason, &held) {
             return;
         }
-        let mut written = self.now + cycles.iter().max().expect("a unit") + u64::from(self.timing.resolve.latency);
+        let mut written = self.now
+            + cycles.iter().max().expect("a unit")
+            + u64::from(self.timing.resolve.latency);
         match mirror {
             Some(mirror) => mirror.ask(self.now, resolve_texels(self.scene, corner, size)),
-            None => self.merge.to_shade.extend(light(self.timing, self.now, shades)),
+            None => self
+                .merge
+                .to_shade
+                .extend(light(self.timing, self.now, shades)),
         }
         if shades > 0 {
             written += u64::from(self.timing.shade.latency);
         }
         let [width, height] = [self.scene.width, self.scene.height].map(|size| size as usize);
         let inside = size[0].min(width - corner[0]) * size[1].min(height - corner[1]);
-        let [from, bytes] = [line * size[0] * size[1], inside].map(|words| words as u64 * u64::from(self.timing.frame_bytes));
+        let [from, bytes] = [line * size[0] * size[1], inside]
+            .map(|words| words as u64 * u64::from(self.timing.frame_bytes));
         let words = WORDS + from..WORDS + from + bytes;
         if is_held {
             // Known when the last texels are here.
@@ -323,7 +408,13 @@ impl<'a> Machine<'a> {
             self.unwritten = Some((written, words));
             return;
         }
-        self.memory.ask(written, Client::FrameWrite, Direction::Write, words, &self.words.next());
+        self.memory.ask(
+            written,
+            Client::FrameWrite,
+            Direction::Write,
+            words,
+            &self.words.next(),
+        );
     }
 
     fn shade(&mut self) -> Act {
@@ -336,7 +427,13 @@ impl<'a> Machine<'a> {
         {
             let [begun, cycles] = self.resolve_begun;
             self.resolve[0].sides[0].until = begun + cycles + waited;
-            self.memory.ask(written + waited, Client::FrameWrite, Direction::Write, words, &self.words.next());
+            self.memory.ask(
+                written + waited,
+                Client::FrameWrite,
+                Direction::Write,
+                words,
+                &self.words.next(),
+            );
         }
         act
     }
@@ -379,11 +476,39 @@ impl<'a> Machine<'a> {
 pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
     let mut machine = Machine::new(timing, scene);
     let total = run(&mut machine, Machine::tick, Machine::is_done);
-    let Machine { memory, setup, fill, cache, lines, looked_up, merge, resolve, .. } = machine;
+    let Machine {
+        memory,
+        setup,
+        fill,
+        cache,
+        lines,
+        looked_up,
+        merge,
+        resolve,
+        ..
+    } = machine;
     let stamps = fill.taken();
-    let texels = texels_looked_up([setup.texels.as_ref(), merge.mirror.as_ref().map(|mirror| &mirror.texels)]);
+    let texels = texels_looked_up([
+        setup.texels.as_ref(),
+        merge.mirror.as_ref().map(|mirror| &mirror.texels),
+    ]);
     let (setup, shade) = setup.units();
     let (fragment, of_fragments) = merge.units();
-    let units = [setup, fill.units(), vec![cache.before(looked_up)], fragment, vec![shade.unwrap_or(of_fragments)], resolve].concat();
-    Ticked { total, units, lookups: lines.lookups, texels, stamps, traffic: memory.traffic }
+    let units = [
+        setup,
+        fill.units(),
+        vec![cache.before(looked_up)],
+        fragment,
+        vec![shade.unwrap_or(of_fragments)],
+        resolve,
+    ]
+    .concat();
+    Ticked {
+        total,
+        units,
+        lookups: lines.lookups,
+        texels,
+        stamps,
+        traffic: memory.traffic,
+    }
 }

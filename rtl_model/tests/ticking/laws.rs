@@ -1,4 +1,5 @@
-//! What can be said beforehand: how long does a frame take, by hand? Can more of anything make it slower?
+//! What can be said beforehand: how long does a frame take, by hand? Can more of anything make it
+//! slower?
 
 use crate::frames::Rng;
 use crate::machines::{elaborate, ideal, random, several, sorting_lists};
@@ -50,7 +51,10 @@ fn a_frame_without_splats_is_resolved_at_once() {
         let timing = single(&mut Rng(seed));
         // Resolve takes the line in cycle 0; its word goes through it, then through memory.
         let resolve = timing.resolve.interval + timing.resolve.latency.unwrap();
-        assert_eq!(cycles(timing, &dots(0, 0, 0)), u64::from(resolve + 1 + timing.memory.hit_latency));
+        assert_eq!(
+            cycles(timing, &dots(0, 0, 0)),
+            u64::from(resolve + 1 + timing.memory.hit_latency)
+        );
     }
 }
 
@@ -61,12 +65,30 @@ fn a_splat_of_a_pixel_takes_the_sum_of_all_latencies() {
         let timing = single(&mut rng);
         let [lit, unlit] = [3, 3].map(|most| rng.below(most) as u8);
         let memory = 1 + timing.memory.hit_latency;
-        let stages = [timing.project.latency, timing.ellipse.latency, timing.raster.latency, timing.gauss.latency];
-        let written = memory + stages.map(Option::unwrap).iter().sum::<u32>() + timing.cache.latency + timing.fragment.latency.unwrap();
-        let held = (u32::from(unlit) * timing.shade.interval).max((lit + unlit).into()).max(timing.resolve.interval);
-        let light = if unlit > 0 { timing.shade.latency.unwrap() } else { 0 };
+        let stages = [
+            timing.project.latency,
+            timing.ellipse.latency,
+            timing.raster.latency,
+            timing.gauss.latency,
+        ];
+        let written = memory
+            + stages.map(Option::unwrap).iter().sum::<u32>()
+            + timing.cache.latency
+            + timing.fragment.latency.unwrap();
+        let held = (u32::from(unlit) * timing.shade.interval)
+            .max((lit + unlit).into())
+            .max(timing.resolve.interval);
+        let light = if unlit > 0 {
+            timing.shade.latency.unwrap()
+        } else {
+            0
+        };
         let total = written + held + light + timing.resolve.latency.unwrap() + memory;
-        assert_eq!(cycles(timing, &dots(1, lit, unlit)), u64::from(total), "seed {seed}");
+        assert_eq!(
+            cycles(timing, &dots(1, lit, unlit)),
+            u64::from(total),
+            "seed {seed}"
+        );
     }
 }
 
@@ -77,19 +99,32 @@ fn splats_in_a_row_take_the_largest_interval_each() {
         let timing = single(&mut rng);
         let splats = 2 + rng.below(40);
         // Every splat has the same pixel, so that the fragment unit's interval is the hazard.
-        let intervals = [timing.project.interval, timing.ellipse.interval, timing.fragment.hazard].map(Option::unwrap);
+        let intervals = [
+            timing.project.interval,
+            timing.ellipse.interval,
+            timing.fragment.hazard,
+        ]
+        .map(Option::unwrap);
         let slowest = intervals.into_iter().max().unwrap();
         let one = cycles(timing, &dots(1, 0, 0));
-        assert_eq!(cycles(timing, &dots(splats as usize, 0, 0)), one + (splats - 1) * u64::from(slowest), "seed {seed}");
+        assert_eq!(
+            cycles(timing, &dots(splats as usize, 0, 0)),
+            one + (splats - 1) * u64::from(slowest),
+            "seed {seed}"
+        );
     }
 }
 
-/// Of a pixel that has stopped, list reads nothing more, and raster drops what has come: however many splats follow.
+/// Of a pixel that has stopped, list reads nothing more, and raster drops what has come: however
+/// many splats follow.
 #[test]
 fn a_pixel_that_has_stopped_takes_no_cycle() {
     for seed in 0..60 {
         let mut rng = Rng(seed);
-        let timing = Timing { organisation: Organisation::Binned, ..single(&mut rng) };
+        let timing = Timing {
+            organisation: Organisation::Binned,
+            ..single(&mut rng)
+        };
         let timing = elaborate(timing);
         let second_pass = |splats: usize, stops: bool| {
             let mut scene = dots(splats, 1, 0);
@@ -97,7 +132,14 @@ fn a_pixel_that_has_stopped_takes_no_cycle() {
                 scene.splats[2].pixels[0] = Some(Event::Stopped);
             }
             let replayed = replay(&timing, &scene.record(), Detail::Accounts);
-            let items = |name: &str| replayed.units.iter().find(|unit| unit.name == name).unwrap().items;
+            let items = |name: &str| {
+                replayed
+                    .units
+                    .iter()
+                    .find(|unit| unit.name == name)
+                    .unwrap()
+                    .items
+            };
             let all = splats as u64;
             // A splat has one entry and one contribution here.
             let saved = stops.then(|| EarlyTermination {
@@ -107,13 +149,24 @@ fn a_pixel_that_has_stopped_takes_no_cycle() {
                 contributions: all,
             });
             assert_eq!(replayed.early_termination, saved, "seed {seed}");
-            [items("list"), items("raster"), items("gauss"), items("fragment")]
+            [
+                items("list"),
+                items("raster"),
+                items("gauss"),
+                items("fragment"),
+            ]
         };
         assert_eq!(second_pass(2000, false), [2000; 4]);
         let [few, many] = [1000, 2000].map(|splats| second_pass(splats, true));
-        assert!(few == many && many[0] < 600, "seed {seed}: {few:?} {many:?}");
+        assert!(
+            few == many && many[0] < 600,
+            "seed {seed}: {few:?} {many:?}"
+        );
         // Of the list's entries each is walked, or dropped by raster.
-        assert!(many[0] == many[1] && many[2] < many[1] && many[2] == many[3], "seed {seed}: {many:?}");
+        assert!(
+            many[0] == many[1] && many[2] < many[1] && many[2] == many[3],
+            "seed {seed}: {many:?}"
+        );
     }
 }
 
@@ -131,10 +184,13 @@ const RAISES: [(&str, Field); 11] = [
     ("cache.fifo", |timing| &mut timing.cache.fifo),
     ("cache.misses", |timing| &mut timing.cache.misses),
     ("tile.buffers", |timing| &mut timing.tile.buffers),
-    ("memory.outstanding", |timing| &mut timing.memory.outstanding),
+    ("memory.outstanding", |timing| {
+        &mut timing.memory.outstanding
+    }),
 ];
 
-/// What makes a frame slower if there is more of it: its name, in how many cases, and the first of them.
+/// What makes a frame slower if there is more of it: its name, in how many cases, and the first of
+/// them.
 type Slower = Vec<(&'static str, u64, u64)>;
 
 fn note(found: &mut Slower, name: &'static str, seed: u64) {
@@ -168,7 +224,14 @@ fn slower(cases: u64, of: impl Fn(&mut Rng) -> Timing) -> Slower {
 fn more_of_anything_is_never_slower_if_the_cache_holds_all() {
     let found = slower(1000, |rng| {
         let timing = random(rng);
-        Timing { cache: Cache { lines: 16_384, ways: 64, ..timing.cache }, ..timing }
+        Timing {
+            cache: Cache {
+                lines: 16_384,
+                ways: 64,
+                ..timing.cache
+            },
+            ..timing
+        }
     });
     assert_eq!(found, []);
 }
@@ -182,8 +245,17 @@ fn more_of_anything_is_never_slower_if_lines_come_and_go() {
 #[test]
 fn more_of_anything_but_requests_is_never_slower_if_tiles_are_binned() {
     let mut found = slower(1500, |rng| {
-        let timing = Timing { organisation: Organisation::Binned, ..random(rng) };
-        Timing { tile: Tile { buffers: 1 + rng.below(2) as u32, ..timing.tile }, ..timing }
+        let timing = Timing {
+            organisation: Organisation::Binned,
+            ..random(rng)
+        };
+        Timing {
+            tile: Tile {
+                buffers: 1 + rng.below(2) as u32,
+                ..timing.tile
+            },
+            ..timing
+        }
     });
     found.retain(|(name, ..)| *name != "memory.outstanding");
     assert_eq!(found, []);
@@ -193,16 +265,26 @@ type Setting = fn(&mut Timing, u32);
 
 /// What can stand side by side, and how much more of it is tried.
 const SIDE_BY_SIDE: [(&str, Setting); 5] = [
-    ("fragment.units", |timing, more| timing.fragment.units = Some((timing.fragment.units.unwrap_or(1) << (1 + more % 2)).min(16))),
-    ("fragment.merges_in_flight", |timing, more| {
-        timing.fragment.merges_in_flight = Some(timing.fragment.merges_in_flight.unwrap_or(1) + more)
+    ("fragment.units", |timing, more| {
+        timing.fragment.units = Some((timing.fragment.units.unwrap_or(1) << (1 + more % 2)).min(16))
     }),
-    ("shade.units", |timing, more| timing.shade.units = Some(timing.shade.units.unwrap_or(1) + more)),
-    ("resolve.units", |timing, more| timing.resolve.units = Some(timing.resolve.units.unwrap_or(1) + more)),
-    ("engines", |timing, more| timing.engines = Some(timing.engines.unwrap_or(1) + more)),
+    ("fragment.merges_in_flight", |timing, more| {
+        timing.fragment.merges_in_flight =
+            Some(timing.fragment.merges_in_flight.unwrap_or(1) + more)
+    }),
+    ("shade.units", |timing, more| {
+        timing.shade.units = Some(timing.shade.units.unwrap_or(1) + more)
+    }),
+    ("resolve.units", |timing, more| {
+        timing.resolve.units = Some(timing.resolve.units.unwrap_or(1) + more)
+    }),
+    ("engines", |timing, more| {
+        timing.engines = Some(timing.engines.unwrap_or(1) + more)
+    }),
 ];
 
-/// Which of them makes a frame slower if there is more of it: in how many of so many cases, and the first of them.
+/// Which of them makes a frame slower if there is more of it: in how many of so many cases, and the
+/// first of them.
 fn slower_side_by_side(cases: u64, of: impl Fn(&mut Rng) -> Timing) -> Slower {
     let mut found = Slower::new();
     for seed in 0..cases {
@@ -210,8 +292,9 @@ fn slower_side_by_side(cases: u64, of: impl Fn(&mut Rng) -> Timing) -> Slower {
         let timing = of(&mut rng);
         let scene = scene::random(&mut rng, [60, 40], 40).record();
         let before = replay(&elaborate(timing), &scene, Detail::Accounts).total;
-        for (name, more_of) in
-            SIDE_BY_SIDE.into_iter().filter(|(name, _)| timing.organisation == Organisation::Binned || *name != "engines")
+        for (name, more_of) in SIDE_BY_SIDE
+            .into_iter()
+            .filter(|(name, _)| timing.organisation == Organisation::Binned || *name != "engines")
         {
             let mut more = timing;
             more_of(&mut more, 1 + rng.below(3) as u32);
@@ -233,33 +316,51 @@ fn more_units_side_by_side_are_never_slower() {
 }
 
 fn several_binned(rng: &mut Rng) -> Timing {
-    let timing = Timing { organisation: Organisation::Binned, ..random(rng) };
+    let timing = Timing {
+        organisation: Organisation::Binned,
+        ..random(rng)
+    };
     several(rng, timing)
 }
 
 #[test]
 fn several_engines_are_never_slower_than_one_nor_more_units_in_that() {
-    assert_eq!(slower_side_by_side(800, |rng| Timing { engines: None, ..several_binned(rng) }), []);
+    assert_eq!(
+        slower_side_by_side(800, |rng| Timing {
+            engines: None,
+            ..several_binned(rng)
+        }),
+        []
+    );
 }
 
-/// Which engine takes a tile follows from when lists are through, not from what waits behind them: of three engines one may take a tile that
-/// lies behind more work than on two.
+/// Which engine takes a tile follows from when lists are through, not from what waits behind them:
+/// of three engines one may take a tile that lies behind more work than on two.
 #[test]
 fn more_engines_can_be_slower_than_several_but_seldom_are() {
     let cases = 1500;
     let found = slower_side_by_side(cases, several_binned);
-    assert!(found.iter().any(|(name, ..)| *name == "engines"), "{found:?}");
-    assert!(found.iter().all(|(_, count, _)| count * 100 < cases), "{found:?}");
+    assert!(
+        found.iter().any(|(name, ..)| *name == "engines"),
+        "{found:?}"
+    );
+    assert!(
+        found.iter().all(|(_, count, _)| count * 100 < cases),
+        "{found:?}"
+    );
 }
 
-/// An entry that begins a burst asks for two things, but waits for one to be free: of five on their way, the one that it waits for may be
-/// a splat, which was asked for late, where of four it is a burst of the list.
+/// An entry that begins a burst asks for two things, but waits for one to be free: of five on their
+/// way, the one that it waits for may be a splat, which was asked for late, where of four it is a
+/// burst of the list.
 #[test]
 fn more_requests_can_be_slower_if_tiles_are_binned() {
     let scene = Scene {
         width: 4,
         height: 1,
-        splats: (0..4).map(|x| Splat::dot([x, 0], Event::Accumulated)).collect(),
+        splats: (0..4)
+            .map(|x| Splat::dot([x, 0], Event::Accumulated))
+            .collect(),
         ends: vec![End::default(); 4],
         preshaded: false,
         shared_axes: false,
@@ -269,19 +370,30 @@ fn more_requests_can_be_slower_if_tiles_are_binned() {
         mirrored: None,
     };
     let total = |outstanding: u32| {
-        let timing =
-            Timing { organisation: Organisation::Binned, memory: ideal(8, outstanding, 4), ..Machine::named("tiny").unwrap().timing };
+        let timing = Timing {
+            organisation: Organisation::Binned,
+            memory: ideal(8, outstanding, 4),
+            ..Machine::named("tiny").unwrap().timing
+        };
         replay(&elaborate(timing), &scene.record(), Detail::Accounts).total
     };
     assert_eq!(total(5), total(4) + 8);
 }
 
-/// One channel gives its moments to who asks first: what comes earlier may take the moment of something more urgent.
+/// One channel gives its moments to who asks first: what comes earlier may take the moment of
+/// something more urgent.
 #[test]
 fn more_of_something_can_be_slower_where_memory_is_shared() {
     let found = slower(600, |rng| {
         let timing = random(rng);
-        Timing { memory: Memory { ideal: false, bytes_per_cycle: 4 << rng.below(5), ..timing.memory }, ..timing }
+        Timing {
+            memory: Memory {
+                ideal: false,
+                bytes_per_cycle: 4 << rng.below(5),
+                ..timing.memory
+            },
+            ..timing
+        }
     });
     assert!(!found.is_empty());
 }
@@ -296,14 +408,16 @@ fn wider_lanes_can_be_slower() {
         let scene = scene::random(&mut rng, [30, 30], 20).record();
         let before = replay(&elaborate(timing), &scene, Detail::Accounts).total;
         timing.raster.lanes = timing.raster.lanes.map(|lanes| 2 * lanes);
-        counts[(1 + replay(&elaborate(timing), &scene, Detail::Accounts).total.cmp(&before) as i8) as usize] += 1;
+        counts[(1 + replay(&elaborate(timing), &scene, Detail::Accounts)
+            .total
+            .cmp(&before) as i8) as usize] += 1;
     }
     let [faster, _, slower] = counts;
     assert!(faster > 5 * slower && slower > 0, "{counts:?}");
 }
 
-/// Replayed together, machines take what each takes by itself: those that go through tiles alike, those that do not, and those of which
-/// something is infinitely fast.
+/// Replayed together, machines take what each takes by itself: those that go through tiles alike,
+/// those that do not, and those of which something is infinitely fast.
 #[test]
 fn machines_abreast_take_as_long_as_one_by_one() {
     let (mut together, mut stamps, mut merges) = (0, 0, 0);
@@ -312,119 +426,262 @@ fn machines_abreast_take_as_long_as_one_by_one() {
         let mut scene = scene::random(&mut rng, [70, 40], 40);
         scene.preshaded = rng.below(4) == 0;
         let work = scene.record();
-        let first = Timing { organisation: Organisation::Binned, ..random(&mut rng) };
-        let lanes = if rng.below(4) == 0 { [16, 1] } else { first.raster.lanes };
+        let first = Timing {
+            organisation: Organisation::Binned,
+            ..random(&mut rng)
+        };
+        let lanes = if rng.below(4) == 0 {
+            [16, 1]
+        } else {
+            first.raster.lanes
+        };
         let side_px = [16, 16, 32, 48][rng.below(4) as usize];
         let mut machines: Vec<_> = (0..2 + rng.below(9))
             .map(|_| {
-                let mut timing = Timing { organisation: Organisation::Binned, ..random(&mut rng) };
-                (timing.raster.lanes, timing.tile.side_px, timing.tile.buffers) = (lanes, side_px, 1 + rng.below(2) as u32);
+                let mut timing = Timing {
+                    organisation: Organisation::Binned,
+                    ..random(&mut rng)
+                };
+                (
+                    timing.raster.lanes,
+                    timing.tile.side_px,
+                    timing.tile.buffers,
+                ) = (lanes, side_px, 1 + rng.below(2) as u32);
                 // What comes behind the lists alone may differ.
                 if rng.below(2) == 0 {
-                    let Timing { fetch, project, ellipse, colour, memory, .. } = first;
-                    timing = Timing { fetch, project, ellipse, colour, memory, ..timing };
+                    let Timing {
+                        fetch,
+                        project,
+                        ellipse,
+                        colour,
+                        memory,
+                        ..
+                    } = first;
+                    timing = Timing {
+                        fetch,
+                        project,
+                        ellipse,
+                        colour,
+                        memory,
+                        ..timing
+                    };
                 }
                 // FIFOs fill up where fragment is slow.
                 if rng.below(2) == 0 {
-                    (timing.fragment.hazard, timing.fragment.merge) = (Some(1 + rng.below(60) as u32), rng.below(40) as u32);
+                    (timing.fragment.hazard, timing.fragment.merge) =
+                        (Some(1 + rng.below(60) as u32), rng.below(40) as u32);
                 }
-                timing.queue = if rng.below(4) == 0 { Queue::Longest } else { Queue::Order };
-                if rng.below(20) == 0 { several(&mut rng, timing) } else { timing }
+                timing.queue = if rng.below(4) == 0 {
+                    Queue::Longest
+                } else {
+                    Queue::Order
+                };
+                if rng.below(20) == 0 {
+                    several(&mut rng, timing)
+                } else {
+                    timing
+                }
             })
             .map(elaborate)
             .collect();
-        for name in ["fetch", "project", "bin", "list", "raster", "gauss", "fragment", "shade", "resolve"] {
+        for name in [
+            "fetch", "project", "bin", "list", "raster", "gauss", "fragment", "shade", "resolve",
+        ] {
             let like = &machines[rng.below(machines.len() as u64) as usize];
-            machines.push(Microarchitecture { lifted: Some(name), ..like.clone() });
+            machines.push(Microarchitecture {
+                lifted: Some(name),
+                ..like.clone()
+            });
         }
         let mut ideal = machines[0].clone();
         ideal.timing.memory.ideal = true;
-        machines.extend([Microarchitecture { hazard: 1, ..machines[0].clone() }, ideal, elaborate(random(&mut rng))]);
+        machines.extend([
+            Microarchitecture {
+                hazard: 1,
+                ..machines[0].clone()
+            },
+            ideal,
+            elaborate(random(&mut rng)),
+        ]);
 
         let all: Vec<&Microarchitecture> = machines.iter().collect();
         for detail in [Detail::Total, Detail::Accounts, Detail::Histograms] {
-            for (nth, (machine, cycles)) in machines.iter().zip(replay_all(&all, &work, detail)).enumerate() {
-                assert_eq!(cycles, replay(machine, &work, detail), "seed {seed}, machine {nth}");
+            for (nth, (machine, cycles)) in machines
+                .iter()
+                .zip(replay_all(&all, &work, detail))
+                .enumerate()
+            {
+                assert_eq!(
+                    cycles,
+                    replay(machine, &work, detail),
+                    "seed {seed}, machine {nth}"
+                );
             }
         }
-        let cycles: Vec<_> = machines.iter().map(|machine| replay(machine, &work, Detail::Accounts)).collect();
+        let cycles: Vec<_> = machines
+            .iter()
+            .map(|machine| replay(machine, &work, Detail::Accounts))
+            .collect();
         let frames: Vec<_> = all.iter().copied().zip(&cycles).collect();
-        let one_by_one: Vec<_> = frames.iter().map(|(machine, cycles)| limit(machine, &work, cycles)).collect();
+        let one_by_one: Vec<_> = frames
+            .iter()
+            .map(|(machine, cycles)| limit(machine, &work, cycles))
+            .collect();
         assert_eq!(limits(&frames, &work), one_by_one, "seed {seed}");
         if !work.stops() {
-            together += machines.iter().filter(|machine| machine.is_single()).count();
+            together += machines
+                .iter()
+                .filter(|machine| machine.is_single())
+                .count();
             stamps += cycles[0].stamps[1];
-            merges += cycles[0].units.iter().filter(|unit| unit.name == "shade").map(|unit| unit.items).sum::<u64>();
+            merges += cycles[0]
+                .units
+                .iter()
+                .filter(|unit| unit.name == "shade")
+                .map(|unit| unit.items)
+                .sum::<u64>();
         }
     }
-    assert!(together > 4000 && stamps > 12_000 && merges > 4000, "{together} machines, {stamps} stamps, {merges} fragments to shade");
+    assert!(
+        together > 4000 && stamps > 12_000 && merges > 4000,
+        "{together} machines, {stamps} stamps, {merges} fragments to shade"
+    );
 }
 
 /// A list of so many entries, in one tile.
 fn list(splats: usize, keys: impl Fn(u32) -> u32) -> Scene {
     let scene = dots(splats, 1, 0);
-    Scene { order: (0..splats).collect(), keys: (0..splats as u32).map(keys).collect(), ..scene }
+    Scene {
+        order: (0..splats).collect(),
+        keys: (0..splats as u32).map(keys).collect(),
+        ..scene
+    }
 }
 
-/// What the sorter of a list is busy for, and the bytes that it reads and writes, in bursts of 64; memory answers at once.
+/// What the sorter of a list is busy for, and the bytes that it reads and writes, in bursts of 64;
+/// memory answers at once.
 fn sorted(kind: SortKind, sorter: Sorter, scene: &Scene) -> (u64, [u64; 2]) {
     let mut machine = Machine::named("gaussian").unwrap();
     machine.sort.as_mut().unwrap().kind = kind;
     machine.timing.sort = Some(sorter);
     machine.timing.memory = ideal(1, 1 << 16, 64);
-    let replayed = replay(&machine.elaborate().unwrap().timing, &scene.record(), Detail::Accounts);
-    let busy = replayed.units.iter().filter(|unit| unit.name == "sort").map(|unit| unit.account.busy).sum();
+    let replayed = replay(
+        &machine.elaborate().unwrap().timing,
+        &scene.record(),
+        Detail::Accounts,
+    );
+    let busy = replayed
+        .units
+        .iter()
+        .filter(|unit| unit.name == "sort")
+        .map(|unit| unit.account.busy)
+        .sum();
     (busy, replayed.memory.bytes[Client::Sort as usize])
 }
 
-/// Worked out by hand: runs of the network, its stages, ⌈log2(n/network)⌉·n cycles of merging (GSCore's chunks), and nothing spilled.
+/// Worked out by hand: runs of the network, its stages, ⌈log2(n/network)⌉·n cycles of merging
+/// (GSCore's chunks), and nothing spilled.
 #[test]
 fn a_list_that_fits_the_buffer_takes_its_formula() {
-    let sorter = |buffer_entries, network| Sorter { units: 1, buffer_entries, network, bucket_bits: None };
+    let sorter = |buffer_entries, network| Sorter {
+        units: 1,
+        buffer_entries,
+        network,
+        bucket_bits: None,
+    };
     let up = |key| key << 12;
     // 7 bytes an entry, of which 4 are its number.
-    assert_eq!(sorted(SortKind::Tile, sorter(256, 16), &list(256, up)), (16 + 10 + 4 * 256, [1792, 1024]));
-    assert_eq!(sorted(SortKind::Tile, sorter(256, 16), &list(100, up)), (7 + 10 + 3 * 100, [704, 448]));
-    assert_eq!(sorted(SortKind::Tile, sorter(256, 16), &list(5, up)), (1 + 10, [64, 64]));
-    assert_eq!(sorted(SortKind::Tile, sorter(256, 256), &list(256, up)), (1 + 36, [1792, 1024]));
-    assert_eq!(sorted(SortKind::Tile, sorter(256, 1), &list(256, up)), (256 + 8 * 256, [1792, 1024]));
+    assert_eq!(
+        sorted(SortKind::Tile, sorter(256, 16), &list(256, up)),
+        (16 + 10 + 4 * 256, [1792, 1024])
+    );
+    assert_eq!(
+        sorted(SortKind::Tile, sorter(256, 16), &list(100, up)),
+        (7 + 10 + 3 * 100, [704, 448])
+    );
+    assert_eq!(
+        sorted(SortKind::Tile, sorter(256, 16), &list(5, up)),
+        (1 + 10, [64, 64])
+    );
+    assert_eq!(
+        sorted(SortKind::Tile, sorter(256, 256), &list(256, up)),
+        (1 + 36, [1792, 1024])
+    );
+    assert_eq!(
+        sorted(SortKind::Tile, sorter(256, 1), &list(256, up)),
+        (256 + 8 * 256, [1792, 1024])
+    );
     // One that fits is not distributed.
-    assert_eq!(sorted(SortKind::Hierarchical, sorter(256, 16), &list(256, up)), sorted(SortKind::Tile, sorter(256, 16), &list(256, up)));
+    assert_eq!(
+        sorted(SortKind::Hierarchical, sorter(256, 16), &list(256, up)),
+        sorted(SortKind::Tile, sorter(256, 16), &list(256, up))
+    );
 }
 
-/// Worked out by hand: of 1024 entries, four chunks of 256 and two passes of merging in memory; or 4 of 16 buckets of 256 entries, which no
-/// chunk of is merged; or one bucket with all of them.
+/// Worked out by hand: of 1024 entries, four chunks of 256 and two passes of merging in memory; or
+/// 4 of 16 buckets of 256 entries, which no chunk of is merged; or one bucket with all of them.
 #[test]
 fn a_list_that_does_not_fit_is_spilled() {
-    let sorter = |bucket_bits| Sorter { units: 1, buffer_entries: 256, network: 16, bucket_bits };
+    let sorter = |bucket_bits| Sorter {
+        units: 1,
+        buffer_entries: 256,
+        network: 16,
+        bucket_bits,
+    };
     let chunks = 4 * (16 + 10 + 4 * 256);
     let [keyed, numbers] = [7 * 1024, 4 * 1024];
     let even = list(1024, |key| (key / 256) << 20);
-    assert_eq!(sorted(SortKind::Tile, sorter(None), &even), (chunks + 2 * 1024, [3 * keyed, 2 * keyed + numbers]));
-    assert_eq!(sorted(SortKind::Hierarchical, sorter(Some(4)), &even), (chunks + 1024, [2 * keyed, keyed + numbers]));
+    assert_eq!(
+        sorted(SortKind::Tile, sorter(None), &even),
+        (chunks + 2 * 1024, [3 * keyed, 2 * keyed + numbers])
+    );
+    assert_eq!(
+        sorted(SortKind::Hierarchical, sorter(Some(4)), &even),
+        (chunks + 1024, [2 * keyed, keyed + numbers])
+    );
     let same = list(1024, |_| 7 << 20);
-    assert_eq!(sorted(SortKind::Hierarchical, sorter(Some(4)), &same), (chunks + 3 * 1024, [4 * keyed, 3 * keyed + numbers]));
+    assert_eq!(
+        sorted(SortKind::Hierarchical, sorter(Some(4)), &same),
+        (chunks + 3 * 1024, [4 * keyed, 3 * keyed + numbers])
+    );
 }
 
-/// Sorters do not share lists: more of them take at most as long, and a larger buffer never spills more.
+/// Sorters do not share lists: more of them take at most as long, and a larger buffer never spills
+/// more.
 #[test]
 fn more_sorters_are_never_slower_on_memory_without_limits() {
     for seed in 0..200 {
         let mut rng = Rng(seed);
-        let timing = Timing { organisation: Organisation::Binned, ..random(&mut rng) };
+        let timing = Timing {
+            organisation: Organisation::Binned,
+            ..random(&mut rng)
+        };
         let machine = sorting_lists(&mut rng, timing);
-        let work = scene::random(&mut rng, [60, 50], 200).sorted(&mut rng).record();
+        let work = scene::random(&mut rng, [60, 50], 200)
+            .sorted(&mut rng)
+            .record();
         let of = |change: &dyn Fn(&mut Sorter)| {
             let mut other = machine.clone();
             change(other.timing.sort.as_mut().unwrap());
             replay(&other.elaborate().unwrap().timing, &work, Detail::Accounts)
         };
         let [one, two] = [1, 2].map(|units| of(&|sorter: &mut Sorter| sorter.units = units));
-        assert!(two.total <= one.total, "seed {seed}: {} of one, {} of two", one.total, two.total);
+        assert!(
+            two.total <= one.total,
+            "seed {seed}: {} of one, {} of two",
+            one.total,
+            two.total
+        );
         let bytes = |entries: u32| {
-            let replayed = of(&|sorter: &mut Sorter| sorter.buffer_entries = entries.max(sorter.network));
-            replayed.memory.bytes[Client::Sort as usize].iter().sum::<u64>()
+            let replayed =
+                of(&|sorter: &mut Sorter| sorter.buffer_entries = entries.max(sorter.network));
+            replayed.memory.bytes[Client::Sort as usize]
+                .iter()
+                .sum::<u64>()
         };
-        assert!(machine.sort.unwrap().kind != SortKind::Tile || bytes(4096) <= bytes(64), "seed {seed}");
+        assert!(
+            machine.sort.unwrap().kind != SortKind::Tile || bytes(4096) <= bytes(64),
+            "seed {seed}"
+        );
     }
 }

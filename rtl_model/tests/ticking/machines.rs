@@ -1,4 +1,5 @@
-//! Which machines are tried? Any small numbers, and memory so wide that when data comes is known beforehand.
+//! Which machines are tried? Any small numbers, and memory so wide that when data comes is known
+//! beforehand.
 
 use crate::frames::Rng;
 use rtl_model::Machine;
@@ -6,8 +7,8 @@ use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine;
 use rtl_model::machine::SortKind;
 use rtl_model::machine::timing::{
-    Cache, Colour, DEFAULT, Environment, Fetch, Fragment, Memory, Organisation, Queue, Raster, Resolve, Setup, Shade, Sorter, Stage,
-    Technology, Timing,
+    Cache, Colour, DEFAULT, Environment, Fetch, Fragment, Memory, Organisation, Queue, Raster,
+    Resolve, Setup, Shade, Sorter, Stage, Technology, Timing,
 };
 
 /// Memory in which a request in cycle t has its data in cycle t + 1 + latency.
@@ -38,14 +39,21 @@ pub fn mirroring(rng: &mut Rng, timing: Timing) -> Microarchitecture {
     let mut power = |most: u64| 1 << rng.below(most + 1);
     let [columns, rows] = [power(2), power(2)].map(|texels: u32| texels.min(1 << index_bits));
     let (lines, ways) = (power(5), power(2));
-    let cache = Environment { line_texels: [columns, rows], lines, ways: ways.min(lines) };
+    let cache = Environment {
+        line_texels: [columns, rows],
+        lines,
+        ways: ways.min(lines),
+    };
     let environment = (rng.below(4) > 0).then_some(cache);
     let reflect = serde_json::json!({
         "sight": "axis", "facing": "I2F14", "direction": "I3F13", "reciprocal": {"table_bits": 8, "newton_steps": 1, "bits": 16},
         "coordinate": "U1F12", "index_bits": index_bits, "fraction": "U1F7", "light": "U1F10", "reflectance": "U1F10"
     });
     let machine = Machine {
-        timing: Timing { environment, ..timing },
+        timing: Timing {
+            environment,
+            ..timing
+        },
         reflect: Some(serde_json::from_value(reflect).unwrap()),
         ..Machine::named("tiny").unwrap()
     };
@@ -63,17 +71,28 @@ pub fn sorting(rng: &mut Rng, timing: Timing) -> Machine {
 /// The same with any sorters of lists, which are so small that most lists do not fit.
 pub fn sorting_lists(rng: &mut Rng, timing: Timing) -> Machine {
     let mut machine = sorting(rng, timing);
-    let kind = if rng.below(2) == 0 { SortKind::Tile } else { SortKind::Hierarchical };
+    let kind = if rng.below(2) == 0 {
+        SortKind::Tile
+    } else {
+        SortKind::Hierarchical
+    };
     let buffer_entries = 4 << rng.below(6);
     let network = (1 << rng.below(7)).min(buffer_entries);
-    let bucket_bits = (kind == SortKind::Hierarchical && rng.below(4) > 0).then(|| 1 + rng.below(8) as u32);
+    let bucket_bits =
+        (kind == SortKind::Hierarchical && rng.below(4) > 0).then(|| 1 + rng.below(8) as u32);
     machine.sort.as_mut().unwrap().kind = kind;
-    machine.timing.sort = Some(Sorter { units: 1 + rng.below(4) as u32, buffer_entries, network, bucket_bits });
+    machine.timing.sort = Some(Sorter {
+        units: 1 + rng.below(4) as u32,
+        buffer_entries,
+        network,
+        bucket_bits,
+    });
     machine.timing.memory.burst_bytes = machine.timing.memory.burst_bytes.max(8);
     machine
 }
 
-/// The same with several units side by side, and merges in flight; of a binned machine several engines, too.
+/// The same with several units side by side, and merges in flight; of a binned machine several
+/// engines, too.
 pub fn several(rng: &mut Rng, timing: Timing) -> Timing {
     let mut some = |most: u64| (rng.below(3) > 0).then(|| 1 + rng.below(most) as u32);
     let mut other = timing;
@@ -83,7 +102,11 @@ pub fn several(rng: &mut Rng, timing: Timing) -> Timing {
     other.resolve.units = some(4);
     if timing.organisation == Organisation::Binned {
         other.engines = some(4);
-        other.queue = if some(2) == Some(2) { Queue::Longest } else { Queue::Order };
+        other.queue = if some(2) == Some(2) {
+            Queue::Longest
+        } else {
+            Queue::Order
+        };
     }
     other
 }
@@ -105,8 +128,18 @@ pub fn random(rng: &mut Rng) -> Timing {
         let latency = (rng_of_colour.below(4) > 0).then(|| to(rng_of_colour, 3));
         let interval = (rng_of_colour.below(3) > 0).then(|| to(rng_of_colour, 2));
         // Where it is said how long it takes, no product waits for a multiplier.
-        let multipliers = if latency.is_some() || interval.is_some() { 80 } else { to(rng_of_colour, 80) };
-        Colour { units: to(rng_of_colour, 3), latency, interval, multipliers, fifo: to(rng_of_colour, 2) }
+        let multipliers = if latency.is_some() || interval.is_some() {
+            80
+        } else {
+            to(rng_of_colour, 80)
+        };
+        Colour {
+            units: to(rng_of_colour, 3),
+            latency,
+            interval,
+            multipliers,
+            fifo: to(rng_of_colour, 2),
+        }
     });
     let lines = of(rng, &[1, 2, 4, 8, 16, 16, 64, 512]);
     let lanes = [[1, 1], [2, 2], [4, 1], [4, 4], [8, 1], [1, 3], [3, 2]][rng.below(7) as usize];
@@ -117,8 +150,15 @@ pub fn random(rng: &mut Rng) -> Timing {
         project,
         ellipse,
         colour,
-        raster: Raster { lanes, latency: Some(to(rng, 9)), fifo: to(rng, 6) },
-        gauss: Stage { latency: Some(to(rng, 9)), fifo: to(rng, 6) },
+        raster: Raster {
+            lanes,
+            latency: Some(to(rng, 9)),
+            fifo: to(rng, 6),
+        },
+        gauss: Stage {
+            latency: Some(to(rng, 9)),
+            fifo: to(rng, 6),
+        },
         cache: Cache {
             line_px: [of(rng, &[1, 2, 4, 8]), of(rng, &[1, 2, 4, 8])],
             lines,
@@ -127,9 +167,22 @@ pub fn random(rng: &mut Rng) -> Timing {
             latency: to(rng, 4),
             fifo: to(rng, 6),
         },
-        fragment: Fragment { latency: Some(to(rng, 9)), hazard: Some(to(rng, 9)), merge: rng.below(4) as u32, ..DEFAULT.fragment },
-        shade: Shade { units: None, latency: Some(to(rng, 9)), interval: to(rng, 3) },
-        resolve: Resolve { units: None, latency: Some(to(rng, 9)), interval: to(rng, 3) },
+        fragment: Fragment {
+            latency: Some(to(rng, 9)),
+            hazard: Some(to(rng, 9)),
+            merge: rng.below(4) as u32,
+            ..DEFAULT.fragment
+        },
+        shade: Shade {
+            units: None,
+            latency: Some(to(rng, 9)),
+            interval: to(rng, 3),
+        },
+        resolve: Resolve {
+            units: None,
+            latency: Some(to(rng, 9)),
+            interval: to(rng, 3),
+        },
         memory: {
             let outstanding = match rng.below(3) {
                 0 => 1 << 16,
@@ -137,7 +190,10 @@ pub fn random(rng: &mut Rng) -> Timing {
             };
             let burst_bytes = of(rng, &[4, 16, 64, 256]);
             // Whether it is said of memory, or that there is no end to it.
-            Memory { ideal: rng.below(2) == 0, ..ideal(to(rng, 30), outstanding, burst_bytes) }
+            Memory {
+                ideal: rng.below(2) == 0,
+                ..ideal(to(rng, 30), outstanding, burst_bytes)
+            }
         },
         ..Machine::named("tiny").unwrap().timing
     }

@@ -1,4 +1,5 @@
-//! Is a frame that is replayed by recurrences the frame that a machine, ticking cycle by cycle, would draw? How far off is it if not?
+//! Is a frame that is replayed by recurrences the frame that a machine, ticking cycle by cycle,
+//! would draw? How far off is it if not?
 
 mod agreement;
 mod binned;

@@ -1,9 +1,11 @@
-//! What does memory do in each cycle? Each channel moves the bytes of the request that came first, and opens rows as it meets them. Where it
-//! can open a row only now and then, those that came first open theirs first, and of requests whose row is open the first goes.
+//! What does memory do in each cycle? Each channel moves the bytes of the request that came first,
+//! and opens rows as it meets them. Where it can open a row only now and then, those that came
+//! first open theirs first, and of requests whose row is open the first goes.
 //!
-//! Of requests of the same cycle, splats go first, then lists and what they point to, then what leaves the frame, then what comes back, then texels;
-//! those of one client in the order of asking. Bytes come a latency after the channel has moved them: that of the row, open or another,
-//! for all that a request has in it. A channel as wide as all that is asked for is ideal memory.
+//! Of requests of the same cycle, splats go first, then lists and what they point to, then what
+//! leaves the frame, then what comes back, then texels; those of one client in the order of asking.
+//! Bytes come a latency after the channel has moved them: that of the row, open or another, for all
+//! that a request has in it. A channel as wide as all that is asked for is ideal memory.
 
 use rtl_model::machine::timing::Memory as Description;
 use rtl_model::timing::{CLIENTS, Client, Direction};
@@ -42,7 +44,11 @@ pub struct Requests {
 
 impl Requests {
     pub fn new(limit: u32) -> Self {
-        Requests { limit: limit as usize, asked: Vec::new(), come: 0 }
+        Requests {
+            limit: limit as usize,
+            asked: Vec::new(),
+            come: 0,
+        }
     }
 
     /// One more, whether or not it is known yet what it asks for.
@@ -59,7 +65,10 @@ impl Requests {
     }
 
     pub fn have_all_come(&mut self, now: u64) -> bool {
-        self.come += self.asked[self.come..].iter().take_while(|done| done.has_come(now)).count();
+        self.come += self.asked[self.come..]
+            .iter()
+            .take_while(|done| done.has_come(now))
+            .count();
         self.come == self.asked.len()
     }
 }
@@ -89,7 +98,8 @@ struct Part {
     is_write: bool,
     /// Its row was opened for it.
     has_opened: bool,
-    /// Thousandths of bytes of the row that are still to be moved, once it is begun, and the latency.
+    /// Thousandths of bytes of the row that are still to be moved, once it is begun, and the
+    /// latency.
     begun: Option<(u64, u64)>,
     request: Rc<Request>,
 }
@@ -127,12 +137,26 @@ impl Memory {
             opened_by_rank: vec![VecDeque::new(); ranks],
             ..Channel::default()
         };
-        let channels = (0..description.channels.unwrap_or(1)).map(|_| channel()).collect();
-        Memory { description, channels, asked: 0, traffic: Traffic::default() }
+        let channels = (0..description.channels.unwrap_or(1))
+            .map(|_| channel())
+            .collect();
+        Memory {
+            description,
+            channels,
+            asked: 0,
+            traffic: Traffic::default(),
+        }
     }
 
     /// Asks, in this cycle or one to come, for whole bursts.
-    pub fn ask(&mut self, when: u64, client: Client, direction: Direction, bytes: Range<u64>, done: &Done) {
+    pub fn ask(
+        &mut self,
+        when: u64,
+        client: Client,
+        direction: Direction,
+        bytes: Range<u64>,
+        done: &Done,
+    ) {
         let burst = u64::from(self.description.burst_bytes);
         let bytes = bytes.start / burst * burst..bytes.end.div_ceil(burst) * burst;
         self.traffic.bytes[client as usize][direction as usize] += bytes.end - bytes.start;
@@ -147,8 +171,15 @@ impl Memory {
         self.asked += 1;
         // Line after line goes to the next channel, which has those of its own side by side.
         let count = self.channels.len() as u64;
-        let line_bytes =
-            if count == 1 { 1 << 60 } else { u64::from(self.description.interleave_bytes.unwrap_or(self.description.burst_bytes)) };
+        let line_bytes = if count == 1 {
+            1 << 60
+        } else {
+            u64::from(
+                self.description
+                    .interleave_bytes
+                    .unwrap_or(self.description.burst_bytes),
+            )
+        };
         let mut parts: Vec<Option<Range<u64>>> = vec![None; self.channels.len()];
         let mut at = bytes.start;
         while at < bytes.end {
@@ -159,18 +190,31 @@ impl Memory {
             at = end;
         }
         let many = parts.iter().flatten().count() as u64;
-        let request = Rc::new(Request { parts: Cell::new(many), here: Cell::new(0), done: done.clone() });
+        let request = Rc::new(Request {
+            parts: Cell::new(many),
+            here: Cell::new(0),
+            done: done.clone(),
+        });
         for (channel, part) in self.channels.iter_mut().zip(parts) {
             let Some(bytes) = part else { continue };
             let is_write = direction == Direction::Write;
-            let part = Part { bytes, is_write, has_opened: false, begun: None, request: request.clone() };
+            let part = Part {
+                bytes,
+                is_write,
+                has_opened: false,
+                begun: None,
+                request: request.clone(),
+            };
             channel.waiting.insert((when, turn, self.asked), part);
         }
     }
 
     /// After all that is asked in a cycle.
     pub fn tick(&mut self, now: u64) {
-        let is_busy = self.channels.iter_mut().filter_map(|channel| channel.tick(now, &self.description, &mut self.traffic.row_hits));
+        let is_busy = self
+            .channels
+            .iter_mut()
+            .filter_map(|channel| channel.tick(now, &self.description, &mut self.traffic.row_hits));
         self.traffic.busy += u64::from(is_busy.count() > 0);
     }
 }
@@ -179,13 +223,21 @@ impl Channel {
     /// Moves what it can in a cycle; something if it does.
     fn tick(&mut self, now: u64, d: &Description, row_hits: &mut u64) -> Option<()> {
         let [row_bytes, banks, burst] = [d.row_bytes, d.banks, d.burst_bytes].map(u64::from);
-        let [interval, refresh, still, turn, row_cycles, four_rows] =
-            [d.refresh_interval_cycles, d.refresh_cycles, d.rank_switch_cycles, d.turnaround_cycles, d.row_cycles, d.four_rows_cycles]
-                .map(|cycles| u64::from(cycles.unwrap_or(0)));
+        let [interval, refresh, still, turn, row_cycles, four_rows] = [
+            d.refresh_interval_cycles,
+            d.refresh_cycles,
+            d.rank_switch_cycles,
+            d.turnaround_cycles,
+            d.row_cycles,
+            d.four_rows_cycles,
+        ]
+        .map(|cycles| u64::from(cycles.unwrap_or(0)));
         if interval > 0 {
             if now.is_multiple_of(interval) {
                 self.open.fill(None);
-                self.waiting.values_mut().for_each(|part| part.has_opened = false);
+                self.waiting
+                    .values_mut()
+                    .for_each(|part| part.has_opened = false);
             }
             if now % interval >= interval - refresh {
                 return None;
@@ -201,7 +253,11 @@ impl Channel {
         if is_limited {
             // The first that asks for a bank opens its row there, as soon as that may be.
             let mut claimed = vec![false; all];
-            for (_, part) in self.waiting.iter_mut().take_while(|((when, ..), _)| *when <= now) {
+            for (_, part) in self
+                .waiting
+                .iter_mut()
+                .take_while(|((when, ..), _)| *when <= now)
+            {
                 let (row, bank, rank) = place(part, all);
                 if std::mem::replace(&mut claimed[bank], true) || self.open[bank] == Some(row) {
                     continue;
@@ -218,17 +274,26 @@ impl Channel {
                 }
             }
         }
-        let whole = u64::from(d.bytes_per_cycle) * 1000 + u64::from(d.bytes_per_cycle_permille.unwrap_or(0));
+        let whole = u64::from(d.bytes_per_cycle) * 1000
+            + u64::from(d.bytes_per_cycle_permille.unwrap_or(0));
         let mut left = whole;
         while left > 0 {
             let is_ready = |part: &Part| {
                 let (row, bank, _) = place(part, all);
                 !is_limited || self.open[bank] == Some(row)
             };
-            let first = self.waiting.iter().take_while(|((when, ..), _)| *when <= now).find(|(_, part)| is_ready(part));
-            let Some(key) = self.now.or(first.map(|(key, _)| *key)) else { break };
+            let first = self
+                .waiting
+                .iter()
+                .take_while(|((when, ..), _)| *when <= now)
+                .find(|(_, part)| is_ready(part));
+            let Some(key) = self.now.or(first.map(|(key, _)| *key)) else {
+                break;
+            };
             self.now = Some(key);
-            let Some(part) = self.waiting.get_mut(&key) else { break };
+            let Some(part) = self.waiting.get_mut(&key) else {
+                break;
+            };
             let (row, bank, rank) = place(part, all);
             let end = part.bytes.end.min((row + 1) * row_bytes);
             let bursts = (end - part.bytes.start) / burst;
@@ -253,8 +318,15 @@ impl Channel {
                 } else {
                     self.has_read = true;
                 }
-                let latency = if part.has_opened { d.miss_latency } else { d.hit_latency };
-                (1000 * (end - part.bytes.start) + nothing * whole, u64::from(latency))
+                let latency = if part.has_opened {
+                    d.miss_latency
+                } else {
+                    d.hit_latency
+                };
+                (
+                    1000 * (end - part.bytes.start) + nothing * whole,
+                    u64::from(latency),
+                )
             });
             let moved = left.min(rest);
             (left, rest) = (left - moved, rest - moved);

@@ -1,4 +1,5 @@
-//! What is a ticking machine made of? Units, FIFOs with credits, stamps; and the units that both organisations have.
+//! What is a ticking machine made of? Units, FIFOs with credits, stamps; and the units that both
+//! organisations have.
 
 use super::memory::{Done, MAP, Memory, Requests, SPLATS, Traffic};
 use super::scene::{Asks, Scene};
@@ -54,22 +55,39 @@ pub enum Act {
 
 impl Unit {
     pub fn new(name: &'static str, sides: u32) -> Self {
-        Unit { name, others: 0, sides: vec![Side::default(); sides as usize], log: Vec::new(), occupancy: Vec::new() }
+        Unit {
+            name,
+            others: 0,
+            sides: vec![Side::default(); sides as usize],
+            log: Vec::new(),
+            occupancy: Vec::new(),
+        }
     }
 
     /// So many of them, each of one side.
     pub fn each(name: &'static str, count: u32) -> Vec<Unit> {
-        (0..count).map(|others| Unit { others, ..Unit::new(name, 1) }).collect()
+        (0..count)
+            .map(|others| Unit {
+                others,
+                ..Unit::new(name, 1)
+            })
+            .collect()
     }
 
     /// That of an engine, each of which has as many.
     pub fn of_engine(self, engine: u32, each: u32) -> Self {
-        Unit { others: engine * each + self.others, ..self }
+        Unit {
+            others: engine * each + self.others,
+            ..self
+        }
     }
 
     /// In the end it takes over what its FIFO counted.
     pub fn before<T>(self, link: Link<T>) -> Self {
-        Unit { occupancy: link.occupancy, ..self }
+        Unit {
+            occupancy: link.occupancy,
+            ..self
+        }
     }
 
     /// Whose turn it is.
@@ -106,7 +124,8 @@ impl Unit {
     }
 }
 
-/// A FIFO and the pipeline before it: items with the cycle in which they are here. Places are credits.
+/// A FIFO and the pipeline before it: items with the cycle in which they are here. Places are
+/// credits.
 pub struct Link<T> {
     pub items: VecDeque<(u64, T)>,
     pub credits: u32,
@@ -120,7 +139,13 @@ pub struct Link<T> {
 
 impl<T> Link<T> {
     pub fn new(places: u32) -> Self {
-        Link { items: VecDeque::new(), credits: places, returned: 0, vanishing: VecDeque::new(), occupancy: vec![0; places as usize + 1] }
+        Link {
+            items: VecDeque::new(),
+            credits: places,
+            returned: 0,
+            vanishing: VecDeque::new(),
+            occupancy: vec![0; places as usize + 1],
+        }
     }
 
     pub fn has_room(&self) -> bool {
@@ -141,7 +166,11 @@ impl<T> Link<T> {
 
     /// Before anything happens in a cycle.
     pub fn begin_tick(&mut self, now: u64) {
-        while self.vanishing.front().is_some_and(|free_again| *free_again <= now) {
+        while self
+            .vanishing
+            .front()
+            .is_some_and(|free_again| *free_again <= now)
+        {
             self.vanishing.pop_front();
             self.credits += 1;
         }
@@ -153,7 +182,10 @@ impl<T> Link<T> {
     }
 
     pub fn front(&self, now: u64) -> Option<&T> {
-        self.items.front().filter(|(here, _)| *here <= now).map(|(_, item)| item)
+        self.items
+            .front()
+            .filter(|(here, _)| *here <= now)
+            .map(|(_, item)| item)
     }
 
     pub fn pop(&mut self) -> T {
@@ -190,7 +222,12 @@ pub struct Stamp {
 }
 
 /// The stamps of a splat's part from one pixel to another.
-pub fn stamps_of(timing: &Microarchitecture, scene: &Scene, splat: usize, [first, last]: [[usize; 2]; 2]) -> VecDeque<Stamp> {
+pub fn stamps_of(
+    timing: &Microarchitecture,
+    scene: &Scene,
+    splat: usize,
+    [first, last]: [[usize; 2]; 2],
+) -> VecDeque<Stamp> {
     let place = splat;
     let splat = &scene.splats[splat];
     if splat.fate != Fate::Drawn {
@@ -210,7 +247,9 @@ pub fn stamps_of(timing: &Microarchitecture, scene: &Scene, splat: usize, [first
             for y in top..(bottom_most + 1).min(top + lanes[1]) {
                 for x in left..(right_most + 1).min(left + lanes[0]) {
                     stamp.tested.push(y * scene.width as usize + x);
-                    let Some(event) = splat.pixel(x - from[0], y - from[1]) else { continue };
+                    let Some(event) = splat.pixel(x - from[0], y - from[1]) else {
+                        continue;
+                    };
                     let pixel = y * scene.width as usize + x;
                     if event == Event::Faint {
                         stamp.faint.push(pixel);
@@ -225,7 +264,10 @@ pub fn stamps_of(timing: &Microarchitecture, scene: &Scene, splat: usize, [first
                     }
                     if let Event::Merged(shades) = event {
                         stamp.merged.push((pixel, u64::from(shades)));
-                        stamp.texels.extend((0..shades.into()).map(|nth| scene.texel(Asks::Merge(place, pixel), nth)));
+                        stamp.texels.extend(
+                            (0..shades.into())
+                                .map(|nth| scene.texel(Asks::Merge(place, pixel), nth)),
+                        );
                     }
                     let line = y / line_height * lines_across + x / line_width;
                     if !stamp.lines.contains(&line) {
@@ -246,7 +288,10 @@ pub fn places(pace: Pace) -> u32 {
 
 /// What colours take; anything where splats have none to work out.
 fn colour_pace(timing: &Microarchitecture, scene: &Scene) -> Pace {
-    timing.colour.get(usize::from(scene.harmonics.max(1)) - 1).map_or(timing.ellipse, |colour| colour.pace)
+    timing
+        .colour
+        .get(usize::from(scene.harmonics.max(1)) - 1)
+        .map_or(timing.ellipse, |colour| colour.pace)
 }
 
 /// Ticks a machine until it is done; says for how many cycles.
@@ -261,7 +306,12 @@ pub fn run<M>(machine: &mut M, tick: fn(&mut M), is_done: fn(&mut M) -> bool) ->
 }
 
 /// Every side of a unit gets its chance.
-pub fn turn<M>(machine: &mut M, now: u64, unit: impl Fn(&mut M) -> &mut Unit, mut act: impl FnMut(&mut M) -> Act) {
+pub fn turn<M>(
+    machine: &mut M,
+    now: u64,
+    unit: impl Fn(&mut M) -> &mut Unit,
+    mut act: impl FnMut(&mut M) -> Act,
+) {
     let mut reason = Act::Starve;
     for _ in 0..unit(machine).sides.len() {
         if !unit(machine).is_free(now) {
@@ -274,7 +324,8 @@ pub fn turn<M>(machine: &mut M, now: u64, unit: impl Fn(&mut M) -> &mut Unit, mu
     unit(machine).count(now, reason);
 }
 
-/// The cache of a map of surroundings, where it has one: sets of lines, the one used longest ago first.
+/// The cache of a map of surroundings, where it has one: sets of lines, the one used longest ago
+/// first.
 pub struct Texels {
     sets: Vec<Vec<usize>>,
     ways: usize,
@@ -301,17 +352,27 @@ impl Texels {
         })
     }
 
-    /// Whether the fragment that shade looks at in this cycle has its texels; it looks them up when it is looked at first.
+    /// Whether the fragment that shade looks at in this cycle has its texels; it looks them up when
+    /// it is looked at first.
     fn are_here(&mut self, now: u64, texel: Option<[usize; 2]>, memory: &mut Memory) -> bool {
         if self.awaited.is_none() {
             let mut lines = Vec::new();
-            for [column, row] in texel.iter().flat_map(|[x, y]| [[*x, *y], [x + 1, *y], [*x, y + 1], [x + 1, y + 1]]) {
-                let line = row / self.line_texels[1] * (self.side / self.line_texels[0]) + column / self.line_texels[0];
+            for [column, row] in texel
+                .iter()
+                .flat_map(|[x, y]| [[*x, *y], [x + 1, *y], [*x, y + 1], [x + 1, y + 1]])
+            {
+                let line = row / self.line_texels[1] * (self.side / self.line_texels[0])
+                    + column / self.line_texels[0];
                 if !lines.contains(&line) {
                     lines.push(line);
                 }
             }
-            self.awaited = Some(lines.into_iter().filter_map(|line| self.look_up(now, line, memory)).collect());
+            self.awaited = Some(
+                lines
+                    .into_iter()
+                    .filter_map(|line| self.look_up(now, line, memory))
+                    .collect(),
+            );
         }
         self.awaited.iter().flatten().all(|done| done.has_come(now))
     }
@@ -331,7 +392,13 @@ impl Texels {
         }
         set.push(line);
         let (done, from) = (Done::default(), MAP + line as u64 * self.line_bytes);
-        memory.ask(now, Client::Environment, Direction::Read, from..from + self.line_bytes, &done);
+        memory.ask(
+            now,
+            Client::Environment,
+            Direction::Read,
+            from..from + self.line_bytes,
+            &done,
+        );
         Some(done)
     }
 }
@@ -372,7 +439,14 @@ impl<'a> SetUp<'a> {
             ellipses: Link::new(places(timing.ellipse)),
             colour: Unit::new("colour", colour_pace(timing, scene).units),
             coloured: Link::new(places(colour_pace(timing, scene))),
-            shade: Unit::new(if timing.lights_setup { "setup-shade" } else { "shade" }, timing.shade.units),
+            shade: Unit::new(
+                if timing.lights_setup {
+                    "setup-shade"
+                } else {
+                    "shade"
+                },
+                timing.shade.units,
+            ),
             lit: Link::new(places(timing.shade)),
             texels: Texels::new(timing, scene),
             map: None,
@@ -381,12 +455,24 @@ impl<'a> SetUp<'a> {
 
     /// Whether the chip has the map, if it is to have all of it.
     fn has_map(&mut self, memory: &mut Memory) -> bool {
-        let Some(side) = self.scene.mirrored.filter(|_| self.timing.map.unwrap().cache.is_none()) else { return true };
+        let Some(side) = self
+            .scene
+            .mirrored
+            .filter(|_| self.timing.map.unwrap().cache.is_none())
+        else {
+            return true;
+        };
         let now = self.now;
         let done = self.map.get_or_insert_with(|| {
             let done = Done::default();
             let bytes = (side * side) as u64 * u64::from(self.timing.map.unwrap().texel_bytes);
-            memory.ask(now, Client::Environment, Direction::Read, MAP..MAP + bytes, &done);
+            memory.ask(
+                now,
+                Client::Environment,
+                Direction::Read,
+                MAP..MAP + bytes,
+                &done,
+            );
             done
         });
         done.has_come(now)
@@ -399,7 +485,8 @@ impl<'a> SetUp<'a> {
             (false, true) => self.timing.colour[usize::from(self.scene.harmonics) - 1].splat_bytes,
             (false, false) => self.timing.splat_bytes,
         };
-        let [bytes, burst] = [of_splat, self.timing.timing.memory.burst_bytes].map(|bytes| bytes as usize);
+        let [bytes, burst] =
+            [of_splat, self.timing.timing.memory.burst_bytes].map(|bytes| bytes as usize);
         record * bytes / burst..=((record + 1) * bytes - 1) / burst
     }
 
@@ -418,41 +505,60 @@ impl<'a> SetUp<'a> {
         if !self.records.has_room() {
             return Act::Block;
         }
-        // All bursts of a record go in one cycle, so that more can be on their way than may be, if a record has more.
+        // All bursts of a record go in one cycle, so that more can be on their way than may be, if
+        // a record has more.
         let burst = u64::from(self.timing.timing.memory.burst_bytes);
         for nth in self.requests.asked.len()..=last {
             let from = SPLATS + nth as u64 * burst;
-            memory.ask(self.now, Client::Splats, Direction::Read, from..from + burst, &self.requests.next());
+            memory.ask(
+                self.now,
+                Client::Splats,
+                Direction::Read,
+                from..from + burst,
+                &self.requests.next(),
+            );
         }
         self.records.push(self.now + 1, record);
         Act::Take(1)
     }
 
     fn project(&mut self) -> Act {
-        let Some(&record) = self.records.front(self.now) else { return Act::Starve };
-        if !self.requests.asked[self.bursts(record)].iter().all(|burst| burst.has_come(self.now)) {
+        let Some(&record) = self.records.front(self.now) else {
+            return Act::Starve;
+        };
+        if !self.requests.asked[self.bursts(record)]
+            .iter()
+            .all(|burst| burst.has_come(self.now))
+        {
             return Act::Wait;
         }
-        let ends = matches!(self.scene.splats[record].fate, Fate::Near | Fate::Outside | Fate::Transparent);
+        let ends = matches!(
+            self.scene.splats[record].fate,
+            Fate::Near | Fate::Outside | Fate::Transparent
+        );
         if !ends && !self.projected.has_room() {
             return Act::Block;
         }
         self.records.pop();
         if !ends {
-            self.projected.push(self.now + u64::from(self.timing.project.latency), record);
+            self.projected
+                .push(self.now + u64::from(self.timing.project.latency), record);
         }
         Act::Take(self.timing.project.interval.into())
     }
 
     fn ellipse(&mut self) -> Act {
-        let Some(&record) = self.projected.front(self.now) else { return Act::Starve };
+        let Some(&record) = self.projected.front(self.now) else {
+            return Act::Starve;
+        };
         let ends = self.scene.splats[record].fate != Fate::Drawn;
         if !ends && !self.ellipses.has_room() {
             return Act::Block;
         }
         self.projected.pop();
         if !ends {
-            self.ellipses.push(self.now + u64::from(self.timing.ellipse.latency), record);
+            self.ellipses
+                .push(self.now + u64::from(self.timing.ellipse.latency), record);
         }
         Act::Take(self.timing.ellipse.interval.into())
     }
@@ -463,19 +569,28 @@ impl<'a> SetUp<'a> {
     }
 
     fn colour(&mut self) -> Act {
-        let Some(&record) = self.ellipses.front(self.now) else { return Act::Starve };
+        let Some(&record) = self.ellipses.front(self.now) else {
+            return Act::Starve;
+        };
         if !self.coloured.has_room() {
             return Act::Block;
         }
         self.ellipses.pop();
         let pace = colour_pace(self.timing, self.scene);
-        self.coloured.push(self.now + u64::from(pace.latency), record);
+        self.coloured
+            .push(self.now + u64::from(pace.latency), record);
         Act::Take(pace.interval.into())
     }
 
     fn shade(&mut self, memory: &mut Memory) -> Act {
-        let from = if self.colours() { &mut self.coloured } else { &mut self.ellipses };
-        let Some(&record) = from.front(self.now) else { return Act::Starve };
+        let from = if self.colours() {
+            &mut self.coloured
+        } else {
+            &mut self.ellipses
+        };
+        let Some(&record) = from.front(self.now) else {
+            return Act::Starve;
+        };
         if let Some(texels) = &mut self.texels
             && !texels.are_here(self.now, self.scene.texel(Asks::Splat(record), 0), memory)
         {
@@ -485,8 +600,11 @@ impl<'a> SetUp<'a> {
             return Act::Block;
         }
         from.pop();
-        self.texels.iter_mut().for_each(|texels| texels.awaited = None);
-        self.lit.push(self.now + u64::from(self.timing.shade.latency), record);
+        self.texels
+            .iter_mut()
+            .for_each(|texels| texels.awaited = None);
+        self.lit
+            .push(self.now + u64::from(self.timing.shade.latency), record);
         Act::Take(self.timing.shade.interval.into())
     }
 
@@ -523,16 +641,36 @@ impl<'a> SetUp<'a> {
     }
 
     pub fn is_done(&self) -> bool {
-        let waiting = [&self.records, &self.projected, &self.ellipses, &self.coloured, &self.lit].map(|link| link.items.len());
+        let waiting = [
+            &self.records,
+            &self.projected,
+            &self.ellipses,
+            &self.coloured,
+            &self.lit,
+        ]
+        .map(|link| link.items.len());
         self.fetch.log.len() == self.scene.splats.len()
             && waiting == [0; 5]
-            && [&self.fetch, &self.project, &self.ellipse, &self.colour, &self.shade].iter().all(|unit| unit.is_idle(self.now))
+            && [
+                &self.fetch,
+                &self.project,
+                &self.ellipse,
+                &self.colour,
+                &self.shade,
+            ]
+            .iter()
+            .all(|unit| unit.is_idle(self.now))
     }
 
-    /// Fetch, project and ellipse, colour, if splats have any to be worked out, and a shade of its own; and shade, if it is the only one.
+    /// Fetch, project and ellipse, colour, if splats have any to be worked out, and a shade of its
+    /// own; and shade, if it is the only one.
     pub fn units(self) -> (Vec<Unit>, Option<Unit>) {
         let colours = self.colours();
-        let mut units = vec![self.fetch.before(self.records), self.project.before(self.projected), self.ellipse.before(self.ellipses)];
+        let mut units = vec![
+            self.fetch.before(self.records),
+            self.project.before(self.projected),
+            self.ellipse.before(self.ellipses),
+        ];
         units.extend(colours.then(|| self.colour.before(self.coloured)));
         let shade = self.scene.preshaded.then(|| self.shade.before(self.lit));
         if self.timing.lights_setup {
@@ -556,7 +694,8 @@ pub struct Fill {
     pub dropped: u64,
     /// Stamps so far that go on to the fragment unit.
     numbered: usize,
-    /// Stamps with a weight: those that kept some of it, and those that did not, since this was asked last.
+    /// Stamps with a weight: those that kept some of it, and those that did not, since this was
+    /// asked last.
     pub decided: [usize; 2],
     stamps: Link<Stamp>,
     pub gauss: Unit,
@@ -582,25 +721,41 @@ impl Fill {
 
     /// The same for a picture of so many pixels, which is told when each of them is left out.
     pub fn leaving_out(self, pixels: usize) -> Self {
-        Fill { stopped: vec![u64::MAX; pixels], ..self }
+        Fill {
+            stopped: vec![u64::MAX; pixels],
+            ..self
+        }
     }
 
     /// Passes over stamps of which every pixel has stopped.
     pub fn pass_over(&mut self, now: u64) {
         let is_left = |pixel: &usize| self.stopped.get(*pixel).is_none_or(|from| *from > now);
-        while self.left.front().is_some_and(|stamp| !stamp.tested.iter().any(is_left)) {
+        while self
+            .left
+            .front()
+            .is_some_and(|stamp| !stamp.tested.iter().any(is_left))
+        {
             let stamp = self.left.pop_front().expect("a stamp");
             self.decided[1] += usize::from(!stamp.pixels.is_empty());
         }
     }
 
     /// Looks at a footprint, of which `stamps` says which it has, unless they are on their way.
-    pub fn raster<T>(&mut self, now: u64, from: &mut Link<T>, stamps: impl FnOnce(&T) -> Option<VecDeque<Stamp>>) -> Act {
+    pub fn raster<T>(
+        &mut self,
+        now: u64,
+        from: &mut Link<T>,
+        stamps: impl FnOnce(&T) -> Option<VecDeque<Stamp>>,
+    ) -> Act {
         self.stamps.begin_tick(now);
         if self.left.is_empty() {
             self.begun = false;
-            let Some(item) = from.front(now) else { return Act::Starve };
-            let Some(stamps) = stamps(item) else { return Act::Wait };
+            let Some(item) = from.front(now) else {
+                return Act::Starve;
+            };
+            let Some(stamps) = stamps(item) else {
+                return Act::Wait;
+            };
             self.left = stamps;
         }
         self.pass_over(now);
@@ -611,7 +766,11 @@ impl Fill {
             return Act::Take(1);
         }
         let is_left = |pixel: &usize| self.stopped.get(*pixel).is_none_or(|from| *from > now);
-        let is_kept = self.left[0].pixels.iter().chain(&self.left[0].faint).any(is_left);
+        let is_kept = self.left[0]
+            .pixels
+            .iter()
+            .chain(&self.left[0].faint)
+            .any(is_left);
         if !self.stamps.has_room() {
             return Act::Block;
         }
@@ -636,7 +795,9 @@ impl Fill {
     }
 
     pub fn gauss(&mut self, now: u64) -> Act {
-        let Some(stamp) = self.stamps.front(now) else { return Act::Starve };
+        let Some(stamp) = self.stamps.front(now) else {
+            return Act::Starve;
+        };
         let ends = stamp.pixels.is_empty();
         if !ends && !self.weighted.has_room() {
             return Act::Block;
@@ -654,17 +815,27 @@ impl Fill {
     }
 
     pub fn is_done(&self, now: u64) -> bool {
-        let waiting = [self.left.len(), self.stamps.items.len(), self.weighted.items.len()];
+        let waiting = [
+            self.left.len(),
+            self.stamps.items.len(),
+            self.weighted.items.len(),
+        ];
         waiting == [0; 3] && self.raster.is_idle(now) && self.gauss.is_idle(now)
     }
 
     /// Stamps that the raster took, and those that kept a pixel.
     pub fn taken(&self) -> [u64; 2] {
-        [self.raster.log.len() as u64 - self.dropped, self.gauss.log.len() as u64]
+        [
+            self.raster.log.len() as u64 - self.dropped,
+            self.gauss.log.len() as u64,
+        ]
     }
 
     pub fn units(self) -> Vec<Unit> {
-        vec![self.raster.before(self.stamps), self.gauss.before(self.weighted)]
+        vec![
+            self.raster.before(self.stamps),
+            self.gauss.before(self.weighted),
+        ]
     }
 }
 
@@ -678,7 +849,8 @@ struct Merging {
     lit: u64,
 }
 
-/// A fragment unit, with what is merged beside it, the oldest first, and when that one is through: known once it is lit.
+/// A fragment unit, with what is merged beside it, the oldest first, and when that one is through:
+/// known once it is lit.
 struct OfPixels {
     unit: Unit,
     merging: VecDeque<Merging>,
@@ -698,11 +870,13 @@ pub struct Merge {
     /// From when on each pixel can be taken again.
     pixel_free: Vec<u64>,
     pub shade: Unit,
-    /// What mirrors, of shade: then fragments are shaded one by one. A machine that has it has one of each unit.
+    /// What mirrors, of shade: then fragments are shaded one by one. A machine that has it has one
+    /// of each unit.
     pub mirror: Option<Mirror>,
     /// Work for shade units: from which cycle on, for how long, and for which fragment unit.
     pub to_shade: VecDeque<(u64, u64, Option<usize>)>,
-    /// By number: stamps that are not written yet, for how many units they wait, and when the others have written them.
+    /// By number: stamps that are not written yet, for how many units they wait, and when the
+    /// others have written them.
     waiting: BTreeMap<usize, (Stamp, usize, u64)>,
     /// Those that all units are through with since this was asked last, and when they are written.
     pub written: Vec<(Stamp, u64)>,
@@ -715,7 +889,8 @@ pub enum Asked {
     Resolve { is_last: bool },
 }
 
-/// A shade unit that mirrors: its cache, and what it is to shade, from which cycle on, and for whom.
+/// A shade unit that mirrors: its cache, and what it is to shade, from which cycle on, and for
+/// whom.
 pub struct Mirror {
     pub texels: Texels,
     pub queue: VecDeque<(u64, Option<[usize; 2]>, Asked)>,
@@ -725,18 +900,33 @@ pub struct Mirror {
 
 impl Mirror {
     pub fn new(timing: &Microarchitecture, scene: &Scene) -> Option<Self> {
-        Texels::new(timing, scene).map(|texels| Mirror { texels, queue: VecDeque::new(), waited: 0 })
+        Texels::new(timing, scene).map(|texels| Mirror {
+            texels,
+            queue: VecDeque::new(),
+            waited: 0,
+        })
     }
 
     /// What resolve is to have shaded together, from a cycle on.
     pub fn ask(&mut self, here: u64, texels: Vec<Option<[usize; 2]>>) {
         let last = texels.len() - 1;
-        self.queue.extend(texels.into_iter().enumerate().map(|(nth, texel)| (here, texel, Asked::Resolve { is_last: nth == last })));
+        self.queue
+            .extend(texels.into_iter().enumerate().map(|(nth, texel)| {
+                (
+                    here,
+                    texel,
+                    Asked::Resolve {
+                        is_last: nth == last,
+                    },
+                )
+            }));
     }
 
     /// Looks at the next fragment; and for whom it is taken.
     pub fn shade(&mut self, now: u64, interval: u64, memory: &mut Memory) -> (Act, Option<Asked>) {
-        let Some(&(here, texel, asked)) = self.queue.front() else { return (Act::Starve, None) };
+        let Some(&(here, texel, asked)) = self.queue.front() else {
+            return (Act::Starve, None);
+        };
         if here > now {
             return (Act::Starve, None);
         }
@@ -753,7 +943,8 @@ impl Mirror {
         (Act::Take(interval), Some(asked))
     }
 
-    /// If the last fragment is taken that resolve waits for: for how many cycles texels were waited for.
+    /// If the last fragment is taken that resolve waits for: for how many cycles texels were waited
+    /// for.
     pub fn waited(&mut self, asked: Option<Asked>) -> Option<u64> {
         (asked == Some(Asked::Resolve { is_last: true })).then(|| std::mem::take(&mut self.waited))
     }
@@ -773,7 +964,13 @@ impl Merge {
             hazard: timing.hazard.into(),
             width: scene.width as usize,
             columns: timing.timing.raster.lanes[0] as usize,
-            units: units.map(|unit| OfPixels { unit, merging: VecDeque::new(), through: None }).collect(),
+            units: units
+                .map(|unit| OfPixels {
+                    unit,
+                    merging: VecDeque::new(),
+                    through: None,
+                })
+                .collect(),
             pixel_free: vec![0; (scene.width * scene.height) as usize],
             shade: Unit::new("shade", timing.shade.units),
             to_shade: VecDeque::new(),
@@ -793,15 +990,27 @@ impl Merge {
         for of in 0..self.units.len() {
             loop {
                 let merge = self.merge;
-                let OfPixels { unit, merging, through } = &mut self.units[of];
-                let Some(first) = merging.front().filter(|first| first.left == 0 && first.lit <= now) else { break };
+                let OfPixels {
+                    unit,
+                    merging,
+                    through,
+                } = &mut self.units[of];
+                let Some(first) = merging
+                    .front()
+                    .filter(|first| first.left == 0 && first.lit <= now)
+                else {
+                    break;
+                };
                 if *through.get_or_insert(now + first.merges * merge) > now {
                     break;
                 }
                 *through = None;
                 let first = merging.pop_front().expect("the first");
                 debug_assert!(unit.sides.len() == 1);
-                first.pixels.iter().for_each(|pixel| self.pixel_free[*pixel] = now - 1 + self.hazard);
+                first
+                    .pixels
+                    .iter()
+                    .for_each(|pixel| self.pixel_free[*pixel] = now - 1 + self.hazard);
                 self.part_written(first.number, now - 1 + self.fragment_latency);
             }
             let OfPixels { unit, merging, .. } = &mut self.units[of];
@@ -821,48 +1030,102 @@ impl Merge {
         }
     }
 
-    /// Looks at the first stamp that waits, if one is here, and takes it if nothing but the units and its pixels stands in the way.
+    /// Looks at the first stamp that waits, if one is here, and takes it if nothing but the units
+    /// and its pixels stands in the way.
     pub fn fragment(&mut self, now: u64, stamp: Option<&Stamp>, reason: Act) -> bool {
         let has = |of: usize| {
-            let pixels =
-                |stamp: &Stamp| stamp.pixels.iter().copied().chain(stamp.merged.iter().map(|(pixel, _)| *pixel)).collect::<Vec<_>>();
-            stamp.is_some_and(|stamp| pixels(stamp).into_iter().any(|pixel| self.owner(pixel) == of))
+            let pixels = |stamp: &Stamp| {
+                stamp
+                    .pixels
+                    .iter()
+                    .copied()
+                    .chain(stamp.merged.iter().map(|(pixel, _)| *pixel))
+                    .collect::<Vec<_>>()
+            };
+            stamp.is_some_and(|stamp| {
+                pixels(stamp)
+                    .into_iter()
+                    .any(|pixel| self.owner(pixel) == of)
+            })
         };
         let mut owners: Vec<usize> = (0..self.units.len()).filter(|of| has(*of)).collect();
         // The even ones first, of these those that four divides, and so on.
         owners.sort_by_key(|of| [1, 2, 4, 8].map(|bit| of & bit));
         let can = |stamp: &Stamp| {
-            owners.iter().all(|of| self.units[*of].unit.is_free(now)) && stamp.pixels.iter().all(|pixel| self.pixel_free[*pixel] <= now)
+            owners.iter().all(|of| self.units[*of].unit.is_free(now))
+                && stamp
+                    .pixels
+                    .iter()
+                    .all(|pixel| self.pixel_free[*pixel] <= now)
         };
         let taken = matches!(reason, Act::Take(_)) && stamp.is_some_and(can);
-        let reason = if matches!(reason, Act::Take(_)) { Act::Block } else { reason };
+        let reason = if matches!(reason, Act::Take(_)) {
+            Act::Block
+        } else {
+            reason
+        };
         if taken {
             self.take(now, stamp.expect("a stamp"), &owners);
         }
         for (of, unit) in self.units.iter_mut().enumerate() {
-            unit.unit.count(now, if owners.contains(&of) { reason } else { Act::Starve });
+            unit.unit.count(
+                now,
+                if owners.contains(&of) {
+                    reason
+                } else {
+                    Act::Starve
+                },
+            );
         }
         taken
     }
 
     fn take(&mut self, now: u64, stamp: &Stamp, owners: &[usize]) {
-        self.waiting.insert(stamp.number, (stamp.clone(), owners.len(), 0));
+        self.waiting
+            .insert(stamp.number, (stamp.clone(), owners.len(), 0));
         for of in owners.iter().copied() {
-            let pixels: Vec<usize> = stamp.pixels.iter().copied().filter(|pixel| self.owner(*pixel) == of).collect();
-            let merged: Vec<u64> = stamp.merged.iter().filter(|(pixel, _)| self.owner(*pixel) == of).map(|(_, shades)| *shades).collect();
+            let pixels: Vec<usize> = stamp
+                .pixels
+                .iter()
+                .copied()
+                .filter(|pixel| self.owner(*pixel) == of)
+                .collect();
+            let merged: Vec<u64> = stamp
+                .merged
+                .iter()
+                .filter(|(pixel, _)| self.owner(*pixel) == of)
+                .map(|(_, shades)| *shades)
+                .collect();
             self.units[of].unit.take(now, 1);
             if merged.is_empty() {
-                pixels.iter().for_each(|pixel| self.pixel_free[*pixel] = now + self.hazard);
+                pixels
+                    .iter()
+                    .for_each(|pixel| self.pixel_free[*pixel] = now + self.hazard);
                 self.part_written(stamp.number, now + self.fragment_latency);
                 continue;
             }
             let (left, merges) = (merged.iter().sum(), merged.len() as u64);
-            pixels.iter().for_each(|pixel| self.pixel_free[*pixel] = u64::MAX);
+            pixels
+                .iter()
+                .for_each(|pixel| self.pixel_free[*pixel] = u64::MAX);
             match &mut self.mirror {
-                Some(mirror) => mirror.queue.extend(stamp.texels.iter().map(|texel| (now + 1, *texel, Asked::Merge))),
-                None => self.to_shade.extend((0..left).map(|_| (now + 1, self.shade_pace.interval.into(), Some(of)))),
+                Some(mirror) => mirror.queue.extend(
+                    stamp
+                        .texels
+                        .iter()
+                        .map(|texel| (now + 1, *texel, Asked::Merge)),
+                ),
+                None => self.to_shade.extend(
+                    (0..left).map(|_| (now + 1, self.shade_pace.interval.into(), Some(of))),
+                ),
             }
-            self.units[of].merging.push_back(Merging { number: stamp.number, pixels, merges, left, lit: now + 1 });
+            self.units[of].merging.push_back(Merging {
+                number: stamp.number,
+                pixels,
+                merges,
+                left,
+                lit: now + 1,
+            });
         }
     }
 
@@ -881,13 +1144,20 @@ impl Merge {
 
     /// A fragment is taken to be shaded for one of a unit's merges.
     fn light(&mut self, owner: usize, now: u64) {
-        let of = self.units[owner].merging.iter_mut().find(|merging| merging.left > 0).expect("who waits for light");
+        let of = self.units[owner]
+            .merging
+            .iter_mut()
+            .find(|merging| merging.left > 0)
+            .expect("who waits for light");
         (of.left, of.lit) = (of.left - 1, now + u64::from(self.shade_pace.latency));
     }
 
-    /// Shades with texels; if that was the last that resolve waits for: for how many cycles texels were waited for.
+    /// Shades with texels; if that was the last that resolve waits for: for how many cycles texels
+    /// were waited for.
     pub fn mirror(&mut self, now: u64, memory: &mut Memory) -> (Act, Option<u64>) {
-        let Some(mirror) = &mut self.mirror else { return (Act::Starve, None) };
+        let Some(mirror) = &mut self.mirror else {
+            return (Act::Starve, None);
+        };
         let (act, asked) = mirror.shade(now, self.shade_pace.interval.into(), memory);
         let waited = mirror.waited(asked);
         if asked == Some(Asked::Merge) {
@@ -897,9 +1167,15 @@ impl Merge {
     }
 
     pub fn is_done(&self, now: u64) -> bool {
-        let are_idle = self.units.iter().all(|of| of.merging.is_empty() && of.unit.is_idle(now));
+        let are_idle = self
+            .units
+            .iter()
+            .all(|of| of.merging.is_empty() && of.unit.is_idle(now));
         self.to_shade.is_empty()
-            && self.mirror.as_ref().is_none_or(|mirror| mirror.queue.is_empty())
+            && self
+                .mirror
+                .as_ref()
+                .is_none_or(|mirror| mirror.queue.is_empty())
             && are_idle
             && self.written.is_empty()
             && self.shade.is_idle(now)
@@ -911,19 +1187,33 @@ impl Merge {
     }
 
     pub fn units(self) -> (Vec<Unit>, Unit) {
-        (self.units.into_iter().map(|of| of.unit).collect(), self.shade)
+        (
+            self.units.into_iter().map(|of| of.unit).collect(),
+            self.shade,
+        )
     }
 }
 
 /// Shares so many fragments out among the shade units, of a resolve that begins now.
 pub fn light(timing: &Microarchitecture, now: u64, shades: u64) -> Vec<(u64, u64, Option<usize>)> {
     let mut shares = vec![0; timing.shade.units as usize];
-    (0..shades as usize).for_each(|nth| shares[nth % timing.shade.units as usize] += u64::from(timing.shade.interval));
-    shares.into_iter().filter(|share| *share > 0).map(|share| (now, share, None)).collect()
+    (0..shades as usize).for_each(|nth| {
+        shares[nth % timing.shade.units as usize] += u64::from(timing.shade.interval)
+    });
+    shares
+        .into_iter()
+        .filter(|share| *share > 0)
+        .map(|share| (now, share, None))
+        .collect()
 }
 
 /// For how long pixels hold each resolve unit, and how many fragments are shaded for that.
-pub fn resolve_cycles(timing: &Microarchitecture, scene: &Scene, [left, top]: [usize; 2], [columns, rows]: [usize; 2]) -> (Vec<u64>, u64) {
+pub fn resolve_cycles(
+    timing: &Microarchitecture,
+    scene: &Scene,
+    [left, top]: [usize; 2],
+    [columns, rows]: [usize; 2],
+) -> (Vec<u64>, u64) {
     let [width, height] = [scene.width, scene.height].map(|size| size as usize);
     let mut held = vec![0; timing.resolve.units as usize];
     let mut shades = 0;
@@ -934,14 +1224,21 @@ pub fn resolve_cycles(timing: &Microarchitecture, scene: &Scene, [left, top]: [u
         for x in left..width.min(left + columns) {
             let end = scene.ends[y * width + x];
             let [lit, unlit] = [end.lit, end.unlit].map(u64::from);
-            // All come through one port, one after the other; light comes in its own time. Whoever is free first takes the pixel.
-            let first = (0..held.len()).min_by_key(|unit| held[*unit]).expect("a unit");
-            held[first] += [lit + unlit, light(unlit), timing.resolve.interval.into()].into_iter().max().expect("three");
+            // All come through one port, one after the other; light comes in its own time. Whoever
+            // is free first takes the pixel.
+            let first = (0..held.len())
+                .min_by_key(|unit| held[*unit])
+                .expect("a unit");
+            held[first] += [lit + unlit, light(unlit), timing.resolve.interval.into()]
+                .into_iter()
+                .max()
+                .expect("three");
             shades += unlit;
         }
     }
     // Who gets none looks, too.
-    held.iter_mut().for_each(|cycles| *cycles = light(shades).max(*cycles).max(1));
+    held.iter_mut()
+        .for_each(|cycles| *cycles = light(shades).max(*cycles).max(1));
     (held, shades)
 }
 
@@ -949,22 +1246,39 @@ pub fn resolve_cycles(timing: &Microarchitecture, scene: &Scene, [left, top]: [u
 pub fn resolve(units: &mut [Unit], now: u64, reason: Act, cycles: &[u64]) -> bool {
     let taken = matches!(reason, Act::Take(_)) && units.iter().all(|unit| unit.is_free(now));
     if taken {
-        units.iter_mut().zip(cycles).for_each(|(unit, cycles)| unit.take(now, *cycles));
+        units
+            .iter_mut()
+            .zip(cycles)
+            .for_each(|(unit, cycles)| unit.take(now, *cycles));
     }
-    let reason = if matches!(reason, Act::Take(_)) { Act::Block } else { reason };
+    let reason = if matches!(reason, Act::Take(_)) {
+        Act::Block
+    } else {
+        reason
+    };
     units.iter_mut().for_each(|unit| unit.count(now, reason));
     taken
 }
 
 /// What is looked up for these pixels in the end, one after the other.
-pub fn resolve_texels(scene: &Scene, [left, top]: [usize; 2], [columns, rows]: [usize; 2]) -> Vec<Option<[usize; 2]>> {
+pub fn resolve_texels(
+    scene: &Scene,
+    [left, top]: [usize; 2],
+    [columns, rows]: [usize; 2],
+) -> Vec<Option<[usize; 2]>> {
     let [width, height] = [scene.width, scene.height].map(|size| size as usize);
     let rows = top..height.min(top + rows);
     let pixels = rows.flat_map(|y| (left..width.min(left + columns)).map(move |x| y * width + x));
-    pixels.flat_map(|pixel| (0..scene.ends[pixel].unlit.into()).map(move |nth| scene.texel(Asks::End(pixel), nth))).collect()
+    pixels
+        .flat_map(|pixel| {
+            (0..scene.ends[pixel].unlit.into()).map(move |nth| scene.texel(Asks::End(pixel), nth))
+        })
+        .collect()
 }
 
 /// Look-ups of several caches, and those among them that had their line.
 pub fn texels_looked_up<const N: usize>(caches: [Option<&Texels>; N]) -> [u64; 2] {
-    caches.into_iter().flatten().fold([0; 2], |all, cache| [0, 1].map(|i| all[i] + cache.lookups[i]))
+    caches.into_iter().flatten().fold([0; 2], |all, cache| {
+        [0, 1].map(|i| all[i] + cache.lookups[i])
+    })
 }

@@ -1,9 +1,11 @@
-//! What is drawn? A plain list of splats and their pixels, drawn at random or read from a recorded frame.
+//! What is drawn? A plain list of splats and their pixels, drawn at random or read from a recorded
+//! frame.
 
 use super::frames::{Rng, in_tile};
 use rtl_model::work::{CULLED, Event, Fate, Recorder, TILE_PX, Work};
 
-/// A splat, and what became of every pixel of its box, row by row; of those that it does not cover, nothing.
+/// A splat, and what became of every pixel of its box, row by row; of those that it does not cover,
+/// nothing.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Splat {
     pub fate: Fate,
@@ -14,12 +16,22 @@ pub struct Splat {
 
 impl Splat {
     pub fn culled(fate: Fate) -> Self {
-        Splat { fate, columns: [0; 2], rows: [0; 2], pixels: Vec::new() }
+        Splat {
+            fate,
+            columns: [0; 2],
+            rows: [0; 2],
+            pixels: Vec::new(),
+        }
     }
 
     /// One pixel.
     pub fn dot([x, y]: [u16; 2], event: Event) -> Self {
-        Splat { fate: Fate::Drawn, columns: [x; 2], rows: [y; 2], pixels: vec![Some(event)] }
+        Splat {
+            fate: Fate::Drawn,
+            columns: [x; 2],
+            rows: [y; 2],
+            pixels: vec![Some(event)],
+        }
     }
 
     pub fn size(&self) -> [usize; 2] {
@@ -32,7 +44,8 @@ impl Splat {
     }
 }
 
-/// A pixel in the end: its fragments that were lit so that they could merge, and those that no light has met yet.
+/// A pixel in the end: its fragments that were lit so that they could merge, and those that no
+/// light has met yet.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct End {
     pub lit: u8,
@@ -60,7 +73,8 @@ pub struct Scene {
     pub mirrored: Option<usize>,
 }
 
-/// Whose light is asked for: a splat before it is drawn, or a pixel for a splat that makes it merge, or in the end.
+/// Whose light is asked for: a splat before it is drawn, or a pixel for a splat that makes it
+/// merge, or in the end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Asks {
     Splat(usize),
@@ -83,14 +97,24 @@ fn any_event(rng: &mut Rng, dull: u64) -> Event {
     }
 }
 
-fn any_splat(rng: &mut Rng, [width, height]: [u32; 2], largest: u64, [covered, dull]: [u64; 2]) -> Splat {
+fn any_splat(
+    rng: &mut Rng,
+    [width, height]: [u32; 2],
+    largest: u64,
+    [covered, dull]: [u64; 2],
+) -> Splat {
     let mut interval = |size: u32| {
         let length = 1 + rng.below(largest.min(u64::from(size)));
         let first = rng.below(u64::from(size) - length + 1);
         [first as u16, (first + length - 1) as u16]
     };
     let [columns, rows] = [interval(width), interval(height)];
-    let mut splat = Splat { fate: Fate::Drawn, columns, rows, pixels: Vec::new() };
+    let mut splat = Splat {
+        fate: Fate::Drawn,
+        columns,
+        rows,
+        pixels: Vec::new(),
+    };
     let area = splat.size()[0] * splat.size()[1];
     // Some keep nothing, some nothing but faint pixels.
     let kind = rng.below(12);
@@ -117,8 +141,19 @@ pub fn random(rng: &mut Rng, [width, height]: [u64; 2], splats: u64) -> Scene {
         })
         .collect();
     let lit = rng.below(4);
-    let mut some = || if rng.below(4) < lit { rng.below(4) as u8 } else { 0 };
-    let ends = (0..width * height).map(|_| End { lit: some(), unlit: some() }).collect();
+    let mut some = || {
+        if rng.below(4) < lit {
+            rng.below(4) as u8
+        } else {
+            0
+        }
+    };
+    let ends = (0..width * height)
+        .map(|_| End {
+            lit: some(),
+            unlit: some(),
+        })
+        .collect();
     let mut scene = Scene {
         width,
         height,
@@ -136,13 +171,20 @@ pub fn random(rng: &mut Rng, [width, height]: [u64; 2], splats: u64) -> Scene {
 }
 
 impl Scene {
-    /// The first column and row of what somebody's nth fragment looks up, if it mirrors anything: neighbours mostly look beside each other.
+    /// The first column and row of what somebody's nth fragment looks up, if it mirrors anything:
+    /// neighbours mostly look beside each other.
     pub fn texel(&self, asks: Asks, nth: usize) -> Option<[usize; 2]> {
         let side = self.mirrored?;
         let ([x, y], salt) = match asks {
             Asks::Splat(place) => ([3 * place, place], place),
-            Asks::Merge(place, pixel) => ([pixel % self.width as usize, pixel / self.width as usize], place),
-            Asks::End(pixel) => ([pixel % self.width as usize, pixel / self.width as usize], 7),
+            Asks::Merge(place, pixel) => (
+                [pixel % self.width as usize, pixel / self.width as usize],
+                place,
+            ),
+            Asks::End(pixel) => (
+                [pixel % self.width as usize, pixel / self.width as usize],
+                7,
+            ),
         };
         let mut rng = Rng((x + 977 * y + 31 * salt + nth) as u64);
         let near = |at: usize, by: u64| (at / 3 + by as usize) % (side - 1);
@@ -162,21 +204,39 @@ impl Scene {
     /// The same, its splats lit before they are drawn, and nothing after.
     pub fn lit(mut self) -> Self {
         self.ends.iter_mut().for_each(|end| end.unlit = 0);
-        self.splats.iter_mut().flat_map(|splat| &mut splat.pixels).for_each(|event| {
-            if let Some(Event::Merged(shaded)) = event {
-                *shaded = 0;
-            }
-        });
-        Scene { preshaded: true, ..self }
+        self.splats
+            .iter_mut()
+            .flat_map(|splat| &mut splat.pixels)
+            .for_each(|event| {
+                if let Some(Event::Merged(shaded)) = event {
+                    *shaded = 0;
+                }
+            });
+        Scene {
+            preshaded: true,
+            ..self
+        }
     }
 
-    /// The same, in which pixels stop, most of them in some scenes: after that nothing happens to them but that they are drawn over.
+    /// The same, in which pixels stop, most of them in some scenes: after that nothing happens to
+    /// them but that they are drawn over.
     pub fn stopping(mut self, rng: &mut Rng) -> Self {
-        let [share, later] = [[20, 60, 100, 100][rng.below(4) as usize], [1, 2, 6][rng.below(3) as usize]];
-        let in_order: Vec<usize> = self.in_order().into_iter().map(|(_, place)| place).collect();
+        let [share, later] = [
+            [20, 60, 100, 100][rng.below(4) as usize],
+            [1, 2, 6][rng.below(3) as usize],
+        ];
+        let in_order: Vec<usize> = self
+            .in_order()
+            .into_iter()
+            .map(|(_, place)| place)
+            .collect();
         for pixel in 0..(self.width * self.height) as usize {
             let [x, y] = [pixel % self.width as usize, pixel / self.width as usize];
-            let mut before = if rng.below(100) < share { Some(rng.below(later)) } else { None };
+            let mut before = if rng.below(100) < share {
+                Some(rng.below(later))
+            } else {
+                None
+            };
             let mut has_stopped = false;
             for place in &in_order {
                 let splat = &mut self.splats[*place];
@@ -191,7 +251,14 @@ impl Scene {
                     (Some(_), _) if has_stopped => *event = Some(Event::Accumulated),
                     (Some(_), Some(0)) => {
                         let merges = rng.below(2) == 0;
-                        (*event, has_stopped) = (Some(if merges { Event::MergedAndStopped } else { Event::Stopped }), true);
+                        (*event, has_stopped) = (
+                            Some(if merges {
+                                Event::MergedAndStopped
+                            } else {
+                                Event::Stopped
+                            }),
+                            true,
+                        );
                     }
                     (Some(_), Some(left)) => *left -= 1,
                     (Some(_), None) => {}
@@ -207,7 +274,8 @@ impl Scene {
         for place in (1..order.len()).rev() {
             order.swap(place, rng.below(place as u64 + 1) as usize);
         }
-        // Keys are of numbers of their own: all else is as it would be without. Most scenes have some that are equal.
+        // Keys are of numbers of their own: all else is as it would be without. Most scenes have
+        // some that are equal.
         let rng = &mut Rng(rng.0 ^ 0x5047);
         let most = [1, 3, 1 << 10, (1 << 24) / (order.len() as u64 + 1)][rng.below(4) as usize];
         let mut keys = vec![0; self.splats.len()];
@@ -218,30 +286,53 @@ impl Scene {
             keys[*place] = key;
         }
         // Those of little range may lie among the upper bits.
-        let up = if key < 1 << 10 { [0, 8, 14][rng.below(3) as usize] } else { 0 };
+        let up = if key < 1 << 10 {
+            [0, 8, 14][rng.below(3) as usize]
+        } else {
+            0
+        };
         keys.iter_mut().for_each(|key| *key <<= up);
-        Scene { order, keys, ..self }
+        Scene {
+            order,
+            keys,
+            ..self
+        }
     }
 
     /// Splats that are drawn, by their places, in the order in which they come.
     fn drawn(&self) -> Vec<usize> {
-        (0..self.splats.len()).filter(|place| self.splats[*place].fate == Fate::Drawn).collect()
+        (0..self.splats.len())
+            .filter(|place| self.splats[*place].fate == Fate::Drawn)
+            .collect()
     }
 
-    /// The same in the order in which they are drawn; beside each, how many that are drawn come before it.
+    /// The same in the order in which they are drawn; beside each, how many that are drawn come
+    /// before it.
     pub fn in_order(&self) -> Vec<(usize, usize)> {
         let drawn = self.drawn();
-        let order = if self.order.is_empty() { &drawn } else { &self.order };
-        order.iter().map(|place| (drawn.binary_search(place).unwrap(), *place)).collect()
+        let order = if self.order.is_empty() {
+            &drawn
+        } else {
+            &self.order
+        };
+        order
+            .iter()
+            .map(|place| (drawn.binary_search(place).unwrap(), *place))
+            .collect()
     }
 
     /// Where no box touches a tile, there are no fragments.
     fn clear_untouched(&mut self) {
         let touched = |tile: [u16; 2]| {
-            self.splats.iter().filter(|splat| splat.fate == Fate::Drawn).any(|splat| {
-                let [columns, rows] = [splat.columns, splat.rows].map(|interval| interval.map(|at| at / 16));
-                (columns[0]..=columns[1]).contains(&tile[0]) && (rows[0]..=rows[1]).contains(&tile[1])
-            })
+            self.splats
+                .iter()
+                .filter(|splat| splat.fate == Fate::Drawn)
+                .any(|splat| {
+                    let [columns, rows] =
+                        [splat.columns, splat.rows].map(|interval| interval.map(|at| at / 16));
+                    (columns[0]..=columns[1]).contains(&tile[0])
+                        && (rows[0]..=rows[1]).contains(&tile[1])
+                })
         };
         for (pixel, end) in self.ends.iter_mut().enumerate() {
             let [x, y] = [pixel as u32 % self.width, pixel as u32 / self.width];
@@ -255,21 +346,41 @@ impl Scene {
     pub fn record(&self) -> Work {
         let mut recorder = Recorder::default();
         for (first, splats) in self.splats.chunks(8).enumerate() {
-            let lanes = CULLED.map(|fate| (0..splats.len()).map(|lane| u8::from(splats[lane].fate == fate) << lane).sum());
+            let lanes = CULLED.map(|fate| {
+                (0..splats.len())
+                    .map(|lane| u8::from(splats[lane].fate == fate) << lane)
+                    .sum()
+            });
             recorder.culled(8 * first as u32, lanes);
         }
         recorder.ellipsoids(self.preshaded, self.shared_axes, self.harmonics);
         for place in self.drawn() {
-            recorder.drawn(place as u32, [self.splats[place].columns, self.splats[place].rows]);
+            recorder.drawn(
+                place as u32,
+                [self.splats[place].columns, self.splats[place].rows],
+            );
         }
         if self.mirrored.is_some() {
             recorder.mirrors();
         }
         let mut setup = recorder.fork();
-        self.drawn().into_iter().filter(|_| self.preshaded).for_each(|place| self.tell(&mut setup, Asks::Splat(place), 1));
+        self.drawn()
+            .into_iter()
+            .filter(|_| self.preshaded)
+            .for_each(|place| self.tell(&mut setup, Asks::Splat(place), 1));
         if !self.order.is_empty() {
-            let keys = self.drawn().into_iter().map(|place| self.keys[place]).collect();
-            recorder.sorted(self.in_order().into_iter().map(|(nth, _)| nth as u32).collect(), keys);
+            let keys = self
+                .drawn()
+                .into_iter()
+                .map(|place| self.keys[place])
+                .collect();
+            recorder.sorted(
+                self.in_order()
+                    .into_iter()
+                    .map(|(nth, _)| nth as u32)
+                    .collect(),
+                keys,
+            );
         }
         for top in (0..self.height as u16).step_by(TILE_PX) {
             for left in (0..self.width as u16).step_by(TILE_PX) {
@@ -286,8 +397,12 @@ impl Scene {
                     for row in rows.clone() {
                         for column in columns.clone() {
                             let [x, y] = [usize::from(left) + column, usize::from(top) + row];
-                            if let Some(event) = splat.pixel(x - usize::from(splat.columns[0]), y - usize::from(splat.rows[0])) {
-                                places.push((16 * (row - rows.start) + column - columns.start) as u8);
+                            if let Some(event) = splat.pixel(
+                                x - usize::from(splat.columns[0]),
+                                y - usize::from(splat.rows[0]),
+                            ) {
+                                places
+                                    .push((16 * (row - rows.start) + column - columns.start) as u8);
                                 events.push((event, y * self.width as usize + x));
                             }
                         }
@@ -304,9 +419,16 @@ impl Scene {
                     continue;
                 }
                 for pixel in 0..TILE_PX * TILE_PX {
-                    let [x, y] = [usize::from(left) + pixel % TILE_PX, usize::from(top) + pixel / TILE_PX];
+                    let [x, y] = [
+                        usize::from(left) + pixel % TILE_PX,
+                        usize::from(top) + pixel / TILE_PX,
+                    ];
                     let is_inside = x < self.width as usize && y < self.height as usize;
-                    let End { lit, unlit } = if is_inside { self.ends[y * self.width as usize + x] } else { End::default() };
+                    let End { lit, unlit } = if is_inside {
+                        self.ends[y * self.width as usize + x]
+                    } else {
+                        End::default()
+                    };
                     self.tell(&mut recorder, Asks::End(y * self.width as usize + x), unlit);
                     recorder.pixel(lit + unlit, unlit);
                 }
@@ -327,12 +449,19 @@ impl Scene {
         }
         let mut ends = vec![End::default(); (work.width * work.height) as usize];
         let as_they_come = (0..work.footprints.len() as u32).collect();
-        let drawn = if work.order.is_empty() { &as_they_come } else { &work.order };
+        let drawn = if work.order.is_empty() {
+            &as_they_come
+        } else {
+            &work.order
+        };
         for tile in &work.tiles {
             let mut reader = tile.reader();
             let [first, top] = tile.corner;
             for footprint in drawn.iter().map(|nth| &work.footprints[*nth as usize]) {
-                let [columns, rows] = [in_tile(footprint.columns, first), in_tile(footprint.rows, top)];
+                let [columns, rows] = [
+                    in_tile(footprint.columns, first),
+                    in_tile(footprint.rows, top),
+                ];
                 if columns.is_empty() || rows.is_empty() {
                     continue;
                 }
@@ -341,27 +470,66 @@ impl Scene {
                 for (nth, (row, kept)) in rows.zip(kept).enumerate() {
                     for column in (0..TILE_PX).filter(|column| kept & (1 << column) != 0) {
                         let [x, y] = [usize::from(first) + column, usize::from(top) + row];
-                        let pixel = (y - usize::from(splat.rows[0])) * splat.size()[0] + x - usize::from(splat.columns[0]);
-                        let told = events.iter().find(|(place, _)| usize::from(*place) == 16 * nth + column);
-                        splat.pixels[pixel] = Some(told.map_or(Event::Accumulated, |(_, event)| *event));
+                        let pixel = (y - usize::from(splat.rows[0])) * splat.size()[0] + x
+                            - usize::from(splat.columns[0]);
+                        let told = events
+                            .iter()
+                            .find(|(place, _)| usize::from(*place) == 16 * nth + column);
+                        splat.pixels[pixel] =
+                            Some(told.map_or(Event::Accumulated, |(_, event)| *event));
                     }
                 }
             }
             for pixel in 0..TILE_PX * TILE_PX {
-                let [x, y] = [usize::from(first) + pixel % TILE_PX, usize::from(top) + pixel / TILE_PX];
+                let [x, y] = [
+                    usize::from(first) + pixel % TILE_PX,
+                    usize::from(top) + pixel / TILE_PX,
+                ];
                 if x < work.width as usize && y < work.height as usize {
                     let [all, unlit] = tile.pixel(pixel);
-                    ends[y * work.width as usize + x] = End { lit: all - unlit, unlit };
+                    ends[y * work.width as usize + x] = End {
+                        lit: all - unlit,
+                        unlit,
+                    };
                 }
             }
         }
-        let order = work.order.iter().map(|nth| work.footprints[*nth as usize].splat as usize).collect();
-        let mut keys = vec![0; if work.order.is_empty() { 0 } else { splats.len() }];
+        let order = work
+            .order
+            .iter()
+            .map(|nth| work.footprints[*nth as usize].splat as usize)
+            .collect();
+        let mut keys = vec![
+            0;
+            if work.order.is_empty() {
+                0
+            } else {
+                splats.len()
+            }
+        ];
         for (footprint, key) in work.footprints.iter().zip(&work.keys) {
             keys[footprint.splat as usize] = *key;
         }
-        let Work { width, height, preshaded, shared_axes, harmonics, .. } = *work;
+        let Work {
+            width,
+            height,
+            preshaded,
+            shared_axes,
+            harmonics,
+            ..
+        } = *work;
         // What was looked up is not told again.
-        Scene { width, height, splats, ends, preshaded, shared_axes, harmonics, order, keys, mirrored: None }
+        Scene {
+            width,
+            height,
+            splats,
+            ends,
+            preshaded,
+            shared_axes,
+            harmonics,
+            order,
+            keys,
+            mirrored: None,
+        }
     }
 }

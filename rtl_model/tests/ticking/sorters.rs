@@ -1,9 +1,10 @@
 //! What do sorters do in each cycle, which sort one tile's list after the other?
 //!
-//! A sorter has room for a buffer of entries, which its network takes `network` at a time, in a cycle; after as many cycles as the network has
-//! stages the runs are merged, two and two, an entry a cycle, until one is left. Lists that are longer are sorted a buffer after the other and
-//! merged in memory, half a buffer at a time; or are distributed first. What it stores has a buffer of its own, into which the last pass
-//! writes: that waits until everything has been written.
+//! A sorter has room for a buffer of entries, which its network takes `network` at a time, in a
+//! cycle; after as many cycles as the network has stages the runs are merged, two and two, an entry
+//! a cycle, until one is left. Lists that are longer are sorted a buffer after the other and merged
+//! in memory, half a buffer at a time; or are distributed first. What it stores has a buffer of its
+//! own, into which the last pass writes: that waits until everything has been written.
 
 use super::memory::{Done, LIST_BYTES, LISTS, Memory, Requests};
 use super::parts::Unit;
@@ -13,7 +14,8 @@ use rtl_model::timing::{Client, Direction};
 use std::collections::VecDeque;
 use std::ops::Range;
 
-/// Lists with keys lie here, so far apart; then two places for what is merged, then the buckets of each sorter.
+/// Lists with keys lie here, so far apart; then two places for what is merged, then the buckets of
+/// each sorter.
 const KEYED: u64 = 1 << 60;
 const APART: u64 = 1 << 28;
 const PLACES: u64 = 1 << 54;
@@ -34,7 +36,12 @@ struct Stream {
 
 impl Stream {
     fn new(base: u64, burst: u64) -> Self {
-        Stream { base, bytes: 0, burst, gone: 0 }
+        Stream {
+            base,
+            bytes: 0,
+            burst,
+            gone: 0,
+        }
     }
 
     fn push(&mut self, bytes: u64) {
@@ -73,7 +80,8 @@ struct Sorter {
     stored: Requests,
 }
 
-/// All sorters, and the lists that none has taken: a tile, and its keys in the order in which they were written.
+/// All sorters, and the lists that none has taken: a tile, and its keys in the order in which they
+/// were written.
 pub struct Sorters {
     shape: SortShape,
     sorter: SorterShape,
@@ -87,7 +95,13 @@ pub struct Sorters {
 impl Sorters {
     pub fn new(shape: SortShape, burst: u64, lists: Vec<(u64, Vec<u32>)>) -> Option<Self> {
         let sorter = shape.sorter?;
-        let one = || Sorter { pieces: VecDeque::new(), room: 0, loaded: None, working: None, stored: Requests::new(u32::MAX) };
+        let one = || Sorter {
+            pieces: VecDeque::new(),
+            room: 0,
+            loaded: None,
+            working: None,
+            stored: Requests::new(u32::MAX),
+        };
         Some(Sorters {
             shape,
             sorter,
@@ -101,7 +115,9 @@ impl Sorters {
 
     /// A cycle before all lists are written.
     pub fn idle(&mut self, now: u64) {
-        self.units.iter_mut().for_each(|unit| unit.count(now, super::parts::Act::Starve));
+        self.units
+            .iter_mut()
+            .for_each(|unit| unit.count(now, super::parts::Act::Starve));
     }
 
     /// A cycle from that on; whether all lists are sorted.
@@ -110,9 +126,18 @@ impl Sorters {
             self.sorters.iter_mut().for_each(|sorter| sorter.room = now);
         }
         for sorter in &mut self.sorters {
-            if let Some(piece) = sorter.working.take_if(|piece| piece.before + piece.last == 0) {
+            if let Some(piece) = sorter
+                .working
+                .take_if(|piece| piece.before + piece.last == 0)
+            {
                 for bytes in piece.stores {
-                    memory.ask(now, Client::Sort, Direction::Write, bytes, &sorter.stored.next());
+                    memory.ask(
+                        now,
+                        Client::Sort,
+                        Direction::Write,
+                        bytes,
+                        &sorter.stored.next(),
+                    );
                 }
             }
         }
@@ -149,9 +174,18 @@ impl Sorters {
         let sorter = &mut self.sorters[nth];
         let may_load = |piece: &Piece, is_quiet: bool| !piece.is_stored_before || is_quiet;
         let is_quiet = sorter.working.is_none() && sorter.stored.have_all_come(now);
-        if let Some(piece) = sorter.pieces.pop_front_if(|piece| may_load(piece, is_quiet)) {
+        if let Some(piece) = sorter
+            .pieces
+            .pop_front_if(|piece| may_load(piece, is_quiet))
+        {
             let here = Done::default();
-            memory.ask(now, Client::Sort, Direction::Read, piece.load.clone(), &here);
+            memory.ask(
+                now,
+                Client::Sort,
+                Direction::Read,
+                piece.load.clone(),
+                &here,
+            );
             sorter.loaded = Some((here, piece));
         }
     }
@@ -191,7 +225,9 @@ impl Sorters {
         match self.sorter.bucket_bits {
             Some(bits) if keys.len() > limit => {
                 let place = |bucket: u64| KEYED + 3 * PLACES + OF_SORTER * sorter + APART * bucket;
-                let mut buckets: Vec<Stream> = (0..1 << bits).map(|bucket| Stream::new(place(bucket), self.burst)).collect();
+                let mut buckets: Vec<Stream> = (0..1 << bits)
+                    .map(|bucket| Stream::new(place(bucket), self.burst))
+                    .collect();
                 let mut loaded = keyed(tile);
                 for (nth, some) in keys.chunks(limit / 2).enumerate() {
                     let is_last = nth == (keys.len() - 1) / (limit / 2);
@@ -208,22 +244,50 @@ impl Sorters {
                     pieces.push_back(streaming(loaded..to, some.len(), is_last, stores));
                     loaded = to;
                 }
-                let full: Vec<Stream> = buckets.into_iter().filter(|bucket| bucket.bytes > 0).collect();
+                let full: Vec<Stream> = buckets
+                    .into_iter()
+                    .filter(|bucket| bucket.bytes > 0)
+                    .collect();
                 for (nth, bucket) in full.iter().enumerate() {
                     let first = pieces.len();
-                    self.sort(tile, bucket.base, (bucket.bytes / self.entry()) as usize, &mut numbers, nth + 1 == full.len(), &mut pieces);
+                    self.sort(
+                        tile,
+                        bucket.base,
+                        (bucket.bytes / self.entry()) as usize,
+                        &mut numbers,
+                        nth + 1 == full.len(),
+                        &mut pieces,
+                    );
                     pieces[first].is_stored_before = nth == 0;
                 }
             }
-            _ => self.sort(tile, keyed(tile), keys.len(), &mut numbers, true, &mut pieces),
+            _ => self.sort(
+                tile,
+                keyed(tile),
+                keys.len(),
+                &mut numbers,
+                true,
+                &mut pieces,
+            ),
         }
         pieces
     }
 
     /// Sorts so many entries, whose numbers follow those that went before.
-    fn sort(&self, tile: u64, base: u64, entries: usize, numbers: &mut Stream, is_end: bool, pieces: &mut VecDeque<Piece>) {
+    fn sort(
+        &self,
+        tile: u64,
+        base: u64,
+        entries: usize,
+        numbers: &mut Stream,
+        is_end: bool,
+        pieces: &mut VecDeque<Piece>,
+    ) {
         let limit = self.sorter.buffer_entries as usize;
-        let sizes: Vec<usize> = (0..entries).step_by(limit).map(|first| limit.min(entries - first)).collect();
+        let sizes: Vec<usize> = (0..entries)
+            .step_by(limit)
+            .map(|first| limit.min(entries - first))
+            .collect();
         let mut rounds = 0;
         while 1 << rounds < sizes.len() {
             rounds += 1;
@@ -250,7 +314,14 @@ impl Sorters {
             };
             let before = cycles + u64::from(self.sorter.network_latency) + merging - last;
             let stores = stores.into_iter().collect();
-            pieces.push_back(Piece { load: loaded..to, is_stored_before: false, room_after: cycles, before, last, stores });
+            pieces.push_back(Piece {
+                load: loaded..to,
+                is_stored_before: false,
+                room_after: cycles,
+                before,
+                last,
+                stores,
+            });
             loaded = to;
         }
         for round in 0..rounds {
@@ -266,9 +337,13 @@ impl Sorters {
                     merged.push(some as u64 * self.entry());
                     merged.take(is_last)
                 };
-                let [from, to] = [first, first + some].map(|entry| place(round) + entry as u64 * self.entry());
+                let [from, to] =
+                    [first, first + some].map(|entry| place(round) + entry as u64 * self.entry());
                 let piece = streaming(from..to, some, is_last, stores.into_iter().collect());
-                pieces.push_back(Piece { is_stored_before: first == 0, ..piece });
+                pieces.push_back(Piece {
+                    is_stored_before: first == 0,
+                    ..piece
+                });
                 first += some;
             }
         }
@@ -278,11 +353,21 @@ impl Sorters {
 /// An entry a cycle; the other half of the buffer is free, but not for more than a half.
 fn streaming(load: Range<u64>, entries: usize, is_last: bool, stores: Vec<Range<u64>>) -> Piece {
     let entries = entries as u64;
-    Piece { load, is_stored_before: false, room_after: if is_last { entries } else { 0 }, before: 0, last: entries, stores }
+    Piece {
+        load,
+        is_stored_before: false,
+        room_after: if is_last { entries } else { 0 },
+        before: 0,
+        last: entries,
+        stores,
+    }
 }
 
 impl Sorter {
     fn is_done(&mut self, now: u64) -> bool {
-        self.pieces.is_empty() && self.loaded.is_none() && self.working.is_none() && self.stored.have_all_come(now)
+        self.pieces.is_empty()
+            && self.loaded.is_none()
+            && self.working.is_none()
+            && self.stored.have_all_come(now)
     }
 }

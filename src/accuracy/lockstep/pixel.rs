@@ -1,10 +1,12 @@
-//! Pixel: the fragments of one pixel of `golden`, led by the machine's decisions, with what the machine's may be off by.
+//! Pixel: the fragments of one pixel of `golden`, led by the machine's decisions, with what the
+//! machine's may be off by.
 //!
 //! ```text
 //! the machine's decision ─►┬─► golden's fragments do the same
 //!                          └─► would golden have done so by itself? if not: a flip, and is its threshold within the bound?
 //! ```
-//! A fragment's sums are correlated: a weight that is off moves Σw·c and Σw alike. What is bounded is therefore the quotient,
+//! A fragment's sums are correlated: a weight that is off moves Σw·c and Σw alike. What is bounded
+//! is therefore the quotient,
 //! ```text
 //! |C_fixed − C| ≤ (Σ Δw_k·|c_k − C| + Σ w_k·Δc_k + K·(u_c + |C|·u_w)/2) / (W − ΔW),   Σ Δw_k·|c_k − C| ≤ ΔW·max |c_k − C|,
 //! ```
@@ -65,7 +67,8 @@ pub struct Common<'a> {
     pub limits: Limits,
 }
 
-/// What the machine's sums can hold, what one rounding of each may lose, as [`words`] has them, and the opacity that hides.
+/// What the machine's sums can hold, what one rounding of each may lose, as [`words`] has them, and
+/// the opacity that hides.
 pub struct Limits {
     weight: [f64; 2],
     attributes: [[f64; ATTRIBUTES]; 2],
@@ -79,15 +82,28 @@ impl Limits {
     pub fn new(machine: &Machine, opaque: Near) -> Self {
         let (weight, attributes) = words(machine);
         let most = |word: Word| word.format.value(word.format.max());
-        let lost = attributes.into_iter().chain([weight]).map(|word| loss(word) / most(word)).fold(0.0, greater);
-        Limits { weight: [most(weight), loss(weight)], attributes: [attributes.map(most), attributes.map(loss)], lost, opaque }
+        let lost = attributes
+            .into_iter()
+            .chain([weight])
+            .map(|word| loss(word) / most(word))
+            .fold(0.0, greater);
+        Limits {
+            weight: [most(weight), loss(weight)],
+            attributes: [attributes.map(most), attributes.map(loss)],
+            lost,
+            opaque,
+        }
     }
 
-    /// What part of its word the fullest sum has when a unit of weight was added with these attributes, on either side; infinite where
-    /// that is no number.
+    /// What part of its word the fullest sum has when a unit of weight was added with these
+    /// attributes, on either side; infinite where that is no number.
     pub fn filled(&self, attributes: &[Near; ATTRIBUTES]) -> f64 {
         let [most, _] = self.attributes;
-        attributes.iter().zip(most).map(|(attribute, most)| attribute.most() / most).fold(1.0 / self.weight[0], greater)
+        attributes
+            .iter()
+            .zip(most)
+            .map(|(attribute, most)| attribute.most() / most)
+            .fold(1.0 / self.weight[0], greater)
     }
 
     /// What one rounding of Σw may lose.
@@ -137,7 +153,11 @@ fn greater(a: f64, b: f64) -> f64 {
 /// What one rounding of a sum may lose.
 pub fn loss(word: Word) -> f64 {
     let place = word.format.value(1);
-    if word.round == Rounding::Truncate { place } else { place / 2.0 }
+    if word.round == Rounding::Truncate {
+        place
+    } else {
+        place / 2.0
+    }
 }
 
 /// The words of the sums: weight, then the attributes.
@@ -154,7 +174,17 @@ impl Bounds {
         let shaded = [Near::default(); 4];
         let (depth, held_depth) = (arrival.depth(), arrival.held_depth);
         let (attribute, filled) = ([0.0; ATTRIBUTES], arrival.filled);
-        let mut new = Bounds { weight: 0.0, attribute, count: 0.0, range, filled, overflowed: false, depth, held_depth, shaded };
+        let mut new = Bounds {
+            weight: 0.0,
+            attribute,
+            count: 0.0,
+            range,
+            filled,
+            overflowed: false,
+            depth,
+            held_depth,
+            shaded,
+        };
         new.add(limits, arrival, &arrival.golden);
         new
     }
@@ -190,9 +220,10 @@ impl Bounds {
 
     /// Whether a sum of the machine's may have left its word.
     fn may_overflow(&self, limits: &Limits, golden: &Fragment) -> bool {
-        // No sum has more than all weight fills with the attributes that fill most, and mostly that is not much. What f64 rounds is less than
-        // a hundredth; what is no number is not below it.
-        let has_room = (golden.weight + self.weight) * self.filled + self.count * limits.lost < 0.99;
+        // No sum has more than all weight fills with the attributes that fill most, and mostly that
+        // is not much. What f64 rounds is less than a hundredth; what is no number is not below it.
+        let has_room =
+            (golden.weight + self.weight) * self.filled + self.count * limits.lost < 0.99;
         !has_room && self.sum_may_overflow(limits, golden)
     }
 
@@ -200,11 +231,22 @@ impl Bounds {
     #[inline(never)]
     fn sum_may_overflow(&self, limits: &Limits, golden: &Fragment) -> bool {
         let [most, losses] = limits.attributes;
-        let sums = [golden.rgb.x, golden.rgb.y, golden.rgb.z, golden.alpha, golden.normal.x, golden.normal.y, golden.normal.z];
+        let sums = [
+            golden.rgb.x,
+            golden.rgb.y,
+            golden.rgb.z,
+            golden.alpha,
+            golden.normal.x,
+            golden.normal.y,
+            golden.normal.z,
+        ];
         // What is no number outruns every word.
         let outruns = |most: f64, sum: f64| sum.is_nan() | (sum > most);
         let [most_weight, weight_loss] = limits.weight;
-        let mut overflows = outruns(most_weight, golden.weight + (self.weight + self.count * weight_loss));
+        let mut overflows = outruns(
+            most_weight,
+            golden.weight + (self.weight + self.count * weight_loss),
+        );
         // All of them, whichever does: that takes less time than to ask after each.
         for i in 0..ATTRIBUTES {
             overflows |= outruns(most[i], sums[i].abs() + self.sum_error(i, 0.0, losses[i]));
@@ -228,14 +270,41 @@ impl Bounds {
         let limits = &common.limits;
         let weight_error = self.weight_error(limits);
         let least = golden.weight - weight_error;
-        let attributes = [golden.rgb.x, golden.rgb.y, golden.rgb.z, golden.alpha, golden.normal.x, golden.normal.y, golden.normal.z];
+        let attributes = [
+            golden.rgb.x,
+            golden.rgb.y,
+            golden.rgb.z,
+            golden.alpha,
+            golden.normal.x,
+            golden.normal.y,
+            golden.normal.z,
+        ];
         let mean = |i: usize| {
-            let centre = if golden.weight > 0.0 { attributes[i] / golden.weight } else { 0.0 };
-            let error = self.sum_error(i, centre, limits.attribute_loss(i)) + centre.abs() * self.count * limits.weight_loss();
-            Near::within(centre, if self.overflowed || least <= 0.0 { f64::INFINITY } else { error / least })
+            let centre = if golden.weight > 0.0 {
+                attributes[i] / golden.weight
+            } else {
+                0.0
+            };
+            let error = self.sum_error(i, centre, limits.attribute_loss(i))
+                + centre.abs() * self.count * limits.weight_loss();
+            Near::within(
+                centre,
+                if self.overflowed || least <= 0.0 {
+                    f64::INFINITY
+                } else {
+                    error / least
+                },
+            )
         };
         Sums {
-            weight: Near::within(golden.weight, if self.overflowed { f64::INFINITY } else { weight_error }),
+            weight: Near::within(
+                golden.weight,
+                if self.overflowed {
+                    f64::INFINITY
+                } else {
+                    weight_error
+                },
+            ),
             rgb: [mean(0), mean(1), mean(2)],
             opacity: mean(OPACITY),
             normal: [mean(4), mean(5), mean(6)],
@@ -267,20 +336,35 @@ fn may_hide_otherwise(common: &Common, golden: &Fragment, bounds: &Bounds) -> bo
         + opaque.value * bounds.count * limits.weight_loss()
         + opaque.error * weight.most();
     let margin = Near::within(golden.alpha - opaque.value * golden.weight, error);
-    bounds.overflowed || margin.may_cross(Near::exact(0.0)) || weight.may_cross(common.coverage_threshold)
+    bounds.overflowed
+        || margin.may_cross(Near::exact(0.0))
+        || weight.may_cross(common.coverage_threshold)
 }
 
 impl Pixel {
     /// Takes a contribution as the machine took it; tells how `golden` would have differed.
-    pub fn take(&mut self, common: &Common, arrival: &Arrival, decision: Decision, flips: &mut Flips) {
+    pub fn take(
+        &mut self,
+        common: &Common,
+        arrival: &Arrival,
+        decision: Decision,
+        flips: &mut Flips,
+    ) {
         self.ask_for_a_slot(common, arrival, decision, flips);
         match decision {
             Decision::Accumulated(slot) => self.accumulate(common, usize::from(slot), arrival),
             Decision::Inserted(_) => self.push(common, arrival),
-            Decision::Replaced | Decision::Dropped => self.replace(common, arrival, decision, flips),
-            Decision::Merged(..) | Decision::Evicted(_) => self.overflow(common, arrival, decision, flips),
+            Decision::Replaced | Decision::Dropped => {
+                self.replace(common, arrival, decision, flips)
+            }
+            Decision::Merged(..) | Decision::Evicted(_) => {
+                self.overflow(common, arrival, decision, flips)
+            }
             // Of windows, which are followed elsewhere.
-            Decision::Late(..) | Decision::Inside(_) | Decision::Summed(..) | Decision::Closed(..) => {}
+            Decision::Late(..)
+            | Decision::Inside(_)
+            | Decision::Summed(..)
+            | Decision::Closed(..) => {}
         }
     }
 
@@ -307,8 +391,18 @@ impl Pixel {
     }
 
     /// Accumulate or not, and where: compares with what `golden` would do.
-    fn ask_for_a_slot(&self, common: &Common, arrival: &Arrival, decision: Decision, flips: &mut Flips) {
-        let taken = if let Decision::Accumulated(slot) = decision { Some(usize::from(slot)) } else { None };
+    fn ask_for_a_slot(
+        &self,
+        common: &Common,
+        arrival: &Arrival,
+        decision: Decision,
+        flips: &mut Flips,
+    ) {
+        let taken = if let Decision::Accumulated(slot) = decision {
+            Some(usize::from(slot))
+        } else {
+            None
+        };
         let wanted = nearest_within(common.z_threshold_world, arrival.golden.z, &self.fragments);
         if taken == wanted {
             return;
@@ -324,7 +418,13 @@ impl Pixel {
         flips.slot(explained);
     }
 
-    fn replace(&mut self, common: &Common, arrival: &Arrival, decision: Decision, flips: &mut Flips) {
+    fn replace(
+        &mut self,
+        common: &Common,
+        arrival: &Arrival,
+        decision: Decision,
+        flips: &mut Flips,
+    ) {
         let nearer = arrival.golden.z < self.fragments[0].z;
         if nearer != (decision == Decision::Replaced) {
             flips.order(arrival.depth().may_cross(self.bounds[0].depth));
@@ -336,11 +436,22 @@ impl Pixel {
     }
 
     /// One too many: does with it what the machine did.
-    fn overflow(&mut self, common: &Common, arrival: &Arrival, decision: Decision, flips: &mut Flips) {
+    fn overflow(
+        &mut self,
+        common: &Common,
+        arrival: &Arrival,
+        decision: Decision,
+        flips: &mut Flips,
+    ) {
         self.sort();
-        let place = self.bounds.iter().filter(|bounds| bounds.held_depth <= arrival.held_depth).count();
+        let place = self
+            .bounds
+            .iter()
+            .filter(|bounds| bounds.held_depth <= arrival.held_depth)
+            .count();
         self.fragments.insert(place, arrival.golden);
-        self.bounds.insert(place, Bounds::new(&common.limits, arrival));
+        self.bounds
+            .insert(place, Bounds::new(&common.limits, arrival));
         // In the machine's order; is it golden's?
         let mut order_unsure = false;
         for i in 1..self.fragments.len() {
@@ -351,14 +462,24 @@ impl Pixel {
             }
         }
         let deepest = self.fragments.len() - 1;
-        let evicts = common.rules.evict_hidden && self.fragments[..deepest].iter().any(|golden| hides(common, golden));
+        let evicts = common.rules.evict_hidden
+            && self.fragments[..deepest]
+                .iter()
+                .any(|golden| hides(common, golden));
         if evicts != matches!(decision, Decision::Evicted(_)) {
             let mut asked = self.fragments.iter().zip(&self.bounds);
-            flips.eviction(order_unsure || asked.any(|(golden, bounds)| may_hide_otherwise(common, golden, bounds)));
+            flips.eviction(
+                order_unsure
+                    || asked.any(|(golden, bounds)| may_hide_otherwise(common, golden, bounds)),
+            );
         }
         if let Decision::Merged(front, _) = decision {
             let front = usize::from(front);
-            let wanted = common.rules.merge.pair().map_or(front, |pair| pair(&self.fragments));
+            let wanted = common
+                .rules
+                .merge
+                .pair()
+                .map_or(front, |pair| pair(&self.fragments));
             if wanted != front {
                 let gap = |i: usize| self.bounds[i + 1].depth - self.bounds[i].depth;
                 flips.pair(order_unsure || gap(front).may_cross(gap(wanted)));
@@ -381,39 +502,64 @@ impl Pixel {
     }
 
     fn merge(&mut self, common: &Common, front: usize) {
-        // A shaded fragment lives in a slot: what a slot cannot hold is lost before the blend, as after it.
+        // A shaded fragment lives in a slot: what a slot cannot hold is lost before the blend, as
+        // after it.
         let stored = |slot: usize| {
             let (near, exact) = self.light(common, slot);
-            (if self.fragments[slot].shaded { near } else { common.machine.real_stored(near) }, exact)
+            (
+                if self.fragments[slot].shaded {
+                    near
+                } else {
+                    common.machine.real_stored(near)
+                },
+                exact,
+            )
         };
-        let [(near_over, exact_over), (near_under, exact_under)] = [stored(front), stored(front + 1)];
-        let (near, exact) = (common.machine.real_merge(near_over, near_under), over(exact_over, exact_under));
+        let [(near_over, exact_over), (near_under, exact_under)] =
+            [stored(front), stored(front + 1)];
+        let (near, exact) = (
+            common.machine.real_merge(near_over, near_under),
+            over(exact_over, exact_under),
+        );
         self.fragments[front] = self.fragments[front].with_light(exact);
         self.bounds[front].shaded = [0, 1, 2, 3].map(|i| near[i].around(exact[i]));
         self.fragments.remove(front + 1);
         self.bounds.remove(front + 1);
     }
 
-    /// Premultiplied colour and opacity of the fragment in a slot: around what `golden` has, and that.
+    /// Premultiplied colour and opacity of the fragment in a slot: around what `golden` has, and
+    /// that.
     fn light(&self, common: &Common, slot: usize) -> ([Near; 4], DVec4) {
         let (golden, bounds) = (&self.fragments[slot], &self.bounds[slot]);
         let exact = common.shader.premultiplied(golden);
         if golden.shaded {
             return (common.machine.real_read(bounds.shaded), exact);
         }
-        let near = common.machine.real_shade(&common.lighting, &bounds.sums(common, golden));
+        let near = common
+            .machine
+            .real_shade(&common.lighting, &bounds.sums(common, golden));
         ([0, 1, 2, 3].map(|i| near[i].around(exact[i])), exact)
     }
 
     /// The pixel, its layers blended in the order of these slots; and the bound on the machine's.
-    pub fn resolve(&self, common: &Common, order: impl Iterator<Item = usize> + Clone, flips: &mut Flips) -> [Near; 4] {
+    pub fn resolve(
+        &self,
+        common: &Common,
+        order: impl Iterator<Item = usize> + Clone,
+        flips: &mut Flips,
+    ) -> [Near; 4] {
         let slots: Vec<usize> = order.collect();
         for pair in slots.windows(2) {
             if self.fragments[pair[1]].z < self.fragments[pair[0]].z {
-                flips.order(self.bounds[pair[0]].depth.may_cross(self.bounds[pair[1]].depth));
+                flips.order(
+                    self.bounds[pair[0]]
+                        .depth
+                        .may_cross(self.bounds[pair[1]].depth),
+                );
             }
         }
-        let (lit, exact): (Vec<[Near; 4]>, Vec<DVec4>) = slots.iter().map(|&slot| self.light(common, slot)).unzip();
+        let (lit, exact): (Vec<[Near; 4]>, Vec<DVec4>) =
+            slots.iter().map(|&slot| self.light(common, slot)).unzip();
         let near = common.machine.real_resolve(&lit, common.background);
         let exact = common.shader.blend_lit(exact.into_iter());
         [0, 1, 2, 3].map(|i| near[i].around(exact[i]))

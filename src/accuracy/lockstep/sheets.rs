@@ -1,6 +1,8 @@
-//! Sheets: one pixel of `golden` grouped by sheets, led by the machine's decisions, with what the machine's may be off by.
+//! Sheets: one pixel of `golden` grouped by sheets, led by the machine's decisions, with what the
+//! machine's may be off by.
 //!
-//! The sheet of a splat is a number that both know: what can flip is the order in which a sort brings Gaussians, and where a pixel stops.
+//! The sheet of a splat is a number that both know: what can flip is the order in which a sort
+//! brings Gaussians, and where a pixel stops.
 
 use super::Flips;
 use super::pixel::{Arrival, Common};
@@ -23,8 +25,14 @@ pub struct SheetRules<'a> {
 impl<'a> SheetRules<'a> {
     /// None where fragments are grouped by depth.
     pub fn new(scene: &'a Scene, machine: &Elaborated, quantised: &'a Quantised) -> Option<Self> {
-        let sorted = scene.ellipsoids.as_ref().is_some_and(|ellipsoids| ellipsoids.sorted);
-        Some(SheetRules { words: SheetWords::new(&Bounded, scene, machine, quantised)?, sorted })
+        let sorted = scene
+            .ellipsoids
+            .as_ref()
+            .is_some_and(|ellipsoids| ellipsoids.sorted);
+        Some(SheetRules {
+            words: SheetWords::new(&Bounded, scene, machine, quantised)?,
+            sorted,
+        })
     }
 
     /// Lesser weights make no fragment.
@@ -62,7 +70,14 @@ impl SheetPixel {
     }
 
     /// Takes a contribution as the machine took it; tells how `golden` would have differed.
-    pub fn take(&mut self, rules: &SheetRules, common: &Common, arrival: &Arrival, decision: Decision, flips: &mut Flips) {
+    pub fn take(
+        &mut self,
+        rules: &SheetRules,
+        common: &Common,
+        arrival: &Arrival,
+        decision: Decision,
+        flips: &mut Flips,
+    ) {
         if self.stopped {
             return;
         }
@@ -72,15 +87,29 @@ impl SheetPixel {
             open.add(common, arrival, arrival.weight);
             return;
         }
-        let mut fresh = Open { weight: 0.0, rgb: DVec3::ZERO, sums: [Near::exact(0.0); 4] };
-        fresh.add(common, arrival, if each { arrival.weight.min(rules.words.most_weight) } else { arrival.weight });
+        let mut fresh = Open {
+            weight: 0.0,
+            rgb: DVec3::ZERO,
+            sums: [Near::exact(0.0); 4],
+        };
+        fresh.add(
+            common,
+            arrival,
+            if each {
+                arrival.weight.min(rules.words.most_weight)
+            } else {
+                arrival.weight
+            },
+        );
         let done = if each { Some(fresh) } else { self.open.take() };
         let dropped = decision == Decision::Dropped;
         if let Some(done) = done {
             let (golden, composite) = self.blended(rules, common, &done);
             let through = Near::within(1.0 - golden.w, composite[3].around(golden.w).error);
-            let stops = !rules.words.sheets.back_to_front && through.value < rules.words.sheets.stop;
-            // Each on its own: where the last is kept, the machine's stop shows one contribution later.
+            let stops =
+                !rules.words.sheets.back_to_front && through.value < rules.words.sheets.stop;
+            // Each on its own: where the last is kept, the machine's stop shows one contribution
+            // later.
             if !each || !rules.words.sheets.keeps_last {
                 if stops != dropped {
                     flips.eviction(through.may_cross(rules.words.stop));
@@ -100,7 +129,13 @@ impl SheetPixel {
     }
 
     /// Whether `golden` would have taken this contribution after the one before.
-    fn ask_for_order(&mut self, rules: &SheetRules, common: &Common, arrival: &Arrival, flips: &mut Flips) {
+    fn ask_for_order(
+        &mut self,
+        rules: &SheetRules,
+        common: &Common,
+        arrival: &Arrival,
+        flips: &mut Flips,
+    ) {
         if !rules.sorted {
             return;
         }
@@ -117,13 +152,24 @@ impl SheetPixel {
     fn blended(&self, rules: &SheetRules, common: &Common, sheet: &Open) -> (DVec4, [Near; 4]) {
         let exact = closed(rules.words.sheets, sheet.weight, sheet.rgb);
         let [weight, r, g, b] = sheet.sums;
-        let near = common.machine.real_close(weight, [r, g, b], &rules.words.registers, &rules.words.ratio);
+        let near = common.machine.real_close(
+            weight,
+            [r, g, b],
+            &rules.words.registers,
+            &rules.words.ratio,
+        );
         let near = around(near, exact);
         let before = common.machine.real_read(self.composite);
         let (golden, composite) = if rules.words.sheets.back_to_front {
-            (over(exact, self.golden), common.machine.real_merge(near, before))
+            (
+                over(exact, self.golden),
+                common.machine.real_merge(near, before),
+            )
         } else {
-            (over(self.golden, exact), common.machine.real_merge(before, near))
+            (
+                over(self.golden, exact),
+                common.machine.real_merge(before, near),
+            )
         };
         (golden, around(composite, golden))
     }
@@ -134,8 +180,13 @@ impl SheetPixel {
             Some(open) => self.blended(rules, common, open),
             None => (self.golden, self.composite),
         };
-        let near = common.machine.real_resolve(&[common.machine.real_read(composite)], common.background);
-        around(near, over(golden, DVec4::from_array(common.shader.background())))
+        let near = common
+            .machine
+            .real_resolve(&[common.machine.real_read(composite)], common.background);
+        around(
+            near,
+            over(golden, DVec4::from_array(common.shader.background())),
+        )
     }
 }
 
@@ -145,7 +196,10 @@ impl Open {
         self.rgb += arrival.golden.rgb;
         let [r, g, b, ..] = *arrival.attributes;
         for (lane, attribute) in [Near::exact(1.0), r, g, b].into_iter().enumerate() {
-            self.sums[lane] = common.machine.real_accumulated(lane, self.sums[lane], weight, attribute);
+            self.sums[lane] =
+                common
+                    .machine
+                    .real_accumulated(lane, self.sums[lane], weight, attribute);
         }
     }
 }

@@ -25,7 +25,8 @@ pub struct Summary {
     pub bound_violations: u64,
     /// Decisions that `golden` would have taken otherwise.
     pub decision_flips: u64,
-    /// Pixels that were held in lockstep, where these are not all (`run --check sampled`): all else here is of them alone.
+    /// Pixels that were held in lockstep, where these are not all (`run --check sampled`): all else
+    /// here is of them alone.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sampled_pixels: Option<u64>,
     /// The same by kind.
@@ -63,7 +64,8 @@ impl Lockstep {
             bound_violations: self.violations.max(metrics.not_finite),
             decision_flips: self.flips.total(),
             flips: self.flips,
-            sampled_pixels: (self.tiles != Tiles::All).then(|| (0..self.bound.len()).filter(|&i| self.holds(i)).count() as u64),
+            sampled_pixels: (self.tiles != Tiles::All)
+                .then(|| (0..self.bound.len()).filter(|&i| self.holds(i)).count() as u64),
             bound: self.bound_summary(),
         }
     }
@@ -79,15 +81,24 @@ impl Lockstep {
         if self.tiles == Tiles::All {
             return Cow::Borrowed(picture);
         }
-        let held: Vec<usize> = (0..picture.rgba.len()).filter(|&pixel| self.holds(pixel)).collect();
+        let held: Vec<usize> = (0..picture.rgba.len())
+            .filter(|&pixel| self.holds(pixel))
+            .collect();
         let rgba = held.iter().map(|&pixel| picture.rgba[pixel]).collect();
         let covered = held.iter().map(|&pixel| picture.covered[pixel]).collect();
-        Cow::Owned(Picture { width: held.len(), height: 1, rgba, covered })
+        Cow::Owned(Picture {
+            width: held.len(),
+            height: 1,
+            rgba,
+            covered,
+        })
     }
 
     /// Bound and error of each covered pixel that was held.
     fn covered(&self) -> impl Iterator<Item = [f64; 2]> {
-        (0..self.bound.len()).filter(|&i| self.led.covered[i] && self.holds(i)).map(|i| [self.bound[i], self.error[i]])
+        (0..self.bound.len())
+            .filter(|&i| self.led.covered[i] && self.holds(i))
+            .map(|i| [self.bound[i], self.error[i]])
     }
 
     fn bound_summary(&self) -> BoundSummary {
@@ -97,9 +108,20 @@ impl Lockstep {
             values
         };
         let bounds = sorted(&mut self.covered().map(|[bound, _]| bound));
-        let ratios = sorted(&mut self.covered().map(|[bound, error]| if error > 0.0 { error / bound } else { 0.0 }));
-        let at = |values: &[f64], part: f64| values.get((part * values.len() as f64) as usize).copied().filter(|value| value.is_finite());
-        let share = |holds: &dyn Fn(&&f64) -> bool| bounds.iter().filter(holds).count() as f64 / bounds.len().max(1) as f64;
+        let ratios = sorted(
+            &mut self
+                .covered()
+                .map(|[bound, error]| if error > 0.0 { error / bound } else { 0.0 }),
+        );
+        let at = |values: &[f64], part: f64| {
+            values
+                .get((part * values.len() as f64) as usize)
+                .copied()
+                .filter(|value| value.is_finite())
+        };
+        let share = |holds: &dyn Fn(&&f64) -> bool| {
+            bounds.iter().filter(holds).count() as f64 / bounds.len().max(1) as f64
+        };
         BoundSummary {
             median: at(&bounds, 0.5),
             nine_in_ten: at(&bounds, 0.9),
@@ -110,7 +132,8 @@ impl Lockstep {
         }
     }
 
-    /// Where decisions flipped: a colour for each kind, on what `led` shows in grey; black where nothing was held.
+    /// Where decisions flipped: a colour for each kind, on what `led` shows in grey; black where
+    /// nothing was held.
     pub fn flip_picture(&self) -> Picture {
         const COLOURS: [[f64; 3]; KINDS.len()] = [
             [1.0, 1.0, 1.0],
@@ -135,7 +158,17 @@ impl Lockstep {
             let [r, g, b] = kind.map_or([grey; 3], |kind| COLOURS[kind]);
             [r, g, b, 1.0]
         };
-        Picture { rgba: self.led.rgba.iter().zip(&self.flipped).enumerate().map(pixel).collect(), ..self.led.clone() }
+        Picture {
+            rgba: self
+                .led
+                .rgba
+                .iter()
+                .zip(&self.flipped)
+                .enumerate()
+                .map(pixel)
+                .collect(),
+            ..self.led.clone()
+        }
     }
 
     /// Error over bound at every covered pixel; nothing may lie above the line.
@@ -146,13 +179,29 @@ impl Lockstep {
         // Two thousand pixels show the cloud; more would only hide it.
         let every = (self.covered().count() / 2000).max(1);
         let points = self.covered().step_by(every).map(point).collect();
-        let series = |name: &str, points, mark, colour| Series { name: name.into(), points, mark, colour };
+        let series = |name: &str, points, mark, colour| Series {
+            name: name.into(),
+            points,
+            mark,
+            colour,
+        };
         Panel {
             title: "|fixed − golden in lockstep| against its bound, pixel by pixel".into(),
             x: Axis::log("bound, linear light (all beyond 10 at 10)"),
             y: Axis::log("error, linear light"),
-            series: vec![series("pixels", points, Mark::Dots, 0), series("error = bound", vec![[1e-5, 1e-5], [1.0, 1.0]], Mark::Line, 1)],
-            limits: vec![(TELLING, "4/255".into(), 6), (1.0, "says nothing".into(), 6)],
+            series: vec![
+                series("pixels", points, Mark::Dots, 0),
+                series(
+                    "error = bound",
+                    vec![[1e-5, 1e-5], [1.0, 1.0]],
+                    Mark::Line,
+                    1,
+                ),
+            ],
+            limits: vec![
+                (TELLING, "4/255".into(), 6),
+                (1.0, "says nothing".into(), 6),
+            ],
             ..Panel::default()
         }
     }

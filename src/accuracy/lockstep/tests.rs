@@ -7,12 +7,28 @@ use crate::scene::Overrides;
 
 /// `reference` with these settings, held to the bounds of `reference` without them.
 fn pretending(settings: &[&str]) -> Lockstep {
-    let scene = Scene::load("glass-spheres", &Overrides { size: Some((96, 96)) }).unwrap();
-    let settings: Vec<String> = settings.iter().map(|setting| (*setting).to_owned()).collect();
-    let [drawn, claimed] = [&settings[..], &[]].map(|settings| machines::load("reference", settings).unwrap());
+    let scene = Scene::load(
+        "glass-spheres",
+        &Overrides {
+            size: Some((96, 96)),
+        },
+    )
+    .unwrap();
+    let settings: Vec<String> = settings
+        .iter()
+        .map(|setting| (*setting).to_owned())
+        .collect();
+    let [drawn, claimed] =
+        [&settings[..], &[]].map(|settings| machines::load("reference", settings).unwrap());
     let quantised = quantise(&scene, &claimed).unwrap();
     assert_eq!(quantised, quantise(&scene, &drawn).unwrap());
-    held_to(&scene, &fixed::elaborate(&drawn).unwrap(), &fixed::elaborate(&claimed).unwrap(), &quantised, Tiles::All)
+    held_to(
+        &scene,
+        &fixed::elaborate(&drawn).unwrap(),
+        &fixed::elaborate(&claimed).unwrap(),
+        &quantised,
+        Tiles::All,
+    )
 }
 
 #[test]
@@ -29,7 +45,10 @@ fn a_coarser_table_exceeds_the_bound() {
 #[test]
 fn coarser_pixel_positions_make_flips_that_nothing_explains() {
     let flips = pretending(&["project.pixel=I15F4"]).flips;
-    assert!(flips.unexplained > 100 && flips.coverage > flips.unexplained / 2, "{flips:?}");
+    assert!(
+        flips.unexplained > 100 && flips.coverage > flips.unexplained / 2,
+        "{flips:?}"
+    );
 }
 
 #[test]
@@ -40,13 +59,23 @@ fn coarser_depths_make_flips_that_nothing_explains() {
 
 #[test]
 fn a_weight_that_is_no_number_may_have_left_every_word() {
-    let limits = Limits::new(&machines::load("reference", &[]).unwrap(), Near::exact(0.999));
+    let limits = Limits::new(
+        &machines::load("reference", &[]).unwrap(),
+        Near::exact(0.999),
+    );
     let attributes = &[Near::exact(0.5); ATTRIBUTES];
     // Of these sums none but that of weights is anything but small.
     let overflows = |weight: f64, error: f64| {
         let arrival = Arrival {
-            golden: Fragment { weight, alpha: 0.25, ..Fragment::default() },
-            weight: Near { value: weight, error },
+            golden: Fragment {
+                weight,
+                alpha: 0.25,
+                ..Fragment::default()
+            },
+            weight: Near {
+                value: weight,
+                error,
+            },
             attributes,
             filled: limits.filled(attributes),
             held_depth: 0,
@@ -67,12 +96,21 @@ fn what_is_no_number_violates_every_bound() {
     assert!(!violates(held, [right; 4]));
     assert_eq!(judged([0.5, 0.75, 0.5, 0.5], [right; 4])[0], 0.25);
     // No bound is no claim.
-    assert!(!violates(held, [Near { value: 0.5, error: f64::INFINITY }; 4]));
+    assert!(!violates(
+        held,
+        [Near {
+            value: 0.5,
+            error: f64::INFINITY
+        }; 4]
+    ));
     for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         for channel in 0..4 {
             let mut near = [right; 4];
             // As `around` makes it: no bound.
-            near[channel] = Near { value: wrong, error: f64::INFINITY };
+            near[channel] = Near {
+                value: wrong,
+                error: f64::INFINITY,
+            };
             assert!(violates(held, near), "{wrong}");
             assert_eq!(judged(held, near), [f64::INFINITY; 2]);
         }
@@ -85,5 +123,12 @@ fn what_is_no_number_violates_every_bound() {
     let fixed = frame.led.clone();
     frame.led.rgba[17][1] = f64::NAN;
     let summary = frame.summary(&fixed);
-    assert_eq!((summary.bound_violations, summary.not_finite, summary.psnr_db), (1, 1, Some(0.0)));
+    assert_eq!(
+        (
+            summary.bound_violations,
+            summary.not_finite,
+            summary.psnr_db
+        ),
+        (1, 1, Some(0.0))
+    );
 }

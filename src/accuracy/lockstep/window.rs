@@ -1,10 +1,13 @@
-//! Window: one pixel of `golden` grouped by windows, led by the machine's decisions, with what the machine's may be off by.
+//! Window: one pixel of `golden` grouped by windows, led by the machine's decisions, with what the
+//! machine's may be off by.
 //!
-//! All that the machine decides by depths alone is known here, for its depth words are: which surface is late, what lies inside, the order.
-//! What it decides by sums (windows, what is seen through them) it tells.
+//! All that the machine decides by depths alone is known here, for its depth words are: which
+//! surface is late, what lies inside, the order. What it decides by sums (windows, what is seen
+//! through them) it tells.
 //!
-//! Every decision is also asked of `golden`, on the same slots; where that would do otherwise it is a flip, explained if a number that
-//! either decision hangs on lies within its bound of its threshold.
+//! Every decision is also asked of `golden`, on the same slots; where that would do otherwise it is
+//! a flip, explained if a number that either decision hangs on lies within its bound of its
+//! threshold.
 
 use super::Flips;
 use super::pixel::{Arrival, Bounds, Common, OPACITY, loss};
@@ -118,9 +121,13 @@ impl Slot {
 
     /// With another behind it; golden has both already.
     fn join(&mut self, common: &Common, other: &Slot, golden: &Open) {
-        self.bounds.join(&common.limits, &other.bounds, &golden.sums);
+        self.bounds
+            .join(&common.limits, &other.bounds, &golden.sums);
         self.depth_error += other.depth_error;
-        self.depths = [self.depths[0].min(other.depths[0]), self.depths[1].max(other.depths[1])];
+        self.depths = [
+            self.depths[0].min(other.depths[0]),
+            self.depths[1].max(other.depths[1]),
+        ];
         for side in 0..2 {
             let ([near, far], [other_near, other_far]) = (self.held[side], other.held[side]);
             self.held[side] = [near.min(other_near), far.max(other_far)];
@@ -149,10 +156,20 @@ impl Slot {
         let least = golden.sums.weight - error;
         let spread = (self.depths[1] - mean).max(mean - self.depths[0]).max(0.0);
         let fit = common.machine.fragment.depth_sum_fit().word;
-        let off = error * spread + self.depth_error + self.bounds.count * (loss(fit) + mean.abs() * common.limits.weight_loss());
+        let off = error * spread
+            + self.depth_error
+            + self.bounds.count * (loss(fit) + mean.abs() * common.limits.weight_loss());
         let most = mean * golden.sums.weight + off + error * mean.abs();
-        let outruns = self.bounds.overflowed || most.is_nan() || most > fit.format.value(fit.format.max());
-        Near::within(mean, if outruns || least <= 0.0 { f64::INFINITY } else { off / least })
+        let outruns =
+            self.bounds.overflowed || most.is_nan() || most > fit.format.value(fit.format.max());
+        Near::within(
+            mean,
+            if outruns || least <= 0.0 {
+                f64::INFINITY
+            } else {
+                off / least
+            },
+        )
     }
 }
 
@@ -168,22 +185,50 @@ impl WindowPixel {
     }
 
     /// Takes a contribution as the machine took it; tells how `golden` would have differed.
-    pub fn take(&mut self, rules: &WindowRules, common: &Common, arrival: &Arrival, own: &Own, decision: Decision, flips: &mut Flips) {
+    pub fn take(
+        &mut self,
+        rules: &WindowRules,
+        common: &Common,
+        arrival: &Arrival,
+        own: &Own,
+        decision: Decision,
+        flips: &mut Flips,
+    ) {
         self.ask(rules, arrival, decision, flips);
         match decision {
             Decision::Accumulated(slot) => {
-                let (Layer::Open(open), slot) = (&mut self.layers[usize::from(slot)], &mut self.slots[usize::from(slot)]) else { return };
+                let (Layer::Open(open), slot) = (
+                    &mut self.layers[usize::from(slot)],
+                    &mut self.slots[usize::from(slot)],
+                ) else {
+                    return;
+                };
                 open.add(&arrival.golden);
                 slot.add(common, arrival, open);
             }
-            Decision::Late(slot, side) => self.add_late(rules, common, usize::from(slot), side, arrival, own),
+            Decision::Late(slot, side) => {
+                self.add_late(rules, common, usize::from(slot), side, arrival, own)
+            }
             Decision::Inside(slot) => {
                 let single = rules.single(arrival, own);
                 let x = Window::splat_inside(&own.arrival(arrival));
-                let light = common.machine.fragment.real_splat_inside(&single, own.opacity, &rules.words.registers, &rules.words.tables);
+                let light = common.machine.fragment.real_splat_inside(
+                    &single,
+                    own.opacity,
+                    &rules.words.registers,
+                    &rules.words.tables,
+                );
                 let x_light = around(light, x.colour);
                 let ends = [arrival.held_depth; 2];
-                self.put_inside(common, usize::from(slot), &x, x_light, ends, [arrival.depth(); 2], flips);
+                self.put_inside(
+                    common,
+                    usize::from(slot),
+                    &x,
+                    x_light,
+                    ends,
+                    [arrival.depth(); 2],
+                    flips,
+                );
             }
             Decision::Inserted(_) => {
                 self.insert(common, arrival, flips);
@@ -203,16 +248,38 @@ impl WindowPixel {
             _ => (None, None, None),
         };
         let open = rule.taker(z, &self.layers);
-        let late = if open.is_none() && rule.late { rule.late_for(z, &self.layers) } else { None };
-        let late = late.map(|(slot, side)| (slot, if side == GoldenSide::Front { Side::Front } else { Side::Back }));
-        let inside = if open.is_none() && late.is_none() && rule.inside { rule.around(z, &self.layers) } else { None };
+        let late = if open.is_none() && rule.late {
+            rule.late_for(z, &self.layers)
+        } else {
+            None
+        };
+        let late = late.map(|(slot, side)| {
+            (
+                slot,
+                if side == GoldenSide::Front {
+                    Side::Front
+                } else {
+                    Side::Back
+                },
+            )
+        });
+        let inside = if open.is_none() && late.is_none() && rule.inside {
+            rule.around(z, &self.layers)
+        } else {
+            None
+        };
         let wanted = (open, late, inside);
         if taken == wanted {
             return;
         }
-        let asked = [taken, wanted].map(|(open, late, inside)| open.or(late.map(|(slot, _)| slot)).or(inside));
-        let hangs = asked.into_iter().flatten().any(|slot| self.hangs(rules, arrival, slot));
-        let explained = hangs || self.are_as_near(arrival, [taken.0, wanted.0], [taken.1, wanted.1]);
+        let asked = [taken, wanted]
+            .map(|(open, late, inside)| open.or(late.map(|(slot, _)| slot)).or(inside));
+        let hangs = asked
+            .into_iter()
+            .flatten()
+            .any(|slot| self.hangs(rules, arrival, slot));
+        let explained =
+            hangs || self.are_as_near(arrival, [taken.0, wanted.0], [taken.1, wanted.1]);
         if taken.0 != wanted.0 {
             flips.slot(explained);
         } else if taken.1 != wanted.1 {
@@ -225,37 +292,74 @@ impl WindowPixel {
     /// Whether what a slot does with a depth hangs on less than the depths' bounds.
     fn hangs(&self, rules: &WindowRules, arrival: &Arrival, slot: usize) -> bool {
         let (slot, z) = (&self.slots[slot], arrival.depth());
-        let narrow = |[near, far]: [Near; 2], limit: Near| (far.max(z) - near.min(z)).may_cross(limit);
+        let narrow =
+            |[near, far]: [Near; 2], limit: Near| (far.max(z) - near.min(z)).may_cross(limit);
         let at_an_end = slot.ends.iter().flatten().any(|end| z.may_cross(*end));
-        let reach = if slot.is_open() { rules.words.reach } else { rules.epsilon };
+        let reach = if slot.is_open() {
+            rules.words.reach
+        } else {
+            rules.epsilon
+        };
         at_an_end || slot.ends.iter().any(|span| narrow(*span, reach))
     }
 
     /// Whether two open slots, or two surfaces of closed ones, may be equally near to a depth.
-    fn are_as_near(&self, arrival: &Arrival, open: [Option<usize>; 2], late: [Option<(usize, Side)>; 2]) -> bool {
+    fn are_as_near(
+        &self,
+        arrival: &Arrival,
+        open: [Option<usize>; 2],
+        late: [Option<(usize, Side)>; 2],
+    ) -> bool {
         let z = arrival.depth();
         let gap = |[near, far]: [Near; 2]| (near - z).max(z - far).max(Near::exact(0.0));
         let spans = match (open, late) {
             ([Some(a), Some(b)], _) => [self.slots[a].ends[0], self.slots[b].ends[0]],
-            (_, [Some(a), Some(b)]) => [a, b].map(|(slot, side)| self.slots[slot].ends[usize::from(side == Side::Back)]),
+            (_, [Some(a), Some(b)]) => {
+                [a, b].map(|(slot, side)| self.slots[slot].ends[usize::from(side == Side::Back)])
+            }
             _ => return false,
         };
         gap(spans[0]).may_cross(gap(spans[1]))
     }
 
-    fn add_late(&mut self, rules: &WindowRules, common: &Common, slot: usize, side: Side, arrival: &Arrival, own: &Own) {
-        let Layer::Closed(golden) = &mut self.layers[slot] else { return };
+    fn add_late(
+        &mut self,
+        rules: &WindowRules,
+        common: &Common,
+        slot: usize,
+        side: Side,
+        arrival: &Arrival,
+        own: &Own,
+    ) {
+        let Layer::Closed(golden) = &mut self.layers[slot] else {
+            return;
+        };
         let slot = &mut self.slots[slot];
         let Some(near) = &mut slot.closed else { return };
-        let (of_golden, number) = if side == Side::Front { (GoldenSide::Front, 0) } else { (GoldenSide::Back, 1) };
-        rules.rule.add_late(golden, of_golden, &own.arrival(arrival));
-        common.machine.fragment.real_late(near, number, &rules.single(arrival, own), common.coverage_threshold);
+        let (of_golden, number) = if side == Side::Front {
+            (GoldenSide::Front, 0)
+        } else {
+            (GoldenSide::Back, 1)
+        };
+        rules
+            .rule
+            .add_late(golden, of_golden, &own.arrival(arrival));
+        common.machine.fragment.real_late(
+            near,
+            number,
+            &rules.single(arrival, own),
+            common.coverage_threshold,
+        );
         *near = near_to(near, golden);
         slot.span(number, arrival);
     }
 
-    /// Puts something inside of a closed slot, with its ends as the machine has them and as numbers.
-    #[expect(clippy::too_many_arguments, reason = "the same thing in golden and on the machine")]
+    /// Puts something inside of a closed slot, with its ends as the machine has them and as
+    /// numbers.
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "the same thing in golden and on the machine"
+    )]
     fn put_inside(
         &mut self,
         common: &Common,
@@ -266,7 +370,9 @@ impl WindowPixel {
         ends: [Near; 2],
         flips: &mut Flips,
     ) {
-        let Layer::Closed(golden) = &mut self.layers[slot] else { return };
+        let Layer::Closed(golden) = &mut self.layers[slot] else {
+            return;
+        };
         let slot = &mut self.slots[slot];
         let Some(near) = &mut slot.closed else { return };
         let nearer_the_back = held[0] + held[1] >= slot.held[0][1] + slot.held[1][0];
@@ -274,11 +380,15 @@ impl WindowPixel {
             flips.inside((ends[0] + ends[1]).may_cross(slot.ends[0][1] + slot.ends[1][0]));
         }
         golden.put_inside_at(x, nearer_the_back);
-        common.machine.fragment.real_put_inside(near, light, nearer_the_back);
+        common
+            .machine
+            .fragment
+            .real_put_inside(near, light, nearer_the_back);
         *near = near_to(near, golden);
     }
 
-    /// Brings the slots into the machine's order, and asks whether it is golden's; whether any two may stand otherwise.
+    /// Brings the slots into the machine's order, and asks whether it is golden's; whether any two
+    /// may stand otherwise.
     fn sort(&mut self, flips: &mut Flips) -> bool {
         let mut order: Vec<usize> = (0..self.slots.len()).collect();
         order.sort_by_key(|&slot| self.slots[slot].near());
@@ -302,13 +412,19 @@ impl WindowPixel {
     /// A slot of its own; says where, and whether the order is in doubt.
     fn insert(&mut self, common: &Common, arrival: &Arrival, flips: &mut Flips) -> (usize, bool) {
         self.sort(&mut Flips::default());
-        let place = self.slots.iter().filter(|slot| slot.near() <= arrival.held_depth).count();
-        self.layers.insert(place, Layer::Open(Open::new(arrival.golden)));
+        let place = self
+            .slots
+            .iter()
+            .filter(|slot| slot.near() <= arrival.held_depth)
+            .count();
+        self.layers
+            .insert(place, Layer::Open(Open::new(arrival.golden)));
         self.slots.insert(place, Slot::new(common, arrival));
         (place, self.ask_for_order(flips))
     }
 
-    /// What is seen of each slot, as the machine may have it, given golden's windows; and whether any window may be another.
+    /// What is seen of each slot, as the machine may have it, given golden's windows; and whether
+    /// any window may be another.
     fn seen(&self, rules: &WindowRules, common: &Common, windows: &[Seen]) -> (Vec<Near>, bool) {
         let fragment = &common.machine.fragment;
         let mut through = Near::exact(1.0);
@@ -319,7 +435,9 @@ impl WindowPixel {
             let slot = &self.slots[place];
             if let (Layer::Open(open), Some((_, of_window))) = (layer, &window) {
                 let start = of_window.ends[0][0];
-                doubt |= slot.mean_depth(common, open, rules.scale).may_cross(start + rules.epsilon);
+                doubt |= slot
+                    .mean_depth(common, open, rules.scale)
+                    .may_cross(start + rules.epsilon);
             }
             if windows[place].first == place
                 && let Some((open, slot)) = window.take()
@@ -338,9 +456,15 @@ impl WindowPixel {
             }
             let mut seen_here = through;
             for before in &self.slots[..place] {
-                let Some(closed) = &before.closed else { continue };
+                let Some(closed) = &before.closed else {
+                    continue;
+                };
                 let rest = || fragment.real_rest(common.machine.real_read(closed.light)[3]);
-                let behind = if slot.near() < before.far() { closed.through[0] } else { rest() };
+                let behind = if slot.near() < before.far() {
+                    closed.through[0]
+                } else {
+                    rest()
+                };
                 seen_here = fragment.real_through_closed(seen_here, behind);
                 doubt |= slot.ends[0][0].may_cross(before.ends[1][1]);
             }
@@ -350,7 +474,14 @@ impl WindowPixel {
     }
 
     /// One too many: does with it what the machine did.
-    fn overflow(&mut self, rules: &WindowRules, common: &Common, arrival: &Arrival, decision: Decision, flips: &mut Flips) {
+    fn overflow(
+        &mut self,
+        rules: &WindowRules,
+        common: &Common,
+        arrival: &Arrival,
+        decision: Decision,
+        flips: &mut Flips,
+    ) {
         let (_, order_unsure) = self.insert(common, arrival, flips);
         let deepest = self.layers.len() - 1;
         let mut windows = Vec::new();
@@ -361,13 +492,28 @@ impl WindowPixel {
         let evicts = rules.evict_hidden && windows[deepest].transmittance == 0.0;
         let evicted = matches!(decision, Decision::Evicted(_));
         if evicts != evicted {
-            flips.eviction(unsure || places(seen[deepest].low()).is_some() != places(seen[deepest].high()).is_some());
+            flips.eviction(
+                unsure
+                    || places(seen[deepest].low()).is_some()
+                        != places(seen[deepest].high()).is_some(),
+            );
         } else if !evicted {
-            let wanted = rules.rule.sums.then(|| rules.rule.pair_to_sum(&self.layers, &windows)).flatten();
-            let taken = if let Decision::Summed(front, _) = decision { Some(usize::from(front)) } else { None };
+            let wanted = rules
+                .rule
+                .sums
+                .then(|| rules.rule.pair_to_sum(&self.layers, &windows))
+                .flatten();
+            let taken = if let Decision::Summed(front, _) = decision {
+                Some(usize::from(front))
+            } else {
+                None
+            };
             if wanted != taken {
                 // What the two pairs cost hangs on what is seen of their fronts.
-                let split = [wanted, taken].into_iter().flatten().any(|front| is_split(&seen[front]));
+                let split = [wanted, taken]
+                    .into_iter()
+                    .flatten()
+                    .any(|front| is_split(&seen[front]));
                 flips.sum(unsure || split || self.may_sum_others(rules, &windows, wanted, taken));
             }
         }
@@ -381,24 +527,54 @@ impl WindowPixel {
     }
 
     /// Whether one of two pairs may be too wide to be summed, or they may cost the same.
-    fn may_sum_others(&self, rules: &WindowRules, windows: &[Seen], a: Option<usize>, b: Option<usize>) -> bool {
+    fn may_sum_others(
+        &self,
+        rules: &WindowRules,
+        windows: &[Seen],
+        a: Option<usize>,
+        b: Option<usize>,
+    ) -> bool {
         let epsilon = rules.epsilon;
         let union = |front: usize| {
-            let ([near, far], other) = ([self.slots[front].ends[0][0], self.slots[front].ends[1][1]], self.slots[front + 1].ends[1][1]);
+            let ([near, far], other) = (
+                [self.slots[front].ends[0][0], self.slots[front].ends[1][1]],
+                self.slots[front + 1].ends[1][1],
+            );
             (far.max(other) - near, far.max(other))
         };
         let cost = |front: usize| {
-            let ((width, far), Seen { first, transmittance, .. }) = (union(front), windows[front]);
+            let (
+                (width, far),
+                Seen {
+                    first,
+                    transmittance,
+                    ..
+                },
+            ) = (union(front), windows[front]);
             let start = self.slots[first].ends[0][0];
             let of_one = first == windows[front + 1].first;
-            (if of_one { width * (epsilon + far - start) } else { (epsilon * epsilon).times(2.0) }).times(transmittance)
+            (if of_one {
+                width * (epsilon + far - start)
+            } else {
+                (epsilon * epsilon).times(2.0)
+            })
+            .times(transmittance)
         };
-        let wide = [a, b].into_iter().flatten().any(|front| union(front).0.may_cross(epsilon));
-        wide || if let (Some(a), Some(b)) = (a, b) { cost(a).may_cross(cost(b)) } else { false }
+        let wide = [a, b]
+            .into_iter()
+            .flatten()
+            .any(|front| union(front).0.may_cross(epsilon));
+        wide || if let (Some(a), Some(b)) = (a, b) {
+            cost(a).may_cross(cost(b))
+        } else {
+            false
+        }
     }
 
     fn sum(&mut self, common: &Common, front: usize) {
-        let (Layer::Open(a), Layer::Open(b)) = (self.layers[front], self.layers[front + 1]) else { return };
+        let (Layer::Open(a), Layer::Open(b)) = (self.layers[front], self.layers[front + 1]) else {
+            return;
+        };
         let whole = a.with(&b);
         let other = self.slots.remove(front + 1);
         self.layers.remove(front + 1);
@@ -412,7 +588,10 @@ impl WindowPixel {
         let Pair { golden, near } = self.closed(common, front);
         self.layers[front] = Layer::Closed(golden);
         self.slots[front].closed = Some(near);
-        let ends = [self.slots[front + 1].ends[0][0], self.slots[front + 1].ends[1][1]];
+        let ends = [
+            self.slots[front + 1].ends[0][0],
+            self.slots[front + 1].ends[1][1],
+        ];
         let held = [self.slots[front + 1].near(), self.slots[front + 1].far()];
         if inside != (common.rules.window.inside && golden.encloses(&back.golden)) {
             let own = &self.slots[front];
@@ -428,7 +607,9 @@ impl WindowPixel {
 
     fn put_behind(&mut self, common: &Common, front: usize, back: &Pair, flips: &mut Flips) {
         let behind = self.slots[front + 1].clone();
-        let Layer::Closed(golden) = &mut self.layers[front] else { return };
+        let Layer::Closed(golden) = &mut self.layers[front] else {
+            return;
+        };
         let slot = &mut self.slots[front];
         let is_farther = behind.far() > slot.far();
         let unsure = behind.ends[1][1].may_cross(slot.ends[1][1]);
@@ -437,7 +618,10 @@ impl WindowPixel {
             flips.order(unsure);
         }
         golden.put_over_as(&back.golden, is_farther);
-        common.machine.fragment.real_put_behind(near, &back.near, is_farther);
+        common
+            .machine
+            .fragment
+            .real_put_behind(near, &back.near, is_farther);
         *near = near_to(near, golden);
         if is_farther {
             (slot.held[1], slot.ends[1]) = (behind.held[1], behind.ends[1]);
@@ -448,25 +632,53 @@ impl WindowPixel {
     fn closed(&self, common: &Common, place: usize) -> Pair {
         let slot = &self.slots[place];
         match (&self.layers[place], &slot.closed) {
-            (Layer::Closed(golden), Some(near)) => Pair { golden: *golden, near: *near },
+            (Layer::Closed(golden), Some(near)) => Pair {
+                golden: *golden,
+                near: *near,
+            },
             (Layer::Open(open), _) => {
-                let golden = Closed::of_one(common.shader.premultiplied(&open.sums), Part { span: open.span, weight: open.sums.weight });
+                let golden = Closed::of_one(
+                    common.shader.premultiplied(&open.sums),
+                    Part {
+                        span: open.span,
+                        weight: open.sums.weight,
+                    },
+                );
                 let sums = slot.bounds.sums(common, &open.sums);
-                let shaded = around(common.machine.real_shade(&common.lighting, &sums), golden.colour);
+                let shaded = around(
+                    common.machine.real_shade(&common.lighting, &sums),
+                    golden.colour,
+                );
                 let near = common.machine.fragment.real_closed(shaded, sums.weight);
-                Pair { golden, near: near_to(&near, &golden) }
+                Pair {
+                    golden,
+                    near: near_to(&near, &golden),
+                }
             }
-            (Layer::Closed(golden), None) => Pair { golden: *golden, near: unknown() },
+            (Layer::Closed(golden), None) => Pair {
+                golden: *golden,
+                near: unknown(),
+            },
         }
     }
 
-    /// The pixel over the background, its windows starting where the machine's do; and the bound on the machine's.
-    pub fn resolve(&mut self, rules: &WindowRules, common: &Common, flips: &mut Flips) -> [Near; 4] {
+    /// The pixel over the background, its windows starting where the machine's do; and the bound on
+    /// the machine's.
+    pub fn resolve(
+        &mut self,
+        rules: &WindowRules,
+        common: &Common,
+        flips: &mut Flips,
+    ) -> [Near; 4] {
         self.sort(flips);
-        let mut starts: Vec<bool> = (0..self.layers.len()).map(|place| self.starts >> place & 1 == 1).collect();
+        let mut starts: Vec<bool> = (0..self.layers.len())
+            .map(|place| self.starts >> place & 1 == 1)
+            .collect();
         let mut place = 0;
         while place < self.layers.len() {
-            let next = (place + 1..starts.len()).find(|at| starts[*at]).unwrap_or(starts.len());
+            let next = (place + 1..starts.len())
+                .find(|at| starts[*at])
+                .unwrap_or(starts.len());
             self.ask_for_window(rules, common, place, next, flips);
             (place + 1..next).for_each(|_| self.sum_ahead(common, place));
             starts.drain(place + 1..next);
@@ -477,10 +689,15 @@ impl WindowPixel {
                 let ends = [self.slots[place].ends[0][0], self.slots[place].ends[1][1]];
                 let held = [self.slots[place].near(), self.slots[place].far()];
                 let last = &self.slots[place - 1];
-                let inside = rules.rule.inside && last.held[0][1] < held[0] && held[1] < last.held[1][1];
-                let Layer::Closed(golden) = &self.layers[place - 1] else { return [Near::exact(f64::NAN); 4] };
+                let inside =
+                    rules.rule.inside && last.held[0][1] < held[0] && held[1] < last.held[1][1];
+                let Layer::Closed(golden) = &self.layers[place - 1] else {
+                    return [Near::exact(f64::NAN); 4];
+                };
                 if inside != (rules.rule.inside && golden.encloses(&window.golden)) {
-                    flips.inside(last.ends[0][1].may_cross(ends[0]) || last.ends[1][1].may_cross(ends[1]));
+                    flips.inside(
+                        last.ends[0][1].may_cross(ends[0]) || last.ends[1][1].may_cross(ends[1]),
+                    );
                 }
                 if inside {
                     let light = common.machine.real_read(window.near.light);
@@ -501,7 +718,10 @@ impl WindowPixel {
             }
         }
         let exact = over(front, DVec4::from_array(common.shader.background()));
-        around(common.machine.real_resolve(&lights, common.background), exact)
+        around(
+            common.machine.real_resolve(&lights, common.background),
+            exact,
+        )
     }
 
     /// Adds the slot behind to one, whatever their distance.
@@ -516,13 +736,29 @@ impl WindowPixel {
     }
 
     /// Whether golden's windows would have ended where the machine's did.
-    fn ask_for_window(&self, rules: &WindowRules, common: &Common, first: usize, end: usize, flips: &mut Flips) {
+    fn ask_for_window(
+        &self,
+        rules: &WindowRules,
+        common: &Common,
+        first: usize,
+        end: usize,
+        flips: &mut Flips,
+    ) {
         let start = self.slots[first].ends[0][0];
         for place in first + 1..(end + 1).min(self.layers.len()) {
-            let (Layer::Open(_), Layer::Open(next)) = (&self.layers[first], &self.layers[place]) else { return };
-            let joins = rules.rule.is_of_window(self.layers[first].near(), &self.layers[place]);
+            let (Layer::Open(_), Layer::Open(next)) = (&self.layers[first], &self.layers[place])
+            else {
+                return;
+            };
+            let joins = rules
+                .rule
+                .is_of_window(self.layers[first].near(), &self.layers[place]);
             if joins != (place < end) {
-                flips.window(self.slots[place].mean_depth(common, next, rules.scale).may_cross(start + rules.epsilon));
+                flips.window(
+                    self.slots[place]
+                        .mean_depth(common, next, rules.scale)
+                        .may_cross(start + rules.epsilon),
+                );
             }
         }
     }
@@ -530,23 +766,49 @@ impl WindowPixel {
 
 impl WindowRules<'_> {
     fn single(&self, arrival: &Arrival, own: &Own) -> Single<Near> {
-        Single { weight: arrival.weight, opacity: arrival.attributes[OPACITY], light: own.light }
+        Single {
+            weight: arrival.weight,
+            opacity: arrival.attributes[OPACITY],
+            light: own.light,
+        }
     }
 }
 
 impl Own {
     fn arrival(&self, arrival: &Arrival) -> window::Arrival {
-        window::Arrival { sums: arrival.golden, colour: self.golden, opacity: self.opacity }
+        window::Arrival {
+            sums: arrival.golden,
+            colour: self.golden,
+            opacity: self.opacity,
+        }
     }
 }
 
 impl Slot {
     /// Opacity of an open one, as step 4 has it.
     fn opacity(&self, common: &Common, golden: &Open) -> Near {
-        let known = |error: f64| if self.bounds.overflowed { f64::INFINITY } else { error };
-        let weight = Near::within(golden.sums.weight, known(self.bounds.weight_error(&common.limits)));
-        let opacity = Near::within(golden.sums.alpha, known(self.bounds.sum_error(OPACITY, 0.0, common.limits.attribute_loss(OPACITY))));
-        common.machine.fragment.real_window_opacity(weight, opacity, common.coverage_threshold)
+        let known = |error: f64| {
+            if self.bounds.overflowed {
+                f64::INFINITY
+            } else {
+                error
+            }
+        };
+        let weight = Near::within(
+            golden.sums.weight,
+            known(self.bounds.weight_error(&common.limits)),
+        );
+        let opacity = Near::within(
+            golden.sums.alpha,
+            known(
+                self.bounds
+                    .sum_error(OPACITY, 0.0, common.limits.attribute_loss(OPACITY)),
+            ),
+        );
+        common
+            .machine
+            .fragment
+            .real_window_opacity(weight, opacity, common.coverage_threshold)
     }
 }
 
@@ -554,8 +816,14 @@ impl Slot {
 fn near_to(near: &real::Closed<Near>, golden: &Closed) -> real::Closed<Near> {
     real::Closed {
         light: around(near.light, golden.colour),
-        weights: [near.weights[0].around(golden.front.weight), near.weights[1].around(golden.back.weight)],
-        through: [near.through[0].around(golden.behind_front), near.through[1].around(golden.before_back)],
+        weights: [
+            near.weights[0].around(golden.front.weight),
+            near.weights[1].around(golden.back.weight),
+        ],
+        through: [
+            near.through[0].around(golden.behind_front),
+            near.through[1].around(golden.before_back),
+        ],
     }
 }
 
@@ -565,6 +833,13 @@ fn around(near: [Near; 4], exact: DVec4) -> [Near; 4] {
 
 /// A slot of which nothing is known.
 fn unknown() -> real::Closed<Near> {
-    let unknown = Near { value: 0.0, error: f64::INFINITY };
-    real::Closed { light: [unknown; 4], weights: [unknown; 2], through: [unknown; 2] }
+    let unknown = Near {
+        value: 0.0,
+        error: f64::INFINITY,
+    };
+    real::Closed {
+        light: [unknown; 4],
+        weights: [unknown; 2],
+        through: [unknown; 2],
+    }
 }

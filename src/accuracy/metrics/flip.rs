@@ -1,11 +1,13 @@
-//! FLIP: how large the difference of two pictures looks to a viewer who flips between them, 0 to 1 (Andersson, Nilsson, Akenine-Möller, Oskarsson,
-//! Åström, Fairchild: *FLIP: A Difference Evaluator for Alternating Images*, HPG 2020), mean over the pixels, of sRGB code values.
+//! FLIP: how large the difference of two pictures looks to a viewer who flips between them, 0 to 1
+//! (Andersson, Nilsson, Akenine-Möller, Oskarsson, Åström, Fairchild: *FLIP: A Difference Evaluator
+//! for Alternating Images*, HPG 2020), mean over the pixels, of sRGB code values.
 //!
 //! ```text
 //! sRGB ─► Y Cx Cz ─┬─► contrast sensitivity ─► linear RGB, clamped ─► L*a*b*, Hunt ─► HyAB ─► remapped ─► colour ─┐
 //!                  └─► grey ─► edges, points ──────────────────────────────────────────────────────────► feature ─┴─► colour^(1 − feature)
 //! ```
-//! All filters are separable; beyond the border a picture's outermost pixels go on. Checked against the authors' `flip-evaluator` 1.7.
+//! All filters are separable; beyond the border a picture's outermost pixels go on. Checked against
+//! the authors' `flip-evaluator` 1.7.
 
 use std::ops::Range;
 use std::sync::LazyLock;
@@ -15,16 +17,19 @@ use rayon::prelude::*;
 use crate::output::colour::srgb_decode;
 use crate::output::picture::Picture;
 
-/// Pixels per degree of the viewer's field of view: a picture on a screen of 3840 pixels, 0.7 m wide, seen from 0.7 m (the paper's default).
+/// Pixels per degree of the viewer's field of view: a picture on a screen of 3840 pixels, 0.7 m
+/// wide, seen from 0.7 m (the paper's default).
 pub const PIXELS_PER_DEGREE: f64 = 3840.0 * std::f64::consts::PI / 180.0;
 
-/// Sums of Gaussians that model the contrast sensitivity of Y, Cx and Cz: amplitude and width, degree² (the paper's table 1).
+/// Sums of Gaussians that model the contrast sensitivity of Y, Cx and Cz: amplitude and width,
+/// degree² (the paper's table 1).
 const SENSITIVITY_Y: [f64; 2] = [1.0, 0.0047];
 const SENSITIVITY_CX: [f64; 2] = [1.0, 0.0053];
 const SENSITIVITY_CZ: [[f64; 2]; 2] = [[34.1, 0.04], [13.5, 0.025]];
 /// Width of the features that are looked for, degrees.
 const FEATURE_DEGREES: f64 = 0.082;
-/// Exponents of the colour's and of the feature's difference, and where the colour's is bent: this part of the greatest becomes that value.
+/// Exponents of the colour's and of the feature's difference, and where the colour's is bent: this
+/// part of the greatest becomes that value.
 const COLOUR_EXPONENT: f64 = 0.7;
 const FEATURE_EXPONENT: f64 = 0.5;
 const BEND: [f64; 2] = [0.4, 0.95];
@@ -34,7 +39,8 @@ const WHITE: [f64; 3] = [0.950_428_545, 1.0, 1.088_900_371];
 /// Rows that a thread filters at a time.
 const BAND: usize = 64;
 
-/// Filters' weights at one place: of Y, of Cx, of the two Gaussians of Cz, and for features a Gaussian and its first and second derivative.
+/// Filters' weights at one place: of Y, of Cx, of the two Gaussians of Cz, and for features a
+/// Gaussian and its first and second derivative.
 type Tap = [f64; 7];
 
 struct Filters {
@@ -59,11 +65,26 @@ impl Filters {
             let x = at as f64 - radius as f64;
             let degrees = x / PIXELS_PER_DEGREE;
             let bell = |width: f64| libm::exp(-pi * pi * degrees * degrees / width);
-            // A sum of two Gaussians is no product: each passes along both axes by itself, with the root of its amplitude.
-            let cz = |[amplitude, width]: [f64; 2]| (amplitude * (pi / width).sqrt()).sqrt() * bell(width);
-            let smooth = if x.abs() <= feature_radius { libm::exp(-x * x / (2.0 * sigma_px * sigma_px)) } else { 0.0 };
+            // A sum of two Gaussians is no product: each passes along both axes by itself, with the
+            // root of its amplitude.
+            let cz = |[amplitude, width]: [f64; 2]| {
+                (amplitude * (pi / width).sqrt()).sqrt() * bell(width)
+            };
+            let smooth = if x.abs() <= feature_radius {
+                libm::exp(-x * x / (2.0 * sigma_px * sigma_px))
+            } else {
+                0.0
+            };
             let (edge, point) = (-x * smooth, (x * x / (sigma_px * sigma_px) - 1.0) * smooth);
-            [bell(SENSITIVITY_Y[1]), bell(SENSITIVITY_CX[1]), cz(SENSITIVITY_CZ[0]), cz(SENSITIVITY_CZ[1]), smooth, edge, point]
+            [
+                bell(SENSITIVITY_Y[1]),
+                bell(SENSITIVITY_CX[1]),
+                cz(SENSITIVITY_CZ[0]),
+                cz(SENSITIVITY_CZ[1]),
+                smooth,
+                edge,
+                point,
+            ]
         };
         let taps: Vec<Tap> = (0..=2 * radius).map(tap).collect();
         let sum = |nth: usize| taps.iter().map(|tap| tap[nth]).sum::<f64>();
@@ -71,21 +92,45 @@ impl Filters {
         let negative = |nth: usize| taps.iter().map(|tap| (-tap[nth]).max(0.0)).sum::<f64>();
         let cz = (sum(2) * sum(2) + sum(3) * sum(3)).sqrt();
         // Positive and negative weights of a derivative each sum to 1.
-        let derivative = |value: f64, nth: usize| value / if value > 0.0 { positive(nth) } else { negative(nth) };
+        let derivative = |value: f64, nth: usize| {
+            value
+                / if value > 0.0 {
+                    positive(nth)
+                } else {
+                    negative(nth)
+                }
+        };
         let normal = |[y, cx, one, other, smooth, edge, point]: &Tap| {
-            [y / sum(0), cx / sum(1), one / cz, other / cz, smooth / sum(4), derivative(*edge, 5), derivative(*point, 6)]
+            [
+                y / sum(0),
+                cx / sum(1),
+                one / cz,
+                other / cz,
+                smooth / sum(4),
+                derivative(*edge, 5),
+                derivative(*point, 6),
+            ]
         };
         let most = hyab(hunt(lab([0.0, 1.0, 0.0])), hunt(lab([0.0, 0.0, 1.0])));
-        Filters { radius, taps: taps.iter().map(normal).collect(), most: libm::pow(most, COLOUR_EXPONENT) }
+        Filters {
+            radius,
+            taps: taps.iter().map(normal).collect(),
+            most: libm::pow(most, COLOUR_EXPONENT),
+        }
     }
 
     /// Difference of two filtered colours, remapped to 0 to 1.
     fn colour(&self, a: &Filtered, b: &Filtered) -> f64 {
-        let seen = |of: &Filtered| hunt(lab(linear_of(of.colour).map(|light| light.clamp(0.0, 1.0))));
+        let seen =
+            |of: &Filtered| hunt(lab(linear_of(of.colour).map(|light| light.clamp(0.0, 1.0))));
         let difference = libm::pow(hyab(seen(a), seen(b)), COLOUR_EXPONENT);
         let ([part, value], most) = (BEND, self.most);
         let bend = part * most;
-        if difference < bend { difference * value / bend } else { value + (difference - bend) / (most - bend) * (1.0 - value) }
+        if difference < bend {
+            difference * value / bend
+        } else {
+            value + (difference - bend) / (most - bend) * (1.0 - value)
+        }
     }
 }
 
@@ -102,15 +147,20 @@ struct Filtered {
 /// Mean FLIP of two pictures of one size, of sRGB code values.
 pub(super) fn flip(reference: &Picture, test: &Picture) -> f64 {
     let bands: Vec<usize> = (0..reference.height).step_by(BAND).collect();
-    let sums: Vec<f64> =
-        bands.into_par_iter().map(|first| band_sum(reference, test, first..(first + BAND).min(reference.height))).collect();
+    let sums: Vec<f64> = bands
+        .into_par_iter()
+        .map(|first| band_sum(reference, test, first..(first + BAND).min(reference.height)))
+        .collect();
     sums.iter().sum::<f64>() / (reference.width * reference.height) as f64
 }
 
 fn band_sum(reference: &Picture, test: &Picture, rows: Range<usize>) -> f64 {
     let filters = &*FILTERS;
     let [a, b] = [reference, test].map(|picture| filtered(picture, rows.clone(), filters));
-    a.iter().zip(&b).map(|(a, b)| libm::pow(filters.colour(a, b), 1.0 - feature(a, b))).sum()
+    a.iter()
+        .zip(&b)
+        .map(|(a, b)| libm::pow(filters.colour(a, b), 1.0 - feature(a, b)))
+        .sum()
 }
 
 /// Rows of a picture, filtered: along each row first, then down the columns.
@@ -120,7 +170,9 @@ fn filtered(picture: &Picture, rows: Range<usize>, filters: &Filters) -> Vec<Fil
     // Places from −radius on are pixels from 0 on, as far as there are any.
     let pixel = |place: usize, size: usize| place.saturating_sub(*radius).min(size - 1);
     let along = |y: usize| {
-        let row: Vec<[f64; 3]> = (0..picture.width).map(|x| opponent(picture.rgba[y * picture.width + x])).collect();
+        let row: Vec<[f64; 3]> = (0..picture.width)
+            .map(|x| opponent(picture.rgba[y * picture.width + x]))
+            .collect();
         let at = |x: usize| {
             let mut sums = Tap::default();
             for (nth, tap) in taps.iter().enumerate() {
@@ -137,7 +189,10 @@ fn filtered(picture: &Picture, rows: Range<usize>, filters: &Filters) -> Vec<Fil
     let mut all = vec![Filtered::default(); rows.len() * picture.width];
     for (row, y) in all.chunks_mut(picture.width).zip(rows) {
         for (nth, [of_y, of_cx, one, other, smooth, edge, point]) in taps.iter().enumerate() {
-            for (pixel, sums) in row.iter_mut().zip(&sums[pixel(y + nth, picture.height) - needed.start]) {
+            for (pixel, sums) in row
+                .iter_mut()
+                .zip(&sums[pixel(y + nth, picture.height) - needed.start])
+            {
                 pixel.colour[0] += of_y * sums[0];
                 pixel.colour[1] += of_cx * sums[1];
                 pixel.colour[2] += one * sums[2] + other * sums[3];
@@ -154,8 +209,12 @@ fn filtered(picture: &Picture, rows: Range<usize>, filters: &Filters) -> Vec<Fil
 /// Difference of edges or points, whichever is larger, 0 to 1.
 fn feature(a: &Filtered, b: &Filtered) -> f64 {
     let length = |[x, y]: [f64; 2]| (x * x + y * y).sqrt();
-    let [edge, point] = [(a.edge, b.edge), (a.point, b.point)].map(|(a, b)| (length(a) - length(b)).abs());
-    libm::pow(edge.max(point) * std::f64::consts::FRAC_1_SQRT_2, FEATURE_EXPONENT)
+    let [edge, point] =
+        [(a.edge, b.edge), (a.point, b.point)].map(|(a, b)| (length(a) - length(b)).abs());
+    libm::pow(
+        edge.max(point) * std::f64::consts::FRAC_1_SQRT_2,
+        FEATURE_EXPONENT,
+    )
 }
 
 // ---- colours ----
@@ -163,9 +222,21 @@ fn feature(a: &Filtered, b: &Filtered) -> f64 {
 /// Linear RGB → XYZ relative to white (the constants of the authors' program).
 fn to_xyz([r, g, b]: [f64; 3]) -> [f64; 3] {
     let rows = [
-        [10_135_552.0 / 24_577_794.0, 8_788_810.0 / 24_577_794.0, 4_435_075.0 / 24_577_794.0],
-        [2_613_072.0 / 12_288_897.0, 8_788_810.0 / 12_288_897.0, 887_015.0 / 12_288_897.0],
-        [1_425_312.0 / 73_733_382.0, 8_788_810.0 / 73_733_382.0, 70_074_185.0 / 73_733_382.0],
+        [
+            10_135_552.0 / 24_577_794.0,
+            8_788_810.0 / 24_577_794.0,
+            4_435_075.0 / 24_577_794.0,
+        ],
+        [
+            2_613_072.0 / 12_288_897.0,
+            8_788_810.0 / 12_288_897.0,
+            887_015.0 / 12_288_897.0,
+        ],
+        [
+            1_425_312.0 / 73_733_382.0,
+            8_788_810.0 / 73_733_382.0,
+            70_074_185.0 / 73_733_382.0,
+        ],
     ];
     std::array::from_fn(|i| (rows[i][0] * r + rows[i][1] * g + rows[i][2] * b) / WHITE[i])
 }
@@ -173,7 +244,11 @@ fn to_xyz([r, g, b]: [f64; 3]) -> [f64; 3] {
 /// The inverse of [`to_xyz`], from Y Cx Cz on.
 fn linear_of([luma, cx, cz]: [f64; 3]) -> [f64; 3] {
     let y = (luma + 16.0) / 116.0;
-    let [x, y, z] = [(y + cx / 500.0) * WHITE[0], y * WHITE[1], (y - cz / 200.0) * WHITE[2]];
+    let [x, y, z] = [
+        (y + cx / 500.0) * WHITE[0],
+        y * WHITE[1],
+        (y - cz / 200.0) * WHITE[2],
+    ];
     let rows = [
         [3.241_003_275, -1.537_398_934, -0.498_615_861],
         [-0.969_224_334, 1.875_930_071, 0.041_554_224],
@@ -190,7 +265,13 @@ fn opponent([r, g, b, _]: [f64; 4]) -> [f64; 3] {
 
 fn lab(linear: [f64; 3]) -> [f64; 3] {
     const DELTA: f64 = 6.0 / 29.0;
-    let root = |value: f64| if value > DELTA * DELTA * DELTA { libm::cbrt(value) } else { value / (3.0 * DELTA * DELTA) + 4.0 / 29.0 };
+    let root = |value: f64| {
+        if value > DELTA * DELTA * DELTA {
+            libm::cbrt(value)
+        } else {
+            value / (3.0 * DELTA * DELTA) + 4.0 / 29.0
+        }
+    };
     let [x, y, z] = to_xyz(linear).map(root);
     [116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z)]
 }

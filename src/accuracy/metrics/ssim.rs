@@ -1,8 +1,10 @@
-//! SSIM: structural similarity in a Gaussian window, 11×11 and σ 1.5 (Wang, Bovik, Sheikh, Simoncelli: *Image Quality
-//! Assessment*, IEEE TIP 2004), K₁ 0.01, K₂ 0.03, range 1, per channel on the linear clamped picture.
+//! SSIM: structural similarity in a Gaussian window, 11×11 and σ 1.5 (Wang, Bovik, Sheikh,
+//! Simoncelli: *Image Quality Assessment*, IEEE TIP 2004), K₁ 0.01, K₂ 0.03, range 1, per channel
+//! on the linear clamped picture.
 //!
-//! Borders: only windows that lie wholly inside the picture count, as in the authors' own program. Along a side shorter than
-//! the window every pixel counts, its window cut at the border and its weights made to sum to 1 again.
+//! Borders: only windows that lie wholly inside the picture count, as in the authors' own program.
+//! Along a side shorter than the window every pixel counts, its window cut at the border and its
+//! weights made to sum to 1 again.
 
 use std::ops::Range;
 
@@ -19,14 +21,20 @@ const C2: f64 = 0.03 * 0.03;
 /// Window means of a, b, a², b² and ab, for three channels.
 type Moments = [[f64; 3]; 5];
 
-/// Rows of windows that a thread goes through at a time: what each pixel has is multiplied out once for all of them.
+/// Rows of windows that a thread goes through at a time: what each pixel has is multiplied out once
+/// for all of them.
 const BAND: usize = 16;
 
 /// Mean structural similarity over all windows and channels.
 pub(super) fn ssim(a: &Picture, b: &Picture) -> f64 {
     let (columns, rows) = (Window::along(a.width), Window::along(a.height));
-    let sums: Vec<Vec<f64>> = rows.places.par_chunks(BAND).map(|band| row_sums(a, b, &columns, band)).collect();
-    sums.as_slice().concat().iter().sum::<f64>() / (3 * rows.places.len() * columns.places.len()) as f64
+    let sums: Vec<Vec<f64>> = rows
+        .places
+        .par_chunks(BAND)
+        .map(|band| row_sums(a, b, &columns, band))
+        .collect();
+    sums.as_slice().concat().iter().sum::<f64>()
+        / (3 * rows.places.len() * columns.places.len()) as f64
 }
 
 /// The windows along one side of the picture.
@@ -51,9 +59,14 @@ impl Window {
             let covered = centre.saturating_sub(RADIUS)..(centre + RADIUS + 1).min(size);
             let taps: Vec<f64> = covered.clone().map(|at| tap(at.abs_diff(centre))).collect();
             let total: f64 = taps.iter().sum();
-            Place { covered, weights: taps.iter().map(|tap| tap / total).collect() }
+            Place {
+                covered,
+                weights: taps.iter().map(|tap| tap / total).collect(),
+            }
         };
-        Window { places: (margin..size - margin).map(place).collect() }
+        Window {
+            places: (margin..size - margin).map(place).collect(),
+        }
     }
 }
 
@@ -63,21 +76,33 @@ impl Place {
     }
 }
 
-/// Sums of the similarity over rows of windows: the window is separable, so columns first, then along the row.
+/// Sums of the similarity over rows of windows: the window is separable, so columns first, then
+/// along the row.
 fn row_sums(a: &Picture, b: &Picture, columns: &Window, band: &[Place]) -> Vec<f64> {
-    let (Some(first), Some(last)) = (band.first(), band.last()) else { return Vec::new() };
+    let (Some(first), Some(last)) = (band.first(), band.last()) else {
+        return Vec::new();
+    };
     let pixels = first.covered.start * a.width..last.covered.end * a.width;
-    let products: Vec<Moments> = pixels.map(|index| products(clamped(a, index), clamped(b, index))).collect();
+    let products: Vec<Moments> = pixels
+        .map(|index| products(clamped(a, index), clamped(b, index)))
+        .collect();
     let row_sum = |row: &Place| {
         let mut vertical = vec![Moments::default(); a.width];
         for (y, weight) in row.weighted() {
             let products = &products[(y - first.covered.start) * a.width..][..a.width];
-            vertical.iter_mut().zip(products).for_each(|(moments, products)| add(moments, products, weight));
+            vertical
+                .iter_mut()
+                .zip(products)
+                .for_each(|(moments, products)| add(moments, products, weight));
         }
         let similarity = |column: &Place| {
             let mut moments = Moments::default();
-            column.weighted().for_each(|(x, weight)| add(&mut moments, &vertical[x], weight));
-            (0..3).map(|channel| of_window(moments.map(|moment| moment[channel]))).sum::<f64>()
+            column
+                .weighted()
+                .for_each(|(x, weight)| add(&mut moments, &vertical[x], weight));
+            (0..3)
+                .map(|channel| of_window(moments.map(|moment| moment[channel])))
+                .sum::<f64>()
         };
         columns.places.iter().map(similarity).sum()
     };
@@ -90,7 +115,11 @@ fn products(a: [f64; 3], b: [f64; 3]) -> Moments {
 }
 
 fn add(sum: &mut Moments, moments: &Moments, weight: f64) {
-    for (sum, moment) in sum.as_flattened_mut().iter_mut().zip(moments.as_flattened()) {
+    for (sum, moment) in sum
+        .as_flattened_mut()
+        .iter_mut()
+        .zip(moments.as_flattened())
+    {
         *sum += weight * moment;
     }
 }

@@ -1,4 +1,5 @@
-//! Sheets: the pixels of a tile whose fragments are grouped by sheets, on whatever numbers come out.
+//! Sheets: the pixels of a tile whose fragments are grouped by sheets, on whatever numbers come
+//! out.
 
 use super::{Arrival, FrameWords, number};
 use crate::golden::Outcomes;
@@ -28,14 +29,25 @@ pub(super) struct SheetPixels<'a> {
 
 impl<'a> SheetPixels<'a> {
     pub fn new(frame: &'a FrameWords<'a>, words: &'a SheetWords<'a, PartialPrecision<'a>>) -> Self {
-        SheetPixels { frame, words, pixels: vec![Pixel::default(); PIXELS_IN_A_TILE] }
+        SheetPixels {
+            frame,
+            words,
+            pixels: vec![Pixel::default(); PIXELS_IN_A_TILE],
+        }
     }
 
     fn added(&self, sums: Sums, arrival: &Arrival, weight: f64) -> Sums {
         let [r, g, b, ..] = arrival.footprint.attributes;
         let (machine, weight) = (self.frame.stage.machine, self.frame.word(weight));
         let add = |(lane, attribute): (usize, f64)| {
-            machine.real_accumulated(lane, self.frame.word(sums[lane]), weight, self.frame.word(attribute)).value
+            machine
+                .real_accumulated(
+                    lane,
+                    self.frame.word(sums[lane]),
+                    weight,
+                    self.frame.word(attribute),
+                )
+                .value
         };
         [(0, 1.0), (1, r), (2, g), (3, b)].map(add)
     }
@@ -46,18 +58,26 @@ impl<'a> SheetPixels<'a> {
         let [weight, r, g, b] = sums.map(|sum| self.frame.word(sum));
         let sheet = machine.real_close(weight, [r, g, b], &self.words.registers, &self.words.ratio);
         let before = self.read(composite);
-        let blended = if self.words.sheets.back_to_front { machine.real_merge(sheet, before) } else { machine.real_merge(before, sheet) };
+        let blended = if self.words.sheets.back_to_front {
+            machine.real_merge(sheet, before)
+        } else {
+            machine.real_merge(before, sheet)
+        };
         blended.map(number)
     }
 
     fn read(&self, composite: [f64; 4]) -> [PartialPrecision<'a>; 4] {
-        self.frame.stage.machine.real_read(composite.map(|channel| self.frame.word(channel)))
+        self.frame
+            .stage
+            .machine
+            .real_read(composite.map(|channel| self.frame.word(channel)))
     }
 
     /// Blends a sheet that is done.
     fn close(&self, pixel: &mut Pixel, sums: Sums) {
         let blended = self.blended(pixel.composite, sums);
-        pixel.stopped = !self.words.sheets.back_to_front && 1.0 - blended[3] < self.words.stop.value;
+        pixel.stopped =
+            !self.words.sheets.back_to_front && 1.0 - blended[3] < self.words.stop.value;
         if !pixel.stopped || self.words.sheets.keeps_last {
             pixel.composite = blended;
         }
@@ -97,9 +117,15 @@ impl<'a> Painter for SheetPixels<'a> {
     }
 
     fn finish(&mut self, at: usize) -> [f64; 4] {
-        let Pixel { open, composite, .. } = std::mem::take(&mut self.pixels[at]);
+        let Pixel {
+            open, composite, ..
+        } = std::mem::take(&mut self.pixels[at]);
         let all = open.map_or(composite, |(_, sums)| self.blended(composite, sums));
-        self.frame.stage.machine.real_resolve(&[self.read(all)], self.frame.background).map(number)
+        self.frame
+            .stage
+            .machine
+            .real_resolve(&[self.read(all)], self.frame.background)
+            .map(number)
     }
 
     fn outcomes(&self) -> Outcomes {

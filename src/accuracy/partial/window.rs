@@ -1,7 +1,8 @@
-//! Windows: the pixels of a tile whose fragments are grouped by intervals or windows, on whatever numbers come out.
+//! Windows: the pixels of a tile whose fragments are grouped by intervals or windows, on whatever
+//! numbers come out.
 //!
-//! The layers are golden's, in machine units; what asks for depths alone is golden's too. What is added, blended and seen goes through the
-//! words.
+//! The layers are golden's, in machine units; what asks for depths alone is golden's too. What is
+//! added, blended and seen goes through the words.
 
 use super::{Arrival, FrameWords, number};
 use crate::golden::Outcomes;
@@ -26,15 +27,24 @@ pub(super) struct WindowPixels<'a> {
 
 impl<'a> WindowPixels<'a> {
     pub fn new(frame: &'a FrameWords<'a>, words: &'a WindowWords<PartialPrecision<'a>>) -> Self {
-        let rule = Window { reach: words.reach.value, ..Window::new(&frame.stage.rules, frame.z_threshold, frame.shader) };
-        WindowPixels { frame, words, rule, pixels: vec![Vec::new(); PIXELS_IN_A_TILE] }
+        let rule = Window {
+            reach: words.reach.value,
+            ..Window::new(&frame.stage.rules, frame.z_threshold, frame.shader)
+        };
+        WindowPixels {
+            frame,
+            words,
+            rule,
+            pixels: vec![Vec::new(); PIXELS_IN_A_TILE],
+        }
     }
 
     /// An open layer after one more contribution.
     fn add(&self, open: &mut Open, arrival: &Arrival) {
         let fragment = &self.frame.stage.machine.fragment;
         self.frame.accumulate(&mut open.sums, arrival);
-        let [sum, weight, depth] = [open.depth, arrival.weight, arrival.depth].map(|value| self.frame.word(value));
+        let [sum, weight, depth] =
+            [open.depth, arrival.weight, arrival.depth].map(|value| self.frame.word(value));
         open.depth = fragment.real_depth_sum(sum, weight, depth).value;
         open.span = open.span.with(arrival.depth);
     }
@@ -65,16 +75,26 @@ impl<'a> WindowPixels<'a> {
 
     /// Whether a layer belongs to the window that starts at a depth.
     fn joins(&self, start: f64, layer: &Layer) -> bool {
-        let Layer::Open(open) = layer else { return false };
+        let Layer::Open(open) = layer else {
+            return false;
+        };
         let (end, weight) = (start + self.rule.z_threshold, open.sums.weight);
-        if weight > 0.0 { open.depth < weight * end } else { open.span.near < end }
+        if weight > 0.0 {
+            open.depth < weight * end
+        } else {
+            open.span.near < end
+        }
     }
 
     /// What is seen behind a closed layer, from a depth.
     fn behind(&self, closed: &Closed, near: f64) -> PartialPrecision<'a> {
         let held = self.held(closed);
         let machine = self.frame.stage.machine;
-        if near < closed.far() { held.through[0] } else { machine.fragment.real_rest(machine.real_read(held.light)[3]) }
+        if near < closed.far() {
+            held.through[0]
+        } else {
+            machine.fragment.real_rest(machine.real_read(held.light)[3])
+        }
     }
 
     /// Step 4: of each layer the window that it belongs to and what is seen of it, front to back.
@@ -88,12 +108,21 @@ impl<'a> WindowPixels<'a> {
             let joined = growing.filter(|(_, start, _)| self.joins(*start, layer));
             if let (None, Some((_, _, sums))) = (joined, growing.take()) {
                 let [weight, opacity] = sums.map(|sum| self.frame.word(sum));
-                let opacity = fragment.real_window_opacity(weight, opacity, self.frame.word(self.frame.coverage_threshold));
+                let opacity = fragment.real_window_opacity(
+                    weight,
+                    opacity,
+                    self.frame.word(self.frame.coverage_threshold),
+                );
                 through = fragment.real_through_window(through, opacity);
             }
-            let (first, start, [weight, opacity]) = joined.unwrap_or((place, layer.near(), [0.0; 2]));
+            let (first, start, [weight, opacity]) =
+                joined.unwrap_or((place, layer.near(), [0.0; 2]));
             if let Layer::Open(open) = layer {
-                growing = Some((first, start, [weight + open.sums.weight, opacity + open.sums.alpha]));
+                growing = Some((
+                    first,
+                    start,
+                    [weight + open.sums.weight, opacity + open.sums.alpha],
+                ));
             }
             let mut here = through;
             for before in &layers[..place] {
@@ -101,8 +130,13 @@ impl<'a> WindowPixels<'a> {
                     here = fragment.real_through_closed(here, self.behind(closed, layer.near()));
                 }
             }
-            let places = (0..=LEAST_SEEN).find(|places| here.value * f64::from(1u32 << places) >= 1.0);
-            seen.push(Seen { first, start, transmittance: places.map_or(0.0, |places| 1.0 / f64::from(1u32 << places)) });
+            let places =
+                (0..=LEAST_SEEN).find(|places| here.value * f64::from(1u32 << places) >= 1.0);
+            seen.push(Seen {
+                first,
+                start,
+                transmittance: places.map_or(0.0, |places| 1.0 / f64::from(1u32 << places)),
+            });
         }
         seen
     }
@@ -112,7 +146,13 @@ impl<'a> WindowPixels<'a> {
         let fragment = &self.frame.stage.machine.fragment;
         let exact = a.with(b);
         let two = |lane: usize, sum: f64| fragment.real_two(lane, self.frame.word(sum)).value;
-        let Fragment { weight, rgb, alpha, normal, .. } = exact.sums;
+        let Fragment {
+            weight,
+            rgb,
+            alpha,
+            normal,
+            ..
+        } = exact.sums;
         let sums = Fragment {
             weight: two(0, weight),
             rgb: glam::DVec3::new(two(1, rgb.x), two(2, rgb.y), two(3, rgb.z)),
@@ -120,7 +160,13 @@ impl<'a> WindowPixels<'a> {
             normal: glam::DVec3::new(two(5, normal.x), two(6, normal.y), two(7, normal.z)),
             ..exact.sums
         };
-        Open { sums, depth: fragment.real_depth_of_two(self.frame.word(exact.depth)).value, span: exact.span }
+        Open {
+            sums,
+            depth: fragment
+                .real_depth_of_two(self.frame.word(exact.depth))
+                .value,
+            span: exact.span,
+        }
     }
 
     /// Step 7: a layer, shaded once.
@@ -129,17 +175,34 @@ impl<'a> WindowPixels<'a> {
             Layer::Closed(closed) => *closed,
             Layer::Open(open) => {
                 let shaded = self.frame.light(&open.sums);
-                let near = self.frame.stage.machine.fragment.real_closed(shaded, self.frame.word(open.sums.weight));
-                let part = Part { span: open.span, weight: open.sums.weight };
+                let near = self
+                    .frame
+                    .stage
+                    .machine
+                    .fragment
+                    .real_closed(shaded, self.frame.word(open.sums.weight));
+                let part = Part {
+                    span: open.span,
+                    weight: open.sums.weight,
+                };
                 with(&Closed::of_one(DVec4::ZERO, part), &near)
             }
         }
     }
 
-    fn put_inside(&self, closed: &Closed, light: [PartialPrecision<'a>; 4], [near, far]: [f64; 2]) -> Closed {
+    fn put_inside(
+        &self,
+        closed: &Closed,
+        light: [PartialPrecision<'a>; 4],
+        [near, far]: [f64; 2],
+    ) -> Closed {
         let mut held = self.held(closed);
         let nearer_the_back = near + far >= closed.front.span.far + closed.back.span.near;
-        self.frame.stage.machine.fragment.real_put_inside(&mut held, light, nearer_the_back);
+        self.frame
+            .stage
+            .machine
+            .fragment
+            .real_put_inside(&mut held, light, nearer_the_back);
         with(closed, &held)
     }
 
@@ -148,10 +211,16 @@ impl<'a> WindowPixels<'a> {
         let machine = self.frame.stage.machine;
         let behind = self.held(back);
         if self.rule.inside && front.encloses(back) {
-            return self.put_inside(front, machine.real_read(behind.light), [back.near(), back.far()]);
+            return self.put_inside(
+                front,
+                machine.real_read(behind.light),
+                [back.near(), back.far()],
+            );
         }
         let (mut held, is_farther) = (self.held(front), back.far() > front.far());
-        machine.fragment.real_put_behind(&mut held, &behind, is_farther);
+        machine
+            .fragment
+            .real_put_behind(&mut held, &behind, is_farther);
         let mut merged = *front;
         if is_farther {
             merged.back = back.back;
@@ -167,14 +236,21 @@ impl<'a> WindowPixels<'a> {
             layers.truncate(deepest);
             return;
         }
-        if let Some(front) = self.rule.sums.then(|| self.rule.pair_to_sum(layers, &seen)).flatten()
+        if let Some(front) = self
+            .rule
+            .sums
+            .then(|| self.rule.pair_to_sum(layers, &seen))
+            .flatten()
             && let (Layer::Open(a), Layer::Open(b)) = (layers[front], layers[front + 1])
         {
             layers[front] = Layer::Open(self.summed(&a, &b));
             layers.remove(front + 1);
             return;
         }
-        let merged = self.merge(&self.closed(&layers[deepest - 1]), &self.closed(&layers[deepest]));
+        let merged = self.merge(
+            &self.closed(&layers[deepest - 1]),
+            &self.closed(&layers[deepest]),
+        );
         layers.truncate(deepest);
         layers[deepest - 1] = Layer::Closed(merged);
     }
@@ -185,8 +261,14 @@ fn with(closed: &Closed, held: &real::Closed<PartialPrecision>) -> Closed {
     let [front, back] = held.weights.map(number);
     Closed {
         colour: DVec4::from_array(held.light.map(number)),
-        front: Part { weight: front, ..closed.front },
-        back: Part { weight: back, ..closed.back },
+        front: Part {
+            weight: front,
+            ..closed.front
+        },
+        back: Part {
+            weight: back,
+            ..closed.back
+        },
         behind_front: held.through[0].value,
         before_back: held.through[1].value,
     }
@@ -202,24 +284,53 @@ impl<'a> Painter for WindowPixels<'a> {
             && let Layer::Open(open) = &mut layers[slot]
         {
             self.add(open, &arrival);
-        } else if let Some((slot, side)) = self.rule.late.then(|| self.rule.late_for(z, &layers)).flatten()
+        } else if let Some((slot, side)) = self
+            .rule
+            .late
+            .then(|| self.rule.late_for(z, &layers))
+            .flatten()
             && let Layer::Closed(closed) = &mut layers[slot]
         {
             let mut held = self.held(closed);
             let threshold = self.frame.word(self.frame.coverage_threshold);
             let fragment = &self.frame.stage.machine.fragment;
-            fragment.real_late(&mut held, usize::from(side == Side::Back), &self.single(&arrival), threshold);
+            fragment.real_late(
+                &mut held,
+                usize::from(side == Side::Back),
+                &self.single(&arrival),
+                threshold,
+            );
             *closed = with(closed, &held);
-            let part = if side == Side::Front { &mut closed.front } else { &mut closed.back };
+            let part = if side == Side::Front {
+                &mut closed.front
+            } else {
+                &mut closed.back
+            };
             part.span = part.span.with(z);
-        } else if let Some(slot) = self.rule.inside.then(|| self.rule.around(z, &layers)).flatten()
+        } else if let Some(slot) = self
+            .rule
+            .inside
+            .then(|| self.rule.around(z, &layers))
+            .flatten()
             && let Layer::Closed(closed) = &layers[slot]
         {
             layers[slot] = Layer::Closed(self.put_inside(closed, self.inside(&arrival), [z, z]));
         } else {
-            let (material, pixel) = (arrival.footprint.material, arrival.pixel.map(|place| place as u16));
-            let sums = Fragment { z, material, pixel, ..Fragment::default() };
-            let mut fresh = Open { sums, depth: 0.0, span: window::Span::at(z) };
+            let (material, pixel) = (
+                arrival.footprint.material,
+                arrival.pixel.map(|place| place as u16),
+            );
+            let sums = Fragment {
+                z,
+                material,
+                pixel,
+                ..Fragment::default()
+            };
+            let mut fresh = Open {
+                sums,
+                depth: 0.0,
+                span: window::Span::at(z),
+            };
             self.add(&mut fresh, &arrival);
             Window::sort(&mut layers);
             let place = layers.partition_point(|layer| layer.near() <= z);
@@ -257,8 +368,13 @@ impl<'a> Painter for WindowPixels<'a> {
             }
         }
         let machine = self.frame.stage.machine;
-        let lights: Vec<[PartialPrecision; 4]> = done.iter().map(|closed| machine.real_read(self.held(closed).light)).collect();
-        machine.real_resolve(&lights, self.frame.background).map(number)
+        let lights: Vec<[PartialPrecision; 4]> = done
+            .iter()
+            .map(|closed| machine.real_read(self.held(closed).light))
+            .collect();
+        machine
+            .real_resolve(&lights, self.frame.background)
+            .map(number)
     }
 
     fn outcomes(&self) -> Outcomes {

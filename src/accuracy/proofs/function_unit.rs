@@ -1,8 +1,10 @@
-//! Function units: reciprocal and reciprocal root, from the table's words through every Newton step.
+//! Function units: reciprocal and reciprocal root, from the table's words through every Newton
+//! step.
 //!
-//! Two lemmas in one script. Of each step of the table: its word is right to the table's error for all mantissas of the step.
-//! Of any mantissa and first guess that are right to that error: the Newton steps, rounded as in the unit, end within the bound.
-//! The mantissa lies in one of the steps and the guess is that step's word, so the first gives what the second supposes.
+//! Two lemmas in one script. Of each step of the table: its word is right to the table's error for
+//! all mantissas of the step. Of any mantissa and first guess that are right to that error: the
+//! Newton steps, rounded as in the unit, end within the bound. The mantissa lies in one of the
+//! steps and the guess is that step's word, so the first gives what the second supposes.
 
 use super::script::{Script, near_one, number, within, word, words};
 use super::{Proof, range, rounding};
@@ -28,23 +30,49 @@ pub fn reciprocal(machine: &str, signal: &str, unit: &Reciprocal) -> Proof {
     s.definitions.push(format!("m = {}(x)", rounding(mantissa)));
     s.goals.push(format!("x*y{last} - 1 in {}", within(bound)));
     for (k, next) in (0..last).map(|k| (k, k + 1)) {
-        s.definitions.push(format!("c{next} = {}(2 - m*y{k})", rounding(result)));
-        s.definitions.push(format!("y{next} = {}(y{k}*c{next})", rounding(result)));
-        s.goals.extend(["c", "y"].map(|name| format!("{name}{next} in {}", range(result))));
+        s.definitions
+            .push(format!("c{next} = {}(2 - m*y{k})", rounding(result)));
+        s.definitions
+            .push(format!("y{next} = {}(y{k}*c{next})", rounding(result)));
+        s.goals
+            .extend(["c", "y"].map(|name| format!("{name}{next} in {}", range(result))));
         // With e = m·y − 1: a step leaves −e², and what the two roundings add.
         s.rewritings
             .push(format!("m*y{next} - 1 -> m*y{k}*(c{next} - (2 - m*y{k})) + m*(y{next} - y{k}*c{next}) - (m*y{k} - 1)*(m*y{k} - 1)"));
     }
-    s.rewritings.push(format!("x*y{last} - 1 -> (m*y{last} - 1) + (x - m)*y{last}"));
-    s.hypotheses.extend(["x in [1,2]".into(), guesses(&unit.guesses(), bits), format!("m*y0 - 1 in {}", within(first))]);
+    s.rewritings.push(format!(
+        "x*y{last} - 1 -> (m*y{last} - 1) + (x - m)*y{last}"
+    ));
+    s.hypotheses.extend([
+        "x in [1,2]".into(),
+        guesses(&unit.guesses(), bits),
+        format!("m*y0 - 1 in {}", within(first)),
+    ]);
     let steps = 1 << shape.table_bits;
     for (i, guess) in (0..).zip(&unit.guesses()) {
-        s.hypotheses.push(format!("m{i} in {}", words(steps + i, steps + i + 1, shape.table_bits as i32)));
-        s.goals.push(format!("m{i}*{} in {}", word(*guess, bits), near_one(first)));
+        s.hypotheses.push(format!(
+            "m{i} in {}",
+            words(steps + i, steps + i + 1, shape.table_bits as i32)
+        ));
+        s.goals.push(format!(
+            "m{i}*{} in {}",
+            word(*guess, bits),
+            near_one(first)
+        ));
     }
-    let what = format!("y = 1/x by a table of {steps} words and {last} Newton steps, x normalised to [1,2).");
-    let formats = format!("Mantissa m {mantissa}, cut; correction c and result y {result}, rounded to nearest, ties up.");
-    let proof = Proof { name: signal.into(), claim: "|x*y - 1|".into(), word: result, bound, script: s };
+    let what = format!(
+        "y = 1/x by a table of {steps} words and {last} Newton steps, x normalised to [1,2)."
+    );
+    let formats = format!(
+        "Mantissa m {mantissa}, cut; correction c and result y {result}, rounded to nearest, ties up."
+    );
+    let proof = Proof {
+        name: signal.into(),
+        claim: "|x*y - 1|".into(),
+        word: result,
+        bound,
+        script: s,
+    };
     proof.explained(machine, &what, &formats, &LEMMAS)
 }
 
@@ -59,13 +87,26 @@ pub fn root(machine: &str, signal: &str, unit: &ReciprocalRoot) -> Proof {
     let (first, bound) = (unit.table_error(), unit.relative_error());
     let mut s = Script::default();
     let last = shape.newton_steps;
-    s.definitions.extend(["x = s*s".into(), "m = t*t".into(), format!("cut = {}(v)", rounding(mantissa))]);
-    s.goals.extend([format!("s*y{last} - 1 in {}", within(bound)), format!("m*y{last}/s - 1 in {}", within(bound))]);
+    s.definitions.extend([
+        "x = s*s".into(),
+        "m = t*t".into(),
+        format!("cut = {}(v)", rounding(mantissa)),
+    ]);
+    s.goals.extend([
+        format!("s*y{last} - 1 in {}", within(bound)),
+        format!("m*y{last}/s - 1 in {}", within(bound)),
+    ]);
     for (k, next) in (0..last).map(|k| (k, k + 1)) {
-        s.definitions.push(format!("q{next} = {}(y{k}*y{k})", rounding(result)));
-        s.definitions.push(format!("c{next} = {}((3 - m*q{next})*1b-1)", rounding(result)));
-        s.definitions.push(format!("y{next} = {}(y{k}*c{next})", rounding(result)));
-        s.goals.extend(["q", "c", "y"].map(|name| format!("{name}{next} in {}", range(result))));
+        s.definitions
+            .push(format!("q{next} = {}(y{k}*y{k})", rounding(result)));
+        s.definitions.push(format!(
+            "c{next} = {}((3 - m*q{next})*1b-1)",
+            rounding(result)
+        ));
+        s.definitions
+            .push(format!("y{next} = {}(y{k}*c{next})", rounding(result)));
+        s.goals
+            .extend(["q", "c", "y"].map(|name| format!("{name}{next} in {}", range(result))));
         // With e = t·y − 1: a step leaves −(3e² + e³)/2, and what the three roundings add.
         let (z, e) = (format!("t*y{k}"), format!("(t*y{k} - 1)"));
         s.rewritings.push(format!(
@@ -80,31 +121,64 @@ pub fn root(machine: &str, signal: &str, unit: &ReciprocalRoot) -> Proof {
     // What the cut of any v takes off is what x is supposed to have more than m.
     let cut = format!("[0,{}]", number(mantissa.format.value(1)));
     s.goals.push(format!("v - cut in {cut}"));
-    s.hypotheses.extend(["s in [1,2]".into(), "t in [1,2]".into(), format!("x - m in {cut}")]);
+    s.hypotheses.extend([
+        "s in [1,2]".into(),
+        "t in [1,2]".into(),
+        format!("x - m in {cut}"),
+    ]);
     let asked = |i: &i64| (i + 1) * 4 > 1 << shape.table_bits;
-    let of_table: Vec<(i64, i64)> = (0..).zip(unit.guesses()).filter(|(i, _)| asked(i)).collect();
+    let of_table: Vec<(i64, i64)> = (0..)
+        .zip(unit.guesses())
+        .filter(|(i, _)| asked(i))
+        .collect();
     let asked_words: Vec<i64> = of_table.iter().map(|(_, guess)| *guess).collect();
-    s.hypotheses.extend([guesses(&asked_words, bits), format!("t*y0 - 1 in {}", within(first))]);
+    s.hypotheses.extend([
+        guesses(&asked_words, bits),
+        format!("t*y0 - 1 in {}", within(first)),
+    ]);
     let step = 4.0 / unit.guesses().len() as f64;
     for (i, guess) in of_table {
         let [from, to] = [i as f64 * step, (i + 1) as f64 * step];
-        s.hypotheses.push(format!("m{i} in [{},{}]", number(from.max(1.0)), number(to)));
-        s.goals.push(format!("sqrt(m{i})*{} in {}", word(guess, bits), near_one(first)));
+        s.hypotheses.push(format!(
+            "m{i} in [{},{}]",
+            number(from.max(1.0)),
+            number(to)
+        ));
+        s.goals.push(format!(
+            "sqrt(m{i})*{} in {}",
+            word(guess, bits),
+            near_one(first)
+        ));
     }
-    let what = format!("y = 1/sqrt(x) by a table of {} words and {last} Newton steps, x normalised to [1,4).", unit.guesses().len());
-    let formats = format!("Mantissa m {mantissa}, cut; square q, half correction c and result y {result}, rounded to nearest, ties up.");
+    let what = format!(
+        "y = 1/sqrt(x) by a table of {} words and {last} Newton steps, x normalised to [1,4).",
+        unit.guesses().len()
+    );
+    let formats = format!(
+        "Mantissa m {mantissa}, cut; square q, half correction c and result y {result}, rounded to nearest, ties up."
+    );
     let roots = [
         "s is the root of x, t that of m; m is what the cut leaves of x, and v stands for any number that is cut.",
         "The same bound holds of |m*y/sqrt(x) - 1|, the root that is a product of mantissa and result.",
     ];
     let grounds: Vec<&str> = roots.into_iter().chain(LEMMAS).collect();
     let claim = "|sqrt(x)*y - 1|".into();
-    let proof = Proof { name: signal.into(), claim, word: result, bound, script: s };
+    let proof = Proof {
+        name: signal.into(),
+        claim,
+        word: result,
+        bound,
+        script: s,
+    };
     proof.explained(machine, &what, &formats, &grounds)
 }
 
 /// The range of first guesses.
 fn guesses(table: &[i64], bits: i32) -> String {
-    let (least, most) = table.iter().fold((i64::MAX, i64::MIN), |(least, most), word| (least.min(*word), most.max(*word)));
+    let (least, most) = table
+        .iter()
+        .fold((i64::MAX, i64::MIN), |(least, most), word| {
+            (least.min(*word), most.max(*word))
+        });
     format!("y0 in {}", words(least, most, bits))
 }

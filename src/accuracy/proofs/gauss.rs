@@ -1,10 +1,12 @@
 //! Gauss: the table of e^(−r/2), from the ROM's words through interpolation and rounding.
 //!
-//! Two lemmas in one script. Of each step: the ROM's line begins and ends within half a last place of the exponential (nearest: its
-//! word is as close to the exponential of the middle). Of any line that does: what is rounded from it lies within the bound.
+//! Two lemmas in one script. Of each step: the ROM's line begins and ends within half a last place
+//! of the exponential (nearest: its word is as close to the exponential of the middle). Of any line
+//! that does: what is rounded from it lies within the bound.
 //!
-//! Gappa has no exponential. What it is told of it are two facts: where it lies at the steps' ends or middles, to 2^−54, and how
-//! far within a step it may be from the chord or the middle. A test holds both against an independent exponential.
+//! Gappa has no exponential. What it is told of it are two facts: where it lies at the steps' ends
+//! or middles, to 2^−54, and how far within a step it may be from the chord or the middle. A test
+//! holds both against an independent exponential.
 
 use super::script::{Script, number, within, word, words};
 use super::{Proof, range, rounding};
@@ -13,7 +15,8 @@ use rtl_model::machine::{Interpolation, TableShape};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::real::{Near, Real, Scale, power_of_two};
 
-/// What the table's exponential may be wrong by, in its own last places (`the_exponential_is_right_to_two_to_the_minus_54`).
+/// What the table's exponential may be wrong by, in its own last places
+/// (`the_exponential_is_right_to_two_to_the_minus_54`).
 const EXP_ERROR: i64 = 1 << (EXP_FRAC_BITS - 54);
 
 /// Slope and curvature of e^(−r/2), at most.
@@ -31,60 +34,119 @@ const GROUNDS: [&str; 4] = [
 pub fn table(machine: &Elaborated) -> Proof {
     let m = &machine.machine.gauss;
     let (table, argument) = (machine.gaussian(), m.radial_index.format);
-    let TableShape { index_bits, interpolation } = m.table;
+    let TableShape {
+        index_bits,
+        interpolation,
+    } = m.table;
     let step = table.step() * power_of_two(argument.int_bits);
     let between = real::between(interpolation, step, SLOPE, CURVATURE);
     let unfitted = real::error(table.fit(), interpolation, step, SLOPE, CURVATURE);
-    let bound = Near::within(SLOPE, unfitted).fit(table.fit(), Scale::ONE).error;
+    let bound = Near::within(SLOPE, unfitted)
+        .fit(table.fit(), Scale::ONE)
+        .error;
 
     let frac_bits = m.falloff.format.frac_bits;
     let half = word(1, frac_bits + 1);
     let lines: Vec<(i64, i64)> = table.lines().collect();
-    let ends = lines.iter().flat_map(|(value, step)| [*value, value + step]);
-    let (least, most) = ends.fold((i64::MAX, i64::MIN), |(least, most), end| (least.min(end), most.max(end)));
+    let ends = lines
+        .iter()
+        .flat_map(|(value, step)| [*value, value + step]);
+    let (least, most) = ends.fold((i64::MAX, i64::MIN), |(least, most), end| {
+        (least.min(end), most.max(end))
+    });
     let rom = words(least, most, frac_bits);
 
     let mut s = Script::default();
     let falloff = rounding(m.falloff);
-    s.goals.extend([format!("w - E in {}", within(bound)), format!("w in {}", range(m.falloff))]);
-    s.hypotheses.extend([format!("v in {rom}"), format!("v - a in [-{half},{half}]"), "E in [0,1]".into()]);
+    s.goals.extend([
+        format!("w - E in {}", within(bound)),
+        format!("w in {}", range(m.falloff)),
+    ]);
+    s.hypotheses.extend([
+        format!("v in {rom}"),
+        format!("v - a in [-{half},{half}]"),
+        "E in [0,1]".into(),
+    ]);
     let (lemma, kind) = match interpolation {
         Interpolation::Nearest => {
             s.definitions.push(format!("w = {falloff}(v)"));
             s.hypotheses.push(format!("a - E in {}", within(between)));
-            s.rewritings.push("w - E -> (w - v) + (v - a) + (a - E)".into());
-            ("v is the step's word, and a the exponential of the step's middle.", "nearest")
+            s.rewritings
+                .push("w - E -> (w - v) + (v - a) + (a - E)".into());
+            (
+                "v is the step's word, and a the exponential of the step's middle.",
+                "nearest",
+            )
         }
         Interpolation::Linear => {
-            s.definitions.extend(["p = v + d*f".into(), "h = a + (b - a)*f".into(), format!("w = {falloff}(p)")]);
-            s.hypotheses.extend([format!("v + d in {rom}"), format!("v + d - b in [-{half},{half}]"), "f in [0,1]".into()]);
-            s.hypotheses.push(format!("h - E in [0,{}]", number(between)));
-            s.rewritings.push("w - E -> (w - p) + (p - h) + (h - E)".into());
-            // Between two ends a line is no farther off than at the worse of them: what is left of the limit is a sum of products
-            // of what is not negative.
-            s.rewritings.push(format!("p - h -> {half} - (({half} - (v - a))*(1 - f) + ({half} - (v + d - b))*f)"));
-            s.rewritings.push(format!("p - h -> ((v - a) + {half})*(1 - f) + ((v + d - b) + {half})*f - {half}"));
+            s.definitions.extend([
+                "p = v + d*f".into(),
+                "h = a + (b - a)*f".into(),
+                format!("w = {falloff}(p)"),
+            ]);
+            s.hypotheses.extend([
+                format!("v + d in {rom}"),
+                format!("v + d - b in [-{half},{half}]"),
+                "f in [0,1]".into(),
+            ]);
+            s.hypotheses
+                .push(format!("h - E in [0,{}]", number(between)));
+            s.rewritings
+                .push("w - E -> (w - p) + (p - h) + (h - E)".into());
+            // Between two ends a line is no farther off than at the worse of them: what is left of
+            // the limit is a sum of products of what is not negative.
+            s.rewritings.push(format!(
+                "p - h -> {half} - (({half} - (v - a))*(1 - f) + ({half} - (v + d - b))*f)"
+            ));
+            s.rewritings.push(format!(
+                "p - h -> ((v - a) + {half})*(1 - f) + ((v + d - b) + {half})*f - {half}"
+            ));
             s.rewritings.push("p -> v*(1 - f) + (v + d)*f".into());
             let most = word(most, frac_bits);
-            s.rewritings.push(format!("p -> {most} - (({most} - v)*(1 - f) + ({most} - (v + d))*f)"));
-            ("v and v + d are the ROM's words at the step's ends, a and b the exponentials there, f is the fraction of r.", "linear")
+            s.rewritings.push(format!(
+                "p -> {most} - (({most} - v)*(1 - f) + ({most} - (v + d))*f)"
+            ));
+            (
+                "v and v + d are the ROM's words at the step's ends, a and b the exponentials there, f is the fraction of r.",
+                "linear",
+            )
         }
     };
-    for (i, exact) in gaussian_words(index_bits, argument.int_bits, interpolation, EXP_FRAC_BITS).into_iter().enumerate() {
-        s.hypotheses.push(format!("e{i} in {}", words(exact - EXP_ERROR, exact + EXP_ERROR, EXP_FRAC_BITS as i32)));
+    for (i, exact) in gaussian_words(index_bits, argument.int_bits, interpolation, EXP_FRAC_BITS)
+        .into_iter()
+        .enumerate()
+    {
+        s.hypotheses.push(format!(
+            "e{i} in {}",
+            words(exact - EXP_ERROR, exact + EXP_ERROR, EXP_FRAC_BITS as i32)
+        ));
     }
     // Half a last place around each word.
-    let around = |i: usize, word: i64| format!("e{i} in {}", words(2 * word - 1, 2 * word + 1, frac_bits + 1));
+    let around = |i: usize, word: i64| {
+        format!(
+            "e{i} in {}",
+            words(2 * word - 1, 2 * word + 1, frac_bits + 1)
+        )
+    };
     for (i, (value, delta)) in lines.into_iter().enumerate() {
         s.goals.push(around(i, value));
         if interpolation == Interpolation::Linear {
             s.goals.push(around(i + 1, value + delta));
         }
     }
-    let what = format!("falloff w = exp(-r/2) of the radial index r by a table of {} steps, {kind}.", 1 << index_bits);
+    let what = format!(
+        "falloff w = exp(-r/2) of the radial index r by a table of {} steps, {kind}.",
+        1 << index_bits
+    );
     let formats = format!("r {}; the ROM's words and w {}.", m.radial_index, m.falloff);
     let steps = "Of each step: the goal about e<i> is half a last place around the ROM's word. Of all steps, by these goals:";
     let grounds: Vec<&str> = [steps, lemma].into_iter().chain(GROUNDS).collect();
-    let proof = Proof { name: "gauss.table".into(), claim: "|falloff - exp(-r/2)|".into(), word: m.falloff, bound, script: s };
+    let proof = Proof {
+        name: "gauss.table".into(),
+        claim: "|falloff - exp(-r/2)|".into(),
+        word: m.falloff,
+        bound,
+        script: s,
+    };
     proof.explained(&machine.machine.name, &what, &formats, &grounds)
 }

@@ -1,4 +1,5 @@
-//! Raster: forward differencing, from the seed through n columns (and n rows, where rows are differenced) to the last register.
+//! Raster: forward differencing, from the seed through n columns (and n rows, where rows are
+//! differenced) to the last register.
 
 use super::script::{Script, within};
 use super::{Proof, rounding};
@@ -13,20 +14,31 @@ const GROUNDS: [&str; 4] = [
     "Not proved: that the register does not wrap. The claim is modulo its reach: a_wrap_is_harmless_inside_the_footprint.",
 ];
 
-/// |radial − r| after `steps` columns, and as many rows where they are differenced, of a box that begins at most `steps` pixels
-/// from the splat's centre.
+/// |radial − r| after `steps` columns, and as many rows where they are differenced, of a box that
+/// begins at most `steps` pixels from the splat's centre.
 pub fn radial(machine: &Machine, steps: u32) -> Proof {
     let m = &machine.raster;
-    let rows = if m.rows == Rows::Differenced { steps } else { 0 };
+    let rows = if m.rows == Rows::Differenced {
+        steps
+    } else {
+        0
+    };
     let bound = steps_error(machine, f64::from(steps), [steps, steps]);
     let pairs = steps * (steps - 1) / 2;
     let mut s = Script::default();
-    for (name, word) in [("xx", machine.ellipse.conic), ("xy", machine.ellipse.conic_cross), ("yy", machine.ellipse.conic)] {
-        s.hypotheses.push(format!("@FIX({name},{})", -word.format.frac_bits));
+    for (name, word) in [
+        ("xx", machine.ellipse.conic),
+        ("xy", machine.ellipse.conic_cross),
+        ("yy", machine.ellipse.conic),
+    ] {
+        s.hypotheses
+            .push(format!("@FIX({name},{})", -word.format.frac_bits));
     }
     for name in ["x", "y"] {
-        s.hypotheses.push(format!("@FIX({name},{})", -m.offset.format.frac_bits));
-        s.hypotheses.push(format!("{name} in {}", within(f64::from(steps))));
+        s.hypotheses
+            .push(format!("@FIX({name},{})", -m.offset.format.frac_bits));
+        s.hypotheses
+            .push(format!("{name} in {}", within(f64::from(steps))));
     }
     // Every word that is rounded, and how often its loss counts at the last pixel.
     let seed = [
@@ -42,23 +54,37 @@ pub fn radial(machine: &Machine, steps: u32) -> Proof {
         ("Sb", m.second, "2*xy", (rows * steps).to_string()),
     ];
     let mut losses = Vec::new();
-    for (name, word, exact, times) in seed.into_iter().chain(of_rows.into_iter().filter(|_| rows > 0)) {
-        s.definitions.push(format!("{name} = {}({exact})", rounding(word)));
+    for (name, word, exact, times) in seed
+        .into_iter()
+        .chain(of_rows.into_iter().filter(|_| rows > 0))
+    {
+        s.definitions
+            .push(format!("{name} = {}({exact})", rounding(word)));
         losses.push(format!("{times}*({name} - ({exact}))"));
     }
     // Down the box's first column, then along the row.
     let adds = rows + steps;
     for (n, next) in (0..adds).map(|n| (n, n + 1)) {
-        let [by, first, second] = if n < rows { ["G", "F", "Sb"] } else { ["F", "F", "Sx"] };
+        let [by, first, second] = if n < rows {
+            ["G", "F", "Sb"]
+        } else {
+            ["F", "F", "Sx"]
+        };
         s.definitions.push(format!("R{next} = R{n} + {by}{n}"));
-        s.definitions.push(format!("{first}{next} = {first}{n} + {second}"));
+        s.definitions
+            .push(format!("{first}{next} = {first}{n} + {second}"));
         if n < rows {
             s.definitions.push(format!("G{next} = G{n} + Sy"));
         }
     }
-    s.definitions.extend([format!("X = x + {steps}"), format!("Y = y + {rows}"), "r = xx*X*X + 2*xy*X*Y + yy*Y*Y".into()]);
+    s.definitions.extend([
+        format!("X = x + {steps}"),
+        format!("Y = y + {rows}"),
+        "r = xx*X*X + 2*xy*X*Y + yy*Y*Y".into(),
+    ]);
     s.goals.push(format!("R{adds} - r in {}", within(bound)));
-    s.rewritings.push(format!("R{adds} - r -> {}", losses.join(" + ")));
+    s.rewritings
+        .push(format!("R{adds} - r -> {}", losses.join(" + ")));
     let way = if rows > 0 {
         format!("{steps} columns and {rows} rows from the box's first pixel")
     } else {
@@ -69,6 +95,12 @@ pub fn radial(machine: &Machine, steps: u32) -> Proof {
         "Conic {}, offset {}, gradient {}, radial {}, first {}, second {}.",
         machine.ellipse.conic, m.offset, m.gradient, m.radial, m.first, m.second
     );
-    let proof = Proof { name: format!("raster.radial.{steps}"), claim: "|radial - r|".into(), word: m.radial, bound, script: s };
+    let proof = Proof {
+        name: format!("raster.radial.{steps}"),
+        claim: "|radial - r|".into(),
+        word: m.radial,
+        bound,
+        script: s,
+    };
     proof.explained(&machine.name, &what, &formats, &GROUNDS)
 }

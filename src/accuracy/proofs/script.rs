@@ -6,11 +6,12 @@
 //!   goals }          x - m in [0,1b-26] }
 //! rewritings       x*y - 1 -> (m*y - 1) + (x - m)*y;
 //! ```
-//! Gappa reasons about intervals; a rewriting tells it which form of an expression keeps an interval narrow. It checks that both
-//! forms are equal as polynomials, and warns where they are not. Two habits keep proofs at moments instead of minutes: intervals of
-//! plain expressions, no absolute values, no implications side by side; and what is said of each step of a table is about
-//! constants alone, with one lemma for all that follows. `fixed<…>` is written around an expression, never as `name fixed<…>= …`:
-//! that would round each operation in it.
+//! Gappa reasons about intervals; a rewriting tells it which form of an expression keeps an
+//! interval narrow. It checks that both forms are equal as polynomials, and warns where they are
+//! not. Two habits keep proofs at moments instead of minutes: intervals of plain expressions, no
+//! absolute values, no implications side by side; and what is said of each step of a table is about
+//! constants alone, with one lemma for all that follows. `fixed<…>` is written around an
+//! expression, never as `name fixed<…>= …`: that would round each operation in it.
 
 use std::fmt::Write;
 
@@ -41,7 +42,17 @@ impl Script {
         };
         lines(&self.comments, "# ", "");
         lines(&self.definitions, "", ";");
-        lines(&["{".into(), self.hypotheses.join(" /\\\n"), "->".into(), self.goals.join(" /\\\n"), "}".into()], "", "");
+        lines(
+            &[
+                "{".into(),
+                self.hypotheses.join(" /\\\n"),
+                "->".into(),
+                self.goals.join(" /\\\n"),
+                "}".into(),
+            ],
+            "",
+            "",
+        );
         lines(&self.rewritings, "", ";");
         text
     }
@@ -51,12 +62,20 @@ impl Script {
 pub fn number(value: f64) -> String {
     let bits = value.to_bits();
     let (exponent, fraction) = ((bits >> 52 & 0x7ff) as i32, bits & ((1 << 52) - 1));
-    let significand = if exponent == 0 { fraction } else { fraction | 1 << 52 };
+    let significand = if exponent == 0 {
+        fraction
+    } else {
+        fraction | 1 << 52
+    };
     let zeros = significand.trailing_zeros().min(63);
     let sign = if value < 0.0 { "-" } else { "" };
     match significand {
         0 => "0".into(),
-        _ => format!("{sign}{}b{}", significand >> zeros, exponent.max(1) - 1075 + zeros as i32),
+        _ => format!(
+            "{sign}{}b{}",
+            significand >> zeros,
+            exponent.max(1) - 1075 + zeros as i32
+        ),
     }
 }
 
@@ -92,14 +111,32 @@ mod tests {
     fn a_number_is_written_exactly() {
         let read = |text: &str| {
             let (digits, exponent) = text.split_once('b').unwrap();
-            digits.parse::<i64>().unwrap() as f64 * f64::from(exponent.parse::<i32>().unwrap()).exp2()
+            digits.parse::<i64>().unwrap() as f64
+                * f64::from(exponent.parse::<i32>().unwrap()).exp2()
         };
-        for value in [1.0, -1.0, 0.1, -0.3, 1e-9, 3.5e7, 2.0, f64::MIN_POSITIVE, f64::EPSILON, 1.0 - f64::EPSILON] {
+        for value in [
+            1.0,
+            -1.0,
+            0.1,
+            -0.3,
+            1e-9,
+            3.5e7,
+            2.0,
+            f64::MIN_POSITIVE,
+            f64::EPSILON,
+            1.0 - f64::EPSILON,
+        ] {
             assert_eq!(read(&number(value)), value, "{}", number(value));
         }
         assert_eq!([0.75, -6.0, 0.0].map(number), ["3b-2", "-3b1", "0"]);
-        assert_eq!(near_one(0.5), format!("[{}b-113,{}b-113]", 1i128 << 112, 3i128 << 112));
-        assert_eq!((words(-1, 5, 3), within(0.5)), ("[-1b-3,5b-3]".into(), "[-1b-1,1b-1]".into()));
+        assert_eq!(
+            near_one(0.5),
+            format!("[{}b-113,{}b-113]", 1i128 << 112, 3i128 << 112)
+        );
+        assert_eq!(
+            (words(-1, 5, 3), within(0.5)),
+            ("[-1b-3,5b-3]".into(), "[-1b-1,1b-1]".into())
+        );
     }
 
     #[test]
@@ -112,6 +149,9 @@ mod tests {
             goals: all(&["m in [0,1]"]),
             rewritings: all(&["m -> x*x"]),
         };
-        assert_eq!(script.text(), "# x\nm = x*x;\n{\nx in [0,1] /\\\ny in [0,1]\n->\nm in [0,1]\n}\nm -> x*x;\n");
+        assert_eq!(
+            script.text(),
+            "# x\nm = x*x;\n{\nx in [0,1] /\\\ny in [0,1]\n->\nm in [0,1]\n}\nm -> x*x;\n"
+        );
     }
 }

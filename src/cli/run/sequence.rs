@@ -32,11 +32,18 @@ impl Typed {
     pub(super) fn check_sequence(self, mut sequence: Sequence, load_seconds: f64) -> Result<Job> {
         self.check_of_one_frame(&sequence)?;
         self.y4m.as_deref().map_or(Ok(()), Video::may_be_written)?;
-        let Within { machine, mut outside, mut warning } = self.common.machine_within(sequence.scene())?;
+        let Within {
+            machine,
+            mut outside,
+            mut warning,
+        } = self.common.machine_within(sequence.scene())?;
         fixed::elaborate(&machine)?;
         sequence::check(&mut sequence, &machine)?;
         // Each camera may lie elsewhere.
-        for frame in (0..sequence.cameras().len()).filter(|_| outside.is_some()).collect::<Vec<_>>() {
+        for frame in (0..sequence.cameras().len())
+            .filter(|_| outside.is_some())
+            .collect::<Vec<_>>()
+        {
             let of_frame = self.common.machine_within(sequence.frame(frame)?)?;
             let fresh = of_frame.outside.into_iter().flatten();
             outside = outside.map(|mut all| {
@@ -49,17 +56,39 @@ impl Typed {
             });
             warning = warning.or(of_frame.warning);
         }
-        if let Some((against, out)) = self.against.as_deref().zip(self.out.as_deref()).filter(|(against, out)| are_one(against, out)) {
+        if let Some((against, out)) = self
+            .against
+            .as_deref()
+            .zip(self.out.as_deref())
+            .filter(|(against, out)| are_one(against, out))
+        {
             return Err(Error::input(format!(
                 "--against {}: is the folder of --out too, whose pictures are replaced frame by frame: --out {} must be another folder",
                 against.display(),
                 out.display()
             )));
         }
-        let photographs = self.against.as_deref().map(|path| Photographs::open(path, &sequence, None)).transpose()?;
+        let photographs = self
+            .against
+            .as_deref()
+            .map(|path| Photographs::open(path, &sequence, None))
+            .transpose()?;
         let open = self.out.as_deref().map(Folder::open).transpose()?;
-        let output = Output { folder: self.out, exr: self.exr, video: self.y4m };
-        Ok(Job { sequence, machine, outside: (outside, warning), photographs, load_seconds, output, open, quiet: self.quiet })
+        let output = Output {
+            folder: self.out,
+            exr: self.exr,
+            video: self.y4m,
+        };
+        Ok(Job {
+            sequence,
+            machine,
+            outside: (outside, warning),
+            photographs,
+            load_seconds,
+            output,
+            open,
+            quiet: self.quiet,
+        })
     }
 
     /// What is asked of one frame alone cannot be asked of all.
@@ -78,7 +107,9 @@ impl Typed {
         match asked.into_iter().find(|(_, is_asked)| *is_asked) {
             Some((flag, _)) => {
                 let (name, frames) = (&sequence.scene().name, sequence.cameras().len());
-                Err(Error::input(format!("{flag}: {name} is a sequence of {frames}, and this is of one frame: choose it with --frame N")))
+                Err(Error::input(format!(
+                    "{flag}: {name} is a sequence of {frames}, and this is of one frame: choose it with --frame N"
+                )))
             }
             None => Ok(()),
         }
@@ -94,7 +125,14 @@ impl Job {
         let frames = self.sequence.cameras().len();
         let progress = Progress::of_steps(!self.quiet, frames as u64, "frames");
         let photographs = self.photographs.as_ref();
-        let mut report = sequence::run(&mut self.sequence, &self.machine, photographs, self.load_seconds, &self.output, &progress)?;
+        let mut report = sequence::run(
+            &mut self.sequence,
+            &self.machine,
+            photographs,
+            self.load_seconds,
+            &self.output,
+            &progress,
+        )?;
         drop(progress);
         report.machine.outside_of_search = outside;
         let mut end = Vec::new();
@@ -103,13 +141,25 @@ impl Job {
                 report.write(folder)?;
                 let last = sequence::file_name(frames - 1, "ideal", "png");
                 let first = sequence::file_name(0, "fixed", "png");
-                end.push(format!("written to {}: report.json, {first} to {last}", one_line(&folder.to_string_lossy())));
+                end.push(format!(
+                    "written to {}: report.json, {first} to {last}",
+                    one_line(&folder.to_string_lossy())
+                ));
             }
             None => end.push("no pictures written: --out DIR writes them and report.json".into()),
         }
-        end.extend(self.output.video.as_ref().map(|path| format!("video in {}", one_line(&path.to_string_lossy()))));
+        end.extend(
+            self.output
+                .video
+                .as_ref()
+                .map(|path| format!("video in {}", one_line(&path.to_string_lossy()))),
+        );
         drop(self.open);
         let end: Vec<String> = end.iter().map(|line| wrapped(line)).collect();
-        Ok(if self.quiet { String::new() } else { format!("{}\n{}", report.summary(), end.join("\n")) })
+        Ok(if self.quiet {
+            String::new()
+        } else {
+            format!("{}\n{}", report.summary(), end.join("\n"))
+        })
     }
 }

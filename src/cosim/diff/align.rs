@@ -1,15 +1,18 @@
-//! Align: pairs a device's records with those of a trace, and counts missing, surplus, moved and different ones apart.
+//! Align: pairs a device's records with those of a trace, and counts missing, surplus, moved and
+//! different ones apart.
 //!
 //! ```text
 //! records with a name (tag, x, y) ─► groups of equal names ─► an edit script for each group ─► those out of order: moved
 //! records without one             ─► one edit script
 //! ```
-//! An edit script pairs records in order. Where two records differ, the nearest place at which both sides are in step again is looked for
-//! in a window of [`WINDOW`] records, then among runs of records that each side has once. Between the two places the cheapest pairing
-//! counts. Of several descriptions of one fault the shortest is used.
+//! An edit script pairs records in order. Where two records differ, the nearest place at which both
+//! sides are in step again is looked for in a window of [`WINDOW`] records, then among runs of
+//! records that each side has once. Between the two places the cheapest pairing counts. Of several
+//! descriptions of one fault the shortest is used.
 //!
-//! Laws: `runs_of_missing_and_surplus_records_are_counted_apart`, `a_moved_record_is_not_a_different_one` (tests/diff.rs);
-//! `a_script_explains_all_records` (below).
+//! Laws: `runs_of_missing_and_surplus_records_are_counted_apart`,
+//! `a_moved_record_is_not_a_different_one` (tests/diff.rs); `a_script_explains_all_records`
+//! (below).
 
 use std::collections::HashMap;
 
@@ -22,26 +25,54 @@ pub enum Mismatch {
     Missing { record: usize },
     /// No expected record is left for a line; `before` is the expected record that follows it.
     Surplus { line: usize, before: usize },
-    /// An expected record is at another place; `swapped` where it only changed places with the next one.
-    Moved { record: usize, line: usize, swapped: bool },
+    /// An expected record is at another place; `swapped` where it only changed places with the next
+    /// one.
+    Moved {
+        record: usize,
+        line: usize,
+        swapped: bool,
+    },
 }
 
 impl Mismatch {
     /// The expected record at which it is.
     pub fn record(&self) -> usize {
         match *self {
-            Mismatch::Different { record, .. } | Mismatch::Missing { record } | Mismatch::Moved { record, .. } => record,
+            Mismatch::Different { record, .. }
+            | Mismatch::Missing { record }
+            | Mismatch::Moved { record, .. } => record,
             Mismatch::Surplus { before, .. } => before,
         }
     }
 
     /// The same with other numbers of records and lines.
-    fn renumbered(self, record_of: impl Fn(usize) -> usize, line_of: impl Fn(usize) -> usize, before_of: impl Fn(usize) -> usize) -> Self {
+    fn renumbered(
+        self,
+        record_of: impl Fn(usize) -> usize,
+        line_of: impl Fn(usize) -> usize,
+        before_of: impl Fn(usize) -> usize,
+    ) -> Self {
         match self {
-            Mismatch::Different { record, line } => Mismatch::Different { record: record_of(record), line: line_of(line) },
-            Mismatch::Missing { record } => Mismatch::Missing { record: record_of(record) },
-            Mismatch::Surplus { line, before } => Mismatch::Surplus { line: line_of(line), before: before_of(before) },
-            Mismatch::Moved { record, line, swapped } => Mismatch::Moved { record: record_of(record), line: line_of(line), swapped },
+            Mismatch::Different { record, line } => Mismatch::Different {
+                record: record_of(record),
+                line: line_of(line),
+            },
+            Mismatch::Missing { record } => Mismatch::Missing {
+                record: record_of(record),
+            },
+            Mismatch::Surplus { line, before } => Mismatch::Surplus {
+                line: line_of(line),
+                before: before_of(before),
+            },
+            Mismatch::Moved {
+                record,
+                line,
+                swapped,
+            } => Mismatch::Moved {
+                record: record_of(record),
+                line: line_of(line),
+                swapped,
+            },
         }
     }
 }
@@ -64,7 +95,8 @@ const NEAR: usize = 8;
 const WINDOW: usize = 64;
 /// Records in a row that make a place of a side recognisable.
 const RUN: usize = 8;
-/// Bits of information in equal records that make two places one: more than there are places in a window.
+/// Bits of information in equal records that make two places one: more than there are places in a
+/// window.
 const SURE_BITS: u32 = 36;
 /// Records that are looked at for it.
 const MOST_EQUAL: usize = 1 << 10;
@@ -101,7 +133,13 @@ impl Numbered {
     fn by_place(&self) -> Option<Vec<Mismatch>> {
         (self.expected.len() == self.got.len()).then(|| {
             let pairs = self.expected.iter().zip(&self.got).enumerate();
-            pairs.filter(|(_, (a, b))| a != b).map(|(place, _)| Mismatch::Different { record: place, line: place }).collect()
+            pairs
+                .filter(|(_, (a, b))| a != b)
+                .map(|(place, _)| Mismatch::Different {
+                    record: place,
+                    line: place,
+                })
+                .collect()
         })
     }
 
@@ -109,7 +147,12 @@ impl Numbered {
     pub fn by_name(&self, expected: &[Name], got: &[Name], sequence: Sequence) -> Vec<Mismatch> {
         let mut paired = Paired::default();
         for (records, lines) in groups(expected, got) {
-            let of = |all: &[u32], places: &[u32]| places.iter().map(|&place| all[place as usize]).collect::<Vec<_>>();
+            let of = |all: &[u32], places: &[u32]| {
+                places
+                    .iter()
+                    .map(|&place| all[place as usize])
+                    .collect::<Vec<_>>()
+            };
             let (ours, theirs) = (of(&self.expected, &records), of(&self.got, &lines));
             paired.take(&records, &lines, &ours, &theirs, self.expected.len());
         }
@@ -118,7 +161,10 @@ impl Numbered {
             return paired.found;
         }
         let by_name = paired.in_sequence(self.expected.len(), self.got.len());
-        shorter(shorter(by_name, self.by_place()), Some(script(&self.expected, &self.got)))
+        shorter(
+            shorter(by_name, self.by_place()),
+            Some(script(&self.expected, &self.got)),
+        )
     }
 
     /// Records that one side has more often than the other, whatever their order.
@@ -127,12 +173,21 @@ impl Numbered {
         for (line, &number) in self.got.iter().enumerate().rev() {
             places.entry(number).or_default().push(line);
         }
-        let is_missing = |(_, number): &(usize, &u32)| places.get_mut(number).and_then(Vec::pop).is_none();
-        let mut found: Vec<Mismatch> =
-            self.expected.iter().enumerate().filter(is_missing).map(|(record, _)| Mismatch::Missing { record }).collect();
+        let is_missing =
+            |(_, number): &(usize, &u32)| places.get_mut(number).and_then(Vec::pop).is_none();
+        let mut found: Vec<Mismatch> = self
+            .expected
+            .iter()
+            .enumerate()
+            .filter(is_missing)
+            .map(|(record, _)| Mismatch::Missing { record })
+            .collect();
         let mut lines: Vec<usize> = places.into_values().flatten().collect();
         lines.sort_unstable();
-        found.extend(lines.into_iter().map(|line| Mismatch::Surplus { line, before: line.min(self.expected.len()) }));
+        found.extend(lines.into_iter().map(|line| Mismatch::Surplus {
+            line,
+            before: line.min(self.expected.len()),
+        }));
         found.sort_by_key(Mismatch::record);
         found
     }
@@ -157,9 +212,15 @@ fn groups(expected: &[Name], got: &[Name]) -> Vec<(Vec<u32>, Vec<u32>)> {
     let (mut ours, mut theirs) = (&ours[..], &theirs[..]);
     let mut all = Vec::new();
     let first = |places: &[u32], names: &[Name]| places.first().map(|&place| names[place as usize]);
-    while let Some(name) = first(ours, expected).into_iter().chain(first(theirs, got)).min() {
-        let (records, more) = ours.split_at(ours.partition_point(|&place| expected[place as usize] == name));
-        let (lines, rest) = theirs.split_at(theirs.partition_point(|&place| got[place as usize] == name));
+    while let Some(name) = first(ours, expected)
+        .into_iter()
+        .chain(first(theirs, got))
+        .min()
+    {
+        let (records, more) =
+            ours.split_at(ours.partition_point(|&place| expected[place as usize] == name));
+        let (lines, rest) =
+            theirs.split_at(theirs.partition_point(|&place| got[place as usize] == name));
         all.push((records.to_vec(), lines.to_vec()));
         (ours, theirs) = (more, rest);
     }
@@ -177,10 +238,11 @@ impl Paired {
     /// Takes the records and lines of one name.
     fn take(&mut self, records: &[u32], lines: &[u32], ours: &[u32], theirs: &[u32], all: usize) {
         let steps = steps(ours, theirs);
-        self.pairs.extend(steps.iter().filter_map(|step| match *step {
-            Step::Pair(record, line) => Some((records[record], lines[line])),
-            _ => None,
-        }));
+        self.pairs
+            .extend(steps.iter().filter_map(|step| match *step {
+                Step::Pair(record, line) => Some((records[record], lines[line])),
+                _ => None,
+            }));
         let before = |before: usize| match (records.get(before), records.last()) {
             (Some(&record), _) => record as usize,
             (None, Some(&last)) => last as usize + 1,
@@ -188,7 +250,13 @@ impl Paired {
             (None, None) => lines.first().map_or(all, |&line| (line as usize).min(all)),
         };
         let found = mismatches(&steps, ours, theirs);
-        let numbered = |found: Mismatch| found.renumbered(|record| records[record] as usize, |line| lines[line] as usize, before);
+        let numbered = |found: Mismatch| {
+            found.renumbered(
+                |record| records[record] as usize,
+                |line| lines[line] as usize,
+                before,
+            )
+        };
         self.found.extend(found.into_iter().map(numbered));
     }
 
@@ -197,7 +265,9 @@ impl Paired {
         self.pairs.sort_unstable();
         let in_order = longest_increasing(&self.pairs);
         let mut line_of = vec![usize::MAX; records];
-        self.pairs.iter().for_each(|&(record, line)| line_of[record as usize] = line as usize);
+        self.pairs
+            .iter()
+            .for_each(|&(record, line)| line_of[record as usize] = line as usize);
         // For each line the expected record behind it.
         let mut next = vec![records; lines + 1];
         for (&(record, line), in_order) in self.pairs.iter().zip(&in_order).rev() {
@@ -213,14 +283,31 @@ impl Paired {
                 *before = next[*line];
             }
         }
-        for (&(record, line), _) in self.pairs.iter().zip(&in_order).filter(|(_, in_order)| !**in_order) {
+        for (&(record, line), _) in self
+            .pairs
+            .iter()
+            .zip(&in_order)
+            .filter(|(_, in_order)| !**in_order)
+        {
             let (record, line) = (record as usize, line as usize);
             let behind = line_of.get(record + 1).copied();
             let ahead = record.checked_sub(1).map(|before| line_of[before]);
             let moved = match (ahead, behind) {
-                (_, Some(next)) if next.checked_add(1) == Some(line) => Mismatch::Moved { record, line: next, swapped: true },
-                (Some(last), _) if last == line + 1 => Mismatch::Moved { record: record - 1, line, swapped: true },
-                _ => Mismatch::Moved { record, line, swapped: false },
+                (_, Some(next)) if next.checked_add(1) == Some(line) => Mismatch::Moved {
+                    record,
+                    line: next,
+                    swapped: true,
+                },
+                (Some(last), _) if last == line + 1 => Mismatch::Moved {
+                    record: record - 1,
+                    line,
+                    swapped: true,
+                },
+                _ => Mismatch::Moved {
+                    record,
+                    line,
+                    swapped: false,
+                },
             };
             self.found.push(moved);
         }
@@ -232,10 +319,15 @@ impl Paired {
 /// Which pairs, sorted by their records, belong to a longest run of rising lines.
 fn longest_increasing(pairs: &[(u32, u32)]) -> Vec<bool> {
     // The last pair of a run of each length, and each pair's predecessor.
-    let (mut ends, mut before): (Vec<usize>, Vec<usize>) = (Vec::new(), vec![usize::MAX; pairs.len()]);
+    let (mut ends, mut before): (Vec<usize>, Vec<usize>) =
+        (Vec::new(), vec![usize::MAX; pairs.len()]);
     for (place, &(_, line)) in pairs.iter().enumerate() {
         let length = ends.partition_point(|&end| pairs[end].1 < line);
-        before[place] = if length == 0 { usize::MAX } else { ends[length - 1] };
+        before[place] = if length == 0 {
+            usize::MAX
+        } else {
+            ends[length - 1]
+        };
         if length == ends.len() {
             ends.push(place);
         } else {
@@ -286,28 +378,55 @@ fn mismatches(steps: &[Step], expected: &[u32], got: &[u32]) -> Vec<Mismatch> {
     for (line, before) in surplus {
         let near = missing.partition_point(|&record| record + NEAR < before);
         let is_it = |&record: &usize| expected[record] == got[line];
-        let at = missing[near..].iter().take_while(|&&record| record <= before + NEAR).position(is_it);
+        let at = missing[near..]
+            .iter()
+            .take_while(|&&record| record <= before + NEAR)
+            .position(is_it);
         found.push(match at {
             Some(at) => {
                 let record = missing.remove(near + at);
                 // One place on: it stands behind the next record, or before the last one.
                 match (before as i64) - (record as i64) {
-                    2 => Mismatch::Moved { record, line: line - 1, swapped: true },
-                    -1 => Mismatch::Moved { record: record - 1, line, swapped: true },
-                    _ => Mismatch::Moved { record, line, swapped: false },
+                    2 => Mismatch::Moved {
+                        record,
+                        line: line - 1,
+                        swapped: true,
+                    },
+                    -1 => Mismatch::Moved {
+                        record: record - 1,
+                        line,
+                        swapped: true,
+                    },
+                    _ => Mismatch::Moved {
+                        record,
+                        line,
+                        swapped: false,
+                    },
                 }
             }
             None => Mismatch::Surplus { line, before },
         });
     }
-    found.extend(missing.into_iter().map(|record| Mismatch::Missing { record }));
+    found.extend(
+        missing
+            .into_iter()
+            .map(|record| Mismatch::Missing { record }),
+    );
     found.sort_by_key(Mismatch::record);
     found
 }
 
 /// Pairs two sequences in order.
 fn steps(expected: &[u32], got: &[u32]) -> Vec<Step> {
-    let mut script = Script { expected, got, at: [0, 0], steps: Vec::new(), bits: None, anchors: None, searched: None };
+    let mut script = Script {
+        expected,
+        got,
+        at: [0, 0],
+        steps: Vec::new(),
+        bits: None,
+        anchors: None,
+        searched: None,
+    };
     while script.at[0] < expected.len() && script.at[1] < got.len() {
         let [record, line] = script.at;
         if expected[record] == got[line] {
@@ -337,7 +456,8 @@ struct Script<'a> {
     searched: Option<[usize; 2]>,
 }
 
-/// What it costs to skip so many records and lines: each that is different, and one gap whose length counts little.
+/// What it costs to skip so many records and lines: each that is different, and one gap whose
+/// length counts little.
 fn cost(records: usize, lines: usize) -> usize {
     8 * records.min(lines) + gap(records.abs_diff(lines))
 }
@@ -350,15 +470,26 @@ fn gap(length: usize) -> usize {
 /// Bits of information in each record of a sequence.
 fn information(records: &[u32]) -> HashMap<u32, u32> {
     let mut counts: HashMap<u32, u32> = HashMap::new();
-    records.iter().for_each(|record| *counts.entry(*record).or_default() += 1);
+    records
+        .iter()
+        .for_each(|record| *counts.entry(*record).or_default() += 1);
     let all = records.len() as u32;
-    counts.into_iter().map(|(record, count)| (record, (all / count).max(1).ilog2())).collect()
+    counts
+        .into_iter()
+        .map(|(record, count)| (record, (all / count).max(1).ilog2()))
+        .collect()
 }
 
-/// What it costs beside what is skipped that two sequences go on from here, if they are in step: they agree for long enough to tell their
-/// place, or to the end of one, and what the other has left is a gap. After one or two records that are different a few equal ones will do,
-/// but any place that can be told is cheaper.
-fn in_step(bits: &HashMap<u32, u32>, expected: &[u32], got: &[u32], skipped: [usize; 2]) -> Option<usize> {
+/// What it costs beside what is skipped that two sequences go on from here, if they are in step:
+/// they agree for long enough to tell their place, or to the end of one, and what the other has
+/// left is a gap. After one or two records that are different a few equal ones will do, but any
+/// place that can be told is cheaper.
+fn in_step(
+    bits: &HashMap<u32, u32>,
+    expected: &[u32],
+    got: &[u32],
+    skipped: [usize; 2],
+) -> Option<usize> {
     let is_short = skipped[0] == skipped[1] && skipped[0] <= 2;
     let (mut equal, mut sure) = (0, 0);
     loop {
@@ -384,15 +515,21 @@ impl Script<'_> {
         self.at = [record + 1, line + 1];
     }
 
-    /// Goes on to where both sides are in step again, or past one pair where that is not to be found.
+    /// Goes on to where both sides are in step again, or past one pair where that is not to be
+    /// found.
     fn step_over(&mut self) {
         let [record, line] = self.at;
         let (expected, got) = (&self.expected[record..], &self.got[line..]);
-        let is_swap = expected.len() > 1 && got.len() > 1 && expected[0] == got[1] && expected[1] == got[0];
+        let is_swap =
+            expected.len() > 1 && got.len() > 1 && expected[0] == got[1] && expected[1] == got[0];
         let bits = self.bits.get_or_insert_with(|| information(self.expected));
         if is_swap && in_step(bits, &expected[2..], &got[2..], [2, 2]).is_some() {
             // As a script has it: the first is not here, the second is, and then the first comes.
-            self.steps.extend([Step::Missing(record), Step::Pair(record + 1, line), Step::Surplus(line + 1)]);
+            self.steps.extend([
+                Step::Missing(record),
+                Step::Pair(record + 1, line),
+                Step::Surplus(line + 1),
+            ]);
             self.at = [record + 2, line + 2];
             return;
         }
@@ -408,8 +545,13 @@ impl Script<'_> {
         let (expected, got) = (&self.expected[record..], &self.got[line..]);
         let bits = self.bits.get_or_insert_with(|| information(self.expected));
         // A window that began one pair earlier had all places but the last row and column.
-        let is_next = self.searched == Some([record.wrapping_sub(1), line.wrapping_sub(1)]) && record > 0 && line > 0;
-        let (most, least) = ([expected.len().min(WINDOW), got.len().min(WINDOW)], if is_next { WINDOW } else { 0 });
+        let is_next = self.searched == Some([record.wrapping_sub(1), line.wrapping_sub(1)])
+            && record > 0
+            && line > 0;
+        let (most, least) = (
+            [expected.len().min(WINDOW), got.len().min(WINDOW)],
+            if is_next { WINDOW } else { 0 },
+        );
         let mut best: Option<(usize, [usize; 2])> = None;
         for records in 0..=most[0] {
             for lines in 0..=most[1] {
@@ -421,7 +563,11 @@ impl Script<'_> {
                 if !is_lower(cost) {
                     continue;
                 }
-                let Some(more) = in_step(bits, &expected[records..], &got[lines..], [records, lines]) else { continue };
+                let Some(more) =
+                    in_step(bits, &expected[records..], &got[lines..], [records, lines])
+                else {
+                    continue;
+                };
                 if is_lower(cost + more) {
                     best = Some((cost + more, [records, lines]));
                 }
@@ -434,10 +580,20 @@ impl Script<'_> {
     /// The cheapest of the next places whose runs of records both sides have once.
     fn anchored(&mut self) -> Option<[usize; 2]> {
         let [record, line] = self.at;
-        let (anchors, next) = self.anchors.get_or_insert_with(|| (anchors(self.expected, self.got), 0));
-        *next += anchors[*next..].iter().take_while(|anchor| anchor.0 < line || anchor.1 < record).count();
-        let ahead = anchors[*next..].iter().filter(|anchor| anchor.0 >= line && anchor.1 >= record).take(WINDOW);
-        ahead.map(|&(lines, records)| [records - record, lines - line]).min_by_key(|&[records, lines]| cost(records, lines))
+        let (anchors, next) = self
+            .anchors
+            .get_or_insert_with(|| (anchors(self.expected, self.got), 0));
+        *next += anchors[*next..]
+            .iter()
+            .take_while(|anchor| anchor.0 < line || anchor.1 < record)
+            .count();
+        let ahead = anchors[*next..]
+            .iter()
+            .filter(|anchor| anchor.0 >= line && anchor.1 >= record)
+            .take(WINDOW);
+        ahead
+            .map(|&(lines, records)| [records - record, lines - line])
+            .min_by_key(|&[records, lines]| cost(records, lines))
     }
 
     /// Explains so many records and lines as cheaply as can be.
@@ -446,13 +602,20 @@ impl Script<'_> {
         self.at = [record + records, line + lines];
         if (records + 1).saturating_mul(lines + 1) > MOST_CELLS {
             let pairs = records.min(lines);
-            self.steps.extend((0..pairs).map(|place| Step::Pair(record + place, line + place)));
-            self.steps.extend((pairs..records).map(|place| Step::Missing(record + place)));
-            self.steps.extend((pairs..lines).map(|place| Step::Surplus(line + place)));
+            self.steps
+                .extend((0..pairs).map(|place| Step::Pair(record + place, line + place)));
+            self.steps
+                .extend((pairs..records).map(|place| Step::Missing(record + place)));
+            self.steps
+                .extend((pairs..lines).map(|place| Step::Surplus(line + place)));
             return;
         }
-        let (expected, got) = (&self.expected[record..record + records], &self.got[line..line + lines]);
-        // From each place to the end: twice as much for a record that is missing or surplus, less for one that is different.
+        let (expected, got) = (
+            &self.expected[record..record + records],
+            &self.got[line..line + lines],
+        );
+        // From each place to the end: twice as much for a record that is missing or surplus, less
+        // for one that is different.
         let width = lines + 1;
         let mut costs = vec![0u32; (records + 1) * width];
         let pair = |i: usize, j: usize| if expected[i] == got[j] { 0 } else { 2 };
@@ -488,19 +651,24 @@ impl Script<'_> {
     }
 }
 
-/// Places at which both sides have the same run of [`RUN`] records, and each side has it once: line and record, by lines.
+/// Places at which both sides have the same run of [`RUN`] records, and each side has it once: line
+/// and record, by lines.
 fn anchors(expected: &[u32], got: &[u32]) -> Vec<(usize, usize)> {
     let once = |side: &[u32]| {
         let mut runs: HashMap<[u32; RUN], Option<usize>> = HashMap::new();
         for (place, run) in side.windows(RUN).enumerate() {
             let run = std::array::from_fn(|at| run[at]);
-            runs.entry(run).and_modify(|place| *place = None).or_insert(Some(place));
+            runs.entry(run)
+                .and_modify(|place| *place = None)
+                .or_insert(Some(place));
         }
         runs
     };
     let ours = once(expected);
-    let mut all: Vec<(usize, usize)> =
-        once(got).into_iter().filter_map(|(run, line)| Some((line?, ours.get(&run).copied().flatten()?))).collect();
+    let mut all: Vec<(usize, usize)> = once(got)
+        .into_iter()
+        .filter_map(|(run, line)| Some((line?, ours.get(&run).copied().flatten()?)))
+        .collect();
     all.sort_unstable();
     all
 }
@@ -511,7 +679,8 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Every record and every line is used once, in order, and nothing is called different that is equal.
+        /// Every record and every line is used once, in order, and nothing is called different that
+        /// is equal.
         #[test]
         fn a_script_explains_all_records(expected in prop::collection::vec(0u32..6, 0..200), got in prop::collection::vec(0u32..6, 0..200)) {
             let steps = steps(&expected, &got);
@@ -541,8 +710,18 @@ mod tests {
 
     #[test]
     fn a_longest_rising_run_is_found() {
-        let pairs: Vec<(u32, u32)> = [3, 0, 1, 4, 2, 5].into_iter().enumerate().map(|(record, line)| (record as u32, line)).collect();
-        assert_eq!(longest_increasing(&pairs).iter().filter(|chosen| **chosen).count(), 4);
+        let pairs: Vec<(u32, u32)> = [3, 0, 1, 4, 2, 5]
+            .into_iter()
+            .enumerate()
+            .map(|(record, line)| (record as u32, line))
+            .collect();
+        assert_eq!(
+            longest_increasing(&pairs)
+                .iter()
+                .filter(|chosen| **chosen)
+                .count(),
+            4
+        );
         assert_eq!(longest_increasing(&[]), [false; 0]);
     }
 }

@@ -1,9 +1,11 @@
 //! Order: in which sequence a device's records may come, and how it is found.
 //!
-//! A trace has records splat after splat. A binned design gives those of a tile together, splat after splat within each. Where a file is not
-//! in the order of the trace, the orders of square tiles are tried: the tiles as the device visited them where records have their pixel, else
-//! row by row, with the pixels that the trace's keys have. Where the device's `raster.out` is compared too, records behind it come as those
-//! did. A file is in another order only if that leaves far fewer differences; a sentence says which order was taken.
+//! A trace has records splat after splat. A binned design gives those of a tile together, splat
+//! after splat within each. Where a file is not in the order of the trace, the orders of square
+//! tiles are tried: the tiles as the device visited them where records have their pixel, else row
+//! by row, with the pixels that the trace's keys have. Where the device's `raster.out` is compared
+//! too, records behind it come as those did. A file is in another order only if that leaves far
+//! fewer differences; a sentence says which order was taken.
 
 use super::align::{Mismatch, Name, Numbered, Sequence};
 use super::{Sides, X, Y, part};
@@ -75,14 +77,22 @@ pub struct Ordered {
 
 impl Ordered {
     fn of(found: Vec<Mismatch>, order: Used) -> Self {
-        Ordered { found, order, permutation: None }
+        Ordered {
+            found,
+            order,
+            permutation: None,
+        }
     }
 
     /// Differences of the first one's kind that follow it without a gap, itself among them.
     pub fn run(&self) -> usize {
         let goes_on = |pair: &&[Mismatch]| match (pair[0], pair[1]) {
-            (Mismatch::Missing { record }, Mismatch::Missing { record: next }) => next == record + 1,
-            (Mismatch::Surplus { line, .. }, Mismatch::Surplus { line: next, .. }) => next == line + 1,
+            (Mismatch::Missing { record }, Mismatch::Missing { record: next }) => {
+                next == record + 1
+            }
+            (Mismatch::Surplus { line, .. }, Mismatch::Surplus { line: next, .. }) => {
+                next == line + 1
+            }
             _ => false,
         };
         1 + self.found.windows(2).take_while(goes_on).count()
@@ -101,7 +111,10 @@ impl Sides<'_> {
         let numbered = Numbered::new(expected, got);
         let names = self.stream.names(expected).zip(self.stream.names(got));
         if let (true, Some((ours, theirs))) = (self.stream.per_pixel, &names) {
-            return Ok(Ordered::of(numbered.by_name(ours, theirs, Sequence::ByName), Used::PerPixel));
+            return Ok(Ordered::of(
+                numbered.by_name(ours, theirs, Sequence::ByName),
+                Used::PerPixel,
+            ));
         }
         let compare = |numbered: &Numbered, names: Option<(&[Name], &[Name])>| match names {
             Some((ours, theirs)) => numbered.by_name(ours, theirs, Sequence::Total),
@@ -112,7 +125,10 @@ impl Sides<'_> {
         }
         if order == Order::Any {
             let ordered = match &names {
-                Some((ours, theirs)) => Ordered::of(numbered.by_name(ours, theirs, Sequence::ByName), Used::ByName),
+                Some((ours, theirs)) => Ordered::of(
+                    numbered.by_name(ours, theirs, Sequence::ByName),
+                    Used::ByName,
+                ),
                 None => match rastered.filter(|order| order.len() == expected.len()) {
                     Some(rastered) => self.permuted(&numbered, rastered, Used::Raster, compare),
                     None => Ordered::of(numbered.as_a_set(), Used::Set),
@@ -120,19 +136,37 @@ impl Sides<'_> {
             };
             return Ok(self.with_permutation(ordered, names));
         }
-        let in_trace_order = || Ordered::of(compare(&numbered, names.as_ref().map(|(ours, theirs)| (&ours[..], &theirs[..]))), Used::Trace);
-        let candidate = if order == Order::Trace { None } else { self.candidate(&numbered, rastered)? };
-        let Some((permutation, used)) = candidate else { return Ok(in_trace_order()) };
+        let in_trace_order = || {
+            Ordered::of(
+                compare(
+                    &numbered,
+                    names
+                        .as_ref()
+                        .map(|(ours, theirs)| (&ours[..], &theirs[..])),
+                ),
+                Used::Trace,
+            )
+        };
+        let candidate = if order == Order::Trace {
+            None
+        } else {
+            self.candidate(&numbered, rastered)?
+        };
+        let Some((permutation, used)) = candidate else {
+            return Ok(in_trace_order());
+        };
         let other = self.permuted(&numbered, &permutation, used, compare);
         if order == Order::Tiles || other.found.is_empty() {
             return Ok(self.with_permutation(other, names));
         }
         let first = in_trace_order();
-        let is_far_better = other.found.len() * 4 <= first.found.len() && first.found.len() - other.found.len() >= FEW;
+        let is_far_better = other.found.len() * 4 <= first.found.len()
+            && first.found.len() - other.found.len() >= FEW;
         Ok(if is_far_better { other } else { first })
     }
 
-    /// Compares with the expected records in another order; differences are told by their numbers in the trace.
+    /// Compares with the expected records in another order; differences are told by their numbers
+    /// in the trace.
     fn permuted(
         &self,
         numbered: &Numbered,
@@ -141,46 +175,101 @@ impl Sides<'_> {
         compare: impl Fn(&Numbered, Option<(&[Name], &[Name])>) -> Vec<Mismatch>,
     ) -> Ordered {
         let all = self.expected.len();
-        let ours: Vec<Vec<i64>> = order.iter().map(|&record| self.expected[record as usize].clone()).collect();
-        let numbers = order.iter().map(|&record| numbered.expected[record as usize]).collect();
-        let numbered = Numbered { expected: numbers, got: numbered.got.clone() };
-        let names = self.stream.names(&ours).zip(self.stream.names(&self.got.records));
-        let found = compare(&numbered, names.as_ref().map(|(ours, theirs)| (&ours[..], &theirs[..])));
+        let ours: Vec<Vec<i64>> = order
+            .iter()
+            .map(|&record| self.expected[record as usize].clone())
+            .collect();
+        let numbers = order
+            .iter()
+            .map(|&record| numbered.expected[record as usize])
+            .collect();
+        let numbered = Numbered {
+            expected: numbers,
+            got: numbered.got.clone(),
+        };
+        let names = self
+            .stream
+            .names(&ours)
+            .zip(self.stream.names(&self.got.records));
+        let found = compare(
+            &numbered,
+            names
+                .as_ref()
+                .map(|(ours, theirs)| (&ours[..], &theirs[..])),
+        );
         let in_trace = |place: usize| order.get(place).map_or(all, |&record| record as usize);
         let found = found.into_iter().map(|mismatch| match mismatch {
-            Mismatch::Different { record, line } => Mismatch::Different { record: in_trace(record), line },
-            Mismatch::Missing { record } => Mismatch::Missing { record: in_trace(record) },
-            Mismatch::Surplus { line, before } => Mismatch::Surplus { line, before: in_trace(before) },
+            Mismatch::Different { record, line } => Mismatch::Different {
+                record: in_trace(record),
+                line,
+            },
+            Mismatch::Missing { record } => Mismatch::Missing {
+                record: in_trace(record),
+            },
+            Mismatch::Surplus { line, before } => Mismatch::Surplus {
+                line,
+                before: in_trace(before),
+            },
             // The next one of a tile is seldom the next one of the trace.
-            Mismatch::Moved { record, line, swapped } => {
-                Mismatch::Moved { record: in_trace(record), line: line + usize::from(swapped), swapped: false }
-            }
+            Mismatch::Moved {
+                record,
+                line,
+                swapped,
+            } => Mismatch::Moved {
+                record: in_trace(record),
+                line: line + usize::from(swapped),
+                swapped: false,
+            },
         });
         Ordered::of(found.collect(), used)
     }
 
-    fn with_permutation(&self, mut ordered: Ordered, names: Option<(Vec<Name>, Vec<Name>)>) -> Ordered {
+    fn with_permutation(
+        &self,
+        mut ordered: Ordered,
+        names: Option<(Vec<Name>, Vec<Name>)>,
+    ) -> Ordered {
         if let (true, Some((ours, theirs))) = (ordered.found.is_empty(), names) {
             let mut records: HashMap<Name, Vec<u32>> = HashMap::new();
             for (record, name) in ours.iter().enumerate().rev() {
                 records.entry(*name).or_default().push(record as u32);
             }
-            ordered.permutation = theirs.iter().map(|name| records.get_mut(name).and_then(Vec::pop)).collect();
+            ordered.permutation = theirs
+                .iter()
+                .map(|name| records.get_mut(name).and_then(Vec::pop))
+                .collect();
         }
         ordered
     }
 
     /// Another order that the device's file is in, if it looks so.
-    fn candidate(&self, numbered: &Numbered, rastered: Option<&Permutation>) -> Result<Option<(Permutation, Used)>> {
+    fn candidate(
+        &self,
+        numbered: &Numbered,
+        rastered: Option<&Permutation>,
+    ) -> Result<Option<(Permutation, Used)>> {
         let keys = self.trace.keys(self.stream)?;
-        let pixels: Option<Vec<[i64; 2]>> = keys.iter().map(|key| Some([part(key, X)?, part(key, Y)?])).collect();
-        let Some(pixels) = pixels else { return Ok(None) };
-        if let (Some(rastered), None) = (rastered.filter(|order| order.len() == pixels.len()), self.stream.names(self.expected)) {
+        let pixels: Option<Vec<[i64; 2]>> = keys
+            .iter()
+            .map(|key| Some([part(key, X)?, part(key, Y)?]))
+            .collect();
+        let Some(pixels) = pixels else {
+            return Ok(None);
+        };
+        if let (Some(rastered), None) = (
+            rastered.filter(|order| order.len() == pixels.len()),
+            self.stream.names(self.expected),
+        ) {
             return Ok(Some((rastered.clone(), Used::Raster)));
         }
         let [_, x, y] = self.stream.naming();
-        let their_pixels: Option<Vec<[i64; 2]>> =
-            x.zip(y).map(|(x, y)| self.got.records.iter().map(|record| [record[x], record[y]]).collect());
+        let their_pixels: Option<Vec<[i64; 2]>> = x.zip(y).map(|(x, y)| {
+            self.got
+                .records
+                .iter()
+                .map(|record| [record[x], record[y]])
+                .collect()
+        });
         let mut best: Option<(usize, Permutation, i64)> = None;
         for side in SIDES_PX {
             let tile = |[x, y]: [i64; 2]| [y / side, x / side];
@@ -198,21 +287,41 @@ impl Sides<'_> {
             if order.is_sorted() {
                 continue;
             }
-            let score = likeness(order.iter().map(|&record| numbered.expected[record as usize]), &numbered.got);
+            let score = likeness(
+                order
+                    .iter()
+                    .map(|&record| numbered.expected[record as usize]),
+                &numbered.got,
+            );
             if best.as_ref().is_none_or(|(most, ..)| score > *most) {
                 best = Some((score, order, side));
             }
         }
         let in_trace_order = likeness(numbered.expected.iter().copied(), &numbered.got);
-        Ok(best.filter(|(score, ..)| *score > in_trace_order).map(|(_, order, side)| (order, Used::Tiles(side))))
+        Ok(best
+            .filter(|(score, ..)| *score > in_trace_order)
+            .map(|(_, order, side)| (order, Used::Tiles(side))))
     }
 }
 
-/// Records that are equal at the beginning, at the end, and place by place where both sides have as many.
-fn likeness(expected: impl DoubleEndedIterator<Item = u32> + ExactSizeIterator + Clone, got: &[u32]) -> usize {
+/// Records that are equal at the beginning, at the end, and place by place where both sides have as
+/// many.
+fn likeness(
+    expected: impl DoubleEndedIterator<Item = u32> + ExactSizeIterator + Clone,
+    got: &[u32],
+) -> usize {
     let agree = |(a, b): &(u32, &u32)| a == *b;
     let beginning = expected.clone().zip(got).take_while(agree).count();
-    let end = expected.clone().rev().zip(got.iter().rev()).take_while(agree).count();
-    let place_by_place = if expected.len() == got.len() { expected.zip(got).filter(agree).count() } else { 0 };
+    let end = expected
+        .clone()
+        .rev()
+        .zip(got.iter().rev())
+        .take_while(agree)
+        .count();
+    let place_by_place = if expected.len() == got.len() {
+        expected.zip(got).filter(agree).count()
+    } else {
+        0
+    };
     beginning + end + place_by_place
 }

@@ -18,14 +18,32 @@ pub fn command(folder: &Path, manifest: &Value, unit: &str, key: &[i64]) -> Stri
         (_, Some(source)) => quoted_for_shell(source),
         _ => quoted_for_shell(scene["name"].as_str().unwrap_or_default()),
     };
-    let mut command = format!("splatsim trace {name} --size {}x{} --machine {}", scene["width"], scene["height"], path("machine.json"));
-    if let (Some(frame), None | Some(false)) = (scene["frame"].as_u64().filter(|frame| *frame > 0), scene["complete"].as_bool()) {
+    let mut command = format!(
+        "splatsim trace {name} --size {}x{} --machine {}",
+        scene["width"],
+        scene["height"],
+        path("machine.json")
+    );
+    if let (Some(frame), None | Some(false)) = (
+        scene["frame"].as_u64().filter(|frame| *frame > 0),
+        scene["complete"].as_bool(),
+    ) {
         let _ = write!(command, " --frame {frame}");
     }
     if let Some(cases) = window["stimulus"].as_u64() {
         // Random cases depend on which units they are made for, and in which order.
-        let units: Vec<&str> = window["units"].as_array().into_iter().flatten().filter_map(Value::as_str).collect();
-        return command + &format!(" --units {} --stimulus {cases} --seed {} --out replay", units.join(","), window["seed"]);
+        let units: Vec<&str> = window["units"]
+            .as_array()
+            .into_iter()
+            .flatten()
+            .filter_map(Value::as_str)
+            .collect();
+        return command
+            + &format!(
+                " --units {} --stimulus {cases} --seed {} --out replay",
+                units.join(","),
+                window["seed"]
+            );
     }
     let _ = write!(command, " --units {unit}");
     let (splat, pixel) = (part(key, SPLAT), part(key, X).zip(part(key, Y)));

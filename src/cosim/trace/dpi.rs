@@ -1,14 +1,21 @@
-//! DPI: the live model for SystemVerilog: a function a unit, and modules that hold a device's streams against it.
+//! DPI: the live model for SystemVerilog: a function a unit, and modules that hold a device's
+//! streams against it.
 
 use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::ports::{self, Kind, Stream};
 use rtl_model::records::unit;
 use std::fmt::Write;
 
-/// The package `splatsim_dpi`, and its modules. Functions are those of the C library, where a `size_t` has 64 bits.
+/// The package `splatsim_dpi`, and its modules. Functions are those of the C library, where a
+/// `size_t` has 64 bits.
 pub fn dpi(machine: &Elaborated, kind: Kind) -> String {
     let streams = ports::streams(machine, kind);
-    let widest = streams.iter().chain(&ports::constants(machine, kind)).map(Stream::width).max().unwrap_or(1);
+    let widest = streams
+        .iter()
+        .chain(&ports::constants(machine, kind))
+        .map(Stream::width)
+        .max()
+        .unwrap_or(1);
     let mut text = format!(
         "// Live model of the units, over DPI-C, written by splatsim {}: link the simulation with the C library (bindings/c).\n\
          // A unit keeps what it gave until it is taken (…_next) or compared.\n\
@@ -20,7 +27,11 @@ pub fn dpi(machine: &Elaborated, kind: Kind) -> String {
     );
     text.push_str(PACKAGE);
     for name in unit::ALL {
-        let has = |end: &str| streams.iter().any(|stream| stream.name == format!("{name}.{end}"));
+        let has = |end: &str| {
+            streams
+                .iter()
+                .any(|stream| stream.name == format!("{name}.{end}"))
+        };
         if has("in") && has("out") {
             let upper = name.to_uppercase();
             let _ = write!(

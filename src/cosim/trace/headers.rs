@@ -1,4 +1,5 @@
-//! Headers: a machine's formats and records as SystemVerilog, C and Markdown, so that nobody slices bits by hand.
+//! Headers: a machine's formats and records as SystemVerilog, C and Markdown, so that nobody slices
+//! bits by hand.
 
 use super::observer::outcomes;
 use rtl_model::frame::Frame;
@@ -14,11 +15,14 @@ fn constant(name: &str) -> String {
     name.to_uppercase().replace('.', "_")
 }
 
-/// Every word of a machine by its path: those of the description and those of function units; those for ellipsoids alone by their unit's
-/// name, if that is what is drawn.
+/// Every word of a machine by its path: those of the description and those of function units; those
+/// for ellipsoids alone by their unit's name, if that is what is drawn.
 fn words(machine: &Elaborated, kind: Kind) -> BTreeMap<String, Word> {
-    let mut words: BTreeMap<String, Word> =
-        machine.signals.iter().map(|signal| (format!("{}.{}", signal.unit, signal.name), signal.word)).collect();
+    let mut words: BTreeMap<String, Word> = machine
+        .signals
+        .iter()
+        .map(|signal| (format!("{}.{}", signal.unit, signal.name), signal.word))
+        .collect();
     let description = serde_json::to_value(&machine.machine).unwrap_or_default();
     for (unit, fields) in description.as_object().into_iter().flatten() {
         for (name, value) in fields.as_object().into_iter().flatten() {
@@ -27,7 +31,9 @@ fn words(machine: &Elaborated, kind: Kind) -> BTreeMap<String, Word> {
             } else if kind != Kind::default() && name != "window" {
                 // Words of windows are signals, each of them.
                 let nested = value.as_object().into_iter().flatten();
-                let own = nested.filter_map(|(name, value)| Some((name, serde_json::from_value(value.clone()).ok()?)));
+                let own = nested.filter_map(|(name, value)| {
+                    Some((name, serde_json::from_value(value.clone()).ok()?))
+                });
                 words.extend(own.map(|(name, word)| (format!("{unit}.{name}"), word)));
             }
         }
@@ -43,59 +49,149 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
         .map(|(name, unit)| (name, unit.shape()))
         .into_iter()
         .chain(machine.roots().map(|(name, unit)| (name, unit.shape())))
-        .chain(machine.ray_root().filter(|_| frame.ellipsoids.is_some()).map(|unit| ("ellipse.ray_root", unit.shape())))
+        .chain(
+            machine
+                .ray_root()
+                .filter(|_| frame.ellipsoids.is_some())
+                .map(|unit| ("ellipse.ray_root", unit.shape())),
+        )
         .chain(frame.ellipsoids.iter().map(|_| {
-            let none = FunctionUnit { table_bits: 0, newton_steps: 0, bits: 0 };
-            ("ellipse.compensation_root", machine.compensation_root().map_or(none, |unit| unit.shape()))
+            let none = FunctionUnit {
+                table_bits: 0,
+                newton_steps: 0,
+                bits: 0,
+            };
+            (
+                "ellipse.compensation_root",
+                machine
+                    .compensation_root()
+                    .map_or(none, |unit| unit.shape()),
+            )
         }))
-        .chain(machine.fragment.window_reciprocal().filter(|_| frame.window.is_some()).map(|unit| (RECIPROCAL_OF_WINDOWS, unit.shape())));
-    let mirror =
-        machine.shade.reflect().filter(|_| frame.surroundings.is_some()).map(|unit| ("reflect.reciprocal", unit.reciprocal().shape()));
+        .chain(
+            machine
+                .fragment
+                .window_reciprocal()
+                .filter(|_| frame.window.is_some())
+                .map(|unit| (RECIPROCAL_OF_WINDOWS, unit.shape())),
+        );
+    let mirror = machine
+        .shade
+        .reflect()
+        .filter(|_| frame.surroundings.is_some())
+        .map(|unit| ("reflect.reciprocal", unit.reciprocal().shape()));
     for (name, shape) in functions.chain(mirror) {
-        let sizes = [("TABLE_BITS", shape.table_bits), ("NEWTON_STEPS", shape.newton_steps), ("BITS", shape.bits)];
-        all.extend(sizes.map(|(size, value)| (format!("{}_{size}", constant(name)), i64::from(value))));
+        let sizes = [
+            ("TABLE_BITS", shape.table_bits),
+            ("NEWTON_STEPS", shape.newton_steps),
+            ("BITS", shape.bits),
+        ];
+        all.extend(
+            sizes.map(|(size, value)| (format!("{}_{size}", constant(name)), i64::from(value))),
+        );
     }
     let m = &machine.machine;
     let f = &m.fragment;
-    let sheets = f.sheets.as_ref().filter(|_| frame.sheets.is_some()).map(|words| ("FRAGMENT_RATIO_TABLE", words.table));
+    let sheets = f
+        .sheets
+        .as_ref()
+        .filter(|_| frame.sheets.is_some())
+        .map(|words| ("FRAGMENT_RATIO_TABLE", words.table));
     let window = f.window.as_ref().filter(|_| frame.window.is_some());
-    let of_windows =
-        window.map(|words| [("FRAGMENT_WINDOW_DENSITY_TABLE", words.density_table), ("FRAGMENT_WINDOW_HIDDEN_TABLE", words.hidden_table)]);
-    let tables = [("GAUSS_TABLE", m.gauss.table), ("SHADE_HIGHLIGHT_TABLE", m.shade.highlight_table)];
-    for (name, table) in tables.into_iter().chain(sheets).chain(of_windows.into_iter().flatten()) {
+    let of_windows = window.map(|words| {
+        [
+            ("FRAGMENT_WINDOW_DENSITY_TABLE", words.density_table),
+            ("FRAGMENT_WINDOW_HIDDEN_TABLE", words.hidden_table),
+        ]
+    });
+    let tables = [
+        ("GAUSS_TABLE", m.gauss.table),
+        ("SHADE_HIGHLIGHT_TABLE", m.shade.highlight_table),
+    ];
+    for (name, table) in tables
+        .into_iter()
+        .chain(sheets)
+        .chain(of_windows.into_iter().flatten())
+    {
         all.push((format!("{name}_BITS"), table.index_bits.into()));
-        all.push((format!("{name}_LINEAR"), (table.interpolation == Interpolation::Linear).into()));
+        all.push((
+            format!("{name}_LINEAR"),
+            (table.interpolation == Interpolation::Linear).into(),
+        ));
     }
-    let reach_bits = m.ellipse.ellipsoid.filter(|_| frame.ellipsoids.is_some()).and_then(|words| words.reach_bits).unwrap_or(0);
+    let reach_bits = m
+        .ellipse
+        .ellipsoid
+        .filter(|_| frame.ellipsoids.is_some())
+        .and_then(|words| words.reach_bits)
+        .unwrap_or(0);
     // An ellipsoid's opacity is compared with a register of the frame.
     let constants = ports::constants(machine, Kind::of(frame));
-    let least_opacity = constants[0].fields.iter().position(|field| field.name == "least_opacity");
-    let [opacity_w, least_opacity_lsb] = least_opacity.map_or([0; 2], |at| [constants[0].fields[at].width(), constants[0].places()[at]]);
+    let least_opacity = constants[0]
+        .fields
+        .iter()
+        .position(|field| field.name == "least_opacity");
+    let [opacity_w, least_opacity_lsb] = least_opacity.map_or([0; 2], |at| {
+        [constants[0].fields[at].width(), constants[0].places()[at]]
+    });
     // Registers of pixels that are not square, or those that serve in their place.
-    let lsb = |name: &str| constants[0].fields.iter().position(|field| field.name == name).map(|at| constants[0].places()[at]);
+    let lsb = |name: &str| {
+        constants[0]
+            .fields
+            .iter()
+            .position(|field| field.name == name)
+            .map(|at| constants[0].places()[at])
+    };
     for axis in ["x", "y"] {
-        for (own, usual) in [("focal", "focal"), ("inverse_focal", "inverse_focal"), ("inverse_focal", "inverse_focal_places")] {
+        for (own, usual) in [
+            ("focal", "focal"),
+            ("inverse_focal", "inverse_focal"),
+            ("inverse_focal", "inverse_focal_places"),
+        ] {
             let own = usual.replace(own, &format!("{own}_{axis}"));
-            let place = lsb(&own).or_else(|| lsb(usual)).expect("every frame has a focal length");
+            let place = lsb(&own)
+                .or_else(|| lsb(usual))
+                .expect("every frame has a focal length");
             all.push((format!("VIEW_{}_LSB", constant(&own)), place.into()));
         }
     }
-    let aspect = m.ellipse.aspect.map_or([0; 2], |word| [word.format.width(), word.format.frac_bits]);
-    all.extend([("VIEW_ASPECT_W".to_owned(), aspect[0].into()), ("VIEW_ASPECT_F".to_owned(), aspect[1].into())]);
-    all.push(("VIEW_ASPECT_YY_LSB".into(), lsb("aspect_yy").unwrap_or(0).into()));
+    let aspect = m
+        .ellipse
+        .aspect
+        .map_or([0; 2], |word| [word.format.width(), word.format.frac_bits]);
+    all.extend([
+        ("VIEW_ASPECT_W".to_owned(), aspect[0].into()),
+        ("VIEW_ASPECT_F".to_owned(), aspect[1].into()),
+    ]);
+    all.push((
+        "VIEW_ASPECT_YY_LSB".into(),
+        lsb("aspect_yy").unwrap_or(0).into(),
+    ));
     let rules = [
         ("PROJECT_OPACITY_W", opacity_w.into()),
         ("PROJECT_LEAST_OPACITY_LSB", least_opacity_lsb.into()),
         ("ELLIPSE_REACH_BITS", reach_bits.into()),
-        ("RASTER_DIFFERENCED", i64::from(m.raster.rows == Rows::Differenced)),
-        ("RASTER_EXACT_DEPTH_F", ports::exact_depth(m).frac_bits.into()),
+        (
+            "RASTER_DIFFERENCED",
+            i64::from(m.raster.rows == Rows::Differenced),
+        ),
+        (
+            "RASTER_EXACT_DEPTH_F",
+            ports::exact_depth(m).frac_bits.into(),
+        ),
         ("ELLIPSE_INVERSE_TWO_PI_WORD", machine.inverse_two_pi()),
         ("FRAGMENT_LAYERS", f.layers.into()),
         ("FRAGMENT_MERGE", f.merge as i64),
         ("FRAGMENT_EVICT_HIDDEN", f.evict_hidden.into()),
         ("FRAGMENT_TURN_NORMALS", f.turn_normals.into()),
-        ("FRAGMENT_NEAREST_DEPTH", (f.fragment_depth == rtl_model::machine::FragmentDepth::Nearest).into()),
-        ("FRAGMENT_OPAQUE_LIMIT", f.opaque.format.one() * i64::from(f.opaque_permille) / 1000),
+        (
+            "FRAGMENT_NEAREST_DEPTH",
+            (f.fragment_depth == rtl_model::machine::FragmentDepth::Nearest).into(),
+        ),
+        (
+            "FRAGMENT_OPAQUE_LIMIT",
+            f.opaque.format.one() * i64::from(f.opaque_permille) / 1000,
+        ),
         ("FRAGMENT_OPAQUE_SHADED", machine.fragment.opaque_shaded()),
         ("LIGHTS", frame.lighting.lights.len() as i64),
         ("MATERIALS", frame.lighting.materials.len() as i64),
@@ -103,9 +199,19 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
     if let (Some(_), Some(words)) = (&frame.surroundings, &m.reflect) {
         all.push(("REFLECT_INDEX_BITS".into(), words.index_bits.into()));
     }
-    let of_windows = window
-        .map(|words| [("FRAGMENT_GROUP", f.group as i64), ("FRAGMENT_LATE", words.late.into()), ("FRAGMENT_INSIDE", words.inside.into())]);
-    all.extend(rules.into_iter().chain(of_windows.into_iter().flatten()).map(|(name, value)| (name.to_owned(), value)));
+    let of_windows = window.map(|words| {
+        [
+            ("FRAGMENT_GROUP", f.group as i64),
+            ("FRAGMENT_LATE", words.late.into()),
+            ("FRAGMENT_INSIDE", words.inside.into()),
+        ]
+    });
+    all.extend(
+        rules
+            .into_iter()
+            .chain(of_windows.into_iter().flatten())
+            .map(|(name, value)| (name.to_owned(), value)),
+    );
     let t = &machine.timing;
     let paces = [
         ("PROJECT", t.project),
@@ -122,22 +228,28 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
         all.push((format!("{unit}_ROOM"), pace.room() as i64));
     }
     all.push(("FRAGMENT_HAZARD".into(), t.hazard.into()));
-    all.push(("FRAGMENT_MERGE_CYCLES".into(), t.timing.fragment.merge.into()));
+    all.push((
+        "FRAGMENT_MERGE_CYCLES".into(),
+        t.timing.fragment.merge.into(),
+    ));
     all
 }
 
-/// Numbers that stand for names: a type each in the package, an entry each among the manifest's `enums`.
+/// Numbers that stand for names: a type each in the package, an entry each among the manifest's
+/// `enums`.
 struct Codes {
     name: &'static str,
     /// The fields and numbers that they are codes of.
     of: &'static [&'static str],
-    /// Bits of the field; none where it is a number of the package, or what ends in this among them.
+    /// Bits of the field; none where it is a number of the package, or what ends in this among
+    /// them.
     bits: Option<u32>,
     /// In the order of their numbers, from 0 on.
     names: Vec<&'static str>,
 }
 
-/// What a rule of merging is called. A new one belongs into [`codes`] too, at the place of its number.
+/// What a rule of merging is called. A new one belongs into [`codes`] too, at the place of its
+/// number.
 fn rule(merge: Merge) -> &'static str {
     match merge {
         Merge::NearestPair => "nearest-pair",
@@ -151,7 +263,13 @@ fn rule(merge: Merge) -> &'static str {
 const RECIPROCAL_OF_WINDOWS: &str = "fragment.window.reciprocal";
 
 fn codes(kind: Kind) -> Vec<Codes> {
-    let merges = [Merge::NearestPair, Merge::FarthestPair, Merge::Replace, Merge::Window].map(rule);
+    let merges = [
+        Merge::NearestPair,
+        Merge::FarthestPair,
+        Merge::Replace,
+        Merge::Window,
+    ]
+    .map(rule);
     let merges = &merges[..if kind.windows { merges.len() } else { 3 }];
     let mut all = vec![
         Codes {
@@ -160,12 +278,32 @@ fn codes(kind: Kind) -> Vec<Codes> {
             bits: Some(ports::outcome_bits(kind) as u32),
             names: outcomes(kind).to_vec(),
         },
-        Codes { name: "merge", of: &["FRAGMENT_MERGE"], bits: None, names: merges.to_vec() },
-        Codes { name: "round", of: &["_ROUND"], bits: None, names: vec!["truncate", "nearest", "nearest-even"] },
-        Codes { name: "overflow", of: &["_WRAP"], bits: None, names: vec!["saturate", "wrap"] },
+        Codes {
+            name: "merge",
+            of: &["FRAGMENT_MERGE"],
+            bits: None,
+            names: merges.to_vec(),
+        },
+        Codes {
+            name: "round",
+            of: &["_ROUND"],
+            bits: None,
+            names: vec!["truncate", "nearest", "nearest-even"],
+        },
+        Codes {
+            name: "overflow",
+            of: &["_WRAP"],
+            bits: None,
+            names: vec!["saturate", "wrap"],
+        },
     ];
     if kind.windows {
-        all.push(Codes { name: "group", of: &["FRAGMENT_GROUP"], bits: None, names: vec!["first", "interval", "window"] });
+        all.push(Codes {
+            name: "group",
+            of: &["FRAGMENT_GROUP"],
+            bits: None,
+            names: vec!["first", "interval", "window"],
+        });
     }
     if kind.ellipsoids {
         all.push(Codes {
@@ -182,15 +320,33 @@ impl Codes {
     /// The constants, each with its number: `MERGE_NEAREST_PAIR`.
     fn constants(&self) -> impl Iterator<Item = (String, usize)> {
         let prefix = self.name.to_uppercase();
-        self.names.iter().enumerate().map(move |(number, name)| (format!("{prefix}_{}", constant(&name.replace('-', "_"))), number))
+        self.names.iter().enumerate().map(move |(number, name)| {
+            (
+                format!("{prefix}_{}", constant(&name.replace('-', "_"))),
+                number,
+            )
+        })
     }
 
     /// The type in SystemVerilog.
     fn enumeration(&self) -> String {
-        let base = self.bits.map_or("int".to_owned(), |bits| format!("logic [{}:0]", bits - 1));
-        let number = |number: usize| self.bits.map_or(number.to_string(), |bits| format!("{bits}'d{number}"));
-        let items: Vec<String> = self.constants().map(|(name, code)| format!("{name} = {}", number(code))).collect();
-        format!("\n  // Codes of {}.\n  typedef enum {base} {{\n    {}\n  }} {}_t;\n", self.of.join(", "), items.join(",\n    "), self.name)
+        let base = self
+            .bits
+            .map_or("int".to_owned(), |bits| format!("logic [{}:0]", bits - 1));
+        let number = |number: usize| {
+            self.bits
+                .map_or(number.to_string(), |bits| format!("{bits}'d{number}"))
+        };
+        let items: Vec<String> = self
+            .constants()
+            .map(|(name, code)| format!("{name} = {}", number(code)))
+            .collect();
+        format!(
+            "\n  // Codes of {}.\n  typedef enum {base} {{\n    {}\n  }} {}_t;\n",
+            self.of.join(", "),
+            items.join(",\n    "),
+            self.name
+        )
     }
 }
 
@@ -240,14 +396,32 @@ pub fn package(machine: &Elaborated, frame: &Frame) -> String {
     }
     text.push_str("\n  // Tables, rules and timing.\n");
     for (name, value) in numbers(machine, frame) {
-        let kind = if i32::try_from(value).is_ok() { "int" } else { "logic signed [63:0]" };
-        let _ = writeln!(text, "  localparam {kind} {name} = {}{value};", if kind == "int" { "" } else { "64'sd" });
+        let kind = if i32::try_from(value).is_ok() {
+            "int"
+        } else {
+            "logic signed [63:0]"
+        };
+        let _ = writeln!(
+            text,
+            "  localparam {kind} {name} = {}{value};",
+            if kind == "int" { "" } else { "64'sd" }
+        );
     }
     let kind = Kind::of(frame);
-    codes(kind).iter().for_each(|codes| text.push_str(&codes.enumeration()));
-    for stream in ports::constants(machine, kind).iter().chain(&ports::streams(machine, kind)) {
+    codes(kind)
+        .iter()
+        .for_each(|codes| text.push_str(&codes.enumeration()));
+    for stream in ports::constants(machine, kind)
+        .iter()
+        .chain(&ports::streams(machine, kind))
+    {
         let name = constant(stream.name);
-        let _ = write!(text, "\n  // {}\n  localparam int {name}_W = {};\n", stream.name, stream.width());
+        let _ = write!(
+            text,
+            "\n  // {}\n  localparam int {name}_W = {};\n",
+            stream.name,
+            stream.width()
+        );
         for (field, place) in stream.fields.iter().zip(stream.places()) {
             let field_name = constant(&field.name);
             let _ = writeln!(
@@ -258,15 +432,24 @@ pub fn package(machine: &Elaborated, frame: &Frame) -> String {
         }
     }
     let lighting = &frame.lighting;
-    let (lights, materials) = (lighting.lights.len() as u32, lighting.materials.len() as u32);
+    let (lights, materials) = (
+        lighting.lights.len() as u32,
+        lighting.materials.len() as u32,
+    );
     text.push_str(
         "\n  // All lights, all materials, and what each material makes of each light: one beside the other, the first in the low bits.\n",
     );
     let constants = ports::constants(machine, kind);
-    for (port, stream, count) in
-        [("LIGHTS", &constants[1], lights), ("MATERIALS", &constants[2], materials), ("REFLECTIONS", &constants[3], lights * materials)]
-    {
-        let _ = writeln!(text, "  localparam int {port}_PORT_W = {};", (stream.width() * count).max(1));
+    for (port, stream, count) in [
+        ("LIGHTS", &constants[1], lights),
+        ("MATERIALS", &constants[2], materials),
+        ("REFLECTIONS", &constants[3], lights * materials),
+    ] {
+        let _ = writeln!(
+            text,
+            "  localparam int {port}_PORT_W = {};",
+            (stream.width() * count).max(1)
+        );
     }
     text.push_str("endpackage\n/* verilator lint_on UNUSEDPARAM */\n`default_nettype wire\n");
     text
@@ -274,19 +457,35 @@ pub fn package(machine: &Elaborated, frame: &Frame) -> String {
 
 /// The records as packed structs, to be included where they are used.
 pub fn structs(machine: &Elaborated, kind: Kind) -> String {
-    let mut text = String::from("// Records as packed structs, first field in the most significant bits: `include it inside a module.\n");
-    for stream in ports::constants(machine, kind).iter().chain(&ports::streams(machine, kind)) {
+    let mut text = String::from(
+        "// Records as packed structs, first field in the most significant bits: `include it inside a module.\n",
+    );
+    for stream in ports::constants(machine, kind)
+        .iter()
+        .chain(&ports::streams(machine, kind))
+    {
         let _ = write!(text, "\ntypedef struct packed {{\n");
         for field in &stream.fields {
-            let signed = if field.word.format.signed { " signed" } else { "" };
-            let _ = writeln!(text, "  logic{signed} [{}:0] {};  // {}", field.width() - 1, field.name, meaning(field));
+            let signed = if field.word.format.signed {
+                " signed"
+            } else {
+                ""
+            };
+            let _ = writeln!(
+                text,
+                "  logic{signed} [{}:0] {};  // {}",
+                field.width() - 1,
+                field.name,
+                meaning(field)
+            );
         }
         let _ = writeln!(text, "}} {}_t;", stream.name.replace('.', "_"));
     }
     text
 }
 
-/// The records as a C header: places and widths as constants, a struct a record, and a table of its fields.
+/// The records as a C header: places and widths as constants, a struct a record, and a table of its
+/// fields.
 pub fn c_header(machine: &Elaborated, kind: Kind) -> String {
     let mut text = String::from(
         "/* Records of a trace: bit places, structs and tables of fields. value = word * 2^-fraction_bits */\n\
@@ -294,21 +493,47 @@ pub fn c_header(machine: &Elaborated, kind: Kind) -> String {
          typedef struct {\n  const char *name;\n  int lsb, width, is_signed, fraction_bits;\n} splatsim_field;\n",
     );
     for codes in codes(kind) {
-        let items: Vec<String> = codes.constants().map(|(name, code)| format!("SPLATSIM_{name} = {code}")).collect();
-        let _ =
-            write!(text, "\n/* Codes of {}. */\ntypedef enum {{ {} }} splatsim_{};\n", codes.of.join(", "), items.join(", "), codes.name);
+        let items: Vec<String> = codes
+            .constants()
+            .map(|(name, code)| format!("SPLATSIM_{name} = {code}"))
+            .collect();
+        let _ = write!(
+            text,
+            "\n/* Codes of {}. */\ntypedef enum {{ {} }} splatsim_{};\n",
+            codes.of.join(", "),
+            items.join(", "),
+            codes.name
+        );
     }
-    for stream in ports::constants(machine, kind).iter().chain(&ports::streams(machine, kind)) {
+    for stream in ports::constants(machine, kind)
+        .iter()
+        .chain(&ports::streams(machine, kind))
+    {
         let (name, upper) = (stream.name.replace('.', "_"), constant(stream.name));
-        let _ =
-            write!(text, "\n#define {upper}_WIDTH {}\n#define {upper}_FIELDS {}\ntypedef struct {{\n", stream.width(), stream.fields.len());
+        let _ = write!(
+            text,
+            "\n#define {upper}_WIDTH {}\n#define {upper}_FIELDS {}\ntypedef struct {{\n",
+            stream.width(),
+            stream.fields.len()
+        );
         for field in &stream.fields {
             let _ = writeln!(text, "  int64_t {}; /* {} */", field.name, meaning(field));
         }
-        let _ = write!(text, "}} {name}_record;\nstatic const splatsim_field {name}_fields[{upper}_FIELDS] = {{\n");
+        let _ = write!(
+            text,
+            "}} {name}_record;\nstatic const splatsim_field {name}_fields[{upper}_FIELDS] = {{\n"
+        );
         for (field, place) in stream.fields.iter().zip(stream.places()) {
-            let Format { signed, frac_bits, .. } = field.word.format;
-            let _ = writeln!(text, "  {{\"{}\", {place}, {}, {}, {frac_bits}}},", field.name, field.width(), i32::from(signed));
+            let Format {
+                signed, frac_bits, ..
+            } = field.word.format;
+            let _ = writeln!(
+                text,
+                "  {{\"{}\", {place}, {}, {}, {frac_bits}}},",
+                field.name,
+                field.width(),
+                i32::from(signed)
+            );
         }
         text.push_str("};\n");
     }
@@ -332,7 +557,9 @@ pub fn words_and_numbers(machine: &Elaborated, frame: &Frame) -> serde_json::Val
         });
         (path, entry)
     });
-    let numbers = numbers(machine, frame).into_iter().map(|(name, value)| (name, value.into()));
+    let numbers = numbers(machine, frame)
+        .into_iter()
+        .map(|(name, value)| (name, value.into()));
     serde_json::json!({
         "words": described.collect::<serde_json::Map<_, _>>(), "numbers": numbers.collect::<serde_json::Map<_, serde_json::Value>>(),
     })
@@ -340,14 +567,21 @@ pub fn words_and_numbers(machine: &Elaborated, frame: &Frame) -> serde_json::Val
 
 /// The name of a rounding or an overflow as files write it.
 fn name(value: impl serde::Serialize) -> String {
-    serde_json::to_value(value).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
+    serde_json::to_value(value)
+        .ok()
+        .and_then(|value| value.as_str().map(str::to_owned))
+        .unwrap_or_default()
 }
 
 /// The records of the constants and of these streams as tables for people.
 pub fn tables(machine: &Elaborated, kind: Kind, written: &[&str]) -> String {
     let mut text = String::new();
     let streams = ports::streams(machine, kind);
-    for stream in ports::constants(machine, kind).iter().chain(streams.iter().filter(|stream| written.contains(&stream.name))) {
+    for stream in ports::constants(machine, kind).iter().chain(
+        streams
+            .iter()
+            .filter(|stream| written.contains(&stream.name)),
+    ) {
         let order = match stream.order {
             Order::Total => "in this order",
             Order::PerPixel => "in this order at each pixel",
@@ -368,7 +602,13 @@ pub fn tables(machine: &Elaborated, kind: Kind, written: &[&str]) -> String {
                 None => (String::new(), "exact".into()),
             };
             let bits = format!("{}:{place}", place + field.width() - 1);
-            let _ = writeln!(text, "| `{}` | {bits} | {} | {signal} | {how} | {} |", field.name, field.word, field.unless.join(", "));
+            let _ = writeln!(
+                text,
+                "| `{}` | {bits} | {} | {signal} | {how} | {} |",
+                field.name,
+                field.word,
+                field.unless.join(", ")
+            );
         }
     }
     text
@@ -378,7 +618,12 @@ pub fn tables(machine: &Elaborated, kind: Kind, written: &[&str]) -> String {
 pub fn formats(machine: &Elaborated, frame: &Frame) -> String {
     let mut text = String::from("\n| word | format | rounds | overflows |\n|---|---|---|---|\n");
     for (path, word) in words(machine, Kind::of(frame)) {
-        let _ = writeln!(text, "| `{path}` | {word} | {} | {} |", name(word.round), name(word.overflow));
+        let _ = writeln!(
+            text,
+            "| `{path}` | {word} | {} | {} |",
+            name(word.round),
+            name(word.overflow)
+        );
     }
     text.push_str("\n| number | value |\n|---|---|\n");
     for (name, value) in numbers(machine, frame) {
@@ -386,7 +631,12 @@ pub fn formats(machine: &Elaborated, frame: &Frame) -> String {
     }
     text.push_str("\n| code | of | number |\n|---|---|---|\n");
     for codes in codes(Kind::of(frame)) {
-        let of = codes.of.iter().map(|of| format!("`{of}`")).collect::<Vec<_>>().join(", ");
+        let of = codes
+            .of
+            .iter()
+            .map(|of| format!("`{of}`"))
+            .collect::<Vec<_>>()
+            .join(", ");
         for (number, name) in codes.names.iter().enumerate() {
             let _ = writeln!(text, "| {name} | {of} | {number} |");
         }
@@ -419,9 +669,13 @@ pub fn fields(stream: &Stream, kind: Kind) -> Vec<serde_json::Value> {
     described.collect()
 }
 
-/// The package as a core of FuseSoC: the tables lie where the twins look for them, beside the program that runs.
+/// The package as a core of FuseSoC: the tables lie where the twins look for them, beside the
+/// program that runs.
 pub fn fusesoc(roms: &[&str]) -> String {
-    let roms: String = roms.iter().map(|rom| format!("      - {rom}: {{copyto: {rom}}}\n")).collect();
+    let roms: String = roms
+        .iter()
+        .map(|rom| format!("      - {rom}: {{copyto: {rom}}}\n"))
+        .collect();
     format!(
         "CAPI=2:\n\
          name: splatsim:trace:machine_pkg:{}\n\

@@ -1,4 +1,5 @@
-//! Observer: notes every transfer while the machine draws, as the units make them; order is brought in afterwards.
+//! Observer: notes every transfer while the machine draws, as the units make them; order is brought
+//! in afterwards.
 
 use super::coverage::Coverage;
 use rtl_model::elaboration::unit;
@@ -34,14 +35,30 @@ pub mod flag {
     pub const EVICTED: u8 = 64;
 
     /// Their names, from the last bit up.
-    pub const NAMES: [&str; 7] = ["inexact", "saturated_low", "saturated_high", "wrapped", "cut_off", "merged", "evicted"];
+    pub const NAMES: [&str; 7] = [
+        "inexact",
+        "saturated_low",
+        "saturated_high",
+        "wrapped",
+        "cut_off",
+        "merged",
+        "evicted",
+    ];
 
-    /// What is lost when an exact result, with `more` fraction bits than was elaborated, becomes a word.
+    /// What is lost when an exact result, with `more` fraction bits than was elaborated, becomes a
+    /// word.
     pub fn of(fit: &Fit, exact: i64, more: i64) -> u8 {
         let loss = fit.loss(exact, more);
-        let losses =
-            [(loss.inexact, INEXACT), (loss.saturated_low, SATURATED_LOW), (loss.saturated_high, SATURATED_HIGH), (loss.wrapped, WRAPPED)];
-        losses.iter().filter(|(lost, _)| *lost).fold(0, |flags, (_, flag)| flags | flag)
+        let losses = [
+            (loss.inexact, INEXACT),
+            (loss.saturated_low, SATURATED_LOW),
+            (loss.saturated_high, SATURATED_HIGH),
+            (loss.wrapped, WRAPPED),
+        ];
+        losses
+            .iter()
+            .filter(|(lost, _)| *lost)
+            .fold(0, |flags, (_, flag)| flags | flag)
     }
 
     /// What a decision of `fragment` does to fragments.
@@ -55,7 +72,12 @@ pub mod flag {
 
     /// Names of the flags that are set.
     pub fn names(flags: u8) -> Vec<&'static str> {
-        NAMES.into_iter().enumerate().filter(|(bit, _)| flags >> bit & 1 == 1).map(|(_, name)| name).collect()
+        NAMES
+            .into_iter()
+            .enumerate()
+            .filter(|(bit, _)| flags >> bit & 1 == 1)
+            .map(|(_, name)| name)
+            .collect()
     }
 }
 
@@ -75,14 +97,19 @@ impl SetUp {
     }
 }
 
-/// Where in the picture, and of which splat: in the order of a machine that takes splat after splat, and its box row by row.
+/// Where in the picture, and of which splat: in the order of a machine that takes splat after
+/// splat, and its box row by row.
 pub fn key(splat: u32, x: u32, y: u32) -> u64 {
     u64::from(splat) << 28 | u64::from(y) << 14 | u64::from(x)
 }
 
 /// The splat, column and row of a [`key`].
 pub fn parts(key: u64) -> [u32; 3] {
-    [(key >> 28) as u32, key as u32 & 0x3fff, (key >> 14) as u32 & 0x3fff]
+    [
+        (key >> 28) as u32,
+        key as u32 & 0x3fff,
+        (key >> 14) as u32 & 0x3fff,
+    ]
 }
 
 /// Nothing was decided: the weight is too small.
@@ -147,7 +174,8 @@ pub struct Observations {
     pub set_up: Vec<SetUp>,
     /// Splat by splat, if they are lit before they are drawn.
     pub emitted: Vec<Emitted>,
-    /// If they are sorted: of each that is drawn, its place among those that are drawn, by their numbers.
+    /// If they are sorted: of each that is drawn, its place among those that are drawn, by their
+    /// numbers.
     pub order: Vec<u32>,
     /// Raster's flags, by splat and tile.
     pub walked: Vec<(u32, u8)>,
@@ -205,16 +233,23 @@ impl Observations {
             let [splat, x, y] = parts(all);
             key(numbers[splat as usize], x, y)
         };
-        self.arrivals.iter_mut().for_each(|arrival| arrival.key = renumbered(arrival.key));
-        self.merged.iter_mut().for_each(|shaded| shaded.key = renumbered(shaded.key));
+        self.arrivals
+            .iter_mut()
+            .for_each(|arrival| arrival.key = renumbered(arrival.key));
+        self.merged
+            .iter_mut()
+            .for_each(|shaded| shaded.key = renumbered(shaded.key));
     }
 
     /// Brings everything into the order of the splats, pixels row by row.
     pub fn sort(&mut self) {
         use rayon::prelude::*;
-        self.arrivals.par_sort_unstable_by_key(|arrival| arrival.key);
-        self.merged.par_sort_unstable_by_key(|shaded| (shaded.key, shaded.nth));
-        self.resolved.par_sort_unstable_by_key(|shaded| (shaded.key, shaded.nth));
+        self.arrivals
+            .par_sort_unstable_by_key(|arrival| arrival.key);
+        self.merged
+            .par_sort_unstable_by_key(|shaded| (shaded.key, shaded.nth));
+        self.resolved
+            .par_sort_unstable_by_key(|shaded| (shaded.key, shaded.nth));
         self.held.par_sort_unstable_by_key(|held| held.key);
         self.walked.sort_unstable();
         self.walked.dedup_by(|next, kept| {
@@ -229,10 +264,18 @@ impl Observations {
         for splat in &self.set_up {
             let [near, outside, transparent, ..] = splat.project;
             let [backface, faint, missing, ..] = splat.ellipse;
-            let told = [near, outside, transparent].into_iter().zip(self.project_cases);
+            let told = [near, outside, transparent]
+                .into_iter()
+                .zip(self.project_cases);
             told.for_each(|(flag, case)| coverage.count_if(flag != 0, "project", case));
-            let cases = [(backface, "ellipse", "backface"), (faint, "ellipse", "faint"), (missing, "ellipse", "outside")];
-            cases.into_iter().for_each(|(flag, unit, case)| coverage.count_if(splat.leaves_project() && flag != 0, unit, case));
+            let cases = [
+                (backface, "ellipse", "backface"),
+                (faint, "ellipse", "faint"),
+                (missing, "ellipse", "outside"),
+            ];
+            cases.into_iter().for_each(|(flag, unit, case)| {
+                coverage.count_if(splat.leaves_project() && flag != 0, unit, case)
+            });
         }
         for arrival in &self.arrivals {
             coverage.count_if(arrival.weight == 0, "gauss", "weight 0");
@@ -258,12 +301,18 @@ impl Observations {
 
 /// Words of this signal reach nothing.
 pub fn unread(machine: &Elaborated, frame: &Frame) -> Option<usize> {
-    frame.sheets.as_ref().map(|_| machine.fragment.depth_fit().signal)
+    frame
+        .sheets
+        .as_ref()
+        .map(|_| machine.fragment.depth_fit().signal)
 }
 
 /// Words of this signal cross no port.
 pub fn unseen(machine: &Elaborated) -> Option<usize> {
-    machine.signals.iter().position(|signal| signal.unit == unit::FRAGMENT && signal.name == "window.density")
+    machine
+        .signals
+        .iter()
+        .position(|signal| signal.unit == unit::FRAGMENT && signal.name == "window.density")
 }
 
 /// Reasons for which `project` culls, in the order of their flags.
@@ -273,10 +322,14 @@ pub fn project_cases(frame: &Frame) -> &'static [&'static str] {
 
 /// The least weight of a frame that makes a fragment.
 pub fn least_weight(frame: &Frame) -> i64 {
-    frame.sheets.as_ref().map_or(1, |sheets| sheets.least_weight.max(1))
+    frame
+        .sheets
+        .as_ref()
+        .map_or(1, |sheets| sheets.least_weight.max(1))
 }
 
-/// Outcomes of contributions, in the order of their numbers in `fragment.out`: first those that have nothing to do with windows.
+/// Outcomes of contributions, in the order of their numbers in `fragment.out`: first those that
+/// have nothing to do with windows.
 const OUTCOMES: [&str; 12] = [
     "accumulated",
     "inserted",
@@ -297,7 +350,8 @@ pub fn outcomes(kind: Kind) -> &'static [&'static str] {
     &OUTCOMES[..if kind.windows { OUTCOMES.len() } else { 6 }]
 }
 
-/// A decision as `fragment.out` has it: outcome, slot, and of windows the place. `deepest` is the number of a full pixel's last slot.
+/// A decision as `fragment.out` has it: outcome, slot, and of windows the place. `deepest` is the
+/// number of a full pixel's last slot.
 pub fn outcome(decision: Decision, deepest: u8) -> [u8; 3] {
     match decision {
         Decision::Accumulated(slot) => [0, slot, 0],
@@ -334,7 +388,9 @@ impl probe::Observer<'static> for Observations {
     }
 
     fn take_over(&mut self, seen: Box<dyn Any + Send>) {
-        let Ok(fork) = seen.downcast::<Observations>() else { return };
+        let Ok(fork) = seen.downcast::<Observations>() else {
+            return;
+        };
         self.set_up.extend(fork.set_up);
         self.emitted.extend(fork.emitted);
         self.walked.extend(fork.walked);
@@ -364,7 +420,12 @@ impl probe::Observer<'static> for Observations {
         let flags = self.flush();
         self.setting_up = true;
         if splat >= self.first_splat {
-            self.set_up.push(SetUp { splat, project, ellipse, flags });
+            self.set_up.push(SetUp {
+                splat,
+                project,
+                ellipse,
+                flags,
+            });
         }
     }
 
@@ -378,7 +439,12 @@ impl probe::Observer<'static> for Observations {
         let after = self.flush();
         let Some(shaded) = self.lit.pop() else { return };
         if splat >= self.first_splat {
-            self.emitted.push(Emitted { splat, shaded, rgb, flags: [self.before_shade, shaded.flags | after] });
+            self.emitted.push(Emitted {
+                splat,
+                shaded,
+                rgb,
+                flags: [self.before_shade, shaded.flags | after],
+            });
         }
     }
 
@@ -395,7 +461,12 @@ impl probe::Observer<'static> for Observations {
         let key = key(weighed.splat, x, y);
         self.taking = counts.then_some((key, 0));
         if weighed.splat >= self.first_splat {
-            let Weighed { radial, depth, weight, .. } = *weighed;
+            let Weighed {
+                radial,
+                depth,
+                weight,
+                ..
+            } = *weighed;
             let arrival = Arrival {
                 key,
                 radial,
@@ -429,23 +500,46 @@ impl probe::Observer<'static> for Observations {
 
     fn shade_out(&mut self, input: &shade::Input, output: &shade::Output) {
         let flags = self.flush();
-        self.observed = if self.setting_up { 0 } else { self.before_shade };
+        self.observed = if self.setting_up {
+            0
+        } else {
+            self.before_shade
+        };
         let (input, output) = (*input, *output);
         match &mut self.taking {
             Some((key, nth)) => {
                 if parts(*key)[0] >= self.first_splat {
-                    self.merged.push(Shaded { key: *key, nth: *nth, input, output, flags });
+                    self.merged.push(Shaded {
+                        key: *key,
+                        nth: *nth,
+                        input,
+                        output,
+                        flags,
+                    });
                 }
                 *nth += 1;
             }
-            None => self.lit.push(Shaded { key: 0, nth: self.lit.len() as u8, input, output, flags }),
+            None => self.lit.push(Shaded {
+                key: 0,
+                nth: self.lit.len() as u8,
+                input,
+                output,
+                flags,
+            }),
         }
     }
 
     fn holds(&mut self, x: u32, y: u32, slots: &[Slot], layers: &[Layer]) {
         let key = key(0, x, y);
-        self.resolved.extend(self.lit.drain(..).map(|shaded| Shaded { key, ..shaded }));
-        self.held.push(Held { key, slots: slots.to_vec(), layers: layers.to_vec(), frame: [0; 4], flags: 0 });
+        self.resolved
+            .extend(self.lit.drain(..).map(|shaded| Shaded { key, ..shaded }));
+        self.held.push(Held {
+            key,
+            slots: slots.to_vec(),
+            layers: layers.to_vec(),
+            frame: [0; 4],
+            flags: 0,
+        });
     }
 
     fn resolved(&mut self, _x: u32, _y: u32, _layers: &[Layer], frame: [i64; 4]) {

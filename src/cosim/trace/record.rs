@@ -1,6 +1,7 @@
 //! Record: words side by side as one hexadecimal number of constant width, and back.
 //!
-//! The first field is in the most significant bits; what a number of whole digits has more than the record is 0 and on top.
+//! The first field is in the most significant bits; what a number of whole digits has more than the
+//! record is 0 and on top.
 
 use rtl_model::pipeline::ports::Stream;
 
@@ -27,16 +28,23 @@ pub enum Malformed {
     TooWide,
 }
 
-/// A line without Verilog's comments and the blanks around it; none where nothing else is in it. `is_inside` tells whether a `/*` is open.
+/// A line without Verilog's comments and the blanks around it; none where nothing else is in it.
+/// `is_inside` tells whether a `/*` is open.
 pub fn without_comment(line: &str, is_inside: &mut bool) -> Option<String> {
     let (mut rest, mut kept, mut has_comment) = (line, String::new(), *is_inside);
     while !rest.is_empty() {
         if *is_inside {
-            let Some((_, behind)) = rest.split_once("*/") else { break };
+            let Some((_, behind)) = rest.split_once("*/") else {
+                break;
+            };
             (rest, *is_inside) = (behind, false);
             continue;
         }
-        let at = ["//", "/*"].iter().filter_map(|mark| rest.find(mark)).min().unwrap_or(rest.len());
+        let at = ["//", "/*"]
+            .iter()
+            .filter_map(|mark| rest.find(mark))
+            .min()
+            .unwrap_or(rest.len());
         kept.push_str(&rest[..at]);
         has_comment |= at < rest.len();
         *is_inside = rest[at..].starts_with("/*");
@@ -54,20 +62,38 @@ impl Layout {
         let place = |name: &str| stream.fields.iter().position(|field| field.name == name);
         Layout {
             widths: stream.fields.iter().map(|field| field.width()).collect(),
-            signed: stream.fields.iter().map(|field| field.word.format.signed).collect(),
-            unless: stream.fields.iter().map(|field| field.unless.iter().filter_map(|flag| place(flag)).collect()).collect(),
+            signed: stream
+                .fields
+                .iter()
+                .map(|field| field.word.format.signed)
+                .collect(),
+            unless: stream
+                .fields
+                .iter()
+                .map(|field| field.unless.iter().filter_map(|flag| place(flag)).collect())
+                .collect(),
             width: stream.width(),
         }
     }
 
-    /// The layout of fields with these widths, some of them signed, some of them 0 where another, by its place, is not.
+    /// The layout of fields with these widths, some of them signed, some of them 0 where another,
+    /// by its place, is not.
     pub fn of(widths: Vec<u32>, signed: Vec<bool>, unless: Vec<Vec<usize>>) -> Self {
-        Layout { width: widths.iter().sum(), widths, signed, unless }
+        Layout {
+            width: widths.iter().sum(),
+            widths,
+            signed,
+            unless,
+        }
     }
 
     /// The layout of natural numbers of these widths.
     pub fn of_naturals(widths: &[u32]) -> Self {
-        Layout::of(widths.to_vec(), vec![false; widths.len()], vec![Vec::new(); widths.len()])
+        Layout::of(
+            widths.to_vec(),
+            vec![false; widths.len()],
+            vec![Vec::new(); widths.len()],
+        )
     }
 
     /// Hexadecimal digits of a record.
@@ -112,23 +138,33 @@ impl Layout {
         if line.len() != self.digits() {
             return Err(Malformed::Digits(line.len(), self.digits()));
         }
-        let mut digits = line.bytes().map(|digit| u128::from((digit as char).to_digit(16).unwrap_or(0)));
+        let mut digits = line
+            .bytes()
+            .map(|digit| u128::from((digit as char).to_digit(16).unwrap_or(0)));
         let unused = self.digits() as u32 * 4 - self.width;
         let (mut held, mut bits) = (digits.next().unwrap_or(0), 4 - unused);
         if held >> bits != 0 {
             return Err(Malformed::TooWide);
         }
-        let words = self.widths.iter().zip(&self.signed).map(|(&width, &signed)| {
-            while bits < width {
-                held = held << 4 | digits.next().unwrap_or(0);
-                bits += 4;
-            }
-            bits -= width;
-            let word = (held >> bits) as i64;
-            held &= (1 << bits) - 1;
-            let unused = 64 - width;
-            if signed { word << unused >> unused } else { word }
-        });
+        let words = self
+            .widths
+            .iter()
+            .zip(&self.signed)
+            .map(|(&width, &signed)| {
+                while bits < width {
+                    held = held << 4 | digits.next().unwrap_or(0);
+                    bits += 4;
+                }
+                bits -= width;
+                let word = (held >> bits) as i64;
+                held &= (1 << bits) - 1;
+                let unused = 64 - width;
+                if signed {
+                    word << unused >> unused
+                } else {
+                    word
+                }
+            });
         Ok(words.collect())
     }
 }
@@ -171,9 +207,18 @@ mod tests {
     fn comments_are_not_records_and_an_empty_line_is_none() {
         let mut is_inside = false;
         let mut kept = |line: &str| without_comment(line, &mut is_inside);
-        assert_eq!([kept("// 0x00000000"), kept("  // 1f"), kept("/* 1f */")], [None, None, None]);
-        assert_eq!([kept(" 1f // a"), kept("1/* x */f"), kept("")], [Some("1f".into()), Some("1f".into()), Some(String::new())]);
-        assert_eq!([kept("1f /* a"), kept("1f"), kept(""), kept("b */ 1e")], [Some("1f".into()), None, None, Some("1e".into())]);
+        assert_eq!(
+            [kept("// 0x00000000"), kept("  // 1f"), kept("/* 1f */")],
+            [None, None, None]
+        );
+        assert_eq!(
+            [kept(" 1f // a"), kept("1/* x */f"), kept("")],
+            [Some("1f".into()), Some("1f".into()), Some(String::new())]
+        );
+        assert_eq!(
+            [kept("1f /* a"), kept("1f"), kept(""), kept("b */ 1e")],
+            [Some("1f".into()), None, None, Some("1e".into())]
+        );
     }
 
     #[test]

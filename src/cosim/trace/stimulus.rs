@@ -1,7 +1,9 @@
-//! Stimulus: made-up cases for each unit alone: corner values of every field, thresholds and ties on purpose, then seeded random ones.
+//! Stimulus: made-up cases for each unit alone: corner values of every field, thresholds and ties
+//! on purpose, then seeded random ones.
 //!
-//! A scene's own transfers seldom meet a limit, a tie or a threshold, where hardware goes wrong first. Here each unit is driven by
-//! itself, so what it is given need not be what another unit could make.
+//! A scene's own transfers seldom meet a limit, a tie or a threshold, where hardware goes wrong
+//! first. Here each unit is driven by itself, so what it is given need not be what another unit
+//! could make.
 
 mod ellipsoids;
 mod windows;
@@ -81,21 +83,52 @@ impl Random {
     fn word(&mut self, format: Format) -> i64 {
         let bits = self.below(i64::from(format.magnitude_bits()) + 1);
         let magnitude = self.below(1 << bits);
-        let word = if format.signed && self.one_in(2) { -1 - magnitude } else { magnitude };
-        if self.one_in(4) { self.among(&corners(format)) } else { word }
+        let word = if format.signed && self.one_in(2) {
+            -1 - magnitude
+        } else {
+            magnitude
+        };
+        if self.one_in(4) {
+            self.among(&corners(format))
+        } else {
+            word
+        }
     }
 }
 
 /// A word with so many more fraction bits, or fewer.
 fn moved(word: i64, places: i32) -> i64 {
-    if places >= 0 { word << places.min(62) } else { word >> (-places).min(63) }
+    if places >= 0 {
+        word << places.min(62)
+    } else {
+        word >> (-places).min(63)
+    }
 }
 
 /// The words of a format where something may change.
 fn corners(format: Format) -> Vec<i64> {
-    let one = if (0..format.magnitude_bits()).contains(&format.frac_bits) { format.one() } else { 0 };
-    let all = [format.min(), format.min() + 1, -one, -1, 0, 1, one - 1, one, one + 1, format.max() - 1, format.max()];
-    let mut corners: Vec<i64> = all.into_iter().filter(|word| (format.min()..=format.max()).contains(word)).collect();
+    let one = if (0..format.magnitude_bits()).contains(&format.frac_bits) {
+        format.one()
+    } else {
+        0
+    };
+    let all = [
+        format.min(),
+        format.min() + 1,
+        -one,
+        -1,
+        0,
+        1,
+        one - 1,
+        one,
+        one + 1,
+        format.max() - 1,
+        format.max(),
+    ];
+    let mut corners: Vec<i64> = all
+        .into_iter()
+        .filter(|word| (format.min()..=format.max()).contains(word))
+        .collect();
     corners.sort_unstable();
     corners.dedup();
     corners
@@ -105,10 +138,21 @@ fn corners(format: Format) -> Vec<i64> {
 const CONTRIBUTIONS: usize = 4096;
 
 /// Makes so many random cases for each unit that is wanted, behind those that are made on purpose.
-pub fn stimulus(machine: &Elaborated, frame: &Frame, cases: u32, seed: u64, wants: impl Fn(&[&str]) -> bool) -> Stimulus {
+pub fn stimulus(
+    machine: &Elaborated,
+    frame: &Frame,
+    cases: u32,
+    seed: u64,
+    wants: impl Fn(&[&str]) -> bool,
+) -> Stimulus {
     let streams = ports::streams(machine, Kind::of(frame));
-    let made =
-        streams.iter().filter(|stream| stream.unit() != Some("pipeline")).map(|stream| Made { name: stream.name, records: Vec::new() });
+    let made = streams
+        .iter()
+        .filter(|stream| stream.unit() != Some("pipeline"))
+        .map(|stream| Made {
+            name: stream.name,
+            records: Vec::new(),
+        });
     let made = made.collect();
     let mut maker = Maker {
         machine,
@@ -116,8 +160,16 @@ pub fn stimulus(machine: &Elaborated, frame: &Frame, cases: u32, seed: u64, want
         streams,
         random: Random(seed),
         // A stream that nothing is made for is there all the same, and empty.
-        out: Stimulus { made, ..Stimulus::default() },
-        seen: Seen { coverage: Coverage::new(machine), unread: unread(machine, frame), unseen: unseen(machine), flags: 0 },
+        out: Stimulus {
+            made,
+            ..Stimulus::default()
+        },
+        seen: Seen {
+            coverage: Coverage::new(machine),
+            unread: unread(machine, frame),
+            unseen: unseen(machine),
+            flags: 0,
+        },
         cases: cases as usize,
     };
     let of_fragments = match Kind::of(frame) {
@@ -134,19 +186,41 @@ pub fn stimulus(machine: &Elaborated, frame: &Frame, cases: u32, seed: u64, want
         (&["shade"], Maker::shade),
         (&["resolve"], Maker::resolve),
     ];
-    makers.iter().filter(|(units, _)| wants(units)).for_each(|(_, make)| make(&mut maker));
+    makers
+        .iter()
+        .filter(|(units, _)| wants(units))
+        .for_each(|(_, make)| make(&mut maker));
     let Maker { out, seen, .. } = maker;
-    Stimulus { coverage: seen.coverage, ..out }
+    Stimulus {
+        coverage: seen.coverage,
+        ..out
+    }
 }
 
 /// The records of one unit's input alone.
-pub fn made_up(machine: &Elaborated, frame: &Frame, unit: &str, cases: u32, seed: u64) -> Vec<Vec<i64>> {
-    let Stimulus { made, .. } = stimulus(machine, frame, cases, seed, |units| units.contains(&unit));
-    let input = made.into_iter().find(|made| made.name.split_once('.') == Some((unit, "in")));
-    let mut records: Vec<Vec<i64>> = input.map_or_else(Vec::new, |made| made.records.into_iter().map(|(words, _)| words).collect());
+pub fn made_up(
+    machine: &Elaborated,
+    frame: &Frame,
+    unit: &str,
+    cases: u32,
+    seed: u64,
+) -> Vec<Vec<i64>> {
+    let Stimulus { made, .. } =
+        stimulus(machine, frame, cases, seed, |units| units.contains(&unit));
+    let input = made
+        .into_iter()
+        .find(|made| made.name.split_once('.') == Some((unit, "in")));
+    let mut records: Vec<Vec<i64>> = input.map_or_else(Vec::new, |made| {
+        made.records.into_iter().map(|(words, _)| words).collect()
+    });
     // Random ones first: those that fill a pixel up are the same every time.
     if unit == unit::FRAGMENT {
-        let random = cases as usize + if frame.window.is_some() { windows::CONTRIBUTIONS } else { CONTRIBUTIONS };
+        let random = cases as usize
+            + if frame.window.is_some() {
+                windows::CONTRIBUTIONS
+            } else {
+                CONTRIBUTIONS
+            };
         let filling = records.len().saturating_sub(random);
         records.rotate_left(filling);
     }
@@ -185,7 +259,12 @@ impl Seen {
 
 impl Observer<'static> for Seen {
     fn fork(&self) -> Box<dyn Observer<'static>> {
-        Box::new(Seen { coverage: self.coverage.of_another_part(), unread: self.unread, unseen: self.unseen, flags: 0 })
+        Box::new(Seen {
+            coverage: self.coverage.of_another_part(),
+            unread: self.unread,
+            unseen: self.unseen,
+            flags: 0,
+        })
     }
 
     fn hand_over(self: Box<Self>) -> Box<dyn Any + Send> {
@@ -216,11 +295,22 @@ impl Observer<'static> for Seen {
 
 /// A key of a case that has no place in a picture.
 fn key(parent: usize) -> Key {
-    Key { splat: NONE, x: 0xffff, y: 0xffff, slot: 0xff, parent: parent as u32, flags: 0 }
+    Key {
+        splat: NONE,
+        x: 0xffff,
+        y: 0xffff,
+        slot: 0xff,
+        parent: parent as u32,
+        flags: 0,
+    }
 }
 
 fn pixel_key([x, y]: [i64; 2], parent: usize) -> Key {
-    Key { x: x as u32, y: y as u32, ..key(parent) }
+    Key {
+        x: x as u32,
+        y: y as u32,
+        ..key(parent)
+    }
 }
 
 const UNKNOWN: usize = NONE as usize;
@@ -228,7 +318,14 @@ const UNKNOWN: usize = NONE as usize;
 /// Whether the camera sees a place.
 fn is_seen(machine: &Elaborated, frame: &Frame, place: [i64; 3]) -> bool {
     let opaque = machine.machine.splat.opacity.format.max();
-    unit_replay::project(machine, frame, place, opaque, &mut rtl_model::probe::NoProbe)[..2] == [0, 0]
+    unit_replay::project(
+        machine,
+        frame,
+        place,
+        opaque,
+        &mut rtl_model::probe::NoProbe,
+    )[..2]
+        == [0, 0]
 }
 
 /// Words of a point in a record of `ellipse.in`.
@@ -237,7 +334,13 @@ const POINT: usize = 8;
 impl Maker<'_> {
     fn formats(&self, stream: &str) -> Vec<Format> {
         let stream = self.streams.iter().find(|other| other.name == stream);
-        stream.map_or_else(Vec::new, |stream| stream.fields.iter().map(|field| field.word.format).collect())
+        stream.map_or_else(Vec::new, |stream| {
+            stream
+                .fields
+                .iter()
+                .map(|field| field.word.format)
+                .collect()
+        })
     }
 
     fn asks_for_pixel(&self) -> bool {
@@ -245,7 +348,10 @@ impl Maker<'_> {
     }
 
     fn push(&mut self, name: &'static str, words: Vec<i64>, key: Key) -> usize {
-        let Some(Made { records, .. }) = self.out.made.iter_mut().find(|made| made.name == name) else { return UNKNOWN };
+        let Some(Made { records, .. }) = self.out.made.iter_mut().find(|made| made.name == name)
+        else {
+            return UNKNOWN;
+        };
         records.push((words, key));
         records.len() - 1
     }
@@ -260,9 +366,19 @@ impl Maker<'_> {
 
     /// What has been made since so many records are cases of one kind.
     fn tag(&mut self, stream: &'static str, tag: &str, first: usize) -> usize {
-        let end = self.out.made.iter().find(|made| made.name == stream).map_or(0, |made| made.records.len());
+        let end = self
+            .out
+            .made
+            .iter()
+            .find(|made| made.name == stream)
+            .map_or(0, |made| made.records.len());
         if end > first {
-            self.out.tags.push(Tag { stream, tag: tag.to_owned(), first, records: end - first });
+            self.out.tags.push(Tag {
+                stream,
+                tag: tag.to_owned(),
+                first,
+                records: end - first,
+            });
         }
         end
     }
@@ -310,27 +426,62 @@ impl Maker<'_> {
         self.likely_axes(&mut seen);
         self.at_reach(&mut seen);
         let edges = self.edges_of_view(&near_eye, &formats);
-        kinds.extend([("in view".into(), seen), ("edges of the view".into(), edges)]);
+        kinds.extend([
+            ("in view".into(), seen),
+            ("edges of the view".into(), edges),
+        ]);
         for (kind, records) in kinds {
             for words in records {
                 let (position, own) = ([words[0], words[1], words[2]], &words[3..]);
                 // An ellipsoid's last word is its opacity.
-                let opacity = if self.frame.ellipsoids.is_some() { own.last().copied() } else { None };
-                let input = self.push("project.in", position.into_iter().chain(opacity).collect(), key(UNKNOWN));
-                let projected = unit_replay::project(self.machine, self.frame, position, opacity.unwrap_or_default(), &mut self.seen);
+                let opacity = if self.frame.ellipsoids.is_some() {
+                    own.last().copied()
+                } else {
+                    None
+                };
+                let input = self.push(
+                    "project.in",
+                    position.into_iter().chain(opacity).collect(),
+                    key(UNKNOWN),
+                );
+                let projected = unit_replay::project(
+                    self.machine,
+                    self.frame,
+                    position,
+                    opacity.unwrap_or_default(),
+                    &mut self.seen,
+                );
                 let flags = self.seen.flush();
-                let output = self.push("project.out", project_out_words(Kind::of(self.frame), projected).collect(), key(input));
+                let output = self.push(
+                    "project.out",
+                    project_out_words(Kind::of(self.frame), projected).collect(),
+                    key(input),
+                );
                 self.flag("project.out", output, flags);
                 for (flag, case) in projected.into_iter().zip(project_cases(self.frame)) {
                     self.seen.coverage.count_if(flag != 0, "project", case);
                 }
-                let [near, outside, transparent, forward, exponent, _, inverse, inverse_exponent, a, b, x, y] = projected;
+                let [
+                    near,
+                    outside,
+                    transparent,
+                    forward,
+                    exponent,
+                    _,
+                    inverse,
+                    inverse_exponent,
+                    a,
+                    b,
+                    x,
+                    y,
+                ] = projected;
                 if [near, outside, transparent] != [0; PROJECT_FLAGS] {
                     self.flag("project.out", output, flag::CUT_OFF);
                     continue;
                 }
                 let [a, b] = self.at_limits([a, b]);
-                let point: [i64; POINT] = [forward, exponent, inverse, inverse_exponent, a, b, x, y];
+                let point: [i64; POINT] =
+                    [forward, exponent, inverse, inverse_exponent, a, b, x, y];
                 // Both units' records have what happened in both.
                 let later = self.set_up([own, &point].concat(), output, flags);
                 self.flag("project.out", output, later);
@@ -346,20 +497,38 @@ impl Maker<'_> {
         let size_px = [self.frame.width, self.frame.height];
         let (machine, frame, coverage) = (self.machine, self.frame, &mut self.seen);
         let made = match &frame.ellipsoids {
-            None => words.try_into().ok().map(|words| unit_replay::ellipse(machine, &frame.view, size_px, words, coverage)),
-            Some(_) => words.try_into().ok().and_then(|words| unit_replay::ellipsoid(machine, frame, words, coverage)),
+            None => words
+                .try_into()
+                .ok()
+                .map(|words| unit_replay::ellipse(machine, &frame.view, size_px, words, coverage)),
+            Some(_) => words
+                .try_into()
+                .ok()
+                .and_then(|words| unit_replay::ellipsoid(machine, frame, words, coverage)),
         };
         let flags = self.seen.flush();
         let Some(made) = made else { return flags };
         for (flag, case) in made.into_iter().zip(["backface", "faint", "outside"]) {
             self.seen.coverage.count_if(flag != 0, "ellipse", case);
         }
-        let culled = if made[..3] == [0; 3] { 0 } else { flag::CUT_OFF };
-        self.push("ellipse.out", made.to_vec(), Key { flags: before | flags | culled, ..key(input) });
+        let culled = if made[..3] == [0; 3] {
+            0
+        } else {
+            flag::CUT_OFF
+        };
+        self.push(
+            "ellipse.out",
+            made.to_vec(),
+            Key {
+                flags: before | flags | culled,
+                ..key(input)
+            },
+        );
         flags
     }
 
-    /// Places on both sides of where the camera no longer sees them, as near to each other as words can be.
+    /// Places on both sides of where the camera no longer sees them, as near to each other as words
+    /// can be.
     fn edges_of_view(&mut self, seen: &[[i64; 3]], formats: &[Format]) -> Vec<Vec<i64>> {
         let (machine, frame) = (self.machine, self.frame);
         let is_seen = |place: [i64; 3]| is_seen(machine, frame, place);
@@ -367,7 +536,9 @@ impl Maker<'_> {
         for _ in 0..64 {
             let inside = seen[self.random.below(seen.len() as i64) as usize];
             let axis = self.random.below(3) as usize;
-            let at = |along: i64| std::array::from_fn(|other| if other == axis { along } else { inside[other] });
+            let at = |along: i64| {
+                std::array::from_fn(|other| if other == axis { along } else { inside[other] })
+            };
             for end in [formats[axis].min(), formats[axis].max()] {
                 if !is_seen(inside) || is_seen(at(end)) {
                     continue;
@@ -375,13 +546,25 @@ impl Maker<'_> {
                 let (mut near, mut far) = (inside[axis], end);
                 while (far - near).abs() > 1 {
                     let middle = (near + far).div_euclid(2);
-                    *(if is_seen(at(middle)) { &mut near } else { &mut far }) = middle;
+                    *(if is_seen(at(middle)) {
+                        &mut near
+                    } else {
+                        &mut far
+                    }) = middle;
                 }
-                edges.extend((-3..=3).map(|by| at((near + by).clamp(formats[axis].min(), formats[axis].max()))));
+                edges.extend(
+                    (-3..=3)
+                        .map(|by| at((near + by).clamp(formats[axis].min(), formats[axis].max()))),
+                );
             }
         }
         let random = &mut self.random;
-        let with_disc = |place: [i64; 3]| place.into_iter().chain(formats[3..].iter().map(|format| random.word(*format))).collect();
+        let with_disc = |place: [i64; 3]| {
+            place
+                .into_iter()
+                .chain(formats[3..].iter().map(|format| random.word(*format)))
+                .collect()
+        };
         edges.into_iter().map(with_disc).collect()
     }
 
@@ -389,10 +572,21 @@ impl Maker<'_> {
     fn near_eye(&self) -> Vec<[i64; 3]> {
         let format = self.machine.machine.splat.position.format;
         let step = (format.max() / 12).max(1);
-        let line: Vec<i64> = (-12..=12).map(|i| (i * step).clamp(format.min(), format.max())).collect();
-        let all = line.iter().flat_map(|&x| line.iter().flat_map(move |&y| [x, y].into_iter().map(move |_| [x, y])));
-        let grid: Vec<[i64; 3]> = all.flat_map(|[x, y]| line.iter().map(move |&z| [x, y, z])).collect();
-        let mut seen: Vec<[i64; 3]> = grid.iter().copied().filter(|place| is_seen(self.machine, self.frame, *place)).collect();
+        let line: Vec<i64> = (-12..=12)
+            .map(|i| (i * step).clamp(format.min(), format.max()))
+            .collect();
+        let all = line.iter().flat_map(|&x| {
+            line.iter()
+                .flat_map(move |&y| [x, y].into_iter().map(move |_| [x, y]))
+        });
+        let grid: Vec<[i64; 3]> = all
+            .flat_map(|[x, y]| line.iter().map(move |&z| [x, y, z]))
+            .collect();
+        let mut seen: Vec<[i64; 3]> = grid
+            .iter()
+            .copied()
+            .filter(|place| is_seen(self.machine, self.frame, *place))
+            .collect();
         seen.dedup();
         if seen.is_empty() { grid } else { seen }
     }
@@ -402,25 +596,46 @@ impl Maker<'_> {
         let mut first = 0;
         for (kind, records) in self.words(&formats[1..10]) {
             for words in records {
-                let [left, top] = [self.frame.width, self.frame.height].map(|size| self.random.below(size.into()));
+                let [left, top] = [self.frame.width, self.frame.height]
+                    .map(|size| self.random.below(size.into()));
                 let side = if self.random.one_in(8) { 40 } else { 9 };
-                let [right, bottom] = [(left, self.frame.width), (top, self.frame.height)]
-                    .map(|(first, size)| (first + self.random.below(side)).min(i64::from(size) - 1));
+                let [right, bottom] =
+                    [(left, self.frame.width), (top, self.frame.height)].map(|(first, size)| {
+                        (first + self.random.below(side)).min(i64::from(size) - 1)
+                    });
                 let mut input = [0; 13];
                 input[..9].copy_from_slice(&words);
                 input[9..].copy_from_slice(&[left, right, top, bottom]);
                 if self.random.one_in(2) {
                     self.put_in_box(&mut input);
                 }
-                let number = self.out.made.iter().find(|made| made.name == "raster.in").map_or(0, |made| made.records.len());
-                let parent = self.push("raster.in", [&[number as i64], &input[..]].concat(), key(UNKNOWN));
-                let fragments =
-                    unit_replay::raster(self.machine, &self.frame.view, [self.frame.width, self.frame.height], input, &mut self.seen);
+                let number = self
+                    .out
+                    .made
+                    .iter()
+                    .find(|made| made.name == "raster.in")
+                    .map_or(0, |made| made.records.len());
+                let parent = self.push(
+                    "raster.in",
+                    [&[number as i64], &input[..]].concat(),
+                    key(UNKNOWN),
+                );
+                let fragments = unit_replay::raster(
+                    self.machine,
+                    &self.frame.view,
+                    [self.frame.width, self.frame.height],
+                    input,
+                    &mut self.seen,
+                );
                 let flags = self.seen.flush();
                 self.flag("raster.in", parent, flags);
                 self.cover_raster(&input, &fragments);
                 for [x, y, radial, depth] in fragments {
-                    self.push("raster.out", vec![number as i64, x, y, radial, depth], pixel_key([x, y], parent));
+                    self.push(
+                        "raster.out",
+                        vec![number as i64, x, y, radial, depth],
+                        pixel_key([x, y], parent),
+                    );
                 }
             }
             first = self.tag("raster.in", &kind, first);
@@ -430,7 +645,10 @@ impl Maker<'_> {
     /// A footprint whose centre lies in its box, as most do.
     fn put_in_box(&mut self, input: &mut [i64; 13]) {
         let format = self.machine.machine.project.pixel.format;
-        for (axis, size) in [self.frame.width, self.frame.height].into_iter().enumerate() {
+        for (axis, size) in [self.frame.width, self.frame.height]
+            .into_iter()
+            .enumerate()
+        {
             let [first, last] = [input[9 + 2 * axis], input[10 + 2 * axis]];
             // From the picture's middle, in half pixels, and then somewhere within the pixel.
             let halves = 2 * (first + self.random.below(last - first + 1)) + 1 - i64::from(size);
@@ -443,20 +661,45 @@ impl Maker<'_> {
     fn cover_raster(&mut self, input: &[i64; 13], fragments: &[[i64; 4]]) {
         let m = &self.machine.machine;
         let depth_f = ports::exact_depth(m).frac_bits;
-        let [depth, range] =
-            [(input[5], m.project.depth), (input[8], m.ellipse.depth_range)].map(|(word, of)| moved(word, depth_f - of.format.frac_bits));
-        let cutoff = moved(self.frame.view.cutoff, m.raster.radial.format.frac_bits - m.raster.cutoff.format.frac_bits);
+        let [depth, range] = [
+            (input[5], m.project.depth),
+            (input[8], m.ellipse.depth_range),
+        ]
+        .map(|(word, of)| moved(word, depth_f - of.format.frac_bits));
+        let cutoff = moved(
+            self.frame.view.cutoff,
+            m.raster.radial.format.frac_bits - m.raster.cutoff.format.frac_bits,
+        );
         let pixels = (input[10] - input[9] + 1) * (input[12] - input[11] + 1);
         let meet = &mut self.seen.coverage;
-        meet.count("raster", if fragments.is_empty() { "box keeps nothing" } else { "box keeps something" });
+        meet.count(
+            "raster",
+            if fragments.is_empty() {
+                "box keeps nothing"
+            } else {
+                "box keeps something"
+            },
+        );
         if fragments.len() as i64 == pixels {
             meet.count("raster", "box keeps everything");
         }
         for [_, _, radial, z] in fragments {
             meet.count_if(*radial == 0, "raster", "radial 0, or below it");
-            meet.count_if(*radial == cutoff - 1, "raster", "radial one below the cutoff");
-            meet.count_if(*z == depth - range, "raster", "depth at the near end of its clamp");
-            meet.count_if(*z == depth + range, "raster", "depth at the far end of its clamp");
+            meet.count_if(
+                *radial == cutoff - 1,
+                "raster",
+                "radial one below the cutoff",
+            );
+            meet.count_if(
+                *z == depth - range,
+                "raster",
+                "depth at the near end of its clamp",
+            );
+            meet.count_if(
+                *z == depth + range,
+                "raster",
+                "depth at the far end of its clamp",
+            );
         }
     }
 
@@ -466,46 +709,92 @@ impl Maker<'_> {
         let index = m.gauss.radial_index.format;
         let places = radial.frac_bits - index.frac_bits;
         let least = least_weight(self.frame);
-        // Both ends and the middle of every step of the table, and beside them; one in more where the table is large.
+        // Both ends and the middle of every step of the table, and beside them; one in more where
+        // the table is large.
         let steps = 1i64 << m.gauss.table.index_bits.min(9);
         let step = ((index.max() + 1) / steps).max(1);
         let mut at_steps = Vec::new();
         for place in (0..steps).flat_map(|i| [i * step, i * step + step / 2]) {
-            let word = if places >= 0 { place << places } else { place >> -places };
+            let word = if places >= 0 {
+                place << places
+            } else {
+                place >> -places
+            };
             at_steps.extend([-1, 0, 1].map(|by| [word + by, self.random.word(amplitude)]));
         }
         let half = if places > 0 { 1 << (places - 1) } else { 0 };
-        let ties = (0..256).map(|_| [(self.random.below(index.max() + 1) << places.max(0)) + half, self.random.word(amplitude)]).collect();
-        let ends = corners(radial).into_iter().flat_map(|r| corners(amplitude).into_iter().map(move |a| [r, a])).collect();
-        let anywhere = (0..self.cases).map(|_| [self.random.word(radial), self.random.word(amplitude)]).collect();
+        let ties = (0..256)
+            .map(|_| {
+                [
+                    (self.random.below(index.max() + 1) << places.max(0)) + half,
+                    self.random.word(amplitude),
+                ]
+            })
+            .collect();
+        let ends = corners(radial)
+            .into_iter()
+            .flat_map(|r| corners(amplitude).into_iter().map(move |a| [r, a]))
+            .collect();
+        let anywhere = (0..self.cases)
+            .map(|_| [self.random.word(radial), self.random.word(amplitude)])
+            .collect();
         let mut first = 0;
-        let kinds = [("table steps", at_steps), ("ties", ties), ("corners", ends), ("random", anywhere)];
-        for (kind, records) in kinds.into_iter().chain((least > 1).then(|| ("least weight", self.near_least()))) {
+        let kinds = [
+            ("table steps", at_steps),
+            ("ties", ties),
+            ("corners", ends),
+            ("random", anywhere),
+        ];
+        for (kind, records) in kinds
+            .into_iter()
+            .chain((least > 1).then(|| ("least weight", self.near_least())))
+        {
             for [radial_word, amplitude] in records {
                 let words = [radial_word.clamp(0, radial.max()), amplitude];
                 let parent = self.push("gauss.in", words.to_vec(), key(UNKNOWN));
                 let weight = unit_replay::gauss(self.machine, words, &mut self.seen);
-                self.seen.coverage.count("gauss", if weight == 0 { "weight 0" } else { "weight above 0" });
-                for (by, name) in [(-1, "weight one below the least"), (0, "weight at the least")] {
+                self.seen.coverage.count(
+                    "gauss",
+                    if weight == 0 {
+                        "weight 0"
+                    } else {
+                        "weight above 0"
+                    },
+                );
+                for (by, name) in [
+                    (-1, "weight one below the least"),
+                    (0, "weight at the least"),
+                ] {
                     if least > 1 {
-                        self.seen.coverage.count_if(weight == least + by, "gauss", name);
+                        self.seen
+                            .coverage
+                            .count_if(weight == least + by, "gauss", name);
                     }
                 }
                 let cut_off = if weight < least { flag::CUT_OFF } else { 0 };
                 let flags = self.seen.flush() | cut_off;
-                self.push("gauss.out", vec![weight], Key { flags, ..key(parent) });
+                self.push(
+                    "gauss.out",
+                    vec![weight],
+                    Key {
+                        flags,
+                        ..key(parent)
+                    },
+                );
             }
             first = self.tag("gauss.in", kind, first);
         }
     }
 
-    /// Contributions that lie on purpose at, just within and just beyond ε of what their pixel holds.
+    /// Contributions that lie on purpose at, just within and just beyond ε of what their pixel
+    /// holds.
     fn fragments(&mut self) {
         let m = &self.machine.machine;
         let formats = self.formats("fragment.in");
         let depth = m.fragment.depth.format;
         let places = ports::exact_depth(m).frac_bits - depth.frac_bits;
-        let sides = [self.frame.width, self.frame.height].map(|size| i64::from(size).min(TILE_PX as i64));
+        let sides =
+            [self.frame.width, self.frame.height].map(|size| i64::from(size).min(TILE_PX as i64));
         let threshold = self.frame.z_threshold;
         let mut unit = Fragments::new(self.machine, self.frame);
         let mut at = [0, 0];
@@ -518,11 +807,22 @@ impl Maker<'_> {
             let held = unit.held(pixel);
             let z = self.depth(&held, threshold);
             self.cover_match(&held, z, threshold);
-            let mut words: Vec<i64> = formats.iter().map(|format| self.random.word(*format)).collect();
+            let mut words: Vec<i64> = formats
+                .iter()
+                .map(|format| self.random.word(*format))
+                .collect();
             words[..2].copy_from_slice(&at);
             words[2] = words[2].max(1);
-            let below = if places > 0 { self.random.below(1 << places) - (1 << (places - 1)) } else { 0 };
-            let exact = if places >= 0 { (z << places) + below } else { z >> -places };
+            let below = if places > 0 {
+                self.random.below(1 << places) - (1 << (places - 1))
+            } else {
+                0
+            };
+            let exact = if places >= 0 {
+                (z << places) + below
+            } else {
+                z >> -places
+            };
             if !self.random.one_in(16) {
                 words[3] = exact.clamp(formats[3].min(), formats[3].max());
             }
@@ -534,7 +834,9 @@ impl Maker<'_> {
             if self.random.one_in(16) {
                 self.up_to_threshold(&held, &mut words, places);
             }
-            words[11] = self.random.below(self.frame.lighting.materials.len() as i64);
+            words[11] = self
+                .random
+                .below(self.frame.lighting.materials.len() as i64);
             self.contribution(&mut unit, pixel, &held, words);
         }
         self.tag("fragment.in", "thresholds and random", 0);
@@ -550,16 +852,28 @@ impl Maker<'_> {
         let f = &self.machine.machine.fragment;
         let exact = formats[3].max() / 2;
         let by = formats[2].frac_bits - f.weight_sum.format.frac_bits;
-        let held = if by >= 0 { formats[2].max() >> by } else { formats[2].max() << -by };
+        let held = if by >= 0 {
+            formats[2].max() >> by
+        } else {
+            formats[2].max() << -by
+        };
         let count = (f.weight_sum.format.max() / held.max(1) + 2).min(4096);
-        for (at, normal) in [([0, 0], [5, 6, 7].map(|sum| formats[sum + 3].max())), ([1, 0], [5, 6, 7].map(|sum| formats[sum + 3].min()))] {
+        for (at, normal) in [
+            ([0, 0], [5, 6, 7].map(|sum| formats[sum + 3].max())),
+            ([1, 0], [5, 6, 7].map(|sum| formats[sum + 3].min())),
+        ] {
             let mut words = vec![at[0], at[1], formats[2].max(), exact];
             words.extend(formats[4..8].iter().map(|format| format.max()));
             words.extend(normal);
             words.push(0);
             for _ in 0..count {
                 let held = unit.held(at[1] as usize * TILE_PX + at[0] as usize);
-                self.contribution(unit, at[1] as usize * TILE_PX + at[0] as usize, &held, words.clone());
+                self.contribution(
+                    unit,
+                    at[1] as usize * TILE_PX + at[0] as usize,
+                    &held,
+                    words.clone(),
+                );
             }
         }
     }
@@ -568,12 +882,18 @@ impl Maker<'_> {
     fn up_to_threshold(&mut self, held: &[Slot], words: &mut [i64], places: i32) {
         let m = &self.machine.machine;
         let threshold = self.frame.coverage_threshold;
-        let Some(slot) = held.iter().find(|slot| !slot.shaded && slot.sums[0] < threshold) else { return };
+        let Some(slot) = held
+            .iter()
+            .find(|slot| !slot.shaded && slot.sums[0] < threshold)
+        else {
+            return;
+        };
         let by = m.gauss.weight.format.frac_bits - m.fragment.weight_sum.format.frac_bits;
         let lacks = threshold - slot.sums[0] + self.random.below(3) - 1;
         let weight = if by >= 0 { lacks << by } else { lacks >> -by };
         if places >= 0 && (1..=m.gauss.weight.format.max()).contains(&weight) {
-            (words[2], words[3], words[7]) = (weight, slot.depth << places, m.splat.opacity.format.one());
+            (words[2], words[3], words[7]) =
+                (weight, slot.depth << places, m.splat.opacity.format.one());
         }
     }
 
@@ -594,15 +914,29 @@ impl Maker<'_> {
         let flags = self.seen.flush();
         for (slot, answer) in asked {
             let place = if self.asks_for_pixel() { &at[..] } else { &[] };
-            let request = self.push("fragment.request", [place, &slot.sums[..], &[slot.material.into()]].concat(), pixel_key(at, input));
+            let request = self.push(
+                "fragment.request",
+                [place, &slot.sums[..], &[slot.material.into()]].concat(),
+                pixel_key(at, input),
+            );
             let [r, g, b] = answer.colour;
-            self.push("fragment.answer", vec![r, g, b, answer.opacity], pixel_key(at, request));
+            self.push(
+                "fragment.answer",
+                vec![r, g, b, answer.opacity],
+                pixel_key(at, request),
+            );
         }
         let [outcome, slot, _] = outcome(decision, 0);
         let full = held.len() == self.machine.machine.fragment.layers as usize;
         let shaded = held.iter().filter(|slot| slot.shaded).count();
         let meet = &mut self.seen.coverage;
-        meet.count("fragment", &format!("{}, slot {slot}", outcomes(Kind::of(self.frame))[usize::from(outcome)]));
+        meet.count(
+            "fragment",
+            &format!(
+                "{}, slot {slot}",
+                outcomes(Kind::of(self.frame))[usize::from(outcome)]
+            ),
+        );
         if full {
             meet.count("fragment", &format!("full, {shaded} of them shaded"));
         }
@@ -611,11 +945,20 @@ impl Maker<'_> {
             meet.count("fragment", &format!("merge leaves {same} shaded"));
         }
         let flags = flags | flag::of_decision(decision);
-        let key = Key { slot: slot.into(), flags, ..pixel_key(at, input) };
-        self.push("fragment.out", vec![at[0], at[1], outcome.into(), slot.into()], key);
+        let key = Key {
+            slot: slot.into(),
+            flags,
+            ..pixel_key(at, input)
+        };
+        self.push(
+            "fragment.out",
+            vec![at[0], at[1], outcome.into(), slot.into()],
+            key,
+        );
     }
 
-    /// A depth at, or beside, the reach of a fragment that is there, in the middle of two, or anywhere.
+    /// A depth at, or beside, the reach of a fragment that is there, in the middle of two, or
+    /// anywhere.
     fn depth(&mut self, held: &[Slot], threshold: i64) -> i64 {
         let format = self.machine.machine.fragment.depth.format;
         let random = &mut self.random;
@@ -642,19 +985,40 @@ impl Maker<'_> {
     }
 
     fn cover_match(&mut self, held: &[Slot], z: i64, threshold: i64) {
-        let mut distances: Vec<i64> = held.iter().filter(|slot| !slot.shaded).map(|slot| (slot.depth - z).abs()).collect();
+        let mut distances: Vec<i64> = held
+            .iter()
+            .filter(|slot| !slot.shaded)
+            .map(|slot| (slot.depth - z).abs())
+            .collect();
         let meet = &mut self.seen.coverage;
         for distance in &distances {
-            for (by, name) in [(-1, "depth one within ε"), (0, "depth at ε"), (1, "depth one beyond ε")] {
+            for (by, name) in [
+                (-1, "depth one within ε"),
+                (0, "depth at ε"),
+                (1, "depth one beyond ε"),
+            ] {
                 meet.count_if(*distance == threshold + by, "fragment", name);
             }
         }
         distances.retain(|distance| *distance < threshold);
         distances.sort_unstable();
         meet.count_if(distances.len() > 1, "fragment", "several within ε");
-        meet.count_if(distances.len() > 1 && distances[0] == distances[1], "fragment", "several within ε, equally near");
-        meet.count_if(held.iter().any(|slot| slot.shaded && (slot.depth - z).abs() < threshold), "fragment", "a shaded one within ε");
-        meet.count_if(held.iter().any(|slot| slot.depth == z), "fragment", "equal depths");
+        meet.count_if(
+            distances.len() > 1 && distances[0] == distances[1],
+            "fragment",
+            "several within ε, equally near",
+        );
+        meet.count_if(
+            held.iter()
+                .any(|slot| slot.shaded && (slot.depth - z).abs() < threshold),
+            "fragment",
+            "a shaded one within ε",
+        );
+        meet.count_if(
+            held.iter().any(|slot| slot.depth == z),
+            "fragment",
+            "equal depths",
+        );
     }
 
     fn end_of_pixel(&mut self, unit: &Fragments, at: [i64; 2]) {
@@ -663,46 +1027,86 @@ impl Maker<'_> {
         order.sort_by_key(|&slot| slots[slot].depth);
         for number in order {
             let slot = &slots[number];
-            let mut words = vec![at[0], at[1], number as i64, slot.shaded.into(), slot.depth, slot.material.into()];
+            let mut words = vec![
+                at[0],
+                at[1],
+                number as i64,
+                slot.shaded.into(),
+                slot.depth,
+                slot.material.into(),
+            ];
             words.extend(slot.sums);
-            let lit = if slot.shaded { unit.lit(slot, &mut self.seen) } else { Premultiplied::default() };
+            let lit = if slot.shaded {
+                unit.lit(slot, &mut self.seen)
+            } else {
+                Premultiplied::default()
+            };
             // What a pixel holds in the end has no flags, as in a scene's trace.
             self.seen.flush();
             words.extend(lit.colour);
             words.push(lit.opacity);
-            self.push("fragment.held", words, Key { slot: number as u32, ..pixel_key(at, UNKNOWN) });
+            self.push(
+                "fragment.held",
+                words,
+                Key {
+                    slot: number as u32,
+                    ..pixel_key(at, UNKNOWN)
+                },
+            );
         }
     }
 
     fn shade(&mut self) {
         let by_pixel = self.asks_for_pixel();
-        let formats = self.formats("shade.in").split_off(if by_pixel { 2 } else { 0 });
+        let formats = self
+            .formats("shade.in")
+            .split_off(if by_pixel { 2 } else { 0 });
         let threshold = self.frame.coverage_threshold;
         let mut kinds = self.words(&formats[..8]);
         let mut at_threshold = kinds.remove(0).1;
         for (i, words) in (0..).zip(&mut at_threshold) {
             let powers = 1i64 << self.random.below(formats[0].magnitude_bits().into());
-            let weights = [threshold - 1, threshold, threshold + 1, powers, powers - 1, powers + 1, words[0]];
+            let weights = [
+                threshold - 1,
+                threshold,
+                threshold + 1,
+                powers,
+                powers - 1,
+                powers + 1,
+                words[0],
+            ];
             words[0] = weights[i % weights.len()].clamp(0, formats[0].max());
         }
         kinds.push(("thresholds and powers of two".into(), at_threshold));
-        // Sums that belong together: no colour is brighter than its weight, and normals are as long.
+        // Sums that belong together: no colour is brighter than its weight, and normals are as
+        // long.
         let mut likely = self.words(&formats[..8]).pop().unwrap_or_default().1;
         for words in &mut likely {
             for field in 1..5 {
                 let by = formats[field].frac_bits - formats[0].frac_bits;
-                let limit = if by >= 0 { words[0] << by } else { words[0] >> -by };
-                words[field] = words[field].rem_euclid(limit.clamp(0, (formats[field].max() - 1).max(0)) + 1);
+                let limit = if by >= 0 {
+                    words[0] << by
+                } else {
+                    words[0] >> -by
+                };
+                words[field] =
+                    words[field].rem_euclid(limit.clamp(0, (formats[field].max() - 1).max(0)) + 1);
             }
         }
         kinds.push(("likely sums".into(), likely));
         let mut first = 0;
         for (kind, records) in kinds {
             for mut words in records {
-                let material = self.random.below(self.frame.lighting.materials.len() as i64);
+                let material = self
+                    .random
+                    .below(self.frame.lighting.materials.len() as i64);
                 words.push(material);
                 let size = [self.frame.width, self.frame.height].map(i64::from);
-                let pixel = if by_pixel { size.map(|size| self.random.below(size)) } else { [0; 2] };
+                let pixel = if by_pixel {
+                    size.map(|size| self.random.below(size))
+                } else {
+                    [0; 2]
+                };
                 let place = if by_pixel { &pixel[..] } else { &[] };
                 let parent = self.push("shade.in", [place, &words].concat(), key(UNKNOWN));
                 let input = shade::Input {
@@ -721,10 +1125,19 @@ impl Maker<'_> {
                     _ => "weight above τ",
                 };
                 self.seen.coverage.count("shade", weight);
-                self.seen.coverage.count_if(words[5..8] == [0, 0, 0], "shade", "normals cancel");
+                self.seen
+                    .coverage
+                    .count_if(words[5..8] == [0, 0, 0], "shade", "normals cancel");
                 let [r, g, b] = output.colour;
                 let flags = self.seen.flush();
-                self.push("shade.out", vec![r, g, b, output.opacity], Key { flags, ..key(parent) });
+                self.push(
+                    "shade.out",
+                    vec![r, g, b, output.opacity],
+                    Key {
+                        flags,
+                        ..key(parent)
+                    },
+                );
             }
             first = self.tag("shade.in", &kind, first);
         }
@@ -740,32 +1153,62 @@ impl Maker<'_> {
                 .map(|_| {
                     let Premultiplied { colour, opacity } = answer(&mut self.random, self.machine);
                     // No unit makes more than 1, but the word holds it.
-                    let opacity =
-                        if self.random.one_in(8) { self.random.word(self.machine.machine.shade.premultiplied.format) } else { opacity };
-                    Layer { colour, opacity, ..Layer::default() }
+                    let opacity = if self.random.one_in(8) {
+                        self.random
+                            .word(self.machine.machine.shade.premultiplied.format)
+                    } else {
+                        opacity
+                    };
+                    Layer {
+                        colour,
+                        opacity,
+                        ..Layer::default()
+                    }
                 })
                 .collect();
             let mut first = None;
             for (i, layer) in layers.iter().enumerate() {
                 let [r, g, b] = layer.colour;
-                let words = vec![at[0], at[1], i64::from(i + 1 == layers.len()), 0, r, g, b, layer.opacity];
+                let words = vec![
+                    at[0],
+                    at[1],
+                    i64::from(i + 1 == layers.len()),
+                    0,
+                    r,
+                    g,
+                    b,
+                    layer.opacity,
+                ];
                 let record = self.push("resolve.in", words, pixel_key(at, UNKNOWN));
                 first = first.or(Some(record));
             }
             if layers.is_empty() {
-                first = Some(self.push("resolve.in", vec![at[0], at[1], 1, 1, 0, 0, 0, 0], pixel_key(at, UNKNOWN)));
+                first = Some(self.push(
+                    "resolve.in",
+                    vec![at[0], at[1], 1, 1, 0, 0, 0, 0],
+                    pixel_key(at, UNKNOWN),
+                ));
             }
             let word = unit_replay::resolve(self.machine, self.frame, &layers, &mut self.seen);
-            self.seen.coverage.count("resolve", &format!("{count} layers"));
+            self.seen
+                .coverage
+                .count("resolve", &format!("{count} layers"));
             let flags = self.seen.flush();
-            self.push("resolve.out", [&at[..], &word[..]].concat(), Key { flags, ..pixel_key(at, first.unwrap_or(UNKNOWN)) });
+            self.push(
+                "resolve.out",
+                [&at[..], &word[..]].concat(),
+                Key {
+                    flags,
+                    ..pixel_key(at, first.unwrap_or(UNKNOWN))
+                },
+            );
         }
         self.tag("resolve.in", "random layers", 0);
     }
 }
 
-/// Light that a fragment may have: opaque, at the opacity limit and beside it, clear, a power of two off 1 (two of them make ties), or
-/// anything; no brighter than 1.
+/// Light that a fragment may have: opaque, at the opacity limit and beside it, clear, a power of
+/// two off 1 (two of them make ties), or anything; no brighter than 1.
 fn answer(random: &mut Random, machine: &Elaborated) -> Premultiplied {
     let m = &machine.machine;
     let (format, limit) = (m.shade.premultiplied.format, m.fragment.opaque_permille);
@@ -778,5 +1221,8 @@ fn answer(random: &mut Random, machine: &Elaborated) -> Premultiplied {
         _ => random.below(format.one() + 1),
     };
     let colour = [(); 3].map(|()| random.word(format).min(format.one()));
-    Premultiplied { colour, opacity: opacity.clamp(0, format.one()) }
+    Premultiplied {
+        colour,
+        opacity: opacity.clamp(0, format.one()),
+    }
 }

@@ -1,4 +1,5 @@
-//! Transfers: what was watched, as the records of each port, with the keys that tell where each comes from.
+//! Transfers: what was watched, as the records of each port, with the keys that tell where each
+//! comes from.
 
 mod constants;
 mod slots;
@@ -37,19 +38,47 @@ pub struct Key {
 
 impl Key {
     /// Names of the parts, and bits of each.
-    pub const PARTS: [(&str, u32); 6] = [("splat", 32), ("x", 16), ("y", 16), ("slot", 8), ("parent", 32), ("flags", 8)];
+    pub const PARTS: [(&str, u32); 6] = [
+        ("splat", 32),
+        ("x", 16),
+        ("y", 16),
+        ("slot", 8),
+        ("parent", 32),
+        ("flags", 8),
+    ];
 
     /// Its parts.
     pub fn words(&self) -> [i64; 6] {
-        [self.splat.into(), self.x.into(), self.y.into(), self.slot.into(), self.parent.into(), self.flags.into()]
+        [
+            self.splat.into(),
+            self.x.into(),
+            self.y.into(),
+            self.slot.into(),
+            self.parent.into(),
+            self.flags.into(),
+        ]
     }
 
     fn of_splat(splat: u32, parent: u32, flags: u8) -> Key {
-        Key { splat, x: 0xffff, y: 0xffff, slot: 0xff, parent, flags }
+        Key {
+            splat,
+            x: 0xffff,
+            y: 0xffff,
+            slot: 0xff,
+            parent,
+            flags,
+        }
     }
 
     fn of_pixel([x, y]: [u32; 2], slot: u32, parent: u32, flags: u8) -> Key {
-        Key { splat: NONE, x, y, slot, parent, flags }
+        Key {
+            splat: NONE,
+            x,
+            y,
+            slot,
+            parent,
+            flags,
+        }
     }
 }
 
@@ -95,11 +124,13 @@ pub struct Transfers<'a> {
     pub start: Vec<([u32; 2], Vec<Slot>)>,
     /// Of `start` the places of each record: the pixel's and the slot's.
     start_records: Vec<(u32, u8)>,
-    /// Places in `observer.set_up` of what left `project`, and of what left `ellipse`; and the latter in the order in which it is drawn.
+    /// Places in `observer.set_up` of what left `project`, and of what left `ellipse`; and the
+    /// latter in the order in which it is drawn.
     projected: Vec<u32>,
     left: Vec<u32>,
     drawn: Vec<u32>,
-    /// Places in `observer.arrivals` of what lies in the rectangle, and of what of that has a weight.
+    /// Places in `observer.arrivals` of what lies in the rectangle, and of what of that has a
+    /// weight.
     weighed: Vec<u32>,
     taken: Vec<u32>,
     /// For each splat of the frame, its record in `raster.in`.
@@ -116,12 +147,18 @@ pub struct Transfers<'a> {
 }
 
 fn places<T>(all: &[T], keep: impl Fn(&T) -> bool) -> Vec<u32> {
-    (0u32..).zip(all).filter(|(_, item)| keep(item)).map(|(place, _)| place).collect()
+    (0u32..)
+        .zip(all)
+        .filter(|(_, item)| keep(item))
+        .map(|(place, _)| place)
+        .collect()
 }
 
 /// The record that one is made from.
 fn nth(records: &[u32], place: u32) -> u32 {
-    records.binary_search(&place).map_or(NONE, |record| record as u32)
+    records
+        .binary_search(&place)
+        .map_or(NONE, |record| record as u32)
 }
 
 impl<'a> Transfers<'a> {
@@ -143,7 +180,15 @@ impl<'a> Transfers<'a> {
         let projected = places(&observer.set_up, SetUp::leaves_project);
         let left_setup = |&place: &u32| observer.set_up[place as usize].ellipse[..3] == [0, 0, 0];
         let in_order: Vec<u32> = projected.iter().copied().filter(left_setup).collect();
-        let drawn = if kind.sorted { observer.order.iter().map(|&nth| in_order[nth as usize]).collect() } else { in_order.clone() };
+        let drawn = if kind.sorted {
+            observer
+                .order
+                .iter()
+                .map(|&nth| in_order[nth as usize])
+                .collect()
+        } else {
+            in_order.clone()
+        };
         let mut raster_records = vec![NONE; frame.splats.len()];
         for (record, &place) in (0u32..).zip(&drawn) {
             raster_records[observer.set_up[place as usize].splat as usize] = record;
@@ -153,16 +198,32 @@ impl<'a> Transfers<'a> {
         }
         observer.sort();
         let weighed = places(&observer.arrivals, |arrival| inside(arrival.key));
-        let taken = weighed.iter().copied().filter(|&place| observer.counts(observer.arrivals[place as usize].weight)).collect();
-        let only_inside = |all: &mut Vec<Shaded>| std::mem::take(all).into_iter().filter(|shaded| inside(shaded.key)).collect();
-        let (merged, resolved) = (only_inside(&mut observer.merged), only_inside(&mut observer.resolved));
+        let taken = weighed
+            .iter()
+            .copied()
+            .filter(|&place| observer.counts(observer.arrivals[place as usize].weight))
+            .collect();
+        let only_inside = |all: &mut Vec<Shaded>| {
+            std::mem::take(all)
+                .into_iter()
+                .filter(|shaded| inside(shaded.key))
+                .collect()
+        };
+        let (merged, resolved) = (
+            only_inside(&mut observer.merged),
+            only_inside(&mut observer.resolved),
+        );
         let mut pixels = Vec::new();
         let mut held = (0u32..).zip(&observer.held).peekable();
         for y in top..bottom {
             for x in left..right {
                 let here = key(0, x, y);
                 while held.next_if(|(_, held)| held.key < here).is_some() {}
-                pixels.push(([x, y], held.next_if(|(_, held)| held.key == here).map(|(place, _)| place)));
+                pixels.push((
+                    [x, y],
+                    held.next_if(|(_, held)| held.key == here)
+                        .map(|(place, _)| place),
+                ));
             }
         }
         let (mut layers, mut first_layers, mut records) = (Vec::new(), Vec::new(), 0u32);
@@ -182,7 +243,11 @@ impl<'a> Transfers<'a> {
         }
         // Sheets have a record a pixel.
         let slots_of = |(pixel, (_, slots)): (u32, &([u32; 2], Vec<Slot>))| {
-            let count = if kind.sheets { slots.len().min(1) } else { slots.len() };
+            let count = if kind.sheets {
+                slots.len().min(1)
+            } else {
+                slots.len()
+            };
             (0..count as u8).map(move |slot| (pixel, slot))
         };
         let start_records = (0..).zip(&start).flat_map(slots_of).collect();
@@ -215,13 +280,28 @@ impl<'a> Transfers<'a> {
         let splat = |place: usize| self.splats[set_up[place].splat as usize];
         let frame_splat = move |place: usize| &self.frame.splats[set_up[place].splat as usize];
         let arrival = |place: u32| &w.arrivals[place as usize];
-        let held = |pixel: u32| self.pixels[pixel as usize].1.map(|place| &w.held[place as usize]);
+        let held = |pixel: u32| {
+            self.pixels[pixel as usize]
+                .1
+                .map(|place| &w.held[place as usize])
+        };
         let mut all = vec![
             source("pipeline.in", set_up.len(), move |i, words| {
                 let s = frame_splat(i);
-                words.extend(s.position.iter().chain(&s.normal).chain([&s.radius]).map(|&word| i64::from(word)));
+                words.extend(
+                    s.position
+                        .iter()
+                        .chain(&s.normal)
+                        .chain([&s.radius])
+                        .map(|&word| i64::from(word)),
+                );
                 self.orientation(set_up[i].splat, words);
-                words.extend(s.rgb.iter().chain([&s.opacity]).map(|&word| i64::from(word)));
+                words.extend(
+                    s.rgb
+                        .iter()
+                        .chain([&s.opacity])
+                        .map(|&word| i64::from(word)),
+                );
                 words.push(s.material.into());
                 if self.kind.sheets {
                     words.push(self.sheet(set_up[i].splat));
@@ -237,35 +317,109 @@ impl<'a> Transfers<'a> {
             }),
             source("project.out", set_up.len(), move |i, words| {
                 words.extend(project_out_words(self.kind, set_up[i].project));
-                let culled = if set_up[i].leaves_project() { 0 } else { flag::CUT_OFF };
+                let culled = if set_up[i].leaves_project() {
+                    0
+                } else {
+                    flag::CUT_OFF
+                };
                 Key::of_splat(splat(i), i as u32, set_up[i].flags | culled)
             }),
             source("ellipse.in", self.projected.len(), move |i, words| {
                 let place = self.projected[i] as usize;
                 let s = frame_splat(place);
-                let [_, _, _, forward, exponent, _, inverse_depth, inverse_exponent, a, b, x, y] = set_up[place].project;
-                words.extend(s.normal.iter().chain([&s.radius]).map(|&word| i64::from(word)));
+                let [
+                    _,
+                    _,
+                    _,
+                    forward,
+                    exponent,
+                    _,
+                    inverse_depth,
+                    inverse_exponent,
+                    a,
+                    b,
+                    x,
+                    y,
+                ] = set_up[place].project;
+                words.extend(
+                    s.normal
+                        .iter()
+                        .chain([&s.radius])
+                        .map(|&word| i64::from(word)),
+                );
                 self.orientation(set_up[place].splat, words);
                 if self.kind.ellipsoids {
                     words.push(s.opacity.into());
                 }
-                words.extend([forward, exponent, inverse_depth, inverse_exponent, a, b, x, y]);
+                words.extend([
+                    forward,
+                    exponent,
+                    inverse_depth,
+                    inverse_exponent,
+                    a,
+                    b,
+                    x,
+                    y,
+                ]);
                 Key::of_splat(splat(place), place as u32, 0)
             }),
             source("ellipse.out", self.projected.len(), move |i, words| {
                 let place = self.projected[i] as usize;
                 words.extend(set_up[place].ellipse);
-                let culled = if set_up[place].ellipse[..3] == [0, 0, 0] { 0 } else { flag::CUT_OFF };
+                let culled = if set_up[place].ellipse[..3] == [0, 0, 0] {
+                    0
+                } else {
+                    flag::CUT_OFF
+                };
                 Key::of_splat(splat(place), i as u32, set_up[place].flags | culled)
             }),
             source("raster.in", self.drawn.len(), move |i, words| {
                 let place = self.drawn[i] as usize;
                 let [.., depth, _, _, _, _, x, y] = set_up[place].project;
-                let [_, _, _, _, _, _, xx, xy, yy, _, left, right, top, bottom, z_x, z_y, range] = set_up[place].ellipse;
+                let [
+                    _,
+                    _,
+                    _,
+                    _,
+                    _,
+                    _,
+                    xx,
+                    xy,
+                    yy,
+                    _,
+                    left,
+                    right,
+                    top,
+                    bottom,
+                    z_x,
+                    z_y,
+                    range,
+                ] = set_up[place].ellipse;
                 let tag = splat(place);
-                words.extend([tag.into(), x, y, xx, xy, yy, depth, z_x, z_y, range, left, right, top, bottom]);
-                let walked = w.walked.binary_search_by_key(&set_up[place].splat, |walked| walked.0);
-                let parent = if self.kind.sorted { i as u32 } else { nth(&self.projected, place as u32) };
+                words.extend([
+                    tag.into(),
+                    x,
+                    y,
+                    xx,
+                    xy,
+                    yy,
+                    depth,
+                    z_x,
+                    z_y,
+                    range,
+                    left,
+                    right,
+                    top,
+                    bottom,
+                ]);
+                let walked = w
+                    .walked
+                    .binary_search_by_key(&set_up[place].splat, |walked| walked.0);
+                let parent = if self.kind.sorted {
+                    i as u32
+                } else {
+                    nth(&self.projected, place as u32)
+                };
                 Key::of_splat(tag, parent, walked.map_or(0, |at| w.walked[at].1))
             }),
             source("raster.out", w.arrivals.len(), move |i, words| {
@@ -273,7 +427,14 @@ impl<'a> Transfers<'a> {
                 let [index, x, y] = self.parts(a.key);
                 let tag = self.splats[index as usize];
                 words.extend([tag.into(), x.into(), y.into(), a.radial, a.depth]);
-                Key { splat: tag, x, y, slot: 0xff, parent: self.raster_records[index as usize], flags: 0 }
+                Key {
+                    splat: tag,
+                    x,
+                    y,
+                    slot: 0xff,
+                    parent: self.raster_records[index as usize],
+                    flags: 0,
+                }
             }),
             source("gauss.in", self.weighed.len(), move |i, words| {
                 let a = arrival(self.weighed[i]);
@@ -290,7 +451,11 @@ impl<'a> Transfers<'a> {
                 let [index, x, y] = self.parts(a.key);
                 let s = &self.frame.splats[index as usize];
                 words.extend([x, y, a.weight].map(i64::from));
-                words.push(if self.kind.sheets { self.sheet(index) } else { a.depth });
+                words.push(if self.kind.sheets {
+                    self.sheet(index)
+                } else {
+                    a.depth
+                });
                 words.extend(self.rgb(index).map(i64::from));
                 if !self.kind.sheets {
                     words.push(s.opacity.into());
@@ -299,7 +464,11 @@ impl<'a> Transfers<'a> {
                 }
                 if let Some(registers) = &self.windows {
                     let probe = &mut rtl_model::probe::NoProbe;
-                    let density = self.machine.fragment.density(s.opacity, registers, &mut rtl_model::probe::Tap::new(probe));
+                    let density = self.machine.fragment.density(
+                        s.opacity,
+                        registers,
+                        &mut rtl_model::probe::Tap::new(probe),
+                    );
                     words.extend(self.light(index).map(i64::from));
                     words.push(density.into());
                 }
@@ -313,7 +482,10 @@ impl<'a> Transfers<'a> {
                     words.push(a.place.into());
                 }
                 let key = self.of_arrival(a, i as u32, a.fragment_flags);
-                Key { slot: a.slot.into(), ..key }
+                Key {
+                    slot: a.slot.into(),
+                    ..key
+                }
             }),
         ];
         all.extend(self.of_setup());
@@ -332,14 +504,19 @@ impl<'a> Transfers<'a> {
                 self.of_shaded(i, i as u32, self.shaded(i).flags)
             }),
             source("resolve.in", self.resolve_records(), move |i, words| {
-                let pixel = self.first_layers.partition_point(|&first| first as usize <= i) - 1;
+                let pixel = self
+                    .first_layers
+                    .partition_point(|&first| first as usize <= i)
+                    - 1;
                 let (place, nth) = (self.pixels[pixel].0, i - self.first_layers[pixel] as usize);
                 words.extend(place.map(i64::from));
                 let Some(held) = held(pixel as u32).filter(|held| !held.layers.is_empty()) else {
                     words.extend([1, 1, 0, 0, 0, 0]);
                     return Key::of_pixel(place, 0xff, NONE, 0);
                 };
-                let first = self.layers.partition_point(|&(other, _)| other < pixel as u32);
+                let first = self
+                    .layers
+                    .partition_point(|&(other, _)| other < pixel as u32);
                 let number = self.layers[first + nth].1;
                 words.extend([i64::from(nth + 1 == held.layers.len()), 0]);
                 words.extend(light(&held.layers[usize::from(number)]));
@@ -372,15 +549,27 @@ impl<'a> Transfers<'a> {
         let splat = |place: u32| self.splats[w.set_up[place as usize].splat as usize];
         let mut all = Vec::new();
         if self.kind.preshaded {
-            all.push(source("ellipse.request", w.emitted.len(), move |i, words| {
-                sums_of(&emitted(i).shaded, words);
-                // One for each that left setup, in the same order.
-                Key::of_splat(splat(self.left[i]), nth(&self.projected, self.left[i]), emitted(i).flags[0])
-            }));
-            all.push(source("ellipse.answer", w.emitted.len(), move |i, words| {
-                light_of(&emitted(i).shaded, words);
-                Key::of_splat(splat(self.left[i]), i as u32, emitted(i).flags[1])
-            }));
+            all.push(source(
+                "ellipse.request",
+                w.emitted.len(),
+                move |i, words| {
+                    sums_of(&emitted(i).shaded, words);
+                    // One for each that left setup, in the same order.
+                    Key::of_splat(
+                        splat(self.left[i]),
+                        nth(&self.projected, self.left[i]),
+                        emitted(i).flags[0],
+                    )
+                },
+            ));
+            all.push(source(
+                "ellipse.answer",
+                w.emitted.len(),
+                move |i, words| {
+                    light_of(&emitted(i).shaded, words);
+                    Key::of_splat(splat(self.left[i]), i as u32, emitted(i).flags[1])
+                },
+            ));
         }
         if self.kind.sorted {
             let depth = |place: u32| w.set_up[place as usize].project[5];
@@ -391,7 +580,11 @@ impl<'a> Transfers<'a> {
             }));
             all.push(source("sort.out", self.drawn.len(), move |i, words| {
                 let place = self.drawn[i];
-                let key = unit_replay::sort(self.machine, &[depth(place)], &mut rtl_model::probe::NoProbe);
+                let key = unit_replay::sort(
+                    self.machine,
+                    &[depth(place)],
+                    &mut rtl_model::probe::NoProbe,
+                );
                 words.extend([splat(place).into(), key.map_or(0, |keyed| keyed[0].1)]);
                 Key::of_splat(splat(place), nth(&self.left, place), 0)
             }));
@@ -401,11 +594,15 @@ impl<'a> Transfers<'a> {
 
     /// What `fragment` asks and holds where it groups by sheets.
     fn of_sheets(&self) -> Vec<Source<'_>> {
-        let start = source("fragment.start", self.start_records.len(), move |i, words| {
-            let (pixel, slots) = &self.start[self.start_records[i].0 as usize];
-            pixel_words(*pixel, slots, words);
-            Key::of_pixel(*pixel, 0, NONE, 0)
-        });
+        let start = source(
+            "fragment.start",
+            self.start_records.len(),
+            move |i, words| {
+                let (pixel, slots) = &self.start[self.start_records[i].0 as usize];
+                pixel_words(*pixel, slots, words);
+                Key::of_pixel(*pixel, 0, NONE, 0)
+            },
+        );
         let held = source("fragment.held", self.layers.len(), move |i, words| {
             let place = self.pixels[self.layers[i].0 as usize].0;
             if let Some(held) = self.held(self.layers[i].0) {
@@ -417,12 +614,21 @@ impl<'a> Transfers<'a> {
         vec![start, held]
     }
 
-    /// What `fragment` asks and holds where it groups by windows: in the end it has them shaded, pixel by pixel.
+    /// What `fragment` asks and holds where it groups by windows: in the end it has them shaded,
+    /// pixel by pixel.
     fn of_windows(&self) -> Vec<Source<'_>> {
         let emitted = self.observer.emitted.len();
         let asked = self.merged.len() + self.resolved.len();
         let key = move |i: usize, parent: u32, flags: u8| match self.merged.get(i) {
-            Some(shaded) => self.of_merge(shaded, if parent == NONE { self.contribution(shaded.key) } else { parent }, flags),
+            Some(shaded) => self.of_merge(
+                shaded,
+                if parent == NONE {
+                    self.contribution(shaded.key)
+                } else {
+                    parent
+                },
+                flags,
+            ),
             None => {
                 let [_, x, y] = parts(self.shaded(emitted + i).key);
                 Key::of_pixel([x, y], 0xff, parent, flags)
@@ -442,7 +648,12 @@ impl<'a> Transfers<'a> {
                 let place = self.pixels[pixel as usize].0;
                 let slot = self.held(pixel).map_or(0, |held| {
                     let layer = &held.layers[usize::from(number)];
-                    words.extend([place[0].into(), place[1].into(), layer.slot as i64, layer.depth]);
+                    words.extend([
+                        place[0].into(),
+                        place[1].into(),
+                        layer.slot as i64,
+                        layer.depth,
+                    ]);
                     words.extend(light(layer));
                     layer.slot as u32
                 });
@@ -462,12 +673,16 @@ impl<'a> Transfers<'a> {
                 light_of(&self.merged[i], words);
                 self.of_merge(&self.merged[i], i as u32, self.merged[i].flags)
             }),
-            source("fragment.start", self.start_records.len(), move |i, words| {
-                let (pixel, number) = self.start_records[i];
-                let (pixel, slots) = &self.start[pixel as usize];
-                slot_words(*pixel, number.into(), &slots[usize::from(number)], words);
-                Key::of_pixel(*pixel, number.into(), NONE, 0)
-            }),
+            source(
+                "fragment.start",
+                self.start_records.len(),
+                move |i, words| {
+                    let (pixel, number) = self.start_records[i];
+                    let (pixel, slots) = &self.start[pixel as usize];
+                    slot_words(*pixel, number.into(), &slots[usize::from(number)], words);
+                    Key::of_pixel(*pixel, number.into(), NONE, 0)
+                },
+            ),
             source("fragment.held", self.layers.len(), move |i, words| {
                 let (pixel, number) = self.layers[i];
                 let place = self.pixels[pixel as usize].0;
@@ -486,41 +701,74 @@ impl<'a> Transfers<'a> {
     fn parts(&self, key: u64) -> [u32; 3] {
         let [number, x, y] = parts(key);
         // Sorted splats are numbered as they are drawn.
-        let splat = if self.kind.sorted { self.observer.set_up[self.drawn[number as usize] as usize].splat } else { number };
+        let splat = if self.kind.sorted {
+            self.observer.set_up[self.drawn[number as usize] as usize].splat
+        } else {
+            number
+        };
         [splat, x, y]
     }
 
     /// Fragments that a pixel holds in the end.
     fn held(&self, pixel: u32) -> Option<&Held> {
-        self.pixels[pixel as usize].1.map(|place| &self.observer.held[place as usize])
+        self.pixels[pixel as usize]
+            .1
+            .map(|place| &self.observer.held[place as usize])
     }
 
-    /// A splat's own axes and scales, if splats are ellipsoids; 0 where they have those of the frame.
+    /// A splat's own axes and scales, if splats are ellipsoids; 0 where they have those of the
+    /// frame.
     fn orientation(&self, splat: u32, words: &mut Vec<i64>) {
-        let Some(ellipsoids) = &self.frame.ellipsoids else { return };
-        let own = ellipsoids.own.get(splat as usize).copied().unwrap_or_default();
-        words.extend(own.quaternion.iter().chain(&own.scales).map(|&word| i64::from(word)));
+        let Some(ellipsoids) = &self.frame.ellipsoids else {
+            return;
+        };
+        let own = ellipsoids
+            .own
+            .get(splat as usize)
+            .copied()
+            .unwrap_or_default();
+        words.extend(
+            own.quaternion
+                .iter()
+                .chain(&own.scales)
+                .map(|&word| i64::from(word)),
+        );
     }
 
     /// The number of a splat's sheet.
     fn sheet(&self, splat: u32) -> i64 {
-        let Some(sheets) = &self.frame.sheets else { return 0 };
+        let Some(sheets) = &self.frame.sheets else {
+            return 0;
+        };
         let number = match sheets.each {
             Each::Splat => self.splats[splat as usize],
-            Each::Slice => sheets.numbers.get(splat as usize).copied().unwrap_or_default(),
+            Each::Slice => sheets
+                .numbers
+                .get(splat as usize)
+                .copied()
+                .unwrap_or_default(),
         };
         i64::from(number) & ((1 << rtl_model::records::SHEET_BITS) - 1)
     }
 
     /// A splat's colour, as it is drawn: windows sum up the one that it has.
     fn rgb(&self, splat: u32) -> [i32; 3] {
-        if self.kind.windows { self.frame.splats[splat as usize].rgb } else { self.light(splat) }
+        if self.kind.windows {
+            self.frame.splats[splat as usize].rgb
+        } else {
+            self.light(splat)
+        }
     }
 
     /// A splat's own light, or its colour where it is not lit before it is drawn.
     fn light(&self, splat: u32) -> [i32; 3] {
-        let lit = self.observer.emitted.binary_search_by_key(&splat, |emitted| emitted.splat);
-        lit.map_or(self.frame.splats[splat as usize].rgb, |place| self.observer.emitted[place].rgb)
+        let lit = self
+            .observer
+            .emitted
+            .binary_search_by_key(&splat, |emitted| emitted.splat);
+        lit.map_or(self.frame.splats[splat as usize].rgb, |place| {
+            self.observer.emitted[place].rgb
+        })
     }
 
     fn amplitude(&self, arrival: &Arrival) -> i64 {
@@ -540,17 +788,33 @@ impl<'a> Transfers<'a> {
 
     fn of_arrival(&self, arrival: &Arrival, parent: u32, flags: u8) -> Key {
         let [index, x, y] = self.parts(arrival.key);
-        Key { splat: self.splats[index as usize], x, y, slot: 0xff, parent, flags }
+        Key {
+            splat: self.splats[index as usize],
+            x,
+            y,
+            slot: 0xff,
+            parent,
+            flags,
+        }
     }
 
     fn of_merge(&self, shaded: &Shaded, parent: u32, flags: u8) -> Key {
         let [index, x, y] = self.parts(shaded.key);
-        Key { splat: self.splats[index as usize], x, y, slot: 0xff, parent, flags }
+        Key {
+            splat: self.splats[index as usize],
+            x,
+            y,
+            slot: 0xff,
+            parent,
+            flags,
+        }
     }
 
     /// The record in `fragment.in` of a contribution.
     fn contribution(&self, key: u64) -> u32 {
-        let record = self.taken.binary_search_by_key(&key, |&place| self.observer.arrivals[place as usize].key);
+        let record = self
+            .taken
+            .binary_search_by_key(&key, |&place| self.observer.arrivals[place as usize].key);
         record.map_or(NONE, |record| record as u32)
     }
 
@@ -560,8 +824,12 @@ impl<'a> Transfers<'a> {
     }
 
     fn shaded(&self, i: usize) -> &Shaded {
-        let Some(i) = i.checked_sub(self.observer.emitted.len()) else { return &self.observer.emitted[i].shaded };
-        self.merged.get(i).unwrap_or_else(|| &self.resolved[i - self.merged.len()])
+        let Some(i) = i.checked_sub(self.observer.emitted.len()) else {
+            return &self.observer.emitted[i].shaded;
+        };
+        self.merged
+            .get(i)
+            .unwrap_or_else(|| &self.resolved[i - self.merged.len()])
     }
 
     fn of_shaded(&self, i: usize, parent: u32, flags: u8) -> Key {
@@ -581,7 +849,9 @@ impl<'a> Transfers<'a> {
     }
 
     fn resolve_records(&self) -> usize {
-        let empty = self.pixels.iter().filter(|(_, held)| held.is_none_or(|place| self.observer.held[place as usize].layers.is_empty()));
+        let empty = self.pixels.iter().filter(|(_, held)| {
+            held.is_none_or(|place| self.observer.held[place as usize].layers.is_empty())
+        });
         self.layers.len() + empty.count()
     }
 
@@ -591,7 +861,11 @@ impl<'a> Transfers<'a> {
         let Some(held) = held.map(|place| &self.observer.held[place as usize]) else {
             // A pixel in a tile that no splat touches.
             let probe = &mut rtl_model::probe::NoProbe;
-            words.extend(self.machine.resolve.one(&[], self.frame.background, &mut rtl_model::probe::Tap::new(probe)));
+            words.extend(self.machine.resolve.one(
+                &[],
+                self.frame.background,
+                &mut rtl_model::probe::Tap::new(probe),
+            ));
             return 0;
         };
         words.extend(held.frame);
@@ -599,6 +873,14 @@ impl<'a> Transfers<'a> {
     }
 }
 
-fn source<'a>(name: &'static str, records: usize, at: impl Fn(usize, &mut Vec<i64>) -> Key + Sync + 'a) -> Source<'a> {
-    Source { name, records, at: Box::new(at) }
+fn source<'a>(
+    name: &'static str,
+    records: usize,
+    at: impl Fn(usize, &mut Vec<i64>) -> Key + Sync + 'a,
+) -> Source<'a> {
+    Source {
+        name,
+        records,
+        at: Box::new(at),
+    }
 }

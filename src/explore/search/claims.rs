@@ -1,9 +1,11 @@
-//! Claims: the figures that a search states, each with the camera that decides it, so that `run` shows it again.
+//! Claims: the figures that a search states, each with the camera that decides it, so that `run`
+//! shows it again.
 //!
 //! ```text
 //! cameras that decided ─► cameras.json, one file per scene and size ─► run SCENE --cameras cameras.json --frame N ─► the same figure
 //! ```
-//! Frame 0 of each file is the scene's own camera, because lights that a scene leaves out follow it.
+//! Frame 0 of each file is the scene's own camera, because lights that a scene leaves out follow
+//! it.
 //!
 //! Law (tests/search.rs): `each_claimed_figure_is_shown_again_by_the_command_that_is_printed`.
 
@@ -41,21 +43,38 @@ pub(super) struct Decided<'a> {
 
 /// The file of a domain's cameras.
 fn file(of: usize, domains: usize) -> String {
-    if domains == 1 { "cameras.json".into() } else { format!("cameras-{}.json", of + 1) }
+    if domains == 1 {
+        "cameras.json".into()
+    } else {
+        format!("cameras-{}.json", of + 1)
+    }
 }
 
 /// The domain whose view has this name.
 pub(super) fn domain_of(domains: &[Domain], name: &str) -> usize {
-    let is_of = |domain: &Domain| name.strip_prefix(&domain.label).is_some_and(|rest| rest.is_empty() || rest.starts_with(" from "));
+    let is_of = |domain: &Domain| {
+        name.strip_prefix(&domain.label)
+            .is_some_and(|rest| rest.is_empty() || rest.starts_with(" from "))
+    };
     domains.iter().position(is_of).unwrap_or(0)
 }
 
 /// Claims on some of the views that decided: a figure and the view's place among them.
-pub(super) fn claims(domains: &[Domain], decided: &[Decided<'_>], figures: Vec<(String, usize)>) -> Vec<Claim> {
+pub(super) fn claims(
+    domains: &[Domain],
+    decided: &[Decided<'_>],
+    figures: Vec<(String, usize)>,
+) -> Vec<Claim> {
     let claim = |(figure, nth): (String, usize)| {
         let Decided { name, of, .. } = decided[nth];
         let frame = 1 + decided[..nth].iter().filter(|other| other.of == of).count();
-        Claim { figure, view: name.to_owned(), scene: of, cameras: file(of, domains.len()), frame }
+        Claim {
+            figure,
+            view: name.to_owned(),
+            scene: of,
+            cameras: file(of, domains.len()),
+            frame,
+        }
     };
     figures.into_iter().map(claim).collect()
 }
@@ -64,16 +83,24 @@ pub(super) fn claims(domains: &[Domain], decided: &[Decided<'_>], figures: Vec<(
 ///
 /// # Errors
 /// [`crate::error::Error::Job`] where a file cannot be written.
-pub(super) fn write_cameras(folder: &Path, domains: &[Domain], decided: &[Decided<'_>]) -> Result<Vec<PathBuf>> {
+pub(super) fn write_cameras(
+    folder: &Path,
+    domains: &[Domain],
+    decided: &[Decided<'_>],
+) -> Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for (of, domain) in domains.iter().enumerate() {
         let own = json!({"name": domain.label, "camera": domain.scene().camera});
-        let others =
-            decided.iter().filter(|decided| decided.of == of).map(|decided| json!({"name": decided.name, "camera": decided.camera}));
+        let others = decided
+            .iter()
+            .filter(|decided| decided.of == of)
+            .map(|decided| json!({"name": decided.name, "camera": decided.camera}));
         let all: Vec<_> = std::iter::once(own).chain(others).collect();
         let path = folder.join(file(of, domains.len()));
         let value = json!({"splatsim_cameras": all});
-        write_beside(&path, |file| serde_json::to_writer_pretty(file, &value).map_err(|e| e.to_string()))?;
+        write_beside(&path, |file| {
+            serde_json::to_writer_pretty(file, &value).map_err(|e| e.to_string())
+        })?;
         files.push(path);
     }
     Ok(files)

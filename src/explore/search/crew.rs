@@ -1,11 +1,12 @@
-//! Crew: measures machines of a search in other processes, several at once; what is found and written is what one process finds and writes.
+//! Crew: measures machines of a search in other processes, several at once; what is found and
+//! written is what one process finds and writes.
 //!
 //! ```text
 //! views ─► every member, once ─┐
 //! machines that may be asked for next ─► members ─► measured, by keys ─► the search asks ─► row
 //! ```
-//! A search asks for one machine after the other, and each answer decides what it asks next. A crew is given guesses at what that may be: they
-//! cost time where they are wrong, and change nothing.
+//! A search asks for one machine after the other, and each answer decides what it asks next. A crew
+//! is given guesses at what that may be: they cost time where they are wrong, and change nothing.
 
 use super::{Found, View, drawn, found_on};
 use crate::error::{Error, Result};
@@ -29,7 +30,8 @@ pub trait Crew {
     /// Where nobody can be told.
     fn learn(&mut self, view: Vec<u8>) -> Result<()>;
 
-    /// Measures machines on all views that were learnt, each by [`measured`], which takes a machine and the target as texts.
+    /// Measures machines on all views that were learnt, each by [`measured`], which takes a machine
+    /// and the target as texts.
     ///
     /// # Errors
     /// Where members fail, or nobody wants it any more.
@@ -57,9 +59,16 @@ pub(super) struct Measured {
 
 impl Measured {
     /// Draws, here.
-    pub fn on<'v>(views: impl IntoIterator<Item = &'v View>, elaborated: &Elaborated, target: &Target) -> Self {
+    pub fn on<'v>(
+        views: impl IntoIterator<Item = &'v View>,
+        elaborated: &Elaborated,
+        target: &Target,
+    ) -> Self {
         let (found, seconds) = timed(|| found_on(views, |view| drawn(elaborated, view, target)));
-        Measured { found: found.map_err(|error| error.to_string()), seconds }
+        Measured {
+            found: found.map_err(|error| error.to_string()),
+            seconds,
+        }
     }
 }
 
@@ -72,7 +81,9 @@ impl Sight {
     /// # Errors
     /// [`Error::Input`] where they are damaged, or of another version.
     pub fn unpacked(bytes: &[u8]) -> Result<Self> {
-        postcard::from_bytes(bytes).map(Sight).map_err(|_| Error::input("the packed view is damaged, or of another version"))
+        postcard::from_bytes(bytes)
+            .map(Sight)
+            .map_err(|_| Error::input("the packed view is damaged, or of another version"))
     }
 }
 
@@ -80,12 +91,24 @@ impl Sight {
 ///
 /// # Errors
 /// [`Error::Input`] where a text is none of this version.
-pub fn measured<'v>(sights: impl IntoIterator<Item = &'v Sight>, machine: &str, target: &str) -> Result<String> {
-    let other = |error: serde_json::Error| Error::input(format!("the machine to measure is of another version: {error}"));
+pub fn measured<'v>(
+    sights: impl IntoIterator<Item = &'v Sight>,
+    machine: &str,
+    target: &str,
+) -> Result<String> {
+    let other = |error: serde_json::Error| {
+        Error::input(format!(
+            "the machine to measure is of another version: {error}"
+        ))
+    };
     let machine: Machine = serde_json::from_str(machine).map_err(other)?;
     let target: Target = serde_json::from_str(target).map_err(other)?;
     let elaborated = fixed::elaborate(&machine)?;
-    text(&Measured::on(sights.into_iter().map(|Sight(view)| view), &elaborated, &target))
+    text(&Measured::on(
+        sights.into_iter().map(|Sight(view)| view),
+        &elaborated,
+        &target,
+    ))
 }
 
 fn text(value: &impl Serialize) -> Result<String> {
@@ -104,7 +127,10 @@ pub(super) struct Foresight {
 impl Foresight {
     /// With this thread's crew, if it has one.
     pub fn new() -> Self {
-        Foresight { crew: CREW.take(), ..Foresight::default() }
+        Foresight {
+            crew: CREW.take(),
+            ..Foresight::default()
+        }
     }
 
     /// Machines that are worth being measured at once.
@@ -118,9 +144,19 @@ impl Foresight {
     }
 
     /// Has machines measured that are not known yet, by their keys.
-    pub fn measure(&mut self, views: &[View], target: &Target, machines: &[(String, Machine)]) -> Result<()> {
-        let Some(crew) = &mut self.crew else { return Ok(()) };
-        let unknown: Vec<&(String, Machine)> = machines.iter().filter(|(key, _)| !self.measured.contains_key(key)).collect();
+    pub fn measure(
+        &mut self,
+        views: &[View],
+        target: &Target,
+        machines: &[(String, Machine)],
+    ) -> Result<()> {
+        let Some(crew) = &mut self.crew else {
+            return Ok(());
+        };
+        let unknown: Vec<&(String, Machine)> = machines
+            .iter()
+            .filter(|(key, _)| !self.measured.contains_key(key))
+            .collect();
         if unknown.is_empty() {
             return Ok(());
         }
@@ -128,13 +164,21 @@ impl Foresight {
             crew.learn(postcard::to_stdvec(view).map_err(|error| Error::job(error.to_string()))?)?;
         }
         self.learnt = views.len();
-        let texts = unknown.iter().map(|(_, machine)| text(machine)).collect::<Result<Vec<_>>>()?;
+        let texts = unknown
+            .iter()
+            .map(|(_, machine)| text(machine))
+            .collect::<Result<Vec<_>>>()?;
         let answers = crew.measure(&texts, &text(target)?)?;
         if answers.len() != unknown.len() {
-            return Err(Error::job(format!("{} machines were to be measured, and {} were", unknown.len(), answers.len())));
+            return Err(Error::job(format!(
+                "{} machines were to be measured, and {} were",
+                unknown.len(),
+                answers.len()
+            )));
         }
         for ((key, _), answer) in unknown.into_iter().zip(&answers) {
-            let measured = serde_json::from_str(answer).map_err(|error| Error::job(format!("a machine's measures are none: {error}")))?;
+            let measured = serde_json::from_str(answer)
+                .map_err(|error| Error::job(format!("a machine's measures are none: {error}")))?;
             self.measured.insert(key.clone(), measured);
         }
         Ok(())
@@ -152,6 +196,9 @@ impl Foresight {
             return Ok(Measured::on(views, elaborated, target));
         }
         self.measure(views, target, &[(key.to_owned(), machine.clone())])?;
-        Ok(self.measured.remove(key).unwrap_or_else(|| Measured::on(views, elaborated, target)))
+        Ok(self
+            .measured
+            .remove(key)
+            .unwrap_or_else(|| Measured::on(views, elaborated, target)))
     }
 }

@@ -1,12 +1,14 @@
-//! Descent: the least area at which a load stays below 1, over whole numbers of steps taken away from each knob.
+//! Descent: the least area at which a load stays below 1, over whole numbers of steps taken away
+//! from each knob.
 //!
 //! ```text
 //! each knob alone, as far as it goes ─► all that far, less d ─┬─ d too small: steps given back, best relief for its area  (min+1)
 //!                                                            ├─ d large enough: steps taken, most area for its harm     (max−1)
 //!                                                            └─ from the better one: random exchanges, ever colder      (annealing)
 //! ```
-//! Both greedy ways are lazy: what a step does is measured again only when it comes up, for it changes little in between.
-//! Sources: Cantin, Savaria, Lavoie, *A comparison of automatic word length optimization procedures* (ISCAS 2002), for min+1 and max−1.
+//! Both greedy ways are lazy: what a step does is measured again only when it comes up, for it
+//! changes little in between. Sources: Cantin, Savaria, Lavoie, *A comparison of automatic word
+//! length optimization procedures* (ISCAS 2002), for min+1 and max−1.
 //!
 //! Laws: `what_is_found_is_close_to_the_best_there_is`, `no_single_step_is_left`.
 
@@ -23,14 +25,15 @@ pub trait Problem {
     /// What it takes; none where it cannot be built.
     fn area(&mut self, steps: &[u32]) -> Option<f64>;
 
-    /// What it does, as a part of what is allowed: the error, squared, over the greatest error allowed, squared. At most 1 is well.
-    /// Infinite where it cannot be built.
+    /// What it does, as a part of what is allowed: the error, squared, over the greatest error
+    /// allowed, squared. At most 1 is well. Infinite where it cannot be built.
     ///
     /// # Errors
     /// Where it cannot be kept what was found.
     fn load(&mut self, steps: &[u32]) -> Result<f64>;
 
-    /// The load without the margin that [`Problem::load`] adds to what is wanted; the same where there is no margin.
+    /// The load without the margin that [`Problem::load`] adds to what is wanted; the same where
+    /// there is no margin.
     ///
     /// # Errors
     /// As [`Problem::load`].
@@ -77,8 +80,13 @@ fn load(problem: &mut impl Problem, steps: &[u32]) -> Result<f64> {
     Ok(problem.load(steps)?.min(ENDLESS))
 }
 
-/// A load; where it was never measured, others that may be asked for after it are measured beside it.
-fn load_ahead<P: Problem>(problem: &mut P, steps: &[u32], others: impl FnOnce(&mut P, usize) -> Vec<Vec<u32>>) -> Result<f64> {
+/// A load; where it was never measured, others that may be asked for after it are measured beside
+/// it.
+fn load_ahead<P: Problem>(
+    problem: &mut P,
+    steps: &[u32],
+    others: impl FnOnce(&mut P, usize) -> Vec<Vec<u32>>,
+) -> Result<f64> {
     let width = problem.width();
     if width > 1 && problem.foreseen(steps).is_none() {
         let mut all = others(problem, width - 1);
@@ -93,11 +101,18 @@ fn foresee_limits(problem: &mut impl Problem, none: &[u32]) -> Result<()> {
     let mut halves: Vec<[u32; 2]> = problem.most().iter().map(|most| [0, most + 1]).collect();
     let middle = |[well, ill]: &[u32; 2]| (ill - well > 1).then(|| u32::midpoint(*well, *ill));
     while problem.width() > 1 {
-        let asked: Vec<(usize, u32)> = halves.iter().enumerate().filter_map(|(knob, half)| Some((knob, middle(half)?))).collect();
+        let asked: Vec<(usize, u32)> = halves
+            .iter()
+            .enumerate()
+            .filter_map(|(knob, half)| Some((knob, middle(half)?)))
+            .collect();
         if asked.is_empty() {
             break;
         }
-        let steps: Vec<Vec<u32>> = asked.iter().map(|(knob, middle)| with(none, *knob, *middle)).collect();
+        let steps: Vec<Vec<u32>> = asked
+            .iter()
+            .map(|(knob, middle)| with(none, *knob, *middle))
+            .collect();
         problem.foresee(&steps)?;
         for ((knob, middle), steps) in asked.iter().zip(&steps) {
             let is_well = problem.foreseen(steps).is_some_and(|load| load <= 1.0);
@@ -117,20 +132,32 @@ pub fn limits(problem: &mut impl Problem) -> Result<Vec<u32>> {
         let [mut well, mut ill] = [0, most[knob] + 1];
         while ill - well > 1 {
             let middle = u32::midpoint(well, ill);
-            if problem.load(&with(&none, knob, middle))? <= 1.0 { well = middle } else { ill = middle }
+            if problem.load(&with(&none, knob, middle))? <= 1.0 {
+                well = middle
+            } else {
+                ill = middle
+            }
         }
         limits[knob] = well;
     }
     Ok(limits)
 }
 
-/// All knobs as far as they go alone, less the fewest steps with which all is well; and less one step fewer.
+/// All knobs as far as they go alone, less the fewest steps with which all is well; and less one
+/// step fewer.
 pub fn starts(problem: &mut impl Problem, limits: &[u32]) -> Result<(Vec<u32>, Vec<u32>)> {
     let mut ill = limits.to_vec();
     for back in 0.. {
-        let less = |back: u32| -> Vec<u32> { limits.iter().map(|limit| limit.saturating_sub(back)).collect() };
+        let less = |back: u32| -> Vec<u32> {
+            limits
+                .iter()
+                .map(|limit| limit.saturating_sub(back))
+                .collect()
+        };
         let steps = less(back);
-        if load_ahead(problem, &steps, |_, width| (back + 1..).take(width).map(less).collect())? <= 1.0
+        if load_ahead(problem, &steps, |_, width| {
+            (back + 1..).take(width).map(less).collect()
+        })? <= 1.0
             || steps.iter().all(|step| *step == 0)
         {
             return Ok((steps, ill));
@@ -164,21 +191,37 @@ impl PartialOrd for Thought {
 
 impl Ord for Thought {
     fn cmp(&self, other: &Self) -> Ordering {
-        self.score.total_cmp(&other.score).then(other.knob.cmp(&self.knob))
+        self.score
+            .total_cmp(&other.score)
+            .then(other.knob.cmp(&self.knob))
     }
 }
 
 /// A step of every knob, each as good as can be until it is measured.
 fn unmeasured(knobs: usize) -> BinaryHeap<Thought> {
-    (0..knobs).map(|knob| Thought { score: f64::INFINITY, knob, at: 0 }).collect()
+    (0..knobs)
+        .map(|knob| Thought {
+            score: f64::INFINITY,
+            knob,
+            at: 0,
+        })
+        .collect()
 }
 
 /// The steps that come up next, as far as is known now: each one `more` or less of a knob.
-fn next_thoughts(thoughts: &BinaryHeap<Thought>, steps: &[u32], most: &[u32], more: i32, count: usize) -> Vec<Vec<u32>> {
+fn next_thoughts(
+    thoughts: &BinaryHeap<Thought>,
+    steps: &[u32],
+    most: &[u32],
+    more: i32,
+    count: usize,
+) -> Vec<Vec<u32>> {
     let mut best: Vec<&Thought> = thoughts.iter().collect();
     best.sort_by(|a, b| b.cmp(a));
     let step = |thought: &Thought| {
-        let value = steps[thought.knob].checked_add_signed(more).filter(|value| *value <= most[thought.knob])?;
+        let value = steps[thought.knob]
+            .checked_add_signed(more)
+            .filter(|value| *value <= most[thought.knob])?;
         Some(with(steps, thought.knob, value))
     };
     best.into_iter().filter_map(step).take(count).collect()
@@ -197,7 +240,9 @@ pub fn given_back(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> 
             if steps.iter().all(|step| *step == 0) {
                 break;
             }
-            steps.iter_mut().for_each(|step| *step = step.saturating_sub(1));
+            steps
+                .iter_mut()
+                .for_each(|step| *step = step.saturating_sub(1));
             now = load(problem, &steps)?;
             state += 1;
             thoughts = unmeasured(steps.len());
@@ -215,7 +260,9 @@ pub fn given_back(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> 
             thoughts.push(Thought { at: 0, ..thought });
             continue;
         }
-        let then = load_ahead(problem, &next, |_, width| next_thoughts(&thoughts, &steps, &most, -1, width))?;
+        let then = load_ahead(problem, &next, |_, width| {
+            next_thoughts(&thoughts, &steps, &most, -1, width)
+        })?;
         let relief = now - then.min(ENDLESS);
         if relief > 0.0 {
             let price = match (problem.area(&steps), problem.area(&next)) {
@@ -223,14 +270,18 @@ pub fn given_back(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> 
                 // What cannot be built has no price; whatever makes it better is welcome.
                 _ => 1.0,
             };
-            thoughts.push(Thought { score: relief / price, knob, at: state });
+            thoughts.push(Thought {
+                score: relief / price,
+                knob,
+                at: state,
+            });
         }
     }
     Ok(steps)
 }
 
-/// From where all is well: takes steps away, one after the other, while it stays so. One that did not do is not tried again: what else
-/// is taken away meanwhile makes nothing better, but for luck.
+/// From where all is well: takes steps away, one after the other, while it stays so. One that did
+/// not do is not tried again: what else is taken away meanwhile makes nothing better, but for luck.
 pub fn taken_away(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> {
     let most = problem.most();
     let mut steps = from.to_vec();
@@ -243,11 +294,16 @@ pub fn taken_away(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> 
             continue;
         }
         let next = with(&steps, knob, steps[knob] + 1);
-        let (Some(before), Some(after)) = (problem.area(&steps), problem.area(&next)) else { continue };
+        let (Some(before), Some(after)) = (problem.area(&steps), problem.area(&next)) else {
+            continue;
+        };
         if after >= before {
             continue;
         }
-        let then = load_ahead(problem, &next, |_, width| next_thoughts(&thoughts, &steps, &most, 1, width))?.min(ENDLESS);
+        let then = load_ahead(problem, &next, |_, width| {
+            next_thoughts(&thoughts, &steps, &most, 1, width)
+        })?
+        .min(ENDLESS);
         if then > 1.0 {
             continue;
         }
@@ -257,7 +313,11 @@ pub fn taken_away(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> 
             thoughts.push(Thought { at: 0, ..thought });
         } else {
             let harm = (then - now).max(LEAST_HARM);
-            thoughts.push(Thought { score: (before - after) / harm, knob, at: state });
+            thoughts.push(Thought {
+                score: (before - after) / harm,
+                knob,
+                at: state,
+            });
         }
     }
     Ok(steps)
@@ -276,26 +336,37 @@ pub struct Settled {
     pub costly: usize,
 }
 
-/// From where all is well: takes every step that leaves it well and takes no more area, until every single step fails and every joint
-/// step of those knobs fails that have a step to spare without the margin.
+/// From where all is well: takes every step that leaves it well and takes no more area, until every
+/// single step fails and every joint step of those knobs fails that have a step to spare without
+/// the margin.
 pub fn settled(problem: &mut impl Problem, from: &[u32]) -> Result<Settled> {
     let most = problem.most();
     let mut steps = from.to_vec();
     loop {
         let open = open_steps(problem, &steps, &most);
-        let costly = (0..most.len()).filter(|knob| steps[*knob] < most[*knob]).count() - open.len();
+        let costly = (0..most.len())
+            .filter(|knob| steps[*knob] < most[*knob])
+            .count()
+            - open.len();
         let before = steps.clone();
         for (at, knob) in open.iter().enumerate() {
             let next = with(&steps, *knob, steps[*knob] + 1);
-            let others =
-                |_: &mut _, width: usize| open[at + 1..].iter().take(width).map(|knob| with(&steps, *knob, steps[*knob] + 1)).collect();
+            let others = |_: &mut _, width: usize| {
+                open[at + 1..]
+                    .iter()
+                    .take(width)
+                    .map(|knob| with(&steps, *knob, steps[*knob] + 1))
+                    .collect()
+            };
             let mut is_well = load_ahead(problem, &next, others)? <= 1.0;
             let mut next = next;
             // Where one step can go, more may.
             while is_well {
                 steps = next;
                 next = with(&steps, *knob, steps[*knob] + 1);
-                is_well = steps[*knob] < most[*knob] && is_no_larger(problem, &steps, &next) && problem.load(&next)? <= 1.0;
+                is_well = steps[*knob] < most[*knob]
+                    && is_no_larger(problem, &steps, &next)
+                    && problem.load(&next)? <= 1.0;
             }
         }
         if steps != before {
@@ -311,7 +382,14 @@ pub fn settled(problem: &mut impl Problem, from: &[u32]) -> Result<Settled> {
         }
         match taken {
             Some(next) => steps = next,
-            None => return Ok(Settled { steps, alone: open.len(), together: joint.len(), costly }),
+            None => {
+                return Ok(Settled {
+                    steps,
+                    alone: open.len(),
+                    together: joint.len(),
+                    costly,
+                });
+            }
         }
     }
 }
@@ -322,17 +400,24 @@ fn is_no_larger(problem: &mut impl Problem, steps: &[u32], next: &[u32]) -> bool
 
 /// Knobs that have a step left which takes no more area, those that save most in front.
 fn open_steps(problem: &mut impl Problem, steps: &[u32], most: &[u32]) -> Vec<usize> {
-    let Some(area) = problem.area(steps) else { return Vec::new() };
+    let Some(area) = problem.area(steps) else {
+        return Vec::new();
+    };
     let mut open: Vec<(f64, usize)> = Vec::new();
     for knob in (0..most.len()).filter(|knob| steps[*knob] < most[*knob]) {
         let after = problem.area(&with(steps, knob, steps[knob] + 1));
-        open.extend(after.filter(|after| *after <= area).map(|after| (area - after, knob)));
+        open.extend(
+            after
+                .filter(|after| *after <= area)
+                .map(|after| (area - after, knob)),
+        );
     }
     open.sort_by(|(a, first), (b, second)| b.total_cmp(a).then(first.cmp(second)));
     open.into_iter().map(|(_, knob)| knob).collect()
 }
 
-/// Joint steps of the knobs whose step fails for the margin only: all of them, then half as many, and so on, the least harmful kept longest.
+/// Joint steps of the knobs whose step fails for the margin only: all of them, then half as many,
+/// and so on, the least harmful kept longest.
 fn joint_steps(problem: &mut impl Problem, steps: &[u32], open: &[usize]) -> Result<Vec<Vec<u32>>> {
     let mut spare: Vec<(f64, usize)> = Vec::new();
     for knob in open {
@@ -340,10 +425,13 @@ fn joint_steps(problem: &mut impl Problem, steps: &[u32], open: &[usize]) -> Res
         spare.extend((load <= 1.0).then_some((load, *knob)));
     }
     spare.sort_by(|(a, first), (b, second)| a.total_cmp(b).then(first.cmp(second)));
-    let counts = std::iter::successors(Some(spare.len()), |count| Some(count / 2)).take_while(|count| *count > 1);
+    let counts = std::iter::successors(Some(spare.len()), |count| Some(count / 2))
+        .take_while(|count| *count > 1);
     let joint = |count: usize| {
         let mut steps = steps.to_vec();
-        spare[..count].iter().for_each(|(_, knob)| steps[*knob] += 1);
+        spare[..count]
+            .iter()
+            .for_each(|(_, knob)| steps[*knob] += 1);
         steps
     };
     Ok(counts.map(joint).collect())
@@ -385,12 +473,17 @@ impl Walk {
     /// The steps that are tried next, and their area.
     fn next(&mut self, problem: &mut impl Problem, most: &[u32]) -> Option<(Vec<u32>, f64)> {
         while self.tried < self.tries && self.thought < self.tries * THOUGHTS {
-            let [by_tries, by_thoughts] = [self.tried as f64 / self.tries as f64, self.thought as f64 / (self.tries * THOUGHTS) as f64];
+            let [by_tries, by_thoughts] = [
+                self.tried as f64 / self.tries as f64,
+                self.thought as f64 / (self.tries * THOUGHTS) as f64,
+            ];
             let heat = self.first * HOT * libm::pow(COLD / HOT, by_tries.max(by_thoughts));
             self.thought += 1;
             let next = self.exchanged(most);
             let chance = self.below(1 << 32) as f64 / (1u64 << 32) as f64;
-            let Some(area) = problem.area(&next).filter(|_| next != self.steps) else { continue };
+            let Some(area) = problem.area(&next).filter(|_| next != self.steps) else {
+                continue;
+            };
             if area > self.area && libm::exp((self.area - area) / heat) < chance {
                 continue;
             }
@@ -401,18 +494,39 @@ impl Walk {
     }
 }
 
-/// From where all is well: exchanges steps at random, ever colder; the best that was met. `tries` loads are asked for.
-pub fn annealed(problem: &mut impl Problem, from: &[u32], seed: u64, tries: u64) -> Result<Vec<u32>> {
+/// From where all is well: exchanges steps at random, ever colder; the best that was met. `tries`
+/// loads are asked for.
+pub fn annealed(
+    problem: &mut impl Problem,
+    from: &[u32],
+    seed: u64,
+    tries: u64,
+) -> Result<Vec<u32>> {
     let most = problem.most();
-    let Some(first) = problem.area(from).filter(|_| most.iter().any(|most| *most > 0)) else { return Ok(from.to_vec()) };
-    let mut walk = Walk { steps: from.to_vec(), area: first, first, drawn: seed, thought: 0, tried: 0, tries };
+    let Some(first) = problem
+        .area(from)
+        .filter(|_| most.iter().any(|most| *most > 0))
+    else {
+        return Ok(from.to_vec());
+    };
+    let mut walk = Walk {
+        steps: from.to_vec(),
+        area: first,
+        first,
+        drawn: seed,
+        thought: 0,
+        tried: 0,
+        tries,
+    };
     let (mut best, mut best_area) = (from.to_vec(), first);
     while let Some((next, next_area)) = walk.next(problem, &most) {
         // As if none of them were taken.
         let ahead = walk.clone();
         let load = load_ahead(problem, &next, |problem, width| {
             let mut ahead = ahead;
-            std::iter::from_fn(|| Some(ahead.next(problem, &most)?.0)).take(width).collect()
+            std::iter::from_fn(|| Some(ahead.next(problem, &most)?.0))
+                .take(width)
+                .collect()
         })?;
         if load <= 1.0 {
             (walk.steps, walk.area) = (next, next_area);
@@ -430,7 +544,8 @@ mod tests {
     use proptest::prelude::*;
     use std::collections::HashMap;
 
-    /// Errors that add up, each four times as great a step; area that falls by a word's price a step.
+    /// Errors that add up, each four times as great a step; area that falls by a word's price a
+    /// step.
     #[derive(Clone, Debug)]
     struct Sum {
         noise: Vec<f64>,
@@ -441,11 +556,21 @@ mod tests {
 
     impl Sum {
         fn allowed(&self, steps: &[u32]) -> f64 {
-            self.noise.iter().zip(steps).map(|(noise, steps)| noise * libm::pow(4.0, f64::from(*steps))).sum()
+            self.noise
+                .iter()
+                .zip(steps)
+                .map(|(noise, steps)| noise * libm::pow(4.0, f64::from(*steps)))
+                .sum()
         }
 
         fn takes(&self, steps: &[u32]) -> f64 {
-            100.0 + self.price.iter().zip(steps).map(|(price, steps)| price * f64::from(self.most - steps)).sum::<f64>()
+            100.0
+                + self
+                    .price
+                    .iter()
+                    .zip(steps)
+                    .map(|(price, steps)| price * f64::from(self.most - steps))
+                    .sum::<f64>()
         }
     }
 
@@ -467,16 +592,29 @@ mod tests {
     fn least(sum: &Sum) -> f64 {
         let count = u64::from(sum.most + 1).pow(sum.noise.len() as u32);
         let steps = |number: u64| -> Vec<u32> {
-            (0..sum.noise.len() as u32).map(|knob| (number / u64::from(sum.most + 1).pow(knob) % u64::from(sum.most + 1)) as u32).collect()
+            (0..sum.noise.len() as u32)
+                .map(|knob| {
+                    (number / u64::from(sum.most + 1).pow(knob) % u64::from(sum.most + 1)) as u32
+                })
+                .collect()
         };
-        (0..count).map(steps).filter(|steps| sum.allowed(steps) <= 1.0).map(|steps| sum.takes(&steps)).fold(f64::INFINITY, f64::min)
+        (0..count)
+            .map(steps)
+            .filter(|steps| sum.allowed(steps) <= 1.0)
+            .map(|steps| sum.takes(&steps))
+            .fold(f64::INFINITY, f64::min)
     }
 
     fn sums() -> impl Strategy<Value = Sum> {
         let knobs = prop::collection::vec((1e-5..0.2f64, 1.0..200.0f64), 4);
         knobs.prop_map(|knobs| {
             let (noise, price) = knobs.into_iter().unzip();
-            Sum { noise, price, most: 7, loads: 0 }
+            Sum {
+                noise,
+                price,
+                most: 7,
+                loads: 0,
+            }
         })
     }
 
@@ -531,7 +669,15 @@ mod tests {
     #[test]
     fn a_joint_step_is_taken_where_no_single_step_can_be() {
         let settled = settled(&mut Lucky, &[0, 0, 0]).unwrap();
-        assert_eq!(settled, Settled { steps: vec![1, 1, 0], alone: 0, together: 0, costly: 1 });
+        assert_eq!(
+            settled,
+            Settled {
+                steps: vec![1, 1, 0],
+                alone: 0,
+                together: 0,
+                costly: 1
+            }
+        );
         assert_eq!(taken_away(&mut Lucky, &[0, 0, 0]).unwrap(), [0, 0, 0]);
     }
 
@@ -545,7 +691,8 @@ mod tests {
         }
     }
 
-    /// The same, measured some at a time: what was asked for, and how often nothing was known of it.
+    /// The same, measured some at a time: what was asked for, and how often nothing was known of
+    /// it.
     struct Crewed {
         sum: Sum,
         width: usize,
@@ -574,7 +721,11 @@ mod tests {
         }
 
         fn foresee(&mut self, steps: &[Vec<u32>]) -> Result<()> {
-            self.known.extend(steps.iter().map(|steps| (steps.clone(), self.sum.allowed(steps))));
+            self.known.extend(
+                steps
+                    .iter()
+                    .map(|steps| (steps.clone(), self.sum.allowed(steps))),
+            );
             Ok(())
         }
 
@@ -601,16 +752,26 @@ mod tests {
             let (found_ahead, asked_ahead, surprises) = way(4);
             prop_assert_eq!(found, found_ahead);
             prop_assert_eq!(&asked, &asked_ahead);
-            // But for the first of a way, and of what is taken, all is known before it is asked for.
+            // But for the first of a way, and of what is taken, all is known before it is asked
+            // for.
             prop_assert!(surprises <= 4 + asked.len() / 3, "{surprises} of {}", asked.len());
         }
     }
 
     #[test]
     fn limits_are_found_by_halving() {
-        let mut sum = Sum { noise: vec![1e-9, 0.9, 4.0, 1e-3], price: vec![1.0; 4], most: 9, loads: 0 };
+        let mut sum = Sum {
+            noise: vec![1e-9, 0.9, 4.0, 1e-3],
+            price: vec![1.0; 4],
+            most: 9,
+            loads: 0,
+        };
         sum.noise[2] = 0.2;
-        assert_eq!(limits(&mut sum).unwrap(), [0, 0, 0, 0], "what is not well at first goes nowhere");
+        assert_eq!(
+            limits(&mut sum).unwrap(),
+            [0, 0, 0, 0],
+            "what is not well at first goes nowhere"
+        );
         sum.noise = vec![1e-9, 0.3, 0.2, 1e-3];
         // Others leave half of what is allowed.
         assert_eq!(limits(&mut sum).unwrap(), [9, 0, 0, 4]);

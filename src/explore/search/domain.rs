@@ -4,7 +4,8 @@
 //! the scene's camera, turned about its target ─┐
 //! cameras of a list, none twice in a row ──────┴─► nearer or farther ─► a view
 //! ```
-//! What is searched on at first is the first camera, from both ends of the distances; what must hold unseen is of the whole domain.
+//! What is searched on at first is the first camera, from both ends of the distances; what must
+//! hold unseen is of the whole domain.
 //!
 //! Law (tests/search.rs): `a_machine_holds_on_the_whole_domain`.
 
@@ -46,13 +47,21 @@ fn part(nth: usize, step: f64) -> f64 {
 impl Domain {
     /// The scene's own camera and those around its target, as far from it.
     pub fn around(scene: Scene) -> Self {
-        Domain { label: scene.name.clone(), scene, list: None, distance: [1.0; 2] }
+        Domain {
+            label: scene.name.clone(),
+            scene,
+            list: None,
+            distance: [1.0; 2],
+        }
     }
 
     /// The cameras of a sequence.
     pub fn of_list(sequence: Sequence) -> Self {
         let scene = sequence.scene().clone();
-        Domain { list: Some(sequence), ..Domain::around(scene) }
+        Domain {
+            list: Some(sequence),
+            ..Domain::around(scene)
+        }
     }
 
     /// The same from these distances, as parts of each camera's own.
@@ -62,8 +71,17 @@ impl Domain {
 
     /// Tells domains of one scene apart by their sizes.
     pub fn label_all(domains: &mut [Domain]) {
-        let names: Vec<String> = domains.iter().map(|domain| domain.scene.name.clone()).collect();
-        for domain in domains.iter_mut().filter(|domain| names.iter().filter(|name| **name == domain.scene.name).count() > 1) {
+        let names: Vec<String> = domains
+            .iter()
+            .map(|domain| domain.scene.name.clone())
+            .collect();
+        for domain in domains.iter_mut().filter(|domain| {
+            names
+                .iter()
+                .filter(|name| **name == domain.scene.name)
+                .count()
+                > 1
+        }) {
             let image = &domain.scene.image;
             domain.label = format!("{} at {}×{}", domain.scene.name, image.width, image.height);
         }
@@ -75,15 +93,32 @@ impl Domain {
     }
 
     fn cameras(&self) -> &[Camera] {
-        self.list.as_ref().map_or(std::slice::from_ref(&self.scene.camera), Sequence::cameras)
+        self.list
+            .as_ref()
+            .map_or(std::slice::from_ref(&self.scene.camera), Sequence::cameras)
     }
 
     /// What is searched on at first.
     pub fn first(&self) -> Vec<Member> {
         let [nearest, farthest] = self.distance;
-        let ends = if nearest == farthest { vec![nearest] } else { vec![nearest, farthest] };
-        let told = |at: f64| if at == 1.0 { self.label.clone() } else { format!("{} from {}", self.label, told_distance(at)) };
-        ends.into_iter().map(|at| Member { name: told(at), scene: seen(&self.scene, self.scene.camera.scaled(at)) }).collect()
+        let ends = if nearest == farthest {
+            vec![nearest]
+        } else {
+            vec![nearest, farthest]
+        };
+        let told = |at: f64| {
+            if at == 1.0 {
+                self.label.clone()
+            } else {
+                format!("{} from {}", self.label, told_distance(at))
+            }
+        };
+        ends.into_iter()
+            .map(|at| Member {
+                name: told(at),
+                scene: seen(&self.scene, self.scene.camera.scaled(at)),
+            })
+            .collect()
     }
 
     /// The n-th of the views that nobody asked for, from 1 on.
@@ -92,18 +127,35 @@ impl Domain {
     /// [`crate::error::Error::Input`] where a file cannot be read a second time.
     pub fn nth(&self, nth: usize) -> Result<Member> {
         let [nearest, farthest] = self.distance;
-        let at = if nearest == farthest { nearest } else { nearest * libm::pow(farthest / nearest, part(nth, PLASTIC)) };
+        let at = if nearest == farthest {
+            nearest
+        } else {
+            nearest * libm::pow(farthest / nearest, part(nth, PLASTIC))
+        };
         let (from, scene) = match &self.list {
-            None => (format!("view {nth}"), seen(&self.scene, self.scene.camera.turned(nth).scaled(at))),
+            None => (
+                format!("view {nth}"),
+                seen(&self.scene, self.scene.camera.turned(nth).scaled(at)),
+            ),
             Some(list) => {
                 let number = self.order()[nth % self.cameras().len()];
                 let mut list = list.clone();
                 let scene = list.frame(number)?;
-                (format!("camera {number}"), seen(scene, scene.camera.scaled(at)))
+                (
+                    format!("camera {number}"),
+                    seen(scene, scene.camera.scaled(at)),
+                )
             }
         };
-        let from = if at == 1.0 { from } else { format!("{from}, {}", told_distance(at)) };
-        Ok(Member { name: format!("{} from {from}", self.label), scene })
+        let from = if at == 1.0 {
+            from
+        } else {
+            format!("{from}, {}", told_distance(at))
+        };
+        Ok(Member {
+            name: format!("{} from {from}", self.label),
+            scene,
+        })
     }
 
     /// Cameras of the list as they are tried, the first the first.
@@ -116,15 +168,26 @@ impl Domain {
     /// What a machine's file says of it, with the cameras that were tried.
     pub fn record(&self, tried: Vec<Camera>) -> SceneRecord {
         let is_usual = self.list.is_none() && self.distance == [1.0; 2];
-        let domain = DomainRecord { cameras: self.cameras().to_vec(), around: self.list.is_none(), distance: self.distance };
-        SceneRecord { domain: (!is_usual).then_some(domain), ..SceneRecord::new(&self.scene, tried) }
+        let domain = DomainRecord {
+            cameras: self.cameras().to_vec(),
+            around: self.list.is_none(),
+            distance: self.distance,
+        };
+        SceneRecord {
+            domain: (!is_usual).then_some(domain),
+            ..SceneRecord::new(&self.scene, tried)
+        }
     }
 
     /// As a command names it, with `--frame` or without.
     ///
     /// # Errors
     /// As [`Sequence::load`].
-    pub fn load(name: &OsStr, load: impl FnOnce(&OsStr) -> Result<Sequence>, frame: Option<usize>) -> Result<Self> {
+    pub fn load(
+        name: &OsStr,
+        load: impl FnOnce(&OsStr) -> Result<Sequence>,
+        frame: Option<usize>,
+    ) -> Result<Self> {
         let mut sequence = load(name)?;
         match frame {
             None if sequence.is_sequence() => Ok(Domain::of_list(sequence)),
@@ -137,7 +200,15 @@ impl Domain {
 }
 
 fn seen(scene: &Scene, camera: Camera) -> Scene {
-    if camera == scene.camera { scene.clone() } else { Scene { camera, ..scene.clone() }.cut() }
+    if camera == scene.camera {
+        scene.clone()
+    } else {
+        Scene {
+            camera,
+            ..scene.clone()
+        }
+        .cut()
+    }
 }
 
 fn told_distance(at: f64) -> String {
@@ -149,8 +220,15 @@ impl Member {
     pub fn and_beside(self, count: usize) -> Vec<Member> {
         let Member { name, scene } = self;
         let beside = |nth: usize| {
-            let name = if nth == 0 { name.clone() } else { format!("{name}, nudged {nth}") };
-            Member { name, scene: seen(&scene, scene.camera.nudged(nth, &scene.image)) }
+            let name = if nth == 0 {
+                name.clone()
+            } else {
+                format!("{name}, nudged {nth}")
+            };
+            Member {
+                name,
+                scene: seen(&scene, scene.camera.nudged(nth, &scene.image)),
+            }
         };
         (0..count.max(1)).map(beside).collect()
     }

@@ -1,4 +1,5 @@
-//! Knobs: what a search may take away from a machine, a step at a time: bits of words, and the sizes of tables and function units.
+//! Knobs: what a search may take away from a machine, a step at a time: bits of words, and the
+//! sizes of tables and function units.
 
 use crate::hardware::machines;
 use rtl_model::Machine;
@@ -7,8 +8,14 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 
-/// Fields of tables and function units that are numbers of bits or of steps, and the least that each may be.
-const SIZES: [(&str, i64); 4] = [("bits", 4), ("newton_steps", 0), ("table_bits", 2), ("index_bits", 2)];
+/// Fields of tables and function units that are numbers of bits or of steps, and the least that
+/// each may be.
+const SIZES: [(&str, i64); 4] = [
+    ("bits", 4),
+    ("newton_steps", 0),
+    ("table_bits", 2),
+    ("index_bits", 2),
+];
 /// Bits that a word keeps at least.
 const LEAST_WIDTH: i32 = 1;
 
@@ -56,7 +63,11 @@ pub fn is_asked(path: &str, only: &[String]) -> bool {
 }
 
 fn of_words(machine: &Machine, part: Part) -> Vec<Knob> {
-    let knob = |(path, format): (String, Format)| Knob { path, part, most: (format.width() - LEAST_WIDTH).max(0) as u32 };
+    let knob = |(path, format): (String, Format)| Knob {
+        path,
+        part,
+        most: (format.width() - LEAST_WIDTH).max(0) as u32,
+    };
     machines::words(machine).into_iter().map(knob).collect()
 }
 
@@ -66,7 +77,11 @@ fn sizes(value: &Value, path: &str, knobs: &mut Vec<Knob>) {
     for (name, field) in fields.iter().filter(|(name, _)| *name != "timing") {
         let below = format!("{path}{name}");
         match (SIZES.iter().find(|(size, _)| size == name), field.as_i64()) {
-            (Some((_, least)), Some(top)) => knobs.push(Knob { path: below, part: Part::Size, most: (top - least).max(0) as u32 }),
+            (Some((_, least)), Some(top)) => knobs.push(Knob {
+                path: below,
+                part: Part::Size,
+                most: (top - least).max(0) as u32,
+            }),
             _ => sizes(field, &format!("{below}."), knobs),
         }
     }
@@ -75,18 +90,39 @@ fn sizes(value: &Value, path: &str, knobs: &mut Vec<Knob>) {
 impl Knob {
     /// The field's value; of a word, its format, which may stand in a field of its own.
     pub fn value(&self, fields: &Value) -> Value {
-        let field = fields.pointer(&machines::pointer(&self.path)).unwrap_or(&Value::Null);
+        let field = fields
+            .pointer(&machines::pointer(&self.path))
+            .unwrap_or(&Value::Null);
         field.get("format").unwrap_or(field).clone()
     }
 
     /// Takes so many steps away from the field, which machines have.
     pub fn take(&self, fields: &mut Value, steps: u32) {
-        let Some(field) = fields.pointer_mut(&machines::pointer(&self.path)) else { return };
-        let field = if field.is_object() { &mut field["format"] } else { field };
+        let Some(field) = fields.pointer_mut(&machines::pointer(&self.path)) else {
+            return;
+        };
+        let field = if field.is_object() {
+            &mut field["format"]
+        } else {
+            field
+        };
         let bits = steps as i32;
-        let less = match (self.part, field.as_str().and_then(|text| text.parse::<Format>().ok())) {
-            (Part::FractionBit, Some(format)) => Format { frac_bits: format.frac_bits - bits, ..format }.to_string().into(),
-            (Part::IntegerBit, Some(format)) => Format { int_bits: format.int_bits - bits, ..format }.to_string().into(),
+        let less = match (
+            self.part,
+            field.as_str().and_then(|text| text.parse::<Format>().ok()),
+        ) {
+            (Part::FractionBit, Some(format)) => Format {
+                frac_bits: format.frac_bits - bits,
+                ..format
+            }
+            .to_string()
+            .into(),
+            (Part::IntegerBit, Some(format)) => Format {
+                int_bits: format.int_bits - bits,
+                ..format
+            }
+            .to_string()
+            .into(),
             _ => Value::from(field.as_i64().unwrap_or(0) - i64::from(steps)),
         };
         *field = less;

@@ -1,13 +1,15 @@
-//! Over fragment: which rule, and how many layers, does a scene need? Every rule with 1 to 8 layers is drawn by `golden`, and the cheapest that
-//! reaches the target is found, for each scene and for all; of equally cheap ones the fastest.
+//! Over fragment: which rule, and how many layers, does a scene need? Every rule with 1 to 8 layers
+//! is drawn by `golden`, and the cheapest that reaches the target is found, for each scene and for
+//! all; of equally cheap ones the fastest.
 //!
 //! ```text
 //! scenes ─► ideal ─┐
 //! rules × layers ─► golden ─► golden − ideal ─► the least area, or bytes a pixel, at the target
 //!               └─► machine ─► frames/s, told beside it
 //! ```
-//! What the method reaches depends on no word, but a scene must fit the words. What it costs is of the base's words, or of the named machine's where it has none for a rule.
-//! `search` without `--over` then finds the words.
+//! What the method reaches depends on no word, but a scene must fit the words. What it costs is of
+//! the base's words, or of the named machine's where it has none for a rule. `search` without
+//! `--over` then finds the words.
 //!
 //! Law (tests/search.rs): `the_cheapest_rule_is_found`.
 
@@ -60,7 +62,12 @@ struct Rule {
 }
 
 const fn rule(name: &'static str, group: Group, merge: Merge, join_permille: u32) -> Rule {
-    Rule { name, group, merge, join_permille }
+    Rule {
+        name,
+        group,
+        merge,
+        join_permille,
+    }
 }
 
 const RULES: [Rule; 5] = [
@@ -106,7 +113,10 @@ impl Choice {
 
     /// Frames a second of the scene that takes longest.
     fn slowest(&self) -> f64 {
-        self.frames_per_second.iter().copied().fold(f64::INFINITY, f64::min)
+        self.frames_per_second
+            .iter()
+            .copied()
+            .fold(f64::INFINITY, f64::min)
     }
 }
 
@@ -124,13 +134,29 @@ pub struct Outcome {
     pub files: Vec<PathBuf>,
 }
 
-/// The machine with another fragment: its own words where it has such, else those of the named machine that has.
+/// The machine with another fragment: its own words where it has such, else those of the named
+/// machine that has.
 fn with_rule(base: &Machine, rule: Rule, layers: u32) -> Option<Machine> {
     let is_first = |machine: &Machine| machine.fragment.group == Group::First;
-    let named = Machine::named(if rule.group == Group::First { "reference" } else { "window" })?;
-    let from = if is_first(base) == (rule.group == Group::First) { base } else { &named };
-    let mut machine = Machine { fragment: from.fragment, ..base.clone() };
-    (machine.fragment.group, machine.fragment.merge, machine.fragment.layers) = (rule.group, rule.merge, layers);
+    let named = Machine::named(if rule.group == Group::First {
+        "reference"
+    } else {
+        "window"
+    })?;
+    let from = if is_first(base) == (rule.group == Group::First) {
+        base
+    } else {
+        &named
+    };
+    let mut machine = Machine {
+        fragment: from.fragment,
+        ..base.clone()
+    };
+    (
+        machine.fragment.group,
+        machine.fragment.merge,
+        machine.fragment.layers,
+    ) = (rule.group, rule.merge, layers);
     if let Some(window) = &mut machine.fragment.window {
         window.join_permille = rule.join_permille;
     }
@@ -146,30 +172,60 @@ fn replayed(evaluation: &Evaluation) -> f64 {
     frames_per_second(machine, &timing::replay(machine, &work, Detail::Total))
 }
 
-/// Tries all rules, and writes `machine.json`, the cheapest for all scenes, `choices.json` and a chart, `rules.png`.
+/// Tries all rules, and writes `machine.json`, the cheapest for all scenes, `choices.json` and a
+/// chart, `rules.png`.
 ///
 /// # Errors
-/// [`Error::Input`] where a scene is of sheets, whose rule is their order, or a machine cannot be built or cannot hold a scene: nothing is
-/// written then. [`Error::Job`] where no rule reaches the target on all scenes: the table is in `choices.json` all the same.
-pub fn run(scenes: &[Scene], base: &Machine, folder: &Path, target_db: f64, by: By, prices: &Prices, show: bool) -> Result<Outcome> {
+/// [`Error::Input`] where a scene is of sheets, whose rule is their order, or a machine cannot be
+/// built or cannot hold a scene: nothing is written then. [`Error::Job`] where no rule reaches the
+/// target on all scenes: the table is in `choices.json` all the same.
+pub fn run(
+    scenes: &[Scene],
+    base: &Machine,
+    folder: &Path,
+    target_db: f64,
+    by: By,
+    prices: &Prices,
+    show: bool,
+) -> Result<Outcome> {
     if let Some(scene) = scenes.iter().find(|scene| scene.sheets.is_some()) {
-        return Err(Error::input(format!("{}: sheets are blended one after the other, and have no rule to search for", scene.name)));
+        return Err(Error::input(format!(
+            "{}: sheets are blended one after the other, and have no rule to search for",
+            scene.name
+        )));
     }
-    // First, for nothing may be written where a scene does not fit. How many layers there are changes no word.
-    for machine in RULES.into_iter().filter_map(|rule| with_rule(base, rule, 1)) {
-        scenes.iter().try_for_each(|scene| quantise(scene, &machine).map(drop))?;
+    // First, for nothing may be written where a scene does not fit. How many layers there are
+    // changes no word.
+    for machine in RULES
+        .into_iter()
+        .filter_map(|rule| with_rule(base, rule, 1))
+    {
+        scenes
+            .iter()
+            .try_for_each(|scene| quantise(scene, &machine).map(drop))?;
     }
     let _open = Folder::open(folder)?;
-    let choices: Vec<_> = RULES.into_iter().flat_map(|rule| (1..=MAX_LAYERS as u32).map(move |layers| (rule, layers))).collect();
+    let choices: Vec<_> = RULES
+        .into_iter()
+        .flat_map(|rule| (1..=MAX_LAYERS as u32).map(move |layers| (rule, layers)))
+        .collect();
     let progress = Progress::of_steps(show, (choices.len() * scenes.len()) as u64, "rules");
-    let ideals: Vec<Picture> = scenes.iter().map(|scene| golden::ideal(scene).picture).collect();
+    let ideals: Vec<Picture> = scenes
+        .iter()
+        .map(|scene| golden::ideal(scene).picture)
+        .collect();
     let mut tried = Vec::new();
     let mut built = Vec::new();
     for (rule, layers) in choices {
-        let Some(machine) = with_rule(base, rule, layers) else { continue };
+        let Some(machine) = with_rule(base, rule, layers) else {
+            continue;
+        };
         let elaborated = fixed::elaborate(&machine)?;
         let cost = Cost::new(&elaborated, prices);
-        let of_rule = cost.units.iter().filter(|unit| [unit::FRAGMENT, unit::SHADE].contains(&unit.name));
+        let of_rule = cost
+            .units
+            .iter()
+            .filter(|unit| [unit::FRAGMENT, unit::SHADE].contains(&unit.name));
         let mut choice = Choice {
             rule: rule.name,
             layers,
@@ -187,7 +243,11 @@ pub fn run(scenes: &[Scene], base: &Machine, folder: &Path, target_db: f64, by: 
             let (golden, frames) = rayon::join(|| evaluation.golden(), || replayed(&evaluation));
             let apart = distance(&golden.picture, ideal);
             // What is no number reaches nothing.
-            let db = if apart.not_finite > 0 { Some(f64::NEG_INFINITY) } else { apart.psnr_db };
+            let db = if apart.not_finite > 0 {
+                Some(f64::NEG_INFINITY)
+            } else {
+                apart.psnr_db
+            };
             choice.psnr_db.push(db);
             choice.reaches.push(db.is_none_or(|db| db >= target_db));
             choice.merged.push(golden.outcomes.merged);
@@ -200,18 +260,39 @@ pub fn run(scenes: &[Scene], base: &Machine, folder: &Path, target_db: f64, by: 
     }
     drop(progress);
     let cheapest = |reaches: &dyn Fn(&Choice) -> bool| {
-        let reaching = tried.iter().enumerate().filter(|(_, choice)| reaches(choice));
-        let better = |a: &Choice, b: &Choice| a.costs(by).total_cmp(&b.costs(by)).then(b.slowest().total_cmp(&a.slowest()));
-        reaching.min_by(|(_, a), (_, b)| better(a, b)).map(|(nth, _)| nth)
+        let reaching = tried
+            .iter()
+            .enumerate()
+            .filter(|(_, choice)| reaches(choice));
+        let better = |a: &Choice, b: &Choice| {
+            a.costs(by)
+                .total_cmp(&b.costs(by))
+                .then(b.slowest().total_cmp(&a.slowest()))
+        };
+        reaching
+            .min_by(|(_, a), (_, b)| better(a, b))
+            .map(|(nth, _)| nth)
     };
-    let found = (0..scenes.len()).map(|scene| cheapest(&|choice| choice.reaches[scene])).collect();
+    let found = (0..scenes.len())
+        .map(|scene| cheapest(&|choice| choice.reaches[scene]))
+        .collect();
     let found_for_all = cheapest(&|choice| choice.reaches.iter().all(|reaches| *reaches));
     let names: Vec<String> = scenes.iter().map(|scene| scene.name.clone()).collect();
-    let mut outcome = Outcome { scenes: names, target_db, by, choices: tried, found, found_for_all, files: Vec::new() };
+    let mut outcome = Outcome {
+        scenes: names,
+        target_db,
+        by,
+        choices: tried,
+        found,
+        found_for_all,
+        files: Vec::new(),
+    };
     let path = folder.join("choices.json");
     let told = json!({"scenes": outcome.scenes, "target_psnr_db": target_db, "by": by, "choices": outcome.choices,
         "found": outcome.found, "found_for_all": found_for_all});
-    write_beside(&path, |file| serde_json::to_writer_pretty(file, &told).map_err(|e| e.to_string()))?;
+    write_beside(&path, |file| {
+        serde_json::to_writer_pretty(file, &told).map_err(|e| e.to_string())
+    })?;
     outcome.files.push(path);
     let path = folder.join("rules.png");
     outcome.write_chart(&path)?;
@@ -219,10 +300,21 @@ pub fn run(scenes: &[Scene], base: &Machine, folder: &Path, target_db: f64, by: 
     let Some(nth) = found_for_all else {
         return Err(Error::job(outcome.without_end()));
     };
-    let name = format!("{}-{}", outcome.choices[nth].rule, outcome.choices[nth].layers);
-    let machine = machines::File { machine: Machine { name, ..built[nth].clone() }, searched: None };
+    let name = format!(
+        "{}-{}",
+        outcome.choices[nth].rule, outcome.choices[nth].layers
+    );
+    let machine = machines::File {
+        machine: Machine {
+            name,
+            ..built[nth].clone()
+        },
+        searched: None,
+    };
     let path = folder.join("machine.json");
-    write_beside(&path, |file| serde_json::to_writer_pretty(file, &machine).map_err(|e| e.to_string()))?;
+    write_beside(&path, |file| {
+        serde_json::to_writer_pretty(file, &machine).map_err(|e| e.to_string())
+    })?;
     outcome.files.insert(0, path);
     Ok(outcome)
 }
@@ -230,40 +322,104 @@ pub fn run(scenes: &[Scene], base: &Machine, folder: &Path, target_db: f64, by: 
 impl Outcome {
     fn cost(&self, nth: usize) -> String {
         let choice = &self.choices[nth];
-        let Choice { rule, layers, pixel_bytes, area, .. } = choice;
+        let Choice {
+            rule,
+            layers,
+            pixel_bytes,
+            area,
+            ..
+        } = choice;
         let s = if *layers == 1 { "" } else { "s" };
-        format!("{rule} with {layers} layer{s}: {pixel_bytes} bytes a pixel, {} LUT equivalents", thousands(*area as u64))
+        format!(
+            "{rule} with {layers} layer{s}: {pixel_bytes} bytes a pixel, {} LUT equivalents",
+            thousands(*area as u64)
+        )
     }
 
     /// The best that there is, where no choice reaches the target on all scenes.
     fn without_end(&self) -> String {
-        let worst = |choice: &Choice| choice.psnr_db.iter().map(|db| db.unwrap_or(f64::INFINITY)).fold(f64::INFINITY, f64::min);
-        let best = (0..self.choices.len()).max_by(|a, b| worst(&self.choices[*a]).total_cmp(&worst(&self.choices[*b])));
-        let nearest =
-            best.map_or(String::new(), |nth| format!("; the nearest, {}, has {:.1} dB", self.cost(nth), worst(&self.choices[nth])));
-        format!("no rule with up to {MAX_LAYERS} layers reaches {} dB, golden − ideal, on every scene{nearest}", self.target_db)
+        let worst = |choice: &Choice| {
+            choice
+                .psnr_db
+                .iter()
+                .map(|db| db.unwrap_or(f64::INFINITY))
+                .fold(f64::INFINITY, f64::min)
+        };
+        let best = (0..self.choices.len())
+            .max_by(|a, b| worst(&self.choices[*a]).total_cmp(&worst(&self.choices[*b])));
+        let nearest = best.map_or(String::new(), |nth| {
+            format!(
+                "; the nearest, {}, has {:.1} dB",
+                self.cost(nth),
+                worst(&self.choices[nth])
+            )
+        });
+        format!(
+            "no rule with up to {MAX_LAYERS} layers reaches {} dB, golden − ideal, on every scene{nearest}",
+            self.target_db
+        )
     }
 
     /// All choices, and the cheapest, at most 80 columns wide where scenes are few.
     pub fn summary(&self) -> String {
-        let what = if self.by == By::Area { "area" } else { "bytes a pixel" };
-        let head = format!("{}: at least {} dB, golden − ideal, by {what}", self.scenes.join(", "), self.target_db);
+        let what = if self.by == By::Area {
+            "area"
+        } else {
+            "bytes a pixel"
+        };
+        let head = format!(
+            "{}: at least {} dB, golden − ideal, by {what}",
+            self.scenes.join(", "),
+            self.target_db
+        );
         let mut heads = vec!["rule", "l", "bytes a pixel", "area"];
         heads.extend(self.scenes.iter().map(String::as_str));
-        heads.push(if self.scenes.len() > 1 { "least frames/s" } else { "frames/s" });
+        heads.push(if self.scenes.len() > 1 {
+            "least frames/s"
+        } else {
+            "frames/s"
+        });
         let mut table = plain_table(&heads);
         for choice in &self.choices {
-            let cells = choice.psnr_db.iter().zip(&choice.reaches).map(|(db, reaches)| {
-                let db = db.map_or("equal".into(), |db| format!("{db:.1}"));
-                if *reaches { format!("{db} *") } else { format!("{db}  ") }
-            });
-            let own = [choice.rule.to_owned(), choice.layers.to_string(), choice.pixel_bytes.to_string(), thousands(choice.area as u64)];
-            table.add_row(own.into_iter().chain(cells).chain([format!("{:.1}", choice.slowest())]));
+            let cells = choice
+                .psnr_db
+                .iter()
+                .zip(&choice.reaches)
+                .map(|(db, reaches)| {
+                    let db = db.map_or("equal".into(), |db| format!("{db:.1}"));
+                    if *reaches {
+                        format!("{db} *")
+                    } else {
+                        format!("{db}  ")
+                    }
+                });
+            let own = [
+                choice.rule.to_owned(),
+                choice.layers.to_string(),
+                choice.pixel_bytes.to_string(),
+                thousands(choice.area as u64),
+            ];
+            table.add_row(
+                own.into_iter()
+                    .chain(cells)
+                    .chain([format!("{:.1}", choice.slowest())]),
+            );
         }
-        let mut text = format!("{}\n\n{}\n* reaches the target\n", wrapped(&head), aligned(table).trim_fmt());
+        let mut text = format!(
+            "{}\n\n{}\n* reaches the target\n",
+            wrapped(&head),
+            aligned(table).trim_fmt()
+        );
         if self.scenes.len() > 1 {
             for (name, found) in self.scenes.iter().zip(&self.found) {
-                let _ = write!(text, "\n{}", wrapped(&format!("{name}: {}", found.map_or("none".into(), |nth| self.cost(nth)))));
+                let _ = write!(
+                    text,
+                    "\n{}",
+                    wrapped(&format!(
+                        "{name}: {}",
+                        found.map_or("none".into(), |nth| self.cost(nth))
+                    ))
+                );
             }
         }
         if let Some(nth) = self.found_for_all {
@@ -273,9 +429,12 @@ impl Outcome {
         text
     }
 
-    /// golden − ideal of each scene against what layers and rules cost: a row of four panels a scene.
+    /// golden − ideal of each scene against what layers and rules cost: a row of four panels a
+    /// scene.
     fn write_chart(&self, path: &Path) -> Result<()> {
-        let panels: Vec<Panel> = (0..self.scenes.len()).flat_map(|scene| self.panels(scene)).collect();
+        let panels: Vec<Panel> = (0..self.scenes.len())
+            .flat_map(|scene| self.panels(scene))
+            .collect();
         let charts: Vec<&dyn Chart> = panels.iter().map(|panel| panel as &dyn Chart).collect();
         write_png(&charts, 4, CELL_PX, path)
     }
@@ -284,15 +443,33 @@ impl Outcome {
         type Figure = fn(&Choice, usize) -> f64;
         // A logarithm needs one merge at least.
         let axes: [(Axis, Figure); 4] = [
-            (Axis::linear("bytes a pixel"), |choice, _| choice.pixel_bytes.into()),
-            (Axis::log("merges, at least 1"), |choice, scene| choice.merged[scene].max(1) as f64),
-            (Axis::linear("area of fragment and shade, LUT equivalents"), |choice, _| choice.fragment_and_shade_area),
-            (Axis::linear("frames/s"), |choice, scene| choice.frames_per_second[scene]),
+            (Axis::linear("bytes a pixel"), |choice, _| {
+                choice.pixel_bytes.into()
+            }),
+            (Axis::log("merges, at least 1"), |choice, scene| {
+                choice.merged[scene].max(1) as f64
+            }),
+            (
+                Axis::linear("area of fragment and shade, LUT equivalents"),
+                |choice, _| choice.fragment_and_shade_area,
+            ),
+            (Axis::linear("frames/s"), |choice, scene| {
+                choice.frames_per_second[scene]
+            }),
         ];
         axes.map(|(x, figure)| {
-            let of_rule = |name: &'static str| self.choices.iter().filter(move |choice| choice.rule == name);
+            let of_rule = |name: &'static str| {
+                self.choices
+                    .iter()
+                    .filter(move |choice| choice.rule == name)
+            };
             // A picture that equals ideal has no place.
-            let point = |choice: &Choice| Some([figure(choice, scene), choice.psnr_db[scene].filter(|db| db.is_finite())?]);
+            let point = |choice: &Choice| {
+                Some([
+                    figure(choice, scene),
+                    choice.psnr_db[scene].filter(|db| db.is_finite())?,
+                ])
+            };
             let series = RULES.iter().enumerate().map(|(colour, rule)| Series {
                 name: rule.name.into(),
                 points: of_rule(rule.name).filter_map(point).collect(),
@@ -300,7 +477,8 @@ impl Outcome {
                 colour,
             });
             let notes = RULES.iter().flat_map(|rule| of_rule(rule.name));
-            let notes = notes.filter_map(|choice| Some((point(choice)?, choice.layers.to_string())));
+            let notes =
+                notes.filter_map(|choice| Some((point(choice)?, choice.layers.to_string())));
             Panel {
                 title: self.scenes[scene].clone(),
                 x,

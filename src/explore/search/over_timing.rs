@@ -6,10 +6,12 @@
 //!                                                                  ▲                                          │
 //!                                                                  └──── a view that is too slow counts too ◄─┘
 //! ```
-//! Words stay as they are, so that no picture changes: a scene is drawn once, and every machine replays what was recorded. A machine whose
-//! unit cannot keep its clock is not built, and is no candidate. Every machine that was tried is a row of a journal, as in `sweep`.
+//! Words stay as they are, so that no picture changes: a scene is drawn once, and every machine
+//! replays what was recorded. A machine whose unit cannot keep its clock is not built, and is no
+//! candidate. Every machine that was tried is a row of a journal, as in `sweep`.
 //!
-//! Laws (tests/search.rs): `the_cheapest_machine_that_is_fast_enough_is_found`, `a_machine_that_cannot_be_fast_enough_says_what_is_nearest`.
+//! Laws (tests/search.rs): `the_cheapest_machine_that_is_fast_enough_is_found`,
+//! `a_machine_that_cannot_be_fast_enough_says_what_is_nearest`.
 
 mod climb;
 mod fields;
@@ -132,7 +134,12 @@ impl Recorded {
         let Member { name, scene } = member;
         let evaluation = Evaluation::new(scene, machine)?;
         let (_, _, work) = fixed::draw_measured(&evaluation.machine, &evaluation.quantised);
-        Ok(Recorded { name: name.clone(), camera: scene.camera, digest: digest_of(scene), work })
+        Ok(Recorded {
+            name: name.clone(),
+            camera: scene.camera,
+            digest: digest_of(scene),
+            work,
+        })
     }
 }
 
@@ -194,7 +201,8 @@ pub struct Outcome {
     pub views: Vec<Unseen>,
     /// Views that were too slow, and counted from then on.
     pub learnt: Vec<String>,
-    /// Views that decided the search: those that were replayed, those that every machine is looked at on first, and those that were too slow.
+    /// Views that decided the search: those that were replayed, those that every machine is looked
+    /// at on first, and those that were too slow.
     pub cameras: Vec<Deciding>,
     /// Figures that are stated, and the cameras that decide them.
     pub claims: Vec<Claim>,
@@ -230,12 +238,14 @@ const COLUMNS: [(&str, Kind); 10] = [
     (columns::GATES, Kind::Number),
 ];
 
-/// The fields that are searched; of those that nobody named the clock stays, where cycles are counted.
+/// The fields that are searched; of those that nobody named the clock stays, where cycles are
+/// counted.
 fn fields_of(base: &Machine, options: &Options) -> Vec<Field> {
     if !options.fields.is_empty() {
         return options.fields.clone();
     }
-    let is_told = |field: &Field| options.minimise != Minimise::Cycles || field.field != fields::CLOCK;
+    let is_told =
+        |field: &Field| options.minimise != Minimise::Cycles || field.field != fields::CLOCK;
     fields::usual(base).into_iter().filter(is_told).collect()
 }
 
@@ -252,27 +262,43 @@ fn check_scenes<'a>(scenes: impl Iterator<Item = &'a Scene>, base: &Machine) -> 
     Ok(())
 }
 
-/// Searches, and writes `machine.json`, `search.json`, `search.csv` and `search.parquet`. What the machine was searched for before, by its
-/// words, is in `searched`, and goes into its file.
+/// Searches, and writes `machine.json`, `search.json`, `search.csv` and `search.parquet`. What the
+/// machine was searched for before, by its words, is in `searched`, and goes into its file.
 ///
 /// # Errors
-/// [`Error::Input`] where a scene does not fit the machine, or a field or value is none of it: nothing is written then. [`Error::Job`] where
-/// nothing that was tried is fast enough: rows of what was tried are left.
-pub fn run(domains: &[Domain], base: &Machine, searched: Option<&SearchRecord>, folder: &Path, options: &Options) -> Result<Outcome> {
+/// [`Error::Input`] where a scene does not fit the machine, or a field or value is none of it:
+/// nothing is written then. [`Error::Job`] where nothing that was tried is fast enough: rows of
+/// what was tried are left.
+pub fn run(
+    domains: &[Domain],
+    base: &Machine,
+    searched: Option<&SearchRecord>,
+    folder: &Path,
+    options: &Options,
+) -> Result<Outcome> {
     let fields = fields_of(base, options);
     let knobs = fields::knobs(base, &fields)?;
     fixed::elaborate(base)?;
     let mut members: Vec<Member> = domains.iter().flat_map(Domain::first).collect();
     check_scenes(members.iter().map(|member| &member.scene), base)?;
-    around(domains, options.views).try_for_each(|member| check_scenes([&member?.scene].into_iter(), base))?;
+    around(domains, options.views)
+        .try_for_each(|member| check_scenes([&member?.scene].into_iter(), base))?;
     let _open = Folder::open(folder)?;
     let mut search = Search::new(options, base, knobs, folder)?;
     let names: Vec<String> = domains.iter().map(|domain| domain.label.clone()).collect();
     let aim = json!({"min_fps": options.min_fps, "minimise": options.minimise, "fields": fields, "prices": options.prices});
-    write_plan(folder, &json!({"splatsim": env!("CARGO_PKG_VERSION"), "search_over_timing": aim, "scenes": names, "machine": base}))?;
+    write_plan(
+        folder,
+        &json!({"splatsim": env!("CARGO_PKG_VERSION"), "search_over_timing": aim, "scenes": names, "machine": base}),
+    )?;
     let count = members.len() + domains.len() * options.views;
     let looked = members.iter().map(|member| Ok(Cow::Borrowed(member)));
-    let first = slowest(&mut search, looked.chain(around(domains, options.views).map(|member| member.map(Cow::Owned))), count, base)?;
+    let first = slowest(
+        &mut search,
+        looked.chain(around(domains, options.views).map(|member| member.map(Cow::Owned))),
+        count,
+        base,
+    )?;
     search.frames.push(first);
     let mut path = Vec::new();
     let mut best = search.first();
@@ -299,14 +325,22 @@ pub fn run(domains: &[Domain], base: &Machine, searched: Option<&SearchRecord>, 
             Seen::Slow(fps, frame, member) => (fps, *frame, member),
         };
         if rounds + 1 == ROUNDS {
-            return Err(Error::job(format!("after {ROUNDS} rounds {} is still too slow: aim lower", frame.name)));
+            return Err(Error::job(format!(
+                "after {ROUNDS} rounds {} is still too slow: aim lower",
+                frame.name
+            )));
         }
-        let method = frame.name.rsplit(" from ").next().map_or(String::new(), |from| format!("{from} is too slow"));
+        let method = frame
+            .name
+            .rsplit(" from ")
+            .next()
+            .map_or(String::new(), |from| format!("{from} is too slow"));
         if !learnt.contains(&frame.name) {
             learnt.push(frame.name.clone());
         }
         rounds += 1;
-        // What was replayed stays known where the aim alone is higher; a view that is too slow beyond that is looked at itself.
+        // What was replayed stays known where the aim alone is higher; a view that is too slow
+        // beyond that is looked at itself.
         let aim = search.aim * (1.0 + MARGIN) * options.min_fps / fps;
         if aim <= options.min_fps * MOST_ABOVE {
             search.aim = aim;
@@ -318,31 +352,64 @@ pub fn run(domains: &[Domain], base: &Machine, searched: Option<&SearchRecord>, 
         members.push(*member);
         search.step(&mut path, &method, &best)?;
     };
-    let machine = Machine { name: format!("{}-{}fps", base.name, options.min_fps), ..search.machine(&best)? };
+    let machine = Machine {
+        name: format!("{}-{}fps", base.name, options.min_fps),
+        ..search.machine(&best)?
+    };
     let built = fixed::elaborate(&machine)?;
     for frame in search.frames.iter().chain(&slow_frames) {
         if cameras.iter().all(|other| other.name != frame.name) {
-            let fps = frames_per_second(&built.timing, &timing::replay(&built.timing, &frame.work, Detail::Total));
+            let fps = frames_per_second(
+                &built.timing,
+                &timing::replay(&built.timing, &frame.work, Detail::Total),
+            );
             let of = claims::domain_of(domains, &frame.name);
-            cameras.push(Deciding { of, name: frame.name.clone(), camera: frame.camera, frames_per_second: fps });
+            cameras.push(Deciding {
+                of,
+                name: frame.name.clone(),
+                camera: frame.camera,
+                frames_per_second: fps,
+            });
         }
     }
     cameras.sort_by(|a, b| a.frames_per_second.total_cmp(&b.frames_per_second));
-    let decided: Vec<Decided<'_>> = (cameras.iter().map(|view| Decided { name: &view.name, of: view.of, camera: &view.camera }))
-        .chain(views.iter().map(|view| Decided { name: &view.name, of: view.of, camera: &view.camera }))
-        .collect();
+    let decided: Vec<Decided<'_>> = (cameras.iter().map(|view| Decided {
+        name: &view.name,
+        of: view.of,
+        camera: &view.camera,
+    }))
+    .chain(views.iter().map(|view| Decided {
+        name: &view.name,
+        of: view.of,
+        camera: &view.camera,
+    }))
+    .collect();
     let figure = |fps: f64| format!("{fps:.1} frames/s");
-    let slowest_unseen = (0..views.len()).min_by(|a, b| views[*a].frames_per_second.total_cmp(&views[*b].frames_per_second));
-    let figures = (cameras.first().map(|view| (figure(view.frames_per_second), 0)).into_iter())
-        .chain(slowest_unseen.map(|nth| (figure(views[nth].frames_per_second), cameras.len() + nth)))
-        .collect();
+    let slowest_unseen = (0..views.len()).min_by(|a, b| {
+        views[*a]
+            .frames_per_second
+            .total_cmp(&views[*b].frames_per_second)
+    });
+    let figures = (cameras
+        .first()
+        .map(|view| (figure(view.frames_per_second), 0))
+        .into_iter())
+    .chain(slowest_unseen.map(|nth| (figure(views[nth].frames_per_second), cameras.len() + nth)))
+    .collect();
     let claims = claims::claims(domains, &decided, figures);
     let camera_files = claims::write_cameras(folder, domains, &decided)?;
     let (changes, limited_by) = (search.changes(&best), search.limited_by(&best)?);
     let mut files = search.write(folder)?;
     files.extend(camera_files);
-    let searched = Some(searched.cloned().unwrap_or_else(|| record(domains, (&cameras, &views), options.min_fps)));
-    let file = machines::File { machine: machine.clone(), searched };
+    let searched = Some(
+        searched
+            .cloned()
+            .unwrap_or_else(|| record(domains, (&cameras, &views), options.min_fps)),
+    );
+    let file = machines::File {
+        machine: machine.clone(),
+        searched,
+    };
     let (min_fps, minimise, base) = (options.min_fps, options.minimise, base.name.clone());
     let outcome = Outcome {
         scenes: names,
@@ -360,33 +427,62 @@ pub fn run(domains: &[Domain], base: &Machine, searched: Option<&SearchRecord>, 
         machine,
         files: Vec::new(),
     };
-    for (name, value) in [("search.json", json!(outcome)), ("machine.json", json!(file))] {
+    for (name, value) in [
+        ("search.json", json!(outcome)),
+        ("machine.json", json!(file)),
+    ] {
         let path = folder.join(name);
-        write_beside(&path, |file| serde_json::to_writer_pretty(file, &value).map_err(|e| e.to_string()))?;
+        write_beside(&path, |file| {
+            serde_json::to_writer_pretty(file, &value).map_err(|e| e.to_string())
+        })?;
         files.insert(0, path);
     }
     Ok(Outcome { files, ..outcome })
 }
 
 /// What the file of a machine says whose words nobody searched.
-fn record(domains: &[Domain], (decided, views): (&[Deciding], &[Unseen]), min_fps: f64) -> SearchRecord {
+fn record(
+    domains: &[Domain],
+    (decided, views): (&[Deciding], &[Unseen]),
+    min_fps: f64,
+) -> SearchRecord {
     let of = |(nth, domain): (usize, &Domain)| {
-        let mut cameras: Vec<Camera> = domain.first().into_iter().map(|member| member.scene.camera).collect();
-        let decided = decided.iter().filter(|view| view.of == nth).map(|view| view.camera);
-        for camera in decided.chain(views.iter().filter(|view| view.of == nth).map(|view| view.camera)) {
+        let mut cameras: Vec<Camera> = domain
+            .first()
+            .into_iter()
+            .map(|member| member.scene.camera)
+            .collect();
+        let decided = decided
+            .iter()
+            .filter(|view| view.of == nth)
+            .map(|view| view.camera);
+        for camera in decided.chain(
+            views
+                .iter()
+                .filter(|view| view.of == nth)
+                .map(|view| view.camera),
+        ) {
             if !cameras.contains(&camera) {
                 cameras.push(camera);
             }
         }
         domain.record(cameras)
     };
-    let target = Target { frames_per_second: Some(min_fps), ..Target::default() };
-    SearchRecord { target, scenes: domains.iter().enumerate().map(of).collect() }
+    let target = Target {
+        frames_per_second: Some(min_fps),
+        ..Target::default()
+    };
+    SearchRecord {
+        target,
+        scenes: domains.iter().enumerate().map(of).collect(),
+    }
 }
 
 /// Views among which the slowest is looked for, beside the first.
 fn around(domains: &[Domain], views: usize) -> impl Iterator<Item = Result<Member>> {
-    domains.iter().flat_map(move |domain| (0..views).map(move |nth| domain.nth(FIRST_LOOK + nth)))
+    domains
+        .iter()
+        .flat_map(move |domain| (0..views).map(move |nth| domain.nth(FIRST_LOOK + nth)))
 }
 
 /// The frame that is searched on: of so many views the slowest on the base, of equals the first.
@@ -401,7 +497,10 @@ fn slowest<'m>(
         let member = member?;
         search.say_view("recording view", nth + 1, count, &member.name);
         let (found, frame) = search.look_at(base, "", &member)?;
-        if slowest.as_ref().is_none_or(|(most, ..)| found.cycles > *most) {
+        if slowest
+            .as_ref()
+            .is_none_or(|(most, ..)| found.cycles > *most)
+        {
             slowest = Some((found.cycles, member, frame));
         }
     }
@@ -418,7 +517,14 @@ enum Seen {
 }
 
 /// Frames/s of what is looked at first, and of unseen views.
-fn unseen(search: &mut Search, domains: &[Domain], members: &[Member], state: &State, first: usize, options: &Options) -> Result<Seen> {
+fn unseen(
+    search: &mut Search,
+    domains: &[Domain],
+    members: &[Member],
+    state: &State,
+    first: usize,
+    options: &Options,
+) -> Result<Seen> {
     let machine = search.machine(state)?;
     let changes = search.changes(state).join(" ");
     let mut views: Vec<Unseen> = Vec::new();
@@ -435,28 +541,52 @@ fn unseen(search: &mut Search, domains: &[Domain], members: &[Member], state: &S
         }
         Ok(fps)
     };
-    let searched: Vec<String> = search.frames.iter().map(|frame| frame.name.clone()).collect();
+    let searched: Vec<String> = search
+        .frames
+        .iter()
+        .map(|frame| frame.name.clone())
+        .collect();
     let is_searched = |member: &Member| searched.contains(&member.name);
     let mut looked = Vec::new();
     for member in members.iter().filter(|member| !is_searched(member)) {
         let frames_per_second = look(search, member)?;
-        let (of, name) = (claims::domain_of(domains, &member.name), member.name.clone());
-        looked.push(Deciding { of, name, camera: member.scene.camera, frames_per_second });
+        let (of, name) = (
+            claims::domain_of(domains, &member.name),
+            member.name.clone(),
+        );
+        looked.push(Deciding {
+            of,
+            name,
+            camera: member.scene.camera,
+            frames_per_second,
+        });
     }
     for (of, domain) in domains.iter().enumerate() {
         for nth in first..first + options.views {
             let member = domain.nth(nth)?;
             let camera = member.scene.camera;
             // A short list comes round again.
-            let is_known = is_searched(&member) || members.iter().any(|other| other.name == member.name);
-            if is_known || views.iter().any(|view| (view.of, view.camera) == (of, camera)) {
+            let is_known =
+                is_searched(&member) || members.iter().any(|other| other.name == member.name);
+            if is_known
+                || views
+                    .iter()
+                    .any(|view| (view.of, view.camera) == (of, camera))
+            {
                 continue;
             }
             let frames_per_second = look(search, &member)?;
-            views.push(Unseen { of, name: member.name, camera, frames_per_second });
+            views.push(Unseen {
+                of,
+                name: member.name,
+                camera,
+                frames_per_second,
+            });
         }
     }
-    let Some((fps, frame, member)) = slowest else { return Ok(Seen::Fast(views, looked)) };
+    let Some((fps, frame, member)) = slowest else {
+        return Ok(Seen::Fast(views, looked));
+    };
     let frame = frame.map_or_else(|| Recorded::new(&member, &machine), Ok)?;
     Ok(Seen::Slow(fps, Box::new(frame), member))
 }
@@ -470,14 +600,24 @@ impl Outcome {
             Minimise::Energy => "energy",
             Minimise::Cycles => "cycles",
         };
-        let head = format!("{}, from {}: at least {} frames/s, least {what}", self.scenes.join(", "), self.base, self.min_fps);
+        let head = format!(
+            "{}, from {}: at least {} frames/s, least {what}",
+            self.scenes.join(", "),
+            self.base,
+            self.min_fps
+        );
         // Of two ways to tell how large it is, that which counts.
         let (size, size_of): (_, fn(&Measured) -> f64) = match self.minimise {
             Minimise::Gates => ("gates", |found| found.gates),
             _ => ("area", |found| found.area),
         };
         let mut table = plain_table(&["", size, "frames/s", "energy mJ", "cycles", "tried"]);
-        for Step { method, found, tried } in &self.path {
+        for Step {
+            method,
+            found,
+            tried,
+        } in &self.path
+        {
             table.add_row([
                 method.clone(),
                 thousands(size_of(found) as u64),
@@ -488,17 +628,42 @@ impl Outcome {
             ]);
         }
         let mut text = format!("{}\n\n{}\n", wrapped(&head), aligned(table).trim_fmt());
-        let changes = if self.changes.is_empty() { "nothing: it is the machine as it was".into() } else { self.changes.join(" ") };
-        let _ = write!(text, "\n{}", wrapped(&format!("{}: {changes}", self.machine.name)));
-        let _ = write!(text, "\n{}", wrapped(&format!("limited by {}", self.limited_by)));
-        let slowest = self.views.iter().map(|view| view.frames_per_second).fold(f64::INFINITY, f64::min);
+        let changes = if self.changes.is_empty() {
+            "nothing: it is the machine as it was".into()
+        } else {
+            self.changes.join(" ")
+        };
+        let _ = write!(
+            text,
+            "\n{}",
+            wrapped(&format!("{}: {changes}", self.machine.name))
+        );
+        let _ = write!(
+            text,
+            "\n{}",
+            wrapped(&format!("limited by {}", self.limited_by))
+        );
+        let slowest = self
+            .views
+            .iter()
+            .map(|view| view.frames_per_second)
+            .fold(f64::INFINITY, f64::min);
         let views = match self.views.len() {
             0 => "no unseen view was tried".to_owned(),
-            count => format!("fast enough on {count} unseen views, the slowest with {slowest:.1} frames/s"),
+            count => format!(
+                "fast enough on {count} unseen views, the slowest with {slowest:.1} frames/s"
+            ),
         };
         let _ = write!(text, "\n{}", wrapped(&views));
         if let Some(first) = self.cameras.first() {
-            let _ = write!(text, "\n{}", wrapped(&format!("decided by {}: {:.1} frames/s", first.name, first.frames_per_second)));
+            let _ = write!(
+                text,
+                "\n{}",
+                wrapped(&format!(
+                    "decided by {}: {:.1} frames/s",
+                    first.name, first.frames_per_second
+                ))
+            );
         }
         text
     }

@@ -1,11 +1,13 @@
 //! Cases: the table of the catalogue. Each row drives one parameter of a small scene into trouble.
 //!
-//! Scenes look along +z from the origin, x to the right and y down, with [`FOCAL_PX`] pixels to a unit at depth 1. Values run
-//! from harmless to bad, so that the first one that fails is the limit.
+//! Scenes look along +z from the origin, x to the right and y down, with [`FOCAL_PX`] pixels to a
+//! unit at depth 1. Values run from harmless to bad, so that the first one that fails is the limit.
 
 mod ellipsoids;
 
-use crate::scene::{Builtin, Camera, Filter, Image, Kernel, Light, Material, Scene, Splat, Surface};
+use crate::scene::{
+    Builtin, Camera, Filter, Image, Kernel, Light, Material, Scene, Splat, Surface,
+};
 use glam::DVec3;
 use libm::{atan, cos, sin, sqrt};
 use std::f64::consts::SQRT_2;
@@ -73,7 +75,11 @@ pub const CASES: [Case; 39] = {
     let mut all = [SURFACES[0]; 39];
     let mut nth = 0;
     while nth < all.len() {
-        all[nth] = if nth < SURFACES.len() { SURFACES[nth] } else { ellipsoids::CASES[nth - SURFACES.len()] };
+        all[nth] = if nth < SURFACES.len() {
+            SURFACES[nth]
+        } else {
+            ellipsoids::CASES[nth - SURFACES.len()]
+        };
         nth += 1;
     }
     all
@@ -145,7 +151,10 @@ const SURFACES: [Case; 32] = [
         log: true,
         telling: (1.0, "12-bit"),
         scene: huge,
-        variant: Some(Variant { name: "12-bit", settings: |_| differences(12) }),
+        variant: Some(Variant {
+            name: "12-bit",
+            settings: |_| differences(12),
+        }),
     },
     Case {
         name: "guard-bits",
@@ -156,7 +165,10 @@ const SURFACES: [Case; 32] = [
         log: false,
         telling: (14.0, "fewer bits"),
         scene: |_| huge(1.0),
-        variant: Some(Variant { name: "fewer bits", settings: |bits| differences(bits as i32) }),
+        variant: Some(Variant {
+            name: "fewer bits",
+            settings: |bits| differences(bits as i32),
+        }),
     },
     Case {
         name: "wrap",
@@ -167,7 +179,10 @@ const SURFACES: [Case; 32] = [
         log: true,
         telling: (12.0, "6-bit r"),
         scene: wrap,
-        variant: Some(Variant { name: "6-bit r", settings: |_| vec![r#"raster.radial={"format":"I6F27","overflow":"wrap"}"#.into()] }),
+        variant: Some(Variant {
+            name: "6-bit r",
+            settings: |_| vec![r#"raster.radial={"format":"I6F27","overflow":"wrap"}"#.into()],
+        }),
     },
     Case {
         name: "negative-r",
@@ -178,7 +193,10 @@ const SURFACES: [Case; 32] = [
         log: true,
         telling: (1.0, "12-bit"),
         scene: negative_r,
-        variant: Some(Variant { name: "12-bit", settings: |_| differences(12) }),
+        variant: Some(Variant {
+            name: "12-bit",
+            settings: |_| differences(12),
+        }),
     },
     Case {
         name: "table-end",
@@ -200,7 +218,10 @@ const SURFACES: [Case; 32] = [
         log: false,
         telling: (20.0, "wide table"),
         scene: rim,
-        variant: Some(Variant { name: "wide table", settings: |_| vec!["gauss.radial_index=U5F13".into()] }),
+        variant: Some(Variant {
+            name: "wide table",
+            settings: |_| vec!["gauss.radial_index=U5F13".into()],
+        }),
     },
     Case {
         name: "8-bit-offset",
@@ -211,7 +232,10 @@ const SURFACES: [Case; 32] = [
         log: false,
         telling: (7.0, "fewer bits"),
         scene: |_| overlapping_discs(),
-        variant: Some(Variant { name: "fewer bits", settings: |bits| vec![format!("raster.offset=I7F{}", bits - 7.0)] }),
+        variant: Some(Variant {
+            name: "fewer bits",
+            settings: |bits| vec![format!("raster.offset=I7F{}", bits - 7.0)],
+        }),
     },
     Case {
         name: "crowd",
@@ -284,7 +308,9 @@ const SURFACES: [Case; 32] = [
         trouble: "two parallel surfaces about ε apart: one fragment or two?",
         parameter: "gap",
         unit: "ε",
-        values: &[0.1, 0.5, 0.9, 0.99, 0.9999, 1.0, 1.0001, 1.01, 1.1, 2.0, 10.0],
+        values: &[
+            0.1, 0.5, 0.9, 0.99, 0.9999, 1.0, 1.0001, 1.01, 1.1, 2.0, 10.0,
+        ],
         log: true,
         telling: (1.0, "lean"),
         scene: coincident,
@@ -350,7 +376,9 @@ const SURFACES: [Case; 32] = [
         trouble: "opacities at 1, at 0 and below one step of their format",
         parameter: "opacity",
         unit: "",
-        values: &[1.0, 0.9999, 0.999, 0.99, 0.9, 0.5, 0.1, 0.01, 1e-3, 1e-4, 1e-6, 0.0],
+        values: &[
+            1.0, 0.9999, 0.999, 0.99, 0.9, 0.5, 0.1, 0.01, 1e-3, 1e-4, 1e-6, 0.0,
+        ],
         log: true,
         telling: (0.999, "lean"),
         scene: opacity,
@@ -365,7 +393,10 @@ const SURFACES: [Case; 32] = [
         log: true,
         telling: (0.1, "not turned"),
         scene: cancel,
-        variant: Some(Variant { name: "not turned", settings: |_| vec!["fragment.turn_normals=false".into()] }),
+        variant: Some(Variant {
+            name: "not turned",
+            settings: |_| vec!["fragment.turn_normals=false".into()],
+        }),
     },
     Case {
         name: "faint-merge",
@@ -437,7 +468,10 @@ const SURFACES: [Case; 32] = [
 
 /// First and second differences with so many fraction bits.
 fn differences(bits: i32) -> Vec<String> {
-    vec![format!("raster.first=I16F{bits}"), format!("raster.second=I4F{bits}")]
+    vec![
+        format!("raster.first=I16F{bits}"),
+        format!("raster.second=I4F{bits}"),
+    ]
 }
 
 // ---- What scenes are made of ----
@@ -456,13 +490,40 @@ fn picture(width: usize, height: usize, splats: Vec<Splat>) -> Scene {
             centre_px: None,
             picture_px: None,
         },
-        image: Image { width, height, background: [0.25, 0.25, 0.25, 1.0], encoded: false },
-        kernel: Kernel { cutoff: 2.0, low_pass: 1.0, guard: 1.5, jacobian: 1.3, filter: Filter::Ewa, compensate_opacity: false },
+        image: Image {
+            width,
+            height,
+            background: [0.25, 0.25, 0.25, 1.0],
+            encoded: false,
+        },
+        kernel: Kernel {
+            cutoff: 2.0,
+            low_pass: 1.0,
+            guard: 1.5,
+            jacobian: 1.3,
+            filter: Filter::Ewa,
+            compensate_opacity: false,
+        },
         ellipsoids: None,
         sheets: None,
-        surface: Surface { z_threshold: 0.05, coverage_threshold: 0.4, cull_backfaces: false },
-        lights: vec![Light { direction: DVec3::new(0.4, -0.6, -0.7).normalize(), rgb: [1.0; 3] }],
-        materials: vec![Material::Unlit, Material::BlinnPhong { ambient: 0.15, diffuse: 0.8, specular: 0.3, shininess: 32.0 }],
+        surface: Surface {
+            z_threshold: 0.05,
+            coverage_threshold: 0.4,
+            cull_backfaces: false,
+        },
+        lights: vec![Light {
+            direction: DVec3::new(0.4, -0.6, -0.7).normalize(),
+            rgb: [1.0; 3],
+        }],
+        materials: vec![
+            Material::Unlit,
+            Material::BlinnPhong {
+                ambient: 0.15,
+                diffuse: 0.8,
+                specular: 0.3,
+                shininess: 32.0,
+            },
+        ],
         environment: None,
         detail: None,
         notes: Vec::new(),
@@ -480,22 +541,42 @@ fn at(x: f64, y: f64, depth: f64) -> DVec3 {
 
 /// Opaque, unlit, facing the screen.
 fn disc(position: DVec3, radius: f64, rgb: [f64; 3]) -> Splat {
-    Splat { position, normal: DVec3::NEG_Z, radius, rgb, opacity: 1.0, material: UNLIT }
+    Splat {
+        position,
+        normal: DVec3::NEG_Z,
+        radius,
+        rgb,
+        opacity: 1.0,
+        material: UNLIT,
+    }
 }
 
-/// A disc in the middle of the view whose footprint is an ellipse of this aspect, its short axis √2 pixels long and turned by
-/// `degrees` from the x axis. With `v = 1` and `k·c_n = 1` the variances along the axes are `k² + 1` and 2.
+/// A disc in the middle of the view whose footprint is an ellipse of this aspect, its short axis √2
+/// pixels long and turned by `degrees` from the x axis. With `v = 1` and `k·c_n = 1` the variances
+/// along the axes are `k² + 1` and 2.
 fn needle([x, y]: [f64; 2], aspect: f64, degrees: f64, rgb: [f64; 3]) -> Splat {
     let k = sqrt(2.0 * aspect * aspect - 1.0);
     let (facing, turn) = (1.0 / k, degrees.to_radians());
     let lean = sqrt((1.0 - facing * facing).max(0.0));
     let ray = DVec3::new(x / FOCAL_PX, y / FOCAL_PX, 1.0).normalize();
-    let across = DVec3::new(cos(turn), sin(turn), 0.0).reject_from_normalized(ray).normalize();
-    Splat { normal: (lean * across - facing * ray).normalize(), ..disc(at(x, y, DEPTH), k * PX, rgb) }
+    let across = DVec3::new(cos(turn), sin(turn), 0.0)
+        .reject_from_normalized(ray)
+        .normalize();
+    Splat {
+        normal: (lean * across - facing * ray).normalize(),
+        ..disc(at(x, y, DEPTH), k * PX, rgb)
+    }
 }
 
-/// A plane of `count` × `count` discs around a point, their radius the spacing, coloured in squares of four.
-fn plane(centre: DVec3, [right, down]: [DVec3; 2], count: usize, spacing: f64, colours: [[f64; 3]; 2]) -> Vec<Splat> {
+/// A plane of `count` × `count` discs around a point, their radius the spacing, coloured in squares
+/// of four.
+fn plane(
+    centre: DVec3,
+    [right, down]: [DVec3; 2],
+    count: usize,
+    spacing: f64,
+    colours: [[f64; 3]; 2],
+) -> Vec<Splat> {
     let normal = right.cross(down).normalize();
     let normal = if normal.z > 0.0 { -normal } else { normal };
     // A little off the middle: in a symmetric grid many pixels would lie exactly on the cutoff.
@@ -503,7 +584,10 @@ fn plane(centre: DVec3, [right, down]: [DVec3; 2], count: usize, spacing: f64, c
     let cell = |i: usize| {
         let (column, row) = (i % count, i / count);
         let position = centre + place(column) * right + place(row) * down;
-        Splat { normal, ..disc(position, spacing, colours[(column / 4 + row / 4) % 2]) }
+        Splat {
+            normal,
+            ..disc(position, spacing, colours[(column / 4 + row / 4) % 2])
+        }
     };
     (0..count * count).map(cell).collect()
 }
@@ -521,12 +605,18 @@ fn with_opacity(mut splats: Vec<Splat>, opacity: f64) -> Vec<Splat> {
     splats
 }
 
-/// The same splats in an order without a pattern, always the same one (Fisher and Yates, with a linear congruential generator).
+/// The same splats in an order without a pattern, always the same one (Fisher and Yates, with a
+/// linear congruential generator).
 fn shuffled(mut splats: Vec<Splat>) -> Vec<Splat> {
     let mut state = 1_u64;
     for last in (1..splats.len()).rev() {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        splats.swap(last, ((u128::from(state) * (last as u128 + 1)) >> 64) as usize);
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        splats.swap(
+            last,
+            ((u128::from(state) * (last as u128 + 1)) >> 64) as usize,
+        );
     }
     splats
 }
@@ -545,10 +635,19 @@ fn grazing(short_of_edge_on: f64) -> Scene {
         let place = |i: usize| (i as f64 - 2.5) * 8.0 + 0.3;
         let position = at(place(i % 6), place(i / 6), DEPTH);
         let (ray, azimuth) = (position.normalize(), 0.55 * i as f64);
-        let across = DVec3::new(cos(azimuth), sin(azimuth), 0.0).reject_from_normalized(ray).normalize();
+        let across = DVec3::new(cos(azimuth), sin(azimuth), 0.0)
+            .reject_from_normalized(ray)
+            .normalize();
         // Seen edge-on exactly: f64's cosine of 90° is not 0.
-        let facing = if short_of_edge_on == 0.0 { 0.0 } else { cos(turn) };
-        Splat { normal: (sin(turn) * across - facing * ray).normalize(), ..disc(position, 3.0 * PX, COLOURS[i % 4]) }
+        let facing = if short_of_edge_on == 0.0 {
+            0.0
+        } else {
+            cos(turn)
+        };
+        Splat {
+            normal: (sin(turn) * across - facing * ray).normalize(),
+            ..disc(position, 3.0 * PX, COLOURS[i % 4])
+        }
     };
     let mut scene = square((0..36).map(cell).collect());
     scene.surface.coverage_threshold = 0.1;
@@ -557,7 +656,10 @@ fn grazing(short_of_edge_on: f64) -> Scene {
 
 fn needles(aspect: f64) -> Scene {
     let fan = [(20.0, RED), (80.0, GREEN), (140.0, BLUE)];
-    let splats: Vec<Splat> = fan.into_iter().map(|(degrees, rgb)| needle([0.3, -0.4], aspect, degrees, rgb)).collect();
+    let splats: Vec<Splat> = fan
+        .into_iter()
+        .map(|(degrees, rgb)| needle([0.3, -0.4], aspect, degrees, rgb))
+        .collect();
     let reach = splats[0].radius * SQRT_2;
     let mut scene = square(splats);
     // One surface, however far the discs reach: what is tested is their footprint.
@@ -567,24 +669,42 @@ fn needles(aspect: f64) -> Scene {
 
 fn turned(degrees: f64) -> Scene {
     let places = [[-12.2, -12.4], [11.7, -11.9], [-11.6, 12.3], [12.4, 12.1]];
-    let splats = places.into_iter().zip(COLOURS).map(|(place, rgb)| needle(place, 8.0, degrees, rgb));
+    let splats = places
+        .into_iter()
+        .zip(COLOURS)
+        .map(|(place, rgb)| needle(place, 8.0, degrees, rgb));
     let mut scene = square(splats.collect());
     scene.surface.coverage_threshold = 0.1;
     scene
 }
 
 fn low_pass_off(low_pass: f64) -> Scene {
-    let mut splats = plane(DVec3::new(0.0, 0.0, DEPTH), leaning(50.0), 44, 1.1 * PX, [RED, PALE]);
+    let mut splats = plane(
+        DVec3::new(0.0, 0.0, DEPTH),
+        leaning(50.0),
+        44,
+        1.1 * PX,
+        [RED, PALE],
+    );
     splats.iter_mut().for_each(|splat| splat.radius = 0.5 * PX);
     let mut scene = square(splats);
     (scene.kernel.low_pass, scene.surface.z_threshold) = (low_pass, 0.15);
     scene
 }
 
-/// As dense as ever, each splat ever smaller; the coverage threshold goes with them, so that the picture would stay the same.
+/// As dense as ever, each splat ever smaller; the coverage threshold goes with them, so that the
+/// picture would stay the same.
 fn sub_pixel(radius_px: f64) -> Scene {
-    let mut splats = plane(DVec3::new(0.0, 0.0, DEPTH), FLAT, 60, 0.71 * PX, [GREEN, PALE]);
-    splats.iter_mut().for_each(|splat| splat.radius = radius_px * PX);
+    let mut splats = plane(
+        DVec3::new(0.0, 0.0, DEPTH),
+        FLAT,
+        60,
+        0.71 * PX,
+        [GREEN, PALE],
+    );
+    splats
+        .iter_mut()
+        .for_each(|splat| splat.radius = radius_px * PX);
     let mut scene = square(splats);
     scene.surface.coverage_threshold = 0.4 * radius_px * radius_px / (1.0 + radius_px * radius_px);
     scene
@@ -597,7 +717,15 @@ const HIGH: usize = 36;
 fn huge(frames: f64) -> Scene {
     let radius = radius_of_width(frames * WIDE as f64) * PX;
     let place = |x: f64, y: f64, rgb| disc(at(x, y, DEPTH), radius, rgb);
-    let mut scene = picture(WIDE, HIGH, vec![place(-38.3, 3.2, RED), place(-4.6, -2.7, GREEN), place(33.4, 0.6, BLUE)]);
+    let mut scene = picture(
+        WIDE,
+        HIGH,
+        vec![
+            place(-38.3, 3.2, RED),
+            place(-4.6, -2.7, GREEN),
+            place(33.4, 0.6, BLUE),
+        ],
+    );
     (scene.surface.z_threshold, scene.surface.coverage_threshold) = (1.0, 0.1);
     scene
 }
@@ -611,7 +739,10 @@ fn wrap(aspect: f64) -> Scene {
 /// Two horizontal needles, each through the centres of a row of pixels.
 fn negative_r(frames: f64) -> Scene {
     let aspect = radius_of_width(frames * WIDE as f64) / SQRT_2;
-    let splats = vec![needle([0.5, -7.5], aspect, 90.0, RED), needle([-11.5, 8.5], aspect, 90.0, BLUE)];
+    let splats = vec![
+        needle([0.5, -7.5], aspect, 90.0, RED),
+        needle([-11.5, 8.5], aspect, 90.0, BLUE),
+    ];
     let reach = splats[0].radius * SQRT_2;
     let mut scene = picture(WIDE, HIGH, splats);
     (scene.surface.z_threshold, scene.surface.coverage_threshold) = (DEPTH + 2.0 * reach, 0.2);
@@ -622,23 +753,43 @@ fn negative_r(frames: f64) -> Scene {
 fn table_end(short: f64) -> Scene {
     let variance = 16.0 / (4.0 - short);
     let place = |i: usize| (i as f64 - 2.0) * 9.0 + 0.5;
-    let cell = |i: usize| disc(at(place(i % 5), place(i / 5), DEPTH), sqrt(variance - 1.0) * PX, COLOURS[i % 4]);
+    let cell = |i: usize| {
+        disc(
+            at(place(i % 5), place(i / 5), DEPTH),
+            sqrt(variance - 1.0) * PX,
+            COLOURS[i % 4],
+        )
+    };
     let mut scene = square((0..25).map(cell).collect());
     (scene.kernel.cutoff, scene.surface.coverage_threshold) = (4.0, 0.02);
     scene
 }
 
-/// Three discs whose colours only their weights tell apart; the coverage threshold is next to nothing.
+/// Three discs whose colours only their weights tell apart; the coverage threshold is next to
+/// nothing.
 fn rim(cutoff: f64) -> Scene {
     let place = |x: f64, y: f64, rgb| disc(at(x, y, DEPTH), 2.5 * PX, rgb);
-    let mut scene = square(vec![place(-6.3, -4.2, RED), place(6.6, -3.7, GREEN), place(0.4, 6.2, BLUE)]);
+    let mut scene = square(vec![
+        place(-6.3, -4.2, RED),
+        place(6.6, -3.7, GREEN),
+        place(0.4, 6.2, BLUE),
+    ]);
     (scene.kernel.cutoff, scene.surface.coverage_threshold) = (cutoff, 1e-6);
     scene
 }
 
 fn overlapping_discs() -> Scene {
-    let mut splats = plane(DVec3::new(0.01, -0.007, DEPTH), FLAT, 7, 6.3 * PX, [RED, PALE]);
-    splats.iter_mut().enumerate().for_each(|(i, splat)| splat.rgb = COLOURS[(i * 7 / 3) % 4]);
+    let mut splats = plane(
+        DVec3::new(0.01, -0.007, DEPTH),
+        FLAT,
+        7,
+        6.3 * PX,
+        [RED, PALE],
+    );
+    splats
+        .iter_mut()
+        .enumerate()
+        .for_each(|(i, splat)| splat.rgb = COLOURS[(i * 7 / 3) % 4]);
     square(splats)
 }
 
@@ -652,7 +803,13 @@ fn crowd(count: f64) -> Scene {
 /// Two rows of discs: green ones beyond the near plane, red ones before it, and a wall behind.
 fn near_plane(distance: f64) -> Scene {
     let near = 1.0;
-    let mut splats = plane(DVec3::new(0.0, 0.0, 4.0), FLAT, 14, 4.0 * 4.0 / FOCAL_PX, [BLUE, PALE]);
+    let mut splats = plane(
+        DVec3::new(0.0, 0.0, 4.0),
+        FLAT,
+        14,
+        4.0 * 4.0 / FOCAL_PX,
+        [BLUE, PALE],
+    );
     for column in 0..5 {
         let x = (column as f64 - 2.0) * 9.0 + 0.3;
         let radius = 3.0 * near / FOCAL_PX;
@@ -666,7 +823,15 @@ fn near_plane(distance: f64) -> Scene {
 
 /// Two half-transparent surfaces at depth 1, two thresholds apart, and a wall as far away as said.
 fn depth_range(farthest: f64) -> Scene {
-    let sheet = |depth: f64, pixels: f64, colours| plane(DVec3::new(0.0, 0.0, depth), FLAT, 12, pixels * depth / FOCAL_PX, colours);
+    let sheet = |depth: f64, pixels: f64, colours| {
+        plane(
+            DVec3::new(0.0, 0.0, depth),
+            FLAT,
+            12,
+            pixels * depth / FOCAL_PX,
+            colours,
+        )
+    };
     let mut splats = sheet(farthest, 4.0, [BLUE, PALE]);
     splats.extend(with_opacity(sheet(1.1, 3.0, [GREEN, PALE]), 0.5));
     splats.extend(with_opacity(sheet(1.0, 2.0, [RED, PALE]), 0.5));
@@ -675,16 +840,34 @@ fn depth_range(farthest: f64) -> Scene {
 
 /// Two half-transparent surfaces, one of them leaning and lit.
 fn two_sheets() -> Vec<Splat> {
-    let mut splats = plane(DVec3::new(0.0, 0.1, DEPTH), leaning(35.0), 20, 2.0 * PX, [GREEN, PALE]);
+    let mut splats = plane(
+        DVec3::new(0.0, 0.1, DEPTH),
+        leaning(35.0),
+        20,
+        2.0 * PX,
+        [GREEN, PALE],
+    );
     splats.iter_mut().for_each(|splat| splat.material = LIT);
-    splats.extend(with_opacity(plane(DVec3::new(0.2, 0.0, 1.2), FLAT, 12, 2.0 * 1.2 / FOCAL_PX, [RED, BLUE]), 0.5));
+    splats.extend(with_opacity(
+        plane(
+            DVec3::new(0.2, 0.0, 1.2),
+            FLAT,
+            12,
+            2.0 * 1.2 / FOCAL_PX,
+            [RED, BLUE],
+        ),
+        0.5,
+    ));
     splats
 }
 
 fn far_origin(distance: f64) -> Scene {
     let mut scene = square(two_sheets());
     let shift = distance * DVec3::new(0.8, -0.48, 0.36);
-    scene.splats.iter_mut().for_each(|splat| splat.position += shift);
+    scene
+        .splats
+        .iter_mut()
+        .for_each(|splat| splat.position += shift);
     scene.camera.eye += shift;
     scene.camera.target = scene.camera.eye + DVec3::Z;
     scene.surface.z_threshold = 0.15;
@@ -702,7 +885,12 @@ fn stray_point(distance: f64) -> Scene {
 fn off_screen(beyond: f64) -> Scene {
     let middle = SIDE as f64 / 2.0 * (1.0 + beyond);
     let place = |x: f64, y: f64, rgb| disc(at(x, y, DEPTH), 13.0 * PX, rgb);
-    let splats = vec![place(-middle, -3.3, RED), place(middle, 4.4, GREEN), place(1.2, -middle, BLUE), place(-2.1, middle, PALE)];
+    let splats = vec![
+        place(-middle, -3.3, RED),
+        place(middle, 4.4, GREEN),
+        place(1.2, -middle, BLUE),
+        place(-2.1, middle, PALE),
+    ];
     let mut scene = square(splats);
     scene.surface.coverage_threshold = 0.1;
     scene
@@ -710,7 +898,8 @@ fn off_screen(beyond: f64) -> Scene {
 
 fn coincident(gap: f64) -> Scene {
     let z_threshold = 0.05;
-    let sheet = |depth: f64, colours| plane(DVec3::new(0.0, 0.0, depth), FLAT, 26, 2.3 * PX, colours);
+    let sheet =
+        |depth: f64, colours| plane(DVec3::new(0.0, 0.0, depth), FLAT, 26, 2.3 * PX, colours);
     let mut splats = sheet(DEPTH + gap * z_threshold, [BLUE, PALE]);
     splats.extend(with_opacity(sheet(DEPTH, [RED, GREEN]), 0.6));
     let mut scene = square(shuffled(splats));
@@ -720,7 +909,15 @@ fn coincident(gap: f64) -> Scene {
 
 fn epsilon(radii: f64) -> Scene {
     let spacing = 2.0 * PX;
-    let sheet = |depth: f64, colours| plane(DVec3::new(0.0, 0.5, depth), leaning(45.0), 40, spacing, colours);
+    let sheet = |depth: f64, colours| {
+        plane(
+            DVec3::new(0.0, 0.5, depth),
+            leaning(45.0),
+            40,
+            spacing,
+            colours,
+        )
+    };
     let mut splats = sheet(DEPTH + 6.0 * spacing, [BLUE, PALE]);
     splats.extend(with_opacity(sheet(DEPTH, [RED, GREEN]), 0.6));
     let mut scene = square(shuffled(splats));
@@ -733,7 +930,15 @@ fn intersecting(degrees: f64) -> Scene {
         let lean = degrees.to_radians();
         [DVec3::new(cos(lean), 0.0, sin(lean)), DVec3::Y]
     };
-    let sheet = |degrees: f64, colours| plane(DVec3::new(0.0, 0.0, DEPTH), leaning(degrees), 32, 2.0 * PX, colours);
+    let sheet = |degrees: f64, colours| {
+        plane(
+            DVec3::new(0.0, 0.0, DEPTH),
+            leaning(degrees),
+            32,
+            2.0 * PX,
+            colours,
+        )
+    };
     let mut splats = with_opacity(sheet(degrees / 2.0, [BLUE, PALE]), 0.7);
     splats.extend(with_opacity(sheet(-degrees / 2.0, [RED, GREEN]), 0.7));
     square(shuffled(splats))
@@ -743,9 +948,19 @@ fn intersecting(degrees: f64) -> Scene {
 fn stacked(sheets: usize, opacity: f64) -> Scene {
     let sheet = |i: usize| {
         let depth = DEPTH + 0.1 * i as f64;
-        plane(DVec3::new(0.002 * i as f64, 0.0, depth), FLAT, 9, 3.0 * depth / FOCAL_PX, [COLOURS[i % 4], COLOURS[(i + 1) % 4]])
+        plane(
+            DVec3::new(0.002 * i as f64, 0.0, depth),
+            FLAT,
+            9,
+            3.0 * depth / FOCAL_PX,
+            [COLOURS[i % 4], COLOURS[(i + 1) % 4]],
+        )
     };
-    picture(24, 24, shuffled(with_opacity((0..sheets).flat_map(sheet).collect(), opacity)))
+    picture(
+        24,
+        24,
+        shuffled(with_opacity((0..sheets).flat_map(sheet).collect(), opacity)),
+    )
 }
 
 fn layers(surfaces: f64) -> Scene {
@@ -764,11 +979,19 @@ fn nested_shells(spheres: f64) -> Scene {
         let count = (3200.0 * size * size) as usize;
         let spacing = size * sqrt(4.0 * std::f64::consts::PI / count as f64);
         (0..count).map(move |point| {
-            let (z, turn) = (1.0 - (2.0 * point as f64 + 1.0) / count as f64, golden_angle * point as f64);
+            let (z, turn) = (
+                1.0 - (2.0 * point as f64 + 1.0) / count as f64,
+                golden_angle * point as f64,
+            );
             let ring = sqrt(1.0 - z * z);
             let normal = DVec3::new(ring * cos(turn), ring * sin(turn), z);
             let place = DVec3::new(0.0, 0.0, DEPTH) + size * normal;
-            Splat { normal, material: LIT, opacity: 0.3, ..disc(place, 0.8 * spacing, COLOURS[i % 4]) }
+            Splat {
+                normal,
+                material: LIT,
+                opacity: 0.3,
+                ..disc(place, 0.8 * spacing, COLOURS[i % 4])
+            }
         })
     };
     let mut scene = square(shuffled((0..spheres as usize).flat_map(sphere).collect()));
@@ -779,7 +1002,15 @@ fn nested_shells(spheres: f64) -> Scene {
 /// Two leaning sheets, far more than ε from each other, each splat off its place along the ray.
 fn noisy_scan(scatter: f64) -> Scene {
     let z_threshold = 0.05;
-    let sheet = |depth: f64, colours| plane(DVec3::new(0.0, 0.0, depth), leaning(20.0), 26, 2.0 * PX, colours);
+    let sheet = |depth: f64, colours| {
+        plane(
+            DVec3::new(0.0, 0.0, depth),
+            leaning(20.0),
+            26,
+            2.0 * PX,
+            colours,
+        )
+    };
     let mut splats = sheet(DEPTH + 1.0, [BLUE, PALE]);
     splats.extend(sheet(DEPTH, [RED, GREEN]));
     // Places in the shuffled list are as good as chance, and the same everywhere.
@@ -799,14 +1030,35 @@ fn noisy_scan(scatter: f64) -> Scene {
 /// A pan over the check scene, of fewer and wider splats, as far to the right as this.
 fn slow_pan(pixels: f64) -> Scene {
     let side = 2 * SIDE;
-    let image = Image { width: side, height: side, background: [1.0; 4], encoded: false };
+    let image = Image {
+        width: side,
+        height: side,
+        background: [1.0; 4],
+        encoded: false,
+    };
     let (eye, target) = (DVec3::new(0.0, 1.2, 4.5), DVec3::new(0.0, -0.2, 0.0));
-    let camera = Camera { eye, target, up: DVec3::Y, fov_y_degrees: 45.0, near: 0.05, focal_px: None, centre_px: None, picture_px: None };
+    let camera = Camera {
+        eye,
+        target,
+        up: DVec3::Y,
+        fov_y_degrees: 45.0,
+        near: 0.05,
+        focal_px: None,
+        centre_px: None,
+        picture_px: None,
+    };
     let light = DVec3::new(0.4, 0.8, 0.5).normalize();
     let mut scene = square(Builtin::GlassSpheres.splats(Some(PAN_SPLATS)));
-    scene.camera = if pixels > 0.0 { camera.panned(&image, pixels) } else { camera };
+    scene.camera = if pixels > 0.0 {
+        camera.panned(&image, pixels)
+    } else {
+        camera
+    };
     scene.image = image;
-    scene.lights = vec![Light { direction: light, rgb: [1.0; 3] }];
+    scene.lights = vec![Light {
+        direction: light,
+        rgb: [1.0; 3],
+    }];
     scene.surface.z_threshold = PAN_Z_THRESHOLD;
     scene
 }
@@ -823,12 +1075,24 @@ fn lone_splats(on_a_pixel: f64) -> Scene {
     let splat = |i: usize| {
         let part = |of: f64| (i as f64 * of).fract();
         let place = |of: f64| (part(of) - 0.5) * (SIDE as f64 + 6.0);
-        let (z, turn) = (-0.2 - 0.8 * part(0.754_877_666_246_693), std::f64::consts::TAU * part(0.569_840_290_998_053));
+        let (z, turn) = (
+            -0.2 - 0.8 * part(0.754_877_666_246_693),
+            std::f64::consts::TAU * part(0.569_840_290_998_053),
+        );
         let ring = sqrt(1.0 - z * z);
         let normal = DVec3::new(ring * cos(turn), ring * sin(turn), z);
         let depth = DEPTH + part(0.819_172_513_396_164);
-        let flat = disc(at(place(step), place(0.324_717_957_244_746), depth), radius, COLOURS[i % 4]);
-        Splat { normal, material: LIT, opacity: 0.6, ..flat }
+        let flat = disc(
+            at(place(step), place(0.324_717_957_244_746), depth),
+            radius,
+            COLOURS[i % 4],
+        );
+        Splat {
+            normal,
+            material: LIT,
+            opacity: 0.6,
+            ..flat
+        }
     };
     let mut scene = square(shuffled((0..count).map(splat).collect()));
     (scene.surface.z_threshold, scene.surface.coverage_threshold) = (0.002, 0.1);
@@ -836,23 +1100,46 @@ fn lone_splats(on_a_pixel: f64) -> Scene {
 }
 
 fn parallel(tilt: f64) -> Scene {
-    let mut splats = plane(DVec3::new(0.0, 0.0, DEPTH), leaning(tilt), 16, 3.0 * PX, [RED, PALE]);
+    let mut splats = plane(
+        DVec3::new(0.0, 0.0, DEPTH),
+        leaning(tilt),
+        16,
+        3.0 * PX,
+        [RED, PALE],
+    );
     splats.iter_mut().for_each(|splat| splat.material = LIT);
     // Exactly so, whatever f64 makes of an angle of 0.
-    splats.iter_mut().filter(|_| tilt == 0.0).for_each(|splat| splat.normal = DVec3::NEG_Z);
+    splats
+        .iter_mut()
+        .filter(|_| tilt == 0.0)
+        .for_each(|splat| splat.normal = DVec3::NEG_Z);
     square(splats)
 }
 
 fn opacity(opacity: f64) -> Scene {
-    let sheet = |depth: f64, colours| plane(DVec3::new(0.0, 0.0, depth), FLAT, 13, 3.6 * depth / FOCAL_PX, colours);
+    let sheet = |depth: f64, colours| {
+        plane(
+            DVec3::new(0.0, 0.0, depth),
+            FLAT,
+            13,
+            3.6 * depth / FOCAL_PX,
+            colours,
+        )
+    };
     let mut splats: Vec<Splat> = vec![];
-    for (depth, colours) in [(2.6, [BLUE, PALE]), (2.4, [GREEN, RED]), (2.2, [PALE, BLUE]), (2.0, [RED, GREEN])] {
+    for (depth, colours) in [
+        (2.6, [BLUE, PALE]),
+        (2.4, [GREEN, RED]),
+        (2.2, [PALE, BLUE]),
+        (2.0, [RED, GREEN]),
+    ] {
         splats.extend(with_opacity(sheet(depth, colours), opacity));
     }
     square(splats)
 }
 
-/// Pairs of discs at one place whose normals are almost opposite; what is left of their sum is what lights them.
+/// Pairs of discs at one place whose normals are almost opposite; what is left of their sum is what
+/// lights them.
 fn cancel(short_of_opposite: f64) -> Scene {
     let half = short_of_opposite.to_radians() / 2.0;
     let mut splats = Vec::new();
@@ -863,8 +1150,16 @@ fn cancel(short_of_opposite: f64) -> Scene {
         let rest = (across + DVec3::Z).normalize();
         let place = |i: usize| (i as f64 - 2.5) * 7.5 + 0.2;
         let one = disc(at(place(i % 6), place(i / 6), DEPTH), 3.0 * PX, PALE);
-        splats.push(Splat { normal: cos(half) * slanted + sin(half) * rest, material: LIT, ..one });
-        splats.push(Splat { normal: sin(half) * rest - cos(half) * slanted, material: LIT, ..one });
+        splats.push(Splat {
+            normal: cos(half) * slanted + sin(half) * rest,
+            material: LIT,
+            ..one
+        });
+        splats.push(Splat {
+            normal: sin(half) * rest - cos(half) * slanted,
+            material: LIT,
+            ..one
+        });
     }
     let mut scene = square(splats);
     scene.surface.z_threshold = 1.0;
@@ -880,10 +1175,19 @@ fn highlight(shininess: f64) -> Scene {
         let (z, turn) = (-(i as f64 + 0.5) / count as f64, golden_angle * i as f64);
         let ring = sqrt(1.0 - z * z);
         let normal = DVec3::new(ring * cos(turn), ring * sin(turn), z);
-        Splat { normal, material: LIT, ..disc(DVec3::new(0.0, 0.0, 2.3) + size * normal, 1.8 * PX, BLUE) }
+        Splat {
+            normal,
+            material: LIT,
+            ..disc(DVec3::new(0.0, 0.0, 2.3) + size * normal, 1.8 * PX, BLUE)
+        }
     };
     let mut scene = square((0..count).map(point).collect());
-    scene.materials[LIT as usize] = Material::BlinnPhong { ambient: 0.1, diffuse: 0.4, specular: 0.9, shininess };
+    scene.materials[LIT as usize] = Material::BlinnPhong {
+        ambient: 0.1,
+        diffuse: 0.4,
+        specular: 0.9,
+        shininess,
+    };
     scene.surface.z_threshold = 0.3;
     scene
 }

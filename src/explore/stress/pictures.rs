@@ -1,6 +1,9 @@
 //! Pictures: the catalogue as a grid of charts, and as a gallery.
 
-use super::{CASES, Case, CaseReport, Catalogue, Exhibit, Failure, Found, MachineReport, Point, SHARE_FAILS, short, surface_names};
+use super::{
+    CASES, Case, CaseReport, Catalogue, Exhibit, Failure, Found, MachineReport, Point, SHARE_FAILS,
+    short, surface_names,
+};
 use crate::error::Result;
 use crate::output::chart::{Axis, Chart, Mark, Panel, Series, Tile, Words, write_png};
 use crate::output::picture::Picture;
@@ -34,76 +37,171 @@ fn place(case: &Case, value: f64) -> f64 {
     if !case.log || value > 0.0 {
         return value;
     }
-    case.values.iter().copied().filter(|value| *value > 0.0).fold(f64::INFINITY, f64::min) / 10.0
+    case.values
+        .iter()
+        .copied()
+        .filter(|value| *value > 0.0)
+        .fold(f64::INFINITY, f64::min)
+        / 10.0
 }
 
 /// One panel a case, and one that says how to read them.
 pub fn write_chart(catalogue: &Catalogue, path: &Path) -> Result<()> {
     let key = key();
     let panels: Vec<Panel> = catalogue.cases.iter().map(panel).collect();
-    let drawings: Vec<&dyn Chart> = std::iter::once(&key as &dyn Chart).chain(panels.iter().map(|panel| panel as &dyn Chart)).collect();
+    let drawings: Vec<&dyn Chart> = std::iter::once(&key as &dyn Chart)
+        .chain(panels.iter().map(|panel| panel as &dyn Chart))
+        .collect();
     write_png(&drawings, CHART_COLUMNS, CHART_CELL_PX, path)
 }
 
 fn key() -> Words {
     let mut lines = vec![
-        (Some((Mark::Line, METHOD)), "golden − ideal: the method's error".to_owned()),
-        (Some((Mark::Dashed, METHOD)), "that of window, whose rule is another".to_owned()),
+        (
+            Some((Mark::Line, METHOD)),
+            "golden − ideal: the method's error".to_owned(),
+        ),
+        (
+            Some((Mark::Dashed, METHOD)),
+            "that of window, whose rule is another".to_owned(),
+        ),
     ];
     let names = surface_names().chain(["the case's own variant of reference"]);
-    lines.extend(names.enumerate().map(|(i, name)| (Some((Mark::Line, colour(i))), format!("fixed − led on {name}"))));
-    lines.push((None, "(of ellipsoids: volume or gaussian as reference,".into()));
+    lines.extend(names.enumerate().map(|(i, name)| {
+        (
+            Some((Mark::Line, colour(i))),
+            format!("fixed − led on {name}"),
+        )
+    }));
+    lines.push((
+        None,
+        "(of ellipsoids: volume or gaussian as reference,".into(),
+    ));
     lines.push((None, "its variant as lean)".into()));
     let rest = [
-        (Some((Mark::Dashed, colour(0))), "its bound; at the top where it says nothing"),
-        (Some((Mark::Dots, colour(0))), "fixed − golden: with flipped decisions"),
-        (None, "all: the greatest of a picture, linear light in [0, 1];"),
+        (
+            Some((Mark::Dashed, colour(0))),
+            "its bound; at the top where it says nothing",
+        ),
+        (
+            Some((Mark::Dots, colour(0))),
+            "fixed − golden: with flipped decisions",
+        ),
+        (
+            None,
+            "all: the greatest of a picture, linear light in [0, 1];",
+        ),
         (None, "what is below 1e-6 is drawn there"),
         (None, "upright: first value at which the method fails"),
-        (None, "(over 8/255), or a machine's arithmetic: by its error, by"),
-        (None, "its bound (over 1 on more than 1 % of the pixels), or"),
+        (
+            None,
+            "(over 8/255), or a machine's arithmetic: by its error, by",
+        ),
+        (
+            None,
+            "its bound (over 1 on more than 1 % of the pixels), or",
+        ),
         (None, "by refusing the scene"),
     ];
-    lines.extend(rest.into_iter().map(|(sample, line)| (sample, line.to_owned())));
-    Words { title: "How to read this".into(), lines }
+    lines.extend(
+        rest.into_iter()
+            .map(|(sample, line)| (sample, line.to_owned())),
+    );
+    Words {
+        title: "How to read this".into(),
+        lines,
+    }
 }
 
 fn panel(report: &CaseReport) -> Panel {
     // Every report is of a case of the table.
-    let case = CASES.iter().find(|case| case.name == report.name).unwrap_or(&CASES[0]);
-    let unit = if case.unit.is_empty() { String::new() } else { format!(", {}", case.unit) };
-    let with_zero = if case.log && case.values.contains(&0.0) { " (0 at the left end)" } else { "" };
+    let case = CASES
+        .iter()
+        .find(|case| case.name == report.name)
+        .unwrap_or(&CASES[0]);
+    let unit = if case.unit.is_empty() {
+        String::new()
+    } else {
+        format!(", {}", case.unit)
+    };
+    let with_zero = if case.log && case.values.contains(&0.0) {
+        " (0 at the left end)"
+    } else {
+        ""
+    };
     let label = format!("{}{unit}{with_zero}", case.parameter);
     let mut series = Vec::new();
     let mut limits = Vec::new();
     for (i, machine) in report.machines.iter().enumerate() {
         let line = |mark, colour, of: &dyn Fn(&Point) -> Option<f64>| {
-            let mut points: Vec<[f64; 2]> =
-                machine.points.iter().filter_map(|point| Some([place(case, point.value), of(point)?.max(FLOOR)])).collect();
+            let mut points: Vec<[f64; 2]> = machine
+                .points
+                .iter()
+                .filter_map(|point| Some([place(case, point.value), of(point)?.max(FLOOR)]))
+                .collect();
             points.sort_by(|a, b| a[0].total_cmp(&b[0]));
-            Series { name: String::new(), points, mark, colour }
+            Series {
+                name: String::new(),
+                points,
+                mark,
+                colour,
+            }
         };
         // Machines with the same rules have the same method.
         if i == 0 || Machine::WINDOW_NAMES.contains(&machine.machine.as_str()) {
-            series.push(line(if i == 0 { Mark::Line } else { Mark::Dashed }, METHOD, &|point| {
-                Some(point.found()?.golden_vs_ideal.max_error)
-            }));
-            let whose = if i == 0 { "method".to_owned() } else { format!("{}'s method", machine.machine) };
-            limits.extend(machine.method_fails_at.map(|value| (place(case, value), whose, METHOD)));
+            series.push(line(
+                if i == 0 { Mark::Line } else { Mark::Dashed },
+                METHOD,
+                &|point| Some(point.found()?.golden_vs_ideal.max_error),
+            ));
+            let whose = if i == 0 {
+                "method".to_owned()
+            } else {
+                format!("{}'s method", machine.machine)
+            };
+            limits.extend(
+                machine
+                    .method_fails_at
+                    .map(|value| (place(case, value), whose, METHOD)),
+            );
         }
-        series.push(line(Mark::Dots, colour(i), &|point| Some(point.found()?.fixed_vs_golden.max_error)));
-        series.push(line(Mark::Dashed, colour(i), &|point| Some(told_bound(point.found()?))));
-        series.push(line(Mark::Line, colour(i), &|point| Some(point.found()?.lockstep.max_error)));
+        series.push(line(Mark::Dots, colour(i), &|point| {
+            Some(point.found()?.fixed_vs_golden.max_error)
+        }));
+        series.push(line(Mark::Dashed, colour(i), &|point| {
+            Some(told_bound(point.found()?))
+        }));
+        series.push(line(Mark::Line, colour(i), &|point| {
+            Some(point.found()?.lockstep.max_error)
+        }));
         limits.extend(limit(case, machine, colour(i)));
     }
-    let (x, y) = (if case.log { Axis::log(&label) } else { Axis::linear(&label) }, Axis::log("error").within(FLOOR / 2.0, 1.2 * CEILING));
-    Panel { title: report.name.into(), x, y, series, limits: joined(limits), ..Panel::default() }
+    let (x, y) = (
+        if case.log {
+            Axis::log(&label)
+        } else {
+            Axis::linear(&label)
+        },
+        Axis::log("error").within(FLOOR / 2.0, 1.2 * CEILING),
+    );
+    Panel {
+        title: report.name.into(),
+        x,
+        y,
+        series,
+        limits: joined(limits),
+        ..Panel::default()
+    }
 }
 
 /// The bound where it says something, else the top of the chart.
 fn told_bound(found: &Found) -> f64 {
     let bound = &found.lockstep;
-    if bound.share_over_1 > SHARE_FAILS { CEILING } else { bound.max_bound.unwrap_or(0.0) }
+    if bound.share_over_1 > SHARE_FAILS {
+        CEILING
+    } else {
+        bound.max_bound.unwrap_or(0.0)
+    }
 }
 
 fn limit(case: &Case, machine: &MachineReport, colour: usize) -> Option<(f64, String, usize)> {
@@ -112,7 +210,11 @@ fn limit(case: &Case, machine: &MachineReport, colour: usize) -> Option<(f64, St
         Failure::Bound => "bound",
         Failure::Refused => "refuses",
     };
-    Some((place(case, machine.arithmetic_fails_at?), format!("{}: {how}", machine.machine), colour))
+    Some((
+        place(case, machine.arithmetic_fails_at?),
+        format!("{}: {how}", machine.machine),
+        colour,
+    ))
 }
 
 /// Limits at one place share a line, and its words.
@@ -129,25 +231,42 @@ fn joined(limits: Vec<(f64, String, usize)>) -> Vec<(f64, String, usize)> {
 
 /// One row an exhibit: what it is, ideal, golden, fixed, error.
 pub fn write_gallery(exhibits: &[Exhibit], path: &Path) -> Result<()> {
-    let rows: Vec<(Words, [Tile; 4])> = exhibits.iter().map(|exhibit| (words(exhibit), tiles(exhibit))).collect();
+    let rows: Vec<(Words, [Tile; 4])> = exhibits
+        .iter()
+        .map(|exhibit| (words(exhibit), tiles(exhibit)))
+        .collect();
     let mut drawings: Vec<&dyn Chart> = Vec::new();
     for (words, tiles) in &rows {
         drawings.push(words);
         drawings.extend(tiles.iter().map(|tile| tile as &dyn Chart));
     }
-    write_png(&drawings, 5 * GALLERY_COLUMNS.min(rows.len().max(1)), GALLERY_CELL_PX, path)
+    write_png(
+        &drawings,
+        5 * GALLERY_COLUMNS.min(rows.len().max(1)),
+        GALLERY_CELL_PX,
+        path,
+    )
 }
 
 fn words(exhibit: &Exhibit) -> Words {
     let case = exhibit.case;
     let value = format!("{} {} {}", case.parameter, short(exhibit.value), case.unit);
-    Words { title: case.name.into(), lines: broken(value.trim()).into_iter().map(|line| (None, line)).collect() }
+    Words {
+        title: case.name.into(),
+        lines: broken(value.trim())
+            .into_iter()
+            .map(|line| (None, line))
+            .collect(),
+    }
 }
 
 fn tiles(exhibit: &Exhibit) -> [Tile; 4] {
     let pictures = &exhibit.pictures;
     let error = error(&pictures.fixed, &pictures.golden);
-    let tile = |caption: &str, picture: &Picture| Tile { caption: caption.into(), picture: picture.clone() };
+    let tile = |caption: &str, picture: &Picture| Tile {
+        caption: caption.into(),
+        picture: picture.clone(),
+    };
     [
         tile("ideal", &pictures.ideal),
         tile("golden", &pictures.golden),
@@ -157,9 +276,14 @@ fn tiles(exhibit: &Exhibit) -> [Tile; 4] {
 }
 
 fn error(fixed: &Picture, golden: &Picture) -> Picture {
-    let pixel =
-        |(a, b): (&[f64; 4], &[f64; 4])| [0, 1, 2, 3].map(|i| (ENLARGED * (a[i].clamp(0.0, 1.0) - b[i].clamp(0.0, 1.0)).abs()).min(1.0));
-    Picture { rgba: fixed.rgba.iter().zip(&golden.rgba).map(pixel).collect(), ..fixed.clone() }
+    let pixel = |(a, b): (&[f64; 4], &[f64; 4])| {
+        [0, 1, 2, 3]
+            .map(|i| (ENLARGED * (a[i].clamp(0.0, 1.0) - b[i].clamp(0.0, 1.0)).abs()).min(1.0))
+    };
+    Picture {
+        rgba: fixed.rgba.iter().zip(&golden.rgba).map(pixel).collect(),
+        ..fixed.clone()
+    }
 }
 
 /// A text in lines that a cell of the gallery holds.
@@ -168,7 +292,9 @@ fn broken(text: &str) -> Vec<String> {
     for word in text.split(' ') {
         match lines.last_mut() {
             Some(line) if line.is_empty() => line.push_str(word),
-            Some(line) if line.chars().count() + 1 + word.chars().count() <= GALLERY_CHARS => *line += &format!(" {word}"),
+            Some(line) if line.chars().count() + 1 + word.chars().count() <= GALLERY_CHARS => {
+                *line += &format!(" {word}")
+            }
             _ => lines.push(word.to_owned()),
         }
     }

@@ -54,7 +54,8 @@ pub struct Found {
 pub struct Bounded {
     /// Greatest |fixed − led|.
     pub max_error: f64,
-    /// Greatest bound of a covered pixel among those that are at most 1; none where there is no such pixel.
+    /// Greatest bound of a covered pixel among those that are at most 1; none where there is no
+    /// such pixel.
     pub max_bound: Option<f64>,
     /// Share of the covered pixels whose bound exceeds 1, where it says nothing.
     pub share_over_1: f64,
@@ -64,7 +65,8 @@ pub struct Bounded {
     pub flips: Flips,
 }
 
-/// Pixels where fixed and `golden` differ by more than 8/255, each counted by the first thing that tells so.
+/// Pixels where fixed and `golden` differ by more than 8/255, each counted by the first thing that
+/// tells so.
 #[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
 pub struct Beyond {
     /// All of them.
@@ -85,24 +87,56 @@ pub struct Measured {
     pub pictures: Option<Pictures>,
 }
 
-/// Draws a scene on a machine and in exact arithmetic, and compares; also with the frame before, and its ideal picture, if there is one.
-pub fn measure(scene: &Scene, ideal: &Picture, machine: &Machine, before: Option<&(Picture, Scene)>) -> Measured {
-    let before = before.map(|(ideal, scene)| Ok::<_, crate::error::Error>((ideal, Evaluation::new(scene, machine)?))).transpose();
+/// Draws a scene on a machine and in exact arithmetic, and compares; also with the frame before,
+/// and its ideal picture, if there is one.
+pub fn measure(
+    scene: &Scene,
+    ideal: &Picture,
+    machine: &Machine,
+    before: Option<&(Picture, Scene)>,
+) -> Measured {
+    let before = before
+        .map(|(ideal, scene)| {
+            Ok::<_, crate::error::Error>((ideal, Evaluation::new(scene, machine)?))
+        })
+        .transpose();
     match Evaluation::new(scene, machine).and_then(|evaluation| Ok((evaluation, before?))) {
         Ok((evaluation, before)) => draw(ideal, &evaluation, before.as_ref()),
-        Err(error) => Measured { outcome: Outcome::Refused(error.to_string()), pictures: None },
+        Err(error) => Measured {
+            outcome: Outcome::Refused(error.to_string()),
+            pictures: None,
+        },
     }
 }
 
-fn draw(ideal: &Picture, evaluation: &Evaluation, before: Option<&(&Picture, Evaluation)>) -> Measured {
+fn draw(
+    ideal: &Picture,
+    evaluation: &Evaluation,
+    before: Option<&(&Picture, Evaluation)>,
+) -> Measured {
     let observed = evaluation.observe();
     let golden = evaluation.golden().picture;
     let led = evaluation.lockstep();
-    let Overflows { saturated, wrapped, signals } = observed.overflows();
-    let Observed { drawing, picture: fixed, .. } = observed;
-    let pictures = Pictures { ideal: ideal.clone(), golden, fixed };
+    let Overflows {
+        saturated,
+        wrapped,
+        signals,
+    } = observed.overflows();
+    let Observed {
+        drawing,
+        picture: fixed,
+        ..
+    } = observed;
+    let pictures = Pictures {
+        ideal: ideal.clone(),
+        golden,
+        fixed,
+    };
     let flicker = before.map(|(ideal, evaluation)| {
-        let (fixed, golden) = (evaluation.picture(&evaluation.draw()), evaluation.golden().picture);
+        let (fixed, golden) = (
+            evaluation.picture(&evaluation.draw()),
+            evaluation.golden().picture,
+        );
         flicker::Sums::new([&fixed, &golden, *ideal], pictures.all()).flicker()
     });
     let Pictures { golden, fixed, .. } = &pictures;
@@ -118,7 +152,10 @@ fn draw(ideal: &Picture, evaluation: &Evaluation, before: Option<&(&Picture, Eva
         wrapped,
         overflowed: signals,
     };
-    Measured { outcome: Outcome::Drawn(Box::new(found)), pictures: Some(pictures) }
+    Measured {
+        outcome: Outcome::Drawn(Box::new(found)),
+        pictures: Some(pictures),
+    }
 }
 
 /// Pixels that a splat touches in either picture.
@@ -173,14 +210,20 @@ fn beyond(fixed: &Picture, golden: &Picture, led: &Lockstep) -> Beyond {
 }
 
 impl Found {
-    /// Everything here that should be 0: pixels beyond their bound, unexplained flips, silent failures, pixels that are no number.
+    /// Everything here that should be 0: pixels beyond their bound, unexplained flips, silent
+    /// failures, pixels that are no number.
     pub fn faults(&self) -> u64 {
-        self.lockstep.violations + self.lockstep.flips.unexplained + self.beyond.silent + self.not_finite()
+        self.lockstep.violations
+            + self.lockstep.flips.unexplained
+            + self.beyond.silent
+            + self.not_finite()
     }
 
     /// Pixels that have no finite number in some picture.
     pub fn not_finite(&self) -> u64 {
-        self.golden_vs_ideal.not_finite.max(self.fixed_vs_golden.not_finite)
+        self.golden_vs_ideal
+            .not_finite
+            .max(self.fixed_vs_golden.not_finite)
     }
 }
 
@@ -190,8 +233,16 @@ mod tests {
     use crate::accuracy::Tiles;
 
     fn grey(values: &[f64]) -> Picture {
-        let rgba = values.iter().map(|value| [*value, *value, *value, 1.0]).collect();
-        Picture { width: values.len(), height: 1, rgba, covered: vec![true; values.len()] }
+        let rgba = values
+            .iter()
+            .map(|value| [*value, *value, *value, 1.0])
+            .collect();
+        Picture {
+            width: values.len(),
+            height: 1,
+            rgba,
+            covered: vec![true; values.len()],
+        }
     }
 
     fn told(bound: f64, flipped: u16) -> Lockstep {
@@ -212,7 +263,10 @@ mod tests {
         let (fixed, golden) = (grey(&[0.5]), grey(&[0.6]));
         let counts = |bound, flipped| {
             let b = beyond(&fixed, &golden, &told(bound, flipped));
-            assert_eq!(b.pixels, b.flipped + b.within_bound + b.bound_over_1 + b.silent);
+            assert_eq!(
+                b.pixels,
+                b.flipped + b.within_bound + b.bound_over_1 + b.silent
+            );
             [b.flipped, b.within_bound, b.bound_over_1, b.silent]
         };
         assert_eq!(counts(0.05, 0), [0, 0, 0, 1]);
@@ -239,7 +293,10 @@ mod tests {
 
     #[test]
     fn a_small_error_needs_no_excuse() {
-        assert_eq!(beyond(&grey(&[0.5]), &grey(&[0.5 + 7.9 / 255.0]), &told(0.0, 0)).pixels, 0);
+        assert_eq!(
+            beyond(&grey(&[0.5]), &grey(&[0.5 + 7.9 / 255.0]), &told(0.0, 0)).pixels,
+            0
+        );
     }
 
     #[test]

@@ -1,6 +1,8 @@
-//! Columns: every figure of a sweep's point, each listed once: its name, what its cells hold, and where it comes from.
+//! Columns: every figure of a sweep's point, each listed once: its name, what its cells hold, and
+//! where it comes from.
 //!
-//! A new column is a line here. Its constant is how charts and summaries name it, so that a mistyped column does not compile.
+//! A new column is a line here. Its constant is how charts and summaries name it, so that a
+//! mistyped column does not compile.
 
 use super::table::{Column, Kind, Row, named};
 use crate::accuracy::flicker::Flicker;
@@ -142,9 +144,15 @@ pub const SCENE: &str = "scene";
 pub const CHANGES: &str = "changes";
 
 /// Columns before the plan's own fields.
-const HEAD: [(&str, Kind); 4] = [(POINT, Kind::Whole), (KEY, Kind::Text), (SCENE, Kind::Text), (CHANGES, Kind::Text)];
+const HEAD: [(&str, Kind); 4] = [
+    (POINT, Kind::Whole),
+    (KEY, Kind::Text),
+    (SCENE, Kind::Text),
+    (CHANGES, Kind::Text),
+];
 
-/// Units with an account of their cycles each, those of several side by side together; empty where a machine has none.
+/// Units with an account of their cycles each, those of several side by side together; empty where
+/// a machine has none.
 pub use rtl_model::timing::UNITS;
 
 /// States of a unit in a cycle.
@@ -157,31 +165,61 @@ pub fn account(unit: &str, account: &str) -> String {
 
 /// All columns of a plan with these of its own.
 pub(super) fn all(own: Vec<Column>) -> Vec<Column> {
-    let accounts = UNITS.iter().flat_map(|unit| ACCOUNTS.map(|name| (account(unit, name), Kind::Whole)));
+    let accounts = UNITS
+        .iter()
+        .flat_map(|unit| ACCOUNTS.map(|name| (account(unit, name), Kind::Whole)));
     let figure = |figure: &Figure| (figure.name.to_owned(), figure.kind);
-    named(&HEAD).into_iter().chain(own).chain(FIGURES.iter().map(figure)).chain(accounts).chain(SECONDS.iter().map(figure)).collect()
+    named(&HEAD)
+        .into_iter()
+        .chain(own)
+        .chain(FIGURES.iter().map(figure))
+        .chain(accounts)
+        .chain(SECONDS.iter().map(figure))
+        .collect()
 }
 
 /// The cells that follow the plan's own fields.
 pub(super) fn cells(findings: &Findings) -> Row {
-    let accounts =
-        UNITS.iter().flat_map(|unit| findings.replay.as_ref().map_or([const { Value::Null }; 4], |replay| replay.accounts(unit)));
+    let accounts = UNITS.iter().flat_map(|unit| {
+        findings
+            .replay
+            .as_ref()
+            .map_or([const { Value::Null }; 4], |replay| replay.accounts(unit))
+    });
     let cell = |figure: &Figure| (figure.cell)(findings);
-    FIGURES.iter().map(cell).chain(accounts).chain(SECONDS.iter().map(cell)).collect()
+    FIGURES
+        .iter()
+        .map(cell)
+        .chain(accounts)
+        .chain(SECONDS.iter().map(cell))
+        .collect()
 }
 
 impl Replay {
     fn blocks_18(&self) -> u64 {
-        self.cost.cost.units.iter().map(|unit| unit.bits.blocks_18).sum()
+        self.cost
+            .cost
+            .units
+            .iter()
+            .map(|unit| unit.bits.blocks_18)
+            .sum()
     }
 
-    /// Cycles of a unit, and of those of its kind, by [`ACCOUNTS`]; none where the machine has no such unit.
+    /// Cycles of a unit, and of those of its kind, by [`ACCOUNTS`]; none where the machine has no
+    /// such unit.
     fn accounts(&self, unit: &str) -> [Value; 4] {
         let same = || self.units.units.iter().filter(|other| other.name == unit);
-        let of = |count: fn(&Account) -> u64| json!(same().map(|other| count(&other.account)).sum::<u64>());
+        let of = |count: fn(&Account) -> u64| {
+            json!(same().map(|other| count(&other.account)).sum::<u64>())
+        };
         if same().next().is_none() {
             return [const { Value::Null }; 4];
         }
-        [of(|a| a.busy), of(|a| a.starved), of(|a| a.blocked), of(|a| a.memory)]
+        [
+            of(|a| a.busy),
+            of(|a| a.starved),
+            of(|a| a.blocked),
+            of(|a| a.memory),
+        ]
     }
 }

@@ -17,36 +17,75 @@ struct Less {
     bits: i32,
 }
 
-/// A sentence about the row that loses a decibel with the fewest bits less, of equals the one that loses most; none where no row only takes
-/// bits away, or none has all of them.
+/// A sentence about the row that loses a decibel with the fewest bits less, of equals the one that
+/// loses most; none where no row only takes bits away, or none has all of them.
 pub(super) fn first(table: &Table, base: &Machine) -> Option<String> {
     let words = machines::words(base);
     let column = [columns::LOCKSTEP_PSNR_DB, columns::PSNR_DB]
         .into_iter()
-        .find(|name| table.rows.iter().any(|row| table.number(row, name).is_some()))?;
+        .find(|name| {
+            table
+                .rows
+                .iter()
+                .any(|row| table.number(row, name).is_some())
+        })?;
     let is_built = |row: &&Row| table.text(row, columns::MISFIT).is_empty();
-    let rows: Vec<(&Row, Less)> =
-        (table.rows.iter().filter(is_built)).filter_map(|row| Some((row, less(table.text(row, columns::CHANGES), &words)?))).collect();
+    let rows: Vec<(&Row, Less)> = (table.rows.iter().filter(is_built))
+        .filter_map(|row| Some((row, less(table.text(row, columns::CHANGES), &words)?)))
+        .collect();
     // Equal pictures have no decibels: they lose nothing, and whatever follows them loses all.
     let db = |row: &Row| table.number(row, column).unwrap_or(f64::INFINITY);
-    let whole =
-        |scene: &str| rows.iter().find(|(row, less)| less.bits == 0 && table.text(row, columns::SCENE) == scene).map(|(row, _)| db(row));
+    let whole = |scene: &str| {
+        rows.iter()
+            .find(|(row, less)| less.bits == 0 && table.text(row, columns::SCENE) == scene)
+            .map(|(row, _)| db(row))
+    };
     let lost = |(row, less): &(&Row, Less)| {
         let before = whole(table.text(row, columns::SCENE))?;
-        let loss = if before == db(row) { 0.0 } else { before - db(row) };
-        (less.bits > 0).then(|| (loss, before, db(row), less.clone(), table.text(row, columns::SCENE).to_owned()))
+        let loss = if before == db(row) {
+            0.0
+        } else {
+            before - db(row)
+        };
+        (less.bits > 0).then(|| {
+            (
+                loss,
+                before,
+                db(row),
+                less.clone(),
+                table.text(row, columns::SCENE).to_owned(),
+            )
+        })
     };
     let losses: Vec<_> = rows.iter().filter_map(lost).collect();
     let losing = losses.iter().filter(|(loss, ..)| *loss >= LOST_DB);
-    let first =
-        losing.min_by(|(loss, _, _, less, _), (other_loss, _, _, other, _)| less.bits.cmp(&other.bits).then(other_loss.total_cmp(loss)));
-    let metric = if column == columns::PSNR_DB { "fixed − golden" } else { "in lockstep" };
+    let first = losing.min_by(|(loss, _, _, less, _), (other_loss, _, _, other, _)| {
+        less.bits.cmp(&other.bits).then(other_loss.total_cmp(loss))
+    });
+    let metric = if column == columns::PSNR_DB {
+        "fixed − golden"
+    } else {
+        "in lockstep"
+    };
     match first {
         Some((_, before, after, Less { words, bits }, scene)) => {
             let s = if *bits == 1 { "" } else { "s" };
-            let told = |db: f64| if db.is_finite() { format!("{db:.1}") } else { "equal".into() };
-            let how = format!("{} → {} dB, {metric}, on {scene}", told(*before), told(*after));
-            Some(format!("first to lose {LOST_DB:.0} dB: {} with {bits} bit{s} less, {how}", words.join(" and ")))
+            let told = |db: f64| {
+                if db.is_finite() {
+                    format!("{db:.1}")
+                } else {
+                    "equal".into()
+                }
+            };
+            let how = format!(
+                "{} → {} dB, {metric}, on {scene}",
+                told(*before),
+                told(*after)
+            );
+            Some(format!(
+                "first to lose {LOST_DB:.0} dB: {} with {bits} bit{s} less, {how}",
+                words.join(" and ")
+            ))
         }
         None if losses.is_empty() => None,
         None => Some(format!("no word loses {LOST_DB:.0} dB, {metric}")),
@@ -55,13 +94,21 @@ pub(super) fn first(table: &Table, base: &Machine) -> Option<String> {
 
 /// What a row's changes take away; none where they do anything else.
 fn less(changes: &str, words: &[(String, Format)]) -> Option<Less> {
-    let mut all = Less { words: Vec::new(), bits: 0 };
+    let mut all = Less {
+        words: Vec::new(),
+        bits: 0,
+    };
     for change in changes.split(' ').filter(|change| !change.is_empty()) {
         let (field, value) = change.split_once('=')?;
         let (_, own) = words.iter().find(|(word, _)| word == field)?;
         let now: Format = value.parse().ok()?;
         let bits = own.frac_bits - now.frac_bits;
-        if (Format { frac_bits: own.frac_bits, ..now }) != *own || bits < 0 {
+        if (Format {
+            frac_bits: own.frac_bits,
+            ..now
+        }) != *own
+            || bits < 0
+        {
             return None;
         }
         if bits > 0 {

@@ -17,7 +17,8 @@ td.n { text-align: right } th:after { content: ' ↕'; color: #bbb } th.up:after
 input { font: inherit; width: 24em }
 ";
 
-/// Sorts by a click on a head, keeps rows that hold the words that are typed, shows the first of them.
+/// Sorts by a click on a head, keeps rows that hold the words that are typed, shows the first of
+/// them.
 const SCRIPT: &str = "
 const MOST = 500, { columns, rows } = JSON.parse(document.getElementById('rows').textContent);
 const head = document.querySelector('thead tr'), body = document.querySelector('tbody');
@@ -52,24 +53,54 @@ words.oninput = show;
 show();
 ";
 
-/// The page. Columns that are the same in all rows are told once; keys and host times are left to the files.
+/// The page. Columns that are the same in all rows are told once; keys and host times are left to
+/// the files.
 pub fn html(table: &Table, base: &str, figures: &[(&Figure, String)]) -> String {
     let is_shown = |name: &str| name != "key" && !name.starts_with("host_");
-    let all = || table.columns.iter().enumerate().filter(|(_, (name, _))| is_shown(name));
-    let is_same = |at: usize| table.rows.len() > 1 && table.rows.iter().all(|row| row[at] == table.rows[0][at]);
+    let all = || {
+        table
+            .columns
+            .iter()
+            .enumerate()
+            .filter(|(_, (name, _))| is_shown(name))
+    };
+    let is_same = |at: usize| {
+        table.rows.len() > 1 && table.rows.iter().all(|row| row[at] == table.rows[0][at])
+    };
     let (same, varied): (Vec<_>, Vec<_>) = all().partition(|(at, _)| is_same(*at));
-    let shown = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+    let shown = |value: &Value| {
+        value
+            .as_str()
+            .map_or_else(|| value.to_string(), str::to_owned)
+    };
     let same = same.iter().filter(|(at, _)| !table.rows[0][*at].is_null());
-    let same: Vec<String> = same.map(|(at, (name, _))| format!("{name} = {}", shown(&table.rows[0][*at]))).collect();
+    let same: Vec<String> = same
+        .map(|(at, (name, _))| format!("{name} = {}", shown(&table.rows[0][*at])))
+        .collect();
     let columns: Vec<&String> = varied.iter().map(|(_, (name, _))| name).collect();
-    let rows: Vec<Vec<&Value>> = table.rows.iter().map(|row| varied.iter().map(|(at, _)| &row[*at]).collect()).collect();
+    let rows: Vec<Vec<&Value>> = table
+        .rows
+        .iter()
+        .map(|row| varied.iter().map(|(at, _)| &row[*at]).collect())
+        .collect();
     let rows = json_in_html(&json!({"columns": columns, "rows": rows}));
     let name = escaped(base);
     let mut page = format!(
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>splatsim: {name}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>Machines made from {name}</h1>\n"
     );
-    for (Figure { name, title, says, .. }, svg) in figures {
-        let _ = write!(page, "<h2 id=\"{name}\">{}</h2>\n<p>{}</p>\n{svg}\n", escaped(title), escaped(says));
+    for (
+        Figure {
+            name, title, says, ..
+        },
+        svg,
+    ) in figures
+    {
+        let _ = write!(
+            page,
+            "<h2 id=\"{name}\">{}</h2>\n<p>{}</p>\n{svg}\n",
+            escaped(title),
+            escaped(says)
+        );
     }
     let _ = write!(
         page,
@@ -82,5 +113,8 @@ pub fn html(table: &Table, base: &str, figures: &[(&Figure, String)]) -> String 
 }
 
 fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+    text.replace('&', "&amp;")
+        .replace('<', "&lt;")
+        .replace('>', "&gt;")
+        .replace('"', "&quot;")
 }

@@ -48,8 +48,9 @@ pub struct Plan {
     /// Hold each machine to its golden twin in lockstep too, which takes most of a point's time.
     #[serde(default = "yes")]
     pub lockstep: bool,
-    /// Draw this many frames of scenes with several cameras, from the first on, and measure how errors change from frame to frame. All other
-    /// figures are those of the first frame. Only for surfaces.
+    /// Draw this many frames of scenes with several cameras, from the first on, and measure how
+    /// errors change from frame to frame. All other figures are those of the first frame. Only for
+    /// surfaces.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 2, max = 32))]
     pub flicker: Option<usize>,
@@ -67,12 +68,14 @@ fn yes() -> bool {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Axis {
-    /// A field of the machine, as `gauss.weight` or `timing.raster.lanes`; `*` is every word that can be so, one at a time; `exact` lists
-    /// units and words that are f64 instead, as `["raster", "splat.rgb"]`: of such a machine only errors are known.
+    /// A field of the machine, as `gauss.weight` or `timing.raster.lanes`; `*` is every word that
+    /// can be so, one at a time; `exact` lists units and words that are f64 instead, as
+    /// `["raster", "splat.rgb"]`: of such a machine only errors are known.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub field: String,
-    /// Instead of one field, several that change together, such as `["ellipse.conic", "ellipse.conic_cross"]`. Each gets the value, or as
-    /// many additional bits as the value says.
+    /// Instead of one field, several that change together, such as
+    /// `["ellipse.conic", "ellipse.conic_cross"]`. Each gets the value, or as many additional bits
+    /// as the value says.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fields: Vec<String>,
     /// These values.
@@ -84,7 +87,8 @@ pub struct Axis {
     /// So many fraction bits more than the base machine's; fewer where negative. Of words.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub add_frac_bits: Option<Vec<i32>>,
-    /// So many integer bits more than the base machine's; fewer where negative. Of words; beside `add_frac_bits`, one after the other.
+    /// So many integer bits more than the base machine's; fewer where negative. Of words; beside
+    /// `add_frac_bits`, one after the other.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub add_int_bits: Option<Vec<i32>>,
 }
@@ -113,26 +117,49 @@ const EXACT: &str = "exact";
 /// # Errors
 /// As [`machines::with`].
 pub fn machine_of(base: &Machine, changes: &[Change], name: &str) -> Result<Machine> {
-    let own: Vec<Change> = changes.iter().filter(|(field, _)| field != EXACT).cloned().collect();
+    let own: Vec<Change> = changes
+        .iter()
+        .filter(|(field, _)| field != EXACT)
+        .cloned()
+        .collect();
     machines::with(base, &own, name)
 }
 
 /// Units and words that changes make exact.
 pub fn exact_of(changes: &[Change]) -> Vec<String> {
-    let lists = changes.iter().filter(|(field, _)| field == EXACT).filter_map(|(_, value)| value.as_array());
-    lists.flatten().filter_map(|name| name.as_str().map(str::to_owned)).collect()
+    let lists = changes
+        .iter()
+        .filter(|(field, _)| field == EXACT)
+        .filter_map(|(_, value)| value.as_array());
+    lists
+        .flatten()
+        .filter_map(|name| name.as_str().map(str::to_owned))
+        .collect()
 }
 
 /// Refuses what names no units or words.
 fn check_exact(value: &Value, words: &[(String, Format)]) -> Result<()> {
     let input_error = |what: String| Error::input(format!("axes: {EXACT}: {what}"));
-    let names = value.as_array().ok_or_else(|| input_error(format!("{value} is no list, as [\"raster\", \"splat.rgb\"] is")))?;
+    let names = value.as_array().ok_or_else(|| {
+        input_error(format!(
+            "{value} is no list, as [\"raster\", \"splat.rgb\"] is"
+        ))
+    })?;
     let is_known = |name: &str| UNITS.contains(&name) || words.iter().any(|(word, _)| word == name);
-    match names.iter().find(|name| !name.as_str().is_some_and(is_known)) {
+    match names
+        .iter()
+        .find(|name| !name.as_str().is_some_and(is_known))
+    {
         Some(name) => {
-            let known: Vec<&str> = UNITS.into_iter().chain(words.iter().map(|(word, _)| word.as_str())).collect();
+            let known: Vec<&str> = UNITS
+                .into_iter()
+                .chain(words.iter().map(|(word, _)| word.as_str()))
+                .collect();
             let nearest = validate::in_brackets(name.as_str().unwrap_or_default(), &known);
-            Err(input_error(format!("{name} is no unit and no word; units are {}{nearest}", UNITS.join(", "))))
+            Err(input_error(format!(
+                "{name} is no unit and no word; units are {}{nearest}",
+                UNITS.join(", ")
+            )))
         }
         None => Ok(()),
     }
@@ -151,7 +178,8 @@ pub struct Points {
     axes: Vec<Vec<Vec<Change>>>,
     /// Machines a scene.
     machines: u64,
-    /// Of each scene the cameras whose frames are compared with those before them; none where that is not asked for.
+    /// Of each scene the cameras whose frames are compared with those before them; none where that
+    /// is not asked for.
     cameras: Vec<Vec<Camera>>,
 }
 
@@ -209,21 +237,29 @@ impl Points {
         let path = Path::new(name_or_path.as_ref());
         let name = &*path.to_string_lossy();
         let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
-        let ready = READY.iter().find(|(ready, _)| *ready == name && !path.is_file());
+        let ready = READY
+            .iter()
+            .find(|(ready, _)| *ready == name && !path.is_file());
         let text = match ready {
             Some((_, text)) => (*text).to_owned(),
             None if !path.exists() => {
                 let names = READY.map(|(name, _)| name);
                 let nearest = validate::in_brackets(name, &names);
-                let sentence = format!("no such file, and no ready plan either; ready are {}{nearest}", names.join(", "));
+                let sentence = format!(
+                    "no such file, and no ready plan either; ready are {}{nearest}",
+                    names.join(", ")
+                );
                 return Err(input_error(sentence));
             }
-            None => input::read_text(path).map_err(|e| input_error(format!("cannot be read: {e}")))?,
+            None => {
+                input::read_text(path).map_err(|e| input_error(format!("cannot be read: {e}")))?
+            }
         };
         Points::from_text(&text, name, path.parent().unwrap_or(Path::new("")))
     }
 
-    /// Reads a plan's text; files that it names lie beside each other in `folder`, and `name` begins every error.
+    /// Reads a plan's text; files that it names lie beside each other in `folder`, and `name`
+    /// begins every error.
     ///
     /// # Errors
     /// As [`Points::load`].
@@ -231,7 +267,8 @@ impl Points {
         let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
         let value = strict_json::parse(text).map_err(input_error)?;
         validate::check(&value, &schema()).map_err(|misfit| input_error(misfit.to_string()))?;
-        let plan: Plan = serde_path_to_error::deserialize(&value).map_err(|e| input_error(format!("{}: {}", e.path(), e.inner())))?;
+        let plan: Plan = serde_path_to_error::deserialize(&value)
+            .map_err(|e| input_error(format!("{}: {}", e.path(), e.inner())))?;
         let folder = folder.to_owned();
         Points::new(plan, folder).map_err(|error| match error {
             Error::Input(sentence) => input_error(sentence),
@@ -257,7 +294,10 @@ impl Points {
                 return Err(input_error("`*` needs \"order\": \"one-at-a-time\"".into()));
             }
             for (field, _) in &words {
-                let axis = Axis { field: field.clone(), ..axis.clone() };
+                let axis = Axis {
+                    field: field.clone(),
+                    ..axis.clone()
+                };
                 let mut steps = axis.steps(&[field], &words).map_err(input_error)?;
                 // Some words have no bit more to give, or none less.
                 steps.retain(|changes| machines::with(&base, changes, "").is_ok());
@@ -273,7 +313,10 @@ impl Points {
                 seen.push(field);
             }
             for changes in steps {
-                changes.iter().filter(|(field, _)| field == EXACT).try_for_each(|(_, value)| check_exact(value, &words))?;
+                changes
+                    .iter()
+                    .filter(|(field, _)| field == EXACT)
+                    .try_for_each(|(_, value)| check_exact(value, &words))?;
                 machine_of(&base, changes, "axes")?;
             }
         }
@@ -281,16 +324,26 @@ impl Points {
         let machines = match plan.order {
             Order::Grid => counts.fold(1, u64::saturating_mul),
             Order::OneAtATime => 1 + counts.sum::<u64>(),
-            Order::Sample => {
-                plan.points.filter(|points| *points > 0).ok_or_else(|| Error::input("a sample needs `points`, one at least"))?
-            }
+            Order::Sample => plan
+                .points
+                .filter(|points| *points > 0)
+                .ok_or_else(|| Error::input("a sample needs `points`, one at least"))?,
         };
         if plan.order != Order::Sample && plan.points.is_some() {
             return Err(Error::input("points belongs to \"order\": \"sample\""));
         }
-        let mut points = Points { plan, base, folder, axes, machines, cameras: Vec::new() };
+        let mut points = Points {
+            plan,
+            base,
+            folder,
+            axes,
+            machines,
+            cameras: Vec::new(),
+        };
         if let Some(frames) = points.plan.flicker {
-            points.cameras = (0..points.plan.scenes.len()).map(|nth| points.film(nth, frames)).collect::<Result<_>>()?;
+            points.cameras = (0..points.plan.scenes.len())
+                .map(|nth| points.film(nth, frames))
+                .collect::<Result<_>>()?;
         }
         Ok(points)
     }
@@ -299,13 +352,21 @@ impl Points {
     fn film(&self, nth: usize, frames: usize) -> Result<Vec<Camera>> {
         let (name, overrides) = self.named(nth);
         let sequence = Sequence::load(name, &overrides, None)?;
-        let input_error = |what: String| Err(Error::input(format!("flicker: {}: {what}", sequence.scene().name)));
+        let input_error = |what: String| {
+            Err(Error::input(format!(
+                "flicker: {}: {what}",
+                sequence.scene().name
+            )))
+        };
         if !sequence.shares_splats() {
             return input_error("frames of volumes, Gaussians and trees are not swept; `run` draws all frames of one machine".into());
         }
         match sequence.cameras().get(..frames) {
             Some(cameras) => Ok(cameras.to_vec()),
-            None => input_error(format!("{frames} frames are asked for, and it has {}", thousands(sequence.cameras().len() as u64))),
+            None => input_error(format!(
+                "{frames} frames are asked for, and it has {}",
+                thousands(sequence.cameras().len() as u64)
+            )),
         }
     }
 
@@ -321,17 +382,26 @@ impl Points {
 
     /// Which scene a point is on, and what it changes.
     pub fn point(&self, number: u64) -> (usize, Vec<Change>) {
-        ((number / self.machines) as usize, self.changes(number % self.machines))
+        (
+            (number / self.machines) as usize,
+            self.changes(number % self.machines),
+        )
     }
 
-    /// Points in the order of the plan, those that may share a frame, for they differ in timing alone, together.
+    /// Points in the order of the plan, those that may share a frame, for they differ in timing
+    /// alone, together.
     pub fn together(&self, numbers: &[u64]) -> Vec<Vec<u64>> {
         let mut groups: Vec<Vec<u64>> = Vec::new();
         let mut places = HashMap::new();
         for number in numbers {
             let (scene, changes) = self.point(*number);
-            let drawn: Vec<Change> = changes.into_iter().filter(|(field, _)| machines::changes_picture(field)).collect();
-            let place = *places.entry((scene, Value::from_iter(drawn).to_string())).or_insert(groups.len());
+            let drawn: Vec<Change> = changes
+                .into_iter()
+                .filter(|(field, _)| machines::changes_picture(field))
+                .collect();
+            let place = *places
+                .entry((scene, Value::from_iter(drawn).to_string()))
+                .or_insert(groups.len());
             if place == groups.len() {
                 groups.push(Vec::new());
             }
@@ -355,7 +425,9 @@ impl Points {
                 steps.into_iter().rev().flatten().collect()
             }
             Order::OneAtATime => {
-                let Some(mut left) = number.checked_sub(1) else { return Vec::new() };
+                let Some(mut left) = number.checked_sub(1) else {
+                    return Vec::new();
+                };
                 for axis in 0..self.axes.len() {
                     if left < count(axis) {
                         return step(axis, left);
@@ -365,9 +437,21 @@ impl Points {
                 Vec::new()
             }
             Order::Sample => {
-                let place = |axis: usize| shuffled(number, self.machines, self.plan.seed.wrapping_add(axis as u64));
+                let place = |axis: usize| {
+                    shuffled(
+                        number,
+                        self.machines,
+                        self.plan.seed.wrapping_add(axis as u64),
+                    )
+                };
                 (0..self.axes.len())
-                    .flat_map(|axis| step(axis, (u128::from(place(axis)) * u128::from(count(axis)) / u128::from(self.machines)) as u64))
+                    .flat_map(|axis| {
+                        step(
+                            axis,
+                            (u128::from(place(axis)) * u128::from(count(axis))
+                                / u128::from(self.machines)) as u64,
+                        )
+                    })
                     .collect()
             }
         }
@@ -375,22 +459,39 @@ impl Points {
 
     /// Fields that an axis names, in the order of the plan; `*` is none.
     pub fn fields(&self) -> Vec<String> {
-        self.plan.axes.iter().flat_map(|axis| axis.named().unwrap_or_default()).filter(|field| *field != "*").cloned().collect()
+        self.plan
+            .axes
+            .iter()
+            .flat_map(|axis| axis.named().unwrap_or_default())
+            .filter(|field| *field != "*")
+            .cloned()
+            .collect()
     }
 
     /// The columns of these fields: of numbers where all values are, the base machine's too.
     pub fn columns(&self) -> Vec<Column> {
         let base = machines::value(&self.base);
         let kind = |field: &String| {
-            let all = self.axes.iter().flatten().flatten().filter(|(other, _)| other == field).map(|(_, value)| value);
-            let numbers = all.chain(base.pointer(&machines::pointer(field))).filter(|value| !value.is_null());
+            let all = self
+                .axes
+                .iter()
+                .flatten()
+                .flatten()
+                .filter(|(other, _)| other == field)
+                .map(|(_, value)| value);
+            let numbers = all
+                .chain(base.pointer(&machines::pointer(field)))
+                .filter(|value| !value.is_null());
             numbers.map(kind_of).reduce(|a, b| match (a, b) {
                 (a, b) if a == b => a,
                 (Kind::Text, _) | (_, Kind::Text) => Kind::Text,
                 _ => Kind::Number,
             })
         };
-        self.fields().into_iter().map(|field| (field.clone(), kind(&field).unwrap_or(Kind::Text))).collect()
+        self.fields()
+            .into_iter()
+            .map(|field| (field.clone(), kind(&field).unwrap_or(Kind::Text)))
+            .collect()
     }
 
     /// Loads a scene of the plan.
@@ -407,7 +508,10 @@ impl Points {
     /// What a scene is loaded by.
     fn named(&self, nth: usize) -> (PathBuf, Overrides) {
         let size = self.plan.size.map(|[width, height]| (width, height));
-        (beside(&self.folder, &self.plan.scenes[nth]), Overrides { size })
+        (
+            beside(&self.folder, &self.plan.scenes[nth]),
+            Overrides { size },
+        )
     }
 }
 
@@ -438,10 +542,14 @@ impl Axis {
         match (self.field.as_str(), self.fields.as_slice()) {
             ("", []) => Err("needs a `field`, or `fields` that change together".into()),
             (_, []) => Ok(vec![&self.field]),
-            ("", fields) if fields.iter().any(|field| field == "*" || field == EXACT) => {
-                Err(format!("fields: `*` and `{EXACT}` change with nothing together"))
-            }
-            ("", fields) => match fields.iter().enumerate().find(|(nth, field)| fields[..*nth].contains(field)) {
+            ("", fields) if fields.iter().any(|field| field == "*" || field == EXACT) => Err(
+                format!("fields: `*` and `{EXACT}` change with nothing together"),
+            ),
+            ("", fields) => match fields
+                .iter()
+                .enumerate()
+                .find(|(nth, field)| fields[..*nth].contains(field))
+            {
                 Some((_, field)) => Err(format!("fields has {} twice", clipped(field))),
                 None => Ok(fields.iter().collect()),
             },
@@ -450,12 +558,29 @@ impl Axis {
     }
 
     /// What is changed, step by step: all of its fields in each.
-    fn steps(&self, named: &[&String], words: &[(String, Format)]) -> std::result::Result<Vec<Vec<Change>>, String> {
+    fn steps(
+        &self,
+        named: &[&String],
+        words: &[(String, Format)],
+    ) -> std::result::Result<Vec<Vec<Change>>, String> {
         let of_each: Vec<Vec<Value>> = named
             .iter()
-            .map(|field| Axis { field: (*field).clone(), fields: Vec::new(), ..self.clone() }.values(words))
+            .map(|field| {
+                Axis {
+                    field: (*field).clone(),
+                    fields: Vec::new(),
+                    ..self.clone()
+                }
+                .values(words)
+            })
             .collect::<std::result::Result<_, _>>()?;
-        let step = |nth: usize| named.iter().zip(&of_each).map(|(field, values)| ((*field).clone(), values[nth].clone())).collect();
+        let step = |nth: usize| {
+            named
+                .iter()
+                .zip(&of_each)
+                .map(|(field, values)| ((*field).clone(), values[nth].clone()))
+                .collect()
+        };
         Ok((0..of_each[0].len()).map(step).collect())
     }
 
@@ -463,16 +588,28 @@ impl Axis {
         let no_bits = self.add_frac_bits.is_none() && self.add_int_bits.is_none();
         let values = match (&self.values, self.range) {
             (Some(values), None) if no_bits && values.len() > MOST_VALUES => {
-                return Err(format!("{} has {} values: {MOST_VALUES} is the most", self.field, values.len()));
+                return Err(format!(
+                    "{} has {} values: {MOST_VALUES} is the most",
+                    self.field,
+                    values.len()
+                ));
             }
             (Some(values), None) if no_bits => values.clone(),
             (None, Some([first, last, step])) if no_bits => {
                 let falls = (step > 0) != (last >= first) && first != last;
-                let count = if step == 0 || falls { 0 } else { (i128::from(last) - i128::from(first)) / i128::from(step) + 1 };
+                let count = if step == 0 || falls {
+                    0
+                } else {
+                    (i128::from(last) - i128::from(first)) / i128::from(step) + 1
+                };
                 if count > MOST_VALUES as i128 {
-                    return Err(format!("range {first} to {last} by {step} has {count} values: {MOST_VALUES} is the most"));
+                    return Err(format!(
+                        "range {first} to {last} by {step} has {count} values: {MOST_VALUES} is the most"
+                    ));
                 }
-                (0..count as i64).map(|nth| Value::from(first + nth * step)).collect()
+                (0..count as i64)
+                    .map(|nth| Value::from(first + nth * step))
+                    .collect()
             }
             (None, None) if !no_bits => {
                 let word = words.iter().find(|(field, _)| *field == self.field);
@@ -480,20 +617,42 @@ impl Axis {
                     let known: Vec<&str> = words.iter().map(|(field, _)| field.as_str()).collect();
                     let nearest = validate::in_brackets(&self.field, &known);
                     let field = clipped(&self.field);
-                    return Err(format!("{field} is no word, which add_frac_bits and add_int_bits need{nearest}"));
+                    return Err(format!(
+                        "{field} is no word, which add_frac_bits and add_int_bits need{nearest}"
+                    ));
                 };
-                let [finer, wider] = [&self.add_frac_bits, &self.add_int_bits].map(|more| more.iter().flatten().copied());
-                let finer = finer.map(|more| Format { frac_bits: format.frac_bits.saturating_add(more), ..*format });
-                let wider = wider.map(|more| Format { int_bits: format.int_bits.saturating_add(more), ..*format });
-                finer.chain(wider).map(|format| Value::from(format.to_string())).collect()
+                let [finer, wider] = [&self.add_frac_bits, &self.add_int_bits]
+                    .map(|more| more.iter().flatten().copied());
+                let finer = finer.map(|more| Format {
+                    frac_bits: format.frac_bits.saturating_add(more),
+                    ..*format
+                });
+                let wider = wider.map(|more| Format {
+                    int_bits: format.int_bits.saturating_add(more),
+                    ..*format
+                });
+                finer
+                    .chain(wider)
+                    .map(|format| Value::from(format.to_string()))
+                    .collect()
             }
-            _ => return Err(format!("{} needs one of values, range and bits to add", self.field)),
+            _ => {
+                return Err(format!(
+                    "{} needs one of values, range and bits to add",
+                    self.field
+                ));
+            }
         };
-        if values.is_empty() { Err(format!("{} has no values", self.field)) } else { Ok(values) }
+        if values.is_empty() {
+            Err(format!("{} has no values", self.field))
+        } else {
+            Ok(values)
+        }
     }
 }
 
-/// Where a number of 0 to `count` − 1 comes to lie when all are shuffled: a permutation by four Feistel rounds, walked until it is in range.
+/// Where a number of 0 to `count` − 1 comes to lie when all are shuffled: a permutation by four
+/// Feistel rounds, walked until it is in range.
 fn shuffled(number: u64, count: u64, seed: u64) -> u64 {
     let half = (64 - (count.max(2) - 1).leading_zeros()).div_ceil(2);
     let mask = (1u64 << half) - 1;
@@ -501,7 +660,10 @@ fn shuffled(number: u64, count: u64, seed: u64) -> u64 {
     loop {
         let [mut left, mut right] = [place >> half, place & mask];
         for round in 0..4 {
-            (left, right) = (right, left ^ (mixed(right ^ mixed(seed ^ mixed(round))) & mask));
+            (left, right) = (
+                right,
+                left ^ (mixed(right ^ mixed(seed ^ mixed(round))) & mask),
+            );
         }
         place = left << half | right;
         if place < count {

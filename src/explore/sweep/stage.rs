@@ -1,15 +1,17 @@
-//! Stage: draws points of a plan on one scene, and keeps what they have in common; no folder, no order, any thread.
+//! Stage: draws points of a plan on one scene, and keeps what they have in common; no folder, no
+//! order, any thread.
 //!
 //! ```text
 //! scene ─► ideal, once ─┐
 //! rules ─► golden, kept ┼─► frame, work, errors, kept ─┬─ timing ─► cycles, energy ─► row
 //! formats ─► machine ───┘                              └─ timing ─► …
 //! ```
-//! Frames are drawn side by side, as many as there are threads. Where a machine does the same work as an earlier one, on the same
-//! microarchitecture, that one's cycles are its own.
+//! Frames are drawn side by side, as many as there are threads. Where a machine does the same work
+//! as an earlier one, on the same microarchitecture, that one's cycles are its own.
 //!
-//! A row depends on the plan, the scene, prices and the version alone, which its key is a digest of: whoever draws it, where and beside what
-//! others, draws the same, but for the seconds of `host_`.
+//! A row depends on the plan, the scene, prices and the version alone, which its key is a digest
+//! of: whoever draws it, where and beside what others, draws the same, but for the seconds of
+//! `host_`.
 
 use super::columns::{self, Errors, Findings, Frame, Replay};
 use super::plan::{self, Change, Points};
@@ -51,7 +53,10 @@ pub(super) struct Head {
 impl Head {
     /// That of a scene.
     pub fn of(scene: &Scene) -> Self {
-        Head { digest: digest_of(scene), has_tree: scene.detail.is_some() }
+        Head {
+            digest: digest_of(scene),
+            has_tree: scene.detail.is_some(),
+        }
     }
 }
 
@@ -76,7 +81,10 @@ impl Point {
         let mut all = vec![
             json!(env!("CARGO_PKG_VERSION")),
             json!(scene.digest),
-            json!(Machine { name: String::new(), ..machine.clone() }),
+            json!(Machine {
+                name: String::new(),
+                ..machine.clone()
+            }),
             json!(prices),
             json!(points.plan.lockstep),
             json!(plan::exact_of(&changes)),
@@ -85,12 +93,20 @@ impl Point {
         if !cameras.is_empty() {
             all.push(json!(cameras));
         }
-        Ok(Point { number, changes, machine, key: digest(Value::Array(all).to_string().as_bytes()) })
+        Ok(Point {
+            number,
+            changes,
+            machine,
+            key: digest(Value::Array(all).to_string().as_bytes()),
+        })
     }
 
     /// All that a frame depends on: the machine but for its timing, and what of it is exact.
     fn formats(&self, points: &Points) -> String {
-        let machine = Machine { timing: points.base.timing, ..self.machine.clone() };
+        let machine = Machine {
+            timing: points.base.timing,
+            ..self.machine.clone()
+        };
         json!([machine, plan::exact_of(&self.changes)]).to_string()
     }
 }
@@ -137,7 +153,8 @@ struct Golden {
 const GOLDENS: usize = 16;
 /// Frames that are kept: their work takes more memory than a picture.
 const FRAMES: usize = 2;
-/// Points of one frame, for each thread, whose rows come together, at first and at most: a sweep that is killed loses no more.
+/// Points of one frame, for each thread, whose rows come together, at first and at most: a sweep
+/// that is killed loses no more.
 const REPLAYED_TOGETHER: [usize; 2] = [4, 32];
 /// Seconds after which rows should come, and the next line of progress say more.
 const ROWS_EVERY: f64 = 5.0;
@@ -147,10 +164,28 @@ impl Stage {
     pub fn new(points: &Points, prices: &Prices, nth: usize, scene: Scene) -> Self {
         let (ideal, ideal_seconds) = timed(|| golden::ideal(&scene).picture);
         let head = Head::of(&scene);
-        let film = frames(&scene, points.cameras(nth), |seen| golden::ideal(seen).picture).collect::<Vec<_>>();
-        let (goldens, frames) = (Kept::new((GOLDENS / (1 + film.len())).max(1)), Kept::new(FRAMES));
+        let film = frames(&scene, points.cameras(nth), |seen| {
+            golden::ideal(seen).picture
+        })
+        .collect::<Vec<_>>();
+        let (goldens, frames) = (
+            Kept::new((GOLDENS / (1 + film.len())).max(1)),
+            Kept::new(FRAMES),
+        );
         let replays = Replays::default();
-        Stage { points: points.clone(), prices: *prices, nth, scene, head, ideal, film, ideal_seconds, goldens, frames, replays }
+        Stage {
+            points: points.clone(),
+            prices: *prices,
+            nth,
+            scene,
+            head,
+            ideal,
+            film,
+            ideal_seconds,
+            goldens,
+            frames,
+            replays,
+        }
     }
 
     /// Columns of the rows.
@@ -158,23 +193,37 @@ impl Stage {
         columns::all(self.points.columns())
     }
 
-    /// Draws points of this scene, and hands each one's row to `each`, in the same order at any number of threads. Those that differ in timing
-    /// alone share a frame; where there are many, some come while the others are not replayed yet.
+    /// Draws points of this scene, and hands each one's row to `each`, in the same order at any
+    /// number of threads. Those that differ in timing alone share a frame; where there are many,
+    /// some come while the others are not replayed yet.
     ///
     /// # Errors
     /// [`Error::Input`] where a point is none of this scene; what `each` says.
-    pub fn draw(&self, numbers: &[u64], mut each: impl FnMut(u64, Row) -> Result<()>) -> Result<()> {
+    pub fn draw(
+        &self,
+        numbers: &[u64],
+        mut each: impl FnMut(u64, Row) -> Result<()>,
+    ) -> Result<()> {
         let threads = rayon::current_num_threads();
         let [first, most] = REPLAYED_TOGETHER.map(|points| points * threads);
         for groups in self.groups(numbers)?.chunks(threads) {
-            for Begun { rows, frame, seconds, mut rest } in self.begun(groups, first) {
-                rows.into_iter().try_for_each(|(number, row)| each(number, row))?;
+            for Begun {
+                rows,
+                frame,
+                seconds,
+                mut rest,
+            } in self.begun(groups, first)
+            {
+                rows.into_iter()
+                    .try_for_each(|(number, row)| each(number, row))?;
                 let mut together = first;
                 while !rest.is_empty() {
                     let (now, later) = rest.split_at(together.min(rest.len()));
                     let (rows, taken) = timed(|| self.rows(now, &frame, seconds));
-                    rows.into_iter().try_for_each(|(number, row)| each(number, row))?;
-                    together = ((now.len() as f64 * ROWS_EVERY / taken) as usize).clamp(threads, most);
+                    rows.into_iter()
+                        .try_for_each(|(number, row)| each(number, row))?;
+                    together =
+                        ((now.len() as f64 * ROWS_EVERY / taken) as usize).clamp(threads, most);
                     rest = later;
                 }
             }
@@ -187,17 +236,32 @@ impl Stage {
         let golden = |group: &Vec<Point>| self.golden_of(&group[0].machine);
         let begin = |group: &'a Vec<Point>, frame: &dyn Fn() -> Arc<Framed>| {
             let (frame, seconds) = timed(frame);
-            let (seconds, (first, rest)) = (seconds / group.len() as f64, group.split_at(group.len().min(most)));
-            Begun { rows: self.rows(first, &frame, seconds), frame, seconds, rest }
+            let (seconds, (first, rest)) = (
+                seconds / group.len() as f64,
+                group.split_at(group.len().min(most)),
+            );
+            Begun {
+                rows: self.rows(first, &frame, seconds),
+                frame,
+                seconds,
+                rest,
+            }
         };
         if let [group] = groups {
             // Others may draw the rest of it.
-            let frame = || self.frames.get(&group[0].formats(&self.points), || self.frame(&group[0], &golden(group)));
+            let frame = || {
+                self.frames.get(&group[0].formats(&self.points), || {
+                    self.frame(&group[0], &golden(group))
+                })
+            };
             return vec![begin(group, &frame)];
         }
         // Whoever draws side by side waits for nothing that another makes: that may be itself.
         let groups: Vec<_> = groups.iter().map(|group| (group, golden(group))).collect();
-        groups.par_iter().map(|(group, golden)| begin(group, &|| Arc::new(self.frame(&group[0], golden)))).collect()
+        groups
+            .par_iter()
+            .map(|(group, golden)| begin(group, &|| Arc::new(self.frame(&group[0], golden))))
+            .collect()
     }
 
     /// Points whose machines differ in timing alone, together.
@@ -206,10 +270,15 @@ impl Stage {
         let mut places = BTreeMap::new();
         for number in numbers {
             if *number >= self.points.count() || self.points.point(*number).0 != self.nth {
-                return Err(Error::input(format!("the plan has no point {number} on {}", self.scene.name)));
+                return Err(Error::input(format!(
+                    "the plan has no point {number} on {}",
+                    self.scene.name
+                )));
             }
             let point = Point::new(&self.points, &self.prices, &self.head, *number)?;
-            let place = *places.entry(point.formats(&self.points)).or_insert(groups.len());
+            let place = *places
+                .entry(point.formats(&self.points))
+                .or_insert(groups.len());
             if place == groups.len() {
                 groups.push(Vec::new());
             }
@@ -228,34 +297,73 @@ impl Stage {
         self.goldens.get(rules, || {
             let (picture, seconds) = timed(|| golden::render(&self.scene, rules).picture);
             let psnr_db = distance(&picture, &self.ideal).psnr_db;
-            let film = frames(&self.scene, self.points.cameras(self.nth), |seen| golden::render(seen, rules).picture).collect();
-            Golden { picture, film, psnr_db, seconds }
+            let film = frames(&self.scene, self.points.cameras(self.nth), |seen| {
+                golden::render(seen, rules).picture
+            })
+            .collect();
+            Golden {
+                picture,
+                film,
+                psnr_db,
+                seconds,
+            }
         })
     }
 
-    /// The rows of points whose machines differ in timing alone; each pays so many seconds for their frame.
+    /// The rows of points whose machines differ in timing alone; each pays so many seconds for
+    /// their frame.
     fn rows(&self, group: &[Point], frame: &Framed, frame_seconds: f64) -> Vec<(u64, Row)> {
         let (found, seconds) = timed(|| match frame {
-            Ok(drawn) => drawn.on(&group.iter().map(|point| &point.machine).collect::<Vec<_>>(), &self.prices, &self.replays),
+            Ok(drawn) => drawn.on(
+                &group.iter().map(|point| &point.machine).collect::<Vec<_>>(),
+                &self.prices,
+                &self.replays,
+            ),
             Err(sentence) => group.iter().map(|_| Err(sentence.clone())).collect(),
         });
         let base = machines::value(&self.points.base);
         let fields = self.points.columns();
         let row = |(point, found): (&Point, std::result::Result<Findings, String>)| {
-            let mut found = found.unwrap_or_else(|sentence| Findings { misfit: Some(sentence), ..Findings::default() });
+            let mut found = found.unwrap_or_else(|sentence| Findings {
+                misfit: Some(sentence),
+                ..Findings::default()
+            });
             found.host_seconds = frame_seconds + seconds / group.len() as f64;
-            let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-            let changes: Vec<String> = point.changes.iter().map(|(field, value)| format!("{field}={}", text(value))).collect();
+            let text = |value: &Value| {
+                value
+                    .as_str()
+                    .map_or_else(|| value.to_string(), str::to_owned)
+            };
+            let changes: Vec<String> = point
+                .changes
+                .iter()
+                .map(|(field, value)| format!("{field}={}", text(value)))
+                .collect();
             let own = fields.iter().map(|(field, kind)| {
-                let changed = point.changes.iter().find(|(other, _)| other == field).map(|(_, value)| value);
+                let changed = point
+                    .changes
+                    .iter()
+                    .find(|(other, _)| other == field)
+                    .map(|(_, value)| value);
                 match changed.or_else(|| base.pointer(&machines::pointer(field))) {
                     None => Value::Null,
                     Some(value) if *kind == Kind::Text => json!(text(value)),
                     Some(number) => machines::whole(number.clone()),
                 }
             });
-            let head = [json!(point.number), json!(point.key), json!(self.scene.name), json!(changes.join(" "))];
-            (point.number, head.into_iter().chain(own).chain(columns::cells(&found)).collect())
+            let head = [
+                json!(point.number),
+                json!(point.key),
+                json!(self.scene.name),
+                json!(changes.join(" ")),
+            ];
+            (
+                point.number,
+                head.into_iter()
+                    .chain(own)
+                    .chain(columns::cells(&found))
+                    .collect(),
+            )
         };
         group.iter().zip(found).map(row).collect()
     }
@@ -264,11 +372,16 @@ impl Stage {
     fn frame(&self, point: &Point, golden: &std::result::Result<Arc<Golden>, String>) -> Framed {
         let golden = golden.as_ref().map_err(String::clone)?;
         let exact = plan::exact_of(&point.changes);
-        if exact.is_empty() { self.drawn(&point.machine, golden) } else { self.partial(&point.machine, golden, &exact) }
+        if exact.is_empty() {
+            self.drawn(&point.machine, golden)
+        } else {
+            self.partial(&point.machine, golden, &exact)
+        }
     }
 
     fn drawn(&self, machine: &Machine, golden: &Golden) -> std::result::Result<Drawn, String> {
-        let evaluation = Evaluation::new(&self.scene, machine).map_err(|error| error.to_string())?;
+        let evaluation =
+            Evaluation::new(&self.scene, machine).map_err(|error| error.to_string())?;
         let (observed, fixed_seconds) = timed(|| evaluation.observe());
         let frame = Frame {
             overflows: observed.overflows(),
@@ -276,35 +389,68 @@ impl Stage {
             fixed_seconds,
             ideal_seconds: self.ideal_seconds,
         };
-        let lockstep = self.points.plan.lockstep.then(|| evaluation.lockstep().summary(&observed.picture));
+        let lockstep = self
+            .points
+            .plan
+            .lockstep
+            .then(|| evaluation.lockstep().summary(&observed.picture));
         let errors = Some(self.errors(&observed.picture, golden)?);
         let flicker = self.flicker(observed.picture, golden, |seen| {
-            let evaluation = Evaluation::on(seen, &evaluation.machine).map_err(|error| error.to_string())?;
+            let evaluation =
+                Evaluation::on(seen, &evaluation.machine).map_err(|error| error.to_string())?;
             Ok(evaluation.picture(&evaluation.draw()))
         })?;
         Ok(Drawn {
-            found: Findings { errors, frame: Some(frame), lockstep, flicker, ..Findings::default() },
+            found: Findings {
+                errors,
+                frame: Some(frame),
+                lockstep,
+                flicker,
+                ..Findings::default()
+            },
             work: Some(Arc::new(observed.work)),
         })
     }
 
-    /// The same in partial precision, some units or words in f64: errors alone, for no hardware does that.
-    fn partial(&self, machine: &Machine, golden: &Golden, exact: &[String]) -> std::result::Result<Drawn, String> {
-        let evaluation = Evaluation::new(&self.scene, machine).map_err(|error| error.to_string())?;
+    /// The same in partial precision, some units or words in f64: errors alone, for no hardware
+    /// does that.
+    fn partial(
+        &self,
+        machine: &Machine,
+        golden: &Golden,
+        exact: &[String],
+    ) -> std::result::Result<Drawn, String> {
+        let evaluation =
+            Evaluation::new(&self.scene, machine).map_err(|error| error.to_string())?;
         let is_exact = |word: &str| exact.iter().any(|name| machines::is_below(word, name));
         let choice = partial::Choice::new(&evaluation.machine, |word| !is_exact(word));
         let picture = |evaluation: &Evaluation| {
-            let stage = partial::Stage::new(&evaluation.scene, &evaluation.machine, &evaluation.quantised);
+            let stage = partial::Stage::new(
+                &evaluation.scene,
+                &evaluation.machine,
+                &evaluation.quantised,
+            );
             stage.fill(&choice, &stage.set_up(&choice))
         };
         let first = picture(&evaluation);
         let errors = Some(self.errors(&first, golden)?);
-        let flicker = self
-            .flicker(first, golden, |seen| Ok(picture(&Evaluation::on(seen, &evaluation.machine).map_err(|error| error.to_string())?)))?;
-        Ok(Drawn { found: Findings { errors, flicker, ..Findings::default() }, work: None })
+        let flicker = self.flicker(first, golden, |seen| {
+            Ok(picture(
+                &Evaluation::on(seen, &evaluation.machine).map_err(|error| error.to_string())?,
+            ))
+        })?;
+        Ok(Drawn {
+            found: Findings {
+                errors,
+                flicker,
+                ..Findings::default()
+            },
+            work: None,
+        })
     }
 
-    /// How errors change from frame to frame, where that is asked for; a sentence where a frame cannot be drawn.
+    /// How errors change from frame to frame, where that is asked for; a sentence where a frame
+    /// cannot be drawn.
     fn flicker(
         &self,
         first: Picture,
@@ -315,12 +461,20 @@ impl Stage {
         if cameras.is_empty() {
             return Ok(None);
         }
-        let films = golden.film.iter().zip(&self.film).zip(frames(&self.scene, cameras, draw)).zip(1..);
+        let films = golden
+            .film
+            .iter()
+            .zip(&self.film)
+            .zip(frames(&self.scene, cameras, draw))
+            .zip(1..);
         let mut before = (first, &golden.picture, &self.ideal);
         let mut all = Sums::default();
         for (((golden, ideal), fixed), number) in films {
             let fixed = fixed.map_err(|sentence| format!("frame {number}: {sentence}"))?;
-            all = all.and(&Sums::new([&before.0, before.1, before.2], [&fixed, golden, ideal]));
+            all = all.and(&Sums::new(
+                [&before.0, before.1, before.2],
+                [&fixed, golden, ideal],
+            ));
             before = (fixed, golden, ideal);
         }
         Ok(Some(all.flicker()))
@@ -332,7 +486,9 @@ impl Stage {
         let fixed_vs_golden = metrics(picture, &golden.picture);
         let not_finite = fixed_vs_golden.not_finite.max(of_ideal.not_finite);
         if not_finite > 0 {
-            return Err(format!("{not_finite} pixels have no finite number, and cannot be compared"));
+            return Err(format!(
+                "{not_finite} pixels have no finite number, and cannot be compared"
+            ));
         }
         Ok(Errors {
             fixed_vs_golden,
@@ -343,8 +499,13 @@ impl Stage {
     }
 }
 
-/// What is made of a scene as each camera but the first sees it, one after the other, as they are asked for.
-fn frames<T>(scene: &Scene, cameras: &[Camera], draw: impl Fn(&Scene) -> T) -> impl Iterator<Item = T> {
+/// What is made of a scene as each camera but the first sees it, one after the other, as they are
+/// asked for.
+fn frames<T>(
+    scene: &Scene,
+    cameras: &[Camera],
+    draw: impl Fn(&Scene) -> T,
+) -> impl Iterator<Item = T> {
     let later = cameras.get(1..).unwrap_or_default();
     let mut seen = (!later.is_empty()).then(|| scene.clone());
     later.iter().filter_map(move |camera| {
@@ -363,14 +524,30 @@ struct Drawn {
 
 impl Drawn {
     /// With the time that it takes on each machine.
-    fn on(&self, machines: &[&Machine], prices: &Prices, replays: &Replays) -> Vec<std::result::Result<Findings, String>> {
-        let Some(work) = &self.work else { return machines.iter().map(|_| Ok(self.found.clone())).collect() };
-        let elaborated: Vec<_> = machines.par_iter().map(|machine| fixed::elaborate(machine).map_err(|error| error.to_string())).collect();
-        let timings: Vec<&Microarchitecture> = elaborated.iter().flatten().map(|elaborated| &elaborated.timing).collect();
+    fn on(
+        &self,
+        machines: &[&Machine],
+        prices: &Prices,
+        replays: &Replays,
+    ) -> Vec<std::result::Result<Findings, String>> {
+        let Some(work) = &self.work else {
+            return machines.iter().map(|_| Ok(self.found.clone())).collect();
+        };
+        let elaborated: Vec<_> = machines
+            .par_iter()
+            .map(|machine| fixed::elaborate(machine).map_err(|error| error.to_string()))
+            .collect();
+        let timings: Vec<&Microarchitecture> = elaborated
+            .iter()
+            .flatten()
+            .map(|elaborated| &elaborated.timing)
+            .collect();
         let mut replayed = replays.of(&timings, work).into_iter();
         let found = |elaborated: std::result::Result<Elaborated, String>| {
             let elaborated = elaborated?;
-            let (units, cycles) = replayed.next().expect("each machine that can be built was replayed");
+            let (units, cycles) = replayed
+                .next()
+                .expect("each machine that can be built was replayed");
             let replay = Replay {
                 cycles,
                 cost: CostReport::new(&elaborated, &units, prices),
@@ -378,13 +555,17 @@ impl Drawn {
                 units,
                 latency_ns: clock::latency_ns(&elaborated),
             };
-            Ok(Findings { replay: Some(replay), ..self.found.clone() })
+            Ok(Findings {
+                replay: Some(replay),
+                ..self.found.clone()
+            })
         };
         elaborated.into_iter().map(found).collect()
     }
 }
 
-/// Replays that are kept, for machines that do the same work: the first, which the others mostly differ from in a field, and the last few.
+/// Replays that are kept, for machines that do the same work: the first, which the others mostly
+/// differ from in a field, and the last few.
 #[derive(Default)]
 struct Replays(Mutex<Vec<Arc<Replayed>>>);
 
@@ -399,18 +580,33 @@ struct Replayed {
 const REPLAYS: usize = 4;
 
 impl Replays {
-    /// Cycles of this work on each machine, and what limits them, for which it is replayed a few times more.
+    /// Cycles of this work on each machine, and what limits them, for which it is replayed a few
+    /// times more.
     fn of(&self, timings: &[&Microarchitecture], work: &Arc<Work>) -> Vec<(Cycles, CyclesReport)> {
-        let known = self.0.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let is_same = |known: &Replayed, timing: &Microarchitecture| known.timing.keeps_time_as(timing) && known.work == *work;
-        let known_of = |timing: &Microarchitecture| known.iter().find(|known| is_same(known, timing)).map(|known| known.cycles.clone());
-        let mut all: Vec<Option<(Cycles, CyclesReport)>> = timings.iter().map(|timing| known_of(timing)).collect();
+        let known = self
+            .0
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .clone();
+        let is_same = |known: &Replayed, timing: &Microarchitecture| {
+            known.timing.keeps_time_as(timing) && known.work == *work
+        };
+        let known_of = |timing: &Microarchitecture| {
+            known
+                .iter()
+                .find(|known| is_same(known, timing))
+                .map(|known| known.cycles.clone())
+        };
+        let mut all: Vec<Option<(Cycles, CyclesReport)>> =
+            timings.iter().map(|timing| known_of(timing)).collect();
 
         // Of several that keep the same time the first is replayed.
         let mut new: Vec<usize> = Vec::new();
         let mut same_as = vec![None; timings.len()];
         for nth in (0..timings.len()).filter(|nth| all[*nth].is_none()) {
-            same_as[nth] = new.iter().position(|other| timings[*other].keeps_time_as(timings[nth]));
+            same_as[nth] = new
+                .iter()
+                .position(|other| timings[*other].keeps_time_as(timings[nth]));
             if same_as[nth].is_none() {
                 same_as[nth] = Some(new.len());
                 new.push(nth);
@@ -427,10 +623,16 @@ impl Replays {
             if known.len() == REPLAYS {
                 known.remove(1);
             }
-            known.push(Arc::new(Replayed { timing: timing.clone(), work: Arc::clone(work), cycles: cycles.clone() }));
+            known.push(Arc::new(Replayed {
+                timing: timing.clone(),
+                work: Arc::clone(work),
+                cycles: cycles.clone(),
+            }));
         }
         for (cycles, same_as) in all.iter_mut().zip(same_as) {
-            *cycles = cycles.take().or_else(|| same_as.map(|nth| replayed[nth].clone()));
+            *cycles = cycles
+                .take()
+                .or_else(|| same_as.map(|nth| replayed[nth].clone()));
         }
         all.into_iter().flatten().collect()
     }
@@ -448,7 +650,10 @@ type Slot<V> = Arc<OnceLock<Arc<V>>>;
 
 impl<K: PartialEq + Clone, V> Kept<K, V> {
     fn new(most: usize) -> Self {
-        Kept { most, values: Mutex::default() }
+        Kept {
+            most,
+            values: Mutex::default(),
+        }
     }
 
     fn get(&self, key: &K, make: impl FnOnce() -> V) -> Arc<V> {
@@ -458,7 +663,10 @@ impl<K: PartialEq + Clone, V> Kept<K, V> {
 
     fn slot(&self, key: &K) -> Slot<V> {
         let mut values = self.values.lock().unwrap_or_else(PoisonError::into_inner);
-        let known = values.iter().position(|(other, _)| other == key).and_then(|at| values.remove(at));
+        let known = values
+            .iter()
+            .position(|(other, _)| other == key)
+            .and_then(|at| values.remove(at));
         let slot = known.map_or_else(Slot::default, |(_, slot)| slot);
         values.push_front((key.clone(), Arc::clone(&slot)));
         values.truncate(self.most);

@@ -1,4 +1,5 @@
-//! Table: rows as they come, in a journal that outlives the process; all of them, as CSV and Parquet.
+//! Table: rows as they come, in a journal that outlives the process; all of them, as CSV and
+//! Parquet.
 //!
 //! ```text
 //! points.jsonl          a line of columns, then a row a line: [digest, [cells]]   appended, a whole line or none counts
@@ -6,7 +7,8 @@
 //! points/17.parquet     rows that others have drawn, the first of point 17         written beside, then renamed
 //! sweep.csv, sweep.parquet   every row known, by its point                         written beside, then renamed
 //! ```
-//! A line that the end of the process cut short is written again; one that somebody changed is an error.
+//! A line that the end of the process cut short is written again; one that somebody changed is an
+//! error.
 
 mod batch;
 
@@ -39,7 +41,10 @@ pub type Column = (String, Kind);
 
 /// Columns by name and kind.
 pub fn named(columns: &[(&str, Kind)]) -> Vec<Column> {
-    columns.iter().map(|(name, kind)| ((*name).to_owned(), *kind)).collect()
+    columns
+        .iter()
+        .map(|(name, kind)| ((*name).to_owned(), *kind))
+        .collect()
 }
 
 /// A row's cells, in the order of the columns: text, numbers or null.
@@ -60,20 +65,32 @@ impl Table {
     /// # Errors
     /// [`Error::Input`] where it has none, or where one was changed.
     pub fn read(folder: &Path) -> Result<Self> {
-        let cannot = |e: std::io::Error| Error::input(format!("{}: cannot be read: {e}", folder.display()));
+        let cannot =
+            |e: std::io::Error| Error::input(format!("{}: cannot be read: {e}", folder.display()));
         let paths = journals(folder).map_err(cannot)?;
         let input_error = |what: &str| Error::input(format!("{}: {what}", folder.display()));
-        let first = paths.first().ok_or_else(|| input_error("has no points.jsonl: it is no folder of `sweep` or `search`"))?;
+        let first = paths.first().ok_or_else(|| {
+            input_error("has no points.jsonl: it is no folder of `sweep` or `search`")
+        })?;
         let text = input::read_text(first).map_err(cannot)?;
         let header = text.lines().next().unwrap_or_default();
-        let columns = columns(header).ok_or_else(|| Error::input(format!("{}: line 1: names no columns", first.display())))?;
+        let columns = columns(header).ok_or_else(|| {
+            Error::input(format!("{}: line 1: names no columns", first.display()))
+        })?;
         let mut rows = BTreeMap::new();
         for path in &paths {
             let text = input::read(path).map_err(cannot)?;
             read(path, whole_lines(&text), header, &mut rows)?;
         }
         batch::read_all(folder, &columns, &mut rows)?;
-        if rows.is_empty() { Err(input_error("has no rows yet")) } else { Ok(Table { columns, rows: rows.into_values().collect() }) }
+        if rows.is_empty() {
+            Err(input_error("has no rows yet"))
+        } else {
+            Ok(Table {
+                columns,
+                rows: rows.into_values().collect(),
+            })
+        }
     }
 
     /// Where a column is.
@@ -97,13 +114,18 @@ impl Table {
 
     /// A cell that is text; empty where it is not.
     pub fn text<'a>(&self, row: &'a Row, name: &str) -> &'a str {
-        self.at(name).and_then(|at| row[at].as_str()).unwrap_or_default()
+        self.at(name)
+            .and_then(|at| row[at].as_str())
+            .unwrap_or_default()
     }
 }
 
 /// The lines that were written to their end.
 fn whole_lines(text: &[u8]) -> &[u8] {
-    &text[..text.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1)]
+    &text[..text
+        .iter()
+        .rposition(|byte| *byte == b'\n')
+        .map_or(0, |end| end + 1)]
 }
 
 /// The rows of a folder: those that are there, and those that come.
@@ -120,7 +142,10 @@ pub struct Journal {
 impl Drop for Journal {
     fn drop(&mut self) {
         // Whoever only found out that nothing could be drawn leaves nothing behind.
-        self.unused.take().into_iter().for_each(|path| _ = fs::remove_file(path));
+        self.unused
+            .take()
+            .into_iter()
+            .for_each(|path| _ = fs::remove_file(path));
     }
 }
 
@@ -128,28 +153,49 @@ impl Journal {
     /// Opens a folder's journal of a part, and reads those of all others.
     ///
     /// # Errors
-    /// [`Error::Input`] where a journal there is of other columns, was changed, or is being written by somebody else.
+    /// [`Error::Input`] where a journal there is of other columns, was changed, or is being written
+    /// by somebody else.
     pub fn open(folder: &Path, part: &str, columns: Vec<Column>) -> Result<Self> {
         let own = folder.join(format!("points{part}.jsonl"));
-        let cannot = |path: &Path, e: std::io::Error| Error::input(format!("{}: cannot be read: {e}", path.display()));
+        let cannot = |path: &Path, e: std::io::Error| {
+            Error::input(format!("{}: cannot be read: {e}", path.display()))
+        };
         let is_new = !own.exists();
-        let file = OpenOptions::new().read(true).append(true).create(true).open(&own).map_err(|e| cannot(&own, e))?;
-        file.try_lock().map_err(|_| Error::input(format!("{}: another sweep is writing there", own.display())))?;
+        let file = OpenOptions::new()
+            .read(true)
+            .append(true)
+            .create(true)
+            .open(&own)
+            .map_err(|e| cannot(&own, e))?;
+        file.try_lock().map_err(|_| {
+            Error::input(format!("{}: another sweep is writing there", own.display()))
+        })?;
         let header = header(&columns);
-        let mut journal = Journal { columns, file, rows: BTreeMap::new(), unused: is_new.then(|| own.clone()) };
+        let mut journal = Journal {
+            columns,
+            file,
+            rows: BTreeMap::new(),
+            unused: is_new.then(|| own.clone()),
+        };
         for path in journals(folder).map_err(|e| cannot(folder, e))? {
             let text = input::read(&path).map_err(|e| cannot(&path, e))?;
             let whole = whole_lines(&text);
             read(&path, whole, &header, &mut journal.rows)?;
             if path == own && whole.len() < text.len() {
                 // The last line was cut short.
-                journal.file.set_len(whole.len() as u64).map_err(|e| cannot(&own, e))?;
+                journal
+                    .file
+                    .set_len(whole.len() as u64)
+                    .map_err(|e| cannot(&own, e))?;
             }
         }
         batch::remove_parts(folder);
         batch::read_all(folder, &journal.columns, &mut journal.rows)?;
         if journal.file.metadata().map_err(|e| cannot(&own, e))?.len() == 0 {
-            journal.file.write_all(format!("{header}\n").as_bytes()).map_err(|e| written(&own, e))?;
+            journal
+                .file
+                .write_all(format!("{header}\n").as_bytes())
+                .map_err(|e| written(&own, e))?;
         }
         Ok(journal)
     }
@@ -159,11 +205,15 @@ impl Journal {
     /// # Errors
     /// [`Error::Input`] where the folder cannot be read.
     pub fn ends(&self, folder: &Path) -> Result<bool> {
-        // Before it looks, as all others do: so that of several that end at once the last sees no other.
+        // Before it looks, as all others do: so that of several that end at once the last sees no
+        // other.
         let _ = self.file.unlock();
-        let all = journals(folder).map_err(|e| Error::input(format!("{}: cannot be read: {e}", folder.display())))?;
-        let is_written =
-            |path: &PathBuf| File::open(path).is_ok_and(|file| matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)));
+        let all = journals(folder)
+            .map_err(|e| Error::input(format!("{}: cannot be read: {e}", folder.display())))?;
+        let is_written = |path: &PathBuf| {
+            File::open(path)
+                .is_ok_and(|file| matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)))
+        };
         Ok(!all.iter().any(is_written))
     }
 
@@ -172,7 +222,9 @@ impl Journal {
     /// # Errors
     /// [`Error::Input`] where it is of other columns, or was changed.
     pub fn read_others(&mut self, folder: &Path) -> Result<()> {
-        let cannot = |path: &Path, e: std::io::Error| Error::input(format!("{}: cannot be read: {e}", path.display()));
+        let cannot = |path: &Path, e: std::io::Error| {
+            Error::input(format!("{}: cannot be read: {e}", path.display()))
+        };
         let header = header(&self.columns);
         for path in journals(folder).map_err(|e| cannot(folder, e))? {
             let text = input::read(&path).map_err(|e| cannot(&path, e))?;
@@ -203,7 +255,10 @@ impl Journal {
 
     /// The same as a table.
     pub fn table(&self) -> Table {
-        Table { columns: self.columns.clone(), rows: self.rows().cloned().collect() }
+        Table {
+            columns: self.columns.clone(),
+            rows: self.rows().cloned().collect(),
+        }
     }
 
     /// Another row: in the file before this returns.
@@ -214,21 +269,29 @@ impl Journal {
         is_wanted()?;
         let cells = Value::from(row.clone()).to_string();
         let line = format!("[\"{}\",{cells}]\n", digest(cells.as_bytes()));
-        self.file.write_all(line.as_bytes()).map_err(|e| Error::job(format!("the journal cannot be written: {e}")))?;
+        self.file
+            .write_all(line.as_bytes())
+            .map_err(|e| Error::job(format!("the journal cannot be written: {e}")))?;
         self.rows.insert(point, row);
         Ok(())
     }
 
-    /// Rows that somebody else has drawn, of these points: in a file of their own before this returns.
+    /// Rows that somebody else has drawn, of these points: in a file of their own before this
+    /// returns.
     ///
     /// # Errors
-    /// [`Error::Job`] where they are of other points, are there already, or cannot be written; or nobody wants them any more.
+    /// [`Error::Job`] where they are of other points, are there already, or cannot be written; or
+    /// nobody wants them any more.
     pub fn push_batch(&mut self, folder: &Path, points: &[u64], bytes: &[u8]) -> Result<()> {
         is_wanted()?;
-        let rows = batch::unpacked(bytes, &self.columns).map_err(|what| Error::job(format!("a batch of rows {what}")))?;
-        let are_asked_for = rows.iter().map(|(point, _)| point).eq(points) && points.is_sorted_by(|a, b| a < b);
+        let rows = batch::unpacked(bytes, &self.columns)
+            .map_err(|what| Error::job(format!("a batch of rows {what}")))?;
+        let are_asked_for =
+            rows.iter().map(|(point, _)| point).eq(points) && points.is_sorted_by(|a, b| a < b);
         if !are_asked_for || points.iter().any(|point| self.rows.contains_key(point)) {
-            return Err(Error::job("a batch of rows is of other points than were asked for"));
+            return Err(Error::job(
+                "a batch of rows is of other points than were asked for",
+            ));
         }
         if let Some(first) = points.first() {
             batch::write(folder, *first, bytes)?;
@@ -242,25 +305,41 @@ impl Journal {
     /// # Errors
     /// [`Error::Job`] where they cannot be written.
     pub fn write(&self, folder: &Path, stem: &str) -> Result<Vec<PathBuf>> {
-        let [csv, parquet] = ["csv", "parquet"].map(|extension| folder.join(stem).with_extension(extension));
+        let [csv, parquet] =
+            ["csv", "parquet"].map(|extension| folder.join(stem).with_extension(extension));
         let text = self.csv();
-        write_beside(&csv, |file| file.write_all(text.as_bytes()).map_err(|e| e.to_string()))?;
-        let bytes = batch::parquet(&self.columns, self.rows(), None).map_err(|e| Error::job(format!("{}: {e}", parquet.display())))?;
-        write_beside(&parquet, |file| file.write_all(&bytes).map_err(|e| e.to_string()))?;
+        write_beside(&csv, |file| {
+            file.write_all(text.as_bytes()).map_err(|e| e.to_string())
+        })?;
+        let bytes = batch::parquet(&self.columns, self.rows(), None)
+            .map_err(|e| Error::job(format!("{}: {e}", parquet.display())))?;
+        write_beside(&parquet, |file| {
+            file.write_all(&bytes).map_err(|e| e.to_string())
+        })?;
         Ok(vec![csv, parquet])
     }
 
     /// As CSV (RFC 4180, but lines end in a line feed).
     pub fn csv(&self) -> String {
         let quoted = |text: &str| {
-            if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
+            if text.contains([',', '"', '\n']) {
+                format!("\"{}\"", text.replace('"', "\"\""))
+            } else {
+                text.to_owned()
+            }
         };
         let cell = |cell: &Value| match cell {
             Value::Null => String::new(),
             Value::String(text) => quoted(text),
             number => number.to_string(),
         };
-        let mut text = self.columns.iter().map(|(name, _)| quoted(name)).collect::<Vec<_>>().join(",") + "\n";
+        let mut text = self
+            .columns
+            .iter()
+            .map(|(name, _)| quoted(name))
+            .collect::<Vec<_>>()
+            .join(",")
+            + "\n";
         for row in self.rows() {
             text += &(row.iter().map(cell).collect::<Vec<_>>().join(",") + "\n");
         }
@@ -273,14 +352,22 @@ fn written(path: &Path, e: std::io::Error) -> Error {
 }
 
 fn header(columns: &[Column]) -> String {
-    Value::from(columns.iter().map(|(name, kind)| Value::from(format!("{name}: {kind:?}"))).collect::<Vec<_>>()).to_string()
+    Value::from(
+        columns
+            .iter()
+            .map(|(name, kind)| Value::from(format!("{name}: {kind:?}")))
+            .collect::<Vec<_>>(),
+    )
+    .to_string()
 }
 
 fn columns(header: &str) -> Option<Vec<Column>> {
     let names: Vec<String> = serde_json::from_str(header).ok()?;
     let column = |text: &String| {
         let (name, kind) = text.rsplit_once(": ")?;
-        let kind = [Kind::Text, Kind::Whole, Kind::Number].into_iter().find(|other| format!("{other:?}") == kind)?;
+        let kind = [Kind::Text, Kind::Whole, Kind::Number]
+            .into_iter()
+            .find(|other| format!("{other:?}") == kind)?;
         Some((name.to_owned(), kind))
     };
     names.iter().map(column).collect()
@@ -288,9 +375,14 @@ fn columns(header: &str) -> Option<Vec<Column>> {
 
 /// Every journal of a folder, in the order of their names.
 fn journals(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
-    let mut paths: Vec<PathBuf> = fs::read_dir(folder)?.map(|entry| Ok(entry?.path())).collect::<std::io::Result<_>>()?;
+    let mut paths: Vec<PathBuf> = fs::read_dir(folder)?
+        .map(|entry| Ok(entry?.path()))
+        .collect::<std::io::Result<_>>()?;
     let is_journal = |path: &PathBuf| {
-        let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default();
+        let name = path
+            .file_name()
+            .and_then(|name| name.to_str())
+            .unwrap_or_default();
         name.starts_with("points") && name.ends_with(".jsonl") && path.is_file()
     };
     paths.retain(is_journal);
@@ -299,20 +391,38 @@ fn journals(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
 }
 
 fn read(path: &Path, text: &[u8], header: &str, rows: &mut BTreeMap<u64, Row>) -> Result<()> {
-    let input_error = |line: usize, what: &str| Error::input(format!("{}: line {}: {what}", path.display(), line + 1));
+    let input_error = |line: usize, what: &str| {
+        Error::input(format!("{}: line {}: {what}", path.display(), line + 1))
+    };
     let header_cells = columns(header).map_or(0, |columns| columns.len());
-    for (nth, line) in text.split(|byte| *byte == b'\n').enumerate().filter(|(_, line)| !line.is_empty()) {
+    for (nth, line) in text
+        .split(|byte| *byte == b'\n')
+        .enumerate()
+        .filter(|(_, line)| !line.is_empty())
+    {
         if nth == 0 {
             if line != header.as_bytes() {
-                return Err(input_error(0, "has other columns: it is of another plan, or of another version"));
+                return Err(input_error(
+                    0,
+                    "has other columns: it is of another plan, or of another version",
+                ));
             }
             continue;
         }
-        let changed = || input_error(nth, "is not as it was written: take the line out, and its point will be drawn again");
+        let changed = || {
+            input_error(
+                nth,
+                "is not as it was written: take the line out, and its point will be drawn again",
+            )
+        };
         let (said, row): (String, Value) = serde_json::from_slice(line).map_err(|_| changed())?;
-        let Value::Array(row) = row else { return Err(changed()) };
+        let Value::Array(row) = row else {
+            return Err(changed());
+        };
         let point = row.first().and_then(Value::as_u64).ok_or_else(changed)?;
-        if said != digest(Value::from(row.clone()).to_string().as_bytes()) || row.len() != header_cells {
+        if said != digest(Value::from(row.clone()).to_string().as_bytes())
+            || row.len() != header_cells
+        {
             return Err(changed());
         }
         rows.insert(point, row);

@@ -54,29 +54,53 @@ impl Extents {
     /// Width and height.
     pub fn size_px(&self) -> [u32; 2] {
         let [first, last] = self.span();
-        let rows: usize = self.groups.iter().map(|(_, extents)| extents.len() + 1).sum();
+        let rows: usize = self
+            .groups
+            .iter()
+            .map(|(_, extents)| extents.len() + 1)
+            .sum();
         let width = 2 * MARGIN_PX + NAMES_PX + (last - first) * PLACE_PX + 3 * SAYS_PX;
-        [width as u32, (HEAD_PX + rows as i32 * ROW_PX + MARGIN_PX) as u32]
+        [
+            width as u32,
+            (HEAD_PX + rows as i32 * ROW_PX + MARGIN_PX) as u32,
+        ]
     }
 
     /// Powers of two from the least to the greatest that is shown.
     fn span(&self) -> [i32; 2] {
         let all = || self.groups.iter().flat_map(|(_, extents)| extents);
-        let first = all().map(|extent| extent.places[0]).min().unwrap_or(0).min(0);
-        let last = all().map(|extent| extent.places[1] + extent.beyond.min(8)).max().unwrap_or(0).max(1);
-        [first.div_euclid(MARK) * MARK, (last + MARK).div_euclid(MARK) * MARK]
+        let first = all()
+            .map(|extent| extent.places[0])
+            .min()
+            .unwrap_or(0)
+            .min(0);
+        let last = all()
+            .map(|extent| extent.places[1] + extent.beyond.min(8))
+            .max()
+            .unwrap_or(0)
+            .max(1);
+        [
+            first.div_euclid(MARK) * MARK,
+            (last + MARK).div_euclid(MARK) * MARK,
+        ]
     }
 }
 
 fn text(size: i32, anchor: HPos) -> TextStyle<'static> {
-    (FONT, size).into_font().color(&INK).pos(Pos::new(anchor, VPos::Center))
+    (FONT, size)
+        .into_font()
+        .color(&INK)
+        .pos(Pos::new(anchor, VPos::Center))
 }
 
 /// From nearly white to the first of the colours, by the logarithm of a part.
 fn shade(part: f64) -> RGBColor {
-    let depth = (1.0 + libm::log10(part.max(f64::MIN_POSITIVE)) / DECADES).clamp(0.0, 1.0).mul_add(0.88, 0.12);
+    let depth = (1.0 + libm::log10(part.max(f64::MIN_POSITIVE)) / DECADES)
+        .clamp(0.0, 1.0)
+        .mul_add(0.88, 0.12);
     let RGBColor(r, g, b) = COLOURS[0];
-    let [r, g, b] = [r, g, b].map(|channel| (255.0 + (f64::from(channel) - 255.0) * depth).round() as u8);
+    let [r, g, b] =
+        [r, g, b].map(|channel| (255.0 + (f64::from(channel) - 255.0) * depth).round() as u8);
     RGBColor(r, g, b)
 }
 
@@ -97,23 +121,47 @@ impl Draw for Extents {
     fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
         let [first, last] = self.span();
         let x = |place: i32| MARGIN_PX + NAMES_PX + (place - first) * PLACE_PX;
-        let rows: i32 = self.groups.iter().map(|(_, extents)| extents.len() as i32 + 1).sum();
+        let rows: i32 = self
+            .groups
+            .iter()
+            .map(|(_, extents)| extents.len() as i32 + 1)
+            .sum();
         let bottom = HEAD_PX + rows * ROW_PX;
-        area.draw(&Text::new(self.title.clone(), (MARGIN_PX, 20), text(19, HPos::Left))).map_err(drawing_error)?;
+        area.draw(&Text::new(
+            self.title.clone(),
+            (MARGIN_PX, 20),
+            text(19, HPos::Left),
+        ))
+        .map_err(drawing_error)?;
         self.draw_legend(area)?;
         for place in (first..=last).step_by(MARK as usize) {
             let colour = if place == 0 { OUTLINE } else { FAINT };
-            area.draw(&PathElement::new(vec![(x(place), HEAD_PX - 4), (x(place), bottom)], colour)).map_err(drawing_error)?;
-            area.draw(&Text::new(power(place), (x(place), HEAD_PX - 14), text(13, HPos::Center))).map_err(drawing_error)?;
+            area.draw(&PathElement::new(
+                vec![(x(place), HEAD_PX - 4), (x(place), bottom)],
+                colour,
+            ))
+            .map_err(drawing_error)?;
+            area.draw(&Text::new(
+                power(place),
+                (x(place), HEAD_PX - 14),
+                text(13, HPos::Center),
+            ))
+            .map_err(drawing_error)?;
         }
         for (head, column) in self.heads.iter().zip(1..) {
             let at = (x(last) + column * SAYS_PX, HEAD_PX - 14);
-            area.draw(&Text::new(head.clone(), at, text(13, HPos::Right))).map_err(drawing_error)?;
+            area.draw(&Text::new(head.clone(), at, text(13, HPos::Right)))
+                .map_err(drawing_error)?;
         }
         let mut top = HEAD_PX;
         for (group, extents) in &self.groups {
             let middle = top + ROW_PX / 2;
-            area.draw(&Text::new(group.clone(), (MARGIN_PX, middle), text(15, HPos::Left))).map_err(drawing_error)?;
+            area.draw(&Text::new(
+                group.clone(),
+                (MARGIN_PX, middle),
+                text(15, HPos::Left),
+            ))
+            .map_err(drawing_error)?;
             top += ROW_PX;
             for extent in extents {
                 extent.draw(area, x, top, x(last))?;
@@ -129,35 +177,69 @@ impl Extents {
         let y = 48;
         let mut x = MARGIN_PX;
         let words = |text_px: &mut i32, words: &str, width: i32| {
-            let drawn = area.draw(&Text::new(words.to_owned(), (*text_px, y), text(13, HPos::Left))).map_err(drawing_error);
+            let drawn = area
+                .draw(&Text::new(
+                    words.to_owned(),
+                    (*text_px, y),
+                    text(13, HPos::Left),
+                ))
+                .map_err(drawing_error);
             *text_px += width;
             drawn
         };
         words(&mut x, "part of the words: 10⁻⁶", 158)?;
         for step in 0..=6 {
             let square = [(x, y - 6), (x + PLACE_PX, y + 6)];
-            area.draw(&Rectangle::new(square, shade(libm::pow(10.0, f64::from(step) - DECADES)).filled())).map_err(drawing_error)?;
+            area.draw(&Rectangle::new(
+                square,
+                shade(libm::pow(10.0, f64::from(step) - DECADES)).filled(),
+            ))
+            .map_err(drawing_error)?;
             x += PLACE_PX;
         }
         x += 6;
         words(&mut x, "1", 34)?;
-        area.draw(&Rectangle::new([(x, y - 6), (x + 4 * PLACE_PX, y + 6)], OUTLINE)).map_err(drawing_error)?;
+        area.draw(&Rectangle::new(
+            [(x, y - 6), (x + 4 * PLACE_PX, y + 6)],
+            OUTLINE,
+        ))
+        .map_err(drawing_error)?;
         x += 4 * PLACE_PX + 8;
-        words(&mut x, "the format: empty where its bits are not needed", 330)?;
-        area.draw(&Rectangle::new([(x, y - 6), (x + PLACE_PX, y + 6)], COLOURS[1].filled())).map_err(drawing_error)?;
+        words(
+            &mut x,
+            "the format: empty where its bits are not needed",
+            330,
+        )?;
+        area.draw(&Rectangle::new(
+            [(x, y - 6), (x + PLACE_PX, y + 6)],
+            COLOURS[1].filled(),
+        ))
+        .map_err(drawing_error)?;
         x += PLACE_PX + 8;
         words(&mut x, "beyond it: saturated or wrapped", 0)
     }
 }
 
 impl Extent {
-    fn draw<B: DrawingBackend>(&self, area: &Area<B>, x: impl Fn(i32) -> i32, top: i32, end: i32) -> Drawn {
+    fn draw<B: DrawingBackend>(
+        &self,
+        area: &Area<B>,
+        x: impl Fn(i32) -> i32,
+        top: i32,
+        end: i32,
+    ) -> Drawn {
         let (upper, lower, middle) = (top + 2, top + ROW_PX - 2, top + ROW_PX / 2);
         let filled = |from: i32, to: i32, colour: RGBColor| {
             let cell = [(x(from), upper), (x(to), lower)];
-            area.draw(&Rectangle::new(cell, colour.filled())).map_err(drawing_error)
+            area.draw(&Rectangle::new(cell, colour.filled()))
+                .map_err(drawing_error)
         };
-        area.draw(&Text::new(self.name.clone(), (MARGIN_PX + 14, middle), text(13, HPos::Left))).map_err(drawing_error)?;
+        area.draw(&Text::new(
+            self.name.clone(),
+            (MARGIN_PX + 14, middle),
+            text(13, HPos::Left),
+        ))
+        .map_err(drawing_error)?;
         let [low, high] = self.places;
         filled(low, high, WHITE)?;
         for &(place, part) in self.parts.iter().filter(|(_, part)| *part > 0.0) {
@@ -166,9 +248,18 @@ impl Extent {
         if self.beyond > 0 {
             filled(high, high + self.beyond.min(8), COLOURS[1])?;
         }
-        area.draw(&Rectangle::new([(x(low), upper), (x(high), lower)], OUTLINE)).map_err(drawing_error)?;
+        area.draw(&Rectangle::new(
+            [(x(low), upper), (x(high), lower)],
+            OUTLINE,
+        ))
+        .map_err(drawing_error)?;
         for (says, column) in self.says.iter().zip(1..) {
-            area.draw(&Text::new(says.clone(), (end + column * SAYS_PX, middle), text(13, HPos::Right))).map_err(drawing_error)?;
+            area.draw(&Text::new(
+                says.clone(),
+                (end + column * SAYS_PX, middle),
+                text(13, HPos::Right),
+            ))
+            .map_err(drawing_error)?;
         }
         Ok(())
     }

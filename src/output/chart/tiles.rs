@@ -32,16 +32,27 @@ const MARGIN_PX: i32 = 3;
 impl Draw for Tile {
     fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
         let style = (FONT, 13).into_font().color(&INK);
-        area.draw(&Text::new(self.caption.clone(), (MARGIN_PX, MARGIN_PX), style)).map_err(drawing_error)?;
+        area.draw(&Text::new(
+            self.caption.clone(),
+            (MARGIN_PX, MARGIN_PX),
+            style,
+        ))
+        .map_err(drawing_error)?;
         let (width, height) = area.dim_in_pixel();
         let (columns, rows) = (self.picture.width as i32, self.picture.height as i32);
-        let side = ((width as i32 - 2 * MARGIN_PX) / columns).min((height as i32 - 2 * MARGIN_PX - CAPTION_PX) / rows).max(1);
+        let side = ((width as i32 - 2 * MARGIN_PX) / columns)
+            .min((height as i32 - 2 * MARGIN_PX - CAPTION_PX) / rows)
+            .max(1);
         for (i, [r, g, b, _]) in self.picture.rgba.iter().enumerate() {
-            let [x, y] = [MARGIN_PX + i as i32 % columns * side, MARGIN_PX + CAPTION_PX + i as i32 / columns * side];
+            let [x, y] = [
+                MARGIN_PX + i as i32 % columns * side,
+                MARGIN_PX + CAPTION_PX + i as i32 / columns * side,
+            ];
             let [r, g, b] = [r, g, b].map(|channel| srgb_byte(*channel));
             // The corner is not part of it.
             let square = [(x, y), (x + side, y + side)];
-            area.draw(&Rectangle::new(square, RGBColor(r, g, b).filled())).map_err(drawing_error)?;
+            area.draw(&Rectangle::new(square, RGBColor(r, g, b).filled()))
+                .map_err(drawing_error)?;
         }
         Ok(())
     }
@@ -50,7 +61,12 @@ impl Draw for Tile {
 impl Draw for Words {
     fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
         let title = (FONT, 16).into_font().color(&INK);
-        area.draw(&Text::new(self.title.clone(), (2 * MARGIN_PX, 2 * MARGIN_PX), title)).map_err(drawing_error)?;
+        area.draw(&Text::new(
+            self.title.clone(),
+            (2 * MARGIN_PX, 2 * MARGIN_PX),
+            title,
+        ))
+        .map_err(drawing_error)?;
         for (i, (sample, line)) in self.lines.iter().enumerate() {
             let y = 2 * MARGIN_PX + 24 + 17 * i as i32;
             let mut x = 2 * MARGIN_PX;
@@ -67,7 +83,12 @@ impl Draw for Words {
                 .map_err(drawing_error)?;
                 x += 34;
             }
-            area.draw(&Text::new(line.clone(), (x, y), (FONT, 13).into_font().color(&INK))).map_err(drawing_error)?;
+            area.draw(&Text::new(
+                line.clone(),
+                (x, y),
+                (FONT, 13).into_font().color(&INK),
+            ))
+            .map_err(drawing_error)?;
         }
         Ok(())
     }

@@ -1,8 +1,9 @@
 //! Technology: what energy takes in another technology than that of the prices.
 //!
-//! *At work*: the energy factors of Stillmaker and Baas, "Scaling equations for the accurate prediction of CMOS device performance from
-//! 180 nm to 7 nm" (Integration 58, 2017, table 5 and corrigendum, high performance), at the nominal voltage of each, as a part of that of
-//! 45 nm at 0.9 V, with which Horowitz' figures are told:
+//! *At work*: the energy factors of Stillmaker and Baas, "Scaling equations for the accurate
+//! prediction of CMOS device performance from 180 nm to 7 nm" (Integration 58, 2017, table 5 and
+//! corrigendum, high performance), at the nominal voltage of each, as a part of that of 45 nm at
+//! 0.9 V, with which Horowitz' figures are told:
 //!
 //! | | V | energy factor | part of 45 nm |
 //! |---|---|---|---|
@@ -12,11 +13,13 @@
 //! | 28 nm | 0.9 | 0.362, on a power law between 0.4571 at 32 nm and 0.2008 at 20 nm | 0.52 |
 //! | 7 nm | 0.7 | 0.1776·V² − 0.09097·V + 0.02447 = 0.0478 | 0.068 |
 //!
-//! *Leaking*, in the same time: assumed. Width and voltage of a gate, at an off current for each width that is the same from 65 nm on, as
-//! roadmaps ask of fast logic, and a twentieth of that in 180 nm; a fin counts as if it were flat.
+//! *Leaking*, in the same time: assumed. Width and voltage of a gate, at an off current for each
+//! width that is the same from 65 nm on, as roadmaps ask of fast logic, and a twentieth of that in
+//! 180 nm; a fin counts as if it were flat.
 //!
-//! *An FPGA* of 28 nm takes 14 times what its standard cells would, and leaks 35 times as much, as their areas compare (Kuon and Rose,
-//! "Measuring the gap between FPGAs and ASICs", 2007; that leakage goes with area is assumed).
+//! *An FPGA* of 28 nm takes 14 times what its standard cells would, and leaks 35 times as much, as
+//! their areas compare (Kuon and Rose, "Measuring the gap between FPGAs and ASICs", 2007; that
+//! leakage goes with area is assumed).
 //!
 //! Memory outside of the chip is not scaled.
 
@@ -58,18 +61,43 @@ pub struct Scales {
 
 /// See the head of this file.
 pub const DEFAULT: Scales = Scales {
-    nm180: Scale { dynamic: 68.0, leakage: 0.4 },
-    nm65: Scale { dynamic: 2.4, leakage: 1.8 },
-    nm28: Scale { dynamic: 0.52, leakage: 0.62 },
-    nm7: Scale { dynamic: 0.068, leakage: 0.12 },
-    fpga: Scale { dynamic: 7.3, leakage: 22.0 },
+    nm180: Scale {
+        dynamic: 68.0,
+        leakage: 0.4,
+    },
+    nm65: Scale {
+        dynamic: 2.4,
+        leakage: 1.8,
+    },
+    nm28: Scale {
+        dynamic: 0.52,
+        leakage: 0.62,
+    },
+    nm7: Scale {
+        dynamic: 0.068,
+        leakage: 0.12,
+    },
+    fpga: Scale {
+        dynamic: 7.3,
+        leakage: 22.0,
+    },
 };
 
 impl Scales {
-    /// Prices hold as they are, whatever the technology: what a file of prices says that has no scales.
+    /// Prices hold as they are, whatever the technology: what a file of prices says that has no
+    /// scales.
     pub fn none() -> Self {
-        let one = Scale { dynamic: 1.0, leakage: 1.0 };
-        Scales { nm180: one, nm65: one, nm28: one, nm7: one, fpga: one }
+        let one = Scale {
+            dynamic: 1.0,
+            leakage: 1.0,
+        };
+        Scales {
+            nm180: one,
+            nm65: one,
+            nm28: one,
+            nm7: one,
+            fpga: one,
+        }
     }
 
     /// That of a technology.
@@ -96,24 +124,51 @@ mod tests {
     #[test]
     fn the_scales_are_those_of_the_published_equations() {
         let base = factor([1.018, -0.3107, 0.1539], 0.9);
-        let [at_32, at_20] = [factor([0.8367, -0.4341, 0.1701], 0.9), factor([0.373, -0.1582, 0.04104], 0.9)];
+        let [at_32, at_20] = [
+            factor([0.8367, -0.4341, 0.1701], 0.9),
+            factor([0.373, -0.1582, 0.04104], 0.9),
+        ];
         // The corrigendum works this one out.
         assert!((at_32 - 0.4571).abs() < 5e-5, "{at_32}");
         let power = (at_32 / at_20).ln() / (32.0f64 / 20.0).ln();
         let at_28 = at_32 * (28.0f64 / 32.0).powf(power);
         let nodes = [
-            (DEFAULT.nm180, factor([24.64, -17.98, 0.0], 1.8), 180.0, 1.8, 0.05),
-            (DEFAULT.nm65, factor([3.755, -4.398, 1.975], 1.1), 65.0, 1.1, 1.0),
+            (
+                DEFAULT.nm180,
+                factor([24.64, -17.98, 0.0], 1.8),
+                180.0,
+                1.8,
+                0.05,
+            ),
+            (
+                DEFAULT.nm65,
+                factor([3.755, -4.398, 1.975], 1.1),
+                65.0,
+                1.1,
+                1.0,
+            ),
             (DEFAULT.nm28, at_28, 28.0, 0.9, 1.0),
-            (DEFAULT.nm7, factor([0.1776, -0.09097, 0.02447], 0.7), 7.0, 0.7, 1.0),
+            (
+                DEFAULT.nm7,
+                factor([0.1776, -0.09097, 0.02447], 0.7),
+                7.0,
+                0.7,
+                1.0,
+            ),
         ];
         for (scale, energy, nanometres, volts, off_current) in nodes {
             let leakage = off_current * nanometres / 45.0 * volts / 0.9;
             for (told, exact) in [(scale.dynamic, energy / base), (scale.leakage, leakage)] {
-                assert!((told / exact - 1.0).abs() < 0.03, "{nanometres} nm: {told}, {exact}");
+                assert!(
+                    (told / exact - 1.0).abs() < 0.03,
+                    "{nanometres} nm: {told}, {exact}"
+                );
             }
         }
-        for (told, times) in [(DEFAULT.fpga.dynamic / DEFAULT.nm28.dynamic, 14.0), (DEFAULT.fpga.leakage / DEFAULT.nm28.leakage, 35.0)] {
+        for (told, times) in [
+            (DEFAULT.fpga.dynamic / DEFAULT.nm28.dynamic, 14.0),
+            (DEFAULT.fpga.leakage / DEFAULT.nm28.leakage, 35.0),
+        ] {
             assert!((told / times - 1.0).abs() < 0.03, "{told}");
         }
     }

@@ -4,7 +4,10 @@ use crate::hardware::{fixed, machines};
 use rtl_model::timing::{self, Detail};
 
 fn built_with(settings: &[&str]) -> Elaborated {
-    let settings: Vec<String> = settings.iter().map(|setting| (*setting).to_owned()).collect();
+    let settings: Vec<String> = settings
+        .iter()
+        .map(|setting| (*setting).to_owned())
+        .collect();
     fixed::elaborate(&machines::load("reference", &settings).unwrap()).unwrap()
 }
 
@@ -16,47 +19,90 @@ fn area(settings: &[&str]) -> f64 {
     Cost::new(&built_with(settings), &DEFAULT).area
 }
 
-/// A raster of one lane, written by others in SystemVerilog with accumulators of 20, 28 and 36 bits, took 242, 331 and 425 LUTs (Yosys 0.23,
-/// `synth_xilinx -family xc7 -nowidelut -flatten`), its seeds not counted. The lane's own parts should follow in the same proportion.
+/// A raster of one lane, written by others in SystemVerilog with accumulators of 20, 28 and 36
+/// bits, took 242, 331 and 425 LUTs (Yosys 0.23, `synth_xilinx -family xc7 -nowidelut -flatten`),
+/// its seeds not counted. The lane's own parts should follow in the same proportion.
 #[test]
 fn the_parts_of_a_raster_grow_as_synthesis_says() {
     let synthesised = [242.0, 331.0, 425.0];
     let modelled = [20, 28, 36].map(|bits: i32| {
         let frac_bits = bits - 6;
-        let registers = ["radial", "first", "second", "depth"].map(|word| format!("raster.{word}=I6F{frac_bits}"));
-        let depths = ["project.depth", "ellipse.depth_range"].map(|word| format!("{word}=U1F{frac_bits}"));
-        let rest = ["raster.cutoff=U4F12", "ellipse.depth_slope=I1F12", "timing.raster.lanes=[1,1]"].map(str::to_owned);
-        let machine = built_with(&[&registers[..], &depths, &rest].concat().iter().map(String::as_str).collect::<Vec<_>>());
+        let registers = ["radial", "first", "second", "depth"]
+            .map(|word| format!("raster.{word}=I6F{frac_bits}"));
+        let depths =
+            ["project.depth", "ellipse.depth_range"].map(|word| format!("{word}=U1F{frac_bits}"));
+        let rest = [
+            "raster.cutoff=U4F12",
+            "ellipse.depth_slope=I1F12",
+            "timing.raster.lanes=[1,1]",
+        ]
+        .map(str::to_owned);
+        let machine = built_with(
+            &[&registers[..], &depths, &rest]
+                .concat()
+                .iter()
+                .map(String::as_str)
+                .collect::<Vec<_>>(),
+        );
         let mut lane = Bits::default();
-        for part in machine.parts.iter().filter(|part| part.unit == "raster" && part.per_lane) {
+        for part in machine
+            .parts
+            .iter()
+            .filter(|part| part.unit == "raster" && part.per_lane)
+        {
             lane.add(part.operator, part.copies.into());
         }
-        lane.price(&PerBit { register: 0.0, ..DEFAULT.area }, 0)
+        lane.price(
+            &PerBit {
+                register: 0.0,
+                ..DEFAULT.area
+            },
+            0,
+        )
     });
-    let ratios: Vec<f64> = modelled.iter().zip(synthesised).map(|(model, luts)| model / luts).collect();
+    let ratios: Vec<f64> = modelled
+        .iter()
+        .zip(synthesised)
+        .map(|(model, luts)| model / luts)
+        .collect();
     println!("a raster's lane, model over synthesis: {ratios:.3?}");
     let mean = ratios.iter().sum::<f64>() / 3.0;
-    assert!(ratios.iter().all(|ratio| (ratio / mean - 1.0).abs() < 0.05), "{modelled:?}, {ratios:?}");
+    assert!(
+        ratios.iter().all(|ratio| (ratio / mean - 1.0).abs() < 0.05),
+        "{modelled:?}, {ratios:?}"
+    );
 }
 
 #[test]
 fn a_wider_word_costs_more_and_more_lanes_cost_lanes_alone() {
     let reference = area(&[]);
-    for wider in ["gauss.weight=U-2F24", "ellipse.conic=U3F25", "timing.raster.fifo=64", "timing.tile.side_px=32", "timing.project.units=2"]
-    {
+    for wider in [
+        "gauss.weight=U-2F24",
+        "ellipse.conic=U3F25",
+        "timing.raster.fifo=64",
+        "timing.tile.side_px=32",
+        "timing.project.units=2",
+    ] {
         assert!(area(&[wider]) > reference, "{wider}");
     }
     assert!(area(&["timing.ellipse.multipliers=1"]) < reference);
     let unit = |lanes: &str, name: &str| {
         let cost = Cost::new(&built_with(&[lanes]), &DEFAULT);
-        cost.units.iter().find(|unit| unit.name == name).unwrap().area
+        cost.units
+            .iter()
+            .find(|unit| unit.name == name)
+            .unwrap()
+            .area
     };
     let [one, two] = ["timing.raster.lanes=[1,1]", "timing.raster.lanes=[2,1]"];
     // All but what a splat's attributes take in the pipeline, which go with both lanes.
     let [lane, both] = [unit(one, "gauss"), unit(two, "gauss")];
     assert!(both < 2.0 * lane && both > 1.8 * lane, "{lane}, {both}");
     assert_eq!(unit(two, "shade"), unit(one, "shade"));
-    assert!(unit(two, "raster") > unit(one, "raster") && unit(two, "raster") < 2.0 * unit(one, "raster"));
+    assert!(
+        unit(two, "raster") > unit(one, "raster")
+            && unit(two, "raster") < 2.0 * unit(one, "raster")
+    );
 }
 
 /// What makes a machine faster and is no operator takes area too.
@@ -65,7 +111,11 @@ fn speed_is_paid_for() {
     let reference = area(&[]);
     let forwarding = ["timing.fragment.latency=6", "timing.fragment.hazard=1"];
     assert!(area(&forwarding) > area(&forwarding[..1]) + 1.0);
-    for faster in ["timing.tile.buffers=2", "timing.memory.outstanding=32", "timing.memory.burst_bytes=128"] {
+    for faster in [
+        "timing.tile.buffers=2",
+        "timing.memory.outstanding=32",
+        "timing.memory.burst_bytes=128",
+    ] {
         assert!(area(&[faster]) > reference + 1.0, "{faster}");
     }
     // More stages hold more.
@@ -73,13 +123,21 @@ fn speed_is_paid_for() {
     let immediate = |more: &str| area(&["timing.organisation=immediate", more]);
     assert!(immediate("timing.cache.misses=16") > immediate("timing.cache.misses=8"));
     // Of two tile buffers a shade unit of their own lights what a tile holds.
-    let shade = |settings: &[&str]| Cost::new(&built_with(settings), &DEFAULT).units.iter().find(|unit| unit.name == "shade").unwrap().area;
+    let shade = |settings: &[&str]| {
+        Cost::new(&built_with(settings), &DEFAULT)
+            .units
+            .iter()
+            .find(|unit| unit.name == "shade")
+            .unwrap()
+            .area
+    };
     // But for what reads a fragment that was shaded before.
     let more = shade(&["timing.tile.buffers=2"]) / shade(&[]);
     assert!(more > 1.98 && more <= 2.0, "{more}");
 }
 
-/// Whatever stands side by side is built as often, and so is what stands between; nothing of it is free, even where it gains nothing.
+/// Whatever stands side by side is built as often, and so is what stands between; nothing of it is
+/// free, even where it gains nothing.
 #[test]
 fn what_stands_side_by_side_is_paid_for() {
     let reference = area(&[]);
@@ -93,26 +151,50 @@ fn what_stands_side_by_side_is_paid_for() {
         "timing.queue=longest",
     ];
     for field in fields {
-        assert!(area(&[field]) > reference + 10.0, "{field}: {} is not more than {reference}", area(&[field]));
+        assert!(
+            area(&[field]) > reference + 10.0,
+            "{field}: {} is not more than {reference}",
+            area(&[field])
+        );
     }
     let unit = |settings: &[&str], name: &str| {
         let cost = Cost::new(&built_with(settings), &DEFAULT);
-        cost.units.iter().find(|unit| unit.name == name).map_or(0.0, |unit| unit.area)
+        cost.units
+            .iter()
+            .find(|unit| unit.name == name)
+            .map_or(0.0, |unit| unit.area)
     };
     // An engine has all that follows the lists, and setup is there once.
     for name in ["raster", "gauss", "fragment", "resolve"] {
-        assert_eq!(unit(&["timing.engines=4"], name), 4.0 * unit(&[], name), "{name}");
+        assert_eq!(
+            unit(&["timing.engines=4"], name),
+            4.0 * unit(&[], name),
+            "{name}"
+        );
     }
     assert_eq!(unit(&["timing.engines=4"], "project"), unit(&[], "project"));
     let storage = |settings: &[&str]| Cost::new(&built_with(settings), &DEFAULT).memory_bits;
     assert_eq!(storage(&["timing.engines=4"]), 4 * storage(&[]));
     // Units of a lane each are as many lanes as there were, until there are more units than lanes.
-    let of_lanes = [1, 4, 16].map(|units| unit(&[&format!("timing.fragment.units={units}")], "fragment"));
-    assert!(of_lanes[1] < 2.0 * of_lanes[0] && of_lanes[2] > 3.0 * of_lanes[1], "{of_lanes:?}");
-    // A merge in flight keeps both fragments of each lane in registers, which are not those of the stages.
+    let of_lanes =
+        [1, 4, 16].map(|units| unit(&[&format!("timing.fragment.units={units}")], "fragment"));
+    assert!(
+        of_lanes[1] < 2.0 * of_lanes[0] && of_lanes[2] > 3.0 * of_lanes[1],
+        "{of_lanes:?}"
+    );
+    // A merge in flight keeps both fragments of each lane in registers, which are not those of the
+    // stages.
     let bits = |merges: u32| {
-        let cost = Cost::new(&built_with(&[&format!("timing.fragment.merges_in_flight={merges}")]), &DEFAULT);
-        cost.units.iter().find(|unit| unit.name == "fragment").unwrap().bits.register
+        let cost = Cost::new(
+            &built_with(&[&format!("timing.fragment.merges_in_flight={merges}")]),
+            &DEFAULT,
+        );
+        cost.units
+            .iter()
+            .find(|unit| unit.name == "fragment")
+            .unwrap()
+            .bits
+            .register
     };
     let fragment = built_with(&[]).machine.fragment_bits() as u64;
     assert_eq!(bits(5) - bits(1), 4 * 4 * (2 * fragment + 28));
@@ -124,16 +206,28 @@ fn a_pipeline_has_as_many_registers_as_stages_times_live_bits() {
     let machine = built_with(&["timing.shade.latency=37"]);
     let fragment = machine.machine.fragment_bits() as u64;
     let light = 4 * machine.machine.shade.premultiplied.format.width() as u64;
-    assert_eq!(bits_of(&machine, "shade").register, (37 * (fragment + light)).div_ceil(2));
+    assert_eq!(
+        bits_of(&machine, "shade").register,
+        (37 * (fragment + light)).div_ceil(2)
+    );
     // A stage of a unit that takes an item in two cycles holds one in two.
     let slow = built_with(&["timing.project.interval=2", "timing.project.latency=200"]);
     let quick = built_with(&["timing.project.interval=1", "timing.project.latency=100"]);
-    assert_eq!(bits_of(&slow, "project").register, bits_of(&quick, "project").register);
+    assert_eq!(
+        bits_of(&slow, "project").register,
+        bits_of(&quick, "project").register
+    );
 }
 
 #[test]
 fn what_multipliers_share_is_as_wide_as_the_widest() {
-    let shared = |count: u32| bits_of(&built_with(&[&format!("timing.project.multipliers={count}")]), "project").multiplier;
+    let shared = |count: u32| {
+        bits_of(
+            &built_with(&[&format!("timing.project.multipliers={count}")]),
+            "project",
+        )
+        .multiplier
+    };
     let all = bits_of(&built_with(&[]), "project").multiplier;
     // focal · slope, 27 × 26 bits; the rotation of 27 × 27 is wider.
     assert_eq!([shared(1), shared(2)], [27 * 27, 2 * 27 * 27]);
@@ -143,34 +237,77 @@ fn what_multipliers_share_is_as_wide_as_the_widest() {
 #[test]
 fn a_price_of_nothing_but_one_kind_counts_that_kind() {
     let machine = built_with(&[]);
-    let nothing = PerBit { multiplier: 0.0, adder: 0.0, multiplexer: 0.0, register: 0.0, rom: 0.0, fifo: 0.0, memory: 0.0 };
+    let nothing = PerBit {
+        multiplier: 0.0,
+        adder: 0.0,
+        multiplexer: 0.0,
+        register: 0.0,
+        rom: 0.0,
+        fifo: 0.0,
+        memory: 0.0,
+    };
     let of = |area: PerBit| Cost::new(&machine, &Prices { area, ..DEFAULT });
-    let cost = of(PerBit { register: 1.0, ..nothing });
-    assert_eq!(cost.area, cost.units.iter().map(|unit| unit.bits.register as f64).sum::<f64>());
-    let cost = of(PerBit { memory: 1.0, ..nothing });
+    let cost = of(PerBit {
+        register: 1.0,
+        ..nothing
+    });
+    assert_eq!(
+        cost.area,
+        cost.units
+            .iter()
+            .map(|unit| unit.bits.register as f64)
+            .sum::<f64>()
+    );
+    let cost = of(PerBit {
+        memory: 1.0,
+        ..nothing
+    });
     // 16 × 16 pixels of three fragments, and requests of 64 bytes, 16 each way.
-    assert_eq!(cost.area, f64::from(16 * 16 * 3 * 8 * machine.timing.fragment_bytes + 2 * 16 * 64 * 8));
+    assert_eq!(
+        cost.area,
+        f64::from(16 * 16 * 3 * 8 * machine.timing.fragment_bytes + 2 * 16 * 64 * 8)
+    );
 }
 
 #[test]
 fn energy_is_the_sum_of_its_parts_and_grows_with_traffic() {
     let machine = built_with(&[]);
-    let work = rtl_model::work::Work { width: 16, height: 16, ..Default::default() };
+    let work = rtl_model::work::Work {
+        width: 16,
+        height: 16,
+        ..Default::default()
+    };
     let cycles = timing::replay(&machine.timing, &work, Detail::Accounts);
     let cost = Cost::new(&machine, &DEFAULT);
     let energy = Energy::new(&machine, &cost, &cycles, &DEFAULT);
-    assert_eq!(energy.total, energy.units + energy.storage + energy.dram + energy.leakage);
+    assert_eq!(
+        energy.total,
+        energy.units + energy.storage + energy.dram + energy.leakage
+    );
     // An empty frame: background words alone.
     assert_eq!((energy.units, energy.storage), (0.0, 0.0));
     assert!(energy.dram > 0.0 && energy.leakage > 0.0);
-    let dearer = Energy::new(&machine, &cost, &cycles, &Prices { dram_pj_per_byte: 2.0 * DEFAULT.dram_pj_per_byte, ..DEFAULT });
+    let dearer = Energy::new(
+        &machine,
+        &cost,
+        &cycles,
+        &Prices {
+            dram_pj_per_byte: 2.0 * DEFAULT.dram_pj_per_byte,
+            ..DEFAULT
+        },
+    );
     assert_eq!(dearer.dram, 2.0 * energy.dram);
 }
 
-/// Work and the cycles that it takes are the same; only what a cycle lasts and what a bit takes differ.
+/// Work and the cycles that it takes are the same; only what a cycle lasts and what a bit takes
+/// differ.
 #[test]
 fn a_technology_and_a_clock_show_in_energy() {
-    let work = rtl_model::work::Work { width: 64, height: 64, ..Default::default() };
+    let work = rtl_model::work::Work {
+        width: 64,
+        height: 64,
+        ..Default::default()
+    };
     let of = |settings: &[&str], prices: &Prices| {
         let machine = built_with(settings);
         let mut cycles = timing::replay(&machine.timing, &work, Detail::Accounts);
@@ -180,27 +317,70 @@ fn a_technology_and_a_clock_show_in_energy() {
     };
     let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-9;
     // Latencies that suit all, for those that are left out follow the clock.
-    let latencies =
-        ["project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve"].map(|unit| format!("timing.{unit}.latency=20"));
-    let with_latencies =
-        |settings: &[String], prices: &Prices| of(&settings.iter().chain(&latencies).map(String::as_str).collect::<Vec<_>>(), prices);
+    let latencies = [
+        "project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve",
+    ]
+    .map(|unit| format!("timing.{unit}.latency=20"));
+    let with_latencies = |settings: &[String], prices: &Prices| {
+        of(
+            &settings
+                .iter()
+                .chain(&latencies)
+                .map(String::as_str)
+                .collect::<Vec<_>>(),
+            prices,
+        )
+    };
     let in_technology = |technology: &str, clock_hz: &str| {
-        with_latencies(&[format!("timing.technology={technology}"), format!("timing.clock_hz={clock_hz}")], &DEFAULT)
+        with_latencies(
+            &[
+                format!("timing.technology={technology}"),
+                format!("timing.clock_hz={clock_hz}"),
+            ],
+            &DEFAULT,
+        )
     };
     let [old, new] = ["180nm", "7nm"].map(|technology| in_technology(technology, "5e6"));
     let Scale { dynamic, leakage } = DEFAULT.technology.nm180;
-    assert!(close(old.units / new.units, dynamic / DEFAULT.technology.nm7.dynamic) && new.units > 0.0, "{old:?} {new:?}");
-    assert!(close(old.storage / new.storage, dynamic / DEFAULT.technology.nm7.dynamic) && old.dram == new.dram);
-    assert!(close(old.leakage / new.leakage, leakage / DEFAULT.technology.nm7.leakage) && new.leakage > 0.0);
+    assert!(
+        close(
+            old.units / new.units,
+            dynamic / DEFAULT.technology.nm7.dynamic
+        ) && new.units > 0.0,
+        "{old:?} {new:?}"
+    );
+    assert!(
+        close(
+            old.storage / new.storage,
+            dynamic / DEFAULT.technology.nm7.dynamic
+        ) && old.dram == new.dram
+    );
+    assert!(
+        close(
+            old.leakage / new.leakage,
+            leakage / DEFAULT.technology.nm7.leakage
+        ) && new.leakage > 0.0
+    );
     // Twice the clock: the same work, half the time.
     let faster = in_technology("7nm", "1e7");
-    assert!(close(2.0 * faster.leakage, new.leakage) && faster.units == new.units && faster.storage == new.storage);
+    assert!(
+        close(2.0 * faster.leakage, new.leakage)
+            && faster.units == new.units
+            && faster.storage == new.storage
+    );
     // As before there were technologies: at 400 MHz, whatever it is built in.
-    let plain = Prices { technology: Scales::none(), ..DEFAULT };
-    let [a, b] = ["28nm", "7nm"].map(|technology| with_latencies(&[format!("timing.technology={technology}")], &plain));
+    let plain = Prices {
+        technology: Scales::none(),
+        ..DEFAULT
+    };
+    let [a, b] = ["28nm", "7nm"]
+        .map(|technology| with_latencies(&[format!("timing.technology={technology}")], &plain));
     assert_eq!(a, b);
     let latencies: Vec<&str> = latencies.iter().map(String::as_str).collect();
-    assert!(close(a.leakage, Cost::new(&built_with(&latencies), &plain).area * 1e6 * DEFAULT.static_pj_per_area * 1e-12));
+    assert!(close(
+        a.leakage,
+        Cost::new(&built_with(&latencies), &plain).area * 1e6 * DEFAULT.static_pj_per_area * 1e-12
+    ));
 }
 
 #[test]
@@ -221,7 +401,9 @@ fn prices_are_read_whole_or_refused_in_a_sentence() {
     assert!(refused(&value.to_string()).starts_with("prices.json: area.adder"));
     assert!(refused("{}").starts_with("prices.json: "));
     assert!(refused("[").starts_with("prices.json: not JSON"));
-    assert!(matches!(Prices::load(&folder.path().join("none.json")), Err(Error::Input(sentence)) if sentence.contains("cannot be read")));
+    assert!(
+        matches!(Prices::load(&folder.path().join("none.json")), Err(Error::Input(sentence)) if sentence.contains("cannot be read"))
+    );
 }
 
 #[test]
@@ -231,7 +413,10 @@ fn who_takes_turns_at_a_multiplier_pays_for_the_choice_of_its_operands() {
     let mut before = whole.multiplexer;
     for count in [64, 16, 4, 1] {
         let shared = bits(&format!("timing.project.multipliers={count}"));
-        assert!(shared.multiplexer >= before && shared.multiplier <= whole.multiplier, "{count}");
+        assert!(
+            shared.multiplexer >= before && shared.multiplier <= whole.multiplier,
+            "{count}"
+        );
         before = shared.multiplexer;
     }
     assert!(before > whole.multiplexer);
@@ -241,19 +426,33 @@ fn who_takes_turns_at_a_multiplier_pays_for_the_choice_of_its_operands() {
 fn a_bit_more_never_takes_fewer_gates() {
     let of = |operator: Operator| gates::of(&DEFAULT.gates, operator);
     for a in -2..40 {
-        let each =
-            [Operator::Adder, Operator::Multiplexer, Operator::Hold, Operator::Rounder].map(|operator| [operator(a), operator(a + 1)]);
+        let each = [
+            Operator::Adder,
+            Operator::Multiplexer,
+            Operator::Hold,
+            Operator::Rounder,
+        ]
+        .map(|operator| [operator(a), operator(a + 1)]);
         for [narrow, wide] in each {
             assert!(of(wide) >= of(narrow) && of(narrow) >= 0.0, "{narrow:?}");
         }
         for b in -2..40 {
             let narrow = of(Operator::Multiplier([a, b]));
             for wide in [[a + 1, b], [a, b + 1]] {
-                assert!(of(Operator::Multiplier(wide)) >= narrow && narrow >= 0.0, "{a} {b}");
+                assert!(
+                    of(Operator::Multiplier(wide)) >= narrow && narrow >= 0.0,
+                    "{a} {b}"
+                );
             }
             for wide in [[a + 1, b], [a, b + 1]] {
-                assert!(of(Operator::Rom(wide)) >= of(Operator::Rom([a, b])), "{a} {b}");
-                assert!(of(Operator::Choice(wide)) >= of(Operator::Choice([a, b])), "{a} {b}");
+                assert!(
+                    of(Operator::Rom(wide)) >= of(Operator::Rom([a, b])),
+                    "{a} {b}"
+                );
+                assert!(
+                    of(Operator::Choice(wide)) >= of(Operator::Choice([a, b])),
+                    "{a} {b}"
+                );
             }
         }
     }
@@ -262,22 +461,58 @@ fn a_bit_more_never_takes_fewer_gates() {
     assert_eq!(of(Operator::Multiplier([1, 12])), 12.0 * 32.0 / 24.0);
     let gates = |setting: &str| Cost::new(&built_with(&[setting]), &DEFAULT).gates;
     let reference = gates("timing.engines=1");
-    for wider in ["gauss.weight=U-2F24", "ellipse.conic=U3F25", "timing.shade.latency=60", "timing.tile.side_px=32", "timing.engines=2"] {
+    for wider in [
+        "gauss.weight=U-2F24",
+        "ellipse.conic=U3F25",
+        "timing.shade.latency=60",
+        "timing.tile.side_px=32",
+        "timing.engines=2",
+    ] {
         assert!(gates(wider).total > reference.total, "{wider}");
     }
-    assert!(gates("timing.shade.latency=60").logic == reference.logic && gates("timing.tile.side_px=32").sram_kbit > reference.sram_kbit);
+    assert!(
+        gates("timing.shade.latency=60").logic == reference.logic
+            && gates("timing.tile.side_px=32").sram_kbit > reference.sram_kbit
+    );
 }
 
 #[test]
 fn gates_are_those_of_the_units_and_of_what_is_stored() {
-    let prices = Prices { gates: PerBit { memory: 0.5, ..DEFAULT.gates }, ..DEFAULT };
+    let prices = Prices {
+        gates: PerBit {
+            memory: 0.5,
+            ..DEFAULT.gates
+        },
+        ..DEFAULT
+    };
     let cost = Cost::new(&built_with(&[]), &prices);
-    let Gates { total, logic, flip_flops, sram_kbit } = cost.gates;
+    let Gates {
+        total,
+        logic,
+        flip_flops,
+        sram_kbit,
+    } = cost.gates;
     let close = |a: f64, b: f64| assert!((a / b - 1.0).abs() < 1e-9, "{a}, {b}");
-    close(logic + flip_flops, cost.units.iter().map(|unit| unit.gates).sum());
-    close(flip_flops, cost.units.iter().map(|unit| unit.bits.register).sum::<u64>() as f64 * prices.gates.register);
-    close(total - logic - flip_flops, cost.fifo_bits as f64 + 0.5 * cost.memory_bits as f64);
-    close(sram_kbit, (cost.fifo_bits + cost.memory_bits) as f64 / 1000.0);
+    close(
+        logic + flip_flops,
+        cost.units.iter().map(|unit| unit.gates).sum(),
+    );
+    close(
+        flip_flops,
+        cost.units
+            .iter()
+            .map(|unit| unit.bits.register)
+            .sum::<u64>() as f64
+            * prices.gates.register,
+    );
+    close(
+        total - logic - flip_flops,
+        cost.fifo_bits as f64 + 0.5 * cost.memory_bits as f64,
+    );
+    close(
+        sram_kbit,
+        (cost.fifo_bits + cost.memory_bits) as f64 / 1000.0,
+    );
 }
 
 #[test]
@@ -292,8 +527,14 @@ fn a_file_of_prices_from_before_there_were_gates_still_holds() {
     value.as_object_mut().unwrap().remove("gates");
     assert_eq!(load(&value).unwrap(), DEFAULT);
     // What it says is taken, whole.
-    value["gates"] = serde_json::to_value(PerBit { adder: 1.0, ..DEFAULT.gates }).unwrap();
+    value["gates"] = serde_json::to_value(PerBit {
+        adder: 1.0,
+        ..DEFAULT.gates
+    })
+    .unwrap();
     assert_eq!(load(&value).unwrap().gates.adder, 1.0);
     value["gates"].as_object_mut().unwrap().remove("rom");
-    assert!(matches!(load(&value), Err(Error::Input(sentence)) if sentence.contains("gates") && sentence.contains("rom")));
+    assert!(
+        matches!(load(&value), Err(Error::Input(sentence)) if sentence.contains("gates") && sentence.contains("rom"))
+    );
 }

@@ -1,4 +1,5 @@
-//! Matching: which picture of a folder was taken by which camera: by the names that a file of cameras has, else by order.
+//! Matching: which picture of a folder was taken by which camera: by the names that a file of
+//! cameras has, else by order.
 
 use crate::error::{Error, Result};
 use crate::output::text::{clipped, listed, one_line};
@@ -9,7 +10,8 @@ use std::path::{Path, PathBuf};
 
 /// Endings of pictures that are read.
 const READ: [&str; 3] = ["png", "jpg", "jpeg"];
-/// Endings of pictures in files of cameras, besides: the picture that is compared may be of another kind.
+/// Endings of pictures in files of cameras, besides: the picture that is compared may be of another
+/// kind.
 const KNOWN: [&str; 8] = ["tif", "tiff", "bmp", "webp", "gif", "ppm", "exr", "heic"];
 
 /// A picture for each frame.
@@ -48,45 +50,97 @@ pub(super) fn matched(path: &Path, sequence: &Sequence, only: Option<usize>) -> 
         let mut files = vec![None; frames];
         files[frame] = Some(path.to_owned());
         let own = path.file_name().unwrap_or_default().to_string_lossy();
-        let other = names[frame].filter(|name| parts(name).last().is_some_and(|last| bare(last) != bare(&own)));
-        let notes = other.map(|name| format!("photographs: {} is compared; the camera's own is {}", one_line(&own), clipped(name)));
-        return Ok(Match { files, notes: notes.into_iter().collect() });
+        let other = names[frame].filter(|name| {
+            parts(name)
+                .last()
+                .is_some_and(|last| bare(last) != bare(&own))
+        });
+        let notes = other.map(|name| {
+            format!(
+                "photographs: {} is compared; the camera's own is {}",
+                one_line(&own),
+                clipped(name)
+            )
+        });
+        return Ok(Match {
+            files,
+            notes: notes.into_iter().collect(),
+        });
     }
-    let mut folders = Folders { whose: whose.clone(), listed: BTreeMap::new() };
+    let mut folders = Folders {
+        whose: whose.clone(),
+        listed: BTreeMap::new(),
+    };
     let all = folders.pictures(path)?.to_vec();
     let unnamed = names.iter().filter(|name| name.is_none()).count();
     if unnamed == 0 {
         return by_name(path, &names, only, &mut folders);
     }
     if all.is_empty() {
-        return Err(input_error(format!("holds no picture; one per frame is needed, with the ending {}", endings())));
+        return Err(input_error(format!(
+            "holds no picture; one per frame is needed, with the ending {}",
+            endings()
+        )));
     }
     if frames == 1 && all.len() > 1 {
-        let what = format!("holds {} pictures, and {} has one camera: name the picture", all.len(), sequence.scene().name);
+        let what = format!(
+            "holds {} pictures, and {} has one camera: name the picture",
+            all.len(),
+            sequence.scene().name
+        );
         return Err(input_error(what));
     }
     if all.len() < frames {
-        let what = format!("holds {} pictures, and {} has {frames} frames: one per frame is needed", all.len(), sequence.scene().name);
+        let what = format!(
+            "holds {} pictures, and {} has {frames} frames: one per frame is needed",
+            all.len(),
+            sequence.scene().name
+        );
         return Err(input_error(what));
     }
-    let of_frame = |frame: usize| only.is_none_or(|only| only == frame).then(|| path.join(&all[frame]));
+    let of_frame = |frame: usize| {
+        only.is_none_or(|only| only == frame)
+            .then(|| path.join(&all[frame]))
+    };
     let mut notes = Vec::new();
     let (first, last) = (only.unwrap_or(0), only.unwrap_or(frames - 1));
     if frames > 1 {
-        let why =
-            if unnamed == frames { "the cameras have no names".into() } else { format!("{unnamed} of {frames} cameras have no name") };
-        let [one, other] = [first, last].map(|frame| format!("frame {frame} is {}", one_line(&all[frame])));
-        let example = if first == last { one } else { format!("{one}, {other}") };
-        notes.push(format!("photographs: matched in order of their names, for {why}: {example}"));
+        let why = if unnamed == frames {
+            "the cameras have no names".into()
+        } else {
+            format!("{unnamed} of {frames} cameras have no name")
+        };
+        let [one, other] =
+            [first, last].map(|frame| format!("frame {frame} is {}", one_line(&all[frame])));
+        let example = if first == last {
+            one
+        } else {
+            format!("{one}, {other}")
+        };
+        notes.push(format!(
+            "photographs: matched in order of their names, for {why}: {example}"
+        ));
     }
     notes.extend(left_over(&all[frames..]));
-    Ok(Match { files: (0..frames).map(of_frame).collect(), notes })
+    Ok(Match {
+        files: (0..frames).map(of_frame).collect(),
+        notes,
+    })
 }
 
-fn by_name(path: &Path, names: &[Option<&str>], only: Option<usize>, folders: &mut Folders) -> Result<Match> {
+fn by_name(
+    path: &Path,
+    names: &[Option<&str>],
+    only: Option<usize>,
+    folders: &mut Folders,
+) -> Result<Match> {
     let mut files = vec![None; names.len()];
     let mut absent = Vec::new();
-    for (frame, name) in names.iter().enumerate().filter(|(frame, _)| only.is_none_or(|only| only == *frame)) {
+    for (frame, name) in names
+        .iter()
+        .enumerate()
+        .filter(|(frame, _)| only.is_none_or(|only| only == *frame))
+    {
         let Some(name) = name else { continue };
         match folders.find(path, name)? {
             Some(file) => files[frame] = Some(file),
@@ -95,8 +149,14 @@ fn by_name(path: &Path, names: &[Option<&str>], only: Option<usize>, folders: &m
     }
     let wanted = only.map_or(names.len(), |_| 1);
     if let Some((frame, name)) = absent.first() {
-        let stem = parts(name).last().map_or_else(String::new, |last| clipped(bare(last)));
-        let count = if absent.len() > 1 { format!("; {} of {wanted} frames have none", absent.len()) } else { String::new() };
+        let stem = parts(name)
+            .last()
+            .map_or_else(String::new, |last| clipped(bare(last)));
+        let count = if absent.len() > 1 {
+            format!("; {} of {wanted} frames have none", absent.len())
+        } else {
+            String::new()
+        };
         let [png, jpg, jpeg] = READ.map(|ending| format!("{stem}.{ending}"));
         return Err(Error::input(format!(
             "{}: holds no picture of frame {frame}, which the file of cameras names {}: {png}, {jpg} or {jpeg} is needed{count}",
@@ -108,7 +168,8 @@ fn by_name(path: &Path, names: &[Option<&str>], only: Option<usize>, folders: &m
     for (frame, file) in files.iter().enumerate() {
         let Some(file) = file else { continue };
         if let Some(before) = frame_of.insert(file, frame) {
-            let [one, other] = [before, frame].map(|frame| clipped(names[frame].unwrap_or_default()));
+            let [one, other] =
+                [before, frame].map(|frame| clipped(names[frame].unwrap_or_default()));
             return Err(Error::input(format!(
                 "{}: frames {before} ({one}) and {frame} ({other}) both lead to {}: each needs a picture of its own, in folders as the file of \
                  cameras has them",
@@ -124,7 +185,9 @@ fn by_name(path: &Path, names: &[Option<&str>], only: Option<usize>, folders: &m
         let in_use: BTreeSet<&Path> = used.iter().filter_map(|file| file.parent()).collect();
         let of_folder = |folder: &Path| {
             let all = folders.listed.get(folder).into_iter().flatten();
-            all.filter(|name| !used.contains(&*folder.join(name))).cloned().collect::<Vec<_>>()
+            all.filter(|name| !used.contains(&*folder.join(name)))
+                .cloned()
+                .collect::<Vec<_>>()
         };
         let rest: Vec<String> = in_use.into_iter().flat_map(of_folder).collect();
         notes.extend(left_over(&rest));
@@ -136,8 +199,14 @@ fn left_over(rest: &[String]) -> Option<String> {
     let names: Vec<String> = rest.iter().map(|name| one_line(name)).collect();
     match names.len() {
         0 => None,
-        1 => Some(format!("photographs: one picture has no camera: {}", names[0])),
-        many => Some(format!("photographs: {many} pictures have no camera: {}", listed(&names))),
+        1 => Some(format!(
+            "photographs: one picture has no camera: {}",
+            names[0]
+        )),
+        many => Some(format!(
+            "photographs: {many} pictures have no camera: {}",
+            listed(&names)
+        )),
     }
 }
 
@@ -150,12 +219,21 @@ impl Folders {
     /// Pictures in a folder, in order; hidden files are none.
     fn pictures(&mut self, folder: &Path) -> Result<&[String]> {
         if !self.listed.contains_key(folder) {
-            let cannot = |error: std::io::Error| Error::input(format!("{}: {} cannot be read: {error}", self.whose, folder.display()));
+            let cannot = |error: std::io::Error| {
+                Error::input(format!(
+                    "{}: {} cannot be read: {error}",
+                    self.whose,
+                    folder.display()
+                ))
+            };
             let mut names = Vec::new();
             for entry in std::fs::read_dir(folder).map_err(cannot)? {
                 let entry = entry.map_err(cannot)?;
-                let Ok(name) = entry.file_name().into_string() else { continue };
-                let is_picture = ending(&name).is_some_and(|ending| READ.contains(&&*ending.to_ascii_lowercase()));
+                let Ok(name) = entry.file_name().into_string() else {
+                    continue;
+                };
+                let is_picture = ending(&name)
+                    .is_some_and(|ending| READ.contains(&&*ending.to_ascii_lowercase()));
                 if is_picture && !name.starts_with('.') && entry.path().is_file() {
                     names.push(name);
                 }
@@ -166,13 +244,17 @@ impl Folders {
         Ok(&self.listed[folder])
     }
 
-    /// The picture that a file of cameras names: in the folders that it names, as many of them as are there, and by its name without an ending
-    /// where that very file is absent.
+    /// The picture that a file of cameras names: in the folders that it names, as many of them as
+    /// are there, and by its name without an ending where that very file is absent.
     fn find(&mut self, root: &Path, name: &str) -> Result<Option<PathBuf>> {
         let parts = parts(name);
-        let Some((last, above)) = parts.split_last() else { return Ok(None) };
+        let Some((last, above)) = parts.split_last() else {
+            return Ok(None);
+        };
         for first in 0..=above.len() {
-            let folder = above[first..].iter().fold(root.to_owned(), |folder, part| folder.join(part));
+            let folder = above[first..]
+                .iter()
+                .fold(root.to_owned(), |folder, part| folder.join(part));
             if !folder.is_dir() {
                 continue;
             }
@@ -181,7 +263,12 @@ impl Folders {
             if all.iter().any(|name| name == last) {
                 return Ok(Some(folder.join(last)));
             }
-            match all.iter().filter(|name| bare(name) == bare(last)).collect::<Vec<_>>().as_slice() {
+            match all
+                .iter()
+                .filter(|name| bare(name) == bare(last))
+                .collect::<Vec<_>>()
+                .as_slice()
+            {
                 [] => {}
                 [one] => return Ok(Some(folder.join(one))),
                 [one, other, ..] => {
@@ -198,8 +285,13 @@ impl Folders {
 
 /// Folders and file of a path that any system may have written, behind its last `..`.
 fn parts(path: &str) -> Vec<&str> {
-    let behind = path.split(['/', '\\']).rev().take_while(|part| *part != "..");
-    let mut parts: Vec<&str> = behind.filter(|part| !part.is_empty() && *part != "." && !part.ends_with(':')).collect();
+    let behind = path
+        .split(['/', '\\'])
+        .rev()
+        .take_while(|part| *part != "..");
+    let mut parts: Vec<&str> = behind
+        .filter(|part| !part.is_empty() && *part != "." && !part.ends_with(':'))
+        .collect();
     parts.reverse();
     parts
 }
@@ -211,7 +303,14 @@ fn ending(name: &str) -> Option<&str> {
 /// A name without the ending of a picture: other dots belong to it.
 fn bare(name: &str) -> &str {
     match name.rsplit_once('.') {
-        Some((stem, ending)) if READ.iter().chain(&KNOWN).any(|known| ending.eq_ignore_ascii_case(known)) => stem,
+        Some((stem, ending))
+            if READ
+                .iter()
+                .chain(&KNOWN)
+                .any(|known| ending.eq_ignore_ascii_case(known)) =>
+        {
+            stem
+        }
         _ => name,
     }
 }
@@ -221,7 +320,9 @@ fn in_order(a: &str, b: &str) -> Ordering {
     let pieces = |text: &str| -> Vec<String> {
         let mut pieces: Vec<String> = Vec::new();
         for letter in text.chars() {
-            match pieces.last_mut().filter(|piece| piece.ends_with(|last: char| last.is_ascii_digit()) == letter.is_ascii_digit()) {
+            match pieces.last_mut().filter(|piece| {
+                piece.ends_with(|last: char| last.is_ascii_digit()) == letter.is_ascii_digit()
+            }) {
                 Some(piece) => piece.push(letter),
                 None => pieces.push(letter.into()),
             }
@@ -237,8 +338,12 @@ fn in_order(a: &str, b: &str) -> Ordering {
         let [a, b] = [a, b].map(|number| number.trim_start_matches('0'));
         a.len().cmp(&b.len()).then_with(|| a.cmp(b))
     });
-    let first = compared.find(|order| order.is_ne()).unwrap_or(Ordering::Equal);
-    first.then_with(|| of_a.len().cmp(&of_b.len())).then_with(|| a.cmp(b))
+    let first = compared
+        .find(|order| order.is_ne())
+        .unwrap_or(Ordering::Equal);
+    first
+        .then_with(|| of_a.len().cmp(&of_b.len()))
+        .then_with(|| a.cmp(b))
 }
 
 #[cfg(test)]
@@ -247,9 +352,32 @@ mod tests {
 
     #[test]
     fn numbers_in_names_are_ordered_by_their_values() {
-        let mut names = ["r_10.png", "r_9.png", "r_1.png", "r_01.png", "r.png", "a2b", "a2", "a10", "r_1_2.png"];
+        let mut names = [
+            "r_10.png",
+            "r_9.png",
+            "r_1.png",
+            "r_01.png",
+            "r.png",
+            "a2b",
+            "a2",
+            "a10",
+            "r_1_2.png",
+        ];
         names.sort_by(|a, b| in_order(a, b));
-        assert_eq!(names, ["a2", "a2b", "a10", "r.png", "r_01.png", "r_1.png", "r_1_2.png", "r_9.png", "r_10.png"]);
+        assert_eq!(
+            names,
+            [
+                "a2",
+                "a2b",
+                "a10",
+                "r.png",
+                "r_01.png",
+                "r_1.png",
+                "r_1_2.png",
+                "r_9.png",
+                "r_10.png"
+            ]
+        );
     }
 
     #[test]
@@ -258,6 +386,14 @@ mod tests {
         assert_eq!(parts("../../images//a.png"), ["images", "a.png"]);
         assert_eq!(parts(r"C:\data\cam0\a.png"), ["data", "cam0", "a.png"]);
         assert!(parts("..").is_empty() && parts("").is_empty());
-        assert_eq!((bare("a.b.PNG"), bare("DSC.0001"), bare("a.tiff"), bare("plain")), ("a.b", "DSC.0001", "a", "plain"));
+        assert_eq!(
+            (
+                bare("a.b.PNG"),
+                bare("DSC.0001"),
+                bare("a.tiff"),
+                bare("plain")
+            ),
+            ("a.b", "DSC.0001", "a", "plain")
+        );
     }
 }

@@ -1,4 +1,5 @@
-//! Photograph: decodes a PNG or JPEG of 8 or 16 bits per channel to code values, over the background of the scene.
+//! Photograph: decodes a PNG or JPEG of 8 or 16 bits per channel to code values, over the
+//! background of the scene.
 
 use super::View;
 use crate::output::picture::Picture;
@@ -7,7 +8,8 @@ use image::metadata::Orientation;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::io::Cursor;
 
-/// Most bytes that decoding may take: of the largest frame, 16384 × 16384 pixels, with 8 bytes each.
+/// Most bytes that decoding may take: of the largest frame, 16384 × 16384 pixels, with 8 bytes
+/// each.
 const MOST_BYTES: u64 = 1 << 31;
 
 /// A given picture of a view.
@@ -36,7 +38,10 @@ impl Photograph {
     /// The second half of a sentence that begins with the file's name.
     pub fn decode(bytes: &[u8], name: String, view: &View, whose: &str) -> Result<Self, String> {
         let known = |format: &ImageFormat| matches!(format, ImageFormat::Png | ImageFormat::Jpeg);
-        let format = image::guess_format(bytes).ok().filter(known).ok_or("is not a PNG or JPEG picture")?;
+        let format = image::guess_format(bytes)
+            .ok()
+            .filter(known)
+            .ok_or("is not a PNG or JPEG picture")?;
         let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
         let mut limits = Limits::default();
         limits.max_alloc = Some(MOST_BYTES);
@@ -55,7 +60,11 @@ impl Photograph {
         if format == ImageFormat::Jpeg && !ends(bytes) {
             return Err("cannot be decoded: the file ends before the picture does".into());
         }
-        let orientation = decoder.orientation().ok().filter(|turn| *turn != Orientation::NoTransforms).map(Orientation::to_exif);
+        let orientation = decoder
+            .orientation()
+            .ok()
+            .filter(|turn| *turn != Orientation::NoTransforms)
+            .map(Orientation::to_exif);
         let decoded = DynamicImage::from_decoder(decoder).map_err(cannot)?;
         let bits = match decoded.color() {
             ColorType::L16 | ColorType::La16 | ColorType::Rgb16 | ColorType::Rgba16 => 16,
@@ -65,16 +74,40 @@ impl Photograph {
         let mut over = |[r, g, b, alpha]: [f64; 4]| {
             is_transparent |= alpha < 1.0;
             let [back_r, back_g, back_b] = view.background.map(|back| back * (1.0 - alpha));
-            [r * alpha + back_r, g * alpha + back_g, b * alpha + back_b, 1.0]
+            [
+                r * alpha + back_r,
+                g * alpha + back_g,
+                b * alpha + back_b,
+                1.0,
+            ]
         };
         let rgba: Vec<[f64; 4]> = if bits == 16 {
-            decoded.into_rgba16().pixels().map(|pixel| over(pixel.0.map(|code| f64::from(code) / 65535.0))).collect()
+            decoded
+                .into_rgba16()
+                .pixels()
+                .map(|pixel| over(pixel.0.map(|code| f64::from(code) / 65535.0)))
+                .collect()
         } else {
-            decoded.into_rgba8().pixels().map(|pixel| over(pixel.0.map(|code| f64::from(code) / 255.0))).collect()
+            decoded
+                .into_rgba8()
+                .pixels()
+                .map(|pixel| over(pixel.0.map(|code| f64::from(code) / 255.0)))
+                .collect()
         };
         let covered = vec![true; rgba.len()];
-        let picture = Picture { width: view.width, height: view.height, rgba, covered };
-        Ok(Photograph { name: one_line(&name), bits, picture, is_transparent, orientation })
+        let picture = Picture {
+            width: view.width,
+            height: view.height,
+            rgba,
+            covered,
+        };
+        Ok(Photograph {
+            name: one_line(&name),
+            bits,
+            picture,
+            is_transparent,
+            orientation,
+        })
     }
 }
 
@@ -82,7 +115,10 @@ impl Photograph {
 fn ends(bytes: &[u8]) -> bool {
     // Behind the start of the image.
     let mut at = 2;
-    while let Some(found) = bytes.get(at..).and_then(|rest| rest.iter().position(|byte| *byte == 0xff)) {
+    while let Some(found) = bytes
+        .get(at..)
+        .and_then(|rest| rest.iter().position(|byte| *byte == 0xff))
+    {
         at += found;
         let marker = bytes.get(at + 1).copied();
         match marker {

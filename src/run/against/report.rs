@@ -1,4 +1,5 @@
-//! Report: figures of a frame against its photograph, their means over frames, and both as tables for a terminal.
+//! Report: figures of a frame against its photograph, their means over frames, and both as tables
+//! for a terminal.
 
 use super::photograph::Photograph;
 use crate::accuracy::{Fidelity, db_text, fidelity};
@@ -10,8 +11,9 @@ use serde::Serialize;
 /// Frames in a table, at most.
 const MOST_ROWS: usize = 20;
 
-/// A frame against its photograph, in code values (sRGB as files store it, not linear light). The drawn pictures are rounded to as many bits
-/// as the photograph has, as their PNG files are, and over black where they are not opaque.
+/// A frame against its photograph, in code values (sRGB as files store it, not linear light). The
+/// drawn pictures are rounded to as many bits as the photograph has, as their PNG files are, and
+/// over black where they are not opaque.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[schemars(rename = "AgainstPhotograph")]
 pub struct Against {
@@ -42,8 +44,8 @@ pub struct Means {
 /// Fixed minus golden, each against a photograph.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Loss {
-    /// Below 0 where the machine is farther from the photograph. 0 where both pictures equal it; none where one of them alone does, and in a
-    /// mean where a frame has none.
+    /// Below 0 where the machine is farther from the photograph. 0 where both pictures equal it;
+    /// none where one of them alone does, and in a mean where a frame has none.
     pub psnr_db: Option<f64>,
     /// Below 0 where the machine is farther from the photograph.
     pub ssim: f64,
@@ -58,21 +60,49 @@ impl Loss {
             (None, None) => Some(0.0),
             _ => None,
         };
-        Loss { psnr_db, ssim: fixed.ssim - golden.ssim, flip: fixed.flip - golden.flip }
+        Loss {
+            psnr_db,
+            ssim: fixed.ssim - golden.ssim,
+            flip: fixed.flip - golden.flip,
+        }
     }
 }
 
 impl Against {
-    pub(super) fn new(photograph: &Photograph, golden: &Picture, fixed: &Picture, encoded: bool) -> Self {
-        let Photograph { name, bits, picture, .. } = photograph;
-        let [golden, fixed] = [golden, fixed].map(|drawn| fidelity(&drawn.stored(encoded, *bits), picture));
-        Against { picture: name.clone(), bits: *bits, golden, fixed, fixed_minus_golden: Loss::new(&golden, &fixed) }
+    pub(super) fn new(
+        photograph: &Photograph,
+        golden: &Picture,
+        fixed: &Picture,
+        encoded: bool,
+    ) -> Self {
+        let Photograph {
+            name,
+            bits,
+            picture,
+            ..
+        } = photograph;
+        let [golden, fixed] =
+            [golden, fixed].map(|drawn| fidelity(&drawn.stored(encoded, *bits), picture));
+        Against {
+            picture: name.clone(),
+            bits: *bits,
+            golden,
+            fixed,
+            fixed_minus_golden: Loss::new(&golden, &fixed),
+        }
     }
 
     /// The table of one frame.
     pub fn table(&self) -> String {
-        let head = format!("against {}, code values of {} bits:", self.picture, self.bits);
-        format!("{}\n{}", wrapped(&head), table(&self.golden, &self.fixed, &self.fixed_minus_golden, "equal"))
+        let head = format!(
+            "against {}, code values of {} bits:",
+            self.picture, self.bits
+        );
+        format!(
+            "{}\n{}",
+            wrapped(&head),
+            table(&self.golden, &self.fixed, &self.fixed_minus_golden, "equal")
+        )
     }
 }
 
@@ -81,7 +111,9 @@ impl Means {
     pub fn new<'a>(frames: impl IntoIterator<Item = &'a Against>) -> Option<Self> {
         let frames: Vec<&Against> = frames.into_iter().collect();
         let count = frames.len() as f64;
-        let mean = |value: &dyn Fn(&Against) -> f64| frames.iter().map(|frame| value(frame)).sum::<f64>() / count;
+        let mean = |value: &dyn Fn(&Against) -> f64| {
+            frames.iter().map(|frame| value(frame)).sum::<f64>() / count
+        };
         let mean_db = |value: &dyn Fn(&Against) -> Option<f64>| {
             let all: Option<Vec<f64>> = frames.iter().map(|frame| value(frame)).collect();
             all.map(|all| all.iter().sum::<f64>() / count)
@@ -106,26 +138,75 @@ impl Means {
 
     /// The means, and a row per frame; of many frames those that lose most.
     pub fn tables(&self, frames: &[(u64, &Against)]) -> String {
-        let head = format!("against photographs, code values, mean of {} frames:", frames.len());
-        let means = table(&self.golden, &self.fixed, &self.fixed_minus_golden, "infinite");
+        let head = format!(
+            "against photographs, code values, mean of {} frames:",
+            frames.len()
+        );
+        let means = table(
+            &self.golden,
+            &self.fixed,
+            &self.fixed_minus_golden,
+            "infinite",
+        );
         let mut rows = frames.to_vec();
         // Where golden alone equals the photograph, nothing loses more.
         rows.sort_by(|(_, a), (_, b)| {
             let loss = |frame: &Against| {
-                frame.fixed_minus_golden.psnr_db.unwrap_or(if frame.golden.psnr_db.is_none() { f64::MIN } else { f64::MAX })
+                frame
+                    .fixed_minus_golden
+                    .psnr_db
+                    .unwrap_or(if frame.golden.psnr_db.is_none() {
+                        f64::MIN
+                    } else {
+                        f64::MAX
+                    })
             };
             loss(a).total_cmp(&loss(b))
         });
         rows.truncate(MOST_ROWS);
         rows.sort_by_key(|(frame, _)| *frame);
-        let mut each = plain_table(&["frame", "golden dB", "SSIM", "FLIP", "fixed dB", "SSIM", "FLIP", "fixed − golden"]);
-        for (frame, Against { golden, fixed, fixed_minus_golden, .. }) in &rows {
-            let [[golden_db, golden_ssim, golden_flip], [fixed_db, fixed_ssim, fixed_flip]] = [golden, fixed].map(|of| cells(of, "equal"));
+        let mut each = plain_table(&[
+            "frame",
+            "golden dB",
+            "SSIM",
+            "FLIP",
+            "fixed dB",
+            "SSIM",
+            "FLIP",
+            "fixed − golden",
+        ]);
+        for (
+            frame,
+            Against {
+                golden,
+                fixed,
+                fixed_minus_golden,
+                ..
+            },
+        ) in &rows
+        {
+            let [
+                [golden_db, golden_ssim, golden_flip],
+                [fixed_db, fixed_ssim, fixed_flip],
+            ] = [golden, fixed].map(|of| cells(of, "equal"));
             let [loss_db, ..] = steps(fixed_minus_golden);
-            each.add_row([frame.to_string(), golden_db, golden_ssim, golden_flip, fixed_db, fixed_ssim, fixed_flip, loss_db]);
+            each.add_row([
+                frame.to_string(),
+                golden_db,
+                golden_ssim,
+                golden_flip,
+                fixed_db,
+                fixed_ssim,
+                fixed_flip,
+                loss_db,
+            ]);
         }
         let rest = frames.len() - rows.len();
-        let rest = if rest > 0 { format!("\nthose that lose most; {rest} more are in report.json") } else { String::new() };
+        let rest = if rest > 0 {
+            format!("\nthose that lose most; {rest} more are in report.json")
+        } else {
+            String::new()
+        };
         format!("{head}\n{means}\n\n{}{rest}", aligned(each).trim_fmt())
     }
 }
@@ -133,7 +214,11 @@ impl Means {
 /// `none` is what no PSNR means.
 fn table(golden: &Fidelity, fixed: &Fidelity, loss: &Loss, none: &str) -> String {
     let mut table = plain_table(&["", "PSNR dB", "SSIM", "FLIP"]);
-    for (name, cells) in [("golden", cells(golden, none)), ("fixed", cells(fixed, none)), ("fixed − golden", steps(loss))] {
+    for (name, cells) in [
+        ("golden", cells(golden, none)),
+        ("fixed", cells(fixed, none)),
+        ("fixed − golden", steps(loss)),
+    ] {
         let [db, ssim, flip] = cells;
         table.add_row([name.to_owned(), db, ssim, flip]);
     }
@@ -150,7 +235,12 @@ fn cells(of: &Fidelity, none: &str) -> [String; 3] {
 
 fn steps(loss: &Loss) -> [String; 3] {
     let db = loss.psnr_db.map_or("–".into(), |db| format!("{db:+.3}"));
-    [db, format!("{:+.5}", loss.ssim), format!("{:+.5}", loss.flip)].map(|step| step.replace('-', "−"))
+    [
+        db,
+        format!("{:+.5}", loss.ssim),
+        format!("{:+.5}", loss.flip),
+    ]
+    .map(|step| step.replace('-', "−"))
 }
 
 #[cfg(test)]
@@ -158,38 +248,88 @@ mod tests {
     use super::*;
 
     fn against(golden: Option<f64>, fixed: Option<f64>, ssim: f64) -> Against {
-        let of = |psnr_db| Fidelity { psnr_db, ssim, flip: 1.0 - ssim, not_finite: 0 };
+        let of = |psnr_db| Fidelity {
+            psnr_db,
+            ssim,
+            flip: 1.0 - ssim,
+            not_finite: 0,
+        };
         let [golden, fixed] = [golden, fixed].map(of);
-        Against { picture: "a.png".into(), bits: 8, golden, fixed, fixed_minus_golden: Loss::new(&golden, &fixed) }
+        Against {
+            picture: "a.png".into(),
+            bits: 8,
+            golden,
+            fixed,
+            fixed_minus_golden: Loss::new(&golden, &fixed),
+        }
     }
 
     /// Worked out by hand.
     #[test]
     fn means_are_those_of_figures_and_infinite_where_one_is() {
-        let frames = [against(Some(30.0), Some(29.0), 0.5), against(Some(20.0), Some(18.0), 0.25)];
+        let frames = [
+            against(Some(30.0), Some(29.0), 0.5),
+            against(Some(20.0), Some(18.0), 0.25),
+        ];
         let means = Means::new(&frames).unwrap();
         assert_eq!(
-            (means.golden.psnr_db, means.fixed.psnr_db, means.golden.ssim, means.fixed.flip),
+            (
+                means.golden.psnr_db,
+                means.fixed.psnr_db,
+                means.golden.ssim,
+                means.fixed.flip
+            ),
             (Some(25.0), Some(23.5), 0.375, 0.625)
         );
-        assert_eq!(means.fixed_minus_golden, Loss { psnr_db: Some(-1.5), ssim: 0.0, flip: 0.0 });
-        let frames = [against(Some(30.0), Some(29.0), 0.5), against(None, None, 1.0)];
+        assert_eq!(
+            means.fixed_minus_golden,
+            Loss {
+                psnr_db: Some(-1.5),
+                ssim: 0.0,
+                flip: 0.0
+            }
+        );
+        let frames = [
+            against(Some(30.0), Some(29.0), 0.5),
+            against(None, None, 1.0),
+        ];
         let means = Means::new(&frames).unwrap();
-        assert_eq!((means.golden.psnr_db, means.fixed.psnr_db, means.fixed_minus_golden.psnr_db), (None, None, Some(-0.5)));
+        assert_eq!(
+            (
+                means.golden.psnr_db,
+                means.fixed.psnr_db,
+                means.fixed_minus_golden.psnr_db
+            ),
+            (None, None, Some(-0.5))
+        );
         let frames = [against(None, Some(29.0), 0.5)];
-        assert_eq!(Means::new(&frames).unwrap().fixed_minus_golden.psnr_db, None);
+        assert_eq!(
+            Means::new(&frames).unwrap().fixed_minus_golden.psnr_db,
+            None
+        );
         assert_eq!(Means::new(&[]), None);
     }
 
     #[test]
     fn of_many_frames_those_that_lose_most_are_listed_in_their_order() {
-        let frames: Vec<Against> = (0..30).map(|frame| against(Some(30.0), Some(f64::from(frame)), 0.5)).collect();
+        let frames: Vec<Against> = (0..30)
+            .map(|frame| against(Some(30.0), Some(f64::from(frame)), 0.5))
+            .collect();
         let numbered: Vec<(u64, &Against)> = (0..30).rev().zip(&frames).collect();
         let text = Means::new(&frames).unwrap().tables(&numbered);
-        let first: Vec<&str> = text.lines().filter_map(|line| line.split_whitespace().next()).collect();
+        let first: Vec<&str> = text
+            .lines()
+            .filter_map(|line| line.split_whitespace().next())
+            .collect();
         let rows: Vec<u32> = first.iter().filter_map(|word| word.parse().ok()).collect();
         assert_eq!(rows, (10..30).collect::<Vec<_>>(), "{text}");
-        assert!(text.ends_with("those that lose most; 10 more are in report.json"), "{text}");
-        assert!(text.lines().all(|line| line.chars().count() <= 80), "{text}");
+        assert!(
+            text.ends_with("those that lose most; 10 more are in report.json"),
+            "{text}"
+        );
+        assert!(
+            text.lines().all(|line| line.chars().count() <= 80),
+            "{text}"
+        );
     }
 }

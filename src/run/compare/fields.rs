@@ -21,16 +21,32 @@ pub(super) enum Kind {
     Name,
 }
 
-/// A figure: its name, where it stands, how it is told, and whether it is told where both are equal.
+/// A figure: its name, where it stands, how it is told, and whether it is told where both are
+/// equal.
 pub(super) const FIGURES: [(&str, &str, Kind, bool); 41] = [
     ("cycles", "/cycles/total", Kind::Count, true),
     ("clock, MHz", "/cycles/clock_hz", Kind::Scaled(1e-6), false),
     ("frames/s", "/cycles/frames_per_second", Kind::Tenths, true),
     ("limited by", "/cycles/bottleneck", Kind::Name, true),
     ("limit", "/cycles/limit/by", Kind::Name, false),
-    ("memory, MB a frame", "/cycles/memory/bytes", Kind::Scaled(1e-6), true),
-    ("memory, GB/s", "/cycles/memory/bytes_per_second", Kind::Scaled(1e-9), false),
-    ("memory at most, GB/s", "/cycles/memory/peak_bytes_per_second", Kind::Scaled(1e-9), false),
+    (
+        "memory, MB a frame",
+        "/cycles/memory/bytes",
+        Kind::Scaled(1e-6),
+        true,
+    ),
+    (
+        "memory, GB/s",
+        "/cycles/memory/bytes_per_second",
+        Kind::Scaled(1e-9),
+        false,
+    ),
+    (
+        "memory at most, GB/s",
+        "/cycles/memory/peak_bytes_per_second",
+        Kind::Scaled(1e-9),
+        false,
+    ),
     ("cache look-ups", "/cycles/lookups/0", Kind::Count, false),
     ("cache hits", "/cycles/lookups/1", Kind::Count, false),
     ("texel look-ups", "/cycles/texels/0", Kind::Count, false),
@@ -40,19 +56,84 @@ pub(super) const FIGURES: [(&str, &str, Kind, bool); 41] = [
     ("gates, NAND2", "/cost/gates/total", Kind::Count, true),
     ("SRAM, kbit", "/cost/gates/sram_kbit", Kind::Tenths, false),
     ("FIFOs, bits", "/cost/fifo_bits", Kind::Count, false),
-    ("tiles, cache, bits", "/cost/memory_bits", Kind::Count, false),
-    ("a fragment, bits", "/machine/fragment_bits", Kind::Count, false),
-    ("a pixel, bits", "/cost/frame_bits_per_pixel", Kind::Count, false),
-    ("widest operand, bits", "/machine/widest_operand_bits", Kind::Count, false),
-    ("energy, mJ a frame", "/cost/energy/total", Kind::Scaled(1e3), true),
-    ("fixed − golden, dB", "/accuracy/fixed_vs_golden/psnr_db", Kind::Decibels, true),
-    ("golden − ideal, dB", "/accuracy/golden_vs_ideal/psnr_db", Kind::Decibels, true),
-    ("fixed − ideal, dB", "/accuracy/fixed_vs_ideal/psnr_db", Kind::Decibels, true),
-    ("in lockstep, dB", "/accuracy/lockstep/psnr_db", Kind::Decibels, true),
-    ("fixed − ideal, SSIM", "/accuracy/fixed_vs_ideal/ssim", Kind::Similarity, false),
-    ("fixed − golden, pixels > 1/255", "/accuracy/fixed_vs_golden/pixels_over_1_255", Kind::Count, false),
-    ("decisions that flipped", "/accuracy/lockstep/decision_flips", Kind::Count, false),
-    ("bound exceeded, pixels", "/accuracy/lockstep/bound_violations", Kind::Count, false),
+    (
+        "tiles, cache, bits",
+        "/cost/memory_bits",
+        Kind::Count,
+        false,
+    ),
+    (
+        "a fragment, bits",
+        "/machine/fragment_bits",
+        Kind::Count,
+        false,
+    ),
+    (
+        "a pixel, bits",
+        "/cost/frame_bits_per_pixel",
+        Kind::Count,
+        false,
+    ),
+    (
+        "widest operand, bits",
+        "/machine/widest_operand_bits",
+        Kind::Count,
+        false,
+    ),
+    (
+        "energy, mJ a frame",
+        "/cost/energy/total",
+        Kind::Scaled(1e3),
+        true,
+    ),
+    (
+        "fixed − golden, dB",
+        "/accuracy/fixed_vs_golden/psnr_db",
+        Kind::Decibels,
+        true,
+    ),
+    (
+        "golden − ideal, dB",
+        "/accuracy/golden_vs_ideal/psnr_db",
+        Kind::Decibels,
+        true,
+    ),
+    (
+        "fixed − ideal, dB",
+        "/accuracy/fixed_vs_ideal/psnr_db",
+        Kind::Decibels,
+        true,
+    ),
+    (
+        "in lockstep, dB",
+        "/accuracy/lockstep/psnr_db",
+        Kind::Decibels,
+        true,
+    ),
+    (
+        "fixed − ideal, SSIM",
+        "/accuracy/fixed_vs_ideal/ssim",
+        Kind::Similarity,
+        false,
+    ),
+    (
+        "fixed − golden, pixels > 1/255",
+        "/accuracy/fixed_vs_golden/pixels_over_1_255",
+        Kind::Count,
+        false,
+    ),
+    (
+        "decisions that flipped",
+        "/accuracy/lockstep/decision_flips",
+        Kind::Count,
+        false,
+    ),
+    (
+        "bound exceeded, pixels",
+        "/accuracy/lockstep/bound_violations",
+        Kind::Count,
+        false,
+    ),
     ("splats", "/scene/splats", Kind::Count, false),
     ("contributions", "/scene/fragments", Kind::Count, false),
     ("accumulated", "/fragments/accumulated", Kind::Count, false),
@@ -71,15 +152,28 @@ pub(super) fn figures(a: &Value, b: &Value) -> Vec<Figure> {
     let figure = |(name, pointer, kind, always): (&'static str, &str, Kind, bool)| {
         let [one, other] = [a, b].map(|report| told(report, pointer, kind));
         let is_there = !one.is_null() || !other.is_null();
-        let difference = one.as_f64().zip(other.as_f64()).map(|(one, other)| other - one);
-        let base = one.as_f64().filter(|base| *base != 0.0 && kind != Kind::Decibels);
+        let difference = one
+            .as_f64()
+            .zip(other.as_f64())
+            .map(|(one, other)| other - one);
+        let base = one
+            .as_f64()
+            .filter(|base| *base != 0.0 && kind != Kind::Decibels);
         let relative = difference.zip(base).map(|(step, base)| step / base);
         let scale = match kind {
             Kind::Scaled(scale) => Some(scale),
             _ => None,
         };
         let path = pointer[1..].replace('/', ".");
-        (is_there && (always || one != other)).then_some(Figure { name, path, a: one, b: other, scale, difference, relative })
+        (is_there && (always || one != other)).then_some(Figure {
+            name,
+            path,
+            a: one,
+            b: other,
+            scale,
+            difference,
+            relative,
+        })
     };
     FIGURES.into_iter().filter_map(figure).collect()
 }
@@ -90,7 +184,12 @@ fn told(report: &Value, pointer: &str, kind: Kind) -> Value {
     if kind != Kind::Decibels {
         return value;
     }
-    let Some(pair) = pointer.rsplit_once('/').and_then(|(above, _)| report.pointer(above)) else { return Value::Null };
+    let Some(pair) = pointer
+        .rsplit_once('/')
+        .and_then(|(above, _)| report.pointer(above))
+    else {
+        return Value::Null;
+    };
     match value {
         _ if pair["not_finite"].as_u64().is_some_and(|pixels| pixels > 0) => "no number".into(),
         Value::Null if pair.is_object() => "equal".into(),
@@ -101,16 +200,36 @@ fn told(report: &Value, pointer: &str, kind: Kind) -> Value {
 /// Units of both: cycles where there is a frame, area where it differs.
 pub(super) fn units(a: &Value, b: &Value) -> Vec<Unit> {
     let mut names: Vec<String> = Vec::new();
-    for (report, list) in [(a, "/cycles/units"), (b, "/cycles/units"), (a, "/cost/units"), (b, "/cost/units")] {
-        let all = report.pointer(list).and_then(Value::as_array).into_iter().flatten().filter_map(|unit| unit["name"].as_str());
+    for (report, list) in [
+        (a, "/cycles/units"),
+        (b, "/cycles/units"),
+        (a, "/cost/units"),
+        (b, "/cost/units"),
+    ] {
+        let all = report
+            .pointer(list)
+            .and_then(Value::as_array)
+            .into_iter()
+            .flatten()
+            .filter_map(|unit| unit["name"].as_str());
         for name in all {
             if !names.iter().any(|known| known == name) {
                 names.push(name.into());
             }
         }
     }
-    let unit = |name: String| Unit { a: unit_of(a, &name), b: unit_of(b, &name), name };
-    names.into_iter().map(unit).filter(|unit| unit.a.cycles.is_some() || unit.b.cycles.is_some() || unit.a.area != unit.b.area).collect()
+    let unit = |name: String| Unit {
+        a: unit_of(a, &name),
+        b: unit_of(b, &name),
+        name,
+    };
+    names
+        .into_iter()
+        .map(unit)
+        .filter(|unit| {
+            unit.a.cycles.is_some() || unit.b.cycles.is_some() || unit.a.area != unit.b.area
+        })
+        .collect()
 }
 
 fn unit_of(report: &Value, name: &str) -> UnitSide {
@@ -119,8 +238,15 @@ fn unit_of(report: &Value, name: &str) -> UnitSide {
         all.and_then(|all| all.iter().find(|unit| unit["name"] == name))
     };
     let cycles = find("/cycles/units");
-    let counts = cycles.map(|unit| ["busy", "starved", "blocked", "memory"].map(|state| unit[state].as_u64().unwrap_or(0)));
-    let longest = cycles.and_then(|unit| unit["blocked_by"].as_array()?.iter().max_by_key(|by| by["cycles"].as_u64()));
+    let counts = cycles.map(|unit| {
+        ["busy", "starved", "blocked", "memory"].map(|state| unit[state].as_u64().unwrap_or(0))
+    });
+    let longest = cycles.and_then(|unit| {
+        unit["blocked_by"]
+            .as_array()?
+            .iter()
+            .max_by_key(|by| by["cycles"].as_u64())
+    });
     UnitSide {
         cycles: counts,
         blocked_by: longest.and_then(|by| by["by"].as_str()).map(str::to_owned),
@@ -130,16 +256,27 @@ fn unit_of(report: &Value, name: &str) -> UnitSide {
 
 /// Fields of two descriptions that differ; the name is none of them.
 pub(super) fn machine(a: &Value, b: &Value) -> Vec<Difference> {
-    let described = |report: &Value| report.pointer("/machine/description").cloned().unwrap_or_default();
+    let described = |report: &Value| {
+        report
+            .pointer("/machine/description")
+            .cloned()
+            .unwrap_or_default()
+    };
     let [one, other] = [a, b].map(described);
     let schema = machines::schema();
-    let follows = |report: &Value, field: &str| following(report, field).or_else(|| default_of(&schema, field));
+    let follows = |report: &Value, field: &str| {
+        following(report, field).or_else(|| default_of(&schema, field))
+    };
     let mut all = Vec::new();
     differences(&one, &other, "", &mut all);
     all.retain(|difference| difference.field != "name");
     for difference in &mut all {
         for (side, report) in [("a", a), ("b", b)] {
-            let value = if side == "a" { &mut difference.a } else { &mut difference.b };
+            let value = if side == "a" {
+                &mut difference.a
+            } else {
+                &mut difference.b
+            };
             if value.is_none() {
                 *value = follows(report, &difference.field);
                 difference.left_out.push(side);
@@ -154,28 +291,48 @@ pub(super) fn scene(a: &Value, b: &Value) -> Vec<Difference> {
     let own = |report: &Value| {
         let fields = report["scene"].as_object().cloned().unwrap_or_default();
         let is_own = |name: &str| ["name", "width", "height", "splats", "camera"].contains(&name);
-        Value::Object(fields.into_iter().filter(|(name, _)| is_own(name)).collect())
+        Value::Object(
+            fields
+                .into_iter()
+                .filter(|(name, _)| is_own(name))
+                .collect(),
+        )
     };
     let mut all = Vec::new();
     differences(&own(a), &own(b), "", &mut all);
     for difference in &mut all {
-        difference.left_out =
-            [("a", &difference.a), ("b", &difference.b)].into_iter().filter(|(_, value)| value.is_none()).map(|(side, _)| side).collect();
+        difference.left_out = [("a", &difference.a), ("b", &difference.b)]
+            .into_iter()
+            .filter(|(_, value)| value.is_none())
+            .map(|(side, _)| side)
+            .collect();
     }
     all
 }
 
-/// Objects are gone through field by field; a word, a list, and what only one side has, are one field.
+/// Objects are gone through field by field; a word, a list, and what only one side has, are one
+/// field.
 fn differences(a: &Value, b: &Value, path: &str, all: &mut Vec<Difference>) {
     let (one, other) = (word(a), word(b));
     if one == other {
         return;
     }
     let (Value::Object(fields), Value::Object(others)) = (&one, &other) else {
-        all.push(Difference { field: path.into(), a: Some(one), b: Some(other), left_out: Vec::new() });
+        all.push(Difference {
+            field: path.into(),
+            a: Some(one),
+            b: Some(other),
+            left_out: Vec::new(),
+        });
         return;
     };
-    let below = |name: &str| if path.is_empty() { name.to_owned() } else { format!("{path}.{name}") };
+    let below = |name: &str| {
+        if path.is_empty() {
+            name.to_owned()
+        } else {
+            format!("{path}.{name}")
+        }
+    };
     let alone = |name: &String, [a, b]: [Option<&Value>; 2]| Difference {
         field: below(name),
         a: a.map(word),
@@ -188,22 +345,46 @@ fn differences(a: &Value, b: &Value, path: &str, all: &mut Vec<Difference>) {
             None => all.push(alone(name, [Some(value), None])),
         }
     }
-    all.extend(others.iter().filter(|(name, _)| !fields.contains_key(*name)).map(|(name, value)| alone(name, [None, Some(value)])));
+    all.extend(
+        others
+            .iter()
+            .filter(|(name, _)| !fields.contains_key(*name))
+            .map(|(name, value)| alone(name, [None, Some(value)])),
+    );
 }
 
-/// A word in its long form as one text, without what is the default: `U0F12 truncate`; all else as it is.
+/// A word in its long form as one text, without what is the default: `U0F12 truncate`; all else as
+/// it is.
 fn word(value: &Value) -> Value {
     let part = |name: &str| value.get(name).and_then(Value::as_str);
-    let (Some(format), Some(round), Some(overflow)) = (part("format"), part("round"), part("overflow")) else { return value.clone() };
-    let [round, overflow] = [(round, "nearest"), (overflow, "saturate")].map(|(part, usual)| (part != usual).then_some(part));
-    json!([Some(format), round, overflow].into_iter().flatten().collect::<Vec<_>>().join(" "))
+    let (Some(format), Some(round), Some(overflow)) =
+        (part("format"), part("round"), part("overflow"))
+    else {
+        return value.clone();
+    };
+    let [round, overflow] = [(round, "nearest"), (overflow, "saturate")]
+        .map(|(part, usual)| (part != usual).then_some(part));
+    json!(
+        [Some(format), round, overflow]
+            .into_iter()
+            .flatten()
+            .collect::<Vec<_>>()
+            .join(" ")
+    )
 }
 
 /// What a unit has of a field of `timing` that its machine leaves out.
 fn following(report: &Value, field: &str) -> Option<Value> {
     let rest = field.strip_prefix("timing.")?;
-    let place = if rest == "fragment.hazard" { "hazard".into() } else { rest.replace('.', "/") };
-    report.pointer(&format!("/machine/timing/{place}")).filter(|value| value.is_number()).cloned()
+    let place = if rest == "fragment.hazard" {
+        "hazard".into()
+    } else {
+        rest.replace('.', "/")
+    };
+    report
+        .pointer(&format!("/machine/timing/{place}"))
+        .filter(|value| value.is_number())
+        .cloned()
 }
 
 /// The default of a field, by the schema.
@@ -212,7 +393,10 @@ fn default_of(schema: &Value, field: &str) -> Option<Value> {
     let mut found = None;
     for name in field.split('.') {
         let property = properties(schema, at)?.get(name)?;
-        found = property.get("default").filter(|value| !value.is_null() && !value.is_object()).cloned();
+        found = property
+            .get("default")
+            .filter(|value| !value.is_null() && !value.is_object())
+            .cloned();
         at = property;
     }
     found

@@ -1,4 +1,5 @@
-//! Side: one of the two that are compared: a machine, a frame on it, or what `run` left in a folder.
+//! Side: one of the two that are compared: a machine, a frame on it, or what `run` left in a
+//! folder.
 
 use super::Named;
 use crate::error::{Error, Result};
@@ -71,15 +72,19 @@ impl Side {
     /// [`Error::Input`] where it cannot be built.
     pub fn of_machine(name: &str, machine: &Machine, prices: &Prices) -> Result<Self> {
         let built = fixed::elaborate(machine).map_err(|error| whose(name, error))?;
-        let report =
-            json!({"version": env!("CARGO_PKG_VERSION"), "machine": MachineReport::new(&built), "cost": Cost::new(&built, prices)});
-        Ok(Side { name: name.into(), report, pictures: Vec::new() })
+        let report = json!({"version": env!("CARGO_PKG_VERSION"), "machine": MachineReport::new(&built), "cost": Cost::new(&built, prices)});
+        Ok(Side {
+            name: name.into(),
+            report,
+            pictures: Vec::new(),
+        })
     }
 
     /// A frame on a machine.
     ///
     /// # Errors
-    /// [`Error::Input`] where it cannot be built, cannot hold the scene, or differs from the recorded one in more than `timing`.
+    /// [`Error::Input`] where it cannot be built, cannot hold the scene, or differs from the
+    /// recorded one in more than `timing`.
     pub fn of_frame(name: &str, machine: &Machine, frame: &Frame, prices: &Prices) -> Result<Self> {
         match frame {
             Frame::Scene(scene) => Side::of_drawing(name, machine, scene, prices),
@@ -88,19 +93,51 @@ impl Side {
     }
 
     fn of_drawing(name: &str, machine: &Machine, scene: &Scene, prices: &Prices) -> Result<Self> {
-        let outcome = run::run(scene, machine, 0.0, &Options { prices: *prices, ..Options::default() });
+        let outcome = run::run(
+            scene,
+            machine,
+            0.0,
+            &Options {
+                prices: *prices,
+                ..Options::default()
+            },
+        );
         let outcome = outcome.map_err(|error| whose(name, error))?;
-        let report = serde_json::to_value(&outcome.report).map_err(|e| Error::job(e.to_string()))?;
-        let shown = |picture: Picture| if outcome.encoded { picture.decoded() } else { picture };
-        let pictures = PICTURES.into_iter().zip([outcome.fixed, outcome.golden, outcome.ideal].map(shown)).collect();
-        Ok(Side { name: name.into(), report, pictures })
+        let report =
+            serde_json::to_value(&outcome.report).map_err(|e| Error::job(e.to_string()))?;
+        let shown = |picture: Picture| {
+            if outcome.encoded {
+                picture.decoded()
+            } else {
+                picture
+            }
+        };
+        let pictures = PICTURES
+            .into_iter()
+            .zip([outcome.fixed, outcome.golden, outcome.ideal].map(shown))
+            .collect();
+        Ok(Side {
+            name: name.into(),
+            report,
+            pictures,
+        })
     }
 
-    fn of_replay(name: &str, machine: &Machine, recording: &Recording, prices: &Prices) -> Result<Self> {
-        let same = Machine { name: machine.name.clone(), timing: machine.timing, ..recording.machine.clone() };
+    fn of_replay(
+        name: &str,
+        machine: &Machine,
+        recording: &Recording,
+        prices: &Prices,
+    ) -> Result<Self> {
+        let same = Machine {
+            name: machine.name.clone(),
+            timing: machine.timing,
+            ..recording.machine.clone()
+        };
         if same != *machine {
-            let sentence =
-                format!("{name}: differs from the machine of the record in more than timing: draw the scene on it, with --scene");
+            let sentence = format!(
+                "{name}: differs from the machine of the record in more than timing: draw the scene on it, with --scene"
+            );
             return Err(Error::input(sentence));
         }
         let built = fixed::elaborate(machine).map_err(|error| whose(name, error))?;
@@ -113,28 +150,46 @@ impl Side {
             "cycles": CyclesReport::new(&built.timing, work, &cycles),
             "cost": CostReport::new(&built, &cycles, prices),
         });
-        Ok(Side { name: name.into(), report, pictures: Vec::new() })
+        Ok(Side {
+            name: name.into(),
+            report,
+            pictures: Vec::new(),
+        })
     }
 
-    /// What `run` left: a folder, or its `report.json` without pictures. None where the file is no report.
+    /// What `run` left: a folder, or its `report.json` without pictures. None where the file is no
+    /// report.
     ///
     /// # Errors
-    /// [`Error::Input`], one sentence, where a folder holds no report, a report lacks something or is of another version, or a picture is
-    /// absent or of another run.
+    /// [`Error::Input`], one sentence, where a folder holds no report, a report lacks something or
+    /// is of another version, or a picture is absent or of another run.
     pub fn read(path: &Path) -> Result<Option<Self>> {
         let name = path.display().to_string();
-        let (file, is_folder) = if path.is_dir() { (path.join("report.json"), true) } else { (path.to_owned(), false) };
+        let (file, is_folder) = if path.is_dir() {
+            (path.join("report.json"), true)
+        } else {
+            (path.to_owned(), false)
+        };
         let shown = file.display().to_string();
         let input_error = |what: String| Error::input(format!("{shown}: {what}"));
         if is_folder && !file.exists() {
-            return Err(Error::input(format!("{name}: has no report.json: a folder that `run --out` wrote is needed")));
+            return Err(Error::input(format!(
+                "{name}: has no report.json: a folder that `run --out` wrote is needed"
+            )));
         }
-        let metadata = std::fs::metadata(&file).map_err(|e| input_error(format!("cannot be read: {e}")))?;
+        let metadata =
+            std::fs::metadata(&file).map_err(|e| input_error(format!("cannot be read: {e}")))?;
         if metadata.len() > MOST_BYTES {
-            return Err(input_error(format!("has {} MB; no report has more than {}", metadata.len() >> 20, MOST_BYTES >> 20)));
+            return Err(input_error(format!(
+                "has {} MB; no report has more than {}",
+                metadata.len() >> 20,
+                MOST_BYTES >> 20
+            )));
         }
         let text = input::read_text(&file).map_err(|e| input_error(format!("cannot be read: {e}")));
-        let report: Value = match text.and_then(|text| serde_json::from_str(&text).map_err(|e| input_error(format!("is no JSON: {e}")))) {
+        let report: Value = match text.and_then(|text| {
+            serde_json::from_str(&text).map_err(|e| input_error(format!("is no JSON: {e}")))
+        }) {
             Ok(report) => report,
             // What is no JSON may be a broken machine, of which more can be said.
             Err(_) if !is_folder => return Ok(None),
@@ -144,12 +199,25 @@ impl Side {
             return Ok(None);
         }
         check(&report, &shown)?;
-        let pictures = if is_folder { pictures(path, &report)? } else { Vec::new() };
-        Ok(Some(Side { name, report, pictures }))
+        let pictures = if is_folder {
+            pictures(path, &report)?
+        } else {
+            Vec::new()
+        };
+        Ok(Some(Side {
+            name,
+            report,
+            pictures,
+        }))
     }
 
     pub(super) fn named(&self) -> Named {
-        let text = |pointer: &str| self.report.pointer(pointer).and_then(Value::as_str).map(str::to_owned);
+        let text = |pointer: &str| {
+            self.report
+                .pointer(pointer)
+                .and_then(Value::as_str)
+                .map(str::to_owned)
+        };
         Named {
             name: self.name.clone(),
             machine: text("/machine/description/name").unwrap_or_default(),
@@ -160,13 +228,19 @@ impl Side {
 }
 
 fn size(report: &Value) -> Option<[u64; 2]> {
-    let side = |name: &str| report.pointer(&format!("/scene/{name}")).and_then(Value::as_u64);
+    let side = |name: &str| {
+        report
+            .pointer(&format!("/scene/{name}"))
+            .and_then(Value::as_u64)
+    };
     Some([side("width")?, side("height")?])
 }
 
 /// Refuses pictures of two sizes.
 pub(super) fn check_sizes(a: &Side, b: &Side) -> Result<()> {
-    let (Some(one), Some(other)) = (size(&a.report), size(&b.report)) else { return Ok(()) };
+    let (Some(one), Some(other)) = (size(&a.report), size(&b.report)) else {
+        return Ok(());
+    };
     if one == other || a.pictures.is_empty() || b.pictures.is_empty() {
         return Ok(());
     }
@@ -193,36 +267,74 @@ fn whose(name: &str, error: Error) -> Error {
 fn check(report: &Value, whose: &str) -> Result<()> {
     let input_error = |what: String| Error::input(format!("{whose}: {what}"));
     let dotted = |pointer: &str| pointer[1..].replace('/', ".");
-    let lacks = |pointer: &str| input_error(format!("has no {}: it is no report of `run`", dotted(pointer)));
-    let (own, version) = (env!("CARGO_PKG_VERSION"), report.get("version").and_then(Value::as_str));
+    let lacks = |pointer: &str| {
+        input_error(format!(
+            "has no {}: it is no report of `run`",
+            dotted(pointer)
+        ))
+    };
+    let (own, version) = (
+        env!("CARGO_PKG_VERSION"),
+        report.get("version").and_then(Value::as_str),
+    );
     match version {
         None => return Err(lacks("/version")),
         Some(version) if version != own => {
             let version = crate::output::text::clipped(version);
-            return Err(input_error(format!("is of splatsim {version}, and this is {own}: draw it again to compare")));
+            return Err(input_error(format!(
+                "is of splatsim {version}, and this is {own}: draw it again to compare"
+            )));
         }
         Some(_) => {}
     }
     if let Some(frames) = report.get("frames").and_then(Value::as_array) {
-        return Err(input_error(format!("is of a sequence of {}, and one frame is compared: `run --frame N` draws it", frames.len())));
+        return Err(input_error(format!(
+            "is of a sequence of {}, and one frame is compared: `run --frame N` draws it",
+            frames.len()
+        )));
     }
-    report.pointer("/scene/name").filter(|name| name.is_string()).ok_or_else(|| lacks("/scene/name"))?;
-    if report.get("accuracy").is_some_and(|accuracy| accuracy.is_object() && accuracy.get("lockstep").is_none()) {
+    report
+        .pointer("/scene/name")
+        .filter(|name| name.is_string())
+        .ok_or_else(|| lacks("/scene/name"))?;
+    if report
+        .get("accuracy")
+        .is_some_and(|accuracy| accuracy.is_object() && accuracy.get("lockstep").is_none())
+    {
         return Err(input_error(
             "was drawn with `--check none`, so nobody knows its flips: draw it with `sampled` or `full` to compare".into(),
         ));
     }
-    let is_amount = |value: &Value| value.as_f64().is_some_and(|amount| (0.0..1e18).contains(&amount));
-    NUMBERS.iter().find(|pointer| !report.pointer(pointer).is_some_and(is_amount)).map_or(Ok(()), |pointer| Err(lacks(pointer)))?;
+    let is_amount = |value: &Value| {
+        value
+            .as_f64()
+            .is_some_and(|amount| (0.0..1e18).contains(&amount))
+    };
+    NUMBERS
+        .iter()
+        .find(|pointer| !report.pointer(pointer).is_some_and(is_amount))
+        .map_or(Ok(()), |pointer| Err(lacks(pointer)))?;
     let is_told = |value: &Value| value.is_number() || value.is_null();
-    DECIBELS.iter().find(|pointer| !report.pointer(pointer).is_some_and(is_told)).map_or(Ok(()), |pointer| Err(lacks(pointer)))?;
-    let units = report.pointer("/cycles/units").and_then(Value::as_array).ok_or_else(|| lacks("/cycles/units"))?;
-    let counts =
-        |unit: &Value| ["busy", "starved", "blocked", "memory"].iter().all(|state| unit[state].is_u64()) && unit["name"].is_string();
+    DECIBELS
+        .iter()
+        .find(|pointer| !report.pointer(pointer).is_some_and(is_told))
+        .map_or(Ok(()), |pointer| Err(lacks(pointer)))?;
+    let units = report
+        .pointer("/cycles/units")
+        .and_then(Value::as_array)
+        .ok_or_else(|| lacks("/cycles/units"))?;
+    let counts = |unit: &Value| {
+        ["busy", "starved", "blocked", "memory"]
+            .iter()
+            .all(|state| unit[state].is_u64())
+            && unit["name"].is_string()
+    };
     if !units.iter().all(counts) {
         return Err(lacks("/cycles/units/busy"));
     }
-    let described = report.pointer("/machine/description").ok_or_else(|| lacks("/machine/description"))?;
+    let described = report
+        .pointer("/machine/description")
+        .ok_or_else(|| lacks("/machine/description"))?;
     let machine = machines::from_value(described, &format!("{whose}: machine.description"))?;
     fixed::elaborate(&machine).map_err(|error| self::whose(whose, error))?;
     Ok(())
@@ -235,18 +347,31 @@ fn pictures(folder: &Path, report: &Value) -> Result<Vec<(&'static str, Picture)
         let path = folder.join(name).with_extension("png");
         let input_error = |what: String| Error::input(format!("{}: {what}", path.display()));
         if !path.is_file() {
-            return Err(input_error("is absent, and report.json is there: draw the folder again".into()));
+            return Err(input_error(
+                "is absent, and report.json is there: draw the folder again".into(),
+            ));
         }
-        let open = || image::ImageReader::open(&path).and_then(image::ImageReader::with_guessed_format);
+        let open =
+            || image::ImageReader::open(&path).and_then(image::ImageReader::with_guessed_format);
         let cannot = |e: &dyn std::fmt::Display| input_error(format!("is no picture: {e}"));
-        let (columns, rows) = open().map_err(|e| cannot(&e))?.into_dimensions().map_err(|e| cannot(&e))?;
+        let (columns, rows) = open()
+            .map_err(|e| cannot(&e))?
+            .into_dimensions()
+            .map_err(|e| cannot(&e))?;
         if [u64::from(columns), u64::from(rows)] != [width, height] {
-            return Err(input_error(format!("is {columns}×{rows}, and report.json is of {width}×{height}: it is of another run")));
+            return Err(input_error(format!(
+                "is {columns}×{rows}, and report.json is of {width}×{height}: it is of another run"
+            )));
         }
         if width.saturating_mul(height) > MOST_PIXELS as u64 {
-            return Err(input_error(format!("has {width}×{height} pixels; at most {MOST_PIXELS} are drawn")));
+            return Err(input_error(format!(
+                "has {width}×{height} pixels; at most {MOST_PIXELS} are drawn"
+            )));
         }
-        let decoded = open().map_err(|e| cannot(&e))?.decode().map_err(|e| cannot(&e))?;
+        let decoded = open()
+            .map_err(|e| cannot(&e))?
+            .decode()
+            .map_err(|e| cannot(&e))?;
         Ok((name, linear(&decoded.into_rgba8())))
     };
     PICTURES.into_iter().map(read).collect()
@@ -254,7 +379,9 @@ fn pictures(folder: &Path, report: &Value) -> Result<Vec<(&'static str, Picture)
 
 /// A picture as its file has it, 8 bits a channel, in linear light.
 fn linear(file: &image::RgbaImage) -> Picture {
-    let light: Vec<f64> = (0..=255).map(|code| srgb_decode(f64::from(code) / 255.0)).collect();
+    let light: Vec<f64> = (0..=255)
+        .map(|code| srgb_decode(f64::from(code) / 255.0))
+        .collect();
     let pixel = |pixel: &image::Rgba<u8>| {
         let [r, g, b, alpha] = pixel.0;
         let alpha = f64::from(alpha) / 255.0;
@@ -264,5 +391,10 @@ fn linear(file: &image::RgbaImage) -> Picture {
     let rgba: Vec<[f64; 4]> = file.pixels().map(pixel).collect();
     // Which pixels a splat touched, a file does not say.
     let covered = vec![true; rgba.len()];
-    Picture { width: file.width() as usize, height: file.height() as usize, rgba, covered }
+    Picture {
+        width: file.width() as usize,
+        height: file.height() as usize,
+        rgba,
+        covered,
+    }
 }

@@ -10,14 +10,25 @@ use serde_json::Value;
 const MOST_FIELDS: usize = 24;
 
 impl Comparison {
-    /// The text, at most 80 columns wide; of many fields that differ the first ones, unless all are wanted.
+    /// The text, at most 80 columns wide; of many fields that differ the first ones, unless all are
+    /// wanted.
     pub fn summary(&self, all: bool) -> String {
         let head = format!("{}\n{}", headline("A", &self.a), headline("B", &self.b));
         if self.equal {
-            let what = if self.pictures.is_empty() { "" } else { ", nor does any pixel" };
+            let what = if self.pictures.is_empty() {
+                ""
+            } else {
+                ", nor does any pixel"
+            };
             return format!("{head}\n\nnothing differs{what}");
         }
-        let same_frame = if self.scene.is_empty() { None } else { Some(wrapped("the scenes differ: these are figures of two frames")) };
+        let same_frame = if self.scene.is_empty() {
+            None
+        } else {
+            Some(wrapped(
+                "the scenes differ: these are figures of two frames",
+            ))
+        };
         let parts = [
             same_frame,
             fields(&self.scene, "scene", true),
@@ -25,11 +36,16 @@ impl Comparison {
             self.cycle_table(),
             self.area_table(),
             self.picture_table(),
-            fields(&self.machine, "machine", all).or_else(|| Some("no field of the machine differs".into())),
+            fields(&self.machine, "machine", all)
+                .or_else(|| Some("no field of the machine differs".into())),
             (!self.elsewhere.is_empty()).then(|| {
                 wrapped(&format!(
                     "what differs in report.json besides: {}",
-                    self.elsewhere.iter().map(|path| one_line(path)).collect::<Vec<_>>().join(", ")
+                    self.elsewhere
+                        .iter()
+                        .map(|path| one_line(path))
+                        .collect::<Vec<_>>()
+                        .join(", ")
                 ))
             }),
         ];
@@ -41,17 +57,39 @@ impl Comparison {
         let mut table = plain_table(&["", "A", "B", "B against A"]);
         for figure in &self.figures {
             let kind = kind(figure);
-            table.add_row([figure.name.into(), number(&figure.a, kind), number(&figure.b, kind), step(figure, kind)]);
+            table.add_row([
+                figure.name.into(),
+                number(&figure.a, kind),
+                number(&figure.b, kind),
+                step(figure, kind),
+            ]);
         }
         aligned(table).trim_fmt()
     }
 
     /// Units whose cycles differ.
     fn cycle_table(&self) -> Option<String> {
-        let differ: Vec<&Unit> = self.units.iter().filter(|unit| unit.a.cycles != unit.b.cycles).collect();
-        let mut table = plain_table(&["", "busy A", "B", "starved A", "B", "blocked A", "B", "memory A", "B"]);
+        let differ: Vec<&Unit> = self
+            .units
+            .iter()
+            .filter(|unit| unit.a.cycles != unit.b.cycles)
+            .collect();
+        let mut table = plain_table(&[
+            "",
+            "busy A",
+            "B",
+            "starved A",
+            "B",
+            "blocked A",
+            "B",
+            "memory A",
+            "B",
+        ]);
         for Unit { name, a, b } in &differ {
-            let cell = |side: &UnitSide, state: usize| side.cycles.map_or("–".into(), |cycles| short(cycles[state]));
+            let cell = |side: &UnitSide, state: usize| {
+                side.cycles
+                    .map_or("–".into(), |cycles| short(cycles[state]))
+            };
             let states = (0..4).flat_map(|state| [cell(a, state), cell(b, state)]);
             table.add_row(std::iter::once(one_line(name)).chain(states));
         }
@@ -59,26 +97,53 @@ impl Comparison {
     }
 
     fn area_table(&self) -> Option<String> {
-        let differ: Vec<&Unit> = self.units.iter().filter(|unit| unit.a.area != unit.b.area).collect();
+        let differ: Vec<&Unit> = self
+            .units
+            .iter()
+            .filter(|unit| unit.a.area != unit.b.area)
+            .collect();
         let mut table = plain_table(&["area", "A", "B", "B against A"]);
         for Unit { name, a, b } in &differ {
             let cell = |area: Option<f64>| area.map_or("–".into(), |area| thousands(area as u64));
-            let change = a.area.zip(b.area).map_or(String::new(), |(a, b)| relative(a, b));
+            let change = a
+                .area
+                .zip(b.area)
+                .map_or(String::new(), |(a, b)| relative(a, b));
             table.add_row([one_line(name), cell(a.area), cell(b.area), change]);
         }
         (!differ.is_empty()).then(|| aligned(table).trim_fmt())
     }
 
     fn picture_table(&self) -> Option<String> {
-        let mut table = plain_table(&["A − B", "PSNR dB", "SSIM", "max error", "mean error", "px > 1/255", "px that differ"]);
+        let mut table = plain_table(&[
+            "A − B",
+            "PSNR dB",
+            "SSIM",
+            "max error",
+            "mean error",
+            "px > 1/255",
+            "px that differ",
+        ]);
         for pair in &self.pictures {
-            let Pictures { name, psnr_db, ssim, max_error, mean_error, pixels_over_1_255, pixels_that_differ } = pair;
+            let Pictures {
+                name,
+                psnr_db,
+                ssim,
+                max_error,
+                mean_error,
+                pixels_over_1_255,
+                pixels_that_differ,
+            } = pair;
             table.add_row([
                 (*name).to_owned(),
                 psnr_db.map_or("equal".into(), |db| format!("{db:.1}")),
                 format!("{ssim:.5}"),
                 format!("{max_error:.4}"),
-                if *mean_error == 0.0 { "0".into() } else { format!("{mean_error:.1e}") },
+                if *mean_error == 0.0 {
+                    "0".into()
+                } else {
+                    format!("{mean_error:.1e}")
+                },
                 thousands(*pixels_over_1_255),
                 thousands(*pixels_that_differ),
             ]);
@@ -87,26 +152,53 @@ impl Comparison {
     }
 }
 
-fn headline(letter: &str, Named { name, machine, scene, size }: &Named) -> String {
+fn headline(
+    letter: &str,
+    Named {
+        name,
+        machine,
+        scene,
+        size,
+    }: &Named,
+) -> String {
     let frame = match (scene, size) {
-        (Some(scene), Some([width, height])) => format!(" on {}, {width}×{height}", one_line(scene)),
+        (Some(scene), Some([width, height])) => {
+            format!(" on {}, {width}×{height}", one_line(scene))
+        }
         _ => String::new(),
     };
     let [name, machine] = [name, machine].map(|text| one_line(text));
-    let of = if name.split(' ').next() == Some(&machine) { name } else { format!("{name}: {machine}") };
+    let of = if name.split(' ').next() == Some(&machine) {
+        name
+    } else {
+        format!("{name}: {machine}")
+    };
     wrapped(&format!("{letter}: {of}{frame}"))
 }
 
 /// Fields that differ: numbers and rules before words, of which there are many.
 fn fields(differences: &[Difference], head: &str, all: bool) -> Option<String> {
     let is_word = |difference: &&Difference| {
-        let value = difference.a.as_ref().or(difference.b.as_ref()).and_then(Value::as_str);
-        value.and_then(|text| text.split(' ').next()?.parse::<Format>().ok()).is_some()
+        let value = difference
+            .a
+            .as_ref()
+            .or(difference.b.as_ref())
+            .and_then(Value::as_str);
+        value
+            .and_then(|text| text.split(' ').next()?.parse::<Format>().ok())
+            .is_some()
     };
-    let (words, others): (Vec<&Difference>, Vec<&Difference>) = differences.iter().partition(is_word);
+    let (words, others): (Vec<&Difference>, Vec<&Difference>) =
+        differences.iter().partition(is_word);
     let most = if all { differences.len() } else { MOST_FIELDS };
     let mut table = plain_table(&[head, "A", "B"]);
-    for Difference { field, a, b, left_out } in others.into_iter().chain(words).take(most) {
+    for Difference {
+        field,
+        a,
+        b,
+        left_out,
+    } in others.into_iter().chain(words).take(most)
+    {
         let cell = |side: &str, value: &Option<Value>| match (value, left_out.contains(&side)) {
             (Some(value), false) => plain(value),
             (Some(value), true) => format!("{} (left out)", plain(value)),
@@ -115,7 +207,11 @@ fn fields(differences: &[Difference], head: &str, all: bool) -> Option<String> {
         table.add_row([one_line(field), cell("a", a), cell("b", b)]);
     }
     let rest = differences.len().saturating_sub(most);
-    let rest = if rest > 0 { format!("\nand {rest} more fields of the {head}: --all lists them") } else { String::new() };
+    let rest = if rest > 0 {
+        format!("\nand {rest} more fields of the {head}: --all lists them")
+    } else {
+        String::new()
+    };
     (!differences.is_empty()).then(|| aligned(table).trim_fmt() + &rest)
 }
 
@@ -129,11 +225,16 @@ fn plain(value: &Value) -> String {
 }
 
 fn kind(figure: &Figure) -> Kind {
-    FIGURES.iter().find(|(name, ..)| *name == figure.name).map_or(Kind::Name, |(_, _, kind, _)| *kind)
+    FIGURES
+        .iter()
+        .find(|(name, ..)| *name == figure.name)
+        .map_or(Kind::Name, |(_, _, kind, _)| *kind)
 }
 
 fn number(value: &Value, kind: Kind) -> String {
-    let Some(number) = value.as_f64() else { return value.as_str().map_or("–".into(), clipped) };
+    let Some(number) = value.as_f64() else {
+        return value.as_str().map_or("–".into(), clipped);
+    };
     match kind {
         Kind::Count => thousands(number as u64),
         Kind::Tenths | Kind::Decibels => format!("{number:.1}"),

@@ -1,4 +1,5 @@
-//! Report of a sequence: `report.json` where a scene has many cameras (docs/book/paths.md), and its summary for a terminal.
+//! Report of a sequence: `report.json` where a scene has many cameras (docs/book/paths.md), and its
+//! summary for a terminal.
 
 use crate::accuracy::flicker::{Change, Flicker};
 use crate::accuracy::{Metrics, db_text};
@@ -10,7 +11,8 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::Write;
 
-/// Everything that was found in a sequence. All but `host` is the same for the same input on every machine, at any thread count.
+/// Everything that was found in a sequence. All but `host` is the same for the same input on every
+/// machine, at any thread count.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 #[schemars(rename = "SequenceReport")]
 pub struct Report {
@@ -24,7 +26,8 @@ pub struct Report {
     pub spreads: Spreads,
     /// Flicker of all pairs of frames together; none of a single frame.
     pub flicker: Option<Flicker>,
-    /// Golden and fixed against photographs of the views, means over the frames; only where photographs were given.
+    /// Golden and fixed against photographs of the views, means over the frames; only where
+    /// photographs were given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub against: Option<Means>,
     /// A row a frame.
@@ -58,7 +61,8 @@ pub struct FrameReport {
     pub frame: u64,
     /// The whole camera, as a scene file has it.
     pub camera: Camera,
-    /// Power of two from world units to machine units; where it changes between frames, so does the rounding of every splat.
+    /// Power of two from world units to machine units; where it changes between frames, so does the
+    /// rounding of every splat.
     pub scale_exponent: i32,
     /// Splats not drawn, by the first reason that holds.
     pub culled: CulledReport,
@@ -85,7 +89,8 @@ pub struct FrameReport {
     pub flicker: Option<Flicker>,
 }
 
-/// A figure over all frames, the greater the better; nothing where pictures are equal, which is better than any number.
+/// A figure over all frames, the greater the better; nothing where pictures are equal, which is
+/// better than any number.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Spread {
     /// Of the worst frame.
@@ -131,10 +136,20 @@ impl Spread {
     /// # Panics
     /// Without values: a sequence has a frame at least.
     pub fn new(values: impl IntoIterator<Item = Option<f64>>) -> Self {
-        let mut sorted: Vec<f64> = values.into_iter().map(|value| value.unwrap_or(f64::INFINITY)).collect();
+        let mut sorted: Vec<f64> = values
+            .into_iter()
+            .map(|value| value.unwrap_or(f64::INFINITY))
+            .collect();
         sorted.sort_by(f64::total_cmp);
-        let nth = |per_cent: usize| Some(sorted[(sorted.len() * per_cent).div_ceil(100) - 1]).filter(|value| value.is_finite());
-        Spread { worst: Some(sorted[0]).filter(|value| value.is_finite()), percentile_99: nth(1), median: nth(50) }
+        let nth = |per_cent: usize| {
+            Some(sorted[(sorted.len() * per_cent).div_ceil(100) - 1])
+                .filter(|value| value.is_finite())
+        };
+        Spread {
+            worst: Some(sorted[0]).filter(|value| value.is_finite()),
+            percentile_99: nth(1),
+            median: nth(50),
+        }
     }
 }
 
@@ -156,11 +171,22 @@ impl Report {
     pub fn summary(&self) -> String {
         let (scene, machine) = (&self.scene, &self.machine.description.name);
         let splats = thousands(scene.splats);
-        let frames = if scene.frames == 1 { "1 frame".into() } else { format!("{} frames", thousands(scene.frames)) };
-        let title = format!("{} on {machine}, {}×{}, {frames}: {splats} splats", scene.name, scene.width, scene.height);
+        let frames = if scene.frames == 1 {
+            "1 frame".into()
+        } else {
+            format!("{} frames", thousands(scene.frames))
+        };
+        let title = format!(
+            "{} on {machine}, {}×{}, {frames}: {splats} splats",
+            scene.name, scene.width, scene.height
+        );
         let mut text = format!("{}\n\n{}\n", wrapped(&title), self.spread_table());
         if let Some(means) = &self.against {
-            let frames: Vec<(u64, &Against)> = self.frames.iter().filter_map(|row| Some((row.frame, row.against.as_ref()?))).collect();
+            let frames: Vec<(u64, &Against)> = self
+                .frames
+                .iter()
+                .filter_map(|row| Some((row.frame, row.against.as_ref()?)))
+                .collect();
             let _ = write!(text, "\n{}\n", means.tables(&frames));
         }
         if let Some(flicker) = &self.flicker {
@@ -169,7 +195,13 @@ impl Report {
         for note in &scene.notes {
             let _ = writeln!(text, "{}", wrapped(&format!("note: {note}")));
         }
-        let Host { load_seconds, fixed_seconds, golden_seconds, ideal_seconds, .. } = self.host;
+        let Host {
+            load_seconds,
+            fixed_seconds,
+            golden_seconds,
+            ideal_seconds,
+            ..
+        } = self.host;
         let _ = write!(
             text,
             "\nhost: load {load_seconds:.2} s, fixed {fixed_seconds:.2} s, golden {golden_seconds:.2} s, ideal {ideal_seconds:.2} s"
@@ -178,17 +210,39 @@ impl Report {
     }
 
     fn spread_table(&self) -> String {
-        let not_finite = |metrics: fn(&Distances) -> Metrics| self.frames.iter().map(|f| metrics(&f.accuracy).not_finite).sum::<u64>();
+        let not_finite = |metrics: fn(&Distances) -> Metrics| {
+            self.frames
+                .iter()
+                .map(|f| metrics(&f.accuracy).not_finite)
+                .sum::<u64>()
+        };
         let mut table = plain_table(&["", "worst frame", "99 % of frames", "median"]);
         let s = &self.spreads;
         for (name, spread, broken) in [
             ("frames/s", s.frames_per_second, 0),
-            ("fixed − golden, dB", s.fixed_vs_golden_psnr_db, not_finite(|d| d.fixed_vs_golden)),
-            ("golden − ideal, dB", s.golden_vs_ideal_psnr_db, not_finite(|d| d.golden_vs_ideal)),
-            ("fixed − ideal, dB", s.fixed_vs_ideal_psnr_db, not_finite(|d| d.fixed_vs_ideal)),
+            (
+                "fixed − golden, dB",
+                s.fixed_vs_golden_psnr_db,
+                not_finite(|d| d.fixed_vs_golden),
+            ),
+            (
+                "golden − ideal, dB",
+                s.golden_vs_ideal_psnr_db,
+                not_finite(|d| d.golden_vs_ideal),
+            ),
+            (
+                "fixed − ideal, dB",
+                s.fixed_vs_ideal_psnr_db,
+                not_finite(|d| d.fixed_vs_ideal),
+            ),
         ] {
             let cell = |value: Option<f64>| db_text(value, broken, |value| format!("{value:.1}"));
-            table.add_row([name.to_owned(), cell(spread.worst), cell(spread.percentile_99), cell(spread.median)]);
+            table.add_row([
+                name.to_owned(),
+                cell(spread.worst),
+                cell(spread.percentile_99),
+                cell(spread.median),
+            ]);
         }
         aligned(table).trim_fmt()
     }
@@ -202,7 +256,9 @@ fn flicker_table(flicker: &Flicker) -> String {
         ("fixed − ideal", flicker.fixed_vs_ideal),
     ];
     for (name, Change { mean, jumps }) in pairs {
-        let shown = |value: Option<f64>, show: fn(f64) -> String| db_text(value, flicker.not_finite, show).replace("equal", "–");
+        let shown = |value: Option<f64>, show: fn(f64) -> String| {
+            db_text(value, flicker.not_finite, show).replace("equal", "–")
+        };
         table.add_row([
             name.to_owned(),
             shown(mean, |mean| format!("{:.4}/255", 255.0 * mean)),
@@ -228,10 +284,38 @@ mod tests {
     fn percentiles_are_counted_from_the_worst() {
         let of = |values: Vec<Option<f64>>| Spread::new(values);
         let many = of((0..200).rev().map(|value| Some(f64::from(value))).collect());
-        assert_eq!(many, Spread { worst: Some(0.0), percentile_99: Some(1.0), median: Some(99.0) });
+        assert_eq!(
+            many,
+            Spread {
+                worst: Some(0.0),
+                percentile_99: Some(1.0),
+                median: Some(99.0)
+            }
+        );
         let few = of(vec![Some(3.0), None, Some(2.0)]);
-        assert_eq!(few, Spread { worst: Some(2.0), percentile_99: Some(2.0), median: Some(3.0) });
-        assert_eq!(of(vec![None, None, Some(1.0)]), Spread { worst: Some(1.0), percentile_99: Some(1.0), median: None });
-        assert_eq!(of(vec![None]), Spread { worst: None, percentile_99: None, median: None });
+        assert_eq!(
+            few,
+            Spread {
+                worst: Some(2.0),
+                percentile_99: Some(2.0),
+                median: Some(3.0)
+            }
+        );
+        assert_eq!(
+            of(vec![None, None, Some(1.0)]),
+            Spread {
+                worst: Some(1.0),
+                percentile_99: Some(1.0),
+                median: None
+            }
+        );
+        assert_eq!(
+            of(vec![None]),
+            Spread {
+                worst: None,
+                percentile_99: None,
+                median: None
+            }
+        );
     }
 }

@@ -1,5 +1,5 @@
-//! Colmap: reads COLMAP's cameras and images, as text or binary; world → camera, x right, y down, z forward. In the order of the pictures'
-//! names. Points are not needed.
+//! Colmap: reads COLMAP's cameras and images, as text or binary; world → camera, x right, y down, z
+//! forward. In the order of the pictures' names. Points are not needed.
 
 use super::{Intrinsics, LONGEST_SIDE, Lens, Parsed, Pose, check_position, named};
 use crate::error::{Error, Result};
@@ -9,7 +9,8 @@ use glam::{DQuat, DVec3};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// A model of lenses: its name, and how many numbers it has. In the order of the numbers that binary files have for them.
+/// A model of lenses: its name, and how many numbers it has. In the order of the numbers that
+/// binary files have for them.
 const MODELS: [(&str, usize); 12] = [
     ("SIMPLE_PINHOLE", 3),
     ("PINHOLE", 4),
@@ -34,14 +35,33 @@ fn lens(model: &str, numbers: &[f64], size: [u32; 2]) -> Parsed<Intrinsics> {
     let (focal, centre, distortion): ([f64; 2], [f64; 2], &[f64]) = match (model, numbers) {
         ("SIMPLE_PINHOLE", &[f, cx, cy]) => ([f; 2], [cx, cy], &[]),
         ("PINHOLE", &[fx, fy, cx, cy]) => ([fx, fy], [cx, cy], &[]),
-        ("SIMPLE_RADIAL", &[f, cx, cy, ref distortion @ ..]) if distortion.len() == 1 => ([f; 2], [cx, cy], distortion),
-        ("RADIAL", &[f, cx, cy, ref distortion @ ..]) if distortion.len() == 2 => ([f; 2], [cx, cy], distortion),
-        ("OPENCV", &[fx, fy, cx, cy, ref distortion @ ..]) if distortion.len() == 4 => ([fx, fy], [cx, cy], distortion),
-        ("FULL_OPENCV", &[fx, fy, cx, cy, ref distortion @ ..]) if distortion.len() == 8 => ([fx, fy], [cx, cy], distortion),
-        ("SIMPLE_PINHOLE" | "PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV" | "FULL_OPENCV", _) => {
-            return Err(format!("{model} has {} numbers, which are not as many as it needs", numbers.len()));
+        ("SIMPLE_RADIAL", &[f, cx, cy, ref distortion @ ..]) if distortion.len() == 1 => {
+            ([f; 2], [cx, cy], distortion)
         }
-        _ => return Err(format!("the model {} cannot be drawn; PINHOLE can, of undistorted pictures", clipped(model))),
+        ("RADIAL", &[f, cx, cy, ref distortion @ ..]) if distortion.len() == 2 => {
+            ([f; 2], [cx, cy], distortion)
+        }
+        ("OPENCV", &[fx, fy, cx, cy, ref distortion @ ..]) if distortion.len() == 4 => {
+            ([fx, fy], [cx, cy], distortion)
+        }
+        ("FULL_OPENCV", &[fx, fy, cx, cy, ref distortion @ ..]) if distortion.len() == 8 => {
+            ([fx, fy], [cx, cy], distortion)
+        }
+        (
+            "SIMPLE_PINHOLE" | "PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV" | "FULL_OPENCV",
+            _,
+        ) => {
+            return Err(format!(
+                "{model} has {} numbers, which are not as many as it needs",
+                numbers.len()
+            ));
+        }
+        _ => {
+            return Err(format!(
+                "the model {} cannot be drawn; PINHOLE can, of undistorted pictures",
+                clipped(model)
+            ));
+        }
     };
     if let Some(amount) = distortion.iter().find(|amount| **amount != 0.0) {
         return Err(format!(
@@ -53,7 +73,9 @@ fn lens(model: &str, numbers: &[f64], size: [u32; 2]) -> Parsed<Intrinsics> {
 
 /// A picture's name and camera; `turn` is the quaternion w, x, y, z.
 fn pose(turn: [f64; 4], shift: [f64; 3], lens: u32, known: &Lenses, lenses: &str) -> Parsed<Pose> {
-    let intrinsics = known.get(&lens).ok_or(format!("its camera {lens} is not in {lenses}"))?;
+    let intrinsics = known
+        .get(&lens)
+        .ok_or(format!("its camera {lens} is not in {lenses}"))?;
     let [w, x, y, z] = turn;
     let turn = DQuat::from_xyzw(x, y, z, w);
     let length = turn.length();
@@ -65,12 +87,24 @@ fn pose(turn: [f64; 4], shift: [f64; 3], lens: u32, known: &Lenses, lenses: &str
     let eye = back * -DVec3::from_array(shift);
     check_position(eye)?;
     let (forward, up) = (back * DVec3::Z, back * DVec3::NEG_Y);
-    Ok(Pose { picture: None, eye, forward, up, lens: Lens::Known(*intrinsics) })
+    Ok(Pose {
+        picture: None,
+        eye,
+        forward,
+        up,
+        lens: Lens::Known(*intrinsics),
+    })
 }
 
 fn in_order(mut poses: Vec<(String, Pose)>) -> Vec<Pose> {
     poses.sort_by(|(a, _), (b, _)| a.cmp(b));
-    poses.into_iter().map(|(name, pose)| Pose { picture: Some(name), ..pose }).collect()
+    poses
+        .into_iter()
+        .map(|(name, pose)| Pose {
+            picture: Some(name),
+            ..pose
+        })
+        .collect()
 }
 
 fn wrong(path: &Path) -> impl Fn(Wrong) -> Error {
@@ -98,16 +132,30 @@ pub(super) fn read_text(folder: &Path) -> Result<(String, Vec<Pose>)> {
 /// Lines that say something, each with its place.
 fn lines(text: &str) -> impl Iterator<Item = (String, &str)> {
     let text = text.trim_start_matches('\u{feff}');
-    let lines = text.lines().enumerate().map(|(i, line)| (i + 1, line.trim()));
-    lines.filter(|(_, line)| !line.starts_with('#')).map(|(number, line)| (format!("line {number}"), line))
+    let lines = text
+        .lines()
+        .enumerate()
+        .map(|(i, line)| (i + 1, line.trim()));
+    lines
+        .filter(|(_, line)| !line.starts_with('#'))
+        .map(|(number, line)| (format!("line {number}"), line))
 }
 
 fn finite(word: &str) -> Parsed<f64> {
-    word.parse().ok().filter(|number: &f64| number.is_finite()).ok_or(format!("`{}` is no finite number", clipped(word)))
+    word.parse()
+        .ok()
+        .filter(|number: &f64| number.is_finite())
+        .ok_or(format!("`{}` is no finite number", clipped(word)))
 }
 
 fn identity(word: &str) -> Parsed<u32> {
-    word.parse().map_err(|_| format!("`{}` is no identity; a whole number from 0 to {} is right", clipped(word), u32::MAX))
+    word.parse().map_err(|_| {
+        format!(
+            "`{}` is no identity; a whole number from 0 to {} is right",
+            clipped(word),
+            u32::MAX
+        )
+    })
 }
 
 fn text_lenses(text: &str) -> std::result::Result<Lenses, Wrong> {
@@ -125,12 +173,23 @@ fn text_lenses(text: &str) -> std::result::Result<Lenses, Wrong> {
 fn text_lens(line: &str) -> Parsed<(u32, Intrinsics)> {
     let words: Vec<&str> = line.split_whitespace().collect();
     let [id, model, width, height, parameters @ ..] = words.as_slice() else {
-        return Err("a camera is an identity, a model, width, height and the model's numbers".into());
+        return Err(
+            "a camera is an identity, a model, width, height and the model's numbers".into(),
+        );
     };
-    let numbers: Vec<f64> = parameters.iter().map(|word| finite(word)).collect::<Parsed<_>>()?;
+    let numbers: Vec<f64> = parameters
+        .iter()
+        .map(|word| finite(word))
+        .collect::<Parsed<_>>()?;
     let side = |word: &str| {
-        let side = word.parse().ok().filter(|side| (1..=LONGEST_SIDE).contains(side));
-        side.ok_or(format!("`{}` is no width or height; a whole number of pixels from 1 to 10⁶ is right", clipped(word)))
+        let side = word
+            .parse()
+            .ok()
+            .filter(|side| (1..=LONGEST_SIDE).contains(side));
+        side.ok_or(format!(
+            "`{}` is no width or height; a whole number of pixels from 1 to 10⁶ is right",
+            clipped(word)
+        ))
     };
     let size = [side(width)?, side(height)?];
     Ok((identity(id)?, lens(model, &numbers, size)?))
@@ -138,11 +197,14 @@ fn text_lens(line: &str) -> Parsed<(u32, Intrinsics)> {
 
 /// Whether a line is of a picture's points, three numbers each, or of none.
 fn is_of_points(line: &str) -> bool {
-    let count = line.split_whitespace().try_fold(0_usize, |count, word| finite(word).ok().map(|_| count + 1));
+    let count = line
+        .split_whitespace()
+        .try_fold(0_usize, |count, word| finite(word).ok().map(|_| count + 1));
     count.is_some_and(|count| count.is_multiple_of(3))
 }
 
-/// `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME`, and then a line of the picture's points, which may be missing.
+/// `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME`, and then a line of the picture's points, which
+/// may be missing.
 fn text_poses(text: &str, known: &Lenses) -> std::result::Result<Vec<(String, Pose)>, Wrong> {
     let mut poses = Vec::new();
     let mut lines = lines(text).peekable();
@@ -164,10 +226,23 @@ fn text_pose(line: &str, known: &Lenses) -> Parsed<(String, Pose)> {
             .into());
     };
     let [w, x, y, z] = [finite(qw)?, finite(qx)?, finite(qy)?, finite(qz)?];
-    let pose = pose([w, x, y, z], [finite(tx)?, finite(ty)?, finite(tz)?], identity(lens)?, known, "cameras.txt")?;
+    let pose = pose(
+        [w, x, y, z],
+        [finite(tx)?, finite(ty)?, finite(tz)?],
+        identity(lens)?,
+        known,
+        "cameras.txt",
+    )?;
     // A name may have spaces.
-    let behind = |rest: &str| rest.trim_start().split_once(char::is_whitespace).map_or("", |(_, behind)| behind).len();
-    let name = (0..9).fold(line, |rest, _| &rest[rest.len() - behind(rest)..]).trim();
+    let behind = |rest: &str| {
+        rest.trim_start()
+            .split_once(char::is_whitespace)
+            .map_or("", |(_, behind)| behind)
+            .len()
+    };
+    let name = (0..9)
+        .fold(line, |rest, _| &rest[rest.len() - behind(rest)..])
+        .trim();
     Ok((name.to_owned(), pose))
 }
 
@@ -188,13 +263,18 @@ struct Bytes<'a>(&'a [u8]);
 
 impl<'a> Bytes<'a> {
     fn pass(&mut self, count: usize) -> Parsed<&'a [u8]> {
-        let (head, rest) = self.0.split_at_checked(count).ok_or("the file ends inside it")?;
+        let (head, rest) = self
+            .0
+            .split_at_checked(count)
+            .ok_or("the file ends inside it")?;
         self.0 = rest;
         Ok(head)
     }
 
     fn word<const N: usize>(&mut self) -> Parsed<[u8; N]> {
-        self.pass(N)?.try_into().map_err(|_| "the file ends inside it".into())
+        self.pass(N)?
+            .try_into()
+            .map_err(|_| "the file ends inside it".into())
     }
 
     fn u32(&mut self) -> Parsed<u32> {
@@ -207,42 +287,80 @@ impl<'a> Bytes<'a> {
 
     fn finite(&mut self) -> Parsed<f64> {
         let number = self.word().map(f64::from_le_bytes)?;
-        if number.is_finite() { Ok(number) } else { Err(format!("it has a number that is {number}; all must be finite")) }
+        if number.is_finite() {
+            Ok(number)
+        } else {
+            Err(format!(
+                "it has a number that is {number}; all must be finite"
+            ))
+        }
     }
 
     /// Text up to a byte of 0.
     fn text(&mut self) -> Parsed<String> {
-        let length = self.0.iter().position(|byte| *byte == 0).ok_or("the file ends inside its name")?;
+        let length = self
+            .0
+            .iter()
+            .position(|byte| *byte == 0)
+            .ok_or("the file ends inside its name")?;
         let text = String::from_utf8_lossy(self.pass(length)?).into_owned();
         self.pass(1)?;
         Ok(text)
     }
 }
 
-/// All records of a file, of which the header says how many there are; nothing is reserved for them.
-fn records<T>(bytes: &[u8], what: &str, read: impl Fn(&mut Bytes) -> Parsed<T>) -> std::result::Result<Vec<T>, Wrong> {
+/// All records of a file, of which the header says how many there are; nothing is reserved for
+/// them.
+fn records<T>(
+    bytes: &[u8],
+    what: &str,
+    read: impl Fn(&mut Bytes) -> Parsed<T>,
+) -> std::result::Result<Vec<T>, Wrong> {
     let mut rest = Bytes(bytes);
-    let count = rest.u64().map_err(|sentence| ("its header".to_string(), sentence))?;
+    let count = rest
+        .u64()
+        .map_err(|sentence| ("its header".to_string(), sentence))?;
     let mut all = Vec::new();
     for nth in 0..count {
-        all.push(read(&mut rest).map_err(|sentence| (format!("{what} {nth} of {count}"), sentence))?);
+        all.push(
+            read(&mut rest).map_err(|sentence| (format!("{what} {nth} of {count}"), sentence))?,
+        );
     }
     if rest.0.is_empty() {
         return Ok(all);
     }
-    Err(("its end".into(), format!("{} bytes follow the last of {count} {what}s; none may", rest.0.len())))
+    Err((
+        "its end".into(),
+        format!(
+            "{} bytes follow the last of {count} {what}s; none may",
+            rest.0.len()
+        ),
+    ))
 }
 
 fn binary_lenses(bytes: &[u8]) -> std::result::Result<Lenses, Wrong> {
     let one = |rest: &mut Bytes| {
         let (id, model) = (rest.u32()?, rest.u32()?);
         let (width, height) = (rest.u64()?, rest.u64()?);
-        let known = usize::try_from(model).ok().and_then(|model| MODELS.get(model));
-        let (model, count) = known.ok_or(format!("its model has the number {model}; 0 to {} are known", MODELS.len() - 1))?;
+        let known = usize::try_from(model)
+            .ok()
+            .and_then(|model| MODELS.get(model));
+        let (model, count) = known.ok_or(format!(
+            "its model has the number {model}; 0 to {} are known",
+            MODELS.len() - 1
+        ))?;
         let numbers: Vec<f64> = (0..*count).map(|_| rest.finite()).collect::<Parsed<_>>()?;
-        let side = |side: u64| u32::try_from(side).ok().filter(|side| (1..=LONGEST_SIDE).contains(side));
-        let size = side(width).zip(side(height)).map(|(width, height)| [width, height]);
-        let size = size.ok_or(format!("its picture is {width}×{height}; 1 to 10⁶ pixels on each side are right"))?;
+        let side = |side: u64| {
+            u32::try_from(side)
+                .ok()
+                .filter(|side| (1..=LONGEST_SIDE).contains(side))
+        };
+        let size = side(width)
+            .zip(side(height))
+            .map(|(width, height)| [width, height]);
+        let size = size.ok_or(format!(
+            "its picture is {width}×{height}; 1 to 10⁶ pixels on each side are right"
+        ))?;
         Ok((id, lens(model, &numbers, size)?))
     };
     let mut known = Lenses::new();
@@ -257,13 +375,21 @@ fn binary_lenses(bytes: &[u8]) -> std::result::Result<Lenses, Wrong> {
 fn binary_poses(bytes: &[u8], known: &Lenses) -> std::result::Result<Vec<(String, Pose)>, Wrong> {
     let one = |rest: &mut Bytes| {
         rest.u32()?;
-        let turn = [rest.finite()?, rest.finite()?, rest.finite()?, rest.finite()?];
+        let turn = [
+            rest.finite()?,
+            rest.finite()?,
+            rest.finite()?,
+            rest.finite()?,
+        ];
         let shift = [rest.finite()?, rest.finite()?, rest.finite()?];
         let pose = pose(turn, shift, rest.u32()?, known, "cameras.bin")?;
         let name = rest.text()?;
         // Two numbers and an identity for each point.
         let points = rest.u64()?;
-        let bytes = usize::try_from(points).ok().and_then(|points| points.checked_mul(24)).unwrap_or(usize::MAX);
+        let bytes = usize::try_from(points)
+            .ok()
+            .and_then(|points| points.checked_mul(24))
+            .unwrap_or(usize::MAX);
         rest.pass(bytes)?;
         Ok((name, pose))
     };

@@ -7,7 +7,10 @@ fn covariance(steps: DMat3) -> DMat3 {
 
 /// Largest difference of two matrices' entries.
 fn apart(a: DMat3, b: DMat3) -> f64 {
-    (a - b).to_cols_array().iter().fold(0.0_f64, |most, entry| most.max(entry.abs()))
+    (a - b)
+        .to_cols_array()
+        .iter()
+        .fold(0.0_f64, |most, entry| most.max(entry.abs()))
 }
 
 prop_compose! {
@@ -17,7 +20,8 @@ prop_compose! {
 }
 
 proptest! {
-    /// The axes are a rotation, and with their lengths squared make J·Jᵀ again; the volume is |det J|. At any scale.
+    /// The axes are a rotation, and with their lengths squared make J·Jᵀ again; the volume is |det
+    /// J|. At any scale.
     #[test]
     fn principal_axes_span_what_the_steps_span(x in vector(), y in vector(), z in vector(), power in -90_i32..90, thin in 0_i32..9) {
         let steps = DMat3::from_cols(x, y, z * 10.0_f64.powi(-thin));
@@ -29,7 +33,8 @@ proptest! {
         let lengths = cell.lengths / scale;
         let again = axes * DMat3::from_diagonal(lengths * lengths) * axes.transpose();
         prop_assert!(apart(again, covariance(steps)) < 1e-12);
-        // Both round by parts of the box with these sides: where steps nearly lie in a plane that is much more than the volume.
+        // Both round by parts of the box with these sides: where steps nearly lie in a plane that
+        // is much more than the volume.
         let (volume, sides) = (steps.determinant().abs(), x.length() * y.length() * steps.z_axis.length());
         prop_assert!((cell.volume() / scale.powi(3) - volume).abs() <= 1e-14 * sides, "{volume:e} of {sides:e}");
     }
@@ -55,18 +60,32 @@ fn steps_that_a_grid_lacks_are_at_right_angles() {
 
 #[test]
 fn steps_in_a_plane_have_no_volume() {
-    for steps in [DMat3::ZERO, DMat3::from_cols(DVec3::X, DVec3::ZERO, DVec3::Z), DMat3::from_diagonal(DVec3::new(1e-200, 1e-200, 0.0))] {
+    for steps in [
+        DMat3::ZERO,
+        DMat3::from_cols(DVec3::X, DVec3::ZERO, DVec3::Z),
+        DMat3::from_diagonal(DVec3::new(1e-200, 1e-200, 0.0)),
+    ] {
         assert!(!Cell::new(steps).has_volume(), "{steps}");
     }
     let field = Irregular {
-        places: Places::Curvilinear([2, 2, 2], (0..8).map(|i| DVec3::new(f64::from(i % 2), f64::from(i / 2 % 2), 0.0)).collect()),
+        places: Places::Curvilinear(
+            [2, 2, 2],
+            (0..8)
+                .map(|i| DVec3::new(f64::from(i % 2), f64::from(i / 2 % 2), 0.0))
+                .collect(),
+        ),
         values: vec![1.0; 8],
         notes: Vec::new(),
     };
     let cells = Cells::new(&field, 0.7);
     assert_eq!(cells.usual_layer(), None);
     let transfer = Classification::usual(&[0.0, 1.0], 4.0);
-    let classification = Classification { transfer, gradient: Vec::new(), radius: 0.7, material: 0 };
+    let classification = Classification {
+        transfer,
+        gradient: Vec::new(),
+        radius: 0.7,
+        material: 0,
+    };
     let (sampled, flat) = cells.samples(&classification, 1.0);
     assert_eq!((sampled.splats.len(), flat), (0, 8));
 }
@@ -88,16 +107,32 @@ fn a_linear_field_has_its_gradient() {
     };
     let of = |places: Places, position: &dyn Fn(usize) -> DVec3| {
         let values = (0..60).map(|i| slope.dot(position(i)) as f32).collect();
-        Irregular { places, values, notes: Vec::new() }
+        Irregular {
+            places,
+            values,
+            notes: Vec::new(),
+        }
     };
-    // So it has beside a sample that is NaN, one at a corner: the others keep a neighbour along each axis.
+    // So it has beside a sample that is NaN, one at a corner: the others keep a neighbour along
+    // each axis.
     let hole = |field: Irregular| {
-        let values = field.values.iter().enumerate().map(|(i, value)| if i == 0 { f32::NAN } else { *value }).collect();
+        let values = field
+            .values
+            .iter()
+            .enumerate()
+            .map(|(i, value)| if i == 0 { f32::NAN } else { *value })
+            .collect();
         Irregular { values, ..field }
     };
     let fields = [
-        of(Places::Curvilinear(size, (0..60).map(sheared).collect()), &sheared),
-        of(Places::Scattered((0..60).map(wobbly).collect(), None), &wobbly),
+        of(
+            Places::Curvilinear(size, (0..60).map(sheared).collect()),
+            &sheared,
+        ),
+        of(
+            Places::Scattered((0..60).map(wobbly).collect(), None),
+            &wobbly,
+        ),
     ];
     for field in fields.clone().into_iter().chain(fields.map(hole)) {
         let cells = Cells::new(&field, 0.7);

@@ -1,4 +1,5 @@
-//! Bouquet: flowers of Gaussians, made from formulas; petals are flat, stems are needles, and a haze lies behind them.
+//! Bouquet: flowers of Gaussians, made from formulas; petals are flat, stems are needles, and a
+//! haze lies behind them.
 
 use super::{Gaussian, Gaussians, Intake, harmonics_of};
 use glam::{DMat3, DQuat, DVec3};
@@ -40,7 +41,11 @@ fn along(stalk: usize, height: f64) -> DVec3 {
     let turn = TAU * part(stalk, GOLDEN);
     let out = 0.15 + 0.75 * (stalk as f64 / STALKS as f64).sqrt();
     let lean = out * (0.25 + 0.75 * height * height);
-    DVec3::new(lean * cos(turn), (1.7 - 0.5 * out) * height - 0.9, lean * sin(turn))
+    DVec3::new(
+        lean * cos(turn),
+        (1.7 - 0.5 * out) * height - 0.9,
+        lean * sin(turn),
+    )
 }
 
 /// The rotation whose third axis is this direction.
@@ -55,7 +60,15 @@ fn stalk(i: usize, count: usize) -> (Gaussian, [f64; 3]) {
     let length = 0.6 / (count as f64 / 1000.0).max(1.0).sqrt();
     let scale = DVec3::new(0.012, 0.012, length.clamp(0.02, 0.2));
     let shade = 0.25 + 0.3 * height;
-    (Gaussian { position: here, rotation: facing(above - below), scale, opacity: 0.85 }, [0.1, shade, 0.12])
+    (
+        Gaussian {
+            position: here,
+            rotation: facing(above - below),
+            scale,
+            opacity: 0.85,
+        },
+        [0.1, shade, 0.12],
+    )
 }
 
 fn petal(i: usize, count: usize) -> (Gaussian, [f64; 3]) {
@@ -77,14 +90,35 @@ fn petal(i: usize, count: usize) -> (Gaussian, [f64; 3]) {
     let scale = DVec3::new(0.02, 0.008, 0.0015) * coarse;
     let hue = TAU * part(stalk, GOLDEN);
     let tint = [hue, hue - TAU / 3.0, hue + TAU / 3.0].map(|phase| 0.55 + 0.42 * cos(phase));
-    let rgb = tint.map(|channel| channel * (0.45 + 0.55 * out) + if out < 0.25 { 0.35 } else { 0.0 });
-    (Gaussian { position, rotation, scale, opacity: 0.3 + 0.5 * out }, rgb)
+    let rgb =
+        tint.map(|channel| channel * (0.45 + 0.55 * out) + if out < 0.25 { 0.35 } else { 0.0 });
+    (
+        Gaussian {
+            position,
+            rotation,
+            scale,
+            opacity: 0.3 + 0.5 * out,
+        },
+        rgb,
+    )
 }
 
 fn haze(i: usize) -> (Gaussian, [f64; 3]) {
     let turn = TAU * part(i, GOLDEN);
     let out = 0.3 + 1.2 * part(i, GOLDEN * GOLDEN);
-    let position = DVec3::new(out * cos(turn), 0.5 * part(i, GOLDEN * 5.0) - 0.9, out * sin(turn));
+    let position = DVec3::new(
+        out * cos(turn),
+        0.5 * part(i, GOLDEN * 5.0) - 0.9,
+        out * sin(turn),
+    );
     let scale = DVec3::new(0.25, 0.05, 0.25);
-    (Gaussian { position, rotation: DQuat::IDENTITY, scale, opacity: 0.02 }, [0.75, 0.8, 0.9])
+    (
+        Gaussian {
+            position,
+            rotation: DQuat::IDENTITY,
+            scale,
+            opacity: 0.02,
+        },
+        [0.75, 0.8, 0.9],
+    )
 }

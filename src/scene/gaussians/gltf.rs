@@ -1,11 +1,15 @@
-//! GlTF: reads Gaussians from glTF 2.0 with the extension `KHR_gaussian_splatting` (Khronos, kernel `ellipse`).
+//! GlTF: reads Gaussians from glTF 2.0 with the extension `KHR_gaussian_splatting` (Khronos, kernel
+//! `ellipse`).
 //! ```text
 //! POSITION, ROTATION (x y z w), SCALE (linear), OPACITY, SH_DEGREE_l_COEF_n ─► by the node's transform ─► half a turn about x ─► Gaussians
 //! ```
-//! - Numbers may be of any type that the extension allows; integers are scaled where the file says so.
+//! - Numbers may be of any type that the extension allows; integers are scaled where the file says
+//!   so.
 //! - Axes are right, up, back, as in `.spz`, and turned in the same way.
-//! - A node turns, moves and scales; one that shears or mirrors has no harmonics that could follow, and is refused.
-//! - Harmonics follow the turn exactly: their products with turned ones are integrated over a sphere ([`Turned`]).
+//! - A node turns, moves and scales; one that shears or mirrors has no harmonics that could follow,
+//!   and is refused.
+//! - Harmonics follow the turn exactly: their products with turned ones are integrated over a
+//!   sphere ([`Turned`]).
 
 use super::{Gaussian, Gaussians, Intake, Parsed, coefficients, harmonics};
 use crate::scene::cells::principal_axes;
@@ -31,23 +35,37 @@ pub(in crate::scene) fn parse(bytes: &[u8], folder: &Path) -> Parsed<Gaussians> 
         for primitive in mesh.primitives() {
             match file.own(mesh.index(), primitive.index()) {
                 Some(own) if file.is_gaussians(mesh.index(), primitive.index()) => {
-                    sets.push(Set::read(&file, &primitive, own, transform).map_err(|e| format!("node {}: {e}", node.index()))?);
+                    sets.push(
+                        Set::read(&file, &primitive, own, transform)
+                            .map_err(|e| format!("node {}: {e}", node.index()))?,
+                    );
                 }
                 _ => others += 1,
             }
         }
     }
     if sets.is_empty() {
-        return Err("holds no Gaussians (KHR_gaussian_splatting); of a mesh `splatsim sample` makes points".into());
+        return Err(
+            "holds no Gaussians (KHR_gaussian_splatting); of a mesh `splatsim sample` makes points"
+                .into(),
+        );
     }
     if others > 0 {
-        notes.push(format!("{others} sets of triangles, lines or points are no Gaussians and were left out"));
+        notes.push(format!(
+            "{others} sets of triangles, lines or points are no Gaussians and were left out"
+        ));
     }
     let degree = sets.iter().map(|set| set.degree).max().unwrap_or(0);
     let count = sets.iter().map(|set| set.positions.len()).sum();
     let mut intake = Intake::new(degree, count, Vec::new());
     for set in &sets {
-        notes.extend(set.notes.iter().filter(|note| !notes.contains(note)).cloned().collect::<Vec<_>>());
+        notes.extend(
+            set.notes
+                .iter()
+                .filter(|note| !notes.contains(note))
+                .cloned()
+                .collect::<Vec<_>>(),
+        );
         set.give(degree, &mut intake);
     }
     intake.gaussians.notes = notes;
@@ -90,8 +108,15 @@ impl Place {
             return Err("its transform shears, mirrors or flattens; Gaussians can be turned, moved and scaled".into());
         }
         let longest = lengths.into_iter().fold(0.0, f64::max);
-        let is_even = lengths.iter().all(|length| (longest - length) <= 1e-6 * longest);
-        Ok(Place { all, linear, scale: is_even.then_some(longest), turn: DQuat::from_mat3(&DMat3::from_cols(x, y, z)).normalize() })
+        let is_even = lengths
+            .iter()
+            .all(|length| (longest - length) <= 1e-6 * longest);
+        Ok(Place {
+            all,
+            linear,
+            scale: is_even.then_some(longest),
+            turn: DQuat::from_mat3(&DMat3::from_cols(x, y, z)).normalize(),
+        })
     }
 
     /// Rotation and scales of what becomes of a Gaussian's axes.
@@ -100,17 +125,28 @@ impl Place {
             return (self.turn * rotation, scale * factor);
         }
         let scale = scale.max(DVec3::splat(scale.max_element() * THINNEST));
-        let (axes, lengths) = principal_axes(self.linear * DMat3::from_quat(rotation) * DMat3::from_diagonal(scale));
+        let (axes, lengths) =
+            principal_axes(self.linear * DMat3::from_quat(rotation) * DMat3::from_diagonal(scale));
         (DQuat::from_mat3(&axes), lengths)
     }
 }
 
 impl Set {
-    fn read(file: &File, primitive: &::gltf::Primitive, own: &Own, transform: DMat4) -> Parsed<Set> {
-        let positions = primitive.get(&Semantic::Positions).filter(|accessor| accessor.dimensions() == Dimensions::Vec3);
+    fn read(
+        file: &File,
+        primitive: &::gltf::Primitive,
+        own: &Own,
+        transform: DMat4,
+    ) -> Parsed<Set> {
+        let positions = primitive
+            .get(&Semantic::Positions)
+            .filter(|accessor| accessor.dimensions() == Dimensions::Vec3);
         let positions = positions.ok_or("Gaussians have no positions")?;
         let count = positions.count();
-        let need = |name: &str| own.of_gaussians(name).ok_or_else(|| format!("Gaussians have no attribute KHR_gaussian_splatting:{name}"));
+        let need = |name: &str| {
+            own.of_gaussians(name)
+                .ok_or_else(|| format!("Gaussians have no attribute KHR_gaussian_splatting:{name}"))
+        };
         let mut all = Vec::new();
         let mut degree = 0;
         for l in 0..=3 {
@@ -140,18 +176,28 @@ impl Set {
     /// Hands all Gaussians over, with harmonics of this degree.
     fn give(&self, degree: usize, intake: &mut Intake) {
         let turned = Turned::by(self.place.turn, self.degree);
-        let clamped = |opacity: f64| if opacity.is_nan() { opacity } else { opacity.clamp(0.0, 1.0) };
+        let clamped = |opacity: f64| {
+            if opacity.is_nan() {
+                opacity
+            } else {
+                opacity.clamp(0.0, 1.0)
+            }
+        };
         for i in 0..self.positions.len() {
             let rotation = super::unit(DQuat::from_array(self.rotations[i]));
             let scale = DVec3::from_array(self.scales[i]);
             // What has no rotation or no scale is left out and counted.
-            let (rotation, scale) = match rotation.filter(|_| scale.is_finite() && scale.min_element() >= 0.0) {
-                Some(rotation) if scale.max_element() > 0.0 => self.place.axes(rotation, scale),
-                Some(rotation) => (rotation, scale),
-                None => (DQuat::from_array(self.rotations[i]), scale),
-            };
+            let (rotation, scale) =
+                match rotation.filter(|_| scale.is_finite() && scale.min_element() >= 0.0) {
+                    Some(rotation) if scale.max_element() > 0.0 => self.place.axes(rotation, scale),
+                    Some(rotation) => (rotation, scale),
+                    None => (DQuat::from_array(self.rotations[i]), scale),
+                };
             let raw = Gaussian {
-                position: self.place.all.transform_point3(DVec3::from_array(self.positions[i])),
+                position: self
+                    .place
+                    .all
+                    .transform_point3(DVec3::from_array(self.positions[i])),
                 rotation,
                 scale,
                 opacity: clamped(self.opacities[i][0]),
@@ -166,27 +212,39 @@ impl Set {
 
 /// What the extension's object says that is not drawn.
 fn notes(own: &Own) -> Vec<String> {
-    let says = |field: &str| own.gaussians.as_ref().and_then(|object| object.get(field)?.as_str());
+    let says = |field: &str| {
+        own.gaussians
+            .as_ref()
+            .and_then(|object| object.get(field)?.as_str())
+    };
     let mut notes = Vec::new();
     if says("colorSpace").is_some_and(|space| space != "srgb_rec709_display") {
         let space = crate::output::text::clipped(says("colorSpace").unwrap_or_default());
         notes.push(format!("has the colour space {space}; its colours are blended as they are, and PNGs hold them unchanged"));
     }
-    for (field, read) in [("kernel", "ellipse"), ("projection", "perspective"), ("sortingMethod", "cameraDistance")] {
+    for (field, read) in [
+        ("kernel", "ellipse"),
+        ("projection", "perspective"),
+        ("sortingMethod", "cameraDistance"),
+    ] {
         if let Some(other) = says(field).filter(|value| *value != read) {
-            notes.push(format!("has the {field} {}, which is not read; it is drawn as {read}", crate::output::text::clipped(other)));
+            notes.push(format!(
+                "has the {field} {}, which is not read; it is drawn as {read}",
+                crate::output::text::clipped(other)
+            ));
         }
     }
     notes
 }
 
-/// Harmonics that are turned, as sums of those that are not: `matrix[j][k]` is the mean of 4π·Y_j(d)·Y_k(R⁻¹d) over all directions d.
+/// Harmonics that are turned, as sums of those that are not: `matrix[j][k]` is the mean of
+/// 4π·Y_j(d)·Y_k(R⁻¹d) over all directions d.
 struct Turned {
     matrix: Vec<Vec<f64>>,
 }
 
-/// Rows of directions from pole to pole, and directions in a row: with Gauss's four heights, products of two harmonics of degree 3 are
-/// integrated exactly.
+/// Rows of directions from pole to pole, and directions in a row: with Gauss's four heights,
+/// products of two harmonics of degree 3 are integrated exactly.
 const HEIGHTS: [(f64, f64); 4] = [
     (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
     (-0.339_981_043_584_856_26, 0.652_145_154_862_546_1),
@@ -204,10 +262,15 @@ impl Turned {
                 let (sin, cos) = libm::sincos(TAU * step as f64 / AROUND as f64);
                 let ring = (1.0 - height * height).sqrt();
                 let direction = DVec3::new(ring * cos, ring * sin, height);
-                let (here, before) = (harmonics::basis(direction), harmonics::basis(turn.conjugate() * direction));
+                let (here, before) = (
+                    harmonics::basis(direction),
+                    harmonics::basis(turn.conjugate() * direction),
+                );
                 let area = weight * TAU / AROUND as f64;
                 for (j, row) in matrix.iter_mut().enumerate() {
-                    row.iter_mut().enumerate().for_each(|(k, sum)| *sum += area * here[j] * before[k]);
+                    row.iter_mut()
+                        .enumerate()
+                        .for_each(|(k, sum)| *sum += area * here[j] * before[k]);
                 }
             }
         }
@@ -215,7 +278,15 @@ impl Turned {
     }
 
     fn of(&self, coefficients: &[[f64; 3]]) -> Vec<[f64; 3]> {
-        let sum = |row: &Vec<f64>, channel: usize| row.iter().zip(coefficients).map(|(factor, rgb)| factor * rgb[channel]).sum();
-        self.matrix.iter().map(|row| [0, 1, 2].map(|channel| sum(row, channel))).collect()
+        let sum = |row: &Vec<f64>, channel: usize| {
+            row.iter()
+                .zip(coefficients)
+                .map(|(factor, rgb)| factor * rgb[channel])
+                .sum()
+        };
+        self.matrix
+            .iter()
+            .map(|row| [0, 1, 2].map(|channel| sum(row, channel)))
+            .collect()
     }
 }

@@ -1,11 +1,13 @@
-//! Packed PLY: reads Gaussians from the compressed `.ply` files of SuperSplat (PlayCanvas), 16 bytes each.
+//! Packed PLY: reads Gaussians from the compressed `.ply` files of SuperSplat (PlayCanvas), 16
+//! bytes each.
 //! ```text
 //! packed_position, packed_scale   x: 11 bits   y: 10   z: 11   between the chunk's least and most
 //! packed_rotation                 which: 2   three others: 10 each, in ±√½; `which` of w x y z is largest
 //! packed_color                    red: 8   green: 8   blue: 8   opacity: 8
 //! ```
-//! A chunk holds for 256 Gaussians. Scales are logarithms; colours are those seen from all sides, between the chunk's least
-//! and most where it has any; element `sh` has bytes for all other coefficients, as `f_rest_*` of a float PLY, in ±4.
+//! A chunk holds for 256 Gaussians. Scales are logarithms; colours are those seen from all sides,
+//! between the chunk's least and most where it has any; element `sh` has bytes for all other
+//! coefficients, as `f_rest_*` of a float PLY, in ±4.
 
 use super::{Gaussian, Gaussians, Intake, Parsed, exp, float_ply, harmonics_of};
 use crate::scene::ply::{Body, Element, Header};
@@ -30,7 +32,12 @@ const BOUNDS: [&str; 12] = [
     "max_scale_z",
 ];
 const COLOUR_BOUNDS: [&str; 6] = ["min_r", "min_g", "min_b", "max_r", "max_g", "max_b"];
-const WORDS: [&str; 4] = ["packed_position", "packed_rotation", "packed_scale", "packed_color"];
+const WORDS: [&str; 4] = [
+    "packed_position",
+    "packed_rotation",
+    "packed_scale",
+    "packed_color",
+];
 
 /// Least and most of a chunk's positions, log scales and colours.
 struct Chunk {
@@ -41,7 +48,10 @@ struct Chunk {
 
 /// Whether the vertices are packed.
 pub(super) fn is_packed(header: &Header) -> bool {
-    header.elements.iter().any(|e| e.name == "vertex" && e.names().any(|name| name == WORDS[0]))
+    header
+        .elements
+        .iter()
+        .any(|e| e.name == "vertex" && e.names().any(|name| name == WORDS[0]))
 }
 
 pub(super) fn parse(header: &Header, mut body: Body) -> Parsed<Gaussians> {
@@ -60,16 +70,27 @@ pub(super) fn parse(header: &Header, mut body: Body) -> Parsed<Gaussians> {
     body.finish(std::iter::empty())?;
     let (needed, per_gaussian) = (words.len().div_ceil(CHUNK), super::coefficients(degree) - 1);
     if chunks.len() < needed {
-        return Err(format!("has {} chunks for {} Gaussians; there must be {needed}, one for each {CHUNK}", chunks.len(), words.len()));
+        return Err(format!(
+            "has {} chunks for {} Gaussians; there must be {needed}, one for each {CHUNK}",
+            chunks.len(),
+            words.len()
+        ));
     }
     if rest.len() != words.len() * per_gaussian {
-        return Err(format!("has {} rows of element `sh` for {} Gaussians; there must be as many", rest.len() / per_gaussian, words.len()));
+        return Err(format!(
+            "has {} rows of element `sh` for {} Gaussians; there must be as many",
+            rest.len() / per_gaussian,
+            words.len()
+        ));
     }
     let mut intake = Intake::new(degree, words.len(), header.notes.clone());
     for (i, &words) in words.iter().enumerate() {
         let (raw, constant) = unpack(words, &chunks[i / CHUNK]);
         let rest = &rest[i * per_gaussian..][..per_gaussian];
-        intake.push(raw, std::iter::once(constant).chain(rest.iter().map(|rgb| rgb.map(coefficient))));
+        intake.push(
+            raw,
+            std::iter::once(constant).chain(rest.iter().map(|rgb| rgb.map(coefficient))),
+        );
     }
     intake.finish()
 }
@@ -79,20 +100,41 @@ fn read_chunks(body: &mut Body, element: &Element) -> Parsed<Vec<Chunk>> {
     let colour_names: &[&str] = if has_colours { &COLOUR_BOUNDS } else { &[] };
     let names = owned(&[&BOUNDS, colour_names].concat());
     let mut chunks = Vec::with_capacity(body.room(element));
-    body.rows(element, &element.slots(&names)?, &mut vec![0.0; names.len()], |values| {
-        let pair = |first: usize| [DVec3::from_slice(&values[first..]), DVec3::from_slice(&values[first + 3..])];
-        let colour = if has_colours { pair(BOUNDS.len()) } else { [DVec3::ZERO, DVec3::ONE] };
-        chunks.push(Chunk { position: pair(0), scale: pair(6), colour });
-    })?;
+    body.rows(
+        element,
+        &element.slots(&names)?,
+        &mut vec![0.0; names.len()],
+        |values| {
+            let pair = |first: usize| {
+                [
+                    DVec3::from_slice(&values[first..]),
+                    DVec3::from_slice(&values[first + 3..]),
+                ]
+            };
+            let colour = if has_colours {
+                pair(BOUNDS.len())
+            } else {
+                [DVec3::ZERO, DVec3::ONE]
+            };
+            chunks.push(Chunk {
+                position: pair(0),
+                scale: pair(6),
+                colour,
+            });
+        },
+    )?;
     Ok(chunks)
 }
 
 fn read_words(body: &mut Body, element: &Element) -> Parsed<Vec<[u32; 4]>> {
     let mut words = Vec::with_capacity(body.room(element));
     // By way of i64, words keep their bits even where the header calls them `int`.
-    body.rows(element, &element.slots(&owned(&WORDS))?, &mut [0.0; 4], |values| {
-        words.push(std::array::from_fn(|i| values[i] as i64 as u32))
-    })?;
+    body.rows(
+        element,
+        &element.slots(&owned(&WORDS))?,
+        &mut [0.0; 4],
+        |values| words.push(std::array::from_fn(|i| values[i] as i64 as u32)),
+    )?;
     Ok(words)
 }
 
@@ -100,9 +142,20 @@ fn read_words(body: &mut Body, element: &Element) -> Parsed<Vec<[u32; 4]>> {
 fn read_rest(body: &mut Body, element: &Element, degree: usize) -> Parsed<Vec<[u8; 3]>> {
     let names = float_ply::rest_names(degree);
     let mut rest = Vec::with_capacity(body.room(element).saturating_mul(names.len() / 3));
-    body.rows(element, &element.slots(&names)?, &mut vec![0.0; names.len()], |values| {
-        rest.extend(values.as_chunks().0.iter().map(|rgb: &[f64; 3]| rgb.map(|code| code as u8)));
-    })?;
+    body.rows(
+        element,
+        &element.slots(&names)?,
+        &mut vec![0.0; names.len()],
+        |values| {
+            rest.extend(
+                values
+                    .as_chunks()
+                    .0
+                    .iter()
+                    .map(|rgb: &[f64; 3]| rgb.map(|code| code as u8)),
+            );
+        },
+    )?;
     Ok(rest)
 }
 
@@ -119,7 +172,10 @@ fn unpack([position, rotation, scale, colour]: [u32; 4], chunk: &Chunk) -> (Gaus
         scale: exp(between(chunk.scale, unpack_vector(scale))),
         opacity: part(colour, 0, 8),
     };
-    (gaussian, harmonics_of(between(chunk.colour, rgb).to_array()))
+    (
+        gaussian,
+        harmonics_of(between(chunk.colour, rgb).to_array()),
+    )
 }
 
 /// `bits` bits of the word from bit `low` on, as a part of their largest value.

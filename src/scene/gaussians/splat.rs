@@ -1,4 +1,5 @@
-//! Splat: reads Gaussians from `.splat` files, 32 bytes each and nothing else (antimatter15's viewer).
+//! Splat: reads Gaussians from `.splat` files, 32 bytes each and nothing else (antimatter15's
+//! viewer).
 //! ```text
 //! position: 3 × f32   scale: 3 × f32   red green blue opacity: 4 × u8   quaternion w x y z: 4 × u8, 128 is 0
 //! ```
@@ -12,7 +13,10 @@ const BYTES: usize = 32;
 pub(in crate::scene) fn parse(bytes: &[u8]) -> Parsed<Gaussians> {
     let (records, surplus) = bytes.as_chunks::<BYTES>();
     if !surplus.is_empty() {
-        return Err(format!("has {} bytes; a .splat file has {BYTES} for each Gaussian, so it is cut short or no such file", bytes.len()));
+        return Err(format!(
+            "has {} bytes; a .splat file has {BYTES} for each Gaussian, so it is cut short or no such file",
+            bytes.len()
+        ));
     }
     let mut intake = Intake::new(0, records.len(), Vec::new());
     for record in records {

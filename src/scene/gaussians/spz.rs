@@ -1,5 +1,6 @@
-//! Spz: reads Gaussians from Niantic's `.spz` files: of versions 1 to 3 gzip, then a header of 16 bytes, then one table after another; of
-//! version 4 a header of 32 bytes, then sizes of tables, then tables, each packed by Zstandard.
+//! Spz: reads Gaussians from Niantic's `.spz` files: of versions 1 to 3 gzip, then a header of 16
+//! bytes, then one table after another; of version 4 a header of 32 bytes, then sizes of tables,
+//! then tables, each packed by Zstandard.
 //! ```text
 //! magic `NGSP`: u32   version: u32   Gaussians: u32   degree: u8   fractional bits: u8   flags: u8   reserved: u8
 //! positions    3 × 24 bits, fixed point (version 1: 3 × f16)
@@ -12,8 +13,9 @@
 //! version 4    the header's last byte is the number of tables, then where their sizes begin: u32   reserved: 12 bytes
 //! sizes        bytes packed: u64   bytes unpacked: u64   of each table; a table without bytes is left out
 //! ```
-//! All little-endian. Files that are not compressed are read as well. Their axes are right, up, back; those of training programs' files
-//! right, down, forward: everything is given half a turn about x, so that a scene looks the same from either.
+//! All little-endian. Files that are not compressed are read as well. Their axes are right, up,
+//! back; those of training programs' files right, down, forward: everything is given half a turn
+//! about x, so that a scene looks the same from either.
 
 use super::{Gaussian, Gaussians, Intake, Parsed, coefficients, exp, part};
 use flate2::read::GzDecoder;
@@ -31,8 +33,9 @@ const STREAMED: u32 = 4;
 const HEADER_OF_TABLES: usize = 32;
 const SIZES: usize = 16;
 
-/// Files that would grow more than this, and past [`LONGEST`], are taken for ones made to fill the memory: positions and
-/// rotations of a trained scene hardly shrink and are a fifth of its bytes or more. gzip's own limit is 1032.
+/// Files that would grow more than this, and past [`LONGEST`], are taken for ones made to fill the
+/// memory: positions and rotations of a trained scene hardly shrink and are a fifth of its bytes or
+/// more. gzip's own limit is 1032.
 const MOST_COMPRESSED: u64 = 100;
 
 /// Bytes that any machine has room for, whatever the size of the file.
@@ -66,9 +69,17 @@ fn unpack(mut stream: impl Read, most: u64) -> Parsed<Gaussians> {
     let length = header.length(most)?;
     // Grows with what is there, not with what the header promises.
     let mut body = Vec::new();
-    stream.by_ref().take(length).read_to_end(&mut body).map_err(damaged)?;
+    stream
+        .by_ref()
+        .take(length)
+        .read_to_end(&mut body)
+        .map_err(damaged)?;
     if (body.len() as u64) < length {
-        return Err(format!("ends after {} of the {length} bytes that its {} Gaussians take", body.len(), header.count));
+        return Err(format!(
+            "ends after {} of the {length} bytes that its {} Gaussians take",
+            body.len(),
+            header.count
+        ));
     }
     let surplus = std::io::copy(&mut stream, &mut std::io::sink()).map_err(damaged)?;
     let count = header.count as usize;
@@ -81,40 +92,85 @@ fn unpack(mut stream: impl Read, most: u64) -> Parsed<Gaussians> {
     gaussians(&header, tables, surplus)
 }
 
-/// Reads a file of version 4, whose tables are packed one by one; more bytes than `most` are not believed.
+/// Reads a file of version 4, whose tables are packed one by one; more bytes than `most` are not
+/// believed.
 fn unpack_tables(bytes: &[u8], most: u64) -> Parsed<Gaussians> {
     let header = Header::read(&mut &bytes[..])?;
     header.length(most)?;
-    let cut = || format!("has {} bytes, and its header and the sizes of its tables take more", bytes.len());
-    let number = |at: usize| bytes.get(at..)?.first_chunk().map(|word| u64::from_le_bytes(*word));
-    let &[tables, s0, s1, s2, s3] = bytes.get(15..20).and_then(<[u8]>::first_chunk).ok_or_else(cut)?;
+    let cut = || {
+        format!(
+            "has {} bytes, and its header and the sizes of its tables take more",
+            bytes.len()
+        )
+    };
+    let number = |at: usize| {
+        bytes
+            .get(at..)?
+            .first_chunk()
+            .map(|word| u64::from_le_bytes(*word))
+    };
+    let &[tables, s0, s1, s2, s3] = bytes
+        .get(15..20)
+        .and_then(<[u8]>::first_chunk)
+        .ok_or_else(cut)?;
     let expected = header.row_bytes().map(|row| header.count * row as u64);
     let present = expected.iter().filter(|length| **length > 0).count();
     if usize::from(tables) != present {
-        return Err(format!("has {tables} tables; {} Gaussians of degree {} have {present}", header.count, header.degree));
+        return Err(format!(
+            "has {tables} tables; {} Gaussians of degree {} have {present}",
+            header.count, header.degree
+        ));
     }
     let sizes = u32::from_le_bytes([s0, s1, s2, s3]) as usize;
-    let mut next = sizes.checked_add(SIZES * present).filter(|end| sizes >= HEADER_OF_TABLES && *end <= bytes.len()).ok_or_else(cut)?;
+    let mut next = sizes
+        .checked_add(SIZES * present)
+        .filter(|end| sizes >= HEADER_OF_TABLES && *end <= bytes.len())
+        .ok_or_else(cut)?;
     let mut unpacked = [const { Vec::new() }; 6];
     let mut row = sizes;
-    for (table, &length) in unpacked.iter_mut().zip(&expected).filter(|(_, length)| **length > 0) {
+    for (table, &length) in unpacked
+        .iter_mut()
+        .zip(&expected)
+        .filter(|(_, length)| **length > 0)
+    {
         let (packed, promised) = number(row).zip(number(row + 8)).ok_or_else(cut)?;
         row += SIZES;
         if promised != length {
-            return Err(format!("has a table of {promised} bytes, and its {} Gaussians take {length}", header.count));
+            return Err(format!(
+                "has a table of {promised} bytes, and its {} Gaussians take {length}",
+                header.count
+            ));
         }
-        let end = usize::try_from(packed).ok().and_then(|packed| next.checked_add(packed)).filter(|end| *end <= bytes.len());
-        let end = end.ok_or_else(|| format!("has a table of {packed} packed bytes, and {} are left of the file", bytes.len() - next))?;
+        let end = usize::try_from(packed)
+            .ok()
+            .and_then(|packed| next.checked_add(packed))
+            .filter(|end| *end <= bytes.len());
+        let end = end.ok_or_else(|| {
+            format!(
+                "has a table of {packed} packed bytes, and {} are left of the file",
+                bytes.len() - next
+            )
+        })?;
         let bad = |e: String| format!("cannot be uncompressed, it is cut short or damaged: {e}");
         let decoder = StreamingDecoder::new(&bytes[next..end]).map_err(|e| bad(e.to_string()))?;
         // One byte more, to see that there is none.
-        decoder.take(length + 1).read_to_end(table).map_err(|e| bad(e.to_string()))?;
+        decoder
+            .take(length + 1)
+            .read_to_end(table)
+            .map_err(|e| bad(e.to_string()))?;
         if table.len() as u64 != length {
-            return Err(bad(format!("a table has {} bytes and should have {length}", table.len())));
+            return Err(bad(format!(
+                "a table has {} bytes and should have {length}",
+                table.len()
+            )));
         }
         next = end;
     }
-    gaussians(&header, unpacked.each_ref().map(Vec::as_slice), (bytes.len() - next) as u64)
+    gaussians(
+        &header,
+        unpacked.each_ref().map(Vec::as_slice),
+        (bytes.len() - next) as u64,
+    )
 }
 
 /// Gaussians of tables that are as long as the header says.
@@ -125,7 +181,9 @@ fn gaussians(header: &Header, tables: [&[u8]; 6], surplus: u64) -> Parsed<Gaussi
         notes.push("has extensions of its header, which are not read".to_owned());
     }
     if surplus > 0 {
-        notes.push(format!("has {surplus} bytes after its last Gaussian, which are not read"));
+        notes.push(format!(
+            "has {surplus} bytes after its last Gaussian, which are not read"
+        ));
     }
     let mut intake = Intake::new(header.degree, count, notes);
     for i in 0..count {
@@ -136,20 +194,30 @@ fn gaussians(header: &Header, tables: [&[u8]; 6], surplus: u64) -> Parsed<Gaussi
             scale: exp(vector(row(3), |code| f64::from(code) / 16.0 - 10.0)),
             opacity: part(row(1)[0]),
         };
-        let constant = vector(row(2), |code| (part(code) - 0.5) / 0.15).to_array().map(|c| c as f32);
+        let constant = vector(row(2), |code| (part(code) - 0.5) / 0.15)
+            .to_array()
+            .map(|c| c as f32);
         let others = row(5).as_chunks().0.iter().zip(HARMONICS_TURNED);
-        let others = others.map(|(rgb, sign): (&[u8; 3], f32)| rgb.map(|code| sign * (f32::from(code) / 128.0 - 1.0)));
+        let others = others.map(|(rgb, sign): (&[u8; 3], f32)| {
+            rgb.map(|code| sign * (f32::from(code) / 128.0 - 1.0))
+        });
         intake.push(raw, std::iter::once(constant).chain(others));
     }
     let compensated = header.flags & ANTIALIASED != 0;
-    intake.finish().map(|gaussians| Gaussians { compensated, ..gaussians })
+    intake.finish().map(|gaussians| Gaussians {
+        compensated,
+        ..gaussians
+    })
 }
 
 /// Half a turn about x.
 const HALF_TURN: DVec3 = DVec3::new(1.0, -1.0, -1.0);
 
-/// What half a turn about x makes of each harmonic but the constant one: odd in y and z together, they change sign.
-const HARMONICS_TURNED: [f32; 15] = [-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0];
+/// What half a turn about x makes of each harmonic but the constant one: odd in y and z together,
+/// they change sign.
+const HARMONICS_TURNED: [f32; 15] = [
+    -1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0,
+];
 
 /// The same rotation between turned axes.
 fn half_turned(of: DQuat) -> DQuat {
@@ -164,17 +232,45 @@ impl Header {
     fn read(stream: &mut impl Read) -> Parsed<Header> {
         let mut bytes = Vec::new();
         stream.take(16).read_to_end(&mut bytes).map_err(damaged)?;
-        let &[b'N', b'G', b'S', b'P', v0, v1, v2, v3, n0, n1, n2, n3, degree, fractional_bits, flags, _] = bytes.as_slice() else {
+        let &[
+            b'N',
+            b'G',
+            b'S',
+            b'P',
+            v0,
+            v1,
+            v2,
+            v3,
+            n0,
+            n1,
+            n2,
+            n3,
+            degree,
+            fractional_bits,
+            flags,
+            _,
+        ] = bytes.as_slice()
+        else {
             return Err("is no .spz file: it does not begin with the 16 bytes of a header of `NGSP`, under gzip or bare".into());
         };
         let version = u32::from_le_bytes([v0, v1, v2, v3]);
         if !(1..=STREAMED).contains(&version) {
-            return Err(format!("is an .spz file of version {version}; versions 1 to {STREAMED} can be read"));
+            return Err(format!(
+                "is an .spz file of version {version}; versions 1 to {STREAMED} can be read"
+            ));
         }
         if degree > 3 {
-            return Err(format!("has spherical harmonics of degree {degree}; degrees 0 to 3 can be read"));
+            return Err(format!(
+                "has spherical harmonics of degree {degree}; degrees 0 to 3 can be read"
+            ));
         }
-        Ok(Header { version, count: u32::from_le_bytes([n0, n1, n2, n3]).into(), degree: degree.into(), fractional_bits, flags })
+        Ok(Header {
+            version,
+            count: u32::from_le_bytes([n0, n1, n2, n3]).into(),
+            degree: degree.into(),
+            fractional_bits,
+            flags,
+        })
     }
 
     /// Bytes of all tables.
@@ -191,7 +287,14 @@ impl Header {
 
     /// Of one Gaussian: position, opacity, colour, scales, rotation, harmonics.
     fn row_bytes(&self) -> [usize; 6] {
-        [if self.version == 1 { 6 } else { 9 }, 1, 3, 3, if self.version < 3 { 3 } else { 4 }, 3 * (coefficients(self.degree) - 1)]
+        [
+            if self.version == 1 { 6 } else { 9 },
+            1,
+            3,
+            3,
+            if self.version < 3 { 3 } else { 4 },
+            3 * (coefficients(self.degree) - 1),
+        ]
     }
 
     fn position(&self, row: &[u8]) -> DVec3 {
@@ -202,7 +305,9 @@ impl Header {
         };
         match *row {
             [a, b, c, d, e, f] => DVec3::new(half([a, b]), half([c, d]), half([e, f])),
-            [a, b, c, d, e, f, g, h, i] => DVec3::new(fixed(a, b, c), fixed(d, e, f), fixed(g, h, i)),
+            [a, b, c, d, e, f, g, h, i] => {
+                DVec3::new(fixed(a, b, c), fixed(d, e, f), fixed(g, h, i))
+            }
             _ => DVec3::NAN,
         }
     }
@@ -222,7 +327,11 @@ fn half(bytes: [u8; 2]) -> f64 {
         31 => f64::NAN,
         _ => libm::ldexp(1024.0 + fraction, exponent - 25),
     };
-    if word >> 15 == 1 { -magnitude } else { magnitude }
+    if word >> 15 == 1 {
+        -magnitude
+    } else {
+        magnitude
+    }
 }
 
 fn rotation(row: &[u8]) -> DQuat {
@@ -233,7 +342,11 @@ fn rotation(row: &[u8]) -> DQuat {
             let largest = (word >> 30) as usize;
             for i in (0..4).rev().filter(|&i| i != largest) {
                 let magnitude = f64::from(word & 511) / 511.0 * FRAC_1_SQRT_2;
-                xyzw[i] = if word & 512 == 0 { magnitude } else { -magnitude };
+                xyzw[i] = if word & 512 == 0 {
+                    magnitude
+                } else {
+                    -magnitude
+                };
                 word >>= 10;
             }
             largest
@@ -243,6 +356,8 @@ fn rotation(row: &[u8]) -> DQuat {
             3
         }
     };
-    xyzw[largest] = (1.0 - xyzw.iter().map(|c| c * c).sum::<f64>()).max(0.0).sqrt();
+    xyzw[largest] = (1.0 - xyzw.iter().map(|c| c * c).sum::<f64>())
+        .max(0.0)
+        .sqrt();
     DQuat::from_array(xyzw)
 }

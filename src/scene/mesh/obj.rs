@@ -1,12 +1,15 @@
-//! OBJ: reads triangles from Wavefront's text, their materials from its MTL files, and those materials' pictures.
+//! OBJ: reads triangles from Wavefront's text, their materials from its MTL files, and those
+//! materials' pictures.
 //!
-//! A reader of our own, because the crate `tobj` (4.0.5) panics at `Kd 0.5` and at relative indices before the first vertex, and its errors
-//! name no line. Tests hold this one to it on sound files.
+//! A reader of our own, because the crate `tobj` (4.0.5) panics at `Kd 0.5` and at relative indices
+//! before the first vertex, and its errors name no line. Tests hold this one to it on sound files.
 //!
 //! - Polygons become fans. Lines, points, curves, groups and smoothing groups are passed over.
 //! - A face may name vertices that stand below it; a relative index counts from where it stands.
-//! - `Kd` and colours after a vertex's position: `Kd` is linear light, as modellers export it; colours at vertices are sRGB codes.
-//! - Opacity is `d`, or 1 − `Tr`, times that of the picture of `map_Kd`. Options of `map_Kd` are passed over, with a note.
+//! - `Kd` and colours after a vertex's position: `Kd` is linear light, as modellers export it;
+//!   colours at vertices are sRGB codes.
+//! - Opacity is `d`, or 1 − `Tr`, times that of the picture of `map_Kd`. Options of `map_Kd` are
+//!   passed over, with a note.
 //! - A material that no library has is grey, with a note; a library that is missing is an error.
 
 use super::{Alpha, Contents, GREY, Image, Material, Parsed, Raw, Texture, Wrap, beside};
@@ -44,15 +47,19 @@ struct Face {
     material: Option<usize>,
 }
 
-/// Reads the bytes of an OBJ file and the files that it names; the error is the second half of a sentence that begins with the file's name.
+/// Reads the bytes of an OBJ file and the files that it names; the error is the second half of a
+/// sentence that begins with the file's name.
 pub(super) fn read(bytes: &[u8], folder: &Path) -> Parsed<Contents> {
     let obj = Obj::parse(bytes)?;
     let mut library = Library::default();
-    obj.libraries.iter().try_for_each(|name| library.add(folder, name))?;
+    obj.libraries
+        .iter()
+        .try_for_each(|name| library.add(folder, name))?;
     obj.contents(library)
 }
 
-/// Lines without comments, those that end in `\` joined with the next; each with the number of its first line.
+/// Lines without comments, those that end in `\` joined with the next; each with the number of its
+/// first line.
 fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, String)> {
     let mut numbered = bytes.split(|&byte| byte == b'\n').enumerate();
     std::iter::from_fn(move || {
@@ -60,7 +67,9 @@ fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, String)> {
         let mut line = String::from_utf8_lossy(first).trim_end().to_owned();
         while line.ends_with('\\') {
             line.pop();
-            let Some((_, next)) = numbered.next() else { break };
+            let Some((_, next)) = numbered.next() else {
+                break;
+            };
             line.push(' ');
             line.push_str(String::from_utf8_lossy(next).trim_end());
         }
@@ -72,13 +81,15 @@ fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, String)> {
 /// A line's first word, and what comes after it.
 fn keyword(line: &str) -> (&str, &str) {
     let line = line.trim();
-    line.split_once(|c: char| c.is_ascii_whitespace()).map_or((line, ""), |(word, rest)| (word, rest.trim()))
+    line.split_once(|c: char| c.is_ascii_whitespace())
+        .map_or((line, ""), |(word, rest)| (word, rest.trim()))
 }
 
 /// The next number; NaN is one, and is found out later.
 fn number(words: &mut SplitAsciiWhitespace) -> Parsed<f64> {
     let word = words.next().ok_or("a number is missing at its end")?;
-    word.parse().map_err(|_| format!("`{}` is no number", clipped(word)))
+    word.parse()
+        .map_err(|_| format!("`{}` is no number", clipped(word)))
 }
 
 fn numbers<const N: usize>(words: &mut SplitAsciiWhitespace) -> Parsed<[f64; N]> {
@@ -98,7 +109,8 @@ impl Obj {
             let done = match word {
                 "v" => obj.vertex(&mut rest.split_ascii_whitespace()),
                 "vt" => obj.coordinate(&mut rest.split_ascii_whitespace()),
-                "vn" => numbers(&mut rest.split_ascii_whitespace()).map(|normal| obj.normals.push(DVec3::from_array(normal))),
+                "vn" => numbers(&mut rest.split_ascii_whitespace())
+                    .map(|normal| obj.normals.push(DVec3::from_array(normal))),
                 "f" | "fo" => obj.face(number, rest, material),
                 "usemtl" => {
                     material = Some(obj.named(rest));
@@ -120,9 +132,15 @@ impl Obj {
         // A single number more is a weight, which only curves have.
         let rest: Vec<&str> = words.collect();
         if let [.., r, g, b] = rest.as_slice() {
-            let code = |word: &str| word.parse().map_err(|_| format!("`{}` is no number", clipped(word)));
+            let code = |word: &str| {
+                word.parse()
+                    .map_err(|_| format!("`{}` is no number", clipped(word)))
+            };
             let rgb = [code(r)?, code(g)?, code(b)?];
-            self.colours.insert(self.positions.len() - 1, rgb.map(|code: f64| srgb_decode(code) as f32));
+            self.colours.insert(
+                self.positions.len() - 1,
+                rgb.map(|code: f64| srgb_decode(code) as f32),
+            );
         }
         Ok(())
     }
@@ -130,7 +148,10 @@ impl Obj {
     fn coordinate(&mut self, words: &mut SplitAsciiWhitespace) -> Parsed<()> {
         let u = number(words)?;
         // Of a picture of one row only u is written.
-        let v = words.next().map_or(Ok(0.0), |word| word.parse::<f64>().map_err(|_| format!("`{}` is no number", clipped(word))))?;
+        let v = words.next().map_or(Ok(0.0), |word| {
+            word.parse::<f64>()
+                .map_err(|_| format!("`{}` is no number", clipped(word)))
+        })?;
         // Rows of a picture count down, coordinates of an OBJ up.
         self.coordinates.push([u as f32, (1.0 - v) as f32]);
         Ok(())
@@ -139,10 +160,18 @@ impl Obj {
     fn face(&mut self, line: usize, rest: &str, material: Option<usize>) -> Parsed<()> {
         let first = self.corners.len();
         for word in rest.split_ascii_whitespace() {
-            let counts = [self.positions.len(), self.coordinates.len(), self.normals.len()];
+            let counts = [
+                self.positions.len(),
+                self.coordinates.len(),
+                self.normals.len(),
+            ];
             self.corners.push(corner(word, counts)?);
         }
-        self.faces.push(Face { line, corners: (first, self.corners.len() - first), material });
+        self.faces.push(Face {
+            line,
+            corners: (first, self.corners.len() - first),
+            material,
+        });
         Ok(())
     }
 
@@ -151,7 +180,8 @@ impl Obj {
             return place;
         }
         self.used.push(name.to_owned());
-        self.place_of_name.insert(name.to_owned(), self.used.len() - 1);
+        self.place_of_name
+            .insert(name.to_owned(), self.used.len() - 1);
         self.used.len() - 1
     }
 
@@ -159,30 +189,65 @@ impl Obj {
         let mut contents = library.contents;
         contents.reserve(self.corners.len())?;
         // The last material is that of faces without one.
-        let found = self.used.iter().map(|name| library.materials.get(name).cloned());
-        let missing: Vec<String> =
-            self.used.iter().filter(|name| !library.materials.contains_key(*name)).map(|name| clipped(name)).collect();
-        contents.materials = found.map(|material| material.unwrap_or_else(Material::none)).chain([Material::none()]).collect();
+        let found = self
+            .used
+            .iter()
+            .map(|name| library.materials.get(name).cloned());
+        let missing: Vec<String> = self
+            .used
+            .iter()
+            .filter(|name| !library.materials.contains_key(*name))
+            .map(|name| clipped(name))
+            .collect();
+        contents.materials = found
+            .map(|material| material.unwrap_or_else(Material::none))
+            .chain([Material::none()])
+            .collect();
         if !missing.is_empty() {
-            contents.notes.push(format!("materials without a description are grey: {}", listed(&missing)));
+            contents.notes.push(format!(
+                "materials without a description are grey: {}",
+                listed(&missing)
+            ));
         }
         for face in &self.faces {
             let corners = &self.corners[face.corners.0..][..face.corners.1];
-            corners.iter().try_for_each(|corner| self.check(corner)).map_err(|sentence| at(face.line, sentence))?;
+            corners
+                .iter()
+                .try_for_each(|corner| self.check(corner))
+                .map_err(|sentence| at(face.line, sentence))?;
             let material = face.material.unwrap_or(self.used.len());
-            let is_known = self.used.get(material).is_some_and(|name| library.materials.contains_key(name));
+            let is_known = self
+                .used
+                .get(material)
+                .is_some_and(|name| library.materials.contains_key(name));
             for i in 2..corners.len() {
-                contents.triangles.push(self.raw([corners[0], corners[i - 1], corners[i]], material as u32, is_known));
+                contents.triangles.push(self.raw(
+                    [corners[0], corners[i - 1], corners[i]],
+                    material as u32,
+                    is_known,
+                ));
             }
         }
         Ok(contents)
     }
 
     fn check(&self, corner: &Corner) -> Parsed<()> {
-        let counts = [self.positions.len(), self.coordinates.len(), self.normals.len()];
-        for ((index, count), what) in corner.iter().zip(counts).zip(["vertices", "texture coordinates", "normals"]) {
+        let counts = [
+            self.positions.len(),
+            self.coordinates.len(),
+            self.normals.len(),
+        ];
+        for ((index, count), what) in
+            corner
+                .iter()
+                .zip(counts)
+                .zip(["vertices", "texture coordinates", "normals"])
+        {
             if let Some(index) = index.filter(|&index| index >= count) {
-                return Err(format!("a face names number {} of {count} {what}", index.saturating_add(1)));
+                return Err(format!(
+                    "a face names number {} of {count} {what}",
+                    index.saturating_add(1)
+                ));
             }
         }
         Ok(())
@@ -190,14 +255,22 @@ impl Obj {
 
     fn raw(&self, corners: [Corner; 3], material: u32, is_known: bool) -> Raw {
         let position = corners.map(|[position, ..]| position.expect("every corner has one"));
-        let colour = |i: usize| self.colours.get(&position[i]).map(|&[r, g, b]| [r, g, b, 1.0]);
+        let colour = |i: usize| {
+            self.colours
+                .get(&position[i])
+                .map(|&[r, g, b]| [r, g, b, 1.0])
+        };
         let all = |place: usize| corners.iter().all(|corner| corner[place].is_some());
         Raw {
             corners: position.map(|i| self.positions[i]),
-            normals: all(2).then(|| corners.map(|[.., normal]| self.normals[normal.expect("all have one")])),
-            uv: all(1).then(|| corners.map(|[_, uv, _]| self.coordinates[uv.expect("all have one")])),
+            normals: all(2)
+                .then(|| corners.map(|[.., normal]| self.normals[normal.expect("all have one")])),
+            uv: all(1)
+                .then(|| corners.map(|[_, uv, _]| self.coordinates[uv.expect("all have one")])),
             // Grey is the colour of what has none: neither a material nor one of its own.
-            rgba: std::array::from_fn(|i| colour(i).unwrap_or(if is_known { [1.0; 4] } else { GREY })),
+            rgba: std::array::from_fn(|i| {
+                colour(i).unwrap_or(if is_known { [1.0; 4] } else { GREY })
+            }),
             material,
             flat: false,
         }
@@ -212,19 +285,32 @@ fn at(line: usize, sentence: String) -> String {
 fn corner(word: &str, counts: [usize; 3]) -> Parsed<Corner> {
     let mut corner = [None; 3];
     for (place, part) in word.split('/').enumerate() {
-        let slot = corner.get_mut(place).ok_or_else(|| format!("`{}` is no corner of a face", clipped(word)))?;
+        let slot = corner
+            .get_mut(place)
+            .ok_or_else(|| format!("`{}` is no corner of a face", clipped(word)))?;
         if !part.is_empty() {
             *slot = Some(index(part, counts[place])?);
         }
     }
-    if corner[0].is_none() { Err(format!("`{}` is no corner of a face", clipped(word))) } else { Ok(corner) }
+    if corner[0].is_none() {
+        Err(format!("`{}` is no corner of a face", clipped(word)))
+    } else {
+        Ok(corner)
+    }
 }
 
 fn index(word: &str, count: usize) -> Parsed<usize> {
-    let wrong = || format!("`{}` is no index; they begin with 1, and −1 is the last one so far", clipped(word));
+    let wrong = || {
+        format!(
+            "`{}` is no index; they begin with 1, and −1 is the last one so far",
+            clipped(word)
+        )
+    };
     match word.parse::<i64>() {
         Ok(index) if index > 0 => Ok(index as usize - 1),
-        Ok(index) if index < 0 => count.checked_sub(index.unsigned_abs() as usize).ok_or_else(wrong),
+        Ok(index) if index < 0 => count
+            .checked_sub(index.unsigned_abs() as usize)
+            .ok_or_else(wrong),
         _ => Err(wrong()),
     }
 }
@@ -247,7 +333,9 @@ impl Library {
         if parts.len() < 2 || whole.is_ok() {
             return self.read(folder, names, &whole?);
         }
-        parts.iter().try_for_each(|name| self.read(folder, name, &beside(folder, name)?))
+        parts
+            .iter()
+            .try_for_each(|name| self.read(folder, name, &beside(folder, name)?))
     }
 
     fn read(&mut self, folder: &Path, name: &str, bytes: &[u8]) -> Parsed<()> {
@@ -256,7 +344,14 @@ impl Library {
             let (word, rest) = keyword(&line);
             let within = |sentence: String| format!("{}, line {number}: {sentence}", clipped(name));
             if word == "newmtl" {
-                self.materials.extend(current.replace((rest.to_owned(), Material { rgba: [1.0; 4], texture: None, alpha: Alpha::Blend })));
+                self.materials.extend(current.replace((
+                    rest.to_owned(),
+                    Material {
+                        rgba: [1.0; 4],
+                        texture: None,
+                        alpha: Alpha::Blend,
+                    },
+                )));
             } else if let Some((_, material)) = &mut current {
                 self.field(material, folder, word, rest).map_err(within)?;
             }
@@ -265,13 +360,23 @@ impl Library {
         Ok(())
     }
 
-    fn field(&mut self, material: &mut Material, folder: &Path, word: &str, rest: &str) -> Parsed<()> {
+    fn field(
+        &mut self,
+        material: &mut Material,
+        folder: &Path,
+        word: &str,
+        rest: &str,
+    ) -> Parsed<()> {
         let mut words = rest.split_ascii_whitespace();
         match word {
             "Kd" => {
                 let red = share(&mut words)?;
                 // One number stands for all three.
-                let rest = if words.clone().next().is_none() { [red; 2] } else { [share(&mut words)?, share(&mut words)?] };
+                let rest = if words.clone().next().is_none() {
+                    [red; 2]
+                } else {
+                    [share(&mut words)?, share(&mut words)?]
+                };
                 material.rgba[..3].copy_from_slice(&[red, rest[0], rest[1]]);
             }
             "d" => {
@@ -290,7 +395,10 @@ impl Library {
     fn texture(&mut self, folder: &Path, rest: &str) -> Parsed<usize> {
         let file = after_options(rest);
         if file.len() < rest.len() {
-            self.contents.notes.push(format!("options of a texture are not read: `{}`", clipped(rest)));
+            self.contents.notes.push(format!(
+                "options of a texture are not read: `{}`",
+                clipped(rest)
+            ));
         }
         if let Some(&texture) = self.texture_of_file.get(file) {
             return Ok(texture);
@@ -299,8 +407,12 @@ impl Library {
         let bytes = beside(folder, file)?;
         self.contents.reserve_picture(&bytes).map_err(of_file)?;
         let image = Image::decode(&bytes).map_err(of_file)?;
-        self.contents.textures.push(Texture { image: Arc::new(image), wrap: [Wrap::Repeat; 2] });
-        self.texture_of_file.insert(file.to_owned(), self.contents.textures.len() - 1);
+        self.contents.textures.push(Texture {
+            image: Arc::new(image),
+            wrap: [Wrap::Repeat; 2],
+        });
+        self.texture_of_file
+            .insert(file.to_owned(), self.contents.textures.len() - 1);
         Ok(self.contents.textures.len() - 1)
     }
 }
@@ -308,7 +420,11 @@ impl Library {
 /// A number in [0, 1].
 fn share(words: &mut SplitAsciiWhitespace) -> Parsed<f32> {
     let value = number(words)?;
-    if (0.0..=1.0).contains(&value) { Ok(value as f32) } else { Err(format!("{value} is not within 0 and 1")) }
+    if (0.0..=1.0).contains(&value) {
+        Ok(value as f32)
+    } else {
+        Err(format!("{value} is not within 0 and 1"))
+    }
 }
 
 /// What comes after options and their values: the file's name, which may have spaces.

@@ -1,4 +1,5 @@
-//! Picture: decodes a texture's PNG or JPEG, within limits, and says which texel a coordinate meets.
+//! Picture: decodes a texture's PNG or JPEG, within limits, and says which texel a coordinate
+//! meets.
 
 use super::Parsed;
 use crate::output::colour::srgb_decode;
@@ -12,7 +13,8 @@ const LONGEST_SIDE: u32 = 16384;
 const MOST_BYTES: u64 = 1 << 30;
 
 /// Linear light of the 256 codes of a byte.
-static LINEAR: LazyLock<[f32; 256]> = LazyLock::new(|| std::array::from_fn(|code| srgb_decode(code as f64 / 255.0) as f32));
+static LINEAR: LazyLock<[f32; 256]> =
+    LazyLock::new(|| std::array::from_fn(|code| srgb_decode(code as f64 / 255.0) as f32));
 
 /// A picture: 8 bits a channel, sRGB-encoded colours and straight, linear opacity.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,10 +29,19 @@ pub struct Image {
 
 /// A reader of a PNG or JPEG.
 fn reader(bytes: &[u8]) -> Parsed<ImageReader<Cursor<&[u8]>>> {
-    let format = ::image::guess_format(bytes).ok().filter(|format| matches!(format, ImageFormat::Png | ImageFormat::Jpeg));
-    let mut reader = ImageReader::with_format(Cursor::new(bytes), format.ok_or("is no PNG or JPEG picture")?);
+    let format = ::image::guess_format(bytes)
+        .ok()
+        .filter(|format| matches!(format, ImageFormat::Png | ImageFormat::Jpeg));
+    let mut reader = ImageReader::with_format(
+        Cursor::new(bytes),
+        format.ok_or("is no PNG or JPEG picture")?,
+    );
     let mut limits = Limits::default();
-    (limits.max_image_width, limits.max_image_height, limits.max_alloc) = (Some(LONGEST_SIDE), Some(LONGEST_SIDE), Some(MOST_BYTES));
+    (
+        limits.max_image_width,
+        limits.max_image_height,
+        limits.max_alloc,
+    ) = (Some(LONGEST_SIDE), Some(LONGEST_SIDE), Some(MOST_BYTES));
     reader.limits(limits);
     Ok(reader)
 }
@@ -59,7 +70,11 @@ impl Image {
         if width == 0 || height == 0 {
             return Err("has no texels".into());
         }
-        Ok(Image { width, height, texels: picture.pixels().map(|texel| texel.0).collect() })
+        Ok(Image {
+            width,
+            height,
+            texels: picture.pixels().map(|texel| texel.0).collect(),
+        })
     }
 
     /// Linear light and opacity of a texel.

@@ -1,5 +1,6 @@
-//! STL: reads triangles without materials, from the binary form (80 bytes, a count, 50 bytes a triangle) or from text, whose words may be in either case. Normals in the file
-//! are left aside: many writers leave them 0, and the corners say them too.
+//! STL: reads triangles without materials, from the binary form (80 bytes, a count, 50 bytes a
+//! triangle) or from text, whose words may be in either case. Normals in the file are left aside:
+//! many writers leave them 0, and the corners say them too.
 
 use super::{Contents, GREY, Parsed, Raw};
 use crate::output::text::clipped;
@@ -11,9 +12,12 @@ const ROW: usize = 50;
 /// What some editors put before text in UTF-8.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
-/// Reads the bytes of an STL file; the error is the second half of a sentence that begins with the file's name.
+/// Reads the bytes of an STL file; the error is the second half of a sentence that begins with the
+/// file's name.
 pub(super) fn read(bytes: &[u8]) -> Parsed<Contents> {
-    let promised = bytes.get(80..HEAD).map(|count| u32::from_le_bytes(count.try_into().expect("four bytes")) as usize);
+    let promised = bytes
+        .get(80..HEAD)
+        .map(|count| u32::from_le_bytes(count.try_into().expect("four bytes")) as usize);
     let is_text = bytes
         .strip_prefix(BYTE_ORDER_MARK)
         .unwrap_or(bytes)
@@ -30,19 +34,36 @@ pub(super) fn read(bytes: &[u8]) -> Parsed<Contents> {
 }
 
 fn raw(corners: [DVec3; 3]) -> Raw {
-    Raw { corners, normals: None, uv: None, rgba: [GREY; 3], material: 0, flat: false }
+    Raw {
+        corners,
+        normals: None,
+        uv: None,
+        rgba: [GREY; 3],
+        material: 0,
+        flat: false,
+    }
 }
 
 fn binary(rows: &[u8], promised: usize) -> Parsed<Contents> {
     let held = rows.len() / ROW;
     if held < promised {
-        return Err(format!("promises {promised} triangles, and there is room for {held} in it"));
+        return Err(format!(
+            "promises {promised} triangles, and there is room for {held} in it"
+        ));
     }
     let mut contents = Contents::default();
     contents.reserve(promised)?;
-    let number = |row: &[u8], i: usize| f32::from_le_bytes(row[12 + 4 * i..16 + 4 * i].try_into().expect("four bytes")) as f64;
-    let corner = |row: &[u8], i: usize| DVec3::from_array([3 * i, 3 * i + 1, 3 * i + 2].map(|i| number(row, i)));
-    contents.triangles = rows.chunks_exact(ROW).take(promised).map(|row| raw([0, 1, 2].map(|i| corner(row, i)))).collect();
+    let number = |row: &[u8], i: usize| {
+        f32::from_le_bytes(row[12 + 4 * i..16 + 4 * i].try_into().expect("four bytes")) as f64
+    };
+    let corner = |row: &[u8], i: usize| {
+        DVec3::from_array([3 * i, 3 * i + 1, 3 * i + 2].map(|i| number(row, i)))
+    };
+    contents.triangles = rows
+        .chunks_exact(ROW)
+        .take(promised)
+        .map(|row| raw([0, 1, 2].map(|i| corner(row, i))))
+        .collect();
     Ok(contents)
 }
 
@@ -61,19 +82,30 @@ fn text(bytes: &[u8]) -> Parsed<Contents> {
             ["vertex", ..] => return Err(at("a vertex needs three numbers".into())),
             ["endloop", ..] => {
                 let three = <[DVec3; 3]>::try_from(corners.as_slice());
-                contents.triangles.push(raw(three.map_err(|_| at(format!("a loop of {} vertices is no triangle", corners.len())))?));
+                contents.triangles.push(raw(three.map_err(|_| {
+                    at(format!(
+                        "a loop of {} vertices is no triangle",
+                        corners.len()
+                    ))
+                })?));
                 corners.clear();
             }
             _ => {}
         }
     }
-    if corners.is_empty() { Ok(contents) } else { Err("ends inside a loop: there is no line `endloop`".into()) }
+    if corners.is_empty() {
+        Ok(contents)
+    } else {
+        Err("ends inside a loop: there is no line `endloop`".into())
+    }
 }
 
 fn vertex(words: [&str; 3]) -> Parsed<DVec3> {
     let mut numbers = [0.0; 3];
     for (number, word) in numbers.iter_mut().zip(words) {
-        *number = word.parse().map_err(|_| format!("`{}` is no number", clipped(word)))?;
+        *number = word
+            .parse()
+            .map_err(|_| format!("`{}` is no number", clipped(word)))?;
     }
     Ok(DVec3::from_array(numbers))
 }

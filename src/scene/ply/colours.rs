@@ -1,32 +1,42 @@
-//! Colours: finds the colours of a PLY element, by their names, and makes linear light of their numbers.
+//! Colours: finds the colours of a PLY element, by their names, and makes linear light of their
+//! numbers.
 //! ```text
 //! names of properties ─► [Columns]                               which property is red, green, blue, alpha
 //! type, greatest number, `comment colours are linear light` ─► [Meaning] ─► linear light, opacity
 //! ```
-//! Other programs (MeshLab, CloudCompare, Easy3D, VTK) mean what a screen is sent: sRGB codes, whatever the type. PLY does not say which number
-//! is full light. An integer of 8 bits is out of 255. Other types are out of the least of [`FULL`] that no colour exceeds, and a note
-//! says which that was where another could be meant.
+//! Other programs (MeshLab, CloudCompare, Easy3D, VTK) mean what a screen is sent: sRGB codes,
+//! whatever the type. PLY does not say which number is full light. An integer of 8 bits is out
+//! of 255. Other types are out of the least of [`FULL`] that no colour exceeds, and a note says
+//! which that was where another could be meant.
 
 use super::{Element, Kind, Scalar, clip};
 use crate::output::colour::srgb_decode;
 
-/// What stands before the names of a colour's channels, in the order of preference; letters count in either case.
-const PREFIXES: [&str; 8] = ["", "diffuse_", "vertex_", "color_", "colour_", "col_", "rgb_", "scalar_"];
+/// What stands before the names of a colour's channels, in the order of preference; letters count
+/// in either case.
+const PREFIXES: [&str; 8] = [
+    "", "diffuse_", "vertex_", "color_", "colour_", "col_", "rgb_", "scalar_",
+];
 const CHANNELS: [[&str; 4]; 2] = [["red", "green", "blue", "alpha"], ["r", "g", "b", "a"]];
 
-/// Numbers that mean full light: of floats from 0 to 1, and of integers of 8, 16 and 32 bits, which floats may hold too.
+/// Numbers that mean full light: of floats from 0 to 1, and of integers of 8, 16 and 32 bits, which
+/// floats may hold too.
 const FULL: [f64; 4] = [1.0, 255.0, 65535.0, 4_294_967_295.0];
 /// How far floats may exceed full light, by sharpening or interpolation: as many times.
 const OVERSHOOT: f64 = 2.0;
-/// Integers of more than 8 bits whose greatest is below this may be out of something else than 65535: of 10 bits or 12.
+/// Integers of more than 8 bits whose greatest is below this may be out of something else than
+/// 65535: of 10 bits or 12.
 const DIM: f64 = 4096.0;
-/// Where a header has this comment, at the end of a line, its colours are linear light, as those of `splatsim sample`.
+/// Where a header has this comment, at the end of a line, its colours are linear light, as those of
+/// `splatsim sample`.
 const LINEAR: [&str; 2] = ["colours are linear light", "colors are linear light"];
 
 /// Whether a comment says that colours are linear light.
 pub(super) fn says_linear(comment: &str) -> bool {
     let comment = comment.to_ascii_lowercase();
-    LINEAR.iter().any(|words| comment.trim_end_matches('.').ends_with(words))
+    LINEAR
+        .iter()
+        .any(|words| comment.trim_end_matches('.').ends_with(words))
 }
 
 /// Properties of an element that are its colours.
@@ -44,14 +54,23 @@ impl Columns {
         let names: Vec<String> = element.names().map(str::to_lowercase).collect();
         let scalar = |name: &str| {
             let place = names.iter().position(|own| own == name)?;
-            if let Kind::Scalar(kind) = element.properties[place].kind { Some((place, kind)) } else { None }
+            if let Kind::Scalar(kind) = element.properties[place].kind {
+                Some((place, kind))
+            } else {
+                None
+            }
         };
-        let families = PREFIXES.iter().flat_map(|prefix| CHANNELS.map(|channels| channels.map(|channel| format!("{prefix}{channel}"))));
+        let families = PREFIXES.iter().flat_map(|prefix| {
+            CHANNELS.map(|channels| channels.map(|channel| format!("{prefix}{channel}")))
+        });
         let complete = families.filter_map(|family| {
             let [red, green, blue] = [0, 1, 2].map(|channel| scalar(&family[channel]));
             let (red, green, blue) = (red?, green?, blue?);
             // Of several types a float tells most.
-            let kind = [red.1, green.1, blue.1].into_iter().find(|kind| kind.is_float()).unwrap_or(red.1);
+            let kind = [red.1, green.1, blue.1]
+                .into_iter()
+                .find(|kind| kind.is_float())
+                .unwrap_or(red.1);
             Some(([red.0, green.0, blue.0], kind, family))
         });
         let complete: Vec<_> = complete.collect();
@@ -62,7 +81,8 @@ impl Columns {
                 // The properties of trained Gaussians, `f_dc_0`, have a note of their own.
                 let is_colour = |name: &&str| {
                     let name = name.to_lowercase();
-                    name.split(['_', '-', '.']).any(|word| LIKE_COLOURS.contains(&word))
+                    name.split(['_', '-', '.'])
+                        .any(|word| LIKE_COLOURS.contains(&word))
                 };
                 if let Some(name) = element.names().find(is_colour) {
                     columns.notes.push(format!(
@@ -87,7 +107,9 @@ impl Columns {
 }
 
 /// Words in names of properties that some program writes for colours.
-const LIKE_COLOURS: [&str; 10] = ["red", "green", "blue", "rgb", "rgba", "color", "colour", "colors", "colours", "bgr"];
+const LIKE_COLOURS: [&str; 10] = [
+    "red", "green", "blue", "rgb", "rgba", "color", "colour", "colors", "colours", "bgr",
+];
 
 /// Least and greatest of an element's numbers, of those that can be meant.
 #[derive(Clone, Copy, Debug)]
@@ -102,8 +124,17 @@ pub(super) struct Extent {
 
 impl Extent {
     pub fn of(kind: Scalar) -> Extent {
-        let limit = if kind.is_float() { OVERSHOOT * FULL[2] } else { FULL[3] };
-        Extent { least: 0.0, greatest: 0.0, limit, beyond: 0 }
+        let limit = if kind.is_float() {
+            OVERSHOOT * FULL[2]
+        } else {
+            FULL[3]
+        };
+        Extent {
+            least: 0.0,
+            greatest: 0.0,
+            limit,
+            beyond: 0,
+        }
     }
 
     pub fn with(self, value: f64) -> Extent {
@@ -111,14 +142,24 @@ impl Extent {
             return self;
         }
         if value.abs() > self.limit {
-            return Extent { beyond: self.beyond + 1, ..self };
+            return Extent {
+                beyond: self.beyond + 1,
+                ..self
+            };
         }
-        Extent { least: self.least.min(value), greatest: self.greatest.max(value), ..self }
+        Extent {
+            least: self.least.min(value),
+            greatest: self.greatest.max(value),
+            ..self
+        }
     }
 
     pub fn and(self, other: Extent) -> Extent {
         let beyond = self.beyond + other.beyond;
-        Extent { beyond, ..self.with(other.least).with(other.greatest) }
+        Extent {
+            beyond,
+            ..self.with(other.least).with(other.greatest)
+        }
     }
 }
 
@@ -130,28 +171,60 @@ pub(super) struct Meaning {
     encoded: bool,
     /// Added to numbers below 0: codes of 8 bits in a type that has a sign.
     wrap: f64,
-    /// Linear light of the 256 codes of a byte: decoding them one by one would take longer than reading the file.
+    /// Linear light of the 256 codes of a byte: decoding them one by one would take longer than
+    /// reading the file.
     codes: Vec<f64>,
 }
 
 impl Meaning {
-    /// Meaning of colours of this type and extent, in a header that says that colours are linear light or does not.
+    /// Meaning of colours of this type and extent, in a header that says that colours are linear
+    /// light or does not.
     pub fn of_colours(kind: Scalar, extent: Extent, linear: bool) -> Meaning {
-        let full = if linear && kind.is_float() { 1.0 } else { full(kind, extent) };
-        let code = |code: usize| if linear { code as f64 / 255.0 } else { srgb_decode(code as f64 / 255.0) };
-        Meaning { full, encoded: !linear, wrap: wrap(kind), codes: (0..256).map(code).collect() }
+        let full = if linear && kind.is_float() {
+            1.0
+        } else {
+            full(kind, extent)
+        };
+        let code = |code: usize| {
+            if linear {
+                code as f64 / 255.0
+            } else {
+                srgb_decode(code as f64 / 255.0)
+            }
+        };
+        Meaning {
+            full,
+            encoded: !linear,
+            wrap: wrap(kind),
+            codes: (0..256).map(code).collect(),
+        }
     }
 
     /// Meaning of opacities, which are linear whatever their type.
-    pub fn of_opacities(kind: Scalar, extent: Extent, colours: Option<(Scalar, &Meaning)>) -> Meaning {
+    pub fn of_opacities(
+        kind: Scalar,
+        extent: Extent,
+        colours: Option<(Scalar, &Meaning)>,
+    ) -> Meaning {
         // A cloud may be nearly transparent: what its colours tell of the type counts too.
-        let same = colours.filter(|(other, _)| *other == kind && !kind.is_float()).map_or(0.0, |(_, meaning)| meaning.full);
-        Meaning { full: full(kind, extent).max(same), encoded: false, wrap: wrap(kind), codes: Vec::new() }
+        let same = colours
+            .filter(|(other, _)| *other == kind && !kind.is_float())
+            .map_or(0.0, |(_, meaning)| meaning.full);
+        Meaning {
+            full: full(kind, extent).max(same),
+            encoded: false,
+            wrap: wrap(kind),
+            codes: Vec::new(),
+        }
     }
 
     /// Linear light; none of NaN.
     pub fn light(&self, value: f64) -> Option<f64> {
-        let value = if value < 0.0 { value + self.wrap } else { value };
+        let value = if value < 0.0 {
+            value + self.wrap
+        } else {
+            value
+        };
         if value.is_nan() {
             return None;
         }
@@ -160,12 +233,21 @@ impl Meaning {
             return Some(self.codes[code as usize]);
         }
         let part = code / self.full;
-        Some(if self.encoded { srgb_decode(part) } else { part })
+        Some(if self.encoded {
+            srgb_decode(part)
+        } else {
+            part
+        })
     }
 
     /// Says what was assumed of an element's colours, where its file can mean something else too.
     pub fn note(&self, element: &str, kind: Scalar, extent: Extent) -> Option<String> {
-        let Extent { least, greatest, beyond, .. } = extent;
+        let Extent {
+            least,
+            greatest,
+            beyond,
+            ..
+        } = extent;
         let is_black = greatest <= 0.0 && least >= 0.0 && beyond == 0;
         let is_clear = match kind {
             Scalar::F32 | Scalar::F64 => false,
@@ -179,8 +261,19 @@ impl Meaning {
         if !self.encoded || is_black || is_clear {
             return None;
         }
-        let clamped = if beyond > 0 { format!(" ({beyond} numbers are past {} and were clamped)", extent.limit) } else { String::new() };
-        let linear = if kind.is_float() { "; `comment colours are linear light` in its header means linear light" } else { "" };
+        let clamped = if beyond > 0 {
+            format!(
+                " ({beyond} numbers are past {} and were clamped)",
+                extent.limit
+            )
+        } else {
+            String::new()
+        };
+        let linear = if kind.is_float() {
+            "; `comment colours are linear light` in its header means linear light"
+        } else {
+            ""
+        };
         Some(format!(
             "colours of element `{}` are {} and end at {}{clamped}: taken as sRGB codes from 0 to {}{linear}",
             clip(element),
@@ -198,7 +291,9 @@ fn full(kind: Scalar, extent: Extent) -> f64 {
         Scalar::F32 | Scalar::F64 => extent.greatest <= OVERSHOOT * full,
         _ => full >= 255.0 && extent.greatest <= full,
     };
-    FULL.into_iter().find(|&full| holds(full)).unwrap_or(FULL[3])
+    FULL.into_iter()
+        .find(|&full| holds(full))
+        .unwrap_or(FULL[3])
 }
 
 fn wrap(kind: Scalar) -> f64 {

@@ -1,5 +1,5 @@
-//! Faces: makes triangles of a PLY file's polygons and strips, with what faces say of their corners: texture coordinates, the number of a
-//! picture, colours, as MeshLab writes them.
+//! Faces: makes triangles of a PLY file's polygons and strips, with what faces say of their
+//! corners: texture coordinates, the number of a picture, colours, as MeshLab writes them.
 //! ```text
 //! vertex_indices      list of n vertices                    ─► a fan of n − 2 triangles
 //! texcoord            list of 2 n numbers, u v per corner, v counts up
@@ -16,7 +16,8 @@ pub(super) struct Faces {
     vertices: usize,
     /// Indices of vertices.
     triangles: Vec<[u32; 3]>,
-    /// What the faces of these triangles say, where any says something: of a scan there is nothing to keep.
+    /// What the faces of these triangles say, where any says something: of a scan there is nothing
+    /// to keep.
     said: Option<Vec<Triangle>>,
     total: usize,
     refused: usize,
@@ -40,7 +41,10 @@ struct Layout {
 
 impl Layout {
     fn says_something(&self) -> bool {
-        self.texture.is_some() || self.picture.is_some() || self.wedges.is_some() || self.rgb.is_some()
+        self.texture.is_some()
+            || self.picture.is_some()
+            || self.wedges.is_some()
+            || self.rgb.is_some()
     }
 }
 
@@ -64,12 +68,22 @@ struct Said<'a> {
 }
 
 fn list<'e>(element: &'e Element, names: &[&str]) -> Option<(usize, Scalar)> {
-    let item = |p: &'e Property| if let Kind::List { item, .. } = p.kind { Some(item) } else { None };
+    let item = |p: &'e Property| {
+        if let Kind::List { item, .. } = p.kind {
+            Some(item)
+        } else {
+            None
+        }
+    };
     element
         .properties
         .iter()
         .enumerate()
-        .find_map(|(place, p)| names.contains(&p.name.as_str()).then(|| item(p).map(|item| (place, item)))?)
+        .find_map(|(place, p)| {
+            names
+                .contains(&p.name.as_str())
+                .then(|| item(p).map(|item| (place, item)))?
+        })
 }
 
 impl Faces {
@@ -87,10 +101,22 @@ impl Faces {
         }
     }
 
-    /// Reads polygons and triangle strips alone; of any other element, nothing: its rows are only passed over.
+    /// Reads polygons and triangle strips alone; of any other element, nothing: its rows are only
+    /// passed over.
     pub fn read(&mut self, body: &mut Body, element: &Element) -> Parsed<()> {
         let corners = list(element, &["vertex_indices", "vertex_index"]).map(|(place, _)| place);
-        self.rows(body, element, &Layout { corners, texture: None, picture: None, wedges: None, rgb: None, alpha: None })
+        self.rows(
+            body,
+            element,
+            &Layout {
+                corners,
+                texture: None,
+                picture: None,
+                wedges: None,
+                rgb: None,
+                alpha: None,
+            },
+        )
     }
 
     /// The same, with all that faces say.
@@ -101,18 +127,28 @@ impl Faces {
         let Columns { rgb, alpha, notes } = Columns::of(element);
         let wedges = list(element, &["color", "colour", "wedge_color"]);
         // Of those notes, none is of a list that is read after all.
-        self.notes.extend(notes.into_iter().filter(|_| wedges.is_none()));
+        self.notes
+            .extend(notes.into_iter().filter(|_| wedges.is_none()));
         let layout = Layout {
             corners: list(element, &["vertex_indices", "vertex_index"]).map(|(place, _)| place),
-            texture: list(element, &["texcoord", "texcoords", "texture_coordinates"]).map(|(place, _)| place),
-            picture: element.properties.iter().position(|p| p.name == "texnumber" && matches!(p.kind, Kind::Scalar(_))),
+            texture: list(element, &["texcoord", "texcoords", "texture_coordinates"])
+                .map(|(place, _)| place),
+            picture: element
+                .properties
+                .iter()
+                .position(|p| p.name == "texnumber" && matches!(p.kind, Kind::Scalar(_))),
             wedges,
             // Corners' own colours go before their face's.
             rgb: rgb.filter(|_| wedges.is_none()),
             alpha: alpha.filter(|_| rgb.is_some() && wedges.is_none()),
         };
         if layout.says_something() {
-            let bare = |&corners: &[u32; 3]| Triangle { corners, uv: None, rgba: None, picture: Some(0) };
+            let bare = |&corners: &[u32; 3]| Triangle {
+                corners,
+                uv: None,
+                rgba: None,
+                picture: Some(0),
+            };
             self.said = Some(self.triangles.iter().map(bare).collect());
         }
         let of_kind = |kind: Scalar| (kind, Extent::of(kind));
@@ -126,10 +162,15 @@ impl Faces {
         let mut face = Face::default();
         for number in 0..element.rows() {
             face.clear();
-            body.row(element, number, |property, value| face.take(layout, property, value))?;
+            body.row(element, number, |property, value| {
+                face.take(layout, property, value)
+            })?;
             match element.name.as_str() {
                 "face" => self.add_polygon(&face),
-                "tristrips" => face.corners.split(|&corner| corner < 0.0).for_each(|strip| self.add_strip(strip)),
+                "tristrips" => face
+                    .corners
+                    .split(|&corner| corner < 0.0)
+                    .for_each(|strip| self.add_strip(strip)),
                 _ => {}
             }
         }
@@ -139,37 +180,67 @@ impl Faces {
     fn add_polygon(&mut self, face: &Face) {
         let count = face.corners.len();
         let said = face.said();
-        let is_odd = said.texture.is_none() && !face.texture.is_empty() || said.wedges.is_none() && !face.wedges.is_empty();
+        let is_odd = said.texture.is_none() && !face.texture.is_empty()
+            || said.wedges.is_none() && !face.wedges.is_empty();
         self.odd += usize::from(is_odd);
         for i in 2..count {
-            self.add([face.corners[0], face.corners[i - 1], face.corners[i]], [0, i - 1, i], &said);
+            self.add(
+                [face.corners[0], face.corners[i - 1], face.corners[i]],
+                [0, i - 1, i],
+                &said,
+            );
         }
     }
 
     fn add_strip(&mut self, corners: &[f64]) {
         for (i, corner) in corners.windows(3).enumerate() {
             let turn = i % 2;
-            self.add([corner[turn], corner[1 - turn], corner[2]], [0; 3], &Said { picture: Some(0), ..Said::default() });
+            self.add(
+                [corner[turn], corner[1 - turn], corner[2]],
+                [0; 3],
+                &Said {
+                    picture: Some(0),
+                    ..Said::default()
+                },
+            );
         }
     }
 
     fn add(&mut self, corners: [f64; 3], places: [usize; 3], said: &Said) {
         self.total += 1;
-        if !corners.iter().all(|&c| c >= 0.0 && c < self.vertices as f64) {
+        if !corners
+            .iter()
+            .all(|&c| c >= 0.0 && c < self.vertices as f64)
+        {
             self.refused += 1;
             return;
         }
-        let rgba = said.wedges.as_ref().map(|all| places.map(|place| all[place])).or(said.rgba.map(|rgba| [rgba; 3]));
+        let rgba = said
+            .wedges
+            .as_ref()
+            .map(|all| places.map(|place| all[place]))
+            .or(said.rgba.map(|rgba| [rgba; 3]));
         for rgba in rgba.iter().flatten() {
-            self.colours = self.colours.map(|(kind, extent)| (kind, rgba[..3].iter().fold(extent, |extent, &value| extent.with(value))));
-            self.opacities = self.opacities.map(|(kind, extent)| (kind, extent.with(rgba[3])));
+            self.colours = self.colours.map(|(kind, extent)| {
+                (
+                    kind,
+                    rgba[..3]
+                        .iter()
+                        .fold(extent, |extent, &value| extent.with(value)),
+                )
+            });
+            self.opacities = self
+                .opacities
+                .map(|(kind, extent)| (kind, extent.with(rgba[3])));
         }
         let corners = corners.map(|c| c as u32);
         self.triangles.push(corners);
         if let Some(all) = &mut self.said {
             all.push(Triangle {
                 corners,
-                uv: said.texture.map(|all| places.map(|place| from_upper_left(all[place]))),
+                uv: said
+                    .texture
+                    .map(|all| places.map(|place| from_upper_left(all[place]))),
                 rgba: rgba.map(|rgba| rgba.map(|corner| corner.map(|value| value as f32))),
                 picture: said.picture,
             });
@@ -178,21 +249,43 @@ impl Faces {
 
     pub fn note(&self) -> Option<String> {
         let Faces { refused, total, .. } = self;
-        (*refused > 0).then(|| format!("{refused} of {total} triangles name vertices that do not exist and were left out"))
+        (*refused > 0).then(|| {
+            format!(
+                "{refused} of {total} triangles name vertices that do not exist and were left out"
+            )
+        })
     }
 
-    /// All triangles with their colours in linear light, how many name vertices that do not exist, and notes.
+    /// All triangles with their colours in linear light, how many name vertices that do not exist,
+    /// and notes.
     pub fn finish(mut self, linear: bool) -> (Vec<Triangle>, usize, Vec<String>) {
         // Where faces say nothing, all have the first picture.
-        let bare = |&corners: &[u32; 3]| Triangle { corners, uv: None, rgba: None, picture: Some(0) };
-        let mut triangles = self.said.take().unwrap_or_else(|| self.triangles.iter().map(bare).collect());
+        let bare = |&corners: &[u32; 3]| Triangle {
+            corners,
+            uv: None,
+            rgba: None,
+            picture: Some(0),
+        };
+        let mut triangles = self
+            .said
+            .take()
+            .unwrap_or_else(|| self.triangles.iter().map(bare).collect());
         if let Some((kind, extent)) = self.colours {
             let colours = Meaning::of_colours(kind, extent, linear);
-            let opacities = self.opacities.map(|(own, extent)| Meaning::of_opacities(own, extent, Some((kind, &colours))));
-            for corner in triangles.iter_mut().filter_map(|triangle| triangle.rgba.as_mut()).flatten() {
+            let opacities = self
+                .opacities
+                .map(|(own, extent)| Meaning::of_opacities(own, extent, Some((kind, &colours))));
+            for corner in triangles
+                .iter_mut()
+                .filter_map(|triangle| triangle.rgba.as_mut())
+                .flatten()
+            {
                 let light = |value: f32| colours.light(value.into()).unwrap_or(super::GREY) as f32;
                 let [red, green, blue, alpha] = *corner;
-                let alpha = opacities.as_ref().and_then(|meaning| meaning.light(alpha.into())).unwrap_or(1.0) as f32;
+                let alpha = opacities
+                    .as_ref()
+                    .and_then(|meaning| meaning.light(alpha.into()))
+                    .unwrap_or(1.0) as f32;
                 *corner = [light(red), light(green), light(blue), alpha];
             }
             self.notes.extend(colours.note("face", kind, extent));
@@ -206,16 +299,21 @@ impl Faces {
         (triangles, self.refused, self.notes)
     }
 
-    /// Each vertex's normal: the mean of its triangles' normals, weighted by area; none where that has no direction.
+    /// Each vertex's normal: the mean of its triangles' normals, weighted by area; none where that
+    /// has no direction.
     pub fn give_normals(&self, splats: &mut [Splat]) {
         for triangle in &self.triangles {
             let [a, b, c] = triangle.map(|i| splats[i as usize].position);
             let twice_area = (b - a).cross(c - a);
             if twice_area.is_finite() {
-                triangle.iter().for_each(|&i| splats[i as usize].normal += twice_area);
+                triangle
+                    .iter()
+                    .for_each(|&i| splats[i as usize].normal += twice_area);
             }
         }
-        splats.iter_mut().for_each(|s| s.normal = unit(s.normal).unwrap_or(glam::DVec3::ZERO));
+        splats
+            .iter_mut()
+            .for_each(|s| s.normal = unit(s.normal).unwrap_or(glam::DVec3::ZERO));
     }
 }
 
@@ -228,8 +326,16 @@ impl Face {
     }
 
     fn take(&mut self, layout: &Layout, property: usize, value: f64) {
-        let Layout { corners, texture, picture, wedges, rgb, alpha } = layout;
-        let channel = rgb.and_then(|(places, _)| places.iter().position(|&place| place == property));
+        let Layout {
+            corners,
+            texture,
+            picture,
+            wedges,
+            rgb,
+            alpha,
+        } = layout;
+        let channel =
+            rgb.and_then(|(places, _)| places.iter().position(|&place| place == property));
         let channel = channel.or(alpha.filter(|&(place, _)| place == property).map(|_| 3));
         if *corners == Some(property) {
             self.corners.push(value);
@@ -248,14 +354,26 @@ impl Face {
     fn said(&self) -> Said<'_> {
         let count = self.corners.len();
         let wedges = match self.wedges.len() {
-            length if count > 0 && length == 3 * count => {
-                Some(self.wedges.as_chunks().0.iter().map(|&[red, green, blue]| [red, green, blue, f64::NAN]).collect())
-            }
+            length if count > 0 && length == 3 * count => Some(
+                self.wedges
+                    .as_chunks()
+                    .0
+                    .iter()
+                    .map(|&[red, green, blue]| [red, green, blue, f64::NAN])
+                    .collect(),
+            ),
             length if count > 0 && length == 4 * count => Some(self.wedges.as_chunks().0.to_vec()),
             _ => None,
         };
         // A number below 0 stands for none.
-        let picture = self.picture.map_or(Some(0), |number| (number >= 0.0).then_some(number as u32));
-        Said { texture: (self.texture.len() == 2 * count).then(|| self.texture.as_chunks().0), picture, wedges, rgba: self.rgba }
+        let picture = self
+            .picture
+            .map_or(Some(0), |number| (number >= 0.0).then_some(number as u32));
+        Said {
+            texture: (self.texture.len() == 2 * count).then(|| self.texture.as_chunks().0),
+            picture,
+            wedges,
+            rgba: self.rgba,
+        }
     }
 }

@@ -1,14 +1,17 @@
-//! Tree: a hierarchy of splats, each drawn from afar like all below it (SS §8; Rusinkiewicz and Levoy, *QSplat*, SIGGRAPH 2000).
+//! Tree: a hierarchy of splats, each drawn from afar like all below it (SS §8; Rusinkiewicz and
+//! Levoy, *QSplat*, SIGGRAPH 2000).
 //!
 //! ```text
 //! splats ─►[ halves along the longest side, several at a time ]─► nodes, breadth first ─┬─► file (`file`)
 //!                                                                                      └─► cut (`cut`): what a view needs of them
 //! ```
-//! Leaves are the splats as they are. An inner node's splat has of the leaves below it, weighted by σ², the area that each stands for: the mean
-//! position, normal, colour and opacity; and as σ² their areas' sum, as far as they face the way that it does, so that coverage stays what it
-//! was, or the second moment of their kernels in its plane where they lie farther apart than that.
+//! Leaves are the splats as they are. An inner node's splat has of the leaves below it, weighted by
+//! σ², the area that each stands for: the mean position, normal, colour and opacity; and as σ²
+//! their areas' sum, as far as they face the way that it does, so that coverage stays what it was,
+//! or the second moment of their kernels in its plane where they lie farther apart than that.
 //!
-//! Laws (tests/tree.rs): `every_leaf_is_in_the_tree_once`, `spheres_and_cones_hold_what_lies_below`, `a_tree_is_the_same_at_any_number_of_threads`,
+//! Laws (tests/tree.rs): `every_leaf_is_in_the_tree_once`,
+//! `spheres_and_cones_hold_what_lies_below`, `a_tree_is_the_same_at_any_number_of_threads`,
 //! `a_node_from_afar_is_as_bright_as_its_leaves`.
 
 pub mod cut;
@@ -32,7 +35,8 @@ const CONE_MARGIN: f64 = 1e-9;
 pub struct Node {
     /// What is drawn of it.
     pub splat: Splat,
-    /// Radius of a sphere around the splat's position, world units: it holds all discs below, of one σ, and its own.
+    /// Radius of a sphere around the splat's position, world units: it holds all discs below, of
+    /// one σ, and its own.
     pub sphere: f64,
     /// The greatest σ below, its own among them, world units.
     pub widest: f64,
@@ -58,7 +62,8 @@ impl Node {
     }
 }
 
-/// A tree of splats: the root first, then level by level; children of one node follow each other, in the order of their parents.
+/// A tree of splats: the root first, then level by level; children of one node follow each other,
+/// in the order of their parents.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tree {
     nodes: Vec<Node>,
@@ -66,7 +71,8 @@ pub struct Tree {
 }
 
 impl Tree {
-    /// Builds a tree of splats with so many children a node, 2 to [`MOST_CHILDREN`]. None of no splats.
+    /// Builds a tree of splats with so many children a node, 2 to [`MOST_CHILDREN`]. None of no
+    /// splats.
     pub fn new(splats: &[Splat], children: usize) -> Option<Tree> {
         if splats.is_empty() {
             return None;
@@ -90,7 +96,10 @@ impl Tree {
     /// The splats that it was built of, in their order.
     pub fn splats(&self) -> Vec<Splat> {
         let mut splats = vec![self.nodes[0].splat; self.leaves];
-        self.nodes.iter().filter(|node| node.is_leaf()).for_each(|node| splats[node.first as usize] = node.splat);
+        self.nodes
+            .iter()
+            .filter(|node| node.is_leaf())
+            .for_each(|node| splats[node.first as usize] = node.splat);
         splats
     }
 
@@ -101,7 +110,11 @@ impl Tree {
 
     /// The most children of a node.
     pub fn most_children(&self) -> usize {
-        self.nodes.iter().map(|node| node.children as usize).max().unwrap_or(0)
+        self.nodes
+            .iter()
+            .map(|node| node.children as usize)
+            .max()
+            .unwrap_or(0)
     }
 }
 
@@ -115,9 +128,15 @@ struct Grown {
 fn grown(splats: &[Splat], order: &mut [u32], children: usize) -> Grown {
     let count = order.len();
     if count == 1 {
-        return Grown { splats: 1, children: Vec::new() };
+        return Grown {
+            splats: 1,
+            children: Vec::new(),
+        };
     }
-    Grown { splats: count, children: parts(splats, order, children.min(count), children) }
+    Grown {
+        splats: count,
+        children: parts(splats, order, children.min(count), children),
+    }
 }
 
 /// So many parts of about as many splats each, by halving along the longest side.
@@ -128,14 +147,25 @@ fn parts(splats: &[Splat], order: &mut [u32], count: usize, children: usize) -> 
     let first = count.div_ceil(2);
     let at = (order.len() * first / count).clamp(first, order.len() - (count - first));
     let position = |index: &u32| splats[*index as usize].position;
-    let (low, high) = order
-        .iter()
-        .map(position)
-        .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), position| (low.min(position), high.max(position)));
+    let (low, high) = order.iter().map(position).fold(
+        (DVec3::INFINITY, DVec3::NEG_INFINITY),
+        |(low, high), position| (low.min(position), high.max(position)),
+    );
     let side = (high - low).to_array();
-    let axis = (1..3).fold(0, |longest, axis| if side[axis] > side[longest] { axis } else { longest });
-    // Those at one place go by their number: halves are the same in whatever order they come, and no half is empty.
-    order.select_nth_unstable_by(at, |a, b| position(a)[axis].total_cmp(&position(b)[axis]).then(a.cmp(b)));
+    let axis = (1..3).fold(0, |longest, axis| {
+        if side[axis] > side[longest] {
+            axis
+        } else {
+            longest
+        }
+    });
+    // Those at one place go by their number: halves are the same in whatever order they come, and
+    // no half is empty.
+    order.select_nth_unstable_by(at, |a, b| {
+        position(a)[axis]
+            .total_cmp(&position(b)[axis])
+            .then(a.cmp(b))
+    });
     let is_shared = order.len() >= SHARED_FROM;
     let (near, far) = order.split_at_mut(at);
     let split = |half: &mut [u32], count: usize| parts(splats, half, count, children);
@@ -163,7 +193,15 @@ fn laid_out(splats: &[Splat], order: &[u32], root: &Grown) -> Tree {
         }
         nth += 1;
     }
-    let leaf = Node { splat: splats[0], sphere: 0.0, widest: 0.0, cone: 1.0, level: 0, first: 0, children: 0 };
+    let leaf = Node {
+        splat: splats[0],
+        sphere: 0.0,
+        widest: 0.0,
+        cone: 1.0,
+        level: 0,
+        first: 0,
+        children: 0,
+    };
     let mut nodes = vec![leaf; queue.len()];
     let mut sums = vec![Sums::default(); queue.len()];
     for (nth, (grown, start, level, first)) in queue.iter().enumerate().rev() {
@@ -183,13 +221,30 @@ fn laid_out(splats: &[Splat], order: &[u32], root: &Grown) -> Tree {
             continue;
         }
         let children = grown.children.len();
-        sums[nth] = sums[*first..*first + children].iter().copied().reduce(Sums::and).unwrap_or_default();
-        let below = order[*start..*start + grown.splats].iter().map(|place| &splats[*place as usize]);
-        let widest = nodes[*first..*first + children].iter().map(|node| node.widest).fold(0.0, f64::max);
+        sums[nth] = sums[*first..*first + children]
+            .iter()
+            .copied()
+            .reduce(Sums::and)
+            .unwrap_or_default();
+        let below = order[*start..*start + grown.splats]
+            .iter()
+            .map(|place| &splats[*place as usize]);
+        let widest = nodes[*first..*first + children]
+            .iter()
+            .map(|node| node.widest)
+            .fold(0.0, f64::max);
         let node = inner(&sums[nth], below, widest);
-        nodes[nth] = Node { level: *level, first: *first as u32, children: children as u32, ..node };
+        nodes[nth] = Node {
+            level: *level,
+            first: *first as u32,
+            children: children as u32,
+            ..node
+        };
     }
-    Tree { nodes, leaves: splats.len() }
+    Tree {
+        nodes,
+        leaves: splats.len(),
+    }
 }
 
 /// Sums over leaves, each weighted by σ².
@@ -227,7 +282,8 @@ impl Sums {
         let area = self.area + other.area;
         let part = if area > 0.0 { other.area / area } else { 0.5 };
         let apart = other.mean - self.mean;
-        let outer = DMat3::from_cols(apart * apart.x, apart * apart.y, apart * apart.z) * (self.area * part);
+        let outer = DMat3::from_cols(apart * apart.x, apart * apart.y, apart * apart.z)
+            * (self.area * part);
         Sums {
             area,
             mean: self.mean + apart * part,
@@ -240,15 +296,24 @@ impl Sums {
     }
 }
 
-/// A node above these leaves, of which the widest splat below has that σ; its place in the tree is not known yet.
+/// A node above these leaves, of which the widest splat below has that σ; its place in the tree is
+/// not known yet.
 fn inner<'a>(sums: &Sums, below: impl Iterator<Item = &'a Splat> + Clone, widest: f64) -> Node {
-    let Some(first) = below.clone().next() else { unreachable!("an inner node has leaves below it") };
+    let Some(first) = below.clone().next() else {
+        unreachable!("an inner node has leaves below it")
+    };
     // Where normals cancel out, none is better than another.
     let length = sums.normal.length();
-    let normal = if length > 1e-6 * sums.area { sums.normal / length } else { first.normal };
+    let normal = if length > 1e-6 * sums.area {
+        sums.normal / length
+    } else {
+        first.normal
+    };
     // A mean may round to a last place beyond what it is of.
     let (low, high) = (below.clone().map(|splat| splat.position))
-        .fold((first.position, first.position), |(low, high), position| (low.min(position), high.max(position)));
+        .fold((first.position, first.position), |(low, high), position| {
+            (low.min(position), high.max(position))
+        });
     let position = sums.mean.clamp(low, high);
     let (mut reach, mut cone, mut facing) = (0.0f64, 1.0f64, 0.0);
     let mut areas: Vec<(u32, f64)> = Vec::new();
@@ -258,25 +323,51 @@ fn inner<'a>(sums: &Sums, below: impl Iterator<Item = &'a Splat> + Clone, widest
         reach = reach.max((splat.position - position).length() + splat.radius);
         cone = cone.min(cosine);
         facing += area * cosine.max(0.0);
-        match areas.iter_mut().find(|(material, _)| *material == splat.material) {
+        match areas
+            .iter_mut()
+            .find(|(material, _)| *material == splat.material)
+        {
             Some((_, sum)) => *sum += area,
             None => areas.push((splat.material, area)),
         }
     }
     // That of most of the area; of equals the first in the list.
     areas.sort_unstable_by_key(|(material, _)| *material);
-    let material =
-        areas.iter().copied().reduce(|most, other| if other.1 > most.1 { other } else { most }).map_or(0, |(material, _)| material);
+    let material = areas
+        .iter()
+        .copied()
+        .reduce(|most, other| if other.1 > most.1 { other } else { most })
+        .map_or(0, |(material, _)| material);
     let trace = sums.moment.x_axis.x + sums.moment.y_axis.y + sums.moment.z_axis.z;
     let in_plane = (trace - normal.dot(sums.moment * normal)).max(0.0) / 2.0;
     let second_moment = (in_plane + sums.kernels) / sums.area;
-    // What covers its sphere's square once covers enough: splats at one place are no larger for being many.
+    // What covers its sphere's square once covers enough: splats at one place are no larger for
+    // being many.
     let variance = facing.max(second_moment).min(2.0 * reach * reach);
     let radius = variance.sqrt().clamp(LEAST_RADIUS, FARTHEST);
     let opacity = (sums.opacity / sums.area * (facing / variance).min(1.0)).clamp(0.0, 1.0);
-    let rgb = if sums.opacity > 0.0 { sums.rgb[0] / sums.opacity } else { sums.rgb[1] / sums.area };
+    let rgb = if sums.opacity > 0.0 {
+        sums.rgb[0] / sums.opacity
+    } else {
+        sums.rgb[1] / sums.area
+    };
     let rgb = rgb.clamp(DVec3::ZERO, DVec3::ONE).to_array();
-    let splat = Splat { position, normal, radius, rgb, opacity, material };
+    let splat = Splat {
+        position,
+        normal,
+        radius,
+        rgb,
+        opacity,
+        material,
+    };
     let sphere = reach.max(radius) * (1.0 + MARGIN);
-    Node { splat, sphere, widest: widest.max(radius), cone: (cone - CONE_MARGIN).max(-1.0), level: 0, first: 0, children: 0 }
+    Node {
+        splat,
+        sphere,
+        widest: widest.max(radius),
+        cone: (cone - CONE_MARGIN).max(-1.0),
+        level: 0,
+        first: 0,
+        children: 0,
+    }
 }

@@ -1,4 +1,5 @@
-//! Decode: turns the bytes of a file into `f32` samples, finite or NaN, and the words of a header into numbers.
+//! Decode: turns the bytes of a file into `f32` samples, finite or NaN, and the words of a header
+//! into numbers.
 
 pub(super) use crate::scene::ply::clip;
 use flate2::bufread::{GzDecoder, ZlibDecoder};
@@ -60,7 +61,8 @@ pub enum ByteOrder {
 
 // ---- samples ----
 
-/// Samples that a volume may have: more would not fit beside their splats in any machine this runs on.
+/// Samples that a volume may have: more would not fit beside their splats in any machine this runs
+/// on.
 const MOST_SAMPLES: usize = 1 << 31;
 
 /// How many samples there are, and how each is stored.
@@ -79,8 +81,14 @@ macro_rules! decoded {
             ($type:ty) => {{
                 let (words, _) = samples.as_chunks::<{ size_of::<$type>() }>();
                 match $layout.order {
-                    ByteOrder::Little => words.iter().map(|&word| <$type>::from_le_bytes(word) as $real).collect::<Vec<$real>>(),
-                    ByteOrder::Big => words.iter().map(|&word| <$type>::from_be_bytes(word) as $real).collect(),
+                    ByteOrder::Little => words
+                        .iter()
+                        .map(|&word| <$type>::from_le_bytes(word) as $real)
+                        .collect::<Vec<$real>>(),
+                    ByteOrder::Big => words
+                        .iter()
+                        .map(|&word| <$type>::from_be_bytes(word) as $real)
+                        .collect(),
                 }
             }};
         }
@@ -101,14 +109,35 @@ macro_rules! decoded {
 
 impl Layout {
     /// Checks the size, which stands in `field`.
-    pub fn new(size: [usize; 3], sample_type: SampleType, order: ByteOrder, field: &str) -> Parsed<Layout> {
+    pub fn new(
+        size: [usize; 3],
+        sample_type: SampleType,
+        order: ByteOrder,
+        field: &str,
+    ) -> Parsed<Layout> {
         let written = || size.map(|n| n.to_string()).join(" × ");
         if size.contains(&0) {
-            return Err(format!("`{field}` is {}; there must be at least one sample along each axis", written()));
+            return Err(format!(
+                "`{field}` is {}; there must be at least one sample along each axis",
+                written()
+            ));
         }
-        let count = size[0].checked_mul(size[1]).and_then(|n| n.checked_mul(size[2])).filter(|n| *n <= MOST_SAMPLES);
-        let count = count.ok_or_else(|| format!("`{field}` is {}; at most {MOST_SAMPLES} samples are read", written()))?;
-        Ok(Layout { size, sample_type, order, count })
+        let count = size[0]
+            .checked_mul(size[1])
+            .and_then(|n| n.checked_mul(size[2]))
+            .filter(|n| *n <= MOST_SAMPLES);
+        let count = count.ok_or_else(|| {
+            format!(
+                "`{field}` is {}; at most {MOST_SAMPLES} samples are read",
+                written()
+            )
+        })?;
+        Ok(Layout {
+            size,
+            sample_type,
+            order,
+            count,
+        })
     }
 
     /// Bytes that the samples take, at most 2³⁴.
@@ -121,7 +150,8 @@ impl Layout {
         self.count
     }
 
-    /// Bytes of a packed sample while it is read: unpacked into memory that grows, decoded, and brought into places.
+    /// Bytes of a packed sample while it is read: unpacked into memory that grows, decoded, and
+    /// brought into places.
     pub fn unpacked_bytes(&self) -> u64 {
         2 * self.sample_type.bytes() as u64 + 16
     }
@@ -145,33 +175,61 @@ impl Layout {
         })
     }
 
-    /// Reads the first samples of a text of numbers with white space between them; what follows them is ignored.
+    /// Reads the first samples of a text of numbers with white space between them; what follows
+    /// them is ignored.
     pub fn text_values(&self, text: &[u8]) -> Parsed<Vec<f32>> {
-        self.known(self.text_reals(text)?.into_iter().map(|n| n as f32).collect())
+        self.known(
+            self.text_reals(text)?
+                .into_iter()
+                .map(|n| n as f32)
+                .collect(),
+        )
     }
 
     /// Refuses a text of more numbers than there are samples.
     pub fn ends(&self, text: &[u8]) -> Parsed<()> {
-        match text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).nth(self.count) {
+        match text
+            .split(u8::is_ascii_whitespace)
+            .filter(|word| !word.is_empty())
+            .nth(self.count)
+        {
             None => Ok(()),
             Some(_) => {
                 let [x, y, z] = self.size;
-                Err(format!("there are more numbers than the {} of {x} × {y} × {z} samples", self.count))
+                Err(format!(
+                    "there are more numbers than the {} of {x} × {y} × {z} samples",
+                    self.count
+                ))
             }
         }
     }
 
     /// [`Layout::text_values`], as precise as f64 has them, which need not be finite.
     pub fn text_reals(&self, text: &[u8]) -> Parsed<Vec<f64>> {
-        let words = text.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).take(self.count);
+        let words = text
+            .split(u8::is_ascii_whitespace)
+            .filter(|word| !word.is_empty())
+            .take(self.count);
         let number = |(i, word): (usize, &[u8])| {
-            let number = str::from_utf8(word).ok().and_then(|word| word.parse::<f64>().ok());
-            number.ok_or_else(|| format!("sample {}: `{}` is no number", self.place(i), clip(&String::from_utf8_lossy(word))))
+            let number = str::from_utf8(word)
+                .ok()
+                .and_then(|word| word.parse::<f64>().ok());
+            number.ok_or_else(|| {
+                format!(
+                    "sample {}: `{}` is no number",
+                    self.place(i),
+                    clip(&String::from_utf8_lossy(word))
+                )
+            })
         };
         let values: Vec<f64> = words.enumerate().map(number).collect::<Parsed<_>>()?;
         if values.len() < self.count {
             let [x, y, z] = self.size;
-            return Err(format!("there are {} numbers, but {x} × {y} × {z} samples are {}", values.len(), self.count));
+            return Err(format!(
+                "there are {} numbers, but {x} × {y} × {z} samples are {}",
+                values.len(),
+                self.count
+            ));
         }
         Ok(values)
     }
@@ -180,7 +238,11 @@ impl Layout {
     pub fn finite(&self, places: Vec<f64>) -> Parsed<Vec<f64>> {
         match places.iter().position(|place| !place.is_finite()) {
             None => Ok(places),
-            Some(i) => Err(format!("sample {} is {}; all samples must be finite 64-bit floats", self.place(i), places[i])),
+            Some(i) => Err(format!(
+                "sample {} is {}; all samples must be finite 64-bit floats",
+                self.place(i),
+                places[i]
+            )),
         }
     }
 
@@ -227,7 +289,11 @@ pub(super) fn is_gzip(bytes: &[u8]) -> bool {
 
 /// Unpacks gzip or zlib data as it is read.
 pub(super) fn unpacker<'a>(packed: &'a [u8]) -> Box<dyn Read + 'a> {
-    if is_gzip(packed) { Box::new(Members(GzDecoder::new(packed))) } else { Box::new(ZlibDecoder::new(packed)) }
+    if is_gzip(packed) {
+        Box::new(Members(GzDecoder::new(packed)))
+    } else {
+        Box::new(ZlibDecoder::new(packed))
+    }
 }
 
 /// Passes over the next bytes, or as many as there are, and returns their number.
@@ -238,7 +304,10 @@ pub(super) fn pass_over(source: &mut dyn Read, most: u64) -> Parsed<u64> {
 /// The next bytes, or as many as there are.
 pub(super) fn take(source: &mut dyn Read, most: usize) -> Parsed<Vec<u8>> {
     let mut bytes = Vec::new();
-    source.take(most as u64).read_to_end(&mut bytes).map_err(broken)?;
+    source
+        .take(most as u64)
+        .read_to_end(&mut bytes)
+        .map_err(broken)?;
     Ok(bytes)
 }
 
@@ -246,7 +315,9 @@ pub(super) fn take(source: &mut dyn Read, most: usize) -> Parsed<Vec<u8>> {
 pub(super) fn take_all(source: &mut dyn Read, most: usize) -> Parsed<Vec<u8>> {
     let bytes = take(source, most.saturating_add(1))?;
     if bytes.len() > most {
-        return Err(format!("the compressed samples unpack to more than the {most} bytes that size and type ask for"));
+        return Err(format!(
+            "the compressed samples unpack to more than the {most} bytes that size and type ask for"
+        ));
     }
     Ok(bytes)
 }
@@ -265,7 +336,10 @@ pub(super) fn read_file(path: &Path) -> Parsed<Vec<u8>> {
 /// All bytes of the file that `field` of a header in `folder` names.
 pub(super) fn read_beside(folder: &Path, name: &str, field: &str) -> Parsed<Vec<u8>> {
     if name.is_empty() || Path::new(name).has_root() {
-        return Err(format!("`{field}` is `{}`; it must be a path relative to the folder of the header", clip(name)));
+        return Err(format!(
+            "`{field}` is `{}`; it must be a path relative to the folder of the header",
+            clip(name)
+        ));
     }
     read_file(&folder.join(name)).map_err(|e| format!("the data file `{}` {e}", clip(name)))
 }
@@ -282,7 +356,10 @@ pub(super) fn next_line<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
     if rest.is_empty() {
         return None;
     }
-    let length = rest.iter().position(|&byte| byte == b'\n').unwrap_or(rest.len());
+    let length = rest
+        .iter()
+        .position(|&byte| byte == b'\n')
+        .unwrap_or(rest.len());
     let line = &rest[..length];
     *rest = rest.get(length + 1..).unwrap_or_default();
     Some(line.strip_suffix(b"\r").unwrap_or(line))
@@ -306,11 +383,15 @@ impl Fields {
     }
 
     pub fn get(&self, name: &str) -> Option<&str> {
-        self.0.iter().find(|(field, _)| *field == name).map(|(_, value)| value.as_str())
+        self.0
+            .iter()
+            .find(|(field, _)| *field == name)
+            .map(|(_, value)| value.as_str())
     }
 
     pub fn need(&self, name: &str) -> Parsed<&str> {
-        self.get(name).ok_or_else(|| format!("there is no `{name}` in the header"))
+        self.get(name)
+            .ok_or_else(|| format!("there is no `{name}` in the header"))
     }
 
     /// The first of the names that is there: one field may go by several.
@@ -321,16 +402,30 @@ impl Fields {
 
 /// One number, which `field` holds as text.
 pub(super) fn number<T: FromStr>(text: &str, field: &str, kind: &str) -> Parsed<T> {
-    text.trim().parse().map_err(|_| format!("`{field}` is `{}`; it must be {kind}", clip(text)))
+    text.trim()
+        .parse()
+        .map_err(|_| format!("`{field}` is `{}`; it must be {kind}", clip(text)))
 }
 
 /// Numbers with white space between them.
 pub(super) fn numbers<T: FromStr>(text: &str, count: usize, field: &str) -> Parsed<Vec<T>> {
-    let parsed: Option<Vec<T>> = text.split_ascii_whitespace().map(|word| word.parse().ok()).collect();
-    parsed.filter(|numbers| numbers.len() == count).ok_or_else(|| {
-        let kind = if std::any::type_name::<T>() == "f64" { "numbers" } else { "whole numbers" };
-        format!("`{field}` is `{}`; it must be {count} {kind} with white space between them", clip(text))
-    })
+    let parsed: Option<Vec<T>> = text
+        .split_ascii_whitespace()
+        .map(|word| word.parse().ok())
+        .collect();
+    parsed
+        .filter(|numbers| numbers.len() == count)
+        .ok_or_else(|| {
+            let kind = if std::any::type_name::<T>() == "f64" {
+                "numbers"
+            } else {
+                "whole numbers"
+            };
+            format!(
+                "`{field}` is `{}`; it must be {count} {kind} with white space between them",
+                clip(text)
+            )
+        })
 }
 
 /// Three numbers with white space between them.
@@ -348,37 +443,56 @@ pub(super) fn diagonal([x, y, z]: [f64; 3]) -> [[f64; 3]; 3] {
 
 /// Refuses a spacing below zero, where the format has another way to turn an axis round.
 pub(super) fn positive(spacing: [f64; 3], field: &str) -> Parsed<()> {
-    match spacing.iter().find(|step| !(**step > 0.0 && step.is_finite())) {
+    match spacing
+        .iter()
+        .find(|step| !(**step > 0.0 && step.is_finite()))
+    {
         None => Ok(()),
-        Some(step) => Err(format!("`{field}` has a step of {step}; each must be finite and above zero")),
+        Some(step) => Err(format!(
+            "`{field}` has a step of {step}; each must be finite and above zero"
+        )),
     }
 }
 
-/// Steps and positions past this (or below its inverse) are no world units; squares and products of others stay finite.
+/// Steps and positions past this (or below its inverse) are no world units; squares and products of
+/// others stay finite.
 pub(super) const FARTHEST: f64 = 1e30;
 
 pub(super) fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Least volume of a cell, as a part of that of a box with the same edges: thinner, a kernel is a disc.
+/// Least volume of a cell, as a part of that of a box with the same edges: thinner, a kernel is a
+/// disc.
 const FLATTEST_CELL: f64 = 1e-6;
 
 /// Whether the axes are of a sound length and span space. They may be sheared.
-pub(super) fn check_grid(axes: &[[f64; 3]; 3], axes_field: &str, origin: &[f64; 3], origin_field: &str) -> Parsed<()> {
+pub(super) fn check_grid(
+    axes: &[[f64; 3]; 3],
+    axes_field: &str,
+    origin: &[f64; 3],
+    origin_field: &str,
+) -> Parsed<()> {
     let lengths = axes.each_ref().map(|axis| dot(axis, axis).sqrt());
     for length in lengths {
         if !(FARTHEST.recip()..=FARTHEST).contains(&length) {
-            return Err(format!("`{axes_field}` has a step of length {length}; each must be finite and not zero"));
+            return Err(format!(
+                "`{axes_field}` has a step of length {length}; each must be finite and not zero"
+            ));
         }
     }
     let [a, b, c] = [0, 1, 2].map(|i| axes[i].map(|part| part / lengths[i]));
-    let across = [0, 1, 2].map(|i| a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3]);
+    let across =
+        [0, 1, 2].map(|i| a[(i + 1) % 3] * b[(i + 2) % 3] - a[(i + 2) % 3] * b[(i + 1) % 3]);
     if dot(&across, &c).abs() < FLATTEST_CELL {
-        return Err(format!("the axes of `{axes_field}` lie in a plane; they must span space"));
+        return Err(format!(
+            "the axes of `{axes_field}` lie in a plane; they must span space"
+        ));
     }
     match origin.iter().find(|x| x.is_nan() || x.abs() > FARTHEST) {
         None => Ok(()),
-        Some(x) => Err(format!("`{origin_field}` holds {x}; a position must be finite")),
+        Some(x) => Err(format!(
+            "`{origin_field}` holds {x}; a position must be finite"
+        )),
     }
 }

@@ -1,5 +1,6 @@
-//! Irregular: reads a scalar field at places that need not lie evenly from VTK XML files: rectilinear grids (`.vtr`), curvilinear ones
-//! (`.vts`), and points (`.vtu`, `.vtp`), of which cells say nothing here.
+//! Irregular: reads a scalar field at places that need not lie evenly from VTK XML files:
+//! rectilinear grids (`.vtr`), curvilinear ones (`.vts`), and points (`.vtu`, `.vtp`), of which
+//! cells say nothing here.
 //!
 //! Samples are those at points. Places keep the precision of the file.
 
@@ -22,11 +23,13 @@ pub struct Irregular {
 /// Where samples are; all finite.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Places {
-    /// Coordinates along x, y and z, each in ascending or descending order: a sample at each three of them.
+    /// Coordinates along x, y and z, each in ascending or descending order: a sample at each three
+    /// of them.
     Rectilinear([Vec<f64>; 3]),
     /// Samples along each axis of a grid, and the place of each, x fastest.
     Curvilinear([usize; 3], Vec<DVec3>),
-    /// Points, and the variance of the kernel of each, if the file has it: xx, yy, zz, xy, yz and xz, world units².
+    /// Points, and the variance of the kernel of each, if the file has it: xx, yy, zz, xy, yz and
+    /// xz, world units².
     Scattered(Vec<DVec3>, Option<Vec<[f64; 6]>>),
 }
 
@@ -42,7 +45,11 @@ pub struct Arrays<'a> {
 impl Arrays<'_> {
     /// Grids have their kernels from their spacing.
     pub(super) fn without_variance(&self, kind: &str) -> Parsed<()> {
-        self.variance.map_or(Ok(()), |_| Err(format!("is a {kind} grid, whose kernels come from its spacing; `variance` is of points")))
+        self.variance.map_or(Ok(()), |_| {
+            Err(format!(
+                "is a {kind} grid, whose kernels come from its spacing; `variance` is of points"
+            ))
+        })
     }
 }
 
@@ -54,7 +61,10 @@ pub(in crate::scene) fn read_rectilinear(bytes: &[u8], arrays: &Arrays) -> Parse
     Layout::new(size, SampleType::U8, ByteOrder::Little, "WholeExtent")?;
     let of_axes: Vec<_> = file.arrays("Coordinates").collect();
     let [x, y, z] = of_axes.as_slice() else {
-        return Err(format!("has {} arrays in <Coordinates>; there must be 3", of_axes.len()));
+        return Err(format!(
+            "has {} arrays in <Coordinates>; there must be 3",
+            of_axes.len()
+        ));
     };
     let mut coordinates = [x, y, z].into_iter().zip(size).map(|(array, count)| {
         if components(array) != "1" {
@@ -62,14 +72,25 @@ pub(in crate::scene) fn read_rectilinear(bytes: &[u8], arrays: &Arrays) -> Parse
         }
         let along = file.places(array, [count, 1, 1], "Coordinates")?;
         let name = clip(array.get("Name").unwrap_or_default());
-        let is_ascending = along.windows(2).all(|pair| pair[0] < pair[1]) || along.windows(2).all(|pair| pair[0] > pair[1]);
-        is_ascending.then_some(along).ok_or_else(|| format!("array `{name}`: coordinates must ascend, or descend, from one to the next"))
+        let is_ascending = along.windows(2).all(|pair| pair[0] < pair[1])
+            || along.windows(2).all(|pair| pair[0] > pair[1]);
+        is_ascending.then_some(along).ok_or_else(|| {
+            format!("array `{name}`: coordinates must ascend, or descend, from one to the next")
+        })
     });
-    let mut next = || coordinates.next().unwrap_or_else(|| Err("has no coordinates".into()));
+    let mut next = || {
+        coordinates
+            .next()
+            .unwrap_or_else(|| Err("has no coordinates".into()))
+    };
     let coordinates = [next()?, next()?, next()?];
     let (array, note) = file.active_array(arrays.values)?;
     let values = file.values(array, size, "WholeExtent")?;
-    Ok(Irregular { places: Places::Rectilinear(coordinates), values, notes: note.into_iter().collect() })
+    Ok(Irregular {
+        places: Places::Rectilinear(coordinates),
+        values,
+        notes: note.into_iter().collect(),
+    })
 }
 
 pub(in crate::scene) fn read_curvilinear(bytes: &[u8], arrays: &Arrays) -> Parsed<Irregular> {
@@ -80,7 +101,11 @@ pub(in crate::scene) fn read_curvilinear(bytes: &[u8], arrays: &Arrays) -> Parse
     let points = read_points(&file, size.iter().product())?;
     let (array, note) = file.active_array(arrays.values)?;
     let values = file.values(array, size, "WholeExtent")?;
-    Ok(Irregular { places: Places::Curvilinear(size, points), values, notes: note.into_iter().collect() })
+    Ok(Irregular {
+        places: Places::Curvilinear(size, points),
+        values,
+        notes: note.into_iter().collect(),
+    })
 }
 
 pub(in crate::scene) fn read_unstructured(bytes: &[u8], arrays: &Arrays) -> Parsed<Irregular> {
@@ -103,21 +128,40 @@ fn read_scattered(bytes: &[u8], set: &str, arrays: &Arrays) -> Parsed<Irregular>
     let points = read_points(&file, count)?;
     let (array, note) = file.active_array(arrays.values)?;
     let values = file.values(array, size, FIELD)?;
-    let variances = arrays.variance.map(|name| read_variances(&file, name, count)).transpose()?;
-    Ok(Irregular { places: Places::Scattered(points, variances), values, notes: note.into_iter().collect() })
+    let variances = arrays
+        .variance
+        .map(|name| read_variances(&file, name, count))
+        .transpose()?;
+    Ok(Irregular {
+        places: Places::Scattered(points, variances),
+        values,
+        notes: note.into_iter().collect(),
+    })
 }
 
 fn read_points(file: &File, count: usize) -> Parsed<Vec<DVec3>> {
-    let array = file.arrays("Points").next().ok_or("has no <DataArray> in <Points>")?;
+    let array = file
+        .arrays("Points")
+        .next()
+        .ok_or("has no <DataArray> in <Points>")?;
     if components(array) != "3" {
-        return Err(format!("`NumberOfComponents` of <Points> is `{}`; points have 3", clip(components(array))));
+        return Err(format!(
+            "`NumberOfComponents` of <Points> is `{}`; points have 3",
+            clip(components(array))
+        ));
     }
     let places = file.places(array, [3, count, 1], "Points")?;
-    Ok(places.as_chunks().0.iter().copied().map(DVec3::from_array).collect())
+    Ok(places
+        .as_chunks()
+        .0
+        .iter()
+        .copied()
+        .map(DVec3::from_array)
+        .collect())
 }
 
-/// Variances of 1 component (the same in all directions), 3 (along x, y and z) or 6 (xx, yy, zz, xy, yz, xz, as VTK orders a symmetric
-/// tensor).
+/// Variances of 1 component (the same in all directions), 3 (along x, y and z) or 6 (xx, yy, zz,
+/// xy, yz, xz, as VTK orders a symmetric tensor).
 fn read_variances(file: &File, name: &str, count: usize) -> Parsed<Vec<[f64; 6]>> {
     let array = file.named_array(name)?;
     let each = match components(array) {
@@ -126,7 +170,11 @@ fn read_variances(file: &File, name: &str, count: usize) -> Parsed<Vec<[f64; 6]>
         "6" => 6,
         other => {
             let told = "a variance has 1 (the same in all directions), 3 (along x, y, z) or 6 (xx, yy, zz, xy, yz, xz)";
-            return Err(format!("array `{}`: `NumberOfComponents` is `{}`; {told}", clip(name), clip(other)));
+            return Err(format!(
+                "array `{}`: `NumberOfComponents` is `{}`; {told}",
+                clip(name),
+                clip(other)
+            ));
         }
     };
     let all = file.places(array, [each, count, 1], "variance")?;
@@ -146,7 +194,8 @@ fn read_variances(file: &File, name: &str, count: usize) -> Parsed<Vec<[f64; 6]>
     }
 }
 
-/// Whether a symmetric matrix is positive definite, by its leading minors; of one scaled to about 1.
+/// Whether a symmetric matrix is positive definite, by its leading minors; of one scaled to
+/// about 1.
 fn is_positive(&[xx, yy, zz, xy, yz, xz]: &[f64; 6]) -> bool {
     let largest = xx.max(yy).max(zz);
     if largest.is_nan() || largest < f64::MIN_POSITIVE {

@@ -1,11 +1,13 @@
-//! MetaImage: reads a volume from an `.mha` file, or from an `.mhd` header and its data file (docs.itk.org, "MetaIO").
+//! MetaImage: reads a volume from an `.mha` file, or from an `.mhd` header and its data file
+//! (docs.itk.org, "MetaIO").
 //!
-//! Coordinates are left-posterior-superior, as ITK defines them, and are turned into the one world. `AnatomicalOrientation` says again what
-//! `TransformMatrix` says and is not read. Keys that have no bearing on the samples are skipped: the format lets users add their own.
+//! Coordinates are left-posterior-superior, as ITK defines them, and are turned into the one world.
+//! `AnatomicalOrientation` says again what `TransformMatrix` says and is not read. Keys that have
+//! no bearing on the samples are skipped: the format lets users add their own.
 
 use super::decode::{
-    Fields, Layout, Parsed, check_grid, clip, diagonal, in_data_file, next_line, number, numbers, positive, read_beside, take_all, triple,
-    unpacker,
+    Fields, Layout, Parsed, check_grid, clip, diagonal, in_data_file, next_line, number, numbers,
+    positive, read_beside, take_all, triple, unpacker,
 };
 use super::world::World;
 use super::{ByteOrder, SampleType, Volume, skip_bytes};
@@ -59,20 +61,34 @@ pub(in crate::scene) fn read(bytes: &[u8], folder: &Path) -> Parsed<Volume> {
         Some((key, _)) if yes(&header, key, false)? => ByteOrder::Big,
         _ => ByteOrder::Little,
     };
-    let layout = Layout::new(triple(header.need("DimSize")?, "DimSize")?, sample_type(&header)?, order, "DimSize")?;
+    let layout = Layout::new(
+        triple(header.need("DimSize")?, "DimSize")?,
+        sample_type(&header)?,
+        order,
+        "DimSize",
+    )?;
     let (axes, origin) = read_grid(&header)?;
     let (axes, origin) = World::LPS.turned(axes, origin);
     let values = match header.need("ElementDataFile")? {
         "LOCAL" | "Local" | "local" => read_samples(local, &header, &layout)?,
         name if name.starts_with("LIST") || name.contains('%') => {
-            return Err(format!("`ElementDataFile` is `{}`; samples spread over several files are not read", clip(name)));
+            return Err(format!(
+                "`ElementDataFile` is `{}`; samples spread over several files are not read",
+                clip(name)
+            ));
         }
         name => {
             let data = read_beside(folder, name, "ElementDataFile")?;
             read_samples(&data, &header, &layout).map_err(|e| in_data_file(name, e))?
         }
     };
-    Ok(Volume { size: layout.size, axes, origin, values, notes: World::LPS.note().into_iter().collect() })
+    Ok(Volume {
+        size: layout.size,
+        axes,
+        origin,
+        values,
+        notes: World::LPS.note().into_iter().collect(),
+    })
 }
 
 /// The keys that are of use, and what follows `ElementDataFile`, which is the last.
@@ -84,7 +100,9 @@ fn read_header(bytes: &[u8]) -> Parsed<(Fields, &[u8])> {
         if line.trim().is_empty() {
             continue;
         }
-        let (key, value) = line.split_once('=').ok_or_else(|| format!("header line `{}` is no `key = value`", clip(&line)))?;
+        let (key, value) = line
+            .split_once('=')
+            .ok_or_else(|| format!("header line `{}` is no `key = value`", clip(&line)))?;
         if let Some(key) = KEYS.iter().find(|known| **known == key.trim()) {
             header.add(key, value.trim().into())?;
             if *key == "ElementDataFile" {
@@ -97,7 +115,10 @@ fn read_header(bytes: &[u8]) -> Parsed<(Fields, &[u8])> {
 
 fn must_be(header: &Fields, key: &str, value: &str) -> Parsed<()> {
     match header.get(key) {
-        Some(other) if other != value => Err(format!("`{key}` is `{}`; only {value} is read", clip(other))),
+        Some(other) if other != value => Err(format!(
+            "`{key}` is `{}`; only {value} is read",
+            clip(other)
+        )),
         _ => Ok(()),
     }
 }
@@ -107,14 +128,26 @@ fn yes(header: &Fields, key: &str, default: bool) -> Parsed<bool> {
         None => Ok(default),
         Some("true" | "t" | "1") => Ok(true),
         Some("false" | "f" | "0") => Ok(false),
-        Some(other) => Err(format!("`{key}` is `{}`; it must be True or False", clip(other))),
+        Some(other) => Err(format!(
+            "`{key}` is `{}`; it must be True or False",
+            clip(other)
+        )),
     }
 }
 
 fn sample_type(header: &Fields) -> Parsed<SampleType> {
     let name = header.need("ElementType")?;
-    let found = TYPES.iter().find(|(_, known)| *known == name).map(|(sample_type, _)| *sample_type);
-    found.ok_or_else(|| format!("`ElementType` is `{}`; {} are read", clip(name), TYPES.map(|(_, name)| name).join(", ")))
+    let found = TYPES
+        .iter()
+        .find(|(_, known)| *known == name)
+        .map(|(sample_type, _)| *sample_type);
+    found.ok_or_else(|| {
+        format!(
+            "`ElementType` is `{}`; {} are read",
+            clip(name),
+            TYPES.map(|(_, name)| name).join(", ")
+        )
+    })
 }
 
 fn read_grid(header: &Fields) -> Parsed<([[f64; 3]; 3], [f64; 3])> {
@@ -131,7 +164,10 @@ fn read_grid(header: &Fields) -> Parsed<([[f64; 3]; 3], [f64; 3])> {
     let (axes_key, axes) = match header.first_of(&["TransformMatrix", "Orientation", "Rotation"]) {
         Some((key, text)) => {
             let matrix: Vec<f64> = numbers(text, 9, key)?;
-            (key, [0, 1, 2].map(|i| [0, 1, 2].map(|j| matrix[3 * i + j] * spacing[i])))
+            (
+                key,
+                [0, 1, 2].map(|i| [0, 1, 2].map(|j| matrix[3 * i + j] * spacing[i])),
+            )
         }
         None => (spacing_key, diagonal(spacing)),
     };
@@ -141,12 +177,20 @@ fn read_grid(header: &Fields) -> Parsed<([[f64; 3]; 3], [f64; 3])> {
 
 fn read_samples(data: &[u8], header: &Fields, layout: &Layout) -> Parsed<Vec<f32>> {
     let compressed = yes(header, "CompressedData", false)?;
-    let skip: i64 = number(header.get("HeaderSize").unwrap_or("0"), "HeaderSize", "a whole number or -1")?;
+    let skip: i64 = number(
+        header.get("HeaderSize").unwrap_or("0"),
+        "HeaderSize",
+        "a whole number or -1",
+    )?;
     // −1: the samples are at the very end.
     let skip = match u64::try_from(skip) {
         Ok(skip) => skip,
         Err(_) if skip == -1 && !compressed => data.len().saturating_sub(layout.bytes()) as u64,
-        Err(_) => return Err(format!("`HeaderSize` is {skip}; it must be zero or more, or -1 where samples are not compressed")),
+        Err(_) => {
+            return Err(format!(
+                "`HeaderSize` is {skip}; it must be zero or more, or -1 where samples are not compressed"
+            ));
+        }
     };
     let data = skip_bytes(data, skip, "HeaderSize")?;
     if compressed {

@@ -1,5 +1,5 @@
-//! Vti: reads a volume from a VTK XML image file: the array of `PointData` that a scene or its own `Scalars` attribute names, else the first
-//! of one component.
+//! Vti: reads a volume from a VTK XML image file: the array of `PointData` that a scene or its own
+//! `Scalars` attribute names, else the first of one component.
 
 use super::decode::{Parsed, check_grid, numbers, positive, triple};
 use super::vtk::{File, Tag};
@@ -12,17 +12,41 @@ pub(in crate::scene) fn read(bytes: &[u8], arrays: &Arrays) -> Parsed<Volume> {
     let (axes, origin) = read_grid(&file.set, first)?;
     let (array, note) = file.active_array(arrays.values)?;
     let values = file.values(array, size, "WholeExtent")?;
-    Ok(Volume { size, axes, origin, values, notes: note.into_iter().collect() })
+    Ok(Volume {
+        size,
+        axes,
+        origin,
+        values,
+        notes: note.into_iter().collect(),
+    })
 }
 
 /// Axes, and position of the sample whose index is `first`: the origin is where index 0 is.
 fn read_grid(image: &Tag, first: [f64; 3]) -> Parsed<([[f64; 3]; 3], [f64; 3])> {
-    let spacing = image.get("Spacing").map_or(Ok([1.0; 3]), |text| triple(text, "Spacing"))?;
+    let spacing = image
+        .get("Spacing")
+        .map_or(Ok([1.0; 3]), |text| triple(text, "Spacing"))?;
     positive(spacing, "Spacing")?;
-    let origin = image.get("Origin").map_or(Ok([0.0; 3]), |text| triple::<f64>(text, "Origin"))?;
-    let direction: Vec<f64> = numbers(image.get("Direction").unwrap_or("1 0 0 0 1 0 0 0 1"), 9, "Direction")?;
+    let origin = image
+        .get("Origin")
+        .map_or(Ok([0.0; 3]), |text| triple::<f64>(text, "Origin"))?;
+    let direction: Vec<f64> = numbers(
+        image.get("Direction").unwrap_or("1 0 0 0 1 0 0 0 1"),
+        9,
+        "Direction",
+    )?;
     let axes = [0, 1, 2].map(|i| [0, 1, 2].map(|row| direction[3 * row + i] * spacing[i]));
-    let origin = [0, 1, 2].map(|row| origin[row] + (0..3).map(|i| first[i] * axes[i][row]).sum::<f64>());
-    check_grid(&axes, if image.get("Direction").is_some() { "Direction" } else { "Spacing" }, &origin, "Origin")?;
+    let origin =
+        [0, 1, 2].map(|row| origin[row] + (0..3).map(|i| first[i] * axes[i][row]).sum::<f64>());
+    check_grid(
+        &axes,
+        if image.get("Direction").is_some() {
+            "Direction"
+        } else {
+            "Spacing"
+        },
+        &origin,
+        "Origin",
+    )?;
     Ok((axes, origin))
 }

@@ -1,8 +1,10 @@
-//! Vtk: cuts a VTK XML file into tags, and its arrays into numbers (docs.vtk.org, "VTK XML File Formats").
+//! Vtk: cuts a VTK XML file into tags, and its arrays into numbers (docs.vtk.org, "VTK XML File
+//! Formats").
 //!
-//! A scanner of our own for tags and attributes: a file with raw appended samples is not XML. Arrays are ascii, base64, or appended as
-//! base64 or raw, plain or packed by zlib, of any integer or float type and byte order; a file is in one piece. The crate `vtkio` panics
-//! at broken files and refuses some sound ones (docs/book/volumes-irregular.md).
+//! A scanner of our own for tags and attributes: a file with raw appended samples is not XML.
+//! Arrays are ascii, base64, or appended as base64 or raw, plain or packed by zlib, of any integer
+//! or float type and byte order; a file is in one piece. The crate `vtkio` panics at broken files
+//! and refuses some sound ones (docs/book/volumes-irregular.md).
 
 use super::decode::{FARTHEST, Layout, Parsed, clip, number, numbers, take_all, unpacker};
 use super::{ByteOrder, SampleType, skip_bytes};
@@ -34,17 +36,26 @@ pub(super) struct Tag<'a> {
 
 impl<'a> Tag<'a> {
     pub fn get(&self, attribute: &str) -> Option<&'a str> {
-        self.attributes.iter().find(|(name, _)| *name == attribute).map(|(_, value)| *value)
+        self.attributes
+            .iter()
+            .find(|(name, _)| *name == attribute)
+            .map(|(_, value)| *value)
     }
 
     pub fn need(&self, attribute: &str) -> Parsed<&'a str> {
-        self.get(attribute).ok_or_else(|| format!("<{}> has no attribute `{attribute}`", clip(self.name)))
+        self.get(attribute)
+            .ok_or_else(|| format!("<{}> has no attribute `{attribute}`", clip(self.name)))
     }
 
     /// Takes what stands between `<` and `>`.
     fn parse(inside: &'a [u8]) -> Parsed<Tag<'a>> {
-        let inside = str::from_utf8(inside).map_err(|_| "has a tag that is not UTF-8 text")?.trim_ascii_end().trim_end_matches('/');
-        let (name, mut rest) = inside.split_once(|c: char| c.is_ascii_whitespace()).unwrap_or((inside, ""));
+        let inside = str::from_utf8(inside)
+            .map_err(|_| "has a tag that is not UTF-8 text")?
+            .trim_ascii_end()
+            .trim_end_matches('/');
+        let (name, mut rest) = inside
+            .split_once(|c: char| c.is_ascii_whitespace())
+            .unwrap_or((inside, ""));
         let mut attributes = Vec::new();
         while !rest.trim_ascii().is_empty() {
             let attribute = rest.split_once('=').and_then(|(attribute, rest)| {
@@ -53,17 +64,27 @@ impl<'a> Tag<'a> {
                 let (value, rest) = rest.get(1..)?.split_once(quote)?;
                 Some((attribute.trim_ascii(), value, rest))
             });
-            let (attribute, value, after) =
-                attribute.ok_or_else(|| format!("<{}> has an attribute that is not name=\"value\"", clip(name)))?;
+            let (attribute, value, after) = attribute.ok_or_else(|| {
+                format!(
+                    "<{}> has an attribute that is not name=\"value\"",
+                    clip(name)
+                )
+            })?;
             attributes.push((attribute, value));
             rest = after;
         }
-        Ok(Tag { name, attributes, text: &[] })
+        Ok(Tag {
+            name,
+            attributes,
+            text: &[],
+        })
     }
 }
 
 fn find(bytes: &[u8], pattern: &[u8]) -> Option<usize> {
-    bytes.windows(pattern.len()).position(|window| window == pattern)
+    bytes
+        .windows(pattern.len())
+        .position(|window| window == pattern)
 }
 
 /// Cuts off the next tag; `None` where there is none left. Comments and declarations are skipped.
@@ -105,8 +126,17 @@ pub(super) fn components<'a>(array: &Tag<'a>) -> &'a str {
 
 fn sample_type(array: &Tag) -> Parsed<SampleType> {
     let name = array.need("type")?;
-    let found = TYPES.iter().find(|(_, known)| *known == name).map(|(sample_type, _)| *sample_type);
-    found.ok_or_else(|| format!("`type` is `{}`; {} are read", clip(name), TYPES.map(|(_, name)| name).join(", ")))
+    let found = TYPES
+        .iter()
+        .find(|(_, known)| *known == name)
+        .map(|(sample_type, _)| *sample_type);
+    found.ok_or_else(|| {
+        format!(
+            "`type` is `{}`; {} are read",
+            clip(name),
+            TYPES.map(|(_, name)| name).join(", ")
+        )
+    })
 }
 
 // ---- file ----
@@ -138,11 +168,16 @@ impl<'a> File<'a> {
             match tag.name {
                 "VTKFile" => file.root = tag,
                 name if name == set => file.set = tag,
-                "Piece" if !file.piece.name.is_empty() => return Err("has several pieces; all must be in one <Piece>".into()),
+                "Piece" if !file.piece.name.is_empty() => {
+                    return Err("has several pieces; all must be in one <Piece>".into());
+                }
                 "Piece" => file.piece = tag,
                 "DataArray" => file.arrays.extend(section.map(|section| (section, tag))),
                 "AppendedData" => {
-                    let data = rest.trim_ascii_start().strip_prefix(b"_").ok_or("has no underscore at the start of <AppendedData>")?;
+                    let data = rest
+                        .trim_ascii_start()
+                        .strip_prefix(b"_")
+                        .ok_or("has no underscore at the start of <AppendedData>")?;
                     file.appended = Some((tag, data));
                     break;
                 }
@@ -160,12 +195,16 @@ impl<'a> File<'a> {
             return Err("is no VTK XML file: there is no <VTKFile> in it".into());
         }
         if file.root.need("type")? != set {
-            return Err(format!("`type` of <VTKFile> is `{}`; only {set} is read", clip(file.root.need("type")?)));
+            return Err(format!(
+                "`type` of <VTKFile> is `{}`; only {set} is read",
+                clip(file.root.need("type")?)
+            ));
         }
         Ok(file)
     }
 
-    /// Samples along each axis, from what `WholeExtent` says, and the index of the first; the piece must have all of it.
+    /// Samples along each axis, from what `WholeExtent` says, and the index of the first; the piece
+    /// must have all of it.
     pub fn extent(&self) -> Parsed<([usize; 3], [f64; 3])> {
         let (whole, extent) = (self.set.need("WholeExtent")?, self.piece.get("Extent"));
         let range: Vec<i32> = numbers(whole, 6, "WholeExtent")?;
@@ -179,31 +218,49 @@ impl<'a> File<'a> {
             ));
         }
         // An extent that ends before it starts has no samples; `Layout` refuses that.
-        let size = [0, 2, 4].map(|i| usize::try_from(i64::from(range[i + 1]) - i64::from(range[i]) + 1).unwrap_or(0));
+        let size = [0, 2, 4].map(|i| {
+            usize::try_from(i64::from(range[i + 1]) - i64::from(range[i]) + 1).unwrap_or(0)
+        });
         Ok((size, [0, 2, 4].map(|i| f64::from(range[i]))))
     }
 
     /// The arrays in a tag of this name.
     pub fn arrays(&self, section: &str) -> impl Iterator<Item = &Tag<'a>> {
-        self.arrays.iter().filter(move |(of, _)| *of == section).map(|(_, array)| array)
+        self.arrays
+            .iter()
+            .filter(move |(of, _)| *of == section)
+            .map(|(_, array)| array)
     }
 
-    /// The array of samples: the one of this name, or else the one that `PointData` names, or else the first of one component; then a note
-    /// says so where there are others.
+    /// The array of samples: the one of this name, or else the one that `PointData` names, or else
+    /// the first of one component; then a note says so where there are others.
     pub fn active_array(&self, named: Option<&str>) -> Parsed<(&Tag<'a>, Option<String>)> {
         let mut note = None;
-        let of_name = |name: &str| self.arrays("PointData").find(|array| array.get("Name") == Some(name));
+        let of_name = |name: &str| {
+            self.arrays("PointData")
+                .find(|array| array.get("Name") == Some(name))
+        };
         let array = match named {
             Some(name) => of_name(name).ok_or_else(|| self.no_array(name))?,
             None => {
-                let first = || self.arrays("PointData").find(|array| components(array) == "1").or(self.arrays("PointData").next());
-                match self.point_data.get("Scalars").filter(|name| !name.is_empty()) {
+                let first = || {
+                    self.arrays("PointData")
+                        .find(|array| components(array) == "1")
+                        .or(self.arrays("PointData").next())
+                };
+                match self
+                    .point_data
+                    .get("Scalars")
+                    .filter(|name| !name.is_empty())
+                {
                     // An empty list is told of as one.
-                    Some(name) if first().is_some() => {
-                        of_name(name).ok_or_else(|| format!("`Scalars` of <PointData>: {}", self.no_array(name)))?
-                    }
+                    Some(name) if first().is_some() => of_name(name).ok_or_else(|| {
+                        format!("`Scalars` of <PointData>: {}", self.no_array(name))
+                    })?,
                     _ => {
-                        let array = first().ok_or("has no <DataArray> in <PointData>; samples at points are read")?;
+                        let array = first().ok_or(
+                            "has no <DataArray> in <PointData>; samples at points are read",
+                        )?;
                         note = self.others(array);
                         array
                     }
@@ -212,49 +269,93 @@ impl<'a> File<'a> {
         };
         match components(array) {
             "1" => Ok((array, note)),
-            other => Err(format!("`NumberOfComponents` is `{}`; only arrays of 1 component are read", clip(other))),
+            other => Err(format!(
+                "`NumberOfComponents` is `{}`; only arrays of 1 component are read",
+                clip(other)
+            )),
         }
     }
 
     /// Names the array that is drawn where a scene may have meant another.
     fn others(&self, array: &Tag) -> Option<String> {
         let name = |array: &Tag| clip(array.get("Name").unwrap_or_default());
-        let fit = self.arrays("PointData").filter(|other| components(other) == "1");
-        let others: Vec<String> = fit.map(name).filter(|other| *other != name(array)).collect();
-        (!others.is_empty()).then(|| format!("array `{}` is drawn, the first; `array` may name {}", name(array), clip(&others.join(", "))))
+        let fit = self
+            .arrays("PointData")
+            .filter(|other| components(other) == "1");
+        let others: Vec<String> = fit
+            .map(name)
+            .filter(|other| *other != name(array))
+            .collect();
+        (!others.is_empty()).then(|| {
+            format!(
+                "array `{}` is drawn, the first; `array` may name {}",
+                name(array),
+                clip(&others.join(", "))
+            )
+        })
     }
 
     /// An array of samples at points, of any number of components, by its name.
     pub fn named_array(&self, name: &str) -> Parsed<&Tag<'a>> {
-        self.arrays("PointData").find(|array| array.get("Name") == Some(name)).ok_or_else(|| self.no_array(name))
+        self.arrays("PointData")
+            .find(|array| array.get("Name") == Some(name))
+            .ok_or_else(|| self.no_array(name))
     }
 
     fn no_array(&self, name: &str) -> String {
-        let names: Vec<String> = self.arrays("PointData").filter_map(|array| array.get("Name")).map(clip).collect();
-        let known = if names.is_empty() { "no array with a name".into() } else { clip(&names.join(", ")) };
-        format!("has no array `{}` in <PointData>; there is {known}", clip(name))
+        let names: Vec<String> = self
+            .arrays("PointData")
+            .filter_map(|array| array.get("Name"))
+            .map(clip)
+            .collect();
+        let known = if names.is_empty() {
+            "no array with a name".into()
+        } else {
+            clip(&names.join(", "))
+        };
+        format!(
+            "has no array `{}` in <PointData>; there is {known}",
+            clip(name)
+        )
     }
 
     fn order(&self) -> Parsed<ByteOrder> {
         match self.root.get("byte_order") {
             None | Some("LittleEndian") => Ok(ByteOrder::Little),
             Some("BigEndian") => Ok(ByteOrder::Big),
-            Some(other) => Err(format!("`byte_order` is `{}`; it must be LittleEndian or BigEndian", clip(other))),
+            Some(other) => Err(format!(
+                "`byte_order` is `{}`; it must be LittleEndian or BigEndian",
+                clip(other)
+            )),
         }
     }
 
-    /// The samples of an array, of which there must be as many as `size` says: that stands in `field`.
+    /// The samples of an array, of which there must be as many as `size` says: that stands in
+    /// `field`.
     pub fn values(&self, array: &Tag<'a>, size: [usize; 3], field: &str) -> Parsed<Vec<f32>> {
-        self.read(array, size, field, |layout, bytes| layout.values(bytes), |layout, text| layout.text_values(text))
+        self.read(
+            array,
+            size,
+            field,
+            |layout, bytes| layout.values(bytes),
+            |layout, text| layout.text_values(text),
+        )
     }
 
     /// The places that an array has: finite, and nearer than any place of a scene may be.
     pub fn places(&self, array: &Tag<'a>, size: [usize; 3], field: &str) -> Parsed<Vec<f64>> {
-        let reals =
-            self.read(array, size, field, |layout, bytes| layout.reals(bytes), |layout, text| layout.finite(layout.text_reals(text)?))?;
+        let reals = self.read(
+            array,
+            size,
+            field,
+            |layout, bytes| layout.reals(bytes),
+            |layout, text| layout.finite(layout.text_reals(text)?),
+        )?;
         match reals.iter().find(|place| place.abs() > FARTHEST) {
             None => Ok(reals),
-            Some(place) => Err(format!("`{field}` holds {place:e}; a place must lie within ±{FARTHEST:e}")),
+            Some(place) => Err(format!(
+                "`{field}` holds {place:e}; a place must lie within ±{FARTHEST:e}"
+            )),
         }
     }
 
@@ -270,37 +371,74 @@ impl<'a> File<'a> {
         let layout = Layout::new(size, sample_type(array)?, order, field)?;
         let of_block = |block: &[u8]| of_bytes(&layout, &self.unblock(block, order, &layout)?);
         let values = match array.need("format")? {
-            "ascii" => layout.ends(array.text).and_then(|()| of_text(&layout, array.text)),
+            "ascii" => layout
+                .ends(array.text)
+                .and_then(|()| of_text(&layout, array.text)),
             "binary" => of_block(&base64(array.text)),
             "appended" => self.appended(array).and_then(|block| of_block(&block)),
-            other => Err(format!("`format` is `{}`; ascii, binary and appended are read", clip(other))),
+            other => Err(format!(
+                "`format` is `{}`; ascii, binary and appended are read",
+                clip(other)
+            )),
         };
-        values.map_err(|e| format!("array `{}`: {e}", clip(array.get("Name").unwrap_or_default())))
+        values.map_err(|e| {
+            format!(
+                "array `{}`: {e}",
+                clip(array.get("Name").unwrap_or_default())
+            )
+        })
     }
 
     /// The block of an appended array and all that follows it.
     fn appended(&self, array: &Tag) -> Parsed<Cow<'a, [u8]>> {
-        let (tag, data) = self.appended.as_ref().ok_or("`format` is appended, but there is no <AppendedData>")?;
-        let data = skip_bytes(data, number(array.need("offset")?, "offset", "a whole number")?, "offset")?;
+        let (tag, data) = self
+            .appended
+            .as_ref()
+            .ok_or("`format` is appended, but there is no <AppendedData>")?;
+        let data = skip_bytes(
+            data,
+            number(array.need("offset")?, "offset", "a whole number")?,
+            "offset",
+        )?;
         match tag.need("encoding")? {
             "raw" => Ok(Cow::Borrowed(data)),
             "base64" => Ok(Cow::Owned(base64(data))),
-            other => Err(format!("`encoding` of <AppendedData> is `{}`; raw and base64 are read", clip(other))),
+            other => Err(format!(
+                "`encoding` of <AppendedData> is `{}`; raw and base64 are read",
+                clip(other)
+            )),
         }
     }
 
-    /// The bytes of the samples in a block: after their length, or packed by zlib in parts whose lengths come first.
-    fn unblock<'b>(&self, block: &'b [u8], order: ByteOrder, layout: &Layout) -> Parsed<Cow<'b, [u8]>> {
+    /// The bytes of the samples in a block: after their length, or packed by zlib in parts whose
+    /// lengths come first.
+    fn unblock<'b>(
+        &self,
+        block: &'b [u8],
+        order: ByteOrder,
+        layout: &Layout,
+    ) -> Parsed<Cow<'b, [u8]>> {
         let want = layout.bytes();
         let word_bytes = match self.root.get("header_type") {
             None | Some("UInt32") => 4,
             Some("UInt64") => 8,
-            Some(other) => return Err(format!("`header_type` is `{}`; it must be UInt32 or UInt64", clip(other))),
+            Some(other) => {
+                return Err(format!(
+                    "`header_type` is `{}`; it must be UInt32 or UInt64",
+                    clip(other)
+                ));
+            }
         };
-        let wrong = |length: u64| format!("the block is said to hold {length} bytes, but the samples take {want}");
+        let wrong = |length: u64| {
+            format!("the block is said to hold {length} bytes, but the samples take {want}")
+        };
         let mut words = block.chunks_exact(word_bytes).map(|word| {
             let digit = |number: u64, byte: &u8| number << 8 | u64::from(*byte);
-            if order == ByteOrder::Big { word.iter().fold(0, digit) } else { word.iter().rev().fold(0, digit) }
+            if order == ByteOrder::Big {
+                word.iter().fold(0, digit)
+            } else {
+                word.iter().rev().fold(0, digit)
+            }
         });
         let mut word = || words.next().ok_or("the block ends inside its header");
         match self.root.get("compressor") {
@@ -315,39 +453,64 @@ impl<'a> File<'a> {
                 let (parts, full, last) = (word()?, word()?, word()?);
                 // A last part of zero says that it is as long as the others.
                 let last = if last == 0 { full } else { last };
-                let length = parts.saturating_sub(1).saturating_mul(full).saturating_add(last);
+                let length = parts
+                    .saturating_sub(1)
+                    .saturating_mul(full)
+                    .saturating_add(last);
                 if parts == 0 || length != want as u64 {
                     return Err(wrong(if parts == 0 { 0 } else { length }));
                 }
                 // A byte of a file may unpack to a thousand.
-                memory::check(layout.count() as u64, "packed numbers", layout.unpacked_bytes())?;
-                let lengths_end = usize::try_from(parts).ok().and_then(|n| n.checked_add(3)?.checked_mul(word_bytes));
-                let mut packed = lengths_end.and_then(|end| block.get(end..)).ok_or("the block ends inside its header")?;
+                memory::check(
+                    layout.count() as u64,
+                    "packed numbers",
+                    layout.unpacked_bytes(),
+                )?;
+                let lengths_end = usize::try_from(parts)
+                    .ok()
+                    .and_then(|n| n.checked_add(3)?.checked_mul(word_bytes));
+                let mut packed = lengths_end
+                    .and_then(|end| block.get(end..))
+                    .ok_or("the block ends inside its header")?;
                 let mut samples = Vec::new();
                 for part in 0..parts {
-                    let most = usize::try_from(if part + 1 == parts { last } else { full }).unwrap_or(usize::MAX);
-                    let cut = usize::try_from(word()?).ok().and_then(|length| packed.split_at_checked(length));
-                    let (this, rest) = cut.ok_or_else(|| format!("compressed part {part} of {parts} ends early"))?;
+                    let most = usize::try_from(if part + 1 == parts { last } else { full })
+                        .unwrap_or(usize::MAX);
+                    let cut = usize::try_from(word()?)
+                        .ok()
+                        .and_then(|length| packed.split_at_checked(length));
+                    let (this, rest) =
+                        cut.ok_or_else(|| format!("compressed part {part} of {parts} ends early"))?;
                     packed = rest;
                     let bytes = take_all(&mut unpacker(this), most)?;
                     if bytes.len() < most {
-                        return Err(format!("compressed part {part} of {parts} unpacks to {} bytes, not to {most}", bytes.len()));
+                        return Err(format!(
+                            "compressed part {part} of {parts} unpacks to {} bytes, not to {most}",
+                            bytes.len()
+                        ));
                     }
                     samples.extend(bytes);
                 }
                 Ok(Cow::Owned(samples))
             }
-            Some(other) => Err(format!("`compressor` is `{}`; only vtkZLibDataCompressor is read", clip(other))),
+            Some(other) => Err(format!(
+                "`compressor` is `{}`; only vtkZLibDataCompressor is read",
+                clip(other)
+            )),
         }
     }
 }
 
-/// Decodes base64 up to the first character that is none. Padding may stand inside: VTK packs lengths and samples apart.
+/// Decodes base64 up to the first character that is none. Padding may stand inside: VTK packs
+/// lengths and samples apart.
 fn base64(text: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(text.len() / 4 * 3);
     // The last two digits, and how many of the four have come.
     let (mut group, mut digits) = (0, 0);
-    for &character in text.iter().filter(|character| !character.is_ascii_whitespace()) {
+    for &character in text
+        .iter()
+        .filter(|character| !character.is_ascii_whitespace())
+    {
         let digit = match character {
             b'A'..=b'Z' => character - b'A',
             b'a'..=b'z' => character - b'a' + 26,

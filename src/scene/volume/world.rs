@@ -1,7 +1,9 @@
-//! World: brings the grids of medical formats into one world, whose axes point right, anterior and superior (RAS).
+//! World: brings the grids of medical formats into one world, whose axes point right, anterior and
+//! superior (RAS).
 //!
-//! RAS is the world of NIfTI, and it is right-handed. ITK writes NRRD and MetaImage in left-posterior-superior (LPS) coordinates: there x
-//! and y are negated. What has no anatomical directions (VTK's files, plain samples) is drawn as it is.
+//! RAS is the world of NIfTI, and it is right-handed. ITK writes NRRD and MetaImage in
+//! left-posterior-superior (LPS) coordinates: there x and y are negated. What has no anatomical
+//! directions (VTK's files, plain samples) is drawn as it is.
 
 /// Coordinates of a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,28 +15,68 @@ pub(super) struct World {
 }
 
 impl World {
-    pub const LPS: World = World { name: "left-posterior-superior", negated: [true, true, false] };
+    pub const LPS: World = World {
+        name: "left-posterior-superior",
+        negated: [true, true, false],
+    };
 
     /// Those that an NRRD header may name, with their short names.
     const OF_NRRD: [(World, &str); 6] = [
-        (World { name: "right-anterior-superior", negated: [false; 3] }, "ras"),
-        (World { name: "left-anterior-superior", negated: [true, false, false] }, "las"),
+        (
+            World {
+                name: "right-anterior-superior",
+                negated: [false; 3],
+            },
+            "ras",
+        ),
+        (
+            World {
+                name: "left-anterior-superior",
+                negated: [true, false, false],
+            },
+            "las",
+        ),
         (World::LPS, "lps"),
-        (World { name: "scanner-xyz", negated: [false; 3] }, ""),
-        (World { name: "3D-right-handed", negated: [false; 3] }, ""),
+        (
+            World {
+                name: "scanner-xyz",
+                negated: [false; 3],
+            },
+            "",
+        ),
+        (
+            World {
+                name: "3D-right-handed",
+                negated: [false; 3],
+            },
+            "",
+        ),
         // Which axis is negated is free; one must be, or the picture is a mirror image.
-        (World { name: "3D-left-handed", negated: [false, false, true] }, ""),
+        (
+            World {
+                name: "3D-left-handed",
+                negated: [false, false, true],
+            },
+            "",
+        ),
     ];
 
-    /// The world that `space` of an NRRD header names, in any spelling that teem reads, and whether its vectors have a fourth number, time.
+    /// The world that `space` of an NRRD header names, in any spelling that teem reads, and whether
+    /// its vectors have a fourth number, time.
     pub fn of_nrrd(space: &str) -> Option<(World, bool)> {
         let bare = |name: &str| name.to_lowercase().replace(['-', ' '], "");
         let named = bare(space);
         World::OF_NRRD.into_iter().find_map(|(world, short)| {
             let long = bare(world.name);
             let is = |name: &str| name == long || (!short.is_empty() && name == short);
-            let timeless = named.strip_suffix("time").or_else(|| named.strip_suffix('t').filter(|name| name.len() == 3));
-            if is(&named) { Some((world, false)) } else { timeless.is_some_and(is).then_some((world, true)) }
+            let timeless = named
+                .strip_suffix("time")
+                .or_else(|| named.strip_suffix('t').filter(|name| name.len() == 3));
+            if is(&named) {
+                Some((world, false))
+            } else {
+                timeless.is_some_and(is).then_some((world, true))
+            }
         })
     }
 
@@ -46,17 +88,39 @@ impl World {
     /// A grid in the one world.
     pub fn turned(&self, axes: [[f64; 3]; 3], origin: [f64; 3]) -> ([[f64; 3]; 3], [f64; 3]) {
         // A difference: a zero keeps its sign.
-        let turn = |vector: [f64; 3]| [0, 1, 2].map(|i| if self.negated[i] { 0.0 - vector[i] } else { vector[i] });
+        let turn = |vector: [f64; 3]| {
+            [0, 1, 2].map(|i| {
+                if self.negated[i] {
+                    0.0 - vector[i]
+                } else {
+                    vector[i]
+                }
+            })
+        };
         (axes.map(turn), turn(origin))
     }
 
     /// What became of the coordinates; none where nothing did.
     pub fn note(&self) -> Option<String> {
-        let names = ["x", "y", "z"].into_iter().zip(self.negated).filter(|(_, negated)| *negated).map(|(name, _)| name);
+        let names = ["x", "y", "z"]
+            .into_iter()
+            .zip(self.negated)
+            .filter(|(_, negated)| *negated)
+            .map(|(name, _)| name);
         let names: Vec<&str> = names.collect();
         let are = if names.len() > 1 { "are" } else { "is" };
-        let world = if self.name.starts_with("3D") { "nothing is mirrored" } else { "the world is right-anterior-superior" };
-        (!names.is_empty()).then(|| format!("coordinates are {}: {} {are} negated, so that {world}", self.name, names.join(" and ")))
+        let world = if self.name.starts_with("3D") {
+            "nothing is mirrored"
+        } else {
+            "the world is right-anterior-superior"
+        };
+        (!names.is_empty()).then(|| {
+            format!(
+                "coordinates are {}: {} {are} negated, so that {world}",
+                self.name,
+                names.join(" and ")
+            )
+        })
     }
 }
 

@@ -1,11 +1,13 @@
-//! Map over the reals: exact texels beside the machine's, and how far the light between them may be off.
+//! Map over the reals: exact texels beside the machine's, and how far the light between them may be
+//! off.
 //!
 //! ```text
 //! place off by d     light moves by at most d·(2^k − 1) times the greatest step between neighbours that the place may meet
 //! fraction           its rounding, and its limit, move the place by that part of a step
 //! light              texels: what their words lost; each line: its rounding
 //! ```
-//! Whatever the place, light lies between the least and the greatest of the texels that it may meet: the lesser of both bounds holds.
+//! Whatever the place, light lies between the least and the greatest of the texels that it may
+//! meet: the lesser of both bounds holds.
 
 use super::Map;
 use crate::num::Fit;
@@ -26,7 +28,11 @@ impl RealMap {
     /// Of exact texels and the words in their places, row by row.
     pub fn new(map: &Map, exact: Vec<[f64; 3]>, words: &[[i64; 3]]) -> Self {
         let value = |word: i64| map.light.word.format.value(word);
-        RealMap { map: map.clone(), exact, held: words.iter().map(|texel| texel.map(value)).collect() }
+        RealMap {
+            map: map.clone(),
+            exact,
+            held: words.iter().map(|texel| texel.map(value)).collect(),
+        }
     }
 
     /// The fit of a fraction.
@@ -57,7 +63,8 @@ impl RealMap {
         let ((column, right), (row, down)) = (self.step(u), self.step(v));
         std::array::from_fn(|i| {
             let line = |row: usize| {
-                let [from, to] = [column, column + 1].map(|column| self.texel(false, column, row)[i]);
+                let [from, to] =
+                    [column, column + 1].map(|column| self.texel(false, column, row)[i]);
                 from + (to - from) * right
             };
             let (upper, lower) = (line(row), line(row + 1));
@@ -73,13 +80,19 @@ impl RealMap {
         let place = power_of_two(-self.map.fraction.word.format.frac_bits);
         // In steps; a fraction that is rounded up stays at most 1.
         let moved = [0, 1].map(|axis| {
-            let off = (at[axis].clamp(0.0, 1.0) - low[axis].clamp(0.0, 1.0)).max(high[axis].clamp(0.0, 1.0) - at[axis].clamp(0.0, 1.0));
+            let off = (at[axis].clamp(0.0, 1.0) - low[axis].clamp(0.0, 1.0))
+                .max(high[axis].clamp(0.0, 1.0) - at[axis].clamp(0.0, 1.0));
             off.max(0.0) * steps + down.max(up) * place
         });
         let [less, more] = loss(self.map.light.word.round);
         let rounding = less.max(more) * power_of_two(-self.map.light.word.format.frac_bits);
         let exact = self.exact(at);
-        let Met { least, most, slope, lost } = self.met(places);
+        let Met {
+            least,
+            most,
+            slope,
+            lost,
+        } = self.met(places);
         std::array::from_fn(|i| {
             let slid = slope[0][i] * moved[0] + slope[1][i] * moved[1];
             let range = (most[i] - exact[i]).max(exact[i] - least[i]).max(0.0);
@@ -90,11 +103,19 @@ impl RealMap {
 
     /// What is known of the texels of some steps.
     fn met(&self, [columns, rows]: [Steps; 2]) -> Met {
-        let mut met = Met { least: [f64::INFINITY; 3], most: [f64::NEG_INFINITY; 3], slope: [[0.0; 3]; 2], lost: [0.0; 3] };
+        let mut met = Met {
+            least: [f64::INFINITY; 3],
+            most: [f64::NEG_INFINITY; 3],
+            slope: [[0.0; 3]; 2],
+            lost: [0.0; 3],
+        };
         let [last_column, last_row] = [columns[1] + 1, rows[1] + 1];
         for row in rows[0]..=last_row {
             for column in columns[0]..=last_column {
-                let (here, held) = (self.texel(false, column, row), self.texel(true, column, row));
+                let (here, held) = (
+                    self.texel(false, column, row),
+                    self.texel(true, column, row),
+                );
                 let right = (column < last_column).then(|| self.texel(false, column + 1, row));
                 let below = (row < last_row).then(|| self.texel(false, column, row + 1));
                 for i in 0..3 {
@@ -102,7 +123,8 @@ impl RealMap {
                     met.most[i] = met.most[i].max(here[i]);
                     met.lost[i] = met.lost[i].max((held[i] - here[i]).abs());
                     for (axis, next) in [right, below].into_iter().enumerate() {
-                        met.slope[axis][i] = met.slope[axis][i].max(next.map_or(0.0, |next| (next[i] - here[i]).abs()));
+                        met.slope[axis][i] = met.slope[axis][i]
+                            .max(next.map_or(0.0, |next| (next[i] - here[i]).abs()));
                     }
                 }
             }

@@ -6,7 +6,13 @@ use proptest::prelude::*;
 
 fn map(index_bits: u32, place_bits: i32, fraction_bits: i32, light_bits: i32) -> Map {
     let word = |frac_bits: i32| Word::new(Format::unsigned(1, frac_bits));
-    let words = Words { index_bits, place_bits, fraction: word(fraction_bits), light: word(light_bits), cached: None };
+    let words = Words {
+        index_bits,
+        place_bits,
+        fraction: word(fraction_bits),
+        light: word(light_bits),
+        cached: None,
+    };
     let e = &mut Elaboration::default();
     let map = Map::new(e, crate::records::unit::REFLECT, words);
     assert_eq!(e.misfits, Vec::<String>::new());

@@ -6,7 +6,8 @@ use crate::num::real::{floor_log2, power_of_two};
 use crate::probe::{NoProbe, Tap};
 
 impl Reciprocal {
-    /// Result that the unit makes of a positive number that is no word: its mantissa is cut as a word's would be.
+    /// Result that the unit makes of a positive number that is no word: its mantissa is cut as a
+    /// word's would be.
     pub fn of(&self, x: f64) -> f64 {
         let exponent = floor_log2(x);
         // At the top of its 62 bits, so that nothing is shifted.
@@ -22,7 +23,8 @@ impl Reciprocal {
 
     /// Greatest |1 − m·y₀| of a mantissa and its first guess, with u = 2^−bits.
     ///
-    /// The middle of a step is at most half a step from m, so 1 − m·y₀ ≤ 2^−(table_bits + 1); rounding y₀ moves it by m·u/2 ≤ u.
+    /// The middle of a step is at most half a step from m, so 1 − m·y₀ ≤ 2^−(table_bits + 1);
+    /// rounding y₀ moves it by m·u/2 ≤ u.
     pub fn table_error(&self) -> f64 {
         let u = power_of_two(-(self.bits as i32));
         power_of_two(-(self.table_bits as i32 + 1)) + u
@@ -30,12 +32,13 @@ impl Reciprocal {
 
     /// Greatest |1 − x·(1/x)|, with u = 2^−bits.
     ///
-    /// It begins with [`Reciprocal::table_error`].
-    /// A Newton step squares what is left; its correction is rounded by u/2, times m·y; its result by u/2, times m ≤ 2.
-    /// The mantissa's cut counts once: x is at most u larger than m.
+    /// It begins with [`Reciprocal::table_error`]. A Newton step squares what is left; its
+    /// correction is rounded by u/2, times m·y; its result by u/2, times m ≤ 2. The mantissa's cut
+    /// counts once: x is at most u larger than m.
     pub fn relative_error(&self) -> f64 {
         let u = power_of_two(-(self.bits as i32));
-        let left = (0..self.newton_steps).fold(self.table_error(), |e, _| e * e + (1.0 + e) * u / 2.0 + u);
+        let left =
+            (0..self.newton_steps).fold(self.table_error(), |e, _| e * e + (1.0 + e) * u / 2.0 + u);
         left + (1.0 + left) * u
     }
 }

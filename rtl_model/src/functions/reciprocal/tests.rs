@@ -7,7 +7,17 @@ use proptest::prelude::*;
 
 fn unit(table_bits: u32, newton_steps: u32, bits: u32, operand_frac_bits: i32) -> Reciprocal {
     let e = &mut Elaboration::default();
-    let unit = Reciprocal::new(e, "test", "reciprocal", FunctionUnit { table_bits, newton_steps, bits }, operand_frac_bits);
+    let unit = Reciprocal::new(
+        e,
+        "test",
+        "reciprocal",
+        FunctionUnit {
+            table_bits,
+            newton_steps,
+            bits,
+        },
+        operand_frac_bits,
+    );
     assert_eq!(e.misfits, [""; 0]);
     unit
 }
@@ -26,17 +36,31 @@ fn error(x: i64, (y, exponent): (i64, i64), bits: u32, operand_frac_bits: i32) -
 }
 
 fn holds(unit: &Reciprocal, x: i64, worst: &mut f64) {
-    let Reciprocal { table_bits, newton_steps, bits, operand_frac_bits, .. } = *unit;
+    let Reciprocal {
+        table_bits,
+        newton_steps,
+        bits,
+        operand_frac_bits,
+        ..
+    } = *unit;
     let result = one(unit, x);
     let bound = unit.relative_error();
     let error = error(x, result, bits, operand_frac_bits as i32).abs();
-    assert!(error <= bound, "1/{x}: off by {error}, bound {bound} (table {table_bits}, steps {newton_steps}, bits {bits})");
+    assert!(
+        error <= bound,
+        "1/{x}: off by {error}, bound {bound} (table {table_bits}, steps {newton_steps}, bits {bits})"
+    );
     let least = (1.0 - bound) * f64::from(bits - 1).exp2();
-    assert!(result.0 as f64 >= least && (1..=1 << bits).contains(&result.0), "1/{x} has mantissa {} of {bits} bits", result.0);
+    assert!(
+        result.0 as f64 >= least && (1..=1 << bits).contains(&result.0),
+        "1/{x} has mantissa {} of {bits} bits",
+        result.0
+    );
     *worst = worst.max(error / bound);
 }
 
-/// Every mantissa, and one with a tail that the cut removes; tight: something comes within a factor of two of the bound.
+/// Every mantissa, and one with a tail that the cut removes; tight: something comes within a factor
+/// of two of the bound.
 #[test]
 fn a_reciprocal_is_within_its_bound() {
     for bits in 4..=12 {
@@ -47,7 +71,11 @@ fn a_reciprocal_is_within_its_bound() {
                 holds(&unit, mantissa, &mut worst);
                 holds(&unit, (mantissa << 9) | 511, &mut worst);
             }
-            assert!(worst > 0.3, "the bound is {} times too wide (table {table_bits}, steps {newton_steps}, bits {bits})", 1.0 / worst);
+            assert!(
+                worst > 0.3,
+                "the bound is {} times too wide (table {table_bits}, steps {newton_steps}, bits {bits})",
+                1.0 / worst
+            );
         }
     }
 }
@@ -57,7 +85,10 @@ fn a_power_of_two_inverts_to_the_last_place_after_enough_steps() {
     let unit = unit(8, 2, 26, 10);
     for places in 0..48 {
         let (mantissa, exponent) = one(&unit, 1 << places);
-        assert!(((1 << 26) - 1..=1 << 26).contains(&mantissa), "1/2^{places} is {mantissa}");
+        assert!(
+            ((1 << 26) - 1..=1 << 26).contains(&mantissa),
+            "1/2^{places} is {mantissa}"
+        );
         assert_eq!(exponent, 10 - i64::from(places));
     }
 }
@@ -84,7 +115,8 @@ proptest! {
         }
     }
 
-    /// The exponent that comes out, taken back, brings the operand's leading one to bit 61: m ∈ [1, 2), and nothing of x is lost.
+    /// The exponent that comes out, taken back, brings the operand's leading one to bit 61: m ∈ [1,
+    /// 2), and nothing of x is lost.
     #[test]
     fn normalisation_restores_the_operand(x in 1..1i64 << 62, frac_bits in 0..=62i32) {
         let (_, exponent) = one(&unit(4, 1, 12, frac_bits), x);

@@ -7,12 +7,17 @@ use crate::num::real::{floor_log2, power_of_two};
 use crate::probe::{NoProbe, Tap};
 
 impl ReciprocalRoot {
-    /// Result that the unit makes of 1/√x of a positive number that is no word: its mantissa is cut as a word's would be.
+    /// Result that the unit makes of 1/√x of a positive number that is no word: its mantissa is cut
+    /// as a word's would be.
     pub fn of(&self, x: f64) -> f64 {
         let (mantissa, half_exponent) = normalised(x);
         // An even power of two, so that the unit halves it.
-        let places = NORMALISED_FRAC_BITS - 2 + (NORMALISED_FRAC_BITS + self.operand_frac_bits as i32).rem_euclid(2);
-        let (y, exponent) = self.one((mantissa * power_of_two(places)) as i64, &mut Tap::new(&mut NoProbe));
+        let places = NORMALISED_FRAC_BITS - 2
+            + (NORMALISED_FRAC_BITS + self.operand_frac_bits as i32).rem_euclid(2);
+        let (y, exponent) = self.one(
+            (mantissa * power_of_two(places)) as i64,
+            &mut Tap::new(&mut NoProbe),
+        );
         let half_places = (places - self.operand_frac_bits as i32) / 2;
         y as f64 * power_of_two(exponent as i32 + half_places - half_exponent - self.bits as i32)
     }
@@ -29,10 +34,12 @@ impl ReciprocalRoot {
         &self.result
     }
 
-    /// Greatest |1 − y₀·√m| of a mantissa and its first guess, with u = 2^−bits and steps of h = 4/2^table_bits over [0, 4).
+    /// Greatest |1 − y₀·√m| of a mantissa and its first guess, with u = 2^−bits and steps of h =
+    /// 4/2^table_bits over [0, 4).
     ///
-    /// y₀ = 1/√c at a step's middle c; √(m/c) is farthest from 1 at the ends of the first step that is asked for, [1, 1 + h)
-    /// (with one table bit: [1, 2), whose word is that of the middle of [0, 2), 1). Its rounding, ¾u by two roundings, counts √m ≤ 2 times.
+    /// y₀ = 1/√c at a step's middle c; √(m/c) is farthest from 1 at the ends of the first step that
+    /// is asked for, [1, 1 + h) (with one table bit: [1, 2), whose word is that of the middle of
+    /// [0, 2), 1). Its rounding, ¾u by two roundings, counts √m ≤ 2 times.
     pub fn table_error(&self) -> f64 {
         let u = power_of_two(-(self.bits as i32));
         let h = power_of_two(2 - self.table_bits as i32);
@@ -46,12 +53,14 @@ impl ReciprocalRoot {
 
     /// Greatest |1 − y·√x|, and |1 − m·y/√x|, with u = 2^−bits.
     ///
-    /// It begins with [`ReciprocalRoot::table_error`].
-    /// A Newton step leaves (3e² + e³)/2; `square` is rounded by u/2, times y·√m·m/2; `correction` by u/2, times y·√m; `result` by
-    /// u/2, times √m ≤ 2. The mantissa's cut counts half: x is at most 2u larger than m.
+    /// It begins with [`ReciprocalRoot::table_error`]. A Newton step leaves (3e² + e³)/2; `square`
+    /// is rounded by u/2, times y·√m·m/2; `correction` by u/2, times y·√m; `result` by u/2, times
+    /// √m ≤ 2. The mantissa's cut counts half: x is at most 2u larger than m.
     pub fn relative_error(&self) -> f64 {
         let u = power_of_two(-(self.bits as i32));
-        let left = (0..self.newton_steps).fold(self.table_error(), |e, _| (3.0 * e * e + e * e * e) / 2.0 + (1.0 + e) * 1.5 * u + u);
+        let left = (0..self.newton_steps).fold(self.table_error(), |e, _| {
+            (3.0 * e * e + e * e * e) / 2.0 + (1.0 + e) * 1.5 * u + u
+        });
         left + (1.0 + left) * u
     }
 }

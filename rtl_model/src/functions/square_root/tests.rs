@@ -8,7 +8,17 @@ use proptest::prelude::*;
 
 fn unit(table_bits: u32, newton_steps: u32, bits: u32, operand_frac_bits: i32) -> ReciprocalRoot {
     let e = &mut Elaboration::default();
-    let unit = ReciprocalRoot::new(e, "test", "root", FunctionUnit { table_bits, newton_steps, bits }, operand_frac_bits);
+    let unit = ReciprocalRoot::new(
+        e,
+        "test",
+        "root",
+        FunctionUnit {
+            table_bits,
+            newton_steps,
+            bits,
+        },
+        operand_frac_bits,
+    );
     assert_eq!(e.misfits, [""; 0]);
     unit
 }
@@ -18,16 +28,32 @@ fn one(unit: &ReciprocalRoot, x: i64) -> (i64, i64) {
 }
 
 fn holds(unit: &ReciprocalRoot, x: i64, worst: &mut f64) {
-    let ReciprocalRoot { table_bits, newton_steps, bits, operand_frac_bits, .. } = *unit;
+    let ReciprocalRoot {
+        table_bits,
+        newton_steps,
+        bits,
+        operand_frac_bits,
+        ..
+    } = *unit;
     let (y, exponent) = one(unit, x);
     let bound = unit.relative_error();
     let value = x as f64 * (-operand_frac_bits as f64).exp2();
     let error = (1.0 - y as f64 * (exponent as f64 - f64::from(bits)).exp2() * value.sqrt()).abs();
-    assert!(error <= bound, "1/√{x}: off by {error}, bound {bound} (table {table_bits}, steps {newton_steps}, bits {bits})");
-    assert!((1..=1 << bits).contains(&y), "1/√{x} has mantissa {y} of {bits} bits");
+    assert!(
+        error <= bound,
+        "1/√{x}: off by {error}, bound {bound} (table {table_bits}, steps {newton_steps}, bits {bits})"
+    );
+    assert!(
+        (1..=1 << bits).contains(&y),
+        "1/√{x} has mantissa {y} of {bits} bits"
+    );
     let (root, power) = unit.root_lanes(Plain([x; LANES]), &mut Tap::new(&mut NoProbe));
     let root = root.0[0] as f64 * (f64::from(power.0[0]) - f64::from(2 * bits - 1)).exp2();
-    assert!((1.0 - root / value.sqrt()).abs() <= bound, "√{x}: {root} instead of {}", value.sqrt());
+    assert!(
+        (1.0 - root / value.sqrt()).abs() <= bound,
+        "√{x}: {root} instead of {}",
+        value.sqrt()
+    );
     *worst = worst.max(error / bound);
 }
 
@@ -42,7 +68,11 @@ fn a_reciprocal_root_is_within_its_bound() {
                 holds(&unit, mantissa, &mut worst);
                 holds(&unit, (mantissa << 8) | 255, &mut worst);
             }
-            assert!(worst > 0.25, "the bound is {} times too wide (table {table_bits}, steps {newton_steps}, bits {bits})", 1.0 / worst);
+            assert!(
+                worst > 0.25,
+                "the bound is {} times too wide (table {table_bits}, steps {newton_steps}, bits {bits})",
+                1.0 / worst
+            );
         }
     }
 }
@@ -52,7 +82,10 @@ fn an_even_power_of_two_has_its_root_to_the_last_places() {
     let unit = unit(8, 2, 26, 10);
     for places in (0..48).step_by(2) {
         let (mantissa, exponent) = one(&unit, 1 << places);
-        assert!(((1 << 26) - 2..=1 << 26).contains(&mantissa), "1/√2^{places} is {mantissa}");
+        assert!(
+            ((1 << 26) - 2..=1 << 26).contains(&mantissa),
+            "1/√2^{places} is {mantissa}"
+        );
         assert_eq!(exponent, 5 - i64::from(places / 2));
     }
 }

@@ -13,15 +13,19 @@ fn fraction_product(a: u128, b: u128) -> u128 {
     a1 * b1 + ((a1 * b0) >> 64) + ((a0 * b1) >> 64) + (middle >> 64)
 }
 
-/// e^(−numerator / 2^shift) with 128 fraction bits, right to about 2^−115: the alternating series at 1/256 of the argument,
-/// squared eight times.
+/// e^(−numerator / 2^shift) with 128 fraction bits, right to about 2^−115: the alternating series
+/// at 1/256 of the argument, squared eight times.
 fn exponential(numerator: u64, shift: u32) -> u128 {
     assert!(numerator > 0);
     let x = u128::from(numerator) << (120 - shift);
     let (mut term, mut negative) = (x, true);
     let mut sum = 0u128;
     for n in 2u128.. {
-        sum = if negative { sum.wrapping_sub(term) } else { sum.wrapping_add(term) };
+        sum = if negative {
+            sum.wrapping_sub(term)
+        } else {
+            sum.wrapping_add(term)
+        };
         term = fraction_product(term, x) / n;
         negative = !negative;
         if term == 0 {
@@ -37,7 +41,10 @@ fn the_exponential_is_right_to_two_to_the_minus_54() {
     for shift in [0, 1, 5, 9, 13] {
         for numerator in (1..32u64 << shift).step_by(1 + (32 << shift) / 700) {
             let exact = (exponential(numerator, shift) >> (128 - EXP_FRAC_BITS)) as u64;
-            assert!(exp_minus(numerator, shift).abs_diff(exact) <= 1 << (EXP_FRAC_BITS - 54), "e^(−{numerator}/2^{shift})");
+            assert!(
+                exp_minus(numerator, shift).abs_diff(exact) <= 1 << (EXP_FRAC_BITS - 54),
+                "e^(−{numerator}/2^{shift})"
+            );
         }
     }
 }
@@ -45,23 +52,37 @@ fn the_exponential_is_right_to_two_to_the_minus_54() {
 /// Half a last place, and 2^−50 for the oracle's and the series' own errors.
 #[test]
 fn the_exponential_table_is_right_to_the_last_place() {
-    for (interpolation, index_bits, range_bits) in
-        [(Interpolation::Nearest, 8, 2), (Interpolation::Linear, 8, 2), (Interpolation::Linear, 3, 5), (Interpolation::Nearest, 12, -3)]
-    {
+    for (interpolation, index_bits, range_bits) in [
+        (Interpolation::Nearest, 8, 2),
+        (Interpolation::Linear, 8, 2),
+        (Interpolation::Linear, 3, 5),
+        (Interpolation::Nearest, 12, -3),
+    ] {
         for frac_bits in [8, 14, 20, 30] {
             let words = gaussian_words(index_bits, range_bits, interpolation, frac_bits);
-            let middle = if interpolation == Interpolation::Nearest { 0.5 } else { 0.0 };
-            assert_eq!(words.len(), (1 << index_bits) + usize::from(interpolation == Interpolation::Linear));
+            let middle = if interpolation == Interpolation::Nearest {
+                0.5
+            } else {
+                0.0
+            };
+            assert_eq!(
+                words.len(),
+                (1 << index_bits) + usize::from(interpolation == Interpolation::Linear)
+            );
             for (i, word) in words.into_iter().enumerate() {
                 let r = (i as f64 + middle) * f64::from(range_bits - index_bits as i32).exp2();
                 let exact = (-r / 2.0).exp() * f64::from(frac_bits).exp2();
-                assert!((word as f64 - exact).abs() <= 0.5 + 1e-6, "e^(−{r}/2) with {frac_bits} bits is {word}");
+                assert!(
+                    (word as f64 - exact).abs() <= 0.5 + 1e-6,
+                    "e^(−{r}/2) with {frac_bits} bits is {word}"
+                );
             }
         }
     }
 }
 
-/// Nearest: half a step of slope at most ½. Linear: h²/8 of curvature at most ¼. Words and result are rounded to half a place each.
+/// Nearest: half a step of slope at most ½. Linear: h²/8 of curvature at most ¼. Words and result
+/// are rounded to half a place each.
 #[test]
 fn a_table_is_within_its_bound() {
     for (interpolation, index_bits, argument, frac_bits) in [
@@ -83,36 +104,64 @@ fn a_table_is_within_its_bound() {
         for word in 0..=argument.max() {
             let value = table.fit().one(table.exact(word)) as f64 * place;
             let error = (value - (-argument.value(word) / 2.0).exp()).abs();
-            assert!(error <= bound, "e^(−{}/2): off by {error}, bound {bound}", argument.value(word));
+            assert!(
+                error <= bound,
+                "e^(−{}/2): off by {error}, bound {bound}",
+                argument.value(word)
+            );
         }
     }
 }
 
 /// e^(−numerator / 2^shift) for any argument; 1 is short of itself by a last place.
 fn exponential_or_one(numerator: u64, shift: u32) -> u128 {
-    if numerator == 0 { u128::MAX } else { exponential(numerator, shift) }
+    if numerator == 0 {
+        u128::MAX
+    } else {
+        exponential(numerator, shift)
+    }
 }
 
-/// What the proofs about the table take for granted (`splatsim machine prove`), for every argument that there is: the exponential at
-/// the steps' ends or middles is [`gaussian_words`] of 60 bits, give or take 2^−54; within a step it lies below the chord, or
-/// aside of the middle, by `real::between` at most.
+/// What the proofs about the table take for granted (`splatsim machine prove`), for every argument
+/// that there is: the exponential at the steps' ends or middles is [`gaussian_words`] of 60 bits,
+/// give or take 2^−54; within a step it lies below the chord, or aside of the middle, by
+/// `real::between` at most.
 #[test]
 fn the_exponential_is_where_the_proofs_suppose_it() {
     for name in Machine::NAMES {
         let gauss = Machine::named(name).unwrap().gauss;
-        let (argument, TableShape { index_bits, interpolation }) = (gauss.radial_index.format, gauss.table);
+        let (
+            argument,
+            TableShape {
+                index_bits,
+                interpolation,
+            },
+        ) = (gauss.radial_index.format, gauss.table);
         let step = f64::from(argument.int_bits - index_bits as i32).exp2();
         let limit = real::between(interpolation, step, 0.5, 0.25);
         // r/2 = half-steps / 2^shift.
         let shift = (index_bits as i32 + 2 - argument.int_bits) as u32;
         let middle = u64::from(interpolation == Interpolation::Nearest);
-        let known: Vec<u128> = (0..=1u64 << index_bits).map(|i| exponential_or_one(2 * i + middle, shift)).collect();
-        for (word, exact) in gaussian_words(index_bits, argument.int_bits, interpolation, EXP_FRAC_BITS).into_iter().zip(&known) {
-            assert!((word as u64).abs_diff((exact >> (128 - EXP_FRAC_BITS)) as u64) <= 1 << (EXP_FRAC_BITS - 54), "{name}: {word}");
+        let known: Vec<u128> = (0..=1u64 << index_bits)
+            .map(|i| exponential_or_one(2 * i + middle, shift))
+            .collect();
+        for (word, exact) in
+            gaussian_words(index_bits, argument.int_bits, interpolation, EXP_FRAC_BITS)
+                .into_iter()
+                .zip(&known)
+        {
+            assert!(
+                (word as u64).abs_diff((exact >> (128 - EXP_FRAC_BITS)) as u64)
+                    <= 1 << (EXP_FRAC_BITS - 54),
+                "{name}: {word}"
+            );
         }
         let fraction_bits = Table::fraction_bits(index_bits, argument.width() as u32);
         for r in 0..=argument.max() as u64 {
-            let (address, fraction) = ((r >> fraction_bits) as usize, u128::from(r) & ((1 << fraction_bits) - 1));
+            let (address, fraction) = (
+                (r >> fraction_bits) as usize,
+                u128::from(r) & ((1 << fraction_bits) - 1),
+            );
             let exact = exponential_or_one(r, argument.frac_bits as u32 + 1);
             let (from, to) = (known[address], known[address + 1]);
             let chord = from - ((from - to) >> fraction_bits) * fraction;
@@ -121,8 +170,13 @@ fn the_exponential_is_where_the_proofs_suppose_it() {
             let aside = (from.wrapping_sub(exact) as i128) as f64 * f64::from(-128).exp2();
             let slack = f64::from(-100).exp2();
             match interpolation {
-                Interpolation::Linear => assert!((-slack..=limit + slack).contains(&above), "{name}: {above} at {r}"),
-                Interpolation::Nearest => assert!(aside.abs() <= limit + slack, "{name}: {aside} at {r}"),
+                Interpolation::Linear => assert!(
+                    (-slack..=limit + slack).contains(&above),
+                    "{name}: {above} at {r}"
+                ),
+                Interpolation::Nearest => {
+                    assert!(aside.abs() <= limit + slack, "{name}: {aside} at {r}")
+                }
             }
         }
     }
@@ -131,8 +185,23 @@ fn the_exponential_is_where_the_proofs_suppose_it() {
 fn table(interpolation: Interpolation, index_bits: u32, argument: Format, frac_bits: i32) -> Table {
     let word = Word::new(Format::unsigned(1, frac_bits)).rounded(Rounding::Nearest);
     let width = argument.width() as u32;
-    let fit = Fit::new(0, word, interpolated(word, Table::fraction_bits(index_bits, width)));
-    Table::new(fit, index_bits, width, interpolation, &gaussian_words(index_bits, argument.int_bits, interpolation, frac_bits as u32))
+    let fit = Fit::new(
+        0,
+        word,
+        interpolated(word, Table::fraction_bits(index_bits, width)),
+    );
+    Table::new(
+        fit,
+        index_bits,
+        width,
+        interpolation,
+        &gaussian_words(
+            index_bits,
+            argument.int_bits,
+            interpolation,
+            frac_bits as u32,
+        ),
+    )
 }
 
 #[test]
@@ -140,7 +209,12 @@ fn a_farther_point_never_weighs_more_on_a_named_machine() {
     for name in Machine::NAMES {
         let gauss = Machine::named(name).unwrap().gauss;
         let argument = gauss.radial_index.format;
-        let table = table(gauss.table.interpolation, gauss.table.index_bits, argument, gauss.falloff.format.frac_bits);
+        let table = table(
+            gauss.table.interpolation,
+            gauss.table.index_bits,
+            argument,
+            gauss.falloff.format.frac_bits,
+        );
         let mut before = i64::MAX;
         for word in 0..=argument.max() {
             let falloff = table.fit().one(table.exact(word));
@@ -153,8 +227,30 @@ fn a_farther_point_never_weighs_more_on_a_named_machine() {
 #[test]
 fn a_table_that_cannot_be_built_is_refused() {
     let e = &mut Elaboration::default();
-    let asked = TableShape { index_bits: 13, interpolation: Interpolation::Linear };
+    let asked = TableShape {
+        index_bits: 13,
+        interpolation: Interpolation::Linear,
+    };
     assert_eq!(shape(e, "gauss", "table", asked, 20).index_bits, 12);
-    assert_eq!(shape(e, "gauss", "table", TableShape { index_bits: 9, ..asked }, 8).index_bits, 8);
-    assert_eq!(e.misfits, ["gauss.table.index_bits is 13: 1 to 12 can be built", "gauss.table.index_bits is 9: 1 to 8 can be built"]);
+    assert_eq!(
+        shape(
+            e,
+            "gauss",
+            "table",
+            TableShape {
+                index_bits: 9,
+                ..asked
+            },
+            8
+        )
+        .index_bits,
+        8
+    );
+    assert_eq!(
+        e.misfits,
+        [
+            "gauss.table.index_bits is 13: 1 to 12 can be built",
+            "gauss.table.index_bits is 9: 1 to 8 can be built"
+        ]
+    );
 }

@@ -23,12 +23,18 @@ fn oracle(exact: i64, places: i64, word: Word) -> (i64, Loss) {
         let up = match word.round {
             Rounding::Truncate => false,
             Rounding::Nearest => 2 * rest >= divisor,
-            Rounding::NearestEven => 2 * rest > divisor || (2 * rest == divisor && quotient.rem_euclid(2) == 1),
+            Rounding::NearestEven => {
+                2 * rest > divisor || (2 * rest == divisor && quotient.rem_euclid(2) == 1)
+            }
         };
         (quotient + i128::from(up), rest != 0)
     };
     let values = 1i128 << (word.format.int_bits + word.format.frac_bits);
-    let (least, most) = if word.format.signed { (-(values / 2), values / 2 - 1) } else { (0, values - 1) };
+    let (least, most) = if word.format.signed {
+        (-(values / 2), values / 2 - 1)
+    } else {
+        (0, values - 1)
+    };
     let (low, high) = (rounded < least, rounded > most);
     let wrap = word.overflow == Overflow::Wrap;
     let result = match (low, high, wrap) {
@@ -37,44 +43,103 @@ fn oracle(exact: i64, places: i64, word: Word) -> (i64, Loss) {
         (true, ..) => least,
         _ => most,
     };
-    (result as i64, Loss { inexact, saturated_low: low && !wrap, saturated_high: high && !wrap, wrapped: (low || high) && wrap })
+    (
+        result as i64,
+        Loss {
+            inexact,
+            saturated_low: low && !wrap,
+            saturated_high: high && !wrap,
+            wrapped: (low || high) && wrap,
+        },
+    )
 }
 
 fn shape(frac_bits: i32) -> Exact {
-    Exact { int_bits: 62 - frac_bits, frac_bits }
+    Exact {
+        int_bits: 62 - frac_bits,
+        frac_bits,
+    }
 }
 
 /// Every way into a word that allows `exact` agrees with the rational.
 fn agrees(fit: &Fit, exact: i64, more: i64) {
     let (word, loss) = oracle(exact, fit.places() + more, fit.word);
-    assert_eq!(fit.one_shifted(exact, more), word, "{exact} / 2^{} as {:?}", fit.places() + more, fit.word);
-    assert_eq!(fit.loss(exact, more), loss, "{exact} / 2^{} as {:?}", fit.places() + more, fit.word);
+    assert_eq!(
+        fit.one_shifted(exact, more),
+        word,
+        "{exact} / 2^{} as {:?}",
+        fit.places() + more,
+        fit.word
+    );
+    assert_eq!(
+        fit.loss(exact, more),
+        loss,
+        "{exact} / 2^{} as {:?}",
+        fit.places() + more,
+        fit.word
+    );
     if more == 0 {
         assert_eq!(fit.one(exact), word);
-        assert_eq!(fit.lanes(Plain([exact; LANES])).0[0], word, "{exact} / 2^{} as {:?}, a lane", fit.places(), fit.word);
+        assert_eq!(
+            fit.lanes(Plain([exact; LANES])).0[0],
+            word,
+            "{exact} / 2^{} as {:?}, a lane",
+            fit.places(),
+            fit.word
+        );
         let frac_bits = fit.word.format.frac_bits + fit.places() as i32;
         if exact >= 0 && fit.is_natural(64 - exact.leading_zeros() as i32 - frac_bits) {
             let exact = Plain([exact; LANES]);
-            assert_eq!(fit.lanes_unsigned::<true, _>(exact).0[0], word, "{exact:?} / 2^{} as {:?}, a natural", fit.places(), fit.word);
+            assert_eq!(
+                fit.lanes_unsigned::<true, _>(exact).0[0],
+                word,
+                "{exact:?} / 2^{} as {:?}, a natural",
+                fit.places(),
+                fit.word
+            );
             let within = fit.lanes_within::<true, _>(exact).0[0];
-            assert!(loss.saturated_high || within == word, "{exact:?} / 2^{} as {:?}, within", fit.places(), fit.word);
+            assert!(
+                loss.saturated_high || within == word,
+                "{exact:?} / 2^{} as {:?}, within",
+                fit.places(),
+                fit.word
+            );
         }
     }
 }
 
-/// All words up to eight bits, all modes, 13 places between finer by 4 and coarser by 8, all 11-bit results.
+/// All words up to eight bits, all modes, 13 places between finer by 4 and coarser by 8, all 11-bit
+/// results.
 #[test]
 fn fit_agrees_with_exact_rationals() {
     for width in 1..=8 {
-        for (signed, int_bits) in [false, true].into_iter().flat_map(|signed| [-4, 0, 1, 3, width].map(|int_bits| (signed, int_bits))) {
+        for (signed, int_bits) in [false, true]
+            .into_iter()
+            .flat_map(|signed| [-4, 0, 1, 3, width].map(|int_bits| (signed, int_bits)))
+        {
             let frac_bits = width - int_bits;
             if frac_bits < 0 {
                 continue;
             }
-            let format = Format { signed, int_bits, frac_bits };
-            for (round, overflow) in ROUNDINGS.into_iter().flat_map(|round| OVERFLOWS.map(|overflow| (round, overflow))) {
+            let format = Format {
+                signed,
+                int_bits,
+                frac_bits,
+            };
+            for (round, overflow) in ROUNDINGS
+                .into_iter()
+                .flat_map(|round| OVERFLOWS.map(|overflow| (round, overflow)))
+            {
                 for places in -4..=8 {
-                    let fit = Fit::new(0, Word { format, round, overflow }, shape(frac_bits + places));
+                    let fit = Fit::new(
+                        0,
+                        Word {
+                            format,
+                            round,
+                            overflow,
+                        },
+                        shape(frac_bits + places),
+                    );
                     for exact in -1024..1024 {
                         agrees(&fit, exact, 0);
                     }
@@ -91,15 +156,27 @@ fn fit_agrees_with_exact_rationals() {
 const LANES: usize = crate::num::LANES;
 
 fn words(width: std::ops::RangeInclusive<i32>) -> impl Strategy<Value = Word> {
-    (formats(width), prop::sample::select(ROUNDINGS.to_vec()), prop::sample::select(OVERFLOWS.to_vec()))
-        .prop_map(|(format, round, overflow)| Word { format, round, overflow })
+    (
+        formats(width),
+        prop::sample::select(ROUNDINGS.to_vec()),
+        prop::sample::select(OVERFLOWS.to_vec()),
+    )
+        .prop_map(|(format, round, overflow)| Word {
+            format,
+            round,
+            overflow,
+        })
 }
 
 /// Exact results of up to 62 bits, short ones as often as long ones, and those at ties.
 fn exacts() -> impl Strategy<Value = i64> {
     (any::<i64>(), 1..64u32, 0..62u32).prop_map(|(bits, unused, zeros)| {
         let long = bits >> unused;
-        if bits & 1 == 0 { long } else { (long >> zeros) << zeros }
+        if bits & 1 == 0 {
+            long
+        } else {
+            (long >> zeros) << zeros
+        }
     })
 }
 

@@ -23,11 +23,23 @@ impl Kernel for Everything<'_> {
         // Multiplier operands are words of at most 32 bits.
         let (narrow_a, narrow_b) = (a.right(32), b.right(32));
         let pairs = a.look_up_pairs(self.table.as_chunks().0);
-        let (low, high) = (self.a.map(|word| word as i32), self.b.map(|word| word as i32));
+        let (low, high) = (
+            self.a.map(|word| word as i32),
+            self.b.map(|word| word as i32),
+        );
         let mut sums = self.keys;
-        let limits = [low.map(|word| word.min(1000)), high.map(|word| word.max(-1000))];
-        let unlimited =
-            L::add_product(&mut sums, &low, self.b[0] as i32, &high, &self.by.map(|by| by as i32 / 2), [&limits[0], &limits[1]]);
+        let limits = [
+            low.map(|word| word.min(1000)),
+            high.map(|word| word.max(-1000)),
+        ];
+        let unlimited = L::add_product(
+            &mut sums,
+            &low,
+            self.b[0] as i32,
+            &high,
+            &self.by.map(|by| by as i32 / 2),
+            [&limits[0], &limits[1]],
+        );
         let all = [
             L::splat(self.a[0]),
             a.right(1) + b.right(1),
@@ -45,7 +57,11 @@ impl Kernel for Everything<'_> {
             a.look_up(self.table),
             L::splat(i64::from(a.any_negative())),
             L::splat(i64::from(a.signs())),
-            L::splat(i64::from(L::near(&self.keys, self.a[0] as i32, self.b[0] as u32 >> (self.by[0] / 2)))),
+            L::splat(i64::from(L::near(
+                &self.keys,
+                self.a[0] as i32,
+                self.b[0] as u32 >> (self.by[0] / 2),
+            ))),
             L::splat(L::nearest(&self.keys, self.a[0] as i32) as i64),
             L::from_bytes(self.a[0].to_le_bytes()),
             a.wrapping_add(b),
@@ -57,7 +73,9 @@ impl Kernel for Everything<'_> {
             L::from_array(unlimited.to_array().map(i64::from)),
             L::from_array(a.low().to_array().map(i64::from)),
         ];
-        let transposed = L::transposed(&std::array::from_fn(|item| low.map(|word| word.rotate_left(item as u32))));
+        let transposed = L::transposed(&std::array::from_fn(|item| {
+            low.map(|word| word.rotate_left(item as u32))
+        }));
         all.into_iter().chain(transposed).map(L::to_array).collect()
     }
 }
@@ -87,5 +105,8 @@ fn plain_lanes_do_what_words_do() {
     let b = Plain([4, -4, 0, -7, 5, 1, 12, 64]);
     assert_eq!(a.above(b).0, [0, -1, 0, -1, -1, 0, 0, 0]);
     assert_eq!(a.right(1).0, [1, -2, 0, 3, i64::MAX / 2, -1, 6, -32]);
-    assert_eq!(a.look_up(&[10, 11, 12, 13]).0, [13, 11, 10, 13, 13, 13, 10, 10]);
+    assert_eq!(
+        a.look_up(&[10, 11, 12, 13]).0,
+        [13, 11, 10, 13, 13, 13, 10, 10]
+    );
 }

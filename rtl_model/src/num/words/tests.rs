@@ -22,7 +22,11 @@ impl Everything<'_> {
         // Sums and magnitudes are words themselves.
         let [half_a, half_b] = [a.right(1), b.right(1)];
         let by = self.by[0] as u32 & 31;
-        let pairs: Vec<[i32; 2]> = self.table.iter().map(|word| [*word, !word.rotate_left(7)]).collect();
+        let pairs: Vec<[i32; 2]> = self
+            .table
+            .iter()
+            .map(|word| [*word, !word.rotate_left(7)])
+            .collect();
         let all = [
             W::splat(i64::from(self.words[0][0])),
             half_a + half_b,
@@ -51,7 +55,11 @@ impl Everything<'_> {
             W::from_bytes(std::array::from_fn(|byte| self.words[byte % 3][byte] as u8)),
         ];
         let rows = [a, b, c, half_a, half_b, -half_a, -half_b, a & c];
-        all.into_iter().chain(W::transposed(rows)).chain(W::transposed(W::transposed(rows))).map(W::to_array).collect()
+        all.into_iter()
+            .chain(W::transposed(rows))
+            .chain(W::transposed(W::transposed(rows)))
+            .map(W::to_array)
+            .collect()
     }
 
     fn of_exacts<X: Exacts>(&self) -> Vec<Row> {
@@ -90,7 +98,12 @@ impl Everything<'_> {
             a.min(b),
             half_a.abs(),
         ];
-        of_words.into_iter().map(Words::exact).chain(all).map(X::to_array).collect()
+        of_words
+            .into_iter()
+            .map(Words::exact)
+            .chain(all)
+            .map(X::to_array)
+            .collect()
     }
 }
 
@@ -98,7 +111,10 @@ impl Kernel for Everything<'_> {
     type Output = (Vec<[i32; LANES]>, Vec<Row>);
 
     fn run<L: Lanes>(self) -> Self::Output {
-        (self.of_words::<L::Words>(), self.of_exacts::<<L::Words as Words>::Exact>())
+        (
+            self.of_words::<L::Words>(),
+            self.of_exacts::<<L::Words as Words>::Exact>(),
+        )
     }
 }
 
@@ -155,11 +171,22 @@ fn leading_zeros_do_not_round() {
     impl Kernel for LeadingZeros {
         type Output = [i32; LANES];
         fn run<L: Lanes>(self) -> [i32; LANES] {
-            <L::Words as Words>::Exact::from_array(self.0).leading_zeros().to_array()
+            <L::Words as Words>::Exact::from_array(self.0)
+                .leading_zeros()
+                .to_array()
         }
     }
     for power in 0..63 {
-        let near = [-2, -1, 0, 1, 2, 1 << (power / 2), -(1 << (power / 2)), (1 << power) - 1];
+        let near = [
+            -2,
+            -1,
+            0,
+            1,
+            2,
+            1 << (power / 2),
+            -(1 << (power / 2)),
+            (1 << power) - 1,
+        ];
         let numbers = near.map(|step| ((1i64 << power).saturating_add(step)).max(1));
         let zeros = numbers.map(|number| number.leading_zeros() as i32);
         assert_eq!(vectorised(LeadingZeros(numbers)), zeros, "{numbers:?}");
@@ -168,26 +195,78 @@ fn leading_zeros_do_not_round() {
 
 #[test]
 fn plain_words_do_what_words_do() {
-    let (a, b) = (PlainWords([3, -3, 0, 7, i32::MAX, -1, 12, -64]), PlainWords([4, -4, 0, -7, 5, 1, 12, 64]));
+    let (a, b) = (
+        PlainWords([3, -3, 0, 7, i32::MAX, -1, 12, -64]),
+        PlainWords([4, -4, 0, -7, 5, 1, 12, 64]),
+    );
     assert_eq!(a.above(b).0, [0, -1, 0, -1, -1, 0, 0, 0]);
-    assert_eq!(a.where_else(a.above(b), b).0, [4, -3, 0, 7, i32::MAX, 1, 12, 64]);
+    assert_eq!(
+        a.where_else(a.above(b), b).0,
+        [4, -3, 0, 7, i32::MAX, 1, 12, 64]
+    );
     assert_eq!(a.right(1).0, [1, -2, 0, 3, i32::MAX / 2, -1, 6, -32]);
     assert_eq!(a.is_none().0, [0, -1, -1, 0, 0, -1, 0, -1]);
-    assert_eq!((a.is_zero().0, a.is_zero().not().0), ([0, 0, -1, 0, 0, 0, 0, 0], [-1, -1, 0, -1, -1, -1, -1, -1]));
+    assert_eq!(
+        (a.is_zero().0, a.is_zero().not().0),
+        ([0, 0, -1, 0, 0, 0, 0, 0], [-1, -1, 0, -1, -1, -1, -1, -1])
+    );
     assert_eq!(a.signs(), 0b10100010);
-    assert_eq!(a.look_up(&[10, 11, 12, 13]).0, [13, 11, 10, 13, 13, 13, 10, 10]);
-    assert_eq!((a * b).0, [12, 12, 0, -49, 5 * i64::from(i32::MAX), -1, 144, -4096]);
-    let rows = [0, 1, 2, 3, 4, 5, 6, 7].map(|row| PlainWords([0, 1, 2, 3, 4, 5, 6, 7].map(|column| 10 * row + column)));
-    assert_eq!(PlainWords::transposed(rows)[2].0, [2, 12, 22, 32, 42, 52, 62, 72]);
+    assert_eq!(
+        a.look_up(&[10, 11, 12, 13]).0,
+        [13, 11, 10, 13, 13, 13, 10, 10]
+    );
+    assert_eq!(
+        (a * b).0,
+        [12, 12, 0, -49, 5 * i64::from(i32::MAX), -1, 144, -4096]
+    );
+    let rows = [0, 1, 2, 3, 4, 5, 6, 7]
+        .map(|row| PlainWords([0, 1, 2, 3, 4, 5, 6, 7].map(|column| 10 * row + column)));
+    assert_eq!(
+        PlainWords::transposed(rows)[2].0,
+        [2, 12, 22, 32, 42, 52, 62, 72]
+    );
 }
 
 #[test]
 fn plain_results_are_cut_where_the_words_say() {
-    let a = Plain([1 << 40, -1 << 40, (1 << 40) - 1, -1, 0, 1, 5 << 33, -5 << 33]);
-    assert_eq!(a.cut(12).0, [1 << 28, -1 << 28, (1 << 28) - 1, -1, 0, 0, 10 << 20, -10 << 20]);
+    let a = Plain([
+        1 << 40,
+        -1 << 40,
+        (1 << 40) - 1,
+        -1,
+        0,
+        1,
+        5 << 33,
+        -5 << 33,
+    ]);
+    assert_eq!(
+        a.cut(12).0,
+        [
+            1 << 28,
+            -1 << 28,
+            (1 << 28) - 1,
+            -1,
+            0,
+            0,
+            10 << 20,
+            -10 << 20
+        ]
+    );
     assert_eq!(a.cut_deep(32).0, [256, -256, 255, -1, 0, 0, 10, -10]);
     let mut by = [11, 10, 10, 0, 63, 0, 6, 7];
-    assert_eq!(a.cut_by(PlainWords(by)).unwrap().0, [1 << 29, -1 << 30, (1 << 30) - 1, -1, 0, 1, 5 << 27, -5 << 26]);
+    assert_eq!(
+        a.cut_by(PlainWords(by)).unwrap().0,
+        [
+            1 << 29,
+            -1 << 30,
+            (1 << 30) - 1,
+            -1,
+            0,
+            1,
+            5 << 27,
+            -5 << 26
+        ]
+    );
     by[0] = 10;
     assert_eq!(a.cut_by(PlainWords(by)), None, "2^30 has more than 31 bits");
     by[0] = 64;

@@ -3,7 +3,12 @@ use super::*;
 /// Everything that a machine can be given to draw.
 fn kinds(machine: &Elaborated) -> Vec<Kind> {
     let m = &machine.machine;
-    let can = [m.ellipse.ellipsoid.is_some(), m.ellipse.ellipsoid.is_some(), m.sort.is_some(), m.fragment.sheets.is_some()];
+    let can = [
+        m.ellipse.ellipsoid.is_some(),
+        m.ellipse.ellipsoid.is_some(),
+        m.sort.is_some(),
+        m.fragment.sheets.is_some(),
+    ];
     let all = (0..16u8).map(|bits| [0, 1, 2, 3].map(|bit| bits >> bit & 1 == 1));
     let kinds = all.filter(|kind| kind.iter().zip(can).all(|(wanted, can)| can || !wanted));
     // A machine that groups by windows does so whatever it draws, and has all splats lit before.
@@ -23,13 +28,21 @@ fn kinds(machine: &Elaborated) -> Vec<Kind> {
 fn all() -> Vec<Stream> {
     let of = |machine: &Elaborated| {
         let kinds = kinds(machine).into_iter();
-        kinds.flat_map(|kind| constants(machine, kind).into_iter().chain(streams(machine, kind))).collect::<Vec<_>>()
+        kinds
+            .flat_map(|kind| {
+                constants(machine, kind)
+                    .into_iter()
+                    .chain(streams(machine, kind))
+            })
+            .collect::<Vec<_>>()
     };
     machines().iter().flat_map(of).collect()
 }
 
 fn machines() -> Vec<Elaborated> {
-    Machine::names().map(|name| Machine::named(name).unwrap().elaborate().unwrap()).collect()
+    Machine::names()
+        .map(|name| Machine::named(name).unwrap().elaborate().unwrap())
+        .collect()
 }
 
 #[test]
@@ -37,8 +50,18 @@ fn records_have_the_widths_of_their_fields() {
     for stream in all() {
         let places = stream.places();
         for (i, field) in stream.fields.iter().enumerate() {
-            let top = if i == 0 { stream.width() } else { places[i - 1] };
-            assert_eq!(places[i] + field.width(), top, "{} {}", stream.name, field.name);
+            let top = if i == 0 {
+                stream.width()
+            } else {
+                places[i - 1]
+            };
+            assert_eq!(
+                places[i] + field.width(),
+                top,
+                "{} {}",
+                stream.name,
+                field.name
+            );
         }
         assert_eq!(places.last(), Some(&0), "{}", stream.name);
     }
@@ -48,9 +71,22 @@ fn records_have_the_widths_of_their_fields() {
 fn fields_have_names_of_their_own_and_depend_on_fields_before_them() {
     for stream in all() {
         for (i, field) in stream.fields.iter().enumerate() {
-            let before: Vec<&str> = stream.fields[..i].iter().map(|field| field.name.as_str()).collect();
-            assert!(!before.contains(&field.name.as_str()), "{} has two fields {}", stream.name, field.name);
-            assert!(field.unless.iter().all(|flag| before.contains(flag)), "{} {}", stream.name, field.name);
+            let before: Vec<&str> = stream.fields[..i]
+                .iter()
+                .map(|field| field.name.as_str())
+                .collect();
+            assert!(
+                !before.contains(&field.name.as_str()),
+                "{} has two fields {}",
+                stream.name,
+                field.name
+            );
+            assert!(
+                field.unless.iter().all(|flag| before.contains(flag)),
+                "{} {}",
+                stream.name,
+                field.name
+            );
         }
     }
 }
@@ -59,16 +95,31 @@ fn fields_have_names_of_their_own_and_depend_on_fields_before_them() {
 fn what_discs_have_is_there_for_ellipsoids_too_but_what_sheets_replace() {
     for machine in machines() {
         let names = |kind| -> Vec<String> {
-            let all = constants(&machine, kind).into_iter().chain(streams(&machine, kind));
-            all.flat_map(|stream| stream.fields.into_iter().map(move |field| format!("{} {}", stream.name, field.name))).collect()
+            let all = constants(&machine, kind)
+                .into_iter()
+                .chain(streams(&machine, kind));
+            all.flat_map(|stream| {
+                stream
+                    .fields
+                    .into_iter()
+                    .map(move |field| format!("{} {}", stream.name, field.name))
+            })
+            .collect()
         };
         let discs = names(Kind::default());
         for kind in kinds(&machine) {
             let here = names(kind);
             let gone: Vec<&String> = discs.iter().filter(|name| !here.contains(name)).collect();
-            assert!(kind == Kind::default() || here != discs, "{kind:?} has what discs have");
+            assert!(
+                kind == Kind::default() || here != discs,
+                "{kind:?} has what discs have"
+            );
             let is_grouped = kind.sheets || kind.windows;
-            assert!(gone.iter().all(|name| is_grouped && name.starts_with("fragment.")), "{kind:?} lacks {gone:?}");
+            assert!(
+                gone.iter()
+                    .all(|name| is_grouped && name.starts_with("fragment.")),
+                "{kind:?} lacks {gone:?}"
+            );
         }
     }
 }
@@ -76,7 +127,14 @@ fn what_discs_have_is_there_for_ellipsoids_too_but_what_sheets_replace() {
 #[test]
 fn what_setup_makes_has_the_fields_of_its_records() {
     for machine in machines() {
-        let width = |name: &str| streams(&machine, Kind::default()).iter().find(|stream| stream.name == name).unwrap().fields.len();
+        let width = |name: &str| {
+            streams(&machine, Kind::default())
+                .iter()
+                .find(|stream| stream.name == name)
+                .unwrap()
+                .fields
+                .len()
+        };
         // Discs have no flag `transparent`.
         assert_eq!(width("project.out") + 1, crate::records::PROJECTED);
         assert_eq!(width("ellipse.out"), crate::records::SET_UP);
@@ -86,10 +144,19 @@ fn what_setup_makes_has_the_fields_of_its_records() {
 #[test]
 fn signals_parts_and_ports_belong_to_units_that_are_listed() {
     for machine in machines() {
-        let signals = machine.signals.iter().map(|signal| signal.unit).filter(|unit| *unit != "splat");
+        let signals = machine
+            .signals
+            .iter()
+            .map(|signal| signal.unit)
+            .filter(|unit| *unit != "splat");
         let parts = machine.parts.iter().map(|part| part.unit);
-        let all = kinds(&machine).into_iter().flat_map(|kind| streams(&machine, kind));
-        let ports: Vec<_> = all.filter_map(|stream| stream.unit()).filter(|unit| *unit != "pipeline").collect();
+        let all = kinds(&machine)
+            .into_iter()
+            .flat_map(|kind| streams(&machine, kind));
+        let ports: Vec<_> = all
+            .filter_map(|stream| stream.unit())
+            .filter(|unit| *unit != "pipeline")
+            .collect();
         for name in parts {
             assert!(crate::records::unit::BUILT.contains(&name), "{name}");
         }

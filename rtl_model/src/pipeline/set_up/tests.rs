@@ -23,21 +23,45 @@ fn word(of: Word, seed: u64) -> i64 {
 
 /// What is kept of eight splats: why each is culled, or all.
 fn kept<W: Words>(made: Made<W>, splats: usize) -> impl Iterator<Item = Vec<i32>> {
-    let Made { culled, pixel, depth, conic, depth_slope, depth_range, sides, amplitude, normal } = made;
+    let Made {
+        culled,
+        pixel,
+        depth,
+        conic,
+        depth_slope,
+        depth_range,
+        sides,
+        amplitude,
+        normal,
+    } = made;
     let culled = culled.map(Words::to_array);
-    let others = [&pixel[..], &[depth], &conic, &depth_slope, &[depth_range], sides.as_flattened(), &[amplitude], &normal].concat();
+    let others = [
+        &pixel[..],
+        &[depth],
+        &conic,
+        &depth_slope,
+        &[depth_range],
+        sides.as_flattened(),
+        &[amplitude],
+        &normal,
+    ]
+    .concat();
     let others: Vec<[i32; LANES]> = others.into_iter().map(Words::to_array).collect();
-    (0..splats).map(move |lane| match culled.iter().position(|reason| reason[lane] != 0) {
-        Some(reason) => vec![reason as i32],
-        None => others.iter().map(|words| words[lane]).collect(),
-    })
+    (0..splats).map(
+        move |lane| match culled.iter().position(|reason| reason[lane] != 0) {
+            Some(reason) => vec![reason as i32],
+            None => others.iter().map(|words| words[lane]).collect(),
+        },
+    )
 }
 
 /// By the graphs.
 fn by_graphs<P: Probe>(stages: &mut Stages, splats: &[Splat], probe: &mut P) -> Vec<Vec<i32>> {
     stages.set_up(splats, 0, None, probe, &mut Block::of(splats.len()));
     let eights = splats.chunks(LANES).enumerate();
-    eights.flat_map(|(row, splats)| kept(stages.made::<<Plain as Lanes>::Words>(row), splats.len())).collect()
+    eights
+        .flat_map(|(row, splats)| kept(stages.made::<<Plain as Lanes>::Words>(row), splats.len()))
+        .collect()
 }
 
 /// By the host's kernel.
@@ -53,7 +77,10 @@ impl Kernel for ByKernel<'_> {
         for given in frame.splats.chunks(LANES) {
             let mut eight = [Splat::default(); LANES];
             eight[..given.len()].copy_from_slice(given);
-            let made = machine.discs.set_up::<L::Words>(&frame.view, [frame.width, frame.height], &eight);
+            let made =
+                machine
+                    .discs
+                    .set_up::<L::Words>(&frame.view, [frame.width, frame.height], &eight);
             all.extend(kept(made, given.len()));
         }
         all

@@ -11,19 +11,38 @@ const ON: fn() -> Switches = || Switches(vec![true; 8]);
 const OFF: fn() -> Switches = || Switches(vec![false; 8]);
 
 fn words() -> impl Strategy<Value = Word> {
-    let round = prop::sample::select(vec![Rounding::Truncate, Rounding::Nearest, Rounding::NearestEven]);
+    let round = prop::sample::select(vec![
+        Rounding::Truncate,
+        Rounding::Nearest,
+        Rounding::NearestEven,
+    ]);
     let overflow = prop::sample::select(vec![Overflow::Saturate, Overflow::Wrap]);
-    (any::<bool>(), 0..24, 2..24, round, overflow).prop_map(|(signed, frac_bits, width, round, overflow)| Word {
-        format: Format { signed, int_bits: width - frac_bits, frac_bits },
-        round,
-        overflow,
-    })
+    (any::<bool>(), 0..24, 2..24, round, overflow).prop_map(
+        |(signed, frac_bits, width, round, overflow)| Word {
+            format: Format {
+                signed,
+                int_bits: width - frac_bits,
+                frac_bits,
+            },
+            round,
+            overflow,
+        },
+    )
 }
 
 fn units() -> impl Strategy<Value = (FunctionUnit, i32)> {
-    (1..=8u32, 0..=3u32, 8..=26u32, 0..40).prop_map(|(table_bits, newton_steps, bits, operand_frac_bits)| {
-        (FunctionUnit { table_bits, newton_steps, bits }, operand_frac_bits)
-    })
+    (1..=8u32, 0..=3u32, 8..=26u32, 0..40).prop_map(
+        |(table_bits, newton_steps, bits, operand_frac_bits)| {
+            (
+                FunctionUnit {
+                    table_bits,
+                    newton_steps,
+                    bits,
+                },
+                operand_frac_bits,
+            )
+        },
+    )
 }
 
 /// 1, 2, 3 … and numbers of up to 50 bits.
@@ -32,7 +51,8 @@ fn operands() -> impl Strategy<Value = i64> {
 }
 
 proptest! {
-    /// An exact result of up to 50 bits, anywhere between far below the last place and far above the range.
+    /// An exact result of up to 50 bits, anywhere between far below the last place and far above
+    /// the range.
     #[test]
     fn all_on_a_fit_is_the_machines(word in words(), exact in -(1i64 << 50)..1 << 50, shift in 0..50, frac_bits in 0..40, exponent in -9..9) {
         let (exact, switches) = (exact >> shift, ON());
@@ -80,7 +100,23 @@ proptest! {
 #[test]
 fn a_register_keeps_what_its_bits_can_tell() {
     let on = ON();
-    let register = Fit::new(3, Word::new(Format::signed(3, 2)), Exact { int_bits: 8, frac_bits: 2 });
+    let register = Fit::new(
+        3,
+        Word::new(Format::signed(3, 2)),
+        Exact {
+            int_bits: 8,
+            frac_bits: 2,
+        },
+    );
     let wrapped = |value: f64| PartialPrecision::new(value, &on).wrapped(&register).value;
-    assert_eq!([wrapped(3.75), wrapped(4.0), wrapped(-4.25), wrapped(8.5), wrapped(0.1)], [3.75, -4.0, 3.75, 0.5, 0.1]);
+    assert_eq!(
+        [
+            wrapped(3.75),
+            wrapped(4.0),
+            wrapped(-4.25),
+            wrapped(8.5),
+            wrapped(0.1)
+        ],
+        [3.75, -4.0, 3.75, 0.5, 0.1]
+    );
 }

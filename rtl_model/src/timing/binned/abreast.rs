@@ -5,8 +5,9 @@
 //!                     the entry's stamps, gone through once┴─► raster ─► gauss ─► fragment ───┴─► tile done ─► resolve
 //!                                                              eight at a time
 //! ```
-//! They may differ in all that leaves the order of their stamps alone: latencies, FIFOs, memory, what is infinitely fast. Lists, memory, shade
-//! and resolve are those of [`super`]; raster, gauss and fragment take a stamp on eight machines at once, by the same rules as the units of
+//! They may differ in all that leaves the order of their stamps alone: latencies, FIFOs, memory,
+//! what is infinitely fast. Lists, memory, shade and resolve are those of [`super`]; raster, gauss
+//! and fragment take a stamp on eight machines at once, by the same rules as the units of
 //! `stages.rs`. Nothing here is hardware: it is how the simulator keeps a host's vector units busy.
 //!
 //! Law: `machines_abreast_take_as_long_as_one_by_one`.
@@ -28,7 +29,14 @@ use std::collections::VecDeque;
 
 /// Whether two machines go through the same stamps in the same order, one tile at a time.
 fn are_alike(one: &Microarchitecture, other: &Microarchitecture) -> bool {
-    let order = |t: &Microarchitecture| (t.timing.organisation, t.timing.tile.side_px, t.timing.queue, t.timing.raster.lanes);
+    let order = |t: &Microarchitecture| {
+        (
+            t.timing.organisation,
+            t.timing.tile.side_px,
+            t.timing.queue,
+            t.timing.raster.lanes,
+        )
+    };
     order(one) == order(other)
 }
 
@@ -59,14 +67,25 @@ pub fn replay_all(timings: &[&Microarchitecture], work: &Work, detail: Detail) -
 /// Which machines go abreast, and which by themselves.
 fn batches(timings: &[&Microarchitecture], work: &Work, detail: Detail) -> Vec<Vec<usize>> {
     let (mut batches, mut alone, mut left): (Vec<_>, Vec<usize>, Vec<usize>) = Default::default();
-    let is_plain = timings.len() >= FEWEST && detail <= Detail::Accounts && !work.mirrors && !work.stops();
+    let is_plain =
+        timings.len() >= FEWEST && detail <= Detail::Accounts && !work.mirrors && !work.stops();
     for (nth, timing) in timings.iter().enumerate() {
-        if is_plain && can_go_abreast(timing) { left.push(nth) } else { alone.push(nth) }
+        if is_plain && can_go_abreast(timing) {
+            left.push(nth)
+        } else {
+            alone.push(nth)
+        }
     }
     while let Some(first) = left.first().copied() {
-        let (batch, others): (Vec<usize>, Vec<usize>) = left.into_iter().partition(|nth| are_alike(timings[first], timings[*nth]));
+        let (batch, others): (Vec<usize>, Vec<usize>) = left
+            .into_iter()
+            .partition(|nth| are_alike(timings[first], timings[*nth]));
         for batch in batch.chunks(LANES) {
-            if batch.len() < FEWEST { alone.extend(batch) } else { batches.push(batch.to_vec()) }
+            if batch.len() < FEWEST {
+                alone.extend(batch)
+            } else {
+                batches.push(batch.to_vec())
+            }
         }
         left = others;
     }
@@ -80,15 +99,39 @@ fn side_by_side(timings: &[&Microarchitecture], work: &Work, detail: Detail) -> 
     let held = Held::new(work);
     let mut machines: Vec<Machine> = Vec::new();
     for t in timings {
-        let known = machines.iter().find(|machine| machine.pass.t.lists_as(t, work.preshaded));
-        let listed = known.map_or_else(|| Listed::new(t, work, &lists, detail), |machine| machine.listed.clone());
+        let known = machines
+            .iter()
+            .find(|machine| machine.pass.t.lists_as(t, work.preshaded));
+        let listed = known.map_or_else(
+            || Listed::new(t, work, &lists, detail),
+            |machine| machine.listed.clone(),
+        );
         let engine = Engine::new(t, work, &held, listed.from, detail, 0);
         let pass = SecondPass::new(t, work, &lists, listed.from);
-        machines.push(Machine { listed, pass, engine });
+        machines.push(Machine {
+            listed,
+            pass,
+            engine,
+        });
     }
-    let stamps = vectorised(Tiles { machines: &mut machines, work, lists: &lists });
-    let cycles = |machine: Machine| machine.listed.cycles(vec![machine.engine], stamps, None, detail);
-    machines.into_iter().map(cycles).map(|cycles| Cycles { harmonics: work.harmonics, ..cycles }).collect()
+    let stamps = vectorised(Tiles {
+        machines: &mut machines,
+        work,
+        lists: &lists,
+    });
+    let cycles = |machine: Machine| {
+        machine
+            .listed
+            .cycles(vec![machine.engine], stamps, None, detail)
+    };
+    machines
+        .into_iter()
+        .map(cycles)
+        .map(|cycles| Cycles {
+            harmonics: work.harmonics,
+            ..cycles
+        })
+        .collect()
 }
 
 /// One of them.
@@ -110,28 +153,58 @@ impl Kernel for Tiles<'_, '_> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) -> [u64; 2] {
-        let Tiles { machines, work, lists } = self;
-        let timings: Vec<&Microarchitecture> = machines.iter().map(|machine| machine.pass.t).collect();
+        let Tiles {
+            machines,
+            work,
+            lists,
+        } = self;
+        let timings: Vec<&Microarchitecture> =
+            machines.iter().map(|machine| machine.pass.t).collect();
         let mut fill = Fill::<L>::new(&timings, work);
         let t = timings[0];
         let side = t.timing.tile.side_px;
         let mut walk = Stamps::new(work, t.timing.raster.lanes);
         for machine in &mut *machines {
-            machine.pass.write_empty(0, machine.pass.from, &mut machine.listed.memory);
+            machine
+                .pass
+                .write_empty(0, machine.pass.from, &mut machine.listed.memory);
         }
-        let turns: Vec<usize> = machines[0].pass.queue.iter().map(|(_, place)| *place).collect();
+        let turns: Vec<usize> = machines[0]
+            .pass
+            .queue
+            .iter()
+            .map(|(_, place)| *place)
+            .collect();
         let mut footprints = Vec::new();
         for place in turns {
-            let mut tiles: Vec<Tile> = machines.iter_mut().map(|machine| machine.pass.begin(&mut machine.engine, None)).collect();
-            fill.begin(&of_lanes(&tiles, |tile| tile.buffer_free), &of_lanes(machines, |machine| machine.engine.merge.written));
+            let mut tiles: Vec<Tile> = machines
+                .iter_mut()
+                .map(|machine| machine.pass.begin(&mut machine.engine, None))
+                .collect();
+            fill.begin(
+                &of_lanes(&tiles, |tile| tile.buffer_free),
+                &of_lanes(machines, |machine| machine.engine.merge.written),
+            );
             let corner = tiles[0].corner.map(|at| at as u16);
             work.look_up(lists.of(place), &mut footprints);
             for footprint in &footprints {
                 let (mut from, mut here) = ([0; LANES], [0; LANES]);
-                for (nth, (Machine { listed, pass, engine }, tile)) in machines.iter_mut().zip(&mut tiles).enumerate() {
+                for (
+                    nth,
+                    (
+                        Machine {
+                            listed,
+                            pass,
+                            engine,
+                        },
+                        tile,
+                    ),
+                ) in machines.iter_mut().zip(&mut tiles).enumerate()
+                {
                     let fetched = pass.fetch(engine, tile, None, u64::MAX, &mut listed.memory);
                     tile.nth += 1;
-                    [from[nth], here[nth]] = fetched.map_or([0; 2], |(from, here)| [from as i64, here as i64]);
+                    [from[nth], here[nth]] =
+                        fetched.map_or([0; 2], |(from, here)| [from as i64, here as i64]);
                 }
                 repeat(&mut from, machines.len());
                 repeat(&mut here, machines.len());
@@ -141,7 +214,18 @@ impl Kernel for Tiles<'_, '_> {
                     machine.engine.list.behind.give(taken as u64);
                 }
             }
-            for (nth, (Machine { listed, pass, engine }, tile)) in machines.iter_mut().zip(&tiles).enumerate() {
+            for (
+                nth,
+                (
+                    Machine {
+                        listed,
+                        pass,
+                        engine,
+                    },
+                    tile,
+                ),
+            ) in machines.iter_mut().zip(&tiles).enumerate()
+            {
                 engine.merge.written = fill.written.to_array()[nth] as u64;
                 pass.resolve(engine, tile, None, &mut listed.memory);
             }
@@ -181,13 +265,24 @@ struct Abreast<L> {
 
 impl<L: Lanes> Abreast<L> {
     fn new(timings: &[&Microarchitecture], name: &'static str) -> Self {
-        let held = of_lanes(timings, |t| if t.lifted == Some(name) { 0 } else { u64::MAX });
+        let held = of_lanes(
+            timings,
+            |t| if t.lifted == Some(name) { 0 } else { u64::MAX },
+        );
         let none = L::splat(0);
-        Abreast { held: L::from_array(held), free: none, busy: none, blocked: none, memory: none, hazard: none, items: 0 }
+        Abreast {
+            held: L::from_array(held),
+            free: none,
+            busy: none,
+            blocked: none,
+            memory: none,
+            hazard: none,
+            items: 0,
+        }
     }
 
-    /// Takes an item that is here, with what it needs from memory, with no hazard any more, and with room, each moment the latest so far;
-    /// it holds the unit for so many cycles.
+    /// Takes an item that is here, with what it needs from memory, with no hazard any more, and
+    /// with room, each moment the latest so far; it holds the unit for so many cycles.
     #[inline(always)]
     fn hold(&mut self, [here, with_memory, unblocked, now]: [L; 4], items: u64, cycles: L) {
         let cycles = cycles & self.held;
@@ -202,7 +297,12 @@ impl<L: Lanes> Abreast<L> {
     /// Tells a unit of one machine what it did.
     fn put(&self, lane: usize, unit: &mut Unit) {
         let of = |lanes: L| lanes.to_array()[lane] as u64;
-        let account = Account { busy: of(self.busy), starved: 0, blocked: of(self.blocked), memory: of(self.memory) };
+        let account = Account {
+            busy: of(self.busy),
+            starved: 0,
+            blocked: of(self.blocked),
+            memory: of(self.memory),
+        };
         unit.put(of(self.free), self.items, account, of(self.hazard));
     }
 }
@@ -212,14 +312,16 @@ struct Places<L> {
     /// By an item's number, and by machine: from when on its place is free again.
     free: Vec<[i64; LANES]>,
     mask: usize,
-    /// How many there are, and what leads from an item's first word to that of the item so many before it.
+    /// How many there are, and what leads from an item's first word to that of the item so many
+    /// before it.
     room: [i64; LANES],
     back: L,
     /// How many, where all have as many.
     even: Option<usize>,
     claimed: usize,
     given: usize,
-    /// Of each machine, items that nothing comes of and that had to wait: from when on the place of each is free, and how many there are.
+    /// Of each machine, items that nothing comes of and that had to wait: from when on the place of
+    /// each is free, and how many there are.
     vanishing: [VecDeque<i64>; LANES],
     vanishing_items: [i64; LANES],
 }
@@ -232,8 +334,13 @@ impl<L: Lanes> Places<L> {
             free: vec![[0; LANES]; size],
             mask: size - 1,
             room,
-            back: L::from_array(array::from_fn(|lane| lane as i64 - LANES as i64 * room[lane])),
-            even: room.iter().all(|other| *other == room[0]).then_some(room[0] as usize),
+            back: L::from_array(array::from_fn(|lane| {
+                lane as i64 - LANES as i64 * room[lane]
+            })),
+            even: room
+                .iter()
+                .all(|other| *other == room[0])
+                .then_some(room[0] as usize),
             claimed: 0,
             given: 0,
             vanishing: Default::default(),
@@ -276,7 +383,8 @@ impl<L: Lanes> Places<L> {
         L::from_array(free)
     }
 
-    /// The same where on some machines it matters which have vanished by now; when it is where all have is known.
+    /// The same where on some machines it matters which have vanished by now; when it is where all
+    /// have is known.
     #[inline(never)]
     fn free_late(&mut self, now: &[i64; LANES], free: &mut [i64; LANES], mut taken: u8) {
         while taken != 0 {
@@ -293,13 +401,16 @@ impl<L: Lanes> Places<L> {
     #[inline(always)]
     fn forget_vanished(&mut self, lane: usize, now: i64) {
         let left = &mut self.vanishing_items[lane];
-        while self.vanishing[lane].pop_front_if(|from| *from <= now).is_some() {
+        while self.vanishing[lane]
+            .pop_front_if(|from| *from <= now)
+            .is_some()
+        {
             *left -= 1;
         }
     }
 
-    /// The first cycle from this one on in which one is free on a machine, beside those that have not vanished, as
-    /// [`Places::free_from`](super::super::account::Places::free_from) finds it.
+    /// The first cycle from this one on in which one is free on a machine, beside those that have
+    /// not vanished, as [`Places::free_from`](super::super::account::Places::free_from) finds it.
     fn free_beside_left(&self, lane: usize, now: i64) -> i64 {
         let (mut at, mut left) = (now, self.vanishing_items[lane]);
         if self.given_beside(lane, left) <= now {
@@ -317,7 +428,11 @@ impl<L: Lanes> Places<L> {
 
     fn given_beside(&self, lane: usize, vanishing: i64) -> i64 {
         let places = self.room[lane] - vanishing;
-        if places <= 0 { i64::MAX } else { self.free[self.claimed.wrapping_sub(places as usize) & self.mask][lane] }
+        if places <= 0 {
+            i64::MAX
+        } else {
+            self.free[self.claimed.wrapping_sub(places as usize) & self.mask][lane]
+        }
     }
 
     /// One that vanishes was taken on a machine; its place is free again from this cycle on.
@@ -338,7 +453,8 @@ impl<L: Lanes> Places<L> {
     }
 }
 
-/// A piece that was taken: until when it is under way on each machine, its pixels, and where what was taken of its strip before lies.
+/// A piece that was taken: until when it is under way on each machine, its pixels, and where what
+/// was taken of its strip before lies.
 #[derive(Clone, Copy, Default)]
 struct Taken {
     until: [i64; LANES],
@@ -356,9 +472,17 @@ struct Hazards {
 impl Hazards {
     fn new(timings: &[&Microarchitecture], work: &Work) -> Self {
         let columns = (work.width as usize).div_ceil(TILE_PX);
-        let under_way = timings.iter().map(|t| super::super::hazards::most_under_way(t)).max().unwrap_or(1);
+        let under_way = timings
+            .iter()
+            .map(|t| super::super::hazards::most_under_way(t))
+            .max()
+            .unwrap_or(1);
         let last = vec![Taken::default(); columns * work.height as usize];
-        Hazards { last, before: vec![Taken::default(); under_way], turn: 0 }
+        Hazards {
+            last,
+            before: vec![Taken::default(); under_way],
+            turn: 0,
+        }
     }
 
     /// As long as a piece is under way on any machine, what was taken before it is kept.
@@ -386,8 +510,16 @@ impl Hazards {
         for piece in stamp {
             let last = &mut self.last[piece.strip as usize];
             self.before[self.turn] = *last;
-            *last = Taken { until: until.to_array(), before: self.turn as u32, pixels: piece.pixels };
-            self.turn = if self.turn + 1 == self.before.len() { 0 } else { self.turn + 1 };
+            *last = Taken {
+                until: until.to_array(),
+                before: self.turn as u32,
+                pixels: piece.pixels,
+            };
+            self.turn = if self.turn + 1 == self.before.len() {
+                0
+            } else {
+                self.turn + 1
+            };
         }
     }
 }
@@ -421,7 +553,8 @@ struct Entry<L> {
 
 impl<'a, L: Lanes> Fill<'a, L> {
     fn new(timings: &[&'a Microarchitecture], work: &Work) -> Self {
-        let latency = |of: fn(&Microarchitecture) -> u32| L::from_array(of_lanes(timings, |t| of(t).into()));
+        let latency =
+            |of: fn(&Microarchitecture) -> u32| L::from_array(of_lanes(timings, |t| of(t).into()));
         Fill {
             timings: timings.to_vec(),
             raster: Abreast::new(timings, unit::RASTER),
@@ -430,7 +563,11 @@ impl<'a, L: Lanes> Fill<'a, L> {
             behind_raster: Places::new(of_lanes(timings, |t| t.raster.room() as u64)),
             behind_gauss: Places::new(of_lanes(timings, |t| t.gauss.room() as u64)),
             hazards: Hazards::new(timings, work),
-            latencies: [latency(|t| t.raster.latency), latency(|t| t.gauss.latency), latency(|t| t.fragment.latency)],
+            latencies: [
+                latency(|t| t.raster.latency),
+                latency(|t| t.gauss.latency),
+                latency(|t| t.fragment.latency),
+            ],
             hazard: latency(|t| t.hazard),
             room: L::splat(0),
             written: L::splat(0),
@@ -469,7 +606,8 @@ impl<'a, L: Lanes> Fill<'a, L> {
         }
         self.stamps[0] += u64::from(stamps);
         if gone_through < stamps {
-            first_taken = first_taken.min(self.empty_stamps(&entry, (stamps - gone_through).into()));
+            first_taken =
+                first_taken.min(self.empty_stamps(&entry, (stamps - gone_through).into()));
         }
         first_taken
     }
@@ -481,12 +619,17 @@ impl<'a, L: Lanes> Fill<'a, L> {
         let here = self.raster.free.max(entry.here);
         let with_memory = here.max(entry.memory);
         let taken = self.behind_raster.free_from(with_memory);
-        self.raster.hold([here, with_memory, with_memory, taken], 1, one);
+        self.raster
+            .hold([here, with_memory, with_memory, taken], 1, one);
         self.behind_raster.take();
 
         let goes_on = stamp.iter().any(|piece| piece.pixels != 0);
         let here = self.gauss.free.max(taken + self.latencies[0]);
-        let now = if goes_on { here.max(self.behind_gauss.free()) } else { here };
+        let now = if goes_on {
+            here.max(self.behind_gauss.free())
+        } else {
+            here
+        };
         self.gauss.hold([here, here, here, now], 1, one);
         self.behind_raster.give(now);
         if goes_on {
@@ -512,15 +655,22 @@ impl<'a, L: Lanes> Fill<'a, L> {
             (cycles, written) = (L::from_array(of_each), L::from_array(written_by));
         }
         self.fragment.hold([here, here, unblocked, now], 1, cycles);
-        self.hazards.take(stamp, written - self.latencies[2] + self.hazard);
+        self.hazards
+            .take(stamp, written - self.latencies[2] + self.hazard);
         self.written = self.written.max(written);
         now
     }
 
-    /// Merges of a stamp, with so many fragments to shade, machine by machine: for how long each is held, and when each has written those that
-    /// it takes then.
+    /// Merges of a stamp, with so many fragments to shade, machine by machine: for how long each is
+    /// held, and when each has written those that it takes then.
     #[inline(never)]
-    fn merges(&mut self, cycles: &mut [i64; LANES], written: &mut [i64; LANES], [merges, lit]: [u64; 2], machines: &mut [Machine]) {
+    fn merges(
+        &mut self,
+        cycles: &mut [i64; LANES],
+        written: &mut [i64; LANES],
+        [merges, lit]: [u64; 2],
+        machines: &mut [Machine],
+    ) {
         for (lane, t) in self.timings.iter().enumerate() {
             let latency = u64::from(t.fragment.latency);
             let now = written[lane] as u64;
@@ -545,8 +695,11 @@ impl<'a, L: Lanes> Fill<'a, L> {
     fn empty_stamps(&mut self, entry: &Entry<L>, stamps: u64) -> L {
         let here = self.raster.free.max(entry.here);
         let with_memory = here.max(entry.memory);
-        // Where so many have room, whatever comes next has: in each cycle one of them vanishes, and one stamp comes at most.
-        let has_run = self.behind_raster.are_free(with_memory, self.latencies[0] - L::splat(1));
+        // Where so many have room, whatever comes next has: in each cycle one of them vanishes, and
+        // one stamp comes at most.
+        let has_run = self
+            .behind_raster
+            .are_free(with_memory, self.latencies[0] - L::splat(1));
         let waits = (self.raster.held - (self.raster.held & has_run)).signs();
         let cycles = L::splat(stamps as i64) & self.raster.held;
         let (mut first, mut end) = (with_memory, with_memory + cycles);
@@ -555,15 +708,30 @@ impl<'a, L: Lanes> Fill<'a, L> {
             self.waiting_stamps(&mut first_of, &mut end_of, stamps, waits);
             (first, end) = (L::from_array(first_of), L::from_array(end_of));
         }
-        self.raster.hold([here, with_memory, with_memory, end - cycles], stamps, cycles);
+        self.raster.hold(
+            [here, with_memory, with_memory, end - cycles],
+            stamps,
+            cycles,
+        );
         first
     }
 
-    /// The same on machines that do not always have room: says when raster takes the first, and when it is free.
+    /// The same on machines that do not always have room: says when raster takes the first, and
+    /// when it is free.
     #[inline(never)]
-    fn waiting_stamps(&mut self, first: &mut [i64; LANES], end: &mut [i64; LANES], stamps: u64, waits: u8) {
+    fn waiting_stamps(
+        &mut self,
+        first: &mut [i64; LANES],
+        end: &mut [i64; LANES],
+        stamps: u64,
+        waits: u8,
+    ) {
         let places = &mut self.behind_raster;
-        let waiting = self.timings.iter().enumerate().filter(|(lane, _)| waits & (1 << lane) != 0);
+        let waiting = self
+            .timings
+            .iter()
+            .enumerate()
+            .filter(|(lane, _)| waits & (1 << lane) != 0);
         for (lane, t) in waiting {
             end[lane] = first[lane];
             for nth in 0..stamps {

@@ -1,25 +1,31 @@
-//! Ellipsoids: turns three principal axes into a conic, an amplitude and a box (EWA §6.2, docs/book/algorithm-resolve.md §9).
+//! Ellipsoids: turns three principal axes into a conic, an amplitude and a box (EWA §6.2,
+//! docs/book/algorithm-resolve.md §9).
 //!
 //! ```text
 //! quaternion ─►[ R ]─► rᵢ ─►[ W·r ]─┬─► tilt gᵢ ─►(× sᵢ)─► stretch ─►[ Σ sᵢ²gᵢgᵢᵀ ]─► shape ┐
 //!                                   └─► facing cᵢ ─►(× sⱼsₖ)─► face ─► area k'²·sⱼsₖcᵢ ─────┴─► as for a disc
 //! ```
-//! The variance V = J W V Wᵀ Jᵀ of the local affine approximation (EWA (31), third row and column dropped) is the sum of what each axis
-//! leaves on the screen, V_r = k² Σ sᵢ² gᵢgᵢᵀ with gᵢ = (r_x − a·r_z, r_y − b·r_z); and its determinant is the sum of what each pair of
-//! axes spans there, det V_r = k⁴ Σ (sⱼsₖcᵢ)² with cᵢ = rᵢ·(a, b, 1): no term is ever negative, none cancels. A disc is the ellipsoid
-//! with s = (1, 1, 0): one face, seen under c₃ = c_n. So all that follows is the disc's.
+//! The variance V = J W V Wᵀ Jᵀ of the local affine approximation (EWA (31), third row and column
+//! dropped) is the sum of what each axis leaves on the screen, V_r = k² Σ sᵢ² gᵢgᵢᵀ with gᵢ = (r_x
+//! − a·r_z, r_y − b·r_z); and its determinant is the sum of what each pair of axes spans there, det
+//! V_r = k⁴ Σ (sⱼsₖcᵢ)² with cᵢ = rᵢ·(a, b, 1): no term is ever negative, none cancels. A disc is
+//! the ellipsoid with s = (1, 1, 0): one face, seen under c₃ = c_n. So all that follows is the
+//! disc's.
 //!
-//! In the Jacobian, and nowhere else, a and b are clamped (`jacobian`), for the approximation has no meaning far to the side.
+//! In the Jacobian, and nowhere else, a and b are clamped (`jacobian`), for the approximation has
+//! no meaning far to the side.
 //!
-//! What the amplitude is follows from what is drawn ([`Amplitude`]): a disc's, the integral along the ray, the peak itself, or the peak times
-//! √(det V_r/det V). That root is taken of the sum of the squared faces, and goes on as the one face of a disc does.
+//! What the amplitude is follows from what is drawn ([`Amplitude`]): a disc's, the integral along
+//! the ray, the peak itself, or the peak times √(det V_r/det V). That root is taken of the sum of
+//! the squared faces, and goes on as the one face of a disc does.
 //!
-//! Where it is the peak itself and lesser weights than some do not count, none counts beyond r = 2·ln(α/least): the box has that cutoff,
-//! from a table by the first bits of the opacity, where it is less than the frame's.
+//! Where it is the peak itself and lesser weights than some do not count, none counts beyond r =
+//! 2·ln(α/least): the box has that cutoff, from a table by the first bits of the opacity, where it
+//! is less than the frame's.
 
 use super::{
-    BOUNDS, Ellipse, OUTPUTS, UNIT, Wires, camera_normal, culled, depth_slope, done, footprint, seen_normal, sized, squared_sum, turn,
-    visibility,
+    BOUNDS, Ellipse, OUTPUTS, UNIT, Wires, camera_normal, culled, depth_slope, done, footprint,
+    seen_normal, sized, squared_sum, turn, visibility,
 };
 use crate::elaboration::{Elaboration, Operator};
 use crate::frame::{Amplitude, Kernel, View};
@@ -40,7 +46,8 @@ pub(super) struct Ellipsoids {
 /// What a frame's ellipsoids ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Variant {
-    /// Axes of their own: a unit quaternion (w, x, y, z) and standard deviations, relative to σ. Else the frame's.
+    /// Axes of their own: a unit quaternion (w, x, y, z) and standard deviations, relative to σ.
+    /// Else the frame's.
     pub own: bool,
     /// Meaning of their amplitude.
     pub amplitude: Amplitude,
@@ -64,10 +71,17 @@ impl Variant {
 /// The two other axes.
 const OTHERS: [[usize; 2]; 3] = [[1, 2], [2, 0], [0, 1]];
 
-/// Shape of the table of cutoffs: bits of its address, and bits of an opacity below 1 that are not among them; none where there is no table.
+/// Shape of the table of cutoffs: bits of its address, and bits of an opacity below 1 that are not
+/// among them; none where there is no table.
 fn reach_shape(e: &mut Elaboration, machine: &Machine) -> Option<[u32; 2]> {
     let opacity = machine.splat.opacity.format.frac_bits.clamp(1, 31) as u32;
-    let bits = e.within(UNIT, "ellipsoid.reach_bits", machine.ellipse.ellipsoid?.reach_bits?, 1, opacity.min(12));
+    let bits = e.within(
+        UNIT,
+        "ellipsoid.reach_bits",
+        machine.ellipse.ellipsoid?.reach_bits?,
+        1,
+        opacity.min(12),
+    );
     Some([bits, opacity - bits])
 }
 
@@ -88,7 +102,17 @@ impl Ellipsoids {
         e.holds_one(UNIT, "scale", words.scale);
         e.copies(9, |e| {
             let square = e.times(UNIT, words.quaternion, words.quaternion);
-            let sum = e.sum(UNIT, [Exact { int_bits: 1, frac_bits: 0 }, square.doubled(), square.doubled()]);
+            let sum = e.sum(
+                UNIT,
+                [
+                    Exact {
+                        int_bits: 1,
+                        frac_bits: 0,
+                    },
+                    square.doubled(),
+                    square.doubled(),
+                ],
+            );
             e.fit(UNIT, "rotation", machine.splat.normal, sum)
         });
         // Two axes more than a disc has to turn.
@@ -116,10 +140,29 @@ impl Ellipsoids {
         // Two faces more than a disc has to square.
         let squared = e.copies(2, |e| e.times(UNIT, m.area, m.area));
         let slope_squared = e.copies(2, |e| e.times(UNIT, p.slope, p.slope));
-        let length_squared = e.sum(UNIT, [Exact { int_bits: 1, frac_bits: 0 }, slope_squared, slope_squared]);
+        let length_squared = e.sum(
+            UNIT,
+            [
+                Exact {
+                    int_bits: 1,
+                    frac_bits: 0,
+                },
+                slope_squared,
+                slope_squared,
+            ],
+        );
         e.normaliser(UNIT, length_squared.bits());
-        e.holds_exact("the operand of ellipse.ray_root, 1 + a² + b², normalised,", length_squared.scaled(1).plus(length_squared));
-        let ray_root = ReciprocalRoot::new(e, UNIT, "ray_root", words.ray_root, length_squared.frac_bits);
+        e.holds_exact(
+            "the operand of ellipse.ray_root, 1 + a² + b², normalised,",
+            length_squared.scaled(1).plus(length_squared),
+        );
+        let ray_root = ReciprocalRoot::new(
+            e,
+            UNIT,
+            "ray_root",
+            words.ray_root,
+            length_squared.frac_bits,
+        );
         let root_bits = words.ray_root.format();
         let root = e.times(UNIT, root_bits, root_bits).scaled(1);
         e.fit_shifted(UNIT, "ray", words.ray, root);
@@ -129,7 +172,10 @@ impl Ellipsoids {
             let squares = e.sum(UNIT, [squared; 3]);
             e.normaliser(UNIT, squares.bits());
             let normalised = squares.scaled(1).plus(squares);
-            e.holds_exact("the operand of ellipse.compensation_root, the sum of squared areas, normalised,", normalised);
+            e.holds_exact(
+                "the operand of ellipse.compensation_root, the sum of squared areas, normalised,",
+                normalised,
+            );
             let root = ReciprocalRoot::new(e, UNIT, "compensation_root", shape, squares.frac_bits);
             let bits = shape.format();
             let spanned = e.times(UNIT, bits, bits).scaled(1);
@@ -138,14 +184,21 @@ impl Ellipsoids {
         });
         let shown = e.times(UNIT, m.visibility, machine.splat.opacity);
         let reach = reach_shape(e, machine).map_or([0; 2], |[bits, below]| {
-            e.part(UNIT, Operator::Rom([1 << bits, machine.raster.cutoff.format.width()]));
+            e.part(
+                UNIT,
+                Operator::Rom([1 << bits, machine.raster.cutoff.format.width()]),
+            );
             // An opacity of 1 and above has the last address.
             e.choice(UNIT, 2, bits as i32);
             [below, (1 << bits) - 1]
         });
         e.fit(UNIT, "amplitude", m.amplitude, shown);
         e.fit(UNIT, "amplitude", m.amplitude, machine.splat.opacity.into());
-        Some(Ellipsoids { ray_root, compensation_root, reach })
+        Some(Ellipsoids {
+            ray_root,
+            compensation_root,
+            reach,
+        })
     }
 
     pub(super) fn ray_root(&self) -> &ReciprocalRoot {
@@ -167,7 +220,9 @@ impl Ellipsoids {
 impl Ellipse {
     /// The cutoff of an ellipsoid's box, from its opacity.
     pub fn box_cutoff(&self, view: &View, kernel: &Kernel, opacity: i32) -> i64 {
-        self.ellipsoids.as_ref().map_or(view.cutoff, |own| own.cutoff(view, kernel, opacity))
+        self.ellipsoids
+            .as_ref()
+            .map_or(view.cutoff, |own| own.cutoff(view, kernel, opacity))
     }
 }
 
@@ -179,9 +234,21 @@ fn directions(g: &mut Builder, machine: &Machine, [w, x, y, z]: [Wire; 4]) -> [[
         g.scaled(pair, 1)
     };
     let twice = [
-        [pair([y, y], [z, z], true), pair([x, y], [w, z], true), pair([x, z], [w, y], false)],
-        [pair([x, y], [w, z], false), pair([x, x], [z, z], true), pair([y, z], [w, x], true)],
-        [pair([x, z], [w, y], true), pair([y, z], [w, x], false), pair([x, x], [y, y], true)],
+        [
+            pair([y, y], [z, z], true),
+            pair([x, y], [w, z], true),
+            pair([x, z], [w, y], false),
+        ],
+        [
+            pair([x, y], [w, z], false),
+            pair([x, x], [z, z], true),
+            pair([y, z], [w, x], true),
+        ],
+        [
+            pair([x, z], [w, y], true),
+            pair([y, z], [w, x], false),
+            pair([x, x], [y, y], true),
+        ],
     ];
     three!(axis => three!(row => {
         let element = twice[axis][row];
@@ -211,9 +278,15 @@ pub(super) fn set_up(
     let (axes, scales) = match own {
         Some((quaternion, scales)) => {
             let directions = directions(g, machine, quaternion);
-            (directions.map(|direction| camera_normal(g, machine, w, direction)), scales)
+            (
+                directions.map(|direction| camera_normal(g, machine, w, direction)),
+                scales,
+            )
         }
-        None => (three!(_axis => three!(_i => g.input(m.normal))), three!(_i => g.input(words.scale))),
+        None => (
+            three!(_axis => three!(_i => g.input(m.normal))),
+            three!(_i => g.input(words.scale)),
+        ),
     };
     let slope = two!(axis => {
         let (limit, least) = (limits[axis], g.negated(limits[axis]));
@@ -225,7 +298,8 @@ pub(super) fn set_up(
         let stretched = g.times(scales[axis], tilt);
         g.fit("stretch", words.stretch, stretched)
     }));
-    let mut sum = |i: usize, j: usize| g.dot(stretched.map(|axis| axis[i]), stretched.map(|axis| axis[j]));
+    let mut sum =
+        |i: usize, j: usize| g.dot(stretched.map(|axis| axis[i]), stretched.map(|axis| axis[j]));
     let shape = [sum(0, 0), sum(0, 1), sum(1, 1)].map(|sum| g.fit("shape", m.shape, sum));
     let pairs = OTHERS.map(|[j, k]| {
         let pair = g.times(scales[j], scales[k]);
@@ -250,35 +324,42 @@ pub(super) fn set_up(
         let root = g.root("ray_root", words.ray_root, squares);
         g.fit_to("ray", words.ray, root, Power::ONE)
     });
-    let footprint = footprint(g, machine, w, (squares, exponent), (shape, faces.to_vec()), |g, areas, root| {
-        let weighed = |g: &mut Builder, area: Wire| {
-            let shown = visibility(g, machine, area, root);
-            let weighed = g.times(shown, opacity);
-            g.fit("amplitude", m.amplitude, weighed)
-        };
-        match (variant.amplitude, ray, words.compensation_root) {
-            (Amplitude::Disc, ..) => {
-                let shown = visibility(g, machine, areas[2], root);
-                let shown = g.times(shown, w.inverse_two_pi);
-                g.fit("amplitude", m.amplitude, shown)
+    let footprint = footprint(
+        g,
+        machine,
+        w,
+        (squares, exponent),
+        (shape, faces.to_vec()),
+        |g, areas, root| {
+            let weighed = |g: &mut Builder, area: Wire| {
+                let shown = visibility(g, machine, area, root);
+                let weighed = g.times(shown, opacity);
+                g.fit("amplitude", m.amplitude, weighed)
+            };
+            match (variant.amplitude, ray, words.compensation_root) {
+                (Amplitude::Disc, ..) => {
+                    let shown = visibility(g, machine, areas[2], root);
+                    let shown = g.times(shown, w.inverse_two_pi);
+                    g.fit("amplitude", m.amplitude, shown)
+                }
+                (Amplitude::LineIntegral, Some(ray), _) => {
+                    let thick = g.times(squares[1], ray);
+                    let along = g.fit("area", m.area, thick);
+                    weighed(g, along)
+                }
+                (Amplitude::Compensated, _, Some(config)) => {
+                    let spanned = squared_sum(g, areas);
+                    let spanned = g.at_least_a_place(spanned);
+                    let root = g.root("compensation_root", config, spanned);
+                    let spanned = g.fit_to("area", m.area, root, exponent.power(2));
+                    weighed(g, spanned)
+                }
+                (Amplitude::Peak, ..) => g.fit("amplitude", m.amplitude, opacity),
+                // No frame asks a machine to compensate that has not the root.
+                _ => g.constant(0, m.amplitude.into()),
             }
-            (Amplitude::LineIntegral, Some(ray), _) => {
-                let thick = g.times(squares[1], ray);
-                let along = g.fit("area", m.area, thick);
-                weighed(g, along)
-            }
-            (Amplitude::Compensated, _, Some(config)) => {
-                let spanned = squared_sum(g, areas);
-                let spanned = g.at_least_a_place(spanned);
-                let root = g.root("compensation_root", config, spanned);
-                let spanned = g.fit_to("area", m.area, root, exponent.power(2));
-                weighed(g, spanned)
-            }
-            (Amplitude::Peak, ..) => g.fit("amplitude", m.amplitude, opacity),
-            // No frame asks a machine to compensate that has not the root.
-            _ => g.constant(0, m.amplitude.into()),
-        }
-    });
+        },
+    );
     let normal = camera_normal(g, machine, w, normal);
     let (slope, range) = if is_flat {
         let deep = g.times(w.radius, w.root_cutoff);
@@ -290,5 +371,11 @@ pub(super) fn set_up(
     };
     let seen = seen_normal(g, machine, normal);
     let facing = if is_flat { facing } else { g.one(m.facing) };
-    done(g, &footprint, (seen, normal[2], facing), (slope, range), [away, blind])
+    done(
+        g,
+        &footprint,
+        (seen, normal[2], facing),
+        (slope, range),
+        [away, blind],
+    )
 }

@@ -1,8 +1,9 @@
 //! Ellipse over the reals: how far a footprint may lie from the exact one.
 //!
-//! Every word is relative to the splat's own power of two, so that with last places u the variance is known to some u·k², its
-//! determinant to u·k⁴ and, where the footprint is not thinner than the low-pass filter, the conic to a few u of itself. A needle
-//! is where it breaks: there the determinant is as small as v·k² and the conic's relative error grows as u·k²/v.
+//! Every word is relative to the splat's own power of two, so that with last places u the variance
+//! is known to some u·k², its determinant to u·k⁴ and, where the footprint is not thinner than the
+//! low-pass filter, the conic to a few u of itself. A needle is where it breaks: there the
+//! determinant is as small as v·k² and the conic's relative error grows as u·k²/v.
 
 use super::{Ellipse, ellipsoid};
 use crate::graph::real::{Bounded, Given};
@@ -49,9 +50,16 @@ pub struct Output<R> {
 
 impl Ellipse {
     /// Sets a disc or an ellipsoid up.
-    pub fn real<R: Real>(&self, view: &View<R>, ellipsoid: Option<&Ellipsoid<R>>, input: &Input<R>) -> Output<R> {
-        let kind =
-            ellipsoid.map(|of| ellipsoid::Variant { own: matches!(of.orientation, Orientation::Own { .. }), amplitude: of.amplitude });
+    pub fn real<R: Real>(
+        &self,
+        view: &View<R>,
+        ellipsoid: Option<&Ellipsoid<R>>,
+        input: &Input<R>,
+    ) -> Output<R> {
+        let kind = ellipsoid.map(|of| ellipsoid::Variant {
+            own: matches!(of.orientation, Orientation::Own { .. }),
+            amplitude: of.amplitude,
+        });
         let variant = self.variant(view.aspect.is_some(), kind);
         let ([n, m, o], [a, b]) = (input.splat.normal, input.slope);
         let (none, value) = (R::constant(0.0), Bounded::of);
@@ -79,13 +87,25 @@ impl Ellipse {
             }
         }
         inputs.extend(view.rotation.as_flattened().iter().copied().map(value));
-        inputs.extend([none, view.focal, view.low_pass, view.root_cutoff, view.inverse_two_pi].map(value));
+        inputs.extend(
+            [
+                none,
+                view.focal,
+                view.low_pass,
+                view.root_cutoff,
+                view.inverse_two_pi,
+            ]
+            .map(value),
+        );
         if ellipsoid.is_none() {
             inputs.push(value(view.cutoff));
         }
         let steps = if variant.has_aspect { 2 } else { 1 };
         for inverse_focal in view.inverse_focals.into_iter().take(steps) {
-            inputs.extend([Bounded::exponent(inverse_focal.leading().shifted(1)), value(inverse_focal)]);
+            inputs.extend([
+                Bounded::exponent(inverse_focal.leading().shifted(1)),
+                value(inverse_focal),
+            ]);
         }
         if let (true, Some(aspect)) = (variant.has_aspect, view.aspect) {
             inputs.extend(aspect.map(value));
@@ -99,9 +119,31 @@ impl Ellipse {
             }
         }
         let datapath = self.datapath(variant);
-        let given = Given { inputs: &inputs, turned: input.splat.turned };
-        let results = datapath.graph.bounded(&datapath.bounds, &given, |_, x| x).map(|result| result.value);
-        let [n, m, o, facing_viewer, facing, determinant, xx, xy, yy, amplitude, width, height, slope_x, slope_y, depth_range] = results;
+        let given = Given {
+            inputs: &inputs,
+            turned: input.splat.turned,
+        };
+        let results = datapath
+            .graph
+            .bounded(&datapath.bounds, &given, |_, x| x)
+            .map(|result| result.value);
+        let [
+            n,
+            m,
+            o,
+            facing_viewer,
+            facing,
+            determinant,
+            xx,
+            xy,
+            yy,
+            amplitude,
+            width,
+            height,
+            slope_x,
+            slope_y,
+            depth_range,
+        ] = results;
         Output {
             normal: [n, m, o],
             facing_viewer,

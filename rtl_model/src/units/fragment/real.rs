@@ -1,6 +1,7 @@
 //! Fragment over the reals: how far sums and merged fragments may lie from the exact ones.
 //!
-//! p(word) is a last place; a word that is cut loses a whole one, downwards, where this says half of one.
+//! p(word) is a last place; a word that is cut loses a whole one, downwards, where this says half
+//! of one.
 //! ```text
 //! accumulate   one contribution adds ½p(sum) to what it carries in itself, nothing where the sum has all of the product's places;
 //!              K of them K·½p(sum): one-sided, and so without cancelling, where the sum is cut
@@ -10,7 +11,8 @@
 //! ```
 //! Each then keeps to its word's limits. Colours and opacity have a sum's format each.
 //!
-//! Laws: `accumulating_is_within_its_bound`, `merging_is_within_its_bound`, and `…_is_tight` of both.
+//! Laws: `accumulating_is_within_its_bound`, `merging_is_within_its_bound`, and `…_is_tight` of
+//! both.
 
 use super::{COLOUR, Fragment, NORMAL, OPACITY};
 use crate::num::Fit;
@@ -26,16 +28,21 @@ impl Fragment {
     /// A splat's colour and normal as sums of weight 1.
     pub fn real_emitting<R: Real>(&self, rgb: [R; 3], normal: [R; 3]) -> ([R; 3], [R; 3]) {
         let held = |attribute: R, lane: usize| attribute.fit(&self.sums[lane], Scale::ONE);
-        (rgb.map(|channel| held(channel, COLOUR)), normal.map(|part| held(part, NORMAL)))
+        (
+            rgb.map(|channel| held(channel, COLOUR)),
+            normal.map(|part| held(part, NORMAL)),
+        )
     }
 
-    /// Distance that so many roundings may take a sum down and up, where it never leaves its format's range.
+    /// Distance that so many roundings may take a sum down and up, where it never leaves its
+    /// format's range.
     pub fn accumulation_loss(&self, lane: usize, contributions: u32) -> [f64; 2] {
         let fit = &self.sums[lane];
         if fit.places() <= 0 {
             return [0.0; 2];
         }
-        loss(fit.word.round).map(|places| places * f64::from(contributions) * fit.word.format.value(1))
+        loss(fit.word.round)
+            .map(|places| places * f64::from(contributions) * fit.word.format.value(1))
     }
 
     /// Words that a slot holds of a fragment that was shaded, as a merge or resolve reads it again.
@@ -50,7 +57,10 @@ impl Fragment {
         if self.keeps_all(store) {
             return shaded;
         }
-        self.real_read_from(shaded.refit(self.premultiplied_frac_bits as i32, store), store)
+        self.real_read_from(
+            shaded.refit(self.premultiplied_frac_bits as i32, store),
+            store,
+        )
     }
 
     /// Whether a slot's word has all places and the range of a shaded one.
@@ -75,10 +85,15 @@ impl Fragment {
         let one = R::constant(1.0);
         let through = one - front[3];
         let [of_colour, of_opacity] = &self.blend;
-        // α_f + α_b·(1 − α_f) as 1 − (1 − α_f)·(1 − α_b): each error counts once, and less where the other hides more.
+        // α_f + α_b·(1 − α_f) as 1 − (1 − α_f)·(1 − α_b): each error counts once, and less where
+        // the other hides more.
         let opacity = one - through * (one - back[3]);
         std::array::from_fn(|i| {
-            if i < 3 { (front[i] + back[i] * through).fit(of_colour, Scale::ONE) } else { opacity.fit(of_opacity, Scale::ONE) }
+            if i < 3 {
+                (front[i] + back[i] * through).fit(of_colour, Scale::ONE)
+            } else {
+                opacity.fit(of_opacity, Scale::ONE)
+            }
         })
     }
 }

@@ -1,20 +1,24 @@
-//! Sheets: fragments of the same sheet add up, and a sheet is blended when the next one begins (EWA §7.1,
-//! docs/book/algorithm-resolve.md §9).
+//! Sheets: fragments of the same sheet add up, and a sheet is blended when the next one begins (EWA
+//! §7.1, docs/book/algorithm-resolve.md §9).
 //!
 //! ```text
 //! weight, sheet, rgb ─►[ sheet = open? ]─┬─ yes ─► accumulate: Σw, Σw·rgb
 //!                                        └─ no ──► close: x = Σw ─►[ ratio ρ(x) = α/x ]─► α = x·ρ, Σw·rgb·ρ ─►[ over ]─► composite
 //! ```
-//! Two slots a pixel: the open sheet, and the composite of those before it. The rule that opens a fragment is "another sheet" in the
-//! place of "|Δz| ≥ ε"; sums, their fits and the blend are those of surfaces. Σw is a sheet's optical depth x: its opacity is x itself,
-//! as far as 1 (e^(−x) ≈ 1 − x, EWA (6)), or 1 − e^(−x); the table holds the ratio of the two, which scales colour and opacity alike.
+//! Two slots a pixel: the open sheet, and the composite of those before it. The rule that opens a
+//! fragment is "another sheet" in the place of "|Δz| ≥ ε"; sums, their fits and the blend are those
+//! of surfaces. Σw is a sheet's optical depth x: its opacity is x itself, as far as 1 (e^(−x) ≈ 1 −
+//! x, EWA (6)), or 1 − e^(−x); the table holds the ratio of the two, which scales colour and
+//! opacity alike.
 //!
-//! Where every splat is a sheet of its own (Gaussians), nothing adds up: its weight, held to a limit, is its opacity, and it is blended
-//! at once.
+//! Where every splat is a sheet of its own (Gaussians), nothing adds up: its weight, held to a
+//! limit, is its opacity, and it is blended at once.
 //!
 //! A pixel that lets less than `stop` through takes nothing more.
 
-use super::{Attributes, COLOUR, Decision, Fragment, OPACITY, Premultiplied, Slot, Sums, UNIT, WEIGHT};
+use super::{
+    Attributes, COLOUR, Decision, Fragment, OPACITY, Premultiplied, Slot, Sums, UNIT, WEIGHT,
+};
 use crate::elaboration::{Elaboration, Operator};
 use crate::frame::{self, Each};
 use crate::functions::{Table, table};
@@ -75,10 +79,18 @@ impl Sheets {
         e.require(m.opacity_sum.format.max() >= m.opacity_sum.format.one(), || {
             format!("fragment.opacity_sum is {} and must hold 1: splats are lit before they are drawn", m.opacity_sum)
         });
-        e.require(m.layers >= 2, || format!("fragment.layers is {}, but sheets need two: the open one and those before it", m.layers));
+        e.require(m.layers >= 2, || {
+            format!(
+                "fragment.layers is {}, but sheets need two: the open one and those before it",
+                m.layers
+            )
+        });
         let argument = words.depth_index.format;
         let shape = table::shape(e, UNIT, "sheets.table", words.table, argument.width());
-        e.part(UNIT, Operator::Rom([1 << shape.index_bits, words.ratio.format.width()]));
+        e.part(
+            UNIT,
+            Operator::Rom([1 << shape.index_bits, words.ratio.format.width()]),
+        );
         let fraction_bits = Table::fraction_bits(shape.index_bits, argument.width() as u32);
         table::interpolator(e, UNIT, shape, words.ratio, fraction_bits);
         let scaled = [m.weight_sum, m.colour_sum].map(|sum| e.times(UNIT, sum, words.ratio));
@@ -89,15 +101,30 @@ impl Sheets {
             closed,
             plain,
             index: e.fit(UNIT, "depth_index", words.depth_index, m.weight_sum.into()),
-            ratio: e.fit(UNIT, "ratio", words.ratio, table::interpolated(words.ratio, fraction_bits)),
+            ratio: e.fit(
+                UNIT,
+                "ratio",
+                words.ratio,
+                table::interpolated(words.ratio, fraction_bits),
+            ),
             shape,
             argument_bits: argument.width() as u32,
         })
     }
 
     /// Colour times opacity, and opacity, of a sheet that is done.
-    fn close<P: Probe>(&self, sums: &Sums, ratio: Option<&Table>, one: i64, tap: &mut Tap<P>) -> Premultiplied {
-        let [of_weight, of_colour] = if ratio.is_some() { &self.closed } else { &self.plain };
+    fn close<P: Probe>(
+        &self,
+        sums: &Sums,
+        ratio: Option<&Table>,
+        one: i64,
+        tap: &mut Tap<P>,
+    ) -> Premultiplied {
+        let [of_weight, of_colour] = if ratio.is_some() {
+            &self.closed
+        } else {
+            &self.plain
+        };
         let scale = ratio.map_or(1, |table| {
             let index = tap.fit_one(&self.index, sums[WEIGHT]);
             tap.fit_one(table.fit(), table.exact(index))
@@ -118,8 +145,20 @@ pub fn has_stopped<A: Accumulator>(tile: &Tile<A>, pixel: u8) -> bool {
 impl Fragment {
     /// A frame's registers for sheets.
     pub fn sheets<'a>(&self, sheets: &'a frame::Sheets) -> SheetRegisters<'a> {
-        let table = |own: &Sheets| Table::new(own.ratio, own.shape.index_bits, own.argument_bits, own.shape.interpolation, &sheets.ratio);
-        let ratio = self.sheets.as_ref().filter(|_| !sheets.ratio.is_empty()).map(table);
+        let table = |own: &Sheets| {
+            Table::new(
+                own.ratio,
+                own.shape.index_bits,
+                own.argument_bits,
+                own.shape.interpolation,
+                &sheets.ratio,
+            )
+        };
+        let ratio = self
+            .sheets
+            .as_ref()
+            .filter(|_| !sheets.ratio.is_empty())
+            .map(table);
         SheetRegisters { sheets, ratio }
     }
 
@@ -133,7 +172,11 @@ impl Fragment {
         registers: &SheetRegisters,
         tap: &mut Tap<P>,
     ) -> Decision {
-        let SheetInput { sheet, weight, attributes } = input;
+        let SheetInput {
+            sheet,
+            weight,
+            attributes,
+        } = input;
         tile.count(pixel);
         let live = tile.live(pixel);
         if has_stopped(tile, pixel) {
@@ -145,11 +188,26 @@ impl Fragment {
             self.accumulate::<H, P>(tile.sums_mut(pixel, 1), weight, attributes, tap);
             return Decision::Accumulated(1);
         }
-        let mut fresh = PackedSlot { sums: PackedSums::default(), key, material: 0 };
-        let held = if each { weight.min(registers.sheets.most_weight) } else { weight };
+        let mut fresh = PackedSlot {
+            sums: PackedSums::default(),
+            key,
+            material: 0,
+        };
+        let held = if each {
+            weight.min(registers.sheets.most_weight)
+        } else {
+            weight
+        };
         self.accumulate::<H, P>(&mut fresh.sums, held, attributes, tap);
         if live == 0 {
-            tile.write(pixel, 0, PackedSlot { key: NO_MATCH, ..PackedSlot::default() });
+            tile.write(
+                pixel,
+                0,
+                PackedSlot {
+                    key: NO_MATCH,
+                    ..PackedSlot::default()
+                },
+            );
             tile.set_live(pixel, 2);
         }
         if each {
@@ -167,10 +225,15 @@ impl Fragment {
             }
             tile.write(pixel, 1, fresh);
         }
-        if live == 0 { Decision::Inserted(u8::from(!each)) } else { Decision::Merged(0, 1) }
+        if live == 0 {
+            Decision::Inserted(u8::from(!each))
+        } else {
+            Decision::Merged(0, 1)
+        }
     }
 
-    /// Blends a sheet that is done; `false` if it is left out because it would let too little through.
+    /// Blends a sheet that is done; `false` if it is left out because it would let too little
+    /// through.
     fn blend_sheet<A: Accumulator, P: Probe>(
         &self,
         tile: &mut Tile<A>,
@@ -179,14 +242,34 @@ impl Fragment {
         registers: &SheetRegisters,
         tap: &mut Tap<P>,
     ) -> bool {
-        let frame::Sheets { back_to_front, stop, keeps_last, .. } = *registers.sheets;
+        let frame::Sheets {
+            back_to_front,
+            stop,
+            keeps_last,
+            ..
+        } = *registers.sheets;
         let composite = tile.slot(pixel, 0);
-        let Some(blended) = self.blended_sheet(&composite, sums, registers, tap) else { return false };
-        let opaque = !back_to_front && self.sums[OPACITY].word.format.one() - blended[OPACITY] < stop;
+        let Some(blended) = self.blended_sheet(&composite, sums, registers, tap) else {
+            return false;
+        };
+        let opaque =
+            !back_to_front && self.sums[OPACITY].word.format.one() - blended[OPACITY] < stop;
         let key = NO_MATCH | if opaque { STOPPED } else { 0 };
         let kept = !opaque || keeps_last;
-        let sums = if kept { PackedSums::put(&blended) } else { PackedSums::put(&composite.sums) };
-        tile.write(pixel, 0, PackedSlot { sums, key, material: 0 });
+        let sums = if kept {
+            PackedSums::put(&blended)
+        } else {
+            PackedSums::put(&composite.sums)
+        };
+        tile.write(
+            pixel,
+            0,
+            PackedSlot {
+                sums,
+                key,
+                material: 0,
+            },
+        );
         kept
     }
 
@@ -198,9 +281,18 @@ impl Fragment {
         tap: &mut Tap<P>,
     ) -> Option<Sums> {
         let own = self.sheets.as_ref()?;
-        let sheet = own.close(&sums.get(), registers.ratio.as_ref(), 1 << self.premultiplied_frac_bits, tap);
+        let sheet = own.close(
+            &sums.get(),
+            registers.ratio.as_ref(),
+            1 << self.premultiplied_frac_bits,
+            tap,
+        );
         let before = self.shaded(composite, tap);
-        let (over, under) = if registers.sheets.back_to_front { (&sheet, &before) } else { (&before, &sheet) };
+        let (over, under) = if registers.sheets.back_to_front {
+            (&sheet, &before)
+        } else {
+            (&before, &sheet)
+        };
         Some(self.blended(over, under, tap))
     }
 

@@ -1,4 +1,5 @@
-//! Fragment: against a small model written from docs/book/algorithm.md §6, and against itself in all its fast forms.
+//! Fragment: against a small model written from docs/book/algorithm.md §6, and against itself in
+//! all its fast forms.
 
 use super::*;
 use crate::kernels::Path;
@@ -27,18 +28,27 @@ struct Rules {
 /// Stands in for the unit shade: any function of a fragment's sums that stays between 0 and 1.
 fn trivial_shade(one: i64, sums: &Sums, material: u32) -> Premultiplied {
     let channel = |i: usize| (sums[COLOUR + i] + i64::from(material) * 37) % (one + 1);
-    Premultiplied { colour: [channel(0), channel(1), channel(2)], opacity: sums[OPACITY] * 3 % (one + 1) }
+    Premultiplied {
+        colour: [channel(0), channel(1), channel(2)],
+        opacity: sums[OPACITY] * 3 % (one + 1),
+    }
 }
 
 /// An exact quotient `value / 2^places` in a word.
 fn put(word: Word, value: i128, places: i32) -> i64 {
     let format = word.format;
-    let (value, divisor) = if places > 0 { (value, 1i128 << places) } else { (value << -places, 1) };
+    let (value, divisor) = if places > 0 {
+        (value, 1i128 << places)
+    } else {
+        (value << -places, 1)
+    };
     let (floor, rest) = (value.div_euclid(divisor), value.rem_euclid(divisor));
     let up = match word.round {
         Rounding::Truncate => false,
         Rounding::Nearest => 2 * rest >= divisor && rest > 0,
-        Rounding::NearestEven => 2 * rest > divisor || (2 * rest == divisor && rest > 0 && floor % 2 != 0),
+        Rounding::NearestEven => {
+            2 * rest > divisor || (2 * rest == divisor && rest > 0 && floor % 2 != 0)
+        }
     };
     let rounded = floor + i128::from(up);
     let values = 1i128 << format.width();
@@ -58,18 +68,33 @@ struct Model<'a> {
 impl Model<'_> {
     fn words(&self) -> [Word; SUMS] {
         let m = &self.rules.machine.fragment;
-        [m.weight_sum, m.colour_sum, m.colour_sum, m.colour_sum, m.opacity_sum, m.normal_sum, m.normal_sum, m.normal_sum]
+        [
+            m.weight_sum,
+            m.colour_sum,
+            m.colour_sum,
+            m.colour_sum,
+            m.opacity_sum,
+            m.normal_sum,
+            m.normal_sum,
+            m.normal_sum,
+        ]
     }
 
     fn add(&self, sums: &mut Sums, arrival: &Arrival) {
         let machine = &self.rules.machine;
-        let [rgb, opacity, normal] = [machine.splat.rgb, machine.splat.opacity, machine.fragment.normal].map(|word| word.format.frac_bits);
+        let [rgb, opacity, normal] = [
+            machine.splat.rgb,
+            machine.splat.opacity,
+            machine.fragment.normal,
+        ]
+        .map(|word| word.format.frac_bits);
         let of_attribute = [0, rgb, rgb, rgb, opacity, normal, normal, normal];
         for (lane, word) in self.words().into_iter().enumerate() {
             let product = i128::from(arrival.weight) * i128::from(arrival.attributes[lane]);
             let product_bits = machine.gauss.weight.format.frac_bits + of_attribute[lane];
             let finest = product_bits.max(word.format.frac_bits);
-            let exact = (product << (finest - product_bits)) + (i128::from(sums[lane]) << (finest - word.format.frac_bits));
+            let exact = (product << (finest - product_bits))
+                + (i128::from(sums[lane]) << (finest - word.format.frac_bits));
             sums[lane] = put(word, exact, finest - word.format.frac_bits);
         }
     }
@@ -77,9 +102,16 @@ impl Model<'_> {
     fn take(&mut self, arrival: &Arrival) -> Decision {
         let m = self.rules.machine.fragment;
         let near = |slot: &Slot| (slot.depth - arrival.depth).abs();
-        let candidates = self.slots.iter().enumerate().filter(|(_, slot)| !slot.shaded && near(slot) < self.rules.registers.z_threshold);
+        let candidates = self
+            .slots
+            .iter()
+            .enumerate()
+            .filter(|(_, slot)| !slot.shaded && near(slot) < self.rules.registers.z_threshold);
         // `min_by_key` takes the first of equals: the lowest slot.
-        if let Some(at) = candidates.min_by_key(|(_, slot)| near(slot)).map(|(at, _)| at) {
+        if let Some(at) = candidates
+            .min_by_key(|(_, slot)| near(slot))
+            .map(|(at, _)| at)
+        {
             let mut slot = self.slots[at];
             self.add(&mut slot.sums, arrival);
             if m.fragment_depth == FragmentDepth::Nearest {
@@ -88,7 +120,12 @@ impl Model<'_> {
             self.slots[at] = slot;
             return Decision::Accumulated(at as u8);
         }
-        let mut fresh = Slot { sums: [0; SUMS], depth: arrival.depth, material: arrival.material, shaded: false };
+        let mut fresh = Slot {
+            sums: [0; SUMS],
+            depth: arrival.depth,
+            material: arrival.material,
+            shaded: false,
+        };
         self.add(&mut fresh.sums, arrival);
         if self.slots.len() < m.layers as usize {
             self.slots.push(fresh);
@@ -106,7 +143,12 @@ impl Model<'_> {
 
     fn overflow(&mut self, fresh: Slot) -> Decision {
         let m = self.rules.machine.fragment;
-        let mut order: Vec<(Slot, bool)> = self.slots.iter().map(|slot| (*slot, false)).chain([(fresh, true)]).collect();
+        let mut order: Vec<(Slot, bool)> = self
+            .slots
+            .iter()
+            .map(|slot| (*slot, false))
+            .chain([(fresh, true)])
+            .collect();
         order.sort_by_key(|(slot, _)| slot.depth);
         let last = order.len() - 1;
         if m.evict_hidden && order[..last].iter().any(|(slot, _)| self.opaque(slot)) {
@@ -117,8 +159,13 @@ impl Model<'_> {
         let front = if m.merge == Merge::FarthestPair {
             last - 1
         } else {
-            let gaps: Vec<i64> = order.windows(2).map(|pair| pair[1].0.depth - pair[0].0.depth).collect();
-            gaps.iter().position(|gap| gap == gaps.iter().min().unwrap()).unwrap()
+            let gaps: Vec<i64> = order
+                .windows(2)
+                .map(|pair| pair[1].0.depth - pair[0].0.depth)
+                .collect();
+            gaps.iter()
+                .position(|gap| gap == gaps.iter().min().unwrap())
+                .unwrap()
         };
         let merged = self.over(&order[front].0, &order[front + 1].0);
         order[front].0 = merged;
@@ -129,8 +176,10 @@ impl Model<'_> {
 
     fn opaque(&self, slot: &Slot) -> bool {
         let m = &self.rules.machine.fragment;
-        let limit = i128::from((1i64 << m.opaque.format.frac_bits) * i64::from(m.opaque_permille) / 1000);
-        let [limit_bits, weight_bits, opacity_bits] = [m.opaque, m.weight_sum, m.opacity_sum].map(|word| word.format.frac_bits);
+        let limit =
+            i128::from((1i64 << m.opaque.format.frac_bits) * i64::from(m.opaque_permille) / 1000);
+        let [limit_bits, weight_bits, opacity_bits] =
+            [m.opaque, m.weight_sum, m.opacity_sum].map(|word| word.format.frac_bits);
         let [weight, opacity] = [slot.sums[WEIGHT], slot.sums[OPACITY]].map(i128::from);
         if slot.shaded {
             return opacity << limit_bits >= limit << opacity_bits;
@@ -148,9 +197,17 @@ impl Model<'_> {
         let stored: [i64; 4] = if slot.shaded {
             std::array::from_fn(|i| slot.sums[COLOUR + i])
         } else {
-            let Premultiplied { colour: [r, g, b], opacity: a } = trivial_shade(1 << own, &slot.sums, slot.material);
+            let Premultiplied {
+                colour: [r, g, b],
+                opacity: a,
+            } = trivial_shade(1 << own, &slot.sums, slot.material);
             let [r, g, b] = [r, g, b].map(|v| put(colour, v.into(), own - colour.format.frac_bits));
-            [r, g, b, put(opacity, a.into(), own - opacity.format.frac_bits)]
+            [
+                r,
+                g,
+                b,
+                put(opacity, a.into(), own - opacity.format.frac_bits),
+            ]
         };
         let held = [colour, colour, colour, opacity].map(|word| word.format.frac_bits);
         std::array::from_fn(|i| put(lit, stored[i].into(), held[i] - own).into())
@@ -162,11 +219,20 @@ impl Model<'_> {
         let (over, under) = (self.light(front), self.light(back));
         let mut sums = [0; SUMS];
         for i in 0..4 {
-            let word = if i < 3 { machine.fragment.colour_sum } else { machine.fragment.opacity_sum };
+            let word = if i < 3 {
+                machine.fragment.colour_sum
+            } else {
+                machine.fragment.opacity_sum
+            };
             let exact = (over[i] << own) + under[i] * ((1 << own) - over[3]);
             sums[COLOUR + i] = put(word, exact, 2 * own - word.format.frac_bits);
         }
-        Slot { sums, depth: front.depth, material: front.material, shaded: true }
+        Slot {
+            sums,
+            depth: front.depth,
+            material: front.material,
+            shaded: true,
+        }
     }
 }
 
@@ -174,11 +240,22 @@ impl Model<'_> {
 type Story = Vec<(Decision, Vec<Slot>)>;
 
 fn model(rules: &Rules, arrivals: &[Arrival]) -> Story {
-    let mut model = Model { rules, slots: Vec::new() };
-    arrivals.iter().map(|arrival| (model.take(arrival), model.slots.clone())).collect()
+    let mut model = Model {
+        rules,
+        slots: Vec::new(),
+    };
+    arrivals
+        .iter()
+        .map(|arrival| (model.take(arrival), model.slots.clone()))
+        .collect()
 }
 
-fn machine<const SIMPLE_FITS: bool, A: Accumulator, P: Probe>(rules: &Rules, arrivals: &[Arrival], pixel: u8, probe: &mut P) -> Story {
+fn machine<const SIMPLE_FITS: bool, A: Accumulator, P: Probe>(
+    rules: &Rules,
+    arrivals: &[Arrival],
+    pixel: u8,
+    probe: &mut P,
+) -> Story {
     let unit = rules.machine.elaborate().unwrap().fragment;
     let one = rules.machine.shade.premultiplied.format.one();
     let mut tile = Box::<Tile<A>>::default();
@@ -186,11 +263,34 @@ fn machine<const SIMPLE_FITS: bool, A: Accumulator, P: Probe>(rules: &Rules, arr
     arrivals
         .iter()
         .map(|arrival| {
-            let mut shade = |slot: &Slot, _: &mut Tap<P>| trivial_shade(one, &slot.sums, slot.material);
-            let Arrival { weight, depth, attributes, material } = arrival;
-            let input = Input { weight: *weight, depth: *depth, attributes, material };
-            let decision = unit.contribute::<Path<SIMPLE_FITS, Plain, A>, P>(&mut tile, pixel, input, &rules.registers, &mut shade, tap);
-            (decision, (0..tile.live(pixel)).map(|slot| tile.slot(pixel, slot)).collect())
+            let mut shade =
+                |slot: &Slot, _: &mut Tap<P>| trivial_shade(one, &slot.sums, slot.material);
+            let Arrival {
+                weight,
+                depth,
+                attributes,
+                material,
+            } = arrival;
+            let input = Input {
+                weight: *weight,
+                depth: *depth,
+                attributes,
+                material,
+            };
+            let decision = unit.contribute::<Path<SIMPLE_FITS, Plain, A>, P>(
+                &mut tile,
+                pixel,
+                input,
+                &rules.registers,
+                &mut shade,
+                tap,
+            );
+            (
+                decision,
+                (0..tile.live(pixel))
+                    .map(|slot| tile.slot(pixel, slot))
+                    .collect(),
+            )
         })
         .collect()
 }
@@ -199,8 +299,14 @@ fn machine<const SIMPLE_FITS: bool, A: Accumulator, P: Probe>(rules: &Rules, arr
 fn stories(rules: &Rules, arrivals: &[Arrival]) -> Vec<Story> {
     let elaborated = rules.machine.elaborate().unwrap();
     let ranges = &mut Ranges::new(elaborated.signals.len());
-    let mut all = vec![machine::<false, i64, _>(rules, arrivals, 0, &mut NoProbe), machine::<false, i64, _>(rules, arrivals, 255, ranges)];
-    let (simple, narrow) = (elaborated.fragment.is_simple(), elaborated.fragment.is_narrow());
+    let mut all = vec![
+        machine::<false, i64, _>(rules, arrivals, 0, &mut NoProbe),
+        machine::<false, i64, _>(rules, arrivals, 255, ranges),
+    ];
+    let (simple, narrow) = (
+        elaborated.fragment.is_simple(),
+        elaborated.fragment.is_narrow(),
+    );
     if simple {
         all.push(machine::<true, i64, _>(rules, arrivals, 17, &mut NoProbe));
         all.push(machine::<true, i64, _>(rules, arrivals, 17, ranges));
@@ -217,25 +323,49 @@ fn stories(rules: &Rules, arrivals: &[Arrival]) -> Vec<Story> {
 
 /// A named machine or one with wider, wrapping or oddly rounded sums; any rule.
 fn rules() -> impl Strategy<Value = Rules> {
-    let rule = prop::sample::select(vec![Merge::NearestPair, Merge::FarthestPair, Merge::Replace]);
+    let rule = prop::sample::select(vec![
+        Merge::NearestPair,
+        Merge::FarthestPair,
+        Merge::Replace,
+    ]);
     let depth = prop::sample::select(vec![FragmentDepth::First, FragmentDepth::Nearest]);
     let odd = prop::sample::select(vec![0u8, 0, 0, 1, 2, 3, 4]);
-    let own = (prop::sample::select(Machine::NAMES.to_vec()), 1..=8u32, rule, any::<bool>(), depth, odd);
-    (own, 0..40i64, 0.0..1.0).prop_map(|((name, layers, merge, evict_hidden, fragment_depth, odd), z_threshold, threshold): (_, _, f64)| {
-        let mut machine = Machine::named(name).unwrap();
-        let f = &mut machine.fragment;
-        f.layers = if merge == Merge::Replace { 1 } else { layers };
-        (f.merge, f.evict_hidden, f.fragment_depth) = (merge, evict_hidden, fragment_depth);
-        match odd {
-            1 => f.colour_sum = f.colour_sum.rounded(Rounding::NearestEven),
-            2 => f.opacity_sum = f.opacity_sum.rounded(Rounding::Truncate),
-            3 => f.normal_sum = f.normal_sum.overflowing(Overflow::Wrap),
-            4 => f.weight_sum.format = Format::unsigned(6, 36),
-            _ => {}
-        }
-        let coverage_threshold = (threshold * machine.fragment.weight_sum.format.one() as f64) as i64;
-        Rules { machine, registers: FragmentRegisters { z_threshold, coverage_threshold } }
-    })
+    let own = (
+        prop::sample::select(Machine::NAMES.to_vec()),
+        1..=8u32,
+        rule,
+        any::<bool>(),
+        depth,
+        odd,
+    );
+    (own, 0..40i64, 0.0..1.0).prop_map(
+        |((name, layers, merge, evict_hidden, fragment_depth, odd), z_threshold, threshold): (
+            _,
+            _,
+            f64,
+        )| {
+            let mut machine = Machine::named(name).unwrap();
+            let f = &mut machine.fragment;
+            f.layers = if merge == Merge::Replace { 1 } else { layers };
+            (f.merge, f.evict_hidden, f.fragment_depth) = (merge, evict_hidden, fragment_depth);
+            match odd {
+                1 => f.colour_sum = f.colour_sum.rounded(Rounding::NearestEven),
+                2 => f.opacity_sum = f.opacity_sum.rounded(Rounding::Truncate),
+                3 => f.normal_sum = f.normal_sum.overflowing(Overflow::Wrap),
+                4 => f.weight_sum.format = Format::unsigned(6, 36),
+                _ => {}
+            }
+            let coverage_threshold =
+                (threshold * machine.fragment.weight_sum.format.one() as f64) as i64;
+            Rules {
+                machine,
+                registers: FragmentRegisters {
+                    z_threshold,
+                    coverage_threshold,
+                },
+            }
+        },
+    )
 }
 
 /// Contributions whose depths meet often: few values, some an ε apart and one more or less.
@@ -248,9 +378,16 @@ fn arrivals(rules: &Rules) -> impl Strategy<Value = Vec<Arrival>> + use<> {
         let unsigned = |word: Word, any: u32| {
             let one = word.format.one();
             // Opaque white half of the time.
-            if any & 1 == 0 { one as i32 } else { (i64::from(any >> 1) % (word.format.max() + 1)) as i32 }
+            if any & 1 == 0 {
+                one as i32
+            } else {
+                (i64::from(any >> 1) % (word.format.max() + 1)) as i32
+            }
         };
-        let n = |any: u32| (i64::from(any) % (1 << machine.fragment.normal.format.width()) + machine.fragment.normal.format.min()) as i32;
+        let n = |any: u32| {
+            (i64::from(any) % (1 << machine.fragment.normal.format.width())
+                + machine.fragment.normal.format.min()) as i32
+        };
         let [r, g, b, a, x, y, z] = words;
         let weight = match weight & 3 {
             0 => machine.gauss.weight.format.max(),
@@ -258,8 +395,18 @@ fn arrivals(rules: &Rules) -> impl Strategy<Value = Vec<Arrival>> + use<> {
         };
         Arrival {
             weight,
-            depth: (60 + step * near + off * (step & 1)).clamp(0, machine.fragment.depth.format.max()),
-            attributes: [1, unsigned(s.rgb, r), unsigned(s.rgb, g), unsigned(s.rgb, b), unsigned(s.opacity, a), n(x), n(y), n(z)],
+            depth: (60 + step * near + off * (step & 1))
+                .clamp(0, machine.fragment.depth.format.max()),
+            attributes: [
+                1,
+                unsigned(s.rgb, r),
+                unsigned(s.rgb, g),
+                unsigned(s.rgb, b),
+                unsigned(s.opacity, a),
+                n(x),
+                n(y),
+                n(z),
+            ],
             material,
         }
     });
@@ -314,51 +461,102 @@ proptest! {
 /// Reference, one rule, ε = 10 unless said otherwise.
 fn reference(layers: u32, merge: Merge, evict_hidden: bool) -> Rules {
     let mut machine = Machine::named("reference").unwrap();
-    machine.fragment = crate::machine::Fragment { layers, merge, evict_hidden, ..machine.fragment };
+    machine.fragment = crate::machine::Fragment {
+        layers,
+        merge,
+        evict_hidden,
+        ..machine.fragment
+    };
     let coverage_threshold = machine.fragment.weight_sum.format.one() / 10;
-    Rules { machine, registers: FragmentRegisters { z_threshold: 10, coverage_threshold } }
+    Rules {
+        machine,
+        registers: FragmentRegisters {
+            z_threshold: 10,
+            coverage_threshold,
+        },
+    }
 }
 
 /// Half-transparent grey unless opaque.
 fn at(depth: i64, opaque: bool) -> Arrival {
     let opacity = if opaque { 4096 } else { 1000 };
-    Arrival { weight: (1 << 18) - 1, depth, attributes: [1, 2048, 2048, 2048, opacity, 0, 0, -4096], material: 0 }
+    Arrival {
+        weight: (1 << 18) - 1,
+        depth,
+        attributes: [1, 2048, 2048, 2048, opacity, 0, 0, -4096],
+        material: 0,
+    }
 }
 
 fn decisions(rules: &Rules, depths: &[i64]) -> Vec<Decision> {
     let arrivals: Vec<Arrival> = depths.iter().map(|depth| at(*depth, false)).collect();
-    machine::<true, i32, _>(rules, &arrivals, 0, &mut NoProbe).into_iter().map(|(decision, _)| decision).collect()
+    machine::<true, i32, _>(rules, &arrivals, 0, &mut NoProbe)
+        .into_iter()
+        .map(|(decision, _)| decision)
+        .collect()
 }
 
 #[test]
 fn a_match_is_nearer_than_the_threshold_and_not_at_it() {
     use Decision::{Accumulated, Inserted};
     let rules = reference(8, Merge::FarthestPair, false);
-    assert_eq!(decisions(&rules, &[100, 109, 91, 110]), [Inserted(0), Accumulated(0), Accumulated(0), Inserted(1)]);
-    assert_eq!(decisions(&rules, &[100, 90, 89, 111]), [Inserted(0), Inserted(1), Accumulated(1), Inserted(2)]);
+    assert_eq!(
+        decisions(&rules, &[100, 109, 91, 110]),
+        [Inserted(0), Accumulated(0), Accumulated(0), Inserted(1)]
+    );
+    assert_eq!(
+        decisions(&rules, &[100, 90, 89, 111]),
+        [Inserted(0), Inserted(1), Accumulated(1), Inserted(2)]
+    );
 }
 
 #[test]
 fn equal_distances_go_to_the_lowest_slot() {
     use Decision::{Accumulated, Inserted};
     let rules = reference(8, Merge::FarthestPair, false);
-    assert_eq!(decisions(&rules, &[112, 100, 106]), [Inserted(0), Inserted(1), Accumulated(0)]);
-    assert_eq!(decisions(&rules, &[100, 112, 106, 107]), [Inserted(0), Inserted(1), Accumulated(0), Accumulated(1)]);
+    assert_eq!(
+        decisions(&rules, &[112, 100, 106]),
+        [Inserted(0), Inserted(1), Accumulated(0)]
+    );
+    assert_eq!(
+        decisions(&rules, &[100, 112, 106, 107]),
+        [Inserted(0), Inserted(1), Accumulated(0), Accumulated(1)]
+    );
 }
 
 #[test]
 fn of_equal_gaps_the_pair_nearer_to_the_eye_merges() {
     let rules = reference(3, Merge::NearestPair, false);
-    assert_eq!(decisions(&rules, &[300, 100, 200, 400])[3], Decision::Merged(0, 1));
-    assert_eq!(decisions(&rules, &[300, 100, 210, 400])[3], Decision::Merged(1, 2));
-    assert_eq!(decisions(&reference(3, Merge::FarthestPair, false), &[300, 100, 200, 250])[3], Decision::Merged(2, 3));
+    assert_eq!(
+        decisions(&rules, &[300, 100, 200, 400])[3],
+        Decision::Merged(0, 1)
+    );
+    assert_eq!(
+        decisions(&rules, &[300, 100, 210, 400])[3],
+        Decision::Merged(1, 2)
+    );
+    assert_eq!(
+        decisions(
+            &reference(3, Merge::FarthestPair, false),
+            &[300, 100, 200, 250]
+        )[3],
+        Decision::Merged(2, 3)
+    );
 }
 
 #[test]
 fn a_contribution_comes_after_its_equals() {
-    // A shaded fragment at 100 matches nothing, so another at 100 has to stand behind it: the front one's material stays.
+    // A shaded fragment at 100 matches nothing, so another at 100 has to stand behind it: the front
+    // one's material stays.
     let rules = reference(1, Merge::FarthestPair, true);
-    let arrivals = [at(100, false), at(200, false), Arrival { material: 1, ..at(100, false) }];
+    let arrivals = [
+        at(100, false),
+        at(200, false),
+        Arrival {
+            material: 1,
+            ..at(100, false)
+        },
+    ];
     let story = machine::<true, i32, _>(&rules, &arrivals, 0, &mut NoProbe);
     assert_eq!([story[1].0, story[2].0], [Decision::Merged(0, 1); 2]);
     assert_eq!(story[2].1[0].material, 0);
@@ -367,27 +565,66 @@ fn a_contribution_comes_after_its_equals() {
 #[test]
 fn what_lies_behind_an_opaque_fragment_is_evicted() {
     let rules = reference(2, Merge::FarthestPair, true);
-    let story = |arrivals: &[Arrival]| machine::<true, i32, _>(&rules, arrivals, 0, &mut NoProbe).pop().unwrap().0;
-    assert_eq!(story(&[at(100, true), at(200, false), at(300, false)]), Decision::Evicted(true));
-    assert_eq!(story(&[at(100, true), at(300, false), at(200, false)]), Decision::Evicted(false));
+    let story = |arrivals: &[Arrival]| {
+        machine::<true, i32, _>(&rules, arrivals, 0, &mut NoProbe)
+            .pop()
+            .unwrap()
+            .0
+    };
+    assert_eq!(
+        story(&[at(100, true), at(200, false), at(300, false)]),
+        Decision::Evicted(true)
+    );
+    assert_eq!(
+        story(&[at(100, true), at(300, false), at(200, false)]),
+        Decision::Evicted(false)
+    );
     // The new one is itself what hides.
-    assert_eq!(story(&[at(200, false), at(300, false), at(100, true)]), Decision::Evicted(false));
+    assert_eq!(
+        story(&[at(200, false), at(300, false), at(100, true)]),
+        Decision::Evicted(false)
+    );
     // Nothing lies behind it.
-    assert_eq!(story(&[at(100, false), at(300, true), at(200, false)]), Decision::Merged(1, 2));
+    assert_eq!(
+        story(&[at(100, false), at(300, true), at(200, false)]),
+        Decision::Merged(1, 2)
+    );
     // It covers too little of the pixel.
-    let thin = Arrival { weight: 100, ..at(100, true) };
-    assert_eq!(story(&[thin, at(200, false), at(300, false)]), Decision::Merged(1, 2));
+    let thin = Arrival {
+        weight: 100,
+        ..at(100, true)
+    };
+    assert_eq!(
+        story(&[thin, at(200, false), at(300, false)]),
+        Decision::Merged(1, 2)
+    );
 }
 
-/// What the short form is told is what the wide one is: depths that raster lets through, and a little beyond 0.
+/// What the short form is told is what the wide one is: depths that raster lets through, and a
+/// little beyond 0.
 #[test]
 fn words_of_32_bits_hold_depths_as_wide_ones_do() {
     for name in ["reference", "lean", "volume", "gaussian"] {
         let fragment = Machine::named(name).unwrap().elaborate().unwrap().fragment;
         assert!(fragment.is_depth_narrow(), "{name} has no short form");
-        for depth in (-1 << 30..=1 << 30).step_by(1_234_567).chain(-70..70).chain((1 << 30) - 70..1 << 30) {
-            let wide = fragment.depth::<false, Plain, _>(Plain([depth; LANES]), &mut Tap::new(&mut NoProbe)).0[0];
-            assert_eq!(i64::from(fragment.short_depth().words(PlainWords([depth.max(0) as i32; LANES])).0[0]), wide, "{name} at {depth}");
+        for depth in (-1 << 30..=1 << 30)
+            .step_by(1_234_567)
+            .chain(-70..70)
+            .chain((1 << 30) - 70..1 << 30)
+        {
+            let wide = fragment
+                .depth::<false, Plain, _>(Plain([depth; LANES]), &mut Tap::new(&mut NoProbe))
+                .0[0];
+            assert_eq!(
+                i64::from(
+                    fragment
+                        .short_depth()
+                        .words(PlainWords([depth.max(0) as i32; LANES]))
+                        .0[0]
+                ),
+                wide,
+                "{name} at {depth}"
+            );
         }
     }
 }

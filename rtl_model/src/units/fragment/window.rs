@@ -1,5 +1,5 @@
-//! Window: keeps at most `layers` slots a pixel as clusters of depth, and groups them into windows of ε as late as it can
-//! (docs/book/algorithm-resolve.md §11).
+//! Window: keeps at most `layers` slots a pixel as clusters of depth, and groups them into windows
+//! of ε as late as it can (docs/book/algorithm-resolve.md §11).
 //!
 //! ```text
 //! weight, depth, attributes ─►[ 1 a cluster spans it? ]─ yes ─► accumulate
@@ -9,18 +9,19 @@
 //!                                                               6 sum the cheapest pair narrower than ε
 //!                                               shade ◄──────── 7 close the two deepest: one over or inside the other
 //! ```
-//! An open slot holds sums, the least and greatest depth and Σw·z; a closed one a premultiplied colour, the depths and weights of its front
-//! and its back part, TF (seen behind the front) and TB (seen before the back). Depths are compared exactly, and so are costs.
+//! An open slot holds sums, the least and greatest depth and Σw·z; a closed one a premultiplied
+//! colour, the depths and weights of its front and its back part, TF (seen behind the front) and TB
+//! (seen before the back). Depths are compared exactly, and so are costs.
 //!
-//! Losses: what is written into a slot is rounded once, by the fits of sums and of TF, TB; T, β and the mean of a splat that lies inside
-//! have words of their own.
+//! Losses: what is written into a slot is rounded once, by the fits of sums and of TF, TB; T, β and
+//! the mean of a splat that lies inside have words of their own.
 //!
 //! Laws (tests/windows.rs of the program): `every_option_is_drawn_within_its_bound`,
 //! `in_partial_precision_it_is_golden_and_the_machine`.
 
 use super::{
-    Attributes, COLOUR, Decision, Fragment, FragmentRegisters, MAX_LAYERS, NORMAL, OPACITY, Premultiplied, SUM_SIGNALS, SUMS, Side, Slot,
-    Sums, TILE_AREA, UNIT, WEIGHT,
+    Attributes, COLOUR, Decision, Fragment, FragmentRegisters, MAX_LAYERS, NORMAL, OPACITY,
+    Premultiplied, SUM_SIGNALS, SUMS, Side, Slot, Sums, TILE_AREA, UNIT, WEIGHT,
 };
 use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
@@ -105,7 +106,12 @@ impl Cluster {
     }
 
     fn slot(&self) -> Slot {
-        Slot { sums: self.sums, depth: self.near(), material: self.material, shaded: self.closed }
+        Slot {
+            sums: self.sums,
+            depth: self.near(),
+            material: self.material,
+            shaded: self.closed,
+        }
     }
 
     fn span(&mut self, near: i64, far: i64) {
@@ -207,20 +213,38 @@ struct Fractions {
     opacity: i32,
 }
 
-/// Longest way of a contribution after its match which finds no room or comes to a closed slot: the longer of two.
+/// Longest way of a contribution after its match which finds no room or comes to a closed slot: the
+/// longer of two.
 ///
-/// Windows: opacities by one reciprocal, a slot a cycle, T, and the cost of a sum. Inside: weight times density, the table, the splat's own
-/// light, what is seen of it, the reciprocal, and the blend. Late is shorter than that.
+/// Windows: opacities by one reciprocal, a slot a cycle, T, and the cost of a sum. Inside: weight
+/// times density, the table, the splat's own light, what is seen of it, the reciprocal, and the
+/// blend. Late is shorter than that.
 pub fn overflow_path(machine: &Machine) -> Path {
     let m = &machine.fragment;
-    let Some(words) = &m.window else { return Path::default() };
+    let Some(words) = &m.window else {
+        return Path::default();
+    };
     let bits = |word: Word| word.format.width();
-    let (share, through, part, light) = (bits(words.share), bits(words.through), bits(words.part), bits(machine.splat.rgb));
+    let (share, through, part, light) = (
+        bits(words.share),
+        bits(words.through),
+        bits(words.part),
+        bits(machine.splat.rgb),
+    );
     let inverse = words.reciprocal.bits.min(64) as i32;
     let divide = reciprocal::path(words.reciprocal, bits(m.weight_sum)).product(share, inverse);
     // T goes on from slot to slot, a slot a cycle.
-    let slots = Path { cycles: 1, ..Path::default().product(part, through) }.times(m.layers);
-    let windows = divide.then(slots).product(part, through).sum(part).product(bits(m.weight_sum), part).sum(bits(m.weight_sum));
+    let slots = Path {
+        cycles: 1,
+        ..Path::default().product(part, through)
+    }
+    .times(m.layers);
+    let windows = divide
+        .then(slots)
+        .product(part, through)
+        .sum(part)
+        .product(bits(m.weight_sum), part)
+        .sum(bits(m.weight_sum));
     let inside = Path::default()
         .product(bits(machine.gauss.weight), bits(words.density))
         .then(table::path(words.hidden_table, bits(words.hidden)))
@@ -229,17 +253,27 @@ pub fn overflow_path(machine: &Machine) -> Path {
         .then(divide)
         .product(bits(m.colour_sum), share)
         .sum(bits(m.colour_sum));
-    if words.inside { windows.beside(inside) } else { windows }
+    if words.inside {
+        windows.beside(inside)
+    } else {
+        windows
+    }
 }
 
 /// What forming windows takes in the one cycle of a slot: T of the next one.
 pub fn slot(machine: &Machine) -> Path {
-    let Some(words) = &machine.fragment.window else { return Path::default() };
+    let Some(words) = &machine.fragment.window else {
+        return Path::default();
+    };
     let [part, through] = [words.part, words.through].map(|word| word.format.width());
-    Path::default().product(part, through).fit(through).choose(2)
+    Path::default()
+        .product(part, through)
+        .fit(through)
+        .choose(2)
 }
 
-/// Cycles of that way: its steps are sequenced, a slot a cycle, so that every operator keeps its registers.
+/// Cycles of that way: its steps are sequenced, a slot a cycle, so that every operator keeps its
+/// registers.
 pub fn overflow_cycles(machine: &Machine) -> u32 {
     overflow_path(machine).registered_at(&machine.timing)
 }
@@ -254,27 +288,40 @@ impl Windows {
             return None;
         }
         let Some(words) = &m.window else {
-            e.require(false, || "fragment.group is not first and fragment.window, its words, is missing".into());
+            e.require(false, || {
+                "fragment.group is not first and fragment.window, its words, is missing".into()
+            });
             return None;
         };
-        e.require(m.sheets.is_none(), || "fragment.sheets groups by sheets, and fragment.group by windows: one of them".into());
+        e.require(m.sheets.is_none(), || {
+            "fragment.sheets groups by sheets, and fragment.group by windows: one of them".into()
+        });
         let cycles = overflow_cycles(machine);
         e.require(machine.timing.fragment.merge >= cycles, || {
             format!("timing.fragment.merge is {}, but to form windows and to blend takes {cycles} cycles", machine.timing.fragment.merge)
         });
         e.within(UNIT, "window.join_permille", words.join_permille, 0, 1000);
-        for (name, word) in [("window.share", words.share), ("window.part", words.part), ("window.through", words.through)] {
+        for (name, word) in [
+            ("window.share", words.share),
+            ("window.part", words.part),
+            ("window.through", words.through),
+        ] {
             e.port(UNIT, name, word);
             e.signedness(UNIT, name, word, false);
             e.holds_one(UNIT, name, word);
         }
-        for (name, word) in [("window.density", words.density), ("window.exponent", words.exponent), ("window.hidden", words.hidden)] {
+        for (name, word) in [
+            ("window.density", words.density),
+            ("window.exponent", words.exponent),
+            ("window.hidden", words.hidden),
+        ] {
             e.port(UNIT, name, word);
             e.signedness(UNIT, name, word, false);
         }
         e.holds_one(UNIT, "window.hidden", words.hidden);
         e.signedness(UNIT, "window.depth_sum", words.depth_sum, false);
-        let (weight, shaded, light) = (m.weight_sum, machine.shade.premultiplied, machine.splat.rgb);
+        let (weight, shaded, light) =
+            (m.weight_sum, machine.shade.premultiplied, machine.splat.rgb);
         let layers = m.layers;
         let places = layers + 1;
         let depth_bits = m.depth.format.width();
@@ -300,13 +347,26 @@ impl Windows {
             let sum = e.sum(UNIT, [product, words.depth_sum.into()]);
             e.fit(UNIT, "window.depth_sum", words.depth_sum, sum)
         });
-        // 4: does the next join, whichever before it starts the window: Σw·z against Σw times where that ends.
+        // 4: does the next join, whichever before it starts the window: Σw·z against Σw times where
+        // that ends.
         let ends = e.copies(layers, |e| e.times(UNIT, weight, m.depth));
         e.copies(layers, |e| e.sum(UNIT, [ends, words.depth_sum.into()]));
         let mean_align = align([words.depth_sum.format.frac_bits, ends.frac_bits]);
-        e.holds_exact("fragment.weight_sum · fragment.depth, to compare it with fragment.window.depth_sum,", ends.plus(words.depth_sum));
+        e.holds_exact(
+            "fragment.weight_sum · fragment.depth, to compare it with fragment.window.depth_sum,",
+            ends.plus(words.depth_sum),
+        );
         // Opacities: sums of up to nine slots, over max(W, τ).
-        let sum_words = [m.weight_sum, m.colour_sum, m.colour_sum, m.colour_sum, m.opacity_sum, m.normal_sum, m.normal_sum, m.normal_sum];
+        let sum_words = [
+            m.weight_sum,
+            m.colour_sum,
+            m.colour_sum,
+            m.colour_sum,
+            m.opacity_sum,
+            m.normal_sum,
+            m.normal_sum,
+            m.normal_sum,
+        ];
         let mut of_two = |name: &str, word: Word| {
             let sum = e.sum(UNIT, [word.into(), word.into()]);
             e.fit(UNIT, name, word, sum)
@@ -315,7 +375,10 @@ impl Windows {
         let depth_of_two = of_two("window.depth_sum", words.depth_sum);
         let reciprocal = Reciprocal::new(e, UNIT, "window.reciprocal", words.reciprocal, 0);
         e.normaliser(UNIT, weight.format.width());
-        let nine = |word: Word| Exact { int_bits: Exact::from(word).int_bits + 4, ..word.into() };
+        let nine = |word: Word| Exact {
+            int_bits: Exact::from(word).int_bits + 4,
+            ..word.into()
+        };
         e.copies(layers, |e| {
             e.adders(UNIT, 1, nine(weight).bits());
             e.adders(UNIT, 1, nine(m.opacity_sum).bits());
@@ -325,15 +388,19 @@ impl Windows {
         let lost = e.times(UNIT, shaded, words.through);
         let inverse = words.reciprocal.format();
         let divided = e.times(UNIT, words.share, inverse);
-        let shares = [nine(m.opacity_sum), late, lost].map(|from| e.fit_shifted(UNIT, "window.share", words.share, from));
+        let shares = [nine(m.opacity_sum), late, lost]
+            .map(|from| e.fit_shifted(UNIT, "window.share", words.share, from));
         e.limit(UNIT, words.part.format.width());
         let part = e.fit(UNIT, "window.part", words.part, divided);
         // T: after a window, and behind a closed slot.
         let by_part = e.copies(places, |e| e.times(UNIT, words.through, words.part));
         // Of each place and each closed slot before it.
-        let by_through = e.copies(places * layers / 2, |e| e.times(UNIT, words.through, words.through));
+        let by_through = e.copies(places * layers / 2, |e| {
+            e.times(UNIT, words.through, words.through)
+        });
         e.adders(UNIT, layers, shaded.format.width());
-        let through = [by_part, by_through].map(|from| e.fit(UNIT, "window.through", words.through, from));
+        let through =
+            [by_part, by_through].map(|from| e.fit(UNIT, "window.through", words.through, from));
         // 6: u·(ε + hi − start), shifted by T; the least. Intervals are not summed before the end.
         e.copies(if m.group == Group::Window { layers } else { 0 }, |e| {
             let cost = e.times(UNIT, m.depth, m.depth);
@@ -343,14 +410,20 @@ impl Windows {
         });
         // 2, 7: colours, of three channels and opacity.
         let rest = e.fit(UNIT, "window.through", words.through, shaded.into());
-        let dimmed = [e.copies(2, |e| e.times(UNIT, words.through, words.part)), e.times(UNIT, words.through, shaded)]
-            .map(|from| e.fit(UNIT, "window.through", words.through, from));
+        let dimmed = [
+            e.copies(2, |e| e.times(UNIT, words.through, words.part)),
+            e.times(UNIT, words.through, shaded),
+        ]
+        .map(|from| e.fit(UNIT, "window.through", words.through, from));
         let lit = e.copies(3, |e| e.times(UNIT, words.part, light));
         let kept = e.copies(4, |e| e.times(UNIT, words.part, shaded));
         let seen = e.copies(3, |e| e.times(UNIT, words.through, shaded));
         let hid = e.times(UNIT, shaded, shaded);
         let mut written = |colour: Exact, opacity: Exact| {
-            [e.copies(3, |e| e.fit(UNIT, "colour_sum", m.colour_sum, colour)), e.fit(UNIT, "opacity_sum", m.opacity_sum, opacity)]
+            [
+                e.copies(3, |e| e.fit(UNIT, "colour_sum", m.colour_sum, colour)),
+                e.fit(UNIT, "opacity_sum", m.opacity_sum, opacity),
+            ]
         };
         let over = written(lit.plus(kept), kept.plus(words.part));
         let beneath = written(lit.plus(shaded), Exact::from(shaded).plus(words.part));
@@ -358,15 +431,33 @@ impl Windows {
         e.adders(UNIT, 8, kept.bits());
         let under = e.fit(UNIT, "window.part", words.part, kept);
         let opacity_bits = alpha.format.width();
-        let density_shape = table::shape(e, UNIT, "window.density_table", words.density_table, opacity_bits);
+        let density_shape = table::shape(
+            e,
+            UNIT,
+            "window.density_table",
+            words.density_table,
+            opacity_bits,
+        );
         let density_bits = Table::fraction_bits(density_shape.index_bits, opacity_bits as u32);
-        e.part(UNIT, Operator::Rom([1 << density_shape.index_bits, words.density.format.width()]));
+        e.part(
+            UNIT,
+            Operator::Rom([1 << density_shape.index_bits, words.density.format.width()]),
+        );
         table::interpolator(e, UNIT, density_shape, words.density, density_bits);
         let exponent = e.times(UNIT, machine.gauss.weight, words.density);
         let index_bits = words.exponent.format.width();
-        let hidden_shape = table::shape(e, UNIT, "window.hidden_table", words.hidden_table, index_bits);
+        let hidden_shape = table::shape(
+            e,
+            UNIT,
+            "window.hidden_table",
+            words.hidden_table,
+            index_bits,
+        );
         let hidden_bits = Table::fraction_bits(hidden_shape.index_bits, index_bits as u32);
-        e.part(UNIT, Operator::Rom([1 << hidden_shape.index_bits, words.hidden.format.width()]));
+        e.part(
+            UNIT,
+            Operator::Rom([1 << hidden_shape.index_bits, words.hidden.format.width()]),
+        );
         table::interpolator(e, UNIT, hidden_shape, words.hidden, hidden_bits);
         let coloured = e.copies(3, |e| e.times(UNIT, light, shaded));
         let depth_align = align([words.depth_sum.format.frac_bits, product.frac_bits]);
@@ -382,7 +473,8 @@ impl Windows {
             narrow: {
                 let means = words.depth_sum.format.width() + mean_align[0] as i32;
                 let ends = weight.format.width() + depth_bits + 1 + mean_align[1] as i32;
-                // The product of two widths of up to three ranges, shifted by as many places as are seen.
+                // The product of two widths of up to three ranges, shifted by as many places as are
+                // seen.
                 means.max(ends).max(2 * depth_bits + 3 + LEAST_SEEN as i32) < 63
             },
             simple: false,
@@ -394,8 +486,18 @@ impl Windows {
             rest,
             dimmed,
             index: e.fit(UNIT, "window.exponent", words.exponent, exponent),
-            hidden: e.fit(UNIT, "window.hidden", words.hidden, table::interpolated(words.hidden, hidden_bits)),
-            density: e.fit(UNIT, "window.density", words.density, table::interpolated(words.density, density_bits)),
+            hidden: e.fit(
+                UNIT,
+                "window.hidden",
+                words.hidden,
+                table::interpolated(words.hidden, hidden_bits),
+            ),
+            density: e.fit(
+                UNIT,
+                "window.density",
+                words.density,
+                table::interpolated(words.density, density_bits),
+            ),
             splat: [
                 e.fit(unit::SHADE, "premultiplied", shaded, words.hidden.into()),
                 e.copies(3, |e| e.fit(unit::SHADE, "premultiplied", shaded, coloured)),
@@ -436,7 +538,11 @@ impl Rule<'_> {
 
     /// 1: the open slot that a depth joins; of equally near ones the first.
     fn taker(&self, z: i64, slots: &[Cluster]) -> Option<usize> {
-        let reach = if self.own.interval { self.epsilon() } else { self.registers.reach };
+        let reach = if self.own.interval {
+            self.epsilon()
+        } else {
+            self.registers.reach
+        };
         let mut nearest: Option<(i64, usize)> = None;
         for (place, slot) in slots.iter().enumerate().filter(|(_, slot)| !slot.closed) {
             let span = [slot.near(), slot.far()];
@@ -449,12 +555,19 @@ impl Rule<'_> {
         nearest.map(|(_, place)| place)
     }
 
-    /// 2: the closed slot, and its side, that a depth is late for; of equally near ones the first, its front before its back.
+    /// 2: the closed slot, and its side, that a depth is late for; of equally near ones the first,
+    /// its front before its back.
     fn late_for(&self, z: i64, slots: &[Cluster]) -> Option<(usize, Side)> {
         let closed = slots.iter().enumerate().filter(|(_, slot)| slot.closed);
-        let parts = closed.flat_map(|(place, slot)| [(place, Side::Front, slot.front), (place, Side::Back, slot.back)]);
+        let parts = closed.flat_map(|(place, slot)| {
+            [
+                (place, Side::Front, slot.front),
+                (place, Side::Back, slot.back),
+            ]
+        });
         let near = parts.filter(|(.., part)| width_with(*part, z) < self.epsilon());
-        near.min_by_key(|(.., part)| gap(*part, z)).map(|(place, side, _)| (place, side))
+        near.min_by_key(|(.., part)| gap(*part, z))
+            .map(|(place, side, _)| (place, side))
     }
 
     /// Whether a slot belongs to the window that starts at a depth.
@@ -472,8 +585,15 @@ impl Rule<'_> {
         }
     }
 
-    /// A quotient of words that are not negative, at most 1; `frac_bits` of the denominator beyond those of the numerator's fit.
-    fn quotient<P: Probe>(&self, [numerator, denominator]: [i64; 2], frac_bits: i32, share: &Fit, tap: &mut Tap<P>) -> i64 {
+    /// A quotient of words that are not negative, at most 1; `frac_bits` of the denominator beyond
+    /// those of the numerator's fit.
+    fn quotient<P: Probe>(
+        &self,
+        [numerator, denominator]: [i64; 2],
+        frac_bits: i32,
+        share: &Fit,
+        tap: &mut Tap<P>,
+    ) -> i64 {
         let one = self.own.part.word.format.one();
         if numerator <= 0 {
             return 0;
@@ -489,12 +609,18 @@ impl Rule<'_> {
     /// Opacity of sums: Σw·α/max(W, τ).
     fn opacity<P: Probe>(&self, [weight, opacity]: [i64; 2], tap: &mut Tap<P>) -> i64 {
         let whole = weight.max(self.registers.thresholds.coverage_threshold);
-        self.quotient([opacity, whole], self.own.frac.weight, &self.own.shares[0], tap)
+        self.quotient(
+            [opacity, whole],
+            self.own.frac.weight,
+            &self.own.shares[0],
+            tap,
+        )
     }
 
     /// 1 − A of a closed slot, as TF.
     fn rest<P: Probe>(&self, light: &Premultiplied, tap: &mut Tap<P>) -> i64 {
-        tap.fit_one(&self.own.rest, self.one() - light.opacity).max(0)
+        tap.fit_one(&self.own.rest, self.one() - light.opacity)
+            .max(0)
     }
 
     /// 1 as a shaded word.
@@ -522,31 +648,50 @@ impl Rule<'_> {
             }
             let (first, start, [weight, opacity]) = joined.unwrap_or((place, slot.near(), [0; 2]));
             if !slot.closed {
-                growing = Some((first, start, [weight + slot.sums[WEIGHT], opacity + slot.sums[OPACITY]]));
+                growing = Some((
+                    first,
+                    start,
+                    [weight + slot.sums[WEIGHT], opacity + slot.sums[OPACITY]],
+                ));
             }
             let mut seen = through;
             for before in slots[..place].iter().filter(|before| before.closed) {
-                let behind = if slot.near() < before.far() { before.sums[BEHIND_FRONT] } else { self.rest(&self.read(before, tap), tap) };
+                let behind = if slot.near() < before.far() {
+                    before.sums[BEHIND_FRONT]
+                } else {
+                    self.rest(&self.read(before, tap), tap)
+                };
                 seen = tap.fit_one(&own.through[1], seen * behind);
             }
-            windows[place] = Window { first, start, seen: self.places_below(seen, one) };
+            windows[place] = Window {
+                first,
+                start,
+                seen: self.places_below(seen, one),
+            };
         }
         windows
     }
 
-    /// By how many places a part of one lies below it, at least, as a power of two; none of less than is seen.
+    /// By how many places a part of one lies below it, at least, as a power of two; none of less
+    /// than is seen.
     fn places_below(&self, part: i64, one: i64) -> Seen {
         let below = one.leading_zeros() as i32 - part.leading_zeros() as i32;
         let places = (-below).max(0) as u32;
         (part > 0 && places <= LEAST_SEEN).then_some(places)
     }
 
-    /// 6: the front of the pair that is best summed, if any two may be; of equals the one nearer to the eye.
+    /// 6: the front of the pair that is best summed, if any two may be; of equals the one nearer to
+    /// the eye.
     fn pair_to_sum(&self, slots: &[Cluster], windows: &[Window]) -> Option<usize> {
-        if self.own.narrow { self.cheapest::<i64>(slots, windows) } else { self.cheapest::<i128>(slots, windows) }
+        if self.own.narrow {
+            self.cheapest::<i64>(slots, windows)
+        } else {
+            self.cheapest::<i128>(slots, windows)
+        }
     }
 
-    /// Costs are 2^9·ε times those of RULES: T·u·(ε + hi − start)/(2ε), or T·ε where the two are of two windows.
+    /// Costs are 2^9·ε times those of RULES: T·u·(ε + hi − start)/(2ε), or T·ε where the two are of
+    /// two windows.
     fn cheapest<N>(&self, slots: &[Cluster], windows: &[Window]) -> Option<usize>
     where
         N: Copy + Ord + Default + From<i64> + Mul<Output = N> + Shl<u32, Output = N>,
@@ -561,8 +706,14 @@ impl Rule<'_> {
                 continue;
             }
             let of_one = windows[front].first == windows[front + 1].first;
-            let [one, other] = if of_one { [width, epsilon + far - windows[front].start] } else { [2 * epsilon, epsilon] };
-            let seen = windows[front].seen.map_or(N::default(), |places| (N::from(one) * N::from(other)) << (LEAST_SEEN - places));
+            let [one, other] = if of_one {
+                [width, epsilon + far - windows[front].start]
+            } else {
+                [2 * epsilon, epsilon]
+            };
+            let seen = windows[front].seen.map_or(N::default(), |places| {
+                (N::from(one) * N::from(other)) << (LEAST_SEEN - places)
+            });
             if least.is_none_or(|(cost, _)| seen < cost) {
                 least = Some((seen, front));
             }
@@ -582,13 +733,22 @@ impl Rule<'_> {
     }
 
     /// 7: a slot, shaded once.
-    fn closed<P: Probe>(&self, slot: &Cluster, shade: impl Fn(&Slot, &mut Tap<P>) -> Premultiplied, tap: &mut Tap<P>) -> Cluster {
+    fn closed<P: Probe>(
+        &self,
+        slot: &Cluster,
+        shade: impl Fn(&Slot, &mut Tap<P>) -> Premultiplied,
+        tap: &mut Tap<P>,
+    ) -> Cluster {
         if slot.closed {
             return *slot;
         }
         let light = shade(&slot.slot(), tap);
         let rest = self.rest(&light, tap);
-        let mut closed = Cluster { closed: true, depth_sum: 0, ..*slot };
+        let mut closed = Cluster {
+            closed: true,
+            depth_sum: 0,
+            ..*slot
+        };
         self.store(&mut closed, &light, tap);
         closed.sums[BACK_WEIGHT] = slot.sums[WEIGHT];
         closed.sums[BEHIND_FRONT] = rest;
@@ -612,7 +772,8 @@ impl Rule<'_> {
         }
         if back.far() > front.far() {
             let through = (self.one() - over.opacity).max(0);
-            front.sums[BEFORE_BACK] = tap.fit_one(&self.own.dimmed[1], back.sums[BEFORE_BACK] * through);
+            front.sums[BEFORE_BACK] =
+                tap.fit_one(&self.own.dimmed[1], back.sums[BEFORE_BACK] * through);
             front.sums[BACK_WEIGHT] = back.sums[BACK_WEIGHT];
             front.back = back.back;
         }
@@ -621,20 +782,40 @@ impl Rule<'_> {
         false
     }
 
-    /// 2, 7: what lies between the front and the back of a closed slot, all of which is taken for one colour.
-    fn put_inside<P: Probe>(&self, slot: &mut Cluster, light: &Premultiplied, x: &Premultiplied, [near, far]: [i64; 2], tap: &mut Tap<P>) {
-        let Fractions { part: of_part, through: of_through, shaded: of_shaded, .. } = self.own.frac;
+    /// 2, 7: what lies between the front and the back of a closed slot, all of which is taken for
+    /// one colour.
+    fn put_inside<P: Probe>(
+        &self,
+        slot: &mut Cluster,
+        light: &Premultiplied,
+        x: &Premultiplied,
+        [near, far]: [i64; 2],
+        tap: &mut Tap<P>,
+    ) {
+        let Fractions {
+            part: of_part,
+            through: of_through,
+            shaded: of_shaded,
+            ..
+        } = self.own.frac;
         let (one, part_one) = (self.one(), self.own.part.word.format.one());
         let through = self.rest(light, tap);
-        // What of x is seen: all that the front lets through, or, nearer to the back, what reaches the back.
+        // What of x is seen: all that the front lets through, or, nearer to the back, what reaches
+        // the back.
         let mut seen = slot.sums[BEHIND_FRONT].max(through);
         if near + far >= slot.front[1] + slot.back[0] {
             seen = slot.sums[BEFORE_BACK].max(through).min(seen);
         }
-        let lost = self.quotient([x.opacity * (seen - through), light.opacity], of_shaded, &self.own.shares[2], tap);
+        let lost = self.quotient(
+            [x.opacity * (seen - through), light.opacity],
+            of_shaded,
+            &self.own.shares[2],
+            tap,
+        );
         let [kept_up, seen_up] = align([of_part, of_through]);
         for channel in 0..3 {
-            let exact = ((light.colour[channel] * (part_one - lost)) << kept_up) + ((x.colour[channel] * seen) << seen_up);
+            let exact = ((light.colour[channel] * (part_one - lost)) << kept_up)
+                + ((x.colour[channel] * seen) << seen_up);
             slot.sums[COLOUR + channel] = tap.fit_one(&self.own.within[0], exact);
         }
         let behind = (one - x.opacity).max(0);
@@ -648,15 +829,33 @@ impl Rule<'_> {
         let index = tap.fit_one(&self.own.index, input.weight * i64::from(input.density));
         let hidden = tap.fit_one(&self.own.hidden, self.registers.hidden.exact(index));
         let opacity = tap.fit_one(&self.own.splat[0], hidden).min(self.one());
-        Premultiplied { colour: three!(channel => tap.fit_one(&self.own.splat[1], i64::from(input.light[channel]) * opacity)), opacity }
+        Premultiplied {
+            colour: three!(channel => tap.fit_one(&self.own.splat[1], i64::from(input.light[channel]) * opacity)),
+            opacity,
+        }
     }
 
-    /// 2: adds a late contribution to a closed slot, as far as its surface did not cover the pixel yet.
+    /// 2: adds a late contribution to a closed slot, as far as its surface did not cover the pixel
+    /// yet.
     fn add_late<P: Probe>(&self, slot: &mut Cluster, side: Side, input: &Input, tap: &mut Tap<P>) {
         let own = self.own;
-        let Fractions { light: of_light, shaded: of_shaded, part: of_part, weight, opacity, .. } = own.frac;
-        let (alpha, threshold) = (i64::from(input.attributes[OPACITY]), self.registers.thresholds.coverage_threshold);
-        let place = if side == Side::Front { WEIGHT } else { BACK_WEIGHT };
+        let Fractions {
+            light: of_light,
+            shaded: of_shaded,
+            part: of_part,
+            weight,
+            opacity,
+            ..
+        } = own.frac;
+        let (alpha, threshold) = (
+            i64::from(input.attributes[OPACITY]),
+            self.registers.thresholds.coverage_threshold,
+        );
+        let place = if side == Side::Front {
+            WEIGHT
+        } else {
+            BACK_WEIGHT
+        };
         let had = slot.sums[place];
         let weighs = self.weight_after(0, input.weight, tap);
         slot.sums[place] = self.weight_after(had, input.weight, tap);
@@ -669,26 +868,35 @@ impl Rule<'_> {
             Side::Front => {
                 let [lit_up, kept_up] = align([of_light, of_shaded]);
                 for channel in 0..3 {
-                    let (own_light, behind) = (i64::from(input.light[channel]), light.colour[channel]);
-                    let exact = ((own_light * share) << lit_up) + ((behind * (part_one - share)) << kept_up);
+                    let (own_light, behind) =
+                        (i64::from(input.light[channel]), light.colour[channel]);
+                    let exact = ((own_light * share) << lit_up)
+                        + ((behind * (part_one - share)) << kept_up);
                     slot.sums[COLOUR + channel] = tap.fit_one(&own.over[0], exact);
                 }
                 let exact = (share << of_shaded) + light.opacity * (part_one - share);
                 slot.sums[OPACITY] = tap.fit_one(&own.over[1], exact);
                 for kept in [BEHIND_FRONT, BEFORE_BACK] {
-                    slot.sums[kept] = tap.fit_one(&own.dimmed[0], slot.sums[kept] * (part_one - share));
+                    slot.sums[kept] =
+                        tap.fit_one(&own.dimmed[0], slot.sums[kept] * (part_one - share));
                 }
                 slot.front = with(slot.front, input.depth);
             }
             Side::Back => {
-                let seen = tap.fit_one(&own.under, share * (self.one() - light.opacity).max(0)).min(part_one);
+                let seen = tap
+                    .fit_one(&own.under, share * (self.one() - light.opacity).max(0))
+                    .min(part_one);
                 let [lit_up, held_up] = align([of_light + of_part, of_shaded]);
                 for channel in 0..3 {
-                    let exact = ((i64::from(input.light[channel]) * seen) << lit_up) + (light.colour[channel] << held_up);
+                    let exact = ((i64::from(input.light[channel]) * seen) << lit_up)
+                        + (light.colour[channel] << held_up);
                     slot.sums[COLOUR + channel] = tap.fit_one(&own.beneath[0], exact);
                 }
                 let [seen_up, held_up] = align([of_part, of_shaded]);
-                slot.sums[OPACITY] = tap.fit_one(&own.beneath[1], (seen << seen_up) + (light.opacity << held_up));
+                slot.sums[OPACITY] = tap.fit_one(
+                    &own.beneath[1],
+                    (seen << seen_up) + (light.opacity << held_up),
+                );
                 slot.back = with(slot.back, input.depth);
             }
         }
@@ -697,16 +905,25 @@ impl Rule<'_> {
     /// Σw after one more contribution.
     fn weight_after<P: Probe>(&self, weight: i64, more: i64, tap: &mut Tap<P>) -> i64 {
         let [of_sum, of_product] = self.fragment.align[WEIGHT];
-        tap.fit_one(&self.fragment.sums[WEIGHT], (weight << of_sum) + (more << of_product))
+        tap.fit_one(
+            &self.fragment.sums[WEIGHT],
+            (weight << of_sum) + (more << of_product),
+        )
     }
 
     /// 1: adds a contribution to an open slot.
     fn accumulate<P: Probe>(&self, slot: &mut Cluster, input: &Input, tap: &mut Tap<P>) {
         let mut sums = PackedSums(slot.sums);
         if !P::WORDS && self.own.simple {
-            i64::accumulate::<Plain>(&mut sums, input.attributes, input.weight, i64::limits(&self.fragment.limits));
+            i64::accumulate::<Plain>(
+                &mut sums,
+                input.attributes,
+                input.weight,
+                i64::limits(&self.fragment.limits),
+            );
         } else {
-            self.fragment.accumulate_one_by_one(&mut sums, input.weight, input.attributes, tap);
+            self.fragment
+                .accumulate_one_by_one(&mut sums, input.weight, input.attributes, tap);
         }
         slot.sums = sums.0;
         let [of_sum, of_product] = self.own.depth_align;
@@ -728,7 +945,11 @@ impl Rule<'_> {
         if self.fragment.evict_hidden && windows[deepest].seen.is_none() {
             return Decision::Evicted(place == deepest);
         }
-        let sum = if self.own.interval { None } else { self.pair_to_sum(slots, &windows) };
+        let sum = if self.own.interval {
+            None
+        } else {
+            self.pair_to_sum(slots, &windows)
+        };
         if let Some(front) = sum {
             slots[front] = self.summed(&slots[front], &slots[front + 1], tap);
             slots[front + 1..].rotate_left(1);
@@ -743,29 +964,49 @@ impl Rule<'_> {
 
 impl Fragment {
     /// A frame's registers for windows; none where fragments are not grouped by them.
-    pub fn windows(&self, window: &frame::Window, thresholds: FragmentRegisters) -> Option<WindowRegisters> {
+    pub fn windows(
+        &self,
+        window: &frame::Window,
+        thresholds: FragmentRegisters,
+    ) -> Option<WindowRegisters> {
         let own = self.windows.as_ref()?;
-        let table =
-            |fit: Fit, shape: TableShape, bits: u32, words: &[i64]| Table::new(fit, shape.index_bits, bits, shape.interpolation, words);
+        let table = |fit: Fit, shape: TableShape, bits: u32, words: &[i64]| {
+            Table::new(fit, shape.index_bits, bits, shape.interpolation, words)
+        };
         Some(WindowRegisters {
             thresholds,
             reach: window.reach,
-            density: table(own.density, own.density_shape, own.opacity_bits, &window.density),
+            density: table(
+                own.density,
+                own.density_shape,
+                own.opacity_bits,
+                &window.density,
+            ),
             hidden: table(own.hidden, own.hidden_shape, own.index_bits, &window.hidden),
         })
     }
 
     /// How fast a splat of some opacity (`splat.opacity`) hides what lies behind it, by its weight.
-    pub fn density<P: Probe>(&self, opacity: i32, registers: &WindowRegisters, tap: &mut Tap<P>) -> i32 {
+    pub fn density<P: Probe>(
+        &self,
+        opacity: i32,
+        registers: &WindowRegisters,
+        tap: &mut Tap<P>,
+    ) -> i32 {
         let density = &registers.density;
         tap.fit_one(density.fit(), density.exact(i64::from(opacity))) as i32
     }
 
     fn rule<'a>(&'a self, registers: &'a WindowRegisters) -> Option<Rule<'a>> {
-        self.windows.as_ref().map(|own| Rule { fragment: self, own, registers })
+        self.windows.as_ref().map(|own| Rule {
+            fragment: self,
+            own,
+            registers,
+        })
     }
 
-    /// Takes one contribution into a pixel's slots, of which so many are in use and one more is spare.
+    /// Takes one contribution into a pixel's slots, of which so many are in use and one more is
+    /// spare.
     pub fn contribute_to_window<P: Probe>(
         &self,
         slots: &mut [Cluster; MAX_LAYERS + 1],
@@ -775,7 +1016,9 @@ impl Fragment {
         shade: impl Fn(&Slot, &mut Tap<P>) -> Premultiplied,
         tap: &mut Tap<P>,
     ) -> Decision {
-        let Some(rule) = self.rule(registers) else { return Decision::Dropped };
+        let Some(rule) = self.rule(registers) else {
+            return Decision::Dropped;
+        };
         let (z, held) = (input.depth, &slots[..live]);
         if let Some(place) = rule.taker(z, held) {
             rule.accumulate(&mut slots[place], input, tap);
@@ -785,7 +1028,9 @@ impl Fragment {
             rule.add_late(&mut slots[place], side, input, tap);
             return Decision::Late(place as u8, side);
         }
-        let around = held.iter().rposition(|slot| slot.closed && slot.near() < z && z < slot.far());
+        let around = held
+            .iter()
+            .rposition(|slot| slot.closed && slot.near() < z && z < slot.far());
         if let Some(place) = around.filter(|_| rule.own.inside) {
             let x = rule.splat_inside(input, tap);
             let light = rule.read(&slots[place], tap);
@@ -794,7 +1039,12 @@ impl Fragment {
         }
         slots[..live].sort_by_key(Cluster::near);
         let place = slots[..live].partition_point(|slot| slot.near() <= z);
-        let mut fresh = Cluster { front: [z; 2], back: [z; 2], material: input.material, ..Cluster::default() };
+        let mut fresh = Cluster {
+            front: [z; 2],
+            back: [z; 2],
+            material: input.material,
+            ..Cluster::default()
+        };
         rule.accumulate(&mut fresh, input, tap);
         slots[live] = fresh;
         slots[place..=live].rotate_right(1);
@@ -804,8 +1054,9 @@ impl Fragment {
         rule.overflow(&mut slots[..=live], place, shade, tap)
     }
 
-    /// A pixel's windows, each shaded and blended behind or inside of those before it, in the order of depth: how many layers they are, at
-    /// which places a window starts, a bit each, the first in the last place, and how many were shaded.
+    /// A pixel's windows, each shaded and blended behind or inside of those before it, in the order
+    /// of depth: how many layers they are, at which places a window starts, a bit each, the first
+    /// in the last place, and how many were shaded.
     pub fn layers_of_windows<P: Probe>(
         &self,
         slots: &mut [Cluster],
@@ -814,7 +1065,9 @@ impl Fragment {
         shade: impl Fn(&Slot, &mut Tap<P>) -> Premultiplied,
         tap: &mut Tap<P>,
     ) -> (usize, u8, u8) {
-        let Some(rule) = self.rule(registers) else { return (0, 0, 0) };
+        let Some(rule) = self.rule(registers) else {
+            return (0, 0, 0);
+        };
         slots.sort_by_key(Cluster::near);
         let (mut count, mut starts, mut shaded) = (0, 0, 0);
         let mut last = Cluster::default();
@@ -823,7 +1076,10 @@ impl Fragment {
             starts |= 1 << place;
             let (first, mut window) = (place, slots[place]);
             place += 1;
-            while place < slots.len() && !window.closed && rule.joins(slots[first].near(), &slots[place]) {
+            while place < slots.len()
+                && !window.closed
+                && rule.joins(slots[first].near(), &slots[place])
+            {
                 window = rule.summed(&window, &slots[place], tap);
                 place += 1;
             }
@@ -837,7 +1093,13 @@ impl Fragment {
             } else {
                 last = window;
                 let weight = if was_closed { 0 } else { window.sums[WEIGHT] };
-                layers[count] = Layer { slot: first, depth: window.near(), weight, merged: was_closed, ..Layer::default() };
+                layers[count] = Layer {
+                    slot: first,
+                    depth: window.near(),
+                    weight,
+                    merged: was_closed,
+                    ..Layer::default()
+                };
                 count += 1;
             }
             let Premultiplied { colour, opacity } = rule.read(&last, tap);

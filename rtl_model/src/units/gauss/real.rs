@@ -1,7 +1,8 @@
 //! Gauss over the reals: how far a weight may lie from the exact one.
 //!
-//! |Δw| ≤ A·e^(−r/2)·(|Δr| + u_r/2)/2 + ΔA·e^(−r/2) + A·(table error + u_f/2) + u_w/2, with last places u of `radial_index`,
-//! `falloff` and `weight`; the table errs by h²/32 + u_f/2 with straight lines over steps of h, by h/4 + u_f/2 without.
+//! |Δw| ≤ A·e^(−r/2)·(|Δr| + u_r/2)/2 + ΔA·e^(−r/2) + A·(table error + u_f/2) + u_w/2, with last
+//! places u of `radial_index`, `falloff` and `weight`; the table errs by h²/32 + u_f/2 with
+//! straight lines over steps of h, by h/4 + u_f/2 without.
 
 use super::Gauss;
 use crate::functions::table;
@@ -11,7 +12,13 @@ impl Gauss {
     /// Greatest distance of the table from e^(−r/2), before its result is fitted.
     pub fn table_error(&self) -> f64 {
         let table = self.table();
-        table::real::error(table.fit(), table.interpolation(), self.range() * table.step(), 0.5, 0.25)
+        table::real::error(
+            table.fit(),
+            table.interpolation(),
+            self.range() * table.step(),
+            0.5,
+            0.25,
+        )
     }
 
     /// The table's arguments are below this.
@@ -27,8 +34,11 @@ impl Gauss {
     /// The same, whose [`Gauss::table_error`] is known.
     pub fn real_within<R: Real>(&self, radial: R, amplitude: R, table_error: f64) -> R {
         let range = self.range();
-        let [weight] =
-            self.graph.real(&self.asked, [radial.at_least(0.0), amplitude], |table, index| index.falloff(table, range, table_error));
+        let [weight] = self.graph.real(
+            &self.asked,
+            [radial.at_least(0.0), amplitude],
+            |table, index| index.falloff(table, range, table_error),
+        );
         weight
     }
 }

@@ -13,21 +13,35 @@ fn gauss(name: &str) -> (Machine, Gauss) {
     (machine, gauss)
 }
 
-/// Radial index and weight: eight wide, whatever is known of the fits, as the graph has one. Fits that are known to be plain are for
-/// fragments, which lie below the cutoff.
+/// Radial index and weight: eight wide, whatever is known of the fits, as the graph has one. Fits
+/// that are known to be plain are for fragments, which lie below the cutoff.
 fn one(machine: &Machine, gauss: &Gauss, radial: i64, amplitude: i64) -> [i64; 2] {
     let probe = &mut NoProbe;
     let tap = &mut Tap::new(probe);
     let words = gauss.graph().one(&[radial, amplitude], tap);
     let kernel = gauss.kernel();
-    assert_eq!(kernel.lanes::<false, _, _>(Plain([radial; LANES]), amplitude, tap).map(|lanes| lanes.0[0]), words);
+    assert_eq!(
+        kernel
+            .lanes::<false, _, _>(Plain([radial; LANES]), amplitude, tap)
+            .map(|lanes| lanes.0[0]),
+        words
+    );
     let reach = machine.raster.radial.format.frac_bits + machine.raster.cutoff.format.int_bits;
     if kernel.is_simple() && radial >> reach == 0 {
-        assert_eq!(kernel.lanes::<true, _, _>(Plain([radial; LANES]), amplitude, tap).map(|lanes| lanes.0[0]), words);
+        assert_eq!(
+            kernel
+                .lanes::<true, _, _>(Plain([radial; LANES]), amplitude, tap)
+                .map(|lanes| lanes.0[0]),
+            words
+        );
     }
     if kernel.is_narrow() && radial <= 1 << 30 {
         let [radial, amplitude] = [radial, amplitude].map(|word| PlainWords([word as i32; LANES]));
-        assert_eq!(i64::from(kernel.short().weight(radial, amplitude).0[0]), words[1], "in words of 32 bits");
+        assert_eq!(
+            i64::from(kernel.short().weight(radial, amplitude).0[0]),
+            words[1],
+            "in words of 32 bits"
+        );
     }
     words
 }
@@ -53,14 +67,18 @@ proptest! {
     }
 }
 
-/// What fills the picture, on the machines that it is for: every r that it may be asked, in steps, and those at the end.
+/// What fills the picture, on the machines that it is for: every r that it may be asked, in steps,
+/// and those at the end.
 #[test]
 fn words_of_32_bits_weigh_as_wide_ones_do() {
     for name in ["reference", "lean"] {
         let (machine, gauss) = gauss(name);
         assert!(gauss.kernel().is_narrow(), "{name} has no short form");
         let below = (1i64 << (machine.raster.radial.format.frac_bits + 2)).min(1 << 30);
-        for radial in (0..=below).step_by(below as usize / 10_000).chain(below - 3..=below) {
+        for radial in (0..=below)
+            .step_by(below as usize / 10_000)
+            .chain(below - 3..=below)
+        {
             for amplitude in [0, 1, 12_345, machine.ellipse.amplitude.format.max()] {
                 one(&machine, &gauss, radial, amplitude);
             }
@@ -76,7 +94,10 @@ fn the_middle_of_a_splat_has_its_amplitude() {
         let [radial_index, weight] = one(&machine, &gauss, 0, amplitude);
         assert_eq!(radial_index, 0);
         // The first word of a table without interpolation is that of its first step's middle.
-        assert!(most(&machine, amplitude) - weight <= most(&machine, amplitude) / 16, "{name}: full weight is {weight}");
+        assert!(
+            most(&machine, amplitude) - weight <= most(&machine, amplitude) / 16,
+            "{name}: full weight is {weight}"
+        );
     }
 }
 
@@ -86,13 +107,20 @@ fn no_falloff_lies_beyond_its_word() {
     for name in Machine::NAMES {
         let (machine, gauss) = gauss(name);
         for radial_index in 0..=machine.gauss.radial_index.format.max() {
-            let loss = gauss.table().fit().loss(gauss.table().exact(radial_index), 0);
-            assert!(!loss.saturated_low && !loss.saturated_high, "{name}: falloff at {radial_index}");
+            let loss = gauss
+                .table()
+                .fit()
+                .loss(gauss.table().exact(radial_index), 0);
+            assert!(
+                !loss.saturated_low && !loss.saturated_high,
+                "{name}: falloff at {radial_index}"
+            );
         }
     }
 }
 
-/// One last place of the register below the cutoff, which is the table's whole reach: the last word, not the first.
+/// One last place of the register below the cutoff, which is the table's whole reach: the last
+/// word, not the first.
 #[test]
 fn just_below_the_cutoff_is_the_tables_end() {
     for name in Machine::NAMES {
@@ -103,7 +131,11 @@ fn just_below_the_cutoff_is_the_tables_end() {
         let [radial_index, weight] = one(&machine, &gauss, reach - 1, amplitude);
         assert_eq!(radial_index, format.max(), "{name}");
         let value = machine.gauss.weight.format.value(weight);
-        let exact = machine.ellipse.amplitude.format.value(amplitude) * (-f64::from(format.int_bits).exp2() / 2.0).exp();
-        assert!((value / exact - 1.0).abs() < 0.07, "{name}: {value} instead of {exact}");
+        let exact = machine.ellipse.amplitude.format.value(amplitude)
+            * (-f64::from(format.int_bits).exp2() / 2.0).exp();
+        assert!(
+            (value / exact - 1.0).abs() < 0.07,
+            "{name}: {value} instead of {exact}"
+        );
     }
 }

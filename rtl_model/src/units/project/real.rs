@@ -1,8 +1,9 @@
 //! Project over the reals: how far a projected point may lie from the exact one.
 //!
-//! `relative` is cut to a last place of 2^(exponent − frac_bits), `camera` adds the rotation's own last places and half of one
-//! more, 1/t_z its unit's relative error, `slope` and `pixel` half a last place each; `pixel` takes the slope's error s-fold.
-//! So with words of equal relative precision u the position on the screen is off by some 4·s·u pixels: `camera`'s part counts most.
+//! `relative` is cut to a last place of 2^(exponent − frac_bits), `camera` adds the rotation's own
+//! last places and half of one more, 1/t_z its unit's relative error, `slope` and `pixel` half a
+//! last place each; `pixel` takes the slope's error s-fold. So with words of equal relative
+//! precision u the position on the screen is off by some 4·s·u pixels: `camera`'s part counts most.
 
 use super::Project;
 use crate::graph::real::{Bounded, Given};
@@ -32,8 +33,10 @@ pub struct Projected<R> {
 impl Project {
     /// Projects a point.
     pub fn real<R: Real>(&self, view: &View<R>, position: [R; 3]) -> Projected<R> {
-        let ([p, q, r], [x, y, z], [[a, b, c], [d, e, f], [g, h, i]]) = (position, view.eye, view.rotation);
-        let ([focal_x, focal_y], [guard_x, guard_y], [centre_x, centre_y]) = (view.focals, view.guard, view.centre);
+        let ([p, q, r], [x, y, z], [[a, b, c], [d, e, f], [g, h, i]]) =
+            (position, view.eye, view.rotation);
+        let ([focal_x, focal_y], [guard_x, guard_y], [centre_x, centre_y]) =
+            (view.focals, view.guard, view.centre);
         let is_transparent = R::constant(0.0);
         let inputs = [
             p,
@@ -60,9 +63,22 @@ impl Project {
             centre_x,
             centre_y,
         ];
-        let given = Given { inputs: &inputs.map(Bounded::of), turned: None };
-        let [x, y, forward, exponent, depth, inverse_depth, slope_x, slope_y, column, row] =
-            self.graph.bounded(&self.bounds, &given, |_, x| x);
+        let given = Given {
+            inputs: &inputs.map(Bounded::of),
+            turned: None,
+        };
+        let [
+            x,
+            y,
+            forward,
+            exponent,
+            depth,
+            inverse_depth,
+            slope_x,
+            slope_y,
+            column,
+            row,
+        ] = self.graph.bounded(&self.bounds, &given, |_, x| x);
         let camera = [x.value, y.value, forward.value];
         Projected {
             camera,

@@ -16,12 +16,16 @@ fn view(machine: &Machine, eye: [f64; 3], angle: f64, focal: [f64; 2], centre: [
     let (sin, cos) = angle.sin_cos();
     let p = &machine.project;
     View {
-        rotation: [[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]].map(|row| row.map(|x| quantised(p.rotation, x))),
+        rotation: [[cos, 0.0, -sin], [0.0, 1.0, 0.0], [sin, 0.0, cos]]
+            .map(|row| row.map(|x| quantised(p.rotation, x))),
         eye: eye.map(|x| quantised(p.eye, x)),
         near: 1,
         guard: [quantised(p.slope, 1.0); 2],
         centre: centre.map(|off| quantised(p.pixel, off)),
-        aspect: Some(Aspect { focal: focal.map(|focal| quantised(p.focal, focal)), ..Aspect::default() }),
+        aspect: Some(Aspect {
+            focal: focal.map(|focal| quantised(p.focal, focal)),
+            ..Aspect::default()
+        }),
         ..View::default()
     }
 }
@@ -29,9 +33,11 @@ fn view(machine: &Machine, eye: [f64; 3], angle: f64, focal: [f64; 2], centre: [
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
-    /// With place(x) the last place of word x. t is relative to a power of two, its largest part before the turn in [½, 1):
-    /// `relative` is cut by a place each, three of them turned by elements of at most 1; `camera` is rounded by half a place.
-    /// a = t_x/t_z: both parts' errors over t_z, the reciprocal's relative error, half a place of `slope`. Then s times that, and half of `pixel`'s.
+    /// With place(x) the last place of word x. t is relative to a power of two, its largest part
+    /// before the turn in [½, 1): `relative` is cut by a place each, three of them turned by
+    /// elements of at most 1; `camera` is rounded by half a place. a = t_x/t_z: both parts' errors
+    /// over t_z, the reciprocal's relative error, half a place of `slope`. Then s times that, and
+    /// half of `pixel`'s.
     #[test]
     fn a_projected_point_is_within_its_last_places(
         name in prop::sample::select(Machine::NAMES.to_vec()),
@@ -55,7 +61,8 @@ proptest! {
         let of_camera = 2.0 * place(p.relative) + place(p.camera) / 2.0;
         for (axis, exact) in t.into_iter().enumerate() {
             let word = p.camera.format.value([x, y, forward][axis]);
-            // The third part is what the quotients use, at least one place, and 1 where the splat is culled.
+            // The third part is what the quotients use, at least one place, and 1 where the splat
+            // is culled.
             let culled = axis == 2 && (near || outside);
             prop_assert!(culled || (word - exact / power).abs() <= of_camera, "camera {axis}");
         }

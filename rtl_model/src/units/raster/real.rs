@@ -1,7 +1,8 @@
 //! Raster over the reals: how far r and z may lie from the exact ones at a pixel.
 //!
-//! The adds are exact, so r at (i, j) columns and rows from the seed is dᵀQd of the machine's own Q and d, and what its seed and
-//! its differences lost when they were rounded (docs/book/algorithm.md §4):
+//! The adds are exact, so r at (i, j) columns and rows from the seed is dᵀQd of the machine's own Q
+//! and d, and what its seed and its differences lost when they were rounded (docs/book/algorithm.md
+//! §4):
 //! ```text
 //! |Δr| ≤ |d|ᵀ ΔQ |d| + 2·|Q d|·Δd + Δdᵀ |Q| Δd                                      other words than the exact ones
 //!      + e₀ + (i + j)·e₁ + (C(i,2) + C(j,2) + i·j)·e₂                               rounded seed and differences
@@ -30,23 +31,30 @@ pub struct Input<R> {
     pub depth_range: R,
 }
 
-/// Loss by cutting a result to a word may lose where it stays in range; nothing where no places are cut.
+/// Loss by cutting a result to a word may lose where it stays in range; nothing where no places are
+/// cut.
 fn loss(fit: &Fit) -> f64 {
     if fit.places() <= 0 {
         return 0.0;
     }
     let place = power_of_two(-fit.word.format.frac_bits);
-    if fit.word.round == Rounding::Truncate { place } else { place / 2.0 }
+    if fit.word.round == Rounding::Truncate {
+        place
+    } else {
+        place / 2.0
+    }
 }
 
 /// Whether a number may lie outside of a word's range.
 fn outruns(fit: &Fit, most: f64) -> bool {
     let format = fit.word.format;
     // A NaN outruns everything.
-    most.partial_cmp(&format.value(format.max())).is_none_or(std::cmp::Ordering::is_gt)
+    most.partial_cmp(&format.value(format.max()))
+        .is_none_or(std::cmp::Ordering::is_gt)
 }
 
-/// Sum of rounded differences on the way: e₁ each step, e₂ each pair of steps; rows that are seeded afresh take no steps.
+/// Sum of rounded differences on the way: e₁ each step, e₂ each pair of steps; rows that are seeded
+/// afresh take no steps.
 fn stepped(rows: Rows, [columns, lines]: [f64; 2], first: f64, second: f64) -> f64 {
     let [i, j] = [columns, if rows == Rows::Seeded { 0.0 } else { lines }];
     let pairs = |n: f64| n * (n - 1.0).max(0.0) / 2.0;
@@ -79,8 +87,15 @@ impl Raster {
         let [x, y] = two!(axis => reach[axis] + offset_error[axis]);
         let gradient = loss(&self.gradient);
         let sound = !outruns(&self.offset, x.max(y))
-            && !outruns(&self.gradient, (xx * x + 2.0 * xy * y).max(yy * y) + gradient)
-            && !outruns(&self.first, (2.0 * xx * x + xx + 2.0 * xy * y).max(2.0 * yy * y + yy + 2.0 * xy * x) + loss(&self.first))
+            && !outruns(
+                &self.gradient,
+                (xx * x + 2.0 * xy * y).max(yy * y) + gradient,
+            )
+            && !outruns(
+                &self.first,
+                (2.0 * xx * x + xx + 2.0 * xy * y).max(2.0 * yy * y + yy + 2.0 * xy * x)
+                    + loss(&self.first),
+            )
             && !outruns(&self.second, 2.0 * xx.max(yy).max(xy) + loss(&self.second));
         Walk {
             input: *input,
@@ -98,10 +113,16 @@ impl Raster {
         let d = two!(axis => at[axis] - walk.input.pixel[axis].value);
         let [ex, ey] = walk.offset_error;
         let [xx, xy, yy] = walk.input.conic;
-        let along = [xx.value * d[0] + xy.value * d[1], xy.value * d[0] + yy.value * d[1]];
+        let along = [
+            xx.value * d[0] + xy.value * d[1],
+            xy.value * d[0] + yy.value * d[1],
+        ];
         let value = along[0] * d[0] + along[1] * d[1];
         if !walk.sound {
-            return Near { value, error: f64::INFINITY };
+            return Near {
+                value,
+                error: f64::INFINITY,
+            };
         }
         let [x, y] = [d[0].abs() + ex, d[1].abs() + ey];
         let conic = xx.error * x * x + 2.0 * xy.error * x * y + yy.error * y * y;
@@ -110,15 +131,25 @@ impl Raster {
             + 2.0 * xy.value.abs() * ex * ey
             + yy.value.abs() * ey * ey;
         // The f64 sum above, for a needle's terms cancel.
-        let rounding = 8.0 * f64::EPSILON * (xx.value.abs() * x * x + 2.0 * xy.value.abs() * x * y + yy.value.abs() * y * y);
+        let rounding = 8.0
+            * f64::EPSILON
+            * (xx.value.abs() * x * x + 2.0 * xy.value.abs() * x * y + yy.value.abs() * y * y);
         let radial = Near::within(value, conic + moved + rounding + self.walked(walk, d));
         // A NaN outruns everything.
-        if radial.most() <= walk.most { radial } else { Near { value, error: f64::INFINITY } }
+        if radial.most() <= walk.most {
+            radial
+        } else {
+            Near {
+                value,
+                error: f64::INFINITY,
+            }
+        }
     }
 
     /// What rounded seed and differences add up to on the way to a pixel.
     fn walked(&self, walk: &Walk, d: [f64; 2]) -> f64 {
-        let steps = two!(axis => (d[axis] + walk.seed_at[axis] + walk.offset_error[axis] + 1.0).max(0.0));
+        let steps =
+            two!(axis => (d[axis] + walk.seed_at[axis] + walk.offset_error[axis] + 1.0).max(0.0));
         let [first, second] = walk.steps;
         walk.seed + stepped(self.rows, steps, first, second)
     }
@@ -126,11 +157,20 @@ impl Raster {
     /// z at a pixel centre, clamped to what the disc can reach.
     pub fn near_depth(&self, walk: &Walk, at: [f64; 2]) -> Near {
         let input = &walk.input;
-        let d = two!(axis => Near::within(at[axis] - input.pixel[axis].value, walk.offset_error[axis]));
+        let d =
+            two!(axis => Near::within(at[axis] - input.pixel[axis].value, walk.offset_error[axis]));
         let plane = input.depth + input.depth_slope[0] * d[0] + input.depth_slope[1] * d[1];
         let held = plane.off_by(loss(&self.depth));
-        let held = if outruns(&self.depth, held.most()) { Near { error: f64::INFINITY, ..held } } else { held };
-        held.max(input.depth - input.depth_range).min(input.depth + input.depth_range)
+        let held = if outruns(&self.depth, held.most()) {
+            Near {
+                error: f64::INFINITY,
+                ..held
+            }
+        } else {
+            held
+        };
+        held.max(input.depth - input.depth_range)
+            .min(input.depth + input.depth_range)
     }
 }
 
@@ -147,7 +187,8 @@ pub struct Row<'a> {
 }
 
 impl Raster {
-    /// Registers at the first pixels of `rows` rows of a box, of which the very first has this centre from the picture's middle.
+    /// Registers at the first pixels of `rows` rows of a box, of which the very first has this
+    /// centre from the picture's middle.
     pub fn partial_precision_rows<'a>(
         &self,
         input: &Input<PartialPrecision<'a>>,
@@ -156,11 +197,18 @@ impl Raster {
     ) -> impl Iterator<Item = Row<'a>> {
         let [xx, xy, yy] = input.conic;
         let [by_x, by_y] = input.depth_slope;
-        let limits = [input.depth - input.depth_range, input.depth + input.depth_range];
+        let limits = [
+            input.depth - input.depth_range,
+            input.depth + input.depth_range,
+        ];
         let second = xx.times(2.0).fit(&self.second, Scale::ONE);
         let seed = move |down: f64| {
-            let [x, y] = [(0, left), (1, top + down)].map(|(axis, at)| (-input.pixel[axis]).plus(at).fit(&self.offset, Scale::ONE));
-            let gradient = [(xx * x + (xy * y).times(2.0)).fit(&self.gradient, Scale::ONE), (yy * y).fit(&self.gradient, Scale::ONE)];
+            let [x, y] = [(0, left), (1, top + down)]
+                .map(|(axis, at)| (-input.pixel[axis]).plus(at).fit(&self.offset, Scale::ONE));
+            let gradient = [
+                (xx * x + (xy * y).times(2.0)).fit(&self.gradient, Scale::ONE),
+                (yy * y).fit(&self.gradient, Scale::ONE),
+            ];
             let row = Row {
                 radial: (x * gradient[0] + y * gradient[1]).fit(&self.radial, Scale::ONE),
                 first: ((xx * x + xy * y).times(2.0) + xx).fit(&self.first, Scale::ONE),
@@ -169,14 +217,20 @@ impl Raster {
                 depth_step: by_x,
                 limits,
             };
-            (row, ((yy * y + xy * x).times(2.0) + yy).fit(&self.first, Scale::ONE))
+            (
+                row,
+                ((yy * y + xy * x).times(2.0) + yy).fit(&self.first, Scale::ONE),
+            )
         };
         let (at_box, by_row) = seed(0.0);
-        let [by_row_twice, by_both] = [yy, xy].map(|conic| conic.times(2.0).fit(&self.second, Scale::ONE));
+        let [by_row_twice, by_both] =
+            [yy, xy].map(|conic| conic.times(2.0).fit(&self.second, Scale::ONE));
         rows.map(f64::from).map(move |down| match self.rows {
             Rows::Seeded => seed(down).0,
             Rows::Differenced => Row {
-                radial: at_box.radial + by_row.times(down) + by_row_twice.times(down * (down - 1.0) / 2.0),
+                radial: at_box.radial
+                    + by_row.times(down)
+                    + by_row_twice.times(down * (down - 1.0) / 2.0),
                 first: at_box.first + by_both.times(down),
                 depth: at_box.depth + by_y.times(down),
                 ..at_box
@@ -184,25 +238,39 @@ impl Raster {
         })
     }
 
-    /// r and z at some columns from the first pixel of a row; r may be below 0, z is clamped to what the disc can reach.
-    pub fn partial_precision_pixel<'a>(&self, row: &Row<'a>, columns: f64) -> [PartialPrecision<'a>; 2] {
-        let radial = row.radial + row.first.times(columns) + row.second.times(columns * (columns - 1.0) / 2.0);
+    /// r and z at some columns from the first pixel of a row; r may be below 0, z is clamped to
+    /// what the disc can reach.
+    pub fn partial_precision_pixel<'a>(
+        &self,
+        row: &Row<'a>,
+        columns: f64,
+    ) -> [PartialPrecision<'a>; 2] {
+        let radial = row.radial
+            + row.first.times(columns)
+            + row.second.times(columns * (columns - 1.0) / 2.0);
         let depth = (row.depth + row.depth_step.times(columns)).wrapped(&self.depth);
         let [nearest, deepest] = row.limits;
-        [radial.wrapped(&self.radial), depth.max(nearest).min(deepest)]
+        [
+            radial.wrapped(&self.radial),
+            depth.max(nearest).min(deepest),
+        ]
     }
 }
 
-/// Greatest distance of `raster.radial` from r = Q00·x² + 2·Q01·xy + Q11·y² after `columns` and `rows` steps from where it was seeded,
-/// r; the conic's and the offset's words as they are, |x| and |y| at the seed at most `reach_px`.
+/// Greatest distance of `raster.radial` from r = Q00·x² + 2·Q01·xy + Q11·y² after `columns` and
+/// `rows` steps from where it was seeded, r; the conic's and the offset's words as they are, |x|
+/// and |y| at the seed at most `reach_px`.
 ///
-/// Adds are exact, so what is left is what the words lost that are added (docs/book/algorithm.md §4), each of them as often as it is added:
+/// Adds are exact, so what is left is what the words lost that are added (docs/book/algorithm.md
+/// §4), each of them as often as it is added:
 /// - `radial`, once, and the gradients at the seed, weighed by x and y;
 /// - `first`, once a step;
-/// - `second`, once for each pair of steps: n(n−1)/2 along a row or a column, and, by column and row, their product.
+/// - `second`, once for each pair of steps: n(n−1)/2 along a row or a column, and, by column and
+///   row, their product.
 ///
-/// A word that holds all of its exact result's places loses nothing; twice a conic needs one place less. Where rows are seeded
-/// afresh, their steps do not count. Modulo the register's reach, and only where none of `gradient`, `first` and `second` saturates.
+/// A word that holds all of its exact result's places loses nothing; twice a conic needs one place
+/// less. Where rows are seeded afresh, their steps do not count. Modulo the register's reach, and
+/// only where none of `gradient`, `first` and `second` saturates.
 pub fn steps_error(machine: &Machine, reach_px: f64, [columns, rows]: [u32; 2]) -> f64 {
     let m = &machine.raster;
     let conic = machine.ellipse.conic.format.frac_bits;

@@ -1,10 +1,11 @@
-//! Short: raster in words of 32 bits, eight pixels at a time, for whoever wants fragments and nothing else. Nothing here is hardware: it is
-//! how the simulator draws fast.
+//! Short: raster in words of 32 bits, eight pixels at a time, for whoever wants fragments and
+//! nothing else. Nothing here is hardware: it is how the simulator draws fast.
 //!
-//! A pixel is inside where r less the cutoff is below 0. Modulo 2^32 that is right wherever it is known beforehand that r stays within
-//! 2^31 of the cutoff, and its register does not wrap, all over a part of a box. Along a row, or a column, r is convex there: it is
-//! nowhere above the greatest of the part's corners, and nowhere farther below the least of them than an eighth of its second differences
-//! times the squares of the sides.
+//! A pixel is inside where r less the cutoff is below 0. Modulo 2^32 that is right wherever it is
+//! known beforehand that r stays within 2^31 of the cutoff, and its register does not wrap, all
+//! over a part of a box. Along a row, or a column, r is convex there: it is nowhere above the
+//! greatest of the part's corners, and nowhere farther below the least of them than an eighth of
+//! its second differences times the squares of the sides.
 //!
 //! Law: `words_of_32_bits_walk_as_wide_ones_do`.
 
@@ -38,7 +39,8 @@ pub struct ShortWalks {
     deepest: [i32; LANES],
 }
 
-/// Rows that are seeded afresh: r less the cutoff, its difference by column, and z at each row's first pixel.
+/// Rows that are seeded afresh: r less the cutoff, its difference by column, and z at each row's
+/// first pixel.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ShortRows {
     beyond: [[i32; LANES]; 2],
@@ -83,7 +85,8 @@ impl Shape {
             shape.column[lane] = column as i32;
             shape.pairs[lane] = (column * column.saturating_sub(1) / 2) as i32;
             shape.second[lane] = -(row as i32);
-            // From row j to j + 2: by_row twice, and by_row_twice once, and twice more where by_row has it once already.
+            // From row j to j + 2: by_row twice, and by_row_twice once, and twice more where by_row
+            // has it once already.
             shape.by_row_twice[lane] = (rows as i32 - 1) * (1 + 2 * row as i32);
             shape.place[lane] = (SIDE_PX * row + column) as i32;
             lane += 1;
@@ -136,7 +139,11 @@ impl<W: Words> Blocks<'_, W> {
     #[inline(always)]
     pub fn inside(&self, condition: W) -> u8 {
         let inside = (self.beyond & condition).signs() & self.within;
-        if self.row + self.shape.rows > self.rows { inside & 0xf } else { inside }
+        if self.row + self.shape.rows > self.rows {
+            inside & 0xf
+        } else {
+            inside
+        }
     }
 
     /// Where the pixels lie in the square: 16 · row + column.
@@ -169,9 +176,15 @@ impl<W: Words> Blocks<'_, W> {
         let eight = self.row / LANES % 2;
         let rows = W::splat(self.row as i64) - W::from_array(self.shape.second);
         let by_column = W::from_array(seeds.by_column[eight]).pick(rows);
-        let along = by_column.wrapping_times(W::from_array(self.shape.column)).wrapping_add(self.bend);
-        self.beyond = W::from_array(seeds.beyond[eight]).pick(rows).wrapping_add(along);
-        self.depth = W::from_array(seeds.depth[eight]).pick(rows).wrapping_add(self.depth_by_column);
+        let along = by_column
+            .wrapping_times(W::from_array(self.shape.column))
+            .wrapping_add(self.bend);
+        self.beyond = W::from_array(seeds.beyond[eight])
+            .pick(rows)
+            .wrapping_add(along);
+        self.depth = W::from_array(seeds.depth[eight])
+            .pick(rows)
+            .wrapping_add(self.depth_by_column);
     }
 }
 
@@ -189,8 +202,9 @@ impl Raster {
         self.radial_register.read(cutoff) <= 1 << 30 && self.short_depth > 0
     }
 
-    /// [`Raster::enter`] in words of 32 bits, for a cutoff that [`Raster::is_short`] says so of; and which splats they hold, bit by bit.
-    /// Of rows that are seeded afresh [`Raster::short_rows`] says whether.
+    /// [`Raster::enter`] in words of 32 bits, for a cutoff that [`Raster::is_short`] says so of;
+    /// and which splats they hold, bit by bit. Of rows that are seeded afresh
+    /// [`Raster::short_rows`] says whether.
     #[inline(always)]
     pub fn enter_short<L: Lanes, P: Probe>(
         &self,
@@ -226,16 +240,34 @@ impl Raster {
         if self.rows == Rows::Seeded {
             return (walks, u8::MAX);
         }
-        let Entered { seed, by_row, by_row_twice, by_both } = self.enter_boxes(size_px, &splats, by_column_twice, parts.on, tap);
-        let [radial, by_column] = [self.radial_register.read_lanes(seed.radial), self.radial_register.read_lanes(seed.by_column)];
-        let [by_row, twist] = [self.radial_register.read_lanes(by_row), self.radial_register.read_lanes(by_both)];
+        let Entered {
+            seed,
+            by_row,
+            by_row_twice,
+            by_both,
+        } = self.enter_boxes(size_px, &splats, by_column_twice, parts.on, tap);
+        let [radial, by_column] = [
+            self.radial_register.read_lanes(seed.radial),
+            self.radial_register.read_lanes(seed.by_column),
+        ];
+        let [by_row, twist] = [
+            self.radial_register.read_lanes(by_row),
+            self.radial_register.read_lanes(by_both),
+        ];
         let bend_down = self.radial_register.read_lanes(by_row_twice);
         let [on, down] = two!(axis => parts.size[axis] - L::splat(1));
-        let ([along, dip], [across, dip_down]) = (side(by_column, bend, on), side(by_row, bend_down, down));
+        let ([along, dip], [across, dip_down]) =
+            (side(by_column, bend, on), side(by_row, bend_down, down));
         let both = twist.times(on * down);
-        let corners = [radial, radial + along, radial + across, radial + along + across + both];
+        let corners = [
+            radial,
+            radial + along,
+            radial + across,
+            radial + along + across + both,
+        ];
         let cutoff = self.radial_register.read(cutoff);
-        let held = self.stays(corners, dip + dip_down, cutoff) & self.are_short(seed.depth, magnitude(slopes[0]) + magnitude(slopes[1]));
+        let held = self.stays(corners, dip + dip_down, cutoff)
+            & self.are_short(seed.depth, magnitude(slopes[0]) + magnitude(slopes[1]));
         walks.beyond = (radial - L::splat(cutoff)).low().to_array();
         walks.by_column = by_column.low().to_array();
         walks.by_row = by_row.low().to_array();
@@ -245,26 +277,30 @@ impl Raster {
         (walks, held.signs() & !(bend | bend_down).signs())
     }
 
-    /// Where words of 32 bits hold r less the cutoff between such corners, below which it dips by no more than an eighth of `dip`, and no
-    /// register wraps.
+    /// Where words of 32 bits hold r less the cutoff between such corners, below which it dips by
+    /// no more than an eighth of `dip`, and no register wraps.
     #[inline(always)]
     fn stays<L: Lanes>(&self, [a, b, c, d]: [L; 4], dip: L, cutoff: i64) -> L {
         const REACH: i64 = 1 << 31;
         let [min, max] = self.radial.limits();
         let greatest = a.max(b).max(c.max(d));
         let least = a.min(b).min(c.min(d)) - dip.right(3);
-        L::splat((max + 1).min(cutoff + REACH)).above(greatest) & least.above(L::splat(min.max(cutoff - REACH) - 1))
+        L::splat((max + 1).min(cutoff + REACH)).above(greatest)
+            & least.above(L::splat(min.max(cutoff - REACH) - 1))
     }
 
     /// Whether z, from what a register holds, stays short in a square with this sum of steps.
     #[inline(always)]
     fn are_short<L: Lanes>(&self, held: L, steps: L) -> L {
-        // Elaboration has seen to it that 64 bits hold this: words of at most 48 bits, and two of 32 moved up by less than 20.
-        let farthest = steps.left(SIDE_PX.ilog2()) + magnitude(self.depth_register.read_lanes(held));
+        // Elaboration has seen to it that 64 bits hold this: words of at most 48 bits, and two of
+        // 32 moved up by less than 20.
+        let farthest =
+            steps.left(SIDE_PX.ilog2()) + magnitude(self.depth_register.read_lanes(held));
         L::splat(self.short_depth).above(farthest)
     }
 
-    /// Seeds the rows of one of the splats, where each has its own; false where words of 32 bits do not hold one.
+    /// Seeds the rows of one of the splats, where each has its own; false where words of 32 bits do
+    /// not hold one.
     #[inline(always)]
     #[must_use]
     #[expect(clippy::too_many_arguments, reason = "as `span`")]
@@ -284,20 +320,29 @@ impl Raster {
         let splat = Splats::<L>::all(input);
         let by_column_twice = self.second(splat.conic[0], tap);
         let bend = self.radial_register.read_lanes(by_column_twice);
-        let depth_by_column = self.depth_register.load_lanes(splat.depth_slope[0], self.places.depth_slope);
+        let depth_by_column = self
+            .depth_register
+            .load_lanes(splat.depth_slope[0], self.places.depth_slope);
         let steps = magnitude(splat.depth_slope[0]).left(self.places.depth_slope);
         let cutoff = self.radial_register.read(cutoff);
         let [columns_on, rows_on] = two!(axis => L::splat(walks.on[axis][lane].into()));
         let on = L::splat(i64::from(walks.columns[lane]) - 1);
         let in_part = (walks.rows[lane] as usize).min(SIDE_PX);
         for first in (0..in_part).step_by(LANES) {
-            let y = splat.first_row + rows_on + L::splat(first as i64) + L::from_array(super::COLUMNS[0]);
+            let y = splat.first_row
+                + rows_on
+                + L::splat(first as i64)
+                + L::from_array(super::COLUMNS[0]);
             let seed = self.seed(&splat, self.offsets(size_px, &splat, y, tap), tap);
             let seed = seed.skip(by_column_twice, depth_by_column, columns_on);
-            let [radial, by_column] = [self.radial_register.read_lanes(seed.radial), self.radial_register.read_lanes(seed.by_column)];
+            let [radial, by_column] = [
+                self.radial_register.read_lanes(seed.radial),
+                self.radial_register.read_lanes(seed.by_column),
+            ];
             let [along, dip] = side(by_column, bend, on);
             let (left, right) = (radial, radial + along);
-            let held = self.stays([left, right, left, right], dip, cutoff) & self.are_short(seed.depth, steps);
+            let held = self.stays([left, right, left, right], dip, cutoff)
+                & self.are_short(seed.depth, steps);
             if !(held.signs() & !bend.signs()) & first_bits(in_part - first) != 0 {
                 return false;
             }
@@ -311,7 +356,13 @@ impl Raster {
 
     /// Begins with one of the splats that words of 32 bits hold.
     #[inline(always)]
-    pub fn blocks<'a, W: Words>(&self, walks: &ShortWalks, lane: usize, rows: &'a ShortRows, shape: &'static Shape) -> Blocks<'a, W> {
+    pub fn blocks<'a, W: Words>(
+        &self,
+        walks: &ShortWalks,
+        lane: usize,
+        rows: &'a ShortRows,
+        shape: &'static Shape,
+    ) -> Blocks<'a, W> {
         let columns = W::from_array(shape.column);
         // No closure: see `three`.
         macro_rules! word {
@@ -344,10 +395,16 @@ impl Raster {
         let along = word!(by_column).wrapping_times(columns).wrapping_add(bend);
         let (by_row_twice, depth_by_row) = (word!(by_row_twice), word!(depth_by[1]));
         let each = W::from_array(shape.by_row);
-        blocks.beyond = word!(beyond).wrapping_add(along).wrapping_add(by_row & second);
-        blocks.by_rows = by_row.wrapping_times(each).wrapping_add(by_row_twice.wrapping_times(W::from_array(shape.by_row_twice)));
+        blocks.beyond = word!(beyond)
+            .wrapping_add(along)
+            .wrapping_add(by_row & second);
+        blocks.by_rows = by_row
+            .wrapping_times(each)
+            .wrapping_add(by_row_twice.wrapping_times(W::from_array(shape.by_row_twice)));
         blocks.by_rows_twice = by_row_twice.wrapping_times(each).wrapping_times(each);
-        blocks.depth = word!(depth).wrapping_add(blocks.depth_by_column).wrapping_add(depth_by_row & second);
+        blocks.depth = word!(depth)
+            .wrapping_add(blocks.depth_by_column)
+            .wrapping_add(depth_by_row & second);
         blocks.depth_by_rows = depth_by_row.wrapping_times(each);
         blocks
     }
@@ -358,20 +415,41 @@ impl Raster {
         W::splat(self.radial_register.read(cutoff))
     }
 
-    /// r, at least 0, and z clamped to what the disc can reach (shape: [`Raster::depth_exact`]), of the fragments among a block's pixels.
+    /// r, at least 0, and z clamped to what the disc can reach (shape: [`Raster::depth_exact`]), of
+    /// the fragments among a block's pixels.
     #[inline(always)]
-    pub fn short_fragments<W: Words>(&self, walks: &ShortWalks, lane: usize, blocks: &Blocks<W>, cutoff: W) -> [W; 2] {
+    pub fn short_fragments<W: Words>(
+        &self,
+        walks: &ShortWalks,
+        lane: usize,
+        blocks: &Blocks<W>,
+        cutoff: W,
+    ) -> [W; 2] {
         let zero = W::splat(0);
         let radial = (blocks.beyond.min(zero) + cutoff).max(zero);
-        let (nearest, deepest) = (W::splat(walks.nearest[lane].into()), W::splat(walks.deepest[lane].into()));
-        [radial, blocks.depth.left(self.places.clamp[0]).max(nearest).min(deepest)]
+        let (nearest, deepest) = (
+            W::splat(walks.nearest[lane].into()),
+            W::splat(walks.deepest[lane].into()),
+        );
+        [
+            radial,
+            blocks
+                .depth
+                .left(self.places.clamp[0])
+                .max(nearest)
+                .min(deepest),
+        ]
     }
 }
 
-/// What a first and a second difference add up to along a side of so many steps, and eight times how far they may dip below its ends.
+/// What a first and a second difference add up to along a side of so many steps, and eight times
+/// how far they may dip below its ends.
 #[inline(always)]
 fn side<L: Lanes>(first: L, second: L, steps: L) -> [L; 2] {
     let square = steps * steps;
     let pairs = (square - steps).right_unsigned(1);
-    [first.times(steps) + second.times(pairs), second.times(square)]
+    [
+        first.times(steps) + second.times(pairs),
+        second.times(square),
+    ]
 }

@@ -21,10 +21,13 @@ fn unit(machine: &Machine) -> Raster {
 /// A real number as the nearest word.
 fn word(word: Word, value: f64) -> i32 {
     let format = word.format;
-    (value * f64::from(format.frac_bits).exp2()).round().clamp(format.min() as f64, format.max() as f64) as i32
+    (value * f64::from(format.frac_bits).exp2())
+        .round()
+        .clamp(format.min() as f64, format.max() as f64) as i32
 }
 
-/// A splat: centre in pixels of the picture, standard deviations along the axes of a turned ellipse, depth plane, box.
+/// A splat: centre in pixels of the picture, standard deviations along the axes of a turned
+/// ellipse, depth plane, box.
 #[derive(Clone, Copy, Debug)]
 struct Shape {
     centre: [f64; 2],
@@ -35,32 +38,60 @@ struct Shape {
     size: [u16; 2],
 }
 
-/// Splats whose differences stay within every named machine's words: 2·|Q d| + Q, at most 2·(width + height + 1)/σ², is below 120.
+/// Splats whose differences stay within every named machine's words: 2·|Q d| + Q, at most
+/// 2·(width + height + 1)/σ², is below 120.
 fn shapes() -> impl Strategy<Value = Shape> {
     let centre = [0.0..512.0, 0.0..384.0];
     let slopes = prop::array::uniform2(-0.01..0.01);
     let sides = prop::array::uniform2(prop_oneof![Just(1u16), 2u16..120]);
-    (centre, prop::array::uniform2(1.0..40.0), 0.0..3.2, slopes, prop::array::uniform2(0.0..1.0), sides).prop_map(
-        |(centre, deviation, turn, depth_slope, before, size): ([f64; 2], [f64; 2], _, _, [f64; 2], [u16; 2])| {
-            let least = (f64::from(size[0] + size[1] + 1) / 60.0).sqrt();
-            let deviation = deviation.map(|deviation| deviation.max(least));
-            let first = std::array::from_fn(|axis| {
-                let limit = SIZE_PX[axis] - u32::from(size[axis]);
-                (centre[axis] - before[axis] * f64::from(size[axis])).clamp(0.0, f64::from(limit)) as u16
-            });
-            Shape { centre, deviation, turn, depth_slope, first, size }
-        },
+    (
+        centre,
+        prop::array::uniform2(1.0..40.0),
+        0.0..3.2,
+        slopes,
+        prop::array::uniform2(0.0..1.0),
+        sides,
     )
+        .prop_map(
+            |(centre, deviation, turn, depth_slope, before, size): (
+                [f64; 2],
+                [f64; 2],
+                _,
+                _,
+                [f64; 2],
+                [u16; 2],
+            )| {
+                let least = (f64::from(size[0] + size[1] + 1) / 60.0).sqrt();
+                let deviation = deviation.map(|deviation| deviation.max(least));
+                let first = std::array::from_fn(|axis| {
+                    let limit = SIZE_PX[axis] - u32::from(size[axis]);
+                    (centre[axis] - before[axis] * f64::from(size[axis]))
+                        .clamp(0.0, f64::from(limit)) as u16
+                });
+                Shape {
+                    centre,
+                    deviation,
+                    turn,
+                    depth_slope,
+                    first,
+                    size,
+                }
+            },
+        )
 }
 
 impl Shape {
     fn input(&self, machine: &Machine) -> Input {
         let (e, p) = (&machine.ellipse, &machine.project);
-        let [a, b] = self.deviation.map(|deviation| (deviation * deviation).recip());
+        let [a, b] = self
+            .deviation
+            .map(|deviation| (deviation * deviation).recip());
         let (sin, cos) = self.turn.sin_cos();
         let last = |axis: usize| self.first[axis] + self.size[axis] - 1;
         Input {
-            pixel: std::array::from_fn(|axis| word(p.pixel, self.centre[axis] - f64::from(SIZE_PX[axis]) / 2.0)),
+            pixel: std::array::from_fn(|axis| {
+                word(p.pixel, self.centre[axis] - f64::from(SIZE_PX[axis]) / 2.0)
+            }),
             conic: [
                 word(e.conic, a * cos * cos + b * sin * sin),
                 word(e.conic_cross, (a - b) * sin * cos),
@@ -83,7 +114,10 @@ fn registers(raster: &Raster, input: &Input, y: u16, from: u16, to: u16) -> Vec<
         // From rows above, and straight into the row.
         let stepped = row(raster, input, [from, top], y - top);
         let entered = row(raster, input, [from, y], 0);
-        assert_eq!(stepped, entered, "stepping down differs from entering in the middle");
+        assert_eq!(
+            stepped, entered,
+            "stepping down differs from entering in the middle"
+        );
         all.extend(&entered[..entered.len().min(usize::from(to - from) + 1)]);
     }
     assert_eq!(all.len(), usize::from(to - from) + 1, "a pixel is missing");
@@ -93,7 +127,9 @@ fn registers(raster: &Raster, input: &Input, y: u16, from: u16, to: u16) -> Vec<
 /// The registers of one row of the square.
 fn row(raster: &Raster, input: &Input, square: [u16; 2], row: u16) -> Vec<[i64; 2]> {
     let (walks, span) = drawn(raster, input, square, i64::MAX, &mut NoProbe);
-    let own = read_span(raster, &walks, &span).into_iter().filter(|(place, _)| usize::from(*place) / SIDE_PX == usize::from(row));
+    let own = read_span(raster, &walks, &span)
+        .into_iter()
+        .filter(|(place, _)| usize::from(*place) / SIDE_PX == usize::from(row));
     own.map(|(_, read)| read).collect()
 }
 
@@ -101,7 +137,13 @@ fn row(raster: &Raster, input: &Input, square: [u16; 2], row: u16) -> Vec<[i64; 
 const LANE: usize = 5;
 
 /// The box's part in the square with this first pixel, beside seven of another splat.
-fn drawn<P: Probe>(raster: &Raster, input: &Input, square: [u16; 2], cutoff: Held, probe: &mut P) -> (Walks, Span) {
+fn drawn<P: Probe>(
+    raster: &Raster,
+    input: &Input,
+    square: [u16; 2],
+    cutoff: Held,
+    probe: &mut P,
+) -> (Walks, Span) {
     let tap = &mut Tap::new(probe);
     let walks = raster.enter::<Plain, _>(SIZE_PX, square, &beside_others(input).each_ref(), tap);
     let mut span = Span::default();
@@ -111,7 +153,11 @@ fn drawn<P: Probe>(raster: &Raster, input: &Input, square: [u16; 2], cutoff: Hel
 
 /// A splat among seven others.
 fn beside_others(input: &Input) -> [Input; LANES] {
-    let other = Input { pixel: [0; 2], conic: input.conic.map(|word| word / 2), ..*input };
+    let other = Input {
+        pixel: [0; 2],
+        conic: input.conic.map(|word| word / 2),
+        ..*input
+    };
     let mut inputs = [other; LANES];
     inputs[LANE] = *input;
     inputs
@@ -119,19 +165,30 @@ fn beside_others(input: &Input) -> [Input; LANES] {
 
 /// The places of a span's fragments, in order, with their registers: radial, depth.
 fn read_span(raster: &Raster, walks: &Walks, span: &Span) -> Vec<(u8, [i64; 2])> {
-    let unclamped = Walks { nearest: [i64::MIN; LANES], deepest: [i64::MAX; LANES], ..*walks };
+    let unclamped = Walks {
+        nearest: [i64::MIN; LANES],
+        deepest: [i64::MAX; LANES],
+        ..*walks
+    };
     let read = |fragment: usize| {
         let place = span.places(fragment)[0];
         let [_, depth] = raster.fragments::<Plain>(&unclamped, LANE, span, [place; LANES]);
         let radial = span.radial.as_flattened().as_flattened()[usize::from(place)];
-        (place, [raster.radial_register.read(radial), depth.0[0] >> raster.places.clamp[0]])
+        (
+            place,
+            [
+                raster.radial_register.read(radial),
+                depth.0[0] >> raster.places.clamp[0],
+            ],
+        )
     };
     let mut all: Vec<_> = (0..span.fragments()).map(read).collect();
     all.sort_by_key(|(place, _)| *place);
     all
 }
 
-/// The low bits of a difference, as a signed number: zero where two registers differ by wraps alone.
+/// The low bits of a difference, as a signed number: zero where two registers differ by wraps
+/// alone.
 fn modulo(difference: i128, format: Format) -> i128 {
     let values = 1i128 << format.width();
     (difference + values / 2).rem_euclid(values) - values / 2
@@ -144,7 +201,8 @@ fn names() -> impl Strategy<Value = &'static str> {
 /// Fraction bits to spare beyond those of the terms.
 const FINE: i32 = 80;
 
-/// r of a pixel with the conic's and the pixel's words as they are: an exact rational, as a multiple of 2^−80.
+/// r of a pixel with the conic's and the pixel's words as they are: an exact rational, as a
+/// multiple of 2^−80.
 fn exact_radial(machine: &Machine, input: &Input, x: u16, y: u16) -> i128 {
     let places = machine.project.pixel.format.frac_bits;
     let d: [i128; 2] = std::array::from_fn(|axis| {
@@ -156,9 +214,11 @@ fn exact_radial(machine: &Machine, input: &Input, x: u16, y: u16) -> i128 {
     r << (FINE - 2 * places - machine.ellipse.conic.format.frac_bits)
 }
 
-/// Errors of the seed, of the first differences by column and row, of the second ones, in pixels and r (docs/book/algorithm.md §4).
+/// Errors of the seed, of the first differences by column and row, of the second ones, in pixels
+/// and r (docs/book/algorithm.md §4).
 ///
-/// Each is half a last place of its own word; the offset's half place counts as often as r or its difference changes with it.
+/// Each is half a last place of its own word; the offset's half place counts as often as r or its
+/// difference changes with it.
 struct Errors {
     seed: f64,
     by_column: f64,
@@ -174,10 +234,22 @@ impl Errors {
         let [xx, xy, yy] = input.conic.map(|word| conic.value(i64::from(word)));
         let d: [f64; 2] = std::array::from_fn(|axis| {
             let middle = f64::from([x, y][axis]) + 0.5 - f64::from(SIZE_PX[axis]) / 2.0;
-            middle - machine.project.pixel.format.value(i64::from(input.pixel[axis]))
+            middle
+                - machine
+                    .project
+                    .pixel
+                    .format
+                    .value(i64::from(input.pixel[axis]))
         });
-        let finest = if m.offset.format.frac_bits >= machine.project.pixel.format.frac_bits { 0.0 } else { half(m.offset) };
-        let along = [2.0 * (xx * d[0] + xy * d[1]).abs(), 2.0 * (xy * d[0] + yy * d[1]).abs()];
+        let finest = if m.offset.format.frac_bits >= machine.project.pixel.format.frac_bits {
+            0.0
+        } else {
+            half(m.offset)
+        };
+        let along = [
+            2.0 * (xx * d[0] + xy * d[1]).abs(),
+            2.0 * (xy * d[0] + yy * d[1]).abs(),
+        ];
         let curvature = xx.abs() + 2.0 * xy.abs() + yy.abs();
         let offset = finest * (along[0] + along[1]) + finest * finest * curvature;
         let gradient = half(m.gradient) * (d[0].abs() + d[1].abs() + 2.0 * finest);
@@ -208,7 +280,8 @@ fn radial_error(machine: &Machine, input: &Input, radial: i64, x: u16, y: u16) -
 }
 
 proptest! {
-    /// From any column the registers are those that stepping from the box's first column reaches, and both are the closed form.
+    /// From any column the registers are those that stepping from the box's first column reaches,
+    /// and both are the closed form.
     #[test]
     fn stepping_equals_the_closed_form(name in names(), differenced in any::<bool>(), shape in shapes(), skip in any::<prop::sample::Index>()) {
         let machine = machine(name, if differenced { Rows::Differenced } else { Rows::Seeded });
@@ -229,8 +302,9 @@ proptest! {
         }
     }
 
-    /// Rows seeded afresh: the error grows along the row alone. Rows differenced: over the whole box. Both stay within their guard bits
-    /// of the exact dᵀQd, and so of each other; where the register is narrow, up to whole wraps, which the footprint never sees.
+    /// Rows seeded afresh: the error grows along the row alone. Rows differenced: over the whole
+    /// box. Both stay within their guard bits of the exact dᵀQd, and so of each other; where the
+    /// register is narrow, up to whole wraps, which the footprint never sees.
     #[test]
     fn seeded_and_differenced_rows_agree_within_their_guard_bits(name in names(), shape in shapes()) {
         for rows in [Rows::Seeded, Rows::Differenced] {
@@ -319,8 +393,8 @@ proptest! {
         prop_assert!(all.into_iter().eq(rows.flat_map(|y| columns.clone().map(move |x| (y, x)))));
     }
 
-    /// The plane of docs/book/algorithm.md §3, in the depth register's last places: half a place for the seed, the offset's half place
-    /// times the slope.
+    /// The plane of docs/book/algorithm.md §3, in the depth register's last places: half a place
+    /// for the seed, the offset's half place times the slope.
     #[test]
     fn depth_is_the_tangent_plane_between_its_clamps(name in names(), shape in shapes()) {
         let machine = machine(name, Rows::Seeded);
@@ -348,8 +422,8 @@ proptest! {
 }
 
 proptest! {
-    /// The same fragments, with the same r and z, or none where words of 32 bits have no room for them: where z is steep, or where r grows
-    /// by more than these hold, or its register wraps.
+    /// The same fragments, with the same r and z, or none where words of 32 bits have no room for
+    /// them: where z is steep, or where r grows by more than these hold, or its register wraps.
     #[test]
     fn words_of_32_bits_walk_as_wide_ones_do(
         name in names(), differenced in any::<bool>(), shape in shapes(), steep in prop::array::uniform2(-40.0..40.0), is_steep in any::<bool>(),
@@ -383,7 +457,9 @@ proptest! {
 fn fragments(raster: &Raster, walks: &Walks, span: &Span) -> Vec<(u8, [i64; 2])> {
     let each = (0..span.fragments()).map(|first| {
         let places = span.places(first);
-        let lanes = raster.fragments::<Plain>(walks, LANE, span, places).map(|lanes| lanes.0[0]);
+        let lanes = raster
+            .fragments::<Plain>(walks, LANE, span, places)
+            .map(|lanes| lanes.0[0]);
         (walks.pixels(LANE, places)[0], lanes)
     });
     let mut all: Vec<_> = each.collect();
@@ -391,16 +467,30 @@ fn fragments(raster: &Raster, walks: &Walks, span: &Span) -> Vec<(u8, [i64; 2])>
     all
 }
 
-/// The fragments of what [`drawn`] draws, as words of 32 bits make them, if they do: pixel, radial, depth.
-fn drawn_short(raster: &Raster, input: &Input, square: [u16; 2], cutoff: Held) -> Option<Vec<(u8, [i64; 2])>> {
+/// The fragments of what [`drawn`] draws, as words of 32 bits make them, if they do: pixel, radial,
+/// depth.
+fn drawn_short(
+    raster: &Raster,
+    input: &Input,
+    square: [u16; 2],
+    cutoff: Held,
+) -> Option<Vec<(u8, [i64; 2])>> {
     if !raster.is_short(cutoff) {
         return None;
     }
     let probe = &mut NoProbe;
     let tap = &mut Tap::new(probe);
-    let (walks, held) = raster.enter_short::<Plain, _>(SIZE_PX, square, &beside_others(input).each_ref(), cutoff, tap);
+    let (walks, held) = raster.enter_short::<Plain, _>(
+        SIZE_PX,
+        square,
+        &beside_others(input).each_ref(),
+        cutoff,
+        tap,
+    );
     let mut rows = super::short::ShortRows::default();
-    if held & 1 << LANE == 0 || !raster.short_rows::<Plain, _>(SIZE_PX, &walks, LANE, input, cutoff, &mut rows, tap) {
+    if held & 1 << LANE == 0
+        || !raster.short_rows::<Plain, _>(SIZE_PX, &walks, LANE, input, cutoff, &mut rows, tap)
+    {
         return None;
     }
     let mut all = Vec::new();
@@ -411,7 +501,9 @@ fn drawn_short(raster: &Raster, input: &Input, square: [u16; 2], cutoff: Held) -
             let [radial, depth] = words.map(|words| words.0.map(i64::from));
             let inside = blocks.inside(PlainWords([-1; LANES]));
             let inside = (0..LANES).filter(|lane| inside & 1 << lane != 0);
-            all.extend(inside.map(|lane| (blocks.pixels().0[lane] as u8, [radial[lane], depth[lane]])));
+            all.extend(
+                inside.map(|lane| (blocks.pixels().0[lane] as u8, [radial[lane], depth[lane]])),
+            );
             if !blocks.go_on() {
                 break;
             }
@@ -421,8 +513,8 @@ fn drawn_short(raster: &Raster, input: &Input, square: [u16; 2], cutoff: Held) -
     Some(all)
 }
 
-/// r of a conic that is no ellipse falls below 0: along a row that lies 8.5 below its centre from −13.6 to −14.4, and back again. With a cutoff of
-/// 2 a word has room down to −14.
+/// r of a conic that is no ellipse falls below 0: along a row that lies 8.5 below its centre from
+/// −13.6 to −14.4, and back again. With a cutoff of 2 a word has room down to −14.
 #[test]
 fn r_that_dips_between_corners_is_held_or_said_not_to_be() {
     for rows in [Rows::Differenced, Rows::Seeded] {
@@ -434,7 +526,10 @@ fn r_that_dips_between_corners_is_held_or_said_not_to_be() {
         for step in 800..1200 {
             let scale = f64::from(step) / 1000.0;
             let input = Input {
-                pixel: [word(machine.project.pixel, 200.0 + 31.8 - 256.0), word(machine.project.pixel, 152.0 - 192.0)],
+                pixel: [
+                    word(machine.project.pixel, 200.0 + 31.8 - 256.0),
+                    word(machine.project.pixel, 152.0 - 192.0),
+                ],
                 conic: [word(conic, 0.0142 * scale), word(cross, 0.0532 * scale), 0],
                 columns: [192, 207],
                 rows: [160, 160],
@@ -443,7 +538,10 @@ fn r_that_dips_between_corners_is_held_or_said_not_to_be() {
             let (walks, wide) = drawn(&raster, &input, [192, 160], cutoff, &mut NoProbe);
             let short = drawn_short(&raster, &input, [192, 160], cutoff);
             held[usize::from(short.is_some())] += 1;
-            assert!(short.is_none_or(|short| short == fragments(&raster, &walks, &wide)), "{rows:?}, {scale}");
+            assert!(
+                short.is_none_or(|short| short == fragments(&raster, &walks, &wide)),
+                "{rows:?}, {scale}"
+            );
         }
         assert!(held[0] > 100 && held[1] > 100, "{rows:?}: {held:?}");
     }
@@ -465,8 +563,14 @@ fn most_splats_are_walked_in_words_of_32_bits() {
                 first: [194, 144],
                 size: [13, 14],
             };
-            assert!(drawn_short(&raster, &shape.input(&machine), [192, 144], cutoff).is_some(), "{name}, {rows:?}");
-            let steep = Shape { depth_slope: [4.0, -7.9], ..shape };
+            assert!(
+                drawn_short(&raster, &shape.input(&machine), [192, 144], cutoff).is_some(),
+                "{name}, {rows:?}"
+            );
+            let steep = Shape {
+                depth_slope: [4.0, -7.9],
+                ..shape
+            };
             let held = drawn_short(&raster, &steep.input(&machine), [192, 144], cutoff);
             assert!(held.is_none(), "{name}, {rows:?}");
         }
@@ -486,31 +590,53 @@ fn a_radial_index_below_zero_is_zero() {
     };
     let last_place = raster.radial_register.hold(Plain::splat(1)).0[0];
     let [below, at, above] = [-last_place, 0, last_place].map(|held| radial(held, &mut span));
-    assert_eq!([below, at, above, radial(i64::MIN, &mut span)], [0, 0, 1, 0]);
+    assert_eq!(
+        [below, at, above, radial(i64::MIN, &mut span)],
+        [0, 0, 1, 0]
+    );
 }
 
-/// A register of ±4 wraps at the corners of a box that reaches r = 60, and is right wherever r is small.
+/// A register of ±4 wraps at the corners of a box that reaches r = 60, and is right wherever r is
+/// small.
 #[test]
 fn a_wrap_is_harmless_inside_the_footprint() {
     let mut machine = machine("reference", Rows::Seeded);
     machine.raster.radial.format = Format::signed(4, 28);
     machine.raster.cutoff.format = Format::unsigned(3, 16);
     let raster = unit(&machine);
-    let shape =
-        Shape { centre: [200.3, 150.8], deviation: [9.0, 2.0], turn: 0.7, depth_slope: [0.0; 2], first: [186, 137], size: [28, 28] };
+    let shape = Shape {
+        centre: [200.3, 150.8],
+        deviation: [9.0, 2.0],
+        turn: 0.7,
+        depth_slope: [0.0; 2],
+        first: [186, 137],
+        size: [28, 28],
+    };
     let input = shape.input(&machine);
     let (mut wrapped, mut inside) = (0, 0);
     for y in input.rows[0]..=input.rows[1] {
-        for (x, [radial, _]) in (input.columns[0]..).zip(registers(&raster, &input, y, input.columns[0], input.columns[1])) {
+        for (x, [radial, _]) in (input.columns[0]..).zip(registers(
+            &raster,
+            &input,
+            y,
+            input.columns[0],
+            input.columns[1],
+        )) {
             let exact = exact_radial(&machine, &input, x, y) as f64 * f64::from(-FINE).exp2();
             let own = machine.raster.radial.format.value(radial);
             assert!(radial_error(&machine, &input, radial, x, y).abs() < 1e-3);
             wrapped += usize::from(exact >= 8.0);
             if exact < 4.0 {
                 inside += 1;
-                assert!((own - exact).abs() < 1e-3, "r at ({x}, {y}) is {own} instead of {exact}");
+                assert!(
+                    (own - exact).abs() < 1e-3,
+                    "r at ({x}, {y}) is {own} instead of {exact}"
+                );
             }
         }
     }
-    assert!(wrapped > 100 && inside > 50, "{wrapped} pixels wrapped, {inside} lie inside");
+    assert!(
+        wrapped > 100 && inside > 50,
+        "{wrapped} pixels wrapped, {inside} lie inside"
+    );
 }

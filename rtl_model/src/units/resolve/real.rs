@@ -5,7 +5,8 @@
 //! transmittance  δTᵢ₊₁ = (1 − αᵢ)·δTᵢ + (Tᵢ + δTᵢ)·δαᵢ + ½p(transmittance)
 //! frame          Σ (Cᵢ·δTᵢ + (Tᵢ + δTᵢ)·δCᵢ), the background the same as a last layer; ½p(frame)
 //! ```
-//! p(word) is a last place; a word that is cut loses a whole one, downwards. Both sums are exact on the machine until `frame` is fitted.
+//! p(word) is a last place; a word that is cut loses a whole one, downwards. Both sums are exact on
+//! the machine until `frame` is fitted.
 //!
 //! Laws: `blending_is_within_its_bound`, `the_bound_of_blending_is_tight`.
 
@@ -20,11 +21,19 @@ fn beside<R: Real>([a, b, c, d]: [R; 4], [e, f, g, h]: [R; 4]) -> [R; 8] {
 impl Resolve {
     /// Blends premultiplied layers, front to back, over the background.
     pub fn real<R: Real>(&self, layers: &[[R; 4]], background: [R; 4]) -> [R; 4] {
-        let mut state = [R::constant(1.0), R::constant(0.0), R::constant(0.0), R::constant(0.0)];
+        let mut state = [
+            R::constant(1.0),
+            R::constant(0.0),
+            R::constant(0.0),
+            R::constant(0.0),
+        ];
         for layer in layers {
-            state = self.layer.real(&self.asked[0], beside(state, *layer), |_, x| x);
+            state = self
+                .layer
+                .real(&self.asked[0], beside(state, *layer), |_, x| x);
         }
-        self.frame.real(&self.asked[1], beside(state, background), |_, x| x)
+        self.frame
+            .real(&self.asked[1], beside(state, background), |_, x| x)
     }
 }
 

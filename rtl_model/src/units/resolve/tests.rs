@@ -22,12 +22,19 @@ fn names() -> impl Strategy<Value = &'static str> {
 fn layer(machine: &Machine, parts: [f64; 4]) -> Layer {
     let one = machine.shade.premultiplied.format.one() as f64;
     let opacity = (parts[3] * one) as i64;
-    Layer { colour: std::array::from_fn(|i| (parts[i] * parts[3] * one) as i64), opacity, ..Layer::default() }
+    Layer {
+        colour: std::array::from_fn(|i| (parts[i] * parts[3] * one) as i64),
+        opacity,
+        ..Layer::default()
+    }
 }
 
 fn parts() -> impl Strategy<Value = Vec<[f64; 4]>> {
     let opacity = prop_oneof![Just(0.0), Just(1.0), 0.0..=1.0];
-    prop::collection::vec(([0.0..=1.0, 0.0..=1.0, 0.0..=1.0], opacity).prop_map(|([r, g, b], a)| [r, g, b, a]), 0..8)
+    prop::collection::vec(
+        ([0.0..=1.0, 0.0..=1.0, 0.0..=1.0], opacity).prop_map(|([r, g, b], a)| [r, g, b, a]),
+        0..8,
+    )
 }
 
 proptest! {
@@ -57,7 +64,8 @@ proptest! {
         }
     }
 
-    /// Front to back in exact arithmetic; each layer's transmittance may be off by half a place more, and the frame's word by half of its own.
+    /// Front to back in exact arithmetic; each layer's transmittance may be off by half a place
+    /// more, and the frame's word by half of its own.
     #[test]
     fn a_blend_is_within_half_a_place_a_layer(name in names(), parts in parts(), background in prop::array::uniform4(0.0..=1.0)) {
         let (machine, resolve) = unit(name);

@@ -33,7 +33,8 @@ impl<W: Words> Fragments<W> {
 }
 
 impl Shade {
-    /// Shades eight fragments, whose sums are words of at most 32 bits, as if all were of one material.
+    /// Shades eight fragments, whose sums are words of at most 32 bits, as if all were of one
+    /// material.
     #[inline(always)]
     pub fn lanes<W: Words, P: Probe>(
         &self,
@@ -60,20 +61,32 @@ impl Shade {
         let exponent = inverse.exponent;
         let share = three!(i => tap.fit_shifted(&self.colour_share, fragments.colour[i].exact(), -exponent));
         let rgb = three!(i => tap.fit_words(&self.rgb, share[i] * inverse.mantissa));
-        let opacity_share = tap.fit_shifted(&self.opacity_share, fragments.opacity.exact(), -exponent);
-        let opacity = tap.fit_words(&self.opacity, opacity_share * inverse.mantissa).min(opacity_one);
+        let opacity_share =
+            tap.fit_shifted(&self.opacity_share, fragments.opacity.exact(), -exponent);
+        let opacity = tap
+            .fit_words(&self.opacity, opacity_share * inverse.mantissa)
+            .min(opacity_one);
 
         let colour = self.lit_lanes(registers, material, fragments.normal, rgb, exponent, tap);
         let coverage = self.coverage_lanes(registers, weight, exponent, tap);
         let opacity = tap.fit_words(&self.covered, opacity * coverage);
         let colour = three!(i => zero.where_else(none, tap.fit_words(&self.premultiplied, colour[i] * opacity)).to_array());
         let opacity = zero.where_else(none, opacity).to_array();
-        std::array::from_fn(|lane| Output { colour: three!(i => i64::from(colour[i][lane])), opacity: opacity[lane].into() })
+        std::array::from_fn(|lane| Output {
+            colour: three!(i => i64::from(colour[i][lane])),
+            opacity: opacity[lane].into(),
+        })
     }
 
     /// min(1, W/τ).
     #[inline(always)]
-    fn coverage_lanes<W: Words, P: Probe>(&self, registers: &LightRegisters, weight: W, exponent: W, tap: &mut Tap<P>) -> W {
+    fn coverage_lanes<W: Words, P: Probe>(
+        &self,
+        registers: &LightRegisters,
+        weight: W,
+        exponent: W,
+        tap: &mut Tap<P>,
+    ) -> W {
         let one = W::splat(self.words.coverage_one);
         let thin = W::splat(registers.coverage_threshold).above(weight);
         if thin.signs() & tap.live == 0 {
@@ -83,7 +96,13 @@ impl Shade {
         tap.live &= thin.signs();
         let share = tap.fit_shifted(&self.weight_share, weight.exact(), -exponent);
         let Scaled { mantissa, places } = registers.inverse_threshold;
-        let coverage = tap.fit_shifted(&self.coverage, share * W::splat(mantissa), exponent + W::splat(places)).min(one);
+        let coverage = tap
+            .fit_shifted(
+                &self.coverage,
+                share * W::splat(mantissa),
+                exponent + W::splat(places),
+            )
+            .min(one);
         tap.live = live;
         coverage.where_else(thin, one)
     }
@@ -101,8 +120,18 @@ impl Shade {
     ) -> [W; 3] {
         let w = self.words;
         let colour_one = W::Exact::splat(w.colour_one);
-        let (Material::BlinnPhong { ambient, diffuse, specular, .. }, Some(table)) =
-            (&registers.lighting.materials[material as usize], &registers.highlights[material as usize])
+        let (
+            Material::BlinnPhong {
+                ambient,
+                diffuse,
+                specular,
+                ..
+            },
+            Some(table),
+        ) = (
+            &registers.lighting.materials[material as usize],
+            &registers.highlights[material as usize],
+        )
         else {
             return three!(i => tap.fit_words(&self.colour, rgb[i].exact().left(w.rgb_to_colour).min(colour_one)));
         };
@@ -112,13 +141,24 @@ impl Shade {
         let mut gloss = three!(_i => W::Exact::splat(0));
         let live = tap.live;
         tap.drop_where(none);
-        for (i, Light { direction, half_way }) in registers.lighting.lights.iter().enumerate() {
+        for (
+            i,
+            Light {
+                direction,
+                half_way,
+            },
+        ) in registers.lighting.lights.iter().enumerate()
+        {
             // Where normals cancel there is ambient light alone.
             let towards = zero.where_else(none, self.cosines(normal, *direction, tap));
-            irradiance = three!(channel => irradiance[channel] + towards * W::splat(diffuse[i][channel]));
+            irradiance =
+                three!(channel => irradiance[channel] + towards * W::splat(diffuse[i][channel]));
             if let Some(half_way) = half_way {
-                let cosine = self.cosines(normal, *half_way, tap).min(W::splat(w.cosine_one - 1));
-                let shine = zero.where_else(none, tap.fit_words(table.fit(), table.exact_words(cosine)));
+                let cosine = self
+                    .cosines(normal, *half_way, tap)
+                    .min(W::splat(w.cosine_one - 1));
+                let shine =
+                    zero.where_else(none, tap.fit_words(table.fit(), table.exact_words(cosine)));
                 gloss = three!(channel => gloss[channel] + shine * W::splat(specular[i][channel]));
             }
         }
@@ -132,18 +172,30 @@ impl Shade {
 
     /// max(0, N·direction).
     #[inline(always)]
-    fn cosines<W: Words, P: Probe>(&self, normal: [W; 3], direction: [i64; 3], tap: &mut Tap<P>) -> W {
-        tap.fit_words(&self.cosine, W::dot(direction, normal)).max(W::splat(0))
+    fn cosines<W: Words, P: Probe>(
+        &self,
+        normal: [W; 3],
+        direction: [i64; 3],
+        tap: &mut Tap<P>,
+    ) -> W {
+        tap.fit_words(&self.cosine, W::dot(direction, normal))
+            .max(W::splat(0))
     }
 
     /// Unit normals, turned towards the viewer, and where the sums cancel.
     #[inline(always)]
-    fn unit_normals<W: Words, P: Probe>(&self, sums: [W; 3], exponent: W, tap: &mut Tap<P>) -> ([W; 3], W) {
+    fn unit_normals<W: Words, P: Probe>(
+        &self,
+        sums: [W; 3],
+        exponent: W,
+        tap: &mut Tap<P>,
+    ) -> ([W; 3], W) {
         let share = three!(i => tap.fit_shifted(&self.normal_share, sums[i].exact(), -exponent));
         let none = share[0].is_zero() & share[1].is_zero() & share[2].is_zero();
         let live = tap.live;
         tap.drop_where(none);
-        let squared = (share[0] * share[0] + share[1] * share[1] + share[2] * share[2]).max(W::Exact::splat(1));
+        let squared = (share[0] * share[0] + share[1] * share[1] + share[2] * share[2])
+            .max(W::Exact::splat(1));
         let inverse = self.root.lanes(squared, tap);
         let normal = three!(i => tap.fit_shifted(&self.normal, share[i] * inverse.mantissa, -inverse.exponent));
         tap.live = live;

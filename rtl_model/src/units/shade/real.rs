@@ -1,6 +1,7 @@
 //! Shade over the reals: how far a shaded fragment may lie from the exact one.
 //!
-//! With p(word) a last place, W = w·2^e, w in [1, 2), and ε₁, ε₂ the relative errors of 1/W and 1/|n|:
+//! With p(word) a last place, W = w·2^e, w in [1, 2), and ε₁, ε₂ the relative errors of 1/W and
+//! 1/|n|:
 //! ```text
 //! mean         c = Σw·c/W   share holds c·w: ½p(share)/w, nothing where W's shift leaves all its places; 1/W: c·ε₁; the fit: ½p(rgb)
 //! direction    normal_share moves n by |d|: it turns by at most asin(|d|/|n|); 1/|n|: ε₂; the fit: ½p(normal) each part
@@ -10,10 +11,12 @@
 //! coverage     1 where W ≥ τ, else W·(1/τ): ½p(share)·2^e/τ, W/τ times what 1/τ's word lost, ½p(coverage); both where W may be either
 //! premultiplied  opacity·coverage, colour·that: ½p(premultiplied) each
 //! ```
-//! A word that is cut loses a whole place, downwards, where this says half of one. The flip of the normal towards the viewer is taken
-//! both ways where N_z may be on either side of 0; so is the absence of lights where n may be 0, and of light where W may be.
+//! A word that is cut loses a whole place, downwards, where this says half of one. The flip of the
+//! normal towards the viewer is taken both ways where N_z may be on either side of 0; so is the
+//! absence of lights where n may be 0, and of light where W may be.
 //!
-//! Means come in as quotients, not as sums: what makes Σw·c and W wrong is mostly the same, and only the caller can see it cancel.
+//! Means come in as quotients, not as sums: what makes Σw·c and W wrong is mostly the same, and
+//! only the caller can see it cancel.
 //!
 //! Laws: `shading_is_within_its_bound`, `the_bound_of_shading_is_tight`.
 
@@ -23,7 +26,8 @@ use crate::functions::table::real::Power;
 use crate::num::Fit;
 use crate::real::{Direction, Real, Scale};
 
-/// Input port: what one fragment's sums mean. Where W is 0 on the exact side the exact means are too.
+/// Input port: what one fragment's sums mean. Where W is 0 on the exact side the exact means are
+/// too.
 #[derive(Clone, Copy, Debug)]
 pub struct Sums<R> {
     /// W = Σw.
@@ -93,11 +97,22 @@ impl Shade {
         let nothing = || [R::constant(0.0); 4];
         (-sums.weight).branch(R::constant(0.0), nothing, || {
             let whole = sums.weight;
-            let rgb = sums.rgb.map(|channel| mean(channel, whole, &self.colour_share, self, &self.rgb));
-            let opacity = mean(sums.opacity, whole, &self.opacity_share, self, &self.opacity).at_most(1.0);
+            let rgb = sums
+                .rgb
+                .map(|channel| mean(channel, whole, &self.colour_share, self, &self.rgb));
+            let opacity = mean(
+                sums.opacity,
+                whole,
+                &self.opacity_share,
+                self,
+                &self.opacity,
+            )
+            .at_most(1.0);
             let colour = self.real_colour(lighting, sums, rgb);
-            let opacity = (opacity * self.real_coverage(lighting, whole)).fit(&self.covered, Scale::ONE);
-            let [r, g, b] = colour.map(|channel| (channel * opacity).fit(&self.premultiplied, Scale::ONE));
+            let opacity =
+                (opacity * self.real_coverage(lighting, whole)).fit(&self.covered, Scale::ONE);
+            let [r, g, b] =
+                colour.map(|channel| (channel * opacity).fit(&self.premultiplied, Scale::ONE));
             [r, g, b, opacity]
         })
     }
@@ -107,7 +122,9 @@ impl Shade {
         let one = || [R::constant(1.0)];
         let [coverage] = weight.branch(lighting.coverage_threshold, one, || {
             let share = R::constant(1.0).share(&self.weight_share, weight) * weight;
-            [(share * lighting.inverse_threshold).fit(&self.coverage, Scale::ONE).at_most(1.0)]
+            [(share * lighting.inverse_threshold)
+                .fit(&self.coverage, Scale::ONE)
+                .at_most(1.0)]
         });
         coverage
     }
@@ -116,22 +133,46 @@ impl Shade {
     fn real_colour<R: Real>(&self, lighting: &Lighting<R>, sums: &Sums<R>, rgb: [R; 3]) -> [R; 3] {
         let number = sums.material as usize;
         let material = &lighting.materials[number];
-        let of = lighting.surroundings.as_ref().filter(|of| !of.mirrors[number].is_dull);
+        let of = lighting
+            .surroundings
+            .as_ref()
+            .filter(|of| !of.mirrors[number].is_dull);
         let mirror = self.reflect.as_ref().zip(of);
         let is_unlit = matches!(material, Material::Unlit);
-        let as_it_is = || rgb.map(|channel| channel.at_most(1.0).refit(self.rgb.word.format.frac_bits, &self.colour));
+        let as_it_is = || {
+            rgb.map(|channel| {
+                channel
+                    .at_most(1.0)
+                    .refit(self.rgb.word.format.frac_bits, &self.colour)
+            })
+        };
         if is_unlit && mirror.is_none() {
             return as_it_is();
         }
-        let share = sums.normal.map(|n| n.share(&self.normal_share, sums.weight));
+        let share = sums
+            .normal
+            .map(|n| n.share(&self.normal_share, sums.weight));
         let zero = R::constant(0.0);
-        let ambient_only = || if is_unlit { as_it_is() } else { self.real_lit(material, &[], rgb, |_| zero) };
+        let ambient_only = || {
+            if is_unlit {
+                as_it_is()
+            } else {
+                self.real_lit(material, &[], rgb, |_| zero)
+            }
+        };
         (-R::length(share)).branch(zero, ambient_only, || {
             let normal = R::direction(share, sums.weight, &self.root).fit(&self.normal);
             let lit = |normal: Direction<R>| {
-                let colour =
-                    if is_unlit { as_it_is() } else { self.real_lit(material, &lighting.lights, rgb, |to| self.real_cosine(&normal, to)) };
-                mirror.map_or(colour, |(unit, of)| unit.real(of, number, sums.at, &normal, colour))
+                let colour = if is_unlit {
+                    as_it_is()
+                } else {
+                    self.real_lit(material, &lighting.lights, rgb, |to| {
+                        self.real_cosine(&normal, to)
+                    })
+                };
+                mirror.map_or(colour, |(unit, of)| {
+                    unit.real(of, number, sums.at, &normal, colour)
+                })
             };
             let to_viewer = -R::dot(&normal, [0.0, 0.0, 1.0].map(R::constant));
             to_viewer.branch(zero, || lit(normal), || lit(normal.turned_back()))
@@ -140,17 +181,42 @@ impl Shade {
 
     /// max(0, N·direction).
     fn real_cosine<R: Real>(&self, normal: &Direction<R>, direction: [R; 3]) -> R {
-        R::dot(normal, direction).fit(&self.cosine, Scale::ONE).max(R::constant(0.0))
+        R::dot(normal, direction)
+            .fit(&self.cosine, Scale::ONE)
+            .max(R::constant(0.0))
     }
 
     /// Blinn-Phong under some lights, whose vectors have these cosines with the normal.
-    fn real_lit<R: Real>(&self, material: &Material<R>, lights: &[Light<R>], rgb: [R; 3], cosine: impl Fn([R; 3]) -> R) -> [R; 3] {
-        let Material::BlinnPhong { ambient, diffuse, specular, highlight } = material else { return rgb };
+    fn real_lit<R: Real>(
+        &self,
+        material: &Material<R>,
+        lights: &[Light<R>],
+        rgb: [R; 3],
+        cosine: impl Fn([R; 3]) -> R,
+    ) -> [R; 3] {
+        let Material::BlinnPhong {
+            ambient,
+            diffuse,
+            specular,
+            highlight,
+        } = material
+        else {
+            return rgb;
+        };
         let mut irradiance = [*ambient; 3];
         let mut gloss = [R::constant(0.0); 3];
-        for (i, Light { direction, half_way }) in lights.iter().enumerate() {
+        for (
+            i,
+            Light {
+                direction,
+                half_way,
+            },
+        ) in lights.iter().enumerate()
+        {
             let towards = cosine(*direction);
-            let shine = half_way.map_or(R::constant(0.0), |half_way| cosine(half_way).below_one(&self.cosine).power(highlight));
+            let shine = half_way.map_or(R::constant(0.0), |half_way| {
+                cosine(half_way).below_one(&self.cosine).power(highlight)
+            });
             for channel in 0..3 {
                 irradiance[channel] = irradiance[channel] + towards * diffuse[i][channel];
                 gloss[channel] = gloss[channel] + shine * specular[i][channel];
@@ -158,14 +224,19 @@ impl Shade {
         }
         std::array::from_fn(|channel| {
             let irradiance = irradiance[channel].fit(&self.irradiance, Scale::ONE);
-            (rgb[channel] * irradiance + gloss[channel]).min(R::constant(1.0)).fit(&self.colour, Scale::ONE)
+            (rgb[channel] * irradiance + gloss[channel])
+                .min(R::constant(1.0))
+                .fit(&self.colour, Scale::ONE)
         })
     }
 }
 
 /// A mean Σw·c/W, from the share of the sum that goes with W normalised.
 fn mean<R: Real>(exact: R, whole: R, share: &Fit, unit: &Shade, fit: &Fit) -> R {
-    exact.share(share, whole).restored(&unit.reciprocal, whole).fit(fit, Scale::ONE)
+    exact
+        .share(share, whole)
+        .restored(&unit.reciprocal, whole)
+        .fit(fit, Scale::ONE)
 }
 
 #[cfg(test)]

@@ -1,17 +1,21 @@
-//! Reflect: mirrors surroundings in what shade has lit (Surface Splatting §4, docs/book/reflection.md). It stands in shade, behind the unit
-//! normal, and its light goes out at shade's port.
+//! Reflect: mirrors surroundings in what shade has lit (Surface Splatting §4,
+//! docs/book/reflection.md). It stands in shade, behind the unit normal, and its light goes out at
+//! shade's port.
 //!
 //! ```text
 //! pixel ─►[ slope ]─► V = −(a, b, 1) ─┐
 //! normal N ──────────────────►[ N·V ]─┴─►[ 2(N·V)N − V ]─► R ─►[ 1/(|x|+|y|+|z|) ]─►(×)─► |x|, |y| ─►[ fold ]─►[ map ]─► light
 //! colour ─►(× 1 − reflect)─►(+)◄─(× reflect·tint)◄─ light          └► at most 1 ─► colour
 //! ```
-//! The map is an octahedron laid flat, its middle towards the viewer: where R points away from him its corners are folded over. So R need not
-//! be of length 1, and V is not. From far along the axis (`axis`) a and b are 0: no word for them, four products fewer and no pixel.
+//! The map is an octahedron laid flat, its middle towards the viewer: where R points away from him
+//! its corners are folded over. So R need not be of length 1, and V is not. From far along the axis
+//! (`axis`) a and b are 0: no word for them, four products fewer and no pixel.
 //!
-//! Losses: all words are rounded; `coordinate` is clamped to 1, what is mixed to 1. Where the normals of a fragment cancel nothing is mirrored.
+//! Losses: all words are rounded; `coordinate` is clamped to 1, what is mixed to 1. Where the
+//! normals of a fragment cancel nothing is mirrored.
 //!
-//! Laws: `a_mirror_turns_a_ray_about_its_normal`, `a_flat_sky_is_its_colour_everywhere`, `nothing_mirrored_changes_nothing`; of the bound, tests/reflection.rs.
+//! Laws: `a_mirror_turns_a_ray_about_its_normal`, `a_flat_sky_is_its_colour_everywhere`,
+//! `nothing_mirrored_changes_nothing`; of the bound, tests/reflection.rs.
 
 use crate::elaboration::Elaboration;
 use crate::elaboration::latency::Path;
@@ -47,15 +51,29 @@ impl<'a> Registers<'a> {
     pub fn of(frame: &'a Frame) -> Option<Self> {
         let size_px = [frame.width, frame.height].map(i64::from);
         let surroundings = frame.surroundings.as_ref()?;
-        Some(Registers { surroundings, size_px, inverse_focals: frame.view.inverse_focals(), centre: frame.view.centre })
+        Some(Registers {
+            surroundings,
+            size_px,
+            inverse_focals: frame.view.inverse_focals(),
+            centre: frame.view.centre,
+        })
     }
 }
 
 fn map_words(machine: &Machine, m: &Description) -> map::Words {
-    let cached = machine.timing.environment.map(|environment| environment.ways);
+    let cached = machine
+        .timing
+        .environment
+        .map(|environment| environment.ways);
     let index_bits = m.index_bits.clamp(1, MOST_INDEX_BITS);
     // A place is half a coordinate, more or less than a half.
-    map::Words { index_bits, place_bits: m.coordinate.format.frac_bits + 1, fraction: m.fraction, light: m.light, cached }
+    map::Words {
+        index_bits,
+        place_bits: m.coordinate.format.frac_bits + 1,
+        fraction: m.fraction,
+        light: m.light,
+        cached,
+    }
 }
 
 /// The word of slopes. A machine that has none for its rays is a misfit, told as that.
@@ -73,7 +91,10 @@ pub fn way_to_light(machine: &Machine, m: &Description) -> Path {
         Sight::Axis => Path::default().fit(facing),
         Sight::Ray => {
             let slope = slope_word(m).format.width();
-            Path::default().product(normal, slope).sum_of_three(normal + slope).fit(facing)
+            Path::default()
+                .product(normal, slope)
+                .sum_of_three(normal + slope)
+                .fit(facing)
         }
     };
     seen.product(facing, normal)
@@ -93,8 +114,13 @@ pub fn way_to_light(machine: &Machine, m: &Description) -> Path {
 
 /// Longest way from light to the colour that leaves.
 pub fn way_to_colour(machine: &Machine, m: &Description) -> Path {
-    let [light, reflectance, colour] = [m.light, m.reflectance, machine.shade.colour].map(|word| word.format.width());
-    Path::default().product(light.max(colour), reflectance).sum(light.max(colour) + reflectance).limit(light + reflectance).fit(colour)
+    let [light, reflectance, colour] =
+        [m.light, m.reflectance, machine.shade.colour].map(|word| word.format.width());
+    Path::default()
+        .product(light.max(colour), reflectance)
+        .sum(light.max(colour) + reflectance)
+        .limit(light + reflectance)
+        .fit(colour)
 }
 
 /// The elaborated unit.
@@ -181,7 +207,11 @@ impl Reflect {
             });
             let slope = e.copies(2, |e| e.fit_shifted(UNIT, "slope", slope_word, sloped));
             let along = e.copies(2, |e| e.times(UNIT, normal, slope_word));
-            (slope, slope_word.format.frac_bits.clamp(0, 30) as u32, e.sum(UNIT, [along, along, normal.into()]))
+            (
+                slope,
+                slope_word.format.frac_bits.clamp(0, 30) as u32,
+                e.sum(UNIT, [along, along, normal.into()]),
+            )
         } else {
             (Fit::new(0, slope_word, sloped), 0, normal.into())
         };
@@ -189,7 +219,14 @@ impl Reflect {
         e.adders(UNIT, 1, facing_sum.bits());
         let facing = e.fit(UNIT, "facing", m.facing, facing_sum);
         let doubled = e.copies(3, |e| e.times(UNIT, m.facing, normal)).doubled();
-        let seen = if is_ray { Exact::from(slope_word) } else { Exact { int_bits: 1, frac_bits: 0 } };
+        let seen = if is_ray {
+            Exact::from(slope_word)
+        } else {
+            Exact {
+                int_bits: 1,
+                frac_bits: 0,
+            }
+        };
         let mirrored = e.copies(if is_ray { 3 } else { 1 }, |e| e.sum(UNIT, [doubled, seen]));
         let direction = e.copies(3, |e| e.fit(UNIT, "direction", m.direction, mirrored));
         let direction_bits = m.direction.format.width();
@@ -197,7 +234,13 @@ impl Reflect {
         e.adders(UNIT, 3, direction_bits);
         e.adders(UNIT, 2, direction_bits + 2);
         e.normaliser(UNIT, direction_bits + 2);
-        let reciprocal = Reciprocal::new(e, UNIT, "reciprocal", m.reciprocal, m.direction.format.frac_bits);
+        let reciprocal = Reciprocal::new(
+            e,
+            UNIT,
+            "reciprocal",
+            m.reciprocal,
+            m.direction.format.frac_bits,
+        );
         let laid = e.copies(2, |e| e.times(UNIT, m.direction, m.reciprocal.format()));
         let coordinate = e.copies(2, |e| e.fit_shifted(UNIT, "coordinate", m.coordinate, laid));
         let coordinate_bits = m.coordinate.format.width();
@@ -258,7 +301,8 @@ impl Reflect {
         mirror.mirrored != [0; 3] || mirror.kept != self.words.reflectance_one
     }
 
-    /// The colour that leaves a surface of this colour and unit normal, at most 1; `pixel` is a column and a row.
+    /// The colour that leaves a surface of this colour and unit normal, at most 1; `pixel` is a
+    /// column and a row.
     pub fn one<P: Probe>(
         &self,
         registers: &Registers,
@@ -284,27 +328,53 @@ impl Reflect {
         let direction = self.direction(registers, pixel, normal, tap);
         let place = self.place(direction, tap);
         let light = self.map.light(&registers.surroundings.texels, place, tap);
-        Seen { slopes, direction, texel: self.map.texel(place), light }
+        Seen {
+            slopes,
+            direction,
+            texel: self.map.texel(place),
+            light,
+        }
     }
 
     /// R, where the mirror is seen.
-    fn direction<P: Probe>(&self, registers: &Registers, pixel: [i64; 2], n: [i64; 3], tap: &mut Tap<P>) -> [i64; 3] {
+    fn direction<P: Probe>(
+        &self,
+        registers: &Registers,
+        pixel: [i64; 2],
+        n: [i64; 3],
+        tap: &mut Tap<P>,
+    ) -> [i64; 3] {
         let w = self.words;
         let [a, b] = self.slopes(registers, pixel, tap);
-        let facing = tap.fit_one(&self.facing, -(n[0] * a + n[1] * b + (n[2] << w.slope_places)));
+        let facing = tap.fit_one(
+            &self.facing,
+            -(n[0] * a + n[1] * b + (n[2] << w.slope_places)),
+        );
         let seen = [a, b, w.forward];
-        tap.fit_three(&self.direction, three!(i => ((facing * n[i]) << w.mirrored) + (seen[i] << w.seen)))
+        tap.fit_three(
+            &self.direction,
+            three!(i => ((facing * n[i]) << w.mirrored) + (seen[i] << w.seen)),
+        )
     }
 
     /// a and b of the pixel's ray (a, b, 1).
-    fn slopes<P: Probe>(&self, registers: &Registers, pixel: [i64; 2], tap: &mut Tap<P>) -> [i64; 2] {
+    fn slopes<P: Probe>(
+        &self,
+        registers: &Registers,
+        pixel: [i64; 2],
+        tap: &mut Tap<P>,
+    ) -> [i64; 2] {
         if self.sight == Sight::Axis {
             return [0; 2];
         }
         [0, 1].map(|axis| {
             let Scaled { mantissa, places } = registers.inverse_focals[axis];
             let from_middle = (2 * pixel[axis] + 1 - registers.size_px[axis]) << self.words.half;
-            tap.fit_one_shifted(&self.slope, (from_middle - registers.centre[axis]) * mantissa, places)
+            tap.fit_one_shifted(
+                &self.slope,
+                (from_middle - registers.centre[axis]) * mantissa,
+                places,
+            )
         })
     }
 
@@ -313,10 +383,20 @@ impl Reflect {
         let one = self.words.coordinate_one;
         let sum = (x.abs() + y.abs() + z.abs()).max(1);
         let (inverse, exponent) = self.reciprocal.one(sum, tap);
-        let [across, down] = [x, y].map(|part| tap.fit_one_shifted(&self.coordinate, part.abs() * inverse, -exponent).min(one));
+        let [across, down] = [x, y].map(|part| {
+            tap.fit_one_shifted(&self.coordinate, part.abs() * inverse, -exponent)
+                .min(one)
+        });
         // What points away from the viewer lies beyond the diagonals.
-        let [across, down] = if z >= 0 { [one - down, one - across] } else { [across, down] };
-        [one + if x >= 0 { across } else { -across }, one + if y >= 0 { down } else { -down }]
+        let [across, down] = if z >= 0 {
+            [one - down, one - across]
+        } else {
+            [across, down]
+        };
+        [
+            one + if x >= 0 { across } else { -across },
+            one + if y >= 0 { down } else { -down },
+        ]
     }
 }
 

@@ -31,21 +31,35 @@ fn bench_of(machine: Machine) -> Bench {
     let m = &machine.shade;
     let towards = |x: f64, z: f64| [quantised(m.light, x), 0, quantised(m.light, z)];
     let steps = (1 << m.highlight_table.index_bits) as f64;
-    let middle = if m.highlight_table.interpolation == crate::machine::Interpolation::Nearest { 0.5 } else { 0.0 };
+    let middle = if m.highlight_table.interpolation == crate::machine::Interpolation::Nearest {
+        0.5
+    } else {
+        0.0
+    };
     let lighting = Lighting {
-        lights: vec![Light { direction: towards(-0.6, -0.8), half_way: Some(towards(-0.316_227_766, -0.948_683_298)) }],
+        lights: vec![Light {
+            direction: towards(-0.6, -0.8),
+            half_way: Some(towards(-0.316_227_766, -0.948_683_298)),
+        }],
         materials: vec![
             Material::Unlit,
             Material::BlinnPhong {
                 ambient: quantised(m.reflectance, 0.2),
                 diffuse: vec![[quantised(m.reflectance, 0.7); 3]],
                 specular: vec![[quantised(m.reflectance, 0.25); 3]],
-                highlight: (0..=steps as usize).map(|i| quantised(m.highlight, ((i as f64 + middle) / steps).powi(4))).collect(),
+                highlight: (0..=steps as usize)
+                    .map(|i| quantised(m.highlight, ((i as f64 + middle) / steps).powi(4)))
+                    .collect(),
             },
         ],
     };
     let highlights = shade.highlights(&lighting);
-    Bench { machine, shade, lighting, highlights }
+    Bench {
+        machine,
+        shade,
+        lighting,
+        highlights,
+    }
 }
 
 impl Bench {
@@ -54,17 +68,28 @@ impl Bench {
             lighting: &self.lighting,
             highlights: &self.highlights,
             coverage_threshold: quantised(self.machine.fragment.weight_sum, 0.4),
-            inverse_threshold: Scaled { mantissa: quantised(self.machine.shade.inverse_threshold, 0.625), places: -2 },
+            inverse_threshold: Scaled {
+                mantissa: quantised(self.machine.shade.inverse_threshold, 0.625),
+                places: -2,
+            },
             surroundings: None,
         }
     }
 
     fn one(&self, input: &Input) -> Output {
-        self.shade.one(&self.registers(), input, &mut Tap::new(&mut NoProbe))
+        self.shade
+            .one(&self.registers(), input, &mut Tap::new(&mut NoProbe))
     }
 
     /// Sums of a fragment of weight W, as a clean accumulation would leave them.
-    fn input(&self, weight: f64, rgb: [f64; 3], opacity: f64, normal: [f64; 3], material: u32) -> Input {
+    fn input(
+        &self,
+        weight: f64,
+        rgb: [f64; 3],
+        opacity: f64,
+        normal: [f64; 3],
+        material: u32,
+    ) -> Input {
         let f = &self.machine.fragment;
         Input {
             weight: quantised(f.weight_sum, weight),
@@ -82,13 +107,29 @@ impl Bench {
         [r, g, b, output.opacity].map(|word| format.value(word))
     }
 
-    /// Four last places of the coarsest word on the way, and what the sums' own last places leave of a thin weight.
+    /// Four last places of the coarsest word on the way, and what the sums' own last places leave
+    /// of a thin weight.
     fn slack(&self, weight: f64) -> f64 {
         let (s, f) = (&self.machine.shade, &self.machine.fragment);
-        let coarsest =
-            [s.share, s.rgb, s.normal, s.cosine, s.highlight, s.reflectance, s.irradiance, s.colour, s.coverage, s.premultiplied];
-        let place = coarsest.iter().map(|word| word.format.value(1)).fold(0.0, f64::max);
-        let tables = f64::from(s.reciprocal.table_bits * (1 << s.reciprocal.newton_steps)).exp2().recip();
+        let coarsest = [
+            s.share,
+            s.rgb,
+            s.normal,
+            s.cosine,
+            s.highlight,
+            s.reflectance,
+            s.irradiance,
+            s.colour,
+            s.coverage,
+            s.premultiplied,
+        ];
+        let place = coarsest
+            .iter()
+            .map(|word| word.format.value(1))
+            .fold(0.0, f64::max);
+        let tables = f64::from(s.reciprocal.table_bits * (1 << s.reciprocal.newton_steps))
+            .exp2()
+            .recip();
         4.0 * place + 2.0 * tables + 4.0 * f.colour_sum.format.value(1) / weight
     }
 }
@@ -126,7 +167,8 @@ proptest! {
         }
     }
 
-    /// A normal across the line of sight is left out: its last place decides to which side it is turned.
+    /// A normal across the line of sight is left out: its last place decides to which side it is
+    /// turned.
     #[test]
     fn shading_ignores_the_length_of_a_normal(name in names(), normal in unit_vector().prop_filter("seen from the side", |normal| normal[2].abs() > 0.1), length in 0.3..1.0) {
         let bench = bench(name);
@@ -173,7 +215,10 @@ fn normals_that_cancel_leave_ambient_light_alone() {
         let bench = bench(name);
         let own = bench.colour(&bench.one(&bench.input(1.0, [1.0, 0.5, 0.0], 1.0, [0.0; 3], LIT)));
         for (own, exact) in own.into_iter().zip([0.2, 0.1, 0.0, 1.0]) {
-            assert!((own - exact).abs() <= bench.slack(1.0), "{name}: {own} instead of {exact}");
+            assert!(
+                (own - exact).abs() <= bench.slack(1.0),
+                "{name}: {own} instead of {exact}"
+            );
         }
     }
 }
@@ -182,7 +227,10 @@ fn normals_that_cancel_leave_ambient_light_alone() {
 fn no_weight_is_no_light() {
     for name in Machine::NAMES {
         let bench = bench(name);
-        let input = Input { weight: 0, ..bench.input(1.0, [1.0; 3], 1.0, [0.0, 0.0, -1.0], LIT) };
+        let input = Input {
+            weight: 0,
+            ..bench.input(1.0, [1.0; 3], 1.0, [0.0, 0.0, -1.0], LIT)
+        };
         assert_eq!(bench.one(&input), Output::default());
     }
 }
@@ -202,7 +250,12 @@ impl<P: Probe> Kernel for Eight<'_, P> {
     fn run<L: Lanes>(self) -> [Output; LANES] {
         let tap = &mut Tap::new(self.probe);
         tap.live = self.live;
-        self.bench.shade.lanes::<L::Words, P>(&self.bench.registers(), self.inputs[0].material, self.inputs, tap)
+        self.bench.shade.lanes::<L::Words, P>(
+            &self.bench.registers(),
+            self.inputs[0].material,
+            self.inputs,
+            tap,
+        )
     }
 }
 
@@ -239,12 +292,27 @@ fn oddly_worded() -> impl Strategy<Value = Machine> {
     })
 }
 
-/// Sums of all sizes: of nothing, of a last place, as clean accumulations leave them, and any words at all.
+/// Sums of all sizes: of nothing, of a last place, as clean accumulations leave them, and any words
+/// at all.
 fn sums(machine: &Machine) -> impl Strategy<Value = Input> + use<> {
     let f = machine.fragment;
-    let clean = (0.0..4.0f64, unit_vector(), prop::array::uniform4(0.0..1.0f64), 0..6u32);
+    let clean = (
+        0.0..4.0f64,
+        unit_vector(),
+        prop::array::uniform4(0.0..1.0f64),
+        0..6u32,
+    );
     (clean, any::<[u32; 8]>()).prop_map(move |((weight, normal, [r, g, b, opacity], kind), any)| {
-        let words = [f.weight_sum, f.colour_sum, f.colour_sum, f.colour_sum, f.opacity_sum, f.normal_sum, f.normal_sum, f.normal_sum];
+        let words = [
+            f.weight_sum,
+            f.colour_sum,
+            f.colour_sum,
+            f.colour_sum,
+            f.opacity_sum,
+            f.normal_sum,
+            f.normal_sum,
+            f.normal_sum,
+        ];
         let of: [i64; 8] = match kind {
             0 => [0; 8],
             1 => std::array::from_fn(|i| i64::from(any[i] % 3)),
@@ -258,7 +326,14 @@ fn sums(machine: &Machine) -> impl Strategy<Value = Input> + use<> {
                 std::array::from_fn(|i| quantised(words[i], values[i] * weight))
             }
         };
-        Input { weight: of[0], colour: [of[1], of[2], of[3]], opacity: of[4], normal: [of[5], of[6], of[7]], material: 0, pixel: [0; 2] }
+        Input {
+            weight: of[0],
+            colour: [of[1], of[2], of[3]],
+            opacity: of[4],
+            normal: [of[5], of[6], of[7]],
+            material: 0,
+            pixel: [0; 2],
+        }
     })
 }
 

@@ -1,4 +1,5 @@
-//! Ellipsoids: made-up cases of axes, of the sort, and of sheets: where a sheet changes, and where a pixel stops.
+//! Ellipsoids: made-up cases of axes, of the sort, and of sheets: where a sheet changes, and where
+//! a pixel stops.
 
 use super::super::observer::{flag, least_weight, outcome, outcomes};
 use super::{CONTRIBUTIONS, Key, Maker, UNKNOWN, key, pixel_key};
@@ -12,8 +13,14 @@ use rtl_model::units::fragment::{OPACITY, TILE_PX, WEIGHT};
 use std::collections::BTreeMap;
 
 /// Quaternions of whole numbers, and their lengths, which are whole too.
-const UNITS: [([i64; 4], i64); 6] =
-    [([1, 0, 0, 0], 1), ([1, 1, 1, 1], 2), ([1, 2, 2, 4], 5), ([1, 1, 3, 5], 6), ([2, 4, 5, 6], 9), ([0, 3, 4, 0], 5)];
+const UNITS: [([i64; 4], i64); 6] = [
+    ([1, 0, 0, 0], 1),
+    ([1, 1, 1, 1], 2),
+    ([1, 2, 2, 4], 5),
+    ([1, 1, 3, 5], 6),
+    ([2, 4, 5, 6], 9),
+    ([0, 3, 4, 0], 5),
+];
 
 /// Contributions to a pixel, tile by tile.
 struct Tiles<'a> {
@@ -24,7 +31,10 @@ struct Tiles<'a> {
 impl<'a> Tiles<'a> {
     fn of(&mut self, [x, y]: [i64; 2]) -> (&mut Sheets<'a>, usize) {
         let side = TILE_PX as i64;
-        let tile = self.tiles.entry([x / side, y / side]).or_insert_with(|| self.maker.clone());
+        let tile = self
+            .tiles
+            .entry([x / side, y / side])
+            .or_insert_with(|| self.maker.clone());
         (tile, (y % side * side + x % side) as usize)
     }
 
@@ -35,30 +45,45 @@ impl<'a> Tiles<'a> {
 }
 
 impl Maker<'_> {
-    /// Axes that belong together: rotations, with scales of which one is 1, among the splats whose places are likely.
+    /// Axes that belong together: rotations, with scales of which one is 1, among the splats whose
+    /// places are likely.
     pub(super) fn likely_axes(&mut self, splats: &mut [Vec<i64>]) {
-        let Some(own) = &self.machine.machine.ellipse.ellipsoid else { return };
+        let Some(own) = &self.machine.machine.ellipse.ellipsoid else {
+            return;
+        };
         if self.frame.ellipsoids.is_none() {
             return;
         }
-        let (format, scale) = (own.quaternion.format, own.scale.format.one().min(own.scale.format.max()));
+        let (format, scale) = (
+            own.quaternion.format,
+            own.scale.format.one().min(own.scale.format.max()),
+        );
         for words in splats.iter_mut().skip(1).step_by(2) {
             let random = &mut self.random;
             let (mut parts, length) = random.among(&UNITS);
             parts.rotate_left(random.below(4) as usize);
             let signs = [(); 4].map(|()| if random.one_in(2) { -1 } else { 1 });
-            for (part, sign) in parts.iter().zip(signs).enumerate().map(|(i, (part, sign))| (i, part * sign)) {
+            for (part, sign) in parts
+                .iter()
+                .zip(signs)
+                .enumerate()
+                .map(|(i, (part, sign))| (i, part * sign))
+            {
                 words[7 + part] = (sign * format.one() / length).clamp(format.min(), format.max());
             }
-            words[11..14].iter_mut().for_each(|word| *word = random.below(scale + 1));
+            words[11..14]
+                .iter_mut()
+                .for_each(|word| *word = random.below(scale + 1));
             words[11 + random.below(3) as usize] = scale;
         }
     }
 
-    /// Opacities beside the least that is drawn, and on both sides of where the table of cutoffs has its next address, among the splats
-    /// whose places are likely.
+    /// Opacities beside the least that is drawn, and on both sides of where the table of cutoffs
+    /// has its next address, among the splats whose places are likely.
     pub(super) fn at_reach(&mut self, splats: &mut [Vec<i64>]) {
-        let Some(ellipsoids) = &self.frame.ellipsoids else { return };
+        let Some(ellipsoids) = &self.frame.ellipsoids else {
+            return;
+        };
         let format = self.machine.machine.splat.opacity.format;
         let steps = ellipsoids.kernel.reach.len() as i64;
         for words in splats.iter_mut().step_by(3) {
@@ -69,22 +94,39 @@ impl Maker<'_> {
                 format.one() / steps * (1 + random.below(steps))
             };
             let by = random.below(3) - 1;
-            words.iter_mut().last().into_iter().for_each(|opacity| *opacity = (at + by).clamp(0, format.max()));
+            words
+                .iter_mut()
+                .last()
+                .into_iter()
+                .for_each(|opacity| *opacity = (at + by).clamp(0, format.max()));
         }
     }
 
     /// Slopes of a point, one time in eight brought to the limit of the Jacobian, or beside it.
     pub(super) fn at_limits(&mut self, slope: [i64; 2]) -> [i64; 2] {
-        let Some(ellipsoids) = &self.frame.ellipsoids else { return slope };
-        let (format, limits) = (self.machine.machine.project.slope.format, ellipsoids.kernel.jacobian);
+        let Some(ellipsoids) = &self.frame.ellipsoids else {
+            return slope;
+        };
+        let (format, limits) = (
+            self.machine.machine.project.slope.format,
+            ellipsoids.kernel.jacobian,
+        );
         let (random, coverage) = (&mut self.random, &mut self.seen.coverage);
         let slope = [0, 1].map(|axis| {
             let by = random.below(3) - 1;
             let at = limits[axis] * if random.one_in(2) { -1 } else { 1 } + by;
-            if random.one_in(8) { at.clamp(format.min(), format.max()) } else { slope[axis] }
+            if random.one_in(8) {
+                at.clamp(format.min(), format.max())
+            } else {
+                slope[axis]
+            }
         });
         for (slope, limit) in slope.into_iter().zip(limits) {
-            for (by, name) in [(-1, "slope one within its limit"), (0, "slope at its limit"), (1, "slope one beyond its limit")] {
+            for (by, name) in [
+                (-1, "slope one within its limit"),
+                (0, "slope at its limit"),
+                (1, "slope one beyond its limit"),
+            ] {
                 coverage.count_if(slope.abs() == limit + by, "ellipse", name);
             }
         }
@@ -94,29 +136,61 @@ impl Maker<'_> {
     /// Amplitudes that give the least weight that counts, and those beside it.
     pub(super) fn near_least(&mut self) -> Vec<[i64; 2]> {
         let m = &self.machine.machine;
-        let (amplitude, places) = (m.ellipse.amplitude.format, m.ellipse.amplitude.format.frac_bits - m.gauss.weight.format.frac_bits);
+        let (amplitude, places) = (
+            m.ellipse.amplitude.format,
+            m.ellipse.amplitude.format.frac_bits - m.gauss.weight.format.frac_bits,
+        );
         let least = least_weight(self.frame);
-        let at = if places >= 0 { least << places } else { least >> -places };
+        let at = if places >= 0 {
+            least << places
+        } else {
+            least >> -places
+        };
         let step = 1i64 << places.clamp(0, 62);
-        (-64..=64i64).map(|by| [0, at.saturating_add(by.saturating_mul(step) / 16).clamp(0, amplitude.max())]).collect()
+        (-64..=64i64)
+            .map(|by| {
+                [
+                    0,
+                    at.saturating_add(by.saturating_mul(step) / 16)
+                        .clamp(0, amplitude.max()),
+                ]
+            })
+            .collect()
     }
 
     /// Depths, with ties among their keys.
     pub(super) fn sort(&mut self) {
-        let Some(sort) = self.machine.machine.sort.filter(|_| self.frame.ellipsoids.as_ref().is_some_and(|e| e.sorted)) else { return };
+        let Some(sort) = self
+            .machine
+            .machine
+            .sort
+            .filter(|_| self.frame.ellipsoids.as_ref().is_some_and(|e| e.sorted))
+        else {
+            return;
+        };
         let depth = self.machine.machine.project.depth.format;
         let one_key = 1i64 << (depth.frac_bits - sort.key.format.frac_bits).clamp(0, 60);
         let mut depths: Vec<i64> = Vec::new();
         for number in 0..self.cases as i64 {
-            let near = if number == 0 { 0 } else { depths[self.random.below(number) as usize] };
+            let near = if number == 0 {
+                0
+            } else {
+                depths[self.random.below(number) as usize]
+            };
             let beside = near + self.random.below(2 * one_key + 1) - one_key;
             let any = self.random.word(depth);
-            depths.push(if self.random.one_in(2) { any } else { beside.clamp(0, depth.max()) });
+            depths.push(if self.random.one_in(2) {
+                any
+            } else {
+                beside.clamp(0, depth.max())
+            });
         }
         for (tag, depth) in (0i64..).zip(&depths) {
             self.push("sort.in", vec![tag, *depth], key(UNKNOWN));
         }
-        for (nth, word) in unit_replay::sort(self.machine, &depths, &mut self.seen).unwrap_or_default() {
+        for (nth, word) in
+            unit_replay::sort(self.machine, &depths, &mut self.seen).unwrap_or_default()
+        {
             self.push("sort.out", vec![nth as i64, word], key(nth));
         }
         // Records of the sort have no flags, as in a scene's trace.
@@ -124,12 +198,18 @@ impl Maker<'_> {
         self.tag("sort.in", "ties and random", 0);
     }
 
-    /// Contributions to the open sheet and to the next one, weights that make a pixel stop and those that just do not.
+    /// Contributions to the open sheet and to the next one, weights that make a pixel stop and
+    /// those that just do not.
     pub(super) fn sheets(&mut self) {
         let frame = self.frame;
-        let Some(registers) = &frame.sheets else { return };
+        let Some(registers) = &frame.sheets else {
+            return;
+        };
         let formats = self.formats("fragment.in");
-        let mut tiles = Tiles { maker: Sheets::new(self.machine, registers), tiles: BTreeMap::new() };
+        let mut tiles = Tiles {
+            maker: Sheets::new(self.machine, registers),
+            tiles: BTreeMap::new(),
+        };
         self.fill_sheet(&mut tiles, &formats);
         let sides = [frame.width, frame.height].map(i64::from);
         let mut at = [0, 0];
@@ -144,9 +224,14 @@ impl Maker<'_> {
                 }
             }
             let held = tiles.held(at);
-            let open = held.and_then(|held| held.open).map(|(sheet, _)| i64::from(sheet));
+            let open = held
+                .and_then(|held| held.open)
+                .map(|(sheet, _)| i64::from(sheet));
             let sheet = self.sheet(open, formats[3]);
-            let mut words: Vec<i64> = formats.iter().map(|format| self.random.word(*format)).collect();
+            let mut words: Vec<i64> = formats
+                .iter()
+                .map(|format| self.random.word(*format))
+                .collect();
             words[..2].copy_from_slice(&at);
             words[2] = self.weight(formats[2]);
             words[3] = sheet;
@@ -166,7 +251,9 @@ impl Maker<'_> {
     /// The number of the open sheet, one beside it, one that differs in its first bit, or any.
     fn sheet(&mut self, open: Option<i64>, format: Format) -> i64 {
         let random = &mut self.random;
-        let Some(open) = open else { return random.word(format) };
+        let Some(open) = open else {
+            return random.word(format);
+        };
         let sheet = match random.below(8) {
             0 => open + 1,
             1 => open - 1,
@@ -177,9 +264,12 @@ impl Maker<'_> {
         sheet.clamp(0, format.max())
     }
 
-    /// Mostly a small weight, for a pixel that has stopped takes nothing more; now and then the least, the most, or one beside it.
+    /// Mostly a small weight, for a pixel that has stopped takes nothing more; now and then the
+    /// least, the most, or one beside it.
     fn weight(&mut self, format: Format) -> i64 {
-        let Some(registers) = &self.frame.sheets else { return 1 };
+        let Some(registers) = &self.frame.sheets else {
+            return 1;
+        };
         let least = least_weight(self.frame);
         let (most, one) = (registers.most_weight, format.one());
         let random = &mut self.random;
@@ -191,7 +281,11 @@ impl Maker<'_> {
             _ => least + random.below(one / 64),
         };
         let weight = weight.clamp(least, format.max());
-        let cases = [(least, "weight at the least"), (most, "weight at the most"), (most + 1, "weight one above the most")];
+        let cases = [
+            (least, "weight at the least"),
+            (most, "weight at the most"),
+            (most + 1, "weight one above the most"),
+        ];
         for (at, name) in cases {
             self.seen.coverage.count_if(weight == at, "fragment", name);
         }
@@ -202,7 +296,11 @@ impl Maker<'_> {
     fn fill_sheet(&mut self, tiles: &mut Tiles, formats: &[Format]) {
         let sum = self.machine.machine.fragment.weight_sum.format;
         let by = formats[2].frac_bits - sum.frac_bits;
-        let held = if by >= 0 { formats[2].max() >> by } else { formats[2].max() << -by };
+        let held = if by >= 0 {
+            formats[2].max() >> by
+        } else {
+            formats[2].max() << -by
+        };
         let count = (sum.max() / held.max(1) + 2).min(4096);
         let mut words = vec![0, 0, formats[2].max(), 5];
         words.extend(formats[4..].iter().map(|format| format.max()));
@@ -211,9 +309,12 @@ impl Maker<'_> {
         }
     }
 
-    /// The least weight that makes the pixel stop, or one less; of slices what comes before it, and a contribution to the next sheet.
+    /// The least weight that makes the pixel stop, or one less; of slices what comes before it, and
+    /// a contribution to the next sheet.
     fn up_to_stop(&mut self, tiles: &mut Tiles, words: &mut [i64], open: Option<i64>) {
-        let Some(registers) = &self.frame.sheets else { return };
+        let Some(registers) = &self.frame.sheets else {
+            return;
+        };
         let at = [words[0], words[1]];
         let slices = registers.each == Each::Slice;
         if slices && open.is_none() {
@@ -241,10 +342,21 @@ impl Maker<'_> {
         }
         while above - below > 1 {
             let middle = (above + below) / 2;
-            *(if stops(middle) { &mut above } else { &mut below }) = middle;
+            *(if stops(middle) {
+                &mut above
+            } else {
+                &mut below
+            }) = middle;
         }
         words[2] = if self.random.one_in(2) { above } else { below };
-        self.seen.coverage.count("fragment", if words[2] == above { "the least weight that stops" } else { "one less than that" });
+        self.seen.coverage.count(
+            "fragment",
+            if words[2] == above {
+                "the least weight that stops"
+            } else {
+                "one less than that"
+            },
+        );
         if slices {
             let before = with(words[2], words);
             self.add_to_sheet(tiles, before.to_vec());
@@ -262,38 +374,75 @@ impl Maker<'_> {
         let after = tile.held(pixel).unwrap_or_default();
         let [outcome, slot, _] = outcome(decision, 0);
         self.cover_sheet(before, after, words[3], outcome);
-        let key = Key { slot: slot.into(), flags, ..pixel_key(at, input) };
-        self.push("fragment.out", vec![at[0], at[1], outcome.into(), slot.into()], key);
+        let key = Key {
+            slot: slot.into(),
+            flags,
+            ..pixel_key(at, input)
+        };
+        self.push(
+            "fragment.out",
+            vec![at[0], at[1], outcome.into(), slot.into()],
+            key,
+        );
     }
 
     fn cover_sheet(&mut self, before: Option<Held>, after: Held, sheet: i64, outcome: u8) {
-        let Some(registers) = &self.frame.sheets else { return };
+        let Some(registers) = &self.frame.sheets else {
+            return;
+        };
         let meet = &mut self.seen.coverage;
-        meet.count("fragment", outcomes(Kind::of(self.frame))[usize::from(outcome)]);
+        meet.count(
+            "fragment",
+            outcomes(Kind::of(self.frame))[usize::from(outcome)],
+        );
         let stopped = before.is_some_and(|before| before.stopped);
         meet.count_if(stopped, "fragment", "stopped before");
         meet.count_if(after.stopped && !stopped, "fragment", "stops");
         if let Some((open, sums)) = before.and_then(|before| before.open) {
             let open = i64::from(open);
-            for (other, name) in [(open, "the same sheet"), (open + 1, "the sheet after"), (open - 1, "the sheet before")] {
+            for (other, name) in [
+                (open, "the same sheet"),
+                (open + 1, "the sheet after"),
+                (open - 1, "the sheet before"),
+            ] {
                 meet.count_if(sheet == other, "fragment", name);
             }
-            meet.count_if(sheet == open ^ (1 << (SHEET_BITS - 1)), "fragment", "a sheet that differs in its first bit");
+            meet.count_if(
+                sheet == open ^ (1 << (SHEET_BITS - 1)),
+                "fragment",
+                "a sheet that differs in its first bit",
+            );
             let one = self.machine.machine.fragment.weight_sum.format.one();
-            meet.count_if(sheet != open && sums[WEIGHT] > one, "fragment", "a sheet of more than 1 is blended");
+            meet.count_if(
+                sheet != open && sums[WEIGHT] > one,
+                "fragment",
+                "a sheet of more than 1 is blended",
+            );
         }
         if outcome == 2 && !registers.back_to_front {
-            let through = self.machine.machine.fragment.opacity_sum.format.one() - after.composite[OPACITY];
-            meet.count_if(through == registers.stop, "fragment", "lets through as much as it must");
+            let through =
+                self.machine.machine.fragment.opacity_sum.format.one() - after.composite[OPACITY];
+            meet.count_if(
+                through == registers.stop,
+                "fragment",
+                "lets through as much as it must",
+            );
         }
     }
 
     fn end_of_sheets(&mut self, tiles: &mut Tiles, at: [i64; 2]) {
         let (tile, pixel) = tiles.of(at);
-        let (Some(held), Some(lit)) = (tile.held(pixel), tile.lit(pixel, &mut self.seen)) else { return };
+        let (Some(held), Some(lit)) = (tile.held(pixel), tile.lit(pixel, &mut self.seen)) else {
+            return;
+        };
         self.seen.flush();
         let (sheet, open) = held.open.unwrap_or_default();
-        let mut words = vec![at[0], at[1], held.stopped.into(), held.open.is_none().into()];
+        let mut words = vec![
+            at[0],
+            at[1],
+            held.stopped.into(),
+            held.open.is_none().into(),
+        ];
         words.extend(&held.composite[1..=OPACITY]);
         words.push(sheet.into());
         words.extend(&open[WEIGHT..OPACITY]);

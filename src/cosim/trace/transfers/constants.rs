@@ -11,39 +11,83 @@ pub fn constants(machine: &Machine, frame: &Frame) -> Vec<(&'static str, Vec<Vec
     words.extend(v.eye);
     words.push(v.near);
     words.extend(v.guard);
-    words.extend([v.focal, v.inverse_focal.mantissa, v.inverse_focal.places, v.low_pass, v.cutoff, v.root_cutoff]);
+    words.extend([
+        v.focal,
+        v.inverse_focal.mantissa,
+        v.inverse_focal.places,
+        v.low_pass,
+        v.cutoff,
+        v.root_cutoff,
+    ]);
     words.extend(v.centre);
     if let Some(aspect) = machine.ellipse.aspect {
         words.extend(v.focals());
-        words.extend(v.inverse_focals().into_iter().flat_map(|Scaled { mantissa, places }| [mantissa, places]));
+        words.extend(
+            v.inverse_focals()
+                .into_iter()
+                .flat_map(|Scaled { mantissa, places }| [mantissa, places]),
+        );
         words.extend(v.squares(aspect.format.one()));
     }
-    words.extend([v.cull_backfaces.into(), frame.z_threshold, frame.coverage_threshold]);
-    words.extend([frame.inverse_threshold.mantissa, frame.inverse_threshold.places]);
+    words.extend([
+        v.cull_backfaces.into(),
+        frame.z_threshold,
+        frame.coverage_threshold,
+    ]);
+    words.extend([
+        frame.inverse_threshold.mantissa,
+        frame.inverse_threshold.places,
+    ]);
     words.extend(frame.background);
     words.extend(frame.ellipsoids.iter().flat_map(kernel));
     words.extend(frame.sheets.iter().flat_map(registers));
     words.extend(frame.window.iter().map(|window| window.reach));
     let lights = frame.lighting.lights.iter().map(|light| {
         let half_way = light.half_way;
-        [&light.direction[..], &[half_way.is_some().into()], &half_way.unwrap_or_default()].concat()
+        [
+            &light.direction[..],
+            &[half_way.is_some().into()],
+            &half_way.unwrap_or_default(),
+        ]
+        .concat()
     });
-    let materials = frame.lighting.materials.iter().enumerate().map(|(number, material)| {
-        let lit = match material {
-            Material::Unlit => [1, 0],
-            Material::BlinnPhong { ambient, .. } => [0, *ambient],
-        };
-        let mirror = frame.surroundings.as_ref().map(|surroundings| surroundings.mirrors[number]);
-        lit.into_iter().chain(mirror.into_iter().flat_map(|mirror| [mirror.kept].into_iter().chain(mirror.mirrored))).collect()
-    });
+    let materials = frame
+        .lighting
+        .materials
+        .iter()
+        .enumerate()
+        .map(|(number, material)| {
+            let lit = match material {
+                Material::Unlit => [1, 0],
+                Material::BlinnPhong { ambient, .. } => [0, *ambient],
+            };
+            let mirror = frame
+                .surroundings
+                .as_ref()
+                .map(|surroundings| surroundings.mirrors[number]);
+            lit.into_iter()
+                .chain(
+                    mirror
+                        .into_iter()
+                        .flat_map(|mirror| [mirror.kept].into_iter().chain(mirror.mirrored)),
+                )
+                .collect()
+        });
     let count = frame.lighting.lights.len();
     let reflections = frame.lighting.materials.iter().flat_map(|material| {
         (0..count).map(move |light| match material {
             Material::Unlit => vec![0; 6],
-            Material::BlinnPhong { diffuse, specular, .. } => [diffuse[light], specular[light]].concat(),
+            Material::BlinnPhong {
+                diffuse, specular, ..
+            } => [diffuse[light], specular[light]].concat(),
         })
     });
-    vec![("frame", vec![words]), ("light", lights.collect()), ("material", materials.collect()), ("reflection", reflections.collect())]
+    vec![
+        ("frame", vec![words]),
+        ("light", lights.collect()),
+        ("material", materials.collect()),
+        ("reflection", reflections.collect()),
+    ]
 }
 
 /// What all ellipsoids have in common.
@@ -56,13 +100,37 @@ fn kernel(ellipsoids: &Ellipsoids) -> Vec<i64> {
         Amplitude::Compensated => 3,
     };
     let [preshaded, own] = [ellipsoids.preshaded, !ellipsoids.own.is_empty()].map(i64::from);
-    [&[amplitude, preshaded, own], &kernel.jacobian[..], kernel.axes.as_flattened(), &kernel.scales, &[kernel.least_opacity]].concat()
+    [
+        &[amplitude, preshaded, own],
+        &kernel.jacobian[..],
+        kernel.axes.as_flattened(),
+        &kernel.scales,
+        &[kernel.least_opacity],
+    ]
+    .concat()
 }
 
 /// What all sheets have in common.
 fn registers(sheets: &Sheets) -> Vec<i64> {
-    let Sheets { each, back_to_front, stop, keeps_last, least_weight, most_weight, ratio, .. } = sheets;
+    let Sheets {
+        each,
+        back_to_front,
+        stop,
+        keeps_last,
+        least_weight,
+        most_weight,
+        ratio,
+        ..
+    } = sheets;
     let each_splat = *each == Each::Splat;
     let natural = |flag: bool| i64::from(flag);
-    vec![natural(each_splat), natural(*back_to_front), *stop, natural(*keeps_last), *least_weight, *most_weight, natural(!ratio.is_empty())]
+    vec![
+        natural(each_splat),
+        natural(*back_to_front),
+        *stop,
+        natural(*keeps_last),
+        *least_weight,
+        *most_weight,
+        natural(!ratio.is_empty()),
+    ]
 }

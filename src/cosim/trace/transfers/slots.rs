@@ -6,7 +6,14 @@ use rtl_model::units::fragment::{COLOUR, NORMAL, OPACITY, Slot, WEIGHT};
 use rtl_model::units::resolve::Layer;
 
 pub(super) fn slot_words([x, y]: [u32; 2], number: usize, slot: &Slot, words: &mut Vec<i64>) {
-    words.extend([x.into(), y.into(), number as i64, slot.shaded.into(), slot.depth, slot.material.into()]);
+    words.extend([
+        x.into(),
+        y.into(),
+        number as i64,
+        slot.shaded.into(),
+        slot.depth,
+        slot.material.into(),
+    ]);
     words.extend(slot.sums);
 }
 
@@ -29,7 +36,10 @@ pub(super) fn light(layer: &Layer) -> [i64; 4] {
     [r, g, b, layer.opacity]
 }
 
-const _: () = assert!(WEIGHT == 0 && COLOUR == 1 && OPACITY == 4 && NORMAL == 5, "sums lie in the order of their record");
+const _: () = assert!(
+    WEIGHT == 0 && COLOUR == 1 && OPACITY == 4 && NORMAL == 5,
+    "sums lie in the order of their record"
+);
 
 /// A pixel of sheets: what has been blended, and the open sheet.
 pub(super) fn pixel_words([x, y]: [u32; 2], slots: &[Slot], words: &mut Vec<i64>) {

@@ -1,11 +1,13 @@
-//! Items: which records each unit took, item by item, from the recorded work and the trace's own keys.
+//! Items: which records each unit took, item by item, from the recorded work and the trace's own
+//! keys.
 //!
 //! ```text
 //! work ─► splats ─► tiles, or the frame ─► stamps ─► what each unit takes, in its order ─┐
 //! sources ─► records by splat and pixel ─────────────────────────────────────────────────┴─► (cycle, unit, lane, record)
 //! ```
-//! The walk is that of `rtl_model::timing`, said once more and slowly. It is compared with the timing's own log: a unit whose items are not
-//! as many as the walk has gets no words; nor do those of a binned machine that pass over pixels that have stopped.
+//! The walk is that of `rtl_model::timing`, said once more and slowly. It is compared with the
+//! timing's own log: a unit whose items are not as many as the walk has gets no words; nor do those
+//! of a binned machine that pass over pixels that have stopped.
 
 use super::super::transfers::{NONE, Source};
 use rtl_model::machine::timing::Organisation;
@@ -26,16 +28,34 @@ const OF_SPLATS: [(&str, &str); 6] = [
 ];
 
 /// Units whose items are stamps, with a record for each pixel of one.
-const OF_STAMPS: [(&str, &str); 3] = [("gauss", "gauss.in"), ("cache", "fragment.in"), ("fragment", "fragment.in")];
+const OF_STAMPS: [(&str, &str); 3] = [
+    ("gauss", "gauss.in"),
+    ("cache", "fragment.in"),
+    ("fragment", "fragment.in"),
+];
 
 /// Units whose items are fragments, or pixels that lie together, a record a cycle.
-const OF_PIXELS: [(&str, &str); 3] = [("shade", "shade.in"), ("resolve-shade", "shade.in"), ("resolve", "resolve.in")];
+const OF_PIXELS: [(&str, &str); 3] = [
+    ("shade", "shade.in"),
+    ("resolve-shade", "shade.in"),
+    ("resolve", "resolve.in"),
+];
 
-/// The stream whose records a unit's items are, and whether there is one for each pixel of a stamp. The sort takes whole passes.
+/// The stream whose records a unit's items are, and whether there is one for each pixel of a stamp.
+/// The sort takes whole passes.
 pub fn stream_of(unit: &str) -> Option<(&'static str, bool)> {
     let is_of = |(name, _): &&(&str, &'static str)| *name == unit;
-    let one = OF_SPLATS.iter().chain(&OF_PIXELS).find(is_of).map(|(_, stream)| (*stream, false));
-    one.or_else(|| OF_STAMPS.iter().find(is_of).map(|(_, stream)| (*stream, true)))
+    let one = OF_SPLATS
+        .iter()
+        .chain(&OF_PIXELS)
+        .find(is_of)
+        .map(|(_, stream)| (*stream, false));
+    one.or_else(|| {
+        OF_STAMPS
+            .iter()
+            .find(is_of)
+            .map(|(_, stream)| (*stream, true))
+    })
 }
 
 /// A record that a unit has from a cycle on, in a lane; none where the trace has no such record.
@@ -66,7 +86,8 @@ pub struct Walk<'a> {
     cycles: Range<u64>,
     takers: HashMap<&'static str, Taker<'a>>,
     by_splat: HashMap<&'static str, HashMap<u32, Range<u32>>>,
-    /// Of shade: fragments that are to merge, by splat and pixel; those that are resolved, by pixel alone.
+    /// Of shade: fragments that are to merge, by splat and pixel; those that are resolved, by pixel
+    /// alone.
     lit: HashMap<(u32, [u32; 2]), Vec<u32>>,
     resolved: HashMap<[u32; 2], Range<u32>>,
     sources: HashMap<&'static str, &'a Source<'a>>,
@@ -85,7 +106,16 @@ impl<'a> Walk<'a> {
         sources: &'a [Source<'a>],
         [first, end]: [u64; 2],
     ) -> Self {
-        let taker = |unit: &'a UnitCycles| (unit.name, Taker { log: &unit.log, items: 0, shown: Vec::new() });
+        let taker = |unit: &'a UnitCycles| {
+            (
+                unit.name,
+                Taker {
+                    log: &unit.log,
+                    items: 0,
+                    shown: Vec::new(),
+                },
+            )
+        };
         let columns = (work.width as usize).div_ceil(TILE_PX);
         let mut tiles = vec![usize::MAX; columns * (work.height as usize).div_ceil(TILE_PX)];
         for (index, tile) in work.tiles.iter().enumerate() {
@@ -97,7 +127,11 @@ impl<'a> Walk<'a> {
             work,
             splats,
             cycles: first..end,
-            takers: units.iter().filter(|unit| unit.index == 0).map(taker).collect(),
+            takers: units
+                .iter()
+                .filter(|unit| unit.index == 0)
+                .map(taker)
+                .collect(),
             by_splat: HashMap::new(),
             lit: HashMap::new(),
             resolved: HashMap::new(),
@@ -119,23 +153,39 @@ impl<'a> Walk<'a> {
         };
         let one_by_one = |record: u32| record..record + 1;
         for (_, stream) in OF_SPLATS.iter().chain(&OF_STAMPS) {
-            let Some(source) = self.sources.get(stream).copied().filter(|_| !self.by_splat.contains_key(stream)) else { continue };
+            let Some(source) = self
+                .sources
+                .get(stream)
+                .copied()
+                .filter(|_| !self.by_splat.contains_key(stream))
+            else {
+                continue;
+            };
             let mut ranges: HashMap<u32, Range<u32>> = HashMap::new();
             for record in 0..source.records {
-                ranges.entry(key(source, record).splat).or_insert(one_by_one(record as u32)).end = record as u32 + 1;
+                ranges
+                    .entry(key(source, record).splat)
+                    .or_insert(one_by_one(record as u32))
+                    .end = record as u32 + 1;
             }
             self.by_splat.insert(stream, ranges);
         }
         if let Some(source) = self.sources.get("shade.in").copied() {
             for record in 0..source.records {
                 let key = key(source, record);
-                self.lit.entry((key.splat, [key.x, key.y])).or_default().push(record as u32);
+                self.lit
+                    .entry((key.splat, [key.x, key.y]))
+                    .or_default()
+                    .push(record as u32);
             }
         }
         if let Some(source) = self.sources.get("resolve.in").copied() {
             for record in 0..source.records {
                 let key = key(source, record);
-                self.resolved.entry([key.x, key.y]).or_insert(one_by_one(record as u32)).end = record as u32 + 1;
+                self.resolved
+                    .entry([key.x, key.y])
+                    .or_insert(one_by_one(record as u32))
+                    .end = record as u32 + 1;
             }
         }
     }
@@ -146,12 +196,19 @@ impl<'a> Walk<'a> {
             Organisation::Immediate => self.immediate(),
             Organisation::Binned => self.binned(),
         }
-        // Which stamps a binned machine passes over follows from cycles, which this walk does not know.
-        let is_timed = self.work.stops() && self.machine.timing.timing.organisation == Organisation::Binned;
+        // Which stamps a binned machine passes over follows from cycles, which this walk does not
+        // know.
+        let is_timed =
+            self.work.stops() && self.machine.timing.timing.organisation == Organisation::Binned;
         let is_known = |unit: &str, taker: &Taker| {
-            taker.items == taker.log.len() && !(is_timed && ["list", "raster", "gauss", "fragment"].contains(&unit))
+            taker.items == taker.log.len()
+                && !(is_timed && ["list", "raster", "gauss", "fragment"].contains(&unit))
         };
-        self.takers.into_iter().filter(|(unit, taker)| is_known(unit, taker)).map(|(unit, taker)| (unit, taker.shown)).collect()
+        self.takers
+            .into_iter()
+            .filter(|(unit, taker)| is_known(unit, taker))
+            .map(|(unit, taker)| (unit, taker.shown))
+            .collect()
     }
 
     fn binned(&mut self) {
@@ -159,7 +216,11 @@ impl<'a> Walk<'a> {
         let t = &machine.timing.timing;
         let side = t.tile.side_px;
         let lists = work.bins(side as usize);
-        let by_tiles = if t.tile.buffers == 2 { "resolve-shade" } else { "shade" };
+        let by_tiles = if t.tile.buffers == 2 {
+            "resolve-shade"
+        } else {
+            "shade"
+        };
         for splat in 0..self.work.fates.len() {
             if self.set_up(splat) {
                 self.take_splat("bin", splat as u32);
@@ -173,7 +234,8 @@ impl<'a> Walk<'a> {
                 self.footprint(footprint, corner, side, false);
             }
             if !lists.of(tile).is_empty() {
-                let [columns, rows] = [(corner[0], work.width), (corner[1], work.height)].map(|(from, size)| from..size.min(from + side));
+                let [columns, rows] = [(corner[0], work.width), (corner[1], work.height)]
+                    .map(|(from, size)| from..size.min(from + side));
                 self.resolve(columns, rows, by_tiles);
             }
         }
@@ -192,7 +254,11 @@ impl<'a> Walk<'a> {
         let (width, height) = (self.work.width, self.work.height);
         for top in (0..height).step_by(rows as usize) {
             for left in (0..width).step_by(columns as usize) {
-                self.resolve(left..width.min(left + columns), top..height.min(top + rows), "shade");
+                self.resolve(
+                    left..width.min(left + columns),
+                    top..height.min(top + rows),
+                    "shade",
+                );
             }
         }
     }
@@ -207,15 +273,21 @@ impl<'a> Walk<'a> {
         }
         let is_drawn = fate == Fate::Drawn;
         if is_drawn && self.work.preshaded {
-            let record = self.lit.get(&(self.splats[splat], [0xffff; 2])).map(|records| records[0]);
+            let record = self
+                .lit
+                .get(&(self.splats[splat], [0xffff; 2]))
+                .map(|records| records[0]);
             self.take("shade", |now, shown| shown.push((now, 0, record)));
         }
         is_drawn
     }
 
-    /// A unit takes its next item; what it shows then is asked for only in the cycles that are wanted.
+    /// A unit takes its next item; what it shows then is asked for only in the cycles that are
+    /// wanted.
     fn take(&mut self, unit: &str, show: impl FnOnce(u64, &mut Vec<Shown>)) {
-        let Some(taker) = self.takers.get_mut(unit) else { return };
+        let Some(taker) = self.takers.get_mut(unit) else {
+            return;
+        };
         let now = taker.log.get(taker.items).copied();
         taker.items += 1;
         if let Some(now) = now.filter(|now| self.cycles.contains(now)) {
@@ -232,10 +304,14 @@ impl<'a> Walk<'a> {
     /// The records of a splat of the frame among a unit's.
     fn records(&self, unit: &str, splat: u32) -> Option<Range<u32>> {
         let (stream, _) = stream_of(unit)?;
-        self.by_splat.get(stream)?.get(&self.splats[splat as usize]).cloned()
+        self.by_splat
+            .get(stream)?
+            .get(&self.splats[splat as usize])
+            .cloned()
     }
 
-    /// Raster, gauss, fragment, and shade for merges: the part of a footprint in these pixels, stamp by stamp.
+    /// Raster, gauss, fragment, and shade for merges: the part of a footprint in these pixels,
+    /// stamp by stamp.
     fn footprint(&mut self, footprint: &Footprint, corner: [u32; 2], side: u32, is_cached: bool) {
         let (stamps, kept) = self.stamps(footprint, corner, side);
         for _ in 0..stamps {
@@ -257,7 +333,11 @@ impl<'a> Walk<'a> {
                 continue;
             }
             for pixel in &taken {
-                let lit = self.lit.get(&(self.splats[splat as usize], pixel.at)).cloned().unwrap_or_default();
+                let lit = self
+                    .lit
+                    .get(&(self.splats[splat as usize], pixel.at))
+                    .cloned()
+                    .unwrap_or_default();
                 for nth in 0..usize::from(pixel.shades) {
                     let record = lit.get(nth).copied();
                     self.take("shade", |now, shown| shown.push((now, 0, record)));
@@ -277,7 +357,9 @@ impl<'a> Walk<'a> {
             let mut words = Vec::new();
             let mut place = |record: u32| {
                 words.clear();
-                source.map(|source| (source.at)(record as usize, &mut words)).map_or([NONE; 2], |key| [key.y, key.x])
+                source
+                    .map(|source| (source.at)(record as usize, &mut words))
+                    .map_or([NONE; 2], |key| [key.y, key.x])
             };
             for pixel in pixels {
                 // Records of a splat lie row by row.
@@ -285,7 +367,11 @@ impl<'a> Walk<'a> {
                 let wanted = [pixel.at[1], pixel.at[0]];
                 while low < high {
                     let middle = low + (high - low) / 2;
-                    if place(middle) < wanted { low = middle + 1 } else { high = middle }
+                    if place(middle) < wanted {
+                        low = middle + 1
+                    } else {
+                        high = middle
+                    }
                 }
                 let is_there = low < records.end && place(low) == wanted;
                 shown[first + pixel.lane as usize].2 = is_there.then_some(low);
@@ -293,11 +379,25 @@ impl<'a> Walk<'a> {
         });
     }
 
-    /// The stamps of the part of the next footprint that lies in these pixels, and what they keep, stamp by stamp.
-    fn stamps(&mut self, footprint: &Footprint, corner: [u32; 2], side: u32) -> (u32, Vec<(u32, Pixel)>) {
+    /// The stamps of the part of the next footprint that lies in these pixels, and what they keep,
+    /// stamp by stamp.
+    fn stamps(
+        &mut self,
+        footprint: &Footprint,
+        corner: [u32; 2],
+        side: u32,
+    ) -> (u32, Vec<(u32, Pixel)>) {
         let lanes = self.machine.timing.timing.raster.lanes;
-        let within = |[first, last]: [u16; 2], corner: u32| [u32::from(first).max(corner), u32::from(last).min(corner + side - 1)];
-        let [columns, rows] = [within(footprint.columns, corner[0]), within(footprint.rows, corner[1])];
+        let within = |[first, last]: [u16; 2], corner: u32| {
+            [
+                u32::from(first).max(corner),
+                u32::from(last).min(corner + side - 1),
+            ]
+        };
+        let [columns, rows] = [
+            within(footprint.columns, corner[0]),
+            within(footprint.rows, corner[1]),
+        ];
         let across = (columns[1] - columns[0] + lanes[0]) / lanes[0];
         let down = (rows[1] - rows[0] + lanes[1]) / lanes[1];
         let in_row = (self.work.width as usize).div_ceil(TILE_PX);
@@ -307,14 +407,32 @@ impl<'a> Walk<'a> {
             let top = (tile_row * TILE_PX) as u32;
             let [from, to] = [rows[0].max(top), rows[1].min(top + TILE_PX as u32 - 1)];
             for tile_column in tile(columns[0])..=tile(columns[1]) {
-                let Some(reader) = self.readers.get_mut(self.tiles[tile_row * in_row + tile_column]) else { continue };
+                let Some(reader) = self
+                    .readers
+                    .get_mut(self.tiles[tile_row * in_row + tile_column])
+                else {
+                    continue;
+                };
                 let left = (tile_column * TILE_PX) as u32;
                 let (kept_rows, events) = reader.splat((to - from) as usize + 1);
                 for (row, columns_kept) in kept_rows.iter().enumerate() {
-                    for column in (0..TILE_PX as u32).filter(|column| columns_kept >> column & 1 == 1) {
+                    for column in
+                        (0..TILE_PX as u32).filter(|column| columns_kept >> column & 1 == 1)
+                    {
                         let place = row * TILE_PX + column as usize;
-                        let happened = || events.iter().filter(|(at, _)| usize::from(*at) == place).map(|(_, event)| event);
-                        let shades = |event: &Event| if let Event::Merged(shades) = event { *shades } else { 0 };
+                        let happened = || {
+                            events
+                                .iter()
+                                .filter(|(at, _)| usize::from(*at) == place)
+                                .map(|(_, event)| event)
+                        };
+                        let shades = |event: &Event| {
+                            if let Event::Merged(shades) = event {
+                                *shades
+                            } else {
+                                0
+                            }
+                        };
                         let at = [left + column, from + row as u32];
                         let [x, y] = [at[0] - columns[0], at[1] - rows[0]];
                         let pixel = Pixel {
@@ -332,25 +450,36 @@ impl<'a> Walk<'a> {
         (across * down, kept)
     }
 
-    /// Resolve takes these columns and rows of the picture, a layer a cycle, and shade what is left to it.
+    /// Resolve takes these columns and rows of the picture, a layer a cycle, and shade what is left
+    /// to it.
     fn resolve(&mut self, columns: Range<u32>, rows: Range<u32>, shade: &'static str) {
         let t = &self.machine.timing;
         // As it takes them where nobody waits.
-        let (shade_interval, resolve_interval) = (u64::from(t.shade.interval), u64::from(t.resolve.interval));
+        let (shade_interval, resolve_interval) =
+            (u64::from(t.shade.interval), u64::from(t.resolve.interval));
         let (mut layers, mut lights) = (Vec::new(), Vec::new());
         let mut cycle = 0;
         for at in rows.flat_map(|y| columns.clone().map(move |x| [x, y])) {
-            let [fragments, left] = self.held[(at[1] * self.work.width + at[0]) as usize].map(u64::from);
+            let [fragments, left] =
+                self.held[(at[1] * self.work.width + at[0]) as usize].map(u64::from);
             let records = self.resolved.get(&at).cloned();
             for nth in 0..fragments.max(1) {
                 let record = records.as_ref().map(|records| records.start + nth as u32);
-                layers.push((cycle + nth, record.filter(|record| records.as_ref().is_some_and(|records| records.contains(record)))));
+                layers.push((
+                    cycle + nth,
+                    record.filter(|record| {
+                        records
+                            .as_ref()
+                            .is_some_and(|records| records.contains(record))
+                    }),
+                ));
             }
             cycle += (left * shade_interval).max(fragments).max(resolve_interval);
             let lit = self.lit.get(&(NONE, at));
             lights.extend((0..left).map(|nth| lit.and_then(|lit| lit.get(nth as usize)).copied()));
         }
-        let lights: Vec<(u64, Option<u32>)> = (0..).map(|nth| nth * shade_interval).zip(lights).collect();
+        let lights: Vec<(u64, Option<u32>)> =
+            (0..).map(|nth| nth * shade_interval).zip(lights).collect();
         self.take_many("resolve", &layers);
         if !(lights.is_empty() || self.work.preshaded && shade == "shade") {
             self.take_many(shade, &lights);
@@ -359,11 +488,17 @@ impl<'a> Walk<'a> {
 
     /// An item of many records, each so many cycles after the item was taken.
     fn take_many(&mut self, unit: &str, records: &[(u64, Option<u32>)]) {
-        let Some(taker) = self.takers.get_mut(unit) else { return };
+        let Some(taker) = self.takers.get_mut(unit) else {
+            return;
+        };
         let now = taker.log.get(taker.items).copied();
         taker.items += 1;
         let Some(now) = now else { return };
-        let wanted = records.iter().map(|(after, record)| (now + after, 0, *record));
-        taker.shown.extend(wanted.filter(|(cycle, ..)| self.cycles.contains(cycle)));
+        let wanted = records
+            .iter()
+            .map(|(after, record)| (now + after, 0, *record));
+        taker
+            .shown
+            .extend(wanted.filter(|(cycle, ..)| self.cycles.contains(cycle)));
     }
 }

@@ -1,7 +1,8 @@
 //! Fields: which fields of `timing` a search over timing may change, and to which values.
 //!
-//! Whatever makes a machine better here costs area, or the clock refuses it. What has no price is given: the technology, what memory is
-//! bought, how a cache compares its ways. Memory stays as fast in bytes a second and in nanoseconds whatever the clock is.
+//! Whatever makes a machine better here costs area, or the clock refuses it. What has no price is
+//! given: the technology, what memory is bought, how a cache compares its ways. Memory stays as
+//! fast in bytes a second and in nanoseconds whatever the clock is.
 
 use crate::error::{Error, Result};
 use crate::hardware::{fixed, machines};
@@ -26,31 +27,50 @@ pub struct Field {
     pub values: Vec<Value>,
 }
 
-/// What may be changed unless somebody says otherwise; of these a machine's schema decides which there are.
+/// What may be changed unless somebody says otherwise; of these a machine's schema decides which
+/// there are.
 const FIELDS: [(&str, &str); 39] = [
-    (CLOCK, "[50e6, 100e6, 150e6, 200e6, 250e6, 300e6, 350e6, 400e6, 450e6, 500e6, 550e6, 600e6, 800e6, 1000e6, 1200e6, 1600e6, 2000e6]"),
+    (
+        CLOCK,
+        "[50e6, 100e6, 150e6, 200e6, 250e6, 300e6, 350e6, 400e6, 450e6, 500e6, 550e6, 600e6, 800e6, 1000e6, 1200e6, 1600e6, 2000e6]",
+    ),
     ("timing.fetch.fifo", "[1, 2, 4, 8, 16, 32]"),
     ("timing.project.units", "[1, 2, 4]"),
     ("timing.project.latency", "[1, 2, 3, 4, 5, 6, 8, 12, 16]"),
     ("timing.project.multipliers", "[null, 1]"),
     ("timing.project.fifo", "[1, 2, 4, 8, 16]"),
     ("timing.ellipse.units", "[1, 2, 4]"),
-    ("timing.ellipse.latency", "[1, 2, 3, 4, 5, 6, 8, 12, 16, 24, 32]"),
+    (
+        "timing.ellipse.latency",
+        "[1, 2, 3, 4, 5, 6, 8, 12, 16, 24, 32]",
+    ),
     ("timing.ellipse.multipliers", "[null, 1]"),
     ("timing.ellipse.fifo", "[1, 2, 4, 8, 16, 32]"),
     ("timing.colour.units", "[1, 2, 4]"),
     ("timing.colour.multipliers", "[16, 1]"),
     ("timing.sort.units", "[1, 2, 4, 8]"),
-    ("timing.sort.buffer_entries", "[16, 32, 64, 128, 256, 512, 1024]"),
+    (
+        "timing.sort.buffer_entries",
+        "[16, 32, 64, 128, 256, 512, 1024]",
+    ),
     ("timing.sort.network", "[1, 2, 4, 8, 16, 32]"),
     ("timing.sort.bucket_bits", "[2, 4, 6, 8]"),
-    ("timing.raster.lanes", "[[1, 1], [2, 1], [4, 1], [2, 2], [8, 1], [4, 2], [8, 2], [4, 4], [8, 4], [8, 8]]"),
+    (
+        "timing.raster.lanes",
+        "[[1, 1], [2, 1], [4, 1], [2, 2], [8, 1], [4, 2], [8, 2], [4, 4], [8, 4], [8, 8]]",
+    ),
     ("timing.raster.latency", "[1, 2, 3, 4, 6]"),
     ("timing.raster.fifo", "[1, 2, 4, 8, 16, 32]"),
     ("timing.gauss.latency", "[1, 2, 3, 4]"),
     ("timing.gauss.fifo", "[1, 2, 4, 8, 16]"),
-    ("timing.cache.line_px", "[[4, 1], [2, 2], [4, 4], [8, 4], [8, 8]]"),
-    ("timing.cache.lines", "[16, 32, 64, 128, 256, 512, 1024, 2048]"),
+    (
+        "timing.cache.line_px",
+        "[[4, 1], [2, 2], [4, 4], [8, 4], [8, 8]]",
+    ),
+    (
+        "timing.cache.lines",
+        "[16, 32, 64, 128, 256, 512, 1024, 2048]",
+    ),
     ("timing.cache.misses", "[1, 2, 4, 8, 16]"),
     ("timing.cache.fifo", "[1, 2, 4, 8, 16, 32, 64]"),
     ("timing.tile.side_px", "[16, 32, 48, 64]"),
@@ -83,12 +103,24 @@ pub(super) fn usual(machine: &Machine) -> Vec<Field> {
         "timing.sort" if kind != SortKind::Radix => "/sort".to_owned(),
         _ => machines::pointer(unit),
     };
-    let has = |unit: &str| !unused.contains(&unit) && value.pointer(&place(unit)).is_some_and(Value::is_object);
-    let is_used = |field: &str| !unused.contains(&field) && (kind == SortKind::Hierarchical || field != "timing.sort.bucket_bits");
-    let there = FIELDS.iter().filter(|(field, _)| is_used(field) && field.rsplit_once('.').is_some_and(|(unit, _)| has(unit)));
+    let has = |unit: &str| {
+        !unused.contains(&unit) && value.pointer(&place(unit)).is_some_and(Value::is_object)
+    };
+    let is_used = |field: &str| {
+        !unused.contains(&field)
+            && (kind == SortKind::Hierarchical || field != "timing.sort.bucket_bits")
+    };
+    let there = FIELDS.iter().filter(|(field, _)| {
+        is_used(field) && field.rsplit_once('.').is_some_and(|(unit, _)| has(unit))
+    });
     let values = |field: &str, text: &str| {
-        let listed = serde_json::from_str::<Vec<Value>>(text).unwrap_or_default().into_iter().map(machines::whole);
-        let shared = products(machine, field).map_or(Vec::new(), |products| shared_by(products).into_iter().map(Value::from).collect());
+        let listed = serde_json::from_str::<Vec<Value>>(text)
+            .unwrap_or_default()
+            .into_iter()
+            .map(machines::whole);
+        let shared = products(machine, field).map_or(Vec::new(), |products| {
+            shared_by(products).into_iter().map(Value::from).collect()
+        });
         let mut values: Vec<Value> = Vec::new();
         for value in listed.chain(shared) {
             if !values.contains(&value) {
@@ -97,10 +129,17 @@ pub(super) fn usual(machine: &Machine) -> Vec<Field> {
         }
         values
     };
-    let fields = there.map(|(field, text)| Field { field: (*field).to_owned(), values: values(field, text) });
+    let fields = there.map(|(field, text)| Field {
+        field: (*field).to_owned(),
+        values: values(field, text),
+    });
     // A field that this machine's description does not know yet is left out.
     fields
-        .filter(|field| field.values.iter().any(|value| machines::with(machine, &[(field.field.clone(), value.clone())], "").is_ok()))
+        .filter(|field| {
+            field.values.iter().any(|value| {
+                machines::with(machine, &[(field.field.clone(), value.clone())], "").is_ok()
+            })
+        })
         .collect()
 }
 
@@ -108,10 +147,21 @@ pub(super) fn usual(machine: &Machine) -> Vec<Field> {
 fn products(machine: &Machine, field: &str) -> Option<u32> {
     let unit = field.strip_suffix(".multipliers")?;
     if unit == "timing.colour" {
-        return Some(fixed::elaborate(machine).ok()?.timing.colour.last()?.products);
+        return Some(
+            fixed::elaborate(machine)
+                .ok()?
+                .timing
+                .colour
+                .last()?
+                .products,
+        );
     }
     // With one multiplier a splat holds the unit for as many cycles as it has products.
-    let alone = [("multipliers", json!(1)), ("latency", Value::Null), ("interval", Value::Null)];
+    let alone = [
+        ("multipliers", json!(1)),
+        ("latency", Value::Null),
+        ("interval", Value::Null),
+    ];
     let changes = alone.map(|(name, value)| (format!("{unit}.{name}"), value));
     let built = fixed::elaborate(&machines::with(machine, &changes, "").ok()?).ok()?;
     match unit {
@@ -123,7 +173,9 @@ fn products(machine: &Machine, field: &str) -> Option<u32> {
 
 /// Numbers of multipliers that products can share: of each interval the fewest.
 fn shared_by(products: u32) -> Vec<u32> {
-    let mut counts: Vec<u32> = (1..=products).map(|interval| products.div_ceil(interval)).collect();
+    let mut counts: Vec<u32> = (1..=products)
+        .map(|interval| products.div_ceil(interval))
+        .collect();
     counts.dedup();
     counts.reverse();
     counts
@@ -152,10 +204,14 @@ pub fn read(path: &Path) -> Result<Vec<Field>> {
 fn check(fields: &[Field]) -> std::result::Result<(), String> {
     for (nth, Field { field, values }) in fields.iter().enumerate() {
         if !field.starts_with("timing.") {
-            return Err(format!("{field} is no field of timing; --target-psnr searches words"));
+            return Err(format!(
+                "{field} is no field of timing; --target-psnr searches words"
+            ));
         }
         if let Some(why) = given::reason(field) {
-            return Err(format!("{field} is given, and can be set with --set: {why}"));
+            return Err(format!(
+                "{field} is given, and can be set with --set: {why}"
+            ));
         }
         if fields[..nth].iter().any(|other| other.field == *field) {
             return Err(format!("{field} is there twice"));
@@ -182,8 +238,14 @@ pub(super) fn knobs(machine: &Machine, fields: &[Field]) -> Result<Vec<Knob>> {
     check(fields).map_err(Error::input)?;
     let value = machines::value(machine);
     let knob = |Field { field, values }: &Field| {
-        let own = value.pointer(&machines::pointer(field)).cloned().unwrap_or(Value::Null);
-        let mut knob = Knob { field: field.clone(), values: vec![own] };
+        let own = value
+            .pointer(&machines::pointer(field))
+            .cloned()
+            .unwrap_or(Value::Null);
+        let mut knob = Knob {
+            field: field.clone(),
+            values: vec![own],
+        };
         for value in values {
             let value = machines::whole(value.clone());
             machines::with(machine, &[(field.clone(), value.clone())], "--fields")?;
@@ -206,28 +268,46 @@ pub struct Bought {
 impl Bought {
     /// Of a machine as it is described.
     pub fn of(machine: &Machine) -> Self {
-        Bought { clock_hz: machine.timing.clock_hz, memory: machine.timing.memory }
+        Bought {
+            clock_hz: machine.timing.clock_hz,
+            memory: machine.timing.memory,
+        }
     }
 
-    /// What a machine must say of it that has the clock of `changes`, where they have one. Bytes and cycles are whole, and rounded to the worse.
+    /// What a machine must say of it that has the clock of `changes`, where they have one. Bytes
+    /// and cycles are whole, and rounded to the worse.
     pub(super) fn fields_at(&self, changes: &[(String, Value)]) -> Vec<(String, Value)> {
-        let clock = changes.iter().find(|(field, _)| field == CLOCK).and_then(|(_, value)| value.as_u64());
-        let Some(clock) = clock.filter(|clock| *clock > 0) else { return Vec::new() };
+        let clock = changes
+            .iter()
+            .find(|(field, _)| field == CLOCK)
+            .and_then(|(_, value)| value.as_u64());
+        let Some(clock) = clock.filter(|clock| *clock > 0) else {
+            return Vec::new();
+        };
         let [own, clock] = [self.clock_hz, clock].map(u128::from);
         let slower = |cycles: u32| (u128::from(cycles) * clock).div_ceil(own.max(1));
         let m = self.memory;
-        let thousandths = (u128::from(m.bytes_per_cycle) * 1000 + u128::from(m.bytes_per_cycle_permille.unwrap_or(0))) * own / clock;
+        let thousandths = (u128::from(m.bytes_per_cycle) * 1000
+            + u128::from(m.bytes_per_cycle_permille.unwrap_or(0)))
+            * own
+            / clock;
         // What is left out is the preset's at any clock, or nothing.
         let filled = |name, said: u32, number| (said > 0).then_some((name, number));
         let given = |name, said: Option<u32>| said.map(|cycles| (name, slower(cycles)));
         let fields = [
             filled("bytes_per_cycle", m.bytes_per_cycle, thousandths / 1000),
-            m.bytes_per_cycle_permille.map(|_| ("bytes_per_cycle_permille", thousandths % 1000)),
+            m.bytes_per_cycle_permille
+                .map(|_| ("bytes_per_cycle_permille", thousandths % 1000)),
             filled("hit_latency", m.hit_latency, slower(m.hit_latency)),
             filled("miss_latency", m.miss_latency, slower(m.miss_latency)),
             given("rank_switch_cycles", m.rank_switch_cycles),
             // As often a second: rounded to the worse.
-            m.refresh_interval_cycles.map(|cycles| ("refresh_interval_cycles", u128::from(cycles) * clock / own.max(1))),
+            m.refresh_interval_cycles.map(|cycles| {
+                (
+                    "refresh_interval_cycles",
+                    u128::from(cycles) * clock / own.max(1),
+                )
+            }),
             given("refresh_cycles", m.refresh_cycles),
             given("turnaround_cycles", m.turnaround_cycles),
             given("row_cycles", m.row_cycles),
@@ -235,7 +315,11 @@ impl Bought {
         ];
         // What no field can say cannot be built either.
         let value = |number: u128| json!(u32::try_from(number).unwrap_or(u32::MAX));
-        fields.into_iter().flatten().map(|(name, number)| (format!("timing.memory.{name}"), value(number))).collect()
+        fields
+            .into_iter()
+            .flatten()
+            .map(|(name, number)| (format!("timing.memory.{name}"), value(number)))
+            .collect()
     }
 }
 
@@ -249,10 +333,20 @@ mod tests {
         let of = |kind: &str| {
             let machine = machines::load("gaussian", &[format!("sort.kind={kind}")]).unwrap();
             let fields = usual(&machine).into_iter().map(|field| field.field);
-            fields.filter_map(|field| field.strip_prefix("timing.sort.").map(str::to_owned)).collect::<Vec<_>>().join(" ")
+            fields
+                .filter_map(|field| field.strip_prefix("timing.sort.").map(str::to_owned))
+                .collect::<Vec<_>>()
+                .join(" ")
         };
         let sizes = "units buffer_entries network";
-        assert_eq!(["radix", "tile", "hierarchical"].map(of), ["".to_owned(), sizes.to_owned(), format!("{sizes} bucket_bits")]);
+        assert_eq!(
+            ["radix", "tile", "hierarchical"].map(of),
+            [
+                "".to_owned(),
+                sizes.to_owned(),
+                format!("{sizes} bucket_bits")
+            ]
+        );
     }
 
     #[test]
@@ -262,29 +356,65 @@ mod tests {
         for clock_hz in [50_000_000_u64, 400_000_000, 550_000_000, 1_000_000_000] {
             let fields = bought.fields_at(&[(CLOCK.into(), json!(clock_hz))]);
             let [bytes, hit, miss] = [0, 1, 2].map(|nth| fields[nth].1.as_u64().unwrap());
-            assert!(bytes * clock_hz <= 16 * 400_000_000 && (bytes + 1) * clock_hz > 16 * 400_000_000, "{clock_hz}: {bytes}");
+            assert!(
+                bytes * clock_hz <= 16 * 400_000_000 && (bytes + 1) * clock_hz > 16 * 400_000_000,
+                "{clock_hz}: {bytes}"
+            );
             for (cycles, own) in [(hit, 20), (miss, 50)] {
-                assert!(cycles * 400_000_000 >= own * clock_hz && (cycles - 1) * 400_000_000 < own * clock_hz, "{clock_hz}: {cycles}");
+                assert!(
+                    cycles * 400_000_000 >= own * clock_hz
+                        && (cycles - 1) * 400_000_000 < own * clock_hz,
+                    "{clock_hz}: {cycles}"
+                );
             }
         }
-        assert!(bought.fields_at(&[("timing.raster.fifo".into(), json!(4))]).is_empty());
+        assert!(
+            bought
+                .fields_at(&[("timing.raster.fifo".into(), json!(4))])
+                .is_empty()
+        );
     }
 
-    /// Memory of a data sheet is that of the data sheet at any clock; what is said besides stays as long in nanoseconds.
+    /// Memory of a data sheet is that of the data sheet at any clock; what is said besides stays as
+    /// long in nanoseconds.
     #[test]
     fn memory_of_a_preset_stays_as_fast_whatever_the_clock() {
-        let settings =
-            ["timing.memory.preset=lpddr4-3200-x4", "timing.memory.turnaround_cycles=20", "timing.memory.refresh_interval_cycles=1000"];
+        let settings = [
+            "timing.memory.preset=lpddr4-3200-x4",
+            "timing.memory.turnaround_cycles=20",
+            "timing.memory.refresh_interval_cycles=1000",
+        ];
         let machine = machines::load("reference", &settings.map(String::from)).unwrap();
         let bought = Bought::of(&machine);
         for clock_hz in [100_000_000_u64, 1_000_000_000] {
             let changes = [(CLOCK.to_owned(), json!(clock_hz))];
-            let fields: Vec<_> = changes.iter().cloned().chain(bought.fields_at(&changes)).collect();
-            let memory = fixed::elaborate(&machines::with(&machine, &fields, "").unwrap()).unwrap().timing.timing.memory;
-            assert_eq!(memory.bytes_per_1000_cycles(), 51_200_000_000_000 / clock_hz, "{clock_hz}");
-            let said = [memory.turnaround_cycles, memory.refresh_interval_cycles].map(|cycles| u64::from(cycles.unwrap()));
-            assert_eq!(said, [20, 1000].map(|cycles| cycles * clock_hz / 400_000_000), "{clock_hz}");
-            assert_eq!(u64::from(memory.row_cycles.unwrap()), 60 * clock_hz / 1_000_000_000, "tRC is 60 ns");
+            let fields: Vec<_> = changes
+                .iter()
+                .cloned()
+                .chain(bought.fields_at(&changes))
+                .collect();
+            let memory = fixed::elaborate(&machines::with(&machine, &fields, "").unwrap())
+                .unwrap()
+                .timing
+                .timing
+                .memory;
+            assert_eq!(
+                memory.bytes_per_1000_cycles(),
+                51_200_000_000_000 / clock_hz,
+                "{clock_hz}"
+            );
+            let said = [memory.turnaround_cycles, memory.refresh_interval_cycles]
+                .map(|cycles| u64::from(cycles.unwrap()));
+            assert_eq!(
+                said,
+                [20, 1000].map(|cycles| cycles * clock_hz / 400_000_000),
+                "{clock_hz}"
+            );
+            assert_eq!(
+                u64::from(memory.row_cycles.unwrap()),
+                60 * clock_hz / 1_000_000_000,
+                "tRC is 60 ns"
+            );
         }
     }
 
@@ -295,13 +425,24 @@ mod tests {
             for unit in ["project", "ellipse"] {
                 let interval = |multipliers: u64| {
                     let change = (format!("timing.{unit}.multipliers"), json!(multipliers));
-                    let built = fixed::elaborate(&machines::with(&machine, &[change], "").unwrap()).unwrap();
-                    if unit == "project" { built.timing.project.interval } else { built.timing.ellipse.interval }
+                    let built = fixed::elaborate(&machines::with(&machine, &[change], "").unwrap())
+                        .unwrap();
+                    if unit == "project" {
+                        built.timing.project.interval
+                    } else {
+                        built.timing.ellipse.interval
+                    }
                 };
-                let field = usual.iter().find(|field| field.field == format!("timing.{unit}.multipliers")).unwrap();
+                let field = usual
+                    .iter()
+                    .find(|field| field.field == format!("timing.{unit}.multipliers"))
+                    .unwrap();
                 let listed: Vec<u64> = field.values.iter().filter_map(Value::as_u64).collect();
-                // By trying every number: those with which a splat takes less time than with one multiplier less.
-                let changing: Vec<u64> = (1..=200).filter(|many| *many == 1 || interval(*many) < interval(*many - 1)).collect();
+                // By trying every number: those with which a splat takes less time than with one
+                // multiplier less.
+                let changing: Vec<u64> = (1..=200)
+                    .filter(|many| *many == 1 || interval(*many) < interval(*many - 1))
+                    .collect();
                 assert_eq!(listed, changing, "{unit} of {}", machine.name);
                 assert!(listed.len() > 7 && field.values[0].is_null(), "{listed:?}");
             }
@@ -311,11 +452,23 @@ mod tests {
     #[test]
     fn every_usual_field_is_one_of_a_machine() {
         let machine = Machine::named("gaussian").unwrap();
-        let immediate = machines::changed(&Machine::named("reference").unwrap(), "timing.organisation=immediate", "").unwrap();
-        let of_some: Vec<String> = [&machine, &immediate].into_iter().flat_map(usual).map(|field| field.field).collect();
+        let immediate = machines::changed(
+            &Machine::named("reference").unwrap(),
+            "timing.organisation=immediate",
+            "",
+        )
+        .unwrap();
+        let of_some: Vec<String> = [&machine, &immediate]
+            .into_iter()
+            .flat_map(usual)
+            .map(|field| field.field)
+            .collect();
         for (field, text) in FIELDS {
             assert!(of_some.iter().any(|other| other == field), "{field}");
-            assert!(serde_json::from_str::<Vec<Value>>(text).is_ok_and(|values| values.len() > 1), "{field}");
+            assert!(
+                serde_json::from_str::<Vec<Value>>(text).is_ok_and(|values| values.len() > 1),
+                "{field}"
+            );
             assert_eq!(given::reason(field), None, "{field}");
         }
         for machine in [&machine, &immediate] {

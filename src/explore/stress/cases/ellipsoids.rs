@@ -1,7 +1,13 @@
 //! Ellipsoids: the cases of volumes and Gaussians, on the machine for them.
 
-use super::{BLUE, COLOURS, Case, DEPTH, FLAT, FOCAL_PX, GREEN, PALE, PX, RED, SIDE, Variant, at, disc, leaning, picture, plane, shuffled};
-use crate::scene::{Amplitude, Ellipsoids, Filter, Kernel, Opacity, Orientation, Scene, Sheet, Sheets, Splat, Surface};
+use super::{
+    BLUE, COLOURS, Case, DEPTH, FLAT, FOCAL_PX, GREEN, PALE, PX, RED, SIDE, Variant, at, disc,
+    leaning, picture, plane, shuffled,
+};
+use crate::scene::{
+    Amplitude, Ellipsoids, Filter, Kernel, Opacity, Orientation, Scene, Sheet, Sheets, Splat,
+    Surface,
+};
 use glam::{DQuat, DVec3};
 
 /// The cases.
@@ -15,7 +21,10 @@ pub const CASES: [Case; 7] = [
         log: true,
         telling: (30.0, "coarse"),
         scene: thin_gaussians,
-        variant: Some(Variant { name: "coarse", settings: |_| set(&["ellipse.variance=U5F10", "ellipse.variance_cross=I6F10"]) }),
+        variant: Some(Variant {
+            name: "coarse",
+            settings: |_| set(&["ellipse.variance=U5F10", "ellipse.variance_cross=I6F10"]),
+        }),
     },
     Case {
         name: "beside",
@@ -37,7 +46,10 @@ pub const CASES: [Case; 7] = [
         log: true,
         telling: (1e-4, "12-bit key"),
         scene: one_depth,
-        variant: Some(Variant { name: "12-bit key", settings: |_| set(&["sort.key=U1F11"]) }),
+        variant: Some(Variant {
+            name: "12-bit key",
+            settings: |_| set(&["sort.key=U1F11"]),
+        }),
     },
     Case {
         name: "faint-crowd",
@@ -48,7 +60,10 @@ pub const CASES: [Case; 7] = [
         log: true,
         telling: (300.0, "12-bit sums"),
         scene: faint_gaussians,
-        variant: Some(Variant { name: "12-bit sums", settings: |_| narrow_sums() }),
+        variant: Some(Variant {
+            name: "12-bit sums",
+            settings: |_| narrow_sums(),
+        }),
     },
     Case {
         name: "extinction",
@@ -61,7 +76,12 @@ pub const CASES: [Case; 7] = [
         scene: |depth| slab(8, depth),
         variant: Some(Variant {
             name: "8-step table",
-            settings: |_| set(&["fragment.sheets.table.index_bits=3", "fragment.sheets.table.interpolation=nearest"]),
+            settings: |_| {
+                set(&[
+                    "fragment.sheets.table.index_bits=3",
+                    "fragment.sheets.table.interpolation=nearest",
+                ])
+            },
         }),
     },
     Case {
@@ -73,7 +93,10 @@ pub const CASES: [Case; 7] = [
         log: true,
         telling: (300.0, "12-bit sums"),
         scene: |slices| slab(slices as usize, 2.0 / slices),
-        variant: Some(Variant { name: "12-bit sums", settings: |_| narrow_sums() }),
+        variant: Some(Variant {
+            name: "12-bit sums",
+            settings: |_| narrow_sums(),
+        }),
     },
     Case {
         name: "flattened",
@@ -101,8 +124,21 @@ fn narrow_sums() -> Vec<String> {
 fn gaussians(all: Vec<(Splat, Orientation)>) -> Scene {
     let (splats, orientations) = all.into_iter().unzip();
     Scene {
-        kernel: Kernel { cutoff: 9.0, low_pass: 0.3, guard: 100.0, jacobian: 1.3, filter: Filter::Ewa, compensate_opacity: false },
-        ellipsoids: Some(Ellipsoids { orientations, amplitude: Amplitude::Peak, preshaded: false, sorted: true, harmonics: 0 }),
+        kernel: Kernel {
+            cutoff: 9.0,
+            low_pass: 0.3,
+            guard: 100.0,
+            jacobian: 1.3,
+            filter: Filter::Ewa,
+            compensate_opacity: false,
+        },
+        ellipsoids: Some(Ellipsoids {
+            orientations,
+            amplitude: Amplitude::Peak,
+            preshaded: false,
+            sorted: true,
+            harmonics: 0,
+        }),
         sheets: Some(Sheets {
             of: Sheet::Splat,
             back_to_front: false,
@@ -122,16 +158,38 @@ fn turned(nth: usize) -> DQuat {
     DQuat::from_euler(glam::EulerRot::XYZ, 0.7 * nth, 1.9 * nth, 2.3 * nth)
 }
 
-fn gaussian(position: DVec3, radius: f64, rgb: [f64; 3], opacity: f64, orientation: Orientation) -> (Splat, Orientation) {
-    (Splat { opacity, ..disc(position, radius, rgb) }, orientation)
+fn gaussian(
+    position: DVec3,
+    radius: f64,
+    rgb: [f64; 3],
+    opacity: f64,
+    orientation: Orientation,
+) -> (Splat, Orientation) {
+    (
+        Splat {
+            opacity,
+            ..disc(position, radius, rgb)
+        },
+        orientation,
+    )
 }
 
-const ROUND: Orientation = Orientation { rotation: DQuat::IDENTITY, scales: DVec3::ONE };
+const ROUND: Orientation = Orientation {
+    rotation: DQuat::IDENTITY,
+    scales: DVec3::ONE,
+};
 
 fn thin_gaussians(aspect: f64) -> Scene {
     let all = (0..40).map(|nth| {
-        let place = at((nth % 8) as f64 * 6.1 - 21.3, (nth / 8) as f64 * 9.3 - 18.7, DEPTH + 0.01 * nth as f64);
-        let orientation = Orientation { rotation: turned(nth), scales: DVec3::new(1.0, 1.0 / aspect, 1.0 / aspect) };
+        let place = at(
+            (nth % 8) as f64 * 6.1 - 21.3,
+            (nth / 8) as f64 * 9.3 - 18.7,
+            DEPTH + 0.01 * nth as f64,
+        );
+        let orientation = Orientation {
+            rotation: turned(nth),
+            scales: DVec3::new(1.0, 1.0 / aspect, 1.0 / aspect),
+        };
         gaussian(place, 4.0 * PX, COLOURS[nth % 4], 0.9, orientation)
     });
     gaussians(all.collect())
@@ -139,10 +197,23 @@ fn thin_gaussians(aspect: f64) -> Scene {
 
 fn beside(half_pictures: f64) -> Scene {
     let reach = half_pictures * SIDE as f64 / 2.0;
-    let all = [(reach, 1.7), (-reach, -5.3)].into_iter().zip([RED, GREEN]).enumerate().map(|(nth, ((x, y), rgb))| {
-        let scales = DVec3::new(1.0, 0.3, 0.5);
-        gaussian(at(x, y, DEPTH + 0.3 * nth as f64), 0.5 * reach * PX, rgb, 0.8, Orientation { rotation: DQuat::IDENTITY, scales })
-    });
+    let all = [(reach, 1.7), (-reach, -5.3)]
+        .into_iter()
+        .zip([RED, GREEN])
+        .enumerate()
+        .map(|(nth, ((x, y), rgb))| {
+            let scales = DVec3::new(1.0, 0.3, 0.5);
+            gaussian(
+                at(x, y, DEPTH + 0.3 * nth as f64),
+                0.5 * reach * PX,
+                rgb,
+                0.8,
+                Orientation {
+                    rotation: DQuat::IDENTITY,
+                    scales,
+                },
+            )
+        });
     let behind = gaussian(at(0.3, 0.2, 3.0), 12.0 * PX, PALE, 0.7, ROUND);
     gaussians(all.chain([behind]).collect())
 }
@@ -150,10 +221,22 @@ fn beside(half_pictures: f64) -> Scene {
 fn one_depth(step: f64) -> Scene {
     let radius = 3.0 * PX;
     let splat = |nth: usize| {
-        let place = at((nth % 12) as f64 * 3.7 - 20.1, (nth / 12) as f64 * 3.7 - 20.3, DEPTH + step * radius * nth as f64);
-        Splat { opacity: 0.7, ..disc(place, radius, COLOURS[(nth + nth / 12) % 4]) }
+        let place = at(
+            (nth % 12) as f64 * 3.7 - 20.1,
+            (nth / 12) as f64 * 3.7 - 20.3,
+            DEPTH + step * radius * nth as f64,
+        );
+        Splat {
+            opacity: 0.7,
+            ..disc(place, radius, COLOURS[(nth + nth / 12) % 4])
+        }
     };
-    gaussians(shuffled((0..144).map(splat).collect()).into_iter().map(|splat| (splat, ROUND)).collect())
+    gaussians(
+        shuffled((0..144).map(splat).collect())
+            .into_iter()
+            .map(|splat| (splat, ROUND))
+            .collect(),
+    )
 }
 
 fn faint_gaussians(count: f64) -> Scene {
@@ -165,7 +248,10 @@ fn faint_gaussians(count: f64) -> Scene {
     let mut scene = gaussians(all.collect());
     (scene.image.width, scene.image.height) = (12, 12);
     scene.camera.fov_y_degrees = 2.0 * libm::atan(6.0 / FOCAL_PX).to_degrees();
-    scene.sheets.iter_mut().for_each(|sheets| sheets.least_weight = 0.0);
+    scene
+        .sheets
+        .iter_mut()
+        .for_each(|sheets| sheets.least_weight = 0.0);
     scene
 }
 
@@ -177,16 +263,33 @@ fn slab(slices: usize, optical_depth: f64) -> Scene {
         let depth = DEPTH + slice as f64 / slices as f64;
         for cell in 0..across * across {
             let [x, y] = [cell % across, cell / across].map(|i| (i as f64 - 3.9) * spacing);
-            let rgb = if (cell / 3 + cell / 27) % 2 == 0 { BLUE } else { PALE };
+            let rgb = if (cell / 3 + cell / 27) % 2 == 0 {
+                BLUE
+            } else {
+                PALE
+            };
             let rgb = if slice % 2 == 0 { rgb } else { RED };
-            splats.push(Splat { opacity: optical_depth, ..disc(DVec3::new(x, y, depth), 0.7 * spacing, rgb) });
+            splats.push(Splat {
+                opacity: optical_depth,
+                ..disc(DVec3::new(x, y, depth), 0.7 * spacing, rgb)
+            });
             numbers.push(slice as u32);
         }
     }
     Scene {
-        kernel: Kernel { cutoff: 4.0, low_pass: 1.0, guard: 1.5, jacobian: 1.3, filter: Filter::Ewa, compensate_opacity: false },
+        kernel: Kernel {
+            cutoff: 4.0,
+            low_pass: 1.0,
+            guard: 1.5,
+            jacobian: 1.3,
+            filter: Filter::Ewa,
+            compensate_opacity: false,
+        },
         ellipsoids: Some(Ellipsoids {
-            orientations: vec![Orientation { rotation: DQuat::IDENTITY, scales: DVec3::new(1.0, 1.0, 0.5) }],
+            orientations: vec![Orientation {
+                rotation: DQuat::IDENTITY,
+                scales: DVec3::new(1.0, 1.0, 0.5),
+            }],
             amplitude: Amplitude::LineIntegral,
             preshaded: true,
             sorted: false,
@@ -206,19 +309,48 @@ fn slab(slices: usize, optical_depth: f64) -> Scene {
 }
 
 fn flattened(by: f64) -> Scene {
-    let splats = [(DEPTH, FLAT, [GREEN, PALE]), (DEPTH + 0.7, leaning(70.0), [RED, BLUE])]
-        .into_iter()
-        .flat_map(|(depth, axes, colours)| plane(DVec3::new(0.1, 0.0, depth), axes, if depth > DEPTH { 30 } else { 9 }, 2.0 * PX, colours));
+    let splats = [
+        (DEPTH, FLAT, [GREEN, PALE]),
+        (DEPTH + 0.7, leaning(70.0), [RED, BLUE]),
+    ]
+    .into_iter()
+    .flat_map(|(depth, axes, colours)| {
+        plane(
+            DVec3::new(0.1, 0.0, depth),
+            axes,
+            if depth > DEPTH { 30 } else { 9 },
+            2.0 * PX,
+            colours,
+        )
+    });
     let splats: Vec<Splat> = splats.collect();
-    let flat =
-        |splat: &Splat| Orientation { rotation: DQuat::from_rotation_arc(DVec3::Z, splat.normal), scales: DVec3::new(1.0, 1.0, 1.0 / by) };
+    let flat = |splat: &Splat| Orientation {
+        rotation: DQuat::from_rotation_arc(DVec3::Z, splat.normal),
+        scales: DVec3::new(1.0, 1.0, 1.0 / by),
+    };
     let orientations = splats.iter().map(flat).collect();
     let scene = picture(SIDE, SIDE, splats);
     Scene {
         // The leaning plane's neighbours lie two pixels apart in the picture and six in depth.
-        surface: Surface { z_threshold: 12.0 * PX, ..scene.surface },
-        kernel: Kernel { cutoff: 4.0, low_pass: 1.0, guard: 1.5, jacobian: 1.3, filter: Filter::Ewa, compensate_opacity: false },
-        ellipsoids: Some(Ellipsoids { orientations, amplitude: Amplitude::Disc, preshaded: false, sorted: false, harmonics: 0 }),
+        surface: Surface {
+            z_threshold: 12.0 * PX,
+            ..scene.surface
+        },
+        kernel: Kernel {
+            cutoff: 4.0,
+            low_pass: 1.0,
+            guard: 1.5,
+            jacobian: 1.3,
+            filter: Filter::Ewa,
+            compensate_opacity: false,
+        },
+        ellipsoids: Some(Ellipsoids {
+            orientations,
+            amplitude: Amplitude::Disc,
+            preshaded: false,
+            sorted: false,
+            harmonics: 0,
+        }),
         ..scene
     }
 }

@@ -14,13 +14,23 @@ impl Planned {
         let splats = json!({"splats": {"builtin": scene, "count": 800}});
         std::fs::write(folder.path().join("scene.json"), splats.to_string()).unwrap();
         let mut plan = json!({"scenes": ["scene.json"], "size": [24, 16], "machine": "tiny"});
-        plan.as_object_mut().unwrap().extend(rest.as_object().unwrap().clone());
+        plan.as_object_mut()
+            .unwrap()
+            .extend(rest.as_object().unwrap().clone());
         let points = Points::from_text(&plan.to_string(), "plan", folder.path()).unwrap();
-        Planned { points, _folder: folder }
+        Planned {
+            points,
+            _folder: folder,
+        }
     }
 
     fn stage(&self) -> Stage {
-        Stage::new(&self.points, &Prices::default(), 0, self.points.scene(0).unwrap())
+        Stage::new(
+            &self.points,
+            &Prices::default(),
+            0,
+            self.points.scene(0).unwrap(),
+        )
     }
 }
 
@@ -29,7 +39,10 @@ fn rows(stage: &Stage, numbers: &[u64]) -> Vec<(u64, Row)> {
     let columns = stage.columns();
     let mut rows = Vec::new();
     let push = |number, row: Row| {
-        let cells = row.into_iter().zip(&columns).filter(|(_, (name, _))| !name.starts_with("host_"));
+        let cells = row
+            .into_iter()
+            .zip(&columns)
+            .filter(|(_, (name, _))| !name.starts_with("host_"));
         rows.push((number, cells.map(|(cell, _)| cell).collect()));
         Ok(())
     };
@@ -39,7 +52,14 @@ fn rows(stage: &Stage, numbers: &[u64]) -> Vec<(u64, Row)> {
 
 #[test]
 fn points_that_are_drawn_together_are_those_that_are_drawn_alone() {
-    let words = ["shade.light", "gauss.weight", "resolve.frame", "ellipse.conic", "fragment.normal_sum", "splat.rgb"];
+    let words = [
+        "shade.light",
+        "gauss.weight",
+        "resolve.frame",
+        "ellipse.conic",
+        "fragment.normal_sum",
+        "splat.rgb",
+    ];
     let words = words.map(|word| json!({"field": word, "add_frac_bits": [-2, -1, 0]}));
     let others = [
         json!({"field": "timing.raster.fifo", "values": [1, 5]}),
@@ -67,8 +87,16 @@ fn points_that_are_drawn_together_are_those_that_are_drawn_alone() {
         }
         let planned = Planned::new(scene, rest);
         let numbers: Vec<u64> = (0..planned.points.count()).collect();
-        let misfit = planned.stage().columns().iter().position(|(name, _)| name == columns::MISFIT).unwrap();
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap();
+        let misfit = planned
+            .stage()
+            .columns()
+            .iter()
+            .position(|(name, _)| name == columns::MISFIT)
+            .unwrap();
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(3)
+            .build()
+            .unwrap();
         let together = pool.install(|| rows(&planned.stage(), &numbers));
         assert_eq!(together.len(), numbers.len());
         for (number, row) in together {
@@ -80,38 +108,82 @@ fn points_that_are_drawn_together_are_those_that_are_drawn_alone() {
     assert!(misfits > 2);
 }
 
-/// A sweep that is killed while it replays many machines keeps the rows of those that it is done with.
+/// A sweep that is killed while it replays many machines keeps the rows of those that it is done
+/// with.
 #[test]
 fn rows_of_one_frame_come_before_all_of_it_is_replayed() {
     let [first, most] = REPLAYED_TOGETHER;
     let fifos: Vec<u64> = (1..=3 * most as u64).collect();
-    let planned = Planned::new("torus-knot", json!({"axes": [{"field": "timing.raster.fifo", "values": fifos}]}));
+    let planned = Planned::new(
+        "torus-knot",
+        json!({"axes": [{"field": "timing.raster.fifo", "values": fifos}]}),
+    );
     let stage = planned.stage();
     let numbers: Vec<u64> = (0..planned.points.count()).collect();
-    let last_replayed = || stage.replays.0.lock().unwrap().last().unwrap().timing.clone();
+    let last_replayed = || {
+        stage
+            .replays
+            .0
+            .lock()
+            .unwrap()
+            .last()
+            .unwrap()
+            .timing
+            .clone()
+    };
     let mut seen = Vec::new();
     let push = |number, _| {
         seen.push((number, last_replayed()));
         Ok(())
     };
-    let pool = |threads| rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+    let pool = |threads| {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap()
+    };
     pool(1).install(|| stage.draw(&numbers, push)).unwrap();
-    assert_eq!(seen.iter().map(|(number, _)| *number).collect::<Vec<_>>(), numbers);
-    let together: Vec<usize> = seen.chunk_by(|a, b| a.1.keeps_time_as(&b.1)).map(<[_]>::len).collect();
-    assert!(together[0] == first && together.len() > 3 && together.iter().all(|rows| *rows <= most), "{together:?}");
+    assert_eq!(
+        seen.iter().map(|(number, _)| *number).collect::<Vec<_>>(),
+        numbers
+    );
+    let together: Vec<usize> = seen
+        .chunk_by(|a, b| a.1.keeps_time_as(&b.1))
+        .map(<[_]>::len)
+        .collect();
+    assert!(
+        together[0] == first && together.len() > 3 && together.iter().all(|rows| *rows <= most),
+        "{together:?}"
+    );
     // Others come together where there are more threads.
-    assert_eq!(pool(1).install(|| rows(&planned.stage(), &numbers)), pool(2).install(|| rows(&planned.stage(), &numbers)));
+    assert_eq!(
+        pool(1).install(|| rows(&planned.stage(), &numbers)),
+        pool(2).install(|| rows(&planned.stage(), &numbers))
+    );
 }
 
 #[test]
 fn work_that_was_replayed_is_not_replayed_again_on_the_same_microarchitecture() {
-    let planned = Planned::new("torus-knot", json!({"axes": [{"field": "gauss.weight", "values": ["U0F8"]}]}));
+    let planned = Planned::new(
+        "torus-knot",
+        json!({"axes": [{"field": "gauss.weight", "values": ["U0F8"]}]}),
+    );
     let stage = planned.stage();
     let found = |settings: &[&str]| {
-        let settings: Vec<String> = settings.iter().map(|setting| (*setting).to_owned()).collect();
+        let settings: Vec<String> = settings
+            .iter()
+            .map(|setting| (*setting).to_owned())
+            .collect();
         let machine = machines::load("tiny", &settings).unwrap();
-        let drawn = stage.drawn(&machine, &stage.golden_of(&machine).unwrap()).unwrap();
-        assert!(drawn.on(&[&machine], &stage.prices, &stage.replays).iter().all(|found| found.is_ok()));
+        let drawn = stage
+            .drawn(&machine, &stage.golden_of(&machine).unwrap())
+            .unwrap();
+        assert!(
+            drawn
+                .on(&[&machine], &stage.prices, &stage.replays)
+                .iter()
+                .all(|found| found.is_ok())
+        );
         stage.replays.0.lock().unwrap().len()
     };
     assert_eq!(found(&[]), 1);
@@ -129,19 +201,29 @@ fn work_that_was_replayed_is_not_replayed_again_on_the_same_microarchitecture() 
 
 #[test]
 fn a_picture_with_what_is_no_number_makes_a_row_without_numbers() {
-    let planned = Planned::new("torus-knot", json!({"axes": [{"field": "gauss.weight", "values": ["U0F8"]}]}));
+    let planned = Planned::new(
+        "torus-knot",
+        json!({"axes": [{"field": "gauss.weight", "values": ["U0F8"]}]}),
+    );
     let base = &planned.points.base;
     let drawn = |spoil: &dyn Fn(&mut Stage)| {
         let mut stage = planned.stage();
         spoil(&mut stage);
-        stage.drawn(base, &stage.golden_of(base).unwrap()).map(|_| ())
+        stage
+            .drawn(base, &stage.golden_of(base).unwrap())
+            .map(|_| ())
     };
     let spoilt = |stage: &mut Stage, wrong: f64| {
         let rules = fixed::rules(base);
         let mut picture = stage.golden(&rules).picture.clone();
         picture.rgba[9][2] = wrong;
         stage.goldens = Kept::new(1);
-        stage.goldens.get(&rules, || Golden { picture, film: Vec::new(), psnr_db: None, seconds: 0.0 });
+        stage.goldens.get(&rules, || Golden {
+            picture,
+            film: Vec::new(),
+            psnr_db: None,
+            seconds: 0.0,
+        });
     };
     assert_eq!(drawn(&|_| ()), Ok(()));
     for wrong in [f64::NAN, f64::INFINITY] {

@@ -1,9 +1,11 @@
-//! Batch: makes Parquet of rows and rows of Parquet, and keeps files of rows that others have drawn.
+//! Batch: makes Parquet of rows and rows of Parquet, and keeps files of rows that others have
+//! drawn.
 //!
 //! ```text
 //! rows ─► Parquet, with a digest of all cells ─► points/FIRST.parquet ─► rows
 //! ```
-//! Each file has points that no other file has; its name is the first of them, so that none is ever written twice.
+//! Each file has points that no other file has; its name is the first of them, so that none is ever
+//! written twice.
 
 use super::{Column, Kind, Row};
 use crate::error::{Error, Result};
@@ -38,24 +40,47 @@ const DIGEST: &str = "splatsim_digest";
 /// [`Error::Job`] where they cannot be written so.
 pub fn packed(columns: &[Column], rows: &BTreeMap<u64, Row>) -> Result<Vec<u8>> {
     let digest = digest_of(rows.values());
-    parquet(columns, rows.values(), Some(digest)).map_err(|e| Error::job(format!("rows cannot be packed: {e}")))
+    parquet(columns, rows.values(), Some(digest))
+        .map_err(|e| Error::job(format!("rows cannot be packed: {e}")))
 }
 
 /// The rows of such bytes, by their order there; else how they are wrong.
-pub(super) fn unpacked(bytes: &[u8], columns: &[Column]) -> std::result::Result<Vec<(u64, Row)>, String> {
+pub(super) fn unpacked(
+    bytes: &[u8],
+    columns: &[Column],
+) -> std::result::Result<Vec<(u64, Row)>, String> {
     let file = SerializedFileReader::new(Bytes::copy_from_slice(bytes)).map_err(damaged)?;
     let schema = file.metadata().file_metadata().schema_descr();
-    let names = schema.columns().iter().map(|column| (column.name(), column.physical_type()));
-    if !names.eq(columns.iter().map(|(name, kind)| (name.as_str(), physical(*kind)))) {
+    let names = schema
+        .columns()
+        .iter()
+        .map(|column| (column.name(), column.physical_type()));
+    if !names.eq(columns
+        .iter()
+        .map(|(name, kind)| (name.as_str(), physical(*kind))))
+    {
         return Err("has other columns: it is of another plan, or of another version".into());
     }
     let rows = rows(&file).map_err(damaged)?;
-    let said = file.metadata().file_metadata().key_value_metadata().into_iter().flatten().find(|pair| pair.key == DIGEST);
+    let said = file
+        .metadata()
+        .file_metadata()
+        .key_value_metadata()
+        .into_iter()
+        .flatten()
+        .find(|pair| pair.key == DIGEST);
     if said.and_then(|pair| pair.value.as_ref()) != Some(&digest_of(rows.iter())) {
         return Err("is not as it was written".into());
     }
-    let numbered = |row: Row| row.first().and_then(Value::as_u64).map(|point| (point, row));
-    rows.into_iter().map(numbered).collect::<Option<_>>().ok_or_else(|| "has a row without a point".into())
+    let numbered = |row: Row| {
+        row.first()
+            .and_then(Value::as_u64)
+            .map(|point| (point, row))
+    };
+    rows.into_iter()
+        .map(numbered)
+        .collect::<Option<_>>()
+        .ok_or_else(|| "has a row without a point".into())
 }
 
 fn damaged(error: ParquetError) -> String {
@@ -66,12 +91,19 @@ fn damaged(error: ParquetError) -> String {
 ///
 /// # Errors
 /// [`Error::Input`] where a file cannot be read or is damaged.
-pub(super) fn read_all(folder: &Path, columns: &[Column], rows: &mut BTreeMap<u64, Row>) -> Result<()> {
+pub(super) fn read_all(
+    folder: &Path,
+    columns: &[Column],
+    rows: &mut BTreeMap<u64, Row>,
+) -> Result<()> {
     for path in files(folder, "parquet") {
         let input_error = |what: &str| Error::input(format!("{}: {what}", path.display()));
         let bytes = input::read(&path).map_err(|e| input_error(&format!("cannot be read: {e}")))?;
-        let found = unpacked(&bytes, columns)
-            .map_err(|what| input_error(&format!("{what}: take the file away, and its points will be drawn again")))?;
+        let found = unpacked(&bytes, columns).map_err(|what| {
+            input_error(&format!(
+                "{what}: take the file away, and its points will be drawn again"
+            ))
+        })?;
         rows.extend(found);
     }
     Ok(())
@@ -80,19 +112,27 @@ pub(super) fn read_all(folder: &Path, columns: &[Column], rows: &mut BTreeMap<u6
 /// Writes a file of rows; the first is of this point.
 pub(super) fn write(folder: &Path, first: u64, bytes: &[u8]) -> Result<()> {
     let folder = folder.join(FOLDER);
-    fs::create_dir_all(&folder).map_err(|e| Error::job(format!("{}: cannot be written: {e}", folder.display())))?;
-    write_beside(&folder.join(format!("{first}.parquet")), |file| file.write_all(bytes).map_err(|e| e.to_string()))
+    fs::create_dir_all(&folder)
+        .map_err(|e| Error::job(format!("{}: cannot be written: {e}", folder.display())))?;
+    write_beside(&folder.join(format!("{first}.parquet")), |file| {
+        file.write_all(bytes).map_err(|e| e.to_string())
+    })
 }
 
 /// Removes what a process that was killed had begun to write; nobody else may be writing there.
 pub(super) fn remove_parts(folder: &Path) {
     // What cannot be removed is in nobody's way but other readers'.
-    files(folder, "part").iter().for_each(|path| _ = fs::remove_file(path));
+    files(folder, "part")
+        .iter()
+        .for_each(|path| _ = fs::remove_file(path));
 }
 
 /// Those with an extension, in the order of their names.
 fn files(folder: &Path, extension: &str) -> Vec<PathBuf> {
-    let entries = fs::read_dir(folder.join(FOLDER)).into_iter().flatten().flatten();
+    let entries = fs::read_dir(folder.join(FOLDER))
+        .into_iter()
+        .flatten()
+        .flatten();
     let mut paths: Vec<PathBuf> = entries.map(|entry| entry.path()).collect();
     paths.retain(|path| path.extension().is_some_and(|other| other == extension));
     paths.sort();
@@ -101,7 +141,9 @@ fn files(folder: &Path, extension: &str) -> Vec<PathBuf> {
 
 /// Of every cell.
 fn digest_of<'a>(rows: impl Iterator<Item = &'a Row>) -> String {
-    let lines: String = rows.map(|row| Value::from(row.clone()).to_string() + "\n").collect();
+    let lines: String = rows
+        .map(|row| Value::from(row.clone()).to_string() + "\n")
+        .collect();
     digest(lines.as_bytes())
 }
 
@@ -110,10 +152,17 @@ fn rows(file: &SerializedFileReader<Bytes>) -> Parquet<Vec<Row>> {
     let mut rows = Vec::new();
     for group in 0..file.num_row_groups() {
         let group = file.get_row_group(group)?;
-        let cells = (0..group.num_columns()).map(|nth| Ok(column(&*group, nth)?.into_iter())).collect::<Parquet<Vec<_>>>();
+        let cells = (0..group.num_columns())
+            .map(|nth| Ok(column(&*group, nth)?.into_iter()))
+            .collect::<Parquet<Vec<_>>>();
         let mut cells = cells?;
         let row_count = group.metadata().num_rows().max(0);
-        rows.extend((0..row_count).map(|_| cells.iter_mut().map(|column| column.next().unwrap_or_default()).collect::<Row>()));
+        rows.extend((0..row_count).map(|_| {
+            cells
+                .iter_mut()
+                .map(|column| column.next().unwrap_or_default())
+                .collect::<Row>()
+        }));
     }
     Ok(rows)
 }
@@ -122,11 +171,19 @@ fn rows(file: &SerializedFileReader<Bytes>) -> Parquet<Vec<Row>> {
 fn column(group: &dyn RowGroupReader, nth: usize) -> Parquet<Vec<Value>> {
     let rows = group.metadata().num_rows().max(0) as usize;
     Ok(match group.get_column_reader(nth)? {
-        ColumnReader::ByteArrayColumnReader(reader) => {
-            values(reader, rows)?.into_iter().map(|text| text.and_then(|text| Some(text.as_utf8().ok()?.to_owned())).into()).collect()
+        ColumnReader::ByteArrayColumnReader(reader) => values(reader, rows)?
+            .into_iter()
+            .map(|text| {
+                text.and_then(|text| Some(text.as_utf8().ok()?.to_owned()))
+                    .into()
+            })
+            .collect(),
+        ColumnReader::Int64ColumnReader(reader) => {
+            values(reader, rows)?.into_iter().map(Value::from).collect()
         }
-        ColumnReader::Int64ColumnReader(reader) => values(reader, rows)?.into_iter().map(Value::from).collect(),
-        ColumnReader::DoubleColumnReader(reader) => values(reader, rows)?.into_iter().map(Value::from).collect(),
+        ColumnReader::DoubleColumnReader(reader) => {
+            values(reader, rows)?.into_iter().map(Value::from).collect()
+        }
         _ => Vec::new(),
     })
 }
@@ -135,13 +192,17 @@ fn column(group: &dyn RowGroupReader, nth: usize) -> Parquet<Vec<Value>> {
 fn values<T: DataType>(mut reader: ColumnReaderImpl<T>, rows: usize) -> Parquet<Vec<Option<T::T>>> {
     let (mut there, mut values) = (Vec::new(), Vec::new());
     while there.len() < rows {
-        let (read, ..) = reader.read_records(rows - there.len(), Some(&mut there), None, &mut values)?;
+        let (read, ..) =
+            reader.read_records(rows - there.len(), Some(&mut there), None, &mut values)?;
         if read == 0 {
             break;
         }
     }
     let mut values = values.into_iter();
-    Ok(there.into_iter().map(|is_there| if is_there > 0 { values.next() } else { None }).collect())
+    Ok(there
+        .into_iter()
+        .map(|is_there| if is_there > 0 { values.next() } else { None })
+        .collect())
 }
 
 fn physical(kind: Kind) -> Physical {
@@ -153,19 +214,31 @@ fn physical(kind: Kind) -> Physical {
 }
 
 /// Rows as a Parquet file, with a digest of them where one is given.
-pub(super) fn parquet<'a>(columns: &[Column], rows: impl Iterator<Item = &'a Row>, digest: Option<String>) -> Parquet<Vec<u8>> {
+pub(super) fn parquet<'a>(
+    columns: &[Column],
+    rows: impl Iterator<Item = &'a Row>,
+    digest: Option<String>,
+) -> Parquet<Vec<u8>> {
     let field = |(name, kind): &Column| {
         let text = (*kind == Kind::Text).then_some(LogicalType::String);
-        let field = Type::primitive_type_builder(name, physical(*kind)).with_repetition(Repetition::OPTIONAL);
+        let field = Type::primitive_type_builder(name, physical(*kind))
+            .with_repetition(Repetition::OPTIONAL);
         field.with_logical_type(text).build().map(Arc::new)
     };
     let fields = columns.iter().map(field).collect::<Parquet<Vec<_>>>()?;
-    let schema = Arc::new(Type::group_type_builder("sweep").with_fields(fields).build()?);
+    let schema = Arc::new(
+        Type::group_type_builder("sweep")
+            .with_fields(fields)
+            .build()?,
+    );
     let said = digest.map(|digest| vec![KeyValue::new(DIGEST.into(), digest)]);
     let properties = WriterProperties::builder().set_compression(Compression::UNCOMPRESSED);
     // A batch has few rows: what would find some of them in a large file is most of it.
     let properties = if said.is_some() {
-        properties.set_statistics_enabled(EnabledStatistics::None).set_dictionary_enabled(false).set_offset_index_disabled(true)
+        properties
+            .set_statistics_enabled(EnabledStatistics::None)
+            .set_dictionary_enabled(false)
+            .set_offset_index_disabled(true)
     } else {
         properties
     };
@@ -175,21 +248,36 @@ pub(super) fn parquet<'a>(columns: &[Column], rows: impl Iterator<Item = &'a Row
     let mut group = file.next_row_group()?;
     let rows: Vec<&Row> = rows.collect();
     for (nth, (_, kind)) in columns.iter().enumerate() {
-        let Some(mut column) = group.next_column()? else { break };
+        let Some(mut column) = group.next_column()? else {
+            break;
+        };
         let cells: Vec<&Value> = rows.iter().map(|row| &row[nth]).collect();
-        let there: Vec<i16> = cells.iter().map(|cell| i16::from(!cell.is_null())).collect();
+        let there: Vec<i16> = cells
+            .iter()
+            .map(|cell| i16::from(!cell.is_null()))
+            .collect();
         match kind {
             Kind::Text => {
-                let words: Vec<ByteArray> = cells.iter().filter_map(|cell| cell.as_str()).map(ByteArray::from).collect();
-                column.typed::<ByteArrayType>().write_batch(&words, Some(&there), None)?;
+                let words: Vec<ByteArray> = cells
+                    .iter()
+                    .filter_map(|cell| cell.as_str())
+                    .map(ByteArray::from)
+                    .collect();
+                column
+                    .typed::<ByteArrayType>()
+                    .write_batch(&words, Some(&there), None)?;
             }
             Kind::Whole => {
                 let numbers: Vec<i64> = cells.iter().filter_map(|cell| cell.as_i64()).collect();
-                column.typed::<Int64Type>().write_batch(&numbers, Some(&there), None)?;
+                column
+                    .typed::<Int64Type>()
+                    .write_batch(&numbers, Some(&there), None)?;
             }
             Kind::Number => {
                 let numbers: Vec<f64> = cells.iter().filter_map(|cell| cell.as_f64()).collect();
-                column.typed::<DoubleType>().write_batch(&numbers, Some(&there), None)?;
+                column
+                    .typed::<DoubleType>()
+                    .write_batch(&numbers, Some(&there), None)?;
             }
         }
         column.close()?;

@@ -19,28 +19,60 @@ struct Pixel {
 
 impl Pixel {
     fn new(machine: Machine) -> Self {
-        Pixel { unit: machine.elaborate().unwrap().fragment, machine }
+        Pixel {
+            unit: machine.elaborate().unwrap().fragment,
+            machine,
+        }
     }
 
     fn sum_word(&self, lane: usize) -> Word {
         self.unit.sums[lane].word
     }
 
-    /// Contributions whose words have no error of their own: the machine's sums, the exact ones, the bounds, and how many there were.
+    /// Contributions whose words have no error of their own: the machine's sums, the exact ones,
+    /// the bounds, and how many there were.
     fn accumulated(&self, rng: &mut Rng) -> ([f64; SUMS], [f64; SUMS], [Near; SUMS], u32) {
         let (s, weight) = (&self.machine.splat, self.machine.gauss.weight);
         let normal = self.machine.fragment.normal;
-        let words = [Word::new(crate::num::Format::unsigned(1, 0)), s.rgb, s.rgb, s.rgb, s.opacity, normal, normal, normal];
+        let words = [
+            Word::new(crate::num::Format::unsigned(1, 0)),
+            s.rgb,
+            s.rgb,
+            s.rgb,
+            s.opacity,
+            normal,
+            normal,
+            normal,
+        ];
         let count = 1 + rng.below(30) as u32;
-        let (mut own, mut exact, mut bound) = (PackedSums::<i64>::default(), [0.0; SUMS], [Near::exact(0.0); SUMS]);
+        let (mut own, mut exact, mut bound) = (
+            PackedSums::<i64>::default(),
+            [0.0; SUMS],
+            [Near::exact(0.0); SUMS],
+        );
         for _ in 0..count {
             let w = held(weight, rng.between(0.0, 0.25)).0;
             let exactly = weight.format.value(w);
-            let attributes = words.map(|word| held(word, if word.format.width() == 1 { 1.0 } else { rng.between(-1.0, 1.0) }).0);
+            let attributes = words.map(|word| {
+                held(
+                    word,
+                    if word.format.width() == 1 {
+                        1.0
+                    } else {
+                        rng.between(-1.0, 1.0)
+                    },
+                )
+                .0
+            });
             for lane in 0..SUMS {
                 let attribute = words[lane].format.value(attributes[lane]);
                 exact[lane] += exactly * attribute;
-                bound[lane] = self.unit.real_accumulated(lane, bound[lane], Near::exact(exactly), Near::exact(attribute));
+                bound[lane] = self.unit.real_accumulated(
+                    lane,
+                    bound[lane],
+                    Near::exact(exactly),
+                    Near::exact(attribute),
+                );
             }
             self.unit.accumulate::<Path<false, Plain, i64>, _>(
                 &mut own,
@@ -50,7 +82,12 @@ impl Pixel {
             );
         }
         let own = own.get();
-        (std::array::from_fn(|lane| self.sum_word(lane).format.value(own[lane])), exact, bound, count)
+        (
+            std::array::from_fn(|lane| self.sum_word(lane).format.value(own[lane])),
+            exact,
+            bound,
+            count,
+        )
     }
 }
 
@@ -65,16 +102,20 @@ fn accumulating_is_within_its_bound() {
                 used(own[lane], exact[lane], bound[lane], &(seed, lane));
                 let format = pixel.sum_word(lane).format;
                 let [down, up] = pixel.unit.accumulation_loss(lane, count);
-                let is_inside = exact[lane] - down > format.value(format.min()) && exact[lane] + up < format.value(format.max());
+                let is_inside = exact[lane] - down > format.value(format.min())
+                    && exact[lane] + up < format.value(format.max());
                 let lost = own[lane] - exact[lane];
-                assert!(!is_inside || (-down..=up).contains(&lost), "seed {seed}, lane {lane}: off by {lost}, at most −{down} or {up}");
+                assert!(
+                    !is_inside || (-down..=up).contains(&lost),
+                    "seed {seed}, lane {lane}: off by {lost}, at most −{down} or {up}"
+                );
             }
         }
     }
 }
 
-/// Of one contribution and of up to thirty. Worst 0.94 to 1, and 0.78 to 0.99; typically 0.22 (colours), 0.48 (normals), and 0.09, 0.14:
-/// thirty roundings seldom all go the same way.
+/// Of one contribution and of up to thirty. Worst 0.94 to 1, and 0.78 to 0.99; typically 0.22
+/// (colours), 0.48 (normals), and 0.09, 0.14: thirty roundings seldom all go the same way.
 #[test]
 fn the_bound_of_accumulating_is_tight() {
     for name in Machine::NAMES {
@@ -83,15 +124,25 @@ fn the_bound_of_accumulating_is_tight() {
         for seed in 0..4000 {
             let (own, exact, bound, count) = pixel.accumulated(&mut Rng::new(seed));
             for lane in 0..SUMS {
-                uses[usize::from(count > 1)][lane].see(used(own[lane], exact[lane], bound[lane], &(seed, lane)));
+                uses[usize::from(count > 1)][lane].see(used(
+                    own[lane],
+                    exact[lane],
+                    bound[lane],
+                    &(seed, lane),
+                ));
             }
         }
         // The reference machine's weight sum has all places of a weight: nothing is lost there.
-        assert!(uses.iter().all(|of| of[COLOUR..].iter().all(|of| of.is_tight(0.7, 0.08))), "{name}: {uses:?}");
+        assert!(
+            uses.iter()
+                .all(|of| of[COLOUR..].iter().all(|of| of.is_tight(0.7, 0.08))),
+            "{name}: {uses:?}"
+        );
     }
 }
 
-/// Two fragments of which each is shaded just now, or was before, in a slot; the machine's words, the exact numbers, and the bounds.
+/// Two fragments of which each is shaded just now, or was before, in a slot; the machine's words,
+/// the exact numbers, and the bounds.
 struct Side {
     slot: Slot,
     shaded: Premultiplied,
@@ -118,10 +169,21 @@ impl Pixel {
         sums[WEIGHT] = 1;
         let near = [r.1, g.1, b.1, a.1];
         Side {
-            slot: Slot { sums, shaded: is_old, ..Slot::default() },
-            shaded: Premultiplied { colour: [r.0, g.0, b.0], opacity: a.0 },
+            slot: Slot {
+                sums,
+                shaded: is_old,
+                ..Slot::default()
+            },
+            shaded: Premultiplied {
+                colour: [r.0, g.0, b.0],
+                opacity: a.0,
+            },
             exact,
-            bound: if is_old { self.unit.real_read(near) } else { self.unit.real_stored(near) },
+            bound: if is_old {
+                self.unit.real_read(near)
+            } else {
+                self.unit.real_stored(near)
+            },
         }
     }
 
@@ -133,12 +195,18 @@ impl Pixel {
             both.borrow_mut().next();
         }
         let shade = |_: &Slot, _: &mut Tap<NoProbe>| both.borrow_mut().next().unwrap();
-        let slot = self.unit.merged(&front.slot, &back.slot, shade, &mut Tap::new(&mut NoProbe));
+        let slot = self
+            .unit
+            .merged(&front.slot, &back.slot, shade, &mut Tap::new(&mut NoProbe));
         let bound = self.unit.real_blend(front.bound, back.bound);
         std::array::from_fn(|i| {
             let lane = if i < 3 { COLOUR + i } else { OPACITY };
             let exact = front.exact[i] + back.exact[i] * (1.0 - front.exact[3]);
-            (self.sum_word(lane).format.value(slot.sums[lane]), exact, bound[i])
+            (
+                self.sum_word(lane).format.value(slot.sums[lane]),
+                exact,
+                bound[i],
+            )
         })
     }
 }
@@ -161,7 +229,8 @@ fn merging_is_within_its_bound() {
 fn the_bound_of_merging_is_tight() {
     for name in Machine::NAMES {
         let pixel = Pixel::new(Machine::named(name).unwrap());
-        // A bound of less than a place is one that 0 or 1 cuts short, or a back that is hidden: too easily reached.
+        // A bound of less than a place is one that 0 or 1 cuts short, or a back that is hidden: too
+        // easily reached.
         let place = pixel.machine.shade.premultiplied.format.value(1);
         let mut of_slot = Use::default();
         for seed in 0..20_000 {

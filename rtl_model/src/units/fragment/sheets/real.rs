@@ -1,7 +1,8 @@
 //! Sheets over the reals: how far an optical depth, and what it hides, may lie from the exact ones.
 //!
-//! A sum adds half a last place a contribution; the ratio adds its table's error times x. Both are then weighed by what the sheets before
-//! let through, which the blend's bounds count ([`super::Fragment::real_blend`]).
+//! A sum adds half a last place a contribution; the ratio adds its table's error times x. Both are
+//! then weighed by what the sheets before let through, which the blend's bounds count
+//! ([`super::Fragment::real_blend`]).
 
 use super::{Fragment, SheetRegisters};
 use crate::functions::Table;
@@ -20,18 +21,37 @@ pub struct Ratio {
 impl Fragment {
     /// The range of optical depths that the table spans.
     pub fn ratio_range(&self) -> f64 {
-        self.sheets.as_ref().map_or(1.0, |own| power_of_two(own.index.word.format.int_bits))
+        self.sheets
+            .as_ref()
+            .map_or(1.0, |own| power_of_two(own.index.word.format.int_bits))
     }
 
     /// Premultiplied colour and opacity of a sheet that is done, from Σw and Σw·rgb.
-    pub fn real_close<R: Real>(&self, weight: R, rgb: [R; 3], registers: &SheetRegisters, ratio: &Ratio) -> [R; 4] {
-        let Some(own) = &self.sheets else { return [R::constant(0.0); 4] };
+    pub fn real_close<R: Real>(
+        &self,
+        weight: R,
+        rgb: [R; 3],
+        registers: &SheetRegisters,
+        ratio: &Ratio,
+    ) -> [R; 4] {
+        let Some(own) = &self.sheets else {
+            return [R::constant(0.0); 4];
+        };
         let one = R::constant(1.0);
         let scaled = |table: &Table| {
             let range = self.ratio_range();
             let [slope, curvature] = ratio.curves;
-            let table_error = error(table.fit(), table.interpolation(), table.step() * range, slope, curvature);
-            weight.fit(&own.index, Scale::ONE).table(table, range, ratio.exact, table_error).fit(table.fit(), Scale::ONE)
+            let table_error = error(
+                table.fit(),
+                table.interpolation(),
+                table.step() * range,
+                slope,
+                curvature,
+            );
+            weight
+                .fit(&own.index, Scale::ONE)
+                .table(table, range, ratio.exact, table_error)
+                .fit(table.fit(), Scale::ONE)
         };
         let Some(table) = &registers.ratio else {
             let [of_weight, of_colour] = &own.plain;
@@ -41,6 +61,11 @@ impl Fragment {
         let scale = scaled(table);
         let [of_weight, of_colour] = &own.closed;
         let [r, g, b] = rgb.map(|channel| (channel * scale).fit(of_colour, Scale::ONE));
-        [r, g, b, (weight * scale).fit(of_weight, Scale::ONE).min(one)]
+        [
+            r,
+            g,
+            b,
+            (weight * scale).fit(of_weight, Scale::ONE).min(one),
+        ]
     }
 }

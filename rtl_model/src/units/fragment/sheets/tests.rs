@@ -14,11 +14,17 @@ type Arrival = (u32, f64, [f64; 3]);
 
 /// The words of α/x for a law, over [0, 8), linear between.
 fn ratio(law: fn(f64) -> f64) -> Vec<i64> {
-    (0..=1024).map(|i| (law(f64::from(i) / 128.0) * WEIGHT_PLACES).round() as i64).collect()
+    (0..=1024)
+        .map(|i| (law(f64::from(i) / 128.0) * WEIGHT_PLACES).round() as i64)
+        .collect()
 }
 
 fn exponential(x: f64) -> f64 {
-    if x == 0.0 { 1.0 } else { (1.0 - (-x).exp()) / x }
+    if x == 0.0 {
+        1.0
+    } else {
+        (1.0 - (-x).exp()) / x
+    }
 }
 
 fn linear(x: f64) -> f64 {
@@ -26,7 +32,12 @@ fn linear(x: f64) -> f64 {
 }
 
 fn rules() -> frame::Sheets {
-    frame::Sheets { most_weight: 8 << 20, ratio: ratio(exponential), keeps_last: true, ..frame::Sheets::default() }
+    frame::Sheets {
+        most_weight: 8 << 20,
+        ratio: ratio(exponential),
+        keeps_last: true,
+        ..frame::Sheets::default()
+    }
 }
 
 /// Result that the unit makes of contributions to one pixel: each decision, and the composite.
@@ -39,12 +50,18 @@ fn drawn(sheets: &frame::Sheets, arrivals: &[Arrival]) -> (Vec<Decision>, [f64; 
         let [r, g, b] = rgb.map(|channel| (channel * 4096.0).round() as i32);
         let weight = (weight * WEIGHT_PLACES).round() as i64;
         let attributes = [1, r, g, b, 0, 0, 0, 0];
-        let input = SheetInput { sheet: *sheet, weight, attributes: &attributes };
+        let input = SheetInput {
+            sheet: *sheet,
+            weight,
+            attributes: &attributes,
+        };
         unit.contribute_to_sheet::<Path<false, Plain, i64>, _>(&mut tile, 7, input, &registers, tap)
     });
     let decisions = decisions.collect();
     let places = f64::from(machine.machine.shade.premultiplied.format.frac_bits).exp2();
-    let composite = unit.composite(&tile, 7, &registers, tap).unwrap_or_default();
+    let composite = unit
+        .composite(&tile, 7, &registers, tap)
+        .unwrap_or_default();
     let [r, g, b] = composite.colour.map(|channel| channel as f64 / places);
     (decisions, [r, g, b, composite.opacity as f64 / places])
 }
@@ -56,7 +73,11 @@ fn model(law: fn(f64) -> f64, arrivals: &[Arrival]) -> [f64; 4] {
         let depth: f64 = sheet.iter().map(|(_, weight, _)| weight).sum();
         let scale = law(depth) * (1.0 - front[3]);
         for channel in 0..3 {
-            front[channel] += scale * sheet.iter().map(|(_, weight, rgb)| weight * rgb[channel]).sum::<f64>();
+            front[channel] += scale
+                * sheet
+                    .iter()
+                    .map(|(_, weight, rgb)| weight * rgb[channel])
+                    .sum::<f64>();
         }
         front[3] += scale * depth;
     }
@@ -114,35 +135,80 @@ const BLUE: [f64; 3] = [0.0, 0.0, 1.0];
 
 #[test]
 fn decisions_have_their_names() {
-    let arrivals = [(3, 0.2, RED), (3, 0.1, RED), (4, 0.2, BLUE), (4, 0.2, BLUE), (9, 0.1, RED)];
-    let expected =
-        [Decision::Inserted(1), Decision::Accumulated(1), Decision::Merged(0, 1), Decision::Accumulated(1), Decision::Merged(0, 1)];
+    let arrivals = [
+        (3, 0.2, RED),
+        (3, 0.1, RED),
+        (4, 0.2, BLUE),
+        (4, 0.2, BLUE),
+        (9, 0.1, RED),
+    ];
+    let expected = [
+        Decision::Inserted(1),
+        Decision::Accumulated(1),
+        Decision::Merged(0, 1),
+        Decision::Accumulated(1),
+        Decision::Merged(0, 1),
+    ];
     assert_eq!(drawn(&rules(), &arrivals).0, expected);
-    let each = frame::Sheets { each: Each::Splat, ratio: Vec::new(), ..rules() };
-    assert_eq!(drawn(&each, &arrivals[..2]).0, [Decision::Inserted(0), Decision::Merged(0, 1)]);
+    let each = frame::Sheets {
+        each: Each::Splat,
+        ratio: Vec::new(),
+        ..rules()
+    };
+    assert_eq!(
+        drawn(&each, &arrivals[..2]).0,
+        [Decision::Inserted(0), Decision::Merged(0, 1)]
+    );
 }
 
 #[test]
 fn a_weight_is_held_to_its_limit() {
-    let each = frame::Sheets { each: Each::Splat, ratio: Vec::new(), most_weight: 99 * (1 << 20) / 100, ..rules() };
+    let each = frame::Sheets {
+        each: Each::Splat,
+        ratio: Vec::new(),
+        most_weight: 99 * (1 << 20) / 100,
+        ..rules()
+    };
     let (_, composite) = drawn(&each, &[(0, 3.0, RED)]);
-    assert!(close(composite, [0.99, 0.0, 0.0, 0.99], 1e-5), "{composite:?}");
+    assert!(
+        close(composite, [0.99, 0.0, 0.0, 0.99], 1e-5),
+        "{composite:?}"
+    );
 }
 
 #[test]
 fn a_pixel_stops_where_it_lets_too_little_through() {
     let half = [(0, 0.5, RED), (1, 0.5, BLUE), (2, 0.5, RED), (3, 0.5, BLUE)];
     // 0.5, 0.25, 0.125: the third leaves less than 0.2.
-    let stopping = |keeps_last| frame::Sheets { each: Each::Splat, ratio: Vec::new(), stop: (1 << 20) / 5, keeps_last, ..rules() };
+    let stopping = |keeps_last| frame::Sheets {
+        each: Each::Splat,
+        ratio: Vec::new(),
+        stop: (1 << 20) / 5,
+        keeps_last,
+        ..rules()
+    };
     let (decisions, composite) = drawn(&stopping(false), &half);
     assert_eq!(decisions[2..], [Decision::Dropped; 2]);
-    assert!(close(composite, [0.5, 0.0, 0.25, 0.75], 1e-5), "{composite:?}");
+    assert!(
+        close(composite, [0.5, 0.0, 0.25, 0.75], 1e-5),
+        "{composite:?}"
+    );
     let (decisions, composite) = drawn(&stopping(true), &half);
     assert_eq!(decisions[2..], [Decision::Merged(0, 1), Decision::Dropped]);
-    assert!(close(composite, [0.625, 0.0, 0.25, 0.875], 1e-5), "{composite:?}");
+    assert!(
+        close(composite, [0.625, 0.0, 0.25, 0.875], 1e-5),
+        "{composite:?}"
+    );
     // A slice is blended when the next one comes, which then is too late.
-    let slices = frame::Sheets { each: Each::Slice, ratio: ratio(linear), ..stopping(true) };
+    let slices = frame::Sheets {
+        each: Each::Slice,
+        ratio: ratio(linear),
+        ..stopping(true)
+    };
     let (decisions, composite) = drawn(&slices, &half);
     assert_eq!(decisions[3], Decision::Dropped);
-    assert!(close(composite, [0.625, 0.0, 0.25, 0.875], 1e-5), "{composite:?}");
+    assert!(
+        close(composite, [0.625, 0.0, 0.25, 0.875], 1e-5),
+        "{composite:?}"
+    );
 }

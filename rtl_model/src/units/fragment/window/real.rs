@@ -1,4 +1,5 @@
-//! Windows over the reals: how far what is blended into a closed slot, and what is seen through others, may lie from the exact.
+//! Windows over the reals: how far what is blended into a closed slot, and what is seen through
+//! others, may lie from the exact.
 //!
 //! ```text
 //! quotient  n/d: the share of n that goes with d normalised ½p(share), 1/d: ε, the fit: ½p(part); anything from 0 to 1 where d may be 0
@@ -8,7 +9,8 @@
 //! ```
 //! Depths are compared exactly: what of them a caller needs it knows.
 //!
-//! Laws: those of the whole, `no_pixel_of_a_machine_of_windows_exceeds_its_bound` (tests/windows.rs).
+//! Laws: those of the whole, `no_pixel_of_a_machine_of_windows_exceeds_its_bound`
+//! (tests/windows.rs).
 
 use super::{Fragment, WindowRegisters, Windows};
 use crate::functions::Table;
@@ -52,23 +54,34 @@ pub struct Tables {
 impl Tables {
     /// Of a function that rises without turning down.
     pub fn new(registers: &WindowRegisters, range: f64, density: fn(f64) -> f64) -> Self {
-        Tables { density, density_errors: errors(&registers.density, range, density) }
+        Tables {
+            density,
+            density_errors: errors(&registers.density, range, density),
+        }
     }
 
     /// Greatest error for an argument that may lie a step beside this one.
     fn density_error(&self, part: f64) -> f64 {
         let steps = self.density_errors.len();
         let at = ((part * steps as f64).max(0.0) as usize).min(steps - 1);
-        self.density_errors[at.saturating_sub(1)..=(at + 1).min(steps - 1)].iter().copied().fold(0.0, f64::max)
+        self.density_errors[at.saturating_sub(1)..=(at + 1).min(steps - 1)]
+            .iter()
+            .copied()
+            .fold(0.0, f64::max)
     }
 }
 
-/// How far a table may be from a function that rises: no farther than this rises in a step, and half a place for its words.
+/// How far a table may be from a function that rises: no farther than this rises in a step, and
+/// half a place for its words.
 fn errors(table: &Table, range: f64, function: fn(f64) -> f64) -> Vec<f64> {
-    let (width, place) = (table.step() * range, power_of_two(-table.fit().word.format.frac_bits));
+    let (width, place) = (
+        table.step() * range,
+        power_of_two(-table.fit().word.format.frac_bits),
+    );
     let steps = (1.0 / table.step()).round() as usize;
     let error = |step: usize| {
-        let [low, middle, high] = [0.0, 0.5, 1.0].map(|part| function((step as f64 + part) * width));
+        let [low, middle, high] =
+            [0.0, 0.5, 1.0].map(|part| function((step as f64 + part) * width));
         let most = table.fit().word.format.value(table.fit().word.format.max());
         // A word that cannot hold the value is off by all that is beyond it.
         let beyond = (high - most).max(0.0);
@@ -86,8 +99,14 @@ impl Windows {
     fn real_quotient<R: Real>(&self, numerator: R, denominator: R, share: &Fit) -> R {
         let zero = numerator.beside(0.0);
         let divide = || {
-            let quotient = numerator.divided_by(denominator).share(share, denominator).restored(&self.reciprocal, denominator);
-            [quotient.fit(&self.part, Scale::ONE).at_most(1.0).at_least(0.0)]
+            let quotient = numerator
+                .divided_by(denominator)
+                .share(share, denominator)
+                .restored(&self.reciprocal, denominator);
+            [quotient
+                .fit(&self.part, Scale::ONE)
+                .at_most(1.0)
+                .at_least(0.0)]
         };
         let [quotient] = (-numerator).branch(zero, || [zero], divide);
         quotient
@@ -96,7 +115,9 @@ impl Windows {
 
 impl Fragment {
     fn real_windows(&self) -> &Windows {
-        self.windows.as_ref().expect("fragments that are grouped by windows")
+        self.windows
+            .as_ref()
+            .expect("fragments that are grouped by windows")
     }
 
     /// Opacity of sums: Σw·α/max(W, τ).
@@ -117,7 +138,12 @@ impl Fragment {
 
     /// 1 − A, as TF is kept, of a shaded opacity.
     pub fn real_rest<R: Real>(&self, opacity: R) -> R {
-        (opacity.beside(1.0) - opacity).refit(self.premultiplied_frac_bits as i32, &self.real_windows().rest).at_least(0.0)
+        (opacity.beside(1.0) - opacity)
+            .refit(
+                self.premultiplied_frac_bits as i32,
+                &self.real_windows().rest,
+            )
+            .at_least(0.0)
     }
 
     /// Σw of a closed slot's part after one more contribution.
@@ -148,7 +174,11 @@ impl Fragment {
     /// A slot that was shaded and closes, from what shade answers.
     pub fn real_closed<R: Real>(&self, shaded: [R; 4], weight: R) -> Closed<R> {
         let through = [self.real_rest(shaded[3]), weight.beside(1.0)];
-        Closed { light: self.real_stored_words(shaded), weights: [weight; 2], through }
+        Closed {
+            light: self.real_stored_words(shaded),
+            weights: [weight; 2],
+            through,
+        }
     }
 
     /// Words that a slot holds of a fragment that was shaded.
@@ -160,11 +190,17 @@ impl Fragment {
     }
 
     /// Another closed slot behind this one; whether it reaches farther back.
-    pub fn real_put_behind<R: Real>(&self, front: &mut Closed<R>, back: &Closed<R>, is_farther: bool) {
+    pub fn real_put_behind<R: Real>(
+        &self,
+        front: &mut Closed<R>,
+        back: &Closed<R>,
+        is_farther: bool,
+    ) {
         let (over, under) = (self.real_read(front.light), self.real_read(back.light));
         if is_farther {
             let through = (over[3].beside(1.0) - over[3]).at_least(0.0);
-            front.through[1] = (back.through[1] * through).fit(&self.real_windows().dimmed[1], Scale::ONE);
+            front.through[1] =
+                (back.through[1] * through).fit(&self.real_windows().dimmed[1], Scale::ONE);
             front.weights[1] = back.weights[1];
         }
         front.light = self.real_blend(over, under);
@@ -182,31 +218,60 @@ impl Fragment {
         }
         let lost = own.real_quotient(x[3] * (seen - through), light[3], &own.shares[2]);
         let behind = (one - x[3]).at_least(0.0);
-        let [r, g, b] = [0, 1, 2].map(|i| (light[i] - light[i] * lost + x[i] * seen).fit(&own.within[0], Scale::ONE));
+        let [r, g, b] = [0, 1, 2]
+            .map(|i| (light[i] - light[i] * lost + x[i] * seen).fit(&own.within[0], Scale::ONE));
         let opacity = one - (one - light[3]).at_least(0.0) * behind;
         slot.light = [r, g, b, opacity.fit(&own.within[1], Scale::ONE)];
         slot.through[1] = (slot.through[1] * behind).fit(&own.dimmed[1], Scale::ONE);
     }
 
-    /// A contribution by itself, as what lies inside of a closed slot; `opacity` is α as the scene has it.
-    pub fn real_splat_inside<R: Real>(&self, single: &Single<R>, opacity: f64, registers: &WindowRegisters, tables: &Tables) -> [R; 4] {
+    /// A contribution by itself, as what lies inside of a closed slot; `opacity` is α as the scene
+    /// has it.
+    pub fn real_splat_inside<R: Real>(
+        &self,
+        single: &Single<R>,
+        opacity: f64,
+        registers: &WindowRegisters,
+        tables: &Tables,
+    ) -> [R; 4] {
         let own = self.real_windows();
         let range = power_of_two(own.opacity_range);
         let error = tables.density_error(opacity / range);
-        let density = single.opacity.table(&registers.density, range, tables.density, error).fit(&own.density, Scale::ONE);
+        let density = single
+            .opacity
+            .table(&registers.density, range, tables.density, error)
+            .fit(&own.density, Scale::ONE);
         let x = (single.weight * density).fit(&own.index, Scale::ONE);
         let range = power_of_two(own.index.word.format.int_bits);
         let hidden = &registers.hidden;
         // 1 − e^(−x) and its derivatives are at most 1.
-        let error = crate::functions::table::real::error(hidden.fit(), hidden.interpolation(), hidden.step() * range, 1.0, 1.0);
-        let hidden = x.table(hidden, range, |x| -(-x).exp_m1(), error).fit(&own.hidden, Scale::ONE);
-        let opacity = hidden.refit(own.hidden.word.format.frac_bits, &own.splat[0]).at_most(1.0);
-        let [r, g, b] = single.light.map(|channel| (channel * opacity).fit(&own.splat[1], Scale::ONE));
+        let error = crate::functions::table::real::error(
+            hidden.fit(),
+            hidden.interpolation(),
+            hidden.step() * range,
+            1.0,
+            1.0,
+        );
+        let hidden = x
+            .table(hidden, range, |x| -(-x).exp_m1(), error)
+            .fit(&own.hidden, Scale::ONE);
+        let opacity = hidden
+            .refit(own.hidden.word.format.frac_bits, &own.splat[0])
+            .at_most(1.0);
+        let [r, g, b] = single
+            .light
+            .map(|channel| (channel * opacity).fit(&own.splat[1], Scale::ONE));
         [r, g, b, opacity]
     }
 
     /// A late contribution, to the front (0) or the back (1) of a closed slot.
-    pub fn real_late<R: Real>(&self, slot: &mut Closed<R>, side: usize, single: &Single<R>, coverage_threshold: R) {
+    pub fn real_late<R: Real>(
+        &self,
+        slot: &mut Closed<R>,
+        side: usize,
+        single: &Single<R>,
+        coverage_threshold: R,
+    ) {
         let own = self.real_windows();
         let had = slot.weights[side];
         let (zero, one) = (had.beside(0.0), had.beside(1.0));
@@ -218,7 +283,11 @@ impl Fragment {
         let light = self.real_read(slot.light);
         let colour = |share: R, behind: bool, fit: &Fit| {
             [0, 1, 2].map(|i| {
-                let own = if behind { single.light[i] } else { single.light[i] - light[i] };
+                let own = if behind {
+                    single.light[i]
+                } else {
+                    single.light[i] - light[i]
+                };
                 (light[i] + own * share).fit(fit, Scale::ONE)
             })
         };
@@ -226,10 +295,18 @@ impl Fragment {
             for kept in &mut slot.through {
                 *kept = (*kept * (one - share)).fit(&own.dimmed[0], Scale::ONE);
             }
-            (colour(share, false, &own.over[0]), (one - (one - light[3]) * (one - share)).fit(&own.over[1], Scale::ONE))
+            (
+                colour(share, false, &own.over[0]),
+                (one - (one - light[3]) * (one - share)).fit(&own.over[1], Scale::ONE),
+            )
         } else {
-            let seen = (share * (one - light[3]).at_least(0.0)).fit(&own.under, Scale::ONE).at_most(1.0);
-            (colour(seen, true, &own.beneath[0]), (light[3] + seen).fit(&own.beneath[1], Scale::ONE))
+            let seen = (share * (one - light[3]).at_least(0.0))
+                .fit(&own.under, Scale::ONE)
+                .at_most(1.0);
+            (
+                colour(seen, true, &own.beneath[0]),
+                (light[3] + seen).fit(&own.beneath[1], Scale::ONE),
+            )
         };
         let [r, g, b] = colour;
         slot.light = [r, g, b, opacity];

@@ -16,7 +16,11 @@ fn premultiplied(rng: &mut Rng, word: Word, off: u64) -> ([f64; 4], [i64; 4], [N
         let off = rng.below(2 * off + 1) as i64 - off as i64;
         (held(word, part).0 + off).clamp(0, word.format.one())
     });
-    (exact, words, std::array::from_fn(|i| Near::held(exact[i], word, words[i])))
+    (
+        exact,
+        words,
+        std::array::from_fn(|i| Near::held(exact[i], word, words[i])),
+    )
 }
 
 /// Front over back, layer after layer.
@@ -31,14 +35,40 @@ fn exact(layers: &[[f64; 4]], background: [f64; 4]) -> [f64; 4] {
 
 /// The machine's frame word, what it should be, and the bound.
 fn blend(rng: &mut Rng, machine: &Elaborated, layers: u64, off: u64) -> [(f64, f64, Near); 4] {
-    let Elaborated { machine, resolve: unit, .. } = machine;
-    let layers: Vec<_> = (0..layers).map(|_| premultiplied(rng, machine.shade.premultiplied, off)).collect();
+    let Elaborated {
+        machine,
+        resolve: unit,
+        ..
+    } = machine;
+    let layers: Vec<_> = (0..layers)
+        .map(|_| premultiplied(rng, machine.shade.premultiplied, off))
+        .collect();
     let background = premultiplied(rng, machine.resolve.frame, 0);
-    let words = layers.iter().map(|(_, w, _)| Layer { colour: [w[0], w[1], w[2]], opacity: w[3], ..Layer::default() });
-    let own = unit.one(&words.collect::<Vec<_>>(), background.1, &mut Tap::new(&mut NoProbe));
-    let exact = exact(&layers.iter().map(|layer| layer.0).collect::<Vec<_>>(), background.0);
-    let bound = unit.real(&layers.iter().map(|layer| layer.2).collect::<Vec<_>>(), background.2);
-    std::array::from_fn(|i| (machine.resolve.frame.format.value(own[i]), exact[i], bound[i]))
+    let words = layers.iter().map(|(_, w, _)| Layer {
+        colour: [w[0], w[1], w[2]],
+        opacity: w[3],
+        ..Layer::default()
+    });
+    let own = unit.one(
+        &words.collect::<Vec<_>>(),
+        background.1,
+        &mut Tap::new(&mut NoProbe),
+    );
+    let exact = exact(
+        &layers.iter().map(|layer| layer.0).collect::<Vec<_>>(),
+        background.0,
+    );
+    let bound = unit.real(
+        &layers.iter().map(|layer| layer.2).collect::<Vec<_>>(),
+        background.2,
+    );
+    std::array::from_fn(|i| {
+        (
+            machine.resolve.frame.format.value(own[i]),
+            exact[i],
+            bound[i],
+        )
+    })
 }
 
 #[test]
@@ -72,7 +102,10 @@ fn the_bound_of_blending_is_tight() {
                     }
                 }
             }
-            assert!(of_frame.is_tight(0.6, 0.15), "{name}, {layers} layers: {of_frame:?}");
+            assert!(
+                of_frame.is_tight(0.6, 0.15),
+                "{name}, {layers} layers: {of_frame:?}"
+            );
         }
     }
 }

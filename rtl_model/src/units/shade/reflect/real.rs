@@ -44,7 +44,8 @@ impl Reflect {
         RealMap::new(&self.map, exact, words)
     }
 
-    /// The colour that leaves a surface, at most 1; `at` is the pixel's centre from the middle of the picture.
+    /// The colour that leaves a surface, at most 1; `at` is the pixel's centre from the middle of
+    /// the picture.
     pub fn real<R: Real>(
         &self,
         surroundings: &Surroundings<R>,
@@ -57,10 +58,19 @@ impl Reflect {
         let place = self.real_place(self.real_direction(surroundings, at, normal));
         let light = R::look_up(place, &surroundings.map);
         let one = R::constant(1.0);
-        std::array::from_fn(|i| (colour[i] * mirror.kept + light[i] * mirror.mirrored[i]).min(one).fit(&self.colour, Scale::ONE))
+        std::array::from_fn(|i| {
+            (colour[i] * mirror.kept + light[i] * mirror.mirrored[i])
+                .min(one)
+                .fit(&self.colour, Scale::ONE)
+        })
     }
 
-    fn real_direction<R: Real>(&self, surroundings: &Surroundings<R>, at: [f64; 2], normal: &Direction<R>) -> [R; 3] {
+    fn real_direction<R: Real>(
+        &self,
+        surroundings: &Surroundings<R>,
+        at: [f64; 2],
+        normal: &Direction<R>,
+    ) -> [R; 3] {
         let [zero, one] = [0.0, 1.0].map(R::constant);
         let [a, b] = match self.sight {
             Sight::Axis => [zero; 2],
@@ -72,14 +82,21 @@ impl Reflect {
         let seen = [a, b, one];
         let facing = (-R::dot(normal, seen)).fit(&self.facing, Scale::ONE);
         let axes = [[one, zero, zero], [zero, one, zero], [zero, zero, one]];
-        std::array::from_fn(|i| ((facing * R::dot(normal, axes[i])).times(2.0) + seen[i]).fit(&self.direction, Scale::ONE))
+        std::array::from_fn(|i| {
+            ((facing * R::dot(normal, axes[i])).times(2.0) + seen[i])
+                .fit(&self.direction, Scale::ONE)
+        })
     }
 
     fn real_place<R: Real>(&self, [x, y, z]: [R; 3]) -> [R; 2] {
         let [zero, one] = [0.0, 1.0].map(R::constant);
         let sum = (x.abs() + y.abs() + z.abs()).at_least_a_place(&self.direction, Scale::ONE);
         let inverse = sum.reciprocal(&self.reciprocal);
-        let near = [x, y].map(|part| (part.abs() * inverse).fit(&self.coordinate, Scale::ONE).at_most(1.0));
+        let near = [x, y].map(|part| {
+            (part.abs() * inverse)
+                .fit(&self.coordinate, Scale::ONE)
+                .at_most(1.0)
+        });
         let [across, down] = z.branch(zero, || [one - near[1], one - near[0]], || near);
         [(x, across), (y, down)].map(|(part, coordinate)| {
             let [signed] = part.branch(zero, || [coordinate], || [-coordinate]);

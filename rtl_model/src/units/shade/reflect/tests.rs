@@ -9,24 +9,43 @@ use proptest::prelude::*;
 
 /// A machine with wide words.
 fn machine(sight: Sight) -> Machine {
-    let word = |signed: bool, int_bits: i32, frac_bits: i32| Word::new(Format { signed, int_bits, frac_bits });
+    let word = |signed: bool, int_bits: i32, frac_bits: i32| {
+        Word::new(Format {
+            signed,
+            int_bits,
+            frac_bits,
+        })
+    };
     let reflect = Description {
         sight,
         slope: Some(word(true, 2, 20)),
         facing: word(true, 2, 20),
         direction: word(true, 3, 20),
-        reciprocal: FunctionUnit { table_bits: 8, newton_steps: 2, bits: 24 },
+        reciprocal: FunctionUnit {
+            table_bits: 8,
+            newton_steps: 2,
+            bits: 24,
+        },
         coordinate: word(false, 1, 20),
         index_bits: 5,
         fraction: word(false, 1, 12),
         light: word(false, 1, 16),
         reflectance: word(false, 1, 16),
     };
-    Machine { reflect: Some(reflect), ..Machine::named("reference").unwrap() }
+    Machine {
+        reflect: Some(reflect),
+        ..Machine::named("reference").unwrap()
+    }
 }
 
 fn unit(machine: &Machine) -> Reflect {
-    machine.elaborate().unwrap().shade.reflect().unwrap().clone()
+    machine
+        .elaborate()
+        .unwrap()
+        .shade
+        .reflect()
+        .unwrap()
+        .clone()
 }
 
 fn mirror(kept: i64, mirrored: [i64; 3]) -> Vec<Mirror> {
@@ -109,6 +128,12 @@ fn a_place_is_that_of_its_direction() {
         ([0, 0, 0], [2 * one, 2 * one]),
     ] {
         let found = unit.place(direction, tap);
-        assert!(found.iter().zip(place).all(|(found, place)| (found - place).abs() <= 64), "{direction:?}: {found:?} instead of {place:?}");
+        assert!(
+            found
+                .iter()
+                .zip(place)
+                .all(|(found, place)| (found - place).abs() <= 64),
+            "{direction:?}: {found:?} instead of {place:?}"
+        );
     }
 }
