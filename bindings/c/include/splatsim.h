@@ -79,7 +79,8 @@ extern "C" {
 splatsim_machine *splatsim_machine_open(const char *name_or_path);
 
 /*
- The machine that a JSON text of `length` bytes describes, as a machine file does. NULL where it describes none.
+ The machine that a JSON text of `length` bytes describes, as a machine file does. NULL where it
+ describes none.
 
  # Safety
  `json` is NULL or points to `length` bytes.
@@ -87,25 +88,24 @@ splatsim_machine *splatsim_machine_open(const char *name_or_path);
 splatsim_machine *splatsim_machine_from_json(const char *json, size_t length);
 
 /*
- Changes a field, as in "gauss.weight=U-2F12". 0, or -1 where the machine has no such field or cannot be built with it: it then stays as it
- was. Units and drawings that were made before keep the machine that they were made with.
+ Changes a field, as in "gauss.weight=U-2F12". 0, or -1 where the machine has no such field or
+ cannot be built with it: it then stays as it was. Units and drawings that were made before keep
+ the machine that they were made with.
 
  # Safety
  `machine` is NULL or a machine, `setting` NULL or a string that ends in 0.
  */
-int splatsim_machine_set(splatsim_machine *machine,
-                         const char *setting);
+int splatsim_machine_set(splatsim_machine *machine, const char *setting);
 
 /*
- Writes the machine as JSON, and a 0, into `text` if `capacity` is greater than the count that is returned: bytes without the 0. -1 on
- failure.
+ Writes the machine as JSON, and a 0, into `text` if `capacity` is greater than the count that is
+ returned: bytes without the 0. -1 on failure.
 
  # Safety
- `machine` is NULL or a machine; `text` is NULL, with capacity 0, or has room for `capacity` bytes.
+ `machine` is NULL or a machine; `text` is NULL, with capacity 0, or has room for `capacity`
+ bytes.
  */
-ptrdiff_t splatsim_machine_json(const splatsim_machine *machine,
-                                char *text,
-                                size_t capacity);
+ptrdiff_t splatsim_machine_json(const splatsim_machine *machine, char *text, size_t capacity);
 
 /*
  Frees a machine; NULL is nothing.
@@ -116,15 +116,13 @@ ptrdiff_t splatsim_machine_json(const splatsim_machine *machine,
 void splatsim_machine_free(splatsim_machine *machine);
 
 /*
- A scene's file, a cloud, a volume or a built-in name, such as "glass-spheres"; in a picture of so many columns and rows, or, where one is 0,
- of its own size. NULL where it cannot be read.
+ A scene's file, a cloud, a volume or a built-in name, such as "glass-spheres"; in a picture of
+ so many columns and rows, or, where one is 0, of its own size. NULL where it cannot be read.
 
  # Safety
  `name_or_path` is NULL or a string that ends in 0.
  */
-splatsim_scene *splatsim_scene_open(const char *name_or_path,
-                                    uint32_t width,
-                                    uint32_t height);
+splatsim_scene *splatsim_scene_open(const char *name_or_path, uint32_t width, uint32_t height);
 
 /*
  Frees a scene; NULL is nothing.
@@ -151,27 +149,25 @@ splatsim_drawing *splatsim_draw(const splatsim_machine *machine, const splatsim_
 int splatsim_drawing_size(const splatsim_drawing *drawing, uint32_t *width, uint32_t *height);
 
 /*
- Writes one of the pictures, SPLATSIM_FIXED and so on, into `rgba`: linear light, premultiplied, four numbers a pixel, row by row from the
- top. `count` must be 4 * width * height. 0, or -1 on failure.
+ Writes one of the pictures, SPLATSIM_FIXED and so on, into `rgba`: linear light, premultiplied,
+ four numbers a pixel, row by row from the top. `count` must be 4 * width * height. 0, or -1 on
+ failure.
 
  # Safety
- `drawing` is NULL or a drawing, `rgba` NULL or a place for `count` numbers, which nobody else uses meanwhile.
+ `drawing` is NULL or a drawing, `rgba` NULL or a place for `count` numbers, which nobody else
+ uses meanwhile.
  */
-int splatsim_picture(const splatsim_drawing *drawing,
-                     int which,
-                     double *rgba,
-                     size_t count);
+int splatsim_picture(const splatsim_drawing *drawing, int which, double *rgba, size_t count);
 
 /*
- Writes the report as JSON, as `report.json` has it, and a 0, into `text` if `capacity` is greater than the count that is returned: bytes
- without the 0. -1 on failure.
+ Writes the report as JSON, as `report.json` has it, and a 0, into `text` if `capacity` is
+ greater than the count that is returned: bytes without the 0. -1 on failure.
 
  # Safety
- `drawing` is NULL or a drawing; `text` is NULL, with capacity 0, or has room for `capacity` bytes.
+ `drawing` is NULL or a drawing; `text` is NULL, with capacity 0, or has room for `capacity`
+ bytes.
  */
-ptrdiff_t splatsim_report_json(const splatsim_drawing *drawing,
-                               char *text,
-                               size_t capacity);
+ptrdiff_t splatsim_report_json(const splatsim_drawing *drawing, char *text, size_t capacity);
 
 /*
  Frees a drawing; NULL is nothing.
@@ -182,7 +178,8 @@ ptrdiff_t splatsim_report_json(const splatsim_drawing *drawing,
 void splatsim_drawing_free(splatsim_drawing *drawing);
 
 /*
- What went wrong last in this thread, in a sentence; empty if nothing has. It stays until the thread's next failure.
+ What went wrong last in this thread, in a sentence; empty if nothing has. It stays until the
+ thread's next failure.
  */
 const char *splatsim_last_error(void);
 
@@ -192,8 +189,9 @@ const char *splatsim_last_error(void);
 const char *splatsim_version(void);
 
 /*
- The unit of a machine by its name, such as "raster", with registers, lights and materials of a scene. Random records depend on `seed`. NULL
- where there is no such unit. Machine and scene may be freed before it is.
+ The unit of a machine by its name, such as "raster", with registers, lights and materials of a
+ scene. Random records depend on `seed`. NULL where there is no such unit. Machine and scene may
+ be freed before it is.
 
  # Safety
  All are NULL or what their types say.
@@ -212,7 +210,8 @@ splatsim_unit *splatsim_unit_new(const splatsim_machine *machine,
 void splatsim_unit_free(splatsim_unit *unit);
 
 /*
- Words of a record of a port, SPLATSIM_IN and so on: one for each field. -1 where the unit has no such port.
+ Words of a record of a port, SPLATSIM_IN and so on: one for each field. -1 where the unit has no
+ such port.
 
  # Safety
  `unit` is NULL or a unit.
@@ -228,28 +227,25 @@ ptrdiff_t splatsim_unit_fields(const splatsim_unit *unit, int port);
 ptrdiff_t splatsim_unit_width(const splatsim_unit *unit, int port);
 
 /*
- Writes a field's name, and a 0, into `text` if `capacity` is greater than the count that is returned: bytes without the 0. -1 on failure.
+ Writes a field's name, and a 0, into `text` if `capacity` is greater than the count that is
+ returned: bytes without the 0. -1 on failure.
 
  # Safety
  `unit` is NULL or a unit; `text` is NULL, with capacity 0, or has room for `capacity` bytes.
  */
-ptrdiff_t splatsim_unit_field(const splatsim_unit *unit,
-                              int port,
-                              size_t field,
-                              char *text,
-                              size_t capacity);
+ptrdiff_t splatsim_unit_field(const splatsim_unit *unit, int port, size_t field, char *text, size_t capacity);
 
 /*
- Gives the unit a record, a word for each field. What comes of it waits until it is taken (`splatsim_unit_next`) or compared, at every port:
- fragment's requests and answers too, which grow in number where nobody takes them. The number of records that wait at SPLATSIM_OUT, or -1
+ Gives the unit a record, a word for each field. What comes of it waits until it is taken
+ (`splatsim_unit_next`) or compared, at every port: fragment's requests and answers too, which
+ grow in number where nobody takes them. The number of records that wait at SPLATSIM_OUT, or -1
  where the unit was never given such a record: nothing has happened then.
 
  # Safety
- `unit` is NULL or a unit, `words` NULL or a pointer to `count` words that were written, which nobody changes meanwhile.
+ `unit` is NULL or a unit, `words` NULL or a pointer to `count` words that were written, which
+ nobody changes meanwhile.
  */
-ptrdiff_t splatsim_unit_step(splatsim_unit *unit,
-                             const int64_t *words,
-                             size_t count);
+ptrdiff_t splatsim_unit_step(splatsim_unit *unit, const int64_t *words, size_t count);
 
 /*
  The same with a record as a trace's line has it, in 32-bit words, the least significant first.
@@ -260,8 +256,9 @@ ptrdiff_t splatsim_unit_step(splatsim_unit *unit,
 ptrdiff_t splatsim_unit_step_bits(splatsim_unit *unit, const uint32_t *words, size_t count);
 
 /*
- Ends a frame: fragment gives what it holds, sort what it has sorted, and both are empty. The number of records that wait at SPLATSIM_OUT and
- SPLATSIM_HELD, or -1 where a pixel's last layer is missing.
+ Ends a frame: fragment gives what it holds, sort what it has sorted, and both are empty. The
+ number of records that wait at SPLATSIM_OUT and SPLATSIM_HELD, or -1 where a pixel's last layer
+ is missing.
 
  # Safety
  `unit` is NULL or a unit.
@@ -277,15 +274,14 @@ ptrdiff_t splatsim_unit_end(splatsim_unit *unit);
 ptrdiff_t splatsim_unit_waiting(const splatsim_unit *unit, int port);
 
 /*
- Takes the record that has waited longest at a port. `count` must be its number of fields. 1, or 0 where none waits, or -1 on failure.
+ Takes the record that has waited longest at a port. `count` must be its number of fields. 1, or
+ 0 where none waits, or -1 on failure.
 
  # Safety
- `unit` is NULL or a unit, `words` NULL or a place for `count` words, which nobody else uses meanwhile.
+ `unit` is NULL or a unit, `words` NULL or a place for `count` words, which nobody else uses
+ meanwhile.
  */
-int splatsim_unit_next(splatsim_unit *unit,
-                       int port,
-                       int64_t *words,
-                       size_t count);
+int splatsim_unit_next(splatsim_unit *unit, int port, int64_t *words, size_t count);
 
 /*
  The same as 32-bit words, the least significant first; 0 above the record.
@@ -296,17 +292,16 @@ int splatsim_unit_next(splatsim_unit *unit,
 int splatsim_unit_next_bits(splatsim_unit *unit, int port, uint32_t *words, size_t count);
 
 /*
- Compares a device's record with the one that has waited longest at a port (where order counts at each pixel only, at its pixel), and takes
- that away. `count` must be its number of fields. What means nothing in a record is not compared. 0 where they are equal, 1 where they
- differ: `splatsim_last_error` says how; -1 on failure: nothing is taken then.
+ Compares a device's record with the one that has waited longest at a port (where order counts at
+ each pixel only, at its pixel), and takes that away. `count` must be its number of fields. What
+ means nothing in a record is not compared. 0 where they are equal, 1 where they differ:
+ `splatsim_last_error` says how; -1 on failure: nothing is taken then.
 
  # Safety
- `unit` is NULL or a unit, `words` NULL or a pointer to `count` words that were written, which nobody changes meanwhile.
+ `unit` is NULL or a unit, `words` NULL or a pointer to `count` words that were written, which
+ nobody changes meanwhile.
  */
-int splatsim_unit_compare(splatsim_unit *unit,
-                          int port,
-                          const int64_t *words,
-                          size_t count);
+int splatsim_unit_compare(splatsim_unit *unit, int port, const int64_t *words, size_t count);
 
 /*
  The same with a record in 32-bit words, the least significant first.
@@ -317,15 +312,14 @@ int splatsim_unit_compare(splatsim_unit *unit,
 int splatsim_unit_compare_bits(splatsim_unit *unit, int port, const uint32_t *words, size_t count);
 
 /*
- Makes up a record that the unit may be given: corners and thresholds on purpose, then random ones, for ever. `count` must be its number of
- fields. 0, or -1 on failure.
+ Makes up a record that the unit may be given: corners and thresholds on purpose, then random
+ ones, for ever. `count` must be its number of fields. 0, or -1 on failure.
 
  # Safety
- `unit` is NULL or a unit, `words` NULL or a place for `count` words, which nobody else uses meanwhile.
+ `unit` is NULL or a unit, `words` NULL or a place for `count` words, which nobody else uses
+ meanwhile.
  */
-int splatsim_unit_random(splatsim_unit *unit,
-                         int64_t *words,
-                         size_t count);
+int splatsim_unit_random(splatsim_unit *unit, int64_t *words, size_t count);
 
 /*
  The same as 32-bit words, the least significant first; 0 above the record.
@@ -336,11 +330,13 @@ int splatsim_unit_random(splatsim_unit *unit,
 int splatsim_unit_random_bits(splatsim_unit *unit, uint32_t *words, size_t count);
 
 /*
- Record `number` of what is constant in a frame ("frame", "light", "material" or "reflection"), as 32-bit words, the least significant first;
- 0 above the record. 1, or 0 where there is none of this number, or -1 on failure.
+ Record `number` of what is constant in a frame ("frame", "light", "material" or "reflection"),
+ as 32-bit words, the least significant first; 0 above the record. 1, or 0 where there is none of
+ this number, or -1 on failure.
 
  # Safety
- `unit` is NULL or a unit, `name` NULL or a string that ends in 0, `words` NULL or a place for `count` words, which nobody else uses meanwhile.
+ `unit` is NULL or a unit, `name` NULL or a string that ends in 0, `words` NULL or a place for
+ `count` words, which nobody else uses meanwhile.
  */
 int splatsim_unit_constant_bits(const splatsim_unit *unit,
                                 const char *name,
