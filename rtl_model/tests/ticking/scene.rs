@@ -278,7 +278,13 @@ impl Scene {
         // some that are equal.
         let rng = &mut Rng(rng.0 ^ 0x5047);
         let most = [1, 3, 1 << 10, (1 << 24) / (order.len() as u64 + 1)][rng.below(4) as usize];
-        let mut keys = vec![0; self.splats.len()];
+        // Where nothing is drawn there is no order, and no key.
+        let splats = if order.is_empty() {
+            0
+        } else {
+            self.splats.len()
+        };
+        let mut keys = vec![0; splats];
         let mut key = rng.below(1 << 10) as u32;
         for (nth, place) in order.iter().enumerate() {
             let comes_later = nth > 0 && order[nth - 1] < *place;

@@ -458,7 +458,8 @@ mod tests {
             "",
         )
         .unwrap();
-        let of_some: Vec<String> = [&machine, &immediate]
+        let sorting = machines::load("gaussian", &["sort.kind=hierarchical".into()]).unwrap();
+        let of_some: Vec<String> = [&machine, &immediate, &sorting]
             .into_iter()
             .flat_map(usual)
             .map(|field| field.field)
@@ -471,7 +472,7 @@ mod tests {
             );
             assert_eq!(given::reason(field), None, "{field}");
         }
-        for machine in [&machine, &immediate] {
+        for machine in [&machine, &immediate, &sorting] {
             knobs(machine, &usual(machine)).unwrap();
         }
     }
