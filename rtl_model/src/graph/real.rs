@@ -2,7 +2,7 @@
 //!
 //! Every wire has its value, whatever power it is relative to; a fit's last place depends on that
 //! power, which is known from the value that a normaliser, a reciprocal or a root was given. What
-//! the host alone needs ([`Operator::Guarded`]) and conditions are not there.
+//! the host alone needs (`Operator::Guarded`) and conditions are not there.
 
 use super::{Asked, Graph, Node, Operator, Power, Wire};
 use crate::functions::Table;
