@@ -484,6 +484,19 @@ impl<P: Probe> Run<'_, '_, P> {
                 }
             };
         }
+        // 1/x or 1/√x of a wire, and its exponent.
+        macro_rules! inverse {
+            ($unit:expr, $from:expr, $to:expr, $exponent:expr) => {{
+                let (unit, to, exponent) = (&$unit, &words[$to], &words[$exponent]);
+                from!($from);
+                for row in 0..rows {
+                    tap.item(row, live[row]);
+                    let inverse = unit.lanes(made[row], tap);
+                    to[row].set(inverse.mantissa.to_array());
+                    exponent[row].set(inverse.exponent.to_array());
+                }
+            }};
+        }
         for step in &self.program.steps {
             match *step {
                 Step::Value {
@@ -685,31 +698,13 @@ impl<P: Probe> Run<'_, '_, P> {
                     unit,
                     to,
                     exponent,
-                } => {
-                    let (unit, to, exponent) = (&reciprocals[unit], &words[to], &words[exponent]);
-                    from!(from);
-                    for row in 0..rows {
-                        tap.item(row, live[row]);
-                        let inverse = unit.lanes(made[row], tap);
-                        to[row].set(inverse.mantissa.to_array());
-                        exponent[row].set(inverse.exponent.to_array());
-                    }
-                }
+                } => inverse!(reciprocals[unit], from, to, exponent),
                 Step::InverseRoot {
                     from,
                     unit,
                     to,
                     exponent,
-                } => {
-                    let (unit, to, exponent) = (&roots[unit], &words[to], &words[exponent]);
-                    from!(from);
-                    for row in 0..rows {
-                        tap.item(row, live[row]);
-                        let inverse = unit.lanes(made[row], tap);
-                        to[row].set(inverse.mantissa.to_array());
-                        exponent[row].set(inverse.exponent.to_array());
-                    }
-                }
+                } => inverse!(roots[unit], from, to, exponent),
                 Step::Root {
                     from,
                     unit,
