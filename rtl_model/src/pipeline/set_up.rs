@@ -1,7 +1,7 @@
 //! Set up: the first half of the pipeline, the graphs of project and ellipse over batches of
 //! splats.
 
-use super::shading::{emitted, emitting};
+use super::shading::{EmitEight, emitted, emitting};
 use super::{Culled, Elaborated, run};
 use crate::frame::{Ellipsoids, Frame, Orientation, Splat};
 use crate::functions::Table;
@@ -545,17 +545,52 @@ impl<'a> Lit<'a> {
         self.windows.as_ref().map_or(0, density)
     }
 
-    /// The port from setup to shade: the light that one splat sends.
+    /// The port from setup to shade: the light that each live one of eight splats sends, red, green
+    /// and blue. A call of its own, so that it is compiled once for all that set splats up.
     #[inline(never)]
+    fn emissions<P: Probe>(
+        &self,
+        splats: &[Splat],
+        first: u32,
+        normals: [[i32; LANES]; 3],
+        live: u8,
+        probe: &mut P,
+    ) -> [[i32; LANES]; 3] {
+        let lights = shade::LightRegisters::of(self.frame, &self.highlights);
+        let is_by_eight = !P::TRANSFERS
+            && lights.surroundings.is_none()
+            && self.machine.fragment.has_narrow_sums();
+        if is_by_eight {
+            return run::<P, _>(EmitEight {
+                machine: self.machine,
+                lights: &lights,
+                splats,
+                normals,
+                live,
+                probe,
+            });
+        }
+        let mut light = [[0; LANES]; 3];
+        for (lane, splat) in splats.iter().enumerate() {
+            if live & (1 << lane) != 0 {
+                let normal = normals.map(|part| part[lane]);
+                let rgb = self.emission(&lights, splat, first + lane as u32, normal, probe);
+                (0..3).for_each(|channel| light[channel][lane] = rgb[channel]);
+            }
+        }
+        light
+    }
+
+    /// The light that one splat sends.
     fn emission<P: Probe>(
         &self,
+        lights: &shade::LightRegisters,
         splat: &Splat,
         number: u32,
         normal: [i32; 3],
         probe: &mut P,
     ) -> [i32; 3] {
         let tap = &mut Tap::new(probe);
-        let lights = shade::LightRegisters::of(self.frame, &self.highlights);
         let input = emitting(self.machine, splat.rgb, normal, splat.material, tap);
         if P::WORK && lights.surroundings.is_some() {
             tap.probe.lit();
@@ -563,7 +598,7 @@ impl<'a> Lit<'a> {
         if P::TRANSFERS {
             tap.probe.shade_in();
         }
-        let output = self.machine.shade.one(&lights, &input, tap);
+        let output = self.machine.shade.one(lights, &input, tap);
         if P::TRANSFERS {
             tap.probe.shade_out(&input, &output);
         }
@@ -736,6 +771,13 @@ fn keep<W: Words, P: Probe>(
         o,
         W::splat(0),
     ]);
+    let light = match lit {
+        Some(lit) if left != 0 => {
+            let normals = made.normal.map(W::to_array);
+            lit.emissions(splats, first, normals, left, probe)
+        }
+        _ => [[0; LANES]; 3],
+    };
     for (lane, own) in splats.iter().enumerate() {
         if left & (1 << lane) == 0 {
             continue;
@@ -743,9 +785,8 @@ fn keep<W: Words, P: Probe>(
         let [x, y, xx, xy, yy, depth, z_x, z_y] = plane[lane].to_array();
         let [depth_range, columns, rows, amplitude, n, m, o, _] = rest[lane].to_array();
         if let Some(lit) = lit {
-            let light = lit.emission(own, first + lane as u32, [n, m, o], probe);
             out.emissions.push(Emission {
-                light,
+                light: light.map(|channel| channel[lane]),
                 density: lit.density(own, probe),
             });
         }

@@ -1,11 +1,13 @@
 //! Shading: the ports to shade, from setup, from fragment and from resolve.
 
 use super::Elaborated;
+use crate::frame::Splat;
 use crate::kernels::host::Kernel;
-use crate::num::{LANES, Lanes, three};
+use crate::num::{LANES, Lanes, Words, three};
 use crate::probe::{Probe, Tap};
 use crate::records::{Layer, NORMAL, OPACITY, Premultiplied, SUMS, Slot, WEIGHT};
 use crate::units::shade;
+use crate::units::shade::lanes::Fragments;
 
 /// A splat as shade is given it, where it is lit before it is drawn.
 pub(super) fn emitting<P: Probe>(
@@ -134,27 +136,106 @@ impl<P: Probe> Kernel for ShadeEight<'_, P> {
             inputs,
             probe,
         } = self;
-        // Beyond the last fragment, the last again: a lane that nobody looks at.
+        // Beyond the last fragment, the last again: a lane that is not observed.
         let all: [shade::Input; LANES] =
             std::array::from_fn(|lane| inputs[lane.min(inputs.len() - 1)]);
         let mut outputs = [shade::Output::default(); LANES];
-        let mut left = Tap::new(&mut *probe).first(inputs.len()).live;
-        // Mostly one material.
-        while left != 0 {
-            let material = all[left.trailing_zeros() as usize].material;
-            let is_same = all.map(|input| input.material == material);
-            let same = (0..LANES)
-                .filter(|lane| is_same[*lane])
-                .fold(0, |same, lane| same | 1 << lane)
-                & left;
+        let fragments = Fragments::<V::Words>::of(&all);
+        let by_material = ByMaterial {
+            materials: all.map(|input| input.material),
+            left: ((1u32 << inputs.len()) - 1) as u8,
+        };
+        for (material, same) in by_material {
             let tap = &mut Tap::new(&mut *probe);
             tap.live = same;
-            let shaded = shade.lanes::<V::Words, P>(lights, material, &all, tap);
-            (0..inputs.len())
-                .filter(|lane| is_same[*lane])
+            let shaded = shade.lanes(lights, material, fragments, tap).outputs();
+            (0..LANES)
+                .filter(|lane| same & 1 << lane != 0)
                 .for_each(|lane| outputs[lane] = shaded[lane]);
-            left &= !same;
         }
         outputs
+    }
+}
+
+/// Lights up to eight splats before they are drawn, on a machine whose sums have at most 32 bits.
+pub(super) struct EmitEight<'a, P> {
+    pub machine: &'a Elaborated,
+    pub lights: &'a shade::LightRegisters<'a>,
+    pub splats: &'a [Splat],
+    /// Camera-space normals, by part.
+    pub normals: [[i32; LANES]; 3],
+    /// The splats that are drawn.
+    pub live: u8,
+    pub probe: &'a mut P,
+}
+
+impl<P: Probe> Kernel for EmitEight<'_, P> {
+    /// Red, green and blue.
+    type Output = [[i32; LANES]; 3];
+
+    #[inline(always)]
+    fn run<V: Lanes>(self) -> [[i32; LANES]; 3] {
+        let EmitEight {
+            machine,
+            lights,
+            splats,
+            normals,
+            live,
+            probe,
+        } = self;
+        let mut materials = [0; LANES];
+        let mut rgb = [[0; LANES]; 3];
+        for (lane, splat) in splats.iter().enumerate().take(LANES) {
+            materials[lane] = splat.material;
+            (0..3).for_each(|i| rgb[i][lane] = splat.rgb[i]);
+        }
+        let tap = &mut Tap::new(&mut *probe);
+        tap.live = live;
+        let sums = machine.fragment.emitting_lanes(
+            three!(i => V::Words::from_array(rgb[i])),
+            three!(i => V::Words::from_array(normals[i])),
+            tap,
+        );
+        let fragments = Fragments::of_sums(sums);
+        let mut light = [V::Words::splat(0); 3];
+        let by_material = ByMaterial {
+            materials,
+            left: live,
+        };
+        for (material, same) in by_material {
+            let tap = &mut Tap::new(&mut *probe);
+            tap.live = same;
+            let shaded = machine.shade.lanes(lights, material, fragments, tap);
+            let is_same = std::array::from_fn(|lane| -i32::from(same >> lane & 1));
+            let is_same = V::Words::from_array(is_same);
+            light = three!(i => shaded.colour[i].where_else(is_same, light[i]));
+        }
+        let tap = &mut Tap::new(&mut *probe);
+        tap.live = live;
+        three!(i => tap.fit_words(&machine.emission, light[i].exact()).to_array())
+    }
+}
+
+/// The materials of the live lanes of eight, each with the lanes that have it. An iterator, because
+/// a closure would be compiled without the host's vector instructions.
+struct ByMaterial {
+    materials: [u32; LANES],
+    left: u8,
+}
+
+impl Iterator for ByMaterial {
+    type Item = (u32, u8);
+
+    #[inline(always)]
+    fn next(&mut self) -> Option<(u32, u8)> {
+        // Mostly one material.
+        let material = *self.materials.get(self.left.trailing_zeros() as usize)?;
+        let mut same = 0;
+        for (lane, of_lane) in self.materials.iter().enumerate() {
+            same |= u8::from(*of_lane == material) << lane;
+        }
+        same &= self.left;
+        self.left &= !same;
+        Some((material, same))
     }
 }

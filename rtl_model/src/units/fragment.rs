@@ -20,7 +20,7 @@ use crate::kernels::{
     Accumulator, HostPath, MAX_DEPTH_BITS, PackedSlot, PackedSums, SumLimits, Tile, fits_32_bits,
 };
 use crate::machine::{FragmentDepth, Group, Machine, Merge};
-use crate::num::{Exact, Fit, Lanes, Word, Words, fit, three};
+use crate::num::{Exact, Exacts, Fit, Lanes, Word, Words, fit, three};
 use crate::probe::{Probe, Tap};
 use crate::records::{SHEET_BITS, unit};
 use sheets::Sheets;
@@ -824,6 +824,36 @@ impl Fragment {
             material,
             shaded: false,
         }
+    }
+
+    /// Whether each sum is a word of at most 32 bits, sign included.
+    pub fn has_narrow_sums(&self) -> bool {
+        self.sums.iter().all(|fit| {
+            let format = fit.word.format;
+            format.width() + i32::from(!format.signed) <= 32
+        })
+    }
+
+    /// The sums of eight such splats, where they are narrow.
+    #[inline(always)]
+    pub fn emitting_lanes<W: Words, P: Probe>(
+        &self,
+        [r, g, b]: [W; 3],
+        [x, y, z]: [W; 3],
+        tap: &mut Tap<P>,
+    ) -> [W; SUMS] {
+        let attributes = [W::splat(1), r, g, b, W::splat(0), x, y, z];
+        let mut sums = [W::splat(0); SUMS];
+        for (lane, sum) in sums.iter_mut().enumerate() {
+            let [_, of_product] = self.align[lane];
+            let exact = attributes[lane].exact();
+            *sum = tap.fit_words(
+                &self.sums[lane],
+                exact.left(self.weight_frac_bits + of_product),
+            );
+        }
+        sums[OPACITY] = W::splat(self.sums[OPACITY].word.format.one());
+        sums
     }
 
     /// Reads a shaded slot.

@@ -486,7 +486,7 @@ impl Shade {
     }
 }
 
-mod lanes;
+pub mod lanes;
 pub mod real;
 pub mod reflect;
 

@@ -1,5 +1,5 @@
 use super::*;
-use crate::frame::{Aspect, Scaled, View};
+use crate::frame::{Aspect, Light, Lighting, Material, Scaled, View};
 use crate::kernels::host::{plainly, vectorised};
 use crate::machine::Machine;
 use crate::num::Word;
@@ -139,5 +139,65 @@ proptest! {
         prop_assert_eq!(&vectorised(ByKernel(&machine, &frame)), &expected);
         // Unobserved, in rows that were used before.
         prop_assert_eq!(&by_graphs(&mut stages, &frame.splats, &mut NoProbe), &expected);
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1000))]
+
+    /// Of several materials, with normals of any words, and with dead lanes.
+    #[test]
+    fn eight_splats_are_lit_as_each_alone(
+        name in prop::sample::select([Machine::ELLIPSOID_NAMES.as_slice(), Machine::WINDOW_NAMES.as_slice()].concat()),
+        seeds in prop::collection::vec(prop::array::uniform6(any::<u64>()), 1..=LANES),
+        materials in prop::array::uniform8(0..3u32),
+        live: u8,
+        registers in prop::array::uniform32(any::<u64>()),
+    ) {
+        let machine = Machine::named(name).unwrap().elaborate().unwrap();
+        prop_assert!(machine.fragment.has_narrow_sums(), "{} has sums of more than 32 bits", name);
+        let (m, s) = (machine.machine.shade, machine.machine.splat);
+        let mut seed = registers.into_iter();
+        let mut register = |of: Word| word(of, seed.next().unwrap_or(0));
+        let lights = [(); 2].map(|()| Light {
+            direction: [(); 3].map(|()| register(m.light)),
+            half_way: Some([(); 3].map(|()| register(m.light))),
+        });
+        let mut shining = |ambient: u64| Material::BlinnPhong {
+            ambient: word(m.reflectance, ambient),
+            diffuse: vec![[(); 3].map(|()| register(m.reflectance)); lights.len()],
+            specular: vec![[(); 3].map(|()| register(m.reflectance)); lights.len()],
+            highlight: (0..=1u64 << m.highlight_table.index_bits).map(|i| word(m.highlight, 4 + 16 * i)).collect(),
+        };
+        let materials_of_frame = vec![Material::Unlit, shining(3), shining(4)];
+        let frame = Frame {
+            lighting: Lighting { lights: lights.to_vec(), materials: materials_of_frame },
+            ..Frame::default()
+        };
+        let splats: Vec<Splat> = seeds.iter().zip(materials).map(|(seeds, material)| Splat {
+            rgb: [0, 1, 2].map(|i| word(s.rgb, seeds[i]) as i32),
+            material,
+            ..Splat::default()
+        }).collect();
+        let mut normals = [[0; LANES]; 3];
+        for (lane, seeds) in seeds.iter().enumerate() {
+            (0..3).for_each(|axis| normals[axis][lane] = word(machine.machine.ellipse.normal, seeds[3 + axis]) as i32);
+        }
+        let live = live & ((1u32 << splats.len()) - 1) as u8;
+        let lit = Lit::new(&machine, &frame);
+        let registers = shade::LightRegisters::of(&frame, &lit.highlights);
+        let mut alone = Ranges::new(machine.signals.len());
+        let mut expected = [[0; LANES]; 3];
+        for (lane, splat) in splats.iter().enumerate().filter(|(lane, _)| live >> lane & 1 != 0) {
+            let light = lit.emission(&registers, splat, 0, normals.map(|part| part[lane]), &mut alone);
+            (0..3).for_each(|channel| expected[channel][lane] = light[channel]);
+        }
+        let only_live = |light: [[i32; LANES]; 3]| {
+            light.map(|channel| std::array::from_fn(|lane| if live >> lane & 1 != 0 { channel[lane] } else { 0 }))
+        };
+        let mut seen = Ranges::new(machine.signals.len());
+        prop_assert_eq!(only_live(lit.emissions(&splats, 0, normals, live, &mut seen)), expected);
+        prop_assert_eq!(only_live(lit.emissions(&splats, 0, normals, live, &mut NoProbe)), expected);
+        prop_assert_eq!(&seen, &alone);
     }
 }

@@ -6,18 +6,54 @@ use super::{Input, LightRegisters, Output, Shade};
 use crate::frame::{Light, Material, Scaled};
 use crate::num::{Exacts, LANES, Words, three};
 use crate::probe::{Probe, Tap};
+use crate::records::SUMS;
 
-/// What eight lanes are shaded from, a word a lane.
-struct Fragments<W> {
+/// Inputs of eight fragments, one word per lane.
+#[derive(Clone, Copy, Debug)]
+pub struct Fragments<W> {
     weight: W,
     colour: [W; 3],
     opacity: W,
     normal: [W; 3],
 }
 
-impl<W: Words> Fragments<W> {
+/// Outputs of eight fragments, one word per lane.
+#[derive(Clone, Copy, Debug)]
+pub struct Shaded<W> {
+    /// Colour times opacity.
+    pub colour: [W; 3],
+    /// Opacity.
+    pub opacity: W,
+}
+
+impl<W: Words> Shaded<W> {
+    /// The outputs, one per fragment.
     #[inline(always)]
-    fn of(inputs: &[Input; LANES]) -> Self {
+    pub fn outputs(self) -> [Output; LANES] {
+        let colour = self.colour.map(Words::to_array);
+        let opacity = self.opacity.to_array();
+        std::array::from_fn(|lane| Output {
+            colour: three!(i => i64::from(colour[i][lane])),
+            opacity: opacity[lane].into(),
+        })
+    }
+}
+
+impl<W: Words> Fragments<W> {
+    /// Fragments of these sums, in the order of a slot's.
+    #[inline(always)]
+    pub fn of_sums([weight, r, g, b, opacity, x, y, z]: [W; SUMS]) -> Self {
+        Fragments {
+            weight,
+            colour: [r, g, b],
+            opacity,
+            normal: [x, y, z],
+        }
+    }
+
+    /// Fragments of these inputs.
+    #[inline(always)]
+    pub fn of(inputs: &[Input; LANES]) -> Self {
         macro_rules! word {
             ($($part:tt)*) => {
                 W::from_array(std::array::from_fn(|lane| inputs[lane].$($part)* as i32))
@@ -40,10 +76,9 @@ impl Shade {
         &self,
         registers: &LightRegisters,
         material: u32,
-        inputs: &[Input; LANES],
+        mut fragments: Fragments<W>,
         tap: &mut Tap<P>,
-    ) -> [Output; LANES] {
-        let mut fragments = Fragments::<W>::of(inputs);
+    ) -> Shaded<W> {
         let none = fragments.weight.is_none();
         let (opacity_one, zero) = (W::splat(self.words.opacity_one), W::splat(0));
         if none.signs() != 0 {
@@ -70,12 +105,10 @@ impl Shade {
         let colour = self.lit_lanes(registers, material, fragments.normal, rgb, exponent, tap);
         let coverage = self.coverage_lanes(registers, weight, exponent, tap);
         let opacity = tap.fit_words(&self.covered, opacity * coverage);
-        let colour = three!(i => zero.where_else(none, tap.fit_words(&self.premultiplied, colour[i] * opacity)).to_array());
-        let opacity = zero.where_else(none, opacity).to_array();
-        std::array::from_fn(|lane| Output {
-            colour: three!(i => i64::from(colour[i][lane])),
-            opacity: opacity[lane].into(),
-        })
+        Shaded {
+            colour: three!(i => zero.where_else(none, tap.fit_words(&self.premultiplied, colour[i] * opacity))),
+            opacity: zero.where_else(none, opacity),
+        }
     }
 
     /// min(1, W/τ).

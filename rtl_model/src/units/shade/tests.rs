@@ -1,5 +1,6 @@
 //! Shade: laws of the light that leaves a surface.
 
+use super::lanes::Fragments;
 use super::*;
 use crate::kernels::host::{Kernel, plainly, vectorised};
 use crate::num::{LANES, Lanes, Rounding, Word};
@@ -250,12 +251,16 @@ impl<P: Probe> Kernel for Eight<'_, P> {
     fn run<L: Lanes>(self) -> [Output; LANES] {
         let tap = &mut Tap::new(self.probe);
         tap.live = self.live;
-        self.bench.shade.lanes::<L::Words, P>(
-            &self.bench.registers(),
-            self.inputs[0].material,
-            self.inputs,
-            tap,
-        )
+        let fragments = Fragments::<L::Words>::of(self.inputs);
+        self.bench
+            .shade
+            .lanes(
+                &self.bench.registers(),
+                self.inputs[0].material,
+                fragments,
+                tap,
+            )
+            .outputs()
     }
 }
 
