@@ -102,44 +102,52 @@ enum Operator {
 }
 
 impl Operator {
-    /// Shows the wires that it reads.
+    /// Calls `read` with each wire that it reads.
     fn reads(&self, mut read: impl FnMut(Wire)) {
-        match *self {
-            Operator::Input(_) | Operator::Constant(_) => {}
-            Operator::Product([a, b])
-            | Operator::Sum([a, b], _)
-            | Operator::Difference([a, b], _)
-            | Operator::Opposed(a, b)
-            | Operator::Turned(a, b)
-            | Operator::Guarded(a, b, _)
-            | Operator::FitShifted(a, b, _)
-            | Operator::Normalised(a, b)
-            | Operator::Above([a, b], _)
-            | Operator::Lesser([a, b])
-            | Operator::Greater([a, b])
-            | Operator::Either([a, b])
-            | Operator::Both([a, b]) => [a, b].into_iter().for_each(read),
-            Operator::Largest([a, b, c]) => [a, b, c].into_iter().for_each(read),
-            Operator::Exponents(ref power) => {
-                power.terms().iter().for_each(|(wire, _)| read(*wire))
+        self.with_wires(|wire| {
+            read(wire);
+            wire
+        });
+    }
+
+    /// The same operator on other wires.
+    fn with_wires(self, mut of: impl FnMut(Wire) -> Wire) -> Self {
+        match self {
+            Operator::Input(_) | Operator::Constant(_) => self,
+            Operator::Product(pair) => Operator::Product(pair.map(of)),
+            Operator::Sum(pair, lefts) => Operator::Sum(pair.map(of), lefts),
+            Operator::Difference(pair, lefts) => Operator::Difference(pair.map(of), lefts),
+            Operator::Negation(from) => Operator::Negation(of(from)),
+            Operator::Magnitude(from) => Operator::Magnitude(of(from)),
+            Operator::Opposed(from, to) => Operator::Opposed(of(from), of(to)),
+            Operator::Turned(from, by) => Operator::Turned(of(from), of(by)),
+            Operator::Natural(from) => Operator::Natural(of(from)),
+            Operator::AtMost(from, most) => Operator::AtMost(of(from), most),
+            Operator::AtLeast(from, least) => Operator::AtLeast(of(from), least),
+            Operator::APlaceMore(from) => Operator::APlaceMore(of(from)),
+            Operator::Scaled(from, places) => Operator::Scaled(of(from), places),
+            Operator::Lesser(pair) => Operator::Lesser(pair.map(of)),
+            Operator::Greater(pair) => Operator::Greater(pair.map(of)),
+            Operator::Guarded(from, condition, instead) => {
+                Operator::Guarded(of(from), of(condition), instead)
             }
-            Operator::Negation(from)
-            | Operator::Magnitude(from)
-            | Operator::Natural(from)
-            | Operator::AtMost(from, _)
-            | Operator::AtLeast(from, _)
-            | Operator::APlaceMore(from)
-            | Operator::Scaled(from, _)
-            | Operator::Lookup(from, _)
-            | Operator::Fit(from, _)
-            | Operator::Lead(from)
-            | Operator::Reciprocal(from, _)
-            | Operator::InverseRoot(from, _)
-            | Operator::Root(from, _)
-            | Operator::Exponent(from)
-            | Operator::AtLeastOne(from)
-            | Operator::Not(from)
-            | Operator::Drop(from) => read(from),
+            Operator::Lookup(from, table) => Operator::Lookup(of(from), table),
+            Operator::Fit(from, fit) => Operator::Fit(of(from), fit),
+            Operator::FitShifted(from, more, fit) => Operator::FitShifted(of(from), of(more), fit),
+            Operator::Largest(parts) => Operator::Largest(parts.map(of)),
+            Operator::Lead(from) => Operator::Lead(of(from)),
+            Operator::Normalised(from, lead) => Operator::Normalised(of(from), of(lead)),
+            Operator::Reciprocal(from, unit) => Operator::Reciprocal(of(from), unit),
+            Operator::InverseRoot(from, unit) => Operator::InverseRoot(of(from), unit),
+            Operator::Root(from, unit) => Operator::Root(of(from), unit),
+            Operator::Exponent(from) => Operator::Exponent(of(from)),
+            Operator::Exponents(power) => Operator::Exponents(power.with_wires(of)),
+            Operator::AtLeastOne(from) => Operator::AtLeastOne(of(from)),
+            Operator::Above(pair, lefts) => Operator::Above(pair.map(of), lefts),
+            Operator::Either(pair) => Operator::Either(pair.map(of)),
+            Operator::Both(pair) => Operator::Both(pair.map(of)),
+            Operator::Not(from) => Operator::Not(of(from)),
+            Operator::Drop(from) => Operator::Drop(of(from)),
         }
     }
 }
@@ -178,11 +186,12 @@ pub struct Graph<const OUTPUTS: usize> {
     outputs: [Wire; OUTPUTS],
 }
 
-/// Wires whose numbers are asked for, and the operators that make them.
+/// The part of a graph that some wires depend on, for passes over reals.
 #[derive(Clone, Debug)]
 pub struct Asked<const N: usize> {
+    nodes: Vec<Node>,
+    /// Places among those nodes.
     wires: [Wire; N],
-    places: Vec<u16>,
 }
 
 /// A condition as a word.
@@ -300,7 +309,7 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
         self.outputs.map(|wire| results[wire.place()])
     }
 
-    /// What is to be worked out for some wires.
+    /// The nodes that some wires depend on.
     pub fn asked<const N: usize>(&self, wires: [Wire; N]) -> Asked<N> {
         let mut is_needed = vec![false; self.nodes.len()];
         wires.iter().for_each(|wire| is_needed[wire.place()] = true);
@@ -313,12 +322,21 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
                     .for_each(|(wire, _)| is_needed[wire.place()] = true);
             }
         }
+        let mut places = vec![Wire::default(); self.nodes.len()];
+        let mut nodes = Vec::new();
+        for (place, node) in self.nodes.iter().enumerate() {
+            if is_needed[place] {
+                places[place] = Wire(nodes.len() as u16);
+                nodes.push(Node {
+                    operator: node.operator.with_wires(|wire| places[wire.place()]),
+                    power: node.power.with_wires(|wire| places[wire.place()]),
+                    ..*node
+                });
+            }
+        }
         Asked {
-            wires,
-            places: (0..self.nodes.len())
-                .filter(|place| is_needed[*place])
-                .map(|place| place as u16)
-                .collect(),
+            nodes,
+            wires: wires.map(|wire| places[wire.place()]),
         }
     }
 

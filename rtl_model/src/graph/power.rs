@@ -40,6 +40,14 @@ impl Power {
         &self.terms[..self.count]
     }
 
+    /// The same sum over other wires.
+    pub(super) fn with_wires(mut self, mut of: impl FnMut(Wire) -> Wire) -> Power {
+        self.terms[..self.count]
+            .iter_mut()
+            .for_each(|(wire, _)| *wire = of(*wire));
+        self
+    }
+
     /// The product of two.
     ///
     /// # Panics

@@ -11,7 +11,7 @@ use crate::num::real::power_of_two;
 use crate::real::{Real, Scale};
 
 /// Most nodes of a graph that is worked out without memory of its own.
-const FEW: usize = 32;
+const FEW: usize = 12;
 
 /// A wire's number, and the power of two that it is relative to; of a wire that holds an exponent,
 /// that power.
@@ -59,6 +59,15 @@ fn half(scale: Scale) -> Scale {
     }
 }
 
+/// The fit that a wire's word comes of, as it is or without its sign.
+fn fit_of(nodes: &[Node], wire: Wire) -> Option<&Fit> {
+    match &nodes[wire.place()].operator {
+        Operator::Fit(_, fit) | Operator::FitShifted(_, _, fit) => Some(fit),
+        Operator::Magnitude(from) | Operator::Guarded(from, ..) => fit_of(nodes, *from),
+        _ => None,
+    }
+}
+
 impl<const OUTPUTS: usize> Graph<OUTPUTS> {
     /// Numbers of one item that are what they say; `look_up` is the function that a table stands
     /// for.
@@ -81,15 +90,6 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
         .map(|result| result.value)
     }
 
-    /// The fit that a wire's word comes of, as it is or without its sign.
-    fn fit_of(&self, wire: Wire) -> Option<&Fit> {
-        match &self.nodes[wire.place()].operator {
-            Operator::Fit(_, fit) | Operator::FitShifted(_, _, fit) => Some(fit),
-            Operator::Magnitude(from) | Operator::Guarded(from, ..) => self.fit_of(*from),
-            _ => None,
-        }
-    }
-
     /// Numbers of one item.
     #[inline]
     pub fn bounded<R: Real, const N: usize>(
@@ -98,144 +98,128 @@ impl<const OUTPUTS: usize> Graph<OUTPUTS> {
         given: &Given<R>,
         look_up: impl Fn(&Table, R) -> R,
     ) -> [Bounded<R>; N] {
-        let nothing = Bounded::exponent(Scale::ONE);
-        if self.nodes.len() <= FEW {
-            self.work_out(asked, given, look_up, &mut [nothing; FEW])
-        } else {
-            self.work_out(asked, given, look_up, &mut vec![nothing; self.nodes.len()])
+        let nodes = &asked.nodes;
+        if nodes.len() <= FEW {
+            let mut results = [Bounded::exponent(Scale::ONE); FEW];
+            for place in 0..nodes.len() {
+                results[place] = self.work_out(nodes, place, &results, given, &look_up);
+            }
+            return asked.wires.map(|wire| results[wire.place()]);
         }
-    }
-
-    #[inline]
-    fn work_out<R: Real, const N: usize>(
-        &self,
-        asked: &Asked<N>,
-        given: &Given<R>,
-        look_up: impl Fn(&Table, R) -> R,
-        results: &mut [Bounded<R>],
-    ) -> [Bounded<R>; N] {
-        for place in asked.places.iter().map(|place| usize::from(*place)) {
-            let node = &self.nodes[place];
-            let of = |wire: Wire| results[wire.place()].value;
-            let scale = |power: &Power| {
-                let constant = Scale::ONE.shifted(power.constant);
-                power.terms().iter().fold(constant, |sum, (wire, factor)| {
-                    let Scale { low, high } = results[wire.place()].scale;
-                    let (low, high) = if *factor < 0 {
-                        (high, low)
-                    } else {
-                        (low, high)
-                    };
-                    sum.times(Scale {
-                        low: low * factor,
-                        high: high * factor,
-                    })
-                })
-            };
-            let own = || {
-                if node.power == Power::ONE {
-                    Scale::ONE
-                } else {
-                    scale(&node.power)
-                }
-            };
-            let last_place = |wire: Wire| {
-                let Node { power, shape, .. } = &self.nodes[wire.place()];
-                power_of_two(scale(power).low - shape.frac_bits)
-            };
-            let value = |word: i64| word as f64 * power_of_two(-node.shape.frac_bits);
-            let value = match node.operator {
-                Operator::Input(input) => {
-                    results[place] = given.inputs[input];
-                    continue;
-                }
-                Operator::Constant(word) => R::constant(value(word)),
-                Operator::Product([a, b]) => of(a) * of(b),
-                Operator::Sum([a, b], _) => of(a) + of(b),
-                Operator::Difference([a, b], _) => of(a) - of(b),
-                Operator::Negation(from) => -of(from),
-                Operator::Magnitude(from) => of(from).abs(),
-                Operator::Opposed(from, to) => -of(from).with_sign_of(of(to)),
-                Operator::Turned(from, by) => match given.turned {
-                    Some(true) => -of(from),
-                    Some(false) => of(from),
-                    None => {
-                        let [turned] =
-                            of(by)
-                                .beside(0.0)
-                                .branch(of(by), || [of(from)], || [-of(from)]);
-                        turned
-                    }
-                },
-                Operator::AtLeastOne(from) => {
-                    let Scale { low, high } = scale(&self.nodes[from.place()].power);
-                    results[place].scale = Scale {
-                        low: low.max(0),
-                        high: high.max(0),
-                    };
-                    continue;
-                }
-                Operator::Natural(from) => of(from).max(R::constant(0.0)),
-                Operator::AtMost(from, most) => of(from).at_most(value(most)),
-                Operator::AtLeast(from, 0) => of(from).at_least(0.0),
-                Operator::AtLeast(from, _) => match self.fit_of(from) {
-                    Some(fit) => {
-                        of(from).at_least_a_place(fit, scale(&self.nodes[from.place()].power))
-                    }
-                    None => of(from).at_least(last_place(from)),
-                },
-                Operator::APlaceMore(from) => match self.fit_of(from) {
-                    Some(fit) => of(from).a_place_more(fit),
-                    None => of(from).plus(last_place(from)),
-                },
-                Operator::Scaled(from, places) => of(from).times(power_of_two(places)),
-                Operator::Lesser([a, b]) => of(a).min(of(b)),
-                Operator::Greater([a, b]) => of(a).max(of(b)),
-                Operator::Guarded(from, ..) | Operator::Normalised(from, _) => of(from),
-                Operator::Lookup(from, table) => {
-                    let table = &self.functions.tables[table];
-                    look_up(table, of(from)).fit(table.fit(), Scale::ONE)
-                }
-                Operator::Fit(from, ref fit) | Operator::FitShifted(from, _, ref fit) => {
-                    of(from).fit(fit, own())
-                }
-                Operator::Largest([a, b, c]) => of(a)
-                    .abs()
-                    .max(of(b).abs())
-                    .max(of(c).abs())
-                    .at_least(last_place(a)),
-                Operator::Reciprocal(from, unit) => {
-                    of(from).reciprocal(&self.functions.reciprocals[unit])
-                }
-                Operator::InverseRoot(from, unit) => {
-                    of(from).inverse_root(&self.functions.roots[unit])
-                }
-                Operator::Root(from, unit) => of(from).root(&self.functions.roots[unit]),
-                Operator::Lead(from) => {
-                    results[place].scale = of(from).leading();
-                    continue;
-                }
-                Operator::Exponent(function) => {
-                    results[place].scale = match self.nodes[function.place()].operator {
-                        Operator::InverseRoot(from, _) => half(of(from).leading()).inverse(),
-                        Operator::Root(from, _) => half(of(from).leading()),
-                        Operator::Reciprocal(from, _) => of(from).leading().inverse(),
-                        _ => Scale::ONE,
-                    };
-                    continue;
-                }
-                Operator::Exponents(_) => {
-                    results[place].scale = own();
-                    continue;
-                }
-                Operator::Above(..)
-                | Operator::Either(_)
-                | Operator::Both(_)
-                | Operator::Not(_)
-                | Operator::Drop(_) => continue,
-            };
-            results[place].value = value;
+        let mut results = Vec::with_capacity(nodes.len());
+        for place in 0..nodes.len() {
+            results.push(self.work_out(nodes, place, &results, given, &look_up));
         }
         asked.wires.map(|wire| results[wire.place()])
+    }
+
+    /// The number of a node, from those of the nodes before it.
+    #[inline(always)]
+    fn work_out<R: Real>(
+        &self,
+        nodes: &[Node],
+        place: usize,
+        results: &[Bounded<R>],
+        given: &Given<R>,
+        look_up: impl Fn(&Table, R) -> R,
+    ) -> Bounded<R> {
+        let node = &nodes[place];
+        let of = |wire: Wire| results[wire.place()].value;
+        let scale = |power: &Power| {
+            let constant = Scale::ONE.shifted(power.constant);
+            power.terms().iter().fold(constant, |sum, (wire, factor)| {
+                let Scale { low, high } = results[wire.place()].scale;
+                let (low, high) = if *factor < 0 {
+                    (high, low)
+                } else {
+                    (low, high)
+                };
+                sum.times(Scale {
+                    low: low * factor,
+                    high: high * factor,
+                })
+            })
+        };
+        let own = || scale(&node.power);
+        let last_place = |wire: Wire| {
+            let Node { power, shape, .. } = &nodes[wire.place()];
+            power_of_two(scale(power).low - shape.frac_bits)
+        };
+        let value = |word: i64| word as f64 * power_of_two(-node.shape.frac_bits);
+        Bounded::of(match node.operator {
+            Operator::Input(input) => return given.inputs[input],
+            Operator::Constant(word) => R::constant(value(word)),
+            Operator::Product([a, b]) => of(a) * of(b),
+            Operator::Sum([a, b], _) => of(a) + of(b),
+            Operator::Difference([a, b], _) => of(a) - of(b),
+            Operator::Negation(from) => -of(from),
+            Operator::Magnitude(from) => of(from).abs(),
+            Operator::Opposed(from, to) => -of(from).with_sign_of(of(to)),
+            Operator::Turned(from, by) => match given.turned {
+                Some(true) => -of(from),
+                Some(false) => of(from),
+                None => {
+                    let [turned] = of(by)
+                        .beside(0.0)
+                        .branch(of(by), || [of(from)], || [-of(from)]);
+                    turned
+                }
+            },
+            Operator::AtLeastOne(from) => {
+                let Scale { low, high } = scale(&nodes[from.place()].power);
+                return Bounded::exponent(Scale {
+                    low: low.max(0),
+                    high: high.max(0),
+                });
+            }
+            Operator::Natural(from) => of(from).max(R::constant(0.0)),
+            Operator::AtMost(from, most) => of(from).at_most(value(most)),
+            Operator::AtLeast(from, 0) => of(from).at_least(0.0),
+            Operator::AtLeast(from, _) => match fit_of(nodes, from) {
+                Some(fit) => of(from).at_least_a_place(fit, scale(&nodes[from.place()].power)),
+                None => of(from).at_least(last_place(from)),
+            },
+            Operator::APlaceMore(from) => match fit_of(nodes, from) {
+                Some(fit) => of(from).a_place_more(fit),
+                None => of(from).plus(last_place(from)),
+            },
+            Operator::Scaled(from, places) => of(from).times(power_of_two(places)),
+            Operator::Lesser([a, b]) => of(a).min(of(b)),
+            Operator::Greater([a, b]) => of(a).max(of(b)),
+            Operator::Guarded(from, ..) | Operator::Normalised(from, _) => of(from),
+            Operator::Lookup(from, table) => {
+                let table = &self.functions.tables[table];
+                look_up(table, of(from)).fit(table.fit(), Scale::ONE)
+            }
+            Operator::Fit(from, ref fit) | Operator::FitShifted(from, _, ref fit) => {
+                of(from).fit(fit, own())
+            }
+            Operator::Largest([a, b, c]) => of(a)
+                .abs()
+                .max(of(b).abs())
+                .max(of(c).abs())
+                .at_least(last_place(a)),
+            Operator::Reciprocal(from, unit) => {
+                of(from).reciprocal(&self.functions.reciprocals[unit])
+            }
+            Operator::InverseRoot(from, unit) => of(from).inverse_root(&self.functions.roots[unit]),
+            Operator::Root(from, unit) => of(from).root(&self.functions.roots[unit]),
+            Operator::Lead(from) => return Bounded::exponent(of(from).leading()),
+            Operator::Exponent(function) => {
+                return Bounded::exponent(match nodes[function.place()].operator {
+                    Operator::InverseRoot(from, _) => half(of(from).leading()).inverse(),
+                    Operator::Root(from, _) => half(of(from).leading()),
+                    Operator::Reciprocal(from, _) => of(from).leading().inverse(),
+                    _ => Scale::ONE,
+                });
+            }
+            Operator::Exponents(_) => return Bounded::exponent(own()),
+            // Conditions have no numbers.
+            Operator::Above(..)
+            | Operator::Either(_)
+            | Operator::Both(_)
+            | Operator::Not(_)
+            | Operator::Drop(_) => return Bounded::exponent(Scale::ONE),
+        })
     }
 }
