@@ -1,27 +1,28 @@
-//! Error: names what went wrong in one sentence, and the exit status that says whose fault it was.
+//! Error: describes a failure in one sentence, with the exit status that separates bad input from a
+//! failed job.
 
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// One sentence for the user, and whose fault it was.
+/// One sentence for the user, and the kind of failure.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The command line or an input file is wrong: exit status 2.
     #[error("{0}")]
     Input(String),
-    /// The job itself failed (a disk is full, say): exit status 1.
+    /// The job itself failed (for example because a disk is full): exit status 1.
     #[error("{0}")]
     Job(String),
 }
 
 impl Error {
-    /// Blames the input, in one sentence: which file, which field or line, what is wrong, what
-    /// would be right.
+    /// An error of the input, in one sentence: which file, which field or line, the fault, and a
+    /// correct value.
     pub fn input(sentence: impl Into<String>) -> Self {
         Error::Input(one_line(sentence.into()))
     }
 
-    /// Blames the job, in one sentence.
+    /// An error of the job, in one sentence.
     pub fn job(sentence: impl Into<String>) -> Self {
         Error::Job(one_line(sentence.into()))
     }
@@ -35,12 +36,12 @@ impl Error {
     }
 }
 
-/// Letters of a word of a sentence, and of a sentence, at most. Paths have up to 4096 bytes, names
-/// in files megabytes: of longer ones beginning and end are told.
+/// Greatest number of characters of a word in a sentence, and of a sentence. Paths have up to 4096
+/// bytes, and names in files can have megabytes; longer ones are shortened to beginning and end.
 const LONGEST_WORD: usize = 320;
 const LONGEST: usize = 1_600;
 
-/// The sentence on one line, of a length that can be read, whatever names and paths it quotes.
+/// The sentence on one line and with a readable length, whatever names and paths it quotes.
 fn one_line(sentence: String) -> String {
     let escaped = |letter: char| {
         if letter.is_control() {
@@ -64,7 +65,7 @@ fn one_line(sentence: String) -> String {
     shortened(&words.join(" "), LONGEST).into_owned()
 }
 
-/// The beginning and the end of a text that has more letters than may be.
+/// The beginning and the end of a text with more than `most` characters.
 fn shortened(text: &str, most: usize) -> Cow<'_, str> {
     let place = |letter: usize| text.char_indices().nth(letter).map(|(at, _)| at);
     if text.len() <= most || place(most).is_none() {
@@ -86,11 +87,11 @@ fn shortened(text: &str, most: usize) -> Cow<'_, str> {
 /// Result of a step of the bench.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// All that several threads make, or the first error in its order: rayon's own `collect` gives that
-/// of whichever thread has one first.
+/// The results of several threads, or the first error in their order. rayon's own `collect` returns
+/// the error that occurs first in time.
 ///
 /// # Errors
-/// The first of them.
+/// The first error.
 pub fn in_order<T: Send>(results: impl ParallelIterator<Item = Result<T>>) -> Result<Vec<T>> {
     results.collect::<Vec<_>>().into_iter().collect()
 }

@@ -16,13 +16,13 @@ fn main() -> ExitCode {
     }
 }
 
-/// An allocation that fails says so in a sentence and aborts: to the shell it is a job that failed,
-/// status 1.
+/// Sets the exit status of a failed allocation to 1, as for a failed job. The allocation itself
+/// prints a sentence and aborts.
 fn fail_where_memory_ends() {
     #[cfg(unix)]
     {
         let always = std::sync::Arc::new(true.into());
-        // Where it cannot be registered the process ends by the signal.
+        // If it cannot be registered, the process ends by the signal.
         let _ = signal_hook::flag::register_conditional_shutdown(
             signal_hook::consts::SIGABRT,
             1,

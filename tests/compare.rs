@@ -409,7 +409,7 @@ fn equal_pictures_and_pixels_without_a_number_have_no_decibels() {
         .unwrap();
     assert_eq!(
         (&figure["a"], &figure["b"], figure.get("difference")),
-        (&json!("equal"), &json!("no number"), None)
+        (&json!("equal"), &json!("NaN"), None)
     );
 }
 

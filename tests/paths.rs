@@ -237,7 +237,7 @@ fn one_frame_by_itself_is_that_of_the_sequence() {
     let told = sentence(&["view", all.to_str().unwrap(), "--no-open"]);
     assert!(
         told.contains(
-            "report.json: has no frames[].cycles: it is no report of `run` on a sequence"
+            "report.json: has no frames[].cycles: it is not a report of `run` on a sequence"
         ),
         "{told}"
     );
@@ -1457,7 +1457,7 @@ fn a_video_is_written_over_no_other_file() {
     );
     let before = std::fs::read(&path).unwrap();
     let told = sentence(&["run", &path, "--machine", "tiny", "--y4m", &path]);
-    assert!(told.contains("is there already and is no video"), "{told}");
+    assert!(told.contains("already exists and is not a video"), "{told}");
     assert_eq!(std::fs::read(&path).unwrap(), before);
     // A video may be drawn anew.
     let film = folder.join("film.y4m");

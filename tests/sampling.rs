@@ -433,7 +433,7 @@ fn wrong_arguments_are_one_sentence_and_nothing_is_written() {
         ),
         (
             &["far.obj", "--points", "9", "--out", "b.ply"],
-            "which at 1.000e29 from the origin cannot be told",
+            "which cannot be resolved at 1.000e29 from the origin",
         ),
         (
             &["none.obj", "--points", "9", "--out", "b.ply"],

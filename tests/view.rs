@@ -618,7 +618,7 @@ fn a_scene_that_is_another_now_is_told_and_draws_nothing() {
         let changed = served(View::new(&out, None).unwrap());
         let (status, sentence) = changed.get("pixel?x=1&y=1");
         let sentence = String::from_utf8(sentence).unwrap();
-        let is_told = sentence.contains("few.json: is not the scene of report.json any more")
+        let is_told = sentence.contains("few.json: is no longer the scene of report.json")
             && sentence.contains(what);
         assert!(status == 503 && is_told, "{status} {sentence}");
         assert_eq!(changed.get("file/fixed.png").0, 200);
@@ -675,15 +675,15 @@ fn folders_that_cannot_be_shown_are_refused_in_a_sentence() {
     with(
         "report.json",
         b"{\"scene\": ",
-        "report.json: is no JSON that splatsim wrote",
+        "report.json: is not JSON that splatsim wrote",
     );
     with(
         "report.json",
         b"{\"report\": \"of something else\"}",
-        "report.json: has no scene.name: it is no report of `run`",
+        "report.json: has no scene.name: it is not a report of `run`",
     );
     with("report.json", b"[\xff]", "report.json: cannot be read");
-    with("cycles.json", b"[]", "is no account of cycles");
+    with("cycles.json", b"[]", "is not an account of cycles");
     with(
         "stress.json",
         b"{\"cases\": 3}",
@@ -716,7 +716,7 @@ fn folders_that_cannot_be_shown_are_refused_in_a_sentence() {
     {
         let rows = folder.path().join("points.jsonl");
         std::os::unix::fs::symlink("/dev/zero", &rows).unwrap();
-        refused(&[path], "points.jsonl: is a link or no file");
+        refused(&[path], "points.jsonl: is a link or not a file");
         std::fs::remove_file(&rows).unwrap();
         assert!(
             Command::new("mkfifo")
@@ -725,7 +725,7 @@ fn folders_that_cannot_be_shown_are_refused_in_a_sentence() {
                 .unwrap()
                 .success()
         );
-        refused(&[path], "points.jsonl: is a link or no file");
+        refused(&[path], "points.jsonl: is a link or not a file");
         std::fs::remove_file(&rows).unwrap();
     }
     for name in ["points-2-of-5.jsonl", "report.json"] {
@@ -741,7 +741,7 @@ fn folders_that_cannot_be_shown_are_refused_in_a_sentence() {
     // A report whose pictures are of another run, or none.
     let report = std::fs::read(MADE.run().join("report.json")).unwrap();
     std::fs::write(folder.path().join("report.json"), &report).unwrap();
-    with("fixed.png", b"GIF89a", "fixed.png: is no picture");
+    with("fixed.png", b"GIF89a", "fixed.png: is not a picture");
     let other = folder.path().join("error.png");
     image::RgbaImage::new(3, 2).save(&other).unwrap();
     refused(&[path], "error.png: is 3×2, and report.json is of 40×32");
@@ -787,13 +787,13 @@ fn files_that_changed_since_are_refused_in_a_sentence() {
         answer("large.csv"),
         (
             413,
-            "large.csv: has 300 MB; no file of splatsim has more than 256".into()
+            "large.csv: has 300 MB; a file of splatsim has at most 256".into()
         )
     );
     let changed = |name: &str| {
         (
             409,
-            format!("{name}: has changed since view read the folder: start view again"),
+            format!("{name}: has changed since view read the folder: restart view"),
         )
     };
     // Of another length; of the same, at another time; another kind; gone.

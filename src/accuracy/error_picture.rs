@@ -4,10 +4,10 @@ use super::metrics::difference;
 use crate::output::picture::Picture;
 use rayon::prelude::*;
 
-/// Errors are never enlarged further than this.
+/// Greatest scale.
 const MOST: f64 = 65536.0;
-/// One pixel in this many may be brighter than the picture can show: a few flips must not darken
-/// all the rest.
+/// One pixel in this many may exceed what the picture can show, so that a few flips do not darken
+/// everything else.
 const ONE_CLIPPED_IN: usize = 1000;
 
 /// |a − b| as a picture.
@@ -19,9 +19,9 @@ pub struct ErrorPicture {
     pub scale: f64,
 }
 
-/// The error picture of two pictures of one size. Its scale is the greatest power of two at which
-/// at most one pixel in 1000 clips; where fewer than that differ at all, the greatest at which none
-/// does; 1 where the pictures are equal.
+/// The error picture of two pictures of the same size. Its scale is the greatest power of two at
+/// which at most one pixel in 1000 clips. If fewer pixels differ, it is the greatest at which none
+/// clips. It is 1 for equal pictures.
 pub fn error_picture(a: &Picture, b: &Picture) -> ErrorPicture {
     let errors: Vec<[f64; 3]> = (0..a.rgba.len())
         .into_par_iter()

@@ -1,17 +1,16 @@
-//! Flicker: how an error changes from frame to frame where the picture itself does not
-//! (docs/book/paths.md).
+//! Flicker: how an error changes from frame to frame at pixels where the picture itself does not
+//! change (docs/book/paths.md).
 //!
 //! ```text
 //! ideal of both frames ─► still: changes by less than 0.5/255 ─┐
-//! a − b of the frame ──┬─► |change|, a pixel ──────────────────┴─► mean, share of jumps over 4/255
+//! a − b of the frame ──┬─► |change| per pixel ─────────────────┴─► mean, share of jumps over 4/255
 //! a − b of the last ───┘
 //! ```
-//! Colours are what [`metrics`](super::metrics()) compares: linear, premultiplied, clamped to [0,
-//! 1]. A pixel counts where a splat touches it in any of the three pictures of either frame, so
-//! that an empty background calms nothing. It is still where no colour channel of `ideal` changes
-//! by half a 255th or more. Where no pixel is still, nothing is known, and nothing is said. A pixel
-//! without a finite number makes all that it is part of as bad as can be: changes of 1, at every
-//! still pixel.
+//! Colours are those that [`metrics`](super::metrics()) compares: linear, premultiplied, clamped to
+//! [0, 1]. A pixel counts if a splat touches it in any of the three pictures of either frame, so an
+//! empty background does not lower the figures. A pixel is still if no colour channel of `ideal`
+//! changes by half a 255th or more. Without still pixels there is no figure. A single NaN or
+//! infinite value makes all figures the worst possible: a change of 1 at every still pixel.
 //!
 //! Laws: `nothing_still_says_nothing`, `what_is_no_number_flickers_as_much_as_can_be`,
 //! `an_error_that_stays_does_not_flicker`.
@@ -22,24 +21,24 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// A pixel is still where no channel of `ideal` changes by as much.
+/// A pixel is still if every channel of `ideal` changes by less than this.
 pub const STILL: f64 = 0.5 / 255.0;
-/// From here on a change is a jump: a step that is seen in a film of 8 bits.
+/// A greater change is a jump: a step that is visible in an 8-bit film.
 pub const JUMP: f64 = 4.0 / 255.0;
 
 /// The three pictures of a frame.
 #[derive(Clone, Debug)]
 pub struct Pictures {
-    /// Of the hardware.
+    /// Picture of the hardware.
     pub fixed: Picture,
-    /// Of exact arithmetic by the same rules.
+    /// Picture of exact arithmetic by the same rules.
     pub golden: Picture,
-    /// Of every surface.
+    /// Picture with every surface kept.
     pub ideal: Picture,
 }
 
 impl Pictures {
-    /// As [`Sums::new`] takes them.
+    /// The pictures in the order of [`Sums::new`].
     pub fn all(&self) -> [&Picture; 3] {
         [&self.fixed, &self.golden, &self.ideal]
     }
@@ -48,32 +47,32 @@ impl Pictures {
 /// Change of an error from frame to frame at still pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Change {
-    /// Mean of |change| over still pixels and colour channels; none where no pixel is still.
+    /// Mean of |change| over still pixels and colour channels; none without still pixels.
     pub mean: Option<f64>,
-    /// Share of the still pixels of which a channel changes by more than 4/255; none where no pixel
-    /// is still.
+    /// Share of the still pixels with a channel that changes by more than 4/255; none without still
+    /// pixels.
     pub jumps: Option<f64>,
 }
 
-/// Flicker of two frames that follow each other, or of all such pairs of a sequence together.
+/// Flicker of two consecutive frames, or of all such pairs of a sequence together.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Flicker {
     /// Pixels that a splat touches.
     pub covered_pixels: u64,
-    /// Those of them that `ideal` leaves as they are.
+    /// Covered pixels that do not change in `ideal`.
     pub still_pixels: u64,
-    /// Of the arithmetic's error.
+    /// Flicker of the arithmetic's error.
     pub fixed_vs_golden: Change,
-    /// Of the method's error.
+    /// Flicker of the method's error.
     pub golden_vs_ideal: Change,
-    /// Of the whole error.
+    /// Flicker of the whole error.
     pub fixed_vs_ideal: Change,
-    /// Pixels of which a channel is no finite number, in any picture. None should.
+    /// Pixels with a channel that is NaN or infinite in any picture. Should be 0.
     #[serde(skip_serializing_if = "super::metrics::is_zero")]
     pub not_finite: u64,
 }
 
-/// What flicker is made of; sums of pairs of frames add up.
+/// Sums that flicker is computed from; those of several pairs of frames can be added.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Sums {
     covered: u64,
@@ -90,8 +89,8 @@ struct Sum {
 }
 
 impl Sums {
-    /// Of a frame and the one before it, each `fixed`, `golden` and `ideal`, as [`Pictures::all`]
-    /// has them; the frame before comes first.
+    /// Sums of a frame and the frame before it, which comes first. Each frame is `fixed`, `golden`
+    /// and `ideal`, in the order of [`Pictures::all`].
     ///
     /// # Panics
     /// If sizes differ: the pictures of a sequence have one size.
@@ -106,7 +105,7 @@ impl Sums {
                 .all(|picture| (picture.width, picture.height) == (width, height)),
             "pictures of a sequence have one size"
         );
-        // Rows are added up from the top, so that threads do not show in the last bit.
+        // Rows are added from the top, so that the result does not depend on the number of threads.
         let row = |y: usize| {
             (y * width..(y + 1) * width).fold(Sums::default(), |sums, index| {
                 sums.and(&Sums::of_pixel(&all, index))
@@ -151,7 +150,7 @@ impl Sums {
         sums
     }
 
-    /// Both together.
+    /// Sum of both.
     pub fn and(self, next: &Sums) -> Sums {
         let changes = std::array::from_fn(|i| {
             let (a, b) = (self.changes[i], next.changes[i]);
@@ -168,7 +167,7 @@ impl Sums {
         }
     }
 
-    /// What they say.
+    /// The figures of these sums.
     pub fn flicker(&self) -> Flicker {
         let change = |sum: &Sum| {
             if self.not_finite > 0 {
@@ -231,8 +230,8 @@ mod tests {
         (found.unwrap() - expected).abs() < 1e-15
     }
 
-    /// By hand, of four pixels: one that moves and so does not count, one whose arithmetic jumps by
-    /// 5/255, one whose method does by 6/255 and is followed, one where nothing changes.
+    /// Worked out by hand, for four pixels: one moves and does not count, one has a jump of 5/255
+    /// in its arithmetic, one of 6/255 in its method, and one does not change.
     #[test]
     fn changes_and_jumps_are_those_worked_out_by_hand() {
         let s = 1.0 / 255.0;
@@ -315,7 +314,7 @@ mod tests {
             ),
             (1, 1, Some(1.0))
         );
-        // One picture of one frame is enough.
+        // One covered picture of one frame is enough.
         frames[0].fixed.covered[0] = true;
         assert_eq!(
             Sums::new(frames[0].all(), frames[1].all())

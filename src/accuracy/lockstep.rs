@@ -1,16 +1,17 @@
-//! Lockstep: `golden` led by every decision that the machine takes, with a bound on the machine's
-//! error at each pixel (docs/book/algorithm-resolve.md §8).
+//! Lockstep: the reference `golden` with every decision forced to the machine's, and a bound on the
+//! machine's error at each pixel (docs/book/algorithm-resolve.md §8).
 //!
 //! ```text
 //! machine ─► decisions ─►[ golden's fragments ]─► led picture ─┐
 //!                  └────►[ the units' bounds ]──► bound ───────┴─► |fixed − led| ≤ bound, at every pixel
 //! ```
-//! What is left between the two is arithmetic alone, and the bounds of the units (`real.rs` of
-//! each) hold it. A *flip* is a decision that `golden` would have taken otherwise; it is real if
-//! the number that decided lies within its bound of the threshold, and *unexplained* if not.
+//! The remaining difference between the two is arithmetic only, and the bounds of the units
+//! (`real.rs` of each) limit it. A *flip* is a decision that `golden` alone would take differently.
+//! It is real if the number that decided lies within its bound of the threshold, and *unexplained*
+//! otherwise.
 //!
-//! The led renderer watches the machine as a probe does, tile by tile: nothing is recorded and
-//! memory stays that of a tile.
+//! The led renderer observes the machine as a probe, tile by tile. Nothing is recorded, and it
+//! needs the memory of one tile.
 //!
 //! Laws (tests/bounds.rs): `no_pixel_exceeds_its_bound`, `every_flip_is_explained`.
 
@@ -48,35 +49,34 @@ use window::{Own, WindowPixel, WindowRules};
 
 pub use summary::{BoundSummary, Summary};
 
-/// Decisions that `golden` would have taken otherwise, by kind.
+/// Decisions that `golden` would take differently, by kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Flips {
-    /// A splat drawn by one and culled by the other: contributions that only one has.
+    /// A splat is drawn by one and culled by the other: counts contributions that only one has.
     pub cull: u64,
-    /// A pixel inside the footprint for one and outside for the other.
+    /// A pixel is inside the footprint for one and outside for the other.
     pub coverage: u64,
-    /// Another fragment to add to, or none.
+    /// A different fragment to add to, or none.
     pub slot: u64,
-    /// Another order in depth.
+    /// A different order in depth.
     pub order: u64,
-    /// Another pair to merge.
+    /// A different pair to merge.
     pub pair: u64,
-    /// A fragment dropped by one and kept by the other.
+    /// A fragment is dropped by one and kept by the other.
     pub eviction: u64,
-    /// A contribution's normal turned by one and left by the other.
+    /// A contribution's normal is turned by one and left by the other.
     pub turn: u64,
-    /// Of windows, as the three that follow: late for another surface, or none.
+    /// Windows only, as the three below: late for a different surface, or for none.
     pub late: u64,
-    /// Inside of a closed slot or not, or nearer to its other side.
+    /// Inside a closed slot or not, or nearer to its other side.
     pub inside: u64,
-    /// Another window.
+    /// A different window.
     pub window: u64,
-    /// Another pair to sum, or none.
+    /// A different pair to sum, or none.
     pub sum: u64,
-    /// Those among them whose deciding number does not lie within its bound of the threshold. None
-    /// should.
+    /// Flips whose deciding number is not within its bound of the threshold. Should be 0.
     pub unexplained: u64,
-    /// Kinds at the pixel at hand, a bit each.
+    /// Kinds at the current pixel, one bit each.
     #[serde(skip)]
     here: u16,
 }
@@ -110,14 +110,14 @@ impl Flips {
         ]
     }
 
-    /// Each kind and how many there are of it.
+    /// Each kind and its count.
     pub fn by_kind(&self) -> [(&'static str, u64); KINDS.len()] {
         let mut all = *self;
         let counts = all.counts();
         std::array::from_fn(|kind| (KINDS[kind], *counts[kind]))
     }
 
-    /// All of them.
+    /// Flips of all kinds.
     pub fn total(&self) -> u64 {
         self.by_kind().into_iter().map(|(_, count)| count).sum()
     }
@@ -176,13 +176,13 @@ impl Flips {
     }
 }
 
-/// Which tiles of 16 × 16 pixels are held in lockstep: it takes most of a run's time.
+/// Which tiles of 16 × 16 pixels are checked in lockstep, which takes most of a run's time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tiles {
-    /// All of them.
+    /// All tiles.
     #[default]
     All,
-    /// One in eight: of any eight beside or below each other one.
+    /// One tile in eight: one of any eight consecutive tiles in a row or a column.
     Sampled,
 }
 
@@ -198,19 +198,20 @@ impl Tiles {
 /// Result of a frame in lockstep.
 #[derive(Clone, Debug)]
 pub struct Lockstep {
-    /// Tiles that were held. Of the others nothing is known, and nothing is counted.
+    /// Tiles that were checked. Nothing is counted in the others.
     pub tiles: Tiles,
     /// Picture of `golden` led by the machine's decisions.
     pub led: Picture,
-    /// Bound on |fixed − led|, of the worst channel of each pixel; infinite where nothing is known.
+    /// Bound on |fixed − led|, of the worst channel of each pixel; infinite where there is no
+    /// bound.
     pub bound: Vec<f64>,
     /// |fixed − led|, of the worst channel of each pixel.
     pub error: Vec<f64>,
-    /// Kinds of flips at each pixel, a bit each in the order of [`KINDS`].
+    /// Kinds of flips at each pixel, one bit each in the order of [`KINDS`].
     pub flipped: Vec<u16>,
-    /// Pixels where |fixed − led| exceeds its bound in some channel. None should.
+    /// Pixels where |fixed − led| exceeds its bound in some channel. Should be 0.
     pub violations: u64,
-    /// Decisions that `golden` would have taken otherwise.
+    /// Decisions that `golden` would take differently.
     pub flips: Flips,
 }
 
@@ -219,7 +220,7 @@ pub fn lockstep(scene: &Scene, machine: &Elaborated, quantised: &Quantised) -> L
     lockstep_in(scene, machine, quantised, Tiles::All)
 }
 
-/// The same in some tiles.
+/// Draws a scene with `golden` in lockstep in some tiles.
 pub fn lockstep_in(
     scene: &Scene,
     machine: &Elaborated,
@@ -229,8 +230,7 @@ pub fn lockstep_in(
     held_to(scene, machine, machine, quantised, tiles)
 }
 
-/// Draws a scene on one machine and holds it to the bounds of another, which is given the same
-/// words.
+/// Draws a scene on one machine and checks it against the bounds of another with the same words.
 fn held_to(
     scene: &Scene,
     drawn: &Elaborated,
@@ -249,7 +249,7 @@ fn held_to(
     leader.finish(drawing.covered)
 }
 
-/// What every tile needs.
+/// Input that all tiles share.
 struct Stage<'a> {
     scene: &'a Scene,
     tiles: Tiles,
@@ -258,15 +258,15 @@ struct Stage<'a> {
     eye: View,
     view: real::View<Near>,
     common: Common<'a>,
-    /// Lesser weights make no fragment.
+    /// Smaller weights make no fragment.
     least_weight: Near,
-    /// No splat of less opacity is drawn.
+    /// Splats of less opacity are not drawn.
     least_opacity: Option<Near>,
-    /// Where fragments are grouped by sheets.
+    /// Present if fragments are grouped by sheets.
     sheets: Option<SheetRules<'a>>,
-    /// Where they are grouped by windows.
+    /// Present if fragments are grouped by windows.
     windows: Option<WindowRules<'a>>,
-    /// Tiles a row.
+    /// Tiles per row.
     columns: usize,
     /// The splats that reach each tile in `golden`.
     bins: Vec<Vec<u32>>,
@@ -333,7 +333,7 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// A splat, exact and as the machine may have it.
+    /// A splat, exact and with the machine's bounds.
     fn splat(&self, index: u32) -> Splat {
         let (mut footprint, cull) = set_up_anyway(
             self.scene,
@@ -364,7 +364,7 @@ impl<'a> Stage<'a> {
             ellipsoid.as_ref(),
             size_px,
         );
-        // The machine's normals against golden's own.
+        // The machine's normals around golden's own.
         let normal = [0, 1, 2].map(|axis| near.ellipse.normal[axis].around(footprint.normal[axis]));
         let mut rgb = record.rgb;
         let opacity = footprint.opacity;
@@ -407,12 +407,12 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// Whether a pixel's tile is held.
+    /// Whether a pixel's tile is checked.
     fn holds(&self, x: u32, y: u32) -> bool {
         self.tiles.has(x as usize / TILE_PX, y as usize / TILE_PX)
     }
 
-    /// A pixel's centre from the picture's middle.
+    /// A pixel's centre relative to the middle of the picture.
     fn at(&self, x: u32, y: u32) -> [f64; 2] {
         [
             f64::from(x) + 0.5 - self.eye.half_px[0],
@@ -420,7 +420,7 @@ impl<'a> Stage<'a> {
         ]
     }
 
-    /// Whether machine and `golden` may differ about drawing the splat at all.
+    /// Whether machine and `golden` may differ about drawing the splat.
     fn may_cull(&self, splat: &Splat) -> bool {
         let (point, ellipse) = (&splat.near.point, &splat.near.ellipse);
         let zero = Near::exact(0.0);
@@ -434,7 +434,7 @@ impl<'a> Stage<'a> {
                 .is_some_and(|least| splat.record.opacity.may_cross(least))
     }
 
-    /// Whether machine and `golden` may differ about the splat's reaching a pixel.
+    /// Whether machine and `golden` may differ about whether the splat reaches a pixel.
     fn may_cover(&self, splat: &Splat, x: u32, y: u32) -> bool {
         let at = self.at(x, y);
         let contribution = splat.near.contribution(self.machine, at);
@@ -475,7 +475,7 @@ fn reached(scene: &Scene, eye: &View) -> Vec<(u32, [u16; 4])> {
         .collect()
 }
 
-/// One splat, exact and as the machine may have it.
+/// One splat, exact and with the machine's bounds.
 struct Splat {
     index: u32,
     footprint: Footprint,
@@ -484,15 +484,15 @@ struct Splat {
     record: real::Splat<Near>,
     attributes: [Near; ATTRIBUTES],
     filled: f64,
-    /// The machine turned its normal, or left it, as `golden` would not have.
+    /// The machine's decision to turn the normal differs from golden's.
     turns_otherwise: bool,
-    /// Of windows: what it looks like by itself.
+    /// Windows only: the splat's own appearance.
     own: Option<Own>,
 }
 
 impl Splat {
-    /// Whether `golden` has this contribution at a pixel of this row, which is known as if all of
-    /// them reached it.
+    /// Whether `golden` has this contribution at a pixel of this row. `contribution` is computed as
+    /// if all pixels were reached.
     fn covers(&self, row: &Row, [x, y]: [u32; 2], contribution: &Exact) -> bool {
         let Footprint { columns, rows, .. } = &self.footprint;
         self.cull.is_none()
@@ -502,10 +502,10 @@ impl Splat {
     }
 }
 
-/// Pixels of a tile, a bit each.
+/// Pixels of a tile, one bit each.
 type Mask = [u64; TILE_AREA / 64];
 
-/// One finished tile.
+/// Result of a tile.
 struct Tile {
     led: Vec<[f64; 4]>,
     bound: Vec<f64>,
@@ -524,23 +524,23 @@ impl Default for Tile {
     }
 }
 
-/// Watches the machine and makes `golden` follow.
+/// Observes the machine and makes `golden` follow its decisions.
 struct Leader<'a> {
     stage: &'a Stage<'a>,
-    /// The pixels of the tile at hand: empty between tiles.
+    /// The pixels of the current tile; empty between tiles.
     pixels: Vec<Pixel>,
-    /// The same where fragments are grouped by sheets.
+    /// The pixels if fragments are grouped by sheets.
     sheets: Vec<SheetPixel>,
-    /// The same where they are grouped by windows.
+    /// The pixels if fragments are grouped by windows.
     windows: Vec<WindowPixel>,
-    /// The splat at hand, which is large.
+    /// The current splat, boxed because it is large.
     splat: Option<Box<Splat>>,
-    /// Splats of the tile before, and of this one, that go on to their right: most likely into the
-    /// next tile. They are set up once for both.
+    /// Splats of the previous tile and of the current one that continue to the right, probably into
+    /// the next tile. They are set up once for both.
     go_on: [BTreeMap<u32, Box<Splat>>; 2],
-    /// What it reached of the tile at hand.
+    /// Pixels of the tile that the current splat reached.
     reached: Mask,
-    /// Splats before it that reached something of the tile.
+    /// Earlier splats that reached a pixel of the tile.
     touched: Vec<u32>,
     tile: Tile,
     tiles: BTreeMap<usize, Tile>,
@@ -566,7 +566,7 @@ impl<'a> Leader<'a> {
         }
     }
 
-    /// Counts what `count` counts, and marks its kinds at a pixel of the tile.
+    /// Runs `count` and marks the kinds that it counts at a pixel of the tile.
     fn at_pixel<T>(&mut self, pixel: usize, count: impl FnOnce(&mut Self, &mut Flips) -> T) -> T {
         let mut flips = Flips::default();
         let result = count(self, &mut flips);
@@ -583,7 +583,8 @@ impl<'a> Leader<'a> {
         let row = splat.footprint.row(y);
         let exact = row.beyond(x);
         let is_covered = splat.covers(&row, [x, y], &exact);
-        // What comes too late is nobody's, but for a splat that only the machine draws.
+        // A stopped pixel drops every contribution; only one that `golden` does not have is still a
+        // flip.
         if self.sheets.get(pixel).is_some_and(SheetPixel::is_stopped) && is_covered {
             return;
         }
@@ -631,8 +632,8 @@ impl<'a> Leader<'a> {
         });
     }
 
-    /// The splat at hand has all that the machine gives it in the tile that begins at (`left`,
-    /// `top`): what only `golden` has of it is lost.
+    /// Ends the current splat in the tile that begins at (`left`, `top`): contributions that only
+    /// `golden` has are lost.
     fn end_splat(&mut self, [left, top]: [u32; 2]) {
         let Some(splat) = self.splat.take() else {
             return;
@@ -649,11 +650,11 @@ impl<'a> Leader<'a> {
         }
     }
 
-    /// Finds what only `golden` has of other splats there.
+    /// Finds contributions in the tile of splats that reached none of its pixels on the machine.
     fn find_lost(&mut self, tile: usize, [left, top]: [u32; 2]) {
         let stage = self.stage;
         let mut touched = std::mem::take(&mut self.touched);
-        // A machine that sorts does not take them in the order of their numbers.
+        // A machine that sorts does not draw splats in the order of their numbers.
         touched.sort_unstable();
         let mut touched = touched.into_iter().peekable();
         for &index in &stage.bins[tile] {
@@ -675,8 +676,7 @@ impl<'a> Leader<'a> {
         }
     }
 
-    /// Pixels of a tile that a splat reaches in `golden`, but for those in which the machine has it
-    /// too.
+    /// Pixels of a tile that a splat reaches in `golden` but not on the machine.
     fn lost(&self, footprint: &Footprint, [left, top]: [u32; 2]) -> Vec<[u32; 2]> {
         let side = TILE_PX as u32;
         let mut lost = Vec::new();
@@ -692,7 +692,7 @@ impl<'a> Leader<'a> {
         lost
     }
 
-    /// Only `golden` has a splat at a pixel.
+    /// Counts a contribution that only `golden` has.
     fn lose(&mut self, splat: &Splat, [x, y]: [u32; 2]) {
         let stage = self.stage;
         let (culled, covered) = (stage.may_cull(splat), stage.may_cover(splat, x, y));
@@ -705,7 +705,7 @@ impl<'a> Leader<'a> {
         });
     }
 
-    /// Tiles that the machine never touched, and the frame.
+    /// Adds tiles that the machine never touched, and returns the frame.
     fn finish(mut self, covered: Vec<bool>) -> Lockstep {
         let stage = self.stage;
         let (width, height) = (stage.scene.image.width, stage.scene.image.height);
@@ -754,8 +754,8 @@ impl<'a> Leader<'a> {
     }
 }
 
-/// Whether a channel of a pixel exceeds its bound, or has a value or a bound that is no number. No
-/// bound, infinite, allows any number.
+/// Whether a channel of a pixel exceeds its bound, or its value or bound is NaN. An infinite bound
+/// allows any number.
 fn violates(held: [f64; 4], near: [Near; 4]) -> bool {
     let keeps =
         |held: f64, near: Near| near.value.is_finite() && (held - near.value).abs() <= near.error;
@@ -765,7 +765,7 @@ fn violates(held: [f64; 4], near: [Near; 4]) -> bool {
         .all(|(held, near)| keeps(held, near))
 }
 
-/// Error and bound of a pixel's worst channels; infinite where one is no number.
+/// Error and bound of a pixel's worst channels; infinite for NaN.
 fn judged(held: [f64; 4], near: [Near; 4]) -> [f64; 2] {
     let number = |x: f64| if x.is_nan() { f64::INFINITY } else { x };
     let errors = held
@@ -780,12 +780,12 @@ fn judged(held: [f64; 4], near: [Near; 4]) -> [f64; 2] {
     ]
 }
 
-/// A pixel's number in its tile.
+/// A pixel's index in its tile.
 fn in_tile(x: u32, y: u32) -> usize {
     y as usize % TILE_PX * TILE_PX + x as usize % TILE_PX
 }
 
-/// What a part of the frame came to.
+/// Results of a part of the frame.
 struct Part {
     tiles: BTreeMap<usize, Tile>,
     flips: Flips,

@@ -1,4 +1,4 @@
-//! Accuracy: how far pictures lie apart, whose arithmetic it is, and how far it can be.
+//! Accuracy: the distance between pictures, the arithmetic that causes it, and bounds on it.
 
 pub mod attribution;
 mod error_picture;

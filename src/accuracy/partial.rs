@@ -1,13 +1,14 @@
-//! PartialPrecision: draws a scene on a machine of which only some words are words, and f64 takes
-//! the place of the rest.
+//! PartialPrecision: draws a scene in mixed precision: some words of a machine are quantised, the
+//! others are f64.
 //!
 //! ```text
 //! chosen words ─►┬─ set up: splats, project, ellipse ─► footprints ─┐
 //!                └─ fill: raster, gauss, fragment, shade, resolve ◄─┴─► picture
 //! ```
-//! The arithmetic is that of the units over the reals (`real.rs` of each), the rules for fragments
-//! and sheets are golden's, on whatever numbers come out. All words chosen, it is the machine, but
-//! for what f64 loses of its longest products; none chosen, it is `golden`.
+//! The arithmetic is that of the units over the reals (`real.rs` of each). The rules for fragments
+//! and sheets are golden's, applied to the resulting numbers. With all words chosen it is the
+//! machine, except for bits that f64 loses in its longest products. With no word chosen it is
+//! `golden`.
 //!
 //! Laws (tests/attribution.rs): `with_no_word_it_is_golden`, `with_every_word_it_is_the_machine`.
 
@@ -40,10 +41,10 @@ use window::WindowPixels;
 /// diagram.
 pub const UNITS: [&str; unit::WORDED.len() + 1] = unit::after("splat", unit::WORDED);
 
-/// Words that only machines for ellipsoids are given.
+/// Words that only machines for ellipsoids have.
 const OF_ELLIPSOIDS: [&str; 2] = ["ellipse.quaternion", "ellipse.scale"];
 
-/// The word that a signal belongs to: those inside a function unit are the unit's.
+/// The word that a signal belongs to; signals inside a function unit belong to the unit's word.
 fn word_of(signal: &Signal) -> String {
     let name = signal.name.split('.').next().unwrap_or_default();
     format!("{}.{name}", signal.unit)
@@ -77,7 +78,7 @@ pub fn words(machine: &Elaborated) -> Vec<String> {
     unique
 }
 
-/// Words of a machine.
+/// The chosen words of a machine.
 #[derive(Clone, Debug)]
 pub struct Choice {
     inputs: Vec<&'static str>,
@@ -85,7 +86,7 @@ pub struct Choice {
 }
 
 impl Choice {
-    /// Those words of which this holds.
+    /// The words for which `is_chosen` is true.
     pub fn new(machine: &Elaborated, is_chosen: impl Fn(&str) -> bool) -> Self {
         Choice {
             inputs: INPUTS.into_iter().filter(|name| is_chosen(name)).collect(),
@@ -107,7 +108,7 @@ impl Choice {
     }
 }
 
-/// A splat that has been set up: plain numbers, so that other words may be chosen for what follows.
+/// A splat after setup, in plain numbers, so that other words can be chosen for the fill.
 #[derive(Clone, Debug)]
 pub struct Footprint {
     columns: Range<u32>,
@@ -117,17 +118,17 @@ pub struct Footprint {
     /// rgb, α, normal.
     attributes: [f64; ATTRIBUTES],
     material: u32,
-    /// Of windows: the splat's own colour under the lights.
+    /// Windows only: the splat's own colour under the lights.
     light: [f64; 3],
     splat: u32,
-    /// By which they are sorted.
+    /// Sort key.
     key: f64,
 }
 
 /// Attributes of a contribution: rgb, α, normal.
 const ATTRIBUTES: usize = 7;
 
-/// A scene, and the machine that draws it.
+/// Scene and machine of a drawing.
 #[derive(Clone, Debug)]
 pub struct Stage<'a> {
     scene: &'a Scene,
@@ -138,7 +139,7 @@ pub struct Stage<'a> {
 }
 
 impl<'a> Stage<'a> {
-    /// Where `scene` is drawn on `machine`.
+    /// The drawing of `scene` on `machine`.
     pub fn new(scene: &'a Scene, machine: &'a Elaborated, quantised: &'a Quantised) -> Self {
         Stage {
             scene,
@@ -158,7 +159,7 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// Sets every splat up, with the chosen words, in the order in which they are drawn.
+    /// Sets up all splats with the chosen words, in drawing order.
     pub fn set_up(&self, choice: &Choice) -> Vec<Footprint> {
         let (registers, hold) = (self.registers(), choice.hold());
         let view = registers.view(&hold);
@@ -238,7 +239,7 @@ impl<'a> Stage<'a> {
         footprints
     }
 
-    /// Draws what was set up, with the chosen words.
+    /// Draws footprints with the chosen words.
     pub fn fill(&self, choice: &Choice, footprints: &[Footprint]) -> Picture {
         let (registers, hold) = (self.registers(), choice.hold());
         let shader = Shader::of(self.scene, &self.rules);
@@ -299,9 +300,9 @@ struct FrameWords<'a> {
     opaque: f64,
     lighting: Lighting<PartialPrecision<'a>>,
     background: [PartialPrecision<'a>; 4],
-    /// None where fragments are grouped by depth.
+    /// None if fragments are grouped by depth.
     sheets: Option<SheetWords<'a, PartialPrecision<'a>>>,
-    /// None where they are not grouped by windows.
+    /// None if fragments are not grouped by windows.
     windows: Option<WindowWords<PartialPrecision<'a>>>,
     shader: &'a Shader,
     switches: &'a Switches,
@@ -313,7 +314,7 @@ impl<'a> FrameWords<'a> {
     }
 }
 
-/// One footprint, on its way into a frame.
+/// One footprint and the frame that it is drawn into.
 struct Drawn<'a> {
     frame: &'a FrameWords<'a>,
     footprint: &'a Footprint,
@@ -393,7 +394,7 @@ impl<'a> Cover for Drawn<'a> {
     }
 }
 
-/// The fragments of a tile's pixels, as golden keeps them; depths in machine units.
+/// The fragments of a tile's pixels, by golden's rules; depths in machine units.
 struct Pixels<'a> {
     frame: &'a FrameWords<'a>,
     fragments: Vec<Vec<Fragment>>,
@@ -490,7 +491,7 @@ impl<'a> FrameWords<'a> {
         );
     }
 
-    /// One fragment too many: drops one that nobody sees, or makes one of two.
+    /// Makes room for one fragment: drops a hidden one, or merges two.
     fn overflow(&self, fragments: &mut Vec<Fragment>, new: Fragment, pair: Pair) {
         let rules = &self.stage.rules;
         fragments.sort_by(|a, b| a.z.total_cmp(&b.z));
@@ -514,7 +515,7 @@ impl<'a> FrameWords<'a> {
         fragments.remove(front + 1);
     }
 
-    /// What a merge blends of a fragment: it lives in a slot once it is shaded.
+    /// The operand of a merge: a shaded fragment is first stored in a slot.
     fn stored(&self, fragment: &Fragment) -> [PartialPrecision<'a>; 4] {
         if fragment.shaded {
             self.light(fragment)

@@ -1,5 +1,5 @@
-//! Sheets: adds up what one sheet gives to a pixel and blends sheet after sheet (EWA §7.1,
-//! docs/book/algorithm-resolve.md §9); and what would be exact.
+//! Sheets: sums the contributions of one sheet to a pixel and blends sheet after sheet (EWA §7.1,
+//! docs/book/algorithm-resolve.md §9); also the exact result.
 
 use glam::{DVec3, DVec4};
 
@@ -9,8 +9,8 @@ use super::shade::over;
 use super::tiles::{PIXELS_IN_A_TILE, Painter};
 use crate::scene::{Opacity, Sheet, Sheets};
 
-/// A sheet's colour times opacity, and its opacity, from its optical depth and its colours times
-/// that.
+/// A sheet's colour times opacity, and its opacity, from its optical depth and the products of
+/// colour and optical depth.
 pub(crate) fn closed(sheets: &Sheets, weight: f64, rgb: DVec3) -> DVec4 {
     if sheets.of == Sheet::Splat {
         let ratio = if weight > sheets.most_weight {
@@ -24,7 +24,7 @@ pub(crate) fn closed(sheets: &Sheets, weight: f64, rgb: DVec3) -> DVec4 {
     (rgb * ratio).extend(weight * ratio)
 }
 
-/// One pixel: the sheet that is open, and those before it.
+/// One pixel: the open sheet, and the composite of the sheets before it.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Pixel {
     open: Option<Fragment>,
@@ -33,21 +33,21 @@ pub(crate) struct Pixel {
     sheets: u64,
 }
 
-/// What became of a contribution.
+/// Outcome of a contribution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Fate {
     /// Added to the open sheet.
     Added,
     /// Began the pixel's first sheet.
     First,
-    /// Began a sheet, and those before were blended.
+    /// Began a sheet; the one before was blended.
     Next,
-    /// Came to a pixel that takes nothing more.
+    /// The pixel takes no more contributions.
     Dropped,
 }
 
 impl Pixel {
-    /// Takes one contribution in.
+    /// Takes one contribution.
     pub fn take(&mut self, scene_sheets: &Sheets, new: &Fragment) -> Fate {
         if self.stopped {
             return Fate::Dropped;
@@ -85,7 +85,7 @@ impl Pixel {
         }
     }
 
-    /// Whether the sheet was blended.
+    /// Blends the sheet; returns whether it was kept.
     fn blend(&mut self, scene_sheets: &Sheets, sheet: DVec4) -> bool {
         let blended = over_or_under(scene_sheets, self.composite, sheet);
         self.stopped = !scene_sheets.back_to_front && 1.0 - blended.w < scene_sheets.stop;
@@ -96,7 +96,7 @@ impl Pixel {
         kept
     }
 
-    /// Colour times opacity, and opacity, of all: nothing more comes.
+    /// Final colour times opacity, and opacity.
     pub fn colour(&self, scene_sheets: &Sheets) -> DVec4 {
         let last = |open: &Fragment| {
             over_or_under(
@@ -118,7 +118,7 @@ fn over_or_under(sheets: &Sheets, before: DVec4, next: DVec4) -> DVec4 {
     }
 }
 
-/// The hardware's algorithm: at most two layers a pixel.
+/// The hardware's algorithm: at most two layers per pixel.
 pub(super) struct Golden<'a> {
     sheets: &'a Sheets,
     background: DVec4,
@@ -162,9 +162,9 @@ impl Painter for Golden<'_> {
     }
 }
 
-/// What no number of slots can make better: every contribution by itself, nearest first, none left
-/// out and none too late. A volume's hide what lies behind them by e^(−x), exactly; a Gaussian's by
-/// its weight.
+/// The exact result, without a limit of slots: every contribution separately, nearest first, none
+/// left out and none late. Contributions of a volume hide what is behind them by exactly e^(−x);
+/// those of a Gaussian by its weight.
 pub(super) struct Ideal<'a> {
     sheets: &'a Sheets,
     background: DVec4,

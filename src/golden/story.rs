@@ -1,4 +1,5 @@
-//! Story: everything that happened at one pixel of `golden`, told by the code that draws it.
+//! Pixel trace: everything that happened at one pixel of `golden`, recorded by the code that draws
+//! it.
 
 use super::footprint::{self, Footprint};
 use super::fragments::{Fragment, Golden, Slot, resolve};
@@ -12,18 +13,18 @@ use super::{Decision, Group, Merge, Rules};
 use crate::scene::{Scene, Sheet, Sheets};
 use glam::DVec4;
 
-/// One pixel's life.
+/// Trace of one pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Story {
-    /// Contributions to the pixel, in the order in which they are drawn.
+    /// Contributions to the pixel, in drawing order.
     pub arrivals: Vec<Arrival>,
-    /// Layers left at the end, front to back.
+    /// Layers at the end, front to back.
     pub layers: Vec<Layer>,
-    /// The pixel, as in the picture: linear, premultiplied, over the background.
+    /// The pixel as in the picture: linear, premultiplied, over the background.
     pub rgba: [f64; 4],
 }
 
-/// One contribution and what became of it.
+/// One contribution and its outcome.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Arrival {
     /// Index of its splat in the scene.
@@ -34,34 +35,34 @@ pub struct Arrival {
     pub weight: f64,
     /// Depth of the splat's plane at the pixel, world units.
     pub z: f64,
-    /// Decision about it, and the slot.
+    /// Decision about it, with the slot.
     pub decision: Decision,
 }
 
 /// One layer at the end.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Layer {
-    /// The slot that it held.
+    /// Its slot.
     pub slot: usize,
-    /// `Σw`; of a layer that a merge shaded, that of its front.
+    /// `Σw`; for a layer that a merge shaded, that of its front.
     pub weight: f64,
-    /// `Σw·rgb`; of a shaded layer its premultiplied colour.
+    /// `Σw·rgb`; for a shaded layer its premultiplied colour.
     pub rgb: [f64; 3],
-    /// `Σw·α`; of a shaded layer its α.
+    /// `Σw·α`; for a shaded layer its α.
     pub alpha: f64,
-    /// `Σw·n`, camera space; of a shaded layer that of its front.
+    /// `Σw·n`, camera space; for a shaded layer that of its front.
     pub normal: [f64; 3],
-    /// The depth that it answers to, world units.
+    /// Its depth, world units.
     pub z: f64,
     /// Index into the scene's materials.
     pub material: u32,
-    /// Whether a merge had shaded it already.
+    /// Whether a merge had already shaded it.
     pub shaded: bool,
     /// Its final colour, premultiplied by its coverage.
     pub colour: [f64; 3],
     /// Its final coverage α'.
     pub coverage: f64,
-    /// What it mirrors; none of a layer that a merge had shaded already.
+    /// Reflected light; none if a merge had already shaded the layer.
     pub mirrored: Option<Seen>,
 }
 
@@ -84,11 +85,10 @@ impl Layer {
     }
 }
 
-/// Tells what [`super::render`] does at pixel (x, y). A pixel outside of the picture has an empty
-/// story.
+/// Traces [`super::render`] at pixel (x, y). The trace of a pixel outside the picture is empty.
 ///
-/// Where fragments are grouped by sheets, slot 1 is the open sheet and slot 0 the composite of
-/// those before it, which is all that is left at the end.
+/// If fragments are grouped by sheets, slot 1 is the open sheet and slot 0 the composite of the
+/// sheets before it. Only the composite is left at the end.
 pub fn story(scene: &Scene, rules: &Rules, x: usize, y: usize) -> Story {
     let shader = Shader::of(scene, rules);
     if let Some(sheets) = &scene.sheets {
@@ -121,8 +121,8 @@ fn of_fragments<S: Slot>(scene: &Scene, shader: &Shader, rules: &Rules, pixel: [
     }
 }
 
-/// An open layer is told as its sums, a closed one as its colour and the weight of its front; both
-/// at their nearest depth.
+/// An open layer is reported by its sums, a closed one by its colour and the weight of its front;
+/// both at their nearest depth.
 fn of_windows(scene: &Scene, shader: &Shader, rules: &Rules, pixel: [u32; 2]) -> Story {
     let z_threshold = scene.surface.z_threshold;
     let mut pixels = Pixels::new(rules, z_threshold, shader);
@@ -201,7 +201,7 @@ fn of_sheets(scene: &Scene, sheets: &Sheets, shader: &Shader, x: u32, y: u32) ->
     }
 }
 
-/// Sends everything that reaches the pixel to whoever decides, in the order in which it is drawn.
+/// Passes all contributions to the pixel to `take`, in drawing order.
 fn arrivals(
     scene: &Scene,
     shader: &Shader,

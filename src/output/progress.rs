@@ -1,6 +1,7 @@
-//! Progress: shows how far a long job is: a bar on a terminal, elsewhere a line every ten seconds.
+//! Progress: shows the progress of a long job: a bar on a terminal, otherwise a line every ten
+//! seconds.
 //!
-//! What is left is estimated from what was done here; what was known before counts for nothing.
+//! The remaining time is estimated only from the work done so far.
 
 use crate::error::{Error, Result};
 use crate::output::text::{duration, thousands};
@@ -13,16 +14,16 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-/// Between two lines where standard error is no terminal.
+/// Time between two lines if standard error is not a terminal.
 const LINE_EVERY: Duration = Duration::from_secs(10);
-/// Between two pictures of a bar.
+/// Time between two updates of a bar.
 const TICK_EVERY: Duration = Duration::from_millis(200);
 
 thread_local! {
     static WATCH: RefCell<Option<Arc<Watch>>> = const { RefCell::new(None) };
 }
 
-/// Looks at a job from another thread, and may stop it.
+/// Observes a job from another thread, and may stop it.
 #[derive(Debug, Default)]
 pub struct Watch {
     state: Mutex<Option<Arc<State>>>,
@@ -30,7 +31,7 @@ pub struct Watch {
 }
 
 impl Watch {
-    /// What is done, of how much where that is known, and where the job is in words.
+    /// Amount done, total if known, and a message about the current step.
     pub fn now(&self) -> (f64, Option<f64>, String) {
         let state = self
             .state
@@ -51,13 +52,13 @@ impl Watch {
         )
     }
 
-    /// Asks the job to stop: it does where it would write its next row.
+    /// Requests the job to stop: it does so before it writes its next row.
     pub fn stop(&self) {
         self.is_stopped.store(true, Ordering::Relaxed);
     }
 }
 
-/// Does `work`, a job whose progress a `watch` sees, on this thread.
+/// Runs `work`, a job whose progress is visible in `watch`, on this thread.
 pub fn watched_by<T>(watch: &Arc<Watch>, work: impl FnOnce() -> T) -> T {
     let before = WATCH.replace(Some(Arc::clone(watch)));
     let done = work();
@@ -65,10 +66,10 @@ pub fn watched_by<T>(watch: &Arc<Watch>, work: impl FnOnce() -> T) -> T {
     done
 }
 
-/// Whether whoever watches this thread's job still wants it.
+/// Checks that this thread's job was not stopped.
 ///
 /// # Errors
-/// [`Error::Job`] where it was stopped.
+/// [`Error::Job`] if it was stopped.
 pub fn is_wanted() -> Result<()> {
     let is_stopped = WATCH.with_borrow(|watch| {
         watch
@@ -92,7 +93,7 @@ pub struct Progress {
     ticker: Option<Ticker>,
 }
 
-/// How far a job is.
+/// Progress of a job.
 #[derive(Debug)]
 struct State {
     start: Instant,
@@ -101,14 +102,14 @@ struct State {
     message: Mutex<String>,
 }
 
-/// Knowledge of a job's end.
+/// How the end of a job is known.
 #[derive(Clone, Copy, Debug)]
 enum Kind {
-    /// So many steps, of a name.
+    /// By a number of steps with a name.
     Steps(u64, &'static str),
-    /// About so many seconds.
+    /// By an estimate in seconds.
     Seconds(f64),
-    /// Nothing; it says itself where it is.
+    /// Unknown; the job sets messages.
     Open,
 }
 
@@ -120,17 +121,17 @@ struct Ticker {
 }
 
 impl Progress {
-    /// Shows steps of a name, as `points`, if it is to show anything.
+    /// Shows steps with a name, such as `points`, if `shown`.
     pub fn of_steps(shown: bool, total: u64, name: &'static str) -> Self {
         Progress::new(shown, Kind::Steps(total, name))
     }
 
-    /// Shows seconds of about as many.
+    /// Shows seconds of an estimate.
     pub fn of_seconds(shown: bool, expected: f64) -> Self {
         Progress::new(shown, Kind::Seconds(expected))
     }
 
-    /// Shows messages, where no end is known.
+    /// Shows messages, for a job without a known end.
     pub fn of_messages(shown: bool) -> Self {
         Progress::new(shown, Kind::Open)
     }
@@ -166,12 +167,12 @@ impl Progress {
         Progress { state, ticker }
     }
 
-    /// One step more is done.
+    /// Counts one finished step.
     pub fn step(&self) {
         self.state.done.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Where the job is.
+    /// Sets the message about the current step.
     pub fn say(&self, message: String) {
         *self
             .state
@@ -185,14 +186,14 @@ impl Drop for Progress {
     fn drop(&mut self) {
         if let Some(Ticker { end, thread }) = self.ticker.take() {
             drop(end);
-            // What it shows is no result.
+            // The display is not part of the result.
             let _ = thread.join();
         }
     }
 }
 
 impl Ticker {
-    /// Shows the state again and again, and once more at the end.
+    /// Shows the state periodically, and once more at the end.
     fn start(state: Arc<State>, every: Duration, mut show: Show) -> Self {
         let (end, over) = channel();
         let thread = thread::spawn(move || {
@@ -213,13 +214,13 @@ impl State {
             .clone()
     }
 
-    /// Part of the job that is done, 0 to 1; none where its end is not known.
+    /// Part of the job that is done, 0 to 1; none if its end is unknown.
     fn part(&self) -> Option<f64> {
         match self.kind {
             Kind::Steps(total, _) => {
                 Some(self.done.load(Ordering::Relaxed) as f64 / total.max(1) as f64)
             }
-            // An estimate that was too short never says that it is over.
+            // An estimate that was too short never reaches the end.
             Kind::Seconds(expected) => {
                 Some((self.start.elapsed().as_secs_f64() / expected).min(0.99))
             }
@@ -227,7 +228,7 @@ impl State {
         }
     }
 
-    /// For a log.
+    /// Text for a log.
     fn line(&self) -> String {
         let elapsed = self.start.elapsed().as_secs_f64();
         match self.kind {
@@ -249,7 +250,7 @@ impl State {
     }
 }
 
-/// A bar, or where no end is known a spinner.
+/// A bar, or a spinner if the end is unknown.
 fn bar(kind: Kind) -> Show {
     const LENGTH: u64 = 1000;
     let (bar, template) = match kind {

@@ -1,5 +1,5 @@
-//! Explain: one pixel's whole story, the machine beside `golden`: every contribution, decision and
-//! layer.
+//! Explain: pixel trace of one pixel, of the machine and of `golden` in parallel: every
+//! contribution, decision and layer.
 
 use crate::error::{Error, Result};
 use crate::golden;
@@ -21,14 +21,14 @@ use std::any::Any;
 use std::collections::{HashMap, HashSet};
 use std::fmt::Write;
 
-/// Watches one pixel.
+/// Observes one pixel.
 #[derive(Clone, Debug, Default)]
 struct Witness {
     pixel: [u32; 2],
     contributions: Vec<(Contribution, Decision)>,
     layers: Vec<Layer>,
     frame: Option<[i64; 4]>,
-    /// What was lit at the pixel since the last contribution to it, in the order of slots.
+    /// Inputs to shading at the pixel since the last contribution, in the order of slots.
     lit: Vec<shade::Input>,
 }
 
@@ -74,10 +74,10 @@ impl Observer<'static> for Witness {
     }
 }
 
-/// Tells the story of pixel (x, y).
+/// Returns the pixel trace of pixel (x, y) as text.
 ///
 /// # Errors
-/// [`Error::Input`] where the pixel lies outside the picture, the machine cannot be built or cannot
+/// [`Error::Input`] if the pixel is outside the picture, or the machine cannot be built or cannot
 /// hold the scene.
 pub fn explain(scene: &Scene, machine: &Machine, [x, y]: [usize; 2]) -> Result<String> {
     let seen = Seen::new(scene, machine, [x, y])?;
@@ -92,7 +92,7 @@ pub fn explain(scene: &Scene, machine: &Machine, [x, y]: [usize; 2]) -> Result<S
     Ok(text)
 }
 
-/// The same in numbers.
+/// The pixel trace in numbers.
 ///
 /// # Errors
 /// As [`explain`].
@@ -101,7 +101,7 @@ pub fn explained(scene: &Scene, machine: &Machine, pixel: [usize; 2]) -> Result<
     Ok(seen.told(scene).numbers(scene, pixel, seen.word))
 }
 
-/// A pixel's story in numbers: depths in world units, colours in linear light, premultiplied.
+/// A pixel trace in numbers: depths in world units, colours in linear light, premultiplied.
 #[derive(Clone, Debug, Serialize)]
 pub struct Explained {
     /// The scene's name.
@@ -110,19 +110,19 @@ pub struct Explained {
     pub machine: String,
     /// Column and row; 0,0 is top left.
     pub pixel: [usize; 2],
-    /// Slots of a pixel.
+    /// Slots per pixel.
     pub slots: u64,
-    /// Contributions in the machine's order; what only `golden` has comes before what follows it
-    /// there.
+    /// Contributions in the machine's order. Those that only `golden` has come before the next one
+    /// that both have.
     pub contributions: Vec<ExplainedContribution>,
     /// Layers at the end, front to back.
     pub layers: ExplainedLayers,
-    /// What the layers mirror that no merge had shaded before; left out where that is nothing.
+    /// Reflected light of layers that no merge had shaded; left out if there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mirrors: Option<ExplainedMirrors>,
     /// The machine's pixel.
     pub fixed: [f64; 4],
-    /// `golden`'s.
+    /// The pixel of `golden`.
     pub golden: [f64; 4],
     /// Format of the frame word.
     pub frame_format: String,
@@ -133,17 +133,17 @@ pub struct Explained {
 /// One contribution, on the machine and in `golden`.
 #[derive(Clone, Debug, Serialize)]
 pub struct ExplainedContribution {
-    /// Number of its splat in the scene.
+    /// Index of its splat in the scene.
     pub splat: usize,
-    /// None where only `golden` has it.
+    /// None if only `golden` has it.
     pub fixed: Option<ExplainedArrival>,
-    /// None where only the machine has it.
+    /// None if only the machine has it.
     pub golden: Option<ExplainedArrival>,
-    /// Whether the two decided otherwise.
+    /// Whether the two decided differently.
     pub flip: bool,
 }
 
-/// What one of the two has of a contribution.
+/// A contribution in one of the two.
 #[derive(Clone, Debug, Serialize)]
 pub struct ExplainedArrival {
     /// `r` at the pixel's centre.
@@ -152,29 +152,29 @@ pub struct ExplainedArrival {
     pub weight: f64,
     /// Depth, world units.
     pub z: f64,
-    /// What became of it, in words.
+    /// Its outcome, in words.
     pub decision: String,
-    /// The slot that it went into, where it went into one that is known by number.
+    /// The slot that it went into, if its number is known.
     pub slot: Option<usize>,
 }
 
-/// Layers of both.
+/// Layers on the machine and in `golden`.
 #[derive(Clone, Debug, Serialize)]
 pub struct ExplainedLayers {
-    /// The machine's.
+    /// Layers of the machine.
     pub fixed: Vec<ExplainedLayer>,
-    /// `golden`'s.
+    /// Layers of `golden`.
     pub golden: Vec<ExplainedLayer>,
 }
 
 /// One layer.
 #[derive(Clone, Debug, Serialize)]
 pub struct ExplainedLayer {
-    /// Slot that it held.
+    /// Its slot.
     pub slot: usize,
     /// Its depth, world units.
     pub z: f64,
-    /// Sum of its weights; none of a layer that was merged.
+    /// Sum of its weights; none for a merged layer.
     pub weight: Option<f64>,
     /// Colour times opacity.
     pub rgb: [f64; 3],
@@ -182,39 +182,39 @@ pub struct ExplainedLayer {
     pub opacity: f64,
 }
 
-/// What the layers of both mirror.
+/// Reflected light on the machine and in `golden`.
 #[derive(Clone, Debug, Serialize)]
 pub struct ExplainedMirrors {
-    /// The machine's.
+    /// Reflected light on the machine.
     pub fixed: Vec<ExplainedMirror>,
-    /// `golden`'s.
+    /// Reflected light in `golden`.
     pub golden: Vec<ExplainedMirror>,
 }
 
-/// What one layer mirrors.
+/// Reflected light of one layer.
 #[derive(Clone, Debug, Serialize)]
 pub struct ExplainedMirror {
-    /// The layer's place, front to back.
+    /// The layer's position, front to back.
     pub layer: usize,
     /// a and b of the ray (a, b, 1) that is mirrored.
     pub slopes: [f64; 2],
-    /// Where it goes, in camera space.
+    /// Its mirror image, in camera space.
     pub direction: [f64; 3],
     /// Column and row of the first of the map's four texels.
     pub texel: [usize; 2],
-    /// Light between them.
+    /// Light interpolated between them.
     pub light: [f64; 3],
-    /// Share of the light in the colour that leaves: reflect times tint.
+    /// Share of this light in the reflected colour: reflect times tint.
     pub share: [f64; 3],
 }
 
-/// Everything that was seen of a pixel.
+/// All observations of a pixel.
 struct Seen {
     machine: Elaborated,
     scale: Scale,
     witness: Witness,
     story: Story,
-    /// What the machine's layers mirror.
+    /// Reflected light of the machine's layers.
     mirrors: Vec<ExplainedMirror>,
     /// The frame word.
     word: [i64; 4],
@@ -236,7 +236,7 @@ impl Seen {
             pixel: [x as u32, y as u32],
             ..Witness::default()
         };
-        // What is lit is told by transfers alone.
+        // Inputs to shading are visible only as transfers.
         let draw = if quantised.frame.surroundings.is_some() {
             pipeline::draw_observed
         } else {
@@ -282,7 +282,7 @@ struct Told<'a> {
     fixed: &'a Witness,
     golden: &'a Story,
     mirrors: &'a [ExplainedMirror],
-    /// None where fragments are grouped by depth.
+    /// None if fragments are grouped by depth.
     sheet: Option<&'a Sheet>,
 }
 
@@ -290,8 +290,8 @@ struct Told<'a> {
 type Pair<'a> = (Option<&'a (Contribution, Decision)>, Option<&'a Arrival>);
 
 impl Told<'_> {
-    /// Brings equal splats side by side, in the machine's order; what only `golden` has comes
-    /// before what follows it there.
+    /// Matches contributions of the same splat, in the machine's order. Those that only `golden`
+    /// has come before the next one that both have.
     fn pairs(&self) -> Vec<Pair<'_>> {
         let (fixed, golden) = (&self.fixed.contributions, &self.golden.arrivals);
         let in_golden: HashMap<usize, usize> = golden
@@ -352,7 +352,7 @@ impl Told<'_> {
         let mark = if flips > 0 { " (◄)" } else { "" };
         let count = pairs.len();
         format!(
-            "{}\n\n{count} contributions, {flips} decided otherwise by the machine than by golden{mark}",
+            "{}\n\n{count} contributions, {flips} decided differently by the machine and by golden{mark}",
             aligned(table).trim_fmt()
         )
     }
@@ -457,7 +457,7 @@ impl Told<'_> {
         }
     }
 
-    /// None where fragments are grouped by depth.
+    /// None if fragments are grouped by depth.
     fn sheet_decision(&self, splat: usize, fate: Fate) -> Option<String> {
         Some(match (self.sheet?, fate) {
             (_, Fate::Dropped) => "too late".into(),
@@ -467,7 +467,7 @@ impl Told<'_> {
         })
     }
 
-    /// What all sheets come to.
+    /// The composite of all sheets.
     fn composite(&self) -> String {
         let premultiplied = self.machine.machine.shade.premultiplied.format;
         let mut table = plain_table(&["all sheets", "red", "green", "blue", "opacity"]);
@@ -540,7 +540,7 @@ impl Told<'_> {
             table.add_row(row);
         }
         if self.fixed.layers.is_empty() && self.golden.layers.is_empty() {
-            return "Nothing is left to blend: the pixel is background.".into();
+            return "No layer is left: the pixel is background.".into();
         }
         if self.sheet.is_some() {
             return self.composite();
@@ -551,7 +551,7 @@ impl Told<'_> {
         )
     }
 
-    /// What layers mirror; none where that is nothing.
+    /// Reflected light of layers; none if there is none.
     fn both_mirrors(&self) -> Option<ExplainedMirrors> {
         let golden: Vec<ExplainedMirror> = (self.golden.layers.iter().enumerate())
             .filter_map(|(layer, of)| {
@@ -620,7 +620,7 @@ impl Told<'_> {
             table.add_row([cells.concat(), numbers(light), numbers(share)].concat());
         }
         Some(format!(
-            "What layers mirror that no merge had shaded; texel is the first of four:\n\n{}",
+            "Reflected light of layers that no merge had shaded; texel is the first of four:\n\n{}",
             aligned(table).trim_fmt()
         ))
     }
@@ -649,7 +649,7 @@ impl Told<'_> {
     }
 }
 
-/// What the layers mirror that no merge had shaded: those were lit last, in the order of their
+/// Reflected light of layers that no merge had shaded. They were lit last, in the order of their
 /// slots.
 fn mirrors(
     machine: &Elaborated,
@@ -687,7 +687,7 @@ fn mirrors(
                 .map(|word| words.reflectance.format.value(word)),
         })
     };
-    // Of splats that are lit before they are drawn nothing is lit here.
+    // Splats that are lit before they are drawn are not lit here.
     let mut all: Vec<ExplainedMirror> = unlit
         .into_iter()
         .zip(&witness.lit)
@@ -697,7 +697,7 @@ fn mirrors(
     all
 }
 
-/// A contribution in a table.
+/// The cells of a contribution.
 fn row_of(arrival: ExplainedArrival) -> [String; 4] {
     let ExplainedArrival {
         radial_index,
@@ -757,7 +757,8 @@ fn golden_decision(decision: golden::Decision) -> String {
         } => format!("late, back of {slot}"),
         golden::Decision::Inside { slot } => format!("inside {slot}"),
         golden::Decision::Summed { slot, .. } => format!("sum {slot}+{}", slot + 1),
-        // As the machine says it, which does not say the slot: it is always the last but one.
+        // The same text as for the machine, which does not report the slot: it is always the last
+        // but one.
         golden::Decision::Closed { inside: false, .. } => "close the deepest two".into(),
         golden::Decision::Closed { inside: true, .. } => "close the deepest inside".into(),
         golden::Decision::Evicted { slot: None } => "evicted".into(),
@@ -767,7 +768,7 @@ fn golden_decision(decision: golden::Decision) -> String {
     }
 }
 
-/// What can become of a contribution where fragments are grouped by sheets.
+/// Outcomes of a contribution if fragments are grouped by sheets.
 #[derive(Clone, Copy)]
 enum Fate {
     Added,

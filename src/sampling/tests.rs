@@ -16,7 +16,8 @@ fn a_number_of_points_is_whole_and_there_is_room_for_it() {
     }
 }
 
-/// The second moment of e^(−r/2) over a disc of radial index up to the cutoff, by rings.
+/// The second moment of e^(−r/2) over a disc of radial index up to the cutoff, integrated over
+/// rings.
 #[test]
 fn a_cut_kernel_is_as_wide_as_its_second_moment_says() {
     for cutoff in [0.5f64, 2.0, 4.0, 11.0] {

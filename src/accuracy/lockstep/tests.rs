@@ -1,11 +1,11 @@
-//! The check can fail: machines held to the bounds of a better one.
+//! The check can fail: machines are checked against the bounds of a better one.
 
 use super::*;
 use crate::hardware::machines;
 use crate::hardware::quantise::quantise;
 use crate::scene::Overrides;
 
-/// `reference` with these settings, held to the bounds of `reference` without them.
+/// `reference` with these settings, checked against the bounds of `reference` without them.
 fn pretending(settings: &[&str]) -> Lockstep {
     let scene = Scene::load(
         "glass-spheres",
@@ -64,7 +64,7 @@ fn a_weight_that_is_no_number_may_have_left_every_word() {
         Near::exact(0.999),
     );
     let attributes = &[Near::exact(0.5); ATTRIBUTES];
-    // Of these sums none but that of weights is anything but small.
+    // Only the sum of weights is large.
     let overflows = |weight: f64, error: f64| {
         let arrival = Arrival {
             golden: Fragment {
@@ -95,7 +95,7 @@ fn what_is_no_number_violates_every_bound() {
     let (right, held) = (Near::within(0.5, 0.25), [0.5; 4]);
     assert!(!violates(held, [right; 4]));
     assert_eq!(judged([0.5, 0.75, 0.5, 0.5], [right; 4])[0], 0.25);
-    // No bound is no claim.
+    // An infinite bound claims nothing.
     assert!(!violates(
         held,
         [Near {
@@ -106,7 +106,7 @@ fn what_is_no_number_violates_every_bound() {
     for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         for channel in 0..4 {
             let mut near = [right; 4];
-            // As `around` makes it: no bound.
+            // `around` returns this for a missing bound.
             near[channel] = Near {
                 value: wrong,
                 error: f64::INFINITY,

@@ -1,12 +1,12 @@
-//! Window: one pixel of `golden` grouped by windows, led by the machine's decisions, with what the
-//! machine's may be off by.
+//! Window: one pixel of `golden` grouped by windows, led by the machine's decisions, and bounds on
+//! the machine's error.
 //!
-//! All that the machine decides by depths alone is known here, for its depth words are: which
-//! surface is late, what lies inside, the order. What it decides by sums (windows, what is seen
-//! through them) it tells.
+//! Decisions that depend only on depths can be repeated exactly, because the machine's depth words
+//! are known: late surfaces, contributions inside, the order. Decisions that depend on sums
+//! (windows, transmittance) are taken from the machine.
 //!
-//! Every decision is also asked of `golden`, on the same slots; where that would do otherwise it is
-//! a flip, explained if a number that either decision hangs on lies within its bound of its
+//! Every decision is also computed by `golden` on the same slots. If the two differ, it is a flip.
+//! It is explained if a number that either decision depends on lies within its bound of the
 //! threshold.
 
 use super::Flips;
@@ -29,34 +29,34 @@ pub struct WindowRules<'a> {
     /// ε, machine units.
     epsilon: Near,
     evict_hidden: bool,
-    /// Machine units a world unit.
+    /// Machine units per world unit.
     scale: f64,
 }
 
-/// A contribution's splat by itself.
+/// Appearance of a contribution's splat alone.
 #[derive(Clone, Copy, Debug)]
 pub struct Own {
-    /// The light that it sends, in golden and on the machine.
+    /// The light that the splat sends, in golden and on the machine.
     pub golden: DVec3,
     pub light: [Near; 3],
     /// α.
     pub opacity: f64,
 }
 
-/// What the machine's slot may be off by.
+/// Bounds on the error of the machine's slot.
 #[derive(Clone, Debug)]
 struct Slot {
-    /// Of an open one.
+    /// Bounds of an open slot.
     bounds: Bounds,
-    /// Of a closed one.
+    /// Bounds of a closed slot.
     closed: Option<real::Closed<Near>>,
     /// Σ w·Δz, machine units.
     depth_error: f64,
     /// Least and greatest depth of its contributions, exact, machine units.
     depths: [f64; 2],
-    /// Ends of its front and of its back, as the machine has them.
+    /// Ends of its front and of its back, in the machine's words.
     held: [[i64; 2]; 2],
-    /// The same as numbers.
+    /// The same ends as numbers.
     ends: [[Near; 2]; 2],
 }
 
@@ -65,7 +65,7 @@ struct Slot {
 pub struct WindowPixel {
     layers: Vec<Layer>,
     slots: Vec<Slot>,
-    /// The places at which the machine's windows start, a bit each, the first in the last place.
+    /// Slots at which the machine's windows start, one bit each, the first in the LSB.
     starts: u8,
 }
 
@@ -77,7 +77,7 @@ struct Pair {
 }
 
 impl<'a> WindowRules<'a> {
-    /// None where fragments are grouped otherwise.
+    /// None if fragments are not grouped by windows.
     pub fn new(scene: &Scene, common: &Common<'a>, quantised: &Quantised) -> Option<Self> {
         Some(WindowRules {
             rule: Window::new(common.rules, scene.surface.z_threshold, common.shader),
@@ -102,7 +102,7 @@ impl Slot {
         }
     }
 
-    /// Widens one side, or an open slot, to a contribution's depth.
+    /// Extends one side, or an open slot, to a contribution's depth.
     fn span(&mut self, side: usize, arrival: &Arrival) {
         let (held, z) = (&mut self.held[side], arrival.held_depth);
         *held = [held[0].min(z), held[1].max(z)];
@@ -119,7 +119,7 @@ impl Slot {
         self.span(1, arrival);
     }
 
-    /// With another behind it; golden has both already.
+    /// Adds the slot behind; golden already contains both.
     fn join(&mut self, common: &Common, other: &Slot, golden: &Open) {
         self.bounds
             .join(&common.limits, &other.bounds, &golden.sums);
@@ -136,7 +136,7 @@ impl Slot {
         }
     }
 
-    /// lo, as the machine has it.
+    /// lo of the machine.
     fn near(&self) -> i64 {
         self.held[0][0]
     }
@@ -173,18 +173,19 @@ impl Slot {
     }
 }
 
-/// The powers of two that T may be rounded down to, as places; none for 0.
+/// The power of two that T is rounded down to, as a number of places; none for 0.
 fn places(through: f64) -> Option<u32> {
     (0..=8).find(|places| through * f64::from(1u32 << places) >= 1.0)
 }
 
 impl WindowPixel {
-    /// Windows of the machine start at these places.
+    /// Sets the places at which the machine's windows start.
     pub fn start(&mut self, starts: u8) {
         self.starts = starts;
     }
 
-    /// Takes a contribution as the machine took it; tells how `golden` would have differed.
+    /// Takes a contribution as the machine did; counts decisions that `golden` would take
+    /// differently.
     pub fn take(
         &mut self,
         rules: &WindowRules,
@@ -237,7 +238,7 @@ impl WindowPixel {
         }
     }
 
-    /// What becomes of a contribution before it takes a slot: compares with what `golden` would do.
+    /// Compares the decision about a contribution that takes no new slot with golden's.
     fn ask(&self, rules: &WindowRules, arrival: &Arrival, decision: Decision, flips: &mut Flips) {
         let z = arrival.golden.z;
         let rule = &rules.rule;
@@ -289,7 +290,7 @@ impl WindowPixel {
         }
     }
 
-    /// Whether what a slot does with a depth hangs on less than the depths' bounds.
+    /// Whether the decision of a slot about a depth is within the depths' bounds.
     fn hangs(&self, rules: &WindowRules, arrival: &Arrival, slot: usize) -> bool {
         let (slot, z) = (&self.slots[slot], arrival.depth());
         let narrow =
@@ -354,8 +355,7 @@ impl WindowPixel {
         slot.span(number, arrival);
     }
 
-    /// Puts something inside of a closed slot, with its ends as the machine has them and as
-    /// numbers.
+    /// Puts a layer inside a closed slot; its ends are given in the machine's words and as numbers.
     #[expect(
         clippy::too_many_arguments,
         reason = "the same thing in golden and on the machine"
@@ -387,8 +387,8 @@ impl WindowPixel {
         *near = near_to(near, golden);
     }
 
-    /// Brings the slots into the machine's order, and asks whether it is golden's; whether any two
-    /// may stand otherwise.
+    /// Brings the slots into the machine's order and compares it with golden's; returns whether any
+    /// two may be in the other order.
     fn sort(&mut self, flips: &mut Flips) -> bool {
         let mut order: Vec<usize> = (0..self.slots.len()).collect();
         order.sort_by_key(|&slot| self.slots[slot].near());
@@ -409,7 +409,7 @@ impl WindowPixel {
         any
     }
 
-    /// A slot of its own; says where, and whether the order is in doubt.
+    /// Opens a slot; returns its place, and whether the order is in doubt.
     fn insert(&mut self, common: &Common, arrival: &Arrival, flips: &mut Flips) -> (usize, bool) {
         self.sort(&mut Flips::default());
         let place = self
@@ -423,8 +423,8 @@ impl WindowPixel {
         (place, self.ask_for_order(flips))
     }
 
-    /// What is seen of each slot, as the machine may have it, given golden's windows; and whether
-    /// any window may be another.
+    /// Transmittance in front of each slot on the machine, given golden's windows, and whether any
+    /// window may differ.
     fn seen(&self, rules: &WindowRules, common: &Common, windows: &[Seen]) -> (Vec<Near>, bool) {
         let fragment = &common.machine.fragment;
         let mut through = Near::exact(1.0);
@@ -473,7 +473,7 @@ impl WindowPixel {
         (seen, doubt)
     }
 
-    /// One too many: does with it what the machine did.
+    /// Overflow: repeats the machine's decision.
     fn overflow(
         &mut self,
         rules: &WindowRules,
@@ -509,7 +509,7 @@ impl WindowPixel {
                 None
             };
             if wanted != taken {
-                // What the two pairs cost hangs on what is seen of their fronts.
+                // The costs of the two pairs depend on the transmittance in front of them.
                 let split = [wanted, taken]
                     .into_iter()
                     .flatten()
@@ -526,7 +526,7 @@ impl WindowPixel {
         self.slots.truncate(deepest);
     }
 
-    /// Whether one of two pairs may be too wide to be summed, or they may cost the same.
+    /// Whether one of two pairs may be too wide to be summed, or their costs may be equal.
     fn may_sum_others(
         &self,
         rules: &WindowRules,
@@ -582,7 +582,7 @@ impl WindowPixel {
         self.slots[front].join(common, &other, &whole);
     }
 
-    /// Closes a slot and the one behind it, and makes one of the two.
+    /// Closes a slot and the one behind it, and combines the two.
     fn close(&mut self, common: &Common, front: usize, inside: bool, flips: &mut Flips) {
         let back = self.closed(common, front + 1);
         let Pair { golden, near } = self.closed(common, front);
@@ -628,7 +628,7 @@ impl WindowPixel {
         }
     }
 
-    /// A slot, closed.
+    /// A slot after it is closed.
     fn closed(&self, common: &Common, place: usize) -> Pair {
         let slot = &self.slots[place];
         match (&self.layers[place], &slot.closed) {
@@ -662,8 +662,8 @@ impl WindowPixel {
         }
     }
 
-    /// The pixel over the background, its windows starting where the machine's do; and the bound on
-    /// the machine's.
+    /// The pixel over the background, with windows that start where the machine's do, and the bound
+    /// on the machine's.
     pub fn resolve(
         &mut self,
         rules: &WindowRules,
@@ -724,18 +724,18 @@ impl WindowPixel {
         )
     }
 
-    /// Adds the slot behind to one, whatever their distance.
+    /// Adds the slot behind, whatever its distance.
     fn sum_ahead(&mut self, common: &Common, front: usize) {
         if let (Layer::Open(_), Layer::Open(_)) = (&self.layers[front], &self.layers[front + 1]) {
             self.sum(common, front);
         } else {
-            // What the machine cannot have done is left out, and the picture is another.
+            // The machine cannot have done this; the slot is dropped and the pictures will differ.
             self.layers.remove(front + 1);
             self.slots.remove(front + 1);
         }
     }
 
-    /// Whether golden's windows would have ended where the machine's did.
+    /// Compares the end of the machine's window with golden's.
     fn ask_for_window(
         &self,
         rules: &WindowRules,
@@ -785,7 +785,7 @@ impl Own {
 }
 
 impl Slot {
-    /// Opacity of an open one, as step 4 has it.
+    /// Opacity of an open slot, as in step 4.
     fn opacity(&self, common: &Common, golden: &Open) -> Near {
         let known = |error: f64| {
             if self.bounds.overflowed {
@@ -831,7 +831,7 @@ fn around(near: [Near; 4], exact: DVec4) -> [Near; 4] {
     [0, 1, 2, 3].map(|i| near[i].around(exact[i]))
 }
 
-/// A slot of which nothing is known.
+/// A slot without any bound.
 fn unknown() -> real::Closed<Near> {
     let unknown = Near {
         value: 0.0,

@@ -2,9 +2,9 @@
 //! Simoncelli: *Image Quality Assessment*, IEEE TIP 2004), K₁ 0.01, K₂ 0.03, range 1, per channel
 //! on the linear clamped picture.
 //!
-//! Borders: only windows that lie wholly inside the picture count, as in the authors' own program.
-//! Along a side shorter than the window every pixel counts, its window cut at the border and its
-//! weights made to sum to 1 again.
+//! Borders: only windows that are entirely inside the picture count, as in the authors' own
+//! program. Along a side shorter than the window every pixel counts; its window is cut at the
+//! border, and the weights are scaled to sum to 1.
 
 use std::ops::Range;
 
@@ -21,7 +21,7 @@ const C2: f64 = 0.03 * 0.03;
 /// Window means of a, b, a², b² and ab, for three channels.
 type Moments = [[f64; 3]; 5];
 
-/// Rows of windows that a thread goes through at a time: what each pixel has is multiplied out once
+/// Rows of windows that a thread processes at a time: the products of each pixel are computed once
 /// for all of them.
 const BAND: usize = 16;
 
@@ -42,7 +42,7 @@ struct Window {
     places: Vec<Place>,
 }
 
-/// One of them: positions under it, and their weights, which sum to 1.
+/// One window position: the pixels under it, and their weights, which sum to 1.
 struct Place {
     covered: Range<usize>,
     weights: Vec<f64>,
@@ -76,8 +76,8 @@ impl Place {
     }
 }
 
-/// Sums of the similarity over rows of windows: the window is separable, so columns first, then
-/// along the row.
+/// Sums of the similarity over rows of windows. The window is separable: columns first, then along
+/// the row.
 fn row_sums(a: &Picture, b: &Picture, columns: &Window, band: &[Place]) -> Vec<f64> {
     let (Some(first), Some(last)) = (band.first(), band.last()) else {
         return Vec::new();

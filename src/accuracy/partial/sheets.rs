@@ -1,5 +1,4 @@
-//! Sheets: the pixels of a tile whose fragments are grouped by sheets, on whatever numbers come
-//! out.
+//! Sheets: the pixels of a tile whose fragments are grouped by sheets, in mixed precision.
 
 use super::{Arrival, FrameWords, number};
 use crate::golden::Outcomes;
@@ -11,11 +10,11 @@ use rtl_model::real::PartialPrecision;
 /// Σw and Σw·rgb.
 type Sums = [f64; 4];
 
-/// One pixel: the sheet that is open, and those before it.
+/// One pixel: the open sheet, and the composite of the sheets before it.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pixel {
     open: Option<(u32, Sums)>,
-    /// Colour times opacity, and opacity, as a slot holds them.
+    /// Colour times opacity, and opacity, as stored in a slot.
     composite: [f64; 4],
     stopped: bool,
 }
@@ -52,7 +51,7 @@ impl<'a> SheetPixels<'a> {
         [(0, 1.0), (1, r), (2, g), (3, b)].map(add)
     }
 
-    /// A slot after one more sheet.
+    /// The composite after one more sheet.
     fn blended(&self, composite: [f64; 4], sums: Sums) -> [f64; 4] {
         let machine = self.frame.stage.machine;
         let [weight, r, g, b] = sums.map(|sum| self.frame.word(sum));
@@ -73,7 +72,7 @@ impl<'a> SheetPixels<'a> {
             .real_read(composite.map(|channel| self.frame.word(channel)))
     }
 
-    /// Blends a sheet that is done.
+    /// Blends a finished sheet.
     fn close(&self, pixel: &mut Pixel, sums: Sums) {
         let blended = self.blended(pixel.composite, sums);
         pixel.stopped =

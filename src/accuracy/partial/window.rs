@@ -1,8 +1,8 @@
-//! Windows: the pixels of a tile whose fragments are grouped by intervals or windows, on whatever
-//! numbers come out.
+//! Windows: the pixels of a tile whose fragments are grouped by intervals or windows, in mixed
+//! precision.
 //!
-//! The layers are golden's, in machine units; what asks for depths alone is golden's too. What is
-//! added, blended and seen goes through the words.
+//! The layers are golden's, in machine units, and so are the decisions that depend only on depths.
+//! Sums, blends and transmittances are computed in the chosen words.
 
 use super::{Arrival, FrameWords, number};
 use crate::golden::Outcomes;
@@ -86,7 +86,7 @@ impl<'a> WindowPixels<'a> {
         }
     }
 
-    /// What is seen behind a closed layer, from a depth.
+    /// Transmittance of a closed layer for a layer behind it that begins at a depth.
     fn behind(&self, closed: &Closed, near: f64) -> PartialPrecision<'a> {
         let held = self.held(closed);
         let machine = self.frame.stage.machine;
@@ -97,7 +97,7 @@ impl<'a> WindowPixels<'a> {
         }
     }
 
-    /// Step 4: of each layer the window that it belongs to and what is seen of it, front to back.
+    /// Step 4: the window and the transmittance of each layer, front to back.
     fn windows(&self, layers: &[Layer]) -> Vec<Seen> {
         let fragment = &self.frame.stage.machine.fragment;
         let mut seen = Vec::with_capacity(layers.len());
@@ -141,7 +141,7 @@ impl<'a> WindowPixels<'a> {
         seen
     }
 
-    /// Step 6: a layer with the one behind it.
+    /// Step 6: the sum of a layer and the one behind it.
     fn summed(&self, a: &Open, b: &Open) -> Open {
         let fragment = &self.frame.stage.machine.fragment;
         let exact = a.with(b);
@@ -169,7 +169,7 @@ impl<'a> WindowPixels<'a> {
         }
     }
 
-    /// Step 7: a layer, shaded once.
+    /// Step 7: a layer after it is closed.
     fn closed(&self, layer: &Layer) -> Closed {
         match layer {
             Layer::Closed(closed) => *closed,
@@ -206,7 +206,7 @@ impl<'a> WindowPixels<'a> {
         with(closed, &held)
     }
 
-    /// Step 7: the back inside of the front, where it lies there, or behind it.
+    /// Step 7: the back inside the front if it lies there, otherwise behind it.
     fn merge(&self, front: &Closed, back: &Closed) -> Closed {
         let machine = self.frame.stage.machine;
         let behind = self.held(back);
@@ -228,7 +228,7 @@ impl<'a> WindowPixels<'a> {
         with(&merged, &held)
     }
 
-    /// Steps 4 to 7: one layer too many.
+    /// Steps 4 to 7: overflow by one layer.
     fn overflow(&self, layers: &mut Vec<Layer>) {
         let deepest = layers.len() - 1;
         let seen = self.windows(layers);
@@ -256,7 +256,7 @@ impl<'a> WindowPixels<'a> {
     }
 }
 
-/// A closed layer with what a slot of words holds.
+/// A closed layer with the values that a slot of words holds.
 fn with(closed: &Closed, held: &real::Closed<PartialPrecision>) -> Closed {
     let [front, back] = held.weights.map(number);
     Closed {

@@ -1,4 +1,4 @@
-//! Extents: formats as boxes over powers of two, with the words that they held shaded inside.
+//! Extents: formats as boxes over powers of two, shaded by the words that they held.
 //!
 //! ```text
 //!             2⁻²⁰        2⁻⁸         1          2⁸
@@ -11,27 +11,27 @@ use super::{Area, COLOURS, Draw, Drawn, FAINT, FONT, INK, drawing_error};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-/// One format and what it held.
+/// One format and its words.
 #[derive(Clone, Debug)]
 pub struct Extent {
-    /// To its left.
+    /// Text to its left.
     pub name: String,
-    /// To its right, under the heads.
+    /// Text to its right, one cell per head.
     pub says: [String; 3],
-    /// Powers of two of its last place and of what its magnitudes stay below.
+    /// Powers of two of the LSB and of the least power that no magnitude reaches.
     pub places: [i32; 2],
-    /// Part of all words from each power of two to the next.
+    /// Share of all words between each power of two and the next.
     pub parts: Vec<(i32, f64)>,
-    /// Powers of two by which results exceeded it; 0 where none did.
+    /// Powers of two by which results exceeded the format; 0 if none did.
     pub beyond: i32,
 }
 
 /// Formats by group, one below the other.
 #[derive(Clone, Debug)]
 pub struct Extents {
-    /// Above them.
+    /// Title above the chart.
     pub title: String,
-    /// Above what they say.
+    /// Heads of the columns to the right.
     pub heads: [String; 3],
     /// Names and formats.
     pub groups: Vec<(String, Vec<Extent>)>,
@@ -42,11 +42,11 @@ const PLACE_PX: i32 = 12;
 const NAMES_PX: i32 = 216;
 const SAYS_PX: i32 = 78;
 const MARGIN_PX: i32 = 14;
-/// Title, legend and the axis.
+/// Height of title, legend and axis.
 const HEAD_PX: i32 = 92;
 /// Powers of two between marks.
 const MARK: i32 = 4;
-/// Decades of parts that shades tell apart.
+/// Decades of shares that shades distinguish.
 const DECADES: f64 = 6.0;
 const OUTLINE: RGBColor = RGBColor(120, 120, 120);
 
@@ -66,7 +66,7 @@ impl Extents {
         ]
     }
 
-    /// Powers of two from the least to the greatest that is shown.
+    /// The least and the greatest power of two of the chart.
     fn span(&self) -> [i32; 2] {
         let all = || self.groups.iter().flat_map(|(_, extents)| extents);
         let first = all()
@@ -93,7 +93,7 @@ fn text(size: i32, anchor: HPos) -> TextStyle<'static> {
         .pos(Pos::new(anchor, VPos::Center))
 }
 
-/// From nearly white to the first of the colours, by the logarithm of a part.
+/// From nearly white to the first of the colours, by the logarithm of a share.
 fn shade(part: f64) -> RGBColor {
     let depth = (1.0 + libm::log10(part.max(f64::MIN_POSITIVE)) / DECADES)
         .clamp(0.0, 1.0)
@@ -104,7 +104,7 @@ fn shade(part: f64) -> RGBColor {
     RGBColor(r, g, b)
 }
 
-/// 2 to a power, as it is written.
+/// Text of a power of two.
 fn power(exponent: i32) -> String {
     if exponent == 0 {
         return "1".into();

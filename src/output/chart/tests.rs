@@ -1,4 +1,4 @@
-//! Charts by what is in their pixels.
+//! Tests of charts by their pixels.
 
 use super::*;
 
@@ -114,7 +114,7 @@ fn marks_between_powers_of_ten_are_bare_where_two_powers_are_marked() {
     );
 }
 
-/// However little values differ, marks do not all read the same.
+/// Marks differ even if values differ very little.
 #[test]
 fn marks_are_told_apart() {
     for (low, high) in [
@@ -140,7 +140,7 @@ fn marks_are_told_apart() {
     }
 }
 
-/// In a chart that is low a legend stands above the bars, not on them.
+/// In a low chart the legend is above the bars, not on them.
 #[test]
 fn a_legend_covers_no_bar() {
     let bars = |rows: usize, names: usize| Bars {
@@ -156,8 +156,8 @@ fn a_legend_covers_no_bar() {
         write_png(&[&bars(rows, names)], 1, [640, 230], &path).unwrap();
         let image = image::open(path).unwrap().into_rgb8();
         let RGBColor(r, g, b) = COLOURS[names - 1];
-        // The last part of each bar ends at the right: of each as many columns as of any other, and
-        // nothing between.
+        // The last part of each bar ends at the right: all parts have the same number of columns,
+        // without gaps.
         let columns: Vec<u32> = (image.width() - 80..image.width() - 20).collect();
         let heights: Vec<usize> = columns
             .iter()

@@ -1,5 +1,5 @@
-//! Matching: which picture of a folder was taken by which camera: by the names that a file of
-//! cameras has, else by order.
+//! Matching: which picture of a folder belongs to which camera: by the names in a file of cameras,
+//! otherwise by order.
 
 use crate::error::{Error, Result};
 use crate::output::text::{clipped, listed, one_line};
@@ -8,29 +8,29 @@ use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// Endings of pictures that are read.
+/// File extensions of pictures that can be read.
 const READ: [&str; 3] = ["png", "jpg", "jpeg"];
-/// Endings of pictures in files of cameras, besides: the picture that is compared may be of another
-/// kind.
+/// Further extensions of pictures in files of cameras: the compared picture may have another
+/// format.
 const KNOWN: [&str; 8] = ["tif", "tiff", "bmp", "webp", "gif", "ppm", "exr", "heic"];
 
 /// A picture for each frame.
 pub(super) struct Match {
-    /// None of a frame that is not drawn.
+    /// None for a frame that is not drawn.
     pub files: Vec<Option<PathBuf>>,
     pub notes: Vec<String>,
 }
 
-/// Pictures of folders, each listed once, in order.
+/// Pictures of folders, in order; each folder is listed once.
 struct Folders {
     whose: String,
     listed: BTreeMap<PathBuf, Vec<String>>,
 }
 
-/// Matches a picture, or those of a folder, with all frames or the `only` one.
+/// Matches a picture, or those of a folder, with all frames or with the `only` one.
 ///
 /// # Errors
-/// [`Error::Input`] where a frame has none, or it is not clear which.
+/// [`Error::Input`] if a frame has no picture, or the match is ambiguous.
 pub(super) fn matched(path: &Path, sequence: &Sequence, only: Option<usize>) -> Result<Match> {
     let whose = format!("--against {}", path.display());
     let input_error = |what: String| Error::input(format!("{whose}: {what}"));
@@ -216,7 +216,7 @@ fn endings() -> String {
 }
 
 impl Folders {
-    /// Pictures in a folder, in order; hidden files are none.
+    /// Pictures in a folder, in order, without hidden files.
     fn pictures(&mut self, folder: &Path) -> Result<&[String]> {
         if !self.listed.contains_key(folder) {
             let cannot = |error: std::io::Error| {
@@ -244,8 +244,8 @@ impl Folders {
         Ok(&self.listed[folder])
     }
 
-    /// The picture that a file of cameras names: in the folders that it names, as many of them as
-    /// are there, and by its name without an ending where that very file is absent.
+    /// The picture that a file of cameras names. Its folders are used as far as they exist; its
+    /// name is matched without extension if the file itself is absent.
     fn find(&mut self, root: &Path, name: &str) -> Result<Option<PathBuf>> {
         let parts = parts(name);
         let Some((last, above)) = parts.split_last() else {
@@ -283,7 +283,7 @@ impl Folders {
     }
 }
 
-/// Folders and file of a path that any system may have written, behind its last `..`.
+/// Folders and file of a path in the notation of any system, after its last `..`.
 fn parts(path: &str) -> Vec<&str> {
     let behind = path
         .split(['/', '\\'])
@@ -300,7 +300,7 @@ fn ending(name: &str) -> Option<&str> {
     name.rsplit_once('.').map(|(_, ending)| ending)
 }
 
-/// A name without the ending of a picture: other dots belong to it.
+/// A name without the extension of a picture; other dots belong to the name.
 fn bare(name: &str) -> &str {
     match name.rsplit_once('.') {
         Some((stem, ending))
@@ -315,7 +315,7 @@ fn bare(name: &str) -> &str {
     }
 }
 
-/// Names in the order of their letters, and of the values of numbers in them: 9 before 10.
+/// Compares names letter by letter, and numbers in them by value: 9 before 10.
 fn in_order(a: &str, b: &str) -> Ordering {
     let pieces = |text: &str| -> Vec<String> {
         let mut pieces: Vec<String> = Vec::new();

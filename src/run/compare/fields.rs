@@ -1,28 +1,28 @@
-//! Fields: which figures and fields of two reports are told, and how they differ.
+//! Fields: which figures and fields of two reports are compared, and how they differ.
 
 use super::{Difference, Figure, Unit, UnitSide};
 use crate::hardware::machines;
 use serde_json::{Map, Value, json};
 
-/// Way in which a figure is told.
+/// Notation of a figure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Kind {
-    /// A whole number.
+    /// An integer.
     Count,
-    /// One place behind the point.
+    /// One decimal place.
     Tenths,
-    /// Times this, and two places.
+    /// Multiplied by this factor, with two decimal places.
     Scaled(f64),
     /// Decibels of two pictures.
     Decibels,
-    /// Five places.
+    /// Five decimal places.
     Similarity,
     /// A name.
     Name,
 }
 
-/// A figure: its name, where it stands, how it is told, and whether it is told where both are
-/// equal.
+/// A figure: its name, its path in the report, its notation, and whether it is listed if both sides
+/// are equal.
 pub(super) const FIGURES: [(&str, &str, Kind, bool); 41] = [
     ("cycles", "/cycles/total", Kind::Count, true),
     ("clock, MHz", "/cycles/clock_hz", Kind::Scaled(1e-6), false),
@@ -30,7 +30,7 @@ pub(super) const FIGURES: [(&str, &str, Kind, bool); 41] = [
     ("limited by", "/cycles/bottleneck", Kind::Name, true),
     ("limit", "/cycles/limit/by", Kind::Name, false),
     (
-        "memory, MB a frame",
+        "memory, MB per frame",
         "/cycles/memory/bytes",
         Kind::Scaled(1e-6),
         true,
@@ -63,13 +63,13 @@ pub(super) const FIGURES: [(&str, &str, Kind, bool); 41] = [
         false,
     ),
     (
-        "a fragment, bits",
+        "fragment, bits",
         "/machine/fragment_bits",
         Kind::Count,
         false,
     ),
     (
-        "a pixel, bits",
+        "pixel, bits",
         "/cost/frame_bits_per_pixel",
         Kind::Count,
         false,
@@ -81,7 +81,7 @@ pub(super) const FIGURES: [(&str, &str, Kind, bool); 41] = [
         false,
     ),
     (
-        "energy, mJ a frame",
+        "energy, mJ per frame",
         "/cost/energy/total",
         Kind::Scaled(1e3),
         true,
@@ -147,7 +147,7 @@ pub(super) const FIGURES: [(&str, &str, Kind, bool); 41] = [
     ("summed", "/fragments/summed", Kind::Count, false),
 ];
 
-/// Figures that either report has, and that differ or matter always.
+/// Figures that either report has, and that differ or are always listed.
 pub(super) fn figures(a: &Value, b: &Value) -> Vec<Figure> {
     let figure = |(name, pointer, kind, always): (&'static str, &str, Kind, bool)| {
         let [one, other] = [a, b].map(|report| told(report, pointer, kind));
@@ -178,7 +178,7 @@ pub(super) fn figures(a: &Value, b: &Value) -> Vec<Figure> {
     FIGURES.into_iter().filter_map(figure).collect()
 }
 
-/// What a report says; null where it does not.
+/// Value of a figure in a report; null if it is absent.
 fn told(report: &Value, pointer: &str, kind: Kind) -> Value {
     let value = report.pointer(pointer).cloned().unwrap_or_default();
     if kind != Kind::Decibels {
@@ -191,13 +191,13 @@ fn told(report: &Value, pointer: &str, kind: Kind) -> Value {
         return Value::Null;
     };
     match value {
-        _ if pair["not_finite"].as_u64().is_some_and(|pixels| pixels > 0) => "no number".into(),
+        _ if pair["not_finite"].as_u64().is_some_and(|pixels| pixels > 0) => "NaN".into(),
         Value::Null if pair.is_object() => "equal".into(),
         value => value,
     }
 }
 
-/// Units of both: cycles where there is a frame, area where it differs.
+/// Units of both: cycles if there is a frame, area if it differs.
 pub(super) fn units(a: &Value, b: &Value) -> Vec<Unit> {
     let mut names: Vec<String> = Vec::new();
     for (report, list) in [
@@ -254,7 +254,7 @@ fn unit_of(report: &Value, name: &str) -> UnitSide {
     }
 }
 
-/// Fields of two descriptions that differ; the name is none of them.
+/// Fields of two descriptions that differ, without the name.
 pub(super) fn machine(a: &Value, b: &Value) -> Vec<Difference> {
     let described = |report: &Value| {
         report
@@ -286,7 +286,7 @@ pub(super) fn machine(a: &Value, b: &Value) -> Vec<Difference> {
     all
 }
 
-/// Fields of two scenes that differ, but for what a machine makes of them.
+/// Fields of two scenes that differ, without those that depend on the machine.
 pub(super) fn scene(a: &Value, b: &Value) -> Vec<Difference> {
     let own = |report: &Value| {
         let fields = report["scene"].as_object().cloned().unwrap_or_default();
@@ -310,7 +310,7 @@ pub(super) fn scene(a: &Value, b: &Value) -> Vec<Difference> {
     all
 }
 
-/// Objects are gone through field by field; a word, a list, and what only one side has, are one
+/// Objects are compared field by field. A word, a list, and a value that only one side has, are one
 /// field.
 fn differences(a: &Value, b: &Value, path: &str, all: &mut Vec<Difference>) {
     let (one, other) = (word(a), word(b));
@@ -353,8 +353,8 @@ fn differences(a: &Value, b: &Value, path: &str, all: &mut Vec<Difference>) {
     );
 }
 
-/// A word in its long form as one text, without what is the default: `U0F12 truncate`; all else as
-/// it is.
+/// A word in its long form as text without defaults, for example `U0F12 truncate`; other values
+/// unchanged.
 fn word(value: &Value) -> Value {
     let part = |name: &str| value.get(name).and_then(Value::as_str);
     let (Some(format), Some(round), Some(overflow)) =
@@ -373,7 +373,7 @@ fn word(value: &Value) -> Value {
     )
 }
 
-/// What a unit has of a field of `timing` that its machine leaves out.
+/// Value of a unit for a field of `timing` that its machine leaves out.
 fn following(report: &Value, field: &str) -> Option<Value> {
     let rest = field.strip_prefix("timing.")?;
     let place = if rest == "fragment.hazard" {

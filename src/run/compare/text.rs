@@ -6,12 +6,12 @@ use crate::output::text::{aligned, clipped, one_line, plain_table, thousands, wr
 use rtl_model::num::Format;
 use serde_json::Value;
 
-/// Fields of the machine that the text lists unless it is asked for all.
+/// Greatest number of fields of the machine in the text, unless all are requested.
 const MOST_FIELDS: usize = 24;
 
 impl Comparison {
-    /// The text, at most 80 columns wide; of many fields that differ the first ones, unless all are
-    /// wanted.
+    /// The text, at most 80 columns wide; with many fields that differ only the first ones, unless
+    /// `all`.
     pub fn summary(&self, all: bool) -> String {
         let head = format!("{}\n{}", headline("A", &self.a), headline("B", &self.b));
         if self.equal {
@@ -26,7 +26,7 @@ impl Comparison {
             None
         } else {
             Some(wrapped(
-                "the scenes differ: these are figures of two frames",
+                "the scenes differ: the figures are of two different frames",
             ))
         };
         let parts = [
@@ -40,7 +40,7 @@ impl Comparison {
                 .or_else(|| Some("no field of the machine differs".into())),
             (!self.elsewhere.is_empty()).then(|| {
                 wrapped(&format!(
-                    "what differs in report.json besides: {}",
+                    "other differences in report.json: {}",
                     self.elsewhere
                         .iter()
                         .map(|path| one_line(path))
@@ -176,7 +176,7 @@ fn headline(
     wrapped(&format!("{letter}: {of}{frame}"))
 }
 
-/// Fields that differ: numbers and rules before words, of which there are many.
+/// Fields that differ: numbers and rules before words, which are many.
 fn fields(differences: &[Difference], head: &str, all: bool) -> Option<String> {
     let is_word = |difference: &&Difference| {
         let value = difference
@@ -215,7 +215,7 @@ fn fields(differences: &[Difference], head: &str, all: bool) -> Option<String> {
     (!differences.is_empty()).then(|| aligned(table).trim_fmt() + &rest)
 }
 
-/// A value of a field; of an object how many fields it has.
+/// A value of a field; for an object its number of fields.
 fn plain(value: &Value) -> String {
     match value {
         Value::Object(fields) => format!("{} fields", fields.len()),
@@ -256,7 +256,7 @@ fn step(figure: &Figure, kind: Kind) -> String {
     }
 }
 
-/// How much more, in per cent; in times from tenfold on.
+/// The relative difference in per cent, or as a factor from tenfold on.
 fn relative(a: f64, b: f64) -> String {
     if a == b {
         "=".into()
@@ -269,7 +269,7 @@ fn relative(a: f64, b: f64) -> String {
     }
 }
 
-/// A step with its sign; one that is too small to be told is not told as none.
+/// A difference with its sign; never displayed as zero unless it is zero.
 fn signed(step: f64, unit: &str) -> String {
     match step {
         step if step.abs() >= 0.05 => format!("{step:+.1}{unit}").replace('-', "−"),
@@ -278,7 +278,7 @@ fn signed(step: f64, unit: &str) -> String {
     }
 }
 
-/// Cycles in at most six letters.
+/// Cycles in at most six characters.
 fn short(cycles: u64) -> String {
     match cycles {
         0 => "–".into(),

@@ -1,4 +1,4 @@
-// Compare: what `compare` left in a folder: three pictures and the tables.
+// Compare: results of `compare` in a folder: three pictures and the tables.
 'use strict';
 
 const comparePage = ({ compare, charts }) => {

@@ -13,9 +13,9 @@ const machinePage = (report, cycles, tiles) => {
   const DOES = {
     fetch: 'reads splats from memory', project: 'world point → camera → pixel', ellipse: 'normal and radius, or three axes → ellipse, box, depth slopes', sort: 'sorts splats by depth', colour: 'colours from harmonics',
     bin: 'lists splats tile by tile', list: 'reads the lists of tiles', raster: 'walks the box: radial index and depth of each pixel', gauss: 'radial index → weight', cache: 'keeps lines of the frame buffer',
-    fragment: 'at most l fragments a pixel: accumulate, insert, merge, evict', shade: 'divides by the weight, normalises, lights', resolve: 'blends front to back into the frame word',
+    fragment: 'at most l fragments per pixel: accumulate, insert, merge, evict', shade: 'divides by the weight, normalises, lights', resolve: 'blends front to back into the frame word',
   };
-  // Words that cross to a unit.
+  // Words on the wires to a unit.
   const WIRES = { project: ['splat.position', 'splat.radius'], ellipse: ['project.pixel', 'project.depth'], raster: ['ellipse.conic', 'ellipse.amplitude'], gauss: ['gauss.radial_index'], fragment: ['gauss.weight', 'fragment.depth'], shade: ['fragment.weight_sum', 'fragment.colour_sum'], resolve: ['shade.premultiplied'], frame: ['resolve.frame'] };
   const formatOf = path => { const value = path.split('.').reduce((at, name) => at?.[name], described); return typeof value === 'string' ? value : value?.format; };
   const wires = to => (WIRES[to] ?? []).map(path => [path, formatOf(path)]).filter(([, format]) => format).map(([path, format]) => `${path.split('.')[1]} ${format}`);
@@ -94,11 +94,11 @@ const machinePage = (report, cycles, tiles) => {
     const stalls = of(kind).map(unit => [unit.name, told(unit.items), ...STATES.map(state => `${told(unit[state])} (${share(unit[state], total)})`), unit.starved_by ?? '–', unit.blocked_by.map(one => `${one.by} ${told(one.cycles)}`).join(', ') || '–']);
     const deepest = of(kind).map(unit => unit.occupancy ?? []).reduce((a, b) => a.length > b.length ? a : b, []);
     return [h('h2', {}, kind), h('p', { class: 'faint' }, DOES[kind] ?? ''),
-      timing ? h('p', {}, `Latency ${told(timing.latency)} cycles, interval ${told(timing.interval)}${timing.units > 1 ? `, ${timing.units} side by side` : ''}.`) : null,
+      timing ? h('p', {}, `Latency ${told(timing.latency)} cycles, initiation interval ${told(timing.interval)}${timing.units > 1 ? `, ${timing.units} in parallel` : ''}.`) : null,
       h('h3', {}, 'Stalls'), table(['', 'items', ...STATES, 'starved by', 'blocked by'], stalls),
-      deepest.length > 1 ? [h('h3', {}, 'Results that waited behind it'), bars(deepest.map((count, nth) => [String(nth), count]))] : [],
+      deepest.length > 1 ? [h('h3', {}, 'Occupancy of its output FIFO'), bars(deepest.map((count, nth) => [String(nth), count]))] : [],
       cost ? [h('h3', {}, 'Area'), h('p', {}, `${told(Math.round(cost.area))} LUT equivalents, ${share(cost.area, area)} of the machine: ${['multiplier', 'adder', 'multiplexer', 'register', 'rom'].map(part => `${part} ${told(cost[part])}`).join(', ')} bits; ${told(cost.blocks_18)} blocks of 18×18.`)] : [],
-      signals.length ? [h('h3', {}, 'Ranges'), h('p', { class: 'faint' }, 'Words by powers of two of their magnitude; zeros at the left. A line marks what the format can hold.'), ...signals.map(rangeOf)] : [],
+      signals.length ? [h('h3', {}, 'Ranges'), h('p', { class: 'faint' }, 'Words by powers of two of their magnitude; zeros at the left. Lines mark the range of the format.'), ...signals.map(rangeOf)] : [],
     ].flat().filter(Boolean);
   };
   const bars = entries => {
@@ -115,7 +115,7 @@ const machinePage = (report, cycles, tiles) => {
     const [, signed, integer, fraction] = /^([UI])(-?\d+)F(-?\d+)$/.exec(signal.format) ?? [];
     const low = -Number(fraction), high = Number(integer) - (signed === 'I' ? 1 : 0);
     const outside = signal.saturated_low + signal.saturated_high + signal.wrapped;
-    const facts = [`${told(signal.words)} words`, signal.min === null ? null : `${told(signal.min)} to ${told(signal.max)}`, signal.narrowest && signal.narrowest !== signal.format ? `${signal.narrowest} would do` : null, outside ? `${told(outside)} outside of the range` : null].filter(Boolean).join('; ');
+    const facts = [`${told(signal.words)} words`, signal.min === null ? null : `${told(signal.min)} to ${told(signal.max)}`, signal.narrowest && signal.narrowest !== signal.format ? `${signal.narrowest} is enough` : null, outside ? `${told(outside)} out of range` : null].filter(Boolean).join('; ');
     const head = h('summary', {}, h('b', {}, signal.name), ` ${signal.format}: ${facts}`);
     if (!counts.length && !zeros) return h('div', {}, head.textContent);
     const from = Math.min(low, first), to = Math.max(high, first + counts.length), places = to - from, step = Math.min(22, 620 / places), most = Math.max(zeros, ...counts);
@@ -133,11 +133,11 @@ const machinePage = (report, cycles, tiles) => {
     return h('details', { open: outside > 0 }, head, picture);
   };
 
-  // ---- What each unit does ----
+  // ---- States of each unit ----
 
   const stacks = width => {
     const W = Math.min(width, 860), ROW = 22, LEFT = 86;
-    const picture = svg('svg', { viewBox: `0 0 ${W} ${ROW * units.length + 22}`, width: W, height: ROW * units.length + 22, role: 'img', 'aria-label': 'what each unit does' });
+    const picture = svg('svg', { viewBox: `0 0 ${W} ${ROW * units.length + 22}`, width: W, height: ROW * units.length + 22, role: 'img', 'aria-label': 'states of each unit' });
     units.forEach((unit, nth) => {
       const y = nth * ROW + 4;
       let left = LEFT;
@@ -193,18 +193,18 @@ const machinePage = (report, cycles, tiles) => {
     const [least, most] = xs.map(power => Math.pow(10, power));
     if (peak) picture.append(svg('line', { x1: X(least), y1: Y(least * peak), x2: X(most), y2: Y(most * peak), stroke: 'var(--c4)', 'stroke-width': 2.5, 'clip-path': 'url(#inside)' }), textAt(box.left + 8, box.top + 16, `slope: memory, ${told(peak / 1e9, 3)} GB/s`, 'faint'));
     roofs.forEach(([kind, roof], nth) => picture.append(svg('line', { x1: box.left, x2: box.right, y1: Y(roof), y2: Y(roof), stroke: `var(--c${[0, 2, 3][nth]})`, 'stroke-width': 2, 'stroke-dasharray': nth ? '6 4' : '' }), textAt(nth === 1 ? box.left + 8 : box.right - 6, Y(roof) + (nth < 2 ? 14 : -5), `${kind} always busy: ${told(roof / 1e6, 3)} M/s`, 'faint', nth === 1 ? 'start' : 'end')));
-    picture.append(svg('circle', { cx: X(intensity), cy: Y(rate), r: 6, fill: 'var(--c1)' }), textAt(X(intensity), Y(rate) + 22, `this frame: ${told(rate / 1e6, 3)} M/s at ${told(intensity, 3)} a byte`, '', 'middle'));
-    picture.append(textAt((box.left + box.right) / 2, H - 8, 'contributions a byte of memory', 'faint', 'middle'), textAt(4, 12, 'contributions/s', 'faint'));
+    picture.append(svg('circle', { cx: X(intensity), cy: Y(rate), r: 6, fill: 'var(--c1)' }), textAt(X(intensity), Y(rate) + 22, `this frame: ${told(rate / 1e6, 3)} M/s at ${told(intensity, 3)} per byte`, '', 'middle'));
+    picture.append(textAt((box.left + box.right) / 2, H - 8, 'contributions per byte of memory', 'faint', 'middle'), textAt(4, 12, 'contributions/s', 'faint'));
     return picture;
   };
   const roof = roofline(600) && fitted(roofline);
 
-  // ---- Tile after tile ----
+  // ---- Tiles over time ----
 
   const tiled = h('div');
   tiles?.then(tiles => {
     if (!tiles) return;
-    const make = () => tiled.replaceChildren(h('h2', {}, 'Tile after tile'), h('p', { class: 'faint' }, 'What each unit did over the cycles of the second pass; a click looks at one tile, the wheel and + or − look nearer, dragging and arrows go along.'), legend.cloneNode(true), attempt(() => tilesTimeline(tiles)));
+    const make = () => tiled.replaceChildren(h('h2', {}, 'Tiles over time'), h('p', { class: 'faint' }, 'States of each unit over the cycles of the second pass. A click selects a tile, the wheel and + or − zoom, dragging and arrows move.'), legend.cloneNode(true), attempt(() => tilesTimeline(tiles)));
     make();
     const look = () => { if (lookedAtTile) { make(); tiled.scrollIntoView(); } };
     document.addEventListener('tile', () => setTimeout(look));
@@ -215,14 +215,14 @@ const machinePage = (report, cycles, tiles) => {
   onWidth(diagram, drawDiagram);
   onWidth(timeline, drawTimeline);
   onColours(drawTimeline);
-  const area = report ? `; ${told(Math.round(report.cost.area))} LUT equivalents, ${told(1e3 * report.cost.energy.total, 3)} mJ a frame` : '';
+  const area = report ? `; ${told(Math.round(report.cost.area))} LUT equivalents, ${told(1e3 * report.cost.energy.total, 3)} mJ per frame` : '';
   return [
     h('p', {}, `${described ? described.name + ': ' : ''}${told(total)} cycles at ${told(cycles.clock_hz / 1e6)} MHz, ${told(cycles.frames_per_second, 4)} frames/s; limited by ${cycles.bottleneck}${area}.`),
-    h('p', { class: 'faint' }, 'Wires have the formats of their words; the bar in a box is what the unit does in the frame’s cycles. A unit opens below.'), legend.cloneNode(true), diagram, detail,
-    h('h2', {}, 'What each unit does'), legend, fitted(stacks),
-    ...(timed.length ? [h('h2', {}, 'Units over time'), h('p', { class: 'faint' }, 'Dragging from left to right looks nearer, a double click shows all; a click on a name hides its line.'), timeline] : []),
+    h('p', { class: 'faint' }, 'Wires have the formats of their words; the bar in a box shows the unit’s states in the frame’s cycles. A click shows a unit below.'), legend.cloneNode(true), diagram, detail,
+    h('h2', {}, 'States of each unit'), legend, fitted(stacks),
+    ...(timed.length ? [h('h2', {}, 'Units over time'), h('p', { class: 'faint' }, 'Dragging from left to right zooms in, a double click shows all; a click on a name hides its line.'), timeline] : []),
     tiled,
-    ...(roof ? [h('h2', {}, 'Roofline'), h('p', { class: 'faint' }, 'No frame is above the slope, which memory sets, nor above a line, which a unit sets.'), roof] : []),
-    ...(described ? [h('h2', {}, 'Its description'), h('p', {}, h('button', { onclick: () => save(described.name.replace(/[^\w.-]/g, '_') + '.json', JSON.stringify(described, null, 2)) }, 'save as a file'))] : []),
+    ...(roof ? [h('h2', {}, 'Roofline'), h('p', { class: 'faint' }, 'The slope is the limit of memory, and each line the limit of a unit. No frame is above either.'), roof] : []),
+    ...(described ? [h('h2', {}, 'Machine description'), h('p', {}, h('button', { onclick: () => save(described.name.replace(/[^\w.-]/g, '_') + '.json', JSON.stringify(described, null, 2)) }, 'save as a file'))] : []),
   ];
 };

@@ -1,4 +1,4 @@
-// Sequence: frames of a path of cameras, one at a time or one after another, with their figures below.
+// Sequence: frames of a path of cameras, one at a time or as an animation, with their figures below.
 'use strict';
 
 const sequencePage = ({ sequence }) => {
@@ -16,7 +16,7 @@ const sequencePage = ({ sequence }) => {
   const says = h('p', { id: 'frame-says', 'aria-live': 'polite' });
   const slider = h('input', { type: 'range', min: '0', max: String(frames.length - 1), value: '0', 'aria-label': 'frame', oninput: () => show(Number(slider.value)) });
 
-  // A few frames around the one that is looked at are kept.
+  // A few frames around the current one are kept.
   const picture = (frame, kind) => {
     const key = name(frame, kind);
     if (!loaded.has(key)) {
@@ -31,10 +31,10 @@ const sequencePage = ({ sequence }) => {
     const { cycles, frames_per_second: rate, bottleneck, accuracy, against, flicker } = frames[frame];
     says.textContent = `Frame ${frame} of ${frames.length}: ${told(cycles)} cycles, ${told(rate, 4)} frames/s, limited by ${bottleneck}; fixed − golden ${db(accuracy.fixed_vs_golden.psnr_db)} dB, golden − ideal ${db(accuracy.golden_vs_ideal.psnr_db)} dB`
       + (against ? `; against ${against.picture}: golden ${db(against.golden.psnr_db)} dB, fixed ${db(against.fixed.psnr_db)} dB` : '')
-      + (flicker ? `; jumps since the frame before: fixed − golden ${percent(flicker.fixed_vs_golden.jumps)}, golden − ideal ${percent(flicker.golden_vs_ideal.jumps)} of ${told(flicker.still_pixels)} still pixels.` : '.');
+      + (flicker ? `; jumps since the previous frame: fixed − golden ${percent(flicker.fixed_vs_golden.jumps)}, golden − ideal ${percent(flicker.golden_vs_ideal.jumps)} of ${told(flicker.still_pixels)} still pixels.` : '.');
     try {
       const bitmaps = await Promise.all(panes.map(({ kind }) => picture(frame, kind)));
-      // Another may have been asked for by now.
+      // Another frame may have been requested in the meantime.
       if (state.frame === frame) panes.forEach(({ canvas }, nth) => {
         const context = canvas.getContext('2d');
         context.clearRect(0, 0, canvas.width, canvas.height);
@@ -63,7 +63,7 @@ const sequencePage = ({ sequence }) => {
   const change = (title, { mean, jumps }) => [title, mean === null ? '–' : told(255 * mean, 3), percent(jumps)];
   return [
     h('p', {}, `${scene.name} on ${machine.description.name}, ${scene.width}×${scene.height}, ${told(frames.length)} frames of ${told(scene.splats)} splats.`),
-    panes.length ? [h('div', { class: 'tools' }, play, h('button', { onclick: () => step(-1) }, 'frame before', h('kbd', {}, '←')), h('button', { onclick: () => step(1) }, 'next frame', h('kbd', {}, '→'))), slider] : h('p', { class: 'faint' }, 'The folder has no pictures of frames.'),
+    panes.length ? [h('div', { class: 'tools' }, play, h('button', { onclick: () => step(-1) }, 'previous frame', h('kbd', {}, '←')), h('button', { onclick: () => step(1) }, 'next frame', h('kbd', {}, '→'))), slider] : h('p', { class: 'faint' }, 'The folder has no pictures of frames.'),
     says, status, h('div', { class: 'plots' }, panes.map(({ figure }) => figure)),
     h('h2', {}, 'All frames'),
     table(['', 'worst', '99 % of frames', 'median'], [
