@@ -104,21 +104,22 @@ mod tests {
     #[test]
     fn a_sentence_is_short_whatever_it_quotes_and_shows_where_that_begins_and_ends() {
         let long = "é".repeat(1 << 20);
-        let told = Error::input(format!("scene.json: a{long}z is no file")).to_string();
+        let message = Error::input(format!("scene.json: a{long}z is no file")).to_string();
         assert!(
-            told.starts_with("scene.json: aé")
-                && told.ends_with("éz is no file")
-                && told.contains('…'),
-            "{told}"
+            message.starts_with("scene.json: aé")
+                && message.ends_with("éz is no file")
+                && message.contains('…'),
+            "{message}"
         );
-        assert!(told.chars().count() < 360, "{told}");
-        let told = Error::job(format!("begins {} ends", "word and ".repeat(1 << 20))).to_string();
+        assert!(message.chars().count() < 360, "{message}");
+        let message =
+            Error::job(format!("begins {} ends", "word and ".repeat(1 << 20))).to_string();
         assert!(
-            told.starts_with("begins word")
-                && told.ends_with("and  ends")
-                && told.chars().count() == LONGEST,
+            message.starts_with("begins word")
+                && message.ends_with("and  ends")
+                && message.chars().count() == LONGEST,
             "{}",
-            told.len()
+            message.len()
         );
         assert_eq!(
             Error::input("\n".repeat(1 << 20))
@@ -132,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_error_is_told_though_another_comes_sooner() {
+    fn the_first_error_in_order_is_returned_although_another_occurs_earlier() {
         let step = |number: u32| match number {
             0 => {
                 std::thread::sleep(Duration::from_millis(50));
@@ -145,10 +146,10 @@ mod tests {
             .num_threads(4)
             .build()
             .unwrap();
-        let told = pool
+        let message = pool
             .install(|| in_order((0..100).into_par_iter().map(step)))
             .unwrap_err();
-        assert_eq!(told.to_string(), "the first");
+        assert_eq!(message.to_string(), "the first");
         assert_eq!(
             pool.install(|| in_order((1..9).into_par_iter().map(step)))
                 .unwrap(),

@@ -195,7 +195,7 @@ fn one_frame_by_itself_is_that_of_the_sequence() {
     // A folder of them is shown: every frame's pictures, and a row each.
     let shown = Folder::read(&all).unwrap();
     assert_eq!(
-        shown.told["sequence"]["kinds"],
+        shown.contents["sequence"]["kinds"],
         json!(["fixed", "golden", "ideal"])
     );
     let names = [
@@ -211,7 +211,7 @@ fn one_frame_by_itself_is_that_of_the_sequence() {
         names.map(|name| format!("frame_{name}.png"))
     );
     let column = |name: &str| {
-        shown.told["tables"][0]["columns"]
+        shown.contents["tables"][0]["columns"]
             .as_array()
             .unwrap()
             .iter()
@@ -225,7 +225,7 @@ fn one_frame_by_itself_is_that_of_the_sequence() {
     // is.
     std::fs::remove_file(all.join("frame_0001_golden.png")).unwrap();
     assert_eq!(
-        Folder::read(&all).unwrap().told["sequence"]["kinds"],
+        Folder::read(&all).unwrap().contents["sequence"]["kinds"],
         json!(["fixed", "ideal"])
     );
     let mut broken = report(&all);

@@ -6,7 +6,7 @@ use crate::program::PROGRAM;
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use splatsim::view::http::{Request, Response};
-use splatsim::view::server::{Answers, Server};
+use splatsim::view::server::{Handler, Server};
 use splatsim::view::{View, assets, export};
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpStream};
@@ -79,7 +79,7 @@ struct Served {
     token: String,
 }
 
-fn served(answers: impl Answers) -> Served {
+fn served(answers: impl Handler) -> Served {
     let server = Server::open().unwrap();
     let address = server.address();
     let (host, token) = address
@@ -193,8 +193,8 @@ fn who_has_no_token_gets_nothing() {
 
 struct Nothing;
 
-impl Answers for Nothing {
-    fn answer(&self, _: &[&str], _: &Request) -> Response {
+impl Handler for Nothing {
+    fn respond(&self, _: &[&str], _: &Request) -> Response {
         Response::refusal(404)
     }
 }
@@ -247,8 +247,8 @@ fn hostile_requests_end_in_an_error_and_the_rest_goes_on() {
 fn a_hundred_connections_at_once_are_answered_or_refused() {
     /// Answers nobody before the test lets it.
     struct Held(std::sync::mpsc::SyncSender<()>, Arc<std::sync::Barrier>);
-    impl Answers for Held {
-        fn answer(&self, path: &[&str], _: &Request) -> Response {
+    impl Handler for Held {
+        fn respond(&self, path: &[&str], _: &Request) -> Response {
             if path == ["held"] {
                 self.0.send(()).unwrap();
                 self.1.wait();
@@ -839,7 +839,7 @@ fn rows_of_every_kind_are_told() {
     )
     .unwrap();
     let view = View::new(folder.path(), None).unwrap();
-    let tables = &view.folder().told["tables"];
+    let tables = &view.folder().contents["tables"];
     assert_eq!(
         tables[0]["columns"],
         json!([
@@ -864,7 +864,7 @@ fn rows_of_every_kind_are_told() {
         json!({"notes": "x".repeat(2000), "by": "area", "choices": [{"layers": 1}, {"layers": 2}]});
     std::fs::write(folder.path().join("choices.json"), long.to_string()).unwrap();
     let view = View::new(folder.path(), None).unwrap();
-    let columns = view.folder().told["tables"][0]["columns"]
+    let columns = view.folder().contents["tables"][0]["columns"]
         .as_array()
         .unwrap();
     assert_eq!(
@@ -1001,7 +1001,7 @@ fn an_export_names_nothing_outside_of_itself() {
     );
     // Where its maker keeps files is nobody's business.
     let root = MADE.folder.path().file_name().unwrap().to_str().unwrap();
-    assert!(!page.contains(root) && view.folder().told.to_string().contains(root));
+    assert!(!page.contains(root) && view.folder().contents.to_string().contains(root));
     assert_eq!(
         (
             &told["run"]["scene"],
@@ -1096,8 +1096,8 @@ fn the_charting_library_is_the_one_that_was_published() {
 #[test]
 fn a_slow_answer_holds_up_nobody_else() {
     struct Slow(Arc<std::sync::Barrier>);
-    impl Answers for Slow {
-        fn answer(&self, path: &[&str], _: &Request) -> Response {
+    impl Handler for Slow {
+        fn respond(&self, path: &[&str], _: &Request) -> Response {
             if path == ["slow"] {
                 self.0.wait();
             }

@@ -9,7 +9,7 @@
 //! lists are ordered by mean error, because a decision that flips at a single pixel dominates the
 //! mean square.
 
-use crate::accuracy::partial::{Choice, Footprint, Stage, UNITS, words};
+use crate::accuracy::partial::{ChosenWords, Footprint, MixedDrawing, UNITS, words};
 use crate::accuracy::{Distance, db_text, distance};
 use crate::hardware::quantise::Quantised;
 use crate::output::chart::{Axis, Bars};
@@ -68,8 +68,8 @@ pub fn attribute(
     quantised: &Quantised,
     golden: &Picture,
 ) -> Attribution {
-    let stage = Stage::new(scene, machine, quantised);
-    let bases = [false, true].map(|chosen| stage.set_up(&Choice::new(machine, |_| chosen)));
+    let stage = MixedDrawing::new(scene, machine, quantised);
+    let bases = [false, true].map(|chosen| stage.set_up(&ChosenWords::new(machine, |_| chosen)));
     let words = words(machine);
     let preshaded = scene
         .ellipsoids
@@ -78,7 +78,7 @@ pub fn attribute(
         || quantised.frame.window.is_some();
     // If `alone`, only words of the part are quantised; otherwise all others.
     let measure = |alone: bool, is_part: &dyn Fn(&str) -> bool| {
-        let choice = Choice::new(machine, |word| is_part(word) == alone);
+        let choice = ChosenWords::new(machine, |word| is_part(word) == alone);
         let in_setup = words
             .iter()
             .any(|word| is_in_setup(word, preshaded) && is_part(word));

@@ -38,7 +38,7 @@ pub struct Pictures {
 }
 
 impl Pictures {
-    /// The pictures in the order of [`Sums::new`].
+    /// The pictures in the order of [`FlickerSums::new`].
     pub fn all(&self) -> [&Picture; 3] {
         [&self.fixed, &self.golden, &self.ideal]
     }
@@ -74,21 +74,21 @@ pub struct Flicker {
 
 /// Sums that flicker is computed from; those of several pairs of frames can be added.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Sums {
+pub struct FlickerSums {
     covered: u64,
     still: u64,
     not_finite: u64,
     /// fixed − golden, golden − ideal, fixed − ideal.
-    changes: [Sum; 3],
+    changes: [ChangeSum; 3],
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Sum {
+struct ChangeSum {
     all: f64,
     jumps: u64,
 }
 
-impl Sums {
+impl FlickerSums {
     /// Sums of a frame and the frame before it, which comes first. Each frame is `fixed`, `golden`
     /// and `ideal`, in the order of [`Pictures::all`].
     ///
@@ -97,7 +97,7 @@ impl Sums {
     pub fn new(
         [fixed_0, golden_0, ideal_0]: [&Picture; 3],
         [fixed, golden, ideal]: [&Picture; 3],
-    ) -> Sums {
+    ) -> FlickerSums {
         let (width, height) = (ideal.width, ideal.height);
         let all = [fixed_0, golden_0, ideal_0, fixed, golden, ideal];
         assert!(
@@ -107,16 +107,17 @@ impl Sums {
         );
         // Rows are added from the top, so that the result does not depend on the number of threads.
         let row = |y: usize| {
-            (y * width..(y + 1) * width).fold(Sums::default(), |sums, index| {
-                sums.and(&Sums::of_pixel(&all, index))
+            (y * width..(y + 1) * width).fold(FlickerSums::default(), |sums, index| {
+                sums.and(&FlickerSums::of_pixel(&all, index))
             })
         };
-        let rows: Vec<Sums> = (0..height).into_par_iter().map(row).collect();
-        rows.iter().fold(Sums::default(), |sums, row| sums.and(row))
+        let rows: Vec<FlickerSums> = (0..height).into_par_iter().map(row).collect();
+        rows.iter()
+            .fold(FlickerSums::default(), |sums, row| sums.and(row))
     }
 
-    fn of_pixel(pictures: &[&Picture; 6], index: usize) -> Sums {
-        let mut sums = Sums::default();
+    fn of_pixel(pictures: &[&Picture; 6], index: usize) -> FlickerSums {
+        let mut sums = FlickerSums::default();
         if !pictures.iter().all(|picture| is_finite(picture, index)) {
             sums.not_finite = 1;
             return sums;
@@ -143,7 +144,7 @@ impl Sums {
             [&golden, &ideal, &golden_0, &ideal_0],
             [&fixed, &ideal, &fixed_0, &ideal_0],
         ];
-        sums.changes = pairs.map(change).map(|change| Sum {
+        sums.changes = pairs.map(change).map(|change| ChangeSum {
             all: change.iter().sum(),
             jumps: u64::from(most(&change) > JUMP),
         });
@@ -151,15 +152,15 @@ impl Sums {
     }
 
     /// Sum of both.
-    pub fn and(self, next: &Sums) -> Sums {
+    pub fn and(self, next: &FlickerSums) -> FlickerSums {
         let changes = std::array::from_fn(|i| {
             let (a, b) = (self.changes[i], next.changes[i]);
-            Sum {
+            ChangeSum {
                 all: a.all + b.all,
                 jumps: a.jumps + b.jumps,
             }
         });
-        Sums {
+        FlickerSums {
             covered: self.covered + next.covered,
             still: self.still + next.still,
             not_finite: self.not_finite + next.not_finite,
@@ -169,7 +170,7 @@ impl Sums {
 
     /// The figures of these sums.
     pub fn flicker(&self) -> Flicker {
-        let change = |sum: &Sum| {
+        let change = |sum: &ChangeSum| {
             if self.not_finite > 0 {
                 return Change {
                     mean: Some(1.0),
@@ -184,7 +185,7 @@ impl Sums {
         };
         let [fixed_vs_golden, golden_vs_ideal, fixed_vs_ideal] =
             self.changes.each_ref().map(change);
-        let Sums {
+        let FlickerSums {
             covered: covered_pixels,
             still: still_pixels,
             not_finite,
@@ -241,7 +242,7 @@ mod tests {
             &[0.9, 0.2, 0.2 + 6.0 * s, 0.2],
             &[0.9, 0.2 + 0.4 * s, 0.2, 0.2],
         );
-        let found = Sums::new(before.all(), now.all()).flicker();
+        let found = FlickerSums::new(before.all(), now.all()).flicker();
         assert_eq!(
             (found.covered_pixels, found.still_pixels, found.not_finite),
             (4, 3, 0)
@@ -266,7 +267,7 @@ mod tests {
     #[test]
     fn an_error_that_stays_does_not_flicker() {
         let wrong = frame(&[1.0, 0.0], &[0.5, 0.9], &[0.1, 0.2]);
-        let found = Sums::new(wrong.all(), wrong.all()).flicker();
+        let found = FlickerSums::new(wrong.all(), wrong.all()).flicker();
         assert_eq!(
             found.fixed_vs_golden,
             Change {
@@ -283,7 +284,7 @@ mod tests {
             frame(&[0.1], &[0.1], &[0.0]),
             frame(&[0.2], &[0.2], &[STILL]),
         );
-        let found = Sums::new(before.all(), now.all()).flicker();
+        let found = FlickerSums::new(before.all(), now.all()).flicker();
         assert_eq!((found.covered_pixels, found.still_pixels), (1, 0));
         assert_eq!(
             found.fixed_vs_golden,
@@ -305,7 +306,7 @@ mod tests {
                 picture.covered = vec![false, false, true];
             }
         }
-        let found = Sums::new(frames[0].all(), frames[1].all()).flicker();
+        let found = FlickerSums::new(frames[0].all(), frames[1].all()).flicker();
         assert_eq!(
             (
                 found.covered_pixels,
@@ -317,7 +318,7 @@ mod tests {
         // One covered picture of one frame is enough.
         frames[0].fixed.covered[0] = true;
         assert_eq!(
-            Sums::new(frames[0].all(), frames[1].all())
+            FlickerSums::new(frames[0].all(), frames[1].all())
                 .flicker()
                 .covered_pixels,
             2
@@ -334,8 +335,8 @@ mod tests {
                     [&mut broken.fixed, &mut broken.golden, &mut broken.ideal][which].rgba[2]
                         [channel] = wrong;
                     for found in [
-                        Sums::new(still.all(), broken.all()).flicker(),
-                        Sums::new(broken.all(), still.all()).flicker(),
+                        FlickerSums::new(still.all(), broken.all()).flicker(),
+                        FlickerSums::new(broken.all(), still.all()).flicker(),
                     ] {
                         assert_eq!((found.not_finite, found.still_pixels), (1, 3));
                         for change in [
@@ -360,16 +361,16 @@ mod tests {
     /// Pairs with more still pixels weigh more.
     #[test]
     fn pairs_of_frames_add_up_by_their_pixels() {
-        let quiet = Sums {
+        let quiet = FlickerSums {
             covered: 9,
             still: 9,
-            ..Sums::default()
+            ..FlickerSums::default()
         };
-        let jumpy = Sums {
+        let jumpy = FlickerSums {
             covered: 5,
             still: 1,
-            changes: [Sum { all: 0.3, jumps: 1 }; 3],
-            ..Sums::default()
+            changes: [ChangeSum { all: 0.3, jumps: 1 }; 3],
+            ..FlickerSums::default()
         };
         let found = quiet.and(&jumpy).flicker();
         assert!(

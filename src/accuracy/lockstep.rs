@@ -21,7 +21,9 @@ mod summary;
 mod window;
 
 use crate::golden::Rules;
-use crate::golden::footprint::{Contribution as Exact, Cull, Footprint, Row, set_up_anyway};
+use crate::golden::footprint::{
+    Contribution as Exact, Cull, Footprint, FootprintRow, set_up_anyway,
+};
 use crate::golden::fragments::Fragment;
 use crate::golden::shade::Shader;
 use crate::hardware::fixed;
@@ -29,7 +31,7 @@ use crate::hardware::quantise::Quantised;
 use crate::hardware::registers::{Bounded, Registers};
 use crate::output::picture::Picture;
 use crate::scene::{Scene, View};
-use pixel::{ATTRIBUTES, Arrival, Common, Limits, Pixel};
+use pixel::{ATTRIBUTES, BoundedContribution, Common, Limits, Pixel};
 use rayon::prelude::*;
 use rtl_model::pipeline;
 use rtl_model::pipeline::Elaborated;
@@ -45,7 +47,7 @@ use sheets::{SheetPixel, SheetRules};
 use std::any::Any;
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
-use window::{Own, WindowPixel, WindowRules};
+use window::{SplatLight, WindowPixel, WindowRules};
 
 pub use summary::{BoundSummary, Summary};
 
@@ -178,7 +180,7 @@ impl Flips {
 
 /// Which tiles of 16 × 16 pixels are checked in lockstep, which takes most of a run's time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Tiles {
+pub enum CheckedTiles {
     /// All tiles.
     #[default]
     All,
@@ -186,11 +188,11 @@ pub enum Tiles {
     Sampled,
 }
 
-impl Tiles {
+impl CheckedTiles {
     fn has(self, column: usize, row: usize) -> bool {
         match self {
-            Tiles::All => true,
-            Tiles::Sampled => (column + 3 * row).is_multiple_of(8),
+            CheckedTiles::All => true,
+            CheckedTiles::Sampled => (column + 3 * row).is_multiple_of(8),
         }
     }
 }
@@ -199,7 +201,7 @@ impl Tiles {
 #[derive(Clone, Debug)]
 pub struct Lockstep {
     /// Tiles that were checked. Nothing is counted in the others.
-    pub tiles: Tiles,
+    pub tiles: CheckedTiles,
     /// Picture of `golden` led by the machine's decisions.
     pub led: Picture,
     /// Bound on |fixed − led|, of the worst channel of each pixel; infinite where there is no
@@ -217,7 +219,7 @@ pub struct Lockstep {
 
 /// Draws a scene on a machine with `golden` in lockstep.
 pub fn lockstep(scene: &Scene, machine: &Elaborated, quantised: &Quantised) -> Lockstep {
-    lockstep_in(scene, machine, quantised, Tiles::All)
+    lockstep_in(scene, machine, quantised, CheckedTiles::All)
 }
 
 /// Draws a scene with `golden` in lockstep in some tiles.
@@ -225,34 +227,34 @@ pub fn lockstep_in(
     scene: &Scene,
     machine: &Elaborated,
     quantised: &Quantised,
-    tiles: Tiles,
+    tiles: CheckedTiles,
 ) -> Lockstep {
-    held_to(scene, machine, machine, quantised, tiles)
+    draw_against(scene, machine, machine, quantised, tiles)
 }
 
 /// Draws a scene on one machine and checks it against the bounds of another with the same words.
-fn held_to(
+fn draw_against(
     scene: &Scene,
     drawn: &Elaborated,
     claimed: &Elaborated,
     quantised: &Quantised,
-    tiles: Tiles,
+    tiles: CheckedTiles,
 ) -> Lockstep {
     let rules = fixed::rules(&claimed.machine);
     let shader = Shader::of(scene, &rules);
-    let stage = Stage {
+    let stage = FrameContext {
         tiles,
-        ..Stage::new(scene, claimed, quantised, &rules, &shader)
+        ..FrameContext::new(scene, claimed, quantised, &rules, &shader)
     };
-    let mut leader = Leader::new(&stage);
-    let drawing = pipeline::draw_with_decisions(drawn, &quantised.frame, &mut leader);
-    leader.finish(drawing.covered)
+    let mut probe = LockstepProbe::new(&stage);
+    let drawing = pipeline::draw_with_decisions(drawn, &quantised.frame, &mut probe);
+    probe.finish(drawing.covered)
 }
 
 /// Input that all tiles share.
-struct Stage<'a> {
+struct FrameContext<'a> {
     scene: &'a Scene,
-    tiles: Tiles,
+    tiles: CheckedTiles,
     machine: &'a Elaborated,
     quantised: &'a Quantised,
     eye: View,
@@ -272,7 +274,7 @@ struct Stage<'a> {
     bins: Vec<Vec<u32>>,
 }
 
-impl<'a> Stage<'a> {
+impl<'a> FrameContext<'a> {
     fn new(
         scene: &'a Scene,
         machine: &'a Elaborated,
@@ -315,8 +317,8 @@ impl<'a> Stage<'a> {
             .as_ref()
             .map_or(Near::exact(0.0), SheetRules::least_weight);
         let least_opacity = registers.least_opacity(&Bounded);
-        let tiles = Tiles::All;
-        Stage {
+        let tiles = CheckedTiles::All;
+        FrameContext {
             scene,
             tiles,
             machine,
@@ -334,7 +336,7 @@ impl<'a> Stage<'a> {
     }
 
     /// A splat, exact and with the machine's bounds.
-    fn splat(&self, index: u32) -> Splat {
+    fn splat(&self, index: u32) -> BoundedSplat {
         let (mut footprint, cull) = set_up_anyway(
             self.scene,
             &self.eye,
@@ -350,7 +352,7 @@ impl<'a> Stage<'a> {
         let mut record = registers.splat(&Bounded, index as usize);
         let frame = &self.quantised.frame;
         let turned = self.machine.turns_normal(frame, index as usize);
-        let turns_otherwise = self.common.rules.turn_normals && turned != footprint.faces_away();
+        let turns_differently = self.common.rules.turn_normals && turned != footprint.faces_away();
         record.turned = Some(turned);
         if turned {
             footprint.normal = -footprint.normal;
@@ -373,7 +375,7 @@ impl<'a> Stage<'a> {
             let emission =
                 self.machine
                     .real_emission(&self.common.lighting, rgb, normal, footprint.material);
-            Own {
+            SplatLight {
                 golden,
                 light: [0, 1, 2].map(|channel| emission[channel].around(golden[channel])),
                 opacity,
@@ -394,7 +396,7 @@ impl<'a> Stage<'a> {
         let [r, g, b] = rgb;
         let attributes = [r, g, b, record.opacity, normal[0], normal[1], normal[2]];
         let filled = self.common.limits.filled(&attributes);
-        Splat {
+        BoundedSplat {
             index,
             footprint,
             cull,
@@ -402,13 +404,13 @@ impl<'a> Stage<'a> {
             record,
             attributes,
             filled,
-            turns_otherwise,
+            turns_differently,
             own,
         }
     }
 
     /// Whether a pixel's tile is checked.
-    fn holds(&self, x: u32, y: u32) -> bool {
+    fn is_checked(&self, x: u32, y: u32) -> bool {
         self.tiles.has(x as usize / TILE_PX, y as usize / TILE_PX)
     }
 
@@ -421,7 +423,7 @@ impl<'a> Stage<'a> {
     }
 
     /// Whether machine and `golden` may differ about drawing the splat.
-    fn may_cull(&self, splat: &Splat) -> bool {
+    fn may_cull(&self, splat: &BoundedSplat) -> bool {
         let (point, ellipse) = (&splat.near.point, &splat.near.ellipse);
         let zero = Near::exact(0.0);
         point.depth.may_cross(self.view.near)
@@ -435,7 +437,7 @@ impl<'a> Stage<'a> {
     }
 
     /// Whether machine and `golden` may differ about whether the splat reaches a pixel.
-    fn may_cover(&self, splat: &Splat, x: u32, y: u32) -> bool {
+    fn may_cover(&self, splat: &BoundedSplat, x: u32, y: u32) -> bool {
         let at = self.at(x, y);
         let contribution = splat.near.contribution(self.machine, at);
         let exact = splat.footprint.row(y).beyond(x);
@@ -476,7 +478,7 @@ fn reached(scene: &Scene, eye: &View) -> Vec<(u32, [u16; 4])> {
 }
 
 /// One splat, exact and with the machine's bounds.
-struct Splat {
+struct BoundedSplat {
     index: u32,
     footprint: Footprint,
     cull: Option<Cull>,
@@ -485,15 +487,15 @@ struct Splat {
     attributes: [Near; ATTRIBUTES],
     filled: f64,
     /// The machine's decision to turn the normal differs from golden's.
-    turns_otherwise: bool,
+    turns_differently: bool,
     /// Windows only: the splat's own appearance.
-    own: Option<Own>,
+    own: Option<SplatLight>,
 }
 
-impl Splat {
+impl BoundedSplat {
     /// Whether `golden` has this contribution at a pixel of this row. `contribution` is computed as
     /// if all pixels were reached.
-    fn covers(&self, row: &Row, [x, y]: [u32; 2], contribution: &Exact) -> bool {
+    fn covers(&self, row: &FootprintRow, [x, y]: [u32; 2], contribution: &Exact) -> bool {
         let Footprint { columns, rows, .. } = &self.footprint;
         self.cull.is_none()
             && columns.contains(&x)
@@ -506,16 +508,16 @@ impl Splat {
 type Mask = [u64; TILE_AREA / 64];
 
 /// Result of a tile.
-struct Tile {
+struct TileResult {
     led: Vec<[f64; 4]>,
     bound: Vec<f64>,
     error: Vec<f64>,
     flipped: Vec<u16>,
 }
 
-impl Default for Tile {
+impl Default for TileResult {
     fn default() -> Self {
-        Tile {
+        TileResult {
             led: vec![[0.0; 4]; TILE_AREA],
             bound: vec![0.0; TILE_AREA],
             error: vec![0.0; TILE_AREA],
@@ -525,8 +527,8 @@ impl Default for Tile {
 }
 
 /// Observes the machine and makes `golden` follow its decisions.
-struct Leader<'a> {
-    stage: &'a Stage<'a>,
+struct LockstepProbe<'a> {
+    stage: &'a FrameContext<'a>,
     /// The pixels of the current tile; empty between tiles.
     pixels: Vec<Pixel>,
     /// The pixels if fragments are grouped by sheets.
@@ -534,32 +536,32 @@ struct Leader<'a> {
     /// The pixels if fragments are grouped by windows.
     windows: Vec<WindowPixel>,
     /// The current splat, boxed because it is large.
-    splat: Option<Box<Splat>>,
+    splat: Option<Box<BoundedSplat>>,
     /// Splats of the previous tile and of the current one that continue to the right, probably into
     /// the next tile. They are set up once for both.
-    go_on: [BTreeMap<u32, Box<Splat>>; 2],
+    continued: [BTreeMap<u32, Box<BoundedSplat>>; 2],
     /// Pixels of the tile that the current splat reached.
     reached: Mask,
     /// Earlier splats that reached a pixel of the tile.
     touched: Vec<u32>,
-    tile: Tile,
-    tiles: BTreeMap<usize, Tile>,
+    tile: TileResult,
+    tiles: BTreeMap<usize, TileResult>,
     flips: Flips,
     violations: u64,
 }
 
-impl<'a> Leader<'a> {
-    fn new(stage: &'a Stage<'a>) -> Self {
-        Leader {
+impl<'a> LockstepProbe<'a> {
+    fn new(stage: &'a FrameContext<'a>) -> Self {
+        LockstepProbe {
             stage,
             pixels: Vec::new(),
             sheets: Vec::new(),
             windows: Vec::new(),
             splat: None,
-            go_on: Default::default(),
+            continued: Default::default(),
             reached: Mask::default(),
             touched: Vec::new(),
-            tile: Tile::default(),
+            tile: TileResult::default(),
             tiles: BTreeMap::new(),
             flips: Flips::default(),
             violations: 0,
@@ -577,7 +579,13 @@ impl<'a> Leader<'a> {
         result
     }
 
-    fn arrive(&mut self, splat: &Splat, [x, y]: [u32; 2], held: &Contribution, decision: Decision) {
+    fn take_contribution(
+        &mut self,
+        splat: &BoundedSplat,
+        [x, y]: [u32; 2],
+        held: &Contribution,
+        decision: Decision,
+    ) {
         let stage = self.stage;
         let pixel = in_tile(x, y);
         let row = splat.footprint.row(y);
@@ -595,7 +603,7 @@ impl<'a> Leader<'a> {
                 .depth(stage.machine, stage.at(x, y))
                 .around(exact.z * stage.quantised.scale.factor())
         };
-        let arrival = Arrival {
+        let arrival = BoundedContribution {
             golden: Fragment::new(&splat.footprint, &exact, [x, y]),
             weight: near.weight.around(exact.weight),
             attributes: &splat.attributes,
@@ -604,17 +612,17 @@ impl<'a> Leader<'a> {
             depth: OnceCell::new(),
             find_depth: &depth,
         };
-        self.at_pixel(pixel, |leader, flips| {
+        self.at_pixel(pixel, |probe, flips| {
             if splat.cull.is_some() {
                 flips.cull(stage.may_cull(splat) || stage.may_cover(splat, x, y));
             } else if !is_covered {
                 flips.coverage(stage.may_cover(splat, x, y));
             }
-            if splat.turns_otherwise && stage.sheets.is_none() {
+            if splat.turns_differently && stage.sheets.is_none() {
                 flips.turn(splat.near.ellipse.facing_viewer.may_cross(Near::exact(0.0)));
             }
             if let (Some(rules), Some(own)) = (&stage.windows, &splat.own) {
-                return leader.windows[pixel].take(
+                return probe.windows[pixel].take(
                     rules,
                     &stage.common,
                     &arrival,
@@ -624,9 +632,9 @@ impl<'a> Leader<'a> {
                 );
             }
             match &stage.sheets {
-                None => leader.pixels[pixel].take(&stage.common, &arrival, decision, flips),
+                None => probe.pixels[pixel].take(&stage.common, &arrival, decision, flips),
                 Some(rules) => {
-                    leader.sheets[pixel].take(rules, &stage.common, &arrival, decision, flips)
+                    probe.sheets[pixel].take(rules, &stage.common, &arrival, decision, flips)
                 }
             }
         });
@@ -646,7 +654,7 @@ impl<'a> Leader<'a> {
         }
         self.reached = Mask::default();
         if splat.footprint.columns.end > left + TILE_PX as u32 {
-            self.go_on[1].insert(splat.index, splat);
+            self.continued[1].insert(splat.index, splat);
         }
     }
 
@@ -693,7 +701,7 @@ impl<'a> Leader<'a> {
     }
 
     /// Counts a contribution that only `golden` has.
-    fn lose(&mut self, splat: &Splat, [x, y]: [u32; 2]) {
+    fn lose(&mut self, splat: &BoundedSplat, [x, y]: [u32; 2]) {
         let stage = self.stage;
         let (culled, covered) = (stage.may_cull(splat), stage.may_cover(splat, x, y));
         self.at_pixel(in_tile(x, y), |_, flips| {
@@ -710,9 +718,9 @@ impl<'a> Leader<'a> {
         let stage = self.stage;
         let (width, height) = (stage.scene.image.width, stage.scene.image.height);
         for tile in 0..stage.bins.len() {
-            let is_held = stage.tiles.has(tile % stage.columns, tile / stage.columns);
-            if is_held && !self.tiles.contains_key(&tile) && !stage.bins[tile].is_empty() {
-                self.tile = Tile::default();
+            let is_checked = stage.tiles.has(tile % stage.columns, tile / stage.columns);
+            if is_checked && !self.tiles.contains_key(&tile) && !stage.bins[tile].is_empty() {
+                self.tile = TileResult::default();
                 self.tile.led.fill(stage.common.shader.background());
                 let [left, top] =
                     [tile % stage.columns, tile / stage.columns].map(|at| (at * TILE_PX) as u32);
@@ -786,19 +794,19 @@ fn in_tile(x: u32, y: u32) -> usize {
 }
 
 /// Results of a part of the frame.
-struct Part {
-    tiles: BTreeMap<usize, Tile>,
+struct PartialResult {
+    tiles: BTreeMap<usize, TileResult>,
     flips: Flips,
     violations: u64,
 }
 
-impl<'a> Observer<'a> for Leader<'a> {
+impl<'a> Observer<'a> for LockstepProbe<'a> {
     fn fork(&self) -> Box<dyn Observer<'a> + 'a> {
-        Box::new(Leader::new(self.stage))
+        Box::new(LockstepProbe::new(self.stage))
     }
 
     fn hand_over(self: Box<Self>) -> Box<dyn Any + Send> {
-        Box::new(Part {
+        Box::new(PartialResult {
             tiles: self.tiles,
             flips: self.flips,
             violations: self.violations,
@@ -806,7 +814,7 @@ impl<'a> Observer<'a> for Leader<'a> {
     }
 
     fn take_over(&mut self, seen: Box<dyn Any + Send>) {
-        if let Ok(part) = seen.downcast::<Part>() {
+        if let Ok(part) = seen.downcast::<PartialResult>() {
             self.tiles.extend(part.tiles);
             self.flips.absorb(&part.flips);
             self.violations += part.violations;
@@ -814,7 +822,7 @@ impl<'a> Observer<'a> for Leader<'a> {
     }
 
     fn contribution(&mut self, x: u32, y: u32, contribution: &Contribution, decision: Decision) {
-        if !self.stage.holds(x, y) {
+        if !self.stage.is_checked(x, y) {
             return;
         }
         if self.stage.sheets.is_some() && self.sheets.is_empty() {
@@ -831,14 +839,14 @@ impl<'a> Observer<'a> for Leader<'a> {
             other => {
                 self.splat = other;
                 self.end_splat([x, y].map(|at| at - at % TILE_PX as u32));
-                self.go_on[0]
+                self.continued[0]
                     .remove(&contribution.splat)
                     .unwrap_or_else(|| Box::new(self.stage.splat(contribution.splat)))
             }
         };
         let pixel = in_tile(x, y);
         self.reached[pixel / 64] |= 1 << (pixel % 64);
-        self.arrive(&splat, [x, y], contribution, decision);
+        self.take_contribution(&splat, [x, y], contribution, decision);
         self.splat = Some(splat);
     }
 
@@ -849,31 +857,31 @@ impl<'a> Observer<'a> for Leader<'a> {
     }
 
     fn resolved(&mut self, x: u32, y: u32, layers: &[Layer], frame: [i64; 4]) {
-        if !self.stage.holds(x, y) {
+        if !self.stage.is_checked(x, y) {
             return;
         }
         let pixel = in_tile(x, y);
-        let near = self.at_pixel(pixel, |leader, flips| {
-            if let Some(rules) = &leader.stage.sheets {
+        let near = self.at_pixel(pixel, |probe, flips| {
+            if let Some(rules) = &probe.stage.sheets {
                 let nothing = SheetPixel::default();
-                return leader
+                return probe
                     .sheets
                     .get(pixel)
                     .unwrap_or(&nothing)
-                    .resolve(rules, &leader.stage.common);
+                    .resolve(rules, &probe.stage.common);
             }
-            if let Some(rules) = &leader.stage.windows {
-                let mut held = leader
+            if let Some(rules) = &probe.stage.windows {
+                let mut held = probe
                     .windows
                     .get_mut(pixel)
                     .map(std::mem::take)
                     .unwrap_or_default();
-                return held.resolve(rules, &leader.stage.common, flips);
+                return held.resolve(rules, &probe.stage.common, flips);
             }
             let nothing = Pixel::default();
-            let held = leader.pixels.get(pixel).unwrap_or(&nothing);
+            let held = probe.pixels.get(pixel).unwrap_or(&nothing);
             held.resolve(
-                &leader.stage.common,
+                &probe.stage.common,
                 layers.iter().map(|layer| layer.slot),
                 flips,
             )
@@ -888,7 +896,7 @@ impl<'a> Observer<'a> for Leader<'a> {
     }
 
     fn tile(&mut self, x: u32, y: u32) {
-        if !self.stage.holds(x, y) {
+        if !self.stage.is_checked(x, y) {
             return;
         }
         self.pixels.iter_mut().for_each(Pixel::clear);
@@ -897,8 +905,8 @@ impl<'a> Observer<'a> for Leader<'a> {
         self.end_splat([x, y]);
         let index = y as usize / TILE_PX * self.stage.columns + x as usize / TILE_PX;
         self.find_lost(index, [x, y]);
-        self.go_on.swap(0, 1);
-        self.go_on[1].clear();
+        self.continued.swap(0, 1);
+        self.continued[1].clear();
         self.tiles.insert(index, std::mem::take(&mut self.tile));
     }
 }

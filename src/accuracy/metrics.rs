@@ -46,7 +46,7 @@ pub fn metrics(a: &Picture, b: &Picture) -> Metrics {
         (b.width, b.height),
         "pictures of one scene have one size"
     );
-    let sums = Sums::new(a, b);
+    let sums = ErrorSums::new(a, b);
     let pixels = (a.width * a.height) as f64;
     if sums.not_finite > 0 {
         return Metrics {
@@ -120,7 +120,7 @@ pub fn distance(a: &Picture, b: &Picture) -> Distance {
         (b.width, b.height),
         "pictures of one scene have one size"
     );
-    let sums = Sums::new(a, b);
+    let sums = ErrorSums::new(a, b);
     let values = 3.0 * sums.covered_pixels as f64;
     if sums.not_finite > 0 {
         let not_finite = sums.not_finite;
@@ -175,7 +175,7 @@ pub fn fidelity(drawn: &Picture, given: &Picture) -> Fidelity {
         (given.width, given.height),
         "pictures that are compared have one size"
     );
-    let sums = Sums::new(drawn, given);
+    let sums = ErrorSums::new(drawn, given);
     if sums.not_finite > 0 {
         return Fidelity {
             psnr_db: Some(0.0),
@@ -216,7 +216,7 @@ pub fn is_finite(picture: &Picture, index: usize) -> bool {
 /// Sums of one row; rows are added from the top, so that the result does not depend on the number
 /// of threads.
 #[derive(Clone, Copy, Default)]
-struct Sums {
+struct ErrorSums {
     squares: f64,
     covered_squares: f64,
     covered_errors: f64,
@@ -227,17 +227,17 @@ struct Sums {
     not_finite: u64,
 }
 
-impl Sums {
-    fn new(a: &Picture, b: &Picture) -> Sums {
-        let rows: Vec<Sums> = (0..a.height)
+impl ErrorSums {
+    fn new(a: &Picture, b: &Picture) -> ErrorSums {
+        let rows: Vec<ErrorSums> = (0..a.height)
             .into_par_iter()
-            .map(|y| Sums::of_row(a, b, y))
+            .map(|y| ErrorSums::of_row(a, b, y))
             .collect();
-        rows.into_iter().fold(Sums::default(), Sums::and)
+        rows.into_iter().fold(ErrorSums::default(), ErrorSums::and)
     }
 
-    fn of_row(a: &Picture, b: &Picture, y: usize) -> Sums {
-        let mut sums = Sums::default();
+    fn of_row(a: &Picture, b: &Picture, y: usize) -> ErrorSums {
+        let mut sums = ErrorSums::default();
         for index in y * a.width..(y + 1) * a.width {
             let error = difference(a, b, index);
             let squares = error.iter().map(|e| e * e).sum::<f64>();
@@ -256,8 +256,8 @@ impl Sums {
         sums
     }
 
-    fn and(self, next: Sums) -> Sums {
-        Sums {
+    fn and(self, next: ErrorSums) -> ErrorSums {
+        ErrorSums {
             squares: self.squares + next.squares,
             covered_squares: self.covered_squares + next.covered_squares,
             covered_errors: self.covered_errors + next.covered_errors,

@@ -16,7 +16,7 @@ mod sheets;
 mod window;
 
 use crate::golden::footprint::pixels;
-use crate::golden::fragments::{Fragment, Pair, nearest_within};
+use crate::golden::fragments::{Fragment, PairRule, nearest_within};
 use crate::golden::shade::Shader;
 use crate::golden::tiles::{Cover, PIXELS_IN_A_TILE, Painter, fill};
 use crate::golden::{FragmentDepth, Outcomes, Rules};
@@ -80,15 +80,15 @@ pub fn words(machine: &Elaborated) -> Vec<String> {
 
 /// The chosen words of a machine.
 #[derive(Clone, Debug)]
-pub struct Choice {
+pub struct ChosenWords {
     inputs: Vec<&'static str>,
     switches: Switches,
 }
 
-impl Choice {
+impl ChosenWords {
     /// The words for which `is_chosen` is true.
     pub fn new(machine: &Elaborated, is_chosen: impl Fn(&str) -> bool) -> Self {
-        Choice {
+        ChosenWords {
             inputs: INPUTS.into_iter().filter(|name| is_chosen(name)).collect(),
             switches: Switches(
                 machine
@@ -130,7 +130,7 @@ const ATTRIBUTES: usize = 7;
 
 /// Scene and machine of a drawing.
 #[derive(Clone, Debug)]
-pub struct Stage<'a> {
+pub struct MixedDrawing<'a> {
     scene: &'a Scene,
     machine: &'a Elaborated,
     quantised: &'a Quantised,
@@ -138,10 +138,10 @@ pub struct Stage<'a> {
     rules: Rules,
 }
 
-impl<'a> Stage<'a> {
+impl<'a> MixedDrawing<'a> {
     /// The drawing of `scene` on `machine`.
     pub fn new(scene: &'a Scene, machine: &'a Elaborated, quantised: &'a Quantised) -> Self {
-        Stage {
+        MixedDrawing {
             scene,
             machine,
             quantised,
@@ -160,7 +160,7 @@ impl<'a> Stage<'a> {
     }
 
     /// Sets up all splats with the chosen words, in drawing order.
-    pub fn set_up(&self, choice: &Choice) -> Vec<Footprint> {
+    pub fn set_up(&self, choice: &ChosenWords) -> Vec<Footprint> {
         let (registers, hold) = (self.registers(), choice.hold());
         let view = registers.view(&hold);
         let ellipsoids = self.scene.ellipsoids.as_ref();
@@ -240,7 +240,7 @@ impl<'a> Stage<'a> {
     }
 
     /// Draws footprints with the chosen words.
-    pub fn fill(&self, choice: &Choice, footprints: &[Footprint]) -> Picture {
+    pub fn fill(&self, choice: &ChosenWords, footprints: &[Footprint]) -> Picture {
         let (registers, hold) = (self.registers(), choice.hold());
         let shader = Shader::of(self.scene, &self.rules);
         let frame = FrameWords {
@@ -256,9 +256,9 @@ impl<'a> Stage<'a> {
             shader: &shader,
             switches: &choice.switches,
         };
-        let drawn: Vec<Drawn> = footprints
+        let drawn: Vec<FrameFootprint> = footprints
             .iter()
-            .map(|footprint| Drawn {
+            .map(|footprint| FrameFootprint {
                 frame: &frame,
                 footprint,
             })
@@ -273,7 +273,7 @@ impl<'a> Stage<'a> {
         match &frame.sheets {
             None => {
                 fill(&self.scene.image, &drawn, background, || {
-                    Pixels::new(&frame)
+                    FragmentPixels::new(&frame)
                 })
                 .picture
             }
@@ -293,7 +293,7 @@ fn number(mixed: PartialPrecision) -> f64 {
 
 /// Values that the whole frame has in common.
 struct FrameWords<'a> {
-    stage: &'a Stage<'a>,
+    stage: &'a MixedDrawing<'a>,
     cutoff: f64,
     z_threshold: f64,
     coverage_threshold: f64,
@@ -315,13 +315,13 @@ impl<'a> FrameWords<'a> {
 }
 
 /// One footprint and the frame that it is drawn into.
-struct Drawn<'a> {
+struct FrameFootprint<'a> {
     frame: &'a FrameWords<'a>,
     footprint: &'a Footprint,
 }
 
 /// One splat at one pixel.
-struct Arrival<'a> {
+struct MixedContribution<'a> {
     footprint: &'a Footprint,
     /// Column and row.
     pixel: [u32; 2],
@@ -330,8 +330,8 @@ struct Arrival<'a> {
     depth: f64,
 }
 
-impl<'a> Cover for Drawn<'a> {
-    type Contribution = Arrival<'a>;
+impl<'a> Cover for FrameFootprint<'a> {
+    type Contribution = MixedContribution<'a>;
 
     fn sides(&self) -> [Range<u32>; 2] {
         [self.footprint.columns.clone(), self.footprint.rows.clone()]
@@ -341,7 +341,7 @@ impl<'a> Cover for Drawn<'a> {
         &self,
         columns: Range<u32>,
         rows: Range<u32>,
-        mut take: impl FnMut([u32; 2], Arrival<'a>),
+        mut take: impl FnMut([u32; 2], MixedContribution<'a>),
     ) {
         let (frame, footprint) = (self.frame, self.footprint);
         let (machine, half_px) = (frame.stage.machine, frame.stage.eye.half_px);
@@ -380,7 +380,7 @@ impl<'a> Cover for Drawn<'a> {
                     if weight > 0.0 && weight >= least_weight {
                         take(
                             [x, y],
-                            Arrival {
+                            MixedContribution {
                                 footprint,
                                 pixel: [x, y],
                                 weight,
@@ -395,24 +395,24 @@ impl<'a> Cover for Drawn<'a> {
 }
 
 /// The fragments of a tile's pixels, by golden's rules; depths in machine units.
-struct Pixels<'a> {
+struct FragmentPixels<'a> {
     frame: &'a FrameWords<'a>,
     fragments: Vec<Vec<Fragment>>,
 }
 
-impl<'a> Pixels<'a> {
+impl<'a> FragmentPixels<'a> {
     fn new(frame: &'a FrameWords<'a>) -> Self {
-        Pixels {
+        FragmentPixels {
             frame,
             fragments: vec![Vec::new(); PIXELS_IN_A_TILE],
         }
     }
 }
 
-impl<'a> Painter for Pixels<'a> {
-    type Contribution = Arrival<'a>;
+impl<'a> Painter for FragmentPixels<'a> {
+    type Contribution = MixedContribution<'a>;
 
-    fn take(&mut self, pixel: usize, arrival: Arrival<'a>) {
+    fn take(&mut self, pixel: usize, arrival: MixedContribution<'a>) {
         let (frame, fragments) = (self.frame, &mut self.fragments[pixel]);
         let rules = &frame.stage.rules;
         if let Some(slot) = nearest_within(frame.z_threshold, arrival.depth, fragments) {
@@ -465,7 +465,7 @@ impl<'a> Painter for Pixels<'a> {
 }
 
 impl<'a> FrameWords<'a> {
-    fn accumulate(&self, fragment: &mut Fragment, arrival: &Arrival) {
+    fn accumulate(&self, fragment: &mut Fragment, arrival: &MixedContribution) {
         let weight = self.word(arrival.weight);
         let sum = |lane: usize, sum: f64, attribute: f64| {
             self.stage
@@ -492,7 +492,7 @@ impl<'a> FrameWords<'a> {
     }
 
     /// Makes room for one fragment: drops a hidden one, or merges two.
-    fn overflow(&self, fragments: &mut Vec<Fragment>, new: Fragment, pair: Pair) {
+    fn overflow(&self, fragments: &mut Vec<Fragment>, new: Fragment, pair: PairRule) {
         let rules = &self.stage.rules;
         fragments.sort_by(|a, b| a.z.total_cmp(&b.z));
         let place = fragments.partition_point(|fragment| fragment.z <= new.z);

@@ -259,7 +259,7 @@ impl SignalReport {
         let top = self.extent[1];
         Extent {
             name: self.name.clone(),
-            says: [
+            columns: [
                 self.format.clone(),
                 self.narrowest.clone().unwrap_or_default(),
                 share(*zeros, self.words),

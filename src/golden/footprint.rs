@@ -447,7 +447,7 @@ impl Footprint {
         };
         let limit = self.cutoff.min(least);
         let row = |y: u32| {
-            let Row {
+            let FootprintRow {
                 linear, constant, ..
             } = self.row(y);
             let [square, middle] = [self.conic[0], -linear / (2.0 * self.conic[0])];
@@ -467,11 +467,11 @@ impl Footprint {
     }
 
     /// The footprint along one row of pixels.
-    pub fn row(&self, y: u32) -> Row<'_> {
+    pub fn row(&self, y: u32) -> FootprintRow<'_> {
         let dy = f64::from(y) + 0.5 - self.centre[1];
         let [_, q01, q11] = self.conic;
         let z = self.z + self.slope[1] * dy;
-        Row {
+        FootprintRow {
             footprint: self,
             middle: f64::from(y) + 0.5,
             linear: 2.0 * q01 * dy,
@@ -482,7 +482,7 @@ impl Footprint {
 }
 
 /// One row of a footprint: `r = Q00·dx² + linear·dx + constant`.
-pub(crate) struct Row<'a> {
+pub(crate) struct FootprintRow<'a> {
     footprint: &'a Footprint,
     /// The row's centre in x, pixels.
     middle: f64,
@@ -491,7 +491,7 @@ pub(crate) struct Row<'a> {
     z: f64,
 }
 
-impl Row<'_> {
+impl FootprintRow<'_> {
     /// Contribution of the footprint to the pixel in column `x`, if it reaches the pixel.
     #[inline]
     pub fn at(&self, x: u32) -> Option<Contribution> {

@@ -169,7 +169,7 @@ pub(crate) trait Slot: Copy + Default {
     /// Merges two slots; the result is shaded.
     fn merge(front: &Self, back: &Self, shader: &Shader) -> Self;
     /// The slot that a contribution of this depth joins, if any.
-    fn taker(z_threshold: f64, z: f64, slots: &[Self]) -> Option<usize>;
+    fn slot_for(z_threshold: f64, z: f64, slots: &[Self]) -> Option<usize>;
 }
 
 impl Slot for Fragment {
@@ -193,13 +193,13 @@ impl Slot for Fragment {
         Fragment::merge(front, back, shader)
     }
 
-    fn taker(z_threshold: f64, z: f64, slots: &[Self]) -> Option<usize> {
+    fn slot_for(z_threshold: f64, z: f64, slots: &[Self]) -> Option<usize> {
         nearest_within(z_threshold, z, slots)
     }
 }
 
 /// The fragment unit: the fragments of one tile.
-pub(super) struct Golden<'a, S> {
+pub(super) struct FragmentPainter<'a, S> {
     rules: &'a Rules,
     z_threshold: f64,
     shader: &'a Shader,
@@ -212,7 +212,7 @@ pub(super) struct Golden<'a, S> {
     outcomes: Outcomes,
 }
 
-impl<'a, S: Slot> Golden<'a, S> {
+impl<'a, S: Slot> FragmentPainter<'a, S> {
     pub fn new(rules: &'a Rules, z_threshold: f64, shader: &'a Shader) -> Self {
         let layers = if rules.merge == Merge::Replace {
             1
@@ -221,7 +221,7 @@ impl<'a, S: Slot> Golden<'a, S> {
         };
         let slots = vec![S::default(); PIXELS_IN_A_TILE * (layers + 1)];
         let used = vec![0; PIXELS_IN_A_TILE];
-        Golden {
+        FragmentPainter {
             rules,
             z_threshold,
             shader,
@@ -243,7 +243,7 @@ impl<'a, S: Slot> Golden<'a, S> {
         let first = pixel * (self.layers + 1);
         let slots = &mut self.slots[first..=first + self.layers];
         let used = &mut self.used[pixel];
-        if let Some(slot) = S::taker(self.z_threshold, new.z, &slots[..*used]) {
+        if let Some(slot) = S::slot_for(self.z_threshold, new.z, &slots[..*used]) {
             let held = &mut slots[slot];
             held.add(&new);
             if self.rules.fragment_depth == FragmentDepth::Nearest {
@@ -287,7 +287,7 @@ impl Cover for Footprint {
     }
 }
 
-impl<S: Slot> Painter for Golden<'_, S> {
+impl<S: Slot> Painter for FragmentPainter<'_, S> {
     type Contribution = Fragment;
 
     fn take(&mut self, pixel: usize, contribution: Fragment) {
@@ -381,11 +381,11 @@ pub enum Merge {
 }
 
 /// Returns the front of the adjacent pair to merge, given fragments in z order.
-pub(crate) type Pair = fn(&[Fragment]) -> usize;
+pub(crate) type PairRule = fn(&[Fragment]) -> usize;
 
 impl Merge {
     /// The rule that selects the pair to merge; none for a z-buffer.
-    pub(crate) fn pair(self) -> Option<Pair> {
+    pub(crate) fn pair(self) -> Option<PairRule> {
         self.pair_of()
     }
 
@@ -448,7 +448,7 @@ mod tests {
     /// Decisions about these contributions at ε = 1, and the final depths of the slots.
     fn decisions(rules: &Rules, contributions: &[Fragment]) -> (Vec<Decision>, Vec<f64>) {
         let shader = Shader::unlit(0.25);
-        let mut golden = Golden::<Fragment>::new(rules, 1.0, &shader);
+        let mut golden = FragmentPainter::<Fragment>::new(rules, 1.0, &shader);
         let decisions = contributions
             .iter()
             .map(|contribution| golden.decide(0, *contribution))
@@ -568,7 +568,7 @@ mod tests {
     #[test]
     fn a_merge_is_front_over_back_premultiplied() {
         let shader = Shader::unlit(0.25);
-        let mut golden = Golden::<Fragment>::new(
+        let mut golden = FragmentPainter::<Fragment>::new(
             &Rules {
                 layers: 1,
                 ..NEAREST

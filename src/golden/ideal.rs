@@ -9,7 +9,7 @@ use super::fragments::Fragment;
 use super::shade::Shader;
 use super::tiles::{PIXELS_IN_A_TILE, Painter};
 
-pub(super) struct Ideal<'a> {
+pub(super) struct IdealPainter<'a> {
     z_threshold: f64,
     shader: &'a Shader,
     contributions: Vec<Vec<Fragment>>,
@@ -20,10 +20,10 @@ pub(super) struct Ideal<'a> {
     outcomes: Outcomes,
 }
 
-impl<'a> Ideal<'a> {
+impl<'a> IdealPainter<'a> {
     pub fn new(z_threshold: f64, shader: &'a Shader) -> Self {
         let contributions = vec![Vec::new(); PIXELS_IN_A_TILE];
-        Ideal {
+        IdealPainter {
             z_threshold,
             shader,
             contributions,
@@ -34,7 +34,7 @@ impl<'a> Ideal<'a> {
     }
 }
 
-impl Painter for Ideal<'_> {
+impl Painter for IdealPainter<'_> {
     type Contribution = Fragment;
 
     fn take(&mut self, pixel: usize, contribution: Fragment) {

@@ -85,7 +85,7 @@ impl Slot for Spanning {
         }
     }
 
-    fn taker(z_threshold: f64, z: f64, slots: &[Self]) -> Option<usize> {
+    fn slot_for(z_threshold: f64, z: f64, slots: &[Self]) -> Option<usize> {
         let open = slots
             .iter()
             .enumerate()

@@ -17,10 +17,10 @@ pub(crate) mod footprint;
 pub(crate) mod fragments;
 mod ideal;
 pub(crate) mod intervals;
+mod pixel_trace;
 pub(crate) mod reflection;
 pub(crate) mod shade;
 pub(crate) mod sheets;
-mod story;
 pub(crate) mod tiles;
 pub(crate) mod window;
 
@@ -31,14 +31,14 @@ use serde::Serialize;
 use crate::output::picture::Picture;
 use crate::scene::{Kernel, Scene, Sheet, gaussian_cutoff};
 
-use fragments::{Fragment, Golden};
-use ideal::Ideal;
+use fragments::{Fragment, FragmentPainter};
+use ideal::IdealPainter;
 use intervals::Spanning;
 use shade::Shader;
 
 pub use fragments::{Decision, Merge, Side};
-pub use reflection::{Reflection, Seen, octahedral};
-pub use story::{Arrival, Layer, Story, story};
+pub use pixel_trace::{PixelTrace, TracedContribution, TracedLayer, pixel_trace};
+pub use reflection::{Reflected, Reflection, octahedral};
 pub use window::density as window_density;
 
 /// Rules of the fragment unit (docs/book/algorithm.md §6).
@@ -276,7 +276,7 @@ pub fn render(scene: &Scene, rules: &Rules) -> Rendering {
             &shader,
             rules.turn_normals,
             sheets.least_weight,
-            || sheets::Golden::new(sheets, shader.background()),
+            || sheets::SheetPainter::new(sheets, shader.background()),
         ),
         None => surfaces(scene, &shader, rules),
     }
@@ -287,10 +287,10 @@ fn surfaces(scene: &Scene, shader: &Shader, rules: &Rules) -> Rendering {
     match (rules.group, rules.merge) {
         (_, Merge::Window) | (Group::Window, _) => window::draw(scene, shader, rules),
         (Group::First, _) => tiles::draw(scene, shader, turn, 0.0, || {
-            Golden::<Fragment>::new(rules, z_threshold, shader)
+            FragmentPainter::<Fragment>::new(rules, z_threshold, shader)
         }),
         (Group::Interval, _) => tiles::draw(scene, shader, turn, 0.0, || {
-            Golden::<Spanning>::new(rules, z_threshold, shader)
+            FragmentPainter::<Spanning>::new(rules, z_threshold, shader)
         }),
     }
 }
@@ -332,10 +332,10 @@ pub fn ideal_of(scene: &Scene, turn_normals: bool) -> Rendering {
     let shader = Shader::new(scene);
     match &scene.sheets {
         Some(sheets) => tiles::draw(scene, &shader, turn_normals, 0.0, || {
-            sheets::Ideal::new(sheets, shader.background())
+            sheets::IdealSheetPainter::new(sheets, shader.background())
         }),
         None => tiles::draw(scene, &shader, turn_normals, 0.0, || {
-            Ideal::new(scene.surface.z_threshold, &shader)
+            IdealPainter::new(scene.surface.z_threshold, &shader)
         }),
     }
 }

@@ -138,11 +138,11 @@ impl Surroundings {
     }
 
     /// The light in a mirror of a material; none if it mirrors nothing.
-    pub fn seen(&self, material: u32, at: [f64; 2], normal: DVec3) -> Option<Seen> {
+    pub fn seen(&self, material: u32, at: [f64; 2], normal: DVec3) -> Option<Reflected> {
         let Mirror { reflect, tint } = self.environment.mirrors[material as usize];
         let (ray, direction) = self.direction(at, normal);
         let side = self.map.as_ref().map_or(2, |(way, _)| 1 << way.index_bits);
-        (reflect != 0.0).then(|| Seen {
+        (reflect != 0.0).then(|| Reflected {
             slopes: [ray.x, ray.y],
             direction: direction.to_array(),
             texel: texel(side, place(direction)),
@@ -154,7 +154,7 @@ impl Surroundings {
 
 /// Light that a mirror reflects at a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Seen {
+pub struct Reflected {
     /// a and b of the ray (a, b, 1) that is mirrored.
     pub slopes: [f64; 2],
     /// Its mirror image, of the same length.

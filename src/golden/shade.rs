@@ -6,7 +6,7 @@ use glam::{DVec3, DVec4};
 use super::Rules;
 use super::footprint::Footprint;
 use super::fragments::Fragment;
-use super::reflection::{Reflection, Seen, Surroundings};
+use super::reflection::{Reflected, Reflection, Surroundings};
 use crate::scene::{Material, Scene};
 
 /// Scene data that shading needs, in camera space.
@@ -136,7 +136,7 @@ impl Shader {
     }
 
     /// Reflected light of a fragment; none if there is none, or the fragment is already shaded.
-    pub fn mirrored(&self, fragment: &Fragment) -> Option<Seen> {
+    pub fn mirrored(&self, fragment: &Fragment) -> Option<Reflected> {
         let surroundings = self
             .surroundings
             .as_ref()

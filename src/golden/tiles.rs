@@ -66,7 +66,7 @@ pub(super) fn draw<P: Painter<Contribution = Fragment>>(
         };
     }
     // Discs are neither lit nor sorted before they are drawn.
-    let rules = &SetUp {
+    let rules = &SetupRules {
         scene,
         view: scene.view(),
         least_weight,
@@ -80,7 +80,7 @@ pub(super) fn draw<P: Painter<Contribution = Fragment>>(
              ..
          }| {
             let [columns, rows] = [columns, rows].map(|side| [side.start as u16, side.end as u16]);
-            Disc {
+            TileDisc {
                 rules,
                 splat,
                 columns,
@@ -95,14 +95,14 @@ pub(super) fn draw<P: Painter<Contribution = Fragment>>(
 }
 
 /// How splats are set up.
-struct SetUp<'a> {
+struct SetupRules<'a> {
     scene: &'a Scene,
     view: View,
     least_weight: f64,
     turn_normals: bool,
 }
 
-impl SetUp<'_> {
+impl SetupRules<'_> {
     /// The footprint of a splat, or why it is culled.
     fn footprint(&self, splat: usize) -> Result<Footprint, Cull> {
         let mut footprint = footprint::set_up(self.scene, &self.view, splat, self.least_weight)?;
@@ -130,15 +130,15 @@ impl SetUp<'_> {
 
 /// A drawn disc, as the pixels of its box. Its setup is repeated for each tile: that takes less
 /// time than to store and fetch ten times as many bytes for all splats.
-struct Disc<'a> {
-    rules: &'a SetUp<'a>,
+struct TileDisc<'a> {
+    rules: &'a SetupRules<'a>,
     splat: u32,
     /// A picture has at most 2^14 columns and rows.
     columns: [u16; 2],
     rows: [u16; 2],
 }
 
-impl Cover for Disc<'_> {
+impl Cover for TileDisc<'_> {
     type Contribution = Fragment;
 
     fn sides(&self) -> [Range<u32>; 2] {
@@ -160,7 +160,7 @@ pub(super) fn footprints(
     turn_normals: bool,
     least_weight: f64,
 ) -> (Vec<Footprint>, Culled) {
-    let rules = SetUp {
+    let rules = SetupRules {
         scene,
         view: scene.view(),
         least_weight,

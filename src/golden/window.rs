@@ -45,7 +45,7 @@ pub fn density(opacity: f64) -> f64 {
 
 /// A contribution, and its splat's appearance.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Arrival {
+pub(crate) struct LitContribution {
     pub sums: Fragment,
     /// `col`: the splat's own colour under the lights.
     pub colour: DVec3,
@@ -65,7 +65,7 @@ pub(crate) struct Open {
 
 /// One surface of a closed layer.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Part {
+pub(crate) struct Surface {
     pub span: Span,
     pub weight: f64,
 }
@@ -76,9 +76,9 @@ pub(crate) struct Closed {
     /// C, premultiplied, and A.
     pub colour: DVec4,
     /// [lo, loh] and Wl.
-    pub front: Part,
+    pub front: Surface,
     /// [hil, hi] and Wh.
-    pub back: Part,
+    pub back: Surface,
     /// TF: transmittance behind the front.
     pub behind_front: f64,
     /// TB: transmittance before the back.
@@ -94,7 +94,7 @@ pub(crate) enum Layer {
 
 /// Result of step 4 for one layer.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Seen {
+pub(crate) struct LayerVisibility {
     /// The layer at which its window starts.
     pub first: usize,
     /// Nearest depth of its window.
@@ -157,7 +157,7 @@ impl Default for Layer {
 
 impl Closed {
     /// A closed layer from a contribution or a cluster that is one surface.
-    pub fn of_one(colour: DVec4, part: Part) -> Self {
+    pub fn of_one(colour: DVec4, part: Surface) -> Self {
         Closed {
             colour,
             front: part,
@@ -263,7 +263,7 @@ impl<'a> Window<'a> {
     }
 
     /// Step 1: the cluster that a contribution of this depth joins.
-    pub fn taker(&self, z: f64, layers: &[Layer]) -> Option<usize> {
+    pub fn slot_for(&self, z: f64, layers: &[Layer]) -> Option<usize> {
         let open = layers
             .iter()
             .enumerate()
@@ -297,7 +297,7 @@ impl<'a> Window<'a> {
     }
 
     /// Step 2: adds a late contribution, up to the coverage that its surface leaves.
-    pub fn add_late(&self, closed: &mut Closed, side: Side, new: &Arrival) {
+    pub fn add_late(&self, closed: &mut Closed, side: Side, new: &LitContribution) {
         let (weight, threshold) = (new.sums.weight, self.shader.coverage_threshold());
         let part = match side {
             Side::Front => &mut closed.front,
@@ -331,9 +331,9 @@ impl<'a> Window<'a> {
     }
 
     /// Step 2: a contribution as a layer that is put inside a closed one.
-    pub fn splat_inside(new: &Arrival) -> Closed {
+    pub fn splat_inside(new: &LitContribution) -> Closed {
         let opacity = -libm::expm1(-density(new.opacity) * new.sums.weight);
-        let part = Part {
+        let part = Surface {
             span: Span::at(new.sums.z),
             weight: new.sums.weight,
         };
@@ -346,7 +346,7 @@ impl<'a> Window<'a> {
     }
 
     /// Step 4: window and transmittance of each layer, front to back.
-    pub fn windows(&self, layers: &[Layer], seen: &mut Vec<Seen>) {
+    pub fn windows(&self, layers: &[Layer], seen: &mut Vec<LayerVisibility>) {
         seen.clear();
         // The window that may still grow, and the transmittance of those before it.
         let mut window: Option<(usize, f64, Fragment)> = None;
@@ -374,7 +374,7 @@ impl<'a> Window<'a> {
                     Layer::Closed(closed) => through * closed.lets_through(layer.near()),
                 },
             ));
-            seen.push(Seen {
+            seen.push(LayerVisibility {
                 first,
                 start,
                 transmittance,
@@ -398,7 +398,7 @@ impl<'a> Window<'a> {
 
     /// Step 6: the front of the best pair to sum, if any two may be summed; on ties the one nearer
     /// to the eye.
-    pub fn pair_to_sum(&self, layers: &[Layer], seen: &[Seen]) -> Option<usize> {
+    pub fn pair_to_sum(&self, layers: &[Layer], seen: &[LayerVisibility]) -> Option<usize> {
         let (mut least, mut front) = (f64::INFINITY, None);
         for slot in 0..layers.len() - 1 {
             let (Layer::Open(a), Layer::Open(b)) = (&layers[slot], &layers[slot + 1]) else {
@@ -431,7 +431,7 @@ impl<'a> Window<'a> {
         match layer {
             Layer::Open(open) => Closed::of_one(
                 self.shader.premultiplied(&open.sums),
-                Part {
+                Surface {
                     span: open.span,
                     weight: open.sums.weight,
                 },
@@ -458,11 +458,11 @@ impl<'a> Window<'a> {
         &self,
         layers: &mut [Layer],
         used: &mut usize,
-        seen: &mut Vec<Seen>,
-        new: &Arrival,
+        seen: &mut Vec<LayerVisibility>,
+        new: &LitContribution,
     ) -> Decision {
         let z = new.sums.z;
-        if let Some(slot) = self.taker(z, &layers[..*used])
+        if let Some(slot) = self.slot_for(z, &layers[..*used])
             && let Layer::Open(open) = &mut layers[slot]
         {
             open.add(&new.sums);
@@ -591,24 +591,29 @@ fn power_of_two(transmittance: f64) -> f64 {
 }
 
 /// A footprint and its splat's own colour.
-struct Lit {
+struct LitFootprint {
     footprint: Footprint,
     colour: DVec3,
 }
 
-impl Cover for Lit {
-    type Contribution = Arrival;
+impl Cover for LitFootprint {
+    type Contribution = LitContribution;
 
     fn sides(&self) -> [Range<u32>; 2] {
         self.footprint.sides()
     }
 
-    fn give(&self, columns: Range<u32>, rows: Range<u32>, mut take: impl FnMut([u32; 2], Arrival)) {
+    fn give(
+        &self,
+        columns: Range<u32>,
+        rows: Range<u32>,
+        mut take: impl FnMut([u32; 2], LitContribution),
+    ) {
         let (colour, opacity) = (self.colour, self.footprint.opacity);
         self.footprint.give(columns, rows, |pixel, sums| {
             take(
                 pixel,
-                Arrival {
+                LitContribution {
                     sums,
                     colour,
                     opacity,
@@ -621,12 +626,12 @@ impl Cover for Lit {
 /// Draws a scene of surfaces.
 pub(super) fn draw(scene: &Scene, shader: &Shader, rules: &Rules) -> Rendering {
     let (footprints, culled) = footprints(scene, shader, rules.turn_normals, 0.0);
-    let light = |footprint: Footprint| Lit {
+    let light = |footprint: Footprint| LitFootprint {
         colour: shader.emission(&footprint),
         footprint,
     };
-    let lit: Vec<Lit> = footprints.into_par_iter().map(light).collect();
-    let pixels = || Pixels::new(rules, scene.surface.z_threshold, shader);
+    let lit: Vec<LitFootprint> = footprints.into_par_iter().map(light).collect();
+    let pixels = || WindowPainter::new(rules, scene.surface.z_threshold, shader);
     Rendering {
         culled,
         ..fill(&scene.image, &lit, shader.background(), pixels)
@@ -634,7 +639,7 @@ pub(super) fn draw(scene: &Scene, shader: &Shader, rules: &Rules) -> Rendering {
 }
 
 /// The fragments of one tile.
-pub(super) struct Pixels<'a> {
+pub(super) struct WindowPainter<'a> {
     window: Window<'a>,
     /// Slots per pixel, including the spare one.
     slots: usize,
@@ -642,14 +647,14 @@ pub(super) struct Pixels<'a> {
     layers: Vec<Layer>,
     /// Slots in use, per pixel.
     used: Vec<usize>,
-    seen: Vec<Seen>,
+    seen: Vec<LayerVisibility>,
     outcomes: Outcomes,
 }
 
-impl<'a> Pixels<'a> {
+impl<'a> WindowPainter<'a> {
     pub fn new(rules: &Rules, z_threshold: f64, shader: &'a Shader) -> Self {
         let slots = rules.layers.max(1) + 1;
-        Pixels {
+        WindowPainter {
             window: Window::new(rules, z_threshold, shader),
             slots,
             layers: vec![Layer::default(); PIXELS_IN_A_TILE * slots],
@@ -660,7 +665,7 @@ impl<'a> Pixels<'a> {
     }
 
     /// Takes one contribution and returns its outcome.
-    pub fn decide(&mut self, pixel: usize, new: &Arrival) -> Decision {
+    pub fn decide(&mut self, pixel: usize, new: &LitContribution) -> Decision {
         let first = pixel * self.slots;
         self.window.take(
             &mut self.layers[first..first + self.slots],
@@ -677,10 +682,10 @@ impl<'a> Pixels<'a> {
     }
 }
 
-impl Painter for Pixels<'_> {
-    type Contribution = Arrival;
+impl Painter for WindowPainter<'_> {
+    type Contribution = LitContribution;
 
-    fn take(&mut self, pixel: usize, contribution: Arrival) {
+    fn take(&mut self, pixel: usize, contribution: LitContribution) {
         let decision = self.decide(pixel, &contribution);
         self.outcomes.count(decision);
     }
@@ -723,7 +728,7 @@ mod tests {
     }
 
     /// Grey, of full weight.
-    fn at(z: f64, opacity: f64) -> Arrival {
+    fn at(z: f64, opacity: f64) -> LitContribution {
         let sums = Fragment {
             weight: 1.0,
             rgb: GREY,
@@ -732,14 +737,14 @@ mod tests {
             z,
             ..Fragment::default()
         };
-        Arrival {
+        LitContribution {
             sums,
             colour: GREY,
             opacity,
         }
     }
 
-    fn weighing(weight: f64, arrival: Arrival) -> Arrival {
+    fn weighing(weight: f64, arrival: LitContribution) -> LitContribution {
         let Fragment {
             rgb, alpha, normal, ..
         } = arrival.sums;
@@ -750,15 +755,15 @@ mod tests {
             normal: normal * weight,
             ..arrival.sums
         };
-        Arrival { sums, ..arrival }
+        LitContribution { sums, ..arrival }
     }
 
     fn open(z: f64, opacity: f64) -> Layer {
         Layer::Open(Open::new(at(z, opacity).sums))
     }
 
-    fn part(near: f64, far: f64, weight: f64) -> Part {
-        Part {
+    fn part(near: f64, far: f64, weight: f64) -> Surface {
+        Surface {
             span: Span { near, far },
             weight,
         }
@@ -779,9 +784,9 @@ mod tests {
 
     /// Decisions about these contributions at ε = 1, the final nearest depths of the slots, and the
     /// pixel.
-    fn drawn(rules: &Rules, arrivals: &[Arrival]) -> (Vec<Decision>, Vec<f64>, [f64; 4]) {
+    fn drawn(rules: &Rules, arrivals: &[LitContribution]) -> (Vec<Decision>, Vec<f64>, [f64; 4]) {
         let shader = Shader::unlit(COVERS);
-        let mut pixels = Pixels::new(rules, 1.0, &shader);
+        let mut pixels = WindowPainter::new(rules, 1.0, &shader);
         let decisions = arrivals
             .iter()
             .map(|arrival| pixels.decide(0, arrival))
@@ -792,7 +797,7 @@ mod tests {
     }
 
     fn last(rules: &Rules, depths: &[f64], opacity: f64) -> (Decision, Vec<f64>) {
-        let arrivals: Vec<Arrival> = depths.iter().map(|z| at(*z, opacity)).collect();
+        let arrivals: Vec<LitContribution> = depths.iter().map(|z| at(*z, opacity)).collect();
         let (decisions, near, _) = drawn(rules, &arrivals);
         (decisions[decisions.len() - 1], near)
     }
@@ -801,7 +806,7 @@ mod tests {
         ask(&Window::new(rules, 1.0, &Shader::unlit(COVERS)))
     }
 
-    fn seen(layers: &[Layer]) -> Vec<Seen> {
+    fn seen(layers: &[Layer]) -> Vec<LayerVisibility> {
         let mut seen = Vec::new();
         with_rule(&rules(8, 0.0), |window| window.windows(layers, &mut seen));
         seen
@@ -916,7 +921,7 @@ mod tests {
     #[test]
     fn a_late_front_covers_what_its_surface_did_not() {
         let mut late = closed([10.0, 10.0], [14.0, 14.0]);
-        let white = Arrival {
+        let white = LitContribution {
             colour: DVec3::ONE,
             ..weighing(COVERS / 4.0, at(9.5, 0.5))
         };
@@ -949,7 +954,7 @@ mod tests {
     #[test]
     fn a_late_back_is_seen_through_all() {
         let mut late = closed([10.0, 10.0], [14.0, 14.0]);
-        let white = Arrival {
+        let white = LitContribution {
             colour: DVec3::ONE,
             ..weighing(COVERS / 4.0, at(14.5, 0.5))
         };
@@ -1094,7 +1099,7 @@ mod tests {
         ];
         assert_eq!(
             found,
-            expected.map(|(first, start, transmittance)| Seen {
+            expected.map(|(first, start, transmittance)| LayerVisibility {
                 first,
                 start,
                 transmittance
@@ -1446,7 +1451,7 @@ mod tests {
                     group,
                     ..rules(layers, 0.25)
                 };
-                let mut pixels = Pixels::new(&rules, 1.0, &shader);
+                let mut pixels = WindowPainter::new(&rules, 1.0, &shader);
                 for step in 0..2000 {
                     let pick = |stride: usize| odd[(step * stride + step / 7) % odd.len()];
                     let mut arrival = weighing(pick(5), at(pick(1), pick(3)));

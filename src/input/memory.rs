@@ -66,7 +66,7 @@ fn field(text: &str, name: &str) -> Option<u64> {
 
 /// A control group with limits, of a container or of a job on a cluster.
 #[derive(Debug, PartialEq)]
-struct Group {
+struct ControlGroup {
     folder: PathBuf,
     /// Files with its limit and its use, and the field with the part of the use that the system
     /// reclaims on demand.
@@ -82,7 +82,7 @@ const VERSION_2: [&str; 3] = ["memory.max", "memory.current", "inactive_file"];
 
 /// All groups of this process, from the text of `/proc/self/cgroup`; in a container its own group
 /// may be at the root.
-fn groups(text: &str) -> Vec<Group> {
+fn groups(text: &str) -> Vec<ControlGroup> {
     let mut all = Vec::new();
     for line in text.lines() {
         let mut parts = line.splitn(3, ':').skip(1);
@@ -98,7 +98,7 @@ fn groups(text: &str) -> Vec<Group> {
             _ => continue,
         };
         let own = Path::new(parts.next().unwrap_or_default().trim_start_matches('/'));
-        all.extend(own.ancestors().map(|folder| Group {
+        all.extend(own.ancestors().map(|folder| ControlGroup {
             folder: Path::new(root).join(folder),
             names,
         }));
@@ -106,7 +106,7 @@ fn groups(text: &str) -> Vec<Group> {
     all
 }
 
-impl Group {
+impl ControlGroup {
     fn free(&self) -> Option<u64> {
         let read = |name: &str| fs::read_to_string(self.folder.join(name)).ok();
         let number = |name: &str| read(name)?.trim().parse::<u64>().ok();
@@ -125,7 +125,7 @@ mod tests {
     #[test]
     fn a_group_has_what_its_limit_leaves_and_what_the_system_takes_back() {
         let folder = tempfile::tempdir().unwrap();
-        let group = Group {
+        let group = ControlGroup {
             folder: folder.path().to_owned(),
             names: VERSION_2,
         };
@@ -164,11 +164,11 @@ mod tests {
     #[cfg(target_os = "linux")]
     #[test]
     fn more_than_any_host_has_is_refused_in_numbers() {
-        let told = check(1 << 50).unwrap_err();
+        let message = check(1 << 50).unwrap_err();
         assert!(
-            told.starts_with("it needs 1125899.9 GB of memory, and ")
-                && told.ends_with(" are free"),
-            "{told}"
+            message.starts_with("it needs 1125899.9 GB of memory, and ")
+                && message.ends_with(" are free"),
+            "{message}"
         );
         assert_eq!(check(LEAST_BYTES), Ok(()));
     }

@@ -167,7 +167,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_is_read_whole_and_what_is_none_is_told() {
+    fn a_file_is_read_completely_and_other_paths_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("file");
         std::fs::write(&path, "some text").unwrap();
@@ -258,10 +258,10 @@ mod tests {
             .unwrap()
             .set_len(1 << 42)
             .unwrap();
-        let told = read(&path).unwrap_err().to_string();
+        let message = read(&path).unwrap_err().to_string();
         assert!(
-            told.contains("4398.0 GB") && told.contains("free"),
-            "{told}"
+            message.contains("4398.0 GB") && message.contains("free"),
+            "{message}"
         );
     }
 }

@@ -11,7 +11,7 @@ mod extents;
 mod tiles;
 
 pub use extents::{Extent, Extents};
-pub use tiles::{Tile, Words};
+pub use tiles::{PictureTile, TextLines};
 
 use crate::error::{Error, Result};
 use crate::output::files::write_beside;
@@ -229,7 +229,7 @@ pub trait Draw {
     ///
     /// # Errors
     /// A sentence of the drawing library.
-    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn;
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> DrawResult;
 }
 
 /// A drawing for any backend.
@@ -238,21 +238,21 @@ pub trait Chart {
     ///
     /// # Errors
     /// As [`Draw::draw`].
-    fn draw_pixels(&self, area: &Area<BitMapBackend>) -> Drawn;
+    fn draw_pixels(&self, area: &Area<BitMapBackend>) -> DrawResult;
 
     /// Draws shapes.
     ///
     /// # Errors
     /// As [`Draw::draw`].
-    fn draw_shapes(&self, area: &Area<SVGBackend>) -> Drawn;
+    fn draw_shapes(&self, area: &Area<SVGBackend>) -> DrawResult;
 }
 
 impl<T: Draw> Chart for T {
-    fn draw_pixels(&self, area: &Area<BitMapBackend>) -> Drawn {
+    fn draw_pixels(&self, area: &Area<BitMapBackend>) -> DrawResult {
         self.draw(area)
     }
 
-    fn draw_shapes(&self, area: &Area<SVGBackend>) -> Drawn {
+    fn draw_shapes(&self, area: &Area<SVGBackend>) -> DrawResult {
         self.draw(area)
     }
 }
@@ -261,7 +261,7 @@ impl<T: Draw> Chart for T {
 pub type Area<B> = DrawingArea<B, Shift>;
 
 /// Nothing, or an error message of the drawing library.
-type Drawn = std::result::Result<(), String>;
+type DrawResult = std::result::Result<(), String>;
 
 fn drawing_error(error: impl std::fmt::Display) -> String {
     error.to_string()
@@ -283,7 +283,7 @@ const APART_PX: i32 = 22;
 const BESIDE_PX: i32 = 15;
 
 impl Draw for Panel {
-    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> DrawResult {
         let all = || self.series.iter().flat_map(|series| &series.points);
         let x = self.x.span(
             all()
@@ -532,7 +532,7 @@ fn free_place(
 }
 
 impl Draw for Bars {
-    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> DrawResult {
         let sum = |values: &[f64]| values.iter().sum::<f64>();
         let ends = |(_, values): &(String, Vec<f64>)| {
             if self.shape == Shape::Stack {

@@ -464,7 +464,7 @@ mod tests {
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
         // The error names the one of the two that cannot be written.
         let [one, missing] = [folder.path().join("one"), folder.path().join("none/other")];
-        let told = |paths: [&Path; 2], error: Option<&str>| {
+        let message = |paths: [&Path; 2], error: Option<&str>| {
             let error = write_two_beside(paths, |_| {
                 error.map_or(Ok(()), |error| Err(error.to_owned()))
             })
@@ -480,9 +480,9 @@ mod tests {
             );
             error
         };
-        assert!(told([&one, &missing], None).contains("none/other"));
-        assert!(told([&missing, &one], None).contains("none/other"));
-        assert!(told([&one, &path], Some("disk full")).contains("picture.png"));
+        assert!(message([&one, &missing], None).contains("none/other"));
+        assert!(message([&missing, &one], None).contains("none/other"));
+        assert!(message([&one, &path], Some("disk full")).contains("picture.png"));
     }
 
     #[test]

@@ -41,9 +41,9 @@ impl Watch {
         let Some(state) = state else {
             return (0.0, None, String::new());
         };
-        let total = match state.kind {
-            Kind::Steps(total, _) => Some(total as f64),
-            Kind::Seconds(_) | Kind::Open => None,
+        let total = match state.goal {
+            Goal::Steps(total, _) => Some(total as f64),
+            Goal::Seconds(_) | Goal::Open => None,
         };
         (
             state.done.load(Ordering::Relaxed) as f64,
@@ -70,7 +70,7 @@ pub fn watched_by<T>(watch: &Arc<Watch>, work: impl FnOnce() -> T) -> T {
 ///
 /// # Errors
 /// [`Error::Job`] if it was stopped.
-pub fn is_wanted() -> Result<()> {
+pub fn check_not_stopped() -> Result<()> {
     let is_stopped = WATCH.with_borrow(|watch| {
         watch
             .as_ref()
@@ -97,14 +97,14 @@ pub struct Progress {
 #[derive(Debug)]
 struct State {
     start: Instant,
-    kind: Kind,
+    goal: Goal,
     done: AtomicU64,
     message: Mutex<String>,
 }
 
 /// How the end of a job is known.
 #[derive(Clone, Copy, Debug)]
-enum Kind {
+enum Goal {
     /// By a number of steps with a name.
     Steps(u64, &'static str),
     /// By an estimate in seconds.
@@ -123,29 +123,29 @@ struct Ticker {
 impl Progress {
     /// Shows steps with a name, such as `points`, if `shown`.
     pub fn of_steps(shown: bool, total: u64, name: &'static str) -> Self {
-        Progress::new(shown, Kind::Steps(total, name))
+        Progress::new(shown, Goal::Steps(total, name))
     }
 
     /// Shows seconds of an estimate.
     pub fn of_seconds(shown: bool, expected: f64) -> Self {
-        Progress::new(shown, Kind::Seconds(expected))
+        Progress::new(shown, Goal::Seconds(expected))
     }
 
     /// Shows messages, for a job without a known end.
     pub fn of_messages(shown: bool) -> Self {
-        Progress::new(shown, Kind::Open)
+        Progress::new(shown, Goal::Open)
     }
 
-    fn new(shown: bool, kind: Kind) -> Self {
+    fn new(shown: bool, goal: Goal) -> Self {
         let state = Arc::new(State {
             start: Instant::now(),
-            kind,
+            goal,
             done: AtomicU64::new(0),
             message: Mutex::new(String::new()),
         });
         let ticker = shown.then(|| {
             let (every, show): (_, Show) = if std::io::stderr().is_terminal() {
-                (TICK_EVERY, bar(kind))
+                (TICK_EVERY, bar(goal))
             } else {
                 (
                     LINE_EVERY,
@@ -173,7 +173,7 @@ impl Progress {
     }
 
     /// Sets the message about the current step.
-    pub fn say(&self, message: String) {
+    pub fn set_message(&self, message: String) {
         *self
             .state
             .message
@@ -216,23 +216,23 @@ impl State {
 
     /// Part of the job that is done, 0 to 1; none if its end is unknown.
     fn part(&self) -> Option<f64> {
-        match self.kind {
-            Kind::Steps(total, _) => {
+        match self.goal {
+            Goal::Steps(total, _) => {
                 Some(self.done.load(Ordering::Relaxed) as f64 / total.max(1) as f64)
             }
             // An estimate that was too short never reaches the end.
-            Kind::Seconds(expected) => {
+            Goal::Seconds(expected) => {
                 Some((self.start.elapsed().as_secs_f64() / expected).min(0.99))
             }
-            Kind::Open => None,
+            Goal::Open => None,
         }
     }
 
     /// Text for a log.
     fn line(&self) -> String {
         let elapsed = self.start.elapsed().as_secs_f64();
-        match self.kind {
-            Kind::Steps(total, name) => {
+        match self.goal {
+            Goal::Steps(total, name) => {
                 let done = self.done.load(Ordering::Relaxed);
                 let left = elapsed / done as f64 * total.saturating_sub(done) as f64;
                 let left = if done == 0 {
@@ -242,20 +242,20 @@ impl State {
                 };
                 format!("{} of {} {name}{left}", thousands(done), thousands(total))
             }
-            Kind::Seconds(expected) => {
+            Goal::Seconds(expected) => {
                 format!("{} of about {}", duration(elapsed), duration(expected))
             }
-            Kind::Open => format!("{}: {}", duration(elapsed), self.message()),
+            Goal::Open => format!("{}: {}", duration(elapsed), self.message()),
         }
     }
 }
 
 /// A bar, or a spinner if the end is unknown.
-fn bar(kind: Kind) -> Show {
+fn bar(goal: Goal) -> Show {
     const LENGTH: u64 = 1000;
-    let (bar, template) = match kind {
-        Kind::Open => (ProgressBar::new_spinner(), "{spinner} {msg}"),
-        Kind::Steps(..) | Kind::Seconds(_) => (ProgressBar::new(LENGTH), "{wide_bar} {msg}"),
+    let (bar, template) = match goal {
+        Goal::Open => (ProgressBar::new_spinner(), "{spinner} {msg}"),
+        Goal::Steps(..) | Goal::Seconds(_) => (ProgressBar::new(LENGTH), "{wide_bar} {msg}"),
     };
     if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style);
@@ -276,13 +276,13 @@ fn bar(kind: Kind) -> Show {
 mod tests {
     use super::*;
 
-    fn state(kind: Kind, ago: u64) -> State {
+    fn state(goal: Goal, ago: u64) -> State {
         let start = Instant::now()
             .checked_sub(Duration::from_secs(ago))
             .unwrap();
         State {
             start,
-            kind,
+            goal,
             done: AtomicU64::new(0),
             message: Mutex::new("min+1".into()),
         }
@@ -295,26 +295,29 @@ mod tests {
         watched_by(&watch, || {
             let progress = Progress::of_steps(false, 7, "points");
             progress.step();
-            progress.say("here".into());
+            progress.set_message("here".into());
             assert_eq!(watch.now(), (1.0, Some(7.0), "here".into()));
-            assert!(is_wanted().is_ok());
+            assert!(check_not_stopped().is_ok());
             watch.stop();
-            assert!(is_wanted().is_err());
+            assert!(check_not_stopped().is_err());
         });
-        assert!(is_wanted().is_ok(), "this thread's next job is another");
+        assert!(
+            check_not_stopped().is_ok(),
+            "this thread's next job is another"
+        );
     }
 
     #[test]
     fn an_estimate_is_of_what_is_left() {
-        let sweep = state(Kind::Steps(1200, "points"), 60);
+        let sweep = state(Goal::Steps(1200, "points"), 60);
         assert_eq!(sweep.line(), "0 of 1,200 points");
         sweep.done.store(300, Ordering::Relaxed);
         assert_eq!(sweep.line(), "300 of 1,200 points, about 3 minutes left");
         assert_eq!(
-            state(Kind::Seconds(120.0), 30).line(),
+            state(Goal::Seconds(120.0), 30).line(),
             "30 s of about 2 minutes"
         );
-        assert_eq!(state(Kind::Open, 12).line(), "12 s: min+1");
+        assert_eq!(state(Goal::Open, 12).line(), "12 s: min+1");
     }
 
     #[test]
@@ -328,13 +331,13 @@ mod tests {
                 }
             });
             let ticker = Ticker::start(
-                Arc::new(state(Kind::Open, 0)),
+                Arc::new(state(Goal::Open, 0)),
                 Duration::from_millis(every),
                 show,
             );
             thread::sleep(Duration::from_millis(lasts));
             drop(Progress {
-                state: Arc::new(state(Kind::Open, 0)),
+                state: Arc::new(state(Goal::Open, 0)),
                 ticker: Some(ticker),
             });
             shown.lock().unwrap().len()

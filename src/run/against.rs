@@ -20,7 +20,7 @@ use crate::output::colour::srgb_encode;
 use crate::output::picture::Picture;
 use crate::output::text::listed;
 use crate::scene::{Image, Sequence};
-use matching::{Match, matched};
+use matching::{MatchedFiles, matched};
 use photograph::Photograph;
 use rayon::prelude::*;
 use std::borrow::Cow;
@@ -34,12 +34,12 @@ pub struct Photographs {
     /// The photograph, if there is only one: a pipe can be read only once.
     kept: Option<Photograph>,
     notes: Vec<String>,
-    view: View,
+    view: FrameView,
 }
 
 /// Properties that all pictures of a run share.
 #[derive(Clone, Copy, Debug)]
-struct View {
+struct FrameView {
     width: usize,
     height: usize,
     /// Code values behind a transparent pixel.
@@ -48,7 +48,7 @@ struct View {
     encoded: bool,
 }
 
-impl View {
+impl FrameView {
     /// A background that is not opaque is composited over black.
     fn new(image: &Image) -> Self {
         let [r, g, b, alpha] = image.background;
@@ -60,7 +60,7 @@ impl View {
                     srgb_encode(value)
                 }
         };
-        View {
+        FrameView {
             width: image.width,
             height: image.height,
             background: [r, g, b].map(code),
@@ -77,8 +77,8 @@ impl Photographs {
     /// [`Error::Input`] if a frame has no photograph, or a photograph cannot be read or has a
     /// different size than the frame.
     pub fn open(path: &Path, sequence: &Sequence, only: Option<usize>) -> Result<Self> {
-        let Match { files, mut notes } = matched(path, sequence, only)?;
-        let view = View::new(&sequence.scene().image);
+        let MatchedFiles { files, mut notes } = matched(path, sequence, only)?;
+        let view = FrameView::new(&sequence.scene().image);
         let wanted: Vec<(usize, &PathBuf)> = files
             .iter()
             .enumerate()
@@ -157,7 +157,7 @@ impl Photographs {
     }
 }
 
-impl View {
+impl FrameView {
     fn read(&self, file: &Path, whose: &str) -> Result<Photograph> {
         let input_error =
             |what: String| Error::input(format!("--against {}: {what}", file.display()));

@@ -16,7 +16,7 @@ mod fields;
 mod side;
 mod text;
 
-pub use side::{Frame, Side};
+pub use side::{ComparisonSide, Workload};
 
 use crate::accuracy::{error_picture, metrics};
 use crate::error::Result;
@@ -163,7 +163,7 @@ impl Comparison {
     ///
     /// # Errors
     /// [`crate::error::Error::Input`] if the sizes of their pictures differ.
-    pub fn new(a: &Side, b: &Side) -> Result<Self> {
+    pub fn new(a: &ComparisonSide, b: &ComparisonSide) -> Result<Self> {
         side::check_sizes(a, b)?;
         let figures = fields::figures(&a.report, &b.report);
         let units = fields::units(&a.report, &b.report);
@@ -200,7 +200,12 @@ impl Comparison {
     ///
     /// # Errors
     /// [`crate::error::Error::Job`] if a file cannot be written; no file is left half-written.
-    pub fn write(&self, a: &Side, b: &Side, folder: &Path) -> Result<Vec<PathBuf>> {
+    pub fn write(
+        &self,
+        a: &ComparisonSide,
+        b: &ComparisonSide,
+        folder: &Path,
+    ) -> Result<Vec<PathBuf>> {
         let shown = fixed(a, b).map(|[one, other]| {
             [
                 one.clone(),
@@ -224,8 +229,8 @@ impl Comparison {
 
 /// Pictures that both sides have.
 fn pairs<'s>(
-    a: &'s Side,
-    b: &'s Side,
+    a: &'s ComparisonSide,
+    b: &'s ComparisonSide,
 ) -> impl Iterator<Item = (&'static str, &'s Picture, &'s Picture)> {
     let other = |wanted: &str| {
         b.pictures
@@ -238,7 +243,7 @@ fn pairs<'s>(
         .filter_map(move |(name, picture)| Some((*name, picture, other(name)?)))
 }
 
-fn fixed<'s>(a: &'s Side, b: &'s Side) -> Option<[&'s Picture; 2]> {
+fn fixed<'s>(a: &'s ComparisonSide, b: &'s ComparisonSide) -> Option<[&'s Picture; 2]> {
     pairs(a, b)
         .find(|(name, ..)| *name == "fixed")
         .map(|(_, one, other)| [one, other])
@@ -263,7 +268,7 @@ impl Pictures {
 /// Parts that differ and are not compared field by field, and parts that are compared so without a
 /// difference in any field.
 fn elsewhere(a: &Value, b: &Value, is_shown: bool) -> Vec<String> {
-    const TOLD: [&str; 6] = [
+    const COMPARED: [&str; 6] = [
         "scene",
         "machine",
         "accuracy",
@@ -278,10 +283,11 @@ fn elsewhere(a: &Value, b: &Value, is_shown: bool) -> Vec<String> {
         .filter_map(Value::as_object)
         .flat_map(|fields| fields.keys())
         .collect();
-    let is_told = |name: &str| NOT_COMPARED.contains(&name) || is_shown && TOLD.contains(&name);
+    let is_compared =
+        |name: &str| NOT_COMPARED.contains(&name) || is_shown && COMPARED.contains(&name);
     names
         .into_iter()
-        .filter(|name| !is_told(name) && a.get(*name) != b.get(*name))
+        .filter(|name| !is_compared(name) && a.get(*name) != b.get(*name))
         .cloned()
         .collect()
 }

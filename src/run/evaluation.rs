@@ -9,7 +9,7 @@
 //! ```
 
 use crate::accuracy::ranges::{Overflows, SignalReport};
-use crate::accuracy::{Lockstep, Tiles, lockstep_in};
+use crate::accuracy::{CheckedTiles, Lockstep, lockstep_in};
 use crate::error::Result;
 use crate::golden;
 use crate::golden::{Rendering, Rules};
@@ -124,11 +124,11 @@ impl<'a> Evaluation<'a> {
 
     /// The machine with `golden` in lockstep.
     pub fn lockstep(&self) -> Lockstep {
-        self.lockstep_in(Tiles::All)
+        self.lockstep_in(CheckedTiles::All)
     }
 
     /// Lockstep in some tiles.
-    pub fn lockstep_in(&self, tiles: Tiles) -> Lockstep {
+    pub fn lockstep_in(&self, tiles: CheckedTiles) -> Lockstep {
         lockstep_in(&self.scene, &self.machine, &self.quantised, tiles)
     }
 }

@@ -3,7 +3,7 @@
 
 use crate::error::{Error, Result};
 use crate::golden;
-use crate::golden::{Arrival, Story};
+use crate::golden::{PixelTrace, TracedContribution};
 use crate::hardware::fixed;
 use crate::hardware::quantise::{Quantised, Scale, quantise};
 use crate::output::text::{aligned, plain_table};
@@ -23,7 +23,7 @@ use std::fmt::Write;
 
 /// Observes one pixel.
 #[derive(Clone, Debug, Default)]
-struct Witness {
+struct PixelProbe {
     pixel: [u32; 2],
     contributions: Vec<(Contribution, Decision)>,
     layers: Vec<Layer>,
@@ -32,11 +32,11 @@ struct Witness {
     lit: Vec<shade::Input>,
 }
 
-impl Observer<'static> for Witness {
+impl Observer<'static> for PixelProbe {
     fn fork(&self) -> Box<dyn Observer<'static>> {
-        Box::new(Witness {
+        Box::new(PixelProbe {
             pixel: self.pixel,
-            ..Witness::default()
+            ..PixelProbe::default()
         })
     }
 
@@ -45,7 +45,7 @@ impl Observer<'static> for Witness {
     }
 
     fn take_over(&mut self, seen: Box<dyn Any + Send>) {
-        if let Ok(fork) = seen.downcast::<Witness>() {
+        if let Ok(fork) = seen.downcast::<PixelProbe>() {
             self.contributions.extend(fork.contributions);
             self.layers.extend(fork.layers);
             self.lit.extend(fork.lit);
@@ -80,8 +80,8 @@ impl Observer<'static> for Witness {
 /// [`Error::Input`] if the pixel is outside the picture, or the machine cannot be built or cannot
 /// hold the scene.
 pub fn explain(scene: &Scene, machine: &Machine, [x, y]: [usize; 2]) -> Result<String> {
-    let seen = Seen::new(scene, machine, [x, y])?;
-    let side_by_side = seen.told(scene);
+    let seen = ObservedPixel::new(scene, machine, [x, y])?;
+    let side_by_side = seen.explanation(scene);
     let mut text = format!("pixel {x},{y} of {} on {}\n\n", scene.name, machine.name);
     let _ = writeln!(text, "{}\n", side_by_side.contributions());
     let _ = writeln!(text, "{}\n", side_by_side.layers());
@@ -97,8 +97,8 @@ pub fn explain(scene: &Scene, machine: &Machine, [x, y]: [usize; 2]) -> Result<S
 /// # Errors
 /// As [`explain`].
 pub fn explained(scene: &Scene, machine: &Machine, pixel: [usize; 2]) -> Result<Explained> {
-    let seen = Seen::new(scene, machine, pixel)?;
-    Ok(seen.told(scene).numbers(scene, pixel, seen.word))
+    let seen = ObservedPixel::new(scene, machine, pixel)?;
+    Ok(seen.explanation(scene).numbers(scene, pixel, seen.word))
 }
 
 /// A pixel trace in numbers: depths in world units, colours in linear light, premultiplied.
@@ -209,18 +209,18 @@ pub struct ExplainedMirror {
 }
 
 /// All observations of a pixel.
-struct Seen {
+struct ObservedPixel {
     machine: Elaborated,
     scale: Scale,
-    witness: Witness,
-    story: Story,
+    probe: PixelProbe,
+    trace: PixelTrace,
     /// Reflected light of the machine's layers.
     mirrors: Vec<ExplainedMirror>,
     /// The frame word.
     word: [i64; 4],
 }
 
-impl Seen {
+impl ObservedPixel {
     fn new(scene: &Scene, machine: &Machine, [x, y]: [usize; 2]) -> Result<Self> {
         let (width, height) = (scene.image.width, scene.image.height);
         if x >= width || y >= height {
@@ -232,9 +232,9 @@ impl Seen {
         }
         let elaborated = fixed::elaborate(machine)?;
         let quantised = quantise(scene, machine)?;
-        let mut witness = Witness {
+        let mut probe = PixelProbe {
             pixel: [x as u32, y as u32],
-            ..Witness::default()
+            ..PixelProbe::default()
         };
         // Inputs to shading are visible only as transfers.
         let draw = if quantised.frame.surroundings.is_some() {
@@ -242,58 +242,61 @@ impl Seen {
         } else {
             pipeline::draw_with_decisions
         };
-        let drawing = draw(&elaborated, &quantised.frame, &mut witness);
-        let mirrors = mirrors(&elaborated, &quantised, &witness);
-        let story = golden::story(scene, &fixed::rules(machine), x, y);
+        let drawing = draw(&elaborated, &quantised.frame, &mut probe);
+        let mirrors = mirrors(&elaborated, &quantised, &probe);
+        let trace = golden::pixel_trace(scene, &fixed::rules(machine), x, y);
         let word = drawing.frame[y * width + x].map(i64::from);
-        Ok(Seen {
+        Ok(ObservedPixel {
             machine: elaborated,
             scale: quantised.scale,
-            witness,
-            story,
+            probe,
+            trace,
             mirrors,
             word,
         })
     }
 
-    fn told<'a>(&'a self, scene: &'a Scene) -> Told<'a> {
-        let Seen {
+    fn explanation<'a>(&'a self, scene: &'a Scene) -> Explanation<'a> {
+        let ObservedPixel {
             machine,
             scale,
-            witness,
-            story,
+            probe,
+            trace,
             mirrors,
             ..
         } = self;
-        Told {
+        Explanation {
             machine,
             scale: *scale,
-            fixed: witness,
-            golden: story,
+            fixed: probe,
+            golden: trace,
             mirrors,
             sheet: scene.sheets.as_ref().map(|s| &s.of),
         }
     }
 }
 
-struct Told<'a> {
+struct Explanation<'a> {
     machine: &'a Elaborated,
     scale: Scale,
-    fixed: &'a Witness,
-    golden: &'a Story,
+    fixed: &'a PixelProbe,
+    golden: &'a PixelTrace,
     mirrors: &'a [ExplainedMirror],
     /// None if fragments are grouped by depth.
     sheet: Option<&'a Sheet>,
 }
 
 /// A contribution on the machine, in `golden`, or in both.
-type Pair<'a> = (Option<&'a (Contribution, Decision)>, Option<&'a Arrival>);
+type MatchedPair<'a> = (
+    Option<&'a (Contribution, Decision)>,
+    Option<&'a TracedContribution>,
+);
 
-impl Told<'_> {
+impl Explanation<'_> {
     /// Matches contributions of the same splat, in the machine's order. Those that only `golden`
     /// has come before the next one that both have.
-    fn pairs(&self) -> Vec<Pair<'_>> {
-        let (fixed, golden) = (&self.fixed.contributions, &self.golden.arrivals);
+    fn pairs(&self) -> Vec<MatchedPair<'_>> {
+        let (fixed, golden) = (&self.fixed.contributions, &self.golden.contributions);
         let in_golden: HashMap<usize, usize> = golden
             .iter()
             .enumerate()
@@ -308,7 +311,7 @@ impl Told<'_> {
             .enumerate()
             .filter(|(_, arrival)| !in_fixed.contains(&arrival.splat))
             .peekable();
-        let mut pairs: Vec<Pair> = Vec::new();
+        let mut pairs: Vec<MatchedPair> = Vec::new();
         for one in fixed {
             let splat = one.0.splat as usize;
             let nth = in_golden.get(&splat).copied();
@@ -361,13 +364,13 @@ impl Told<'_> {
         row_of(self.machine_arrival(c, decision))
     }
 
-    fn golden_row(&self, arrival: &Arrival) -> [String; 4] {
+    fn golden_row(&self, arrival: &TracedContribution) -> [String; 4] {
         row_of(self.golden_arrival(arrival))
     }
 
     fn machine_arrival(&self, c: &Contribution, decision: Decision) -> ExplainedArrival {
         let gauss = &self.machine.machine.gauss;
-        let of_sheet = self.sheet_decision(c.splat as usize, machine_fate(decision));
+        let of_sheet = self.sheet_decision(c.splat as usize, machine_sheet_decision(decision));
         let slot = match decision {
             Decision::Accumulated(slot)
             | Decision::Inserted(slot)
@@ -384,8 +387,8 @@ impl Told<'_> {
         }
     }
 
-    fn golden_arrival(&self, arrival: &Arrival) -> ExplainedArrival {
-        let of_sheet = self.sheet_decision(arrival.splat, golden_fate(arrival.decision));
+    fn golden_arrival(&self, arrival: &TracedContribution) -> ExplainedArrival {
+        let of_sheet = self.sheet_decision(arrival.splat, golden_sheet_decision(arrival.decision));
         let slot = match arrival.decision {
             golden::Decision::Accumulated { slot }
             | golden::Decision::Inserted { slot }
@@ -404,25 +407,27 @@ impl Told<'_> {
 
     fn numbers(&self, scene: &Scene, pixel: [usize; 2], word: [i64; 4]) -> Explained {
         let machine = &self.machine.machine;
-        let contribution =
-            |(fixed, golden): (Option<&(Contribution, Decision)>, Option<&Arrival>)| {
-                let splat = fixed
-                    .map(|(c, _)| c.splat as usize)
-                    .or(golden.map(|arrival| arrival.splat))
-                    .unwrap_or_default();
-                let fixed = fixed.map(|(c, decision)| self.machine_arrival(c, *decision));
-                let golden = golden.map(|arrival| self.golden_arrival(arrival));
-                let decision = |arrival: &Option<ExplainedArrival>| {
-                    arrival.as_ref().map(|arrival| arrival.decision.clone())
-                };
-                let flip = decision(&fixed) != decision(&golden);
-                ExplainedContribution {
-                    splat,
-                    fixed,
-                    golden,
-                    flip,
-                }
+        let contribution = |(fixed, golden): (
+            Option<&(Contribution, Decision)>,
+            Option<&TracedContribution>,
+        )| {
+            let splat = fixed
+                .map(|(c, _)| c.splat as usize)
+                .or(golden.map(|arrival| arrival.splat))
+                .unwrap_or_default();
+            let fixed = fixed.map(|(c, decision)| self.machine_arrival(c, *decision));
+            let golden = golden.map(|arrival| self.golden_arrival(arrival));
+            let decision = |arrival: &Option<ExplainedArrival>| {
+                arrival.as_ref().map(|arrival| arrival.decision.clone())
             };
+            let flip = decision(&fixed) != decision(&golden);
+            ExplainedContribution {
+                splat,
+                fixed,
+                golden,
+                flip,
+            }
+        };
         let premultiplied = machine.shade.premultiplied.format;
         let fixed = self.fixed.layers.iter().map(|layer| ExplainedLayer {
             slot: layer.slot,
@@ -458,12 +463,12 @@ impl Told<'_> {
     }
 
     /// None if fragments are grouped by depth.
-    fn sheet_decision(&self, splat: usize, fate: Fate) -> Option<String> {
+    fn sheet_decision(&self, splat: usize, fate: SheetDecision) -> Option<String> {
         Some(match (self.sheet?, fate) {
-            (_, Fate::Dropped) => "too late".into(),
+            (_, SheetDecision::Dropped) => "too late".into(),
             (Sheet::Splat, _) => "blend".into(),
-            (Sheet::Slice(numbers), Fate::Added) => format!("add to {}", numbers[splat]),
-            (Sheet::Slice(numbers), Fate::Opened) => format!("open {}", numbers[splat]),
+            (Sheet::Slice(numbers), SheetDecision::Added) => format!("add to {}", numbers[splat]),
+            (Sheet::Slice(numbers), SheetDecision::Opened) => format!("open {}", numbers[splat]),
         })
     }
 
@@ -555,7 +560,7 @@ impl Told<'_> {
     fn both_mirrors(&self) -> Option<ExplainedMirrors> {
         let golden: Vec<ExplainedMirror> = (self.golden.layers.iter().enumerate())
             .filter_map(|(layer, of)| {
-                let golden::Seen {
+                let golden::Reflected {
                     slopes,
                     direction,
                     texel,
@@ -654,14 +659,14 @@ impl Told<'_> {
 fn mirrors(
     machine: &Elaborated,
     Quantised { frame, .. }: &Quantised,
-    witness: &Witness,
+    probe: &PixelProbe,
 ) -> Vec<ExplainedMirror> {
     let (Some(words), Some(surroundings)) = (&machine.machine.reflect, &frame.surroundings) else {
         return Vec::new();
     };
     let highlights = machine.shade.highlights(&frame.lighting);
     let registers = shade::LightRegisters::of(frame, &highlights);
-    let mut unlit: Vec<(usize, &Layer)> = witness
+    let mut unlit: Vec<(usize, &Layer)> = probe
         .layers
         .iter()
         .enumerate()
@@ -669,7 +674,7 @@ fn mirrors(
         .collect();
     unlit.sort_by_key(|(_, layer)| layer.slot);
     let slope = words.slope.map(|word| word.format);
-    let told = |((layer, _), input): ((usize, &Layer), &shade::Input)| {
+    let explained = |((layer, _), input): ((usize, &Layer), &shade::Input)| {
         let reflect::Seen {
             slopes,
             direction,
@@ -690,8 +695,8 @@ fn mirrors(
     // Splats that are lit before they are drawn are not lit here.
     let mut all: Vec<ExplainedMirror> = unlit
         .into_iter()
-        .zip(&witness.lit)
-        .filter_map(told)
+        .zip(&probe.lit)
+        .filter_map(explained)
         .collect();
     all.sort_by_key(|mirror| mirror.layer);
     all
@@ -770,24 +775,24 @@ fn golden_decision(decision: golden::Decision) -> String {
 
 /// Outcomes of a contribution if fragments are grouped by sheets.
 #[derive(Clone, Copy)]
-enum Fate {
+enum SheetDecision {
     Added,
     Opened,
     Dropped,
 }
 
-fn machine_fate(decision: Decision) -> Fate {
+fn machine_sheet_decision(decision: Decision) -> SheetDecision {
     match decision {
-        Decision::Accumulated(_) => Fate::Added,
-        Decision::Dropped => Fate::Dropped,
-        _ => Fate::Opened,
+        Decision::Accumulated(_) => SheetDecision::Added,
+        Decision::Dropped => SheetDecision::Dropped,
+        _ => SheetDecision::Opened,
     }
 }
 
-fn golden_fate(decision: golden::Decision) -> Fate {
+fn golden_sheet_decision(decision: golden::Decision) -> SheetDecision {
     match decision {
-        golden::Decision::Accumulated { .. } => Fate::Added,
-        golden::Decision::Dropped => Fate::Dropped,
-        _ => Fate::Opened,
+        golden::Decision::Accumulated { .. } => SheetDecision::Added,
+        golden::Decision::Dropped => SheetDecision::Dropped,
+        _ => SheetDecision::Opened,
     }
 }

@@ -17,7 +17,7 @@ pub mod report;
 pub mod sequence;
 
 use crate::accuracy::attribution::attribute;
-use crate::accuracy::{ErrorPicture, Lockstep, Tiles, error_picture, ranges};
+use crate::accuracy::{CheckedTiles, ErrorPicture, Lockstep, error_picture, ranges};
 use crate::error::Result;
 use crate::golden;
 use crate::golden::Rendering;
@@ -54,10 +54,10 @@ pub enum Check {
 }
 
 impl Check {
-    fn tiles(self) -> Option<Tiles> {
+    fn tiles(self) -> Option<CheckedTiles> {
         match self {
-            Check::Full => Some(Tiles::All),
-            Check::Sampled => Some(Tiles::Sampled),
+            Check::Full => Some(CheckedTiles::All),
+            Check::Sampled => Some(CheckedTiles::Sampled),
             Check::None => None,
         }
     }
@@ -123,7 +123,7 @@ const OPTIONAL: [&str; 12] = [
 
 /// Three pictures, their difference, and the report.
 #[derive(Clone, Debug)]
-pub struct Outcome {
+pub struct RunResult {
     /// Picture of the hardware.
     pub fixed: Picture,
     /// Picture of exact arithmetic by the same rules.
@@ -154,7 +154,7 @@ pub fn run(
     machine: &Machine,
     load_seconds: f64,
     options: &Options,
-) -> Result<Outcome> {
+) -> Result<RunResult> {
     memory::check_frame(scene)?;
     let attributed = options.attribution;
     let elaborated = fixed::elaborate(machine)?;
@@ -295,7 +295,7 @@ pub fn run(
         .requests
         .then(|| Requests::new(&elaborated.timing, cycles.requests));
     let encoded = scene.image.encoded;
-    Ok(Outcome {
+    Ok(RunResult {
         fixed,
         golden: golden.picture,
         ideal: ideal.picture,
@@ -323,7 +323,7 @@ pub fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
     (result, start.elapsed().as_secs_f64())
 }
 
-impl Outcome {
+impl RunResult {
     /// Writes pictures and report into a folder; returns the paths.
     ///
     /// # Errors

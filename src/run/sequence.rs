@@ -12,7 +12,7 @@ mod report;
 
 pub use report::{FrameReport, Host, Report, SceneReport, Spread, Spreads};
 
-use crate::accuracy::flicker::{Pictures, Sums};
+use crate::accuracy::flicker::{FlickerSums, Pictures};
 use crate::error::{Error, Result};
 use crate::golden;
 use crate::hardware::fixed;
@@ -107,7 +107,7 @@ pub fn run(
         .map(|path| Video::create(path, scene.width, scene.height))
         .transpose()?;
     let (mut frames, mut before) = (Vec::new(), None);
-    let mut all = Sums::default();
+    let mut all = FlickerSums::default();
     let mut host = Host {
         threads: rayon::current_num_threads(),
         load_seconds,
@@ -115,7 +115,7 @@ pub fn run(
     };
     for number in 0..sequence.cameras().len() {
         let seen = sequence.frame(number)?;
-        let drawn = Drawn::new(seen, &elaborated, &mut host)?;
+        let drawn = DrawnFrame::new(seen, &elaborated, &mut host)?;
         let encoded = seen.image.encoded;
         let Pictures { golden, fixed, .. } = &drawn.pictures;
         let against = photographs
@@ -134,7 +134,7 @@ pub fn run(
         }
         let sums = before
             .as_ref()
-            .map(|before: &Pictures| Sums::new(before.all(), drawn.pictures.all()));
+            .map(|before: &Pictures| FlickerSums::new(before.all(), drawn.pictures.all()));
         all = sums.as_ref().map_or(all, |sums| all.and(sums));
         let fresh = drawn
             .notes
@@ -166,13 +166,13 @@ pub fn run(
 }
 
 /// A frame after drawing and comparison.
-struct Drawn {
+struct DrawnFrame {
     pictures: Pictures,
     report: FrameReport,
     notes: Vec<String>,
 }
 
-impl Drawn {
+impl DrawnFrame {
     fn new(scene: &Scene, machine: &Elaborated, host: &mut Host) -> Result<Self> {
         let evaluation = Evaluation::on(scene, machine)?;
         let (observed, fixed_seconds) = timed(|| evaluation.observe());
@@ -218,7 +218,7 @@ impl Drawn {
             flicker: None,
         };
         let notes = evaluation.quantised.notes.clone();
-        Ok(Drawn {
+        Ok(DrawnFrame {
             pictures: Pictures {
                 fixed,
                 golden,

@@ -65,7 +65,7 @@ fn is_page(path: &Path) -> bool {
 /// [`Error::Input`] if a picture has changed.
 pub fn html(view: &View) -> Result<String> {
     let folder = view.folder();
-    let mut told = folder.told.clone();
+    let mut contents = folder.contents.clone();
     let names = folder.pictures();
     if names.len() > MOST_PICTURES {
         return Err(Error::input(format!(
@@ -81,27 +81,27 @@ pub fn html(view: &View) -> Result<String> {
         let url = Value::from(format!("data:image/png;base64,{}", STANDARD.encode(bytes)));
         Ok((name, url))
     });
-    told["files"] = Value::Object(pictures.collect::<Result<Map<_, _>>>()?);
-    if told["tiles"] == true {
+    contents["files"] = Value::Object(pictures.collect::<Result<Map<_, _>>>()?);
+    if contents["tiles"] == true {
         let bytes = folder
             .file("tiles.csv")
             .map_err(|(_, sentence)| Error::input(sentence))?;
-        told["texts"] = json!({"tiles.csv": String::from_utf8_lossy(&bytes)});
+        contents["texts"] = json!({"tiles.csv": String::from_utf8_lossy(&bytes)});
     }
-    hide_paths(&mut told);
-    Ok(assets::page_with(&json_in_html(&told)))
+    hide_paths(&mut contents);
+    Ok(assets::page_with(&json_in_html(&contents)))
 }
 
 /// Removes folders of this computer from data for other readers: only the file name of a scene is
 /// kept.
-fn hide_paths(told: &mut Value) {
-    if let Some(host) = told
+fn hide_paths(contents: &mut Value) {
+    if let Some(host) = contents
         .pointer_mut("/run/report/host")
         .and_then(Value::as_object_mut)
     {
         host.remove("scene_file");
     }
-    if let Some(scene) = told.pointer_mut("/run/scene")
+    if let Some(scene) = contents.pointer_mut("/run/scene")
         && let Some(name) = scene
             .as_str()
             .and_then(|path| path.rsplit(['/', '\\']).next())

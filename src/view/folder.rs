@@ -41,7 +41,7 @@ const MOST_REPEATED_BYTES: usize = 1 << 10;
 #[derive(Debug)]
 pub struct Folder {
     /// All data for the page.
-    pub told: Value,
+    pub contents: Value,
     /// Files that can be requested, by name.
     pub files: BTreeMap<String, Listed>,
     /// The frame that can be redrawn, if any.
@@ -242,7 +242,7 @@ impl Folder {
                         shown(name)
                     ))
                 };
-                let mut left = Cells(MOST_CELLS);
+                let mut left = CellBudget(MOST_CELLS);
                 let rows = rows_of(&value, path, &mut left)
                     .map_err(|_| too_many())?
                     .filter(|rows| !rows.is_empty());
@@ -269,7 +269,7 @@ impl Folder {
                 .flatten()
                 .map(|frame| {
                     let mut row = Map::new();
-                    flatten(frame, "", &mut row, &mut Cells(MOST_CELLS)).map(|()| row)
+                    flatten(frame, "", &mut row, &mut CellBudget(MOST_CELLS)).map(|()| row)
                 });
             let rows = rows
                 .collect::<std::result::Result<Vec<_>, _>>()
@@ -294,11 +294,11 @@ impl Folder {
                     || is_of_sequence(name.trim_end_matches(".png"))
             };
             if files.keys().any(is_picture) {
-                let told = "has pictures of a run and no report.json, which is written last: the run was interrupted or is still running";
-                return Err(Error::input(format!("{}: {told}", folder.display())));
+                let reason = "has pictures of a run and no report.json, which is written last: the run was interrupted or is still running";
+                return Err(Error::input(format!("{}: {reason}", folder.display())));
             }
-            let told = "holds nothing that view shows: no report.json, points.jsonl, choices.json, stress.json, cycles.json or compare.json";
-            return Err(Error::input(format!("{}: {told}", folder.display())));
+            let reason = "holds nothing that view shows: no report.json, points.jsonl, choices.json, stress.json, cycles.json or compare.json";
+            return Err(Error::input(format!("{}: {reason}", folder.display())));
         }
         // Files of an earlier run on a binned machine do not belong to this frame.
         let units = reports
@@ -310,7 +310,7 @@ impl Folder {
         let name = root
             .file_name()
             .map_or_else(|| "/".into(), |name| name.to_string_lossy().into_owned());
-        let told = json!({
+        let contents = json!({
             "version": env!("CARGO_PKG_VERSION"),
             "name": name,
             "run": run.as_ref().map(|run| json!({
@@ -328,7 +328,11 @@ impl Folder {
                 .iter()
                 .any(|end| name.ends_with(end))
         });
-        Ok(Folder { told, files, run })
+        Ok(Folder {
+            contents,
+            files,
+            run,
+        })
     }
 
     /// Bytes of a file, if it was listed and has not changed.
@@ -348,7 +352,7 @@ impl Folder {
 
     /// Name of the folder.
     pub fn name(&self) -> &str {
-        self.told["name"].as_str().unwrap_or_default()
+        self.contents["name"].as_str().unwrap_or_default()
     }
 
     /// Files of the pictures that the page shows.
@@ -363,7 +367,7 @@ impl Folder {
                 .collect::<Vec<_>>()
         };
         if let Some(sequence) = self
-            .told
+            .contents
             .get("sequence")
             .filter(|sequence| sequence.is_object())
         {
@@ -376,13 +380,13 @@ impl Folder {
             let kinds: Vec<&str> = kinds.collect();
             return (0..frames)
                 .flat_map(|frame| kinds.iter().map(move |kind| frame_name(frame, kind)))
-                .chain(names(&self.told["charts"]))
+                .chain(names(&self.contents["charts"]))
                 .collect();
         }
-        let of_run = names(&self.told["run"]["pictures"])
+        let of_run = names(&self.contents["run"]["pictures"])
             .into_iter()
             .map(|name| format!("{name}.png"));
-        of_run.chain(names(&self.told["charts"])).collect()
+        of_run.chain(names(&self.contents["charts"])).collect()
     }
 }
 
@@ -548,9 +552,9 @@ fn pictures(
             opened.map_err(|e| Error::input(format!("{}: is not a picture: {e}", shown(&file))))?;
         if [width as usize, height as usize] != size {
             let [columns, rows] = size;
-            let told = format!("is {width}×{height}, and report.json is of {columns}×{rows}");
+            let sizes = format!("is {width}×{height}, and report.json is of {columns}×{rows}");
             return Err(Error::input(format!(
-                "{}: {told}: it is of another run",
+                "{}: {sizes}: it is of another run",
                 shown(&file)
             )));
         }
@@ -587,12 +591,12 @@ fn points(table: &Table, plan: &Value, whose: &str) -> Result<Value> {
 }
 
 /// Number of further cells that a table may have.
-struct Cells(usize);
+struct CellBudget(usize);
 
 /// A table has too many cells.
 struct TooMany;
 
-impl Cells {
+impl CellBudget {
     fn take(&mut self, name: &str, value: &Value) -> std::result::Result<(), TooMany> {
         let bytes = name.len() + value.as_str().map_or(0, str::len);
         self.0 = self.0.checked_sub(1 + bytes / 64).ok_or(TooMany)?;
@@ -604,7 +608,7 @@ impl Cells {
 fn rows_of(
     value: &Value,
     path: &[&str],
-    left: &mut Cells,
+    left: &mut CellBudget,
 ) -> std::result::Result<Option<Vec<Map<String, Value>>>, TooMany> {
     let Some((list, rest)) = path.split_first() else {
         let mut row = Map::new();
@@ -651,7 +655,7 @@ fn flatten(
     value: &Value,
     name: &str,
     row: &mut Map<String, Value>,
-    left: &mut Cells,
+    left: &mut CellBudget,
 ) -> std::result::Result<(), TooMany> {
     let below = |part: &str| {
         if name.is_empty() {

@@ -24,7 +24,7 @@ use crate::error::Result;
 use folder::Folder;
 use http::{Request, Response};
 use redraw::Redraw;
-use server::Answers;
+use server::Handler;
 use std::borrow::Cow;
 use std::ffi::OsString;
 use std::path::Path;
@@ -108,8 +108,8 @@ impl View {
     }
 }
 
-impl Answers for View {
-    fn answer(&self, path: &[&str], request: &Request) -> Response {
+impl Handler for View {
+    fn respond(&self, path: &[&str], request: &Request) -> Response {
         let either = |answer: std::result::Result<Response, Response>| {
             answer.unwrap_or_else(|refusal| refusal)
         };
@@ -119,7 +119,7 @@ impl Answers for View {
                 kind: "text/html; charset=utf-8",
                 body: Cow::Owned(assets::page().into_bytes()),
             },
-            ["folder"] => Response::json(self.folder.told.to_string()),
+            ["folder"] => Response::json(self.folder.contents.to_string()),
             ["assets", name] => assets::ALL
                 .iter()
                 .find(|asset| asset.name == *name)

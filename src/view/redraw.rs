@@ -105,13 +105,13 @@ impl Redraw {
         let (golden, lockstep) = (evaluation.golden().picture, evaluation.lockstep());
         let ideal = golden::ideal(&scene).picture;
         let fixed = evaluation.picture(&drawing);
-        for (pictures, told) in [(&fixed, &golden), (&golden, &ideal)]
+        for (pictures, reported) in [(&fixed, &golden), (&golden, &ideal)]
             .into_iter()
             .zip(&run.accuracy)
         {
             let now = distance(pictures.0, pictures.1);
-            if !is_near(now.psnr_db, told["psnr_db"].as_f64())
-                || !is_near(Some(now.max_error), told["max_error"].as_f64())
+            if !is_near(now.psnr_db, reported["psnr_db"].as_f64())
+                || !is_near(Some(now.max_error), reported["max_error"].as_f64())
             {
                 return Err(other(
                     "another picture: colours, lights, or the version that drew it differ",
@@ -193,10 +193,10 @@ impl Redraw {
 
 /// Whether two figures are equal except for the last bits, which can differ between computers; or
 /// both are none, for equal pictures.
-fn is_near(now: Option<f64>, told: Option<f64>) -> bool {
-    match (now, told) {
-        (Some(now), Some(told)) => (now - told).abs() <= 1e-7 * told.abs().max(1e-6),
-        (now, told) => now == told,
+fn is_near(now: Option<f64>, then: Option<f64>) -> bool {
+    match (now, then) {
+        (Some(now), Some(then)) => (now - then).abs() <= 1e-7 * then.abs().max(1e-6),
+        (now, then) => now == then,
     }
 }
 

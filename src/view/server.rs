@@ -32,9 +32,9 @@ const MOST_DRAINED_BYTES: usize = 64 * 1024;
 const DRAIN_TIME: Duration = Duration::from_millis(200);
 
 /// Handler of requests with the right token.
-pub trait Answers: Send + Sync + 'static {
+pub trait Handler: Send + Sync + 'static {
     /// The response to a request; `path` is without the token.
-    fn answer(&self, path: &[&str], request: &Request) -> Response;
+    fn respond(&self, path: &[&str], request: &Request) -> Response;
 }
 
 /// A listening server.
@@ -73,10 +73,10 @@ impl Server {
     }
 
     /// Serves requests until the time is over; without one, until the process ends.
-    pub fn serve(self, answers: impl Answers, time: Option<Duration>) {
+    pub fn serve(self, handler: impl Handler, time: Option<Duration>) {
         let thread = thread::spawn(move || {
             let (shared, open) = (
-                Arc::new((self.port, self.token, answers)),
+                Arc::new((self.port, self.token, handler)),
                 Arc::new(AtomicUsize::new(0)),
             );
             for stream in self.listener.incoming() {
@@ -85,14 +85,14 @@ impl Server {
                     thread::sleep(Duration::from_millis(50));
                     continue;
                 };
-                let Some(place) = Place::take(&open) else {
+                let Some(place) = ConnectionSlot::take(&open) else {
                     refuse(stream, 503);
                     continue;
                 };
                 let shared = Arc::clone(&shared);
                 let started = thread::Builder::new().spawn(move || {
-                    let (port, token, answers) = &*shared;
-                    converse(stream, *port, token, answers);
+                    let (port, token, handler) = &*shared;
+                    handle_connection(stream, *port, token, handler);
                     drop(place);
                 });
                 // The closure of a thread that cannot be started has closed its connection.
@@ -107,23 +107,23 @@ impl Server {
 }
 
 /// One of the connections that may be open.
-struct Place(Arc<AtomicUsize>);
+struct ConnectionSlot(Arc<AtomicUsize>);
 
-impl Place {
+impl ConnectionSlot {
     fn take(open: &Arc<AtomicUsize>) -> Option<Self> {
-        let place = Place(Arc::clone(open));
+        let place = ConnectionSlot(Arc::clone(open));
         (open.fetch_add(1, Ordering::SeqCst) < MOST_CONNECTIONS).then_some(place)
     }
 }
 
-impl Drop for Place {
+impl Drop for ConnectionSlot {
     fn drop(&mut self) {
         self.0.fetch_sub(1, Ordering::SeqCst);
     }
 }
 
 /// Reads a request and responds. All failures of the connection are the client's.
-fn converse(mut stream: TcpStream, port: u16, token: &str, answers: &impl Answers) {
+fn handle_connection(mut stream: TcpStream, port: u16, token: &str, handler: &impl Handler) {
     let request = http::read_head(&mut stream, |stream, left| {
         _ = stream.set_read_timeout(Some(left))
     })
@@ -142,7 +142,7 @@ fn converse(mut stream: TcpStream, port: u16, token: &str, answers: &impl Answer
     else {
         return refuse(stream, 403);
     };
-    let response = answers.answer(rest, &request);
+    let response = handler.respond(rest, &request);
     let _ = stream.set_write_timeout(Some(TAKE_TIME));
     if response.write(&mut stream, request.head_only).is_ok() {
         let _ = stream.shutdown(Shutdown::Both);

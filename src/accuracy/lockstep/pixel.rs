@@ -30,7 +30,7 @@ pub const ATTRIBUTES: usize = 7;
 pub const OPACITY: usize = 3;
 
 /// One contribution, exact and with the machine's bounds.
-pub struct Arrival<'a> {
+pub struct BoundedContribution<'a> {
     pub golden: Fragment,
     pub weight: Near,
     /// rgb, α, normal.
@@ -44,7 +44,7 @@ pub struct Arrival<'a> {
     pub find_depth: &'a dyn Fn() -> Near,
 }
 
-impl Arrival<'_> {
+impl BoundedContribution<'_> {
     /// Depth, machine units.
     pub fn depth(&self) -> Near {
         *self.depth.get_or_init(self.find_depth)
@@ -169,7 +169,7 @@ fn words(machine: &Machine) -> (Word, [Word; ATTRIBUTES]) {
 
 impl Bounds {
     /// Bounds of a slot with one contribution, which may already overflow a sum's word.
-    pub fn new(limits: &Limits, arrival: &Arrival) -> Self {
+    pub fn new(limits: &Limits, arrival: &BoundedContribution) -> Self {
         let range = [arrival.attributes.map(|c| c.value); 2];
         let shaded = [Near::default(); 4];
         let (depth, held_depth) = (arrival.depth(), arrival.held_depth);
@@ -190,7 +190,7 @@ impl Bounds {
     }
 
     /// Adds one contribution; `golden` already contains it.
-    pub fn add(&mut self, limits: &Limits, arrival: &Arrival, golden: &Fragment) {
+    pub fn add(&mut self, limits: &Limits, arrival: &BoundedContribution, golden: &Fragment) {
         self.weight += arrival.weight.error;
         self.count += 1.0;
         let most = arrival.weight.most();
@@ -241,15 +241,15 @@ impl Bounds {
             golden.normal.z,
         ];
         // NaN counts as an overflow of every word.
-        let outruns = |most: f64, sum: f64| sum.is_nan() | (sum > most);
+        let exceeds = |most: f64, sum: f64| sum.is_nan() | (sum > most);
         let [most_weight, weight_loss] = limits.weight;
-        let mut overflows = outruns(
+        let mut overflows = exceeds(
             most_weight,
             golden.weight + (self.weight + self.count * weight_loss),
         );
         // No early exit: to compute all sums is faster than to branch after each.
         for i in 0..ATTRIBUTES {
-            overflows |= outruns(most[i], sums[i].abs() + self.sum_error(i, 0.0, losses[i]));
+            overflows |= exceeds(most[i], sums[i].abs() + self.sum_error(i, 0.0, losses[i]));
         }
         overflows
     }
@@ -325,7 +325,7 @@ fn hides(common: &Common, golden: &Fragment) -> bool {
 }
 
 /// Whether the machine may decide that differently.
-fn may_hide_otherwise(common: &Common, golden: &Fragment, bounds: &Bounds) -> bool {
+fn may_hide_differently(common: &Common, golden: &Fragment, bounds: &Bounds) -> bool {
     let limits = &common.limits;
     let opaque = limits.opaque;
     if golden.shaded {
@@ -347,11 +347,11 @@ impl Pixel {
     pub fn take(
         &mut self,
         common: &Common,
-        arrival: &Arrival,
+        arrival: &BoundedContribution,
         decision: Decision,
         flips: &mut Flips,
     ) {
-        self.ask_for_a_slot(common, arrival, decision, flips);
+        self.check_slot(common, arrival, decision, flips);
         match decision {
             Decision::Accumulated(slot) => self.accumulate(common, usize::from(slot), arrival),
             Decision::Inserted(_) => self.push(common, arrival),
@@ -375,12 +375,12 @@ impl Pixel {
         self.bounds.clear();
     }
 
-    fn push(&mut self, common: &Common, arrival: &Arrival) {
+    fn push(&mut self, common: &Common, arrival: &BoundedContribution) {
         self.fragments.push(arrival.golden);
         self.bounds.push(Bounds::new(&common.limits, arrival));
     }
 
-    fn accumulate(&mut self, common: &Common, slot: usize, arrival: &Arrival) {
+    fn accumulate(&mut self, common: &Common, slot: usize, arrival: &BoundedContribution) {
         let (golden, bounds) = (&mut self.fragments[slot], &mut self.bounds[slot]);
         golden.add(&arrival.golden);
         bounds.add(&common.limits, arrival, golden);
@@ -392,10 +392,10 @@ impl Pixel {
     }
 
     /// Compares the slot that the machine accumulated into, if any, with golden's choice.
-    fn ask_for_a_slot(
+    fn check_slot(
         &self,
         common: &Common,
-        arrival: &Arrival,
+        arrival: &BoundedContribution,
         decision: Decision,
         flips: &mut Flips,
     ) {
@@ -422,7 +422,7 @@ impl Pixel {
     fn replace(
         &mut self,
         common: &Common,
-        arrival: &Arrival,
+        arrival: &BoundedContribution,
         decision: Decision,
         flips: &mut Flips,
     ) {
@@ -440,7 +440,7 @@ impl Pixel {
     fn overflow(
         &mut self,
         common: &Common,
-        arrival: &Arrival,
+        arrival: &BoundedContribution,
         decision: Decision,
         flips: &mut Flips,
     ) {
@@ -471,7 +471,7 @@ impl Pixel {
             let mut asked = self.fragments.iter().zip(&self.bounds);
             flips.eviction(
                 order_unsure
-                    || asked.any(|(golden, bounds)| may_hide_otherwise(common, golden, bounds)),
+                    || asked.any(|(golden, bounds)| may_hide_differently(common, golden, bounds)),
             );
         }
         if let Decision::Merged(front, _) = decision {

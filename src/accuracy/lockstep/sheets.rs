@@ -5,7 +5,7 @@
 //! order of sorted Gaussians and the contribution at which a pixel stops.
 
 use super::Flips;
-use super::pixel::{Arrival, Common};
+use super::pixel::{BoundedContribution, Common};
 use crate::golden::shade::over;
 use crate::golden::sheets::closed;
 use crate::hardware::quantise::Quantised;
@@ -43,7 +43,7 @@ impl<'a> SheetRules<'a> {
 
 /// The sheet that is being summed.
 #[derive(Clone, Copy, Debug)]
-struct Open {
+struct OpenSheet {
     weight: f64,
     rgb: DVec3,
     /// Σw and Σw·rgb.
@@ -53,7 +53,7 @@ struct Open {
 /// State of a pixel.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SheetPixel {
-    open: Option<Open>,
+    open: Option<OpenSheet>,
     golden: DVec4,
     /// The composite's slot.
     composite: [Near; 4],
@@ -75,20 +75,20 @@ impl SheetPixel {
         &mut self,
         rules: &SheetRules,
         common: &Common,
-        arrival: &Arrival,
+        arrival: &BoundedContribution,
         decision: Decision,
         flips: &mut Flips,
     ) {
         if self.stopped {
             return;
         }
-        self.ask_for_order(rules, common, arrival, flips);
+        self.check_order(rules, common, arrival, flips);
         let each = rules.words.sheets.of == Sheet::Splat;
         if let (Decision::Accumulated(_), Some(open)) = (decision, &mut self.open) {
             open.add(common, arrival, arrival.weight);
             return;
         }
-        let mut fresh = Open {
+        let mut fresh = OpenSheet {
             weight: 0.0,
             rgb: DVec3::ZERO,
             sums: [Near::exact(0.0); 4],
@@ -130,11 +130,11 @@ impl SheetPixel {
     }
 
     /// Compares the order of this contribution and the one before with golden's.
-    fn ask_for_order(
+    fn check_order(
         &mut self,
         rules: &SheetRules,
         common: &Common,
-        arrival: &Arrival,
+        arrival: &BoundedContribution,
         flips: &mut Flips,
     ) {
         if !rules.sorted {
@@ -150,7 +150,12 @@ impl SheetPixel {
     }
 
     /// The composite after one more sheet.
-    fn blended(&self, rules: &SheetRules, common: &Common, sheet: &Open) -> (DVec4, [Near; 4]) {
+    fn blended(
+        &self,
+        rules: &SheetRules,
+        common: &Common,
+        sheet: &OpenSheet,
+    ) -> (DVec4, [Near; 4]) {
         let exact = closed(rules.words.sheets, sheet.weight, sheet.rgb);
         let [weight, r, g, b] = sheet.sums;
         let near = common.machine.real_close(
@@ -191,8 +196,8 @@ impl SheetPixel {
     }
 }
 
-impl Open {
-    fn add(&mut self, common: &Common, arrival: &Arrival, weight: Near) {
+impl OpenSheet {
+    fn add(&mut self, common: &Common, arrival: &BoundedContribution, weight: Near) {
         self.weight += arrival.golden.weight;
         self.rgb += arrival.golden.rgb;
         let [r, g, b, ..] = *arrival.attributes;

@@ -1,6 +1,6 @@
 //! Summary: figures of a frame in lockstep, and two pictures.
 
-use super::{Flips, KINDS, Lockstep, TILE_PX, Tiles};
+use super::{CheckedTiles, Flips, KINDS, Lockstep, TILE_PX};
 use crate::accuracy::metrics::{is_zero, metrics};
 use crate::output::chart::{Axis, Mark, Panel, Series};
 use crate::output::picture::Picture;
@@ -65,7 +65,7 @@ impl Lockstep {
             bound_violations: self.violations.max(metrics.not_finite),
             decision_flips: self.flips.total(),
             flips: self.flips,
-            sampled_pixels: (self.tiles != Tiles::All)
+            sampled_pixels: (self.tiles != CheckedTiles::All)
                 .then(|| (0..self.bound.len()).filter(|&i| self.holds(i)).count() as u64),
             bound: self.bound_summary(),
         }
@@ -79,7 +79,7 @@ impl Lockstep {
 
     /// The checked pixels of a picture, in one row if these are not all.
     fn held_part<'p>(&self, picture: &'p Picture) -> Cow<'p, Picture> {
-        if self.tiles == Tiles::All {
+        if self.tiles == CheckedTiles::All {
             return Cow::Borrowed(picture);
         }
         let held: Vec<usize> = (0..picture.rgba.len())

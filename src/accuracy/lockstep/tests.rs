@@ -6,7 +6,7 @@ use crate::hardware::quantise::quantise;
 use crate::scene::Overrides;
 
 /// `reference` with these settings, checked against the bounds of `reference` without them.
-fn pretending(settings: &[&str]) -> Lockstep {
+fn checked_against_reference(settings: &[&str]) -> Lockstep {
     let scene = Scene::load(
         "glass-spheres",
         &Overrides {
@@ -22,29 +22,32 @@ fn pretending(settings: &[&str]) -> Lockstep {
         [&settings[..], &[]].map(|settings| machines::load("reference", settings).unwrap());
     let quantised = quantise(&scene, &claimed).unwrap();
     assert_eq!(quantised, quantise(&scene, &drawn).unwrap());
-    held_to(
+    draw_against(
         &scene,
         &fixed::elaborate(&drawn).unwrap(),
         &fixed::elaborate(&claimed).unwrap(),
         &quantised,
-        Tiles::All,
+        CheckedTiles::All,
     )
 }
 
 #[test]
 fn a_machine_that_is_what_it_says_is_not_caught() {
-    let honest = pretending(&[]);
+    let honest = checked_against_reference(&[]);
     assert_eq!((honest.violations, honest.flips.unexplained), (0, 0));
 }
 
 #[test]
 fn a_coarser_table_exceeds_the_bound() {
-    assert!(pretending(&["gauss.table.index_bits=3", "gauss.falloff=U1F8"]).violations > 100);
+    assert!(
+        checked_against_reference(&["gauss.table.index_bits=3", "gauss.falloff=U1F8"]).violations
+            > 100
+    );
 }
 
 #[test]
 fn coarser_pixel_positions_make_flips_that_nothing_explains() {
-    let flips = pretending(&["project.pixel=I15F4"]).flips;
+    let flips = checked_against_reference(&["project.pixel=I15F4"]).flips;
     assert!(
         flips.unexplained > 100 && flips.coverage > flips.unexplained / 2,
         "{flips:?}"
@@ -53,7 +56,8 @@ fn coarser_pixel_positions_make_flips_that_nothing_explains() {
 
 #[test]
 fn coarser_depths_make_flips_that_nothing_explains() {
-    let flips = pretending(&["raster.depth=I18F24", "ellipse.depth_slope=I3F8"]).flips;
+    let flips =
+        checked_against_reference(&["raster.depth=I18F24", "ellipse.depth_slope=I3F8"]).flips;
     assert!(flips.unexplained > 10, "{flips:?}");
 }
 
@@ -66,7 +70,7 @@ fn a_weight_that_is_no_number_may_have_left_every_word() {
     let attributes = &[Near::exact(0.5); ATTRIBUTES];
     // Only the sum of weights is large.
     let overflows = |weight: f64, error: f64| {
-        let arrival = Arrival {
+        let arrival = BoundedContribution {
             golden: Fragment {
                 weight,
                 alpha: 0.25,
@@ -119,7 +123,7 @@ fn what_is_no_number_violates_every_bound() {
     near[2].error = f64::NAN;
     assert!(violates(held, near));
     assert_eq!(judged(held, near)[1], f64::INFINITY);
-    let mut frame = pretending(&[]);
+    let mut frame = checked_against_reference(&[]);
     let fixed = frame.led.clone();
     frame.led.rgba[17][1] = f64::NAN;
     let summary = frame.summary(&fixed);

@@ -10,10 +10,10 @@
 //! threshold.
 
 use super::Flips;
-use super::pixel::{Arrival, Bounds, Common, OPACITY, loss};
+use super::pixel::{BoundedContribution, Bounds, Common, OPACITY, loss};
 use crate::golden::Side as GoldenSide;
 use crate::golden::shade::over;
-use crate::golden::window::{self, Closed, Layer, Open, Part, Seen, Window};
+use crate::golden::window::{self, Closed, Layer, LayerVisibility, Open, Surface, Window};
 use crate::hardware::quantise::Quantised;
 use crate::hardware::registers::{Bounded, WindowWords};
 use crate::scene::Scene;
@@ -35,7 +35,7 @@ pub struct WindowRules<'a> {
 
 /// Appearance of a contribution's splat alone.
 #[derive(Clone, Copy, Debug)]
-pub struct Own {
+pub struct SplatLight {
     /// The light that the splat sends, in golden and on the machine.
     pub golden: DVec3,
     pub light: [Near; 3],
@@ -45,7 +45,7 @@ pub struct Own {
 
 /// Bounds on the error of the machine's slot.
 #[derive(Clone, Debug)]
-struct Slot {
+struct SlotBounds {
     /// Bounds of an open slot.
     bounds: Bounds,
     /// Bounds of a closed slot.
@@ -64,14 +64,14 @@ struct Slot {
 #[derive(Clone, Debug, Default)]
 pub struct WindowPixel {
     layers: Vec<Layer>,
-    slots: Vec<Slot>,
+    slots: Vec<SlotBounds>,
     /// Slots at which the machine's windows start, one bit each, the first in the LSB.
     starts: u8,
 }
 
 /// A slot that closes, in golden and on the machine.
 #[derive(Clone, Copy)]
-struct Pair {
+struct ClosedPair {
     golden: Closed,
     near: real::Closed<Near>,
 }
@@ -89,10 +89,10 @@ impl<'a> WindowRules<'a> {
     }
 }
 
-impl Slot {
-    fn new(common: &Common, arrival: &Arrival) -> Self {
+impl SlotBounds {
+    fn new(common: &Common, arrival: &BoundedContribution) -> Self {
         let (held, end) = ([arrival.held_depth; 2], [arrival.depth(); 2]);
-        Slot {
+        SlotBounds {
             bounds: Bounds::new(&common.limits, arrival),
             closed: None,
             depth_error: arrival.weight.most() * arrival.depth().error,
@@ -103,14 +103,14 @@ impl Slot {
     }
 
     /// Extends one side, or an open slot, to a contribution's depth.
-    fn span(&mut self, side: usize, arrival: &Arrival) {
+    fn span(&mut self, side: usize, arrival: &BoundedContribution) {
         let (held, z) = (&mut self.held[side], arrival.held_depth);
         *held = [held[0].min(z), held[1].max(z)];
         let [near, far] = self.ends[side];
         self.ends[side] = [near.min(arrival.depth()), far.max(arrival.depth())];
     }
 
-    fn add(&mut self, common: &Common, arrival: &Arrival, golden: &Open) {
+    fn add(&mut self, common: &Common, arrival: &BoundedContribution, golden: &Open) {
         self.bounds.add(&common.limits, arrival, &golden.sums);
         self.depth_error += arrival.weight.most() * arrival.depth().error;
         let z = arrival.depth().value;
@@ -120,7 +120,7 @@ impl Slot {
     }
 
     /// Adds the slot behind; golden already contains both.
-    fn join(&mut self, common: &Common, other: &Slot, golden: &Open) {
+    fn join(&mut self, common: &Common, other: &SlotBounds, golden: &Open) {
         self.bounds
             .join(&common.limits, &other.bounds, &golden.sums);
         self.depth_error += other.depth_error;
@@ -190,12 +190,12 @@ impl WindowPixel {
         &mut self,
         rules: &WindowRules,
         common: &Common,
-        arrival: &Arrival,
-        own: &Own,
+        arrival: &BoundedContribution,
+        own: &SplatLight,
         decision: Decision,
         flips: &mut Flips,
     ) {
-        self.ask(rules, arrival, decision, flips);
+        self.check_decision(rules, arrival, decision, flips);
         match decision {
             Decision::Accumulated(slot) => {
                 let (Layer::Open(open), slot) = (
@@ -239,7 +239,13 @@ impl WindowPixel {
     }
 
     /// Compares the decision about a contribution that takes no new slot with golden's.
-    fn ask(&self, rules: &WindowRules, arrival: &Arrival, decision: Decision, flips: &mut Flips) {
+    fn check_decision(
+        &self,
+        rules: &WindowRules,
+        arrival: &BoundedContribution,
+        decision: Decision,
+        flips: &mut Flips,
+    ) {
         let z = arrival.golden.z;
         let rule = &rules.rule;
         let taken = match decision {
@@ -248,7 +254,7 @@ impl WindowPixel {
             Decision::Inside(slot) => (None, None, Some(usize::from(slot))),
             _ => (None, None, None),
         };
-        let open = rule.taker(z, &self.layers);
+        let open = rule.slot_for(z, &self.layers);
         let late = if open.is_none() && rule.late {
             rule.late_for(z, &self.layers)
         } else {
@@ -273,14 +279,14 @@ impl WindowPixel {
         if taken == wanted {
             return;
         }
-        let asked = [taken, wanted]
+        let slots = [taken, wanted]
             .map(|(open, late, inside)| open.or(late.map(|(slot, _)| slot)).or(inside));
-        let hangs = asked
+        let in_doubt = slots
             .into_iter()
             .flatten()
-            .any(|slot| self.hangs(rules, arrival, slot));
+            .any(|slot| self.may_decide_differently(rules, arrival, slot));
         let explained =
-            hangs || self.are_as_near(arrival, [taken.0, wanted.0], [taken.1, wanted.1]);
+            in_doubt || self.may_be_equally_near(arrival, [taken.0, wanted.0], [taken.1, wanted.1]);
         if taken.0 != wanted.0 {
             flips.slot(explained);
         } else if taken.1 != wanted.1 {
@@ -291,7 +297,12 @@ impl WindowPixel {
     }
 
     /// Whether the decision of a slot about a depth is within the depths' bounds.
-    fn hangs(&self, rules: &WindowRules, arrival: &Arrival, slot: usize) -> bool {
+    fn may_decide_differently(
+        &self,
+        rules: &WindowRules,
+        arrival: &BoundedContribution,
+        slot: usize,
+    ) -> bool {
         let (slot, z) = (&self.slots[slot], arrival.depth());
         let narrow =
             |[near, far]: [Near; 2], limit: Near| (far.max(z) - near.min(z)).may_cross(limit);
@@ -305,9 +316,9 @@ impl WindowPixel {
     }
 
     /// Whether two open slots, or two surfaces of closed ones, may be equally near to a depth.
-    fn are_as_near(
+    fn may_be_equally_near(
         &self,
-        arrival: &Arrival,
+        arrival: &BoundedContribution,
         open: [Option<usize>; 2],
         late: [Option<(usize, Side)>; 2],
     ) -> bool {
@@ -329,8 +340,8 @@ impl WindowPixel {
         common: &Common,
         slot: usize,
         side: Side,
-        arrival: &Arrival,
-        own: &Own,
+        arrival: &BoundedContribution,
+        own: &SplatLight,
     ) {
         let Layer::Closed(golden) = &mut self.layers[slot] else {
             return;
@@ -394,10 +405,10 @@ impl WindowPixel {
         order.sort_by_key(|&slot| self.slots[slot].near());
         self.layers = order.iter().map(|&slot| self.layers[slot]).collect();
         self.slots = order.iter().map(|&slot| self.slots[slot].clone()).collect();
-        self.ask_for_order(flips)
+        self.check_order(flips)
     }
 
-    fn ask_for_order(&self, flips: &mut Flips) -> bool {
+    fn check_order(&self, flips: &mut Flips) -> bool {
         let mut any = false;
         for place in 1..self.slots.len() {
             let unsure = self.slots[place - 1].ends[0][0].may_cross(self.slots[place].ends[0][0]);
@@ -410,7 +421,12 @@ impl WindowPixel {
     }
 
     /// Opens a slot; returns its place, and whether the order is in doubt.
-    fn insert(&mut self, common: &Common, arrival: &Arrival, flips: &mut Flips) -> (usize, bool) {
+    fn insert(
+        &mut self,
+        common: &Common,
+        arrival: &BoundedContribution,
+        flips: &mut Flips,
+    ) -> (usize, bool) {
         self.sort(&mut Flips::default());
         let place = self
             .slots
@@ -419,18 +435,23 @@ impl WindowPixel {
             .count();
         self.layers
             .insert(place, Layer::Open(Open::new(arrival.golden)));
-        self.slots.insert(place, Slot::new(common, arrival));
-        (place, self.ask_for_order(flips))
+        self.slots.insert(place, SlotBounds::new(common, arrival));
+        (place, self.check_order(flips))
     }
 
     /// Transmittance in front of each slot on the machine, given golden's windows, and whether any
     /// window may differ.
-    fn seen(&self, rules: &WindowRules, common: &Common, windows: &[Seen]) -> (Vec<Near>, bool) {
+    fn seen(
+        &self,
+        rules: &WindowRules,
+        common: &Common,
+        windows: &[LayerVisibility],
+    ) -> (Vec<Near>, bool) {
         let fragment = &common.machine.fragment;
         let mut through = Near::exact(1.0);
         let mut doubt = false;
         let mut seen = Vec::new();
-        let mut window: Option<(Open, Slot)> = None;
+        let mut window: Option<(Open, SlotBounds)> = None;
         for (place, layer) in self.layers.iter().enumerate() {
             let slot = &self.slots[place];
             if let (Layer::Open(open), Some((_, of_window))) = (layer, &window) {
@@ -478,7 +499,7 @@ impl WindowPixel {
         &mut self,
         rules: &WindowRules,
         common: &Common,
-        arrival: &Arrival,
+        arrival: &BoundedContribution,
         decision: Decision,
         flips: &mut Flips,
     ) {
@@ -530,7 +551,7 @@ impl WindowPixel {
     fn may_sum_others(
         &self,
         rules: &WindowRules,
-        windows: &[Seen],
+        windows: &[LayerVisibility],
         a: Option<usize>,
         b: Option<usize>,
     ) -> bool {
@@ -545,7 +566,7 @@ impl WindowPixel {
         let cost = |front: usize| {
             let (
                 (width, far),
-                Seen {
+                LayerVisibility {
                     first,
                     transmittance,
                     ..
@@ -585,7 +606,7 @@ impl WindowPixel {
     /// Closes a slot and the one behind it, and combines the two.
     fn close(&mut self, common: &Common, front: usize, inside: bool, flips: &mut Flips) {
         let back = self.closed(common, front + 1);
-        let Pair { golden, near } = self.closed(common, front);
+        let ClosedPair { golden, near } = self.closed(common, front);
         self.layers[front] = Layer::Closed(golden);
         self.slots[front].closed = Some(near);
         let ends = [
@@ -605,7 +626,7 @@ impl WindowPixel {
         }
     }
 
-    fn put_behind(&mut self, common: &Common, front: usize, back: &Pair, flips: &mut Flips) {
+    fn put_behind(&mut self, common: &Common, front: usize, back: &ClosedPair, flips: &mut Flips) {
         let behind = self.slots[front + 1].clone();
         let Layer::Closed(golden) = &mut self.layers[front] else {
             return;
@@ -629,17 +650,17 @@ impl WindowPixel {
     }
 
     /// A slot after it is closed.
-    fn closed(&self, common: &Common, place: usize) -> Pair {
+    fn closed(&self, common: &Common, place: usize) -> ClosedPair {
         let slot = &self.slots[place];
         match (&self.layers[place], &slot.closed) {
-            (Layer::Closed(golden), Some(near)) => Pair {
+            (Layer::Closed(golden), Some(near)) => ClosedPair {
                 golden: *golden,
                 near: *near,
             },
             (Layer::Open(open), _) => {
                 let golden = Closed::of_one(
                     common.shader.premultiplied(&open.sums),
-                    Part {
+                    Surface {
                         span: open.span,
                         weight: open.sums.weight,
                     },
@@ -650,12 +671,12 @@ impl WindowPixel {
                     golden.colour,
                 );
                 let near = common.machine.fragment.real_closed(shaded, sums.weight);
-                Pair {
+                ClosedPair {
                     golden,
                     near: near_to(&near, &golden),
                 }
             }
-            (Layer::Closed(golden), None) => Pair {
+            (Layer::Closed(golden), None) => ClosedPair {
                 golden: *golden,
                 near: unknown(),
             },
@@ -679,7 +700,7 @@ impl WindowPixel {
             let next = (place + 1..starts.len())
                 .find(|at| starts[*at])
                 .unwrap_or(starts.len());
-            self.ask_for_window(rules, common, place, next, flips);
+            self.check_window(rules, common, place, next, flips);
             (place + 1..next).for_each(|_| self.sum_ahead(common, place));
             starts.drain(place + 1..next);
             let window = self.closed(common, place);
@@ -736,7 +757,7 @@ impl WindowPixel {
     }
 
     /// Compares the end of the machine's window with golden's.
-    fn ask_for_window(
+    fn check_window(
         &self,
         rules: &WindowRules,
         common: &Common,
@@ -765,7 +786,7 @@ impl WindowPixel {
 }
 
 impl WindowRules<'_> {
-    fn single(&self, arrival: &Arrival, own: &Own) -> Single<Near> {
+    fn single(&self, arrival: &BoundedContribution, own: &SplatLight) -> Single<Near> {
         Single {
             weight: arrival.weight,
             opacity: arrival.attributes[OPACITY],
@@ -774,9 +795,9 @@ impl WindowRules<'_> {
     }
 }
 
-impl Own {
-    fn arrival(&self, arrival: &Arrival) -> window::Arrival {
-        window::Arrival {
+impl SplatLight {
+    fn arrival(&self, arrival: &BoundedContribution) -> window::LitContribution {
+        window::LitContribution {
             sums: arrival.golden,
             colour: self.golden,
             opacity: self.opacity,
@@ -784,7 +805,7 @@ impl Own {
     }
 }
 
-impl Slot {
+impl SlotBounds {
     /// Opacity of an open slot, as in step 4.
     fn opacity(&self, common: &Common, golden: &Open) -> Near {
         let known = |error: f64| {

@@ -4,18 +4,18 @@
 //! The layers are golden's, in machine units, and so are the decisions that depend only on depths.
 //! Sums, blends and transmittances are computed in the chosen words.
 
-use super::{Arrival, FrameWords, number};
+use super::{FrameWords, MixedContribution, number};
 use crate::golden::Outcomes;
 use crate::golden::fragments::{Fragment, Side};
 use crate::golden::tiles::{PIXELS_IN_A_TILE, Painter};
-use crate::golden::window::{self, Closed, Layer, Open, Part, Seen, Window};
+use crate::golden::window::{self, Closed, Layer, LayerVisibility, Open, Surface, Window};
 use crate::hardware::registers::WindowWords;
 use glam::DVec4;
 use rtl_model::real::PartialPrecision;
 use rtl_model::units::fragment::window::real;
 
 /// T below 2^−this is 0.
-const LEAST_SEEN: u32 = 8;
+const LEAST_VISIBLE_LOG2: u32 = 8;
 
 /// The pixels of a tile.
 pub(super) struct WindowPixels<'a> {
@@ -40,7 +40,7 @@ impl<'a> WindowPixels<'a> {
     }
 
     /// An open layer after one more contribution.
-    fn add(&self, open: &mut Open, arrival: &Arrival) {
+    fn add(&self, open: &mut Open, arrival: &MixedContribution) {
         let fragment = &self.frame.stage.machine.fragment;
         self.frame.accumulate(&mut open.sums, arrival);
         let [sum, weight, depth] =
@@ -49,7 +49,7 @@ impl<'a> WindowPixels<'a> {
         open.span = open.span.with(arrival.depth);
     }
 
-    fn single(&self, arrival: &Arrival) -> real::Single<PartialPrecision<'a>> {
+    fn single(&self, arrival: &MixedContribution) -> real::Single<PartialPrecision<'a>> {
         let word = |value: f64| self.frame.word(value);
         real::Single {
             weight: word(arrival.weight),
@@ -58,7 +58,7 @@ impl<'a> WindowPixels<'a> {
         }
     }
 
-    fn inside(&self, arrival: &Arrival) -> [PartialPrecision<'a>; 4] {
+    fn inside(&self, arrival: &MixedContribution) -> [PartialPrecision<'a>; 4] {
         let (fragment, single) = (&self.frame.stage.machine.fragment, self.single(arrival));
         let opacity = arrival.footprint.attributes[3];
         fragment.real_splat_inside(&single, opacity, &self.words.registers, &self.words.tables)
@@ -98,7 +98,7 @@ impl<'a> WindowPixels<'a> {
     }
 
     /// Step 4: the window and the transmittance of each layer, front to back.
-    fn windows(&self, layers: &[Layer]) -> Vec<Seen> {
+    fn windows(&self, layers: &[Layer]) -> Vec<LayerVisibility> {
         let fragment = &self.frame.stage.machine.fragment;
         let mut seen = Vec::with_capacity(layers.len());
         // The window that may still grow: its first place, its start, Σw and Σw·α.
@@ -130,9 +130,9 @@ impl<'a> WindowPixels<'a> {
                     here = fragment.real_through_closed(here, self.behind(closed, layer.near()));
                 }
             }
-            let places =
-                (0..=LEAST_SEEN).find(|places| here.value * f64::from(1u32 << places) >= 1.0);
-            seen.push(Seen {
+            let places = (0..=LEAST_VISIBLE_LOG2)
+                .find(|places| here.value * f64::from(1u32 << places) >= 1.0);
+            seen.push(LayerVisibility {
                 first,
                 start,
                 transmittance: places.map_or(0.0, |places| 1.0 / f64::from(1u32 << places)),
@@ -181,7 +181,7 @@ impl<'a> WindowPixels<'a> {
                     .machine
                     .fragment
                     .real_closed(shaded, self.frame.word(open.sums.weight));
-                let part = Part {
+                let part = Surface {
                     span: open.span,
                     weight: open.sums.weight,
                 };
@@ -261,11 +261,11 @@ fn with(closed: &Closed, held: &real::Closed<PartialPrecision>) -> Closed {
     let [front, back] = held.weights.map(number);
     Closed {
         colour: DVec4::from_array(held.light.map(number)),
-        front: Part {
+        front: Surface {
             weight: front,
             ..closed.front
         },
-        back: Part {
+        back: Surface {
             weight: back,
             ..closed.back
         },
@@ -275,12 +275,12 @@ fn with(closed: &Closed, held: &real::Closed<PartialPrecision>) -> Closed {
 }
 
 impl<'a> Painter for WindowPixels<'a> {
-    type Contribution = Arrival<'a>;
+    type Contribution = MixedContribution<'a>;
 
-    fn take(&mut self, pixel: usize, arrival: Arrival<'a>) {
+    fn take(&mut self, pixel: usize, arrival: MixedContribution<'a>) {
         let z = arrival.depth;
         let mut layers = std::mem::take(&mut self.pixels[pixel]);
-        if let Some(slot) = self.rule.taker(z, &layers)
+        if let Some(slot) = self.rule.slot_for(z, &layers)
             && let Layer::Open(open) = &mut layers[slot]
         {
             self.add(open, &arrival);

@@ -7,7 +7,7 @@
 //!                needed are empty    binary point
 //! ```
 
-use super::{Area, COLOURS, Draw, Drawn, FAINT, FONT, INK, drawing_error};
+use super::{Area, COLOURS, Draw, DrawResult, FAINT, FONT, INK, drawing_error};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
@@ -17,7 +17,7 @@ pub struct Extent {
     /// Text to its left.
     pub name: String,
     /// Text to its right, one cell per head.
-    pub says: [String; 3],
+    pub columns: [String; 3],
     /// Powers of two of the LSB and of the least power that no magnitude reaches.
     pub places: [i32; 2],
     /// Share of all words between each power of two and the next.
@@ -40,7 +40,7 @@ pub struct Extents {
 const ROW_PX: i32 = 16;
 const PLACE_PX: i32 = 12;
 const NAMES_PX: i32 = 216;
-const SAYS_PX: i32 = 78;
+const COLUMN_PX: i32 = 78;
 const MARGIN_PX: i32 = 14;
 /// Height of title, legend and axis.
 const HEAD_PX: i32 = 92;
@@ -59,7 +59,7 @@ impl Extents {
             .iter()
             .map(|(_, extents)| extents.len() + 1)
             .sum();
-        let width = 2 * MARGIN_PX + NAMES_PX + (last - first) * PLACE_PX + 3 * SAYS_PX;
+        let width = 2 * MARGIN_PX + NAMES_PX + (last - first) * PLACE_PX + 3 * COLUMN_PX;
         [
             width as u32,
             (HEAD_PX + rows as i32 * ROW_PX + MARGIN_PX) as u32,
@@ -118,7 +118,7 @@ fn power(exponent: i32) -> String {
 }
 
 impl Draw for Extents {
-    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> DrawResult {
         let [first, last] = self.span();
         let x = |place: i32| MARGIN_PX + NAMES_PX + (place - first) * PLACE_PX;
         let rows: i32 = self
@@ -149,7 +149,7 @@ impl Draw for Extents {
             .map_err(drawing_error)?;
         }
         for (head, column) in self.heads.iter().zip(1..) {
-            let at = (x(last) + column * SAYS_PX, HEAD_PX - 14);
+            let at = (x(last) + column * COLUMN_PX, HEAD_PX - 14);
             area.draw(&Text::new(head.clone(), at, text(13, HPos::Right)))
                 .map_err(drawing_error)?;
         }
@@ -173,7 +173,7 @@ impl Draw for Extents {
 }
 
 impl Extents {
-    fn draw_legend<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
+    fn draw_legend<B: DrawingBackend>(&self, area: &Area<B>) -> DrawResult {
         let y = 48;
         let mut x = MARGIN_PX;
         let words = |text_px: &mut i32, words: &str, width: i32| {
@@ -227,7 +227,7 @@ impl Extent {
         x: impl Fn(i32) -> i32,
         top: i32,
         end: i32,
-    ) -> Drawn {
+    ) -> DrawResult {
         let (upper, lower, middle) = (top + 2, top + ROW_PX - 2, top + ROW_PX / 2);
         let filled = |from: i32, to: i32, colour: RGBColor| {
             let cell = [(x(from), upper), (x(to), lower)];
@@ -253,10 +253,10 @@ impl Extent {
             OUTLINE,
         ))
         .map_err(drawing_error)?;
-        for (says, column) in self.says.iter().zip(1..) {
+        for (cell, column) in self.columns.iter().zip(1..) {
             area.draw(&Text::new(
-                says.clone(),
-                (end + column * SAYS_PX, middle),
+                cell.clone(),
+                (end + column * COLUMN_PX, middle),
                 text(13, HPos::Right),
             ))
             .map_err(drawing_error)?;

@@ -116,7 +116,7 @@ fn marks_between_powers_of_ten_are_bare_where_two_powers_are_marked() {
 
 /// Marks differ even if values differ very little.
 #[test]
-fn marks_are_told_apart() {
+fn marks_are_distinguishable() {
     for (low, high) in [
         (83.8551, 83.8554),
         (83.855, 83.855_000_01),
@@ -183,7 +183,7 @@ fn a_tile_shows_each_pixel_enlarged_and_nothing_between_them() {
         rgba,
         covered: vec![true; 4],
     };
-    let image = drawn(&Tile {
+    let image = drawn(&PictureTile {
         caption: String::new(),
         picture,
     });
@@ -196,7 +196,7 @@ fn a_tile_shows_each_pixel_enlarged_and_nothing_between_them() {
 #[test]
 fn words_show_how_series_are_drawn() {
     let line = |mark, colour| (Some((mark, colour)), "a series".to_owned());
-    let image = drawn(&Words {
+    let image = drawn(&TextLines {
         title: "Key".into(),
         lines: vec![
             line(Mark::Line, 0),

@@ -1,6 +1,6 @@
 //! Tiles: cells of a grid with pictures enlarged pixel by pixel, and with text.
 
-use super::{Area, COLOURS, Draw, Drawn, FONT, INK, Mark, drawing_error};
+use super::{Area, COLOURS, Draw, DrawResult, FONT, INK, Mark, drawing_error};
 use crate::output::colour::srgb_byte;
 use crate::output::picture::Picture;
 use plotters::element::DashedPathElement;
@@ -8,7 +8,7 @@ use plotters::prelude::*;
 
 /// A picture under its caption, enlarged by the greatest integer that fits.
 #[derive(Clone, Debug)]
-pub struct Tile {
+pub struct PictureTile {
     /// Text above it.
     pub caption: String,
     /// Linear light, over black.
@@ -17,7 +17,7 @@ pub struct Tile {
 
 /// Lines of text, each optionally next to a sample of how a series is drawn.
 #[derive(Clone, Debug, Default)]
-pub struct Words {
+pub struct TextLines {
     /// The first line, larger.
     pub title: String,
     /// The other lines, already wrapped.
@@ -29,8 +29,8 @@ const CAPTION_PX: i32 = 18;
 /// Free space around a cell's content, pixels.
 const MARGIN_PX: i32 = 3;
 
-impl Draw for Tile {
-    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
+impl Draw for PictureTile {
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> DrawResult {
         let style = (FONT, 13).into_font().color(&INK);
         area.draw(&Text::new(
             self.caption.clone(),
@@ -58,8 +58,8 @@ impl Draw for Tile {
     }
 }
 
-impl Draw for Words {
-    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
+impl Draw for TextLines {
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> DrawResult {
         let title = (FONT, 16).into_font().color(&INK);
         area.draw(&Text::new(
             self.title.clone(),

@@ -15,7 +15,7 @@ const READ: [&str; 3] = ["png", "jpg", "jpeg"];
 const KNOWN: [&str; 8] = ["tif", "tiff", "bmp", "webp", "gif", "ppm", "exr", "heic"];
 
 /// A picture for each frame.
-pub(super) struct Match {
+pub(super) struct MatchedFiles {
     /// None for a frame that is not drawn.
     pub files: Vec<Option<PathBuf>>,
     pub notes: Vec<String>,
@@ -31,7 +31,11 @@ struct Folders {
 ///
 /// # Errors
 /// [`Error::Input`] if a frame has no picture, or the match is ambiguous.
-pub(super) fn matched(path: &Path, sequence: &Sequence, only: Option<usize>) -> Result<Match> {
+pub(super) fn matched(
+    path: &Path,
+    sequence: &Sequence,
+    only: Option<usize>,
+) -> Result<MatchedFiles> {
     let whose = format!("--against {}", path.display());
     let input_error = |what: String| Error::input(format!("{whose}: {what}"));
     let names = sequence.pictures();
@@ -62,7 +66,7 @@ pub(super) fn matched(path: &Path, sequence: &Sequence, only: Option<usize>) -> 
                 clipped(name)
             )
         });
-        return Ok(Match {
+        return Ok(MatchedFiles {
             files,
             notes: notes.into_iter().collect(),
         });
@@ -122,7 +126,7 @@ pub(super) fn matched(path: &Path, sequence: &Sequence, only: Option<usize>) -> 
         ));
     }
     notes.extend(left_over(&all[frames..]));
-    Ok(Match {
+    Ok(MatchedFiles {
         files: (0..frames).map(of_frame).collect(),
         notes,
     })
@@ -133,7 +137,7 @@ fn by_name(
     names: &[Option<&str>],
     only: Option<usize>,
     folders: &mut Folders,
-) -> Result<Match> {
+) -> Result<MatchedFiles> {
     let mut files = vec![None; names.len()];
     let mut absent = Vec::new();
     for (frame, name) in names
@@ -192,7 +196,7 @@ fn by_name(
         let rest: Vec<String> = in_use.into_iter().flat_map(of_folder).collect();
         notes.extend(left_over(&rest));
     }
-    Ok(Match { files, notes })
+    Ok(MatchedFiles { files, notes })
 }
 
 fn left_over(rest: &[String]) -> Option<String> {

@@ -1,7 +1,7 @@
 //! Photograph: decodes a PNG or JPEG of 8 or 16 bits per channel to code values, over the
 //! background of the scene.
 
-use super::View;
+use super::FrameView;
 use crate::output::picture::Picture;
 use crate::output::text::one_line;
 use image::metadata::Orientation;
@@ -36,7 +36,12 @@ impl Photograph {
     ///
     /// # Errors
     /// The second half of a sentence that begins with the file's name.
-    pub fn decode(bytes: &[u8], name: String, view: &View, whose: &str) -> Result<Self, String> {
+    pub fn decode(
+        bytes: &[u8],
+        name: String,
+        view: &FrameView,
+        whose: &str,
+    ) -> Result<Self, String> {
         let known = |format: &ImageFormat| matches!(format, ImageFormat::Png | ImageFormat::Jpeg);
         let format = image::guess_format(bytes)
             .ok()

@@ -6,7 +6,7 @@ use serde_json::{Map, Value, json};
 
 /// Notation of a figure.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Kind {
+pub(super) enum Notation {
     /// An integer.
     Count,
     /// One decimal place.
@@ -23,134 +23,159 @@ pub(super) enum Kind {
 
 /// A figure: its name, its path in the report, its notation, and whether it is listed if both sides
 /// are equal.
-pub(super) const FIGURES: [(&str, &str, Kind, bool); 41] = [
-    ("cycles", "/cycles/total", Kind::Count, true),
-    ("clock, MHz", "/cycles/clock_hz", Kind::Scaled(1e-6), false),
-    ("frames/s", "/cycles/frames_per_second", Kind::Tenths, true),
-    ("limited by", "/cycles/bottleneck", Kind::Name, true),
-    ("limit", "/cycles/limit/by", Kind::Name, false),
+pub(super) const FIGURES: [(&str, &str, Notation, bool); 41] = [
+    ("cycles", "/cycles/total", Notation::Count, true),
+    (
+        "clock, MHz",
+        "/cycles/clock_hz",
+        Notation::Scaled(1e-6),
+        false,
+    ),
+    (
+        "frames/s",
+        "/cycles/frames_per_second",
+        Notation::Tenths,
+        true,
+    ),
+    ("limited by", "/cycles/bottleneck", Notation::Name, true),
+    ("limit", "/cycles/limit/by", Notation::Name, false),
     (
         "memory, MB per frame",
         "/cycles/memory/bytes",
-        Kind::Scaled(1e-6),
+        Notation::Scaled(1e-6),
         true,
     ),
     (
         "memory, GB/s",
         "/cycles/memory/bytes_per_second",
-        Kind::Scaled(1e-9),
+        Notation::Scaled(1e-9),
         false,
     ),
     (
         "memory at most, GB/s",
         "/cycles/memory/peak_bytes_per_second",
-        Kind::Scaled(1e-9),
+        Notation::Scaled(1e-9),
         false,
     ),
-    ("cache look-ups", "/cycles/lookups/0", Kind::Count, false),
-    ("cache hits", "/cycles/lookups/1", Kind::Count, false),
-    ("texel look-ups", "/cycles/texels/0", Kind::Count, false),
-    ("texel hits", "/cycles/texels/1", Kind::Count, false),
-    ("stamps tested", "/cycles/slots/0", Kind::Count, false),
-    ("area, LUT equivalents", "/cost/area", Kind::Count, true),
-    ("gates, NAND2", "/cost/gates/total", Kind::Count, true),
-    ("SRAM, kbit", "/cost/gates/sram_kbit", Kind::Tenths, false),
-    ("FIFOs, bits", "/cost/fifo_bits", Kind::Count, false),
+    (
+        "cache look-ups",
+        "/cycles/lookups/0",
+        Notation::Count,
+        false,
+    ),
+    ("cache hits", "/cycles/lookups/1", Notation::Count, false),
+    ("texel look-ups", "/cycles/texels/0", Notation::Count, false),
+    ("texel hits", "/cycles/texels/1", Notation::Count, false),
+    ("stamps tested", "/cycles/slots/0", Notation::Count, false),
+    ("area, LUT equivalents", "/cost/area", Notation::Count, true),
+    ("gates, NAND2", "/cost/gates/total", Notation::Count, true),
+    (
+        "SRAM, kbit",
+        "/cost/gates/sram_kbit",
+        Notation::Tenths,
+        false,
+    ),
+    ("FIFOs, bits", "/cost/fifo_bits", Notation::Count, false),
     (
         "tiles, cache, bits",
         "/cost/memory_bits",
-        Kind::Count,
+        Notation::Count,
         false,
     ),
     (
         "fragment, bits",
         "/machine/fragment_bits",
-        Kind::Count,
+        Notation::Count,
         false,
     ),
     (
         "pixel, bits",
         "/cost/frame_bits_per_pixel",
-        Kind::Count,
+        Notation::Count,
         false,
     ),
     (
         "widest operand, bits",
         "/machine/widest_operand_bits",
-        Kind::Count,
+        Notation::Count,
         false,
     ),
     (
         "energy, mJ per frame",
         "/cost/energy/total",
-        Kind::Scaled(1e3),
+        Notation::Scaled(1e3),
         true,
     ),
     (
         "fixed − golden, dB",
         "/accuracy/fixed_vs_golden/psnr_db",
-        Kind::Decibels,
+        Notation::Decibels,
         true,
     ),
     (
         "golden − ideal, dB",
         "/accuracy/golden_vs_ideal/psnr_db",
-        Kind::Decibels,
+        Notation::Decibels,
         true,
     ),
     (
         "fixed − ideal, dB",
         "/accuracy/fixed_vs_ideal/psnr_db",
-        Kind::Decibels,
+        Notation::Decibels,
         true,
     ),
     (
         "in lockstep, dB",
         "/accuracy/lockstep/psnr_db",
-        Kind::Decibels,
+        Notation::Decibels,
         true,
     ),
     (
         "fixed − ideal, SSIM",
         "/accuracy/fixed_vs_ideal/ssim",
-        Kind::Similarity,
+        Notation::Similarity,
         false,
     ),
     (
         "fixed − golden, pixels > 1/255",
         "/accuracy/fixed_vs_golden/pixels_over_1_255",
-        Kind::Count,
+        Notation::Count,
         false,
     ),
     (
         "decisions that flipped",
         "/accuracy/lockstep/decision_flips",
-        Kind::Count,
+        Notation::Count,
         false,
     ),
     (
         "bound exceeded, pixels",
         "/accuracy/lockstep/bound_violations",
-        Kind::Count,
+        Notation::Count,
         false,
     ),
-    ("splats", "/scene/splats", Kind::Count, false),
-    ("contributions", "/scene/fragments", Kind::Count, false),
-    ("accumulated", "/fragments/accumulated", Kind::Count, false),
-    ("inserted", "/fragments/inserted", Kind::Count, false),
-    ("merged", "/fragments/merged", Kind::Count, false),
-    ("evicted", "/fragments/evicted", Kind::Count, false),
-    ("replaced", "/fragments/replaced", Kind::Count, false),
-    ("dropped", "/fragments/dropped", Kind::Count, false),
-    ("late", "/fragments/late", Kind::Count, false),
-    ("inside", "/fragments/inside", Kind::Count, false),
-    ("summed", "/fragments/summed", Kind::Count, false),
+    ("splats", "/scene/splats", Notation::Count, false),
+    ("contributions", "/scene/fragments", Notation::Count, false),
+    (
+        "accumulated",
+        "/fragments/accumulated",
+        Notation::Count,
+        false,
+    ),
+    ("inserted", "/fragments/inserted", Notation::Count, false),
+    ("merged", "/fragments/merged", Notation::Count, false),
+    ("evicted", "/fragments/evicted", Notation::Count, false),
+    ("replaced", "/fragments/replaced", Notation::Count, false),
+    ("dropped", "/fragments/dropped", Notation::Count, false),
+    ("late", "/fragments/late", Notation::Count, false),
+    ("inside", "/fragments/inside", Notation::Count, false),
+    ("summed", "/fragments/summed", Notation::Count, false),
 ];
 
 /// Figures that either report has, and that differ or are always listed.
 pub(super) fn figures(a: &Value, b: &Value) -> Vec<Figure> {
-    let figure = |(name, pointer, kind, always): (&'static str, &str, Kind, bool)| {
-        let [one, other] = [a, b].map(|report| told(report, pointer, kind));
+    let figure = |(name, pointer, notation, always): (&'static str, &str, Notation, bool)| {
+        let [one, other] = [a, b].map(|report| value_of(report, pointer, notation));
         let is_there = !one.is_null() || !other.is_null();
         let difference = one
             .as_f64()
@@ -158,10 +183,10 @@ pub(super) fn figures(a: &Value, b: &Value) -> Vec<Figure> {
             .map(|(one, other)| other - one);
         let base = one
             .as_f64()
-            .filter(|base| *base != 0.0 && kind != Kind::Decibels);
+            .filter(|base| *base != 0.0 && notation != Notation::Decibels);
         let relative = difference.zip(base).map(|(step, base)| step / base);
-        let scale = match kind {
-            Kind::Scaled(scale) => Some(scale),
+        let scale = match notation {
+            Notation::Scaled(scale) => Some(scale),
             _ => None,
         };
         let path = pointer[1..].replace('/', ".");
@@ -179,9 +204,9 @@ pub(super) fn figures(a: &Value, b: &Value) -> Vec<Figure> {
 }
 
 /// Value of a figure in a report; null if it is absent.
-fn told(report: &Value, pointer: &str, kind: Kind) -> Value {
+fn value_of(report: &Value, pointer: &str, notation: Notation) -> Value {
     let value = report.pointer(pointer).cloned().unwrap_or_default();
-    if kind != Kind::Decibels {
+    if notation != Notation::Decibels {
         return value;
     }
     let Some(pair) = pointer

@@ -50,7 +50,7 @@ const DECIBELS: [&str; 4] = [
 
 /// The workload on which two machines are compared.
 #[derive(Debug)]
-pub enum Frame<'f> {
+pub enum Workload<'f> {
     /// A scene to be drawn on both.
     Scene(&'f Scene),
     /// A recording to be replayed on both: the machines differ only in `timing`.
@@ -59,13 +59,13 @@ pub enum Frame<'f> {
 
 /// One side of a comparison.
 #[derive(Clone, Debug)]
-pub struct Side {
+pub struct ComparisonSide {
     name: String,
     pub(super) report: Value,
     pub(super) pictures: Vec<(&'static str, Picture)>,
 }
 
-impl Side {
+impl ComparisonSide {
     /// A machine without a frame.
     ///
     /// # Errors
@@ -73,7 +73,7 @@ impl Side {
     pub fn of_machine(name: &str, machine: &Machine, prices: &Prices) -> Result<Self> {
         let built = fixed::elaborate(machine).map_err(|error| whose(name, error))?;
         let report = json!({"version": env!("CARGO_PKG_VERSION"), "machine": MachineReport::new(&built), "cost": Cost::new(&built, prices)});
-        Ok(Side {
+        Ok(ComparisonSide {
             name: name.into(),
             report,
             pictures: Vec::new(),
@@ -85,10 +85,17 @@ impl Side {
     /// # Errors
     /// [`Error::Input`] if it cannot be built, cannot hold the scene, or differs from the recorded
     /// machine outside `timing`.
-    pub fn of_frame(name: &str, machine: &Machine, frame: &Frame, prices: &Prices) -> Result<Self> {
+    pub fn of_frame(
+        name: &str,
+        machine: &Machine,
+        frame: &Workload,
+        prices: &Prices,
+    ) -> Result<Self> {
         match frame {
-            Frame::Scene(scene) => Side::of_drawing(name, machine, scene, prices),
-            Frame::Recording(recording) => Side::of_replay(name, machine, recording, prices),
+            Workload::Scene(scene) => ComparisonSide::of_drawing(name, machine, scene, prices),
+            Workload::Recording(recording) => {
+                ComparisonSide::of_replay(name, machine, recording, prices)
+            }
         }
     }
 
@@ -116,7 +123,7 @@ impl Side {
             .into_iter()
             .zip([outcome.fixed, outcome.golden, outcome.ideal].map(shown))
             .collect();
-        Ok(Side {
+        Ok(ComparisonSide {
             name: name.into(),
             report,
             pictures,
@@ -150,7 +157,7 @@ impl Side {
             "cycles": CyclesReport::new(&built.timing, work, &cycles),
             "cost": CostReport::new(&built, &cycles, prices),
         });
-        Ok(Side {
+        Ok(ComparisonSide {
             name: name.into(),
             report,
             pictures: Vec::new(),
@@ -204,7 +211,7 @@ impl Side {
         } else {
             Vec::new()
         };
-        Ok(Some(Side {
+        Ok(Some(ComparisonSide {
             name,
             report,
             pictures,
@@ -237,20 +244,20 @@ fn size(report: &Value) -> Option<[u64; 2]> {
 }
 
 /// Refuses pictures of different sizes.
-pub(super) fn check_sizes(a: &Side, b: &Side) -> Result<()> {
+pub(super) fn check_sizes(a: &ComparisonSide, b: &ComparisonSide) -> Result<()> {
     let (Some(one), Some(other)) = (size(&a.report), size(&b.report)) else {
         return Ok(());
     };
     if one == other || a.pictures.is_empty() || b.pictures.is_empty() {
         return Ok(());
     }
-    let told = |[width, height]: [u64; 2]| format!("{width}×{height}");
+    let text = |[width, height]: [u64; 2]| format!("{width}×{height}");
     let sentence = format!(
         "{} is {} and {} {}: only pictures of the same size can be compared; give the two report.json to compare figures only",
         a.name,
-        told(one),
+        text(one),
         b.name,
-        told(other)
+        text(other)
     );
     Err(Error::input(sentence))
 }
@@ -314,10 +321,10 @@ fn check(report: &Value, whose: &str) -> Result<()> {
         .iter()
         .find(|pointer| !report.pointer(pointer).is_some_and(is_amount))
         .map_or(Ok(()), |pointer| Err(lacks(pointer)))?;
-    let is_told = |value: &Value| value.is_number() || value.is_null();
+    let is_decibels = |value: &Value| value.is_number() || value.is_null();
     DECIBELS
         .iter()
-        .find(|pointer| !report.pointer(pointer).is_some_and(is_told))
+        .find(|pointer| !report.pointer(pointer).is_some_and(is_decibels))
         .map_or(Ok(()), |pointer| Err(lacks(pointer)))?;
     let units = report
         .pointer("/cycles/units")

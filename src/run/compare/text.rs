@@ -1,6 +1,6 @@
 //! Text: a comparison for a terminal of 80 columns.
 
-use super::fields::{FIGURES, Kind};
+use super::fields::{FIGURES, Notation};
 use super::{Comparison, Difference, Figure, Named, Pictures, Unit, UnitSide};
 use crate::output::text::{aligned, clipped, one_line, plain_table, thousands, wrapped};
 use rtl_model::num::Format;
@@ -56,12 +56,12 @@ impl Comparison {
     fn figure_table(&self) -> String {
         let mut table = plain_table(&["", "A", "B", "B against A"]);
         for figure in &self.figures {
-            let kind = kind(figure);
+            let notation = notation(figure);
             table.add_row([
                 figure.name.into(),
-                number(&figure.a, kind),
-                number(&figure.b, kind),
-                step(figure, kind),
+                number(&figure.a, notation),
+                number(&figure.b, notation),
+                step(figure, notation),
             ]);
         }
         aligned(table).trim_fmt()
@@ -224,32 +224,32 @@ fn plain(value: &Value) -> String {
     }
 }
 
-fn kind(figure: &Figure) -> Kind {
+fn notation(figure: &Figure) -> Notation {
     FIGURES
         .iter()
         .find(|(name, ..)| *name == figure.name)
-        .map_or(Kind::Name, |(_, _, kind, _)| *kind)
+        .map_or(Notation::Name, |(_, _, notation, _)| *notation)
 }
 
-fn number(value: &Value, kind: Kind) -> String {
+fn number(value: &Value, notation: Notation) -> String {
     let Some(number) = value.as_f64() else {
         return value.as_str().map_or("–".into(), clipped);
     };
-    match kind {
-        Kind::Count => thousands(number as u64),
-        Kind::Tenths | Kind::Decibels => format!("{number:.1}"),
-        Kind::Scaled(factor) => format!("{:.2}", number * factor),
-        Kind::Similarity => format!("{number:.5}"),
-        Kind::Name => value.to_string(),
+    match notation {
+        Notation::Count => thousands(number as u64),
+        Notation::Tenths | Notation::Decibels => format!("{number:.1}"),
+        Notation::Scaled(factor) => format!("{:.2}", number * factor),
+        Notation::Similarity => format!("{number:.5}"),
+        Notation::Name => value.to_string(),
     }
 }
 
-fn step(figure: &Figure, kind: Kind) -> String {
+fn step(figure: &Figure, notation: Notation) -> String {
     match (figure.a.as_f64(), figure.b.as_f64()) {
         _ if figure.a == figure.b => "=".into(),
-        (Some(a), Some(b)) => match kind {
-            Kind::Decibels => signed(b - a, " dB"),
-            Kind::Similarity => format!("{:+.5}", b - a).replace('-', "−"),
+        (Some(a), Some(b)) => match notation {
+            Notation::Decibels => signed(b - a, " dB"),
+            Notation::Similarity => format!("{:+.5}", b - a).replace('-', "−"),
             _ => relative(a, b),
         },
         _ => String::new(),

@@ -12,7 +12,7 @@ const machinePage = (report, cycles, tiles) => {
   const SHADES = { busy: 'var(--c0)', starved: 'var(--line)', blocked: 'var(--c1)', memory: 'var(--c4)' };
   const DOES = {
     fetch: 'reads splats from memory', project: 'world point → camera → pixel', ellipse: 'normal and radius, or three axes → ellipse, box, depth slopes', sort: 'sorts splats by depth', colour: 'colours from harmonics',
-    bin: 'lists splats tile by tile', list: 'reads the lists of tiles', raster: 'walks the box: radial index and depth of each pixel', gauss: 'radial index → weight', cache: 'keeps lines of the frame buffer',
+    bin: 'lists splats tile by tile', list: 'reads the lists of tiles', raster: 'walks the box: radial index and depth per pixel', gauss: 'radial index → weight', cache: 'keeps lines of the frame buffer',
     fragment: 'at most l fragments per pixel: accumulate, insert, merge, evict', shade: 'divides by the weight, normalises, lights', resolve: 'blends front to back into the frame word',
   };
   // Words on the wires to a unit.
