@@ -7,7 +7,7 @@ use crate::handmade::{Rng, confetti, glass, scene, splat};
 use crate::tier;
 use glam::{DMat3, DVec3};
 use splatsim::golden::{
-    Decision, FragmentDepth, Group, Merge, Rendering, Rules, ideal, ideal_of, render, story,
+    Decision, FragmentDepth, Group, Merge, Rendering, Rules, ideal, ideal_of, pixel_trace, render,
 };
 use splatsim::scene::{Camera, Image, Kernel, Light, Material, Scene, Splat};
 

@@ -348,7 +348,7 @@ proptest! {
         let path: Vec<&str> = parts.iter().map(String::as_str).collect();
         // What is drawn again is asked for elsewhere.
         prop_assume!(!matches!(path.as_slice(), ["map", _] | ["pixel" | "story" | "drawn"]));
-        let response = VIEW.answer(&path, &request);
+        let response = VIEW.respond(&path, &request);
         prop_assert!(!response.body.windows(8).any(|eight| eight == b"nobody's"), "{:?}", path);
         let known = matches!(path.as_slice(), [""] | ["folder"] | ["assets" | "file", _]);
         prop_assert_eq!(response.status, if known && response.status == 200 { 200 } else { 404 });
@@ -776,7 +776,7 @@ fn files_that_changed_since_are_refused_in_a_sentence() {
             host: String::new(),
             head_only: false,
         };
-        let response = view.answer(&["file", name], &request);
+        let response = view.respond(&["file", name], &request);
         (
             response.status,
             String::from_utf8_lossy(&response.body).into_owned(),

@@ -10,7 +10,7 @@
 use glam::DVec2;
 use splatsim::error::{Error, Result};
 use splatsim::golden::{Rules, render};
-use splatsim::output::chart::{Chart, Tile, write_png};
+use splatsim::output::chart::{Chart, PictureTile, write_png};
 use splatsim::output::picture::Picture;
 use splatsim::sampling::{self, Acquisition, Amount, Pattern, Radii, Request, file, sample};
 use splatsim::scene::mesh::{Image, Mesh, Texture, Wrap};
@@ -279,7 +279,7 @@ fn main() -> Result<()> {
                     ways[2].most_beyond
                 );
                 if cutoff == 2.0 {
-                    tiles.push(Tile {
+                    tiles.push(PictureTile {
                         caption: view.to_string(),
                         picture: reference,
                     });
@@ -290,7 +290,7 @@ fn main() -> Result<()> {
                     tiles.extend(
                         captions
                             .zip(drawn)
-                            .map(|(caption, picture)| Tile { caption, picture }),
+                            .map(|(caption, picture)| PictureTile { caption, picture }),
                     );
                 }
             }
