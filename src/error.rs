@@ -102,12 +102,12 @@ mod tests {
     use std::time::Duration;
 
     #[test]
-    fn a_sentence_is_short_whatever_it_quotes_and_shows_where_that_begins_and_ends() {
+    fn a_sentence_is_short_and_shows_beginning_and_end_of_long_quotations() {
         let long = "é".repeat(1 << 20);
-        let message = Error::input(format!("scene.json: a{long}z is no file")).to_string();
+        let message = Error::input(format!("scene.json: a{long}z is not a file")).to_string();
         assert!(
             message.starts_with("scene.json: aé")
-                && message.ends_with("éz is no file")
+                && message.ends_with("éz is not a file")
                 && message.contains('…'),
             "{message}"
         );

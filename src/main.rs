@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 fn main() -> ExitCode {
     files::clean_up_on_signals();
-    fail_where_memory_ends();
+    exit_with_1_on_failed_allocation();
     match cli::run(std::env::args_os()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -18,7 +18,7 @@ fn main() -> ExitCode {
 
 /// Sets the exit status of a failed allocation to 1, as for a failed job. The allocation itself
 /// prints a sentence and aborts.
-fn fail_where_memory_ends() {
+fn exit_with_1_on_failed_allocation() {
     #[cfg(unix)]
     {
         let always = std::sync::Arc::new(true.into());

@@ -174,7 +174,7 @@ impl Attribution {
         let table = aligned(table).to_string();
         let lines: Vec<&str> = table.lines().map(str::trim_end).collect();
         format!(
-            "fixed − golden at covered pixels: alone in words, and all words but its own\n\n{}",
+            "fixed − golden at covered pixels: alone (only it in words), without (all but it)\n\n{}",
             lines.join("\n")
         )
     }
@@ -192,8 +192,8 @@ impl Attribution {
         };
         let legend = || {
             vec![
-                "alone in words".to_owned(),
-                "all words but its own".to_owned(),
+                "only it in words".to_owned(),
+                "all but it in words".to_owned(),
             ]
         };
         let axis = || Axis::log("mean error at covered pixels, linear light");

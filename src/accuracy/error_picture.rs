@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn the_greatest_error_does_not_clip_but_nearly() {
+    fn the_greatest_error_almost_clips() {
         let error = error_picture(&black(10), &with(black(10), 3, 1, 0.03));
         assert_eq!(error.scale, 32.0);
         assert_eq!(
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn a_single_difference_is_shown_whole() {
+    fn a_single_difference_does_not_clip() {
         assert_eq!(
             error_picture(&black(2000), &with(black(2000), 7, 1, 0.25)).scale,
             4.0
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn the_scale_has_ends() {
+    fn the_scale_is_limited() {
         assert_eq!(error_picture(&black(5), &black(5)).scale, 1.0);
         assert_eq!(
             error_picture(&black(5), &with(black(5), 0, 1, 1e-12)).scale,

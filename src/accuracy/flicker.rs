@@ -12,7 +12,7 @@
 //! changes by half a 255th or more. Without still pixels there is no figure. A single NaN or
 //! infinite value makes all figures the worst possible: a change of 1 at every still pixel.
 //!
-//! Laws: `nothing_still_says_nothing`, `what_is_no_number_flickers_as_much_as_can_be`,
+//! Laws: `without_still_pixels_there_is_no_figure`, `a_nan_makes_flicker_the_worst_possible`,
 //! `an_error_that_stays_does_not_flicker`.
 
 use super::metrics::is_finite;
@@ -279,7 +279,7 @@ mod tests {
     }
 
     #[test]
-    fn nothing_still_says_nothing() {
+    fn without_still_pixels_there_is_no_figure() {
         let (before, now) = (
             frame(&[0.1], &[0.1], &[0.0]),
             frame(&[0.2], &[0.2], &[STILL]),
@@ -296,7 +296,7 @@ mod tests {
     }
 
     #[test]
-    fn what_nothing_covers_is_not_counted() {
+    fn uncovered_pixels_are_not_counted() {
         let mut frames = [
             frame(&[0.1; 3], &[0.1; 3], &[0.1; 3]),
             frame(&[0.1, 0.1, 0.3], &[0.1; 3], &[0.1; 3]),
@@ -326,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_flickers_as_much_as_can_be() {
+    fn a_nan_makes_flicker_the_worst_possible() {
         let still = frame(&[0.1; 4], &[0.1; 4], &[0.1; 4]);
         for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             for which in 0..3 {

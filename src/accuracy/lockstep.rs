@@ -22,7 +22,7 @@ mod window;
 
 use crate::golden::Rules;
 use crate::golden::footprint::{
-    Contribution as Exact, Cull, Footprint, FootprintRow, set_up_anyway,
+    Contribution as Exact, Cull, Footprint, FootprintRow, set_up_with_cull,
 };
 use crate::golden::fragments::Fragment;
 use crate::golden::shade::Shader;
@@ -337,7 +337,7 @@ impl<'a> FrameContext<'a> {
 
     /// A splat, exact and with the machine's bounds.
     fn splat(&self, index: u32) -> BoundedSplat {
-        let (mut footprint, cull) = set_up_anyway(
+        let (mut footprint, cull) = set_up_with_cull(
             self.scene,
             &self.eye,
             index as usize,
@@ -463,7 +463,7 @@ impl<'a> FrameContext<'a> {
 /// and row.
 fn reached(scene: &Scene, eye: &View) -> Vec<(u32, [u16; 4])> {
     let rectangle = |index: usize| {
-        let (footprint, cull) = set_up_anyway(scene, eye, index, scene.least_weight());
+        let (footprint, cull) = set_up_with_cull(scene, eye, index, scene.least_weight());
         let (columns, rows) = (footprint.columns, footprint.rows);
         let drawn = cull.is_none() && !columns.is_empty() && !rows.is_empty();
         let [first, end] = [[columns.start, rows.start], [columns.end, rows.end]];
@@ -649,7 +649,7 @@ impl<'a> LockstepProbe<'a> {
         self.touched.push(splat.index);
         if splat.cull.is_none() {
             for at in self.lost(&splat.footprint, [left, top]) {
-                self.lose(&splat, at);
+                self.count_lost(&splat, at);
             }
         }
         self.reached = Mask::default();
@@ -670,7 +670,7 @@ impl<'a> LockstepProbe<'a> {
             if touched.peek() == Some(&index) {
                 continue;
             }
-            let (footprint, _) = set_up_anyway(
+            let (footprint, _) = set_up_with_cull(
                 stage.scene,
                 &stage.eye,
                 index as usize,
@@ -679,7 +679,7 @@ impl<'a> LockstepProbe<'a> {
             let lost = self.lost(&footprint, [left, top]);
             if !lost.is_empty() {
                 let splat = stage.splat(index);
-                lost.into_iter().for_each(|at| self.lose(&splat, at));
+                lost.into_iter().for_each(|at| self.count_lost(&splat, at));
             }
         }
     }
@@ -701,7 +701,7 @@ impl<'a> LockstepProbe<'a> {
     }
 
     /// Counts a contribution that only `golden` has.
-    fn lose(&mut self, splat: &BoundedSplat, [x, y]: [u32; 2]) {
+    fn count_lost(&mut self, splat: &BoundedSplat, [x, y]: [u32; 2]) {
         let stage = self.stage;
         let (culled, covered) = (stage.may_cull(splat), stage.may_cover(splat, x, y));
         self.at_pixel(in_tile(x, y), |_, flips| {
@@ -774,7 +774,7 @@ fn violates(held: [f64; 4], near: [Near; 4]) -> bool {
 }
 
 /// Error and bound of a pixel's worst channels; infinite for NaN.
-fn judged(held: [f64; 4], near: [Near; 4]) -> [f64; 2] {
+fn worst_channels(held: [f64; 4], near: [Near; 4]) -> [f64; 2] {
     let number = |x: f64| if x.is_nan() { f64::INFINITY } else { x };
     let errors = held
         .into_iter()
@@ -888,7 +888,7 @@ impl<'a> Observer<'a> for LockstepProbe<'a> {
         });
         let format = self.stage.machine.machine.resolve.frame.format;
         let held = frame.map(|word| format.value(word));
-        let [error, bound] = judged(held, near);
+        let [error, bound] = worst_channels(held, near);
         self.violations += u64::from(violates(held, near));
         self.tile.led[pixel] = near.map(|channel| channel.value);
         self.tile.bound[pixel] = bound;

@@ -4,7 +4,7 @@
 //! contains one is at the greatest distance from any other picture: 0 dB, error 1. Therefore no
 //! comparison can take it for equal or good.
 //!
-//! Law: `what_is_no_number_is_never_equal`.
+//! Law: `nan_is_never_equal`.
 
 mod flip;
 mod ssim;
@@ -316,7 +316,7 @@ mod tests {
 
     /// From numpy: `d = abs(a − b)`, `−10·log10((d·d).mean())` and so on.
     #[test]
-    fn the_distances_are_those_that_numpy_finds() {
+    fn distances_equal_those_of_numpy() {
         let (a, b) = pair(24, 20);
         let metrics = metrics(&a, &b);
         assert!(
@@ -347,7 +347,7 @@ mod tests {
     /// From scikit-image: `structural_similarity(a, b, gaussian_weights=True, sigma=1.5,
     /// use_sample_covariance=False, data_range=1, channel_axis=2)`.
     #[test]
-    fn ssim_is_what_scikit_image_finds() {
+    fn ssim_equals_that_of_scikit_image() {
         let (a, b) = pair(24, 20);
         assert!(close(metrics(&a, &b).ssim, 0.9932441143041267));
         let (a, b) = pair(11, 11);
@@ -356,7 +356,7 @@ mod tests {
 
     /// From numpy, with a matrix of renormalised window weights for each side.
     #[test]
-    fn ssim_cuts_its_window_where_a_picture_is_narrower() {
+    fn ssim_cuts_its_window_at_a_narrower_picture() {
         for (width, height, expected) in [(7, 20, 0.9930814245918298), (3, 2, 0.9921228786918073)] {
             let (a, b) = pair(width, height);
             assert!(close(metrics(&a, &b).ssim, expected), "{width}×{height}");
@@ -400,7 +400,7 @@ mod tests {
     /// flip-evaluator 1.7 (PyPI), mean of its map in numpy's float64. The program computes in 32
     /// bits: rounding leaves edges of 3e-9 in a plain picture, and their root is a feature of 5e-5.
     #[test]
-    fn flip_is_what_its_authors_program_finds() {
+    fn flip_equals_that_of_its_authors_program() {
         let of = |(a, b): (Picture, Picture)| (fidelity(&b, &a).flip, fidelity(&a, &b).flip);
         for (pictures, expected) in [
             (pair(24, 20), 0.08018433192046359),
@@ -436,7 +436,7 @@ mod tests {
     /// Worked out by hand: a mean square of (0.1² + 0² + 0.2²)/3 is 17.782 dB; without variance
     /// only the luminance term of SSIM remains.
     #[test]
-    fn fidelity_of_two_plain_pictures_is_what_a_pencil_finds() {
+    fn fidelity_of_two_plain_pictures_equals_that_worked_out_by_hand() {
         let (a, b) = (
             plain(13, 12, [0.5, 0.25, 0.8]),
             plain(13, 12, [0.6, 0.25, 0.6]),
@@ -497,7 +497,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_pictures_have_no_psnr_and_nothing_covered_has_none_either() {
+    fn equal_or_uncovered_pictures_have_no_psnr() {
         let (a, b) = pair(24, 20);
         let same = metrics(&a, &a);
         assert_eq!(
@@ -530,7 +530,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_outside_of_the_range_is_clamped_before_it_is_compared() {
+    fn values_out_of_range_are_clamped_before_comparison() {
         let picture = |value: f64| Picture {
             width: 1,
             height: 1,
@@ -541,7 +541,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_never_equal() {
+    fn nan_is_never_equal() {
         let black = Picture {
             width: 40,
             height: 40,

@@ -337,7 +337,7 @@ impl<'a> Cover for FrameFootprint<'a> {
         [self.footprint.columns.clone(), self.footprint.rows.clone()]
     }
 
-    fn give(
+    fn contribute(
         &self,
         columns: Range<u32>,
         rows: Range<u32>,

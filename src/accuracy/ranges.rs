@@ -10,7 +10,7 @@
 //! incremented pixel by pixel (`raster.radial`, `raster.depth`) the words are its seeds; the values
 //! that it reaches count for the narrowest format.
 //!
-//! Laws: `a_report_says_what_a_range_holds`,
+//! Laws: `a_report_contains_the_extremes_of_a_range`,
 //! `a_machine_of_narrowest_formats_draws_the_same_picture`.
 
 use crate::accuracy::partial::UNITS;
@@ -227,7 +227,7 @@ impl SignalReport {
             .map(|bits| bits.map_or(String::new(), |bits| bits.to_string()));
         let needs = self.narrowest.clone().unwrap_or_default();
         let limited = if self.overflows() > 0 {
-            few_letters(self.overflows())
+            few_characters(self.overflows())
         } else {
             String::new()
         };
@@ -340,7 +340,7 @@ fn few_digits(value: f64) -> String {
 }
 
 /// A count in at most four characters.
-fn few_letters(count: u64) -> String {
+fn few_characters(count: u64) -> String {
     let [thousands, millions] = [count / 1000, count / 1_000_000];
     match count {
         0..10_000 => count.to_string(),

@@ -226,13 +226,13 @@ pub(crate) fn set_up(
     index: usize,
     least_weight: f64,
 ) -> Result<Footprint, Cull> {
-    let (footprint, cull) = set_up_anyway(scene, view, index, least_weight);
+    let (footprint, cull) = set_up_with_cull(scene, view, index, least_weight);
     cull.map_or(Ok(footprint), Err)
 }
 
 /// Sets up the `index`-th splat, and returns why it is culled if it is; its footprint may then be
 /// meaningless. The tests are in the order in which culled splats are counted.
-pub(crate) fn set_up_anyway(
+pub(crate) fn set_up_with_cull(
     scene: &Scene,
     view: &View,
     index: usize,

@@ -270,7 +270,7 @@ impl Cover for Footprint {
         [self.columns.clone(), self.rows.clone()]
     }
 
-    fn give(
+    fn contribute(
         &self,
         columns: Range<u32>,
         rows: Range<u32>,
@@ -470,7 +470,7 @@ mod tests {
     }
 
     #[test]
-    fn a_contribution_joins_the_nearest_fragment_and_of_equals_the_lowest_slot() {
+    fn a_contribution_joins_the_nearest_fragment_and_the_lowest_slot_on_ties() {
         assert_eq!(
             last(&NEAREST, &[10.0, 11.0, 10.75]).0,
             Decision::Accumulated { slot: 1 }
@@ -504,7 +504,7 @@ mod tests {
     }
 
     #[test]
-    fn the_nearest_pair_merges_and_of_equals_the_one_nearer_to_the_eye() {
+    fn the_nearest_pair_merges_and_on_ties_the_one_nearer_to_the_eye() {
         let (decision, slots) = last(&NEAREST, &[30.0, 10.0, 22.0, 14.0]);
         assert_eq!(
             (decision, slots),
@@ -540,7 +540,7 @@ mod tests {
     }
 
     #[test]
-    fn the_new_fragment_comes_after_equals_and_a_shaded_one_takes_nothing_more() {
+    fn the_new_fragment_comes_after_equals_and_a_shaded_one_takes_no_contributions() {
         // 12 and 13 merge at 12; another 12 finds no unshaded fragment, overflows and lands behind
         // the shaded one.
         let (decision, slots) = last(&NEAREST, &[10.0, 12.0, 16.0, 13.0, 12.0]);
@@ -554,7 +554,7 @@ mod tests {
     }
 
     #[test]
-    fn one_layer_merges_with_what_comes() {
+    fn a_single_layer_merges_with_every_contribution() {
         let rules = Rules {
             layers: 1,
             ..NEAREST
@@ -596,7 +596,7 @@ mod tests {
     }
 
     #[test]
-    fn the_deepest_leaves_where_something_opaque_lies_before_it() {
+    fn the_deepest_fragment_is_dropped_behind_an_opaque_one() {
         let rules = Rules {
             evict_hidden: true,
             ..NEAREST
@@ -631,7 +631,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_opaque_and_deepest_hides_nothing() {
+    fn an_opaque_deepest_fragment_hides_nothing() {
         let rules = Rules {
             evict_hidden: true,
             ..NEAREST
@@ -644,7 +644,7 @@ mod tests {
     }
 
     #[test]
-    fn opaque_means_covering_too() {
+    fn an_opaque_fragment_also_covers() {
         let thin = Fragment {
             weight: 0.2,
             alpha: 0.2,

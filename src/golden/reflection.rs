@@ -205,7 +205,7 @@ mod tests {
         /// Length and angle are preserved, and the result is in the plane of ray and normal: the
         /// law of reflection by its definition.
         #[test]
-        fn a_ray_leaves_as_it_comes(ray in vector(), normal in vector()) {
+        fn a_reflected_ray_keeps_length_and_angle(ray in vector(), normal in vector()) {
             let normal = normal.normalize();
             let mirrored = reflected(ray, normal);
             prop_assert!((mirrored.length() - ray.length()).abs() < 1e-12);
@@ -214,14 +214,14 @@ mod tests {
         }
 
         #[test]
-        fn a_direction_is_found_at_its_place(direction in vector()) {
+        fn a_direction_is_restored_from_its_map_position(direction in vector()) {
             let found = of_place(place(direction));
             prop_assert!(found.normalize().abs_diff_eq(direction.normalize(), 1e-9), "{found} of {direction}");
         }
 
         /// Beyond a side the map continues with the directions on the other side of it.
         #[test]
-        fn nothing_jumps_at_a_side(along in 0.0..1.0f64) {
+        fn the_map_is_continuous_across_its_sides(along in 0.0..1.0f64) {
             for side in [0.0, 1.0] {
                 let out = if side == 0.0 { -1e-7 } else { 1e-7 };
                 for (inside, outside) in [([side - out, along], [side + out, along]), ([along, side - out], [along, side + out])] {

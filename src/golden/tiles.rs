@@ -28,7 +28,7 @@ pub(crate) trait Cover: Sync {
     /// Pixel columns and rows of its box, within the picture.
     fn sides(&self) -> [Range<u32>; 2];
     /// Generates the contributions to these columns of these rows, which are inside the box.
-    fn give(
+    fn contribute(
         &self,
         columns: Range<u32>,
         rows: Range<u32>,
@@ -145,9 +145,14 @@ impl Cover for TileDisc<'_> {
         [self.columns, self.rows].map(|[start, end]| start.into()..end.into())
     }
 
-    fn give(&self, columns: Range<u32>, rows: Range<u32>, take: impl FnMut([u32; 2], Fragment)) {
+    fn contribute(
+        &self,
+        columns: Range<u32>,
+        rows: Range<u32>,
+        take: impl FnMut([u32; 2], Fragment),
+    ) {
         if let Ok(footprint) = self.rules.footprint(self.splat as usize) {
-            footprint.give(columns, rows, take);
+            footprint.contribute(columns, rows, take);
         }
     }
 }
@@ -322,7 +327,7 @@ impl<P: Painter> Band<'_, P> {
         arrivals: &mut [u64; PIXELS_IN_A_TILE],
     ) {
         let [columns, rows] = footprint.sides();
-        footprint.give(
+        footprint.contribute(
             clip(&columns, left),
             clip(&rows, self.top),
             |[x, y], contribution| {

@@ -603,14 +603,14 @@ impl Cover for LitFootprint {
         self.footprint.sides()
     }
 
-    fn give(
+    fn contribute(
         &self,
         columns: Range<u32>,
         rows: Range<u32>,
         mut take: impl FnMut([u32; 2], LitContribution),
     ) {
         let (colour, opacity) = (self.colour, self.footprint.opacity);
-        self.footprint.give(columns, rows, |pixel, sums| {
+        self.footprint.contribute(columns, rows, |pixel, sums| {
             take(
                 pixel,
                 LitContribution {
@@ -802,8 +802,8 @@ mod tests {
         (decisions[decisions.len() - 1], near)
     }
 
-    fn with_rule<T>(rules: &Rules, ask: impl FnOnce(&Window) -> T) -> T {
-        ask(&Window::new(rules, 1.0, &Shader::unlit(COVERS)))
+    fn with_rule<T>(rules: &Rules, read: impl FnOnce(&Window) -> T) -> T {
+        read(&Window::new(rules, 1.0, &Shader::unlit(COVERS)))
     }
 
     fn seen(layers: &[Layer]) -> Vec<LayerVisibility> {
@@ -842,7 +842,7 @@ mod tests {
     }
 
     #[test]
-    fn a_contribution_joins_the_nearest_cluster_that_stays_narrow_and_of_equals_the_lowest() {
+    fn a_contribution_joins_the_nearest_cluster_that_stays_narrow_and_the_lowest_on_ties() {
         let rules = rules(8, 0.5);
         assert_eq!(
             last(&rules, &[10.0, 10.4375], 0.0).0,
@@ -911,7 +911,7 @@ mod tests {
     }
 
     #[test]
-    fn of_two_equally_near_surfaces_the_front_is_late() {
+    fn a_contribution_equally_near_to_both_surfaces_is_late_for_the_front() {
         let layers = [Layer::Closed(closed([10.0, 10.0], [10.5, 10.5]))];
         let late = |z| with_rule(&rules(8, 0.0), |window| window.late_for(z, &layers));
         assert_eq!(late(10.25), Some((0, Side::Front)));
@@ -952,7 +952,7 @@ mod tests {
     }
 
     #[test]
-    fn a_late_back_is_seen_through_all() {
+    fn a_late_back_is_blended_behind_everything() {
         let mut late = closed([10.0, 10.0], [14.0, 14.0]);
         let white = LitContribution {
             colour: DVec3::ONE,
@@ -979,7 +979,7 @@ mod tests {
     }
 
     #[test]
-    fn what_covers_takes_no_more_colour() {
+    fn a_covering_surface_takes_no_more_colour() {
         let mut late = closed([10.0, 10.0], [14.0, 14.0]);
         late.front.weight = COVERS;
         with_rule(&rules(8, 0.0), |window| {
@@ -998,7 +998,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_within_belongs_to_the_last_that_spans_it() {
+    fn a_contribution_inside_belongs_to_the_last_layer_that_spans_it() {
         let layers = [[10.0, 20.0], [12.0, 18.0], [30.0, 40.0]]
             .map(|[near, far]| Layer::Closed(closed([near; 2], [far; 2])));
         let around = |z| with_rule(&rules(8, 0.0), |window| window.around(z, &layers));
@@ -1032,7 +1032,7 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_inside_is_seen_through_the_front_and_hides_the_back() {
+    fn an_inside_layer_is_behind_the_front_and_hides_the_back() {
         let white = |z| Closed::of_one(DVec4::splat(0.5), part(z, z, 1.0));
         let mut both = closed([10.0; 2], [20.0; 2]);
         both.put_inside(&white(12.0));
@@ -1048,7 +1048,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_clear_takes_the_colour_of_what_comes_inside() {
+    fn a_transparent_layer_takes_the_colour_of_an_inside_layer() {
         let mut clear = Closed {
             colour: DVec4::ZERO,
             behind_front: 1.0,
@@ -1062,7 +1062,7 @@ mod tests {
     // --- Step 3 ---
 
     #[test]
-    fn slots_are_in_the_order_of_their_nearest_depths_and_equals_as_they_came() {
+    fn slots_are_sorted_by_nearest_depth_and_stable_on_ties() {
         assert_eq!(
             last(&rules(8, 0.0), &[30.0, 10.0, 20.0], 0.0),
             (Decision::Inserted { slot: 1 }, vec![10.0, 20.0, 30.0])
@@ -1084,7 +1084,7 @@ mod tests {
     // --- Step 4 ---
 
     #[test]
-    fn windows_begin_at_the_nearest_depth_and_hide_what_lies_behind() {
+    fn windows_begin_at_the_nearest_depth_and_hide_layers_behind_them() {
         let found = seen(&[
             open(0.0, 0.4),
             open(0.75, 0.4),
@@ -1108,7 +1108,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cluster_belongs_where_its_mean_does() {
+    fn a_cluster_belongs_to_the_window_of_its_mean() {
         let mut wide = Open::new(at(0.5, 0.0).sums);
         wide.add(&at(1.25, 0.0).sums);
         assert_eq!(seen(&[open(0.0, 0.0), Layer::Open(wide)])[1].first, 0);
@@ -1117,7 +1117,7 @@ mod tests {
     }
 
     #[test]
-    fn a_closed_layer_ends_a_window_and_hides_by_where_the_next_lies() {
+    fn a_closed_layer_ends_a_window_and_hides_by_the_depth_of_the_next() {
         let layers = [
             open(0.0, 0.5),
             Layer::Closed(closed([0.25; 2], [5.0; 2])),
@@ -1133,7 +1133,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_seen_is_a_power_of_two_or_nothing() {
+    fn transmittance_is_a_power_of_two_or_0() {
         let rounded = [
             1.0,
             0.9,
@@ -1155,7 +1155,7 @@ mod tests {
     // --- Steps 5 and 6 ---
 
     #[test]
-    fn what_nobody_sees_is_dropped() {
+    fn a_hidden_layer_is_dropped() {
         let layers = |last: f64| [at(10.0, 1.0), at(20.0, 0.5), at(last, 0.5)];
         let (decided, near, _) = drawn(&rules(2, 0.0), &layers(15.0));
         assert_eq!(
@@ -1205,7 +1205,7 @@ mod tests {
     }
 
     #[test]
-    fn of_pairs_that_cost_the_same_the_nearer_is_summed() {
+    fn on_equal_costs_the_nearer_pair_is_summed() {
         let arrivals = [at(0.0, 0.0), at(0.25, 0.0), at(5.0, 0.0), at(5.25, 0.0)];
         assert_eq!(
             drawn(&rules(3, 0.0), &arrivals).0[3],
@@ -1254,7 +1254,7 @@ mod tests {
     // --- Step 7 ---
 
     #[test]
-    fn two_that_are_too_far_apart_are_closed() {
+    fn two_layers_too_far_apart_are_closed() {
         let (decision, near) = last(&rules(2, 0.0), &[10.0, 1.0, 11.0], 0.5);
         assert_eq!(
             (decision, near),
@@ -1270,7 +1270,7 @@ mod tests {
     }
 
     #[test]
-    fn a_surface_that_is_closed_is_one_part() {
+    fn a_closed_surface_is_one_part() {
         let closed = with_rule(&rules(2, 0.0), |window| window.close(&open(3.0, 0.5)));
         assert_eq!(
             (closed.colour, closed.behind_front, closed.before_back),
@@ -1288,7 +1288,7 @@ mod tests {
     }
 
     #[test]
-    fn over_takes_the_back_of_what_reaches_deeper() {
+    fn over_takes_the_deeper_back() {
         let one = |z| Closed::of_one((GREY * 0.5).extend(0.5), part(z, z, z));
         let mut both = one(1.0);
         both.put_over(&one(5.0));
@@ -1308,7 +1308,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_closed_layer_encloses_comes_inside() {
+    fn an_enclosed_layer_is_blended_inside() {
         let rule = rules(2, 0.0);
         let arrivals = [
             at(10.0, 0.5),
@@ -1344,7 +1344,7 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_late_finds_its_surface() {
+    fn a_late_contribution_finds_its_surface() {
         let arrivals = [
             at(10.0, 0.5),
             at(1.0, 0.5),
@@ -1428,7 +1428,7 @@ mod tests {
     // --- Arbitrary input ---
 
     #[test]
-    fn no_number_is_too_odd() {
+    fn arbitrary_numbers_are_accepted() {
         let odd = [
             f64::NAN,
             f64::INFINITY,

@@ -123,7 +123,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_group_has_what_its_limit_leaves_and_what_the_system_takes_back() {
+    fn the_free_memory_of_a_group_includes_reclaimable_memory() {
         let folder = tempfile::tempdir().unwrap();
         let group = ControlGroup {
             folder: folder.path().to_owned(),
@@ -163,7 +163,7 @@ mod tests {
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn more_than_any_host_has_is_refused_in_numbers() {
+    fn more_memory_than_any_host_has_is_refused_with_both_amounts() {
         let message = check(1 << 50).unwrap_err();
         assert!(
             message.starts_with("it needs 1125899.9 GB of memory, and ")

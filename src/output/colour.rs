@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn middle_grey_is_what_the_standard_says() {
+    fn middle_grey_equals_that_of_the_standard() {
         assert!((srgb_decode(0.5) - 0.214_041_14).abs() < 1e-8);
         assert_eq!((srgb_decode(-1.0), srgb_decode(2.0)), (0.0, 1.0));
         assert_eq!(srgb_encode(-1.0), 0.0);

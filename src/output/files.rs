@@ -35,7 +35,7 @@ impl Folder {
     /// [`Error::Input`] if they cannot be written, or another process is writing there.
     pub fn open(path: &Path) -> Result<Self> {
         let folder = Folder::locked(path, File::try_lock)?;
-        remove_left(path);
+        remove_unfinished(path);
         Ok(folder)
     }
 
@@ -137,7 +137,7 @@ fn leads_to(_: &Path, _: &File) -> bool {
 }
 
 /// Removes unfinished files of ended processes in a folder that this process has locked.
-fn remove_left(folder: &Path) {
+fn remove_unfinished(folder: &Path) {
     let is_left = |name: &str| {
         let process = name
             .strip_suffix(PART)
@@ -430,7 +430,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn of_several_files_the_first_that_cannot_be_written_is_named_and_the_others_are_there() {
+    fn the_first_file_that_cannot_be_written_is_named_and_the_others_exist() {
         let folder = tempfile::tempdir().unwrap();
         let put = |text: &'static str| -> Writing<'static> {
             Box::new(move |path: &Path| {
@@ -507,7 +507,7 @@ mod tests {
     }
 
     #[test]
-    fn a_new_folder_that_nothing_is_written_into_is_gone() {
+    fn a_new_folder_without_files_is_removed() {
         let folder = tempfile::tempdir().unwrap();
         let deep = folder.path().join("a/b");
         drop(Folder::open(&deep).unwrap());
@@ -545,7 +545,7 @@ mod tests {
     }
 
     #[test]
-    fn many_at_once_never_lose_the_folder_that_they_hold() {
+    fn concurrent_processes_never_lose_a_locked_folder() {
         let folder = tempfile::tempdir().unwrap();
         let new = folder.path().join("a/b");
         let held = std::sync::atomic::AtomicU32::new(0);
@@ -572,7 +572,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_killed_process_left_unfinished_is_removed_and_other_files_are_not() {
+    fn unfinished_files_of_a_killed_process_are_removed_and_other_files_are_not() {
         let folder = tempfile::tempdir().unwrap();
         // No process has such a high number.
         let [left, of_us, others] = [
@@ -658,7 +658,7 @@ mod tests {
     }
 
     #[test]
-    fn a_failed_write_keeps_what_was_there() {
+    fn a_failed_write_keeps_the_old_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("picture.png");
         fs::write(&path, "old").unwrap();

@@ -194,7 +194,7 @@ mod tests {
     }
 
     #[test]
-    fn code_values_are_those_that_a_png_holds() {
+    fn code_values_equal_those_of_a_png() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("picture.png");
         // With a value exactly between two codes, and colours that are already codes.
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn an_exr_holds_what_the_picture_holds() {
+    fn an_exr_contains_the_values_of_the_picture() {
         use exr::prelude::{ReadChannels, ReadLayers};
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("picture.exr");

@@ -289,7 +289,7 @@ mod tests {
     }
 
     #[test]
-    fn who_watches_a_job_sees_it_and_may_stop_it() {
+    fn a_watch_shows_a_job_and_can_stop_it() {
         let watch = Arc::new(Watch::default());
         assert_eq!(watch.now(), (0.0, None, String::new()));
         watched_by(&watch, || {
@@ -308,7 +308,7 @@ mod tests {
     }
 
     #[test]
-    fn an_estimate_is_of_what_is_left() {
+    fn an_estimate_is_the_remaining_time() {
         let sweep = state(Goal::Steps(1200, "points"), 60);
         assert_eq!(sweep.line(), "0 of 1,200 points");
         sweep.done.store(300, Ordering::Relaxed);
@@ -321,7 +321,7 @@ mod tests {
     }
 
     #[test]
-    fn a_job_is_shown_again_and_again_and_a_short_one_not_at_all() {
+    fn a_job_is_shown_periodically_and_a_short_one_never() {
         let lines = |every: u64, lasts: u64| {
             let shown = Arc::new(Mutex::new(Vec::new()));
             let sink = shown.clone();

@@ -184,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn json_in_a_page_means_the_same_and_has_no_sign_that_html_reads() {
+    fn json_in_a_page_is_unchanged_and_has_no_markup() {
         let value = serde_json::json!({"</script>": "<!--<script>", "é": [1, "<"]});
         let text = json_in_html(&value);
         assert!(!text.contains('<') && text.contains("\\u003c!--"), "{text}");
@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn thousands_are_set_apart() {
+    fn thousands_are_separated() {
         assert_eq!(
             [0, 999, 1000, 1_234_567].map(thousands),
             ["0", "999", "1,000", "1,234,567"]

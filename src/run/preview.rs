@@ -10,7 +10,7 @@
 //! figure can be predicted: decibels depend on single flips, cycles on how often neighbours meet in
 //! a pixel.
 //!
-//! Law: `contributions_of_the_whole_are_as_close_as_is_said`.
+//! Law: `contributions_of_the_whole_are_within_the_stated_uncertainty`.
 
 use crate::accuracy::distance;
 use crate::error::{Error, Result};
@@ -107,7 +107,7 @@ fn contributions(scene: &Scene, machine: &Machine) -> u64 {
 /// Relative uncertainty of the whole's contributions, from the expected and the counted
 /// contributions of a smaller picture, where splats are smaller and fainter. (`tiny` has no words
 /// for splats seen edge-on, and may leave out a third where this is 5 %.)
-fn off(expected: u64, had: u64) -> f64 {
+fn uncertainty(expected: u64, had: u64) -> f64 {
     (expected as f64 / had.max(1) as f64 - 1.0)
         .abs()
         .max(LEAST_OFF)
@@ -141,7 +141,7 @@ impl Preview {
     /// As [`crate::run::run`].
     pub fn new(whole: &Scene, machine: &Machine, now: Figures) -> Result<Self> {
         let less = figures(&smaller(whole, 2 * PART), machine)?;
-        let off = off(contributions(&scene(whole)?, machine), now.contributions);
+        let off = uncertainty(contributions(&scene(whole)?, machine), now.contributions);
         Ok(Preview {
             of: [whole.image.width, whole.image.height],
             contributions: contributions(whole, machine),
@@ -153,7 +153,7 @@ impl Preview {
     /// Factor by which the whole takes longer, for a scene with `splats` splats.
     pub fn growth(&self, splats: usize) -> f64 {
         let now = self.sizes.last().map_or(0, |now| now.contributions);
-        longer(splats, now as f64, self.contributions as f64)
+        time_ratio(splats, now as f64, self.contributions as f64)
     }
 
     /// Describes what was left out and how reliable the figures are, at most 80 columns wide.
@@ -286,7 +286,7 @@ const RUN_OVER_SET_UP: [f64; 3] = [35.0, 2.5, 6.0];
 const SET_UP: f64 = 1.36;
 
 /// Ratio of the times of a frame with `now` and with `before` contributions of the same splats.
-fn longer(splats: usize, before: f64, now: f64) -> f64 {
+fn time_ratio(splats: usize, before: f64, now: f64) -> f64 {
     let set_up = SET_UP * splats as f64;
     (set_up + now) / (set_up + before).max(1.0)
 }
@@ -304,7 +304,7 @@ mod tests {
     use crate::scene::Overrides;
 
     #[test]
-    fn contributions_of_the_whole_are_as_close_as_is_said() {
+    fn contributions_of_the_whole_are_within_the_stated_uncertainty() {
         let surfaces =
             ["glass-spheres", "checkerboard", "torus-knot", "terrain"].map(|scene| (scene, "lean"));
         let ellipsoids = [
@@ -336,7 +336,7 @@ mod tests {
             let had = fixed::draw(&elaborated, &quantise(&small, &machine).unwrap())
                 .outcomes
                 .total();
-            let off = off(contributions(&small, &machine), had);
+            let off = uncertainty(contributions(&small, &machine), had);
             assert!(
                 (about / is - 1.0).abs() <= off,
                 "{name} on {}: {about} is said, and {is} it is",

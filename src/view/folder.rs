@@ -221,7 +221,7 @@ impl Folder {
         if files.keys().any(|name| is_journal(name)) {
             let plan = value("plan.json")?.ok_or_else(|| {
                 Error::input(format!(
-                    "{}: is missing beside the rows",
+                    "{}: is missing next to the rows",
                     shown("plan.json")
                 ))
             })?;

@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_request_for_an_answer_is_refused() {
+    fn malformed_requests_are_refused() {
         for (head, status) in [
             ("", 400),
             ("GET / HTTP/1.1\r\n", 400),
@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn a_head_ends_where_its_empty_line_is_or_is_too_long() {
+    fn a_head_ends_at_its_empty_line_or_is_too_long() {
         let read = |mut bytes: &[u8]| read_head(&mut bytes, |_, _| ());
         assert_eq!(
             read(b"GET / HTTP/1.1\r\nHost: a\r\n\r\nbody"),

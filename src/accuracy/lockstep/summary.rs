@@ -55,7 +55,7 @@ pub struct BoundSummary {
 impl Lockstep {
     /// The figures; `fixed` is the machine's picture.
     pub fn summary(&self, fixed: &Picture) -> Summary {
-        let metrics = metrics(&self.held_part(fixed), &self.held_part(&self.led));
+        let metrics = metrics(&self.checked_part(fixed), &self.checked_part(&self.led));
         Summary {
             psnr_db: metrics.psnr_db,
             max_error: metrics.max_error,
@@ -78,7 +78,7 @@ impl Lockstep {
     }
 
     /// The checked pixels of a picture, in one row if these are not all.
-    fn held_part<'p>(&self, picture: &'p Picture) -> Cow<'p, Picture> {
+    fn checked_part<'p>(&self, picture: &'p Picture) -> Cow<'p, Picture> {
         if self.tiles == CheckedTiles::All {
             return Cow::Borrowed(picture);
         }
@@ -201,7 +201,7 @@ impl Lockstep {
             ],
             limits: vec![
                 (TELLING, "4/255".into(), 6),
-                (1.0, "says nothing".into(), 6),
+                (1.0, "no information".into(), 6),
             ],
             ..Panel::default()
         }

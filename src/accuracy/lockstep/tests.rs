@@ -32,7 +32,7 @@ fn checked_against_reference(settings: &[&str]) -> Lockstep {
 }
 
 #[test]
-fn a_machine_that_is_what_it_says_is_not_caught() {
+fn a_machine_within_its_own_bounds_passes() {
     let honest = checked_against_reference(&[]);
     assert_eq!((honest.violations, honest.flips.unexplained), (0, 0));
 }
@@ -46,7 +46,7 @@ fn a_coarser_table_exceeds_the_bound() {
 }
 
 #[test]
-fn coarser_pixel_positions_make_flips_that_nothing_explains() {
+fn coarser_pixel_positions_cause_unexplained_flips() {
     let flips = checked_against_reference(&["project.pixel=I15F4"]).flips;
     assert!(
         flips.unexplained > 100 && flips.coverage > flips.unexplained / 2,
@@ -55,14 +55,14 @@ fn coarser_pixel_positions_make_flips_that_nothing_explains() {
 }
 
 #[test]
-fn coarser_depths_make_flips_that_nothing_explains() {
+fn coarser_depths_cause_unexplained_flips() {
     let flips =
         checked_against_reference(&["raster.depth=I18F24", "ellipse.depth_slope=I3F8"]).flips;
     assert!(flips.unexplained > 10, "{flips:?}");
 }
 
 #[test]
-fn a_weight_that_is_no_number_may_have_left_every_word() {
+fn a_nan_weight_may_overflow_every_word() {
     let limits = Limits::new(
         &machines::load("reference", &[]).unwrap(),
         Near::exact(0.999),
@@ -95,10 +95,10 @@ fn a_weight_that_is_no_number_may_have_left_every_word() {
 }
 
 #[test]
-fn what_is_no_number_violates_every_bound() {
+fn nan_violates_every_bound() {
     let (right, held) = (Near::within(0.5, 0.25), [0.5; 4]);
     assert!(!violates(held, [right; 4]));
-    assert_eq!(judged([0.5, 0.75, 0.5, 0.5], [right; 4])[0], 0.25);
+    assert_eq!(worst_channels([0.5, 0.75, 0.5, 0.5], [right; 4])[0], 0.25);
     // An infinite bound claims nothing.
     assert!(!violates(
         held,
@@ -116,13 +116,13 @@ fn what_is_no_number_violates_every_bound() {
                 error: f64::INFINITY,
             };
             assert!(violates(held, near), "{wrong}");
-            assert_eq!(judged(held, near), [f64::INFINITY; 2]);
+            assert_eq!(worst_channels(held, near), [f64::INFINITY; 2]);
         }
     }
     let mut near = [right; 4];
     near[2].error = f64::NAN;
     assert!(violates(held, near));
-    assert_eq!(judged(held, near)[1], f64::INFINITY);
+    assert_eq!(worst_channels(held, near)[1], f64::INFINITY);
     let mut frame = checked_against_reference(&[]);
     let fixed = frame.led.clone();
     frame.led.rgba[17][1] = f64::NAN;

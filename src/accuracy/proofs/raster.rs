@@ -8,7 +8,7 @@ use rtl_model::machine::Rows;
 use rtl_model::units::raster::real::steps_error;
 
 const GROUNDS: [&str; 4] = [
-    "x, y is the offset where the registers are seeded, xx, xy, yy the conic, both as their words are; X, Y is the last pixel's.",
+    "x, y is the offset where the registers are seeded, xx, xy, yy the conic, both in their words; X, Y is the last pixel's.",
     "R, F, G are the registers radial, first by column, first by row, numbered by adds; Sx, Sy, Sb the second differences.",
     "Assumed: none of gradient, first and second saturates (each run counts that).",
     "Not proved: that the register does not wrap. The claim is modulo its reach: a_wrap_is_harmless_inside_the_footprint.",

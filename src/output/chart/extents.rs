@@ -3,7 +3,7 @@
 //! ```text
 //!             2⁻²⁰        2⁻⁸         1          2⁸
 //! name        [   ░▒▓▓▒░░             :  ]■           format   narrowest
-//!              └ bits that nothing    :  └ too far    what was seen, darker where it was more often
+//!              └ bits that nothing    :  └ too far    observed words, darker if more frequent
 //!                needed are empty    binary point
 //! ```
 

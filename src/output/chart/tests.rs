@@ -38,7 +38,7 @@ fn a_line_and_its_limit_are_drawn() {
 }
 
 #[test]
-fn what_a_log_axis_cannot_show_is_left_out() {
+fn values_that_are_not_positive_are_left_out_of_a_log_axis() {
     let image = drawn(&panel(
         vec![
             [0.0, 1e-3],
@@ -83,7 +83,7 @@ fn a_grid_has_room_for_all() {
 }
 
 #[test]
-fn axes_tell_numbers_shortly() {
+fn axis_marks_are_short() {
     let (linear, log) = (Axis::linear(""), Axis::log(""));
     let written = [
         linear.written(0.0),
@@ -96,7 +96,7 @@ fn axes_tell_numbers_shortly() {
 }
 
 #[test]
-fn marks_between_powers_of_ten_are_bare_where_two_powers_are_marked() {
+fn marks_between_powers_of_ten_are_bare_if_two_powers_are_marked() {
     let log = Axis::log("");
     assert_eq!(
         [0.0, 0.5, 1.0].map(|place| log.mark(place, &(-0.1..1.1))),

@@ -266,7 +266,7 @@ mod tests {
 
     /// Worked out by hand.
     #[test]
-    fn means_are_those_of_figures_and_infinite_where_one_is() {
+    fn means_are_infinite_if_one_figure_is() {
         let frames = [
             against(Some(30.0), Some(29.0), 0.5),
             against(Some(20.0), Some(18.0), 0.25),
@@ -311,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn of_many_frames_those_that_lose_most_are_listed_in_their_order() {
+    fn frames_with_the_greatest_loss_are_listed_in_order() {
         let frames: Vec<Against> = (0..30)
             .map(|frame| against(Some(30.0), Some(f64::from(frame)), 0.5))
             .collect();

@@ -71,7 +71,7 @@ impl ComparisonSide {
     /// # Errors
     /// [`Error::Input`] if it cannot be built.
     pub fn of_machine(name: &str, machine: &Machine, prices: &Prices) -> Result<Self> {
-        let built = fixed::elaborate(machine).map_err(|error| whose(name, error))?;
+        let built = fixed::elaborate(machine).map_err(|error| with_name(name, error))?;
         let report = json!({"version": env!("CARGO_PKG_VERSION"), "machine": MachineReport::new(&built), "cost": Cost::new(&built, prices)});
         Ok(ComparisonSide {
             name: name.into(),
@@ -109,7 +109,7 @@ impl ComparisonSide {
                 ..Options::default()
             },
         );
-        let outcome = outcome.map_err(|error| whose(name, error))?;
+        let outcome = outcome.map_err(|error| with_name(name, error))?;
         let report =
             serde_json::to_value(&outcome.report).map_err(|e| Error::job(e.to_string()))?;
         let shown = |picture: Picture| {
@@ -147,7 +147,7 @@ impl ComparisonSide {
             );
             return Err(Error::input(sentence));
         }
-        let built = fixed::elaborate(machine).map_err(|error| whose(name, error))?;
+        let built = fixed::elaborate(machine).map_err(|error| with_name(name, error))?;
         let work = &recording.work;
         let cycles = timing::replay(&built.timing, work, Detail::Histograms);
         let report = json!({
@@ -263,7 +263,7 @@ pub(super) fn check_sizes(a: &ComparisonSide, b: &ComparisonSide) -> Result<()> 
 }
 
 /// Adds the name of a side to an error.
-fn whose(name: &str, error: Error) -> Error {
+fn with_name(name: &str, error: Error) -> Error {
     match error {
         Error::Input(sentence) => Error::input(format!("{name}: {sentence}")),
         job @ Error::Job(_) => job,
@@ -343,7 +343,7 @@ fn check(report: &Value, whose: &str) -> Result<()> {
         .pointer("/machine/description")
         .ok_or_else(|| lacks("/machine/description"))?;
     let machine = machines::from_value(described, &format!("{whose}: machine.description"))?;
-    fixed::elaborate(&machine).map_err(|error| self::whose(whose, error))?;
+    fixed::elaborate(&machine).map_err(|error| self::with_name(whose, error))?;
     Ok(())
 }
 
