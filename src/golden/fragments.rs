@@ -47,8 +47,8 @@ pub enum Decision {
         /// The slot that it took.
         slot: usize,
     },
-    /// The pixel was full. Of its fragments and the new one in z order, number `slot` and the next
-    /// were merged; the result is in `slot`.
+    /// The pixel was full. In z order, with the new one among the fragments, number `slot` and the
+    /// next were merged; the result is in `slot`.
     Merged {
         /// Where the merged fragment is now.
         slot: usize,
@@ -68,7 +68,7 @@ pub enum Decision {
         /// Where it was blended.
         slot: usize,
     },
-    /// The pixel was full. Of its fragments and the new one in the order of their nearest depths,
+    /// The pixel was full. In the order of nearest depths, with the new one among the fragments,
     /// number `slot` and the next were summed; the sum is in `slot`.
     Summed {
         /// Where the sum is now.

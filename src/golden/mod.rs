@@ -297,7 +297,7 @@ fn surfaces(scene: &Scene, shader: &Shader, rules: &Rules) -> Rendering {
 
 /// Renderer `ideal`: as many fragments as there are surfaces, independent of the order of the
 /// splats, with normals turned towards the viewer. Contributions of volumes and of Gaussians are
-/// blended one by one in depth order. Of a tree it draws every leaf, whatever the cut. Gaussians
+/// blended one by one in depth order. Every leaf of a tree is drawn, whatever the cut. Gaussians
 /// extend at least to the limit of visibility on an 8-bit screen, whatever the scene's cutoff.
 pub fn ideal(scene: &Scene) -> Rendering {
     ideal_of(scene, true)

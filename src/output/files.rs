@@ -516,7 +516,7 @@ mod tests {
         fs::write(deep.join("c"), "").unwrap();
         drop(open);
         assert!(deep.join("c").exists());
-        // One that was there before stays.
+        // A folder that existed before stays.
         let empty = folder.path().join("empty");
         fs::create_dir(&empty).unwrap();
         drop(Folder::open(&empty).unwrap());

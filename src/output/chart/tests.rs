@@ -189,7 +189,7 @@ fn a_tile_shows_each_pixel_enlarged_and_nothing_between_them() {
     });
     let [red, blue] =
         [RGBColor(255, 0, 0), RGBColor(0, 0, 255)].map(|colour| pixels_of(&image, colour));
-    // 640 × 400 less margin and caption: 188 pixels a side.
+    // 640 × 400 less margin and caption: 188 pixels per side.
     assert_eq!((red, blue), (2 * 188 * 188, 2 * 188 * 188));
 }
 

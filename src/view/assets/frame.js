@@ -6,9 +6,9 @@ const framePage = folder => {
   const { width, height } = report.scene;
   const maps = source.live ? ['bound', 'covered', 'contributions', 'layers', 'merges'] : [];
   const names = [...files, ...maps, ...(folder.tiles ? ['cycles'] : [])];
-  const SAYS = {
+  const TITLES = {
     fixed: 'fixed: picture of the machine', golden: 'golden: the same rules in exact arithmetic', ideal: 'ideal: exact, without a limit of layers',
-    error: `error: |fixed − golden| × ${told(report.error_scale)}`, flips: 'flips: decisions that golden takes differently',
+    error: `error: |fixed − golden| × ${readable(report.error_scale)}`, flips: 'flips: decisions that golden takes differently',
     bound: 'bound on the error of arithmetic', covered: 'covered: pixels that a splat touches', contributions: 'contributions per pixel',
     layers: 'layers per pixel at the end', merges: 'merges per pixel', cycles: 'cycles per tile, over the picture',
   };
@@ -134,10 +134,10 @@ const framePage = folder => {
       });
       context.fillStyle = ink('c1');
       context.fillRect(cut - 1, 0, 2, rows);
-      caption.textContent = `left of the line ${SAYS[state.show[0]]}; right of it ${SAYS[state.show[1]]}`;
+      caption.textContent = `left of the line ${TITLES[state.show[0]]}; right of it ${TITLES[state.show[1]]}`;
     } else {
       put(state.show[nth]);
-      caption.textContent = SAYS[state.show[nth]];
+      caption.textContent = TITLES[state.show[nth]];
     }
     if (state.pixel) {
       const [x, y] = state.pixel, side = Math.max(scale, 7);
@@ -154,14 +154,14 @@ const framePage = folder => {
     if (scale) {
       const bar = h('span', { class: 'scale' });
       bar.style.background = `linear-gradient(to right, ${RAMP.map(stop => `rgb(${stop})`).join(', ')})`;
-      return [h('span', {}, `${name}: ${told(scale[0], 3)} `, bar, ` ${told(scale[1], 3)}${scale[2] ? ', log scale' : ''}`)];
+      return [h('span', {}, `${name}: ${readable(scale[0], 3)} `, bar, ` ${readable(scale[1], 3)}${scale[2] ? ', log scale' : ''}`)];
     }
     if (name !== 'flips') return [];
     const counts = report.accuracy?.lockstep?.flips ?? {};
     return Object.entries(FLIPS).filter(([kind]) => counts[kind] > 0).map(([kind, shown]) => {
       const box = h('i');
       box.style.background = shown;
-      return h('span', {}, box, `${kind} ${told(counts[kind])}`);
+      return h('span', {}, box, `${kind} ${readable(counts[kind])}`);
     });
   });
 
@@ -257,18 +257,18 @@ const framePage = folder => {
     table(['', 'red', 'green', 'blue', 'alpha'], [
       ...['fixed', 'golden', 'ideal'].map(name => four(name, pixel[name], value => value.toFixed(6))),
       four('fixed − golden', pixel.error, value => value.toExponential(2)),
-      four('… in ulp', pixel.error_ulp, value => told(value, 3)),
-      four('… in 1/255', pixel.error_255, value => told(value, 3)),
+      four('… in ulp', pixel.error_ulp, value => readable(value, 3)),
+      four('… in 1/255', pixel.error_255, value => readable(value, 3)),
       four(`word, ${pixel.format}`, pixel.words, word => word.toString(16)),
     ]),
-    h('p', {}, `Contributions ${pixel.contributions}, layers ${pixel.layers}, merges ${pixel.merges}; bound ${pixel.bound === null ? 'none' : told(255 * pixel.bound, 3) + '/255'}; flips: ${pixel.flips.join(', ') || 'none'}.`),
+    h('p', {}, `Contributions ${pixel.contributions}, layers ${pixel.layers}, merges ${pixel.merges}; bound ${pixel.bound === null ? 'none' : readable(255 * pixel.bound, 3) + '/255'}; flips: ${pixel.flips.join(', ') || 'none'}.`),
   ];
   const ofTile = async (x, y) => {
     if (!folder.tiles) return [];
     const tiles = await foldersTiles(folder).catch(() => null), tile = tiles?.at(x, y);
     if (!tiles) return [];
     if (!tile) return [h('p', {}, 'Its tile has no splats.')];
-    return [h('p', { id: 'tile' }, `Tile ${tile.column},${tile.row}: ${told(tile.cycles)} cycles, ${told(tile.entries)} splats. `, h('button', { onclick: () => { lookedAtTile = [tile.column, tile.row]; location.hash = '#machine'; document.dispatchEvent(new Event('tile')); } }, 'its timeline'))];
+    return [h('p', { id: 'tile' }, `Tile ${tile.column},${tile.row}: ${readable(tile.cycles)} cycles, ${readable(tile.entries)} splats. `, h('button', { onclick: () => { lookedAtTile = [tile.column, tile.row]; location.hash = '#machine'; document.dispatchEvent(new Event('tile')); } }, 'its timeline'))];
   };
   const linear = code => code <= 0.04045 ? code / 12.92 : Math.pow((code + 0.055) / 1.055, 2.4);
   const shown = async (x, y) => {
@@ -312,7 +312,7 @@ const framePage = folder => {
       try {
         const found = await source.json(`story?x=${x}&y=${y}`);
         clearTimeout(waiting);
-        if (!nextStory) story.replaceChildren(...[attempt(() => storyOf(found, repeated(x, y)))].flat());
+        if (!nextStory) story.replaceChildren(...[attempt(() => traceOf(found, repeated(x, y)))].flat());
       } catch (error) {
         clearTimeout(waiting);
         if (!nextStory) story.replaceChildren(h('p', { class: 'wrong' }, 'No pixel trace: ' + error.message));
@@ -395,7 +395,7 @@ const framePage = folder => {
 
   const db = value => value === null ? 'equal' : value.toFixed(1) + ' dB';
   const { fixed_vs_golden: arithmetic, golden_vs_ideal: method, fixed_vs_ideal: both } = report.accuracy;
-  const head = h('p', {}, `${report.scene.name} on ${report.machine.description.name}, ${width}×${height}: fixed − golden ${db(arithmetic.psnr_db)}, golden − ideal ${db(method.psnr_db)}${both ? `, fixed − ideal ${db(both.psnr_db)}` : ''}; ${told(report.accuracy.lockstep?.decision_flips)} flips.`);
+  const head = h('p', {}, `${report.scene.name} on ${report.machine.description.name}, ${width}×${height}: fixed − golden ${db(arithmetic.psnr_db)}, golden − ideal ${db(method.psnr_db)}${both ? `, fixed − ideal ${db(both.psnr_db)}` : ''}; ${readable(report.accuracy.lockstep?.decision_flips)} flips.`);
   const photograph = report.against ? [h('p', {}, `Against ${report.against.picture}, code values of ${report.against.bits} bits:`), againstTable(report.against)] : [];
   layout();
   onWidth(stage, () => { state.scale = 0; draw(); });

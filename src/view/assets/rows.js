@@ -74,7 +74,7 @@ const rowsPage = ({ columns, machine, title }) => {
       left += is ? 1 : 0;
     }
     state.shown = 200;
-    told_.textContent = left === count ? `${told(count)} rows` : `${told(left)} of ${told(count)} rows`;
+    countText.textContent = left === count ? `${readable(count)} rows` : `${readable(left)} of ${readable(count)} rows`;
     clear.disabled = !brush && !state.words && !state.three;
     plots.forEach(plot => plot.redraw());
     fill();
@@ -192,9 +192,9 @@ const rowsPage = ({ columns, machine, title }) => {
 
   // ---- A machine ----
 
-  const TOLD = ['scene', 'changes', 'name', 'machine', 'rule', 'layers', 'misfit', 'fixed_vs_ideal_psnr_db', 'psnr_db', 'area', 'frames_per_second', 'cycles', 'energy_j'];
+  const LISTED = ['scene', 'changes', 'name', 'machine', 'rule', 'layers', 'misfit', 'fixed_vs_ideal_psnr_db', 'psnr_db', 'area', 'frames_per_second', 'cycles', 'energy_j'];
   const nameOf = row => value.has('point') ? `point ${cell('point', row)}` : `row ${row + 1}`;
-  const summary = row => [h('b', {}, nameOf(row)), ...TOLD.filter(name => value.has(name) && cell(name, row) !== null && cell(name, row) !== '').map(name => h('div', {}, `${name}: ${told(cell(name, row))}`)), h('div', { class: 'faint' }, 'a click shows all values')];
+  const summary = row => [h('b', {}, nameOf(row)), ...TOLD.filter(name => value.has(name) && cell(name, row) !== null && cell(name, row) !== '').map(name => h('div', {}, `${name}: ${readable(cell(name, row))}`)), h('div', { class: 'faint' }, 'a click shows all values')];
   const changesOf = row => machine && value.has('changes') ? String(cell('changes', row) ?? '').split(' ').filter(change => /^[\w.*]+=/.test(change)).map(change => { const at = change.indexOf('='); return [change.slice(0, at), change.slice(at + 1)]; }) : [];
   const flagsOf = row => changesOf(row).map(([path, text]) => '--set ' + quoted(`${path}=${text}`)).join(' ');
   // Applies a change to a machine like --set.
@@ -239,8 +239,8 @@ const rowsPage = ({ columns, machine, title }) => {
     const differs = name => picked.length > 1 && cell(name, picked[0]) !== cell(name, picked[1]);
     const names = columns.map(column => column.name).filter(name => !hidden(name) && picked.some(row => cell(name, row) !== null));
     const rows = [...names.filter(differs), ...names.filter(name => !differs(name))].map(name => {
-      const cells = picked.map(row => told(cell(name, row), 6)), [a, b] = picked.map(row => cell(name, row));
-      const step = picked.length > 1 && typeof a === 'number' && typeof b === 'number' && a !== b ? `${b > a ? '+' : '−'}${told(Math.abs(b - a), 4)}${a ? ` (${b > a ? '+' : '−'}${told(Math.abs(100 * (b - a) / a), 3)}%)` : ''}` : '';
+      const cells = picked.map(row => readable(cell(name, row), 6)), [a, b] = picked.map(row => cell(name, row));
+      const step = picked.length > 1 && typeof a === 'number' && typeof b === 'number' && a !== b ? `${b > a ? '+' : '−'}${readable(Math.abs(b - a), 4)}${a ? ` (${b > a ? '+' : '−'}${readable(Math.abs(100 * (b - a) / a), 3)}%)` : ''}` : '';
       return h('tr', { class: differs(name) ? 'flip' : null }, h('td', {}, name), ...cells.map(text => h('td', { class: 'long' }, text)), picked.length > 1 ? h('td', { class: 'n' }, step) : null);
     });
     // The command that compares both machines. There is none for a machine with units in f64.
@@ -274,7 +274,7 @@ const rowsPage = ({ columns, machine, title }) => {
     }
     heads.forEach(head => head.setAttribute('aria-sort', head.dataset.column !== state.by ? 'none' : state.falling ? 'descending' : 'ascending'));
     body.replaceChildren(...rows.slice(0, state.shown).map(row => h('tr', { tabindex: '0', 'data-row': String(row), 'aria-selected': String(state.picked.includes(row)) },
-      shown.map(name => { const own = cell(name, row); return h('td', { class: value.get(name).numeric ? 'n' : null, title: own === null ? '' : String(own) }, own === null ? '' : value.get(name).numeric ? told(own) : String(own)); }))));
+      shown.map(name => { const own = cell(name, row); return h('td', { class: value.get(name).numeric ? 'n' : null, title: own === null ? '' : String(own) }, own === null ? '' : value.get(name).numeric ? readable(own) : String(own)); }))));
     more.hidden = rows.length <= state.shown;
   };
   body.addEventListener('click', event => { const line = event.target.closest('tr'); if (line) pick(Number(line.dataset.row), event.shiftKey); });
@@ -287,7 +287,7 @@ const rowsPage = ({ columns, machine, title }) => {
   });
 
   const words = h('input', { type: 'search', placeholder: 'words, or area<150000', 'aria-label': 'keep rows with these words', oninput: () => { state.words = words.value; select(); } });
-  const told_ = h('span', { id: 'count', role: 'status' });
+  const countText = h('span', { id: 'count', role: 'status' });
   const three = hasThree ? h('button', { 'aria-pressed': 'false', title: THREE.join(', '), onclick: () => { state.three = !state.three; three.setAttribute('aria-pressed', String(state.three)); select(); } }, `front of three (${frontOfThree.size})`) : null;
   const clear = h('button', { onclick: () => reset() }, 'all rows');
   const reset = () => {
@@ -303,10 +303,10 @@ const rowsPage = ({ columns, machine, title }) => {
   const pairs = [['area', 'fixed_vs_ideal_psnr_db'], ['frames_per_second', 'fixed_vs_ideal_psnr_db'], ['area', 'frames_per_second'], ['area', 'psnr_db'], ['pixel_bytes', 'area'], ['value', 'drawn.fixed_vs_golden.psnr_db'], ['value', 'drawn.golden_vs_ideal.psnr_db'], ['value', 'drawn.lockstep.max_error']].filter(pair => pair.every(name => axes.includes(name)));
   while (pairs.length < 2 && axes.length > 1) pairs.push([axes[0], axes[Math.min(axes.length - 1, 1 + pairs.length)]]);
   const page = [
-    h('p', {}, `${told(count)} rows${machine ? `, machines made from ${machine.name}` : ''}.`),
+    h('p', {}, `${readable(count)} rows${machine ? `, machines made from ${machine.name}` : ''}.`),
     h('p', { class: 'faint' }, 'Dragging in a plot selects in all plots and in the table; Escape selects all again. A click on a point or a row shows its machine; with Shift it is compared with the first one. ○ on a line: Pareto front of both axes. ◇: Pareto front of accuracy, area and speed.'),
     h('div', { class: 'plots' }, pairs.slice(0, 3).map(([x, y]) => plotOf(x, y))),
-    h('div', { class: 'tools' }, words, three, clear, told_), detail,
+    h('div', { class: 'tools' }, words, three, clear, countText), detail,
     h('div', { class: 'rows', tabindex: '-1' }, h('table', {}, h('thead', {}, h('tr', {}, heads)), body)), more,
     same.length ? h('details', {}, h('summary', {}, `Equal in all rows (${same.length})`), table(['', ''], same.map(name => [name, String(cell(name, 0))]), 9)) : null,
   ].filter(Boolean);

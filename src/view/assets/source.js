@@ -58,7 +58,7 @@ const svg = (name, attributes = {}, ...children) => {
 };
 
 // A number in a few digits, with thousands separators.
-const told = (value, digits = 5) => {
+const readable = (value, digits = 5) => {
   if (value === null || value === undefined) return '–';
   if (typeof value !== 'number') return String(value);
   if (!Number.isFinite(value)) return value > 0 ? '∞' : '–';

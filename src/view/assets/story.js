@@ -1,7 +1,7 @@
 // Pixel trace, as pictures: contributions along depth, slots over time, decisions of machine and golden side by side.
 'use strict';
 
-const storyOf = (story, repeated) => {
+const traceOf = (story, repeated) => {
   const { pixel, contributions, layers, slots } = story;
   const title = h('h2', {}, `Pixel ${pixel.join(',')}: ${contributions.length} contributions`);
   if (!contributions.length) return [title, h('p', {}, 'No splat touches this pixel: it is background.'), repeated];
@@ -19,9 +19,9 @@ const storyOf = (story, repeated) => {
       default: return svg('circle', { cx: x, cy: y, r: size - 1, fill });
     }
   };
-  const says = (one, nth) => [h('b', {}, `splat ${one.splat}, number ${nth + 1}${one.flip ? ': flip' : ''}`), ...['fixed', 'golden'].map(whose => h('div', {}, one[whose] ? `${whose}: ${one[whose].decision}, w ${told(one[whose].weight)}, z ${told(one[whose].z)}` : `${whose}: none`))];
+  const tooltip = (one, nth) => [h('b', {}, `splat ${one.splat}, number ${nth + 1}${one.flip ? ': flip' : ''}`), ...['fixed', 'golden'].map(whose => h('div', {}, one[whose] ? `${whose}: ${one[whose].decision}, w ${readable(one[whose].weight)}, z ${readable(one[whose].z)}` : `${whose}: none`))];
   const tipped = (group, one, nth) => {
-    group.addEventListener('pointermove', event => tip.show(event.clientX, event.clientY, ...says(one, nth)));
+    group.addEventListener('pointermove', event => tip.show(event.clientX, event.clientY, ...tooltip(one, nth)));
     group.addEventListener('pointerleave', tip.hide);
     return group;
   };
@@ -49,8 +49,8 @@ const storyOf = (story, repeated) => {
     textAt(8, 70, 'fixed'), textAt(8, 236, 'golden'), textAt(8, MIDDLE + 4, 'w = 0', 'faint'),
     layerLines('fixed', 22, MIDDLE), layerLines('golden', MIDDLE, H - 24),
     contributions.map((one, nth) => stem(one, nth, 'fixed', 1)), contributions.map((one, nth) => stem(one, nth, 'golden', -1)),
-    ticks.filter((_, nth) => W > 600 || nth % 2 === 0).map((z, nth, all) => textAt(x(z), H - 6, told(z, 5), 'faint', nth === 0 ? 'start' : nth === all.length - 1 ? 'end' : 'middle')),
-    textAt(4, H - 22, 'depth z', 'faint'), textAt(W - RIGHT, 14, `greatest w ${told(heaviest, 4)}`, 'faint', 'end'));
+    ticks.filter((_, nth) => W > 600 || nth % 2 === 0).map((z, nth, all) => textAt(x(z), H - 6, readable(z, 5), 'faint', nth === 0 ? 'start' : nth === all.length - 1 ? 'end' : 'middle')),
+    textAt(4, H - 22, 'depth z', 'faint'), textAt(W - RIGHT, 14, `greatest w ${readable(heaviest, 4)}`, 'faint', 'end'));
   });
 
   // ---- Over time: the slot of each contribution ----

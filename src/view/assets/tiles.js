@@ -50,7 +50,7 @@ const tilesTimeline = ({ names, tiles, from }) => {
   const canvas = h('canvas', { tabindex: '0', role: 'img', 'aria-label': 'units over the cycles of tiles' });
   canvas.style.cssText = 'width: 100%; touch-action: pan-y; cursor: crosshair;';
   canvas.style.height = HEAD + ROW * names.length + FOOT + 'px';
-  const says = h('p', { class: 'faint', id: 'tile-says', 'aria-live': 'polite' });
+  const readout = h('p', { class: 'faint', id: 'tile-says', 'aria-live': 'polite' });
 
   // The first tile whose share of a unit ends after a cycle.
   const tileAt = (nth, cycle) => {
@@ -139,7 +139,7 @@ const tilesTimeline = ({ names, tiles, from }) => {
     const y = HEAD + names.length * ROW + 12;
     [[0, 'left'], [0.5, 'center'], [1, 'right']].forEach(([part, align]) => {
       context.textAlign = align;
-      context.fillText(told(Math.round(first + (last - first) * part)), LEFT + wide() * part, y);
+      context.fillText(readable(Math.round(first + (last - first) * part)), LEFT + wide() * part, y);
     });
     context.textAlign = 'center';
     context.fillText('cycle', LEFT + wide() / 2, y + 18);
@@ -158,8 +158,8 @@ const tilesTimeline = ({ names, tiles, from }) => {
   };
   const describe = tile => {
     const { column, row, entries, done, cycles, units } = tiles[tile];
-    const of = names.map((name, nth) => `${name} ${told(units[nth][1])}`).join(', ');
-    says.textContent = `Tile ${column},${row}: ${told(entries)} splats, ${told(cycles)} cycles, done in cycle ${told(done)}; busy: ${of}.`;
+    const of = names.map((name, nth) => `${name} ${readable(units[nth][1])}`).join(', ');
+    readout.textContent = `Tile ${column},${row}: ${readable(entries)} splats, ${readable(cycles)} cycles, done in cycle ${readable(done)}; busy: ${of}.`;
   };
   const choose = tile => {
     chosen = Math.max(0, Math.min(tiles.length - 1, tile));
@@ -196,7 +196,7 @@ const tilesTimeline = ({ names, tiles, from }) => {
     const found = under(event);
     if (!found) { tip.hide(); return; }
     const { column, row, units } = tiles[found.tile], [, ...states] = units[found.nth];
-    tip.show(event.clientX, event.clientY, h('b', {}, `${names[found.nth]}, tile ${column},${row}`), STATES.map((state, at) => `${state} ${told(states[at])}`).join(', '));
+    tip.show(event.clientX, event.clientY, h('b', {}, `${names[found.nth]}, tile ${column},${row}`), STATES.map((state, at) => `${state} ${readable(states[at])}`).join(', '));
   });
   canvas.addEventListener('pointerup', event => {
     if (down && down.moved < 4) { const found = under(event); if (found) choose(found.tile); }
@@ -220,5 +220,5 @@ const tilesTimeline = ({ names, tiles, from }) => {
   return h('div', { id: 'tiles' },
     h('div', { class: 'tools' }, h('button', { onclick: whole }, 'all', h('kbd', {}, 'Home')), h('button', { onclick: () => zoom(0.5) }, 'zoom in', h('kbd', {}, '+')), h('button', { onclick: () => zoom(2) }, 'zoom out', h('kbd', {}, '−')),
       h('button', { onclick: () => step(-1) }, 'previous tile', h('kbd', {}, 'p')), h('button', { onclick: () => step(1) }, 'next tile', h('kbd', {}, 'n')), h('button', { id: 'longest', onclick: longest }, 'longest tile', h('kbd', {}, 'l'))),
-    canvas, says);
+    canvas, readout);
 };
