@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 use splatsim::scene::{Camera, CameraFile, Overrides, Scene, Sequence};
-use splatsim::view::folder::Folder;
+use splatsim::view::folder::ResultFolder;
 
 /// The one sentence with which bad input ends.
 fn sentence(arguments: &[&str]) -> String {
@@ -193,7 +193,7 @@ fn one_frame_by_itself_is_that_of_the_sequence() {
         assert_eq!(out.join("scene.json").exists(), is_there);
     }
     // A folder of them is shown: every frame's pictures, and a row each.
-    let shown = Folder::read(&all).unwrap();
+    let shown = ResultFolder::read(&all).unwrap();
     assert_eq!(
         shown.contents["sequence"]["kinds"],
         json!(["fixed", "golden", "ideal"])
@@ -225,7 +225,7 @@ fn one_frame_by_itself_is_that_of_the_sequence() {
     // is.
     std::fs::remove_file(all.join("frame_0001_golden.png")).unwrap();
     assert_eq!(
-        Folder::read(&all).unwrap().contents["sequence"]["kinds"],
+        ResultFolder::read(&all).unwrap().contents["sequence"]["kinds"],
         json!(["fixed", "ideal"])
     );
     let mut broken = report(&all);

@@ -46,7 +46,8 @@ impl Pictures {
 
 /// Change of an error from frame to frame at still pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
-pub struct Change {
+#[schemars(rename = "Change")]
+pub struct FlickerChange {
     /// Mean of |change| over still pixels and colour channels; none without still pixels.
     pub mean: Option<f64>,
     /// Share of the still pixels with a channel that changes by more than 4/255; none without still
@@ -62,11 +63,11 @@ pub struct Flicker {
     /// Covered pixels that do not change in `ideal`.
     pub still_pixels: u64,
     /// Flicker of the arithmetic's error.
-    pub fixed_vs_golden: Change,
+    pub fixed_vs_golden: FlickerChange,
     /// Flicker of the method's error.
-    pub golden_vs_ideal: Change,
+    pub golden_vs_ideal: FlickerChange,
     /// Flicker of the whole error.
-    pub fixed_vs_ideal: Change,
+    pub fixed_vs_ideal: FlickerChange,
     /// Pixels with a channel that is NaN or infinite in any picture. Should be 0.
     #[serde(skip_serializing_if = "super::metrics::is_zero")]
     pub not_finite: u64,
@@ -172,13 +173,13 @@ impl FlickerSums {
     pub fn flicker(&self) -> Flicker {
         let change = |sum: &ChangeSum| {
             if self.not_finite > 0 {
-                return Change {
+                return FlickerChange {
                     mean: Some(1.0),
                     jumps: Some(1.0),
                 };
             }
             let of_still = |part: f64| (self.still > 0).then(|| part / self.still as f64);
-            Change {
+            FlickerChange {
                 mean: of_still(sum.all / 3.0),
                 jumps: of_still(sum.jumps as f64),
             }
@@ -270,7 +271,7 @@ mod tests {
         let found = FlickerSums::new(wrong.all(), wrong.all()).flicker();
         assert_eq!(
             found.fixed_vs_golden,
-            Change {
+            FlickerChange {
                 mean: Some(0.0),
                 jumps: Some(0.0)
             }
@@ -288,7 +289,7 @@ mod tests {
         assert_eq!((found.covered_pixels, found.still_pixels), (1, 0));
         assert_eq!(
             found.fixed_vs_golden,
-            Change {
+            FlickerChange {
                 mean: None,
                 jumps: None
             }
@@ -346,7 +347,7 @@ mod tests {
                         ] {
                             assert_eq!(
                                 change,
-                                Change {
+                                FlickerChange {
                                     mean: Some(1.0),
                                     jumps: Some(1.0)
                                 }

@@ -31,7 +31,7 @@ use crate::hardware::quantise::Quantised;
 use crate::hardware::registers::{Bounded, Registers};
 use crate::output::picture::Picture;
 use crate::scene::{Scene, View};
-use pixel::{ATTRIBUTES, BoundedContribution, Common, Limits, Pixel};
+use pixel::{ATTRIBUTES, BoundedContribution, Common, FragmentPixel, SumLimits};
 use rayon::prelude::*;
 use rtl_model::pipeline;
 use rtl_model::pipeline::Elaborated;
@@ -298,7 +298,7 @@ impl<'a> FrameContext<'a> {
             z_threshold: registers.z_threshold(&Bounded),
             coverage_threshold: registers.coverage_threshold(&Bounded),
             background: registers.background(&Bounded, shader),
-            limits: Limits::new(&machine.machine, registers.opaque(&Bounded, rules.opaque)),
+            limits: SumLimits::new(&machine.machine, registers.opaque(&Bounded, rules.opaque)),
         };
         let view = registers.view(&Bounded);
         let columns = scene.image.width.div_ceil(TILE_PX);
@@ -530,7 +530,7 @@ impl Default for TileResult {
 struct LockstepProbe<'a> {
     stage: &'a FrameContext<'a>,
     /// The pixels of the current tile; empty between tiles.
-    pixels: Vec<Pixel>,
+    pixels: Vec<FragmentPixel>,
     /// The pixels if fragments are grouped by sheets.
     sheets: Vec<SheetPixel>,
     /// The pixels if fragments are grouped by windows.
@@ -832,7 +832,7 @@ impl<'a> Observer<'a> for LockstepProbe<'a> {
             self.windows = vec![WindowPixel::default(); TILE_AREA];
         }
         if self.stage.sheets.is_none() && self.stage.windows.is_none() && self.pixels.is_empty() {
-            self.pixels = vec![Pixel::default(); TILE_AREA];
+            self.pixels = vec![FragmentPixel::default(); TILE_AREA];
         }
         let splat = match self.splat.take() {
             Some(splat) if splat.index == contribution.splat => splat,
@@ -878,7 +878,7 @@ impl<'a> Observer<'a> for LockstepProbe<'a> {
                     .unwrap_or_default();
                 return held.resolve(rules, &probe.stage.common, flips);
             }
-            let nothing = Pixel::default();
+            let nothing = FragmentPixel::default();
             let held = probe.pixels.get(pixel).unwrap_or(&nothing);
             held.resolve(
                 &probe.stage.common,
@@ -899,7 +899,7 @@ impl<'a> Observer<'a> for LockstepProbe<'a> {
         if !self.stage.is_checked(x, y) {
             return;
         }
-        self.pixels.iter_mut().for_each(Pixel::clear);
+        self.pixels.iter_mut().for_each(FragmentPixel::clear);
         self.sheets = Vec::new();
         self.windows = Vec::new();
         self.end_splat([x, y]);

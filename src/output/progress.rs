@@ -26,7 +26,7 @@ thread_local! {
 /// Observes a job from another thread, and may stop it.
 #[derive(Debug, Default)]
 pub struct Watch {
-    state: Mutex<Option<Arc<State>>>,
+    state: Mutex<Option<Arc<JobState>>>,
     is_stopped: AtomicBool,
 }
 
@@ -84,18 +84,18 @@ pub fn check_not_stopped() -> Result<()> {
 }
 
 /// Shows a state, and whether the job is over.
-type Show = Box<dyn FnMut(&State, bool) + Send>;
+type Show = Box<dyn FnMut(&JobState, bool) + Send>;
 
 /// Display of a job under way, until it is dropped.
 #[derive(Debug)]
 pub struct Progress {
-    state: Arc<State>,
+    state: Arc<JobState>,
     ticker: Option<Ticker>,
 }
 
 /// Progress of a job.
 #[derive(Debug)]
-struct State {
+struct JobState {
     start: Instant,
     goal: Goal,
     done: AtomicU64,
@@ -137,7 +137,7 @@ impl Progress {
     }
 
     fn new(shown: bool, goal: Goal) -> Self {
-        let state = Arc::new(State {
+        let state = Arc::new(JobState {
             start: Instant::now(),
             goal,
             done: AtomicU64::new(0),
@@ -194,7 +194,7 @@ impl Drop for Progress {
 
 impl Ticker {
     /// Shows the state periodically, and once more at the end.
-    fn start(state: Arc<State>, every: Duration, mut show: Show) -> Self {
+    fn start(state: Arc<JobState>, every: Duration, mut show: Show) -> Self {
         let (end, over) = channel();
         let thread = thread::spawn(move || {
             while over.recv_timeout(every) == Err(RecvTimeoutError::Timeout) {
@@ -206,7 +206,7 @@ impl Ticker {
     }
 }
 
-impl State {
+impl JobState {
     fn message(&self) -> String {
         self.message
             .lock()
@@ -276,11 +276,11 @@ fn bar(goal: Goal) -> Show {
 mod tests {
     use super::*;
 
-    fn state(goal: Goal, ago: u64) -> State {
+    fn state(goal: Goal, ago: u64) -> JobState {
         let start = Instant::now()
             .checked_sub(Duration::from_secs(ago))
             .unwrap();
-        State {
+        JobState {
             start,
             goal,
             done: AtomicU64::new(0),
@@ -325,7 +325,7 @@ mod tests {
         let lines = |every: u64, lasts: u64| {
             let shown = Arc::new(Mutex::new(Vec::new()));
             let sink = shown.clone();
-            let show = Box::new(move |state: &State, is_over: bool| {
+            let show = Box::new(move |state: &JobState, is_over: bool| {
                 if !is_over {
                     sink.lock().unwrap().push(state.line())
                 }

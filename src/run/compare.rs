@@ -40,10 +40,10 @@ pub struct Comparison {
     /// Nothing differs except `host`: the computer and its times.
     pub equal: bool,
     /// Figures that both have, in the order of a report.
-    pub figures: Vec<Figure>,
+    pub figures: Vec<ComparedFigure>,
     /// Cycles and area of every unit that either side has; empty without a frame if no area
     /// differs.
-    pub units: Vec<Unit>,
+    pub units: Vec<ComparedUnit>,
     /// Fields of the machine's description that differ, in the order of a machine file.
     pub machine: Vec<Difference>,
     /// Fields of the scene that differ.
@@ -77,7 +77,8 @@ pub struct Named {
 
 /// A figure of both sides.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
-pub struct Figure {
+#[schemars(rename = "Figure")]
+pub struct ComparedFigure {
     /// Name of the figure, with the unit of the text.
     pub name: &'static str,
     /// Path in `report.json`.
@@ -100,7 +101,8 @@ pub struct Figure {
 
 /// A unit of both sides.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
-pub struct Unit {
+#[schemars(rename = "Unit")]
+pub struct ComparedUnit {
     /// Its name.
     pub name: String,
     /// Figures of the first side; empty if it has no such unit.

@@ -120,7 +120,7 @@ impl Picture {
 
 /// All parameters of a sampling.
 #[derive(Clone, Debug)]
-pub struct Request {
+pub struct SamplingRequest {
     /// Number of points.
     pub amount: Amount,
     /// Arrangement.
@@ -157,7 +157,7 @@ pub struct Sampled {
 }
 
 /// Samples a mesh. The error is the second half of a sentence that begins with the mesh's name.
-pub fn sample(mesh: &Mesh, request: &Request) -> Result<Sampled, String> {
+pub fn sample(mesh: &Mesh, request: &SamplingRequest) -> Result<Sampled, String> {
     let surface = Surface::of(mesh);
     let area = surface.area();
     let count = count(request.amount, area)?;

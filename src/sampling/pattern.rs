@@ -28,13 +28,13 @@ const SHRUNK: f64 = 0.995;
 const MOST_ROUNDS: usize = 2000;
 
 /// Pseudorandom numbers: SplitMix64, as the words of a counter.
-struct Random {
+struct SplitMix64 {
     state: u64,
 }
 
-impl Random {
+impl SplitMix64 {
     fn new(seed: u64) -> Self {
-        Random { state: mixed(seed) }
+        SplitMix64 { state: mixed(seed) }
     }
 
     /// In [0, 1), on 2⁻⁵³.
@@ -64,7 +64,7 @@ pub(super) fn stratified(surface: &Surface, count: usize, seed: u64) -> Vec<Site
 /// In each round every stratum gets a dart, in sequence from a random stratum on. Neighbours in
 /// memory are neighbours on the surface, which reduces the time for a million points to seconds.
 pub(super) fn blue_noise(surface: &Surface, count: usize, seed: u64) -> (Vec<Site>, f64) {
-    let mut random = Random::new(seed);
+    let mut random = SplitMix64::new(seed);
     let mut distance = (FIRST * surface.area() / count as f64).sqrt();
     let mut board = Board::new(distance);
     let mut sites: Vec<Site> = Vec::with_capacity(count);
@@ -103,10 +103,10 @@ pub(super) fn blue_noise(surface: &Surface, count: usize, seed: u64) -> (Vec<Sit
 struct Board {
     reach: f64,
     last_of_cube: HashMap<[i64; 3], u32, BuildHasherDefault<Mixing>>,
-    entries: Vec<Entry>,
+    entries: Vec<BoardEntry>,
 }
 
-struct Entry {
+struct BoardEntry {
     position: DVec3,
     face: DVec3,
     before: u32,
@@ -154,7 +154,7 @@ impl Board {
                 for z in low[2]..=high[2] {
                     let number = self.entries.len() as u32;
                     let before = self.last_of_cube.insert([x, y, z], number).unwrap_or(NONE);
-                    self.entries.push(Entry {
+                    self.entries.push(BoardEntry {
                         position,
                         face,
                         before,

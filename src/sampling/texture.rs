@@ -15,7 +15,7 @@
 use super::gaussian::cut;
 use super::solve::{Matrix, Solution};
 use super::surface::Site;
-use super::{Acquisition, Picture, Request};
+use super::{Acquisition, Picture, SamplingRequest};
 use crate::scene::Splat;
 use crate::scene::mesh::{Alpha, Image, Material, Mesh, Texture, Triangle, Wrap};
 use glam::{DMat2, DVec2, DVec3};
@@ -43,7 +43,7 @@ impl Acquired {
         sites: &[Site],
         splats: &[Splat],
         faces: &[DVec3],
-        request: &Request,
+        request: &SamplingRequest,
     ) -> Result<Acquired, String> {
         let painting = Painting::of(mesh, &request.picture)?;
         let drawn = cut(request.cutoff);

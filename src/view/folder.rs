@@ -39,13 +39,13 @@ const MOST_REPEATED_BYTES: usize = 1 << 10;
 
 /// A folder that can be shown.
 #[derive(Debug)]
-pub struct Folder {
+pub struct ResultFolder {
     /// All data for the page.
     pub contents: Value,
     /// Files that can be requested, by name.
     pub files: BTreeMap<String, Listed>,
     /// The frame that can be redrawn, if any.
-    pub run: Option<Run>,
+    pub run: Option<DrawnRun>,
 }
 
 /// A file in its state when the folder was read.
@@ -107,7 +107,7 @@ impl Listed {
 
 /// A frame drawn by `run`.
 #[derive(Clone, Debug)]
-pub struct Run {
+pub struct DrawnRun {
     /// The scene's file, or a built-in name.
     pub scene: String,
     /// Frame number in a sequence.
@@ -126,7 +126,7 @@ pub struct Run {
     pub accuracy: [Value; 2],
 }
 
-impl Folder {
+impl ResultFolder {
     /// Reads a folder.
     ///
     /// # Errors
@@ -189,7 +189,7 @@ impl Folder {
             other => (None, other.as_ref()),
         };
         let run = reports
-            .map(|report| Run::new(report, &shown("report.json")))
+            .map(|report| DrawnRun::new(report, &shown("report.json")))
             .transpose()?;
         let sequence = sequences
             .map(|report| sequence(report, &files, &shown))
@@ -328,7 +328,7 @@ impl Folder {
                 .iter()
                 .any(|end| name.ends_with(end))
         });
-        Ok(Folder {
+        Ok(ResultFolder {
             contents,
             files,
             run,
@@ -390,7 +390,7 @@ impl Folder {
     }
 }
 
-impl Run {
+impl DrawnRun {
     fn new(report: &Value, whose: &str) -> Result<Self> {
         let lacks = |what: &str| {
             Error::input(format!(
@@ -425,7 +425,7 @@ impl Run {
                 .ok_or_else(|| lacks(&part[1..].replace('/', ".")))?;
         }
         let pair = |value: &Value| Some([value[0].as_u64()? as usize, value[1].as_u64()? as usize]);
-        Ok(Run {
+        Ok(DrawnRun {
             scene: report
                 .pointer("/host/scene_file")
                 .and_then(Value::as_str)

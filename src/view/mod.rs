@@ -21,7 +21,7 @@ pub mod redraw;
 pub mod server;
 
 use crate::error::Result;
-use folder::Folder;
+use folder::ResultFolder;
 use http::{Request, Response};
 use redraw::Redraw;
 use server::Handler;
@@ -33,7 +33,7 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 /// A folder, and data that is computed from it on demand.
 #[derive(Debug)]
 pub struct View {
-    folder: Folder,
+    folder: ResultFolder,
     /// The scene's path, if it was moved.
     scene: Option<OsString>,
     /// Drawn on the first request; or the reason why it cannot be drawn.
@@ -46,10 +46,10 @@ impl View {
     /// Reads a folder.
     ///
     /// # Errors
-    /// As [`Folder::read`].
+    /// As [`ResultFolder::read`].
     pub fn new(folder: &Path, scene: Option<OsString>) -> Result<Self> {
         Ok(View {
-            folder: Folder::read(folder)?,
+            folder: ResultFolder::read(folder)?,
             scene,
             redraw: OnceLock::new(),
             story: Mutex::new(()),
@@ -57,7 +57,7 @@ impl View {
     }
 
     /// The folder.
-    pub fn folder(&self) -> &Folder {
+    pub fn folder(&self) -> &ResultFolder {
         &self.folder
     }
 

@@ -8,7 +8,7 @@
 //! ```
 //! Law (tests/view.rs): `a_pixel_has_the_values_of_the_run`.
 
-use super::folder::Run;
+use super::folder::DrawnRun;
 use crate::accuracy::{KINDS, Lockstep, distance};
 use crate::error::{Error, Result};
 use crate::golden;
@@ -52,7 +52,7 @@ impl Redraw {
     ///
     /// # Errors
     /// [`Error::Input`] if the scene cannot be read any more, or is not the one that was drawn.
-    pub fn new(run: &Run, scene: Option<&OsStr>) -> Result<Self> {
+    pub fn new(run: &DrawnRun, scene: Option<&OsStr>) -> Result<Self> {
         let [width, height] = run.preview_of.unwrap_or(run.size);
         let name = scene.unwrap_or(OsStr::new(&run.scene));
         let scene = Scene::load_frame(

@@ -35,7 +35,7 @@ pub struct BoundedContribution<'a> {
     pub weight: Near,
     /// rgb, α, normal.
     pub attributes: &'a [Near; ATTRIBUTES],
-    /// Part of a sum's word that a unit of weight fills with these attributes ([`Limits::filled`]).
+    /// Part of a sum's word that a unit of weight fills with these attributes ([`SumLimits::filled`]).
     pub filled: f64,
     /// The machine's depth word, by which it sorts.
     pub held_depth: i64,
@@ -64,12 +64,12 @@ pub struct Common<'a> {
     /// τ.
     pub coverage_threshold: Near,
     pub background: [Near; 4],
-    pub limits: Limits,
+    pub limits: SumLimits,
 }
 
 /// Capacity of the machine's sums and the loss of one rounding of each ([`words`]), and the opacity
 /// from which a fragment hides.
-pub struct Limits {
+pub struct SumLimits {
     weight: [f64; 2],
     attributes: [[f64; ATTRIBUTES]; 2],
     /// Greatest part of a sum's word that one rounding may lose.
@@ -77,7 +77,7 @@ pub struct Limits {
     opaque: Near,
 }
 
-impl Limits {
+impl SumLimits {
     /// Limits of a machine.
     pub fn new(machine: &Machine, opaque: Near) -> Self {
         let (weight, attributes) = words(machine);
@@ -87,7 +87,7 @@ impl Limits {
             .chain([weight])
             .map(|word| loss(word) / most(word))
             .fold(0.0, greater);
-        Limits {
+        SumLimits {
             weight: [most(weight), loss(weight)],
             attributes: [attributes.map(most), attributes.map(loss)],
             lost,
@@ -140,7 +140,7 @@ pub struct Bounds {
 
 /// The fragments of one pixel.
 #[derive(Clone, Debug, Default)]
-pub struct Pixel {
+pub struct FragmentPixel {
     fragments: Vec<Fragment>,
     bounds: Vec<Bounds>,
 }
@@ -169,7 +169,7 @@ fn words(machine: &Machine) -> (Word, [Word; ATTRIBUTES]) {
 
 impl Bounds {
     /// Bounds of a slot with one contribution, which may already overflow a sum's word.
-    pub fn new(limits: &Limits, arrival: &BoundedContribution) -> Self {
+    pub fn new(limits: &SumLimits, arrival: &BoundedContribution) -> Self {
         let range = [arrival.attributes.map(|c| c.value); 2];
         let shaded = [Near::default(); 4];
         let (depth, held_depth) = (arrival.depth(), arrival.held_depth);
@@ -190,7 +190,7 @@ impl Bounds {
     }
 
     /// Adds one contribution; `golden` already contains it.
-    pub fn add(&mut self, limits: &Limits, arrival: &BoundedContribution, golden: &Fragment) {
+    pub fn add(&mut self, limits: &SumLimits, arrival: &BoundedContribution, golden: &Fragment) {
         self.weight += arrival.weight.error;
         self.count += 1.0;
         let most = arrival.weight.most();
@@ -206,7 +206,7 @@ impl Bounds {
     }
 
     /// Adds another slot whose sums were added; `golden` already contains both.
-    pub fn join(&mut self, limits: &Limits, other: &Bounds, golden: &Fragment) {
+    pub fn join(&mut self, limits: &SumLimits, other: &Bounds, golden: &Fragment) {
         self.weight += other.weight;
         self.count += other.count;
         for i in 0..ATTRIBUTES {
@@ -219,7 +219,7 @@ impl Bounds {
     }
 
     /// Whether one of the machine's sums may have left its word.
-    fn may_overflow(&self, limits: &Limits, golden: &Fragment) -> bool {
+    fn may_overflow(&self, limits: &SumLimits, golden: &Fragment) -> bool {
         // No sum exceeds the total weight times the fullest attributes, which is rarely much.
         // Rounding errors of f64 are less than a hundredth; NaN fails the comparison.
         let has_room =
@@ -229,7 +229,7 @@ impl Bounds {
 
     /// The same, sum by sum.
     #[inline(never)]
-    fn sum_may_overflow(&self, limits: &Limits, golden: &Fragment) -> bool {
+    fn sum_may_overflow(&self, limits: &SumLimits, golden: &Fragment) -> bool {
         let [most, losses] = limits.attributes;
         let sums = [
             golden.rgb.x,
@@ -255,7 +255,7 @@ impl Bounds {
     }
 
     /// ΔW.
-    pub fn weight_error(&self, limits: &Limits) -> f64 {
+    pub fn weight_error(&self, limits: &SumLimits) -> f64 {
         self.weight + self.count * limits.weight_loss()
     }
 
@@ -341,7 +341,7 @@ fn may_hide_differently(common: &Common, golden: &Fragment, bounds: &Bounds) -> 
         || weight.may_cross(common.coverage_threshold)
 }
 
-impl Pixel {
+impl FragmentPixel {
     /// Takes a contribution as the machine did; counts decisions that `golden` would take
     /// differently.
     pub fn take(

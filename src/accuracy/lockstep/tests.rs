@@ -63,7 +63,7 @@ fn coarser_depths_cause_unexplained_flips() {
 
 #[test]
 fn a_nan_weight_may_overflow_every_word() {
-    let limits = Limits::new(
+    let limits = SumLimits::new(
         &machines::load("reference", &[]).unwrap(),
         Near::exact(0.999),
     );

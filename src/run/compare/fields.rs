@@ -1,6 +1,6 @@
 //! Fields: which figures and fields of two reports are compared, and how they differ.
 
-use super::{Difference, Figure, Unit, UnitSide};
+use super::{ComparedFigure, ComparedUnit, Difference, UnitSide};
 use crate::hardware::machines;
 use serde_json::{Map, Value, json};
 
@@ -173,7 +173,7 @@ pub(super) const FIGURES: [(&str, &str, Notation, bool); 41] = [
 ];
 
 /// Figures that either report has, and that differ or are always listed.
-pub(super) fn figures(a: &Value, b: &Value) -> Vec<Figure> {
+pub(super) fn figures(a: &Value, b: &Value) -> Vec<ComparedFigure> {
     let figure = |(name, pointer, notation, always): (&'static str, &str, Notation, bool)| {
         let [one, other] = [a, b].map(|report| value_of(report, pointer, notation));
         let is_there = !one.is_null() || !other.is_null();
@@ -190,7 +190,7 @@ pub(super) fn figures(a: &Value, b: &Value) -> Vec<Figure> {
             _ => None,
         };
         let path = pointer[1..].replace('/', ".");
-        (is_there && (always || one != other)).then_some(Figure {
+        (is_there && (always || one != other)).then_some(ComparedFigure {
             name,
             path,
             a: one,
@@ -223,7 +223,7 @@ fn value_of(report: &Value, pointer: &str, notation: Notation) -> Value {
 }
 
 /// Units of both: cycles if there is a frame, area if it differs.
-pub(super) fn units(a: &Value, b: &Value) -> Vec<Unit> {
+pub(super) fn units(a: &Value, b: &Value) -> Vec<ComparedUnit> {
     let mut names: Vec<String> = Vec::new();
     for (report, list) in [
         (a, "/cycles/units"),
@@ -243,7 +243,7 @@ pub(super) fn units(a: &Value, b: &Value) -> Vec<Unit> {
             }
         }
     }
-    let unit = |name: String| Unit {
+    let unit = |name: String| ComparedUnit {
         a: unit_of(a, &name),
         b: unit_of(b, &name),
         name,

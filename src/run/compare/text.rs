@@ -1,7 +1,7 @@
 //! Text: a comparison for a terminal of 80 columns.
 
 use super::fields::{FIGURES, Notation};
-use super::{Comparison, Difference, Figure, Named, Pictures, Unit, UnitSide};
+use super::{ComparedFigure, ComparedUnit, Comparison, Difference, Named, Pictures, UnitSide};
 use crate::output::text::{aligned, clipped, one_line, plain_table, thousands, wrapped};
 use rtl_model::num::Format;
 use serde_json::Value;
@@ -69,7 +69,7 @@ impl Comparison {
 
     /// Units whose cycles differ.
     fn cycle_table(&self) -> Option<String> {
-        let differ: Vec<&Unit> = self
+        let differ: Vec<&ComparedUnit> = self
             .units
             .iter()
             .filter(|unit| unit.a.cycles != unit.b.cycles)
@@ -85,7 +85,7 @@ impl Comparison {
             "memory A",
             "B",
         ]);
-        for Unit { name, a, b } in &differ {
+        for ComparedUnit { name, a, b } in &differ {
             let cell = |side: &UnitSide, state: usize| {
                 side.cycles
                     .map_or("–".into(), |cycles| short(cycles[state]))
@@ -97,13 +97,13 @@ impl Comparison {
     }
 
     fn area_table(&self) -> Option<String> {
-        let differ: Vec<&Unit> = self
+        let differ: Vec<&ComparedUnit> = self
             .units
             .iter()
             .filter(|unit| unit.a.area != unit.b.area)
             .collect();
         let mut table = plain_table(&["area", "A", "B", "B against A"]);
-        for Unit { name, a, b } in &differ {
+        for ComparedUnit { name, a, b } in &differ {
             let cell = |area: Option<f64>| area.map_or("–".into(), |area| thousands(area as u64));
             let change = a
                 .area
@@ -224,7 +224,7 @@ fn plain(value: &Value) -> String {
     }
 }
 
-fn notation(figure: &Figure) -> Notation {
+fn notation(figure: &ComparedFigure) -> Notation {
     FIGURES
         .iter()
         .find(|(name, ..)| *name == figure.name)
@@ -244,7 +244,7 @@ fn number(value: &Value, notation: Notation) -> String {
     }
 }
 
-fn step(figure: &Figure, notation: Notation) -> String {
+fn step(figure: &ComparedFigure, notation: Notation) -> String {
     match (figure.a.as_f64(), figure.b.as_f64()) {
         _ if figure.a == figure.b => "=".into(),
         (Some(a), Some(b)) => match notation {

@@ -1,7 +1,7 @@
 //! Report of a sequence: `report.json` for a scene with many cameras (docs/book/paths.md), and its
 //! summary for a terminal.
 
-use crate::accuracy::flicker::{Change, Flicker};
+use crate::accuracy::flicker::{Flicker, FlickerChange};
 use crate::accuracy::{Metrics, db_text};
 use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
 use crate::run::against::{Against, Means};
@@ -256,7 +256,7 @@ fn flicker_table(flicker: &Flicker) -> String {
         ("golden − ideal", flicker.golden_vs_ideal),
         ("fixed − ideal", flicker.fixed_vs_ideal),
     ];
-    for (name, Change { mean, jumps }) in pairs {
+    for (name, FlickerChange { mean, jumps }) in pairs {
         let shown = |value: Option<f64>, show: fn(f64) -> String| {
             db_text(value, flicker.not_finite, show).replace("equal", "–")
         };
