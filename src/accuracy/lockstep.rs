@@ -583,7 +583,7 @@ impl<'a> LockstepProbe<'a> {
         &mut self,
         splat: &BoundedSplat,
         [x, y]: [u32; 2],
-        held: &Contribution,
+        on_machine: &Contribution,
         decision: Decision,
     ) {
         let stage = self.stage;
@@ -608,7 +608,7 @@ impl<'a> LockstepProbe<'a> {
             weight: near.weight.around(exact.weight),
             attributes: &splat.attributes,
             filled: splat.filled,
-            held_depth: held.depth,
+            depth_word: on_machine.depth,
             depth: OnceCell::new(),
             find_depth: &depth,
         };
@@ -764,22 +764,22 @@ impl<'a> LockstepProbe<'a> {
 
 /// Whether a channel of a pixel exceeds its bound, or its value or bound is NaN. An infinite bound
 /// allows any number.
-fn violates(held: [f64; 4], near: [Near; 4]) -> bool {
+fn violates(fixed: [f64; 4], near: [Near; 4]) -> bool {
     let keeps =
-        |held: f64, near: Near| near.value.is_finite() && (held - near.value).abs() <= near.error;
-    !held
+        |fixed: f64, near: Near| near.value.is_finite() && (fixed - near.value).abs() <= near.error;
+    !fixed
         .into_iter()
         .zip(near)
-        .all(|(held, near)| keeps(held, near))
+        .all(|(fixed, near)| keeps(fixed, near))
 }
 
 /// Error and bound of a pixel's worst channels; infinite for NaN.
-fn worst_channels(held: [f64; 4], near: [Near; 4]) -> [f64; 2] {
+fn worst_channels(fixed: [f64; 4], near: [Near; 4]) -> [f64; 2] {
     let number = |x: f64| if x.is_nan() { f64::INFINITY } else { x };
-    let errors = held
+    let errors = fixed
         .into_iter()
         .zip(near)
-        .map(|(held, near)| number((held - near.value).abs()));
+        .map(|(fixed, near)| number((fixed - near.value).abs()));
     [
         errors.fold(0.0, f64::max),
         near.into_iter()
@@ -871,25 +871,25 @@ impl<'a> Observer<'a> for LockstepProbe<'a> {
                     .resolve(rules, &probe.stage.common);
             }
             if let Some(rules) = &probe.stage.windows {
-                let mut held = probe
+                let mut window = probe
                     .windows
                     .get_mut(pixel)
                     .map(std::mem::take)
                     .unwrap_or_default();
-                return held.resolve(rules, &probe.stage.common, flips);
+                return window.resolve(rules, &probe.stage.common, flips);
             }
             let nothing = FragmentPixel::default();
-            let held = probe.pixels.get(pixel).unwrap_or(&nothing);
-            held.resolve(
+            let fragments = probe.pixels.get(pixel).unwrap_or(&nothing);
+            fragments.resolve(
                 &probe.stage.common,
                 layers.iter().map(|layer| layer.slot),
                 flips,
             )
         });
         let format = self.stage.machine.machine.resolve.frame.format;
-        let held = frame.map(|word| format.value(word));
-        let [error, bound] = worst_channels(held, near);
-        self.violations += u64::from(violates(held, near));
+        let fixed = frame.map(|word| format.value(word));
+        let [error, bound] = worst_channels(fixed, near);
+        self.violations += u64::from(violates(fixed, near));
         self.tile.led[pixel] = near.map(|channel| channel.value);
         self.tile.bound[pixel] = bound;
         self.tile.error[pixel] = error;

@@ -244,10 +244,10 @@ impl<'a, S: Slot> FragmentPainter<'a, S> {
         let slots = &mut self.slots[first..=first + self.layers];
         let used = &mut self.used[pixel];
         if let Some(slot) = S::slot_for(self.z_threshold, new.z, &slots[..*used]) {
-            let held = &mut slots[slot];
-            held.add(&new);
+            let target = &mut slots[slot];
+            target.add(&new);
             if self.rules.fragment_depth == FragmentDepth::Nearest {
-                held.set_depth(held.fragment().z.min(new.z));
+                target.set_depth(target.fragment().z.min(new.z));
             }
             return Decision::Accumulated { slot };
         }
@@ -328,9 +328,9 @@ pub(crate) fn nearest_within(z_threshold: f64, z: f64, fragments: &[Fragment]) -
 }
 
 /// The z-buffer: keeps the nearer one.
-fn replace<S: Slot>(held: &mut S, new: Fragment) -> Decision {
-    if new.z < held.fragment().z {
-        *held = S::new(new);
+fn replace<S: Slot>(old: &mut S, new: Fragment) -> Decision {
+    if new.z < old.fragment().z {
+        *old = S::new(new);
         Decision::Replaced
     } else {
         Decision::Dropped

@@ -116,7 +116,7 @@ fn of_fragments<S: Slot>(
     let mut layers: Vec<TracedLayer> = slots
         .iter()
         .enumerate()
-        .map(|(slot, held)| TracedLayer::new(slot, held.fragment(), shader))
+        .map(|(slot, state)| TracedLayer::new(slot, state.fragment(), shader))
         .collect();
     layers.sort_by(|a, b| a.z.total_cmp(&b.z));
     PixelTrace {
@@ -165,7 +165,7 @@ fn of_windows(scene: &Scene, shader: &Shader, rules: &Rules, pixel: [u32; 2]) ->
     let mut layers: Vec<TracedLayer> = slots
         .iter()
         .enumerate()
-        .map(|(slot, held)| TracedLayer::new(slot, &as_fragment(held), shader))
+        .map(|(slot, state)| TracedLayer::new(slot, &as_fragment(state), shader))
         .collect();
     layers.sort_by(|a, b| a.z.total_cmp(&b.z));
     PixelTrace {

@@ -62,8 +62,8 @@ impl Folder {
                 .map(Path::to_owned)
                 .collect();
             made.reverse();
-            // If it were dropped before it is locked, it would remove a folder that another process
-            // has locked.
+            // `made` is filled in after locking. A folder that is dropped before would remove one
+            // that another process has locked.
             let mut folder = Folder {
                 open: None,
                 made: Vec::new(),

@@ -32,7 +32,7 @@ pub fn duration(seconds: f64) -> String {
     }
 }
 
-/// A part of a whole in per cent; 0 % and 100 % only if exact.
+/// A part of a whole in per cent: 100 % only if exact, and a dash for nothing.
 pub fn share(part: u64, whole: u64) -> String {
     match part {
         0 => "–".into(),

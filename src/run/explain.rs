@@ -236,7 +236,7 @@ impl ObservedPixel {
             pixel: [x as u32, y as u32],
             ..PixelProbe::default()
         };
-        // Inputs to shading are visible only as transfers.
+        // Only an observed drawing reports the inputs to shading.
         let draw = if quantised.frame.surroundings.is_some() {
             pipeline::draw_observed
         } else {

@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! connection ─┬─► more than 32 at once: 503
-//!             └─► thread ─► head ─► Host is ours? ─► token is ours? ─► Answers ─► response, connection closed
+//!             └─► thread ─► head ─► Host is ours? ─► token is ours? ─► Handler ─► response, connection closed
 //! ```
 //! A page of another origin cannot read responses, because it does not have the token. It cannot
 //! reach the server under another name (DNS rebinding) either, because `Host` must be this address.

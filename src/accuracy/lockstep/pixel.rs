@@ -35,10 +35,11 @@ pub struct BoundedContribution<'a> {
     pub weight: Near,
     /// rgb, α, normal.
     pub attributes: &'a [Near; ATTRIBUTES],
-    /// Part of a sum's word that a unit of weight fills with these attributes ([`SumLimits::filled`]).
+    /// Part of a sum's word that a unit of weight fills with these attributes
+    /// ([`SumLimits::filled`]).
     pub filled: f64,
     /// The machine's depth word, by which it sorts.
-    pub held_depth: i64,
+    pub depth_word: i64,
     /// Depth, computed on first use: most contributions that join a fragment do not need it.
     pub depth: OnceCell<Near>,
     pub find_depth: &'a dyn Fn() -> Near,
@@ -133,7 +134,7 @@ pub struct Bounds {
     /// A sum may have left its word.
     pub overflowed: bool,
     depth: Near,
-    held_depth: i64,
+    depth_word: i64,
     /// After shading: premultiplied colour and opacity.
     shaded: [Near; 4],
 }
@@ -172,7 +173,7 @@ impl Bounds {
     pub fn new(limits: &SumLimits, arrival: &BoundedContribution) -> Self {
         let range = [arrival.attributes.map(|c| c.value); 2];
         let shaded = [Near::default(); 4];
-        let (depth, held_depth) = (arrival.depth(), arrival.held_depth);
+        let (depth, depth_word) = (arrival.depth(), arrival.depth_word);
         let (attribute, filled) = ([0.0; ATTRIBUTES], arrival.filled);
         let mut new = Bounds {
             weight: 0.0,
@@ -182,7 +183,7 @@ impl Bounds {
             filled,
             overflowed: false,
             depth,
-            held_depth,
+            depth_word,
             shaded,
         };
         new.add(limits, arrival, &arrival.golden);
@@ -387,7 +388,7 @@ impl FragmentPixel {
         if common.rules.fragment_depth == FragmentDepth::Nearest {
             golden.z = golden.z.min(arrival.golden.z);
             bounds.depth = bounds.depth.min(arrival.depth());
-            bounds.held_depth = bounds.held_depth.min(arrival.held_depth);
+            bounds.depth_word = bounds.depth_word.min(arrival.depth_word);
         }
     }
 
@@ -448,7 +449,7 @@ impl FragmentPixel {
         let place = self
             .bounds
             .iter()
-            .filter(|bounds| bounds.held_depth <= arrival.held_depth)
+            .filter(|bounds| bounds.depth_word <= arrival.depth_word)
             .count();
         self.fragments.insert(place, arrival.golden);
         self.bounds
@@ -493,11 +494,11 @@ impl FragmentPixel {
 
     /// Brings the slots into the machine's order.
     fn sort(&mut self) {
-        if self.bounds.is_sorted_by_key(|bounds| bounds.held_depth) {
+        if self.bounds.is_sorted_by_key(|bounds| bounds.depth_word) {
             return;
         }
         let mut order: Vec<usize> = (0..self.fragments.len()).collect();
-        order.sort_by_key(|&slot| self.bounds[slot].held_depth);
+        order.sort_by_key(|&slot| self.bounds[slot].depth_word);
         self.fragments = order.iter().map(|&slot| self.fragments[slot]).collect();
         self.bounds = order.iter().map(|&slot| self.bounds[slot]).collect();
     }

@@ -60,8 +60,8 @@ impl Lockstep {
             psnr_db: metrics.psnr_db,
             max_error: metrics.max_error,
             not_finite: metrics.not_finite,
-            // Also counts pixels that the machine did not resolve, and which were not compared with
-            // a bound.
+            // A pixel that is not finite counts even if the machine did not resolve it and no bound
+            // was checked.
             bound_violations: self.violations.max(metrics.not_finite),
             decision_flips: self.flips.total(),
             flips: self.flips,
@@ -82,13 +82,16 @@ impl Lockstep {
         if self.tiles == CheckedTiles::All {
             return Cow::Borrowed(picture);
         }
-        let held: Vec<usize> = (0..picture.rgba.len())
+        let checked: Vec<usize> = (0..picture.rgba.len())
             .filter(|&pixel| self.holds(pixel))
             .collect();
-        let rgba = held.iter().map(|&pixel| picture.rgba[pixel]).collect();
-        let covered = held.iter().map(|&pixel| picture.covered[pixel]).collect();
+        let rgba = checked.iter().map(|&pixel| picture.rgba[pixel]).collect();
+        let covered = checked
+            .iter()
+            .map(|&pixel| picture.covered[pixel])
+            .collect();
         Cow::Owned(Picture {
-            width: held.len(),
+            width: checked.len(),
             height: 1,
             rgba,
             covered,

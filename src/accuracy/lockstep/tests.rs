@@ -82,7 +82,7 @@ fn a_nan_weight_may_overflow_every_word() {
             },
             attributes,
             filled: limits.filled(attributes),
-            held_depth: 0,
+            depth_word: 0,
             depth: OnceCell::new(),
             find_depth: &|| Near::exact(1.0),
         };
@@ -96,12 +96,12 @@ fn a_nan_weight_may_overflow_every_word() {
 
 #[test]
 fn nan_violates_every_bound() {
-    let (right, held) = (Near::within(0.5, 0.25), [0.5; 4]);
-    assert!(!violates(held, [right; 4]));
+    let (right, fixed) = (Near::within(0.5, 0.25), [0.5; 4]);
+    assert!(!violates(fixed, [right; 4]));
     assert_eq!(worst_channels([0.5, 0.75, 0.5, 0.5], [right; 4])[0], 0.25);
     // An infinite bound claims nothing.
     assert!(!violates(
-        held,
+        fixed,
         [Near {
             value: 0.5,
             error: f64::INFINITY
@@ -115,14 +115,14 @@ fn nan_violates_every_bound() {
                 value: wrong,
                 error: f64::INFINITY,
             };
-            assert!(violates(held, near), "{wrong}");
-            assert_eq!(worst_channels(held, near), [f64::INFINITY; 2]);
+            assert!(violates(fixed, near), "{wrong}");
+            assert_eq!(worst_channels(fixed, near), [f64::INFINITY; 2]);
         }
     }
     let mut near = [right; 4];
     near[2].error = f64::NAN;
-    assert!(violates(held, near));
-    assert_eq!(worst_channels(held, near)[1], f64::INFINITY);
+    assert!(violates(fixed, near));
+    assert_eq!(worst_channels(fixed, near)[1], f64::INFINITY);
     let mut frame = checked_against_reference(&[]);
     let fixed = frame.led.clone();
     frame.led.rgba[17][1] = f64::NAN;

@@ -55,7 +55,7 @@ struct SlotBounds {
     /// Least and greatest depth of its contributions, exact, machine units.
     depths: [f64; 2],
     /// Ends of its front and of its back, in the machine's words.
-    held: [[i64; 2]; 2],
+    end_words: [[i64; 2]; 2],
     /// The same ends as numbers.
     ends: [[Near; 2]; 2],
 }
@@ -91,21 +91,21 @@ impl<'a> WindowRules<'a> {
 
 impl SlotBounds {
     fn new(common: &Common, arrival: &BoundedContribution) -> Self {
-        let (held, end) = ([arrival.held_depth; 2], [arrival.depth(); 2]);
+        let (end_words, end) = ([arrival.depth_word; 2], [arrival.depth(); 2]);
         SlotBounds {
             bounds: Bounds::new(&common.limits, arrival),
             closed: None,
             depth_error: arrival.weight.most() * arrival.depth().error,
             depths: [arrival.depth().value; 2],
-            held: [held; 2],
+            end_words: [end_words; 2],
             ends: [end; 2],
         }
     }
 
     /// Extends one side, or an open slot, to a contribution's depth.
     fn span(&mut self, side: usize, arrival: &BoundedContribution) {
-        let (held, z) = (&mut self.held[side], arrival.held_depth);
-        *held = [held[0].min(z), held[1].max(z)];
+        let (end_words, z) = (&mut self.end_words[side], arrival.depth_word);
+        *end_words = [end_words[0].min(z), end_words[1].max(z)];
         let [near, far] = self.ends[side];
         self.ends[side] = [near.min(arrival.depth()), far.max(arrival.depth())];
     }
@@ -129,8 +129,9 @@ impl SlotBounds {
             self.depths[1].max(other.depths[1]),
         ];
         for side in 0..2 {
-            let ([near, far], [other_near, other_far]) = (self.held[side], other.held[side]);
-            self.held[side] = [near.min(other_near), far.max(other_far)];
+            let ([near, far], [other_near, other_far]) =
+                (self.end_words[side], other.end_words[side]);
+            self.end_words[side] = [near.min(other_near), far.max(other_far)];
             let ([near, far], [other_near, other_far]) = (self.ends[side], other.ends[side]);
             self.ends[side] = [near.min(other_near), far.max(other_far)];
         }
@@ -138,11 +139,11 @@ impl SlotBounds {
 
     /// lo of the machine.
     fn near(&self) -> i64 {
-        self.held[0][0]
+        self.end_words[0][0]
     }
 
     fn far(&self) -> i64 {
-        self.held[1][1]
+        self.end_words[1][1]
     }
 
     fn is_open(&self) -> bool {
@@ -220,7 +221,7 @@ impl WindowPixel {
                     &rules.words.tables,
                 );
                 let x_light = around(light, x.colour);
-                let ends = [arrival.held_depth; 2];
+                let ends = [arrival.depth_word; 2];
                 self.put_inside(
                     common,
                     usize::from(slot),
@@ -377,7 +378,7 @@ impl WindowPixel {
         slot: usize,
         x: &Closed,
         light: [Near; 4],
-        held: [i64; 2],
+        end_words: [i64; 2],
         ends: [Near; 2],
         flips: &mut Flips,
     ) {
@@ -386,7 +387,8 @@ impl WindowPixel {
         };
         let slot = &mut self.slots[slot];
         let Some(near) = &mut slot.closed else { return };
-        let nearer_the_back = held[0] + held[1] >= slot.held[0][1] + slot.held[1][0];
+        let nearer_the_back =
+            end_words[0] + end_words[1] >= slot.end_words[0][1] + slot.end_words[1][0];
         if nearer_the_back != golden.is_nearer_to_the_back(x) {
             flips.inside((ends[0] + ends[1]).may_cross(slot.ends[0][1] + slot.ends[1][0]));
         }
@@ -431,7 +433,7 @@ impl WindowPixel {
         let place = self
             .slots
             .iter()
-            .filter(|slot| slot.near() <= arrival.held_depth)
+            .filter(|slot| slot.near() <= arrival.depth_word)
             .count();
         self.layers
             .insert(place, Layer::Open(Open::new(arrival.golden)));
@@ -613,14 +615,14 @@ impl WindowPixel {
             self.slots[front + 1].ends[0][0],
             self.slots[front + 1].ends[1][1],
         ];
-        let held = [self.slots[front + 1].near(), self.slots[front + 1].far()];
+        let end_words = [self.slots[front + 1].near(), self.slots[front + 1].far()];
         if inside != (common.rules.window.inside && golden.encloses(&back.golden)) {
             let own = &self.slots[front];
             flips.inside(own.ends[0][1].may_cross(ends[0]) || own.ends[1][1].may_cross(ends[1]));
         }
         if inside {
             let light = common.machine.real_read(back.near.light);
-            self.put_inside(common, front, &back.golden, light, held, ends, flips);
+            self.put_inside(common, front, &back.golden, light, end_words, ends, flips);
         } else {
             self.put_behind(common, front, &back, flips);
         }
@@ -645,7 +647,7 @@ impl WindowPixel {
             .real_put_behind(near, &back.near, is_farther);
         *near = near_to(near, golden);
         if is_farther {
-            (slot.held[1], slot.ends[1]) = (behind.held[1], behind.ends[1]);
+            (slot.end_words[1], slot.ends[1]) = (behind.end_words[1], behind.ends[1]);
         }
     }
 
@@ -708,10 +710,11 @@ impl WindowPixel {
             self.slots[place].closed = Some(window.near);
             if place > 0 {
                 let ends = [self.slots[place].ends[0][0], self.slots[place].ends[1][1]];
-                let held = [self.slots[place].near(), self.slots[place].far()];
+                let end_words = [self.slots[place].near(), self.slots[place].far()];
                 let last = &self.slots[place - 1];
-                let inside =
-                    rules.rule.inside && last.held[0][1] < held[0] && held[1] < last.held[1][1];
+                let inside = rules.rule.inside
+                    && last.end_words[0][1] < end_words[0]
+                    && end_words[1] < last.end_words[1][1];
                 let Layer::Closed(golden) = &self.layers[place - 1] else {
                     return [Near::exact(f64::NAN); 4];
                 };
@@ -722,7 +725,15 @@ impl WindowPixel {
                 }
                 if inside {
                     let light = common.machine.real_read(window.near.light);
-                    self.put_inside(common, place - 1, &window.golden, light, held, ends, flips);
+                    self.put_inside(
+                        common,
+                        place - 1,
+                        &window.golden,
+                        light,
+                        end_words,
+                        ends,
+                        flips,
+                    );
                     self.layers.remove(place);
                     self.slots.remove(place);
                     starts.remove(place);

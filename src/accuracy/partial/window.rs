@@ -64,7 +64,7 @@ impl<'a> WindowPixels<'a> {
         fragment.real_splat_inside(&single, opacity, &self.words.registers, &self.words.tables)
     }
 
-    fn held(&self, closed: &Closed) -> real::Closed<PartialPrecision<'a>> {
+    fn in_words(&self, closed: &Closed) -> real::Closed<PartialPrecision<'a>> {
         let word = |value: f64| self.frame.word(value);
         real::Closed {
             light: closed.colour.to_array().map(word),
@@ -88,12 +88,14 @@ impl<'a> WindowPixels<'a> {
 
     /// Transmittance of a closed layer for a layer behind it that begins at a depth.
     fn behind(&self, closed: &Closed, near: f64) -> PartialPrecision<'a> {
-        let held = self.held(closed);
+        let words = self.in_words(closed);
         let machine = self.frame.stage.machine;
         if near < closed.far() {
-            held.through[0]
+            words.through[0]
         } else {
-            machine.fragment.real_rest(machine.real_read(held.light)[3])
+            machine
+                .fragment
+                .real_rest(machine.real_read(words.light)[3])
         }
     }
 
@@ -196,20 +198,20 @@ impl<'a> WindowPixels<'a> {
         light: [PartialPrecision<'a>; 4],
         [near, far]: [f64; 2],
     ) -> Closed {
-        let mut held = self.held(closed);
+        let mut words = self.in_words(closed);
         let nearer_the_back = near + far >= closed.front.span.far + closed.back.span.near;
         self.frame
             .stage
             .machine
             .fragment
-            .real_put_inside(&mut held, light, nearer_the_back);
-        with(closed, &held)
+            .real_put_inside(&mut words, light, nearer_the_back);
+        with(closed, &words)
     }
 
     /// Step 7: the back inside the front if it lies there, otherwise behind it.
     fn merge(&self, front: &Closed, back: &Closed) -> Closed {
         let machine = self.frame.stage.machine;
-        let behind = self.held(back);
+        let behind = self.in_words(back);
         if self.rule.inside && front.encloses(back) {
             return self.put_inside(
                 front,
@@ -217,15 +219,15 @@ impl<'a> WindowPixels<'a> {
                 [back.near(), back.far()],
             );
         }
-        let (mut held, is_farther) = (self.held(front), back.far() > front.far());
+        let (mut words, is_farther) = (self.in_words(front), back.far() > front.far());
         machine
             .fragment
-            .real_put_behind(&mut held, &behind, is_farther);
+            .real_put_behind(&mut words, &behind, is_farther);
         let mut merged = *front;
         if is_farther {
             merged.back = back.back;
         }
-        with(&merged, &held)
+        with(&merged, &words)
     }
 
     /// Steps 4 to 7: overflow by one layer.
@@ -257,10 +259,10 @@ impl<'a> WindowPixels<'a> {
 }
 
 /// A closed layer with the values that a slot of words holds.
-fn with(closed: &Closed, held: &real::Closed<PartialPrecision>) -> Closed {
-    let [front, back] = held.weights.map(number);
+fn with(closed: &Closed, words: &real::Closed<PartialPrecision>) -> Closed {
+    let [front, back] = words.weights.map(number);
     Closed {
-        colour: DVec4::from_array(held.light.map(number)),
+        colour: DVec4::from_array(words.light.map(number)),
         front: Surface {
             weight: front,
             ..closed.front
@@ -269,8 +271,8 @@ fn with(closed: &Closed, held: &real::Closed<PartialPrecision>) -> Closed {
             weight: back,
             ..closed.back
         },
-        behind_front: held.through[0].value,
-        before_back: held.through[1].value,
+        behind_front: words.through[0].value,
+        before_back: words.through[1].value,
     }
 }
 
@@ -291,16 +293,16 @@ impl<'a> Painter for WindowPixels<'a> {
             .flatten()
             && let Layer::Closed(closed) = &mut layers[slot]
         {
-            let mut held = self.held(closed);
+            let mut words = self.in_words(closed);
             let threshold = self.frame.word(self.frame.coverage_threshold);
             let fragment = &self.frame.stage.machine.fragment;
             fragment.real_late(
-                &mut held,
+                &mut words,
                 usize::from(side == Side::Back),
                 &self.single(&arrival),
                 threshold,
             );
-            *closed = with(closed, &held);
+            *closed = with(closed, &words);
             let part = if side == Side::Front {
                 &mut closed.front
             } else {
@@ -361,7 +363,11 @@ impl<'a> Painter for WindowPixels<'a> {
             let window = self.closed(&window);
             match done.last_mut() {
                 Some(last) if self.rule.inside && last.encloses(&window) => {
-                    let light = self.frame.stage.machine.real_read(self.held(&window).light);
+                    let light = self
+                        .frame
+                        .stage
+                        .machine
+                        .real_read(self.in_words(&window).light);
                     *last = self.put_inside(last, light, [window.near(), window.far()]);
                 }
                 _ => done.push(window),
@@ -370,7 +376,7 @@ impl<'a> Painter for WindowPixels<'a> {
         let machine = self.frame.stage.machine;
         let lights: Vec<[PartialPrecision; 4]> = done
             .iter()
-            .map(|closed| machine.real_read(self.held(closed).light))
+            .map(|closed| machine.real_read(self.in_words(closed).light))
             .collect();
         machine
             .real_resolve(&lights, self.frame.background)
