@@ -1,27 +1,28 @@
-//! Error: names what went wrong in one sentence, and the exit status that says whose fault it was.
+//! Error: describes a failure in one sentence, with the exit status that separates bad input from a
+//! failed job.
 
 use rayon::prelude::*;
 use std::borrow::Cow;
 
-/// One sentence for the user, and whose fault it was.
+/// One sentence for the user, and the kind of failure.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The command line or an input file is wrong: exit status 2.
     #[error("{0}")]
     Input(String),
-    /// The job itself failed (a disk is full, say): exit status 1.
+    /// The job itself failed (for example because a disk is full): exit status 1.
     #[error("{0}")]
     Job(String),
 }
 
 impl Error {
-    /// Blames the input, in one sentence: which file, which field or line, what is wrong, what
-    /// would be right.
+    /// An error of the input, in one sentence: which file, which field or line, the fault, and a
+    /// correct value.
     pub fn input(sentence: impl Into<String>) -> Self {
         Error::Input(one_line(sentence.into()))
     }
 
-    /// Blames the job, in one sentence.
+    /// An error of the job, in one sentence.
     pub fn job(sentence: impl Into<String>) -> Self {
         Error::Job(one_line(sentence.into()))
     }
@@ -35,12 +36,12 @@ impl Error {
     }
 }
 
-/// Letters of a word of a sentence, and of a sentence, at most. Paths have up to 4096 bytes, names
-/// in files megabytes: of longer ones beginning and end are told.
+/// Greatest number of characters of a word in a sentence, and of a sentence. Paths have up to 4096
+/// bytes, and names in files can have megabytes; longer ones are shortened to beginning and end.
 const LONGEST_WORD: usize = 320;
 const LONGEST: usize = 1_600;
 
-/// The sentence on one line, of a length that can be read, whatever names and paths it quotes.
+/// The sentence on one line and with a readable length, whatever names and paths it quotes.
 fn one_line(sentence: String) -> String {
     let escaped = |letter: char| {
         if letter.is_control() {
@@ -64,7 +65,7 @@ fn one_line(sentence: String) -> String {
     shortened(&words.join(" "), LONGEST).into_owned()
 }
 
-/// The beginning and the end of a text that has more letters than may be.
+/// The beginning and the end of a text with more than `most` characters.
 fn shortened(text: &str, most: usize) -> Cow<'_, str> {
     let place = |letter: usize| text.char_indices().nth(letter).map(|(at, _)| at);
     if text.len() <= most || place(most).is_none() {
@@ -86,11 +87,11 @@ fn shortened(text: &str, most: usize) -> Cow<'_, str> {
 /// Result of a step of the bench.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// All that several threads make, or the first error in its order: rayon's own `collect` gives that
-/// of whichever thread has one first.
+/// The results of several threads, or the first error in their order. rayon's own `collect` returns
+/// the error that occurs first in time.
 ///
 /// # Errors
-/// The first of them.
+/// The first error.
 pub fn in_order<T: Send>(results: impl ParallelIterator<Item = Result<T>>) -> Result<Vec<T>> {
     results.collect::<Vec<_>>().into_iter().collect()
 }
@@ -101,23 +102,24 @@ mod tests {
     use std::time::Duration;
 
     #[test]
-    fn a_sentence_is_short_whatever_it_quotes_and_shows_where_that_begins_and_ends() {
+    fn a_sentence_is_short_and_shows_beginning_and_end_of_long_quotations() {
         let long = "é".repeat(1 << 20);
-        let told = Error::input(format!("scene.json: a{long}z is no file")).to_string();
+        let message = Error::input(format!("scene.json: a{long}z is not a file")).to_string();
         assert!(
-            told.starts_with("scene.json: aé")
-                && told.ends_with("éz is no file")
-                && told.contains('…'),
-            "{told}"
+            message.starts_with("scene.json: aé")
+                && message.ends_with("éz is not a file")
+                && message.contains('…'),
+            "{message}"
         );
-        assert!(told.chars().count() < 360, "{told}");
-        let told = Error::job(format!("begins {} ends", "word and ".repeat(1 << 20))).to_string();
+        assert!(message.chars().count() < 360, "{message}");
+        let message =
+            Error::job(format!("begins {} ends", "word and ".repeat(1 << 20))).to_string();
         assert!(
-            told.starts_with("begins word")
-                && told.ends_with("and  ends")
-                && told.chars().count() == LONGEST,
+            message.starts_with("begins word")
+                && message.ends_with("and  ends")
+                && message.chars().count() == LONGEST,
             "{}",
-            told.len()
+            message.len()
         );
         assert_eq!(
             Error::input("\n".repeat(1 << 20))
@@ -131,7 +133,7 @@ mod tests {
     }
 
     #[test]
-    fn the_first_error_is_told_though_another_comes_sooner() {
+    fn the_first_error_in_order_is_returned_although_another_occurs_earlier() {
         let step = |number: u32| match number {
             0 => {
                 std::thread::sleep(Duration::from_millis(50));
@@ -144,10 +146,10 @@ mod tests {
             .num_threads(4)
             .build()
             .unwrap();
-        let told = pool
+        let message = pool
             .install(|| in_order((0..100).into_par_iter().map(step)))
             .unwrap_err();
-        assert_eq!(told.to_string(), "the first");
+        assert_eq!(message.to_string(), "the first");
         assert_eq!(
             pool.install(|| in_order((1..9).into_par_iter().map(step)))
                 .unwrap(),

@@ -1,5 +1,5 @@
-//! splatsim: the bench around `rtl_model`. Floats, files, comparison and the command line live
-//! here; the machine does not.
+//! splatsim: the bench around `rtl_model`. It contains floats, files, comparison and the command
+//! line; the machine contains none of these.
 //!
 //! ```
 //! use splatsim::hardware::machines;

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 fn main() -> ExitCode {
     files::clean_up_on_signals();
-    fail_where_memory_ends();
+    exit_with_1_on_failed_allocation();
     match cli::run(std::env::args_os()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
@@ -16,13 +16,13 @@ fn main() -> ExitCode {
     }
 }
 
-/// An allocation that fails says so in a sentence and aborts: to the shell it is a job that failed,
-/// status 1.
-fn fail_where_memory_ends() {
+/// Sets the exit status of a failed allocation to 1, as for a failed job. The allocation itself
+/// prints a sentence and aborts.
+fn exit_with_1_on_failed_allocation() {
     #[cfg(unix)]
     {
         let always = std::sync::Arc::new(true.into());
-        // Where it cannot be registered the process ends by the signal.
+        // If it cannot be registered, the process ends by the signal.
         let _ = signal_hook::flag::register_conditional_shutdown(
             signal_hook::consts::SIGABRT,
             1,

@@ -8,7 +8,7 @@ use rtl_model::Machine;
 use rtl_model::machine::Rows;
 use serde_json::json;
 use splatsim::accuracy::attribution::{Share, attribute};
-use splatsim::accuracy::partial::{Choice, Stage, UNITS, words};
+use splatsim::accuracy::partial::{ChosenWords, MixedDrawing, UNITS, words};
 use splatsim::accuracy::{distance, metrics};
 use splatsim::golden;
 use splatsim::golden::Rendering;
@@ -53,8 +53,8 @@ fn mixed(
     is_chosen: impl Fn(&str) -> bool,
 ) -> Picture {
     let elaborated = machine.elaborate().unwrap();
-    let stage = Stage::new(scene, &elaborated, quantised);
-    let choice = Choice::new(&elaborated, is_chosen);
+    let stage = MixedDrawing::new(scene, &elaborated, quantised);
+    let choice = ChosenWords::new(&elaborated, is_chosen);
     stage.fill(&choice, &stage.set_up(&choice))
 }
 

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
 use rtl_model::Machine;
-use splatsim::accuracy::{Lockstep, Tiles, lockstep, lockstep_in};
+use splatsim::accuracy::{CheckedTiles, Lockstep, lockstep, lockstep_in};
 use splatsim::hardware::{fixed, machines, quantise};
 use splatsim::scene::{Overrides, Scene};
 use std::collections::HashSet;
@@ -188,7 +188,7 @@ fn a_sampled_frame_says_of_its_tiles_what_the_whole_frame_says() {
             fixed::elaborate(&machine).unwrap(),
             quantise::quantise(&scene, &machine).unwrap(),
         );
-        let [whole, sampled] = [Tiles::All, Tiles::Sampled]
+        let [whole, sampled] = [CheckedTiles::All, CheckedTiles::Sampled]
             .map(|tiles| lockstep_in(&scene, &elaborated, &quantised, tiles));
         let columns = scene.image.width;
         let mut tiles = HashSet::new();

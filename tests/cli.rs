@@ -280,7 +280,7 @@ fn less_is_held_in_lockstep_on_request_and_said_so() {
         "{sampled_text}"
     );
     assert!(
-        none_text.contains("not held in lockstep, so no bound was checked"),
+        none_text.contains("not run in lockstep, so no bound was checked"),
         "{none_text}"
     );
     assert!(

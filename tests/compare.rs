@@ -348,7 +348,7 @@ fn two_machines_draw_a_scene_as_two_runs_do() {
     assert_eq!(json_of(&MADE.path("drawn/compare.json")), drawn);
     // `view` shows the folder.
     let view = splatsim::view::View::new(&MADE.path("drawn"), None).unwrap();
-    assert_eq!(view.folder().told["compare"], drawn);
+    assert_eq!(view.folder().contents["compare"], drawn);
     assert_eq!(
         view.folder().pictures(),
         ["a.png", "b.png", "difference.png"]
@@ -409,7 +409,7 @@ fn equal_pictures_and_pixels_without_a_number_have_no_decibels() {
         .unwrap();
     assert_eq!(
         (&figure["a"], &figure["b"], figure.get("difference")),
-        (&json!("equal"), &json!("no number"), None)
+        (&json!("equal"), &json!("NaN"), None)
     );
 }
 

@@ -7,7 +7,7 @@ use crate::handmade::{Rng, confetti, glass, scene, splat};
 use crate::tier;
 use glam::{DMat3, DVec3};
 use splatsim::golden::{
-    Decision, FragmentDepth, Group, Merge, Rendering, Rules, ideal, ideal_of, render, story,
+    Decision, FragmentDepth, Group, Merge, Rendering, Rules, ideal, ideal_of, pixel_trace, render,
 };
 use splatsim::scene::{Camera, Image, Kernel, Light, Material, Scene, Splat};
 
@@ -146,7 +146,7 @@ fn magnified_a_footprint_is_the_kernel() {
     for (x, y) in [(50, 50), (3, 90), (99, 0)] {
         let (dx, dy) = (x as f64 - 49.5, y as f64 - 49.5);
         let kernel = (-0.5 * (dx * dx + dy * dy) / (500.0 * 500.0)).exp() / TAU;
-        let weight = story(&scene, &Rules::default(), x, y).arrivals[0].weight;
+        let weight = pixel_trace(&scene, &Rules::default(), x, y).contributions[0].weight;
         assert!((weight / kernel - 1.0).abs() < 1e-5, "{weight} {kernel}");
     }
 }
@@ -174,7 +174,7 @@ fn minified_a_footprint_is_the_low_pass_filter() {
         for (x, y) in [(50, 50), (48, 50), (49, 51)] {
             let (dx, dy) = (x as f64 - 49.5, y as f64 - 49.5);
             let filter = 1e-6 * -normal.z / (TAU * v) * (-0.5 * (dx * dx + dy * dy) / v).exp();
-            let weight = story(&scene, &Rules::default(), x, y).arrivals[0].weight;
+            let weight = pixel_trace(&scene, &Rules::default(), x, y).contributions[0].weight;
             assert!((weight / filter - 1.0).abs() < 1e-5, "{weight} {filter}");
         }
     }
@@ -208,7 +208,7 @@ fn depth_follows_the_tangent_plane_as_far_as_the_disc_reaches() {
             ..splat([0.0, 0.0, 2.0], 0.2)
         }],
     );
-    let z = |x| story(&scene, &Rules::default(), x, 50).arrivals[0].z;
+    let z = |x| pixel_trace(&scene, &Rules::default(), x, 50).contributions[0].z;
     // z = 2 + x on the plane; a pixel is 0.02 wide there.
     assert!((z(53) - (2.0 + 3.5 * 0.02)).abs() < 1e-12);
     let thin = DVec3::new(1.0, 0.0, -0.01).normalize();
@@ -221,7 +221,7 @@ fn depth_follows_the_tangent_plane_as_far_as_the_disc_reaches() {
             ..splat([0.0, 0.0, 2.0], 0.02)
         }],
     );
-    let z = story(&grazing, &Rules::default(), 50, 50).arrivals[0].z;
+    let z = pixel_trace(&grazing, &Rules::default(), 50, 50).contributions[0].z;
     assert!((z - (2.0 + 0.02 * 2.0_f64.sqrt())).abs() < 1e-12, "{z}");
 }
 
@@ -240,7 +240,7 @@ fn a_weight_never_exceeds_its_amplitude() {
         }],
     );
     scene.kernel.low_pass = 0.0;
-    let arrivals = story(&scene, &Rules::default(), 6, 2).arrivals;
+    let arrivals = pixel_trace(&scene, &Rules::default(), 6, 2).contributions;
     assert!(
         arrivals[0].radial_index < 0.0 && arrivals[0].weight <= 1.0 / TAU,
         "{arrivals:?}"
@@ -299,16 +299,19 @@ fn outcomes_sum_to_fragments() {
 }
 
 #[test]
-fn a_story_ends_as_the_picture_does() {
+fn a_pixel_trace_ends_with_the_colour_of_the_picture() {
     let scene = confetti(300, 2);
     for rules in tier::some([12, 3], every_rule()) {
         let golden = render(&scene, &rules);
         let mut arrivals = 0;
         for (index, pixel) in golden.picture.rgba.iter().enumerate() {
-            let story = story(&scene, &rules, index % 40, index / 40);
-            assert_eq!(story.rgba, *pixel);
-            assert_eq!(!story.arrivals.is_empty(), golden.picture.covered[index]);
-            arrivals += story.arrivals.len() as u64;
+            let trace = pixel_trace(&scene, &rules, index % 40, index / 40);
+            assert_eq!(trace.rgba, *pixel);
+            assert_eq!(
+                !trace.contributions.is_empty(),
+                golden.picture.covered[index]
+            );
+            arrivals += trace.contributions.len() as u64;
         }
         assert_eq!(arrivals, golden.fragments);
     }
@@ -366,7 +369,8 @@ fn replace_is_a_z_buffer() {
     for (index, pixel) in golden.picture.rgba.iter().enumerate() {
         // z, W, Σw·α, Σw·rgb
         let mut held: Option<(f64, f64, f64, DVec3)> = None;
-        for arrival in story(&scene, &Rules::default(), index % 40, index / 40).arrivals {
+        for arrival in pixel_trace(&scene, &Rules::default(), index % 40, index / 40).contributions
+        {
             let (splat, w) = (&scene.splats[arrival.splat], arrival.weight);
             let new = (
                 arrival.z,
@@ -686,10 +690,10 @@ fn no_valid_scene_is_too_odd() {
 }
 
 #[test]
-fn a_pixel_outside_of_the_picture_has_no_story() {
+fn a_pixel_outside_the_picture_has_an_empty_trace() {
     assert!(
-        story(&confetti(10, 9), &Rules::default(), 40, 0)
-            .arrivals
+        pixel_trace(&confetti(10, 9), &Rules::default(), 40, 0)
+            .contributions
             .is_empty()
     );
 }
@@ -697,9 +701,9 @@ fn a_pixel_outside_of_the_picture_has_no_story() {
 #[test]
 fn a_decision_names_its_slot() {
     let scene = scene(10, 10, 10.0, vec![splat([0.0, 0.0, 1.0], 1.0); 2]);
-    let story = story(&scene, &Rules::default(), 5, 5);
-    let decisions: Vec<Decision> = story
-        .arrivals
+    let trace = pixel_trace(&scene, &Rules::default(), 5, 5);
+    let decisions: Vec<Decision> = trace
+        .contributions
         .iter()
         .map(|arrival| arrival.decision)
         .collect();
@@ -711,7 +715,7 @@ fn a_decision_names_its_slot() {
         ]
     );
     assert_eq!(
-        (story.layers.len(), story.layers[0].coverage),
-        (1, 2.0 * story.arrivals[0].weight / 0.4)
+        (trace.layers.len(), trace.layers[0].coverage),
+        (1, 2.0 * trace.contributions[0].weight / 0.4)
     );
 }

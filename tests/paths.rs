@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::{Value, json};
 use splatsim::scene::{Camera, CameraFile, Overrides, Scene, Sequence};
-use splatsim::view::folder::Folder;
+use splatsim::view::folder::ResultFolder;
 
 /// The one sentence with which bad input ends.
 fn sentence(arguments: &[&str]) -> String {
@@ -193,9 +193,9 @@ fn one_frame_by_itself_is_that_of_the_sequence() {
         assert_eq!(out.join("scene.json").exists(), is_there);
     }
     // A folder of them is shown: every frame's pictures, and a row each.
-    let shown = Folder::read(&all).unwrap();
+    let shown = ResultFolder::read(&all).unwrap();
     assert_eq!(
-        shown.told["sequence"]["kinds"],
+        shown.contents["sequence"]["kinds"],
         json!(["fixed", "golden", "ideal"])
     );
     let names = [
@@ -211,7 +211,7 @@ fn one_frame_by_itself_is_that_of_the_sequence() {
         names.map(|name| format!("frame_{name}.png"))
     );
     let column = |name: &str| {
-        shown.told["tables"][0]["columns"]
+        shown.contents["tables"][0]["columns"]
             .as_array()
             .unwrap()
             .iter()
@@ -225,7 +225,7 @@ fn one_frame_by_itself_is_that_of_the_sequence() {
     // is.
     std::fs::remove_file(all.join("frame_0001_golden.png")).unwrap();
     assert_eq!(
-        Folder::read(&all).unwrap().told["sequence"]["kinds"],
+        ResultFolder::read(&all).unwrap().contents["sequence"]["kinds"],
         json!(["fixed", "ideal"])
     );
     let mut broken = report(&all);
@@ -237,7 +237,7 @@ fn one_frame_by_itself_is_that_of_the_sequence() {
     let told = sentence(&["view", all.to_str().unwrap(), "--no-open"]);
     assert!(
         told.contains(
-            "report.json: has no frames[].cycles: it is no report of `run` on a sequence"
+            "report.json: has no frames[].cycles: it is not a report of `run` on a sequence"
         ),
         "{told}"
     );
@@ -1457,7 +1457,7 @@ fn a_video_is_written_over_no_other_file() {
     );
     let before = std::fs::read(&path).unwrap();
     let told = sentence(&["run", &path, "--machine", "tiny", "--y4m", &path]);
-    assert!(told.contains("is there already and is no video"), "{told}");
+    assert!(told.contains("already exists and is not a video"), "{told}");
     assert_eq!(std::fs::read(&path).unwrap(), before);
     // A video may be drawn anew.
     let film = folder.join("film.y4m");

@@ -266,7 +266,7 @@ fn transparent_pixels_of_a_photograph_are_over_the_background_and_turned_ones_ar
     ])
     .replace("\n    ", " ");
     assert!(
-        told.contains("note: photographs: compared as stored, though their Exif data ask viewers to turn them: turned.jpg (3)"),
+        told.contains("note: photographs: compared as stored, although their Exif data specify a rotation: turned.jpg (3)"),
         "{told}"
     );
 }

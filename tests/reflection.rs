@@ -11,7 +11,7 @@ use rtl_model::machine::{FunctionUnit, Sight};
 use rtl_model::num::{Format, Overflow, Rounding, Word};
 use rtl_model::timing::{self, Client, Cycles, Detail};
 use serde_json::{Value, json};
-use splatsim::accuracy::partial::{Choice, Stage};
+use splatsim::accuracy::partial::{ChosenWords, MixedDrawing};
 use splatsim::accuracy::{Lockstep, lockstep, metrics};
 use splatsim::golden::{self, Reflection, Rules};
 use splatsim::hardware::{fixed, machines, quantise};
@@ -264,8 +264,8 @@ fn random_mirrors_keep_within_their_bounds_and_are_known_word_by_word() {
             (0, 0),
             "machine {nth}: {words}"
         );
-        let stage = Stage::new(&scene, &elaborated, &quantised);
-        let choice = Choice::new(&elaborated, |_| true);
+        let stage = MixedDrawing::new(&scene, &elaborated, &quantised);
+        let choice = ChosenWords::new(&elaborated, |_| true);
         let all = stage.fill(&choice, &stage.set_up(&choice));
         let fixed = fixed::picture(&elaborated, &fixed::draw(&elaborated, &quantised));
         let different = all
@@ -275,7 +275,7 @@ fn random_mirrors_keep_within_their_bounds_and_are_known_word_by_word() {
             .filter(|(all, fixed)| all != fixed)
             .count();
         assert_eq!(different, 0, "machine {nth}: {words}");
-        let none = Choice::new(&elaborated, |_| false);
+        let none = ChosenWords::new(&elaborated, |_| false);
         let golden = golden::render(&scene, &fixed::rules(&machine)).picture;
         let psnr = psnr(&stage.fill(&none, &stage.set_up(&none)), &golden);
         assert!(

@@ -8,7 +8,7 @@ use serde_json::json;
 use splatsim::golden::{Rules, render};
 use splatsim::sampling::gaussian::{Gaussian, cut, inner_of_round};
 use splatsim::sampling::{
-    Acquisition, Amount, Pattern, Picture, Radii, Request, Sampled, file, sample,
+    Acquisition, Amount, Pattern, Picture, Radii, Sampled, SamplingRequest, file, sample,
 };
 use splatsim::scene::mesh::Mesh;
 use splatsim::scene::{Overrides, Scene, Splat};
@@ -34,8 +34,8 @@ fn mesh(obj: &str) -> Mesh {
     Mesh::load(path).unwrap()
 }
 
-fn request(points: usize) -> Request {
-    Request {
+fn request(points: usize) -> SamplingRequest {
+    SamplingRequest {
         amount: Amount::Points(points),
         pattern: Pattern::BlueNoise,
         seed: 0,
@@ -49,7 +49,7 @@ fn request(points: usize) -> Request {
 fn sampled(obj: &str, points: usize, pattern: Pattern) -> Sampled {
     sample(
         &mesh(obj),
-        &Request {
+        &SamplingRequest {
             pattern,
             ..request(points)
         },
@@ -88,7 +88,7 @@ fn there_are_exactly_as_many_points_as_asked_for() {
         }
         let dense = sample(
             &mesh(&cube()),
-            &Request {
+            &SamplingRequest {
                 amount: Amount::Density(10.0),
                 pattern,
                 ..request(1)
@@ -186,7 +186,7 @@ fn two_sides_of_a_sheet_are_two_surfaces() {
         splats, spacing, ..
     } = sample(
         &mesh(both),
-        &Request {
+        &SamplingRequest {
             radii: Radii::Neighbours,
             ..request(2000)
         },
@@ -433,7 +433,7 @@ fn wrong_arguments_are_one_sentence_and_nothing_is_written() {
         ),
         (
             &["far.obj", "--points", "9", "--out", "b.ply"],
-            "which at 1.000e29 from the origin cannot be told",
+            "which cannot be resolved at 1.000e29 from the origin",
         ),
         (
             &["none.obj", "--points", "9", "--out", "b.ply"],
@@ -532,7 +532,7 @@ fn a_mapped_gaussian_is_the_gaussian_at_the_place_that_was_mapped() {
 fn checks(points: usize, acquisition: Acquisition, cutoff: f64, checks: usize) -> Sampled {
     sample(
         &mesh(SQUARE),
-        &Request {
+        &SamplingRequest {
             acquisition,
             cutoff,
             picture: Picture::checkerboard(checks),
@@ -657,7 +657,7 @@ fn one_colour_stays_that_colour_in_all_three_ways() {
     for acquisition in ACQUISITIONS {
         let sampled = sample(
             &mesh(SQUARE),
-            &Request {
+            &SamplingRequest {
                 acquisition,
                 ..request(500)
             },
@@ -725,7 +725,7 @@ fn a_picture_lies_upright_and_keeps_its_opacity() {
     for acquisition in ACQUISITIONS {
         let splats = sample(
             &mesh,
-            &Request {
+            &SamplingRequest {
                 acquisition,
                 ..request(400)
             },
@@ -788,7 +788,7 @@ fn a_sampled_plane_has_no_hole() {
             for seed in 0..3 {
                 let splats = sample(
                     &mesh(SQUARE),
-                    &Request {
+                    &SamplingRequest {
                         pattern,
                         radii,
                         seed,
@@ -825,7 +825,7 @@ fn real_meshes_are_sampled_all_over() {
         let mesh = Mesh::load(&path).unwrap();
         let Sampled { splats, notes, .. } = sample(
             &mesh,
-            &Request {
+            &SamplingRequest {
                 acquisition: Acquisition::Ewa,
                 ..request(20_000)
             },

@@ -498,7 +498,7 @@ fn what_has_no_kernel_to_scale_and_no_back_to_cull_is_refused() {
 
 /// The stories of every ninth pixel.
 #[test]
-fn a_story_ends_as_the_picture_does() {
+fn a_pixel_trace_ends_with_the_colour_of_the_picture() {
     for (name, scene) in tier::some([12, 3], scenes()) {
         let scene = Scene {
             image: scene::Image {
@@ -510,15 +510,16 @@ fn a_story_ends_as_the_picture_does() {
         };
         let golden = in_golden(&scene);
         for index in (0..40 * 32).step_by(47) {
-            let story = golden::story(&scene, &golden::Rules::default(), index % 40, index / 40);
-            assert_eq!(story.rgba, golden.picture.rgba[index], "{name}");
+            let trace =
+                golden::pixel_trace(&scene, &golden::Rules::default(), index % 40, index / 40);
+            assert_eq!(trace.rgba, golden.picture.rgba[index], "{name}");
             assert_eq!(
-                !story.arrivals.is_empty(),
+                !trace.contributions.is_empty(),
                 golden.picture.covered[index],
                 "{name}"
             );
             assert_eq!(
-                story.layers.len(),
+                trace.layers.len(),
                 usize::from(golden.picture.covered[index]),
                 "{name}"
             );

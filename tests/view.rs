@@ -6,7 +6,7 @@ use crate::program::PROGRAM;
 use proptest::prelude::*;
 use serde_json::{Value, json};
 use splatsim::view::http::{Request, Response};
-use splatsim::view::server::{Answers, Server};
+use splatsim::view::server::{Handler, Server};
 use splatsim::view::{View, assets, export};
 use std::io::{Read, Write};
 use std::net::{Shutdown, TcpStream};
@@ -79,7 +79,7 @@ struct Served {
     token: String,
 }
 
-fn served(answers: impl Answers) -> Served {
+fn served(answers: impl Handler) -> Served {
     let server = Server::open().unwrap();
     let address = server.address();
     let (host, token) = address
@@ -193,8 +193,8 @@ fn who_has_no_token_gets_nothing() {
 
 struct Nothing;
 
-impl Answers for Nothing {
-    fn answer(&self, _: &[&str], _: &Request) -> Response {
+impl Handler for Nothing {
+    fn respond(&self, _: &[&str], _: &Request) -> Response {
         Response::refusal(404)
     }
 }
@@ -247,8 +247,8 @@ fn hostile_requests_end_in_an_error_and_the_rest_goes_on() {
 fn a_hundred_connections_at_once_are_answered_or_refused() {
     /// Answers nobody before the test lets it.
     struct Held(std::sync::mpsc::SyncSender<()>, Arc<std::sync::Barrier>);
-    impl Answers for Held {
-        fn answer(&self, path: &[&str], _: &Request) -> Response {
+    impl Handler for Held {
+        fn respond(&self, path: &[&str], _: &Request) -> Response {
             if path == ["held"] {
                 self.0.send(()).unwrap();
                 self.1.wait();
@@ -348,7 +348,7 @@ proptest! {
         let path: Vec<&str> = parts.iter().map(String::as_str).collect();
         // What is drawn again is asked for elsewhere.
         prop_assume!(!matches!(path.as_slice(), ["map", _] | ["pixel" | "story" | "drawn"]));
-        let response = VIEW.answer(&path, &request);
+        let response = VIEW.respond(&path, &request);
         prop_assert!(!response.body.windows(8).any(|eight| eight == b"nobody's"), "{:?}", path);
         let known = matches!(path.as_slice(), [""] | ["folder"] | ["assets" | "file", _]);
         prop_assert_eq!(response.status, if known && response.status == 200 { 200 } else { 404 });
@@ -618,7 +618,7 @@ fn a_scene_that_is_another_now_is_told_and_draws_nothing() {
         let changed = served(View::new(&out, None).unwrap());
         let (status, sentence) = changed.get("pixel?x=1&y=1");
         let sentence = String::from_utf8(sentence).unwrap();
-        let is_told = sentence.contains("few.json: is not the scene of report.json any more")
+        let is_told = sentence.contains("few.json: is no longer the scene of report.json")
             && sentence.contains(what);
         assert!(status == 503 && is_told, "{status} {sentence}");
         assert_eq!(changed.get("file/fixed.png").0, 200);
@@ -675,15 +675,15 @@ fn folders_that_cannot_be_shown_are_refused_in_a_sentence() {
     with(
         "report.json",
         b"{\"scene\": ",
-        "report.json: is no JSON that splatsim wrote",
+        "report.json: is not JSON that splatsim wrote",
     );
     with(
         "report.json",
         b"{\"report\": \"of something else\"}",
-        "report.json: has no scene.name: it is no report of `run`",
+        "report.json: has no scene.name: it is not a report of `run`",
     );
     with("report.json", b"[\xff]", "report.json: cannot be read");
-    with("cycles.json", b"[]", "is no account of cycles");
+    with("cycles.json", b"[]", "is not an account of cycles");
     with(
         "stress.json",
         b"{\"cases\": 3}",
@@ -716,7 +716,7 @@ fn folders_that_cannot_be_shown_are_refused_in_a_sentence() {
     {
         let rows = folder.path().join("points.jsonl");
         std::os::unix::fs::symlink("/dev/zero", &rows).unwrap();
-        refused(&[path], "points.jsonl: is a link or no file");
+        refused(&[path], "points.jsonl: is a link or not a file");
         std::fs::remove_file(&rows).unwrap();
         assert!(
             Command::new("mkfifo")
@@ -725,7 +725,7 @@ fn folders_that_cannot_be_shown_are_refused_in_a_sentence() {
                 .unwrap()
                 .success()
         );
-        refused(&[path], "points.jsonl: is a link or no file");
+        refused(&[path], "points.jsonl: is a link or not a file");
         std::fs::remove_file(&rows).unwrap();
     }
     for name in ["points-2-of-5.jsonl", "report.json"] {
@@ -741,7 +741,7 @@ fn folders_that_cannot_be_shown_are_refused_in_a_sentence() {
     // A report whose pictures are of another run, or none.
     let report = std::fs::read(MADE.run().join("report.json")).unwrap();
     std::fs::write(folder.path().join("report.json"), &report).unwrap();
-    with("fixed.png", b"GIF89a", "fixed.png: is no picture");
+    with("fixed.png", b"GIF89a", "fixed.png: is not a picture");
     let other = folder.path().join("error.png");
     image::RgbaImage::new(3, 2).save(&other).unwrap();
     refused(&[path], "error.png: is 3×2, and report.json is of 40×32");
@@ -776,7 +776,7 @@ fn files_that_changed_since_are_refused_in_a_sentence() {
             host: String::new(),
             head_only: false,
         };
-        let response = view.answer(&["file", name], &request);
+        let response = view.respond(&["file", name], &request);
         (
             response.status,
             String::from_utf8_lossy(&response.body).into_owned(),
@@ -787,13 +787,13 @@ fn files_that_changed_since_are_refused_in_a_sentence() {
         answer("large.csv"),
         (
             413,
-            "large.csv: has 300 MB; no file of splatsim has more than 256".into()
+            "large.csv: has 300 MB; a file of splatsim has at most 256".into()
         )
     );
     let changed = |name: &str| {
         (
             409,
-            format!("{name}: has changed since view read the folder: start view again"),
+            format!("{name}: has changed since view read the folder: restart view"),
         )
     };
     // Of another length; of the same, at another time; another kind; gone.
@@ -839,7 +839,7 @@ fn rows_of_every_kind_are_told() {
     )
     .unwrap();
     let view = View::new(folder.path(), None).unwrap();
-    let tables = &view.folder().told["tables"];
+    let tables = &view.folder().contents["tables"];
     assert_eq!(
         tables[0]["columns"],
         json!([
@@ -864,7 +864,7 @@ fn rows_of_every_kind_are_told() {
         json!({"notes": "x".repeat(2000), "by": "area", "choices": [{"layers": 1}, {"layers": 2}]});
     std::fs::write(folder.path().join("choices.json"), long.to_string()).unwrap();
     let view = View::new(folder.path(), None).unwrap();
-    let columns = view.folder().told["tables"][0]["columns"]
+    let columns = view.folder().contents["tables"][0]["columns"]
         .as_array()
         .unwrap();
     assert_eq!(
@@ -1001,7 +1001,7 @@ fn an_export_names_nothing_outside_of_itself() {
     );
     // Where its maker keeps files is nobody's business.
     let root = MADE.folder.path().file_name().unwrap().to_str().unwrap();
-    assert!(!page.contains(root) && view.folder().told.to_string().contains(root));
+    assert!(!page.contains(root) && view.folder().contents.to_string().contains(root));
     assert_eq!(
         (
             &told["run"]["scene"],
@@ -1096,8 +1096,8 @@ fn the_charting_library_is_the_one_that_was_published() {
 #[test]
 fn a_slow_answer_holds_up_nobody_else() {
     struct Slow(Arc<std::sync::Barrier>);
-    impl Answers for Slow {
-        fn answer(&self, path: &[&str], _: &Request) -> Response {
+    impl Handler for Slow {
+        fn respond(&self, path: &[&str], _: &Request) -> Response {
             if path == ["slow"] {
                 self.0.wait();
             }

@@ -10,7 +10,7 @@ use proptest::strategy::ValueTree;
 use proptest::test_runner::TestRunner;
 use rtl_model::Machine;
 use rtl_model::machine::Group;
-use splatsim::accuracy::partial::{Choice, Stage};
+use splatsim::accuracy::partial::{ChosenWords, MixedDrawing};
 use splatsim::accuracy::{Lockstep, lockstep, metrics};
 use splatsim::golden::{ideal, render};
 use splatsim::hardware::{fixed, machines, quantise};
@@ -157,9 +157,9 @@ fn in_partial_precision_it_is_golden_and_the_machine() {
         let elaborated = machine.elaborate().unwrap();
         for (nth, scene) in scenes().into_iter().enumerate() {
             let quantised = quantise::quantise(&scene, &machine).unwrap();
-            let stage = Stage::new(&scene, &elaborated, &quantised);
+            let stage = MixedDrawing::new(&scene, &elaborated, &quantised);
             let drawn = |all: bool| {
-                let choice = Choice::new(&elaborated, |_| all);
+                let choice = ChosenWords::new(&elaborated, |_| all);
                 stage.fill(&choice, &stage.set_up(&choice))
             };
             let found = metrics(

@@ -1,14 +1,15 @@
-//! Attribute: who makes how much of the error?
+//! Attribute: how much of the error each unit and each word causes.
 //!
 //! ```text
-//! each unit, each word ─┬─► alone a word, f64 for the rest ─┬─► distance from golden
-//!                       └─► f64, all the rest words ────────┘
+//! each unit, each word ─┬─► it in words, the rest in f64 ──┬─► distance from golden
+//!                       └─► it in f64, the rest in words ──┘
 //! ```
-//! The two need not agree: of errors that cancel, or of one that hides behind a greater, each tells
-//! half. What comes first in both is where a bit more helps. They are ordered by the mean error,
-//! for a decision that flips at a single pixel rules the mean square.
+//! The two need not agree. Where errors cancel, or one hides behind a greater one, each distance
+//! shows only half. The names that lead both lists are those where one more bit helps most. The
+//! lists are ordered by mean error, because a decision that flips at a single pixel dominates the
+//! mean square.
 
-use crate::accuracy::partial::{Choice, Footprint, Stage, UNITS, words};
+use crate::accuracy::partial::{ChosenWords, Footprint, MixedDrawing, UNITS, words};
 use crate::accuracy::{Distance, db_text, distance};
 use crate::hardware::quantise::Quantised;
 use crate::output::chart::{Axis, Bars};
@@ -21,10 +22,10 @@ use rtl_model::records::unit;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Share of the error that each part of a machine makes. All distances are from `golden`.
+/// Share of the error that each part of a machine causes. All distances are from `golden`.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Attribution {
-    /// Every word a word: the machine itself.
+    /// All words quantised: the machine itself.
     pub all: Distance,
     /// Unit by unit, and the splat's record.
     pub units: Vec<Share>,
@@ -32,7 +33,7 @@ pub struct Attribution {
     pub words: Vec<Share>,
 }
 
-/// Error that one part of a machine makes.
+/// Error that one part of a machine causes.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Share {
     /// Unit, or `unit.word`.
@@ -43,9 +44,9 @@ pub struct Share {
     pub without: Distance,
 }
 
-/// Words that setup reads beside those of its own units.
+/// Words that setup reads in addition to those of its own units.
 const ALSO_IN_SETUP: [&str; 2] = ["raster.cutoff", "fragment.normal"];
-/// Units that setup uses where splats are lit before they are drawn.
+/// Units that setup uses if splats are lit before they are drawn.
 const TO_LIGHT: [&str; 3] = [unit::FRAGMENT, unit::SHADE, unit::REFLECT];
 
 fn unit_of(word: &str) -> &str {
@@ -59,24 +60,25 @@ fn is_in_setup(word: &str, preshaded: bool) -> bool {
         || preshaded && TO_LIGHT.contains(&unit_of(word))
 }
 
-/// Draws the scene once for each part of the machine alone, and once for all but each.
+/// Draws the scene twice per part of the machine: once with only this part in words, and once with
+/// everything else in words.
 pub fn attribute(
     scene: &Scene,
     machine: &Elaborated,
     quantised: &Quantised,
     golden: &Picture,
 ) -> Attribution {
-    let stage = Stage::new(scene, machine, quantised);
-    let bases = [false, true].map(|chosen| stage.set_up(&Choice::new(machine, |_| chosen)));
+    let stage = MixedDrawing::new(scene, machine, quantised);
+    let bases = [false, true].map(|chosen| stage.set_up(&ChosenWords::new(machine, |_| chosen)));
     let words = words(machine);
     let preshaded = scene
         .ellipsoids
         .as_ref()
         .is_some_and(|ellipsoids| ellipsoids.preshaded)
         || quantised.frame.window.is_some();
-    // Those that belong to the part are words where the others are not, and the other way round.
+    // If `alone`, only words of the part are quantised; otherwise all others.
     let measure = |alone: bool, is_part: &dyn Fn(&str) -> bool| {
-        let choice = Choice::new(machine, |word| is_part(word) == alone);
+        let choice = ChosenWords::new(machine, |word| is_part(word) == alone);
         let in_setup = words
             .iter()
             .any(|word| is_in_setup(word, preshaded) && is_part(word));
@@ -117,7 +119,7 @@ fn units(words: &[String]) -> impl Iterator<Item = &'static str> {
 const SHOWN: usize = 16;
 
 impl Attribution {
-    /// The words that make the greatest errors alone, the greatest first.
+    /// The words that cause the greatest errors alone, the greatest first.
     fn greatest(&self) -> Vec<&Share> {
         let error = |word: &Share| word.alone.mean_covered_error;
         let mut words: Vec<&Share> = self.words.iter().filter(|word| error(word) > 0.0).collect();
@@ -126,7 +128,7 @@ impl Attribution {
         words
     }
 
-    /// The units, and the words that make the greatest errors, at most 80 columns wide.
+    /// The units, and the words that cause the greatest errors, at most 80 columns wide.
     pub fn summary(&self) -> String {
         let mut table = plain_table(&[
             "",
@@ -172,12 +174,12 @@ impl Attribution {
         let table = aligned(table).to_string();
         let lines: Vec<&str> = table.lines().map(str::trim_end).collect();
         format!(
-            "fixed − golden at covered pixels: alone in words, and all words but its own\n\n{}",
+            "fixed − golden at covered pixels: alone (only it in words), without (all but it)\n\n{}",
             lines.join("\n")
         )
     }
 
-    /// Bars of the same: units, and words.
+    /// The same as bars: a chart of units and a chart of words.
     pub fn charts(&self) -> [Bars; 2] {
         let row = |share: &Share| {
             (
@@ -190,8 +192,8 @@ impl Attribution {
         };
         let legend = || {
             vec![
-                "alone in words".to_owned(),
-                "all words but its own".to_owned(),
+                "only it in words".to_owned(),
+                "all but it in words".to_owned(),
             ]
         };
         let axis = || Axis::log("mean error at covered pixels, linear light");

@@ -4,10 +4,10 @@ use super::metrics::difference;
 use crate::output::picture::Picture;
 use rayon::prelude::*;
 
-/// Errors are never enlarged further than this.
+/// Greatest scale.
 const MOST: f64 = 65536.0;
-/// One pixel in this many may be brighter than the picture can show: a few flips must not darken
-/// all the rest.
+/// One pixel in this many may exceed what the picture can show, so that a few flips do not darken
+/// everything else.
 const ONE_CLIPPED_IN: usize = 1000;
 
 /// |a − b| as a picture.
@@ -19,9 +19,9 @@ pub struct ErrorPicture {
     pub scale: f64,
 }
 
-/// The error picture of two pictures of one size. Its scale is the greatest power of two at which
-/// at most one pixel in 1000 clips; where fewer than that differ at all, the greatest at which none
-/// does; 1 where the pictures are equal.
+/// The error picture of two pictures of the same size. Its scale is the greatest power of two at
+/// which at most one pixel in 1000 clips. If fewer pixels differ, it is the greatest at which none
+/// clips. It is 1 for equal pictures.
 pub fn error_picture(a: &Picture, b: &Picture) -> ErrorPicture {
     let errors: Vec<[f64; 3]> = (0..a.rgba.len())
         .into_par_iter()
@@ -86,7 +86,7 @@ mod tests {
     }
 
     #[test]
-    fn the_greatest_error_does_not_clip_but_nearly() {
+    fn the_greatest_error_almost_clips() {
         let error = error_picture(&black(10), &with(black(10), 3, 1, 0.03));
         assert_eq!(error.scale, 32.0);
         assert_eq!(
@@ -108,7 +108,7 @@ mod tests {
     }
 
     #[test]
-    fn a_single_difference_is_shown_whole() {
+    fn a_single_difference_does_not_clip() {
         assert_eq!(
             error_picture(&black(2000), &with(black(2000), 7, 1, 0.25)).scale,
             4.0
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn the_scale_has_ends() {
+    fn the_scale_is_limited() {
         assert_eq!(error_picture(&black(5), &black(5)).scale, 1.0);
         assert_eq!(
             error_picture(&black(5), &with(black(5), 0, 1, 1e-12)).scale,

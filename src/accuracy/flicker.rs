@@ -1,19 +1,18 @@
-//! Flicker: how an error changes from frame to frame where the picture itself does not
-//! (docs/book/paths.md).
+//! Flicker: how an error changes from frame to frame at pixels where the picture itself does not
+//! change (docs/book/paths.md).
 //!
 //! ```text
 //! ideal of both frames ─► still: changes by less than 0.5/255 ─┐
-//! a − b of the frame ──┬─► |change|, a pixel ──────────────────┴─► mean, share of jumps over 4/255
+//! a − b of the frame ──┬─► |change| per pixel ─────────────────┴─► mean, share of jumps over 4/255
 //! a − b of the last ───┘
 //! ```
-//! Colours are what [`metrics`](super::metrics()) compares: linear, premultiplied, clamped to [0,
-//! 1]. A pixel counts where a splat touches it in any of the three pictures of either frame, so
-//! that an empty background calms nothing. It is still where no colour channel of `ideal` changes
-//! by half a 255th or more. Where no pixel is still, nothing is known, and nothing is said. A pixel
-//! without a finite number makes all that it is part of as bad as can be: changes of 1, at every
-//! still pixel.
+//! Colours are those that [`metrics`](super::metrics()) compares: linear, premultiplied, clamped to
+//! [0, 1]. A pixel counts if a splat touches it in any of the three pictures of either frame, so an
+//! empty background does not lower the figures. A pixel is still if no colour channel of `ideal`
+//! changes by half a 255th or more. Without still pixels there is no figure. A single NaN or
+//! infinite value makes all figures the worst possible: a change of 1 at every still pixel.
 //!
-//! Laws: `nothing_still_says_nothing`, `what_is_no_number_flickers_as_much_as_can_be`,
+//! Laws: `without_still_pixels_there_is_no_figure`, `a_nan_makes_flicker_the_worst_possible`,
 //! `an_error_that_stays_does_not_flicker`.
 
 use super::metrics::is_finite;
@@ -22,24 +21,24 @@ use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// A pixel is still where no channel of `ideal` changes by as much.
+/// A pixel is still if every channel of `ideal` changes by less than this.
 pub const STILL: f64 = 0.5 / 255.0;
-/// From here on a change is a jump: a step that is seen in a film of 8 bits.
+/// A greater change is a jump: a step that is visible in an 8-bit film.
 pub const JUMP: f64 = 4.0 / 255.0;
 
 /// The three pictures of a frame.
 #[derive(Clone, Debug)]
 pub struct Pictures {
-    /// Of the hardware.
+    /// Picture of the hardware.
     pub fixed: Picture,
-    /// Of exact arithmetic by the same rules.
+    /// Picture of exact arithmetic by the same rules.
     pub golden: Picture,
-    /// Of every surface.
+    /// Picture with every surface kept.
     pub ideal: Picture,
 }
 
 impl Pictures {
-    /// As [`Sums::new`] takes them.
+    /// The pictures in the order of [`FlickerSums::new`].
     pub fn all(&self) -> [&Picture; 3] {
         [&self.fixed, &self.golden, &self.ideal]
     }
@@ -47,58 +46,59 @@ impl Pictures {
 
 /// Change of an error from frame to frame at still pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
-pub struct Change {
-    /// Mean of |change| over still pixels and colour channels; none where no pixel is still.
+#[schemars(rename = "Change")]
+pub struct FlickerChange {
+    /// Mean of |change| over still pixels and colour channels; none without still pixels.
     pub mean: Option<f64>,
-    /// Share of the still pixels of which a channel changes by more than 4/255; none where no pixel
-    /// is still.
+    /// Share of the still pixels with a channel that changes by more than 4/255; none without still
+    /// pixels.
     pub jumps: Option<f64>,
 }
 
-/// Flicker of two frames that follow each other, or of all such pairs of a sequence together.
+/// Flicker of two consecutive frames, or of all such pairs of a sequence together.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Flicker {
     /// Pixels that a splat touches.
     pub covered_pixels: u64,
-    /// Those of them that `ideal` leaves as they are.
+    /// Covered pixels that do not change in `ideal`.
     pub still_pixels: u64,
-    /// Of the arithmetic's error.
-    pub fixed_vs_golden: Change,
-    /// Of the method's error.
-    pub golden_vs_ideal: Change,
-    /// Of the whole error.
-    pub fixed_vs_ideal: Change,
-    /// Pixels of which a channel is no finite number, in any picture. None should.
+    /// Flicker of the arithmetic's error.
+    pub fixed_vs_golden: FlickerChange,
+    /// Flicker of the method's error.
+    pub golden_vs_ideal: FlickerChange,
+    /// Flicker of the whole error.
+    pub fixed_vs_ideal: FlickerChange,
+    /// Pixels with a channel that is NaN or infinite in any picture. Should be 0.
     #[serde(skip_serializing_if = "super::metrics::is_zero")]
     pub not_finite: u64,
 }
 
-/// What flicker is made of; sums of pairs of frames add up.
+/// Sums that flicker is computed from; those of several pairs of frames can be added.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Sums {
+pub struct FlickerSums {
     covered: u64,
     still: u64,
     not_finite: u64,
     /// fixed − golden, golden − ideal, fixed − ideal.
-    changes: [Sum; 3],
+    changes: [ChangeSum; 3],
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-struct Sum {
+struct ChangeSum {
     all: f64,
     jumps: u64,
 }
 
-impl Sums {
-    /// Of a frame and the one before it, each `fixed`, `golden` and `ideal`, as [`Pictures::all`]
-    /// has them; the frame before comes first.
+impl FlickerSums {
+    /// Sums of a frame and the frame before it, which comes first. Each frame is `fixed`, `golden`
+    /// and `ideal`, in the order of [`Pictures::all`].
     ///
     /// # Panics
     /// If sizes differ: the pictures of a sequence have one size.
     pub fn new(
         [fixed_0, golden_0, ideal_0]: [&Picture; 3],
         [fixed, golden, ideal]: [&Picture; 3],
-    ) -> Sums {
+    ) -> FlickerSums {
         let (width, height) = (ideal.width, ideal.height);
         let all = [fixed_0, golden_0, ideal_0, fixed, golden, ideal];
         assert!(
@@ -106,18 +106,19 @@ impl Sums {
                 .all(|picture| (picture.width, picture.height) == (width, height)),
             "pictures of a sequence have one size"
         );
-        // Rows are added up from the top, so that threads do not show in the last bit.
+        // Rows are added from the top, so that the result does not depend on the number of threads.
         let row = |y: usize| {
-            (y * width..(y + 1) * width).fold(Sums::default(), |sums, index| {
-                sums.and(&Sums::of_pixel(&all, index))
+            (y * width..(y + 1) * width).fold(FlickerSums::default(), |sums, index| {
+                sums.and(&FlickerSums::of_pixel(&all, index))
             })
         };
-        let rows: Vec<Sums> = (0..height).into_par_iter().map(row).collect();
-        rows.iter().fold(Sums::default(), |sums, row| sums.and(row))
+        let rows: Vec<FlickerSums> = (0..height).into_par_iter().map(row).collect();
+        rows.iter()
+            .fold(FlickerSums::default(), |sums, row| sums.and(row))
     }
 
-    fn of_pixel(pictures: &[&Picture; 6], index: usize) -> Sums {
-        let mut sums = Sums::default();
+    fn of_pixel(pictures: &[&Picture; 6], index: usize) -> FlickerSums {
+        let mut sums = FlickerSums::default();
         if !pictures.iter().all(|picture| is_finite(picture, index)) {
             sums.not_finite = 1;
             return sums;
@@ -144,23 +145,23 @@ impl Sums {
             [&golden, &ideal, &golden_0, &ideal_0],
             [&fixed, &ideal, &fixed_0, &ideal_0],
         ];
-        sums.changes = pairs.map(change).map(|change| Sum {
+        sums.changes = pairs.map(change).map(|change| ChangeSum {
             all: change.iter().sum(),
             jumps: u64::from(most(&change) > JUMP),
         });
         sums
     }
 
-    /// Both together.
-    pub fn and(self, next: &Sums) -> Sums {
+    /// Sum of both.
+    pub fn and(self, next: &FlickerSums) -> FlickerSums {
         let changes = std::array::from_fn(|i| {
             let (a, b) = (self.changes[i], next.changes[i]);
-            Sum {
+            ChangeSum {
                 all: a.all + b.all,
                 jumps: a.jumps + b.jumps,
             }
         });
-        Sums {
+        FlickerSums {
             covered: self.covered + next.covered,
             still: self.still + next.still,
             not_finite: self.not_finite + next.not_finite,
@@ -168,24 +169,24 @@ impl Sums {
         }
     }
 
-    /// What they say.
+    /// The figures of these sums.
     pub fn flicker(&self) -> Flicker {
-        let change = |sum: &Sum| {
+        let change = |sum: &ChangeSum| {
             if self.not_finite > 0 {
-                return Change {
+                return FlickerChange {
                     mean: Some(1.0),
                     jumps: Some(1.0),
                 };
             }
             let of_still = |part: f64| (self.still > 0).then(|| part / self.still as f64);
-            Change {
+            FlickerChange {
                 mean: of_still(sum.all / 3.0),
                 jumps: of_still(sum.jumps as f64),
             }
         };
         let [fixed_vs_golden, golden_vs_ideal, fixed_vs_ideal] =
             self.changes.each_ref().map(change);
-        let Sums {
+        let FlickerSums {
             covered: covered_pixels,
             still: still_pixels,
             not_finite,
@@ -231,8 +232,8 @@ mod tests {
         (found.unwrap() - expected).abs() < 1e-15
     }
 
-    /// By hand, of four pixels: one that moves and so does not count, one whose arithmetic jumps by
-    /// 5/255, one whose method does by 6/255 and is followed, one where nothing changes.
+    /// Worked out by hand, for four pixels: one moves and does not count, one has a jump of 5/255
+    /// in its arithmetic, one of 6/255 in its method, and one does not change.
     #[test]
     fn changes_and_jumps_are_those_worked_out_by_hand() {
         let s = 1.0 / 255.0;
@@ -242,7 +243,7 @@ mod tests {
             &[0.9, 0.2, 0.2 + 6.0 * s, 0.2],
             &[0.9, 0.2 + 0.4 * s, 0.2, 0.2],
         );
-        let found = Sums::new(before.all(), now.all()).flicker();
+        let found = FlickerSums::new(before.all(), now.all()).flicker();
         assert_eq!(
             (found.covered_pixels, found.still_pixels, found.not_finite),
             (4, 3, 0)
@@ -267,10 +268,10 @@ mod tests {
     #[test]
     fn an_error_that_stays_does_not_flicker() {
         let wrong = frame(&[1.0, 0.0], &[0.5, 0.9], &[0.1, 0.2]);
-        let found = Sums::new(wrong.all(), wrong.all()).flicker();
+        let found = FlickerSums::new(wrong.all(), wrong.all()).flicker();
         assert_eq!(
             found.fixed_vs_golden,
-            Change {
+            FlickerChange {
                 mean: Some(0.0),
                 jumps: Some(0.0)
             }
@@ -279,16 +280,16 @@ mod tests {
     }
 
     #[test]
-    fn nothing_still_says_nothing() {
+    fn without_still_pixels_there_is_no_figure() {
         let (before, now) = (
             frame(&[0.1], &[0.1], &[0.0]),
             frame(&[0.2], &[0.2], &[STILL]),
         );
-        let found = Sums::new(before.all(), now.all()).flicker();
+        let found = FlickerSums::new(before.all(), now.all()).flicker();
         assert_eq!((found.covered_pixels, found.still_pixels), (1, 0));
         assert_eq!(
             found.fixed_vs_golden,
-            Change {
+            FlickerChange {
                 mean: None,
                 jumps: None
             }
@@ -296,7 +297,7 @@ mod tests {
     }
 
     #[test]
-    fn what_nothing_covers_is_not_counted() {
+    fn uncovered_pixels_are_not_counted() {
         let mut frames = [
             frame(&[0.1; 3], &[0.1; 3], &[0.1; 3]),
             frame(&[0.1, 0.1, 0.3], &[0.1; 3], &[0.1; 3]),
@@ -306,7 +307,7 @@ mod tests {
                 picture.covered = vec![false, false, true];
             }
         }
-        let found = Sums::new(frames[0].all(), frames[1].all()).flicker();
+        let found = FlickerSums::new(frames[0].all(), frames[1].all()).flicker();
         assert_eq!(
             (
                 found.covered_pixels,
@@ -315,10 +316,10 @@ mod tests {
             ),
             (1, 1, Some(1.0))
         );
-        // One picture of one frame is enough.
+        // One covered picture of one frame is enough.
         frames[0].fixed.covered[0] = true;
         assert_eq!(
-            Sums::new(frames[0].all(), frames[1].all())
+            FlickerSums::new(frames[0].all(), frames[1].all())
                 .flicker()
                 .covered_pixels,
             2
@@ -326,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_flickers_as_much_as_can_be() {
+    fn a_nan_makes_flicker_the_worst_possible() {
         let still = frame(&[0.1; 4], &[0.1; 4], &[0.1; 4]);
         for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
             for which in 0..3 {
@@ -335,8 +336,8 @@ mod tests {
                     [&mut broken.fixed, &mut broken.golden, &mut broken.ideal][which].rgba[2]
                         [channel] = wrong;
                     for found in [
-                        Sums::new(still.all(), broken.all()).flicker(),
-                        Sums::new(broken.all(), still.all()).flicker(),
+                        FlickerSums::new(still.all(), broken.all()).flicker(),
+                        FlickerSums::new(broken.all(), still.all()).flicker(),
                     ] {
                         assert_eq!((found.not_finite, found.still_pixels), (1, 3));
                         for change in [
@@ -346,7 +347,7 @@ mod tests {
                         ] {
                             assert_eq!(
                                 change,
-                                Change {
+                                FlickerChange {
                                     mean: Some(1.0),
                                     jumps: Some(1.0)
                                 }
@@ -361,16 +362,16 @@ mod tests {
     /// Pairs with more still pixels weigh more.
     #[test]
     fn pairs_of_frames_add_up_by_their_pixels() {
-        let quiet = Sums {
+        let quiet = FlickerSums {
             covered: 9,
             still: 9,
-            ..Sums::default()
+            ..FlickerSums::default()
         };
-        let jumpy = Sums {
+        let jumpy = FlickerSums {
             covered: 5,
             still: 1,
-            changes: [Sum { all: 0.3, jumps: 1 }; 3],
-            ..Sums::default()
+            changes: [ChangeSum { all: 0.3, jumps: 1 }; 3],
+            ..FlickerSums::default()
         };
         let found = quiet.and(&jumpy).flicker();
         assert!(

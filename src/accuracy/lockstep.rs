@@ -1,16 +1,17 @@
-//! Lockstep: `golden` led by every decision that the machine takes, with a bound on the machine's
-//! error at each pixel (docs/book/algorithm-resolve.md §8).
+//! Lockstep: the reference `golden` with every decision forced to the machine's, and a bound on the
+//! machine's error at each pixel (docs/book/algorithm-resolve.md §8).
 //!
 //! ```text
 //! machine ─► decisions ─►[ golden's fragments ]─► led picture ─┐
 //!                  └────►[ the units' bounds ]──► bound ───────┴─► |fixed − led| ≤ bound, at every pixel
 //! ```
-//! What is left between the two is arithmetic alone, and the bounds of the units (`real.rs` of
-//! each) hold it. A *flip* is a decision that `golden` would have taken otherwise; it is real if
-//! the number that decided lies within its bound of the threshold, and *unexplained* if not.
+//! The remaining difference between the two is arithmetic only, and the bounds of the units
+//! (`real.rs` of each) limit it. A *flip* is a decision that `golden` alone would take differently.
+//! It is real if the number that decided lies within its bound of the threshold, and *unexplained*
+//! otherwise.
 //!
-//! The led renderer watches the machine as a probe does, tile by tile: nothing is recorded and
-//! memory stays that of a tile.
+//! The led renderer observes the machine as a probe, tile by tile. Nothing is recorded, and it
+//! needs the memory of one tile.
 //!
 //! Laws (tests/bounds.rs): `no_pixel_exceeds_its_bound`, `every_flip_is_explained`.
 
@@ -20,7 +21,9 @@ mod summary;
 mod window;
 
 use crate::golden::Rules;
-use crate::golden::footprint::{Contribution as Exact, Cull, Footprint, Row, set_up_anyway};
+use crate::golden::footprint::{
+    Contribution as Exact, Cull, Footprint, FootprintRow, set_up_with_cull,
+};
 use crate::golden::fragments::Fragment;
 use crate::golden::shade::Shader;
 use crate::hardware::fixed;
@@ -28,7 +31,7 @@ use crate::hardware::quantise::Quantised;
 use crate::hardware::registers::{Bounded, Registers};
 use crate::output::picture::Picture;
 use crate::scene::{Scene, View};
-use pixel::{ATTRIBUTES, Arrival, Common, Limits, Pixel};
+use pixel::{ATTRIBUTES, BoundedContribution, Common, FragmentPixel, SumLimits};
 use rayon::prelude::*;
 use rtl_model::pipeline;
 use rtl_model::pipeline::Elaborated;
@@ -44,39 +47,38 @@ use sheets::{SheetPixel, SheetRules};
 use std::any::Any;
 use std::cell::OnceCell;
 use std::collections::BTreeMap;
-use window::{Own, WindowPixel, WindowRules};
+use window::{SplatLight, WindowPixel, WindowRules};
 
 pub use summary::{BoundSummary, Summary};
 
-/// Decisions that `golden` would have taken otherwise, by kind.
+/// Decisions that `golden` would take differently, by kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Flips {
-    /// A splat drawn by one and culled by the other: contributions that only one has.
+    /// A splat is drawn by one and culled by the other: counts contributions that only one has.
     pub cull: u64,
-    /// A pixel inside the footprint for one and outside for the other.
+    /// A pixel is inside the footprint for one and outside for the other.
     pub coverage: u64,
-    /// Another fragment to add to, or none.
+    /// A different fragment to add to, or none.
     pub slot: u64,
-    /// Another order in depth.
+    /// A different order in depth.
     pub order: u64,
-    /// Another pair to merge.
+    /// A different pair to merge.
     pub pair: u64,
-    /// A fragment dropped by one and kept by the other.
+    /// A fragment is dropped by one and kept by the other.
     pub eviction: u64,
-    /// A contribution's normal turned by one and left by the other.
+    /// A contribution's normal is turned by one and left by the other.
     pub turn: u64,
-    /// Of windows, as the three that follow: late for another surface, or none.
+    /// Windows only, as the three below: late for a different surface, or for none.
     pub late: u64,
-    /// Inside of a closed slot or not, or nearer to its other side.
+    /// Inside a closed slot or not, or nearer to its other side.
     pub inside: u64,
-    /// Another window.
+    /// A different window.
     pub window: u64,
-    /// Another pair to sum, or none.
+    /// A different pair to sum, or none.
     pub sum: u64,
-    /// Those among them whose deciding number does not lie within its bound of the threshold. None
-    /// should.
+    /// Flips whose deciding number is not within its bound of the threshold. Should be 0.
     pub unexplained: u64,
-    /// Kinds at the pixel at hand, a bit each.
+    /// Kinds at the current pixel, one bit each.
     #[serde(skip)]
     here: u16,
 }
@@ -110,14 +112,14 @@ impl Flips {
         ]
     }
 
-    /// Each kind and how many there are of it.
+    /// Each kind and its count.
     pub fn by_kind(&self) -> [(&'static str, u64); KINDS.len()] {
         let mut all = *self;
         let counts = all.counts();
         std::array::from_fn(|kind| (KINDS[kind], *counts[kind]))
     }
 
-    /// All of them.
+    /// Flips of all kinds.
     pub fn total(&self) -> u64 {
         self.by_kind().into_iter().map(|(_, count)| count).sum()
     }
@@ -176,21 +178,21 @@ impl Flips {
     }
 }
 
-/// Which tiles of 16 × 16 pixels are held in lockstep: it takes most of a run's time.
+/// Which tiles of 16 × 16 pixels are checked in lockstep, which takes most of a run's time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Tiles {
-    /// All of them.
+pub enum CheckedTiles {
+    /// All tiles.
     #[default]
     All,
-    /// One in eight: of any eight beside or below each other one.
+    /// One tile in eight: one of any eight consecutive tiles in a row or a column.
     Sampled,
 }
 
-impl Tiles {
+impl CheckedTiles {
     fn has(self, column: usize, row: usize) -> bool {
         match self {
-            Tiles::All => true,
-            Tiles::Sampled => (column + 3 * row).is_multiple_of(8),
+            CheckedTiles::All => true,
+            CheckedTiles::Sampled => (column + 3 * row).is_multiple_of(8),
         }
     }
 }
@@ -198,81 +200,81 @@ impl Tiles {
 /// Result of a frame in lockstep.
 #[derive(Clone, Debug)]
 pub struct Lockstep {
-    /// Tiles that were held. Of the others nothing is known, and nothing is counted.
-    pub tiles: Tiles,
+    /// Tiles that were checked. Nothing is counted in the others.
+    pub tiles: CheckedTiles,
     /// Picture of `golden` led by the machine's decisions.
     pub led: Picture,
-    /// Bound on |fixed − led|, of the worst channel of each pixel; infinite where nothing is known.
+    /// Bound on |fixed − led|, of the worst channel of each pixel; infinite where there is no
+    /// bound.
     pub bound: Vec<f64>,
     /// |fixed − led|, of the worst channel of each pixel.
     pub error: Vec<f64>,
-    /// Kinds of flips at each pixel, a bit each in the order of [`KINDS`].
+    /// Kinds of flips at each pixel, one bit each in the order of [`KINDS`].
     pub flipped: Vec<u16>,
-    /// Pixels where |fixed − led| exceeds its bound in some channel. None should.
+    /// Pixels where |fixed − led| exceeds its bound in some channel. Should be 0.
     pub violations: u64,
-    /// Decisions that `golden` would have taken otherwise.
+    /// Decisions that `golden` would take differently.
     pub flips: Flips,
 }
 
 /// Draws a scene on a machine with `golden` in lockstep.
 pub fn lockstep(scene: &Scene, machine: &Elaborated, quantised: &Quantised) -> Lockstep {
-    lockstep_in(scene, machine, quantised, Tiles::All)
+    lockstep_in(scene, machine, quantised, CheckedTiles::All)
 }
 
-/// The same in some tiles.
+/// Draws a scene with `golden` in lockstep in some tiles.
 pub fn lockstep_in(
     scene: &Scene,
     machine: &Elaborated,
     quantised: &Quantised,
-    tiles: Tiles,
+    tiles: CheckedTiles,
 ) -> Lockstep {
-    held_to(scene, machine, machine, quantised, tiles)
+    draw_against(scene, machine, machine, quantised, tiles)
 }
 
-/// Draws a scene on one machine and holds it to the bounds of another, which is given the same
-/// words.
-fn held_to(
+/// Draws a scene on one machine and checks it against the bounds of another with the same words.
+fn draw_against(
     scene: &Scene,
     drawn: &Elaborated,
     claimed: &Elaborated,
     quantised: &Quantised,
-    tiles: Tiles,
+    tiles: CheckedTiles,
 ) -> Lockstep {
     let rules = fixed::rules(&claimed.machine);
     let shader = Shader::of(scene, &rules);
-    let stage = Stage {
+    let stage = FrameContext {
         tiles,
-        ..Stage::new(scene, claimed, quantised, &rules, &shader)
+        ..FrameContext::new(scene, claimed, quantised, &rules, &shader)
     };
-    let mut leader = Leader::new(&stage);
-    let drawing = pipeline::draw_with_decisions(drawn, &quantised.frame, &mut leader);
-    leader.finish(drawing.covered)
+    let mut probe = LockstepProbe::new(&stage);
+    let drawing = pipeline::draw_with_decisions(drawn, &quantised.frame, &mut probe);
+    probe.finish(drawing.covered)
 }
 
-/// What every tile needs.
-struct Stage<'a> {
+/// Input that all tiles share.
+struct FrameContext<'a> {
     scene: &'a Scene,
-    tiles: Tiles,
+    tiles: CheckedTiles,
     machine: &'a Elaborated,
     quantised: &'a Quantised,
     eye: View,
     view: real::View<Near>,
     common: Common<'a>,
-    /// Lesser weights make no fragment.
+    /// Smaller weights make no fragment.
     least_weight: Near,
-    /// No splat of less opacity is drawn.
+    /// Splats of less opacity are not drawn.
     least_opacity: Option<Near>,
-    /// Where fragments are grouped by sheets.
+    /// Present if fragments are grouped by sheets.
     sheets: Option<SheetRules<'a>>,
-    /// Where they are grouped by windows.
+    /// Present if fragments are grouped by windows.
     windows: Option<WindowRules<'a>>,
-    /// Tiles a row.
+    /// Tiles per row.
     columns: usize,
     /// The splats that reach each tile in `golden`.
     bins: Vec<Vec<u32>>,
 }
 
-impl<'a> Stage<'a> {
+impl<'a> FrameContext<'a> {
     fn new(
         scene: &'a Scene,
         machine: &'a Elaborated,
@@ -296,7 +298,7 @@ impl<'a> Stage<'a> {
             z_threshold: registers.z_threshold(&Bounded),
             coverage_threshold: registers.coverage_threshold(&Bounded),
             background: registers.background(&Bounded, shader),
-            limits: Limits::new(&machine.machine, registers.opaque(&Bounded, rules.opaque)),
+            limits: SumLimits::new(&machine.machine, registers.opaque(&Bounded, rules.opaque)),
         };
         let view = registers.view(&Bounded);
         let columns = scene.image.width.div_ceil(TILE_PX);
@@ -315,8 +317,8 @@ impl<'a> Stage<'a> {
             .as_ref()
             .map_or(Near::exact(0.0), SheetRules::least_weight);
         let least_opacity = registers.least_opacity(&Bounded);
-        let tiles = Tiles::All;
-        Stage {
+        let tiles = CheckedTiles::All;
+        FrameContext {
             scene,
             tiles,
             machine,
@@ -333,9 +335,9 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// A splat, exact and as the machine may have it.
-    fn splat(&self, index: u32) -> Splat {
-        let (mut footprint, cull) = set_up_anyway(
+    /// A splat, exact and with the machine's bounds.
+    fn splat(&self, index: u32) -> BoundedSplat {
+        let (mut footprint, cull) = set_up_with_cull(
             self.scene,
             &self.eye,
             index as usize,
@@ -350,7 +352,7 @@ impl<'a> Stage<'a> {
         let mut record = registers.splat(&Bounded, index as usize);
         let frame = &self.quantised.frame;
         let turned = self.machine.turns_normal(frame, index as usize);
-        let turns_otherwise = self.common.rules.turn_normals && turned != footprint.faces_away();
+        let turns_differently = self.common.rules.turn_normals && turned != footprint.faces_away();
         record.turned = Some(turned);
         if turned {
             footprint.normal = -footprint.normal;
@@ -364,7 +366,7 @@ impl<'a> Stage<'a> {
             ellipsoid.as_ref(),
             size_px,
         );
-        // The machine's normals against golden's own.
+        // The machine's normals around golden's own.
         let normal = [0, 1, 2].map(|axis| near.ellipse.normal[axis].around(footprint.normal[axis]));
         let mut rgb = record.rgb;
         let opacity = footprint.opacity;
@@ -373,7 +375,7 @@ impl<'a> Stage<'a> {
             let emission =
                 self.machine
                     .real_emission(&self.common.lighting, rgb, normal, footprint.material);
-            Own {
+            SplatLight {
                 golden,
                 light: [0, 1, 2].map(|channel| emission[channel].around(golden[channel])),
                 opacity,
@@ -394,7 +396,7 @@ impl<'a> Stage<'a> {
         let [r, g, b] = rgb;
         let attributes = [r, g, b, record.opacity, normal[0], normal[1], normal[2]];
         let filled = self.common.limits.filled(&attributes);
-        Splat {
+        BoundedSplat {
             index,
             footprint,
             cull,
@@ -402,17 +404,17 @@ impl<'a> Stage<'a> {
             record,
             attributes,
             filled,
-            turns_otherwise,
+            turns_differently,
             own,
         }
     }
 
-    /// Whether a pixel's tile is held.
-    fn holds(&self, x: u32, y: u32) -> bool {
+    /// Whether a pixel's tile is checked.
+    fn is_checked(&self, x: u32, y: u32) -> bool {
         self.tiles.has(x as usize / TILE_PX, y as usize / TILE_PX)
     }
 
-    /// A pixel's centre from the picture's middle.
+    /// A pixel's centre relative to the middle of the picture.
     fn at(&self, x: u32, y: u32) -> [f64; 2] {
         [
             f64::from(x) + 0.5 - self.eye.half_px[0],
@@ -420,8 +422,8 @@ impl<'a> Stage<'a> {
         ]
     }
 
-    /// Whether machine and `golden` may differ about drawing the splat at all.
-    fn may_cull(&self, splat: &Splat) -> bool {
+    /// Whether machine and `golden` may differ about drawing the splat.
+    fn may_cull(&self, splat: &BoundedSplat) -> bool {
         let (point, ellipse) = (&splat.near.point, &splat.near.ellipse);
         let zero = Near::exact(0.0);
         point.depth.may_cross(self.view.near)
@@ -434,8 +436,8 @@ impl<'a> Stage<'a> {
                 .is_some_and(|least| splat.record.opacity.may_cross(least))
     }
 
-    /// Whether machine and `golden` may differ about the splat's reaching a pixel.
-    fn may_cover(&self, splat: &Splat, x: u32, y: u32) -> bool {
+    /// Whether machine and `golden` may differ about whether the splat reaches a pixel.
+    fn may_cover(&self, splat: &BoundedSplat, x: u32, y: u32) -> bool {
         let at = self.at(x, y);
         let contribution = splat.near.contribution(self.machine, at);
         let exact = splat.footprint.row(y).beyond(x);
@@ -461,7 +463,7 @@ impl<'a> Stage<'a> {
 /// and row.
 fn reached(scene: &Scene, eye: &View) -> Vec<(u32, [u16; 4])> {
     let rectangle = |index: usize| {
-        let (footprint, cull) = set_up_anyway(scene, eye, index, scene.least_weight());
+        let (footprint, cull) = set_up_with_cull(scene, eye, index, scene.least_weight());
         let (columns, rows) = (footprint.columns, footprint.rows);
         let drawn = cull.is_none() && !columns.is_empty() && !rows.is_empty();
         let [first, end] = [[columns.start, rows.start], [columns.end, rows.end]];
@@ -475,8 +477,8 @@ fn reached(scene: &Scene, eye: &View) -> Vec<(u32, [u16; 4])> {
         .collect()
 }
 
-/// One splat, exact and as the machine may have it.
-struct Splat {
+/// One splat, exact and with the machine's bounds.
+struct BoundedSplat {
     index: u32,
     footprint: Footprint,
     cull: Option<Cull>,
@@ -484,16 +486,16 @@ struct Splat {
     record: real::Splat<Near>,
     attributes: [Near; ATTRIBUTES],
     filled: f64,
-    /// The machine turned its normal, or left it, as `golden` would not have.
-    turns_otherwise: bool,
-    /// Of windows: what it looks like by itself.
-    own: Option<Own>,
+    /// The machine's decision to turn the normal differs from golden's.
+    turns_differently: bool,
+    /// Windows only: the splat's own appearance.
+    own: Option<SplatLight>,
 }
 
-impl Splat {
-    /// Whether `golden` has this contribution at a pixel of this row, which is known as if all of
-    /// them reached it.
-    fn covers(&self, row: &Row, [x, y]: [u32; 2], contribution: &Exact) -> bool {
+impl BoundedSplat {
+    /// Whether `golden` has this contribution at a pixel of this row. `contribution` is computed as
+    /// if all pixels were reached.
+    fn covers(&self, row: &FootprintRow, [x, y]: [u32; 2], contribution: &Exact) -> bool {
         let Footprint { columns, rows, .. } = &self.footprint;
         self.cull.is_none()
             && columns.contains(&x)
@@ -502,20 +504,20 @@ impl Splat {
     }
 }
 
-/// Pixels of a tile, a bit each.
+/// Pixels of a tile, one bit each.
 type Mask = [u64; TILE_AREA / 64];
 
-/// One finished tile.
-struct Tile {
+/// Result of a tile.
+struct TileResult {
     led: Vec<[f64; 4]>,
     bound: Vec<f64>,
     error: Vec<f64>,
     flipped: Vec<u16>,
 }
 
-impl Default for Tile {
+impl Default for TileResult {
     fn default() -> Self {
-        Tile {
+        TileResult {
             led: vec![[0.0; 4]; TILE_AREA],
             bound: vec![0.0; TILE_AREA],
             error: vec![0.0; TILE_AREA],
@@ -524,49 +526,49 @@ impl Default for Tile {
     }
 }
 
-/// Watches the machine and makes `golden` follow.
-struct Leader<'a> {
-    stage: &'a Stage<'a>,
-    /// The pixels of the tile at hand: empty between tiles.
-    pixels: Vec<Pixel>,
-    /// The same where fragments are grouped by sheets.
+/// Observes the machine and makes `golden` follow its decisions.
+struct LockstepProbe<'a> {
+    stage: &'a FrameContext<'a>,
+    /// The pixels of the current tile; empty between tiles.
+    pixels: Vec<FragmentPixel>,
+    /// The pixels if fragments are grouped by sheets.
     sheets: Vec<SheetPixel>,
-    /// The same where they are grouped by windows.
+    /// The pixels if fragments are grouped by windows.
     windows: Vec<WindowPixel>,
-    /// The splat at hand, which is large.
-    splat: Option<Box<Splat>>,
-    /// Splats of the tile before, and of this one, that go on to their right: most likely into the
-    /// next tile. They are set up once for both.
-    go_on: [BTreeMap<u32, Box<Splat>>; 2],
-    /// What it reached of the tile at hand.
+    /// The current splat, boxed because it is large.
+    splat: Option<Box<BoundedSplat>>,
+    /// Splats of the previous tile and of the current one that continue to the right, probably into
+    /// the next tile. They are set up once for both.
+    continued: [BTreeMap<u32, Box<BoundedSplat>>; 2],
+    /// Pixels of the tile that the current splat reached.
     reached: Mask,
-    /// Splats before it that reached something of the tile.
+    /// Earlier splats that reached a pixel of the tile.
     touched: Vec<u32>,
-    tile: Tile,
-    tiles: BTreeMap<usize, Tile>,
+    tile: TileResult,
+    tiles: BTreeMap<usize, TileResult>,
     flips: Flips,
     violations: u64,
 }
 
-impl<'a> Leader<'a> {
-    fn new(stage: &'a Stage<'a>) -> Self {
-        Leader {
+impl<'a> LockstepProbe<'a> {
+    fn new(stage: &'a FrameContext<'a>) -> Self {
+        LockstepProbe {
             stage,
             pixels: Vec::new(),
             sheets: Vec::new(),
             windows: Vec::new(),
             splat: None,
-            go_on: Default::default(),
+            continued: Default::default(),
             reached: Mask::default(),
             touched: Vec::new(),
-            tile: Tile::default(),
+            tile: TileResult::default(),
             tiles: BTreeMap::new(),
             flips: Flips::default(),
             violations: 0,
         }
     }
 
-    /// Counts what `count` counts, and marks its kinds at a pixel of the tile.
+    /// Runs `count` and marks the kinds that it counts at a pixel of the tile.
     fn at_pixel<T>(&mut self, pixel: usize, count: impl FnOnce(&mut Self, &mut Flips) -> T) -> T {
         let mut flips = Flips::default();
         let result = count(self, &mut flips);
@@ -577,13 +579,20 @@ impl<'a> Leader<'a> {
         result
     }
 
-    fn arrive(&mut self, splat: &Splat, [x, y]: [u32; 2], held: &Contribution, decision: Decision) {
+    fn take_contribution(
+        &mut self,
+        splat: &BoundedSplat,
+        [x, y]: [u32; 2],
+        on_machine: &Contribution,
+        decision: Decision,
+    ) {
         let stage = self.stage;
         let pixel = in_tile(x, y);
         let row = splat.footprint.row(y);
         let exact = row.beyond(x);
         let is_covered = splat.covers(&row, [x, y], &exact);
-        // What comes too late is nobody's, but for a splat that only the machine draws.
+        // A stopped pixel drops every contribution; only one that `golden` does not have is still a
+        // flip.
         if self.sheets.get(pixel).is_some_and(SheetPixel::is_stopped) && is_covered {
             return;
         }
@@ -594,26 +603,26 @@ impl<'a> Leader<'a> {
                 .depth(stage.machine, stage.at(x, y))
                 .around(exact.z * stage.quantised.scale.factor())
         };
-        let arrival = Arrival {
+        let arrival = BoundedContribution {
             golden: Fragment::new(&splat.footprint, &exact, [x, y]),
             weight: near.weight.around(exact.weight),
             attributes: &splat.attributes,
             filled: splat.filled,
-            held_depth: held.depth,
+            depth_word: on_machine.depth,
             depth: OnceCell::new(),
             find_depth: &depth,
         };
-        self.at_pixel(pixel, |leader, flips| {
+        self.at_pixel(pixel, |probe, flips| {
             if splat.cull.is_some() {
                 flips.cull(stage.may_cull(splat) || stage.may_cover(splat, x, y));
             } else if !is_covered {
                 flips.coverage(stage.may_cover(splat, x, y));
             }
-            if splat.turns_otherwise && stage.sheets.is_none() {
+            if splat.turns_differently && stage.sheets.is_none() {
                 flips.turn(splat.near.ellipse.facing_viewer.may_cross(Near::exact(0.0)));
             }
             if let (Some(rules), Some(own)) = (&stage.windows, &splat.own) {
-                return leader.windows[pixel].take(
+                return probe.windows[pixel].take(
                     rules,
                     &stage.common,
                     &arrival,
@@ -623,16 +632,16 @@ impl<'a> Leader<'a> {
                 );
             }
             match &stage.sheets {
-                None => leader.pixels[pixel].take(&stage.common, &arrival, decision, flips),
+                None => probe.pixels[pixel].take(&stage.common, &arrival, decision, flips),
                 Some(rules) => {
-                    leader.sheets[pixel].take(rules, &stage.common, &arrival, decision, flips)
+                    probe.sheets[pixel].take(rules, &stage.common, &arrival, decision, flips)
                 }
             }
         });
     }
 
-    /// The splat at hand has all that the machine gives it in the tile that begins at (`left`,
-    /// `top`): what only `golden` has of it is lost.
+    /// Ends the current splat in the tile that begins at (`left`, `top`): contributions that only
+    /// `golden` has are lost.
     fn end_splat(&mut self, [left, top]: [u32; 2]) {
         let Some(splat) = self.splat.take() else {
             return;
@@ -640,20 +649,20 @@ impl<'a> Leader<'a> {
         self.touched.push(splat.index);
         if splat.cull.is_none() {
             for at in self.lost(&splat.footprint, [left, top]) {
-                self.lose(&splat, at);
+                self.count_lost(&splat, at);
             }
         }
         self.reached = Mask::default();
         if splat.footprint.columns.end > left + TILE_PX as u32 {
-            self.go_on[1].insert(splat.index, splat);
+            self.continued[1].insert(splat.index, splat);
         }
     }
 
-    /// Finds what only `golden` has of other splats there.
+    /// Finds contributions in the tile of splats that reached none of its pixels on the machine.
     fn find_lost(&mut self, tile: usize, [left, top]: [u32; 2]) {
         let stage = self.stage;
         let mut touched = std::mem::take(&mut self.touched);
-        // A machine that sorts does not take them in the order of their numbers.
+        // A machine that sorts does not draw splats in the order of their numbers.
         touched.sort_unstable();
         let mut touched = touched.into_iter().peekable();
         for &index in &stage.bins[tile] {
@@ -661,7 +670,7 @@ impl<'a> Leader<'a> {
             if touched.peek() == Some(&index) {
                 continue;
             }
-            let (footprint, _) = set_up_anyway(
+            let (footprint, _) = set_up_with_cull(
                 stage.scene,
                 &stage.eye,
                 index as usize,
@@ -670,13 +679,12 @@ impl<'a> Leader<'a> {
             let lost = self.lost(&footprint, [left, top]);
             if !lost.is_empty() {
                 let splat = stage.splat(index);
-                lost.into_iter().for_each(|at| self.lose(&splat, at));
+                lost.into_iter().for_each(|at| self.count_lost(&splat, at));
             }
         }
     }
 
-    /// Pixels of a tile that a splat reaches in `golden`, but for those in which the machine has it
-    /// too.
+    /// Pixels of a tile that a splat reaches in `golden` but not on the machine.
     fn lost(&self, footprint: &Footprint, [left, top]: [u32; 2]) -> Vec<[u32; 2]> {
         let side = TILE_PX as u32;
         let mut lost = Vec::new();
@@ -692,8 +700,8 @@ impl<'a> Leader<'a> {
         lost
     }
 
-    /// Only `golden` has a splat at a pixel.
-    fn lose(&mut self, splat: &Splat, [x, y]: [u32; 2]) {
+    /// Counts a contribution that only `golden` has.
+    fn count_lost(&mut self, splat: &BoundedSplat, [x, y]: [u32; 2]) {
         let stage = self.stage;
         let (culled, covered) = (stage.may_cull(splat), stage.may_cover(splat, x, y));
         self.at_pixel(in_tile(x, y), |_, flips| {
@@ -705,14 +713,14 @@ impl<'a> Leader<'a> {
         });
     }
 
-    /// Tiles that the machine never touched, and the frame.
+    /// Adds tiles that the machine never touched, and returns the frame.
     fn finish(mut self, covered: Vec<bool>) -> Lockstep {
         let stage = self.stage;
         let (width, height) = (stage.scene.image.width, stage.scene.image.height);
         for tile in 0..stage.bins.len() {
-            let is_held = stage.tiles.has(tile % stage.columns, tile / stage.columns);
-            if is_held && !self.tiles.contains_key(&tile) && !stage.bins[tile].is_empty() {
-                self.tile = Tile::default();
+            let is_checked = stage.tiles.has(tile % stage.columns, tile / stage.columns);
+            if is_checked && !self.tiles.contains_key(&tile) && !stage.bins[tile].is_empty() {
+                self.tile = TileResult::default();
                 self.tile.led.fill(stage.common.shader.background());
                 let [left, top] =
                     [tile % stage.columns, tile / stage.columns].map(|at| (at * TILE_PX) as u32);
@@ -754,24 +762,24 @@ impl<'a> Leader<'a> {
     }
 }
 
-/// Whether a channel of a pixel exceeds its bound, or has a value or a bound that is no number. No
-/// bound, infinite, allows any number.
-fn violates(held: [f64; 4], near: [Near; 4]) -> bool {
+/// Whether a channel of a pixel exceeds its bound, or its value or bound is NaN. An infinite bound
+/// allows any number.
+fn violates(fixed: [f64; 4], near: [Near; 4]) -> bool {
     let keeps =
-        |held: f64, near: Near| near.value.is_finite() && (held - near.value).abs() <= near.error;
-    !held
+        |fixed: f64, near: Near| near.value.is_finite() && (fixed - near.value).abs() <= near.error;
+    !fixed
         .into_iter()
         .zip(near)
-        .all(|(held, near)| keeps(held, near))
+        .all(|(fixed, near)| keeps(fixed, near))
 }
 
-/// Error and bound of a pixel's worst channels; infinite where one is no number.
-fn judged(held: [f64; 4], near: [Near; 4]) -> [f64; 2] {
+/// Error and bound of a pixel's worst channels; infinite for NaN.
+fn worst_channels(fixed: [f64; 4], near: [Near; 4]) -> [f64; 2] {
     let number = |x: f64| if x.is_nan() { f64::INFINITY } else { x };
-    let errors = held
+    let errors = fixed
         .into_iter()
         .zip(near)
-        .map(|(held, near)| number((held - near.value).abs()));
+        .map(|(fixed, near)| number((fixed - near.value).abs()));
     [
         errors.fold(0.0, f64::max),
         near.into_iter()
@@ -780,25 +788,25 @@ fn judged(held: [f64; 4], near: [Near; 4]) -> [f64; 2] {
     ]
 }
 
-/// A pixel's number in its tile.
+/// A pixel's index in its tile.
 fn in_tile(x: u32, y: u32) -> usize {
     y as usize % TILE_PX * TILE_PX + x as usize % TILE_PX
 }
 
-/// What a part of the frame came to.
-struct Part {
-    tiles: BTreeMap<usize, Tile>,
+/// Results of a part of the frame.
+struct PartialResult {
+    tiles: BTreeMap<usize, TileResult>,
     flips: Flips,
     violations: u64,
 }
 
-impl<'a> Observer<'a> for Leader<'a> {
+impl<'a> Observer<'a> for LockstepProbe<'a> {
     fn fork(&self) -> Box<dyn Observer<'a> + 'a> {
-        Box::new(Leader::new(self.stage))
+        Box::new(LockstepProbe::new(self.stage))
     }
 
     fn hand_over(self: Box<Self>) -> Box<dyn Any + Send> {
-        Box::new(Part {
+        Box::new(PartialResult {
             tiles: self.tiles,
             flips: self.flips,
             violations: self.violations,
@@ -806,7 +814,7 @@ impl<'a> Observer<'a> for Leader<'a> {
     }
 
     fn take_over(&mut self, seen: Box<dyn Any + Send>) {
-        if let Ok(part) = seen.downcast::<Part>() {
+        if let Ok(part) = seen.downcast::<PartialResult>() {
             self.tiles.extend(part.tiles);
             self.flips.absorb(&part.flips);
             self.violations += part.violations;
@@ -814,7 +822,7 @@ impl<'a> Observer<'a> for Leader<'a> {
     }
 
     fn contribution(&mut self, x: u32, y: u32, contribution: &Contribution, decision: Decision) {
-        if !self.stage.holds(x, y) {
+        if !self.stage.is_checked(x, y) {
             return;
         }
         if self.stage.sheets.is_some() && self.sheets.is_empty() {
@@ -824,21 +832,21 @@ impl<'a> Observer<'a> for Leader<'a> {
             self.windows = vec![WindowPixel::default(); TILE_AREA];
         }
         if self.stage.sheets.is_none() && self.stage.windows.is_none() && self.pixels.is_empty() {
-            self.pixels = vec![Pixel::default(); TILE_AREA];
+            self.pixels = vec![FragmentPixel::default(); TILE_AREA];
         }
         let splat = match self.splat.take() {
             Some(splat) if splat.index == contribution.splat => splat,
             other => {
                 self.splat = other;
                 self.end_splat([x, y].map(|at| at - at % TILE_PX as u32));
-                self.go_on[0]
+                self.continued[0]
                     .remove(&contribution.splat)
                     .unwrap_or_else(|| Box::new(self.stage.splat(contribution.splat)))
             }
         };
         let pixel = in_tile(x, y);
         self.reached[pixel / 64] |= 1 << (pixel % 64);
-        self.arrive(&splat, [x, y], contribution, decision);
+        self.take_contribution(&splat, [x, y], contribution, decision);
         self.splat = Some(splat);
     }
 
@@ -849,56 +857,56 @@ impl<'a> Observer<'a> for Leader<'a> {
     }
 
     fn resolved(&mut self, x: u32, y: u32, layers: &[Layer], frame: [i64; 4]) {
-        if !self.stage.holds(x, y) {
+        if !self.stage.is_checked(x, y) {
             return;
         }
         let pixel = in_tile(x, y);
-        let near = self.at_pixel(pixel, |leader, flips| {
-            if let Some(rules) = &leader.stage.sheets {
+        let near = self.at_pixel(pixel, |probe, flips| {
+            if let Some(rules) = &probe.stage.sheets {
                 let nothing = SheetPixel::default();
-                return leader
+                return probe
                     .sheets
                     .get(pixel)
                     .unwrap_or(&nothing)
-                    .resolve(rules, &leader.stage.common);
+                    .resolve(rules, &probe.stage.common);
             }
-            if let Some(rules) = &leader.stage.windows {
-                let mut held = leader
+            if let Some(rules) = &probe.stage.windows {
+                let mut window = probe
                     .windows
                     .get_mut(pixel)
                     .map(std::mem::take)
                     .unwrap_or_default();
-                return held.resolve(rules, &leader.stage.common, flips);
+                return window.resolve(rules, &probe.stage.common, flips);
             }
-            let nothing = Pixel::default();
-            let held = leader.pixels.get(pixel).unwrap_or(&nothing);
-            held.resolve(
-                &leader.stage.common,
+            let nothing = FragmentPixel::default();
+            let fragments = probe.pixels.get(pixel).unwrap_or(&nothing);
+            fragments.resolve(
+                &probe.stage.common,
                 layers.iter().map(|layer| layer.slot),
                 flips,
             )
         });
         let format = self.stage.machine.machine.resolve.frame.format;
-        let held = frame.map(|word| format.value(word));
-        let [error, bound] = judged(held, near);
-        self.violations += u64::from(violates(held, near));
+        let fixed = frame.map(|word| format.value(word));
+        let [error, bound] = worst_channels(fixed, near);
+        self.violations += u64::from(violates(fixed, near));
         self.tile.led[pixel] = near.map(|channel| channel.value);
         self.tile.bound[pixel] = bound;
         self.tile.error[pixel] = error;
     }
 
     fn tile(&mut self, x: u32, y: u32) {
-        if !self.stage.holds(x, y) {
+        if !self.stage.is_checked(x, y) {
             return;
         }
-        self.pixels.iter_mut().for_each(Pixel::clear);
+        self.pixels.iter_mut().for_each(FragmentPixel::clear);
         self.sheets = Vec::new();
         self.windows = Vec::new();
         self.end_splat([x, y]);
         let index = y as usize / TILE_PX * self.stage.columns + x as usize / TILE_PX;
         self.find_lost(index, [x, y]);
-        self.go_on.swap(0, 1);
-        self.go_on[1].clear();
+        self.continued.swap(0, 1);
+        self.continued[1].clear();
         self.tiles.insert(index, std::mem::take(&mut self.tile));
     }
 }

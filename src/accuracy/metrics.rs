@@ -1,10 +1,10 @@
-//! Metrics: how far two pictures of one scene lie apart (docs/book/accuracy.md).
+//! Metrics: the distance between two pictures of one scene (docs/book/accuracy.md).
 //!
-//! A value that is no finite number is as far from any other as values can be, and a picture with
-//! one as far from any other as pictures can be: 0 dB, off by 1. So nothing that compares can take
-//! it for equal, or for good.
+//! A NaN or infinite value is at the greatest distance from any other value, and a picture that
+//! contains one is at the greatest distance from any other picture: 0 dB, error 1. Therefore no
+//! comparison can take it for equal or good.
 //!
-//! Law: `what_is_no_number_is_never_equal`.
+//! Law: `nan_is_never_equal`.
 
 mod flip;
 mod ssim;
@@ -19,19 +19,19 @@ pub use flip::PIXELS_PER_DEGREE;
 /// Distance of two pictures: over the colour channels, linear and premultiplied, clamped to [0, 1].
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Metrics {
-    /// Peak 1, all pixels and channels; none where the pictures are equal.
+    /// Peak 1, all pixels and channels; none for equal pictures.
     pub psnr_db: Option<f64>,
     /// The same over the pixels that a splat touches in either picture.
     pub psnr_covered_db: Option<f64>,
-    /// Structural similarity, 1 where the pictures are equal; mean of the channels.
+    /// Structural similarity, 1 for equal pictures; mean of the channels.
     pub ssim: f64,
     /// Greatest absolute difference.
     pub max_error: f64,
     /// Mean absolute difference over all pixels and channels.
     pub mean_error: f64,
-    /// Pixels of which a channel is off by more than 1/255.
+    /// Pixels with a channel that differs by more than 1/255.
     pub pixels_over_1_255: u64,
-    /// Pixels of which a channel is no finite number, in either picture. None should.
+    /// Pixels with a channel that is NaN or infinite in either picture. Should be 0.
     #[serde(skip_serializing_if = "is_zero")]
     pub not_finite: u64,
 }
@@ -46,7 +46,7 @@ pub fn metrics(a: &Picture, b: &Picture) -> Metrics {
         (b.width, b.height),
         "pictures of one scene have one size"
     );
-    let sums = Sums::new(a, b);
+    let sums = ErrorSums::new(a, b);
     let pixels = (a.width * a.height) as f64;
     if sums.not_finite > 0 {
         return Metrics {
@@ -78,11 +78,10 @@ pub(super) fn is_zero(count: &u64) -> bool {
     *count == 0
 }
 
-/// Decibels as summaries have them: none where the pictures are equal, and no number where a pixel
-/// has none.
+/// Decibels for a summary: `none` for equal pictures, `NaN` if a pixel is not finite.
 pub(crate) fn db_text(db: Option<f64>, not_finite: u64, show: impl Fn(f64) -> String) -> String {
     match db {
-        _ if not_finite > 0 => "no number".into(),
+        _ if not_finite > 0 => "NaN".into(),
         None => "equal".into(),
         Some(db) => show(db),
     }
@@ -94,7 +93,7 @@ fn clamped(picture: &Picture, index: usize) -> [f64; 3] {
     [r, g, b].map(|channel| channel.clamp(0.0, 1.0))
 }
 
-/// Distance of two pictures by their pixels alone, which is quick.
+/// Distance of two pictures pixel by pixel, which is quick to compute.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Distance {
     /// As [`Metrics::psnr_db`].
@@ -111,7 +110,7 @@ pub struct Distance {
     pub not_finite: u64,
 }
 
-/// Compares two pictures, but not their structure.
+/// Compares two pictures without their structural similarity.
 ///
 /// # Panics
 /// If their sizes differ.
@@ -121,7 +120,7 @@ pub fn distance(a: &Picture, b: &Picture) -> Distance {
         (b.width, b.height),
         "pictures of one scene have one size"
     );
-    let sums = Sums::new(a, b);
+    let sums = ErrorSums::new(a, b);
     let values = 3.0 * sums.covered_pixels as f64;
     if sums.not_finite > 0 {
         let not_finite = sums.not_finite;
@@ -146,22 +145,22 @@ pub fn distance(a: &Picture, b: &Picture) -> Distance {
     }
 }
 
-/// How near a drawn picture comes to a given one, as papers on splatting measure it: over the
+/// How close a drawn picture comes to a given one, as papers on splatting measure it: over the
 /// colour channels, of values as files store them (sRGB code values from 0 to 1, not linear light).
 /// Means over several pictures are means of these figures.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Fidelity {
-    /// Peak 1, all pixels and channels; none where the pictures are equal (it is infinite), and in
-    /// a mean where those of one frame are.
+    /// Peak 1, all pixels and channels; none for equal pictures (it is infinite). A mean is none if
+    /// that of one frame is.
     pub psnr_db: Option<f64>,
-    /// Structural similarity, 1 where the pictures are equal; mean of the channels. Gaussian window
-    /// of 11×11 pixels, σ 1.5, only where it lies inside the picture.
+    /// Structural similarity, 1 for equal pictures; mean of the channels. Gaussian window of 11×11
+    /// pixels, σ 1.5, at positions where it is inside the picture.
     pub ssim: f64,
     /// FLIP, mean over the pixels: how large the difference looks, 0 (none) to 1, at 67.02 pixels
     /// per degree.
     pub flip: f64,
-    /// Pixels of the drawn picture of which a channel is NaN or infinite; then the figures are 0
-    /// dB, 0 and 1. None should.
+    /// Pixels of the drawn picture with a channel that is NaN or infinite; the figures are then 0
+    /// dB, 0 and 1. Should be 0.
     #[serde(skip_serializing_if = "is_zero")]
     pub not_finite: u64,
 }
@@ -176,7 +175,7 @@ pub fn fidelity(drawn: &Picture, given: &Picture) -> Fidelity {
         (given.width, given.height),
         "pictures that are compared have one size"
     );
-    let sums = Sums::new(drawn, given);
+    let sums = ErrorSums::new(drawn, given);
     if sums.not_finite > 0 {
         return Fidelity {
             psnr_db: Some(0.0),
@@ -198,7 +197,7 @@ pub fn pixel_error(a: &Picture, b: &Picture, index: usize) -> f64 {
     difference(a, b, index).into_iter().fold(0.0, f64::max)
 }
 
-/// Absolute difference of two pictures at one pixel; 1 where either has no finite number.
+/// Absolute difference of two pictures at one pixel; 1 if either value is NaN or infinite.
 pub(super) fn difference(a: &Picture, b: &Picture, index: usize) -> [f64; 3] {
     if !is_finite(a, index) || !is_finite(b, index) {
         return [1.0; 3];
@@ -207,16 +206,17 @@ pub(super) fn difference(a: &Picture, b: &Picture, index: usize) -> [f64; 3] {
     std::array::from_fn(|channel| (a[channel] - b[channel]).abs())
 }
 
-/// Whether a pixel has four finite numbers.
+/// Whether all four values of a pixel are finite.
 pub fn is_finite(picture: &Picture, index: usize) -> bool {
     picture.rgba[index]
         .iter()
         .all(|channel| channel.is_finite())
 }
 
-/// Sums of one row; rows are added up from the top, so that threads do not show in the last bit.
+/// Sums of one row; rows are added from the top, so that the result does not depend on the number
+/// of threads.
 #[derive(Clone, Copy, Default)]
-struct Sums {
+struct ErrorSums {
     squares: f64,
     covered_squares: f64,
     covered_errors: f64,
@@ -227,17 +227,17 @@ struct Sums {
     not_finite: u64,
 }
 
-impl Sums {
-    fn new(a: &Picture, b: &Picture) -> Sums {
-        let rows: Vec<Sums> = (0..a.height)
+impl ErrorSums {
+    fn new(a: &Picture, b: &Picture) -> ErrorSums {
+        let rows: Vec<ErrorSums> = (0..a.height)
             .into_par_iter()
-            .map(|y| Sums::of_row(a, b, y))
+            .map(|y| ErrorSums::of_row(a, b, y))
             .collect();
-        rows.into_iter().fold(Sums::default(), Sums::and)
+        rows.into_iter().fold(ErrorSums::default(), ErrorSums::and)
     }
 
-    fn of_row(a: &Picture, b: &Picture, y: usize) -> Sums {
-        let mut sums = Sums::default();
+    fn of_row(a: &Picture, b: &Picture, y: usize) -> ErrorSums {
+        let mut sums = ErrorSums::default();
         for index in y * a.width..(y + 1) * a.width {
             let error = difference(a, b, index);
             let squares = error.iter().map(|e| e * e).sum::<f64>();
@@ -256,8 +256,8 @@ impl Sums {
         sums
     }
 
-    fn and(self, next: Sums) -> Sums {
-        Sums {
+    fn and(self, next: ErrorSums) -> ErrorSums {
+        ErrorSums {
             squares: self.squares + next.squares,
             covered_squares: self.covered_squares + next.covered_squares,
             covered_errors: self.covered_errors + next.covered_errors,
@@ -279,8 +279,8 @@ fn psnr_db(squares: f64, values: f64) -> Option<f64> {
 mod tests {
     use super::*;
 
-    /// Colours that both this program and the one that made the expected numbers can compute: with
-    /// numpy's `y, x, c = mgrid[0:h, 0:w, 0:3]`, `a = (7x + 13y + 5c) % 32 / 31`,
+    /// Colours that both this program and the one that computed the expected numbers can produce:
+    /// with numpy's `y, x, c = mgrid[0:h, 0:w, 0:3]`, `a = (7x + 13y + 5c) % 32 / 31`,
     /// `b = clip(a + ((3x + 5y + c) % 8 − 4) / 64, 0, 1)`. The left half of `a` is covered, nothing
     /// of `b`.
     fn pair(width: usize, height: usize) -> (Picture, Picture) {
@@ -316,7 +316,7 @@ mod tests {
 
     /// From numpy: `d = abs(a − b)`, `−10·log10((d·d).mean())` and so on.
     #[test]
-    fn the_distances_are_those_that_numpy_finds() {
+    fn distances_equal_those_of_numpy() {
         let (a, b) = pair(24, 20);
         let metrics = metrics(&a, &b);
         assert!(
@@ -347,7 +347,7 @@ mod tests {
     /// From scikit-image: `structural_similarity(a, b, gaussian_weights=True, sigma=1.5,
     /// use_sample_covariance=False, data_range=1, channel_axis=2)`.
     #[test]
-    fn ssim_is_what_scikit_image_finds() {
+    fn ssim_equals_that_of_scikit_image() {
         let (a, b) = pair(24, 20);
         assert!(close(metrics(&a, &b).ssim, 0.9932441143041267));
         let (a, b) = pair(11, 11);
@@ -356,7 +356,7 @@ mod tests {
 
     /// From numpy, with a matrix of renormalised window weights for each side.
     #[test]
-    fn ssim_cuts_its_window_where_a_picture_is_narrower() {
+    fn ssim_cuts_its_window_at_a_narrower_picture() {
         for (width, height, expected) in [(7, 20, 0.9930814245918298), (3, 2, 0.9921228786918073)] {
             let (a, b) = pair(width, height);
             assert!(close(metrics(&a, &b).ssim, expected), "{width}×{height}");
@@ -397,18 +397,17 @@ mod tests {
     }
 
     /// From the authors' program: `flip_evaluator.evaluate(a, b, "LDR", applyMagma=False)` of
-    /// flip-evaluator 1.7 (PyPI), mean of the map that it gives in numpy's float64. It computes in
-    /// 32 bits: of a plain picture rounding leaves edges of 3e-9, and the root of that is a feature
-    /// of 5e-5.
+    /// flip-evaluator 1.7 (PyPI), mean of its map in numpy's float64. The program computes in 32
+    /// bits: rounding leaves edges of 3e-9 in a plain picture, and their root is a feature of 5e-5.
     #[test]
-    fn flip_is_what_its_authors_program_finds() {
+    fn flip_equals_that_of_its_authors_program() {
         let of = |(a, b): (Picture, Picture)| (fidelity(&b, &a).flip, fidelity(&a, &b).flip);
         for (pictures, expected) in [
             (pair(24, 20), 0.08018433192046359),
             (pair(3, 2), 0.11727192625403404),
             (pair(64, 48), 0.07379628599179948),
             (rings(40, 30), 0.3666589738273372),
-            // More rows than a band has.
+            // More rows than a band.
             (rings(96, 80), 0.32718445034261096),
             (
                 (plain(5, 4, [0.0, 1.0, 0.0]), plain(5, 4, [0.0, 0.0, 1.0])),
@@ -435,9 +434,9 @@ mod tests {
     }
 
     /// Worked out by hand: a mean square of (0.1² + 0² + 0.2²)/3 is 17.782 dB; without variance
-    /// only the luminance is left of SSIM.
+    /// only the luminance term of SSIM remains.
     #[test]
-    fn fidelity_of_two_plain_pictures_is_what_a_pencil_finds() {
+    fn fidelity_of_two_plain_pictures_equals_that_worked_out_by_hand() {
         let (a, b) = (
             plain(13, 12, [0.5, 0.25, 0.8]),
             plain(13, 12, [0.6, 0.25, 0.6]),
@@ -484,7 +483,7 @@ mod tests {
             covered: vec![true],
         };
         let metrics = metrics(&pixel(0.5), &pixel(0.25));
-        // A mean square of 1/16; without variance only the luminance is left of SSIM.
+        // A mean square of 1/16; without variance only the luminance term of SSIM remains.
         assert!(close(metrics.psnr_db.unwrap(), 12.041199826559248));
         assert!(close(metrics.ssim, (2.0 * 0.125 + 1e-4) / (0.3125 + 1e-4)));
         assert_eq!(
@@ -498,7 +497,7 @@ mod tests {
     }
 
     #[test]
-    fn equal_pictures_have_no_psnr_and_nothing_covered_has_none_either() {
+    fn equal_or_uncovered_pictures_have_no_psnr() {
         let (a, b) = pair(24, 20);
         let same = metrics(&a, &a);
         assert_eq!(
@@ -531,7 +530,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_outside_of_the_range_is_clamped_before_it_is_compared() {
+    fn values_out_of_range_are_clamped_before_comparison() {
         let picture = |value: f64| Picture {
             width: 1,
             height: 1,
@@ -542,7 +541,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_never_equal() {
+    fn nan_is_never_equal() {
         let black = Picture {
             width: 40,
             height: 40,
@@ -553,7 +552,7 @@ mod tests {
             for channel in 0..4 {
                 let mut other = black.clone();
                 other.rgba[7][channel] = wrong;
-                // Against one that is right, either way round, and against itself.
+                // Against a finite one in both orders, and against itself.
                 for (a, b) in [(&black, &other), (&other, &black), (&other, &other)] {
                     let (m, d) = (metrics(a, b), distance(a, b));
                     assert_eq!(
@@ -572,10 +571,7 @@ mod tests {
                         "{wrong}"
                     );
                     assert_eq!(pixel_error(a, b, 7), 1.0);
-                    assert_eq!(
-                        db_text(m.psnr_db, m.not_finite, |db| db.to_string()),
-                        "no number"
-                    );
+                    assert_eq!(db_text(m.psnr_db, m.not_finite, |db| db.to_string()), "NaN");
                 }
             }
         }

@@ -1,4 +1,4 @@
-//! Accuracy: how far pictures lie apart, whose arithmetic it is, and how far it can be.
+//! Accuracy: the distance between pictures, the arithmetic that causes it, and bounds on it.
 
 pub mod attribution;
 mod error_picture;
@@ -10,7 +10,9 @@ pub mod proofs;
 pub mod ranges;
 
 pub use error_picture::{ErrorPicture, error_picture};
-pub use lockstep::{BoundSummary, Flips, KINDS, Lockstep, Summary, Tiles, lockstep, lockstep_in};
+pub use lockstep::{
+    BoundSummary, CheckedTiles, Flips, KINDS, Lockstep, Summary, lockstep, lockstep_in,
+};
 pub(crate) use metrics::db_text;
 pub use metrics::{
     Distance, Fidelity, Metrics, PIXELS_PER_DEGREE, distance, fidelity, is_finite, metrics,

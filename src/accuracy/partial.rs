@@ -1,13 +1,14 @@
-//! PartialPrecision: draws a scene on a machine of which only some words are words, and f64 takes
-//! the place of the rest.
+//! PartialPrecision: draws a scene in mixed precision: some words of a machine are quantised, the
+//! others are f64.
 //!
 //! ```text
 //! chosen words ─►┬─ set up: splats, project, ellipse ─► footprints ─┐
 //!                └─ fill: raster, gauss, fragment, shade, resolve ◄─┴─► picture
 //! ```
-//! The arithmetic is that of the units over the reals (`real.rs` of each), the rules for fragments
-//! and sheets are golden's, on whatever numbers come out. All words chosen, it is the machine, but
-//! for what f64 loses of its longest products; none chosen, it is `golden`.
+//! The arithmetic is that of the units over the reals (`real.rs` of each). The rules for fragments
+//! and sheets are golden's, applied to the resulting numbers. With all words chosen it is the
+//! machine, except for bits that f64 loses in its longest products. With no word chosen it is
+//! `golden`.
 //!
 //! Laws (tests/attribution.rs): `with_no_word_it_is_golden`, `with_every_word_it_is_the_machine`.
 
@@ -15,7 +16,7 @@ mod sheets;
 mod window;
 
 use crate::golden::footprint::pixels;
-use crate::golden::fragments::{Fragment, Pair, nearest_within};
+use crate::golden::fragments::{Fragment, PairRule, nearest_within};
 use crate::golden::shade::Shader;
 use crate::golden::tiles::{Cover, PIXELS_IN_A_TILE, Painter, fill};
 use crate::golden::{FragmentDepth, Outcomes, Rules};
@@ -40,10 +41,10 @@ use window::WindowPixels;
 /// diagram.
 pub const UNITS: [&str; unit::WORDED.len() + 1] = unit::after("splat", unit::WORDED);
 
-/// Words that only machines for ellipsoids are given.
+/// Words that only machines for ellipsoids have.
 const OF_ELLIPSOIDS: [&str; 2] = ["ellipse.quaternion", "ellipse.scale"];
 
-/// The word that a signal belongs to: those inside a function unit are the unit's.
+/// The word that a signal belongs to; signals inside a function unit belong to the unit's word.
 fn word_of(signal: &Signal) -> String {
     let name = signal.name.split('.').next().unwrap_or_default();
     format!("{}.{name}", signal.unit)
@@ -77,17 +78,17 @@ pub fn words(machine: &Elaborated) -> Vec<String> {
     unique
 }
 
-/// Words of a machine.
+/// The chosen words of a machine.
 #[derive(Clone, Debug)]
-pub struct Choice {
+pub struct ChosenWords {
     inputs: Vec<&'static str>,
     switches: Switches,
 }
 
-impl Choice {
-    /// Those words of which this holds.
+impl ChosenWords {
+    /// The words for which `is_chosen` is true.
     pub fn new(machine: &Elaborated, is_chosen: impl Fn(&str) -> bool) -> Self {
-        Choice {
+        ChosenWords {
             inputs: INPUTS.into_iter().filter(|name| is_chosen(name)).collect(),
             switches: Switches(
                 machine
@@ -107,7 +108,7 @@ impl Choice {
     }
 }
 
-/// A splat that has been set up: plain numbers, so that other words may be chosen for what follows.
+/// A splat after setup, in plain numbers, so that other words can be chosen for the fill.
 #[derive(Clone, Debug)]
 pub struct Footprint {
     columns: Range<u32>,
@@ -117,19 +118,19 @@ pub struct Footprint {
     /// rgb, α, normal.
     attributes: [f64; ATTRIBUTES],
     material: u32,
-    /// Of windows: the splat's own colour under the lights.
+    /// Windows only: the splat's own colour under the lights.
     light: [f64; 3],
     splat: u32,
-    /// By which they are sorted.
+    /// Sort key.
     key: f64,
 }
 
 /// Attributes of a contribution: rgb, α, normal.
 const ATTRIBUTES: usize = 7;
 
-/// A scene, and the machine that draws it.
+/// Scene and machine of a drawing.
 #[derive(Clone, Debug)]
-pub struct Stage<'a> {
+pub struct MixedDrawing<'a> {
     scene: &'a Scene,
     machine: &'a Elaborated,
     quantised: &'a Quantised,
@@ -137,10 +138,10 @@ pub struct Stage<'a> {
     rules: Rules,
 }
 
-impl<'a> Stage<'a> {
-    /// Where `scene` is drawn on `machine`.
+impl<'a> MixedDrawing<'a> {
+    /// The drawing of `scene` on `machine`.
     pub fn new(scene: &'a Scene, machine: &'a Elaborated, quantised: &'a Quantised) -> Self {
-        Stage {
+        MixedDrawing {
             scene,
             machine,
             quantised,
@@ -158,8 +159,8 @@ impl<'a> Stage<'a> {
         }
     }
 
-    /// Sets every splat up, with the chosen words, in the order in which they are drawn.
-    pub fn set_up(&self, choice: &Choice) -> Vec<Footprint> {
+    /// Sets up all splats with the chosen words, in drawing order.
+    pub fn set_up(&self, choice: &ChosenWords) -> Vec<Footprint> {
         let (registers, hold) = (self.registers(), choice.hold());
         let view = registers.view(&hold);
         let ellipsoids = self.scene.ellipsoids.as_ref();
@@ -238,8 +239,8 @@ impl<'a> Stage<'a> {
         footprints
     }
 
-    /// Draws what was set up, with the chosen words.
-    pub fn fill(&self, choice: &Choice, footprints: &[Footprint]) -> Picture {
+    /// Draws footprints with the chosen words.
+    pub fn fill(&self, choice: &ChosenWords, footprints: &[Footprint]) -> Picture {
         let (registers, hold) = (self.registers(), choice.hold());
         let shader = Shader::of(self.scene, &self.rules);
         let frame = FrameWords {
@@ -255,9 +256,9 @@ impl<'a> Stage<'a> {
             shader: &shader,
             switches: &choice.switches,
         };
-        let drawn: Vec<Drawn> = footprints
+        let drawn: Vec<FrameFootprint> = footprints
             .iter()
-            .map(|footprint| Drawn {
+            .map(|footprint| FrameFootprint {
                 frame: &frame,
                 footprint,
             })
@@ -272,7 +273,7 @@ impl<'a> Stage<'a> {
         match &frame.sheets {
             None => {
                 fill(&self.scene.image, &drawn, background, || {
-                    Pixels::new(&frame)
+                    FragmentPixels::new(&frame)
                 })
                 .picture
             }
@@ -292,16 +293,16 @@ fn number(mixed: PartialPrecision) -> f64 {
 
 /// Values that the whole frame has in common.
 struct FrameWords<'a> {
-    stage: &'a Stage<'a>,
+    stage: &'a MixedDrawing<'a>,
     cutoff: f64,
     z_threshold: f64,
     coverage_threshold: f64,
     opaque: f64,
     lighting: Lighting<PartialPrecision<'a>>,
     background: [PartialPrecision<'a>; 4],
-    /// None where fragments are grouped by depth.
+    /// None if fragments are grouped by depth.
     sheets: Option<SheetWords<'a, PartialPrecision<'a>>>,
-    /// None where they are not grouped by windows.
+    /// None if fragments are not grouped by windows.
     windows: Option<WindowWords<PartialPrecision<'a>>>,
     shader: &'a Shader,
     switches: &'a Switches,
@@ -313,14 +314,14 @@ impl<'a> FrameWords<'a> {
     }
 }
 
-/// One footprint, on its way into a frame.
-struct Drawn<'a> {
+/// One footprint and the frame that it is drawn into.
+struct FrameFootprint<'a> {
     frame: &'a FrameWords<'a>,
     footprint: &'a Footprint,
 }
 
 /// One splat at one pixel.
-struct Arrival<'a> {
+struct MixedContribution<'a> {
     footprint: &'a Footprint,
     /// Column and row.
     pixel: [u32; 2],
@@ -329,18 +330,18 @@ struct Arrival<'a> {
     depth: f64,
 }
 
-impl<'a> Cover for Drawn<'a> {
-    type Contribution = Arrival<'a>;
+impl<'a> Cover for FrameFootprint<'a> {
+    type Contribution = MixedContribution<'a>;
 
     fn sides(&self) -> [Range<u32>; 2] {
         [self.footprint.columns.clone(), self.footprint.rows.clone()]
     }
 
-    fn give(
+    fn contribute(
         &self,
         columns: Range<u32>,
         rows: Range<u32>,
-        mut take: impl FnMut([u32; 2], Arrival<'a>),
+        mut take: impl FnMut([u32; 2], MixedContribution<'a>),
     ) {
         let (frame, footprint) = (self.frame, self.footprint);
         let (machine, half_px) = (frame.stage.machine, frame.stage.eye.half_px);
@@ -379,7 +380,7 @@ impl<'a> Cover for Drawn<'a> {
                     if weight > 0.0 && weight >= least_weight {
                         take(
                             [x, y],
-                            Arrival {
+                            MixedContribution {
                                 footprint,
                                 pixel: [x, y],
                                 weight,
@@ -393,25 +394,25 @@ impl<'a> Cover for Drawn<'a> {
     }
 }
 
-/// The fragments of a tile's pixels, as golden keeps them; depths in machine units.
-struct Pixels<'a> {
+/// The fragments of a tile's pixels, by golden's rules; depths in machine units.
+struct FragmentPixels<'a> {
     frame: &'a FrameWords<'a>,
     fragments: Vec<Vec<Fragment>>,
 }
 
-impl<'a> Pixels<'a> {
+impl<'a> FragmentPixels<'a> {
     fn new(frame: &'a FrameWords<'a>) -> Self {
-        Pixels {
+        FragmentPixels {
             frame,
             fragments: vec![Vec::new(); PIXELS_IN_A_TILE],
         }
     }
 }
 
-impl<'a> Painter for Pixels<'a> {
-    type Contribution = Arrival<'a>;
+impl<'a> Painter for FragmentPixels<'a> {
+    type Contribution = MixedContribution<'a>;
 
-    fn take(&mut self, pixel: usize, arrival: Arrival<'a>) {
+    fn take(&mut self, pixel: usize, arrival: MixedContribution<'a>) {
         let (frame, fragments) = (self.frame, &mut self.fragments[pixel]);
         let rules = &frame.stage.rules;
         if let Some(slot) = nearest_within(frame.z_threshold, arrival.depth, fragments) {
@@ -464,7 +465,7 @@ impl<'a> Painter for Pixels<'a> {
 }
 
 impl<'a> FrameWords<'a> {
-    fn accumulate(&self, fragment: &mut Fragment, arrival: &Arrival) {
+    fn accumulate(&self, fragment: &mut Fragment, arrival: &MixedContribution) {
         let weight = self.word(arrival.weight);
         let sum = |lane: usize, sum: f64, attribute: f64| {
             self.stage
@@ -490,8 +491,8 @@ impl<'a> FrameWords<'a> {
         );
     }
 
-    /// One fragment too many: drops one that nobody sees, or makes one of two.
-    fn overflow(&self, fragments: &mut Vec<Fragment>, new: Fragment, pair: Pair) {
+    /// Makes room for one fragment: drops a hidden one, or merges two.
+    fn overflow(&self, fragments: &mut Vec<Fragment>, new: Fragment, pair: PairRule) {
         let rules = &self.stage.rules;
         fragments.sort_by(|a, b| a.z.total_cmp(&b.z));
         let place = fragments.partition_point(|fragment| fragment.z <= new.z);
@@ -514,7 +515,7 @@ impl<'a> FrameWords<'a> {
         fragments.remove(front + 1);
     }
 
-    /// What a merge blends of a fragment: it lives in a slot once it is shaded.
+    /// The operand of a merge: a shaded fragment is first stored in a slot.
     fn stored(&self, fragment: &Fragment) -> [PartialPrecision<'a>; 4] {
         if fragment.shaded {
             self.light(fragment)

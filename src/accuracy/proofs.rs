@@ -1,13 +1,13 @@
-//! Prove: writes proofs of a machine's error bounds, for Gappa to check.
+//! Prove: writes proofs of a machine's error bounds, to be checked by Gappa.
 //!
 //! ```text
-//! machine ─► [ elaborate ] ─► table words, formats, bounds ─► [ one script a claim ] ─► gappa: proved, or not
+//! machine ─► [ elaborate ] ─► table words, formats, bounds ─► [ a script per claim ] ─► gappa: proved, or not
 //! ```
-//! Tests try operands; a proof speaks of all. A script says once more what a unit does, with real
-//! numbers and Gappa's own roundings, reads the ROM's words from the elaborated unit, and claims
-//! the bound that the unit's `real.rs` returns, no other.
+//! Tests try some operands; a proof covers all of them. A script restates the unit with real
+//! numbers and Gappa's own roundings, and reads the ROM's words from the elaborated unit. It claims
+//! exactly the bound that the unit's `real.rs` returns.
 //!
-//! Not proved: that a register does not wrap; that the script does what the unit does
+//! Not proved: that a register does not wrap, and that the script computes the same as the unit
 //! (`tests/proofs.rs` compares the two).
 
 use crate::error::Result;
@@ -24,17 +24,17 @@ mod gauss;
 mod raster;
 pub mod script;
 
-/// Steps of forward differencing that are proved: a tile's row, and a large splat's.
+/// Steps of forward differencing that are proved: a row of a tile, and a large splat.
 const STEPS: [u32; 2] = [16, 64];
 
 /// One claim and its proof.
 #[derive(Clone, Debug)]
 pub struct Proof {
-    /// The signal, and what tells several proofs about it apart.
+    /// The signal, and a suffix that distinguishes several proofs about it.
     pub name: String,
-    /// Quantity that is bounded.
+    /// The quantity that is bounded.
     pub claim: String,
-    /// The word whose last places the bound is told in.
+    /// The word whose LSB is the unit of `places`.
     pub word: Word,
     /// Greatest error.
     pub bound: f64,
@@ -48,16 +48,16 @@ impl Proof {
         format!("{}.g", self.name)
     }
 
-    /// The bound in last places of the word.
+    /// The bound in ulp of the word.
     pub fn places(&self) -> f64 {
         self.bound / self.word.format.value(1)
     }
 
-    /// Puts before the script what it claims and why that holds.
+    /// Adds comments that state the claim and its grounds.
     fn explained(mut self, machine: &str, what: &str, formats: &str, grounds: &[&str]) -> Proof {
         let (bound, places) = (script::number(self.bound), self.places());
         let claim = format!(
-            "Claimed: {} <= {bound}, about {:.2e}, {places:.2} last places of {}.",
+            "Claimed: {} <= {bound}, about {:.2e}, {places:.2} ulp of {}.",
             self.claim, self.bound, self.word
         );
         let head = [
@@ -73,7 +73,7 @@ impl Proof {
     }
 }
 
-/// Every proof about a machine.
+/// All proofs about a machine.
 pub fn proofs(machine: &Elaborated) -> Vec<Proof> {
     let name = &machine.machine.name;
     let reciprocals = machine
@@ -91,10 +91,10 @@ pub fn proofs(machine: &Elaborated) -> Vec<Proof> {
         .collect()
 }
 
-/// Writes each proof into its file in a folder.
+/// Writes each proof into a file in a folder.
 ///
 /// # Errors
-/// [`crate::error::Error::Job`] where a file cannot be written; none is left half-written.
+/// [`crate::error::Error::Job`] if a file cannot be written; no file is left half-written.
 pub fn write(proofs: &[Proof], folder: &Path) -> Result<()> {
     proofs.iter().try_for_each(|proof| {
         let text = proof.script.text();
@@ -104,7 +104,7 @@ pub fn write(proofs: &[Proof], folder: &Path) -> Result<()> {
     })
 }
 
-/// Table of the claims that were written, with their bounds.
+/// Table of the claims and their bounds.
 pub fn table(proofs: &[Proof]) -> String {
     let mut table = plain_table(&["proof", "claim", "at most", "places", "of"]);
     for proof in proofs {
@@ -123,8 +123,8 @@ pub fn table(proofs: &[Proof]) -> String {
     aligned(table).trim_fmt()
 }
 
-/// The rounding into a word, as Gappa calls it. It knows no limits: that none is reached is a goal
-/// of its own, or a stated condition.
+/// The rounding into a word, in Gappa's notation. It has no range limits: that none is reached is a
+/// separate goal or a stated condition.
 fn rounding(word: Word) -> String {
     let direction = match word.round {
         Rounding::Truncate => "dn",
@@ -134,7 +134,7 @@ fn rounding(word: Word) -> String {
     format!("fixed<{},{direction}>", -word.format.frac_bits)
 }
 
-/// The words that a format has, as an interval.
+/// The range of a word, as an interval.
 fn range(word: Word) -> String {
     script::words(word.format.min(), word.format.max(), word.format.frac_bits)
 }

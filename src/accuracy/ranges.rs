@@ -1,16 +1,16 @@
-//! Ranges: what every signal's words were, as part of `report.json`, as a table and as a chart.
+//! Ranges: the observed words of every signal, as part of `report.json`, as a table and as a chart.
 //!
 //! ```text
 //! signals, ranges ─► [report: format, extremes, unused bits, narrowest format, histogram] ─┬─► report.json
 //!                                                                                          ├─► table, 80 columns
 //!                                                                                          └─► ranges.png
 //! ```
-//! Extremes and what left its range are of all words; histograms and what was inexact are of a
-//! sample, which is the same every time (`rtl_model::probe::Meters`). A register that is added to
-//! pixel by pixel (`raster.radial`, `raster.depth`) counts its seeds as words; how far it goes from
-//! there counts for the narrowest format.
+//! Extremes and results out of range count all words. Histograms and inexact results count a
+//! sample, which is the same every time (`rtl_model::probe::Meters`). For a register that is
+//! incremented pixel by pixel (`raster.radial`, `raster.depth`) the words are its seeds; the values
+//! that it reaches count for the narrowest format.
 //!
-//! Laws: `a_report_says_what_a_range_holds`,
+//! Laws: `a_report_contains_the_extremes_of_a_range`,
 //! `a_machine_of_narrowest_formats_draws_the_same_picture`.
 
 use crate::accuracy::partial::UNITS;
@@ -23,7 +23,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::Write;
 
-/// Signals that may saturate without anything being lost, and why.
+/// Signals that may saturate without a loss, and the reason.
 const DECLARED_CLAMPS: [(&str, &str, &str); 2] = [
     (
         "ellipse",
@@ -33,48 +33,48 @@ const DECLARED_CLAMPS: [(&str, &str, &str); 2] = [
     (
         "ellipse",
         "edge",
-        "a box's side far outside of the picture is clipped to it anyway",
+        "a box's side far outside the picture is clipped to it anyway",
     ),
 ];
 
 /// One signal's range.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct SignalReport {
-    /// The unit it belongs to.
+    /// Unit of the signal.
     pub unit: &'static str,
-    /// Its name there.
+    /// Name of the signal in its unit.
     pub name: String,
     /// Its format.
     pub format: String,
     round: rtl_model::num::Rounding,
     overflow: rtl_model::num::Overflow,
-    /// Words of the sample: of every item of work where they are few.
+    /// Words of the sample; of every item of work if there are few.
     pub words: u64,
-    /// Least and greatest value seen; none where no word was.
+    /// Least and greatest observed value; none if there was no word.
     min: Option<f64>,
     max: Option<f64>,
     saturated_low: u64,
     saturated_high: u64,
     wrapped: u64,
-    /// Words of the sample that lost bits below the last place.
+    /// Words of the sample that lost bits below the LSB.
     inexact: u64,
-    /// Part of the sample that they are; none where it has no word.
+    /// Share of inexact words in the sample; none for an empty sample.
     inexact_share: Option<f64>,
-    /// The narrowest format, none where no word was seen, with or without a sign as this one is,
-    /// that would have held every result.
+    /// The narrowest format, signed like this one, that holds every result; none if there was no
+    /// word.
     narrowest: Option<String>,
-    /// Integer bits that it has less; below 0 where results were cut down to the format.
+    /// Integer bits that the narrowest format saves; below 0 if results were out of range.
     unused_high_bits: Option<i32>,
-    /// Fraction bits that it has less: they were 0 in every word.
+    /// Fraction bits that the narrowest format saves: they were 0 in every word.
     unused_low_bits: Option<i32>,
     histogram: Histogram,
-    /// Why saturating is no loss here.
+    /// Why saturation is not a loss here.
     #[serde(skip_serializing_if = "Option::is_none")]
     declared_clamp: Option<&'static str>,
-    /// Powers of two of the format's last place and of what its magnitudes stay below.
+    /// Powers of two of the LSB and of the least power that no magnitude reaches.
     #[serde(skip)]
     extent: [i32; 2],
-    /// A format of as many bits in which no result would have left its range, where some did.
+    /// If results were out of range: a format with the same number of bits that holds every result.
     #[serde(skip)]
     as_wide: Option<String>,
 }
@@ -86,8 +86,8 @@ pub struct Histogram {
     pub zeros: u64,
     /// k of the first count.
     pub first_log2: i32,
-    /// Number of words with 2^k ≤ |value| < 2^(k+1), k growing by one from count to count. Empty
-    /// where all words are 0.
+    /// Number of words with 2^k ≤ |value| < 2^(k+1), with k increasing by one per count. Empty if
+    /// all words are 0.
     pub counts: Vec<u64>,
 }
 
@@ -111,10 +111,10 @@ impl Histogram {
     }
 }
 
-/// Results that left their format's range, all signals together, where that is a loss.
+/// Results out of their format's range, over all signals, if that is a loss.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Overflows {
-    /// Results that were saturated, without those of declared clamps.
+    /// Saturated results, without those of declared clamps.
     pub saturated: u64,
     /// Results that wrapped.
     pub wrapped: u64,
@@ -123,7 +123,7 @@ pub struct Overflows {
 }
 
 impl Overflows {
-    /// Adds up what signals report. No declared clamp wraps.
+    /// Sums the reports of signals. No declared clamp wraps.
     pub fn of(signals: &[SignalReport]) -> Self {
         let mut all = Overflows::default();
         for signal in signals
@@ -199,18 +199,18 @@ impl SignalReport {
         self.wrapped
     }
 
-    /// Whether saturating is no loss here.
+    /// Whether saturation is not a loss here.
     pub fn is_declared_clamp(&self) -> bool {
         self.declared_clamp.is_some()
     }
 
-    /// Results that left the format's range.
+    /// Results out of the format's range.
     pub fn overflows(&self) -> u64 {
         self.saturated() + self.wrapped
     }
 
-    /// What to set where a word saturates that need not: kernels of points may be seen along their
-    /// length, and no format suits all.
+    /// The setting that avoids an unnecessary saturation. Kernels of points can be seen along their
+    /// length, and no single format suits all of them.
     pub fn remedy(&self) -> Option<String> {
         let is_depth_of_kernels =
             (self.unit, self.name.as_str()) == ("ellipse", "visibility") && self.saturated() > 0;
@@ -220,14 +220,14 @@ impl SignalReport {
             .map(|format| format!("--set ellipse.visibility={format}"))
     }
 
-    /// A row of the table; what no word was seen of is left empty.
+    /// A row of the table; empty cells for a signal without words.
     fn row(&self) -> String {
         let [min, max] = [self.min, self.max].map(|value| value.map_or(String::new(), few_digits));
         let [high, low] = [self.unused_high_bits, self.unused_low_bits]
             .map(|bits| bits.map_or(String::new(), |bits| bits.to_string()));
         let needs = self.narrowest.clone().unwrap_or_default();
         let limited = if self.overflows() > 0 {
-            few_letters(self.overflows())
+            few_characters(self.overflows())
         } else {
             String::new()
         };
@@ -259,13 +259,13 @@ impl SignalReport {
         let top = self.extent[1];
         Extent {
             name: self.name.clone(),
-            says: [
+            columns: [
                 self.format.clone(),
                 self.narrowest.clone().unwrap_or_default(),
                 share(*zeros, self.words),
             ],
             places: self.extent,
-            // The least word of a signed format is as large as what the others stay below.
+            // The least word of a signed format has the magnitude that the others stay below.
             parts: counts
                 .iter()
                 .zip(*first_log2..)
@@ -323,7 +323,7 @@ fn row([name, format, min, max, high, low, needs, limited, inexact]: [&str; 9]) 
     line.trim_end().to_owned() + "\n"
 }
 
-/// A value in at most seven letters, if its power of ten has one digit.
+/// A value in at most seven characters, if its power of ten has one digit.
 fn few_digits(value: f64) -> String {
     let text = match value.abs() {
         0.0 => return "0".into(),
@@ -339,8 +339,8 @@ fn few_digits(value: f64) -> String {
     }
 }
 
-/// A count in at most four letters.
-fn few_letters(count: u64) -> String {
+/// A count in at most four characters.
+fn few_characters(count: u64) -> String {
     let [thousands, millions] = [count / 1000, count / 1_000_000];
     match count {
         0..10_000 => count.to_string(),

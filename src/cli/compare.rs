@@ -7,7 +7,7 @@ use crate::output::files::Folder;
 use crate::output::text::one_line;
 use crate::performance::cost::Prices;
 use crate::performance::recording::Recording;
-use crate::run::compare::{Comparison, Frame, Side};
+use crate::run::compare::{Comparison, ComparisonSide, Workload};
 use crate::scene::{Overrides, Scene};
 use clap::Args;
 use rtl_model::Machine;
@@ -69,7 +69,7 @@ pub(super) struct Job {
 /// What one of the two is.
 enum One {
     Machine(String, Box<Machine>),
-    Frame(Box<Side>),
+    Frame(Box<ComparisonSide>),
 }
 
 /// What machines are compared on.
@@ -147,7 +147,7 @@ fn one(name: &OsStr, settings: &[(&'static str, String)]) -> Result<One> {
         !path.is_file() && !path.join("report.json").exists() && Machine::named(&shown).is_some();
     if !is_named
         && path.exists()
-        && let Some(side) = Side::read(path)?
+        && let Some(side) = ComparisonSide::read(path)?
     {
         if let Some((flag, setting)) = settings.first() {
             let flag = machines::flag(flag, setting);
@@ -171,15 +171,17 @@ fn one(name: &OsStr, settings: &[(&'static str, String)]) -> Result<One> {
 impl Job {
     pub fn run(self) -> Result<String> {
         let frame = self.frame.as_ref().map(|drawn| match drawn {
-            Drawn::Scene(scene) => Frame::Scene(scene),
-            Drawn::Recording(recording) => Frame::Recording(recording),
+            Drawn::Scene(scene) => Workload::Scene(scene),
+            Drawn::Recording(recording) => Workload::Recording(recording),
         });
         let side = |one: One| match (one, &frame) {
             (One::Frame(side), _) => Ok(*side),
             (One::Machine(name, machine), Some(frame)) => {
-                Side::of_frame(&name, &machine, frame, &self.prices)
+                ComparisonSide::of_frame(&name, &machine, frame, &self.prices)
             }
-            (One::Machine(name, machine), None) => Side::of_machine(&name, &machine, &self.prices),
+            (One::Machine(name, machine), None) => {
+                ComparisonSide::of_machine(&name, &machine, &self.prices)
+            }
         };
         let [a, b] = self.sides;
         let (a, b) = (side(a)?, side(b)?);

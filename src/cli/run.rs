@@ -18,7 +18,7 @@ use crate::run::against::Photographs;
 use crate::run::detail::bounded;
 use crate::run::preview;
 use crate::run::preview::Preview;
-use crate::run::{Check, Options, Outcome, timed};
+use crate::run::{Check, Options, RunResult, timed};
 use crate::scene::{CameraFile, Scene, Sequence, memory};
 use clap::{Args, ValueEnum};
 use rtl_model::Machine;
@@ -277,7 +277,7 @@ impl Frame {
         })
     }
 
-    fn draw(&self) -> Result<Outcome> {
+    fn draw(&self) -> Result<RunResult> {
         let (scene, machine) = (&self.scene, &self.machine);
         let Some(small) = &self.small else {
             let _progress = self.announce();

@@ -6,7 +6,7 @@ use crate::input;
 use crate::output::files::are_one;
 use crate::output::text::{one_line, thousands, wrapped};
 use crate::sampling::{
-    Acquisition, Amount, Pattern, Picture, Radii, Request, Sampled, Solution, file, sample,
+    Acquisition, Amount, Pattern, Picture, Radii, Sampled, SamplingRequest, Solution, file, sample,
 };
 use crate::scene::mesh::{Image, Mesh, Texture, Wrap};
 use clap::{Args, ValueEnum};
@@ -98,7 +98,7 @@ enum TextureName {
 pub(super) struct Job {
     name: String,
     mesh: Mesh,
-    request: Request,
+    request: SamplingRequest,
     out: PathBuf,
     quiet: bool,
 }
@@ -135,7 +135,7 @@ impl Typed {
             (None, Some(checks)) => Picture::checkerboard(checks.into()),
             (None, None) => Picture::Own,
         };
-        let request = Request {
+        let request = SamplingRequest {
             amount,
             pattern: match self.pattern {
                 PatternName::BlueNoise => Pattern::BlueNoise,
@@ -225,7 +225,7 @@ impl Job {
     }
 }
 
-fn told(mesh: &Mesh, request: &Request, sampled: &Sampled) -> Vec<String> {
+fn told(mesh: &Mesh, request: &SamplingRequest, sampled: &Sampled) -> Vec<String> {
     let left_out = match mesh.degenerate {
         0 => String::new(),
         count => format!(" ({} without an area left out)", thousands(count as u64)),

@@ -71,7 +71,7 @@ impl Typed {
 impl Job {
     pub fn run(self) -> Result<String> {
         let progress = Progress::of_messages(!self.quiet);
-        progress.say(format!("{} cases are being driven", self.cases.len()));
+        progress.set_message(format!("{} cases are being driven", self.cases.len()));
         let catalogue = stress::run(&self.cases, &self.machines)?;
         drop(progress);
         let end = match &self.out {

@@ -849,7 +849,7 @@ impl<'a> Search<'a> {
             thousands(area as u64),
             decibels(found.psnr_db_of(&self.options.target))
         );
-        self.progress.say(told);
+        self.progress.set_message(told);
         Ok(found)
     }
 
@@ -1165,7 +1165,7 @@ impl<'a> Search<'a> {
                 let found = worst_of(&each);
                 let load = target.load(&found);
                 self.progress
-                    .say(format!("{name}: {} dB", decibels(found.psnr_db_of(target))));
+                    .set_message(format!("{name}: {} dB", decibels(found.psnr_db_of(target))));
                 taken.push((of, camera));
                 // The camera that decides is recorded, with what is found there.
                 let decides = target.deciding(&each).unwrap_or(0);

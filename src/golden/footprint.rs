@@ -8,12 +8,12 @@ use glam::{DMat3, DVec3};
 
 use crate::scene::{Amplitude, Filter, Orientation, Scene, Sheet, View};
 
-/// A splat as the picture sees it, in pixels; depths and normals are in camera space.
+/// A splat on screen, in pixels; depths and normals are in camera space.
 #[derive(Clone, Debug)]
 pub(crate) struct Footprint {
     /// Index of the splat in the scene.
     pub splat: u32,
-    /// Pixel columns and rows whose centres lie in the box, clipped to the picture.
+    /// Pixel columns and rows whose centres are in the box, clipped to the picture.
     pub columns: Range<u32>,
     pub rows: Range<u32>,
     pub rgb: DVec3,
@@ -25,16 +25,16 @@ pub(crate) struct Footprint {
     conic: [f64; 3],
     amplitude: f64,
     z: f64,
-    /// Change of z a pixel to the right, and down.
+    /// Change of z per pixel to the right, and down.
     slope: [f64; 2],
-    /// The disc reaches no further than this from its centre in z.
+    /// The disc extends no further than this from its centre in z.
     z_reach: f64,
     cutoff: f64,
-    /// Lesser weights make no fragment.
+    /// Smaller weights make no fragment.
     pub least_weight: f64,
-    /// Where splats are grouped by sheets: which one it belongs to.
+    /// Sheet of the splat, if splats are grouped by sheets.
     pub sheet: u32,
-    /// The disc in space, where its filter lies there.
+    /// The disc in space, if its filter is computed there.
     disc: Option<Disc>,
 }
 
@@ -44,32 +44,31 @@ struct Disc {
     /// Centre and normal, camera space.
     position: DVec3,
     normal: DVec3,
-    /// It reaches no further than this from its centre in z.
+    /// The disc extends no further than this from its centre in z.
     z_reach: f64,
     /// Variance of the splat.
     variance: f64,
     /// Variance of the low-pass filter, pixel².
     low_pass: f64,
-    /// What sees it.
+    /// The view that it is seen from.
     view: View,
 }
 
 impl Disc {
-    /// What it gives to the pixel with this centre: the ray meets the plane at x = s·d, where a
-    /// pixel is as large as ∂x, and the filter of variance r² + v·∂x ∂xᵀ is as high as its area is
-    /// small.
+    /// Its contribution to the pixel with this centre. The ray meets the plane at x = s·d, where ∂x
+    /// is the size of a pixel. The filter of variance r² + v·∂x ∂xᵀ has a peak inverse to its area.
     fn contribution(&self, pixel: [f64; 2]) -> Option<Contribution> {
         let [a, b] = self.view.slopes(pixel);
         let ray = DVec3::new(a, b, 1.0);
         let along = self.normal.dot(ray);
         let depth = self.normal.dot(self.position) / along;
-        // Behind the eye, or along the plane.
+        // Behind the eye, or parallel to the plane.
         if !(depth > 0.0 && depth.is_finite()) {
             return None;
         }
         let offset = depth * ray - self.position;
         let (u, v) = self.normal.any_orthonormal_pair();
-        // ∂x/∂px: as the ray turns, s changes too, for x stays on the plane.
+        // ∂x/∂px: s also changes as the ray turns, because x stays on the plane.
         let step = |axis: DVec3, focal_px: f64| {
             depth / focal_px * (axis - ray * (self.normal.dot(axis) / along))
         };
@@ -82,14 +81,14 @@ impl Disc {
             term(0, 1),
             self.variance + term(1, 1),
         ];
-        // v·|∂x|² and what it adds to the square of r²: no difference of products.
+        // v·|∂x|² and the term it adds to the square of r²: not a difference of products.
         let area = self.low_pass * (right[0] * down[1] - right[1] * down[0]);
         let determinant =
             self.variance * self.variance + self.variance * (term(0, 0) + term(1, 1)) + area * area;
         let [a, b] = [offset.dot(u), offset.dot(v)];
         let radial_index = (v11 * a * a - 2.0 * v01 * a * b + v00 * b * b) / determinant;
         let amplitude = self.variance / determinant.sqrt() / TAU;
-        // Beyond its rim the plane goes on, and the disc does not.
+        // The plane continues beyond the disc's rim, the disc does not.
         let z = depth
             .max(self.position.z - self.z_reach)
             .min(self.position.z + self.z_reach);
@@ -100,9 +99,8 @@ impl Disc {
         })
     }
 
-    /// Half sides of a box around the disc's centre on screen that holds what its filter reaches,
-    /// but what lies by the horizon, or all of the picture where the disc comes near the eye's
-    /// plane.
+    /// Half sides of a box around the disc's centre on screen that contains everything its filter
+    /// reaches, except near the horizon. The whole picture if the disc comes near the eye's plane.
     fn reach(&self, cutoff: f64) -> [f64; 2] {
         let radius = (cutoff * self.variance).sqrt();
         let nearest = self.position.z - radius;
@@ -116,7 +114,7 @@ impl Disc {
         ]
         .map(|(side, focal_px)| {
             let of_disc = focal_px * radius * (1.0 + side.abs() / self.position.z) / nearest;
-            // Towards the horizon a pixel's filter reaches farther than at the disc itself.
+            // Towards the horizon a pixel's filter extends farther than at the disc itself.
             of_disc + 4.0 * filter + 1.0
         })
     }
@@ -127,13 +125,13 @@ impl Disc {
 pub(crate) enum Cull {
     Near,
     Outside,
-    /// Too little opacity for any weight to count.
+    /// Its opacity is too small for any weight to count.
     Transparent,
     Backface,
     Faint,
 }
 
-/// What one footprint gives to one pixel.
+/// Contribution of one footprint to one pixel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Contribution {
     pub radial_index: f64,
@@ -141,8 +139,8 @@ pub(crate) struct Contribution {
     pub z: f64,
 }
 
-/// A variance on screen with its determinant, which is never the difference of two products: that
-/// cancels.
+/// A variance on screen with its determinant, which is never computed as a difference of two
+/// products, because that would cancel.
 #[derive(Clone, Copy)]
 struct Variance {
     /// `V00, V01, V11`, pixel².
@@ -158,7 +156,7 @@ impl Variance {
         let c_n = normal.dot(ray);
         Variance {
             entries: [
-                // Seen edge-on, rounding may leave less than nothing on the diagonal.
+                // Seen edge-on, rounding may make the diagonal negative.
                 (kx * kx * (1.0 + ray.x * ray.x - g[0] * g[0])).max(0.0),
                 kx * ky * (ray.x * ray.y - g[0] * g[1]),
                 (ky * ky * (1.0 + ray.y * ray.y - g[1] * g[1])).max(0.0),
@@ -175,7 +173,7 @@ impl Variance {
             DVec3::new(0.0, 1.0, -ray.y) * ky,
         );
         let covariance = half_axes * half_axes.transpose();
-        // Half-axes are columns; what two of them span is as large on the screen as their cross
+        // Half-axes are columns. The area that two of them span on the screen is their cross
         // product along the ray.
         let [x, y, z] = [half_axes.x_axis, half_axes.y_axis, half_axes.z_axis];
         let spans =
@@ -200,7 +198,7 @@ impl Variance {
         }
     }
 
-    /// `V = V_r + v·I`, its determinant as three terms none of which is negative.
+    /// `V = V_r + v·I`, with its determinant as three non-negative terms.
     fn low_passed(self, v: f64) -> Self {
         let [v00, v01, v11] = self.entries;
         let determinant = self.determinant + v * (v00 + v11) + v * v;
@@ -221,20 +219,20 @@ impl Variance {
     }
 }
 
-/// Sets up the `index`-th splat, of which lesser weights do not count, or says why it is not drawn.
+/// Sets up the `index`-th splat, with smaller weights ignored, or returns why it is culled.
 pub(crate) fn set_up(
     scene: &Scene,
     view: &View,
     index: usize,
     least_weight: f64,
 ) -> Result<Footprint, Cull> {
-    let (footprint, cull) = set_up_anyway(scene, view, index, least_weight);
+    let (footprint, cull) = set_up_with_cull(scene, view, index, least_weight);
     cull.map_or(Ok(footprint), Err)
 }
 
-/// Sets up the `index`-th splat, and says why it is not drawn if it is not: then its footprint may
-/// make no sense. The tests come in the order in which culled splats are counted.
-pub(crate) fn set_up_anyway(
+/// Sets up the `index`-th splat, and returns why it is culled if it is; its footprint may then be
+/// meaningless. The tests are in the order in which culled splats are counted.
+pub(crate) fn set_up_with_cull(
     scene: &Scene,
     view: &View,
     index: usize,
@@ -245,7 +243,7 @@ pub(crate) fn set_up_anyway(
     let t = view.rotation * (splat.position - view.eye);
     let ray = DVec3::new(t.x / t.z, t.y / t.z, 1.0);
     let mut normal = view.rotation * splat.normal;
-    // The plane that depth is taken from.
+    // The plane that defines depth.
     let mut plane = normal;
     let k = view.focal_px.map(|focal_px| focal_px * splat.radius / t.z);
     let reconstruction = match &scene.ellipsoids {
@@ -304,7 +302,7 @@ pub(crate) fn set_up_anyway(
                         / variance.determinant.sqrt()
                         / TAU
                 }
-                // |J| over the root of what the filter leaves of the footprint's area (EWA (33)).
+                // |J| over the root of the area that the filter leaves of the footprint (EWA (33)).
                 Amplitude::LineIntegral => {
                     splat.opacity * k[0] * k[1] * ray.length() / variance.determinant.sqrt()
                 }
@@ -315,8 +313,8 @@ pub(crate) fn set_up_anyway(
             }
         }
     };
-    // Squares that left the range of f64 leave no ellipse: what they would weigh is no number, and
-    // nothing is drawn.
+    // Squares that left the range of f64 leave no ellipse: its weights would be NaN, and nothing is
+    // drawn.
     let conic = variance.inverse();
     let is_ellipse = amplitude.is_finite() && conic.iter().all(|entry| entry.is_finite());
     let (amplitude, conic) = if is_ellipse {
@@ -329,11 +327,11 @@ pub(crate) fn set_up_anyway(
         .as_ref()
         .is_none_or(|ellipsoids| ellipsoids.amplitude == Amplitude::Disc);
     let beyond = |axis: usize| ray[axis].abs() > view.slope(axis, scene.kernel.guard);
-    // Coordinates near the end of their range overflow to something that is no number.
+    // Coordinates near the end of their range overflow to NaN.
     let cull = if t.z <= scene.camera.near || t.z.is_nan() {
         Some(Cull::Near)
     } else if beyond(0) || beyond(1) {
-        // So far to the side the affine approximation has no meaning.
+        // Too far to the side for the affine approximation.
         Some(Cull::Outside)
     } else if is_peak && splat.opacity < least_weight {
         Some(Cull::Transparent)
@@ -342,7 +340,8 @@ pub(crate) fn set_up_anyway(
     } else if scene.surface.cull_backfaces && normal.dot(t) > 0.0 {
         Some(Cull::Backface)
     } else if amplitude == 0.0 {
-        // Zero where c_n is; 0/0, and so no ellipse, where there is no low-pass filter either.
+        // Zero if c_n is zero; 0/0, and therefore no ellipse, if there is no low-pass filter
+        // either.
         Some(Cull::Faint)
     } else {
         None
@@ -381,8 +380,8 @@ pub(crate) fn set_up_anyway(
     (footprint, cull)
 }
 
-/// The radial index from which on no weight of a splat counts whose amplitude is its opacity, and a
-/// little more, for a pixel on the rim rounds to either side of it.
+/// The radial index beyond which no weight counts of a splat whose amplitude is its opacity, plus a
+/// margin, because a pixel on the rim can round to either side.
 fn counts_within(opacity: f64, least_weight: f64) -> f64 {
     if least_weight > 0.0 {
         2.0 * libm::log(opacity / least_weight).max(0.0) * (1.0 + 1e-6)
@@ -391,7 +390,7 @@ fn counts_within(opacity: f64, least_weight: f64) -> f64 {
     }
 }
 
-/// The ray as the Jacobian has it.
+/// The ray as it enters the Jacobian.
 fn clamped(ray: DVec3, scene: &Scene, view: &View) -> DVec3 {
     let limit = [0, 1].map(|axis| view.slope(axis, scene.kernel.jacobian));
     DVec3::new(
@@ -401,7 +400,7 @@ fn clamped(ray: DVec3, scene: &Scene, view: &View) -> DVec3 {
     )
 }
 
-/// Pixels whose centres lie within `reach` of `centre`, clipped to the picture; none where the
+/// Pixels whose centres lie within `reach` of `centre`, clipped to the picture; none if the
 /// interval misses the picture.
 pub(crate) fn pixels(centre: f64, reach: f64, size: usize) -> Option<Range<u32>> {
     if !(centre + reach >= 0.0 && centre - reach <= size as f64) {
@@ -430,7 +429,7 @@ impl Footprint {
         self.z
     }
 
-    /// Number of pixels that it gives something to: in each row those between the roots of r − r₀.
+    /// Number of pixels that it contributes to: in each row those between the roots of r − r₀.
     pub fn area(&self) -> u64 {
         if self.disc.is_some() {
             let row = |y: u32| {
@@ -448,14 +447,14 @@ impl Footprint {
         };
         let limit = self.cutoff.min(least);
         let row = |y: u32| {
-            let Row {
+            let FootprintRow {
                 linear, constant, ..
             } = self.row(y);
             let [square, middle] = [self.conic[0], -linear / (2.0 * self.conic[0])];
             let half = ((linear * linear - 4.0 * square * (constant - limit))
                 / (4.0 * square * square))
                 .sqrt();
-            // NaN where no pixel of the row is within the limit.
+            // NaN if no pixel of the row is within the limit.
             let inside = pixels(self.centre[0] + middle, half, self.columns.end as usize)
                 .unwrap_or_default();
             u64::from(
@@ -468,11 +467,11 @@ impl Footprint {
     }
 
     /// The footprint along one row of pixels.
-    pub fn row(&self, y: u32) -> Row<'_> {
+    pub fn row(&self, y: u32) -> FootprintRow<'_> {
         let dy = f64::from(y) + 0.5 - self.centre[1];
         let [_, q01, q11] = self.conic;
         let z = self.z + self.slope[1] * dy;
-        Row {
+        FootprintRow {
             footprint: self,
             middle: f64::from(y) + 0.5,
             linear: 2.0 * q01 * dy,
@@ -483,17 +482,17 @@ impl Footprint {
 }
 
 /// One row of a footprint: `r = Q00·dx² + linear·dx + constant`.
-pub(crate) struct Row<'a> {
+pub(crate) struct FootprintRow<'a> {
     footprint: &'a Footprint,
-    /// Where the row's centres are, pixels.
+    /// The row's centre in x, pixels.
     middle: f64,
     linear: f64,
     constant: f64,
     z: f64,
 }
 
-impl Row<'_> {
-    /// Contribution of the footprint to the pixel in column `x`, if it reaches it.
+impl FootprintRow<'_> {
+    /// Contribution of the footprint to the pixel in column `x`, if it reaches the pixel.
     #[inline]
     pub fn at(&self, x: u32) -> Option<Contribution> {
         if let Some(disc) = &self.footprint.disc {
@@ -508,8 +507,7 @@ impl Row<'_> {
         (contribution.weight >= self.footprint.least_weight).then_some(contribution)
     }
 
-    /// Whether the footprint reaches the pixel in column `x`, where it would have this
-    /// contribution.
+    /// Whether the footprint reaches the pixel in column `x`, given its contribution there.
     pub fn reaches(&self, x: u32, beyond: &Contribution) -> bool {
         let Footprint {
             cutoff,
@@ -524,7 +522,8 @@ impl Row<'_> {
         }
     }
 
-    /// Contribution of the footprint to the pixel in column `x`, made or not for its reach.
+    /// Contribution of the footprint to the pixel in column `x`, whether or not it reaches the
+    /// pixel.
     pub fn beyond(&self, x: u32) -> Contribution {
         let (dx, radial_index) = self.radial_index(x);
         self.contribution(dx, radial_index)
@@ -548,7 +547,7 @@ impl Row<'_> {
             // A needle's conic may round to one that is not positive; its weight must still not
             // exceed its amplitude.
             weight: footprint.amplitude * libm::exp(-0.5 * radial_index.max(0.0)),
-            // max and min rather than clamp: they take an infinite slope times zero to a bound.
+            // max and min instead of clamp: they limit an infinite slope times zero to a bound.
             z: (self.z + footprint.slope[0] * dx)
                 .max(footprint.z - footprint.z_reach)
                 .min(footprint.z + footprint.z_reach),
@@ -569,8 +568,8 @@ mod tests {
     }
 
     proptest! {
-        /// `V00·V11 − V01²` against `k⁴c_n² + v·tr V_r + v²`, where the first does not cancel: the
-        /// low-pass filter bounds the aspect of an ellipse by its size.
+        /// `V00·V11 − V01²` against `k⁴c_n² + v·tr V_r + v²`, in a range where the first does not
+        /// cancel: the low-pass filter bounds the aspect of an ellipse by its size.
         #[test]
         fn both_routes_to_the_determinant_agree(k in 0.01_f64..100.0, ratio in 0.5_f64..2.0, a in -1.5_f64..1.5, b in -1.5_f64..1.5, normal in unit(), v in 0.5_f64..2.0) {
             let variance = Variance::of_disc([k, ratio * k], DVec3::new(a, b, 1.0), normal).low_passed(v);
@@ -579,7 +578,7 @@ mod tests {
             prop_assert!((variance.determinant / difference - 1.0).abs() < 1e-9);
         }
 
-        /// The disc's own determinant, seen no more than 80 degrees from the front.
+        /// The disc's own determinant, at most 80 degrees from the front.
         #[test]
         fn the_determinant_of_a_disc_is_a_square(k in 0.01_f64..100.0, ratio in 0.5_f64..2.0, a in -1.5_f64..1.5, b in -1.5_f64..1.5, normal in unit()) {
             let ray = DVec3::new(a, b, 1.0);
@@ -590,7 +589,8 @@ mod tests {
         }
     }
 
-    /// The same variance as SS writes it: with a tangent basis and the Jacobian of the projection.
+    /// The same variance by the formula of SS: with a tangent basis and the Jacobian of the
+    /// projection.
     #[test]
     fn the_variance_is_that_of_two_projected_tangents() {
         let (k, ray, normal) = (

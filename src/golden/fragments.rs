@@ -1,4 +1,4 @@
-//! Fragments: keeps at most `l` layers of one pixel, as the machine does (docs/book/algorithm.md
+//! Fragments: keeps at most `l` layers of one pixel, by the machine's rules (docs/book/algorithm.md
 //! §6).
 //! ```text
 //! contribution ─► near one? ─► accumulate
@@ -16,8 +16,8 @@ use super::shade::{Shader, over};
 use super::tiles::{Cover, PIXELS_IN_A_TILE, Painter};
 use super::{FragmentDepth, Outcomes, Rules};
 
-/// One layer of one pixel. Unshaded it holds weighted sums; shaded, a premultiplied colour and its
-/// alpha.
+/// One layer of one pixel. Unshaded it holds weighted sums; shaded it holds a premultiplied colour
+/// and its alpha.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Fragment {
     pub weight: f64,
@@ -25,10 +25,10 @@ pub(crate) struct Fragment {
     pub alpha: f64,
     pub normal: DVec3,
     pub z: f64,
-    /// Of the first contribution.
+    /// Material of the first contribution.
     pub material: u32,
     pub shaded: bool,
-    /// Where fragments are grouped by sheets: which one.
+    /// Sheet of the fragment, if fragments are grouped by sheets.
     pub sheet: u32,
     /// Column and row.
     pub pixel: [u16; 2],
@@ -47,20 +47,20 @@ pub enum Decision {
         /// The slot that it took.
         slot: usize,
     },
-    /// The pixel was full. Of its fragments and the new one in z order, number `slot` and the next
-    /// became one, now in `slot`.
+    /// The pixel was full. In z order, with the new one among the fragments, number `slot` and the
+    /// next were merged; the result is in `slot`.
     Merged {
         /// Where the merged fragment is now.
         slot: usize,
         /// The new contribution's place among the fragments in z order, before the merge.
         place: usize,
     },
-    /// Added to the front or the back of the closed fragment in `slot`, where its surface had been
+    /// Added to the front or the back of the closed fragment in `slot`, because its surface was
     /// closed already.
     Late {
         /// Where it was added.
         slot: usize,
-        /// To which of the two.
+        /// The side that it was added to.
         side: Side,
     },
     /// Blended between the front and the back of the closed fragment in `slot`.
@@ -68,8 +68,8 @@ pub enum Decision {
         /// Where it was blended.
         slot: usize,
     },
-    /// The pixel was full. Of its fragments and the new one in the order of their nearest depths,
-    /// number `slot` and the next were added to one, now in `slot`.
+    /// The pixel was full. In the order of nearest depths, with the new one among the fragments,
+    /// number `slot` and the next were summed; the sum is in `slot`.
     Summed {
         /// Where the sum is now.
         slot: usize,
@@ -77,23 +77,23 @@ pub enum Decision {
         place: usize,
     },
     /// The pixel was full, and no two fragments could be summed: the two deepest, of which `slot`
-    /// is the front, were closed and made one.
+    /// is the front, were closed and combined.
     Closed {
         /// Where the closed fragment is now.
         slot: usize,
-        /// The new contribution's place among the fragments, before that.
+        /// The new contribution's place among the fragments, before they were combined.
         place: usize,
-        /// Whether the second was blended between the two sides of the first, not behind it.
+        /// Whether the second was blended between the two sides of the first instead of behind it.
         inside: bool,
     },
-    /// The pixel was full and its deepest fragment hidden: it was dropped.
+    /// The pixel was full and its deepest fragment hidden; that fragment was dropped.
     Evicted {
-        /// The new contribution's slot; none where it was itself the deepest.
+        /// The new contribution's slot; none if it was itself the deepest.
         slot: Option<usize>,
     },
-    /// Nearer than what the z-buffer held.
+    /// Nearer than the contents of the z-buffer.
     Replaced,
-    /// Deeper than what the z-buffer held.
+    /// Deeper than the contents of the z-buffer.
     Dropped,
 }
 
@@ -139,7 +139,7 @@ impl Fragment {
         }
     }
 
-    /// The two as one, at the front's depth.
+    /// Merges two fragments at the front's depth.
     pub fn merge(front: &Fragment, back: &Fragment, shader: &Shader) -> Fragment {
         front.with_light(over(
             shader.premultiplied(front),
@@ -158,18 +158,18 @@ impl Fragment {
     }
 }
 
-/// One slot of a pixel: a fragment, and what the rule that groups contributions keeps of it.
+/// One slot of a pixel: a fragment, and the state of the grouping rule.
 pub(crate) trait Slot: Copy + Default {
-    /// Of one contribution.
+    /// A slot with one contribution.
     fn new(fragment: Fragment) -> Self;
     fn fragment(&self) -> &Fragment;
     fn add(&mut self, contribution: &Fragment);
-    /// The depth that it answers to from now on.
+    /// Sets the depth that contributions are compared with from now on.
     fn set_depth(&mut self, z: f64);
-    /// The two as one, shaded.
+    /// Merges two slots; the result is shaded.
     fn merge(front: &Self, back: &Self, shader: &Shader) -> Self;
-    /// Which slot a contribution of this depth joins, if any does.
-    fn taker(z_threshold: f64, z: f64, slots: &[Self]) -> Option<usize>;
+    /// The slot that a contribution of this depth joins, if any.
+    fn slot_for(z_threshold: f64, z: f64, slots: &[Self]) -> Option<usize>;
 }
 
 impl Slot for Fragment {
@@ -193,26 +193,26 @@ impl Slot for Fragment {
         Fragment::merge(front, back, shader)
     }
 
-    fn taker(z_threshold: f64, z: f64, slots: &[Self]) -> Option<usize> {
+    fn slot_for(z_threshold: f64, z: f64, slots: &[Self]) -> Option<usize> {
         nearest_within(z_threshold, z, slots)
     }
 }
 
 /// The fragment unit: the fragments of one tile.
-pub(super) struct Golden<'a, S> {
+pub(super) struct FragmentPainter<'a, S> {
     rules: &'a Rules,
     z_threshold: f64,
     shader: &'a Shader,
     /// Slots of a pixel.
     layers: usize,
-    /// A pixel's slots lie side by side, and after them one for the fragment that is too many.
+    /// A pixel's slots are contiguous, followed by a spare one for overflow.
     slots: Vec<S>,
-    /// Slots in use, of each pixel.
+    /// Slots in use, per pixel.
     used: Vec<usize>,
     outcomes: Outcomes,
 }
 
-impl<'a, S: Slot> Golden<'a, S> {
+impl<'a, S: Slot> FragmentPainter<'a, S> {
     pub fn new(rules: &'a Rules, z_threshold: f64, shader: &'a Shader) -> Self {
         let layers = if rules.merge == Merge::Replace {
             1
@@ -221,7 +221,7 @@ impl<'a, S: Slot> Golden<'a, S> {
         };
         let slots = vec![S::default(); PIXELS_IN_A_TILE * (layers + 1)];
         let used = vec![0; PIXELS_IN_A_TILE];
-        Golden {
+        FragmentPainter {
             rules,
             z_threshold,
             shader,
@@ -238,16 +238,16 @@ impl<'a, S: Slot> Golden<'a, S> {
         &mut self.slots[first..first + self.used[pixel]]
     }
 
-    /// Takes one contribution in and says what became of it.
+    /// Takes one contribution and returns its outcome.
     pub fn decide(&mut self, pixel: usize, new: Fragment) -> Decision {
         let first = pixel * (self.layers + 1);
         let slots = &mut self.slots[first..=first + self.layers];
         let used = &mut self.used[pixel];
-        if let Some(slot) = S::taker(self.z_threshold, new.z, &slots[..*used]) {
-            let held = &mut slots[slot];
-            held.add(&new);
+        if let Some(slot) = S::slot_for(self.z_threshold, new.z, &slots[..*used]) {
+            let target = &mut slots[slot];
+            target.add(&new);
             if self.rules.fragment_depth == FragmentDepth::Nearest {
-                held.set_depth(held.fragment().z.min(new.z));
+                target.set_depth(target.fragment().z.min(new.z));
             }
             return Decision::Accumulated { slot };
         }
@@ -270,7 +270,7 @@ impl Cover for Footprint {
         [self.columns.clone(), self.rows.clone()]
     }
 
-    fn give(
+    fn contribute(
         &self,
         columns: Range<u32>,
         rows: Range<u32>,
@@ -287,7 +287,7 @@ impl Cover for Footprint {
     }
 }
 
-impl<S: Slot> Painter for Golden<'_, S> {
+impl<S: Slot> Painter for FragmentPainter<'_, S> {
     type Contribution = Fragment;
 
     fn take(&mut self, pixel: usize, contribution: Fragment) {
@@ -315,7 +315,7 @@ pub(super) fn resolve<S: Slot>(shader: &Shader, slots: &mut [S]) -> [f64; 4] {
     shader.blend(slots.iter().map(S::fragment))
 }
 
-/// The unshaded fragment nearest in z among those nearer than ε; of equals the lowest slot.
+/// The unshaded fragment nearest in z among those nearer than ε; the lowest slot on ties.
 pub(crate) fn nearest_within(z_threshold: f64, z: f64, fragments: &[Fragment]) -> Option<usize> {
     let (mut least, mut nearest) = (z_threshold, None);
     for (slot, fragment) in fragments.iter().enumerate() {
@@ -327,18 +327,18 @@ pub(crate) fn nearest_within(z_threshold: f64, z: f64, fragments: &[Fragment]) -
     nearest
 }
 
-/// The z-buffer: the nearer one stays.
-fn replace<S: Slot>(held: &mut S, new: Fragment) -> Decision {
-    if new.z < held.fragment().z {
-        *held = S::new(new);
+/// The z-buffer: keeps the nearer one.
+fn replace<S: Slot>(old: &mut S, new: Fragment) -> Decision {
+    if new.z < old.fragment().z {
+        *old = S::new(new);
         Decision::Replaced
     } else {
         Decision::Dropped
     }
 }
 
-/// One fragment too many: drops one that nobody sees, or makes one of two. Leaves the slots in z
-/// order; the last is spare.
+/// Makes room for one fragment: drops a hidden one, or merges two. Leaves the slots in z order; the
+/// last is spare.
 fn overflow<S: Slot>(
     rules: &Rules,
     pair: fn(&[S]) -> usize,
@@ -366,26 +366,26 @@ fn overflow<S: Slot>(
     Decision::Merged { slot, place }
 }
 
-/// Which two fragments become one when a pixel overflows.
+/// Which two fragments are merged when a pixel overflows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Merge {
     /// The adjacent pair with the smallest difference in z (SS §6).
     NearestPair,
     /// The two deepest.
     FarthestPair,
-    /// None: the plain z-buffer of one layer, whatever [`Rules::layers`] says (SS §4).
+    /// No merge: the plain z-buffer of one layer, whatever [`Rules::layers`] is (SS §4).
     Replace,
-    /// Two that belong to one window of ε are summed; where none do, the two deepest are closed,
-    /// and what is closed still takes late contributions.
+    /// Two fragments in the same window of ε are summed. If there are none, the two deepest are
+    /// closed; closed fragments still take late contributions.
     Window,
 }
 
-/// Chooses the front of the adjacent pair to merge, of fragments in z order.
-pub(crate) type Pair = fn(&[Fragment]) -> usize;
+/// Returns the front of the adjacent pair to merge, given fragments in z order.
+pub(crate) type PairRule = fn(&[Fragment]) -> usize;
 
 impl Merge {
-    /// Which pair it merges; none of a z-buffer.
-    pub(crate) fn pair(self) -> Option<Pair> {
+    /// The rule that selects the pair to merge; none for a z-buffer.
+    pub(crate) fn pair(self) -> Option<PairRule> {
         self.pair_of()
     }
 
@@ -402,7 +402,8 @@ fn farthest_pair<S: Slot>(slots: &[S]) -> usize {
     slots.len().saturating_sub(2)
 }
 
-/// The front of the adjacent pair that differs least in z; of equals the one nearer to the eye.
+/// The front of the adjacent pair with the smallest difference in z; on ties the one nearer to the
+/// eye.
 fn nearest_pair<S: Slot>(slots: &[S]) -> usize {
     let gaps = slots
         .windows(2)
@@ -444,10 +445,10 @@ mod tests {
         }
     }
 
-    /// What becomes of each of these, ε = 1, and the depths of the slots at the end.
+    /// Decisions about these contributions at ε = 1, and the final depths of the slots.
     fn decisions(rules: &Rules, contributions: &[Fragment]) -> (Vec<Decision>, Vec<f64>) {
         let shader = Shader::unlit(0.25);
-        let mut golden = Golden::<Fragment>::new(rules, 1.0, &shader);
+        let mut golden = FragmentPainter::<Fragment>::new(rules, 1.0, &shader);
         let decisions = contributions
             .iter()
             .map(|contribution| golden.decide(0, *contribution))
@@ -469,7 +470,7 @@ mod tests {
     }
 
     #[test]
-    fn a_contribution_joins_the_nearest_fragment_and_of_equals_the_lowest_slot() {
+    fn a_contribution_joins_the_nearest_fragment_and_the_lowest_slot_on_ties() {
         assert_eq!(
             last(&NEAREST, &[10.0, 11.0, 10.75]).0,
             Decision::Accumulated { slot: 1 }
@@ -503,7 +504,7 @@ mod tests {
     }
 
     #[test]
-    fn the_nearest_pair_merges_and_of_equals_the_one_nearer_to_the_eye() {
+    fn the_nearest_pair_merges_and_on_ties_the_one_nearer_to_the_eye() {
         let (decision, slots) = last(&NEAREST, &[30.0, 10.0, 22.0, 14.0]);
         assert_eq!(
             (decision, slots),
@@ -539,7 +540,7 @@ mod tests {
     }
 
     #[test]
-    fn the_new_fragment_comes_after_equals_and_a_shaded_one_takes_nothing_more() {
+    fn the_new_fragment_comes_after_equals_and_a_shaded_one_takes_no_contributions() {
         // 12 and 13 merge at 12; another 12 finds no unshaded fragment, overflows and lands behind
         // the shaded one.
         let (decision, slots) = last(&NEAREST, &[10.0, 12.0, 16.0, 13.0, 12.0]);
@@ -553,7 +554,7 @@ mod tests {
     }
 
     #[test]
-    fn one_layer_merges_with_what_comes() {
+    fn a_single_layer_merges_with_every_contribution() {
         let rules = Rules {
             layers: 1,
             ..NEAREST
@@ -567,7 +568,7 @@ mod tests {
     #[test]
     fn a_merge_is_front_over_back_premultiplied() {
         let shader = Shader::unlit(0.25);
-        let mut golden = Golden::<Fragment>::new(
+        let mut golden = FragmentPainter::<Fragment>::new(
             &Rules {
                 layers: 1,
                 ..NEAREST
@@ -595,7 +596,7 @@ mod tests {
     }
 
     #[test]
-    fn the_deepest_leaves_where_something_opaque_lies_before_it() {
+    fn the_deepest_fragment_is_dropped_behind_an_opaque_one() {
         let rules = Rules {
             evict_hidden: true,
             ..NEAREST
@@ -630,7 +631,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_opaque_and_deepest_hides_nothing() {
+    fn an_opaque_deepest_fragment_hides_nothing() {
         let rules = Rules {
             evict_hidden: true,
             ..NEAREST
@@ -643,7 +644,7 @@ mod tests {
     }
 
     #[test]
-    fn opaque_means_covering_too() {
+    fn an_opaque_fragment_also_covers() {
         let thin = Fragment {
             weight: 0.2,
             alpha: 0.2,

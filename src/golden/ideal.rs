@@ -1,28 +1,29 @@
 //! Ideal: keeps every contribution of a pixel, sorts them by z and blends surface after surface
 //! (docs/book/algorithm-resolve.md §8).
 //!
-//! A new surface begins where `z − (the surface's first z) ≥ ε`. No slot, no merge, no order of
-//! arrival.
+//! A new surface begins where `z − (the surface's first z) ≥ ε`. There are no slots and no merges,
+//! and the order of arrival has no effect.
 
 use super::Outcomes;
 use super::fragments::Fragment;
 use super::shade::Shader;
 use super::tiles::{PIXELS_IN_A_TILE, Painter};
 
-pub(super) struct Ideal<'a> {
+pub(super) struct IdealPainter<'a> {
     z_threshold: f64,
     shader: &'a Shader,
     contributions: Vec<Vec<Fragment>>,
-    /// Of the pixel at hand: depths and places of its contributions, and its surfaces.
+    /// Working memory for the current pixel: depths and places of its contributions, and its
+    /// surfaces.
     order: Vec<(f64, u32)>,
     surfaces: Vec<Fragment>,
     outcomes: Outcomes,
 }
 
-impl<'a> Ideal<'a> {
+impl<'a> IdealPainter<'a> {
     pub fn new(z_threshold: f64, shader: &'a Shader) -> Self {
         let contributions = vec![Vec::new(); PIXELS_IN_A_TILE];
-        Ideal {
+        IdealPainter {
             z_threshold,
             shader,
             contributions,
@@ -33,7 +34,7 @@ impl<'a> Ideal<'a> {
     }
 }
 
-impl Painter for Ideal<'_> {
+impl Painter for IdealPainter<'_> {
     type Contribution = Fragment;
 
     fn take(&mut self, pixel: usize, contribution: Fragment) {
@@ -63,7 +64,7 @@ impl Painter for Ideal<'_> {
     }
 }
 
-/// The order of contributions front to back: they are large, and stay where they are.
+/// Sorts indices of contributions front to back; the contributions are large and are not moved.
 fn sort(contributions: &[Fragment], order: &mut Vec<(f64, u32)>) {
     order.clear();
     order.extend(
@@ -73,8 +74,8 @@ fn sort(contributions: &[Fragment], order: &mut Vec<(f64, u32)>) {
             .zip(0..),
     );
     order.sort_unstable_by(|a, b| {
-        // Depth alone leaves the order of equals to the order of arrival, and with it the surface's
-        // material.
+        // Depth alone would leave ties in the order of arrival, and the surface's material would
+        // depend on it.
         let [first, second] = [a, b].map(|(_, place)| &contributions[*place as usize]);
         let by_z = a.0.total_cmp(&b.0);
         by_z.then_with(|| {

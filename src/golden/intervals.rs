@@ -1,8 +1,8 @@
-//! Intervals: groups contributions by the depths that a fragment spans, not by that of its first
-//! (docs/book/algorithm-resolve.md §11).
+//! Intervals: groups contributions by the depths that a fragment spans, not by the depth of its
+//! first contribution (docs/book/algorithm-resolve.md §11).
 //!
-//! A contribution joins where all of them together stay narrower than ε, so that no fragment spans
-//! more than one surface may. What happens on overflow is the paper's.
+//! A contribution joins a fragment if all its contributions together stay narrower than ε.
+//! Therefore a fragment never spans more than a surface may. Overflow is handled as in the paper.
 
 use super::fragments::{Fragment, Slot};
 use super::shade::Shader;
@@ -15,12 +15,12 @@ pub(crate) struct Span {
 }
 
 impl Span {
-    /// Of one depth.
+    /// The span of one depth.
     pub fn at(z: f64) -> Self {
         Span { near: z, far: z }
     }
 
-    /// This and that depth.
+    /// Extends the span to a depth.
     pub fn with(self, z: f64) -> Self {
         Span {
             near: self.near.min(z),
@@ -28,7 +28,7 @@ impl Span {
         }
     }
 
-    /// From the nearest to the farthest of both.
+    /// The span from the nearest to the farthest depth of both.
     pub fn union(self, other: Span) -> Self {
         Span {
             near: self.near.min(other.near),
@@ -44,7 +44,7 @@ impl Span {
         self.near <= z && z <= self.far
     }
 
-    /// How far a depth lies outside of it; 0 within.
+    /// Distance of a depth from the span; 0 inside.
     pub fn gap(self, z: f64) -> f64 {
         (self.near - z).max(z - self.far).max(0.0)
     }
@@ -85,7 +85,7 @@ impl Slot for Spanning {
         }
     }
 
-    fn taker(z_threshold: f64, z: f64, slots: &[Self]) -> Option<usize> {
+    fn slot_for(z_threshold: f64, z: f64, slots: &[Self]) -> Option<usize> {
         let open = slots
             .iter()
             .enumerate()
@@ -95,8 +95,8 @@ impl Slot for Spanning {
     }
 }
 
-/// Of spans that together with `z` are narrower than `width`, or that hold it already, the one with
-/// the least gap to it; of equals the first.
+/// The index of the span with the smallest gap to `z`, among those that contain `z` or stay
+/// narrower than `width` together with it; the first on ties.
 pub(crate) fn nearest_that_stays_within(
     width: f64,
     z: f64,

@@ -1,13 +1,13 @@
-//! Golden: draws in f64 what the machine should draw, and what no machine could draw better
-//! (docs/book/algorithm-resolve.md §8).
+//! Golden: draws in f64 the picture that the machine should draw (`golden`), and the best possible
+//! one (`ideal`) (docs/book/algorithm-resolve.md §8).
 //! ```text
-//! splats ─► [footprint] ─► [tiles] ─► contributions ─┬─► [fragments]: at most l layers a pixel ─┬─► [shade] ─► picture
+//! splats ─► [footprint] ─► [tiles] ─► contributions ─┬─► [fragments]: at most l layers/pixel ───┬─► [shade] ─► picture
 //!                                                    └─► [ideal]: every surface there is ───────┘
 //! ```
-//! `golden − ideal` is the method's error (grouping and merging); what the machine adds to it is
-//! arithmetic.
+//! `golden − ideal` is the method's error (grouping and merging); the machine adds only arithmetic
+//! errors to it.
 //!
-//! Absent on purpose: the machine's crate. The checker shares no code with the checked.
+//! Deliberately absent: the machine's crate. The checker shares no code with the checked.
 //!
 //! Laws (tests/golden_laws.rs, tests/golden_match.rs): `outcomes_sum_to_fragments`,
 //! `ideal_does_not_depend_on_the_order_of_splats`, `enough_layers_make_golden_equal_ideal`,
@@ -17,10 +17,10 @@ pub(crate) mod footprint;
 pub(crate) mod fragments;
 mod ideal;
 pub(crate) mod intervals;
+mod pixel_trace;
 pub(crate) mod reflection;
 pub(crate) mod shade;
 pub(crate) mod sheets;
-mod story;
 pub(crate) mod tiles;
 pub(crate) mod window;
 
@@ -31,14 +31,14 @@ use serde::Serialize;
 use crate::output::picture::Picture;
 use crate::scene::{Kernel, Scene, Sheet, gaussian_cutoff};
 
-use fragments::{Fragment, Golden};
-use ideal::Ideal;
+use fragments::{Fragment, FragmentPainter};
+use ideal::IdealPainter;
 use intervals::Spanning;
 use shade::Shader;
 
 pub use fragments::{Decision, Merge, Side};
-pub use reflection::{Reflection, Seen, octahedral};
-pub use story::{Arrival, Layer, Story, story};
+pub use pixel_trace::{PixelTrace, TracedContribution, TracedLayer, pixel_trace};
+pub use reflection::{Reflected, Reflection, octahedral};
 pub use window::density as window_density;
 
 /// Rules of the fragment unit (docs/book/algorithm.md §6).
@@ -46,28 +46,27 @@ pub use window::density as window_density;
 pub struct Rules {
     /// `l`, 1 to 8: fragments that one pixel can hold.
     pub layers: usize,
-    /// Which two fragments become one when a pixel overflows.
+    /// Which two fragments are merged when a pixel overflows.
     pub merge: Merge,
-    /// On overflow, drop the deepest fragment if something opaque lies in front of it.
+    /// On overflow, drop the deepest fragment if an opaque one is in front of it.
     pub evict_hidden: bool,
-    /// Each splat's normal is turned towards the viewer before it is summed, as [`ideal`] always
-    /// does.
+    /// Turn each splat's normal towards the viewer before it is summed, as [`ideal`] always does.
     pub turn_normals: bool,
-    /// From which opacity a fragment hides what lies behind it.
+    /// Opacity from which a fragment hides everything behind it.
     pub opaque: f64,
-    /// The depth that a fragment answers to.
+    /// The depth that contributions are compared with.
     pub fragment_depth: FragmentDepth,
-    /// Which contributions become one fragment.
+    /// Which contributions are accumulated into one fragment.
     pub group: Group,
     /// Options of [`Merge::Window`].
     pub window: WindowOptions,
-    /// How surroundings are mirrored; none: as they are, as [`ideal`] always does.
+    /// How surroundings are mirrored; none: exactly, as [`ideal`] always does.
     pub reflection: Option<Reflection>,
 }
 
 impl Default for Rules {
-    /// What the named machines do: three layers, the two deepest merge, hidden fragments leave
-    /// first.
+    /// The rules of the named machines: three layers, the two deepest merge, hidden fragments are
+    /// dropped first.
     fn default() -> Self {
         Rules {
             layers: 3,
@@ -84,9 +83,9 @@ impl Default for Rules {
 }
 
 impl Rules {
-    /// Whether grouping and merging go together: windows need fragments that know their depths
+    /// Whether grouping and merging are compatible: windows need fragments that store their depths
     /// ([`Group::Interval`] or [`Group::Window`]), and clusters of [`Group::Window`] need a rule
-    /// that makes windows of them. [`render`] draws by [`Merge::Window`] where they do not.
+    /// that makes windows of them. If they are not, [`render`] draws by [`Merge::Window`].
     pub fn is_legal(&self) -> bool {
         match self.group {
             Group::First => self.merge != Merge::Window,
@@ -96,27 +95,27 @@ impl Rules {
     }
 }
 
-/// Which contributions become one fragment.
+/// Which contributions are accumulated into one fragment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Group {
-    /// Those within ε of the fragment's depth (SS §6).
+    /// Contributions within ε of the fragment's depth (SS §6).
     First,
-    /// Those whose depths, all of them together, are narrower than ε.
+    /// Contributions whose depths together are narrower than ε.
     Interval,
-    /// Small clusters, summed while they surely belong to one window of ε; the windows are formed
-    /// at the end, from the nearest depth on.
+    /// Small clusters, summed while they certainly belong to one window of ε; the windows are
+    /// formed at the end, starting at the nearest depth.
     Window,
 }
 
 /// Options of [`Merge::Window`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WindowOptions {
-    /// A contribution joins a cluster that stays narrower than this many ε. At 0 it joins where the
-    /// cluster spans its depth already. [`Group::Interval`] joins at 1, whatever this says.
+    /// A contribution joins a cluster that stays narrower than this many ε. At 0 it joins only if
+    /// the cluster already spans its depth. [`Group::Interval`] always joins at 1.
     pub join: f64,
     /// Closed fragments take late contributions to their front and their back.
     pub late: bool,
-    /// Closed fragments take what lies between their front and their back.
+    /// Closed fragments take contributions between their front and their back.
     pub inside: bool,
 }
 
@@ -130,18 +129,18 @@ impl Default for WindowOptions {
     }
 }
 
-/// The depth that a fragment answers to.
+/// The depth of a fragment that contributions are compared with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FragmentDepth {
-    /// That of its first contribution.
+    /// Depth of its first contribution.
     First,
-    /// That of its nearest contribution so far.
+    /// Depth of its nearest contribution so far.
     Nearest,
 }
 
-/// [`Rendering::fragments`] of what [`render`] would draw, counted row by row instead of drawn: to
-/// within pixels whose centres lie on the rim of a footprint. Weights below `least_weight` do not
-/// count.
+/// [`Rendering::fragments`] of the picture by [`render`], counted row by row instead of drawn.
+/// Pixels whose centres are on the rim of a footprint may differ. Weights below `least_weight` do
+/// not count.
 pub fn contributions(scene: &Scene, least_weight: f64) -> u64 {
     let view = scene.view();
     let area = |index: usize| {
@@ -151,14 +150,14 @@ pub fn contributions(scene: &Scene, least_weight: f64) -> u64 {
     (0..scene.splats.len()).into_par_iter().map(area).sum()
 }
 
-/// A picture and the work that it took.
+/// A picture and the work it took.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Rendering {
-    /// Over the background.
+    /// The picture over the background.
     pub picture: Picture,
     /// Splats that left no footprint, by reason.
     pub culled: Culled,
-    /// Contributions: pixels touched, once for each splat.
+    /// Contributions: pixels touched, counted once per splat.
     pub fragments: u64,
     /// Outcomes of the contributions.
     pub outcomes: Outcomes,
@@ -168,21 +167,21 @@ pub struct Rendering {
 /// order.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Culled {
-    /// At or before the near plane.
+    /// At or in front of the near plane.
     pub near: u64,
     /// The box misses the picture, or the centre lies too far to the side for the affine
     /// approximation.
     pub outside: u64,
-    /// Of less opacity than the least weight that counts, where that is its greatest.
+    /// Opacity below the smallest weight that counts, if opacity is the splat's greatest weight.
     pub transparent: u64,
-    /// Turned away from the eye, where that is asked for.
+    /// Turned away from the eye, if such splats are to be culled.
     pub backface: u64,
-    /// Seen edge-on, or of no weight.
+    /// Seen edge-on, or without weight.
     pub faint: u64,
 }
 
-/// Outcomes of the contributions. Each has one: all but the two greatest of a pixel sum to
-/// [`Rendering::fragments`].
+/// Outcomes of the contributions. Each contribution has one: all fields except the two maxima per
+/// pixel sum to [`Rendering::fragments`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
 pub struct Outcomes {
     /// Added to a fragment (in `ideal`: to a surface).
@@ -191,9 +190,9 @@ pub struct Outcomes {
     pub inserted: u64,
     /// Overflowed the pixel: two fragments became one.
     pub merged: u64,
-    /// Overflowed the pixel: a hidden fragment was dropped, perhaps the new one itself.
+    /// Overflowed the pixel: a hidden fragment was dropped, possibly the new one itself.
     pub evicted: u64,
-    /// Nearer than the z-buffer: took its place.
+    /// Nearer than the z-buffer: replaced it.
     pub replaced: u64,
     /// Deeper than the z-buffer: lost.
     pub dropped: u64,
@@ -203,19 +202,19 @@ pub struct Outcomes {
     /// Blended between a closed fragment's front and back.
     #[serde(skip_serializing_if = "is_none")]
     pub inside: u64,
-    /// Overflowed the pixel: two fragments of one window were added up.
+    /// Overflowed the pixel: two fragments of one window were summed.
     #[serde(skip_serializing_if = "is_none")]
     pub summed: u64,
-    /// Contributions of the busiest pixel.
+    /// Contributions of the pixel with the most.
     pub most_in_a_pixel: u64,
-    /// Surfaces of the deepest pixel (in `golden`: layers that were in use at the end).
+    /// Surfaces of the pixel with the most (in `golden`: layers in use at the end).
     pub most_surfaces_in_a_pixel: u64,
 }
 
-/// Whether a count says nothing: only [`Merge::Window`] has these outcomes.
+/// Whether a count is left out: only [`Merge::Window`] has these outcomes.
 #[expect(
     clippy::trivially_copy_pass_by_ref,
-    reason = "the form that serde asks for"
+    reason = "the signature that serde requires"
 )]
 fn is_none(count: &u64) -> bool {
     *count == 0
@@ -268,7 +267,7 @@ impl Outcomes {
     }
 }
 
-/// Renderer `golden`: the hardware's own algorithm, same rules and same order, in f64.
+/// Renderer `golden`: the hardware's algorithm with the same rules and in the same order, in f64.
 pub fn render(scene: &Scene, rules: &Rules) -> Rendering {
     let shader = Shader::of(scene, rules);
     match &scene.sheets {
@@ -277,7 +276,7 @@ pub fn render(scene: &Scene, rules: &Rules) -> Rendering {
             &shader,
             rules.turn_normals,
             sheets.least_weight,
-            || sheets::Golden::new(sheets, shader.background()),
+            || sheets::SheetPainter::new(sheets, shader.background()),
         ),
         None => surfaces(scene, &shader, rules),
     }
@@ -288,26 +287,26 @@ fn surfaces(scene: &Scene, shader: &Shader, rules: &Rules) -> Rendering {
     match (rules.group, rules.merge) {
         (_, Merge::Window) | (Group::Window, _) => window::draw(scene, shader, rules),
         (Group::First, _) => tiles::draw(scene, shader, turn, 0.0, || {
-            Golden::<Fragment>::new(rules, z_threshold, shader)
+            FragmentPainter::<Fragment>::new(rules, z_threshold, shader)
         }),
         (Group::Interval, _) => tiles::draw(scene, shader, turn, 0.0, || {
-            Golden::<Spanning>::new(rules, z_threshold, shader)
+            FragmentPainter::<Spanning>::new(rules, z_threshold, shader)
         }),
     }
 }
 
-/// Renderer `ideal`: as many fragments as there are surfaces, whatever the order of the splats, of
-/// normals turned towards the viewer; or every contribution of a volume or of Gaussians by itself,
-/// in the order of depth. Of a tree every leaf, whatever the cut. Gaussians reach at least as far
-/// as a screen of 8 bits shows them, whatever the scene's cutoff.
+/// Renderer `ideal`: as many fragments as there are surfaces, independent of the order of the
+/// splats, with normals turned towards the viewer. Contributions of volumes and of Gaussians are
+/// blended one by one in depth order. Every leaf of a tree is drawn, whatever the cut. Gaussians
+/// extend at least to the limit of visibility on an 8-bit screen, whatever the scene's cutoff.
 pub fn ideal(scene: &Scene) -> Rendering {
     ideal_of(scene, true)
 }
 
-/// [`ideal`], of normals turned or as they are: how far a machine that does not turn them is from
-/// what its sums could be at best.
+/// [`ideal`], with normals turned or not: the best possible picture for a machine that does not
+/// turn them.
 pub fn ideal_of(scene: &Scene, turn_normals: bool) -> Rendering {
-    // Level of detail is the method's error, too.
+    // Level of detail is part of the method's error.
     if let Some(full) = scene.full() {
         return ideal_of(&full, turn_normals);
     }
@@ -333,10 +332,10 @@ pub fn ideal_of(scene: &Scene, turn_normals: bool) -> Rendering {
     let shader = Shader::new(scene);
     match &scene.sheets {
         Some(sheets) => tiles::draw(scene, &shader, turn_normals, 0.0, || {
-            sheets::Ideal::new(sheets, shader.background())
+            sheets::IdealSheetPainter::new(sheets, shader.background())
         }),
         None => tiles::draw(scene, &shader, turn_normals, 0.0, || {
-            Ideal::new(scene.surface.z_threshold, &shader)
+            IdealPainter::new(scene.surface.z_threshold, &shader)
         }),
     }
 }

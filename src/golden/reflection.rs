@@ -1,6 +1,5 @@
-//! Reflection: what a mirror shows of the surroundings (Surface Splatting §4,
-//! docs/book/reflection.md): looked up as they are, or in the octahedral map that a machine has of
-//! them.
+//! Reflection: the light that a mirror reflects from the surroundings (Surface Splatting §4,
+//! docs/book/reflection.md): looked up exactly, or in the octahedral map of a machine.
 
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
@@ -11,19 +10,19 @@ use std::sync::Arc;
 /// How a machine mirrors.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reflection {
-    /// The map has 2^this texels a side.
+    /// The map has 2^this texels per side.
     pub index_bits: u32,
-    /// Mirrors are looked at along each pixel's own ray; else all along the viewing axis.
+    /// Each pixel's own ray is mirrored; otherwise the viewing axis for all.
     pub by_ray: bool,
 }
 
 /// The octahedral map of surroundings in the camera space that `rotation` leads to: 2^`index_bits`
-/// texels a side, row by row. Its middle looks at the viewer (−z), its corners away from him. A
-/// texel is the mean over its part of the map.
+/// texels per side, row by row. Its middle faces the viewer (−z), its corners face away. A texel is
+/// the mean over its part of the map.
 pub fn octahedral(environment: &Environment, rotation: DMat3, index_bits: u32) -> Vec<[f64; 3]> {
     let side = 1usize << index_bits;
     let steps = (side - 1) as f64;
-    // A quarter of the map's side is 90 degrees, and so is half of the picture's height.
+    // A quarter of the map's side is 90 degrees, as is half of the picture's height.
     let samples = (environment.height() / side).max(1);
     let texel = |column: usize, row: usize| {
         let mut sum = [0.0; 3];
@@ -44,7 +43,7 @@ pub fn octahedral(environment: &Environment, rotation: DMat3, index_bits: u32) -
         .collect()
 }
 
-/// The direction at a place of the map, which goes on mirrored beyond its sides.
+/// The direction at a position of the map, which is mirrored beyond its sides.
 fn of_place([u, v]: [f64; 2]) -> DVec3 {
     let (mut x, mut y) = (2.0 * u - 1.0, 2.0 * v - 1.0);
     if x.abs() > 1.0 {
@@ -60,7 +59,7 @@ fn of_place([u, v]: [f64; 2]) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
-/// Where a direction lies in the map, 0 to 1.
+/// Position of a direction in the map, 0 to 1.
 fn place(direction: DVec3) -> [f64; 2] {
     let flat = direction / (direction.x.abs() + direction.y.abs() + direction.z.abs());
     let (mut x, mut y) = (flat.x, flat.y);
@@ -73,25 +72,25 @@ fn place(direction: DVec3) -> [f64; 2] {
     [(x + 1.0) / 2.0, (y + 1.0) / 2.0]
 }
 
-/// The ray (a, b, 1) that a normal of length 1 mirrors, as long as that.
+/// The mirror image of the ray (a, b, 1) at a unit normal, of the same length.
 fn reflected(ray: DVec3, normal: DVec3) -> DVec3 {
     ray - 2.0 * ray.dot(normal) * normal
 }
 
-/// Surroundings as a camera's mirrors show them.
+/// Surroundings as they appear in a camera's mirrors.
 pub(crate) struct Surroundings {
     environment: Arc<Environment>,
     /// World → camera.
     rotation: DMat3,
     focal_px: [f64; 2],
-    /// The principal point from the picture's middle, pixels.
+    /// The principal point relative to the picture's middle, pixels.
     centre_px: [f64; 2],
     /// A machine's map.
     map: Option<(Reflection, Vec<[f64; 3]>)>,
 }
 
 impl Surroundings {
-    /// Of a scene, and a machine's way to mirror them; none where nothing is mirrored.
+    /// Surroundings of a scene, and how a machine mirrors them; none if nothing is mirrored.
     pub fn new(scene: &Scene, way: Option<Reflection>) -> Option<Self> {
         let environment = scene.environment.clone()?;
         let view = scene.view();
@@ -105,8 +104,8 @@ impl Surroundings {
         })
     }
 
-    /// The colour that leaves a material of this colour, where its unit normal is this in camera
-    /// space; `at` is the pixel's centre from the middle of the picture.
+    /// The reflected colour of a material with this colour and this unit normal in camera space;
+    /// `at` is the pixel's centre relative to the middle of the picture.
     pub fn mirrored(&self, material: u32, at: [f64; 2], normal: DVec3, colour: DVec3) -> DVec3 {
         let Mirror { reflect, tint } = self.environment.mirrors[material as usize];
         if reflect == 0.0 {
@@ -126,7 +125,7 @@ impl Surroundings {
         }
     }
 
-    /// The ray that is mirrored, and where it goes.
+    /// The ray that is mirrored, and its mirror image.
     fn direction(&self, at: [f64; 2], normal: DVec3) -> (DVec3, DVec3) {
         let along_axis = self.map.as_ref().is_some_and(|(way, _)| !way.by_ray);
         let slope = |axis: usize| (at[axis] - self.centre_px[axis]) / self.focal_px[axis];
@@ -138,12 +137,12 @@ impl Surroundings {
         (ray, reflected(ray, normal))
     }
 
-    /// What a mirror of a material shows; none where it mirrors nothing.
-    pub fn seen(&self, material: u32, at: [f64; 2], normal: DVec3) -> Option<Seen> {
+    /// The light in a mirror of a material; none if it mirrors nothing.
+    pub fn seen(&self, material: u32, at: [f64; 2], normal: DVec3) -> Option<Reflected> {
         let Mirror { reflect, tint } = self.environment.mirrors[material as usize];
         let (ray, direction) = self.direction(at, normal);
         let side = self.map.as_ref().map_or(2, |(way, _)| 1 << way.index_bits);
-        (reflect != 0.0).then(|| Seen {
+        (reflect != 0.0).then(|| Reflected {
             slopes: [ray.x, ray.y],
             direction: direction.to_array(),
             texel: texel(side, place(direction)),
@@ -153,27 +152,27 @@ impl Surroundings {
     }
 }
 
-/// What a mirror shows at a pixel.
+/// Light that a mirror reflects at a pixel.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Seen {
+pub struct Reflected {
     /// a and b of the ray (a, b, 1) that is mirrored.
     pub slopes: [f64; 2],
-    /// Where it goes, as long as it.
+    /// Its mirror image, of the same length.
     pub direction: [f64; 3],
     /// Column and row of the first of the map's four texels.
     pub texel: [usize; 2],
-    /// Light between them.
+    /// Light interpolated between them.
     pub light: [f64; 3],
-    /// Share of the light in the colour that leaves: reflect times tint.
+    /// Share of this light in the reflected colour: reflect times tint.
     pub share: [f64; 3],
 }
 
-/// The first of four texels around a place.
+/// The first of four texels around a position.
 fn texel(side: usize, at: [f64; 2]) -> [usize; 2] {
     at.map(|at| ((at * (side - 1) as f64).floor() as usize).min(side - 2))
 }
 
-/// Light between four texels.
+/// Light interpolated between four texels.
 fn between(texels: &[[f64; 3]], side: usize, at: [f64; 2]) -> [f64; 3] {
     let [x, y] = at.map(|at| at * (side - 1) as f64);
     let [left, above] = texel(side, at);
@@ -203,10 +202,10 @@ mod tests {
     }
 
     proptest! {
-        /// Length kept, angle kept, and in the plane of ray and normal: the law of reflection by
-        /// its definition.
+        /// Length and angle are preserved, and the result is in the plane of ray and normal: the
+        /// law of reflection by its definition.
         #[test]
-        fn a_ray_leaves_as_it_comes(ray in vector(), normal in vector()) {
+        fn a_reflected_ray_keeps_length_and_angle(ray in vector(), normal in vector()) {
             let normal = normal.normalize();
             let mirrored = reflected(ray, normal);
             prop_assert!((mirrored.length() - ray.length()).abs() < 1e-12);
@@ -215,14 +214,14 @@ mod tests {
         }
 
         #[test]
-        fn a_direction_is_found_at_its_place(direction in vector()) {
+        fn a_direction_is_restored_from_its_map_position(direction in vector()) {
             let found = of_place(place(direction));
             prop_assert!(found.normalize().abs_diff_eq(direction.normalize(), 1e-9), "{found} of {direction}");
         }
 
-        /// Beyond a side the map goes on with the directions on the other side of it.
+        /// Beyond a side the map continues with the directions on the other side of it.
         #[test]
-        fn nothing_jumps_at_a_side(along in 0.0..1.0f64) {
+        fn the_map_is_continuous_across_its_sides(along in 0.0..1.0f64) {
             for side in [0.0, 1.0] {
                 let out = if side == 0.0 { -1e-7 } else { 1e-7 };
                 for (inside, outside) in [([side - out, along], [side + out, along]), ([along, side - out], [along, side + out])] {

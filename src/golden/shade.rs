@@ -6,14 +6,14 @@ use glam::{DVec3, DVec4};
 use super::Rules;
 use super::footprint::Footprint;
 use super::fragments::Fragment;
-use super::reflection::{Reflection, Seen, Surroundings};
+use super::reflection::{Reflected, Reflection, Surroundings};
 use crate::scene::{Material, Scene};
 
-/// What shading needs of the scene, in camera space.
+/// Scene data that shading needs, in camera space.
 pub(crate) struct Shader {
     lights: Vec<CameraLight>,
     materials: Vec<Material>,
-    /// None where nothing is mirrored.
+    /// None if nothing is mirrored.
     surroundings: Option<Surroundings>,
     half_px: [f64; 2],
     coverage_threshold: f64,
@@ -22,18 +22,18 @@ pub(crate) struct Shader {
 
 struct CameraLight {
     direction: DVec3,
-    /// Halfway to the viewer at infinity; none where the light shines straight at him.
+    /// Halfway to the viewer at infinity; none if the light direction is opposite to the viewer's.
     halfway: Option<DVec3>,
     rgb: DVec3,
 }
 
 impl Shader {
-    /// That mirrors surroundings as they are.
+    /// A shader that mirrors surroundings exactly.
     pub fn new(scene: &Scene) -> Self {
         Shader::mirroring(scene, None)
     }
 
-    /// That mirrors them as a machine's rules say.
+    /// A shader that mirrors them by a machine's rules.
     pub fn of(scene: &Scene, rules: &Rules) -> Self {
         Shader::mirroring(scene, rules.reflection)
     }
@@ -60,7 +60,7 @@ impl Shader {
         }
     }
 
-    /// Of a scene without light, of one material.
+    /// A shader of a scene without light and with one material.
     #[cfg(test)]
     pub fn unlit(coverage_threshold: f64) -> Self {
         let materials = vec![Material::Unlit; 3];
@@ -74,18 +74,17 @@ impl Shader {
         }
     }
 
-    /// The pixel where nothing is.
+    /// A pixel without fragments.
     pub fn background(&self) -> [f64; 4] {
         self.background.to_array()
     }
 
-    /// Weight sum from which a fragment covers its pixel.
+    /// Sum of weights from which a fragment covers its pixel.
     pub fn coverage_threshold(&self) -> f64 {
         self.coverage_threshold
     }
 
-    /// Premultiplied colour and coverage of a fragment, whether or not a merge has shaded it
-    /// already.
+    /// Premultiplied colour and coverage of a fragment, also if a merge has already shaded it.
     pub fn premultiplied(&self, fragment: &Fragment) -> DVec4 {
         if fragment.shaded {
             return fragment.rgb.extend(fragment.alpha);
@@ -99,7 +98,7 @@ impl Shader {
         (self.colour(fragment) * coverage).extend(coverage)
     }
 
-    /// The light that a splat sends, which is lit before it is drawn.
+    /// The light of a splat that is lit before it is drawn.
     pub fn emission(&self, footprint: &Footprint) -> DVec3 {
         let Footprint {
             rgb,
@@ -119,7 +118,7 @@ impl Shader {
         })
     }
 
-    /// The colour that leaves the fragment: its own under the lights, and what it mirrors.
+    /// The colour of the fragment: its own under the lights, plus the reflected light.
     fn colour(&self, fragment: &Fragment) -> DVec3 {
         let colour = self.own_colour(fragment);
         let Some(surroundings) = &self.surroundings else {
@@ -136,8 +135,8 @@ impl Shader {
         })
     }
 
-    /// What a fragment mirrors; none where that is nothing, or it was shaded before.
-    pub fn mirrored(&self, fragment: &Fragment) -> Option<Seen> {
+    /// Reflected light of a fragment; none if there is none, or the fragment is already shaded.
+    pub fn mirrored(&self, fragment: &Fragment) -> Option<Reflected> {
         let surroundings = self
             .surroundings
             .as_ref()
@@ -149,7 +148,7 @@ impl Shader {
         )
     }
 
-    /// A pixel's centre from the middle of the picture.
+    /// A pixel's centre relative to the middle of the picture.
     pub fn off_middle(&self, pixel: [u16; 2]) -> [f64; 2] {
         std::array::from_fn(|axis| f64::from(pixel[axis]) + 0.5 - self.half_px[axis])
     }
@@ -181,7 +180,7 @@ impl Shader {
         }
     }
 
-    /// The pixel: layers front to back (those of equal z in the order given), over the background.
+    /// The pixel: layers front to back (in the given order for equal z), over the background.
     pub fn resolve(&self, layers: &mut [Fragment]) -> [f64; 4] {
         layers.sort_by(|a, b| a.z.total_cmp(&b.z));
         self.blend(layers.iter())
@@ -192,13 +191,13 @@ impl Shader {
         self.blend_lit(layers.map(|layer| self.premultiplied(layer)))
     }
 
-    /// The same of what [`Shader::premultiplied`] made of the layers.
+    /// As [`Shader::blend`], for results of [`Shader::premultiplied`].
     pub fn blend_lit(&self, layers: impl Iterator<Item = DVec4>) -> [f64; 4] {
         over(layers.fold(DVec4::ZERO, over), self.background).to_array()
     }
 }
 
-/// The unit normal on the side that faces the viewer; none where the normals cancel.
+/// The unit normal on the side that faces the viewer; none if the normals cancel.
 fn facing(sum: DVec3) -> Option<DVec3> {
     let normal = sum.try_normalize()?;
     Some(if normal.z > 0.0 { -normal } else { normal })

@@ -1,5 +1,5 @@
-//! Sheets: adds up what one sheet gives to a pixel and blends sheet after sheet (EWA §7.1,
-//! docs/book/algorithm-resolve.md §9); and what would be exact.
+//! Sheets: sums the contributions of one sheet to a pixel and blends sheet after sheet (EWA §7.1,
+//! docs/book/algorithm-resolve.md §9); also the exact result.
 
 use glam::{DVec3, DVec4};
 
@@ -9,8 +9,8 @@ use super::shade::over;
 use super::tiles::{PIXELS_IN_A_TILE, Painter};
 use crate::scene::{Opacity, Sheet, Sheets};
 
-/// A sheet's colour times opacity, and its opacity, from its optical depth and its colours times
-/// that.
+/// A sheet's colour times opacity, and its opacity, from its optical depth and the products of
+/// colour and optical depth.
 pub(crate) fn closed(sheets: &Sheets, weight: f64, rgb: DVec3) -> DVec4 {
     if sheets.of == Sheet::Splat {
         let ratio = if weight > sheets.most_weight {
@@ -24,54 +24,54 @@ pub(crate) fn closed(sheets: &Sheets, weight: f64, rgb: DVec3) -> DVec4 {
     (rgb * ratio).extend(weight * ratio)
 }
 
-/// One pixel: the sheet that is open, and those before it.
+/// One pixel: the open sheet, and the composite of the sheets before it.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Pixel {
+pub(crate) struct SheetState {
     open: Option<Fragment>,
     composite: DVec4,
     stopped: bool,
     sheets: u64,
 }
 
-/// What became of a contribution.
+/// Outcome of a contribution.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Fate {
+pub(crate) enum SheetOutcome {
     /// Added to the open sheet.
     Added,
     /// Began the pixel's first sheet.
     First,
-    /// Began a sheet, and those before were blended.
+    /// Began a sheet; the one before was blended.
     Next,
-    /// Came to a pixel that takes nothing more.
+    /// The pixel takes no more contributions.
     Dropped,
 }
 
-impl Pixel {
-    /// Takes one contribution in.
-    pub fn take(&mut self, scene_sheets: &Sheets, new: &Fragment) -> Fate {
+impl SheetState {
+    /// Takes one contribution.
+    pub fn take(&mut self, scene_sheets: &Sheets, new: &Fragment) -> SheetOutcome {
         if self.stopped {
-            return Fate::Dropped;
+            return SheetOutcome::Dropped;
         }
         if scene_sheets.of == Sheet::Splat {
             let kept = self.blend(scene_sheets, closed(scene_sheets, new.weight, new.rgb));
             self.sheets += u64::from(kept);
             return match (kept, self.sheets) {
-                (false, _) => Fate::Dropped,
-                (true, 1) => Fate::First,
-                _ => Fate::Next,
+                (false, _) => SheetOutcome::Dropped,
+                (true, 1) => SheetOutcome::First,
+                _ => SheetOutcome::Next,
             };
         }
         match &mut self.open {
             Some(open) if open.sheet == new.sheet => {
                 open.add(new);
-                return Fate::Added;
+                return SheetOutcome::Added;
             }
             Some(open) => {
                 let sheet = closed(scene_sheets, open.weight, open.rgb);
                 self.blend(scene_sheets, sheet);
                 if self.stopped {
                     self.open = None;
-                    return Fate::Dropped;
+                    return SheetOutcome::Dropped;
                 }
             }
             None => {}
@@ -79,13 +79,13 @@ impl Pixel {
         self.open = Some(*new);
         self.sheets += 1;
         if self.sheets == 1 {
-            Fate::First
+            SheetOutcome::First
         } else {
-            Fate::Next
+            SheetOutcome::Next
         }
     }
 
-    /// Whether the sheet was blended.
+    /// Blends the sheet; returns whether it was kept.
     fn blend(&mut self, scene_sheets: &Sheets, sheet: DVec4) -> bool {
         let blended = over_or_under(scene_sheets, self.composite, sheet);
         self.stopped = !scene_sheets.back_to_front && 1.0 - blended.w < scene_sheets.stop;
@@ -96,7 +96,7 @@ impl Pixel {
         kept
     }
 
-    /// Colour times opacity, and opacity, of all: nothing more comes.
+    /// Final colour times opacity, and opacity.
     pub fn colour(&self, scene_sheets: &Sheets) -> DVec4 {
         let last = |open: &Fragment| {
             over_or_under(
@@ -118,18 +118,18 @@ fn over_or_under(sheets: &Sheets, before: DVec4, next: DVec4) -> DVec4 {
     }
 }
 
-/// The hardware's algorithm: at most two layers a pixel.
-pub(super) struct Golden<'a> {
+/// The hardware's algorithm: at most two layers per pixel.
+pub(super) struct SheetPainter<'a> {
     sheets: &'a Sheets,
     background: DVec4,
-    pixels: Vec<Pixel>,
+    pixels: Vec<SheetState>,
     outcomes: Outcomes,
 }
 
-impl<'a> Golden<'a> {
+impl<'a> SheetPainter<'a> {
     pub fn new(sheets: &'a Sheets, background: [f64; 4]) -> Self {
-        let pixels = vec![Pixel::default(); PIXELS_IN_A_TILE];
-        Golden {
+        let pixels = vec![SheetState::default(); PIXELS_IN_A_TILE];
+        SheetPainter {
             sheets,
             background: DVec4::from_array(background),
             pixels,
@@ -138,15 +138,15 @@ impl<'a> Golden<'a> {
     }
 }
 
-impl Painter for Golden<'_> {
+impl Painter for SheetPainter<'_> {
     type Contribution = Fragment;
 
     fn take(&mut self, pixel: usize, contribution: Fragment) {
         *match self.pixels[pixel].take(self.sheets, &contribution) {
-            Fate::Added => &mut self.outcomes.accumulated,
-            Fate::First => &mut self.outcomes.inserted,
-            Fate::Next => &mut self.outcomes.merged,
-            Fate::Dropped => &mut self.outcomes.dropped,
+            SheetOutcome::Added => &mut self.outcomes.accumulated,
+            SheetOutcome::First => &mut self.outcomes.inserted,
+            SheetOutcome::Next => &mut self.outcomes.merged,
+            SheetOutcome::Dropped => &mut self.outcomes.dropped,
         } += 1;
     }
 
@@ -162,20 +162,20 @@ impl Painter for Golden<'_> {
     }
 }
 
-/// What no number of slots can make better: every contribution by itself, nearest first, none left
-/// out and none too late. A volume's hide what lies behind them by e^(−x), exactly; a Gaussian's by
-/// its weight.
-pub(super) struct Ideal<'a> {
+/// The exact result, without a limit of slots: every contribution separately, nearest first, none
+/// left out and none late. Contributions of a volume hide what is behind them by exactly e^(−x);
+/// those of a Gaussian by its weight.
+pub(super) struct IdealSheetPainter<'a> {
     sheets: &'a Sheets,
     background: DVec4,
     contributions: Vec<Vec<Fragment>>,
     outcomes: Outcomes,
 }
 
-impl<'a> Ideal<'a> {
+impl<'a> IdealSheetPainter<'a> {
     pub fn new(sheets: &'a Sheets, background: [f64; 4]) -> Self {
         let contributions = vec![Vec::new(); PIXELS_IN_A_TILE];
-        Ideal {
+        IdealSheetPainter {
             sheets,
             background: DVec4::from_array(background),
             contributions,
@@ -184,7 +184,7 @@ impl<'a> Ideal<'a> {
     }
 }
 
-impl Painter for Ideal<'_> {
+impl Painter for IdealSheetPainter<'_> {
     type Contribution = Fragment;
 
     fn take(&mut self, pixel: usize, contribution: Fragment) {

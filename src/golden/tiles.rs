@@ -1,8 +1,8 @@
-//! Tiles: hands each pixel its contributions in splat order, tile by tile, so that a tile's
+//! Tiles: passes contributions to each pixel in splat order, tile by tile, so that a tile's
 //! fragments stay in the cache.
 //!
-//! Bands of tiles are drawn in parallel. A pixel depends on its own contributions alone and counts
-//! are integers, so the result is the same at any number of threads.
+//! Bands of tiles are drawn in parallel. A pixel depends only on its own contributions and counts
+//! are integers, so the result is the same for any number of threads.
 
 use std::ops::Range;
 
@@ -15,19 +15,20 @@ use super::{Culled, Outcomes, Rendering};
 use crate::output::picture::Picture;
 use crate::scene::{Image, Scene, View};
 
-/// Tiles are squares of this many pixels: three layers of such a tile fit a second-level cache.
+/// Tiles are squares with this side in pixels: three layers of such a tile fit into a second-level
+/// cache.
 const TILE_PX: usize = 16;
-/// Pixels that a painter needs room for.
+/// Pixels of a tile.
 pub(crate) const PIXELS_IN_A_TILE: usize = TILE_PX * TILE_PX;
 
-/// Something that covers pixels, and what it gives to each.
+/// A primitive that covers pixels and contributes to each of them.
 pub(crate) trait Cover: Sync {
-    /// What a pixel gets.
+    /// Contribution to one pixel.
     type Contribution;
     /// Pixel columns and rows of its box, within the picture.
     fn sides(&self) -> [Range<u32>; 2];
-    /// Gives what it has to these columns of these rows, which lie in the box.
-    fn give(
+    /// Generates the contributions to these columns of these rows, which are inside the box.
+    fn contribute(
         &self,
         columns: Range<u32>,
         rows: Range<u32>,
@@ -35,20 +36,20 @@ pub(crate) trait Cover: Sync {
     );
 }
 
-/// Makes pixels out of contributions, one tile at a time.
+/// Computes pixels from contributions, one tile at a time.
 pub(crate) trait Painter {
-    /// What it takes.
+    /// Contribution to one pixel.
     type Contribution;
     /// Takes a contribution to a pixel of the tile.
     fn take(&mut self, pixel: usize, contribution: Self::Contribution);
-    /// The colour of a pixel that took something; the pixel is then as new.
+    /// Returns the colour of a pixel with contributions, and resets the pixel.
     fn finish(&mut self, pixel: usize) -> [f64; 4];
-    /// What became of all contributions so far.
+    /// Outcomes of all contributions so far.
     fn outcomes(&self) -> Outcomes;
 }
 
-/// Draws the scene but for weights below the least, with normals turned or as they are, each band
-/// of tiles with a painter of its own.
+/// Draws the scene without weights below the least, with normals turned or not; each band of tiles
+/// has its own painter.
 pub(super) fn draw<P: Painter<Contribution = Fragment>>(
     scene: &Scene,
     shader: &Shader,
@@ -65,7 +66,7 @@ pub(super) fn draw<P: Painter<Contribution = Fragment>>(
         };
     }
     // Discs are neither lit nor sorted before they are drawn.
-    let rules = &SetUp {
+    let rules = &SetupRules {
         scene,
         view: scene.view(),
         least_weight,
@@ -79,7 +80,7 @@ pub(super) fn draw<P: Painter<Contribution = Fragment>>(
              ..
          }| {
             let [columns, rows] = [columns, rows].map(|side| [side.start as u16, side.end as u16]);
-            Disc {
+            TileDisc {
                 rules,
                 splat,
                 columns,
@@ -94,15 +95,15 @@ pub(super) fn draw<P: Painter<Contribution = Fragment>>(
 }
 
 /// How splats are set up.
-struct SetUp<'a> {
+struct SetupRules<'a> {
     scene: &'a Scene,
     view: View,
     least_weight: f64,
     turn_normals: bool,
 }
 
-impl SetUp<'_> {
-    /// The footprint of a splat, or why it has none.
+impl SetupRules<'_> {
+    /// The footprint of a splat, or why it is culled.
     fn footprint(&self, splat: usize) -> Result<Footprint, Cull> {
         let mut footprint = footprint::set_up(self.scene, &self.view, splat, self.least_weight)?;
         if self.turn_normals {
@@ -111,8 +112,8 @@ impl SetUp<'_> {
         Ok(footprint)
     }
 
-    /// What is kept of the footprints of all splats that are drawn, in splat order, and a count of
-    /// the others.
+    /// `kept` of the footprints of all drawn splats, in splat order, and a count of the culled
+    /// ones.
     fn all<T: Send>(&self, kept: impl Fn(Footprint) -> T + Send + Sync) -> (Vec<T>, Culled) {
         let of = |splat| self.footprint(splat).map(&kept);
         let results: Vec<Result<T, Cull>> = (0..self.scene.splats.len())
@@ -127,40 +128,44 @@ impl SetUp<'_> {
     }
 }
 
-/// A disc that is drawn, as the pixels of its box. What it gives to them is set up once more for
-/// each tile: that takes less time than to keep and to fetch ten times as many bytes, of all
-/// splats.
-struct Disc<'a> {
-    rules: &'a SetUp<'a>,
+/// A drawn disc, as the pixels of its box. Its setup is repeated for each tile: that takes less
+/// time than to store and fetch ten times as many bytes for all splats.
+struct TileDisc<'a> {
+    rules: &'a SetupRules<'a>,
     splat: u32,
     /// A picture has at most 2^14 columns and rows.
     columns: [u16; 2],
     rows: [u16; 2],
 }
 
-impl Cover for Disc<'_> {
+impl Cover for TileDisc<'_> {
     type Contribution = Fragment;
 
     fn sides(&self) -> [Range<u32>; 2] {
         [self.columns, self.rows].map(|[start, end]| start.into()..end.into())
     }
 
-    fn give(&self, columns: Range<u32>, rows: Range<u32>, take: impl FnMut([u32; 2], Fragment)) {
+    fn contribute(
+        &self,
+        columns: Range<u32>,
+        rows: Range<u32>,
+        take: impl FnMut([u32; 2], Fragment),
+    ) {
         if let Ok(footprint) = self.rules.footprint(self.splat as usize) {
-            footprint.give(columns, rows, take);
+            footprint.contribute(columns, rows, take);
         }
     }
 }
 
-/// The footprints of all splats that are drawn, lit and sorted where the scene's are, and a count
-/// of the others.
+/// The footprints of all drawn splats, lit and sorted if the scene requires it, and a count of the
+/// culled ones.
 pub(super) fn footprints(
     scene: &Scene,
     shader: &Shader,
     turn_normals: bool,
     least_weight: f64,
 ) -> (Vec<Footprint>, Culled) {
-    let rules = SetUp {
+    let rules = SetupRules {
         scene,
         view: scene.view(),
         least_weight,
@@ -171,7 +176,7 @@ pub(super) fn footprints(
     (footprints, culled)
 }
 
-/// Lights and sorts footprints, as far as the scene's are lit and sorted before they are drawn.
+/// Lights and sorts footprints, if the scene's splats are lit or sorted before they are drawn.
 pub(super) fn put_in_order(scene: &Scene, shader: &Shader, footprints: &mut [Footprint]) {
     let Some(ellipsoids) = &scene.ellipsoids else {
         return;
@@ -260,7 +265,7 @@ fn bands<C: Cover>(footprints: &[C], height: usize) -> Vec<Vec<u32>> {
     bands
 }
 
-/// The tiles that hold some of these pixels, along one axis.
+/// The tiles that contain these pixels, along one axis.
 fn tiles(pixels: &Range<u32>) -> Range<usize> {
     let (first, end) = (pixels.start as usize, pixels.end as usize);
     if first == end {
@@ -270,7 +275,7 @@ fn tiles(pixels: &Range<u32>) -> Range<usize> {
     }
 }
 
-/// The part of a range that lies in the tile that begins at `start`.
+/// The part of a range inside the tile that begins at `start`.
 fn clip(pixels: &Range<u32>, start: usize) -> Range<u32> {
     pixels.start.max(start as u32)..pixels.end.min((start + TILE_PX) as u32)
 }
@@ -313,7 +318,8 @@ impl<P: Painter> Band<'_, P> {
         }
     }
 
-    /// Gives the painter what a footprint contributes to the tile whose first column is `left`.
+    /// Passes the contributions of a footprint to the tile whose first column is `left` to the
+    /// painter.
     fn scatter<C: Cover<Contribution = P::Contribution>>(
         &mut self,
         left: usize,
@@ -321,7 +327,7 @@ impl<P: Painter> Band<'_, P> {
         arrivals: &mut [u64; PIXELS_IN_A_TILE],
     ) {
         let [columns, rows] = footprint.sides();
-        footprint.give(
+        footprint.contribute(
             clip(&columns, left),
             clip(&rows, self.top),
             |[x, y], contribution| {

@@ -1,13 +1,13 @@
-//! Window: keeps at most `l` layers of one pixel as clusters of depth, and groups them as `ideal`
-//! does, as far as they still lie apart (docs/book/algorithm-resolve.md §11).
+//! Window: keeps at most `l` layers of one pixel as clusters of depth, and groups them like `ideal`
+//! while they are still separate (docs/book/algorithm-resolve.md §11).
 //! ```text
 //! contribution ─► 1 a cluster spans it? ─► accumulate          7 close: shade two, one over or inside the other
 //!                 2 its surface closed? ─► late, or inside     6 sum: two clusters of one window become one
-//!                 3 room? ───────────────► insert              5 evict: nobody sees the deepest
-//!                 else ─► 4 windows of ε and what is seen through them ─► 5, 6 or 7
+//!                 3 room? ───────────────► insert              5 evict: the deepest is hidden
+//!                 else ─► 4 windows of ε and their transmittance ─► 5, 6 or 7
 //! ```
-//! Open layers are sums, closed ones premultiplied colours. Each step is a function of its number,
-//! on layers in the order of their nearest depths, so that a renderer that is led may take them one
+//! Open layers are sums, closed ones premultiplied colours. Each step is a function with the step's
+//! number, on layers in the order of their nearest depths, so that a led renderer can run them one
 //! by one.
 //!
 //! Laws (tests/golden_window.rs): `windows_equal_ideal_where_every_surface_has_a_slot`,
@@ -27,26 +27,25 @@ use super::tiles::{Cover, PIXELS_IN_A_TILE, Painter, fill, footprints};
 use super::{Decision, Group, Outcomes, Rendering, Rules};
 use crate::scene::Scene;
 
-/// What is seen through less than this is not seen.
+/// Smaller transmittances are 0.
 const LEAST_SEEN: f64 = 1.0 / 256.0;
-/// A splat that lies between two surfaces hides no more than this at its centre.
+/// Greatest opacity at the centre of a splat between two surfaces.
 const MOST_INSIDE: f64 = 0.95;
-/// The weight with which a splat that lies between two surfaces hides as much as its opacity says.
+/// The weight at which a splat between two surfaces hides by exactly its opacity.
 const FULL_INSIDE: f64 = 0.5;
 /// Opacity from which a closed layer has a colour.
 const LEAST_OPACITY: f64 = 1e-9;
-/// What a late contribution can cover at least is never taken for less.
+/// Least value of the remaining coverage of a late contribution.
 const LEAST_REST: f64 = 1e-6;
 
-/// How fast a splat of some opacity hides, by its weight, what lies behind it: −ln(1 − α)/0.5, of
-/// at most 0.95.
+/// Extinction of a splat per weight, from its opacity: −ln(1 − α)/0.5, with α at most 0.95.
 pub fn density(opacity: f64) -> f64 {
     -libm::log1p(-opacity.min(MOST_INSIDE)) / FULL_INSIDE
 }
 
-/// A contribution, and what its splat looks like.
+/// A contribution, and its splat's appearance.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Arrival {
+pub(crate) struct LitContribution {
     pub sums: Fragment,
     /// `col`: the splat's own colour under the lights.
     pub colour: DVec3,
@@ -66,7 +65,7 @@ pub(crate) struct Open {
 
 /// One surface of a closed layer.
 #[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Part {
+pub(crate) struct Surface {
     pub span: Span,
     pub weight: f64,
 }
@@ -77,9 +76,9 @@ pub(crate) struct Closed {
     /// C, premultiplied, and A.
     pub colour: DVec4,
     /// [lo, loh] and Wl.
-    pub front: Part,
+    pub front: Surface,
     /// [hil, hi] and Wh.
-    pub back: Part,
+    pub back: Surface,
     /// TF: transmittance behind the front.
     pub behind_front: f64,
     /// TB: transmittance before the back.
@@ -93,19 +92,19 @@ pub(crate) enum Layer {
     Closed(Closed),
 }
 
-/// What step 4 finds out about one layer.
+/// Result of step 4 for one layer.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Seen {
+pub(crate) struct LayerVisibility {
     /// The layer at which its window starts.
     pub first: usize,
     /// Nearest depth of its window.
     pub start: f64,
-    /// T: what of it is seen through those before it, a power of two or 0.
+    /// T: transmittance of the layers before it, a power of two or 0.
     pub transmittance: f64,
 }
 
 impl Open {
-    /// Of one contribution.
+    /// A cluster of one contribution.
     pub fn new(sums: Fragment) -> Self {
         Open {
             sums,
@@ -121,7 +120,7 @@ impl Open {
         self.span = self.span.with(sums.z);
     }
 
-    /// Step 6: one with a cluster behind it; the material is the front's.
+    /// Step 6: the sum with a cluster behind it; the material is the front's.
     pub fn with(mut self, back: &Open) -> Self {
         self.sums.add(&back.sums);
         self.depth += back.depth;
@@ -157,8 +156,8 @@ impl Default for Layer {
 }
 
 impl Closed {
-    /// A contribution or a cluster that is one surface.
-    pub fn of_one(colour: DVec4, part: Part) -> Self {
+    /// A closed layer from a contribution or a cluster that is one surface.
+    pub fn of_one(colour: DVec4, part: Surface) -> Self {
         Closed {
             colour,
             front: part,
@@ -178,17 +177,17 @@ impl Closed {
         self.back.span.far
     }
 
-    /// Whether it has an inside, and a closed layer lies there.
+    /// Whether a closed layer lies between its front and its back.
     pub fn encloses(&self, other: &Closed) -> bool {
         self.front.span.far < other.near() && other.far() < self.far()
     }
 
-    /// Step 7, over: `back` comes behind it.
+    /// Step 7, over: `back` is put behind it.
     pub fn put_over(&mut self, back: &Closed) {
         self.put_over_as(back, back.far() > self.far());
     }
 
-    /// [`Closed::put_over`], where the back reaches farther or not.
+    /// [`Closed::put_over`]; `is_farther` is whether the back reaches farther.
     pub fn put_over_as(&mut self, back: &Closed, is_farther: bool) {
         let through = 1.0 - self.colour.w;
         if is_farther {
@@ -198,21 +197,21 @@ impl Closed {
         self.colour = over(self.colour, back.colour);
     }
 
-    /// Step 7, inside: `x` comes between its front and its back. All of it is taken for one colour.
+    /// Step 7, inside: `x` is put between its front and its back. It is treated as one colour.
     pub fn put_inside(&mut self, x: &Closed) {
         self.put_inside_at(x, self.is_nearer_to_the_back(x));
     }
 
-    /// Whether what lies inside lies nearer to the back than to the front.
+    /// Whether an inside layer is nearer to the back than to the front.
     pub fn is_nearer_to_the_back(&self, x: &Closed) -> bool {
         x.near() + x.far() >= self.front.span.far + self.back.span.near
     }
 
-    /// [`Closed::put_inside`], nearer to the back or not.
+    /// [`Closed::put_inside`]; the argument is whether `x` is nearer to the back.
     pub fn put_inside_at(&mut self, x: &Closed, nearer_to_the_back: bool) {
         let [opacity, hidden] = [self.colour.w, x.colour.w];
         let through = 1.0 - opacity;
-        // What of x is seen: all that the front lets through, or, nearer to the back, what reaches
+        // Transmittance in front of x: that of the front, or, nearer to the back, that in front of
         // the back.
         let mut seen = self.behind_front.max(through);
         if nearer_to_the_back {
@@ -230,7 +229,7 @@ impl Closed {
     }
 }
 
-/// The rule: what its steps need to know.
+/// The parameters of the rule's steps.
 #[derive(Clone, Copy)]
 pub(crate) struct Window<'a> {
     pub shader: &'a Shader,
@@ -264,7 +263,7 @@ impl<'a> Window<'a> {
     }
 
     /// Step 1: the cluster that a contribution of this depth joins.
-    pub fn taker(&self, z: f64, layers: &[Layer]) -> Option<usize> {
+    pub fn slot_for(&self, z: f64, layers: &[Layer]) -> Option<usize> {
         let open = layers
             .iter()
             .enumerate()
@@ -275,8 +274,8 @@ impl<'a> Window<'a> {
         nearest_that_stays_within(self.reach, z, open)
     }
 
-    /// Step 2: the closed layer that a contribution of this depth is late for, and on which side;
-    /// of equals the lowest, its front first.
+    /// Step 2: the closed layer that a contribution of this depth is late for, and its side; on
+    /// ties the lowest layer, its front first.
     pub fn late_for(&self, z: f64, layers: &[Layer]) -> Option<(usize, Side)> {
         let closed = layers
             .iter()
@@ -297,8 +296,8 @@ impl<'a> Window<'a> {
         nearest
     }
 
-    /// Step 2: adds a late contribution, as far as its surface did not cover the pixel yet.
-    pub fn add_late(&self, closed: &mut Closed, side: Side, new: &Arrival) {
+    /// Step 2: adds a late contribution, up to the coverage that its surface leaves.
+    pub fn add_late(&self, closed: &mut Closed, side: Side, new: &LitContribution) {
         let (weight, threshold) = (new.sums.weight, self.shader.coverage_threshold());
         let part = match side {
             Side::Front => &mut closed.front,
@@ -324,32 +323,32 @@ impl<'a> Window<'a> {
         }
     }
 
-    /// Step 2: the last closed layer within whose depths this one lies.
+    /// Step 2: the last closed layer that spans this depth.
     pub fn around(&self, z: f64, layers: &[Layer]) -> Option<usize> {
         layers.iter().rposition(
             |layer| matches!(layer, Layer::Closed(closed) if closed.near() < z && z < closed.far()),
         )
     }
 
-    /// Step 2: a contribution by itself, as what lies inside a closed layer.
-    pub fn splat_inside(new: &Arrival) -> Closed {
+    /// Step 2: a contribution as a layer that is put inside a closed one.
+    pub fn splat_inside(new: &LitContribution) -> Closed {
         let opacity = -libm::expm1(-density(new.opacity) * new.sums.weight);
-        let part = Part {
+        let part = Surface {
             span: Span::at(new.sums.z),
             weight: new.sums.weight,
         };
         Closed::of_one((new.colour * opacity).extend(opacity), part)
     }
 
-    /// Step 3: layers in the order of their nearest depths, equals in that which they had.
+    /// Step 3: sorts layers by their nearest depths; stable on ties.
     pub fn sort(layers: &mut [Layer]) {
         layers.sort_by(|a, b| a.near().total_cmp(&b.near()));
     }
 
-    /// Step 4: of each layer the window that it belongs to and what is seen of it, front to back.
-    pub fn windows(&self, layers: &[Layer], seen: &mut Vec<Seen>) {
+    /// Step 4: window and transmittance of each layer, front to back.
+    pub fn windows(&self, layers: &[Layer], seen: &mut Vec<LayerVisibility>) {
         seen.clear();
-        // The window that may still grow, and what is seen through those before it.
+        // The window that may still grow, and the transmittance of those before it.
         let mut window: Option<(usize, f64, Fragment)> = None;
         let mut through = 1.0;
         for (slot, layer) in layers.iter().enumerate() {
@@ -375,7 +374,7 @@ impl<'a> Window<'a> {
                     Layer::Closed(closed) => through * closed.lets_through(layer.near()),
                 },
             ));
-            seen.push(Seen {
+            seen.push(LayerVisibility {
                 first,
                 start,
                 transmittance,
@@ -397,9 +396,9 @@ impl<'a> Window<'a> {
         }
     }
 
-    /// Step 6: the front of the pair that is best summed, if any two may be; of equals the one
-    /// nearer to the eye.
-    pub fn pair_to_sum(&self, layers: &[Layer], seen: &[Seen]) -> Option<usize> {
+    /// Step 6: the front of the best pair to sum, if any two may be summed; on ties the one nearer
+    /// to the eye.
+    pub fn pair_to_sum(&self, layers: &[Layer], seen: &[LayerVisibility]) -> Option<usize> {
         let (mut least, mut front) = (f64::INFINITY, None);
         for slot in 0..layers.len() - 1 {
             let (Layer::Open(a), Layer::Open(b)) = (&layers[slot], &layers[slot + 1]) else {
@@ -418,8 +417,8 @@ impl<'a> Window<'a> {
         front
     }
 
-    /// Step 6: how much a sum of these depths may put wrong; with the start of their window, if
-    /// both are of one.
+    /// Step 6: cost of the error of a sum of these depths; `start` is the start of their window if
+    /// both belong to one.
     pub fn cost_of_sum(&self, union: Span, start: Option<f64>) -> f64 {
         let epsilon = self.z_threshold;
         start.map_or(epsilon, |start| {
@@ -427,12 +426,12 @@ impl<'a> Window<'a> {
         })
     }
 
-    /// Step 7: a layer, shaded once.
+    /// Step 7: a layer after it is closed.
     pub fn close(&self, layer: &Layer) -> Closed {
         match layer {
             Layer::Open(open) => Closed::of_one(
                 self.shader.premultiplied(&open.sums),
-                Part {
+                Surface {
                     span: open.span,
                     weight: open.sums.weight,
                 },
@@ -441,8 +440,8 @@ impl<'a> Window<'a> {
         }
     }
 
-    /// Step 7: the back inside of the front, where it lies there, or behind it; and which of the
-    /// two.
+    /// Step 7: puts the back inside the front if it lies there, otherwise behind it; returns
+    /// whether inside.
     pub fn merge(&self, front: &mut Closed, back: &Closed) -> bool {
         let inside = self.inside && front.encloses(back);
         if inside {
@@ -453,17 +452,17 @@ impl<'a> Window<'a> {
         inside
     }
 
-    /// One contribution to the layers of a pixel, the last of which is spare; and what became of
-    /// it.
+    /// Adds one contribution to the layers of a pixel, the last of which is spare; returns its
+    /// outcome.
     pub fn take(
         &self,
         layers: &mut [Layer],
         used: &mut usize,
-        seen: &mut Vec<Seen>,
-        new: &Arrival,
+        seen: &mut Vec<LayerVisibility>,
+        new: &LitContribution,
     ) -> Decision {
         let z = new.sums.z;
-        if let Some(slot) = self.taker(z, &layers[..*used])
+        if let Some(slot) = self.slot_for(z, &layers[..*used])
             && let Layer::Open(open) = &mut layers[slot]
         {
             open.add(&new.sums);
@@ -516,7 +515,7 @@ impl<'a> Window<'a> {
         }
     }
 
-    /// The pixel: windows summed and closed, one in or behind the other, over the background.
+    /// The pixel: windows summed and closed, one inside or behind the other, over the background.
     pub fn resolve(&self, layers: &mut [Layer]) -> [f64; 4] {
         Self::sort(layers);
         let mut front = DVec4::ZERO;
@@ -539,7 +538,7 @@ impl<'a> Window<'a> {
         over(front, DVec4::from_array(self.shader.background())).to_array()
     }
 
-    /// The window that starts with the first layer, closed, and how many layers it took.
+    /// The window that starts with the first layer, closed, and its number of layers.
     fn close_window(&self, layers: &[Layer]) -> (Closed, usize) {
         let Layer::Open(mut window) = layers[0] else {
             return (self.close(&layers[0]), 1);
@@ -558,8 +557,8 @@ impl<'a> Window<'a> {
 }
 
 impl Closed {
-    /// What of a layer behind it is seen that starts at this depth: all that its front lets
-    /// through, where it lies before its back.
+    /// Transmittance for a layer behind it that starts at this depth: that of its front only, if
+    /// the layer is in front of its back.
     fn lets_through(&self, near: f64) -> f64 {
         if near < self.far() {
             self.behind_front
@@ -569,8 +568,8 @@ impl Closed {
     }
 }
 
-/// Step 3: brings a new cluster into the order of the others, of which the last place is spare;
-/// behind its equals. Returns its place.
+/// Step 3: inserts a new cluster in order, behind its equals; the last place is spare. Returns its
+/// place.
 fn insert(layers: &mut [Layer], new: Open) -> usize {
     let last = layers.len() - 1;
     Window::sort(&mut layers[..last]);
@@ -581,7 +580,7 @@ fn insert(layers: &mut [Layer], new: Open) -> usize {
     place
 }
 
-/// Rounded down to a power of two; what is hardly seen is not seen.
+/// Rounded down to a power of two; 0 below the least transmittance.
 fn power_of_two(transmittance: f64) -> f64 {
     const EXPONENT: u64 = 0xfff0_0000_0000_0000;
     if transmittance >= LEAST_SEEN {
@@ -592,24 +591,29 @@ fn power_of_two(transmittance: f64) -> f64 {
 }
 
 /// A footprint and its splat's own colour.
-struct Lit {
+struct LitFootprint {
     footprint: Footprint,
     colour: DVec3,
 }
 
-impl Cover for Lit {
-    type Contribution = Arrival;
+impl Cover for LitFootprint {
+    type Contribution = LitContribution;
 
     fn sides(&self) -> [Range<u32>; 2] {
         self.footprint.sides()
     }
 
-    fn give(&self, columns: Range<u32>, rows: Range<u32>, mut take: impl FnMut([u32; 2], Arrival)) {
+    fn contribute(
+        &self,
+        columns: Range<u32>,
+        rows: Range<u32>,
+        mut take: impl FnMut([u32; 2], LitContribution),
+    ) {
         let (colour, opacity) = (self.colour, self.footprint.opacity);
-        self.footprint.give(columns, rows, |pixel, sums| {
+        self.footprint.contribute(columns, rows, |pixel, sums| {
             take(
                 pixel,
-                Arrival {
+                LitContribution {
                     sums,
                     colour,
                     opacity,
@@ -622,12 +626,12 @@ impl Cover for Lit {
 /// Draws a scene of surfaces.
 pub(super) fn draw(scene: &Scene, shader: &Shader, rules: &Rules) -> Rendering {
     let (footprints, culled) = footprints(scene, shader, rules.turn_normals, 0.0);
-    let light = |footprint: Footprint| Lit {
+    let light = |footprint: Footprint| LitFootprint {
         colour: shader.emission(&footprint),
         footprint,
     };
-    let lit: Vec<Lit> = footprints.into_par_iter().map(light).collect();
-    let pixels = || Pixels::new(rules, scene.surface.z_threshold, shader);
+    let lit: Vec<LitFootprint> = footprints.into_par_iter().map(light).collect();
+    let pixels = || WindowPainter::new(rules, scene.surface.z_threshold, shader);
     Rendering {
         culled,
         ..fill(&scene.image, &lit, shader.background(), pixels)
@@ -635,22 +639,22 @@ pub(super) fn draw(scene: &Scene, shader: &Shader, rules: &Rules) -> Rendering {
 }
 
 /// The fragments of one tile.
-pub(super) struct Pixels<'a> {
+pub(super) struct WindowPainter<'a> {
     window: Window<'a>,
-    /// Of one pixel, with the spare one.
+    /// Slots per pixel, including the spare one.
     slots: usize,
-    /// A pixel's slots lie side by side.
+    /// A pixel's slots are contiguous.
     layers: Vec<Layer>,
-    /// Slots in use, of each pixel.
+    /// Slots in use, per pixel.
     used: Vec<usize>,
-    seen: Vec<Seen>,
+    seen: Vec<LayerVisibility>,
     outcomes: Outcomes,
 }
 
-impl<'a> Pixels<'a> {
+impl<'a> WindowPainter<'a> {
     pub fn new(rules: &Rules, z_threshold: f64, shader: &'a Shader) -> Self {
         let slots = rules.layers.max(1) + 1;
-        Pixels {
+        WindowPainter {
             window: Window::new(rules, z_threshold, shader),
             slots,
             layers: vec![Layer::default(); PIXELS_IN_A_TILE * slots],
@@ -660,8 +664,8 @@ impl<'a> Pixels<'a> {
         }
     }
 
-    /// Takes one contribution in and says what became of it.
-    pub fn decide(&mut self, pixel: usize, new: &Arrival) -> Decision {
+    /// Takes one contribution and returns its outcome.
+    pub fn decide(&mut self, pixel: usize, new: &LitContribution) -> Decision {
         let first = pixel * self.slots;
         self.window.take(
             &mut self.layers[first..first + self.slots],
@@ -678,10 +682,10 @@ impl<'a> Pixels<'a> {
     }
 }
 
-impl Painter for Pixels<'_> {
-    type Contribution = Arrival;
+impl Painter for WindowPainter<'_> {
+    type Contribution = LitContribution;
 
-    fn take(&mut self, pixel: usize, contribution: Arrival) {
+    fn take(&mut self, pixel: usize, contribution: LitContribution) {
         let decision = self.decide(pixel, &contribution);
         self.outcomes.count(decision);
     }
@@ -724,7 +728,7 @@ mod tests {
     }
 
     /// Grey, of full weight.
-    fn at(z: f64, opacity: f64) -> Arrival {
+    fn at(z: f64, opacity: f64) -> LitContribution {
         let sums = Fragment {
             weight: 1.0,
             rgb: GREY,
@@ -733,14 +737,14 @@ mod tests {
             z,
             ..Fragment::default()
         };
-        Arrival {
+        LitContribution {
             sums,
             colour: GREY,
             opacity,
         }
     }
 
-    fn weighing(weight: f64, arrival: Arrival) -> Arrival {
+    fn weighing(weight: f64, arrival: LitContribution) -> LitContribution {
         let Fragment {
             rgb, alpha, normal, ..
         } = arrival.sums;
@@ -751,15 +755,15 @@ mod tests {
             normal: normal * weight,
             ..arrival.sums
         };
-        Arrival { sums, ..arrival }
+        LitContribution { sums, ..arrival }
     }
 
     fn open(z: f64, opacity: f64) -> Layer {
         Layer::Open(Open::new(at(z, opacity).sums))
     }
 
-    fn part(near: f64, far: f64, weight: f64) -> Part {
-        Part {
+    fn part(near: f64, far: f64, weight: f64) -> Surface {
+        Surface {
             span: Span { near, far },
             weight,
         }
@@ -778,11 +782,11 @@ mod tests {
         }
     }
 
-    /// What becomes of each of these at ε = 1, the nearest depths of the slots at the end, and the
+    /// Decisions about these contributions at ε = 1, the final nearest depths of the slots, and the
     /// pixel.
-    fn drawn(rules: &Rules, arrivals: &[Arrival]) -> (Vec<Decision>, Vec<f64>, [f64; 4]) {
+    fn drawn(rules: &Rules, arrivals: &[LitContribution]) -> (Vec<Decision>, Vec<f64>, [f64; 4]) {
         let shader = Shader::unlit(COVERS);
-        let mut pixels = Pixels::new(rules, 1.0, &shader);
+        let mut pixels = WindowPainter::new(rules, 1.0, &shader);
         let decisions = arrivals
             .iter()
             .map(|arrival| pixels.decide(0, arrival))
@@ -793,16 +797,16 @@ mod tests {
     }
 
     fn last(rules: &Rules, depths: &[f64], opacity: f64) -> (Decision, Vec<f64>) {
-        let arrivals: Vec<Arrival> = depths.iter().map(|z| at(*z, opacity)).collect();
+        let arrivals: Vec<LitContribution> = depths.iter().map(|z| at(*z, opacity)).collect();
         let (decisions, near, _) = drawn(rules, &arrivals);
         (decisions[decisions.len() - 1], near)
     }
 
-    fn with_rule<T>(rules: &Rules, ask: impl FnOnce(&Window) -> T) -> T {
-        ask(&Window::new(rules, 1.0, &Shader::unlit(COVERS)))
+    fn with_rule<T>(rules: &Rules, read: impl FnOnce(&Window) -> T) -> T {
+        read(&Window::new(rules, 1.0, &Shader::unlit(COVERS)))
     }
 
-    fn seen(layers: &[Layer]) -> Vec<Seen> {
+    fn seen(layers: &[Layer]) -> Vec<LayerVisibility> {
         let mut seen = Vec::new();
         with_rule(&rules(8, 0.0), |window| window.windows(layers, &mut seen));
         seen
@@ -820,7 +824,8 @@ mod tests {
     #[test]
     fn a_contribution_joins_the_cluster_that_spans_it() {
         let clusters = [9.0, 10.0, 9.5, 9.25];
-        // The third finds 9 and 10 apart; the pixel overflows at two, where 9 and 9.5 are summed.
+        // The third contribution leaves 9 and 10 separate; the pixel overflows at two slots, where
+        // 9 and 9.5 are summed.
         let (decision, near) = last(&rules(2, 0.0), &clusters, 0.0);
         assert_eq!(
             (decision, near),
@@ -837,7 +842,7 @@ mod tests {
     }
 
     #[test]
-    fn a_contribution_joins_the_nearest_cluster_that_stays_narrow_and_of_equals_the_lowest() {
+    fn a_contribution_joins_the_nearest_cluster_that_stays_narrow_and_the_lowest_on_ties() {
         let rules = rules(8, 0.5);
         assert_eq!(
             last(&rules, &[10.0, 10.4375], 0.0).0,
@@ -906,7 +911,7 @@ mod tests {
     }
 
     #[test]
-    fn of_two_equally_near_surfaces_the_front_is_late() {
+    fn a_contribution_equally_near_to_both_surfaces_is_late_for_the_front() {
         let layers = [Layer::Closed(closed([10.0, 10.0], [10.5, 10.5]))];
         let late = |z| with_rule(&rules(8, 0.0), |window| window.late_for(z, &layers));
         assert_eq!(late(10.25), Some((0, Side::Front)));
@@ -916,7 +921,7 @@ mod tests {
     #[test]
     fn a_late_front_covers_what_its_surface_did_not() {
         let mut late = closed([10.0, 10.0], [14.0, 14.0]);
-        let white = Arrival {
+        let white = LitContribution {
             colour: DVec3::ONE,
             ..weighing(COVERS / 4.0, at(9.5, 0.5))
         };
@@ -947,9 +952,9 @@ mod tests {
     }
 
     #[test]
-    fn a_late_back_is_seen_through_all() {
+    fn a_late_back_is_blended_behind_everything() {
         let mut late = closed([10.0, 10.0], [14.0, 14.0]);
-        let white = Arrival {
+        let white = LitContribution {
             colour: DVec3::ONE,
             ..weighing(COVERS / 4.0, at(14.5, 0.5))
         };
@@ -974,7 +979,7 @@ mod tests {
     }
 
     #[test]
-    fn what_covers_takes_no_more_colour() {
+    fn a_covering_surface_takes_no_more_colour() {
         let mut late = closed([10.0, 10.0], [14.0, 14.0]);
         late.front.weight = COVERS;
         with_rule(&rules(8, 0.0), |window| {
@@ -984,7 +989,7 @@ mod tests {
             (late.colour, late.front.weight),
             (closed([0.0; 2], [0.0; 2]).colour, COVERS + 1.0)
         );
-        // Half covered, and opaque: the other half is all that is left.
+        // Half covered and opaque: only the other half is left.
         let mut late = closed([10.0, 10.0], [14.0, 14.0]);
         with_rule(&rules(8, 0.0), |window| {
             window.add_late(&mut late, Side::Front, &at(10.0, 1.0))
@@ -993,7 +998,7 @@ mod tests {
     }
 
     #[test]
-    fn what_lies_within_belongs_to_the_last_that_spans_it() {
+    fn a_contribution_inside_belongs_to_the_last_layer_that_spans_it() {
         let layers = [[10.0, 20.0], [12.0, 18.0], [30.0, 40.0]]
             .map(|[near, far]| Layer::Closed(closed([near; 2], [far; 2])));
         let around = |z| with_rule(&rules(8, 0.0), |window| window.around(z, &layers));
@@ -1027,14 +1032,14 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_inside_is_seen_through_the_front_and_hides_the_back() {
+    fn an_inside_layer_is_behind_the_front_and_hides_the_back() {
         let white = |z| Closed::of_one(DVec4::splat(0.5), part(z, z, 1.0));
         let mut both = closed([10.0; 2], [20.0; 2]);
         both.put_inside(&white(12.0));
         // ½ grey, then ½·½ white, then ¼·½ grey.
         assert_near(both.colour, (GREY * 0.625 + 0.25).extend(0.875));
         assert_eq!((both.behind_front, both.before_back), (0.5, 0.25));
-        // In the middle counts as nearer to the back: only a quarter of it is seen, and three
+        // The middle counts as nearer to the back: only a quarter of it is visible, and three
         // quarters of what it hides was there.
         both.colour = DVec4::splat(0.875);
         both.put_inside(&white(15.0));
@@ -1043,7 +1048,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_clear_takes_the_colour_of_what_comes_inside() {
+    fn a_transparent_layer_takes_the_colour_of_an_inside_layer() {
         let mut clear = Closed {
             colour: DVec4::ZERO,
             behind_front: 1.0,
@@ -1057,7 +1062,7 @@ mod tests {
     // --- Step 3 ---
 
     #[test]
-    fn slots_are_in_the_order_of_their_nearest_depths_and_equals_as_they_came() {
+    fn slots_are_sorted_by_nearest_depth_and_stable_on_ties() {
         assert_eq!(
             last(&rules(8, 0.0), &[30.0, 10.0, 20.0], 0.0),
             (Decision::Inserted { slot: 1 }, vec![10.0, 20.0, 30.0])
@@ -1079,7 +1084,7 @@ mod tests {
     // --- Step 4 ---
 
     #[test]
-    fn windows_begin_at_the_nearest_depth_and_hide_what_lies_behind() {
+    fn windows_begin_at_the_nearest_depth_and_hide_layers_behind_them() {
         let found = seen(&[
             open(0.0, 0.4),
             open(0.75, 0.4),
@@ -1094,7 +1099,7 @@ mod tests {
         ];
         assert_eq!(
             found,
-            expected.map(|(first, start, transmittance)| Seen {
+            expected.map(|(first, start, transmittance)| LayerVisibility {
                 first,
                 start,
                 transmittance
@@ -1103,7 +1108,7 @@ mod tests {
     }
 
     #[test]
-    fn a_cluster_belongs_where_its_mean_does() {
+    fn a_cluster_belongs_to_the_window_of_its_mean() {
         let mut wide = Open::new(at(0.5, 0.0).sums);
         wide.add(&at(1.25, 0.0).sums);
         assert_eq!(seen(&[open(0.0, 0.0), Layer::Open(wide)])[1].first, 0);
@@ -1112,7 +1117,7 @@ mod tests {
     }
 
     #[test]
-    fn a_closed_layer_ends_a_window_and_hides_by_where_the_next_lies() {
+    fn a_closed_layer_ends_a_window_and_hides_by_the_depth_of_the_next() {
         let layers = [
             open(0.0, 0.5),
             Layer::Closed(closed([0.25; 2], [5.0; 2])),
@@ -1128,7 +1133,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_seen_is_a_power_of_two_or_nothing() {
+    fn transmittance_is_a_power_of_two_or_0() {
         let rounded = [
             1.0,
             0.9,
@@ -1150,7 +1155,7 @@ mod tests {
     // --- Steps 5 and 6 ---
 
     #[test]
-    fn what_nobody_sees_is_dropped() {
+    fn a_hidden_layer_is_dropped() {
         let layers = |last: f64| [at(10.0, 1.0), at(20.0, 0.5), at(last, 0.5)];
         let (decided, near, _) = drawn(&rules(2, 0.0), &layers(15.0));
         assert_eq!(
@@ -1186,12 +1191,12 @@ mod tests {
             last(&rules(2, 0.0), &[0.25, 0.0, 0.5], 0.0),
             (Decision::Summed { slot: 0, place: 2 }, vec![0.0, 0.5])
         );
-        // 0.75·1.75/2 of one window against 1 of two, though the two are nearer.
+        // 0.75·1.75/2 of one window against 1 of two windows, although the latter two are nearer.
         assert_eq!(
             last(&rules(2, 0.0), &[0.0, 0.75, 1.25], 0.0).0,
             Decision::Summed { slot: 0, place: 2 }
         );
-        // Seen by half, the deeper pair costs half.
+        // Half visible, the deeper pair costs half.
         let arrivals = [at(0.0, 0.5), at(0.25, 0.5), at(5.0, 0.0), at(5.25, 0.0)];
         assert_eq!(
             drawn(&rules(3, 0.0), &arrivals).0[3],
@@ -1200,7 +1205,7 @@ mod tests {
     }
 
     #[test]
-    fn of_pairs_that_cost_the_same_the_nearer_is_summed() {
+    fn on_equal_costs_the_nearer_pair_is_summed() {
         let arrivals = [at(0.0, 0.0), at(0.25, 0.0), at(5.0, 0.0), at(5.25, 0.0)];
         assert_eq!(
             drawn(&rules(3, 0.0), &arrivals).0[3],
@@ -1249,7 +1254,7 @@ mod tests {
     // --- Step 7 ---
 
     #[test]
-    fn two_that_are_too_far_apart_are_closed() {
+    fn two_layers_too_far_apart_are_closed() {
         let (decision, near) = last(&rules(2, 0.0), &[10.0, 1.0, 11.0], 0.5);
         assert_eq!(
             (decision, near),
@@ -1265,7 +1270,7 @@ mod tests {
     }
 
     #[test]
-    fn a_surface_that_is_closed_is_one_part() {
+    fn a_closed_surface_is_one_part() {
         let closed = with_rule(&rules(2, 0.0), |window| window.close(&open(3.0, 0.5)));
         assert_eq!(
             (closed.colour, closed.behind_front, closed.before_back),
@@ -1283,7 +1288,7 @@ mod tests {
     }
 
     #[test]
-    fn over_takes_the_back_of_what_reaches_deeper() {
+    fn over_takes_the_deeper_back() {
         let one = |z| Closed::of_one((GREY * 0.5).extend(0.5), part(z, z, z));
         let mut both = one(1.0);
         both.put_over(&one(5.0));
@@ -1303,7 +1308,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_closed_layer_encloses_comes_inside() {
+    fn an_enclosed_layer_is_blended_inside() {
         let rule = rules(2, 0.0);
         let arrivals = [
             at(10.0, 0.5),
@@ -1339,7 +1344,7 @@ mod tests {
     }
 
     #[test]
-    fn what_comes_late_finds_its_surface() {
+    fn a_late_contribution_finds_its_surface() {
         let arrivals = [
             at(10.0, 0.5),
             at(1.0, 0.5),
@@ -1420,10 +1425,10 @@ mod tests {
         );
     }
 
-    // --- Whatever comes ---
+    // --- Arbitrary input ---
 
     #[test]
-    fn no_number_is_too_odd() {
+    fn arbitrary_numbers_are_accepted() {
         let odd = [
             f64::NAN,
             f64::INFINITY,
@@ -1446,7 +1451,7 @@ mod tests {
                     group,
                     ..rules(layers, 0.25)
                 };
-                let mut pixels = Pixels::new(&rules, 1.0, &shader);
+                let mut pixels = WindowPainter::new(&rules, 1.0, &shader);
                 for step in 0..2000 {
                     let pick = |stride: usize| odd[(step * stride + step / 7) % odd.len()];
                     let mut arrival = weighing(pick(5), at(pick(1), pick(3)));

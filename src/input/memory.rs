@@ -1,17 +1,16 @@
-//! Memory: how much this process may still have.
+//! Memory: the amount that this process can still allocate.
 
 use crate::output::text::gigabytes;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Bytes from which on a need is held against what is free: less is there on any host, and looking
-/// takes time.
+/// Amounts below this are not checked: every host has this much, and the check takes time.
 const LEAST_BYTES: u64 = 64 << 20;
 
-/// Refuses more bytes than are free, in the second half of a sentence.
+/// Returns an error, the second half of a sentence, if more bytes are needed than are free.
 ///
 /// # Errors
-/// Both numbers.
+/// A text with both amounts.
 pub fn check(needed: u64) -> Result<(), String> {
     if needed < LEAST_BYTES {
         return Ok(());
@@ -22,14 +21,14 @@ pub fn check(needed: u64) -> Result<(), String> {
             gigabytes(needed),
             gigabytes(free)
         )),
-        // What the system says nothing of shows when the memory is asked for; none of it is
+        // Limits that the system does not report show when the memory is allocated; none of it is
         // touched.
         _ => {
             match Vec::<u8>::new().try_reserve_exact(usize::try_from(needed).unwrap_or(usize::MAX))
             {
                 Ok(()) => Ok(()),
                 Err(_) => Err(format!(
-                    "it needs {} of memory, which the system does not give",
+                    "it needs {} of memory, which the system refuses",
                     gigabytes(needed)
                 )),
             }
@@ -37,7 +36,7 @@ pub fn check(needed: u64) -> Result<(), String> {
     }
 }
 
-/// Bytes that this process may still have; none where the system does not say (Linux does).
+/// Bytes that this process can still allocate; none if the system does not report it (Linux does).
 pub fn free() -> Option<u64> {
     let meminfo = fs::read_to_string("/proc/meminfo").ok()?;
     let available = 1024 * field(&meminfo, "MemAvailable:")?;
@@ -47,7 +46,7 @@ pub fn free() -> Option<u64> {
     Some(of_groups.chain(address_space()).fold(available, u64::min))
 }
 
-/// What a limit of addresses (`ulimit -v`) leaves.
+/// The rest of a limit of the address space (`ulimit -v`).
 fn address_space() -> Option<u64> {
     let limits = fs::read_to_string("/proc/self/limits").ok()?;
     let limit = field(&limits, "Max address space")?;
@@ -55,7 +54,7 @@ fn address_space() -> Option<u64> {
     Some(limit.saturating_sub(1024 * used))
 }
 
-/// The number that follows a name at the beginning of a line.
+/// The number after a name at the beginning of a line.
 fn field(text: &str, name: &str) -> Option<u64> {
     text.lines()
         .find_map(|line| line.strip_prefix(name))?
@@ -65,12 +64,12 @@ fn field(text: &str, name: &str) -> Option<u64> {
         .ok()
 }
 
-/// A control group with limits: of a container, or of a job on a cluster.
+/// A control group with limits, of a container or of a job on a cluster.
 #[derive(Debug, PartialEq)]
-struct Group {
+struct ControlGroup {
     folder: PathBuf,
-    /// Files of its limit, of its use, and the part of the use that the system takes back where it
-    /// is needed.
+    /// Files with its limit and its use, and the field with the part of the use that the system
+    /// reclaims on demand.
     names: [&'static str; 3],
 }
 
@@ -81,9 +80,9 @@ const VERSION_1: [&str; 3] = [
 ];
 const VERSION_2: [&str; 3] = ["memory.max", "memory.current", "inactive_file"];
 
-/// All groups that this process is in, from the text of `/proc/self/cgroup`; in a container its own
+/// All groups of this process, from the text of `/proc/self/cgroup`; in a container its own group
 /// may be at the root.
-fn groups(text: &str) -> Vec<Group> {
+fn groups(text: &str) -> Vec<ControlGroup> {
     let mut all = Vec::new();
     for line in text.lines() {
         let mut parts = line.splitn(3, ':').skip(1);
@@ -99,7 +98,7 @@ fn groups(text: &str) -> Vec<Group> {
             _ => continue,
         };
         let own = Path::new(parts.next().unwrap_or_default().trim_start_matches('/'));
-        all.extend(own.ancestors().map(|folder| Group {
+        all.extend(own.ancestors().map(|folder| ControlGroup {
             folder: Path::new(root).join(folder),
             names,
         }));
@@ -107,7 +106,7 @@ fn groups(text: &str) -> Vec<Group> {
     all
 }
 
-impl Group {
+impl ControlGroup {
     fn free(&self) -> Option<u64> {
         let read = |name: &str| fs::read_to_string(self.folder.join(name)).ok();
         let number = |name: &str| read(name)?.trim().parse::<u64>().ok();
@@ -124,9 +123,9 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_group_has_what_its_limit_leaves_and_what_the_system_takes_back() {
+    fn the_free_memory_of_a_group_includes_reclaimable_memory() {
         let folder = tempfile::tempdir().unwrap();
-        let group = Group {
+        let group = ControlGroup {
             folder: folder.path().to_owned(),
             names: VERSION_2,
         };
@@ -164,12 +163,12 @@ mod tests {
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn more_than_any_host_has_is_refused_in_numbers() {
-        let told = check(1 << 50).unwrap_err();
+    fn more_memory_than_any_host_has_is_refused_with_both_amounts() {
+        let message = check(1 << 50).unwrap_err();
         assert!(
-            told.starts_with("it needs 1125899.9 GB of memory, and ")
-                && told.ends_with(" are free"),
-            "{told}"
+            message.starts_with("it needs 1125899.9 GB of memory, and ")
+                && message.ends_with(" are free"),
+            "{message}"
         );
         assert_eq!(check(LEAST_BYTES), Ok(()));
     }

@@ -1,7 +1,7 @@
 //! Input: opens every file that a user names, and reads it within limits of bytes and of time.
 //!
-//! Files are read whole where memory has room for them. Of pipes, as a shell makes for
-//! `<(command)`, a limited number of bytes is read. What need not end, as a device, is refused.
+//! Files are read completely if memory has room for them. From pipes, for example of `<(command)`
+//! in a shell, a limited number of bytes is read. Devices are refused, because they need not end.
 
 pub mod memory;
 
@@ -11,20 +11,20 @@ use std::path::Path;
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
-/// Bytes of a pipe, at most.
+/// Greatest number of bytes of a pipe.
 const MOST_OF_A_PIPE: u64 = 256 << 20;
-/// How long a pipe may have no process that writes into it.
+/// Time limit for a process to open a pipe for writing.
 const NO_WRITER: Duration = Duration::from_secs(5);
-/// How long nothing may come out of a pipe.
+/// Time limit for a pipe to deliver a byte.
 const NO_BYTES: Duration = Duration::from_secs(60);
-/// Bytes of a pipe that are read at a time.
+/// Bytes per read of a pipe.
 const CHUNK: usize = 64 << 10;
 
 /// Opens a file or a pipe.
 ///
 /// # Errors
-/// Why it cannot be read, for the end of a sentence: also where it is a folder or a device, or a
-/// pipe that no process writes into.
+/// The reason, for the end of a sentence, if it cannot be read, is a folder or a device, or is a
+/// pipe that no process writes to.
 pub fn open(path: &Path) -> Result<File> {
     let metadata = std::fs::metadata(path)?;
     match () {
@@ -38,15 +38,14 @@ pub fn open(path: &Path) -> Result<File> {
 /// All bytes of a file or a pipe.
 ///
 /// # Errors
-/// As [`open`]; also where it has more bytes than memory has room for, or a pipe than are read of
-/// one.
+/// As [`open`]; also if memory has no room for it, or a pipe exceeds the limit.
 pub fn read(path: &Path) -> Result<Vec<u8>> {
     let file = open(path)?;
     let metadata = file.metadata()?;
     if is_pipe(&metadata) {
         return read_pipe(file);
     }
-    // Files of the system that say 0 have contents.
+    // Some files of the system report a length of 0 but have contents.
     let most = if metadata.len() == 0 {
         MOST_OF_A_PIPE
     } else {
@@ -71,10 +70,10 @@ pub fn read(path: &Path) -> Result<Vec<u8>> {
     }
 }
 
-/// The same as text, without a byte-order mark: UTF-8, or UTF-16 where a mark says so.
+/// The text of a file or a pipe, without a byte-order mark: UTF-8, or UTF-16 if a mark declares it.
 ///
 /// # Errors
-/// As [`read`]; also where it is neither.
+/// As [`read`]; also if it is neither.
 pub fn read_text(path: &Path) -> Result<String> {
     let bytes = read(path)?;
     let wide = |order: fn([u8; 2]) -> u16, bytes: &[u8]| match bytes.as_chunks::<2>() {
@@ -90,7 +89,7 @@ pub fn read_text(path: &Path) -> Result<String> {
             .ok()
             .map(|text| without_mark(&text).to_owned()),
     };
-    text.ok_or_else(|| Error::new(ErrorKind::InvalidData, "it is no text in UTF-8"))
+    text.ok_or_else(|| Error::new(ErrorKind::InvalidData, "it is not UTF-8 text"))
 }
 
 /// A text without the byte-order mark at its start.
@@ -113,15 +112,15 @@ fn is_pipe(_: &std::fs::Metadata) -> bool {
     false
 }
 
-/// Opening a pipe waits for a process that writes. The thread that waits in vain ends with the
-/// process.
+/// Opening a pipe blocks until a process opens it for writing. After a timeout the thread stays
+/// blocked until this process ends.
 fn open_pipe(path: &Path) -> Result<File> {
     let (sender, receiver) = mpsc::sync_channel(1);
     let path = path.to_owned();
     std::thread::spawn(move || sender.send(File::open(path)));
     receiver.recv_timeout(NO_WRITER).unwrap_or_else(|_| {
         refuse(&format!(
-            "it is a pipe that no process writes into for {NO_WRITER:?}"
+            "it is a pipe that no process has opened for writing within {NO_WRITER:?}"
         ))
     })
 }
@@ -147,11 +146,11 @@ fn read_pipe(mut file: File) -> Result<Vec<u8>> {
             Ok(Ok(chunk)) if chunk.is_empty() => return Ok(bytes),
             Ok(Ok(chunk)) => bytes.extend(chunk),
             Ok(Err(error)) => return Err(error),
-            Err(RecvTimeoutError::Disconnected) => return refuse("its reader has ended"),
+            Err(RecvTimeoutError::Disconnected) => {
+                return refuse("the thread that reads it has ended");
+            }
             Err(RecvTimeoutError::Timeout) => {
-                return refuse(&format!(
-                    "it is a pipe out of which nothing came for {NO_BYTES:?}"
-                ));
+                return refuse(&format!("it is a pipe without data for {NO_BYTES:?}"));
             }
         }
         if bytes.len() as u64 > MOST_OF_A_PIPE {
@@ -168,7 +167,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_file_is_read_whole_and_what_is_none_is_told() {
+    fn a_file_is_read_completely_and_other_paths_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("file");
         std::fs::write(&path, "some text").unwrap();
@@ -211,7 +210,7 @@ mod tests {
             read(&pipe)
                 .unwrap_err()
                 .to_string()
-                .contains("no process writes into")
+                .contains("no process has opened for writing")
         );
         assert!(start.elapsed() < 4 * NO_WRITER, "{:?}", start.elapsed());
         let other = folder.path().join("other");
@@ -254,15 +253,15 @@ mod tests {
     fn a_file_that_memory_has_no_room_for_is_refused_before_it_is_read() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("large");
-        // It takes no room on the disk.
+        // The file is sparse and needs no space on the disk.
         std::fs::File::create(&path)
             .unwrap()
             .set_len(1 << 42)
             .unwrap();
-        let told = read(&path).unwrap_err().to_string();
+        let message = read(&path).unwrap_err().to_string();
         assert!(
-            told.contains("4398.0 GB") && told.contains("free"),
-            "{told}"
+            message.contains("4398.0 GB") && message.contains("free"),
+            "{message}"
         );
     }
 }

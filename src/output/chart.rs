@@ -11,7 +11,7 @@ mod extents;
 mod tiles;
 
 pub use extents::{Extent, Extents};
-pub use tiles::{Tile, Words};
+pub use tiles::{PictureTile, TextLines};
 
 use crate::error::{Error, Result};
 use crate::output::files::write_beside;
@@ -25,8 +25,8 @@ use std::ops::Range;
 use std::path::Path;
 use std::sync::Once;
 
-/// Colours that stay apart for the colour-blind (Okabe and Ito, 2008), the first for what matters
-/// most.
+/// Colours that colour-blind readers can distinguish (Okabe and Ito, 2008), the first for the most
+/// important series.
 const COLOURS: [RGBColor; 7] = [
     RGBColor(0, 114, 178),
     RGBColor(213, 94, 0),
@@ -42,14 +42,14 @@ const COLOURS: [RGBColor; 7] = [
 pub struct Axis {
     /// Label, with the unit.
     pub label: String,
-    /// By powers of ten.
+    /// Logarithmic scale.
     pub log: bool,
-    /// Least and greatest value; of what is drawn where not given.
+    /// Least and greatest value; by default those of the data.
     pub range: Option<[f64; 2]>,
 }
 
 impl Axis {
-    /// An axis by equal steps.
+    /// A linear axis.
     pub fn linear(label: &str) -> Self {
         Axis {
             label: label.into(),
@@ -57,7 +57,7 @@ impl Axis {
         }
     }
 
-    /// An axis by powers of ten; values that are not positive are not drawn.
+    /// A logarithmic axis; values that are not positive are not drawn.
     pub fn log(label: &str) -> Self {
         Axis {
             label: label.into(),
@@ -66,7 +66,7 @@ impl Axis {
         }
     }
 
-    /// From here to there.
+    /// The axis with this range.
     pub fn within(self, low: f64, high: f64) -> Self {
         Axis {
             range: Some([low, high]),
@@ -74,7 +74,7 @@ impl Axis {
         }
     }
 
-    /// Where a value lies on the axis; none where it cannot be shown.
+    /// Position of a value on the axis; none if it cannot be shown.
     fn place(&self, value: f64) -> Option<f64> {
         let place = if self.log { libm::log10(value) } else { value };
         place.is_finite().then_some(place)
@@ -98,15 +98,15 @@ impl Axis {
         }
     }
 
-    /// What a mark of the axis says, with as many digits as tell marks apart; nothing between the
-    /// powers of ten, where at least two of those are marked.
+    /// Text of a mark of the axis, with enough digits to distinguish marks. Between powers of ten
+    /// it is empty if at least two powers are marked.
     fn mark(&self, place: f64, span: &Range<f64>) -> String {
         let between = (place - place.round()).abs() > 1e-6;
         let decades = span.end.floor() - span.start.ceil();
         if self.log && between && decades >= 1.0 {
             return String::new();
         }
-        // Marks are at least so far apart.
+        // Least distance of marks.
         let step = (span.end - span.start) / 20.0;
         let drawing_error = self.written(place);
         let most = span.start.abs().max(span.end.abs());
@@ -123,7 +123,7 @@ impl Axis {
         }
     }
 
-    /// The range that shows all of these values, with a margin.
+    /// The range that contains all of these values, with a margin.
     fn span(&self, values: impl Iterator<Item = f64>) -> Range<f64> {
         if let Some([low, high]) = self.range {
             return self.place(low).unwrap_or(0.0)..self.place(high).unwrap_or(1.0);
@@ -136,20 +136,20 @@ impl Axis {
             return 0.0..1.0;
         }
         let margin = if high > low { 0.04 * (high - low) } else { 0.5 };
-        // What differs in its last places alone is one value, as far as an axis can tell.
+        // Values that differ only in their last digits are one value at the resolution of an axis.
         let least = LEAST_SPAN * low.abs().max(high.abs()) - (high - low);
         let margin = margin.max(least / 2.0);
         low - margin..high + margin
     }
 }
 
-/// The shortest axis, as a part of its values: six digits tell its marks apart.
+/// The shortest axis, relative to its values: six digits distinguish its marks.
 const LEAST_SPAN: f64 = 2e-4;
 
 /// Greatest values of an axis whose marks need no powers of ten.
 const PLAIN: Range<f64> = 1e-3..1e7;
 
-/// Mark that a series is drawn with.
+/// How a series is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mark {
     /// A line from point to point.
@@ -169,42 +169,42 @@ pub enum Mark {
 /// One series of points.
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// For the legend; none there if empty.
+    /// Name in the legend; not listed if empty.
     pub name: String,
     /// Points that are drawn.
     pub points: Vec<[f64; 2]>,
     /// Mark.
     pub mark: Mark,
-    /// Number of its colour.
+    /// Index of its colour.
     pub colour: usize,
 }
 
 /// One set of axes.
 #[derive(Clone, Debug, Default)]
 pub struct Panel {
-    /// Above it.
+    /// Title above the panel.
     pub title: String,
-    /// To the right.
+    /// Horizontal axis.
     pub x: Axis,
-    /// Upwards.
+    /// Vertical axis.
     pub y: Axis,
     /// Series that it shows.
     pub series: Vec<Series>,
-    /// Upright lines with a word beside them, and the number of their colour.
+    /// Vertical lines with a label, and the index of their colour.
     pub limits: Vec<(f64, String, usize)>,
-    /// Words beside points; none covers another.
+    /// Labels of points; no label covers another.
     pub notes: Vec<([f64; 2], String)>,
 }
 
-/// Shape that a row's values are drawn in.
+/// Shape of a row's values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Shape {
-    /// A bar each, one below the other.
+    /// One bar per value, one below the other.
     #[default]
     Bars,
-    /// Bars one after the other, as long as their sum.
+    /// Bars in sequence, whose total length is their sum.
     Stack,
-    /// A dot each, on one line.
+    /// One dot per value, on one line.
     Dots,
 }
 
@@ -213,55 +213,55 @@ pub enum Shape {
 pub struct Bars {
     /// Shape that they are drawn in.
     pub shape: Shape,
-    /// Above them.
+    /// Title above the bars.
     pub title: String,
-    /// Axis of the bars' length, with its unit.
+    /// Axis along the bars, with its unit.
     pub axis: Axis,
     /// Names of the bars of one row.
     pub legend: Vec<String>,
-    /// A name and a value for each bar.
+    /// A name and a value per bar.
     pub rows: Vec<(String, Vec<f64>)>,
 }
 
-/// Something that can be drawn into a rectangle.
+/// A drawing that fits into a rectangle.
 pub trait Draw {
     /// Draws.
     ///
     /// # Errors
     /// A sentence of the drawing library.
-    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn;
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> DrawResult;
 }
 
-/// The same, whatever it is.
+/// A drawing for any backend.
 pub trait Chart {
     /// Draws pixels.
     ///
     /// # Errors
     /// As [`Draw::draw`].
-    fn draw_pixels(&self, area: &Area<BitMapBackend>) -> Drawn;
+    fn draw_pixels(&self, area: &Area<BitMapBackend>) -> DrawResult;
 
     /// Draws shapes.
     ///
     /// # Errors
     /// As [`Draw::draw`].
-    fn draw_shapes(&self, area: &Area<SVGBackend>) -> Drawn;
+    fn draw_shapes(&self, area: &Area<SVGBackend>) -> DrawResult;
 }
 
 impl<T: Draw> Chart for T {
-    fn draw_pixels(&self, area: &Area<BitMapBackend>) -> Drawn {
+    fn draw_pixels(&self, area: &Area<BitMapBackend>) -> DrawResult {
         self.draw(area)
     }
 
-    fn draw_shapes(&self, area: &Area<SVGBackend>) -> Drawn {
+    fn draw_shapes(&self, area: &Area<SVGBackend>) -> DrawResult {
         self.draw(area)
     }
 }
 
-/// A rectangle to draw in.
+/// A rectangle for a drawing.
 pub type Area<B> = DrawingArea<B, Shift>;
 
-/// Nothing, or a sentence of the drawing library.
-type Drawn = std::result::Result<(), String>;
+/// Nothing, or an error message of the drawing library.
+type DrawResult = std::result::Result<(), String>;
 
 fn drawing_error(error: impl std::fmt::Display) -> String {
     error.to_string()
@@ -274,16 +274,16 @@ const FAINT: RGBColor = RGBColor(225, 225, 225);
 /// Heights of a caption and of a line of a legend above bars, pixels.
 const CAPTION_PX: i32 = 38;
 const LEGEND_PX: i32 = 22;
-/// The square of a legend, what is left free beside it, and between its names, pixels.
+/// The square of a legend, the space next to it, and between its names, pixels.
 const SWATCH_PX: i32 = 14;
 const GAP_PX: i32 = 6;
 const APART_PX: i32 = 22;
 
-/// How far the words of a limit are moved to the right, pixels: they stand on their side.
+/// Distance of the label of a limit from its line, pixels: the text is vertical.
 const BESIDE_PX: i32 = 15;
 
 impl Draw for Panel {
-    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> DrawResult {
         let all = || self.series.iter().flat_map(|series| &series.points);
         let x = self.x.span(
             all()
@@ -327,7 +327,7 @@ impl Draw for Panel {
                 .into_font()
                 .transform(FontTransform::Rotate90)
                 .color(&colour);
-            // The words stand beside their line, not on it.
+            // The text is next to its line, not on it.
             let words = EmptyElement::at((at.max(left), top))
                 + Text::new(word.clone(), (BESIDE_PX, 0), style);
             chart.draw_series([words]).map_err(drawing_error)?;
@@ -392,7 +392,8 @@ impl Draw for Panel {
                 .draw()
                 .map_err(drawing_error)?;
         }
-        // Words are placed by pixels of the whole picture, and drawn by those of the area.
+        // Positions of labels are in pixels of the whole picture, those of drawing in pixels of the
+        // area.
         let (columns, rows) = area.get_pixel_range();
         let points =
             all().filter_map(|point| Some((self.x.place(point[0])?, self.y.place(point[1])?)));
@@ -440,7 +441,7 @@ impl Draw for Panel {
 }
 
 impl Panel {
-    /// Where a legend covers fewest points.
+    /// Corner in which a legend covers the fewest points.
     fn emptiest_corner(&self, (x, y): &(Range<f64>, Range<f64>)) -> SeriesLabelPosition {
         const NEAR: f64 = 0.35;
         let part = |axis: &Axis, span: &Range<f64>, value: f64| {
@@ -453,7 +454,7 @@ impl Panel {
             .flat_map(|series| &series.points)
             .filter_map(place)
             .collect();
-        // A line is covered wherever it goes.
+        // A line is covered along its whole length.
         for series in self
             .series
             .iter()
@@ -492,8 +493,8 @@ impl Panel {
     }
 }
 
-/// Where words of this size may stand beside a point: the nearest place that covers least of what
-/// is there.
+/// Position for a label of this size next to a point: the nearest one that covers the least of the
+/// drawing.
 fn free_place(
     (x, y): (i32, i32),
     [width, height]: [i32; 2],
@@ -531,7 +532,7 @@ fn free_place(
 }
 
 impl Draw for Bars {
-    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> DrawResult {
         let sum = |values: &[f64]| values.iter().sum::<f64>();
         let ends = |(_, values): &(String, Vec<f64>)| {
             if self.shape == Shape::Stack {
@@ -547,7 +548,7 @@ impl Draw for Bars {
             span.start = span.start.floor();
         }
         let (start, whole) = (span.start, span.clone());
-        // Bars of numbers below 0 go to the left.
+        // Bars of negative values extend to the left.
         let foot = if self.axis.log {
             start
         } else {
@@ -649,7 +650,7 @@ impl Draw for Bars {
 }
 
 impl Bars {
-    /// Draws title and legend above all bars, where they cover none; what is left for those.
+    /// Draws title and legend above all bars, without covering any; returns the rest of the area.
     fn draw_head<B: DrawingBackend>(&self, area: &Area<B>) -> std::result::Result<Area<B>, String> {
         let style = (FONT, 14)
             .into_font()
@@ -700,10 +701,10 @@ impl Bars {
     }
 }
 
-/// Draws in a grid of `columns`, each cell of this many pixels, and writes a PNG.
+/// Draws a grid with `columns` columns, each cell of this many pixels, and writes a PNG.
 ///
 /// # Errors
-/// [`Error::Job`] where it cannot be drawn or written.
+/// [`Error::Job`] if it cannot be drawn or written.
 pub fn write_png(charts: &[&dyn Chart], columns: usize, cell: [u32; 2], path: &Path) -> Result<()> {
     register_font();
     let (rows, columns, size) = grid(charts.len(), columns, cell);
@@ -726,10 +727,10 @@ pub fn write_png(charts: &[&dyn Chart], columns: usize, cell: [u32; 2], path: &P
     })
 }
 
-/// The same as the text of an SVG, whose letters are those of the viewer.
+/// The same as the text of an SVG, in a font of the viewer.
 ///
 /// # Errors
-/// [`Error::Job`] where it cannot be drawn.
+/// [`Error::Job`] if it cannot be drawn.
 pub fn svg(charts: &[&dyn Chart], columns: usize, cell: [u32; 2]) -> Result<String> {
     register_font();
     let (rows, columns, size) = grid(charts.len(), columns, cell);
@@ -761,10 +762,10 @@ fn grid(charts: usize, columns: usize, [width, height]: [u32; 2]) -> (usize, usi
     )
 }
 
-/// The font of every chart, once.
+/// Registers the font of all charts, once.
 fn register_font() {
     static ONCE: Once = Once::new();
-    // A font that is compiled in cannot be an invalid one.
+    // The font is compiled in and always valid.
     ONCE.call_once(|| {
         drop(plotters::style::register_font(
             FONT,

@@ -1,5 +1,5 @@
-//! Colour: turns linear light into sRGB code values and back (IEC 61966-2-1), for 8-bit files and
-//! nothing else.
+//! Colour: converts linear light to sRGB code values and back (IEC 61966-2-1), only for files of 8
+//! bits.
 
 use std::sync::LazyLock;
 
@@ -26,8 +26,8 @@ pub fn srgb_encode(linear: f64) -> f64 {
 /// Linear light → code value of 8 bits: [`srgb_encode`] times 255, rounded. Values outside are
 /// clamped; NaN becomes 0.
 pub fn srgb_byte(linear: f64) -> u8 {
-    // Light grows with its code: where each code begins is found once, for a power takes ten times
-    // as long as to look there.
+    // The function is monotonic, so the start of each code is computed once: a look-up takes a
+    // tenth of the time of a power.
     static FIRST: LazyLock<[f64; 255]> =
         LazyLock::new(|| std::array::from_fn(|code| first_above(code as u8)));
     FIRST.partition_point(|first| *first <= linear) as u8
@@ -37,8 +37,8 @@ fn rounded(linear: f64) -> u8 {
     (255.0 * srgb_encode(linear)).round() as u8
 }
 
-/// The least light of a greater code than this, which is not the greatest: numbers from 0 on are in
-/// the order of their bits.
+/// The least light with a code above this one, which is not the greatest: floats from 0 on are
+/// ordered like their bits.
 fn first_above(code: u8) -> f64 {
     let (mut below, mut above) = (0, 1f64.to_bits());
     while above - below > 1 {
@@ -56,7 +56,7 @@ fn first_above(code: u8) -> f64 {
 mod tests {
     use super::*;
 
-    /// Each code's own light, what lies around the places where codes begin, and much between.
+    /// Each code's own light, values around the starts of codes, and many in between.
     #[test]
     fn a_code_of_8_bits_is_the_rounded_one() {
         let around = |code: u8| {
@@ -97,7 +97,7 @@ mod tests {
     }
 
     #[test]
-    fn middle_grey_is_what_the_standard_says() {
+    fn middle_grey_equals_that_of_the_standard() {
         assert!((srgb_decode(0.5) - 0.214_041_14).abs() < 1e-8);
         assert_eq!((srgb_decode(-1.0), srgb_decode(2.0)), (0.0, 1.0));
         assert_eq!(srgb_encode(-1.0), 0.0);

@@ -1,4 +1,4 @@
-//! Files: written whole or not at all, and results of several files all or none.
+//! Files: writes files completely or not at all, and results of several files all or none.
 
 use crate::error::{Error, Result, in_order};
 use rayon::prelude::*;
@@ -9,40 +9,40 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-/// End of the name of what is not finished, after the number of the process that writes it.
+/// Extension of an unfinished file, after the number of the process that writes it.
 const PART: &str = ".splatsim.part";
-/// How often a folder is made again that another process removes meanwhile.
+/// How often a folder is created again after another process removed it.
 const TRIES: u32 = 100;
 
-/// A folder that files are being written into, by this process alone until it is dropped.
+/// A folder into which files are being written, exclusively by this process until it is dropped.
 ///
-/// Where nothing was written into a folder that was not there before, it is removed afterwards.
-/// Only a process that holds the lock of a folder removes it.
+/// A folder that was created by [`Folder::open`] and stays empty is removed afterwards. Only a
+/// process that holds the lock of a folder removes it.
 #[derive(Debug)]
 pub struct Folder {
-    /// The open folder itself is what is locked: the system releases it however the process ends,
-    /// and there is no lock file.
+    /// The open folder itself is locked: the system releases the lock when the process ends in any
+    /// way, and there is no lock file.
     open: Option<File>,
-    /// Folders that were not there before, the outermost first.
+    /// Created folders, the outermost first.
     made: Vec<PathBuf>,
 }
 
 impl Folder {
-    /// Makes sure that files can be written into a folder, before any work is done for them;
-    /// removes what a process that was killed left there unfinished.
+    /// Checks that files can be written into a folder, before any work is done for them; removes
+    /// unfinished files of killed processes.
     ///
     /// # Errors
-    /// [`Error::Input`] where they cannot, or where another process is writing there.
+    /// [`Error::Input`] if they cannot be written, or another process is writing there.
     pub fn open(path: &Path) -> Result<Self> {
         let folder = Folder::locked(path, File::try_lock)?;
-        remove_left(path);
+        remove_unfinished(path);
         Ok(folder)
     }
 
-    /// Makes sure of it for a folder into which several processes may write, each its own files.
+    /// The same for a folder into which several processes may write, each its own files.
     ///
     /// # Errors
-    /// [`Error::Input`] where nobody can write there, or one process does so alone.
+    /// [`Error::Input`] if the folder is not writable, or one process is writing there exclusively.
     pub fn shared(path: &Path) -> Result<Self> {
         Folder::locked(path, File::try_lock_shared)
     }
@@ -62,7 +62,8 @@ impl Folder {
                 .map(Path::to_owned)
                 .collect();
             made.reverse();
-            // Dropped before it is locked it would remove what another process has locked.
+            // `made` is filled in after locking. A folder that is dropped before would remove one
+            // that another process has locked.
             let mut folder = Folder {
                 open: None,
                 made: Vec::new(),
@@ -81,14 +82,14 @@ impl Folder {
             folder.open = match File::open(path) {
                 Ok(open) => Some(open),
                 Err(error) if error.kind() == ErrorKind::NotFound => continue,
-                // Where folders cannot be opened or locked, as on some networks, no process is kept
-                // out.
+                // Some network file systems cannot open or lock folders; then other processes are
+                // not excluded.
                 Err(_) => None,
             };
             if let Some(Err(TryLockError::WouldBlock)) = folder.open.as_ref().map(lock) {
                 return Err(cannot(path, "another process is writing there"));
             }
-            // The process that held the lock before may have removed the folder meanwhile.
+            // The previous holder of the lock may have removed the folder in the meantime.
             if folder.open.as_ref().is_none_or(|open| leads_to(path, open)) {
                 folder.made = made;
                 return probe(path)
@@ -102,14 +103,13 @@ impl Folder {
 
 impl Drop for Folder {
     fn drop(&mut self) {
-        // Others that share it go on writing; the last one removes it.
+        // Other processes that share it continue to write; the last one removes it.
         drop(self.open.take());
         remove_free(&self.made);
     }
 }
 
-/// Removes folders, the innermost first, in which there is nothing and no process is about to
-/// write.
+/// Removes folders, the innermost first, that are empty and not locked by another process.
 fn remove_free(made: &[PathBuf]) {
     for folder in made.iter().rev() {
         let open = File::open(folder).ok();
@@ -122,8 +122,7 @@ fn remove_free(made: &[PathBuf]) {
     }
 }
 
-/// Whether a path leads to this open folder, and not to one that was made after that one was
-/// removed.
+/// Whether a path leads to this open folder, and not to one that was created after its removal.
 #[cfg(unix)]
 fn leads_to(path: &Path, open: &File) -> bool {
     use std::os::unix::fs::MetadataExt;
@@ -131,20 +130,20 @@ fn leads_to(path: &Path, open: &File) -> bool {
     matches!((fs::metadata(path).map(place), open.metadata().map(place)), (Ok(now), Ok(then)) if now == then)
 }
 
-/// Elsewhere an open folder cannot be removed.
+/// On other systems an open folder cannot be removed.
 #[cfg(not(unix))]
 fn leads_to(_: &Path, _: &File) -> bool {
     true
 }
 
-/// Removes what processes that are gone left unfinished in a folder, which this process has locked.
-fn remove_left(folder: &Path) {
+/// Removes unfinished files of ended processes in a folder that this process has locked.
+fn remove_unfinished(folder: &Path) {
     let is_left = |name: &str| {
         let process = name
             .strip_suffix(PART)
             .and_then(|name| name.rsplit_once('.'))
             .and_then(|(_, number)| number.parse::<u32>().ok());
-        // Files beside a result, as a video, are written without its lock.
+        // Files next to a result, such as a video, are written without its lock.
         process.is_some_and(|number| {
             number != std::process::id() && !Path::new(&format!("/proc/{number}")).exists()
         })
@@ -156,15 +155,15 @@ fn remove_left(folder: &Path) {
     }
 }
 
-/// Removes a file or a whole folder. What cannot be removed stays.
+/// Removes a file or a whole folder. Errors are ignored.
 fn remove(path: &Path) {
     let _ = fs::remove_file(path).or_else(|_| fs::remove_dir_all(path));
 }
 
-/// Whether a file can be put into a folder: puts one there and takes it away.
+/// Checks that a file can be put into a folder, by writing and removing one.
 ///
 /// # Errors
-/// Why not.
+/// The reason if it cannot.
 pub fn probe(folder: &Path) -> std::io::Result<()> {
     let probe = Unfinished::beside(&folder.join("probe"));
     fs::write(&probe.0, [])
@@ -177,12 +176,12 @@ fn cannot(folder: &Path, why: &str) -> Error {
     ))
 }
 
-/// What is being written, under a temporary name: a file or a folder. Removed when it is dropped,
-/// and when a signal ends the process.
+/// A file or a folder being written under a temporary name. Removed when it is dropped, and when a
+/// signal ends the process.
 #[derive(Debug)]
 pub struct Unfinished(PathBuf);
 
-/// All of this process.
+/// All unfinished files of this process.
 static UNFINISHED: Mutex<BTreeSet<PathBuf>> = Mutex::new(BTreeSet::new());
 
 fn unfinished() -> MutexGuard<'static, BTreeSet<PathBuf>> {
@@ -190,7 +189,7 @@ fn unfinished() -> MutexGuard<'static, BTreeSet<PathBuf>> {
 }
 
 impl Unfinished {
-    /// Beside what it will be; nothing is made yet.
+    /// A temporary name next to the final path; nothing is created yet.
     pub fn beside(path: &Path) -> Self {
         let mut name = path.file_name().unwrap_or_default().to_os_string();
         name.push(format!(".{}{PART}", std::process::id()));
@@ -199,15 +198,15 @@ impl Unfinished {
         Unfinished(part)
     }
 
-    /// Where it is.
+    /// Its temporary path.
     pub fn path(&self) -> &Path {
         &self.0
     }
 
-    /// Gives it its name.
+    /// Renames it to its final name.
     ///
     /// # Errors
-    /// Why it cannot.
+    /// The reason if it cannot be renamed.
     pub fn finish(self, path: &Path) -> std::io::Result<()> {
         fs::rename(&self.0, path)
     }
@@ -215,14 +214,14 @@ impl Unfinished {
 
 impl Drop for Unfinished {
     fn drop(&mut self) {
-        // It may never have come to be, or may have its name already; then there is nothing to
+        // It may never have been created, or may already be renamed; then there is nothing to
         // remove.
         remove(&self.0);
         unfinished().remove(&self.0);
     }
 }
 
-/// From now on SIGINT and SIGTERM remove what is unfinished before they end the process. For a
+/// Makes SIGINT and SIGTERM remove unfinished files before they end the process. To be called by a
 /// program's main thread.
 pub fn clean_up_on_signals() {
     #[cfg(unix)]
@@ -237,7 +236,7 @@ pub fn clean_up_on_signals() {
         };
         std::thread::spawn(move || {
             for signal in signals.forever() {
-                // Held until the end: no other thread begins to write a file.
+                // Held until the process ends, so that no other thread begins to write a file.
                 let unfinished = unfinished();
                 unfinished.iter().for_each(|path| remove(path));
                 let _ = signal_hook::low_level::emulate_default_handler(signal);
@@ -246,8 +245,8 @@ pub fn clean_up_on_signals() {
     }
 }
 
-/// Whether the process was started with a signal ignored, as by `nohup` or in the background of a
-/// script.
+/// Whether a signal was ignored when the process was started, for example by `nohup` or in the
+/// background of a script.
 #[cfg(unix)]
 fn is_ignored(signal: i32) -> bool {
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -258,13 +257,13 @@ fn is_ignored(signal: i32) -> bool {
     mask.is_some_and(|mask| mask >> (signal - 1) & 1 == 1)
 }
 
-/// Writes a file under a temporary name beside its own, then renames it: readers find all of it or
-/// nothing.
+/// Writes a file under a temporary name next to its own, then renames it: readers find the complete
+/// file or none.
 ///
-/// Behind a link it is the file that the link leads to. A device or a pipe is not replaced.
+/// A link is followed, and its target is written. A device or a pipe is not replaced.
 ///
 /// # Errors
-/// [`Error::Job`] where it cannot be written, or something is there that is no file.
+/// [`Error::Job`] if it cannot be written, or the path is not a regular file.
 pub fn write_beside(
     path: &Path,
     write: impl FnOnce(&mut BufWriter<File>) -> std::result::Result<(), String>,
@@ -277,7 +276,7 @@ pub fn write_beside(
     written.map_err(|error| cannot_be_written(path, &error))
 }
 
-/// Writes two files side by side, each as by [`write_beside`].
+/// Writes two files in parallel, each as by [`write_beside`].
 ///
 /// # Errors
 /// [`Error::Job`] naming the file that cannot be written.
@@ -295,7 +294,7 @@ pub fn write_two_beside(
 
 fn check_replaceable(path: &Path) -> Result<()> {
     if path.exists() && !path.is_file() {
-        Err(cannot_be_written(path, "it is no file"))
+        Err(cannot_be_written(path, "it is not a file"))
     } else {
         Ok(())
     }
@@ -305,12 +304,12 @@ fn cannot_be_written(path: &Path, why: &str) -> Error {
     Error::job(format!("{}: cannot be written: {why}", path.display()))
 }
 
-/// Writes files of a folder that are one result: all, or where one cannot be written none, and
-/// those of the result before stay as they are.
+/// Writes the files of one result into a folder: all of them or, if one cannot be written, none. In
+/// that case the files of the previous result stay.
 ///
-/// The last file tells what the others are, as `report.json`: while others are exchanged it is not
-/// there. `stale` are files of a result before that this one does not have. All are written into a
-/// folder of their own first, in parallel, then moved. Returns what was written.
+/// The last file describes the others, for example `report.json`, and is absent while they are
+/// replaced. `stale` are files of a previous result that this one does not have. All files are
+/// first written into a temporary folder, in parallel, then moved. Returns the paths.
 ///
 /// # Errors
 /// [`Error::Job`] naming the first file that cannot be written.
@@ -331,7 +330,7 @@ pub fn write_as_one<'a>(
         .into_iter()
         .map(|(path, write)| (staged(&path), write))
         .collect();
-    // Users know the file by its own name.
+    // Error messages contain the final name instead of the temporary one.
     write_all(files).map_err(|error| {
         Error::job(
             error
@@ -363,7 +362,7 @@ pub fn write_as_one<'a>(
 }
 
 fn move_to(from: &Path, to: &Path) -> Result<()> {
-    // What a link leads to may be on another disk.
+    // The target of a link may be on another disk.
     let copy = |file: &mut BufWriter<File>| {
         let copied = File::open(from).and_then(|mut from| std::io::copy(&mut from, file));
         copied.map(drop).map_err(|error| error.to_string())
@@ -371,10 +370,10 @@ fn move_to(from: &Path, to: &Path) -> Result<()> {
     fs::rename(from, behind_links(to)).or_else(|_| write_beside(to, copy))
 }
 
-/// Removes a file that tells what others are, before those are replaced.
+/// Removes a file that describes others, before those are replaced.
 ///
 /// # Errors
-/// [`Error::Job`] where it is there and cannot be removed.
+/// [`Error::Job`] if it exists and cannot be removed.
 pub fn remove_if_there(path: &Path) -> Result<()> {
     match fs::remove_file(path) {
         Err(error) if error.kind() != ErrorKind::NotFound => Err(Error::job(format!(
@@ -385,15 +384,15 @@ pub fn remove_if_there(path: &Path) -> Result<()> {
     }
 }
 
-/// How a file is written.
+/// Function that writes a file.
 pub type Writing<'a> = Box<dyn FnOnce(&Path) -> Result<()> + Send + 'a>;
-/// A file that is to be written, and how.
+/// A file to be written, and its function.
 pub type Unwritten<'a> = (PathBuf, Writing<'a>);
 
-/// Writes files side by side; says which, in this order.
+/// Writes files in parallel; returns their paths in this order.
 ///
 /// # Errors
-/// That of the first which cannot be written; the others are there.
+/// The error of the first file that cannot be written; the others exist.
 pub fn write_all(files: Vec<Unwritten>) -> Result<Vec<PathBuf>> {
     in_order(
         files
@@ -402,7 +401,7 @@ pub fn write_all(files: Vec<Unwritten>) -> Result<Vec<PathBuf>> {
     )
 }
 
-/// Where a link leads to; the path itself where it is none.
+/// The target of a link; the path itself if it is not a link.
 pub fn behind_links(path: &Path) -> PathBuf {
     let is_link = fs::symlink_metadata(path).is_ok_and(|metadata| metadata.is_symlink());
     if is_link {
@@ -412,7 +411,7 @@ pub fn behind_links(path: &Path) -> PathBuf {
     }
 }
 
-/// Whether two paths lead to one file that is there.
+/// Whether two paths lead to the same existing file.
 pub fn are_one(a: &Path, b: &Path) -> bool {
     matches!([a, b].map(fs::canonicalize), [Ok(a), Ok(b)] if a == b)
 }
@@ -431,7 +430,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn of_several_files_the_first_that_cannot_be_written_is_named_and_the_others_are_there() {
+    fn the_first_file_that_cannot_be_written_is_named_and_the_others_exist() {
         let folder = tempfile::tempdir().unwrap();
         let put = |text: &'static str| -> Writing<'static> {
             Box::new(move |path: &Path| {
@@ -463,9 +462,9 @@ mod tests {
             format!("{}: cannot be written: disk full", path.display())
         );
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
-        // Of two, that which cannot be.
+        // The error names the one of the two that cannot be written.
         let [one, missing] = [folder.path().join("one"), folder.path().join("none/other")];
-        let told = |paths: [&Path; 2], error: Option<&str>| {
+        let message = |paths: [&Path; 2], error: Option<&str>| {
             let error = write_two_beside(paths, |_| {
                 error.map_or(Ok(()), |error| Err(error.to_owned()))
             })
@@ -481,9 +480,9 @@ mod tests {
             );
             error
         };
-        assert!(told([&one, &missing], None).contains("none/other"));
-        assert!(told([&missing, &one], None).contains("none/other"));
-        assert!(told([&one, &path], Some("disk full")).contains("picture.png"));
+        assert!(message([&one, &missing], None).contains("none/other"));
+        assert!(message([&missing, &one], None).contains("none/other"));
+        assert!(message([&one, &path], Some("disk full")).contains("picture.png"));
     }
 
     #[test]
@@ -508,7 +507,7 @@ mod tests {
     }
 
     #[test]
-    fn a_new_folder_that_nothing_is_written_into_is_gone() {
+    fn a_new_folder_without_files_is_removed() {
         let folder = tempfile::tempdir().unwrap();
         let deep = folder.path().join("a/b");
         drop(Folder::open(&deep).unwrap());
@@ -517,7 +516,7 @@ mod tests {
         fs::write(deep.join("c"), "").unwrap();
         drop(open);
         assert!(deep.join("c").exists());
-        // One that was there before stays.
+        // A folder that existed before stays.
         let empty = folder.path().join("empty");
         fs::create_dir(&empty).unwrap();
         drop(Folder::open(&empty).unwrap());
@@ -537,7 +536,7 @@ mod tests {
         drop(one);
         assert!(new.is_dir(), "the first of two that share it removed it");
         drop(other);
-        // The outer folder is the result of another process that has written nothing yet.
+        // The outer folder is the result of another process that has not written anything yet.
         let inner = Folder::open(&new.join("inner")).unwrap();
         let outer = Folder::open(&new).unwrap();
         drop(inner);
@@ -546,7 +545,7 @@ mod tests {
     }
 
     #[test]
-    fn many_at_once_never_lose_the_folder_that_they_hold() {
+    fn concurrent_processes_never_lose_a_locked_folder() {
         let folder = tempfile::tempdir().unwrap();
         let new = folder.path().join("a/b");
         let held = std::sync::atomic::AtomicU32::new(0);
@@ -573,9 +572,9 @@ mod tests {
     }
 
     #[test]
-    fn what_a_killed_process_left_unfinished_is_removed_and_other_files_are_not() {
+    fn unfinished_files_of_a_killed_process_are_removed_and_other_files_are_not() {
         let folder = tempfile::tempdir().unwrap();
-        // No process has so high a number.
+        // No process has such a high number.
         let [left, of_us, others] = [
             format!("a.png.4194999{PART}"),
             format!("b.png.{}{PART}", std::process::id()),
@@ -639,7 +638,7 @@ mod tests {
                 old
             )
         );
-        // While it is exchanged, nothing says what the files are.
+        // While the files are replaced, no file describes them.
         let second = vec![(at("a"), put("6")), (at("report"), put("7"))];
         write_as_one(folder.path(), second, &["b"]).unwrap();
         assert_eq!(held(), (["6", "", "7"].map(String::from), 2));
@@ -653,13 +652,13 @@ mod tests {
             write_as_one(folder.path(), third, &[])
                 .unwrap_err()
                 .to_string()
-                .ends_with("it is no file")
+                .ends_with("it is not a file")
         );
         assert_eq!(held(), (["6", "", "7"].map(String::from), 3));
     }
 
     #[test]
-    fn a_failed_write_keeps_what_was_there() {
+    fn a_failed_write_keeps_the_old_file() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("picture.png");
         fs::write(&path, "old").unwrap();

@@ -1,4 +1,4 @@
-//! Picture: what a renderer hands over, and how it is written to disk.
+//! Picture: the result of a renderer, and its file formats.
 
 use std::path::Path;
 
@@ -17,7 +17,7 @@ use crate::output::files::write_beside;
 /// A finished picture: linear light, RGBA, colour premultiplied by alpha, over the background.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Picture {
-    /// Pixels a row.
+    /// Pixels per row.
     pub width: usize,
     /// Rows.
     pub height: usize,
@@ -44,8 +44,8 @@ impl Picture {
         })
     }
 
-    /// The same of a picture whose colours may be `encoded`: not linear light but what a screen is
-    /// sent.
+    /// As [`Picture::write_png`] for a picture whose colours may be `encoded`: values for a screen
+    /// instead of linear light.
     pub fn write_shown(&self, encoded: bool, path: &Path) -> Result<()> {
         if encoded {
             self.decoded().write_png(path)
@@ -54,8 +54,8 @@ impl Picture {
         }
     }
 
-    /// The picture seen as what a screen is sent: linear light that [`Picture::write_png`] encodes
-    /// to the very numbers that are here.
+    /// The picture with its colours interpreted as values for a screen: linear light that
+    /// [`Picture::write_png`] encodes to exactly these values.
     pub fn decoded(&self) -> Picture {
         Picture {
             rgba: self.rgba.par_iter().map(|pixel| decode(*pixel)).collect(),
@@ -64,8 +64,8 @@ impl Picture {
         }
     }
 
-    /// The code values, 0 to 1, that a PNG of so many bits per channel (8 or 16) holds of it, over
-    /// black where it is not opaque. `encoded` as of [`Picture::write_shown`]. A pixel that is not
+    /// Code values, 0 to 1, of a PNG with this many bits per channel (8 or 16), over black where
+    /// the picture is not opaque. `encoded` as in [`Picture::write_shown`]. A pixel that is not
     /// finite is NaN.
     pub fn stored(&self, encoded: bool, bits: u32) -> Picture {
         let most = f64::from((1_u32 << bits) - 1);
@@ -88,7 +88,7 @@ impl Picture {
                 .map(|value| (most * value).round())
         };
         let codes = |pixel: [f64; 4]| match bits {
-            // To the last place what is written.
+            // Equal to the written bits.
             8 => encode(if encoded { decode(pixel) } else { pixel }).map(f64::from),
             _ => code(pixel),
         };
@@ -126,7 +126,7 @@ impl Picture {
     }
 }
 
-/// Linear light of a pixel that has what a screen is sent.
+/// Linear light of a pixel with values for a screen.
 fn decode([r, g, b, alpha]: [f64; 4]) -> [f64; 4] {
     let light = |value: f64| {
         if alpha > 0.0 {
@@ -156,7 +156,8 @@ fn encode([r, g, b, alpha]: [f64; 4]) -> [u8; 4] {
 mod tests {
     use super::*;
 
-    /// Two rows of three, with a colour that only alpha explains and one outside [0, 1].
+    /// Two rows of three pixels, with a colour that is only visible through alpha and one outside
+    /// [0, 1].
     fn picture() -> Picture {
         let rgba = vec![
             [0.0, 0.0, 0.0, 0.0],
@@ -193,11 +194,10 @@ mod tests {
     }
 
     #[test]
-    fn code_values_are_those_that_a_png_holds() {
+    fn code_values_equal_those_of_a_png() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("picture.png");
-        // With a value that ends in the middle between two codes, and colours that are codes
-        // already.
+        // With a value exactly between two codes, and colours that are already codes.
         let mut picture = picture();
         picture.rgba[3] = [127.5 / 255.0, 0.1, 0.9, 1.0];
         for encoded in [false, true] {
@@ -220,7 +220,7 @@ mod tests {
     }
 
     #[test]
-    fn an_exr_holds_what_the_picture_holds() {
+    fn an_exr_contains_the_values_of_the_picture() {
         use exr::prelude::{ReadChannels, ReadLayers};
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("picture.exr");

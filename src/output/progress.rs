@@ -1,6 +1,7 @@
-//! Progress: shows how far a long job is: a bar on a terminal, elsewhere a line every ten seconds.
+//! Progress: shows the progress of a long job: a bar on a terminal, otherwise a line every ten
+//! seconds.
 //!
-//! What is left is estimated from what was done here; what was known before counts for nothing.
+//! The remaining time is estimated only from the work done so far.
 
 use crate::error::{Error, Result};
 use crate::output::text::{duration, thousands};
@@ -13,24 +14,24 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-/// Between two lines where standard error is no terminal.
+/// Time between two lines if standard error is not a terminal.
 const LINE_EVERY: Duration = Duration::from_secs(10);
-/// Between two pictures of a bar.
+/// Time between two updates of a bar.
 const TICK_EVERY: Duration = Duration::from_millis(200);
 
 thread_local! {
     static WATCH: RefCell<Option<Arc<Watch>>> = const { RefCell::new(None) };
 }
 
-/// Looks at a job from another thread, and may stop it.
+/// Observes a job from another thread, and may stop it.
 #[derive(Debug, Default)]
 pub struct Watch {
-    state: Mutex<Option<Arc<State>>>,
+    state: Mutex<Option<Arc<JobState>>>,
     is_stopped: AtomicBool,
 }
 
 impl Watch {
-    /// What is done, of how much where that is known, and where the job is in words.
+    /// Amount done, total if known, and a message about the current step.
     pub fn now(&self) -> (f64, Option<f64>, String) {
         let state = self
             .state
@@ -40,9 +41,9 @@ impl Watch {
         let Some(state) = state else {
             return (0.0, None, String::new());
         };
-        let total = match state.kind {
-            Kind::Steps(total, _) => Some(total as f64),
-            Kind::Seconds(_) | Kind::Open => None,
+        let total = match state.goal {
+            Goal::Steps(total, _) => Some(total as f64),
+            Goal::Seconds(_) | Goal::Open => None,
         };
         (
             state.done.load(Ordering::Relaxed) as f64,
@@ -51,13 +52,13 @@ impl Watch {
         )
     }
 
-    /// Asks the job to stop: it does where it would write its next row.
+    /// Requests the job to stop: it does so before it writes its next row.
     pub fn stop(&self) {
         self.is_stopped.store(true, Ordering::Relaxed);
     }
 }
 
-/// Does `work`, a job whose progress a `watch` sees, on this thread.
+/// Runs `work`, a job whose progress is visible in `watch`, on this thread.
 pub fn watched_by<T>(watch: &Arc<Watch>, work: impl FnOnce() -> T) -> T {
     let before = WATCH.replace(Some(Arc::clone(watch)));
     let done = work();
@@ -65,11 +66,11 @@ pub fn watched_by<T>(watch: &Arc<Watch>, work: impl FnOnce() -> T) -> T {
     done
 }
 
-/// Whether whoever watches this thread's job still wants it.
+/// Checks that this thread's job was not stopped.
 ///
 /// # Errors
-/// [`Error::Job`] where it was stopped.
-pub fn is_wanted() -> Result<()> {
+/// [`Error::Job`] if it was stopped.
+pub fn check_not_stopped() -> Result<()> {
     let is_stopped = WATCH.with_borrow(|watch| {
         watch
             .as_ref()
@@ -83,32 +84,32 @@ pub fn is_wanted() -> Result<()> {
 }
 
 /// Shows a state, and whether the job is over.
-type Show = Box<dyn FnMut(&State, bool) + Send>;
+type Show = Box<dyn FnMut(&JobState, bool) + Send>;
 
 /// Display of a job under way, until it is dropped.
 #[derive(Debug)]
 pub struct Progress {
-    state: Arc<State>,
+    state: Arc<JobState>,
     ticker: Option<Ticker>,
 }
 
-/// How far a job is.
+/// Progress of a job.
 #[derive(Debug)]
-struct State {
+struct JobState {
     start: Instant,
-    kind: Kind,
+    goal: Goal,
     done: AtomicU64,
     message: Mutex<String>,
 }
 
-/// Knowledge of a job's end.
+/// How the end of a job is known.
 #[derive(Clone, Copy, Debug)]
-enum Kind {
-    /// So many steps, of a name.
+enum Goal {
+    /// By a number of steps with a name.
     Steps(u64, &'static str),
-    /// About so many seconds.
+    /// By an estimate in seconds.
     Seconds(f64),
-    /// Nothing; it says itself where it is.
+    /// Unknown; the job sets messages.
     Open,
 }
 
@@ -120,31 +121,31 @@ struct Ticker {
 }
 
 impl Progress {
-    /// Shows steps of a name, as `points`, if it is to show anything.
+    /// Shows steps with a name, such as `points`, if `shown`.
     pub fn of_steps(shown: bool, total: u64, name: &'static str) -> Self {
-        Progress::new(shown, Kind::Steps(total, name))
+        Progress::new(shown, Goal::Steps(total, name))
     }
 
-    /// Shows seconds of about as many.
+    /// Shows seconds of an estimate.
     pub fn of_seconds(shown: bool, expected: f64) -> Self {
-        Progress::new(shown, Kind::Seconds(expected))
+        Progress::new(shown, Goal::Seconds(expected))
     }
 
-    /// Shows messages, where no end is known.
+    /// Shows messages, for a job without a known end.
     pub fn of_messages(shown: bool) -> Self {
-        Progress::new(shown, Kind::Open)
+        Progress::new(shown, Goal::Open)
     }
 
-    fn new(shown: bool, kind: Kind) -> Self {
-        let state = Arc::new(State {
+    fn new(shown: bool, goal: Goal) -> Self {
+        let state = Arc::new(JobState {
             start: Instant::now(),
-            kind,
+            goal,
             done: AtomicU64::new(0),
             message: Mutex::new(String::new()),
         });
         let ticker = shown.then(|| {
             let (every, show): (_, Show) = if std::io::stderr().is_terminal() {
-                (TICK_EVERY, bar(kind))
+                (TICK_EVERY, bar(goal))
             } else {
                 (
                     LINE_EVERY,
@@ -166,13 +167,13 @@ impl Progress {
         Progress { state, ticker }
     }
 
-    /// One step more is done.
+    /// Counts one finished step.
     pub fn step(&self) {
         self.state.done.fetch_add(1, Ordering::Relaxed);
     }
 
-    /// Where the job is.
-    pub fn say(&self, message: String) {
+    /// Sets the message about the current step.
+    pub fn set_message(&self, message: String) {
         *self
             .state
             .message
@@ -185,15 +186,15 @@ impl Drop for Progress {
     fn drop(&mut self) {
         if let Some(Ticker { end, thread }) = self.ticker.take() {
             drop(end);
-            // What it shows is no result.
+            // The display is not part of the result.
             let _ = thread.join();
         }
     }
 }
 
 impl Ticker {
-    /// Shows the state again and again, and once more at the end.
-    fn start(state: Arc<State>, every: Duration, mut show: Show) -> Self {
+    /// Shows the state periodically, and once more at the end.
+    fn start(state: Arc<JobState>, every: Duration, mut show: Show) -> Self {
         let (end, over) = channel();
         let thread = thread::spawn(move || {
             while over.recv_timeout(every) == Err(RecvTimeoutError::Timeout) {
@@ -205,7 +206,7 @@ impl Ticker {
     }
 }
 
-impl State {
+impl JobState {
     fn message(&self) -> String {
         self.message
             .lock()
@@ -213,25 +214,25 @@ impl State {
             .clone()
     }
 
-    /// Part of the job that is done, 0 to 1; none where its end is not known.
+    /// Part of the job that is done, 0 to 1; none if its end is unknown.
     fn part(&self) -> Option<f64> {
-        match self.kind {
-            Kind::Steps(total, _) => {
+        match self.goal {
+            Goal::Steps(total, _) => {
                 Some(self.done.load(Ordering::Relaxed) as f64 / total.max(1) as f64)
             }
-            // An estimate that was too short never says that it is over.
-            Kind::Seconds(expected) => {
+            // An estimate that was too short never reaches the end.
+            Goal::Seconds(expected) => {
                 Some((self.start.elapsed().as_secs_f64() / expected).min(0.99))
             }
-            Kind::Open => None,
+            Goal::Open => None,
         }
     }
 
-    /// For a log.
+    /// Text for a log.
     fn line(&self) -> String {
         let elapsed = self.start.elapsed().as_secs_f64();
-        match self.kind {
-            Kind::Steps(total, name) => {
+        match self.goal {
+            Goal::Steps(total, name) => {
                 let done = self.done.load(Ordering::Relaxed);
                 let left = elapsed / done as f64 * total.saturating_sub(done) as f64;
                 let left = if done == 0 {
@@ -241,20 +242,20 @@ impl State {
                 };
                 format!("{} of {} {name}{left}", thousands(done), thousands(total))
             }
-            Kind::Seconds(expected) => {
+            Goal::Seconds(expected) => {
                 format!("{} of about {}", duration(elapsed), duration(expected))
             }
-            Kind::Open => format!("{}: {}", duration(elapsed), self.message()),
+            Goal::Open => format!("{}: {}", duration(elapsed), self.message()),
         }
     }
 }
 
-/// A bar, or where no end is known a spinner.
-fn bar(kind: Kind) -> Show {
+/// A bar, or a spinner if the end is unknown.
+fn bar(goal: Goal) -> Show {
     const LENGTH: u64 = 1000;
-    let (bar, template) = match kind {
-        Kind::Open => (ProgressBar::new_spinner(), "{spinner} {msg}"),
-        Kind::Steps(..) | Kind::Seconds(_) => (ProgressBar::new(LENGTH), "{wide_bar} {msg}"),
+    let (bar, template) = match goal {
+        Goal::Open => (ProgressBar::new_spinner(), "{spinner} {msg}"),
+        Goal::Steps(..) | Goal::Seconds(_) => (ProgressBar::new(LENGTH), "{wide_bar} {msg}"),
     };
     if let Ok(style) = ProgressStyle::with_template(template) {
         bar.set_style(style);
@@ -275,65 +276,68 @@ fn bar(kind: Kind) -> Show {
 mod tests {
     use super::*;
 
-    fn state(kind: Kind, ago: u64) -> State {
+    fn state(goal: Goal, ago: u64) -> JobState {
         let start = Instant::now()
             .checked_sub(Duration::from_secs(ago))
             .unwrap();
-        State {
+        JobState {
             start,
-            kind,
+            goal,
             done: AtomicU64::new(0),
             message: Mutex::new("min+1".into()),
         }
     }
 
     #[test]
-    fn who_watches_a_job_sees_it_and_may_stop_it() {
+    fn a_watch_shows_a_job_and_can_stop_it() {
         let watch = Arc::new(Watch::default());
         assert_eq!(watch.now(), (0.0, None, String::new()));
         watched_by(&watch, || {
             let progress = Progress::of_steps(false, 7, "points");
             progress.step();
-            progress.say("here".into());
+            progress.set_message("here".into());
             assert_eq!(watch.now(), (1.0, Some(7.0), "here".into()));
-            assert!(is_wanted().is_ok());
+            assert!(check_not_stopped().is_ok());
             watch.stop();
-            assert!(is_wanted().is_err());
+            assert!(check_not_stopped().is_err());
         });
-        assert!(is_wanted().is_ok(), "this thread's next job is another");
+        assert!(
+            check_not_stopped().is_ok(),
+            "this thread's next job is another"
+        );
     }
 
     #[test]
-    fn an_estimate_is_of_what_is_left() {
-        let sweep = state(Kind::Steps(1200, "points"), 60);
+    fn an_estimate_is_the_remaining_time() {
+        let sweep = state(Goal::Steps(1200, "points"), 60);
         assert_eq!(sweep.line(), "0 of 1,200 points");
         sweep.done.store(300, Ordering::Relaxed);
         assert_eq!(sweep.line(), "300 of 1,200 points, about 3 minutes left");
         assert_eq!(
-            state(Kind::Seconds(120.0), 30).line(),
+            state(Goal::Seconds(120.0), 30).line(),
             "30 s of about 2 minutes"
         );
-        assert_eq!(state(Kind::Open, 12).line(), "12 s: min+1");
+        assert_eq!(state(Goal::Open, 12).line(), "12 s: min+1");
     }
 
     #[test]
-    fn a_job_is_shown_again_and_again_and_a_short_one_not_at_all() {
+    fn a_job_is_shown_periodically_and_a_short_one_never() {
         let lines = |every: u64, lasts: u64| {
             let shown = Arc::new(Mutex::new(Vec::new()));
             let sink = shown.clone();
-            let show = Box::new(move |state: &State, is_over: bool| {
+            let show = Box::new(move |state: &JobState, is_over: bool| {
                 if !is_over {
                     sink.lock().unwrap().push(state.line())
                 }
             });
             let ticker = Ticker::start(
-                Arc::new(state(Kind::Open, 0)),
+                Arc::new(state(Goal::Open, 0)),
                 Duration::from_millis(every),
                 show,
             );
             thread::sleep(Duration::from_millis(lasts));
             drop(Progress {
-                state: Arc::new(state(Kind::Open, 0)),
+                state: Arc::new(state(Goal::Open, 0)),
                 ticker: Some(ticker),
             });
             shown.lock().unwrap().len()

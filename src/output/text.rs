@@ -2,10 +2,10 @@
 
 use comfy_table::{CellAlignment, Table, presets};
 
-/// Columns of the terminal that summaries are made for.
+/// Columns of the terminal for which summaries are formatted.
 const COLUMNS: usize = 80;
 
-/// An integer with its thousands set apart.
+/// An integer with thousands separators.
 pub fn thousands(number: u64) -> String {
     let digits = number.to_string();
     let mut out = String::new();
@@ -18,12 +18,12 @@ pub fn thousands(number: u64) -> String {
     out
 }
 
-/// Bytes in units that memory is sold in.
+/// Bytes in decimal gigabytes.
 pub fn gigabytes(bytes: u64) -> String {
     format!("{:.1} GB", bytes as f64 / 1e9)
 }
 
-/// Seconds in words, as people round them.
+/// Seconds in words, rounded.
 pub fn duration(seconds: f64) -> String {
     match seconds {
         s if s < 1.0 => format!("{s:.1} s"),
@@ -32,7 +32,7 @@ pub fn duration(seconds: f64) -> String {
     }
 }
 
-/// A part of a whole; neither all nor nothing is said of what is not.
+/// A part of a whole in per cent: 100 % only if exact, and a dash for nothing.
 pub fn share(part: u64, whole: u64) -> String {
     match part {
         0 => "–".into(),
@@ -42,8 +42,7 @@ pub fn share(part: u64, whole: u64) -> String {
     }
 }
 
-/// A line broken between words where it is longer than a terminal's; what follows the break is set
-/// in.
+/// Breaks a line that is longer than a terminal's between words, with indented continuation lines.
 pub fn wrapped(line: &str) -> String {
     let mut out = String::new();
     let mut column = 0;
@@ -67,7 +66,7 @@ pub fn plain_table(header: &[&str]) -> Table {
     table
 }
 
-/// All columns but the first to the right, close together.
+/// All columns but the first right-aligned and close together.
 pub fn aligned(mut table: Table) -> Table {
     let columns = table.column_count();
     for (i, column) in table.column_iter_mut().enumerate() {
@@ -80,8 +79,7 @@ pub fn aligned(mut table: Table) -> Table {
     table
 }
 
-/// The beginning of a word that may be megabytes of anything, on one line: what a terminal and its
-/// user can stand.
+/// The beginning of a word on one line; the word may have megabytes of arbitrary characters.
 pub fn clipped(word: &str) -> String {
     const MOST: usize = 40;
     let mut clipped: String = word
@@ -95,16 +93,16 @@ pub fn clipped(word: &str) -> String {
     clipped
 }
 
-/// JSON inside of a `script` element of a page: no text in it ends the element or begins a comment
-/// there.
+/// JSON inside a `script` element of a page, without any text that ends the element or begins a
+/// comment.
 pub fn json_in_html(value: &serde_json::Value) -> String {
     value.to_string().replace('<', "\\u003c")
 }
 
-/// Sentences that a long list of faults names; the others are counted.
+/// Greatest number of sentences in a list of faults; the others are counted.
 const MOST_LISTED: usize = 8;
 
-/// Half sentences, one after another; of a long list the first ones and how many more there are.
+/// Joins half sentences; of a long list the first ones and the number of the others.
 pub fn listed(sentences: &[String]) -> String {
     let (first, rest) = sentences.split_at(sentences.len().min(MOST_LISTED));
     let rest = if rest.is_empty() {
@@ -115,17 +113,17 @@ pub fn listed(sentences: &[String]) -> String {
     first.join("; ") + &rest
 }
 
-/// Whether a letter would end a line or do something to a terminal instead of being read.
+/// Whether a character would end a line or control a terminal.
 pub fn is_unprintable(letter: char) -> bool {
     letter.is_control() || matches!(letter, '\u{2028}' | '\u{2029}')
 }
 
-/// A name as one line of text: what cannot be printed becomes `_`.
+/// A name as one line of text, with `_` for unprintable characters.
 pub fn one_line(name: &str) -> String {
     name.replace(is_unprintable, "_")
 }
 
-/// A word of a command line, in quotes where a shell would take it for something else.
+/// A word of a command line, quoted if a shell would interpret it.
 pub fn quoted_for_shell(word: &str) -> String {
     let is_plain = |letter: char| letter.is_ascii_alphanumeric() || "_-./=:,+@%".contains(letter);
     if !word.is_empty() && word.chars().all(is_plain) {
@@ -186,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn json_in_a_page_means_the_same_and_has_no_sign_that_html_reads() {
+    fn json_in_a_page_is_unchanged_and_has_no_markup() {
         let value = serde_json::json!({"</script>": "<!--<script>", "é": [1, "<"]});
         let text = json_in_html(&value);
         assert!(!text.contains('<') && text.contains("\\u003c!--"), "{text}");
@@ -197,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn thousands_are_set_apart() {
+    fn thousands_are_separated() {
         assert_eq!(
             [0, 999, 1000, 1_234_567].map(thousands),
             ["0", "999", "1,000", "1,234,567"]

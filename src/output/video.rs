@@ -1,10 +1,10 @@
-//! Video: frames one after the other as YUV4MPEG2, which ffmpeg, mpv and VLC read.
+//! Video: writes consecutive frames as YUV4MPEG2, which ffmpeg, mpv and VLC can read.
 //!
 //! ```text
 //! picture ─► sRGB, over black ─► Y'CbCr, BT.601, limited range ─► three planes of 8 bits, 4:4:4
 //! ```
-//! BT.601 and limited range are what a reader takes where a file of this kind says nothing else
-//! (ITU-R BT.601-7, §2.5.1 to §2.5.3).
+//! BT.601 and limited range are the defaults of readers for files of this kind (ITU-R BT.601-7,
+//! §2.5.1 to §2.5.3).
 
 use super::colour::srgb_encode;
 use super::files::{Unfinished, behind_links};
@@ -15,13 +15,13 @@ use std::fs::File;
 use std::io::{BufWriter, Read, Write};
 use std::path::{Path, PathBuf};
 
-/// Frames a second of the video, which says nothing of the hardware's.
+/// Frames per second of the video, independent of the hardware's.
 pub const FRAMES_PER_SECOND: u32 = 30;
 
-/// What a video begins with.
+/// First bytes of a video.
 const MAGIC: &str = "YUV4MPEG2";
 
-/// A video that is being written: under a temporary name, until it is finished.
+/// A video being written: under a temporary name, until it is finished.
 #[derive(Debug)]
 pub struct Video {
     path: PathBuf,
@@ -30,12 +30,11 @@ pub struct Video {
 }
 
 impl Video {
-    /// Makes sure, before any work is done, that there is a place for one: nothing is written over
-    /// a file that is no video.
+    /// Checks, before any work is done, that a video can be written to a path: a file that is not a
+    /// video is not overwritten.
     ///
     /// # Errors
-    /// [`Error::Input`] where there is a folder of that name, or a file that does not begin as a
-    /// video does.
+    /// [`Error::Input`] if the path is a folder, or a file that does not begin like a video.
     pub fn may_be_written(path: &Path) -> Result<()> {
         let input_error =
             |what: String| Err(Error::input(format!("--y4m {}: {what}", path.display())));
@@ -46,7 +45,7 @@ impl Video {
             return Ok(());
         }
         if !path.is_file() {
-            return input_error("is no file, and a file is needed".into());
+            return input_error("is not a file, and a file is needed".into());
         }
         let mut begins = Vec::new();
         let read = File::open(path)
@@ -54,13 +53,13 @@ impl Video {
         if read.is_ok() && (begins.is_empty() || begins == MAGIC.as_bytes()) {
             return Ok(());
         }
-        input_error("is there already and is no video; it is not written over".into())
+        input_error("already exists and is not a video; it is not overwritten".into())
     }
 
-    /// Begins one of frames of one size.
+    /// Begins a video whose frames have this size.
     ///
     /// # Errors
-    /// [`Error::Input`] where no file can be written there.
+    /// [`Error::Input`] if no file can be written there.
     pub fn create(path: &Path, width: usize, height: usize) -> Result<Self> {
         let path = &behind_links(path);
         let input_error = |e: std::io::Error| {
@@ -78,10 +77,10 @@ impl Video {
         video.write(head.as_bytes()).map(|()| video)
     }
 
-    /// Adds a frame; `encoded` says that colours are what a screen is sent, not linear light.
+    /// Adds a frame; `encoded` is whether colours are values for a screen instead of linear light.
     ///
     /// # Errors
-    /// [`Error::Job`] where it cannot be written.
+    /// [`Error::Job`] if it cannot be written.
     pub fn push(&mut self, picture: &Picture, encoded: bool) -> Result<()> {
         let pixels: Vec<[u8; 3]> = picture
             .rgba
@@ -96,10 +95,10 @@ impl Video {
         Ok(())
     }
 
-    /// Gives the file its name.
+    /// Finishes the video and renames it.
     ///
     /// # Errors
-    /// [`Error::Job`] where it cannot be written to its end.
+    /// [`Error::Job`] if it cannot be completed.
     pub fn finish(self) -> Result<()> {
         let Video { path, part, file } = self;
         let done = file.map_or(Ok(()), |mut file| file.flush());
@@ -120,7 +119,7 @@ fn error(path: &Path, e: &std::io::Error) -> Error {
     Error::job(format!("{}: cannot be written: {e}", path.display()))
 }
 
-/// Y', Cb and Cr of a colour: premultiplied, so over black.
+/// Y', Cb and Cr of a colour: premultiplied, and therefore over black.
 fn components(rgb: [f64; 3], encoded: bool) -> [u8; 3] {
     let [r, g, b] = rgb
         .map(|value| value.clamp(0.0, 1.0))

@@ -1,12 +1,12 @@
-//! Against: measures golden and fixed against photographs of the same views: `run --against`
+//! Against: compares golden and fixed with photographs of the same views: `run --against`
 //! (docs/book/photographs.md).
 //!
 //! ```text
 //! IMAGE or DIR ─► matching: one picture per frame ─► photograph: code values over the background ─┐
-//! golden, fixed ─► code values of as many bits ───────────────────────────────────────────────────────┴─► PSNR, SSIM, FLIP
+//! golden, fixed ─► code values with as many bits ─────────────────────────────────────────────────┴─► PSNR, SSIM, FLIP
 //! ```
-//! Every photograph is decoded before the first frame is drawn: a run that begins has all that it
-//! compares with.
+//! Every photograph is decoded before the first frame is drawn, so a run starts only if all
+//! photographs can be compared.
 
 mod matching;
 mod photograph;
@@ -20,36 +20,36 @@ use crate::output::colour::srgb_encode;
 use crate::output::picture::Picture;
 use crate::output::text::listed;
 use crate::scene::{Image, Sequence};
-use matching::{Match, matched};
+use matching::{MatchedFiles, matched};
 use photograph::Photograph;
 use rayon::prelude::*;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-/// The photographs of a run: one of each frame that is drawn.
+/// The photographs of a run: one per drawn frame.
 #[derive(Clone, Debug)]
 pub struct Photographs {
-    /// By frame; none of a frame that is not drawn.
+    /// By frame; none for a frame that is not drawn.
     files: Vec<Option<PathBuf>>,
-    /// The only one: a pipe can be read once.
+    /// The photograph, if there is only one: a pipe can be read only once.
     kept: Option<Photograph>,
     notes: Vec<String>,
-    view: View,
+    view: FrameView,
 }
 
-/// What all pictures of a run have in common.
+/// Properties that all pictures of a run share.
 #[derive(Clone, Copy, Debug)]
-struct View {
+struct FrameView {
     width: usize,
     height: usize,
-    /// Code values that are seen behind a transparent pixel.
+    /// Code values behind a transparent pixel.
     background: [f64; 3],
-    /// As of [`Image::encoded`].
+    /// As in [`Image::encoded`].
     encoded: bool,
 }
 
-impl View {
-    /// A background that is not opaque itself is over black.
+impl FrameView {
+    /// A background that is not opaque is composited over black.
     fn new(image: &Image) -> Self {
         let [r, g, b, alpha] = image.background;
         let code = |value: f64| {
@@ -60,7 +60,7 @@ impl View {
                     srgb_encode(value)
                 }
         };
-        View {
+        FrameView {
             width: image.width,
             height: image.height,
             background: [r, g, b].map(code),
@@ -70,15 +70,15 @@ impl View {
 }
 
 impl Photographs {
-    /// Finds the photograph of each frame, or of the `only` one, and makes sure that it can be
+    /// Finds the photograph of each frame, or of the `only` one, and checks that it can be
     /// compared.
     ///
     /// # Errors
-    /// [`Error::Input`] where a frame has none, or one cannot be read or has another size than the
-    /// frame.
+    /// [`Error::Input`] if a frame has no photograph, or a photograph cannot be read or has a
+    /// different size than the frame.
     pub fn open(path: &Path, sequence: &Sequence, only: Option<usize>) -> Result<Self> {
-        let Match { files, mut notes } = matched(path, sequence, only)?;
-        let view = View::new(&sequence.scene().image);
+        let MatchedFiles { files, mut notes } = matched(path, sequence, only)?;
+        let view = FrameView::new(&sequence.scene().image);
         let wanted: Vec<(usize, &PathBuf)> = files
             .iter()
             .enumerate()
@@ -121,7 +121,7 @@ impl Photographs {
             .collect();
         if !turned.is_empty() {
             let names = listed(&turned);
-            notes.push(format!("photographs: compared as stored, though their Exif data ask viewers to turn them: {names}"));
+            notes.push(format!("photographs: compared as stored, although their Exif data specify a rotation: {names}"));
         }
         Ok(Photographs {
             files,
@@ -139,10 +139,10 @@ impl Photographs {
     /// Compares the pictures of a frame with its photograph.
     ///
     /// # Errors
-    /// [`Error::Input`] where the photograph's file is another one by now.
+    /// [`Error::Input`] if the photograph's file has changed.
     ///
     /// # Panics
-    /// If the frame is not one that was asked for.
+    /// If the frame is not one of those that [`Photographs::open`] matched.
     pub fn compare(&self, frame: usize, golden: &Picture, fixed: &Picture) -> Result<Against> {
         let photograph = match &self.kept {
             Some(kept) => Cow::Borrowed(kept),
@@ -157,7 +157,7 @@ impl Photographs {
     }
 }
 
-impl View {
+impl FrameView {
     fn read(&self, file: &Path, whose: &str) -> Result<Photograph> {
         let input_error =
             |what: String| Error::input(format!("--against {}: {what}", file.display()));

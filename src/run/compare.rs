@@ -6,8 +6,8 @@
 //! report.json, pictures ──────────────────────┘         ├─► comparison ─┬─► text, 80 columns
 //!                                                  side ─┘               └─► compare.json, a.png, b.png, difference.png
 //! ```
-//! Both sides are reports, in JSON: of a machine alone one with its description and its area, and
-//! nothing else.
+//! Both sides are reports in JSON. The report of a machine without a frame contains only its
+//! description and its area.
 //!
 //! Laws (tests/compare.rs): `what_is_compared_with_itself_does_not_differ`,
 //! `every_figure_is_the_one_of_its_report`.
@@ -16,7 +16,7 @@ mod fields;
 mod side;
 mod text;
 
-pub use side::{Frame, Side};
+pub use side::{ComparisonSide, Workload};
 
 use crate::accuracy::{error_picture, metrics};
 use crate::error::Result;
@@ -28,29 +28,29 @@ use serde_json::Value;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-/// Two sides, and all that differs.
+/// Two sides, and all differences.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Comparison {
     /// Version of this program.
     pub version: &'static str,
-    /// The first, as it was named.
+    /// The first side, by the name given by the user.
     pub a: Named,
-    /// The second.
+    /// The second side.
     pub b: Named,
-    /// Nothing differs but `host`: what the computer was, and how long it took.
+    /// Nothing differs except `host`: the computer and its times.
     pub equal: bool,
     /// Figures that both have, in the order of a report.
-    pub figures: Vec<Figure>,
-    /// Cycles and area of every unit that either has; empty where there is no frame and no area
+    pub figures: Vec<ComparedFigure>,
+    /// Cycles and area of every unit that either side has; empty without a frame if no area
     /// differs.
-    pub units: Vec<Unit>,
+    pub units: Vec<ComparedUnit>,
     /// Fields of the machine's description that differ, in the order of a machine file.
     pub machine: Vec<Difference>,
     /// Fields of the scene that differ.
     pub scene: Vec<Difference>,
     /// Other parts of `report.json` that differ, by name.
     pub elsewhere: Vec<String>,
-    /// Pictures of one name against each other, where both sides have them.
+    /// Pictures of the same name against each other, if both sides have them.
     pub pictures: Vec<Pictures>,
     /// Factor of `difference.png`, |fixed of A − fixed of B|; none without pictures.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -60,66 +60,68 @@ pub struct Comparison {
 /// Pictures that a comparison of two frames writes.
 const FILES: [&str; 3] = ["a.png", "b.png", "difference.png"];
 
-/// One of the two.
+/// One side of a comparison.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Named {
-    /// As the command line has it.
+    /// Name on the command line.
     pub name: String,
     /// The machine's name.
     pub machine: String,
-    /// The scene's name; none of a machine alone.
+    /// The scene's name; none without a frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scene: Option<String>,
-    /// Columns and rows; none of a machine alone.
+    /// Columns and rows; none without a frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub size: Option<[u64; 2]>,
 }
 
-/// A figure of both.
+/// A figure of both sides.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
-pub struct Figure {
-    /// In words, with the unit of the text.
+#[schemars(rename = "Figure")]
+pub struct ComparedFigure {
+    /// Name of the figure, with the unit of the text.
     pub name: &'static str,
-    /// Where it stands in `report.json`.
+    /// Path in `report.json`.
     pub path: String,
-    /// Of the first: a number in the report's unit, or a text. Decibels of equal pictures are
-    /// `equal`, of pictures with a pixel that has no number `no number`.
+    /// Value of the first side: a number in the report's unit, or a text. Decibels are `equal` for
+    /// equal pictures, and `NaN` for pictures with a NaN or infinite pixel.
     pub a: Value,
-    /// Of the second.
+    /// Value of the second side.
     pub b: Value,
-    /// Factor from the report's unit to that of the name, where they are not the same.
+    /// Factor from the report's unit to that of the name, if they differ.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scale: Option<f64>,
-    /// b − a, of numbers.
+    /// b − a, for numbers.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub difference: Option<f64>,
-    /// (b − a) / a, of numbers that are no decibels, where a is not 0.
+    /// (b − a) / a, for numbers that are not decibels, if a is not 0.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub relative: Option<f64>,
 }
 
-/// A unit of both.
+/// A unit of both sides.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
-pub struct Unit {
+#[schemars(rename = "Unit")]
+pub struct ComparedUnit {
     /// Its name.
     pub name: String,
-    /// Of the first; none where it has no such unit.
+    /// Figures of the first side; empty if it has no such unit.
     pub a: UnitSide,
-    /// Of the second.
+    /// Figures of the second side.
     pub b: UnitSide,
 }
 
-/// A unit of one.
+/// A unit of one side.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, JsonSchema)]
 pub struct UnitSide {
-    /// Cycles busy, starved, blocked, waiting for memory; none where there is no frame, or no such
+    /// Cycles busy, starved, blocked, stalled by memory; none without a frame, or without such a
     /// unit.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cycles: Option<[u64; 4]>,
-    /// What blocked it longest.
+    /// The cause that blocked it longest.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub blocked_by: Option<String>,
-    /// LUT equivalents; none of a unit that is part of no other area.
+    /// LUT equivalents; none for a unit that is not part of the total area.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub area: Option<f64>,
 }
@@ -129,22 +131,22 @@ pub struct UnitSide {
 pub struct Difference {
     /// Its path, as `--set` takes it.
     pub field: String,
-    /// Of the first.
+    /// Value of the first side.
     pub a: Option<Value>,
-    /// Of the second.
+    /// Value of the second side.
     pub b: Option<Value>,
-    /// Sides that leave it out, `a` or `b`: the value there is the default, or follows from formats
-    /// and clock; none where there is none.
+    /// Sides that leave the field out, `a` or `b`: their value is the default, or follows from
+    /// formats and clock; none if there is no value.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<&'static str>,
 }
 
-/// Two pictures of one name.
+/// Two pictures of the same name.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Pictures {
     /// `fixed`, `golden` or `ideal`.
     pub name: &'static str,
-    /// Of the one against the other, linear light, peak 1; none where they are equal.
+    /// PSNR between the two, linear light, peak 1; none if they are equal.
     pub psnr_db: Option<f64>,
     /// Structural similarity.
     pub ssim: f64,
@@ -152,18 +154,18 @@ pub struct Pictures {
     pub max_error: f64,
     /// Mean absolute difference.
     pub mean_error: f64,
-    /// Pixels of which a channel is off by more than 1/255.
+    /// Pixels with a channel that differs by more than 1/255.
     pub pixels_over_1_255: u64,
-    /// Pixels of which anything differs, opacity too.
+    /// Pixels with any difference, including opacity.
     pub pixels_that_differ: u64,
 }
 
 impl Comparison {
-    /// Puts two sides beside each other.
+    /// Compares two sides.
     ///
     /// # Errors
-    /// [`crate::error::Error::Input`] where their pictures have two sizes.
-    pub fn new(a: &Side, b: &Side) -> Result<Self> {
+    /// [`crate::error::Error::Input`] if the sizes of their pictures differ.
+    pub fn new(a: &ComparisonSide, b: &ComparisonSide) -> Result<Self> {
         side::check_sizes(a, b)?;
         let figures = fields::figures(&a.report, &b.report);
         let units = fields::units(&a.report, &b.report);
@@ -196,11 +198,16 @@ impl Comparison {
         })
     }
 
-    /// Writes `compare.json`, and the pictures where there are some; returns what was written.
+    /// Writes `compare.json`, and the pictures if there are any; returns the paths.
     ///
     /// # Errors
-    /// [`crate::error::Error::Job`] where a file cannot be written; none is left half-written.
-    pub fn write(&self, a: &Side, b: &Side, folder: &Path) -> Result<Vec<PathBuf>> {
+    /// [`crate::error::Error::Job`] if a file cannot be written; no file is left half-written.
+    pub fn write(
+        &self,
+        a: &ComparisonSide,
+        b: &ComparisonSide,
+        folder: &Path,
+    ) -> Result<Vec<PathBuf>> {
         let shown = fixed(a, b).map(|[one, other]| {
             [
                 one.clone(),
@@ -222,10 +229,10 @@ impl Comparison {
     }
 }
 
-/// Pictures that both have.
+/// Pictures that both sides have.
 fn pairs<'s>(
-    a: &'s Side,
-    b: &'s Side,
+    a: &'s ComparisonSide,
+    b: &'s ComparisonSide,
 ) -> impl Iterator<Item = (&'static str, &'s Picture, &'s Picture)> {
     let other = |wanted: &str| {
         b.pictures
@@ -238,7 +245,7 @@ fn pairs<'s>(
         .filter_map(move |(name, picture)| Some((*name, picture, other(name)?)))
 }
 
-fn fixed<'s>(a: &'s Side, b: &'s Side) -> Option<[&'s Picture; 2]> {
+fn fixed<'s>(a: &'s ComparisonSide, b: &'s ComparisonSide) -> Option<[&'s Picture; 2]> {
     pairs(a, b)
         .find(|(name, ..)| *name == "fixed")
         .map(|(_, one, other)| [one, other])
@@ -260,9 +267,10 @@ impl Pictures {
     }
 }
 
-/// Parts that differ and are not told field by field; those that are, where no such field differs.
+/// Parts that differ and are not compared field by field, and parts that are compared so without a
+/// difference in any field.
 fn elsewhere(a: &Value, b: &Value, is_shown: bool) -> Vec<String> {
-    const TOLD: [&str; 6] = [
+    const COMPARED: [&str; 6] = [
         "scene",
         "machine",
         "accuracy",
@@ -277,10 +285,11 @@ fn elsewhere(a: &Value, b: &Value, is_shown: bool) -> Vec<String> {
         .filter_map(Value::as_object)
         .flat_map(|fields| fields.keys())
         .collect();
-    let is_told = |name: &str| NOT_COMPARED.contains(&name) || is_shown && TOLD.contains(&name);
+    let is_compared =
+        |name: &str| NOT_COMPARED.contains(&name) || is_shown && COMPARED.contains(&name);
     names
         .into_iter()
-        .filter(|name| !is_told(name) && a.get(*name) != b.get(*name))
+        .filter(|name| !is_compared(name) && a.get(*name) != b.get(*name))
         .cloned()
         .collect()
 }

@@ -1,9 +1,9 @@
-//! Detail: what a machine makes of a budget, and what was drawn of a tree
+//! Detail: the cut of a tree within a budget of a machine, and a report of the cut
 //! (docs/book/level-of-detail.md).
 //!
 //! ```text
-//! scene with a tree ─┬─► bytes ÷ bytes a node = nodes ──────────────────────► cut ─► evaluation
-//!                    └─► cycles: a frame of a cut ─► too many? fewer, else more, by halving
+//! scene with a tree ─┬─► bytes ÷ bytes/node = nodes ──────────────────────► cut ─► evaluation
+//!                    └─► cycles: draw and time a cut, bisect ─┘
 //! ```
 //! Laws (tests/tree.rs): `a_budget_of_bytes_is_kept_on_every_machine`,
 //! `a_budget_of_cycles_is_kept_on_every_machine`.
@@ -20,39 +20,39 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::borrow::Cow;
 
-/// What was drawn of a tree.
+/// The drawn cut of a tree.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct DetailReport {
-    /// Splats that the tree was built of.
+    /// Splats that the tree was built from.
     pub leaves: u64,
-    /// Nodes of the tree, leaves among them.
+    /// Nodes of the tree, including leaves.
     pub nodes: u64,
     /// Levels of the tree.
     pub levels: u64,
-    /// Limit of a drawn node's size that is no leaf, pixels.
+    /// Greatest size of a drawn node that is not a leaf, pixels.
     pub pixels: f64,
-    /// Size of the largest such node, pixels; infinite ones, at the near plane, are told as the
-    /// greatest number.
+    /// Size of the largest such node, pixels; infinite sizes, at the near plane, are reported as
+    /// the greatest number.
     pub coarsest_px: f64,
-    /// Nodes that were read to find what is drawn.
+    /// Nodes that were read to find the cut.
     pub read: u64,
-    /// Those among them that are drawn.
+    /// Nodes of the cut.
     pub drawn: u64,
-    /// Those whose normals, and all below them, face away.
+    /// Nodes whose normals, and all below them, face away.
     pub away: u64,
-    /// Those that, with all below them, lie outside of the picture.
+    /// Nodes that are outside the picture with all nodes below them.
     pub outside: u64,
-    /// Most nodes that waited on the stack for their children to be read.
+    /// Greatest number of nodes on the stack whose children were still to be read.
     pub deepest_stack: u64,
     /// Bytes of a node in memory.
     pub node_bytes: u64,
-    /// Bytes of the nodes that were read, once each; what came over the channel, in whole bursts,
-    /// is `cycles.memory`'s `splats`.
+    /// Bytes of the nodes that were read, each counted once. The bytes on the channel, in whole
+    /// bursts, are `splats` of `cycles.memory`.
     pub read_bytes: u64,
 }
 
 impl DetailReport {
-    /// Of a cut, on a machine with nodes of so many bytes.
+    /// Figures of a cut, on a machine with `node_bytes` bytes per node.
     pub fn new(detail: &Detail, node_bytes: u32) -> Self {
         let (tree, cut) = (&detail.tree, &detail.cut);
         let found = |found: Found| {
@@ -78,14 +78,14 @@ impl DetailReport {
         }
     }
 
-    /// In a sentence.
+    /// The figures in a sentence.
     pub fn summary(&self) -> String {
         let culled = match [self.away, self.outside] {
             [0, 0] => String::new(),
             [away, outside] => format!(", {} culled", thousands(away + outside)),
         };
         format!(
-            "level of detail: {} splats for {}, none above {:.3} px that has finer ones; {} nodes of {} bytes read{culled}, {} on the stack",
+            "level of detail: {} splats for {}, at most {:.3} px unless a leaf; {} nodes of {} bytes read{culled}, {} on the stack",
             thousands(self.drawn),
             thousands(self.leaves),
             self.pixels.max(self.coarsest_px),
@@ -96,10 +96,10 @@ impl DetailReport {
     }
 }
 
-/// [`within_budget`] of a scene that nobody else needs.
+/// [`within_budget`] that consumes the scene.
 ///
 /// # Errors
-/// As there.
+/// As [`within_budget`].
 pub fn bounded(scene: Scene, machine: &Elaborated) -> Result<Scene> {
     let cut = match within_budget(&scene, machine)? {
         Cow::Owned(cut) => Some(cut),
@@ -108,11 +108,11 @@ pub fn bounded(scene: Scene, machine: &Elaborated) -> Result<Scene> {
     Ok(cut.unwrap_or(scene))
 }
 
-/// The scene with the finest cut that its budgets of bytes and cycles leave room for on a machine;
-/// as it is where it has none.
+/// The scene with the finest cut within its budgets of bytes and cycles on a machine; unchanged if
+/// it has none.
 ///
 /// # Errors
-/// [`Error::Input`] where not even the root has room, or the machine cannot hold the scene.
+/// [`Error::Input`] if even the root exceeds the budget, or the machine cannot hold the scene.
 pub fn within_budget<'a>(scene: &'a Scene, machine: &Elaborated) -> Result<Cow<'a, Scene>> {
     let Some(detail) = &scene.detail else {
         return Ok(Cow::Borrowed(scene));
@@ -125,7 +125,7 @@ pub fn within_budget<'a>(scene: &'a Scene, machine: &Elaborated) -> Result<Cow<'
     if bytes.or(cycles).is_none() {
         return Ok(Cow::Borrowed(scene));
     }
-    // Both become limits of the cut: nobody has to know the machine any more.
+    // Both budgets become limits of the cut, so that the machine is no longer needed.
     let rules = Rules {
         budget: Budget {
             splats,
@@ -177,8 +177,8 @@ pub fn within_budget<'a>(scene: &'a Scene, machine: &Elaborated) -> Result<Cow<'
     if least > budget {
         return too_little("cycles", least, budget);
     }
-    // Frames are drawn and timed; the last that has room is kept, whether or not cycles grow with
-    // every node.
+    // Frames are drawn and timed. The last one within the budget is kept, also if cycles do not
+    // grow with every node.
     let finest = cut(Limits {
         nodes,
         opened: None,

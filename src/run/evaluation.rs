@@ -1,5 +1,5 @@
-//! Evaluation: one scene on one machine: elaborate, quantise, draw, compare. Every job that asks
-//! how good a machine is asks here.
+//! Evaluation: one scene on one machine: elaborate, quantise, draw, compare. All jobs that rate a
+//! machine use it.
 //!
 //! ```text
 //! machine ─► elaborate ─┐
@@ -9,7 +9,7 @@
 //! ```
 
 use crate::accuracy::ranges::{Overflows, SignalReport};
-use crate::accuracy::{Lockstep, Tiles, lockstep_in};
+use crate::accuracy::{CheckedTiles, Lockstep, lockstep_in};
 use crate::error::Result;
 use crate::golden;
 use crate::golden::{Rendering, Rules};
@@ -23,10 +23,10 @@ use rtl_model::work::Work;
 use rtl_model::{Drawing, Machine};
 use std::borrow::Cow;
 
-/// A scene on a machine that holds it.
+/// A scene on a machine that can hold it.
 #[derive(Clone, Debug)]
 pub struct Evaluation<'a> {
-    /// In world units; of a tree the cut that its budget leaves on this machine.
+    /// In world units; for a tree the cut within its budget on this machine.
     pub scene: Cow<'a, Scene>,
     /// The checked machine.
     pub machine: Cow<'a, Elaborated>,
@@ -34,7 +34,7 @@ pub struct Evaluation<'a> {
     pub quantised: Quantised,
 }
 
-/// A frame with all that was observed while it was drawn.
+/// A frame with all observations made while it was drawn.
 #[derive(Clone, Debug)]
 pub struct Observed {
     /// Frame words and counts.
@@ -48,17 +48,17 @@ pub struct Observed {
 }
 
 impl Observed {
-    /// Results that left their format's range.
+    /// Results out of their format's range.
     pub fn overflows(&self) -> Overflows {
         Overflows::of(&self.signals)
     }
 }
 
 impl<'a> Evaluation<'a> {
-    /// Checks the machine and brings the scene to its words.
+    /// Checks the machine and quantises the scene.
     ///
     /// # Errors
-    /// [`crate::error::Error::Input`] where the machine cannot be built or cannot hold the scene.
+    /// [`crate::error::Error::Input`] if the machine cannot be built or cannot hold the scene.
     pub fn new(scene: &'a Scene, machine: &Machine) -> Result<Self> {
         let elaborated = fixed::elaborate(machine)?;
         let scene = detail::within_budget(scene, &elaborated)?;
@@ -70,10 +70,10 @@ impl<'a> Evaluation<'a> {
         })
     }
 
-    /// Brings the scene to the words of a machine that is checked already.
+    /// Quantises the scene for a machine that is already elaborated.
     ///
     /// # Errors
-    /// [`crate::error::Error::Input`] where it cannot hold the scene.
+    /// [`crate::error::Error::Input`] if the machine cannot hold the scene.
     pub fn on(scene: &'a Scene, machine: &'a Elaborated) -> Result<Self> {
         let scene = detail::within_budget(scene, machine)?;
         let quantised = quantise(&scene, &machine.machine)?;
@@ -89,12 +89,12 @@ impl<'a> Evaluation<'a> {
         fixed::rules(&self.machine.machine)
     }
 
-    /// Draws the frame, observed by nobody.
+    /// Draws the frame without a probe.
     pub fn draw(&self) -> Drawing {
         fixed::draw(&self.machine, &self.quantised)
     }
 
-    /// Draws the frame once, and keeps the range of every signal and the work.
+    /// Draws the frame once, and observes the range of every signal and the work.
     pub fn observe(&self) -> Observed {
         let (drawing, ranges, work) = fixed::draw_measured(&self.machine, &self.quantised);
         let signals = self
@@ -122,13 +122,13 @@ impl<'a> Evaluation<'a> {
         golden::render(&self.scene, &self.rules())
     }
 
-    /// The machine with `golden` led by its decisions.
+    /// The machine with `golden` in lockstep.
     pub fn lockstep(&self) -> Lockstep {
-        self.lockstep_in(Tiles::All)
+        self.lockstep_in(CheckedTiles::All)
     }
 
-    /// The same in some tiles.
-    pub fn lockstep_in(&self, tiles: Tiles) -> Lockstep {
+    /// Lockstep in some tiles.
+    pub fn lockstep_in(&self, tiles: CheckedTiles) -> Lockstep {
         lockstep_in(&self.scene, &self.machine, &self.quantised, tiles)
     }
 }

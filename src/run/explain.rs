@@ -1,9 +1,9 @@
-//! Explain: one pixel's whole story, the machine beside `golden`: every contribution, decision and
-//! layer.
+//! Explain: pixel trace of one pixel, of the machine and of `golden` in parallel: every
+//! contribution, decision and layer.
 
 use crate::error::{Error, Result};
 use crate::golden;
-use crate::golden::{Arrival, Story};
+use crate::golden::{PixelTrace, TracedContribution};
 use crate::hardware::fixed;
 use crate::hardware::quantise::{Quantised, Scale, quantise};
 use crate::output::text::{aligned, plain_table};
@@ -21,22 +21,22 @@ use std::any::Any;
 use std::collections::{HashMap, HashSet};
 use std::fmt::Write;
 
-/// Watches one pixel.
+/// Observes one pixel.
 #[derive(Clone, Debug, Default)]
-struct Witness {
+struct PixelProbe {
     pixel: [u32; 2],
     contributions: Vec<(Contribution, Decision)>,
     layers: Vec<Layer>,
     frame: Option<[i64; 4]>,
-    /// What was lit at the pixel since the last contribution to it, in the order of slots.
+    /// Inputs to shading at the pixel since the last contribution, in the order of slots.
     lit: Vec<shade::Input>,
 }
 
-impl Observer<'static> for Witness {
+impl Observer<'static> for PixelProbe {
     fn fork(&self) -> Box<dyn Observer<'static>> {
-        Box::new(Witness {
+        Box::new(PixelProbe {
             pixel: self.pixel,
-            ..Witness::default()
+            ..PixelProbe::default()
         })
     }
 
@@ -45,7 +45,7 @@ impl Observer<'static> for Witness {
     }
 
     fn take_over(&mut self, seen: Box<dyn Any + Send>) {
-        if let Ok(fork) = seen.downcast::<Witness>() {
+        if let Ok(fork) = seen.downcast::<PixelProbe>() {
             self.contributions.extend(fork.contributions);
             self.layers.extend(fork.layers);
             self.lit.extend(fork.lit);
@@ -74,14 +74,14 @@ impl Observer<'static> for Witness {
     }
 }
 
-/// Tells the story of pixel (x, y).
+/// Returns the pixel trace of pixel (x, y) as text.
 ///
 /// # Errors
-/// [`Error::Input`] where the pixel lies outside the picture, the machine cannot be built or cannot
+/// [`Error::Input`] if the pixel is outside the picture, or the machine cannot be built or cannot
 /// hold the scene.
 pub fn explain(scene: &Scene, machine: &Machine, [x, y]: [usize; 2]) -> Result<String> {
-    let seen = Seen::new(scene, machine, [x, y])?;
-    let side_by_side = seen.told(scene);
+    let seen = ObservedPixel::new(scene, machine, [x, y])?;
+    let side_by_side = seen.explanation(scene);
     let mut text = format!("pixel {x},{y} of {} on {}\n\n", scene.name, machine.name);
     let _ = writeln!(text, "{}\n", side_by_side.contributions());
     let _ = writeln!(text, "{}\n", side_by_side.layers());
@@ -92,16 +92,16 @@ pub fn explain(scene: &Scene, machine: &Machine, [x, y]: [usize; 2]) -> Result<S
     Ok(text)
 }
 
-/// The same in numbers.
+/// The pixel trace in numbers.
 ///
 /// # Errors
 /// As [`explain`].
 pub fn explained(scene: &Scene, machine: &Machine, pixel: [usize; 2]) -> Result<Explained> {
-    let seen = Seen::new(scene, machine, pixel)?;
-    Ok(seen.told(scene).numbers(scene, pixel, seen.word))
+    let seen = ObservedPixel::new(scene, machine, pixel)?;
+    Ok(seen.explanation(scene).numbers(scene, pixel, seen.word))
 }
 
-/// A pixel's story in numbers: depths in world units, colours in linear light, premultiplied.
+/// A pixel trace in numbers: depths in world units, colours in linear light, premultiplied.
 #[derive(Clone, Debug, Serialize)]
 pub struct Explained {
     /// The scene's name.
@@ -110,19 +110,19 @@ pub struct Explained {
     pub machine: String,
     /// Column and row; 0,0 is top left.
     pub pixel: [usize; 2],
-    /// Slots of a pixel.
+    /// Slots per pixel.
     pub slots: u64,
-    /// Contributions in the machine's order; what only `golden` has comes before what follows it
-    /// there.
+    /// Contributions in the machine's order. Those that only `golden` has come before the next one
+    /// that both have.
     pub contributions: Vec<ExplainedContribution>,
     /// Layers at the end, front to back.
     pub layers: ExplainedLayers,
-    /// What the layers mirror that no merge had shaded before; left out where that is nothing.
+    /// Reflected light of layers that no merge had shaded; left out if there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mirrors: Option<ExplainedMirrors>,
     /// The machine's pixel.
     pub fixed: [f64; 4],
-    /// `golden`'s.
+    /// The pixel of `golden`.
     pub golden: [f64; 4],
     /// Format of the frame word.
     pub frame_format: String,
@@ -133,17 +133,17 @@ pub struct Explained {
 /// One contribution, on the machine and in `golden`.
 #[derive(Clone, Debug, Serialize)]
 pub struct ExplainedContribution {
-    /// Number of its splat in the scene.
+    /// Index of its splat in the scene.
     pub splat: usize,
-    /// None where only `golden` has it.
+    /// None if only `golden` has it.
     pub fixed: Option<ExplainedArrival>,
-    /// None where only the machine has it.
+    /// None if only the machine has it.
     pub golden: Option<ExplainedArrival>,
-    /// Whether the two decided otherwise.
+    /// Whether the two decided differently.
     pub flip: bool,
 }
 
-/// What one of the two has of a contribution.
+/// A contribution in one of the two.
 #[derive(Clone, Debug, Serialize)]
 pub struct ExplainedArrival {
     /// `r` at the pixel's centre.
@@ -152,29 +152,29 @@ pub struct ExplainedArrival {
     pub weight: f64,
     /// Depth, world units.
     pub z: f64,
-    /// What became of it, in words.
+    /// Its outcome, in words.
     pub decision: String,
-    /// The slot that it went into, where it went into one that is known by number.
+    /// The slot that it went into, if its number is known.
     pub slot: Option<usize>,
 }
 
-/// Layers of both.
+/// Layers on the machine and in `golden`.
 #[derive(Clone, Debug, Serialize)]
 pub struct ExplainedLayers {
-    /// The machine's.
+    /// Layers of the machine.
     pub fixed: Vec<ExplainedLayer>,
-    /// `golden`'s.
+    /// Layers of `golden`.
     pub golden: Vec<ExplainedLayer>,
 }
 
 /// One layer.
 #[derive(Clone, Debug, Serialize)]
 pub struct ExplainedLayer {
-    /// Slot that it held.
+    /// Its slot.
     pub slot: usize,
     /// Its depth, world units.
     pub z: f64,
-    /// Sum of its weights; none of a layer that was merged.
+    /// Sum of its weights; none for a merged layer.
     pub weight: Option<f64>,
     /// Colour times opacity.
     pub rgb: [f64; 3],
@@ -182,45 +182,45 @@ pub struct ExplainedLayer {
     pub opacity: f64,
 }
 
-/// What the layers of both mirror.
+/// Reflected light on the machine and in `golden`.
 #[derive(Clone, Debug, Serialize)]
 pub struct ExplainedMirrors {
-    /// The machine's.
+    /// Reflected light on the machine.
     pub fixed: Vec<ExplainedMirror>,
-    /// `golden`'s.
+    /// Reflected light in `golden`.
     pub golden: Vec<ExplainedMirror>,
 }
 
-/// What one layer mirrors.
+/// Reflected light of one layer.
 #[derive(Clone, Debug, Serialize)]
 pub struct ExplainedMirror {
-    /// The layer's place, front to back.
+    /// The layer's position, front to back.
     pub layer: usize,
     /// a and b of the ray (a, b, 1) that is mirrored.
     pub slopes: [f64; 2],
-    /// Where it goes, in camera space.
+    /// Its mirror image, in camera space.
     pub direction: [f64; 3],
     /// Column and row of the first of the map's four texels.
     pub texel: [usize; 2],
-    /// Light between them.
+    /// Light interpolated between them.
     pub light: [f64; 3],
-    /// Share of the light in the colour that leaves: reflect times tint.
+    /// Share of this light in the reflected colour: reflect times tint.
     pub share: [f64; 3],
 }
 
-/// Everything that was seen of a pixel.
-struct Seen {
+/// All observations of a pixel.
+struct ObservedPixel {
     machine: Elaborated,
     scale: Scale,
-    witness: Witness,
-    story: Story,
-    /// What the machine's layers mirror.
+    probe: PixelProbe,
+    trace: PixelTrace,
+    /// Reflected light of the machine's layers.
     mirrors: Vec<ExplainedMirror>,
     /// The frame word.
     word: [i64; 4],
 }
 
-impl Seen {
+impl ObservedPixel {
     fn new(scene: &Scene, machine: &Machine, [x, y]: [usize; 2]) -> Result<Self> {
         let (width, height) = (scene.image.width, scene.image.height);
         if x >= width || y >= height {
@@ -232,68 +232,71 @@ impl Seen {
         }
         let elaborated = fixed::elaborate(machine)?;
         let quantised = quantise(scene, machine)?;
-        let mut witness = Witness {
+        let mut probe = PixelProbe {
             pixel: [x as u32, y as u32],
-            ..Witness::default()
+            ..PixelProbe::default()
         };
-        // What is lit is told by transfers alone.
+        // Only an observed drawing reports the inputs to shading.
         let draw = if quantised.frame.surroundings.is_some() {
             pipeline::draw_observed
         } else {
             pipeline::draw_with_decisions
         };
-        let drawing = draw(&elaborated, &quantised.frame, &mut witness);
-        let mirrors = mirrors(&elaborated, &quantised, &witness);
-        let story = golden::story(scene, &fixed::rules(machine), x, y);
+        let drawing = draw(&elaborated, &quantised.frame, &mut probe);
+        let mirrors = mirrors(&elaborated, &quantised, &probe);
+        let trace = golden::pixel_trace(scene, &fixed::rules(machine), x, y);
         let word = drawing.frame[y * width + x].map(i64::from);
-        Ok(Seen {
+        Ok(ObservedPixel {
             machine: elaborated,
             scale: quantised.scale,
-            witness,
-            story,
+            probe,
+            trace,
             mirrors,
             word,
         })
     }
 
-    fn told<'a>(&'a self, scene: &'a Scene) -> Told<'a> {
-        let Seen {
+    fn explanation<'a>(&'a self, scene: &'a Scene) -> Explanation<'a> {
+        let ObservedPixel {
             machine,
             scale,
-            witness,
-            story,
+            probe,
+            trace,
             mirrors,
             ..
         } = self;
-        Told {
+        Explanation {
             machine,
             scale: *scale,
-            fixed: witness,
-            golden: story,
+            fixed: probe,
+            golden: trace,
             mirrors,
             sheet: scene.sheets.as_ref().map(|s| &s.of),
         }
     }
 }
 
-struct Told<'a> {
+struct Explanation<'a> {
     machine: &'a Elaborated,
     scale: Scale,
-    fixed: &'a Witness,
-    golden: &'a Story,
+    fixed: &'a PixelProbe,
+    golden: &'a PixelTrace,
     mirrors: &'a [ExplainedMirror],
-    /// None where fragments are grouped by depth.
+    /// None if fragments are grouped by depth.
     sheet: Option<&'a Sheet>,
 }
 
 /// A contribution on the machine, in `golden`, or in both.
-type Pair<'a> = (Option<&'a (Contribution, Decision)>, Option<&'a Arrival>);
+type MatchedPair<'a> = (
+    Option<&'a (Contribution, Decision)>,
+    Option<&'a TracedContribution>,
+);
 
-impl Told<'_> {
-    /// Brings equal splats side by side, in the machine's order; what only `golden` has comes
-    /// before what follows it there.
-    fn pairs(&self) -> Vec<Pair<'_>> {
-        let (fixed, golden) = (&self.fixed.contributions, &self.golden.arrivals);
+impl Explanation<'_> {
+    /// Matches contributions of the same splat, in the machine's order. Those that only `golden`
+    /// has come before the next one that both have.
+    fn pairs(&self) -> Vec<MatchedPair<'_>> {
+        let (fixed, golden) = (&self.fixed.contributions, &self.golden.contributions);
         let in_golden: HashMap<usize, usize> = golden
             .iter()
             .enumerate()
@@ -308,7 +311,7 @@ impl Told<'_> {
             .enumerate()
             .filter(|(_, arrival)| !in_fixed.contains(&arrival.splat))
             .peekable();
-        let mut pairs: Vec<Pair> = Vec::new();
+        let mut pairs: Vec<MatchedPair> = Vec::new();
         for one in fixed {
             let splat = one.0.splat as usize;
             let nth = in_golden.get(&splat).copied();
@@ -352,7 +355,7 @@ impl Told<'_> {
         let mark = if flips > 0 { " (◄)" } else { "" };
         let count = pairs.len();
         format!(
-            "{}\n\n{count} contributions, {flips} decided otherwise by the machine than by golden{mark}",
+            "{}\n\n{count} contributions, {flips} decided differently by the machine and by golden{mark}",
             aligned(table).trim_fmt()
         )
     }
@@ -361,13 +364,13 @@ impl Told<'_> {
         row_of(self.machine_arrival(c, decision))
     }
 
-    fn golden_row(&self, arrival: &Arrival) -> [String; 4] {
+    fn golden_row(&self, arrival: &TracedContribution) -> [String; 4] {
         row_of(self.golden_arrival(arrival))
     }
 
     fn machine_arrival(&self, c: &Contribution, decision: Decision) -> ExplainedArrival {
         let gauss = &self.machine.machine.gauss;
-        let of_sheet = self.sheet_decision(c.splat as usize, machine_fate(decision));
+        let of_sheet = self.sheet_decision(c.splat as usize, machine_sheet_decision(decision));
         let slot = match decision {
             Decision::Accumulated(slot)
             | Decision::Inserted(slot)
@@ -384,8 +387,8 @@ impl Told<'_> {
         }
     }
 
-    fn golden_arrival(&self, arrival: &Arrival) -> ExplainedArrival {
-        let of_sheet = self.sheet_decision(arrival.splat, golden_fate(arrival.decision));
+    fn golden_arrival(&self, arrival: &TracedContribution) -> ExplainedArrival {
+        let of_sheet = self.sheet_decision(arrival.splat, golden_sheet_decision(arrival.decision));
         let slot = match arrival.decision {
             golden::Decision::Accumulated { slot }
             | golden::Decision::Inserted { slot }
@@ -404,25 +407,27 @@ impl Told<'_> {
 
     fn numbers(&self, scene: &Scene, pixel: [usize; 2], word: [i64; 4]) -> Explained {
         let machine = &self.machine.machine;
-        let contribution =
-            |(fixed, golden): (Option<&(Contribution, Decision)>, Option<&Arrival>)| {
-                let splat = fixed
-                    .map(|(c, _)| c.splat as usize)
-                    .or(golden.map(|arrival| arrival.splat))
-                    .unwrap_or_default();
-                let fixed = fixed.map(|(c, decision)| self.machine_arrival(c, *decision));
-                let golden = golden.map(|arrival| self.golden_arrival(arrival));
-                let decision = |arrival: &Option<ExplainedArrival>| {
-                    arrival.as_ref().map(|arrival| arrival.decision.clone())
-                };
-                let flip = decision(&fixed) != decision(&golden);
-                ExplainedContribution {
-                    splat,
-                    fixed,
-                    golden,
-                    flip,
-                }
+        let contribution = |(fixed, golden): (
+            Option<&(Contribution, Decision)>,
+            Option<&TracedContribution>,
+        )| {
+            let splat = fixed
+                .map(|(c, _)| c.splat as usize)
+                .or(golden.map(|arrival| arrival.splat))
+                .unwrap_or_default();
+            let fixed = fixed.map(|(c, decision)| self.machine_arrival(c, *decision));
+            let golden = golden.map(|arrival| self.golden_arrival(arrival));
+            let decision = |arrival: &Option<ExplainedArrival>| {
+                arrival.as_ref().map(|arrival| arrival.decision.clone())
             };
+            let flip = decision(&fixed) != decision(&golden);
+            ExplainedContribution {
+                splat,
+                fixed,
+                golden,
+                flip,
+            }
+        };
         let premultiplied = machine.shade.premultiplied.format;
         let fixed = self.fixed.layers.iter().map(|layer| ExplainedLayer {
             slot: layer.slot,
@@ -457,17 +462,17 @@ impl Told<'_> {
         }
     }
 
-    /// None where fragments are grouped by depth.
-    fn sheet_decision(&self, splat: usize, fate: Fate) -> Option<String> {
+    /// None if fragments are grouped by depth.
+    fn sheet_decision(&self, splat: usize, fate: SheetDecision) -> Option<String> {
         Some(match (self.sheet?, fate) {
-            (_, Fate::Dropped) => "too late".into(),
+            (_, SheetDecision::Dropped) => "too late".into(),
             (Sheet::Splat, _) => "blend".into(),
-            (Sheet::Slice(numbers), Fate::Added) => format!("add to {}", numbers[splat]),
-            (Sheet::Slice(numbers), Fate::Opened) => format!("open {}", numbers[splat]),
+            (Sheet::Slice(numbers), SheetDecision::Added) => format!("add to {}", numbers[splat]),
+            (Sheet::Slice(numbers), SheetDecision::Opened) => format!("open {}", numbers[splat]),
         })
     }
 
-    /// What all sheets come to.
+    /// The composite of all sheets.
     fn composite(&self) -> String {
         let premultiplied = self.machine.machine.shade.premultiplied.format;
         let mut table = plain_table(&["all sheets", "red", "green", "blue", "opacity"]);
@@ -540,7 +545,7 @@ impl Told<'_> {
             table.add_row(row);
         }
         if self.fixed.layers.is_empty() && self.golden.layers.is_empty() {
-            return "Nothing is left to blend: the pixel is background.".into();
+            return "No layer is left: the pixel is background.".into();
         }
         if self.sheet.is_some() {
             return self.composite();
@@ -551,11 +556,11 @@ impl Told<'_> {
         )
     }
 
-    /// What layers mirror; none where that is nothing.
+    /// Reflected light of layers; none if there is none.
     fn both_mirrors(&self) -> Option<ExplainedMirrors> {
         let golden: Vec<ExplainedMirror> = (self.golden.layers.iter().enumerate())
             .filter_map(|(layer, of)| {
-                let golden::Seen {
+                let golden::Reflected {
                     slopes,
                     direction,
                     texel,
@@ -620,7 +625,7 @@ impl Told<'_> {
             table.add_row([cells.concat(), numbers(light), numbers(share)].concat());
         }
         Some(format!(
-            "What layers mirror that no merge had shaded; texel is the first of four:\n\n{}",
+            "Reflected light of layers that no merge had shaded; texel is the first of four:\n\n{}",
             aligned(table).trim_fmt()
         ))
     }
@@ -649,19 +654,19 @@ impl Told<'_> {
     }
 }
 
-/// What the layers mirror that no merge had shaded: those were lit last, in the order of their
+/// Reflected light of layers that no merge had shaded. They were lit last, in the order of their
 /// slots.
 fn mirrors(
     machine: &Elaborated,
     Quantised { frame, .. }: &Quantised,
-    witness: &Witness,
+    probe: &PixelProbe,
 ) -> Vec<ExplainedMirror> {
     let (Some(words), Some(surroundings)) = (&machine.machine.reflect, &frame.surroundings) else {
         return Vec::new();
     };
     let highlights = machine.shade.highlights(&frame.lighting);
     let registers = shade::LightRegisters::of(frame, &highlights);
-    let mut unlit: Vec<(usize, &Layer)> = witness
+    let mut unlit: Vec<(usize, &Layer)> = probe
         .layers
         .iter()
         .enumerate()
@@ -669,7 +674,7 @@ fn mirrors(
         .collect();
     unlit.sort_by_key(|(_, layer)| layer.slot);
     let slope = words.slope.map(|word| word.format);
-    let told = |((layer, _), input): ((usize, &Layer), &shade::Input)| {
+    let explained = |((layer, _), input): ((usize, &Layer), &shade::Input)| {
         let reflect::Seen {
             slopes,
             direction,
@@ -687,17 +692,17 @@ fn mirrors(
                 .map(|word| words.reflectance.format.value(word)),
         })
     };
-    // Of splats that are lit before they are drawn nothing is lit here.
+    // Splats that are lit before they are drawn are not lit here.
     let mut all: Vec<ExplainedMirror> = unlit
         .into_iter()
-        .zip(&witness.lit)
-        .filter_map(told)
+        .zip(&probe.lit)
+        .filter_map(explained)
         .collect();
     all.sort_by_key(|mirror| mirror.layer);
     all
 }
 
-/// A contribution in a table.
+/// The cells of a contribution.
 fn row_of(arrival: ExplainedArrival) -> [String; 4] {
     let ExplainedArrival {
         radial_index,
@@ -757,7 +762,8 @@ fn golden_decision(decision: golden::Decision) -> String {
         } => format!("late, back of {slot}"),
         golden::Decision::Inside { slot } => format!("inside {slot}"),
         golden::Decision::Summed { slot, .. } => format!("sum {slot}+{}", slot + 1),
-        // As the machine says it, which does not say the slot: it is always the last but one.
+        // The same text as for the machine, which does not report the slot: it is always the last
+        // but one.
         golden::Decision::Closed { inside: false, .. } => "close the deepest two".into(),
         golden::Decision::Closed { inside: true, .. } => "close the deepest inside".into(),
         golden::Decision::Evicted { slot: None } => "evicted".into(),
@@ -767,26 +773,26 @@ fn golden_decision(decision: golden::Decision) -> String {
     }
 }
 
-/// What can become of a contribution where fragments are grouped by sheets.
+/// Outcomes of a contribution if fragments are grouped by sheets.
 #[derive(Clone, Copy)]
-enum Fate {
+enum SheetDecision {
     Added,
     Opened,
     Dropped,
 }
 
-fn machine_fate(decision: Decision) -> Fate {
+fn machine_sheet_decision(decision: Decision) -> SheetDecision {
     match decision {
-        Decision::Accumulated(_) => Fate::Added,
-        Decision::Dropped => Fate::Dropped,
-        _ => Fate::Opened,
+        Decision::Accumulated(_) => SheetDecision::Added,
+        Decision::Dropped => SheetDecision::Dropped,
+        _ => SheetDecision::Opened,
     }
 }
 
-fn golden_fate(decision: golden::Decision) -> Fate {
+fn golden_sheet_decision(decision: golden::Decision) -> SheetDecision {
     match decision {
-        golden::Decision::Accumulated { .. } => Fate::Added,
-        golden::Decision::Dropped => Fate::Dropped,
-        _ => Fate::Opened,
+        golden::Decision::Accumulated { .. } => SheetDecision::Added,
+        golden::Decision::Dropped => SheetDecision::Dropped,
+        _ => SheetDecision::Opened,
     }
 }

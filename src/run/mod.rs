@@ -1,5 +1,5 @@
-//! Run: the main job. Draws a scene on the machine, with `golden` and with `ideal`; compares;
-//! reports.
+//! Run: the main job. Draws a scene on the machine, with `golden` and with `ideal`, compares the
+//! pictures, and reports.
 //!
 //! ```text
 //! scene ─┬─► quantise ─► fixed ─┬─► compare ─► report.json, summary
@@ -17,7 +17,7 @@ pub mod report;
 pub mod sequence;
 
 use crate::accuracy::attribution::attribute;
-use crate::accuracy::{ErrorPicture, Lockstep, Tiles, error_picture, ranges};
+use crate::accuracy::{CheckedTiles, ErrorPicture, Lockstep, error_picture, ranges};
 use crate::error::Result;
 use crate::golden;
 use crate::golden::Rendering;
@@ -41,56 +41,57 @@ use rtl_model::work::Work;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// How much of a frame is held in lockstep.
+/// How much of a frame is checked in lockstep.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Check {
-    /// All of it.
+    /// All tiles.
     #[default]
     Full,
     /// One tile in eight.
     Sampled,
-    /// Nothing.
+    /// No tile.
     None,
 }
 
 impl Check {
-    fn tiles(self) -> Option<Tiles> {
+    fn tiles(self) -> Option<CheckedTiles> {
         match self {
-            Check::Full => Some(Tiles::All),
-            Check::Sampled => Some(Tiles::Sampled),
+            Check::Full => Some(CheckedTiles::All),
+            Check::Sampled => Some(CheckedTiles::Sampled),
             Check::None => None,
         }
     }
 }
 
-/// Options of a run: what is done only where it was asked for.
+/// Options of a run. By default nothing optional is done.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
     /// Attribute the error.
     pub attribution: bool,
-    /// What is held in lockstep.
+    /// Tiles that are checked in lockstep.
     pub check: Check,
-    /// The frame on other microarchitectures.
+    /// Replay the frame on other microarchitectures.
     pub timings: Option<Variants>,
-    /// What would make the frame faster.
+    /// Find changes that make the frame faster (what-if).
     pub answers: bool,
-    /// Every request to memory.
+    /// Record every request to memory.
     pub requests: bool,
-    /// Recorded work, for timing to replay.
+    /// Record work, for timing to replay.
     pub record: bool,
-    /// Prices of bits.
+    /// Unit costs of bits.
     pub prices: Prices,
-    /// How the scene lies outside of what the machine was searched for, where it was.
+    /// How the scene exceeds the conditions that the machine was searched for; none if it was not
+    /// searched.
     pub outside_of_search: Option<Vec<String>>,
-    /// The frame, where the scene is one of a sequence.
+    /// Number of the frame, if the scene is part of a sequence.
     pub frame: Option<u64>,
-    /// The file that the scene was read from; none of a built-in one.
+    /// The file that the scene was read from; none for a built-in scene.
     pub scene_file: Option<PathBuf>,
     /// The photograph of the frame, among those of its sequence.
     pub against: Option<Photographs>,
 }
 
-/// Files that every run of one frame writes, without `report.json`.
+/// Files that every run of one frame writes, except `report.json`.
 const ALWAYS: [&str; 9] = [
     "fixed.png",
     "golden.png",
@@ -116,13 +117,13 @@ const OPTIONAL: [&str; 12] = [
     "fixed.exr",
     "golden.exr",
     "ideal.exr",
-    // `replay` writes it, of a record.
+    // Written by `replay` of a recording.
     "cycles.json",
 ];
 
-/// Three pictures, their difference, and what was found.
+/// Three pictures, their difference, and the report.
 #[derive(Clone, Debug)]
-pub struct Outcome {
+pub struct RunResult {
     /// Picture of the hardware.
     pub fixed: Picture,
     /// Picture of exact arithmetic by the same rules.
@@ -131,36 +132,36 @@ pub struct Outcome {
     pub ideal: Picture,
     /// |fixed − golden|, scaled to be seen.
     pub error: ErrorPicture,
-    /// The machine with `golden` in lockstep, unless that was not wanted.
+    /// The machine with `golden` in lockstep, unless it was disabled.
     pub lockstep: Option<Lockstep>,
-    /// Every request to memory, if that was asked for.
+    /// Every request to memory, if requested.
     pub requests: Option<Requests>,
-    /// Recorded work, if that was asked for.
+    /// Recorded work, if requested.
     pub work: Option<Work>,
-    /// Findings.
+    /// Figures.
     pub report: Report,
-    /// Colours are not linear light but what a screen is sent.
+    /// Colours are values for a screen, not linear light.
     pub encoded: bool,
 }
 
-/// Draws `scene` on `machine` and compares; where asked to, says who makes the error.
-/// `load_seconds` goes into the report.
+/// Draws `scene` on `machine` and compares; optionally attributes the error. `load_seconds` is
+/// copied into the report.
 ///
 /// # Errors
-/// [`crate::error::Error::Input`] where the machine cannot be built or cannot hold the scene.
+/// [`crate::error::Error::Input`] if the machine cannot be built or cannot hold the scene.
 pub fn run(
     scene: &Scene,
     machine: &Machine,
     load_seconds: f64,
     options: &Options,
-) -> Result<Outcome> {
+) -> Result<RunResult> {
     memory::check_frame(scene)?;
     let attributed = options.attribution;
     let elaborated = fixed::elaborate(machine)?;
     let (evaluation, quantise_seconds) = timed(|| Evaluation::on(scene, &elaborated));
     let evaluation = evaluation?;
     let scene = &*evaluation.scene;
-    // Of this frame nothing is used but how long it took.
+    // Drawn only to measure its time.
     let (_, fixed_seconds) = timed(|| evaluation.draw());
     let (observed, observed_seconds) = timed(|| evaluation.observe());
     let Observed {
@@ -197,12 +198,12 @@ pub fn run(
             error_picture(&fixed, &golden.picture),
         )
     };
-    // A replay keeps one thread busy, and what it does not need the others.
+    // A replay uses one thread; the other threads run the lockstep.
     let (
         (cycles, cycles_report, replay_seconds, timings, answers),
         (ideal, ideal_seconds, distances, error),
     ) = rayon::join(replay, exact);
-    // What was recorded is large.
+    // The recorded work is large.
     let work = options.record.then_some(work);
     let (lockstep, lockstep_seconds) = timed(|| {
         options
@@ -294,7 +295,7 @@ pub fn run(
         .requests
         .then(|| Requests::new(&elaborated.timing, cycles.requests));
     let encoded = scene.image.encoded;
-    Ok(Outcome {
+    Ok(RunResult {
         fixed,
         golden: golden.picture,
         ideal: ideal.picture,
@@ -322,11 +323,11 @@ pub fn timed<T>(work: impl FnOnce() -> T) -> (T, f64) {
     (result, start.elapsed().as_secs_f64())
 }
 
-impl Outcome {
-    /// Writes pictures and report into a folder; returns what was written.
+impl RunResult {
+    /// Writes pictures and report into a folder; returns the paths.
     ///
     /// # Errors
-    /// [`crate::error::Error::Job`] where a file cannot be written; none is left half-written.
+    /// [`crate::error::Error::Job`] if a file cannot be written; no file is left half-written.
     pub fn write(&self, folder: &Path, exr: bool) -> Result<Vec<PathBuf>> {
         let flips = self.lockstep.as_ref().map(Lockstep::flip_picture);
         let mut files: Vec<Unwritten> = Vec::new();
@@ -400,7 +401,7 @@ impl Outcome {
             })
         };
         files.push((folder.join("report.json"), Box::new(report)));
-        // Optional files of the last run would be beside pictures that they are not of.
+        // Optional files of an earlier run would not belong to these pictures.
         write_as_one(folder, files, &OPTIONAL)
     }
 }

@@ -1,15 +1,16 @@
-//! Preview: the job with a quarter of the columns and rows, and what that says of the whole.
+//! Preview: a run with a quarter of the columns and rows, and an extrapolation to the whole
+//! picture.
 //!
 //! ```text
 //! scene ───────────────► areas of all footprints ─► contributions of the whole
 //! scene at 1/8 of its side ─► [figures] ─┐
-//! scene at 1/4 ───► run ────► [figures] ─┴─► what the last doubling did to all else
+//! scene at 1/4 ───► run ────► [figures] ─┴─► effect of the last doubling on all other figures
 //! ```
-//! Contributions can be counted without drawing: they are the pixels within each ellipse. Nothing
-//! else can be told before: decibels hang on single flips, cycles on how often neighbours meet in a
-//! pixel.
+//! Contributions can be counted without drawing: they are the pixels within each ellipse. No other
+//! figure can be predicted: decibels depend on single flips, cycles on how often neighbours meet in
+//! a pixel.
 //!
-//! Law: `contributions_of_the_whole_are_as_close_as_is_said`.
+//! Law: `contributions_of_the_whole_are_within_the_stated_uncertainty`.
 
 use crate::accuracy::distance;
 use crate::error::{Error, Result};
@@ -25,18 +26,18 @@ use rtl_model::timing::{self, Detail};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Of columns and rows, one in so many is drawn.
+/// One in this many columns and rows is drawn.
 pub const PART: usize = 4;
-/// Pixels that the shorter side of the whole has at least.
+/// Least number of pixels of the whole's shorter side.
 const LEAST_SIDE_PX: usize = 128;
-/// As a part of them, contributions are off by this, if those of the preview do not say more: rims,
-/// and what coarse words make faint.
+/// Least relative uncertainty of contributions, unless the preview's own deviation is greater. It
+/// covers rims, and splats that coarse words make faint.
 const LEAST_OFF: f64 = 0.05;
 
 /// Figures of a picture of one size.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Figures {
-    /// Pixels a row.
+    /// Pixels per row.
     pub width: usize,
     /// Rows.
     pub height: usize,
@@ -46,27 +47,27 @@ pub struct Figures {
     pub cycles: u64,
     /// Bytes to and from memory.
     pub memory_bytes: u64,
-    /// The arithmetic's error.
+    /// PSNR of the arithmetic's error.
     pub fixed_vs_golden_psnr_db: Option<f64>,
-    /// The method's error.
+    /// PSNR of the method's error.
     pub golden_vs_ideal_psnr_db: Option<f64>,
-    /// The whole error.
+    /// PSNR of the whole error.
     pub fixed_vs_ideal_psnr_db: Option<f64>,
 }
 
-/// Preview: what was left out, and what the rest says.
+/// Extrapolation from a preview to the whole picture.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Preview {
-    /// Pixels of the whole.
+    /// Columns and rows of the whole.
     pub of: [usize; 2],
-    /// Contributions of the whole, about.
+    /// Estimated contributions of the whole.
     pub contributions: u64,
-    /// As a part of them, they are off by at most about this.
+    /// Estimated relative uncertainty of `contributions`.
     pub off: f64,
     sizes: Vec<Figures>,
 }
 
-/// The same scene with so many times fewer columns and rows.
+/// The same scene with its columns and rows divided by `part`.
 fn smaller(scene: &Scene, part: usize) -> Scene {
     let mut scene = scene.clone();
     scene.image.width = (scene.image.width / part).max(1);
@@ -77,19 +78,19 @@ fn smaller(scene: &Scene, part: usize) -> Scene {
 /// The scene as a preview draws it.
 ///
 /// # Errors
-/// [`Error::Input`] where it is small already.
+/// [`Error::Input`] if the scene is already small.
 pub fn scene(whole: &Scene) -> Result<Scene> {
     let (width, height) = (whole.image.width, whole.image.height);
     if width.min(height) < LEAST_SIDE_PX {
         let sentence = format!(
-            "--preview: {width}×{height} pixels are few already; with {LEAST_SIDE_PX} or more a side there is something to leave out"
+            "--preview: {width}×{height} pixels are few; a preview needs at least {LEAST_SIDE_PX} per side"
         );
         return Err(Error::input(sentence));
     }
     Ok(smaller(whole, PART))
 }
 
-/// Contributions of a scene on a machine, about: weights that round to 0 are none.
+/// Estimated contributions of a scene on a machine, without weights that round to 0.
 fn contributions(scene: &Scene, machine: &Machine) -> u64 {
     let weight = machine.gauss.weight;
     let place = weight.format.value(1);
@@ -103,10 +104,10 @@ fn contributions(scene: &Scene, machine: &Machine) -> u64 {
     )
 }
 
-/// How far contributions of the whole may be off where so many were expected of a smaller picture,
-/// and so many it had: there, splats are smaller and fainter. (`tiny` has no words for splats seen
-/// edge-on, and may leave out a third where this says 5 %.)
-fn off(expected: u64, had: u64) -> f64 {
+/// Relative uncertainty of the whole's contributions, from the expected and the counted
+/// contributions of a smaller picture, where splats are smaller and fainter. (`tiny` has no words
+/// for splats seen edge-on, and may leave out a third where this is 5 %.)
+fn uncertainty(expected: u64, had: u64) -> f64 {
     (expected as f64 / had.max(1) as f64 - 1.0)
         .abs()
         .max(LEAST_OFF)
@@ -134,13 +135,13 @@ fn figures(scene: &Scene, machine: &Machine) -> Result<Figures> {
 }
 
 impl Preview {
-    /// Of a whole, and the figures `now` of a run of its preview.
+    /// Extrapolates to a whole, from the figures `now` of a run of its preview.
     ///
     /// # Errors
     /// As [`crate::run::run`].
     pub fn new(whole: &Scene, machine: &Machine, now: Figures) -> Result<Self> {
         let less = figures(&smaller(whole, 2 * PART), machine)?;
-        let off = off(contributions(&scene(whole)?, machine), now.contributions);
+        let off = uncertainty(contributions(&scene(whole)?, machine), now.contributions);
         Ok(Preview {
             of: [whole.image.width, whole.image.height],
             contributions: contributions(whole, machine),
@@ -149,14 +150,14 @@ impl Preview {
         })
     }
 
-    /// Factor by which the whole takes longer, with so many splats.
+    /// Factor by which the whole takes longer, for a scene with `splats` splats.
     pub fn growth(&self, splats: usize) -> f64 {
         let now = self.sizes.last().map_or(0, |now| now.contributions);
-        longer(splats, now as f64, self.contributions as f64)
+        time_ratio(splats, now as f64, self.contributions as f64)
     }
 
-    /// Says what was left out and how far figures can be trusted, at most 80 columns wide. The
-    /// whole would take so many seconds.
+    /// Describes what was left out and how reliable the figures are, at most 80 columns wide.
+    /// `seconds` is the estimated time of the whole.
     pub fn summary(&self, seconds: f64) -> String {
         let [less, now] = &self.sizes[..] else {
             return String::new();
@@ -211,7 +212,7 @@ impl Preview {
             PART * PART
         );
         let whole = format!(
-            "the whole has about {} contributions, {:.0}% more or less, and takes about {} here; other figures do not scale: what the last doubling changed, two more will change again",
+            "the whole has about {} contributions, ±{:.0}%, and takes about {} here; other figures do not scale: two more doublings will change them again, as the last one did",
             thousands(rounded(self.contributions)),
             100.0 * self.off,
             duration(seconds)
@@ -227,15 +228,15 @@ impl Preview {
 
 /// Jobs longer than this are announced, seconds.
 const LONG: f64 = 10.0;
-/// Splats and pixels from which on a job may be long.
+/// Splats and pixels from which a job may be long.
 const MANY: usize = 2_000_000;
 
-/// Bytes from which on a job's memory is announced.
+/// Bytes of memory from which a job is announced.
 const MUCH: u64 = 1 << 30;
 
-/// Sentence to say before a job that takes long or much memory, and the seconds that it may take;
-/// none otherwise. It takes a fortieth of the job or less: every splat is set up once, which tells
-/// the contributions and how fast this computer is.
+/// Sentence to print before a job that takes long or needs much memory, and its estimated seconds;
+/// none for other jobs. The estimate takes at most a fortieth of the job: every splat is set up
+/// once, which gives the contributions and the speed of this computer.
 pub fn announcement(scene: &Scene, machine: &Machine) -> Option<(String, f64)> {
     let pixels = scene.image.width * scene.image.height;
     if scene.splats.len().max(pixels) < MANY
@@ -272,25 +273,25 @@ pub fn announcement(scene: &Scene, machine: &Machine) -> Option<(String, f64)> {
     (expected > LONG || bytes > MUCH).then(note)
 }
 
-/// Pixels of a splat below which a smaller picture saves nothing: its low-pass filter alone reaches
+/// Pixels per splat below which a smaller picture saves nothing: the low-pass filter alone covers
 /// about ten, on each of two pictures.
 const SMALL: f64 = 30.0;
-/// Times to set a splat up that a run takes for each splat, each contribution and each pixel.
-/// Fitted, on the long side: 4.7 million points at 512², glass-spheres at 2048², the dragon scan at
-/// 1600² and terrain at 2048×1536 took 21, 26, 16 and 20 s where this tells 27, 36, 20 and 23 (two
-/// cores).
+/// Time of a run per splat, per contribution and per pixel, in units of one setup of a splat.
+/// Fitted with a margin: 4.7 million points at 512², glass-spheres at 2048², the dragon scan at
+/// 1600² and terrain at 2048×1536 took 21, 26, 16 and 20 s; these factors give 27, 36, 20 and 23
+/// (two cores).
 const RUN_OVER_SET_UP: [f64; 3] = [35.0, 2.5, 6.0];
-/// A splat is set up in the time of so many contributions (instructions, when this was fitted: 340
-/// and 250).
+/// Setup of a splat in units of one contribution (instructions at the time of the fit: 340 and
+/// 250).
 const SET_UP: f64 = 1.36;
 
-/// How many times as long a frame takes with other contributions of as many splats.
-fn longer(splats: usize, before: f64, now: f64) -> f64 {
+/// Ratio of the times of a frame with `now` and with `before` contributions of the same splats.
+fn time_ratio(splats: usize, before: f64, now: f64) -> f64 {
     let set_up = SET_UP * splats as f64;
     (set_up + now) / (set_up + before).max(1.0)
 }
 
-/// To three digits.
+/// Rounded to three digits.
 fn rounded(count: u64) -> u64 {
     let place = 10u64.pow(count.max(1).ilog10().saturating_sub(2));
     (count + place / 2) / place * place
@@ -303,7 +304,7 @@ mod tests {
     use crate::scene::Overrides;
 
     #[test]
-    fn contributions_of_the_whole_are_as_close_as_is_said() {
+    fn contributions_of_the_whole_are_within_the_stated_uncertainty() {
         let surfaces =
             ["glass-spheres", "checkerboard", "torus-knot", "terrain"].map(|scene| (scene, "lean"));
         let ellipsoids = [
@@ -335,7 +336,7 @@ mod tests {
             let had = fixed::draw(&elaborated, &quantise(&small, &machine).unwrap())
                 .outcomes
                 .total();
-            let off = off(contributions(&small, &machine), had);
+            let off = uncertainty(contributions(&small, &machine), had);
             assert!(
                 (about / is - 1.0).abs() <= off,
                 "{name} on {}: {about} is said, and {is} it is",

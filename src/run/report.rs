@@ -1,4 +1,4 @@
-//! Report: what a run found, as `report.json` (docs/book/reference/report.md) and as a summary for
+//! Report: results of a run, as `report.json` (docs/book/reference/report.md) and as a summary for
 //! a terminal of 80 columns.
 
 use crate::accuracy::attribution::Attribution;
@@ -25,47 +25,47 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::Write;
 
-/// Above this two pictures differ by the last places of f64 and the summary says no more than that.
+/// Above this, two pictures differ only by a few ulp of f64, and the summary prints only the limit.
 const MOST_DB: f64 = 200.0;
 
-/// Everything that a run found. All but `host` is the same for the same input on every machine, at
-/// any thread count.
+/// Results of a run. All fields except `host` are the same for the same input on every computer,
+/// with any number of threads.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Report {
     /// Version of this program.
     pub version: &'static str,
-    /// Subject of the drawing.
+    /// The scene.
     pub scene: SceneReport,
-    /// What was drawn of a tree of splats; only where the scene asks for that.
+    /// The drawn cut of a tree of splats; only if the scene has a tree.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub level_of_detail: Option<DetailReport>,
-    /// On what.
+    /// The machine.
     pub machine: MachineReport,
     /// Distances of the pictures.
     pub accuracy: Accuracy,
-    /// Golden and fixed against a photograph of the view; only where one was given.
+    /// Golden and fixed against a photograph of the view; only if one was given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub against: Option<Against>,
     /// Outcomes of the contributions on the machine.
     pub fragments: Fragments,
-    /// Every signal's range.
+    /// The range of every signal.
     pub signals: Vec<SignalReport>,
     /// Cycles of the machine.
     pub cycles: CyclesReport,
-    /// Area, and energy of the frame.
+    /// Area, and energy per frame.
     pub cost: CostReport,
-    /// Cycles of other microarchitectures; only where that was asked for.
+    /// Cycles of other microarchitectures; only if requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub timings: Option<Timings>,
-    /// Fields of `timing` that would make the frame faster; only where that was asked for.
+    /// Fields of `timing` that would make the frame faster; only if requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub answers: Option<Answers>,
-    /// Extrapolation to a larger picture; only where it is a preview.
+    /// Extrapolation to a larger picture; only for a preview.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub preview: Option<Preview>,
-    /// Findings of the golden renderer on the same scene.
+    /// Figures of the golden renderer for the same scene.
     pub golden: Golden,
-    /// Error attribution; only where that was asked for.
+    /// Error attribution; only if requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub attribution: Option<Attribution>,
     /// Factor of `error.png`.
@@ -74,25 +74,25 @@ pub struct Report {
     pub host: Host,
 }
 
-/// The scene's part.
+/// Figures of the scene.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct SceneReport {
     /// File or built-in name.
     pub name: String,
-    /// Frame of a sequence, from 0; only where it is of one.
+    /// Frame of a sequence, from 0; only if the scene is part of one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub frame: Option<u64>,
     /// Pixels.
     pub width: usize,
     /// Pixels.
     pub height: usize,
-    /// Splats in the scene.
+    /// Splats of the scene.
     pub splats: u64,
-    /// Those not drawn, by the first reason that holds.
+    /// Splats that were not drawn, by the first reason that holds.
     pub culled: CulledReport,
     /// Contributions that the machine made.
     pub fragments: u64,
-    /// The whole camera, as a scene file has it.
+    /// The whole camera, in the form of a scene file.
     pub camera: Camera,
     /// Scale from world units to machine units.
     pub scale: Scale,
@@ -107,7 +107,7 @@ pub struct CulledReport {
     outside: u64,
     faint: u64,
     backface: u64,
-    /// Of so little opacity that none of their weights would count.
+    /// Opacity too small for any weight to count.
     transparent: u64,
 }
 
@@ -130,7 +130,7 @@ impl From<Culled> for CulledReport {
     }
 }
 
-/// The machine's part.
+/// Figures of the machine.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct MachineReport {
     /// The whole description.
@@ -139,10 +139,10 @@ pub struct MachineReport {
     pub fragment_bits: i32,
     /// Bits of the widest multiplier operand.
     pub widest_operand_bits: i32,
-    /// The microarchitecture, nothing left out.
+    /// The microarchitecture with all defaults filled in.
     pub timing: rtl_model::elaboration::microarchitecture::Microarchitecture,
-    /// How the scene lies outside of what the machine was searched for: nothing where it does not;
-    /// only of a machine whose file says for what it was searched.
+    /// How the scene exceeds the conditions that the machine was searched for; empty if it does
+    /// not. Only for a machine whose file contains these conditions.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub outside_of_search: Option<Vec<String>>,
 }
@@ -159,7 +159,7 @@ pub struct Distances {
 }
 
 impl Distances {
-    /// Compares them.
+    /// Compares the three pictures.
     pub fn between(fixed: &Picture, golden: &Picture, ideal: &Picture) -> Self {
         Distances {
             fixed_vs_golden: metrics(fixed, golden),
@@ -169,13 +169,13 @@ impl Distances {
     }
 }
 
-/// Distances of the three pictures, and that of the arithmetic alone.
+/// Distances of the three pictures, and the distance by arithmetic only.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Accuracy {
-    /// Of the pictures.
+    /// Distances of the pictures.
     #[serde(flatten)]
     pub distances: Distances,
-    /// The arithmetic's error alone: against `golden` led by the machine's decisions. Absent after
+    /// The arithmetic's error only: against `golden` led by the machine's decisions. Absent after
     /// `run --check none`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lockstep: Option<Summary>,
@@ -190,14 +190,13 @@ pub struct Fragments {
     evicted: u64,
     replaced: u64,
     dropped: u64,
-    /// Of windows alone, as the two that follow: blended over the front or under the back of a
-    /// closed slot.
+    /// Windows only, as the two below: blended over the front or under the back of a closed slot.
     #[serde(skip_serializing_if = "is_none")]
     late: u64,
     /// Blended between the front and the back of a closed slot.
     #[serde(skip_serializing_if = "is_none")]
     inside: u64,
-    /// Made two slots add up.
+    /// Caused the sum of two slots.
     #[serde(skip_serializing_if = "is_none")]
     summed: u64,
     most_in_a_pixel: u64,
@@ -205,7 +204,7 @@ pub struct Fragments {
 
 #[expect(
     clippy::trivially_copy_pass_by_ref,
-    reason = "the form that serde asks for"
+    reason = "the signature that serde requires"
 )]
 fn is_none(count: &u64) -> bool {
     *count == 0
@@ -228,7 +227,7 @@ impl From<Outcomes> for Fragments {
     }
 }
 
-/// Findings of the golden renderer.
+/// Figures of the golden renderer.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Golden {
     /// Contributions.
@@ -239,41 +238,42 @@ pub struct Golden {
     pub outcomes: crate::golden::Outcomes,
 }
 
-/// Wall-clock figures of this computer; nothing else in a report depends on it.
+/// Wall-clock figures of this computer; nothing else in a report depends on the computer.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Host {
     /// Threads that were used.
     pub threads: usize,
-    /// The file that the scene was read from, from the root on: `view` draws it again. None of a
-    /// built-in scene.
+    /// Absolute path of the scene's file, from which `view` draws it again. None for a built-in
+    /// scene.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scene_file: Option<String>,
-    /// Reading the scene, neighbours included.
+    /// Time to read the scene, including neighbours.
     pub load_seconds: f64,
-    /// Bringing it to bits.
+    /// Time to quantise the scene.
     pub quantise_seconds: f64,
-    /// The machine, unwatched.
+    /// Time of the machine without probes.
     pub fixed_seconds: f64,
-    /// The machine, its ranges observed and its work recorded at once.
+    /// Time of the machine with ranges observed and work recorded.
     pub watched_seconds: f64,
-    /// The same frame: the two were drawn apart once.
+    /// The same time as `watched_seconds`; the two were separate in earlier versions.
     pub recorded_seconds: f64,
-    /// Replaying that, beside what is held in lockstep.
+    /// Time of the replay, in parallel with lockstep.
     pub replay_seconds: f64,
-    /// `golden`.
+    /// Time of `golden`.
     pub golden_seconds: f64,
-    /// `ideal`.
+    /// Time of `ideal`.
     pub ideal_seconds: f64,
-    /// The machine with `golden` in lockstep, beside the replay; absent after `run --check none`.
+    /// Time of the machine with `golden` in lockstep, in parallel with the replay; absent after
+    /// `run --check none`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lockstep_seconds: Option<f64>,
-    /// Finding out who makes the error; only where that was asked for.
+    /// Time of error attribution; only if requested.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub attribution_seconds: Option<f64>,
-    /// Estimated seconds of the whole of a preview.
+    /// Estimated seconds of the whole picture of a preview.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub whole_seconds: Option<f64>,
-    /// Contributions a second of the machine, unwatched.
+    /// Contributions per second of the machine without probes.
     pub fragments_per_second: f64,
 }
 
@@ -406,7 +406,7 @@ impl Report {
 
     fn lockstep_summary(&self) -> String {
         let Some(l) = &self.accuracy.lockstep else {
-            return "not held in lockstep, so no bound was checked (--check none)".into();
+            return "not run in lockstep, so no bound was checked (--check none)".into();
         };
         let f = &l.flips;
         let kinds = f
@@ -437,7 +437,7 @@ impl Report {
         [
             format!("in lockstep{sampled}, golden led by the machine's decisions: {db}, at most {:.4} off", l.max_error),
             format!("bound: {bound} at nine covered pixels in ten, exceeded at {}", thousands(l.bound_violations)),
-            format!("decisions that golden takes otherwise: {}{kinds}", thousands(l.decision_flips)),
+            format!("decisions that golden takes differently: {}{kinds}", thousands(l.decision_flips)),
         ]
         .map(|line| wrapped(&line))
         .join("\n")
@@ -553,7 +553,7 @@ impl Report {
             .filter(|signal| signal.overflows() > 0)
             .collect();
         let mut text = format!(
-            "culled: {culled}\nsignals: {} watched, outside of their range {}",
+            "culled: {culled}\nsignals: {} observed, outside their range {}",
             self.signals.len(),
             if over.is_empty() {
                 "none".into()
@@ -587,7 +587,7 @@ impl Report {
                     text,
                     "\n{}",
                     wrapped(&format!(
-                        "  (kernels seen along their length are deeper than it holds; `{remedy}` holds these)"
+                        "  (kernels seen along their length exceed its range; `{remedy}` holds them)"
                     ))
                 );
             }
@@ -607,7 +607,7 @@ impl Report {
             .map(|(what, seconds)| format!("{what} {seconds:.2} s"))
             .join(", ");
         format!(
-            "host: {times}\n      fixed makes {:.0} M contributions a second",
+            "host: {times}\n      fixed makes {:.0} M contributions per second",
             h.fragments_per_second / 1e6
         )
     }

@@ -6,13 +6,13 @@
 //! camera 1 ─► fixed, golden, ideal ─┼─► …, and flicker against frame 0
 //!    …                              └─► worst, median, 99th percentile ─► report.json, summary
 //! ```
-//! Two frames are held at a time.
+//! Two frames are in memory at a time.
 
 mod report;
 
 pub use report::{FrameReport, Host, Report, SceneReport, Spread, Spreads};
 
-use crate::accuracy::flicker::{Pictures, Sums};
+use crate::accuracy::flicker::{FlickerSums, Pictures};
 use crate::error::{Error, Result};
 use crate::golden;
 use crate::hardware::fixed;
@@ -32,26 +32,26 @@ use rtl_model::pipeline::Elaborated;
 use rtl_model::timing::{self, Detail};
 use std::path::{Path, PathBuf};
 
-/// What is written besides the report.
+/// Files to be written in addition to the report.
 #[derive(Clone, Debug, Default)]
 pub struct Output {
     /// Folder of the pictures.
     pub folder: Option<PathBuf>,
     /// Write OpenEXR pictures too.
     pub exr: bool,
-    /// File of the machine's pictures as a video.
+    /// File for the machine's pictures as a video.
     pub video: Option<PathBuf>,
 }
 
-/// Makes sure that the machine holds every frame, before any is drawn.
+/// Checks that the machine can hold every frame, before any is drawn.
 ///
 /// # Errors
-/// [`crate::error::Error::Input`] where it does not, or where a frame's scene cannot be read again.
+/// [`crate::error::Error::Input`] if it cannot, or if a frame's scene cannot be read again.
 pub fn check(sequence: &mut Sequence, machine: &Machine) -> Result<()> {
     memory::check_frame(sequence.scene())?;
     for frame in 0..sequence.cameras().len() {
         let scene = sequence.frame(frame)?;
-        // Which splats a budget of bytes or cycles leaves is known when the frame is drawn.
+        // The cut within a budget of bytes or cycles is computed when the frame is drawn.
         let is_open = scene.detail.as_ref().is_some_and(|detail| {
             detail
                 .rules
@@ -70,12 +70,12 @@ pub fn check(sequence: &mut Sequence, machine: &Machine) -> Result<()> {
     Ok(())
 }
 
-/// Draws every frame on `machine` and compares, also with `photographs` where there are any.
-/// `progress` hears of each.
+/// Draws every frame on `machine` and compares, also with `photographs` if there are any.
+/// `progress` is updated after each frame.
 ///
 /// # Errors
-/// [`crate::error::Error::Input`] where the machine cannot be built or cannot hold a frame;
-/// [`crate::error::Error::Job`] where a file cannot be written.
+/// [`crate::error::Error::Input`] if the machine cannot be built or cannot hold a frame;
+/// [`crate::error::Error::Job`] if a file cannot be written.
 pub fn run(
     sequence: &mut Sequence,
     machine: &Machine,
@@ -107,7 +107,7 @@ pub fn run(
         .map(|path| Video::create(path, scene.width, scene.height))
         .transpose()?;
     let (mut frames, mut before) = (Vec::new(), None);
-    let mut all = Sums::default();
+    let mut all = FlickerSums::default();
     let mut host = Host {
         threads: rayon::current_num_threads(),
         load_seconds,
@@ -115,7 +115,7 @@ pub fn run(
     };
     for number in 0..sequence.cameras().len() {
         let seen = sequence.frame(number)?;
-        let drawn = Drawn::new(seen, &elaborated, &mut host)?;
+        let drawn = DrawnFrame::new(seen, &elaborated, &mut host)?;
         let encoded = seen.image.encoded;
         let Pictures { golden, fixed, .. } = &drawn.pictures;
         let against = photographs
@@ -134,7 +134,7 @@ pub fn run(
         }
         let sums = before
             .as_ref()
-            .map(|before: &Pictures| Sums::new(before.all(), drawn.pictures.all()));
+            .map(|before: &Pictures| FlickerSums::new(before.all(), drawn.pictures.all()));
         all = sums.as_ref().map_or(all, |sums| all.and(sums));
         let fresh = drawn
             .notes
@@ -165,14 +165,14 @@ pub fn run(
     })
 }
 
-/// A frame, drawn and compared.
-struct Drawn {
+/// A frame after drawing and comparison.
+struct DrawnFrame {
     pictures: Pictures,
     report: FrameReport,
     notes: Vec<String>,
 }
 
-impl Drawn {
+impl DrawnFrame {
     fn new(scene: &Scene, machine: &Elaborated, host: &mut Host) -> Result<Self> {
         let evaluation = Evaluation::on(scene, machine)?;
         let (observed, fixed_seconds) = timed(|| evaluation.observe());
@@ -196,7 +196,7 @@ impl Drawn {
             let accuracy = Distances::between(&fixed, &golden, &ideal);
             (ideal, seconds, accuracy)
         };
-        // A replay keeps one thread busy, and what it does not need the others.
+        // A replay uses one thread; the other threads draw `ideal`.
         let (cycles, (ideal, ideal_seconds, accuracy)) = rayon::join(replay, exact);
         host.fixed_seconds += fixed_seconds;
         host.golden_seconds += golden_seconds;
@@ -218,7 +218,7 @@ impl Drawn {
             flicker: None,
         };
         let notes = evaluation.quantised.notes.clone();
-        Ok(Drawn {
+        Ok(DrawnFrame {
             pictures: Pictures {
                 fixed,
                 golden,
@@ -230,13 +230,13 @@ impl Drawn {
     }
 }
 
-/// Name of a picture of a frame, as `frame_0012_fixed.png`.
+/// File name of a picture of a frame, such as `frame_0012_fixed.png`.
 pub fn file_name(frame: usize, picture: &str, ending: &str) -> String {
     format!("frame_{frame:04}_{picture}.{ending}")
 }
 
-/// Frames appear one by one: from the first one on no report of an earlier run describes them, nor
-/// are files of one beside them.
+/// Removes the report and files of an earlier run: frames appear one by one, and from the first one
+/// on the old report does not describe them.
 fn begin(folder: &Path, frames: usize) -> Result<()> {
     remove_if_there(&folder.join("report.json"))?;
     super::ALWAYS
@@ -254,7 +254,7 @@ fn begin(folder: &Path, frames: usize) -> Result<()> {
     Ok(())
 }
 
-/// Frame and ending of a name that [`file_name`] gives; none of any other.
+/// Frame and extension of a name that [`file_name`] returns; none for any other name.
 fn frame_of(name: &str) -> Option<(usize, &str)> {
     let (stem, ending) = name
         .split_once('.')
@@ -297,7 +297,7 @@ impl Report {
     /// Writes `report.json` into a folder.
     ///
     /// # Errors
-    /// [`crate::error::Error::Job`] where it cannot be written.
+    /// [`crate::error::Error::Job`] if it cannot be written.
     pub fn write(&self, folder: &Path) -> Result<()> {
         write_beside(&folder.join("report.json"), |file| {
             serde_json::to_writer_pretty(file, self).map_err(|e| e.to_string())

@@ -5,16 +5,16 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// Points by the cube that they lie in.
+/// Points by the cube that contains them.
 pub(super) struct Cells {
     width: f64,
-    /// Numbers of points, those of a cube beside each other in ascending order.
+    /// Indices of points; those of a cube are contiguous and in ascending order.
     order: Vec<u32>,
     of_cube: HashMap<[i64; 3], Range<usize>>,
 }
 
 impl Cells {
-    /// For distances up to `width`, above 0.
+    /// Cells for distances up to `width`, above 0.
     pub fn new(points: &[DVec3], width: f64) -> Self {
         let cubes: Vec<[i64; 3]> = points.par_iter().map(|&point| cube(point, width)).collect();
         let mut order: Vec<u32> = (0..points.len() as u32).collect();
@@ -32,8 +32,8 @@ impl Cells {
         }
     }
 
-    /// Calls for every point of the 27 cubes around a place, in an order that depends on the points
-    /// alone.
+    /// Calls `each` for every point of the 27 cubes around a position, in an order that depends
+    /// only on the points.
     pub fn around(&self, place: DVec3, mut each: impl FnMut(usize)) {
         let [x, y, z] = cube(place, self.width);
         for (i, j, k) in (0..27).map(|n| (n / 9 - 1, n / 3 % 3 - 1, n % 3 - 1)) {

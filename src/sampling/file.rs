@@ -1,5 +1,5 @@
-//! File: writes points as a PLY that scenes are read from (docs/book/scenes.md): binary, positions
-//! in f64, all else in f32.
+//! File: writes points as a PLY that can be read as a scene (docs/book/scenes.md): binary,
+//! positions in f64, all other values in f32.
 
 use crate::error::Result;
 use crate::output::files::write_beside;
@@ -10,7 +10,7 @@ use std::path::Path;
 /// Properties after the position, each a float.
 const PROPERTIES: [&str; 8] = ["nx", "ny", "nz", "red", "green", "blue", "alpha", "radius"];
 
-/// Bytes of a PLY: colours are linear light as they are, also where they leave [0, 1].
+/// Bytes of a PLY: colours are linear light without clamping, also outside [0, 1].
 pub fn ply(splats: &[Splat]) -> Vec<u8> {
     let mut bytes = format!(
         "ply\nformat binary_little_endian 1.0\ncomment points of a mesh, by splatsim sample; colours are linear light\nelement vertex {}\n",
@@ -47,10 +47,10 @@ pub fn ply(splats: &[Splat]) -> Vec<u8> {
     bytes
 }
 
-/// Writes them into a file; how many bytes it has.
+/// Writes points into a file; returns its number of bytes.
 ///
 /// # Errors
-/// [`crate::error::Error::Job`] where it cannot be written.
+/// [`crate::error::Error::Job`] if the file cannot be written.
 pub fn write(path: &Path, splats: &[Splat]) -> Result<usize> {
     let bytes = ply(splats);
     write_beside(path, |file| {

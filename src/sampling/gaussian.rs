@@ -13,7 +13,7 @@ pub struct Gaussian {
 }
 
 impl Gaussian {
-    /// One that is as wide in all directions.
+    /// A Gaussian with the same width in all directions.
     pub fn round(middle: DVec2, radius: f64) -> Self {
         Gaussian {
             middle,
@@ -21,7 +21,7 @@ impl Gaussian {
         }
     }
 
-    /// Its value.
+    /// Its value at x.
     pub fn at(&self, x: DVec2) -> f64 {
         let d = x - self.middle;
         (-0.5 * d.dot(self.variance.inverse() * d)).exp()
@@ -35,8 +35,8 @@ impl Gaussian {
         }
     }
 
-    /// ⟨a, b⟩ = ∫ a b = 2π √(|V_a| |V_b| / |V_a + V_b|) exp(−½ dᵀ (V_a + V_b)⁻¹ d), d the way
-    /// between their middles: the product is a Gaussian too.
+    /// ⟨a, b⟩ = ∫ a b = 2π √(|V_a| |V_b| / |V_a + V_b|) exp(−½ dᵀ (V_a + V_b)⁻¹ d), where d is the
+    /// vector between their middles: the product is also a Gaussian.
     pub fn inner(&self, other: &Gaussian) -> f64 {
         let sum = Gaussian {
             middle: self.middle,
@@ -48,15 +48,14 @@ impl Gaussian {
     }
 }
 
-/// [`Gaussian::inner`] of two round ones, by their radii and the square of the distance between
-/// them.
+/// [`Gaussian::inner`] of two round Gaussians, from their radii and the square of their distance.
 pub fn inner_of_round(a: f64, b: f64, squared: f64) -> f64 {
     let sum = a * a + b * b;
     2.0 * PI * a * a * b * b / sum * (-0.5 * squared / sum).exp()
 }
 
-/// Radius of the Gaussian that has the variance of one that is cut where its radial index reaches
-/// `cutoff`, over its own: the root of 1 − (c/2)/(e^(c/2) − 1).
+/// A Gaussian cut at radial index `cutoff` has the variance of a narrower one that is not cut:
+/// returns the ratio of its radius to the original one, the root of 1 − (c/2)/(e^(c/2) − 1).
 pub fn cut(cutoff: f64) -> f64 {
     let half = cutoff / 2.0;
     (1.0 - half / libm::expm1(half)).sqrt()

@@ -1,9 +1,9 @@
-//! Sampling: makes points of a mesh's surface, each with the normal, radius, colour and opacity
-//! that a splat needs.
+//! Sampling: computes points of a mesh's surface, each with the normal, radius, colour and opacity
+//! of a splat.
 //! ```text
 //! mesh ─► [surface] ─► [pattern]: where ─► [radii]: how wide ─► [texture]: which colour ─► splats ─► [file]
 //! ```
-//! The same mesh, request and seed make the same points, at any number of threads.
+//! The same mesh, request and seed give the same points, with any number of threads.
 //!
 //! Laws (tests/sampling.rs): `there_are_exactly_as_many_points_as_asked_for`,
 //! `points_lie_on_the_mesh`, `areas_have_points_in_proportion`, `a_sampled_plane_has_no_hole`.
@@ -27,67 +27,67 @@ use rayon::prelude::*;
 use std::sync::Arc;
 use surface::Surface;
 
-/// Bytes that a point takes at most while it is made: place, splat, neighbours and, where colours
+/// Greatest number of bytes per point during sampling: position, splat, neighbours and, if colours
 /// are solved for, a row of the matrix.
 const POINT_BYTES: u64 = 900;
-/// Spacing over the largest coordinate below which points are refused: positions there are 10⁻¹⁶ of
-/// it apart, and a spacing should have three digits and more.
+/// Least ratio of spacing and largest coordinate: positions have a resolution of 10⁻¹⁶ of that
+/// coordinate, and a spacing should have at least three digits.
 const LEAST_SPACING: f64 = 1e-12;
-/// Radius over the root of the area that a point stands for, and over the mean distance to
-/// neighbours. Cut at 2, kernels as wide as that root weigh 0.63 on average, and 0.24 in the widest
-/// gap of a blue-noise pattern, where 0.4 cover a pixel. With these factors the least of 20,000
-/// points is 0.46 and more.
+/// Radius over the root of a point's area, and over the mean distance to its neighbours. Cut at 2,
+/// kernels of width equal to that root weigh 0.63 on average, and 0.24 in the widest gap of a
+/// blue-noise pattern, where 0.4 cover a pixel. With these factors the least weight of 20,000
+/// points is 0.46 or more.
 const OF_AREA: f64 = 1.2;
 const OF_NEIGHBOURS: f64 = 1.1;
-/// How much wider points of strata are, whose gaps are wider: the least is 0.62 and 0.53.
+/// Factor for stratified points, whose gaps are wider: the least weight is 0.62 and 0.53.
 const OF_STRATA: f64 = 1.25;
 /// Least side of a checkerboard's picture, texels.
 const CHECKERBOARD_TEXELS: usize = 2048;
 
-/// How many points.
+/// Number of points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Amount {
     /// This many, at least 1.
     Points(usize),
-    /// This many for each unit of area, above 0.
+    /// This many per unit of area, above 0.
     Density(f64),
 }
 
-/// How points are laid out.
+/// Arrangement of points.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pattern {
-    /// None nearer to another than a distance that is as large as it can be.
+    /// All distances are at least a limit that is as large as possible.
     BlueNoise,
-    /// One in each of as many parts of the surface, all of the same area.
+    /// One in each part of the surface, with parts of equal area.
     Stratified,
 }
 
-/// Where radii come from (SS §5: the local density of samples).
+/// Origin of radii (SS §5: the local density of samples).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Radii {
-    /// Mean distance to the six nearest points of the same side.
+    /// Mean distance to the six nearest points on the same side.
     Neighbours,
-    /// Root of the area that a point stands for.
+    /// Root of a point's area.
     Area,
 }
 
-/// How a picture's texels become colours of points (SS §5 and Appendix A).
+/// How texels of a picture become colours of points (SS §5 and Appendix A).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Acquisition {
     /// The texel at the point.
     Nearest,
     /// The mean of texels under the point's kernel: view-independent EWA.
     Ewa,
-    /// Those whose kernels together come nearest to the picture.
+    /// The colours whose kernels together come closest to the picture.
     Optimised,
 }
 
-/// The picture that is put onto the surface.
+/// The picture on the surface.
 #[derive(Clone, Debug)]
 pub enum Picture {
-    /// The materials' own.
+    /// The materials' own textures.
     Own,
-    /// This one everywhere.
+    /// This picture everywhere.
     Texture(Texture),
 }
 
@@ -118,47 +118,46 @@ impl Picture {
     }
 }
 
-/// Everything that decides what points there will be.
+/// All parameters of a sampling.
 #[derive(Clone, Debug)]
-pub struct Request {
-    /// How many.
+pub struct SamplingRequest {
+    /// Number of points.
     pub amount: Amount,
-    /// Where.
+    /// Arrangement.
     pub pattern: Pattern,
-    /// Seed of all that looks random.
+    /// Seed of all pseudorandom numbers.
     pub seed: u64,
-    /// How wide.
+    /// Radii.
     pub radii: Radii,
-    /// Which colours.
+    /// Colours.
     pub acquisition: Acquisition,
-    /// Of which picture.
+    /// Picture of the colours.
     pub picture: Picture,
-    /// Radial index at which kernels will be cut when they are drawn, above 0.
+    /// Radial index at which kernels are cut when they are drawn, above 0.
     pub cutoff: f64,
 }
 
 /// Points of a surface.
 #[derive(Clone, Debug)]
 pub struct Sampled {
-    /// Colours may leave [0, 1] where they were solved for.
+    /// Colours may be outside [0, 1] if they were solved for.
     pub splats: Vec<Splat>,
     /// World units squared.
     pub area: f64,
     /// Least distance between two points of a blue-noise pattern, world units.
     pub spacing: Option<f64>,
-    /// How well the colours that were solved for fulfil their equations.
+    /// Residuals of the colours that were solved for.
     pub solution: Option<Solution>,
-    /// Points whose colour leaves [0, 1].
+    /// Points whose colour is outside [0, 1].
     pub beyond: usize,
-    /// By how much at most.
+    /// Greatest excess.
     pub most_beyond: f64,
     /// Notes, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// Makes points of a mesh; the error is the second half of a sentence that begins with the mesh's
-/// name.
-pub fn sample(mesh: &Mesh, request: &Request) -> Result<Sampled, String> {
+/// Samples a mesh. The error is the second half of a sentence that begins with the mesh's name.
+pub fn sample(mesh: &Mesh, request: &SamplingRequest) -> Result<Sampled, String> {
     let surface = Surface::of(mesh);
     let area = surface.area();
     let count = count(request.amount, area)?;
@@ -166,7 +165,7 @@ pub fn sample(mesh: &Mesh, request: &Request) -> Result<Sampled, String> {
     let farthest = surface.farthest();
     if !(typical.is_normal() && typical >= LEAST_SPACING * farthest) {
         return Err(format!(
-            "has an area of {area:.3e}, so {} points would lie {typical:.3e} apart, which at {farthest:.3e} from the origin cannot be told",
+            "has an area of {area:.3e}, so {} points would lie {typical:.3e} apart, which cannot be resolved at {farthest:.3e} from the origin",
             thousands(count as u64)
         ));
     }
@@ -207,7 +206,7 @@ pub fn sample(mesh: &Mesh, request: &Request) -> Result<Sampled, String> {
             .map(|c| (c - 1.0).max(-c))
             .fold(0.0, f64::max)
     };
-    // What is nearer than the last place of f32, in which files hold colours, is no excess.
+    // Differences below one ulp of f32, the format of colours in files, are not an excess.
     let excess: Vec<f64> = splats
         .iter()
         .map(beyond)

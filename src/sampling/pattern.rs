@@ -1,12 +1,12 @@
-//! Pattern: chooses the places of points, stratified or by blue noise.
+//! Pattern: chooses the positions of points, stratified or as blue noise.
 //!
-//! - Stratified: the surface's area is cut into as many equal parts, each of which has one point,
-//!   somewhere.
-//! - Blue noise: darts are thrown, and one that lands too near to an earlier one is taken away
-//!   (Cook 1986, *Stochastic sampling in computer graphics*); when few find room any more, the
-//!   distance shrinks (McCool and Fiume 1992, *Hierarchical Poisson disk sampling distributions*),
-//!   until there are as many as asked for. Faces that look apart are two sides, and keep no
-//!   distance.
+//! - Stratified: the surface's area is divided into as many equal parts as there are points, with
+//! one point at a random position in each.
+//! - Blue noise: darts are thrown, and a dart too close to an earlier one is removed (Cook 1986,
+//! *Stochastic sampling in computer graphics*). When few find room, the distance shrinks (McCool
+//! and Fiume 1992, *Hierarchical Poisson disk sampling distributions*), until the requested number
+//! is reached. Faces with opposite orientation are two sides, with no distance between their
+//! points.
 
 use super::surface::{Site, Surface};
 use crate::scene::digest::mixed;
@@ -15,25 +15,26 @@ use rayon::prelude::*;
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
-/// Square of the first distance, in areas of a point: thrown for ever, darts come to 0.6965 of it
-/// (jamming of discs, a coverage of 0.547).
+/// Square of the first distance, in areas per point. An endless sequence of darts converges to
+/// 0.6965 of it (jamming of discs, a coverage of 0.547).
 const FIRST: f64 = 0.68;
-/// Rounds of a dart a point before the distance shrinks; from then on it does after each.
+/// Rounds with one dart per point before the distance shrinks; afterwards it shrinks after each
+/// round.
 const BEFORE_SHRINKING: usize = 4;
-/// What becomes of the distance in a step: 70 halve its square.
+/// Factor of the distance per step: 70 steps halve its square.
 const SHRUNK: f64 = 0.995;
-/// Rounds after which all darts stay: surfaces that lie upon themselves a hundred thousand times
-/// would take for ever.
+/// Rounds after which all darts are accepted: surfaces with a hundred thousand coincident layers
+/// would not terminate.
 const MOST_ROUNDS: usize = 2000;
 
-/// Numbers that look random: SplitMix64, as the words of a counter.
-struct Random {
+/// Pseudorandom numbers: SplitMix64, as the words of a counter.
+struct SplitMix64 {
     state: u64,
 }
 
-impl Random {
+impl SplitMix64 {
     fn new(seed: u64) -> Self {
-        Random { state: mixed(seed) }
+        SplitMix64 { state: mixed(seed) }
     }
 
     /// In [0, 1), on 2⁻⁵³.
@@ -58,13 +59,12 @@ pub(super) fn stratified(surface: &Surface, count: usize, seed: u64) -> Vec<Site
         .collect()
 }
 
-/// As many points as asked for, and the distance that any two of a side keep.
+/// The requested number of points, and the least distance between any two on one side.
 ///
-/// In each round every stratum gets a dart, one after another from a stratum at random: neighbours
-/// in memory are neighbours on the surface, which is what makes a million points a matter of
-/// seconds.
+/// In each round every stratum gets a dart, in sequence from a random stratum on. Neighbours in
+/// memory are neighbours on the surface, which reduces the time for a million points to seconds.
 pub(super) fn blue_noise(surface: &Surface, count: usize, seed: u64) -> (Vec<Site>, f64) {
-    let mut random = Random::new(seed);
+    let mut random = SplitMix64::new(seed);
     let mut distance = (FIRST * surface.area() / count as f64).sqrt();
     let mut board = Board::new(distance);
     let mut sites: Vec<Site> = Vec::with_capacity(count);
@@ -98,15 +98,15 @@ pub(super) fn blue_noise(surface: &Surface, count: usize, seed: u64) -> (Vec<Sit
     (sites, if round > MOST_ROUNDS { 0.0 } else { distance })
 }
 
-/// Points in cubes twice as wide as their reach: each is known to all cubes that its reach touches,
-/// so that one look into one cube is enough.
+/// Points in cubes twice as wide as their reach. Each point is entered in all cubes that its reach
+/// touches, so that a look-up reads only one cube.
 struct Board {
     reach: f64,
     last_of_cube: HashMap<[i64; 3], u32, BuildHasherDefault<Mixing>>,
-    entries: Vec<Entry>,
+    entries: Vec<BoardEntry>,
 }
 
-struct Entry {
+struct BoardEntry {
     position: DVec3,
     face: DVec3,
     before: u32,
@@ -154,7 +154,7 @@ impl Board {
                 for z in low[2]..=high[2] {
                     let number = self.entries.len() as u32;
                     let before = self.last_of_cube.insert([x, y, z], number).unwrap_or(NONE);
-                    self.entries.push(Entry {
+                    self.entries.push(BoardEntry {
                         position,
                         face,
                         before,
@@ -165,7 +165,7 @@ impl Board {
     }
 }
 
-/// A hash of three whole numbers; the standard one takes as long as all else.
+/// A hash of three integers; the standard hash takes as long as everything else together.
 #[derive(Default)]
 struct Mixing(u64);
 

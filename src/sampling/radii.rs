@@ -1,4 +1,4 @@
-//! Radii: gives each point a radius from the points around it.
+//! Radii: computes the radius of each point from its neighbours.
 
 use crate::scene::Splat;
 use glam::DVec3;
@@ -6,18 +6,17 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 use std::num::NonZero;
 
-/// How many neighbours make a radius (EWA §6.3).
+/// Neighbours that define a radius (EWA §6.3).
 const NEIGHBOURS: usize = 6;
-/// How many are looked at to find those: of two sides that lie close together, half are on the
-/// wrong one.
+/// Neighbours searched to find those: of two sides close together, half are on the wrong one.
 const LOOKED_AT: usize = 16;
-/// Least and largest mean distance, in roots of the area that a point stands for: points at a
-/// border, and on parts smaller than that area, have their neighbours far away or none.
+/// Least and largest mean distance, in roots of a point's area. Points at a border, and on parts
+/// smaller than that area, have distant neighbours or none.
 const LEAST: f64 = 0.75;
 const MOST: f64 = 2.0;
 
-/// The mean distance to the nearest neighbours whose faces look the same way, between bounds, times
-/// a factor.
+/// The mean distance to the nearest neighbours on faces with the same orientation, between bounds,
+/// times a factor.
 pub(super) fn from_neighbours(splats: &mut [Splat], faces: &[DVec3], typical: f64, factor: f64) {
     let points: Vec<[f64; 3]> = splats
         .iter()

@@ -1,51 +1,50 @@
-//! Solve: colours whose kernels together come nearest to a picture, R w = c (SS Appendix A), by
+//! Solve: colours whose kernels together come closest to a picture, R w = c (SS Appendix A), by
 //! conjugate gradients.
 //!
-//! The method is thirty lines of our own: crates that have it (`faer`) are linear algebra as a
-//! whole, which would double the time of a build, and smaller ones (`sprs`) have only methods for
-//! matrices that are not symmetric.
+//! The method is implemented here in thirty lines. Crates that contain it (`faer`) are complete
+//! linear-algebra libraries, which would double the build time. Smaller ones (`sprs`) only have
+//! methods for asymmetric matrices.
 
 use super::cells::Cells;
 use super::gaussian::inner_of_round;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Kernels whose inner product, over that of a kernel with itself, is less than this do not see
-/// each other.
+/// Two kernels whose inner product, over that of a kernel with itself, is less than this are
+/// treated as independent.
 const LEAST_PRODUCT: f64 = 1e-3;
-/// Weight of the wish to stay near the averages, over the mean sum of a row, so that frequencies
-/// which kernels can hardly hold are not blown up. It must exceed [`LEAST_PRODUCT`], the share of a
-/// row that is left out, or the matrix might have eigenvalues below 0. Of 10,000 points with 10×10
-/// and 25×25 checks this one is nearest to the picture, or within 0.1 dB; with 0.001 colours reach
-/// 5.8 instead of 1.3 past [0, 1] and the picture is up to 1.6 dB farther.
+/// Weight of the damping towards the averages, over the mean sum of a row, so that frequencies
+/// beyond the kernels' resolution are not amplified. It must exceed [`LEAST_PRODUCT`], the omitted
+/// share of a row, or the matrix might have eigenvalues below 0. For 10,000 points with 10×10 and
+/// 25×25 checks this value gives the closest picture, or is within 0.1 dB of it. With 0.001 colours
+/// exceed [0, 1] by 5.8 instead of 1.3, and the picture is up to 1.6 dB farther.
 const STAY: f64 = 0.03;
-/// Residual, over the right side, at which the solution is good enough: a tenth of a step of 16
-/// bits.
+/// Residual, over the right side, at which the iteration ends: a tenth of a step of 16 bits.
 const GOOD: f64 = 1e-6;
-/// Steps after which it is as good as it gets.
+/// Greatest number of steps.
 const MOST_STEPS: usize = 500;
-/// Kernels that one kernel may see: a surface that lies upon itself twenty times.
+/// Greatest number of entries per row: a surface with twenty coincident layers.
 const MOST_IN_ROW: usize = 2000;
-/// Points whose sums are made one after another: the same whatever the number of threads.
+/// Points whose sums are computed sequentially, so that the result does not depend on the number of
+/// threads.
 const CHUNK: usize = 4096;
 
-/// How well a solution fulfils its equations.
+/// Residuals of a solution.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Solution {
-    /// ‖c − R w‖ / ‖c‖, of the worst channel: how far colours that stay near the averages are from
-    /// fulfilling the equations.
+    /// ‖c − R w‖ / ‖c‖, of the worst channel: the residual of the undamped equations.
     pub residual: f64,
-    /// ‖c′ − (R + s) w‖ / ‖c′‖ of the system that is solved, c′ = c + s e, of the worst channel.
+    /// ‖c′ − (R + s) w‖ / ‖c′‖ of the solved system, c′ = c + s e, of the worst channel.
     pub damped_residual: f64,
     /// Steps of conjugate gradients.
     pub steps: usize,
-    /// Entries of R that are not 0.
+    /// Non-zero entries of R.
     pub entries: usize,
 }
 
 type Rgb = [f64; 3];
 
-/// R, symmetric: its rows, without the diagonal's share of [`STAY`].
+/// R, symmetric: its rows, without the damping [`STAY`] on the diagonal.
 pub(super) struct Matrix {
     rows: Vec<Box<[(u32, f32)]>>,
     sums: Vec<f64>,
@@ -53,8 +52,8 @@ pub(super) struct Matrix {
 }
 
 impl Matrix {
-    /// Inner products of the kernels at these places with these radii, in units of πσ² for their
-    /// root mean square radius σ. Kernels on opposite sides do not see each other.
+    /// Inner products of the kernels at these positions with these radii, in units of πσ² for their
+    /// root mean square radius σ. The product of kernels on opposite sides is 0.
     pub fn of(places: &[DVec3], faces: &[DVec3], radii: &[f64]) -> Result<Matrix, String> {
         let most = radii.iter().copied().fold(0.0, f64::max);
         let reach_of_radius = (2.0 * -libm::log(LEAST_PRODUCT)).sqrt();
@@ -83,7 +82,7 @@ impl Matrix {
         let rows: Vec<Box<[(u32, f32)]>> = (0..places.len()).into_par_iter().map(row).collect();
         if rows.iter().any(|row| row.len() > MOST_IN_ROW) {
             return Err(format!(
-                "lies upon itself so often that a point would have more than {MOST_IN_ROW} neighbours"
+                "has so many coincident layers that a point would have more than {MOST_IN_ROW} neighbours"
             ));
         }
         let sums: Vec<f64> = rows
@@ -107,9 +106,9 @@ impl Matrix {
         self.rows.par_iter().map(|entries| row(entries)).collect()
     }
 
-    /// Right sides: of a point with an average of a picture under its kernel that average, times
-    /// what all kernels weigh there, because the renderer divides by the sum of weights; of any
-    /// other that for which its own colour solves.
+    /// Right sides. For a point with an average of a picture under its kernel: that average times
+    /// the sum of all weights at the point, because the renderer divides by this sum. For any other
+    /// point: the value for which its own colour is the solution.
     pub fn right_sides(&self, averages: &[Rgb], is_averaged: &[bool]) -> Vec<Rgb> {
         let held = self.times(averages);
         let one = |k: usize| {
@@ -122,7 +121,7 @@ impl Matrix {
         (0..averages.len()).map(one).collect()
     }
 
-    /// Solves R w = c, from the averages e and near to them: (R + s) w = c + s e.
+    /// Solves R w = c, starting at the averages e and damped towards them: (R + s) w = c + s e.
     pub fn solve(&self, right: &[Rgb], averages: &[Rgb]) -> (Vec<Rgb>, Solution) {
         let applied = |w: &[Rgb]| {
             let mut product = self.times(w);
@@ -212,7 +211,7 @@ fn add(to: &mut [Rgb], what: &[Rgb], times: Rgb) {
         .for_each(|(to, what)| (0..3).for_each(|c| to[c] += times[c] * what[c]));
 }
 
-/// Scalar products of each channel, summed in an order that no thread decides.
+/// Scalar products of each channel, summed in an order that does not depend on threads.
 fn dot(a: &[Rgb], b: &[Rgb]) -> Rgb {
     let of_chunk = |(a, b): (&[Rgb], &[Rgb])| {
         let mut sum = [0.0; 3];

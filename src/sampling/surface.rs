@@ -1,21 +1,20 @@
-//! Surface: finds the place on a mesh that a number stands for, so that equal intervals are equal
-//! areas.
+//! Surface: maps a number to a position on a mesh, so that equal intervals are equal areas.
 
 use crate::scene::Splat;
 use crate::scene::mesh::{Mesh, Triangle};
 use glam::DVec3;
 
-/// Base-4 digits of a place in a triangle: two bits each, as many as f64 has.
+/// Base-4 digits of a position in a triangle: two bits each, as many as f64 has.
 const DIGITS: usize = 26;
 
 /// A mesh with its triangles laid end to end by area.
 pub(super) struct Surface<'a> {
     mesh: &'a Mesh,
-    /// Area up to and with each triangle.
+    /// Area up to and including each triangle.
     upto: Vec<f64>,
 }
 
-/// A place on a mesh.
+/// A position on a mesh.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Site {
     pub triangle: u32,
@@ -50,7 +49,7 @@ impl<'a> Surface<'a> {
             .fold(0.0, f64::max)
     }
 
-    /// The place at a share of the area, in [0, 1).
+    /// The position at a share of the area, in [0, 1).
     pub fn at(&self, share: f64) -> Site {
         let area = share * self.area();
         let triangle = self
@@ -80,7 +79,7 @@ impl<'a> Surface<'a> {
         self.mesh.triangles[site.triangle as usize].face()
     }
 
-    /// A splat with position and normal; no radius yet, and no colour.
+    /// A splat with position and normal, but without radius and colour.
     pub fn splat(&self, site: &Site) -> Splat {
         let triangle = &self.mesh.triangles[site.triangle as usize];
         Splat {
@@ -104,9 +103,9 @@ fn normal(triangle: &Triangle, site: &Site) -> DVec3 {
         .unwrap_or_else(|| triangle.face())
 }
 
-/// The place of a number in [0, 1): its digits to the base 4 choose among the four like parts of a
-/// triangle, again and again, so an interval is a part of the triangle that hangs together (Basu
-/// and Owen 2015, *Low discrepancy constructions in the triangle*).
+/// The position of a number in [0, 1): its base-4 digits select one of the four similar parts of a
+/// triangle, recursively. Therefore an interval is a connected part of the triangle (Basu and Owen
+/// 2015, *Low discrepancy constructions in the triangle*).
 fn in_triangle(share: f64) -> [f64; 3] {
     let mut corners = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
     let middle =

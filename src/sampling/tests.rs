@@ -3,7 +3,7 @@
 use super::*;
 
 #[test]
-fn a_number_of_points_is_whole_and_there_is_room_for_it() {
+fn a_number_of_points_is_an_integer_within_the_limit() {
     assert_eq!(count(Amount::Density(10.0), 0.26), Ok(3));
     assert_eq!(count(Amount::Density(10.0), 0.001), Ok(1));
     assert_eq!(count(Amount::Points(7), 1.0), Ok(7));
@@ -16,9 +16,10 @@ fn a_number_of_points_is_whole_and_there_is_room_for_it() {
     }
 }
 
-/// The second moment of e^(−r/2) over a disc of radial index up to the cutoff, by rings.
+/// The second moment of e^(−r/2) over a disc of radial index up to the cutoff, integrated over
+/// rings.
 #[test]
-fn a_cut_kernel_is_as_wide_as_its_second_moment_says() {
+fn a_cut_kernel_has_the_width_of_its_second_moment() {
     for cutoff in [0.5f64, 2.0, 4.0, 11.0] {
         let (mut weight, mut moment) = (0.0, 0.0);
         let rings = 20_000;

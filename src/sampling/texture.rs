@@ -3,30 +3,31 @@
 //! texel i: a Gaussian n_i around its middle ──► t, affine for each triangle ──► n_i∘t⁻¹ on the surface ─┐
 //! point k: its kernel r_k, a Gaussian in the tangent plane ─────────────────────────────────────────────┴─► ⟨r_k, n_i∘t⁻¹⟩
 //! ```
-//! - nearest: w_k = c_i of the texel that the point lies in.
-//! - EWA, independent of any view: w_k = Σ_i c_i ⟨r_k, n_i∘t⁻¹⟩, the products' sum made 1.
+//! - nearest: w_k = c_i of the texel at the point.
+//! - EWA, independent of any view: w_k = Σ_i c_i ⟨r_k, n_i∘t⁻¹⟩, with the sum of products
+//! normalised to 1.
 //! - optimised: R w = c with R_kj = ⟨r_k, r_j⟩ ([`super::solve`]).
 //!
-//! r_k is as wide as what a renderer draws of the splat, which cuts it at the scene's cutoff
-//! ([`super::gaussian::cut`]). Where a kernel reaches past its triangle, t is continued: across a
-//! seam of the texture it sees what lies beside it in the picture.
+//! r_k has the width of the drawn splat, which a renderer cuts at the scene's cutoff
+//! ([`super::gaussian::cut`]). Where a kernel extends past its triangle, t is extrapolated: across
+//! a seam of the texture it reads the neighbouring texels of the picture.
 
 use super::gaussian::cut;
 use super::solve::{Matrix, Solution};
 use super::surface::Site;
-use super::{Acquisition, Picture, Request};
+use super::{Acquisition, Picture, SamplingRequest};
 use crate::scene::Splat;
 use crate::scene::mesh::{Alpha, Image, Material, Mesh, Texture, Triangle, Wrap};
 use glam::{DMat2, DVec2, DVec3};
 use rayon::prelude::*;
 use std::sync::OnceLock;
 
-/// Variance of a texel's Gaussian, texels squared: that of the square which it fills.
+/// Variance of a texel's Gaussian, texels squared: that of the square of a texel.
 const TEXEL: f64 = 1.0 / 12.0;
-/// Radial index at which texels under a kernel end: e^(−4.5) = 1.1 % of the weight lies beyond.
+/// Radial index of the farthest texels under a kernel: e^(−4.5) = 1.1 % of the weight is beyond.
 const REACH: f64 = 9.0;
-/// Texels that one kernel looks at, at most; under wider ones each level of the pyramid has a
-/// quarter.
+/// Greatest number of texels under one kernel; wider kernels use a higher level of the pyramid,
+/// with a quarter of the texels per level.
 const MOST_TEXELS: f64 = 4096.0;
 
 /// Colours and opacities of all points.
@@ -42,7 +43,7 @@ impl Acquired {
         sites: &[Site],
         splats: &[Splat],
         faces: &[DVec3],
-        request: &Request,
+        request: &SamplingRequest,
     ) -> Result<Acquired, String> {
         let painting = Painting::of(mesh, &request.picture)?;
         let drawn = cut(request.cutoff);
@@ -79,10 +80,10 @@ impl Acquired {
     }
 }
 
-/// A mesh with the pictures that lie on it.
+/// A mesh and its textures.
 struct Painting<'a> {
     mesh: &'a Mesh,
-    /// Whether one picture is put in the place of all colours.
+    /// Whether one picture replaces all colours.
     is_covered: bool,
     pyramids: Vec<Pyramid<'a>>,
     notes: Vec<String>,
@@ -142,7 +143,7 @@ impl<'a> Painting<'a> {
         let triangle = &self.mesh.triangles[site.triangle as usize];
         let material = self.material(triangle);
         let [_, v, w] = site.weights;
-        // Corners of one colour have that colour, whatever rounding does to weights.
+        // Corners with the same colour have that colour without any rounding of weights.
         let own = |c: usize| {
             let [p, q, r] = triangle.rgba.map(|rgba| rgba[c] as f64);
             (p + (q - p) * v + (r - p) * w) * material.rgba[c] as f64
@@ -165,7 +166,7 @@ impl<'a> Painting<'a> {
     }
 }
 
-/// A picture and its halves, quarters and so on, each made when it is first looked at.
+/// A picture and its halves, quarters and so on, each computed on first use.
 struct Pyramid<'a> {
     texture: &'a Texture,
     halves: Vec<OnceLock<Level>>,
@@ -221,7 +222,7 @@ impl<'a> Pyramid<'a> {
         })
     }
 
-    /// Linear light and opacity under a kernel.
+    /// Mean linear light and opacity under a kernel.
     fn under(
         &self,
         triangle: &Triangle,
@@ -243,8 +244,8 @@ impl<'a> Pyramid<'a> {
         self.average(middle, variance)
     }
 
-    /// The mean of texels around a place of the picture, weighted by a Gaussian of this variance
-    /// (texels squared) and their own.
+    /// The mean of texels around a position of the picture, weighted by a Gaussian of this variance
+    /// (texels squared) and by their opacities.
     fn average(&self, middle: DVec2, variance: DMat2) -> [f64; 4] {
         let own = DMat2::from_diagonal(DVec2::splat(TEXEL));
         let extent = |variance: DMat2| {
@@ -264,7 +265,7 @@ impl<'a> Pyramid<'a> {
             let shrink = DMat2::from_diagonal(scale);
             scaled = shrink * variance * shrink + own;
         }
-        // At the pyramid's top the picture is one texel, however large the kernel.
+        // At the top of the pyramid the picture is one texel, for any size of kernel.
         let texels = count(extent(scaled));
         if texels.is_nan() || texels > 4.0 * MOST_TEXELS {
             return straight(self.texel(level, [0, 0]).map(f64::from));
@@ -311,9 +312,8 @@ impl<'a> Pyramid<'a> {
     }
 }
 
-/// The linear part of t⁻¹, from a triangle's tangent plane to texels; its columns are what the
-/// plane's two axes become. What surface direction the first axis has does not matter for round
-/// kernels.
+/// The linear part of t⁻¹, from a triangle's tangent plane to texels; its columns are the images of
+/// the plane's two axes. The direction of the first axis does not matter for round kernels.
 fn to_texture(triangle: &Triangle, uv: [DVec2; 3]) -> DMat2 {
     let [a, b, c] = triangle.corners;
     let x = (b - a).normalize();

@@ -1,4 +1,4 @@
-//! Assets: the page's own files, inside of the program.
+//! Assets: the files of the page, embedded in the program.
 
 /// A file of the page.
 #[derive(Clone, Copy, Debug)]
@@ -7,14 +7,14 @@ pub struct Asset {
     pub name: &'static str,
     /// Its media type.
     pub kind: &'static str,
-    /// All of it.
+    /// Its contents.
     pub text: &'static str,
 }
 
 const SCRIPT: &str = "text/javascript; charset=utf-8";
 const STYLE: &str = "text/css; charset=utf-8";
 
-/// Files of the page, in the order in which it takes them.
+/// Files of the page, in the order in which it loads them.
 pub const ALL: [Asset; 12] = [
     Asset {
         name: "uPlot.min.css",
@@ -81,10 +81,10 @@ pub const ALL: [Asset; 12] = [
 /// Title of the page, in its head.
 pub const TITLE: &str = "<title>splatsim view</title>";
 
-/// What stands between styles and scripts.
+/// Body of the page, between styles and scripts.
 const BODY: &str = include_str!("assets/body.html");
 
-/// The page as the server has it: each asset by its name.
+/// The page for the server: each asset is referenced by its name.
 pub fn page() -> String {
     let [styles, scripts] = [STYLE, SCRIPT].map(|kind| {
         let assets = ALL
@@ -99,7 +99,7 @@ pub fn page() -> String {
     around(&styles, "", &scripts)
 }
 
-/// The page with all that it needs in it; `folder` is JSON that no script ends in.
+/// The page with all assets embedded; `folder` is JSON that cannot end a script element.
 pub fn page_with(folder: &str) -> String {
     let [styles, scripts] = [STYLE, SCRIPT].map(|kind| {
         let assets = ALL
@@ -111,7 +111,7 @@ pub fn page_with(folder: &str) -> String {
             });
         assets.collect::<String>()
     });
-    // Nothing is asked for: all is here.
+    // Nothing is requested: the page is complete.
     let nothing = "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; \
                    img-src data: blob:; base-uri 'none'; form-action 'none'\">\n";
     let folder = format!("<script type=\"application/json\" id=\"folder\">{folder}</script>\n");

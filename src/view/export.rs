@@ -1,5 +1,5 @@
-//! Export: the same page as one file that needs no server and no network; what is computed on
-//! demand is left out.
+//! Export: the same page as one file that needs neither server nor network, without data that is
+//! computed on demand.
 //!
 //! Law (tests/view.rs): `an_export_names_nothing_outside_of_itself`.
 
@@ -15,16 +15,16 @@ use std::fs::File;
 use std::io::{Read, Write};
 use std::path::Path;
 
-/// Pictures in a page, at most: a browser holds all of them at once.
+/// Greatest number of pictures in a page: a browser keeps all of them in memory.
 const MOST_PICTURES: usize = 512;
 
-/// Bytes of a page in which its title is.
+/// Bytes of a page that contain its title.
 const HEAD_BYTES: u64 = 1024;
 
-/// Writes a folder's page into a file; another file is not written over.
+/// Writes a folder's page into a file; only earlier exports are overwritten.
 ///
 /// # Errors
-/// [`Error::Input`] where there is no place for it, [`Error::Job`] where it cannot be written.
+/// [`Error::Input`] if the path is unusable, [`Error::Job`] if the file cannot be written.
 pub fn write(view: &View, path: &Path) -> Result<()> {
     let folder = path
         .parent()
@@ -42,7 +42,7 @@ pub fn write(view: &View, path: &Path) -> Result<()> {
         return input_error("it is a folder, and a file is needed");
     }
     if path.exists() && !is_page(path) {
-        return input_error("it is there already and is not a page that --export wrote");
+        return input_error("it already exists and is not a page that --export wrote");
     }
     let page = html(view)?;
     write_beside(path, |file| {
@@ -50,7 +50,7 @@ pub fn write(view: &View, path: &Path) -> Result<()> {
     })
 }
 
-/// Whether a file is empty or begins as a page of this kind does.
+/// Whether a file is empty or begins like an exported page.
 fn is_page(path: &Path) -> bool {
     let mut begins = Vec::new();
     let read = path.is_file()
@@ -59,13 +59,13 @@ fn is_page(path: &Path) -> bool {
     read && (begins.is_empty() || String::from_utf8_lossy(&begins).contains(assets::TITLE))
 }
 
-/// The page, with the pictures that it shows as data URLs.
+/// The page, with its pictures as data URLs.
 ///
 /// # Errors
-/// [`Error::Input`] where a picture is another one by now.
+/// [`Error::Input`] if a picture has changed.
 pub fn html(view: &View) -> Result<String> {
     let folder = view.folder();
-    let mut told = folder.told.clone();
+    let mut contents = folder.contents.clone();
     let names = folder.pictures();
     if names.len() > MOST_PICTURES {
         return Err(Error::input(format!(
@@ -81,26 +81,27 @@ pub fn html(view: &View) -> Result<String> {
         let url = Value::from(format!("data:image/png;base64,{}", STANDARD.encode(bytes)));
         Ok((name, url))
     });
-    told["files"] = Value::Object(pictures.collect::<Result<Map<_, _>>>()?);
-    if told["tiles"] == true {
+    contents["files"] = Value::Object(pictures.collect::<Result<Map<_, _>>>()?);
+    if contents["tiles"] == true {
         let bytes = folder
             .file("tiles.csv")
             .map_err(|(_, sentence)| Error::input(sentence))?;
-        told["texts"] = json!({"tiles.csv": String::from_utf8_lossy(&bytes)});
+        contents["texts"] = json!({"tiles.csv": String::from_utf8_lossy(&bytes)});
     }
-    hide_paths(&mut told);
-    Ok(assets::page_with(&json_in_html(&told)))
+    hide_paths(&mut contents);
+    Ok(assets::page_with(&json_in_html(&contents)))
 }
 
-/// Leaves no folder of this computer in what others will read: a scene keeps its file's name alone.
-fn hide_paths(told: &mut Value) {
-    if let Some(host) = told
+/// Removes folders of this computer from data for other readers: only the file name of a scene is
+/// kept.
+fn hide_paths(contents: &mut Value) {
+    if let Some(host) = contents
         .pointer_mut("/run/report/host")
         .and_then(Value::as_object_mut)
     {
         host.remove("scene_file");
     }
-    if let Some(scene) = told.pointer_mut("/run/scene")
+    if let Some(scene) = contents.pointer_mut("/run/scene")
         && let Some(name) = scene
             .as_str()
             .and_then(|path| path.rsplit(['/', '\\']).next())

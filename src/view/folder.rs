@@ -1,5 +1,5 @@
-//! Folder: what `run`, `replay`, `sweep`, `search` or `stress` left in a folder, as one value that
-//! a page is made of.
+//! Folder: reads what `run`, `replay`, `sweep`, `search` or `stress` wrote into a folder, as one
+//! value from which the page is built.
 //!
 //! ```text
 //! report.json, fixed.png …     ─► run      (frame, machine)
@@ -11,8 +11,8 @@
 //! choices.json, stress.json    ─┴► tables  (rows, their machine)
 //! other PNGs                   ─► charts
 //! ```
-//! Files are listed once, by name; what is asked for later is looked up in that list, so no name
-//! that is asked for is ever a path.
+//! Files are listed once, by name. Later requests are looked up in that list, so a requested name
+//! is never used as a path.
 
 use crate::error::{Error, Result};
 use crate::explore::sweep::table::Table;
@@ -28,27 +28,27 @@ use std::time::SystemTime;
 
 /// Pictures of a frame, in the order of their keys.
 pub const PICTURES: [&str; 5] = ["fixed", "golden", "ideal", "error", "flips"];
-/// Charts that are shown, at most.
+/// Greatest number of charts.
 const MOST_CHARTS: usize = 64;
-/// Bytes of a file, at most: a report of the largest machine has a thousandth.
+/// Greatest number of bytes of a file: a report of the largest machine has a thousandth.
 const MOST_BYTES: u64 = 256 << 20;
-/// Cells of a table, at most; every 64 bytes of a name or text count as one more.
+/// Greatest number of cells of a table; every 64 bytes of a name or text count as one more cell.
 const MOST_CELLS: usize = 10_000_000;
-/// Bytes of a text that is repeated in each row below it, at most; a longer one is left out.
+/// Greatest length of a text that is repeated in each row below it; longer texts are left out.
 const MOST_REPEATED_BYTES: usize = 1 << 10;
 
 /// A folder that can be shown.
 #[derive(Debug)]
-pub struct Folder {
-    /// All that the page needs to know.
-    pub told: Value,
-    /// Files that may be asked for, by name.
+pub struct ResultFolder {
+    /// All data for the page.
+    pub contents: Value,
+    /// Files that can be requested, by name.
     pub files: BTreeMap<String, Listed>,
-    /// The frame that can be drawn again; none where there is none.
-    pub run: Option<Run>,
+    /// The frame that can be redrawn, if any.
+    pub run: Option<DrawnRun>,
 }
 
-/// A file as it was when the folder was read.
+/// A file in its state when the folder was read.
 #[derive(Clone, Debug)]
 pub struct Listed {
     path: PathBuf,
@@ -66,11 +66,11 @@ impl Listed {
         })
     }
 
-    /// Its bytes; or a status, and what goes on behind the file's name in a sentence.
+    /// Its bytes; or a status, and the rest of a sentence after the file's name.
     fn read(&self) -> std::result::Result<Vec<u8>, (u16, String)> {
         if self.length > MOST_BYTES {
             let what = format!(
-                "has {} MB; no file of splatsim has more than {}",
+                "has {} MB; a file of splatsim has at most {}",
                 self.length >> 20,
                 MOST_BYTES >> 20
             );
@@ -79,7 +79,7 @@ impl Listed {
         let changed = || {
             (
                 409,
-                "has changed since view read the folder: start view again".to_owned(),
+                "has changed since view read the folder: restart view".to_owned(),
             )
         };
         let is_same = |metadata: &fs::Metadata| {
@@ -87,7 +87,7 @@ impl Listed {
                 && metadata.len() == self.length
                 && metadata.modified().ok() == self.modified
         };
-        // A link or a pipe in its place is not even opened.
+        // A link or a pipe in its place is not opened.
         fs::symlink_metadata(&self.path)
             .ok()
             .filter(is_same)
@@ -105,33 +105,33 @@ impl Listed {
     }
 }
 
-/// What `run` drew.
+/// A frame drawn by `run`.
 #[derive(Clone, Debug)]
-pub struct Run {
+pub struct DrawnRun {
     /// The scene's file, or a built-in name.
     pub scene: String,
-    /// Which frame of a sequence.
+    /// Frame number in a sequence.
     pub frame: usize,
     /// Columns and rows of the picture.
     pub size: [usize; 2],
-    /// Columns and rows of the whole, where the picture is a preview of it.
+    /// Columns and rows of the whole picture, if this is a preview.
     pub preview_of: Option<[usize; 2]>,
     /// The machine.
     pub machine: Machine,
-    /// The camera, as the report has it.
+    /// The camera in the report.
     pub camera: Value,
     /// Splats, and contributions of the machine.
     pub counts: [u64; 2],
-    /// Metrics of fixed against golden, and of golden against ideal, as the report has them.
+    /// Metrics of fixed against golden, and of golden against ideal, in the report.
     pub accuracy: [Value; 2],
 }
 
-impl Folder {
-    /// Reads what a folder holds.
+impl ResultFolder {
+    /// Reads a folder.
     ///
     /// # Errors
-    /// [`Error::Input`], one sentence naming the file, where it holds nothing that can be shown, or
-    /// a file is broken or of something else.
+    /// [`Error::Input`], one sentence that names the file, if the folder contains nothing that can
+    /// be shown, or a file is broken or of another kind.
     pub fn read(folder: &Path) -> Result<Self> {
         let cannot =
             |e: std::io::Error| Error::input(format!("{}: cannot be read: {e}", folder.display()));
@@ -145,14 +145,14 @@ impl Folder {
         let mut files = BTreeMap::new();
         for entry in fs::read_dir(&root).map_err(cannot)? {
             let entry = entry.map_err(cannot)?;
-            // Links are followed nowhere: they may lead out of the folder.
+            // Links are never followed: they may lead out of the folder.
             let is_plain = entry.file_type().is_ok_and(|kind| kind.is_file());
             let Ok(name) = entry.file_name().into_string() else {
                 continue;
             };
             let listed = Listed::new(entry.path()).map_err(cannot)?;
             if is_journal(&name) {
-                // Who reads the rows takes every file of such a name.
+                // The reader of rows opens every file with such a name.
                 let refused = |what: &str| {
                     Err(Error::input(format!(
                         "{}: {what}",
@@ -160,7 +160,7 @@ impl Folder {
                     )))
                 };
                 if !is_plain {
-                    return refused("is a link or no file: rows are read from plain files");
+                    return refused("is a link or not a file: rows are read from plain files");
                 }
                 if listed.length > MOST_BYTES {
                     return refused(&format!(
@@ -189,7 +189,7 @@ impl Folder {
             other => (None, other.as_ref()),
         };
         let run = reports
-            .map(|report| Run::new(report, &shown("report.json")))
+            .map(|report| DrawnRun::new(report, &shown("report.json")))
             .transpose()?;
         let sequence = sequences
             .map(|report| sequence(report, &files, &shown))
@@ -203,7 +203,7 @@ impl Folder {
             .is_some_and(|cycles| !cycles["units"].is_array() || !cycles["total"].is_u64())
         {
             return Err(Error::input(format!(
-                "{}: is no account of cycles, as `replay` writes it",
+                "{}: is not an account of cycles as `replay` writes it",
                 shown("cycles.json")
             )));
         }
@@ -213,7 +213,7 @@ impl Folder {
             .is_some_and(|compare| !compare["figures"].is_array() || !compare["a"].is_object())
         {
             return Err(Error::input(format!(
-                "{}: is no comparison, as `compare --out` writes it",
+                "{}: is not a comparison as `compare --out` writes it",
                 shown("compare.json")
             )));
         }
@@ -221,7 +221,7 @@ impl Folder {
         if files.keys().any(|name| is_journal(name)) {
             let plan = value("plan.json")?.ok_or_else(|| {
                 Error::input(format!(
-                    "{}: is missing beside the rows",
+                    "{}: is missing next to the rows",
                     shown("plan.json")
                 ))
             })?;
@@ -242,7 +242,7 @@ impl Folder {
                         shown(name)
                     ))
                 };
-                let mut left = Cells(MOST_CELLS);
+                let mut left = CellBudget(MOST_CELLS);
                 let rows = rows_of(&value, path, &mut left)
                     .map_err(|_| too_many())?
                     .filter(|rows| !rows.is_empty());
@@ -269,7 +269,7 @@ impl Folder {
                 .flatten()
                 .map(|frame| {
                     let mut row = Map::new();
-                    flatten(frame, "", &mut row, &mut Cells(MOST_CELLS)).map(|()| row)
+                    flatten(frame, "", &mut row, &mut CellBudget(MOST_CELLS)).map(|()| row)
                 });
             let rows = rows
                 .collect::<std::result::Result<Vec<_>, _>>()
@@ -294,13 +294,13 @@ impl Folder {
                     || is_of_sequence(name.trim_end_matches(".png"))
             };
             if files.keys().any(is_picture) {
-                let told = "has pictures of a run and no report.json, which is written last: the run was ended before, or is still at work";
-                return Err(Error::input(format!("{}: {told}", folder.display())));
+                let reason = "has pictures of a run and no report.json, which is written last: the run was interrupted or is still running";
+                return Err(Error::input(format!("{}: {reason}", folder.display())));
             }
-            let told = "holds nothing that view shows: no report.json, points.jsonl, choices.json, stress.json, cycles.json or compare.json";
-            return Err(Error::input(format!("{}: {told}", folder.display())));
+            let reason = "holds nothing that view shows: no report.json, points.jsonl, choices.json, stress.json, cycles.json or compare.json";
+            return Err(Error::input(format!("{}: {reason}", folder.display())));
         }
-        // What an earlier run on a binned machine left is of no other.
+        // Files of an earlier run on a binned machine do not belong to this frame.
         let units = reports
             .map(|report| &report["cycles"]["units"])
             .or(cycles.as_ref().map(|cycles| &cycles["units"]));
@@ -310,7 +310,7 @@ impl Folder {
         let name = root
             .file_name()
             .map_or_else(|| "/".into(), |name| name.to_string_lossy().into_owned());
-        let told = json!({
+        let contents = json!({
             "version": env!("CARGO_PKG_VERSION"),
             "name": name,
             "run": run.as_ref().map(|run| json!({
@@ -328,19 +328,23 @@ impl Folder {
                 .iter()
                 .any(|end| name.ends_with(end))
         });
-        Ok(Folder { told, files, run })
+        Ok(ResultFolder {
+            contents,
+            files,
+            run,
+        })
     }
 
-    /// A file's bytes, if it is one of those that were there and is still as it was.
+    /// Bytes of a file, if it was listed and has not changed.
     ///
     /// # Errors
-    /// A status of HTTP and a sentence: 404 where there is none, 409 where it has changed since,
-    /// 413 where it is too large.
+    /// A status of HTTP and a sentence: 404 if it is not listed, 409 if it has changed, 413 if it
+    /// is too large.
     pub fn file(&self, name: &str) -> std::result::Result<Vec<u8>, (u16, String)> {
         let listed = self
             .files
             .get(name)
-            .ok_or((404, format!("{name}: there is none")))?;
+            .ok_or((404, format!("{name}: not found")))?;
         listed
             .read()
             .map_err(|(status, what)| (status, format!("{name}: {what}")))
@@ -348,7 +352,7 @@ impl Folder {
 
     /// Name of the folder.
     pub fn name(&self) -> &str {
-        self.told["name"].as_str().unwrap_or_default()
+        self.contents["name"].as_str().unwrap_or_default()
     }
 
     /// Files of the pictures that the page shows.
@@ -363,7 +367,7 @@ impl Folder {
                 .collect::<Vec<_>>()
         };
         if let Some(sequence) = self
-            .told
+            .contents
             .get("sequence")
             .filter(|sequence| sequence.is_object())
         {
@@ -376,20 +380,23 @@ impl Folder {
             let kinds: Vec<&str> = kinds.collect();
             return (0..frames)
                 .flat_map(|frame| kinds.iter().map(move |kind| frame_name(frame, kind)))
-                .chain(names(&self.told["charts"]))
+                .chain(names(&self.contents["charts"]))
                 .collect();
         }
-        let of_run = names(&self.told["run"]["pictures"])
+        let of_run = names(&self.contents["run"]["pictures"])
             .into_iter()
             .map(|name| format!("{name}.png"));
-        of_run.chain(names(&self.told["charts"])).collect()
+        of_run.chain(names(&self.contents["charts"])).collect()
     }
 }
 
-impl Run {
+impl DrawnRun {
     fn new(report: &Value, whose: &str) -> Result<Self> {
-        let lacks =
-            |what: &str| Error::input(format!("{whose}: has no {what}: it is no report of `run`"));
+        let lacks = |what: &str| {
+            Error::input(format!(
+                "{whose}: has no {what}: it is not a report of `run`"
+            ))
+        };
         let count = |path: &str| {
             report
                 .pointer(path)
@@ -418,7 +425,7 @@ impl Run {
                 .ok_or_else(|| lacks(&part[1..].replace('/', ".")))?;
         }
         let pair = |value: &Value| Some([value[0].as_u64()? as usize, value[1].as_u64()? as usize]);
-        Ok(Run {
+        Ok(DrawnRun {
             scene: report
                 .pointer("/host/scene_file")
                 .and_then(Value::as_str)
@@ -441,7 +448,7 @@ impl Run {
         })
     }
 
-    /// The name by which `--machine` finds the machine; none of one that a file must describe.
+    /// The name by which `--machine` finds the machine; none if it needs a machine file.
     pub fn machine_flag(&self) -> Option<&str> {
         let name = &self.machine.name;
         Machine::named(name)
@@ -450,12 +457,12 @@ impl Run {
     }
 }
 
-/// A picture of a frame, as `run` names it.
+/// File name of a picture of a frame, as written by `run`.
 fn frame_name(frame: usize, kind: &str) -> String {
     format!("frame_{frame:04}_{kind}.png")
 }
 
-/// Whether a picture without its ending is a frame's.
+/// Whether the name of a picture, without extension, is that of a frame.
 fn is_of_sequence(stem: &str) -> bool {
     let parts = stem
         .strip_prefix("frame_")
@@ -465,7 +472,7 @@ fn is_of_sequence(stem: &str) -> bool {
     })
 }
 
-/// What `run` drew of a sequence: its report, and the kinds of pictures that every frame has.
+/// A sequence drawn by `run`: its report, and the kinds of pictures that every frame has.
 fn sequence(
     report: &Value,
     files: &BTreeMap<String, Listed>,
@@ -474,7 +481,7 @@ fn sequence(
     let whose = shown("report.json");
     let lacks = |what: &str| {
         Error::input(format!(
-            "{whose}: has no {what}: it is no report of `run` on a sequence"
+            "{whose}: has no {what}: it is not a report of `run` on a sequence"
         ))
     };
     for part in [
@@ -509,21 +516,21 @@ fn sequence(
     Ok(json!({"report": report, "kinds": kinds}))
 }
 
-/// A JSON file that somebody else may have written.
+/// Reads a JSON file, which another program may have written.
 fn read_json(listed: &Listed, whose: &str) -> Result<Value> {
     let input_error = |what: String| Error::input(format!("{whose}: {what}"));
     let bytes = listed.read().map_err(|(_, what)| input_error(what))?;
     let text = String::from_utf8(bytes).map_err(|e| input_error(format!("cannot be read: {e}")))?;
     serde_json::from_str(input::without_mark(&text))
-        .map_err(|e| input_error(format!("is no JSON that splatsim wrote: {e}")))
+        .map_err(|e| input_error(format!("is not JSON that splatsim wrote: {e}")))
 }
 
-/// Whether a file has rows, by its name.
+/// Whether a file contains rows, by its name.
 fn is_journal(name: &str) -> bool {
     name.starts_with("points") && name.ends_with(".jsonl")
 }
 
-/// Names of the pictures that are there, all of one size.
+/// Names of the existing pictures, which have the same size.
 fn pictures(
     files: &BTreeMap<String, Listed>,
     size: [usize; 2],
@@ -542,12 +549,12 @@ fn pictures(
                 is_png.into_dimensions().map_err(|e| e.to_string())
             });
         let (width, height) =
-            opened.map_err(|e| Error::input(format!("{}: is no picture: {e}", shown(&file))))?;
+            opened.map_err(|e| Error::input(format!("{}: is not a picture: {e}", shown(&file))))?;
         if [width as usize, height as usize] != size {
             let [columns, rows] = size;
-            let told = format!("is {width}×{height}, and report.json is of {columns}×{rows}");
+            let sizes = format!("is {width}×{height}, and report.json is of {columns}×{rows}");
             return Err(Error::input(format!(
-                "{}: {told}: it is of another run",
+                "{}: {sizes}: it is of another run",
                 shown(&file)
             )));
         }
@@ -556,10 +563,12 @@ fn pictures(
     Ok(found)
 }
 
-/// The rows of `sweep` and `search`, and the machine that they change.
+/// The rows of `sweep` and `search`, and the machine that they modify.
 fn points(table: &Table, plan: &Value, whose: &str) -> Result<Value> {
     let machine = plan.get("machine").ok_or_else(|| {
-        Error::input(format!("{whose}: has no machine: it is no plan of `sweep`"))
+        Error::input(format!(
+            "{whose}: has no machine: it is not a plan of `sweep`"
+        ))
     })?;
     machines::from_value(machine, &format!("{whose}: machine"))?;
     let columns = table.columns.iter().enumerate().map(|(at, (name, _))| {
@@ -581,13 +590,13 @@ fn points(table: &Table, plan: &Value, whose: &str) -> Result<Value> {
     )
 }
 
-/// Cells that a table may still have.
-struct Cells(usize);
+/// Number of further cells that a table may have.
+struct CellBudget(usize);
 
 /// A table has too many cells.
 struct TooMany;
 
-impl Cells {
+impl CellBudget {
     fn take(&mut self, name: &str, value: &Value) -> std::result::Result<(), TooMany> {
         let bytes = name.len() + value.as_str().map_or(0, str::len);
         self.0 = self.0.checked_sub(1 + bytes / 64).ok_or(TooMany)?;
@@ -595,12 +604,11 @@ impl Cells {
     }
 }
 
-/// Objects down a path of lists, each with the scalars of those above it; none where they are not
-/// there.
+/// Objects at a path of lists, each with the scalars of its ancestors; none if they are absent.
 fn rows_of(
     value: &Value,
     path: &[&str],
-    left: &mut Cells,
+    left: &mut CellBudget,
 ) -> std::result::Result<Option<Vec<Map<String, Value>>>, TooMany> {
     let Some((list, rest)) = path.split_first() else {
         let mut row = Map::new();
@@ -641,12 +649,13 @@ fn rows_of(
     Ok(Some(rows))
 }
 
-/// Objects become names with dots, lists of numbers one column a place, other lists text.
+/// Flattens objects to names with dots, lists of numbers to one column per position, and other
+/// lists to text.
 fn flatten(
     value: &Value,
     name: &str,
     row: &mut Map<String, Value>,
-    left: &mut Cells,
+    left: &mut CellBudget,
 ) -> std::result::Result<(), TooMany> {
     let below = |part: &str| {
         if name.is_empty() {
@@ -655,7 +664,7 @@ fn flatten(
             format!("{name}.{part}")
         }
     };
-    // Names grow down the tree, so they count where they are made too.
+    // Names grow with the depth of the tree, so they also count where they are created.
     left.take(name, &Value::Null)?;
     let scalar = match value {
         Value::Object(fields) => {
@@ -706,7 +715,7 @@ fn table_of(title: &str, rows: Vec<Map<String, Value>>) -> std::result::Result<V
     Ok(json!({"title": title, "machine": null, "columns": columns.collect::<Vec<_>>()}))
 }
 
-/// A column: all of its values, or the one that all rows have.
+/// A column: all of its values, or a single one if all rows have the same.
 fn column((name, values): (String, Vec<Value>)) -> Value {
     let is_number = values
         .iter()

@@ -1,41 +1,40 @@
-//! Http: one request and one answer a connection, as little of HTTP/1.1 (RFC 9112) as a browser
-//! needs; whatever else comes is refused.
+//! Http: one request and one response per connection, with the minimum of HTTP/1.1 (RFC 9112) that
+//! a browser needs; everything else is refused.
 //!
 //! ```text
-//! bytes ─► [head: at most 8 KiB, in 5 s] ─► [GET or HEAD, target, Host] ─► Request ─► whoever answers ─► Response ─► bytes
-//!                      └──────────────────────────┴─► status alone
+//! bytes ─► [head: at most 8 KiB, in 5 s] ─► [GET or HEAD, target, Host] ─► Request ─► handler ─► Response ─► bytes
+//!                      └──────────────────────────┴─► status only
 //! ```
-//! No body is ever read. Law: `no_bytes_make_the_reader_panic`,
+//! No body is ever read. Laws: `no_bytes_make_the_reader_panic`,
 //! `a_request_is_read_whatever_its_parts`.
 
 use std::borrow::Cow;
 use std::io::{ErrorKind, Read, Write};
 use std::time::{Duration, Instant};
 
-/// Bytes of a head, at most.
+/// Greatest number of bytes of a head.
 pub const MOST_HEAD_BYTES: usize = 8 * 1024;
-/// Time for a head to arrive.
+/// Time limit for a head to arrive.
 pub const HEAD_TIME: Duration = Duration::from_secs(5);
 
-/// Why a request has no answer but this status.
+/// Status of a refused request.
 pub type Refusal = u16;
 
-/// A request that was understood.
+/// A parsed request.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Request {
-    /// Parts of the path between its slashes, as they came: nothing is decoded, for no name here
-    /// needs it.
+    /// Parts of the path between its slashes, unchanged: names of this server need no decoding.
     pub path: Vec<String>,
     /// What follows the `?`, as pairs.
     pub query: Vec<(String, String)>,
     /// The field `Host`.
     pub host: String,
-    /// The answer goes without its body.
+    /// The response has no body.
     pub head_only: bool,
 }
 
 impl Request {
-    /// A whole number of the query.
+    /// An integer of the query.
     pub fn number(&self, name: &str) -> Option<usize> {
         self.query
             .iter()
@@ -44,19 +43,19 @@ impl Request {
     }
 }
 
-/// An answer.
+/// A response.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Response {
-    /// As 200.
+    /// For example 200.
     pub status: u16,
     /// Media type of the body.
     pub kind: &'static str,
-    /// All of it.
+    /// The whole body.
     pub body: Cow<'static, [u8]>,
 }
 
 impl Response {
-    /// An answer that says no more than its status.
+    /// A response that contains only its status.
     pub fn refusal(status: Refusal) -> Self {
         Response {
             status,
@@ -65,7 +64,7 @@ impl Response {
         }
     }
 
-    /// One sentence about what could not be done.
+    /// A response with one sentence about a failure.
     pub fn sentence(status: u16, sentence: &str) -> Self {
         Response {
             status,
@@ -74,7 +73,7 @@ impl Response {
         }
     }
 
-    /// A value as JSON.
+    /// A response with JSON.
     pub fn json(text: String) -> Self {
         Response {
             status: 200,
@@ -83,11 +82,11 @@ impl Response {
         }
     }
 
-    /// Writes it. The page may load nothing but what this server has, and be framed by nobody;
-    /// nothing is kept by the browser.
+    /// Writes the response. The page may load resources only from this server, may not be framed,
+    /// and is not cached by the browser.
     ///
     /// # Errors
-    /// Those of the connection.
+    /// Errors of the connection.
     pub fn write(&self, to: &mut impl Write, head_only: bool) -> std::io::Result<()> {
         let Response { status, kind, body } = self;
         let head = format!(
@@ -124,10 +123,11 @@ fn reason(status: u16) -> &'static str {
     }
 }
 
-/// Reads a head up to its empty line; `set_time` is told before each read how much time is left.
+/// Reads a head up to its empty line; before each read, `set_time` is called with the time that is
+/// left.
 ///
 /// # Errors
-/// 400 where the other end stops before, 408 where it is too slow, 431 where the head is too long.
+/// 400 if the client closes early, 408 if it is too slow, 431 if the head is too long.
 pub fn read_head<R: Read>(
     from: &mut R,
     set_time: impl Fn(&R, Duration),
@@ -164,11 +164,11 @@ pub fn read_head<R: Read>(
     }
 }
 
-/// Understands a head, whose lines all end in CR LF.
+/// Parses a head, whose lines all end in CR LF.
 ///
 /// # Errors
-/// 400 where it is none, 405 where it asks for more than an answer, 413 where a body would follow,
-/// 505 of another HTTP.
+/// 400 if it is malformed, 405 for a method other than GET and HEAD, 413 if a body would follow,
+/// 505 for another version of HTTP.
 pub fn parse(head: &[u8]) -> Result<Request, Refusal> {
     let text = std::str::from_utf8(head).map_err(|_| 400_u16)?;
     let mut lines = text.strip_suffix("\r\n").ok_or(400_u16)?.split("\r\n");
@@ -201,7 +201,7 @@ pub fn parse(head: &[u8]) -> Result<Request, Refusal> {
         }
         let value = value.trim_matches([' ', '\t']);
         match name.to_ascii_lowercase().as_str() {
-            // Two of them may be read as either by whoever stands between.
+            // An intermediary could use either of two `Host` fields.
             "host" if host.is_some() => return Err(400),
             "host" => host = Some(value.to_owned()),
             "content-length" => has_body |= value != "0",
@@ -259,7 +259,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_request_for_an_answer_is_refused() {
+    fn malformed_requests_are_refused() {
         for (head, status) in [
             ("", 400),
             ("GET / HTTP/1.1\r\n", 400),
@@ -286,7 +286,7 @@ mod tests {
     }
 
     #[test]
-    fn a_head_ends_where_its_empty_line_is_or_is_too_long() {
+    fn a_head_ends_at_its_empty_line_or_is_too_long() {
         let read = |mut bytes: &[u8]| read_head(&mut bytes, |_, _| ());
         assert_eq!(
             read(b"GET / HTTP/1.1\r\nHost: a\r\n\r\nbody"),

@@ -1,15 +1,15 @@
-//! View: shows what is in a folder in a browser: the frame and each pixel's story, the machine,
-//! rows of a sweep.
+//! View: shows a folder in a browser: the frame and each pixel's trace, the machine, rows of a
+//! sweep.
 //!
 //! ```text
-//! DIR ─► folder ─┬─► server ─► answers: page, assets, files, pixels, maps, stories ─► browser
-//!                └─► export ─► one HTML file with all but what is computed on demand
-//! redraw ────────────► pixels, maps, stories (drawn when first asked for)
+//! DIR ─► folder ─┬─► server ─► answers: page, assets, files, pixels, maps, traces ─► browser
+//!                └─► export ─► one HTML file without data that is computed on demand
+//! redraw ────────────► pixels, maps, traces (drawn on the first request)
 //! assets/            HTML, CSS and JavaScript as they are; uPlot draws charts
 //! ```
-//! The page is plain HTML, CSS and JavaScript and asks this program for data alone. Charts with
-//! axes are uPlot's (1.6.32, 51 KB, MIT): it draws 10,000 points in a few milliseconds on a canvas,
-//! where Observable Plot and Vega-Lite bring ten times as many bytes.
+//! The page is plain HTML, CSS and JavaScript and requests only data from this program. Charts with
+//! axes use uPlot (1.6.32, 51 KB, MIT): it draws 10,000 points in a few milliseconds on a canvas,
+//! and Observable Plot and Vega-Lite have ten times as many bytes.
 //!
 //! Laws: tests/view.rs (the server), tests/browser.rs (the page).
 
@@ -21,24 +21,24 @@ pub mod redraw;
 pub mod server;
 
 use crate::error::Result;
-use folder::Folder;
+use folder::ResultFolder;
 use http::{Request, Response};
 use redraw::Redraw;
-use server::Answers;
+use server::Handler;
 use std::borrow::Cow;
 use std::ffi::OsString;
 use std::path::Path;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-/// A folder, and what is computed of it on demand.
+/// A folder, and data that is computed from it on demand.
 #[derive(Debug)]
 pub struct View {
-    folder: Folder,
-    /// Where the scene lies, if not where it lay.
+    folder: ResultFolder,
+    /// The scene's path, if it was moved.
     scene: Option<OsString>,
-    /// Drawn when it is first asked for; or why it cannot be.
+    /// Drawn on the first request; or the reason why it cannot be drawn.
     redraw: OnceLock<std::result::Result<Redraw, String>>,
-    /// One story at a time: each draws a frame, on all threads.
+    /// One pixel trace at a time: each draws a frame, on all threads.
     story: Mutex<()>,
 }
 
@@ -46,10 +46,10 @@ impl View {
     /// Reads a folder.
     ///
     /// # Errors
-    /// As [`Folder::read`].
+    /// As [`ResultFolder::read`].
     pub fn new(folder: &Path, scene: Option<OsString>) -> Result<Self> {
         Ok(View {
-            folder: Folder::read(folder)?,
+            folder: ResultFolder::read(folder)?,
             scene,
             redraw: OnceLock::new(),
             story: Mutex::new(()),
@@ -57,7 +57,7 @@ impl View {
     }
 
     /// The folder.
-    pub fn folder(&self) -> &Folder {
+    pub fn folder(&self) -> &ResultFolder {
         &self.folder
     }
 
@@ -108,8 +108,8 @@ impl View {
     }
 }
 
-impl Answers for View {
-    fn answer(&self, path: &[&str], request: &Request) -> Response {
+impl Handler for View {
+    fn respond(&self, path: &[&str], request: &Request) -> Response {
         let either = |answer: std::result::Result<Response, Response>| {
             answer.unwrap_or_else(|refusal| refusal)
         };
@@ -119,7 +119,7 @@ impl Answers for View {
                 kind: "text/html; charset=utf-8",
                 body: Cow::Owned(assets::page().into_bytes()),
             },
-            ["folder"] => Response::json(self.folder.told.to_string()),
+            ["folder"] => Response::json(self.folder.contents.to_string()),
             ["assets", name] => assets::ALL
                 .iter()
                 .find(|asset| asset.name == *name)

@@ -1,14 +1,14 @@
-//! Redraw: the frame of a folder drawn once more, for what its files do not say: exact values, and
-//! counts a pixel.
+//! Redraw: draws the frame of a folder again, for data that its files do not contain: exact values,
+//! and counts per pixel.
 //!
 //! ```text
 //! report.json ─► scene, machine ─► same camera, splats? ─► draw ─► same contributions, errors? ─┬─► pixel: words, linear light, errors, bound, flips
 //!                                                                                               ├─► maps: bound, covered, contributions, layers, merges
-//!                                                                                               └─► story, as `explain` tells it
+//!                                                                                               └─► pixel trace, as in `explain`
 //! ```
 //! Law (tests/view.rs): `a_pixel_has_the_values_of_the_run`.
 
-use super::folder::Run;
+use super::folder::DrawnRun;
 use crate::accuracy::{KINDS, Lockstep, distance};
 use crate::error::{Error, Result};
 use crate::golden;
@@ -30,10 +30,10 @@ use std::any::Any;
 use std::collections::BTreeMap;
 use std::ffi::OsStr;
 
-/// Maps that are not among the pictures of a run, in the order of their keys.
+/// Maps in addition to the pictures of a run, in the order of their keys.
 pub const MAPS: [&str; 5] = ["bound", "covered", "contributions", "layers", "merges"];
 
-/// A frame with everything that is asked of its pixels.
+/// A frame with all data about its pixels.
 #[derive(Debug)]
 pub struct Redraw {
     scene: Scene,
@@ -43,16 +43,16 @@ pub struct Redraw {
     golden: Picture,
     ideal: Picture,
     lockstep: Lockstep,
-    /// Contributions, layers at the end, merges, a pixel each.
+    /// Per pixel: contributions, layers at the end, merges.
     counts: Vec<[u32; 3]>,
 }
 
 impl Redraw {
-    /// Draws the frame of a run again; `scene` says where its scene lies now, if not where it lay.
+    /// Draws the frame of a run again; `scene` is the path of its scene if it was moved.
     ///
     /// # Errors
-    /// [`Error::Input`] where the scene cannot be read any more, or is not the one that was drawn.
-    pub fn new(run: &Run, scene: Option<&OsStr>) -> Result<Self> {
+    /// [`Error::Input`] if the scene cannot be read any more, or is not the one that was drawn.
+    pub fn new(run: &DrawnRun, scene: Option<&OsStr>) -> Result<Self> {
         let [width, height] = run.preview_of.unwrap_or(run.size);
         let name = scene.unwrap_or(OsStr::new(&run.scene));
         let scene = Scene::load_frame(
@@ -70,7 +70,7 @@ impl Redraw {
         let name = scene.name.clone();
         let other = |what: &str| {
             Error::input(format!(
-                "{name}: is not the scene of report.json any more: it has {what}"
+                "{name}: is no longer the scene of report.json: it has {what}"
             ))
         };
         if [scene.image.width, scene.image.height] != run.size {
@@ -80,7 +80,7 @@ impl Redraw {
             return Err(other("another camera"));
         }
         let [splats, contributions] = run.counts;
-        // Of a tree what its budget left on this machine.
+        // For a tree, the cut within its budget on this machine.
         let scene = bounded(scene, &fixed::elaborate(&run.machine)?)?;
         if scene.splats.len() as u64 != splats {
             return Err(other(&format!(
@@ -105,13 +105,13 @@ impl Redraw {
         let (golden, lockstep) = (evaluation.golden().picture, evaluation.lockstep());
         let ideal = golden::ideal(&scene).picture;
         let fixed = evaluation.picture(&drawing);
-        for (pictures, told) in [(&fixed, &golden), (&golden, &ideal)]
+        for (pictures, reported) in [(&fixed, &golden), (&golden, &ideal)]
             .into_iter()
             .zip(&run.accuracy)
         {
             let now = distance(pictures.0, pictures.1);
-            if !is_near(now.psnr_db, told["psnr_db"].as_f64())
-                || !is_near(Some(now.max_error), told["max_error"].as_f64())
+            if !is_near(now.psnr_db, reported["psnr_db"].as_f64())
+                || !is_near(Some(now.max_error), reported["max_error"].as_f64())
             {
                 return Err(other(
                     "another picture: colours, lights, or the version that drew it differ",
@@ -138,7 +138,7 @@ impl Redraw {
         (x < width && y < height).then(|| y * width + x)
     }
 
-    /// Everything that is known of a pixel in numbers; none outside of the picture.
+    /// All data of a pixel in numbers; none outside the picture.
     pub fn pixel(&self, [x, y]: [usize; 2]) -> Option<Value> {
         let index = self.index([x, y])?;
         let words = self.words[index].map(i64::from);
@@ -165,8 +165,7 @@ impl Redraw {
         self.counts[index][0] > 0 || self.golden.covered[index]
     }
 
-    /// A map, pixel by pixel as little-endian float32, row 0 first; none where there is no such
-    /// map.
+    /// A map, pixel by pixel as little-endian float32, row 0 first; none for an unknown name.
     pub fn map(&self, name: &str) -> Option<Vec<u8>> {
         let pixels = 0..self.counts.len();
         let value = |index: usize| -> Option<f32> {
@@ -183,7 +182,7 @@ impl Redraw {
         Some(values?.into_iter().flat_map(f32::to_le_bytes).collect())
     }
 
-    /// What `explain` tells of a pixel.
+    /// The pixel trace of [`explained`].
     ///
     /// # Errors
     /// As [`explained`].
@@ -192,24 +191,24 @@ impl Redraw {
     }
 }
 
-/// Whether two figures are one but for the last places, which computers may have otherwise; or both
-/// none, of equal pictures.
-fn is_near(now: Option<f64>, told: Option<f64>) -> bool {
-    match (now, told) {
-        (Some(now), Some(told)) => (now - told).abs() <= 1e-7 * told.abs().max(1e-6),
-        (now, told) => now == told,
+/// Whether two figures are equal except for the last bits, which can differ between computers; or
+/// both are none, for equal pictures.
+fn is_near(now: Option<f64>, then: Option<f64>) -> bool {
+    match (now, then) {
+        (Some(now), Some(then)) => (now - then).abs() <= 1e-7 * then.abs().max(1e-6),
+        (now, then) => now == then,
     }
 }
 
 /// Counts of a tile's pixels: contributions, layers at the end, merges.
 type Counts = Vec<[u32; 3]>;
 
-/// Counts what happens at each pixel, tile by tile.
+/// Counts events at each pixel, tile by tile.
 #[derive(Debug, Default)]
 struct Census {
-    /// Finished parts, by column and row of the tile.
+    /// Finished tiles, by column and row.
     tiles: BTreeMap<[u32; 2], Counts>,
-    /// The tile at hand.
+    /// The current tile.
     open: Option<([u32; 2], Counts)>,
 }
 

@@ -1,13 +1,14 @@
-//! Server: answers requests on 127.0.0.1, of whoever knows the token in the address, for as long as
-//! it is wanted.
+//! Server: answers requests on 127.0.0.1 that contain the token of its address, for a limited time
+//! or until the process ends.
 //!
 //! ```text
 //! connection ─┬─► more than 32 at once: 503
-//!             └─► thread ─► head ─► Host is ours? ─► token is ours? ─► Answers ─► response, connection closed
+//!             └─► thread ─► head ─► Host is ours? ─► token is ours? ─► Handler ─► response, connection closed
 //! ```
-//! A page of another origin cannot read answers, for it has no token, and cannot reach them under
-//! another name (DNS rebinding), for `Host` must be this address. What is behind the token decides
-//! what there is to be had: no path of a request is ever a path of a file.
+//! A page of another origin cannot read responses, because it does not have the token. It cannot
+//! reach the server under another name (DNS rebinding) either, because `Host` must be this address.
+//! The handler behind the token decides what can be requested: a path of a request is never a path
+//! of a file.
 //!
 //! Laws (tests/view.rs): `who_has_no_token_gets_nothing`, `no_path_leads_out_of_the_folder`,
 //! `hostile_requests_end_in_an_error_and_the_rest_goes_on`.
@@ -21,21 +22,22 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Connections at once; a browser opens six.
+/// Greatest number of open connections; a browser opens six.
 const MOST_CONNECTIONS: usize = 32;
-/// Time for the other end to take a part of an answer.
+/// Time for the client to accept a part of a response.
 const TAKE_TIME: Duration = Duration::from_secs(30);
-/// What is still read of a refused request, so that its sender sees the refusal: bytes, and time.
+/// Limits of what is read from a refused request, so that its sender receives the refusal: bytes,
+/// and time.
 const MOST_DRAINED_BYTES: usize = 64 * 1024;
 const DRAIN_TIME: Duration = Duration::from_millis(200);
 
-/// What stands behind the token.
-pub trait Answers: Send + Sync + 'static {
-    /// The answer to a request, of whose path the token is taken away.
-    fn answer(&self, path: &[&str], request: &Request) -> Response;
+/// Handler of requests with the right token.
+pub trait Handler: Send + Sync + 'static {
+    /// The response to a request; `path` is without the token.
+    fn respond(&self, path: &[&str], request: &Request) -> Response;
 }
 
-/// A server that listens.
+/// A listening server.
 #[derive(Debug)]
 pub struct Server {
     listener: TcpListener,
@@ -44,10 +46,10 @@ pub struct Server {
 }
 
 impl Server {
-    /// Listens on a free port of this computer, which no other one can reach.
+    /// Listens on a free port of this computer, which no other computer can reach.
     ///
     /// # Errors
-    /// [`Error::Job`] where there is none, or no randomness for the token.
+    /// [`Error::Job`] if there is no free port, or no randomness for the token.
     pub fn open() -> Result<Self> {
         let failed = |what: &str| Error::job(format!("127.0.0.1: cannot be listened on: {what}"));
         let listener =
@@ -65,35 +67,35 @@ impl Server {
         })
     }
 
-    /// What a browser is given to open.
+    /// The address to be opened in a browser.
     pub fn address(&self) -> String {
         format!("http://127.0.0.1:{}/{}/", self.port, self.token)
     }
 
-    /// Answers until the time is over; without one, until the process ends.
-    pub fn serve(self, answers: impl Answers, time: Option<Duration>) {
+    /// Serves requests until the time is over; without one, until the process ends.
+    pub fn serve(self, handler: impl Handler, time: Option<Duration>) {
         let thread = thread::spawn(move || {
             let (shared, open) = (
-                Arc::new((self.port, self.token, answers)),
+                Arc::new((self.port, self.token, handler)),
                 Arc::new(AtomicUsize::new(0)),
             );
             for stream in self.listener.incoming() {
                 let Ok(stream) = stream else {
-                    // Out of handles, say: what is open will close.
+                    // For example out of handles: open connections will be closed.
                     thread::sleep(Duration::from_millis(50));
                     continue;
                 };
-                let Some(place) = Place::take(&open) else {
+                let Some(place) = ConnectionSlot::take(&open) else {
                     refuse(stream, 503);
                     continue;
                 };
                 let shared = Arc::clone(&shared);
                 let started = thread::Builder::new().spawn(move || {
-                    let (port, token, answers) = &*shared;
-                    converse(stream, *port, token, answers);
+                    let (port, token, handler) = &*shared;
+                    handle_connection(stream, *port, token, handler);
                     drop(place);
                 });
-                // One that cannot be started took its connection with it.
+                // The closure of a thread that cannot be started has closed its connection.
                 drop(started);
             }
         });
@@ -105,23 +107,23 @@ impl Server {
 }
 
 /// One of the connections that may be open.
-struct Place(Arc<AtomicUsize>);
+struct ConnectionSlot(Arc<AtomicUsize>);
 
-impl Place {
+impl ConnectionSlot {
     fn take(open: &Arc<AtomicUsize>) -> Option<Self> {
-        let place = Place(Arc::clone(open));
+        let place = ConnectionSlot(Arc::clone(open));
         (open.fetch_add(1, Ordering::SeqCst) < MOST_CONNECTIONS).then_some(place)
     }
 }
 
-impl Drop for Place {
+impl Drop for ConnectionSlot {
     fn drop(&mut self) {
         self.0.fetch_sub(1, Ordering::SeqCst);
     }
 }
 
-/// Reads a request and answers it. Whatever goes wrong with the connection is its other end's.
-fn converse(mut stream: TcpStream, port: u16, token: &str, answers: &impl Answers) {
+/// Reads a request and responds. All failures of the connection are the client's.
+fn handle_connection(mut stream: TcpStream, port: u16, token: &str, handler: &impl Handler) {
     let request = http::read_head(&mut stream, |stream, left| {
         _ = stream.set_read_timeout(Some(left))
     })
@@ -140,15 +142,15 @@ fn converse(mut stream: TcpStream, port: u16, token: &str, answers: &impl Answer
     else {
         return refuse(stream, 403);
     };
-    let response = answers.answer(rest, &request);
+    let response = handler.respond(rest, &request);
     let _ = stream.set_write_timeout(Some(TAKE_TIME));
     if response.write(&mut stream, request.head_only).is_ok() {
         let _ = stream.shutdown(Shutdown::Both);
     }
 }
 
-/// Sends a status and closes. A little of what still comes is read: else the system would tell the
-/// sender of lost bytes, not of the status.
+/// Sends a status and closes. Some of the remaining input is read first; otherwise the client would
+/// receive a reset instead of the status.
 fn refuse(mut stream: TcpStream, status: u16) {
     let _ = stream.set_write_timeout(Some(DRAIN_TIME));
     if Response::refusal(status).write(&mut stream, false).is_err()
@@ -172,7 +174,7 @@ fn refuse(mut stream: TcpStream, status: u16) {
     }
 }
 
-/// Whether two texts are equal, in a time that does not depend on where they differ.
+/// Whether two texts are equal, in a time that does not depend on the position of a difference.
 fn is_equal(a: &[u8], b: &[u8]) -> bool {
     a.len() == b.len()
         && a.iter()

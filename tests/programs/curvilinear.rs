@@ -14,7 +14,7 @@ use serde_json::json;
 use splatsim::accuracy::metrics;
 use splatsim::error::{Error, Result};
 use splatsim::golden::{Rules, render};
-use splatsim::output::chart::{Chart, Tile, write_png};
+use splatsim::output::chart::{Chart, PictureTile, write_png};
 use splatsim::output::picture::Picture;
 use splatsim::scene::{Overrides, Scene};
 use std::f64::consts::{PI, TAU};
@@ -217,7 +217,7 @@ fn main() -> Result<()> {
             .psnr_db
             .map_or("equal".into(), |db| format!("{db:.1}"));
         println!("| {told} | {seen} | {db} |");
-        tiles.push(Tile {
+        tiles.push(PictureTile {
             caption: format!("{told}: {db} dB"),
             picture,
         });

@@ -17,7 +17,7 @@ use splatsim::accuracy::metrics;
 use splatsim::error::{Error, Result};
 use splatsim::golden::{Rules, ideal, render};
 use splatsim::hardware::{fixed, quantise};
-use splatsim::output::chart::{Chart, Tile, write_png};
+use splatsim::output::chart::{Chart, PictureTile, write_png};
 use splatsim::output::picture::Picture;
 use splatsim::scene::{Camera, Filter, Image, Kernel, Material, Overrides, Scene, Splat};
 use std::path::{Path, PathBuf};
@@ -212,7 +212,7 @@ fn main() -> Result<()> {
         ]
     };
     let (mut of_ewa, mut between): (Option<Picture>, Option<f64>) = (None, None);
-    let mut tiles = vec![Tile {
+    let mut tiles = vec![PictureTile {
         caption: "the board, convolved".into(),
         picture: reference.clone(),
     }];
@@ -248,7 +248,7 @@ fn main() -> Result<()> {
                 figures(&fixed).join(" | ")
             );
         }
-        tiles.push(Tile {
+        tiles.push(PictureTile {
             caption: format!("{name}: near {}, far {} dB", figures_of[0], figures_of[2]),
             picture: golden,
         });

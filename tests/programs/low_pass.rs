@@ -13,7 +13,7 @@ use splatsim::accuracy::metrics;
 use splatsim::error::{Error, Result};
 use splatsim::golden::{Rules, render};
 use splatsim::hardware::{fixed, machines};
-use splatsim::output::chart::{Chart, Tile, write_png};
+use splatsim::output::chart::{Chart, PictureTile, write_png};
 use splatsim::output::picture::Picture;
 use splatsim::scene::{Overrides, Scene};
 use std::path::{Path, PathBuf};
@@ -168,7 +168,7 @@ fn main() -> Result<()> {
     };
     println!("| | dB against the reference | greatest error | detail kept across | down |");
     println!("|---|---|---|---|---|");
-    let mut tiles = vec![Tile {
+    let mut tiles = vec![PictureTile {
         caption: "reference".into(),
         picture: reference.clone(),
     }];
@@ -183,7 +183,7 @@ fn main() -> Result<()> {
             "| {name} | {db} | {:.3} | {across:.0} % | {down:.0} % |",
             found.max_error
         );
-        tiles.push(Tile {
+        tiles.push(PictureTile {
             caption: format!("{name}: {db} dB"),
             picture,
         });

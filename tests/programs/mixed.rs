@@ -13,7 +13,7 @@ use splatsim::accuracy::metrics;
 use splatsim::error::{Error, Result};
 use splatsim::golden::render;
 use splatsim::hardware::{fixed, machines, quantise};
-use splatsim::output::chart::{Chart, Tile, write_png};
+use splatsim::output::chart::{Chart, PictureTile, write_png};
 use splatsim::scene::{Overrides, Scene};
 use std::path::{Path, PathBuf};
 
@@ -116,7 +116,7 @@ fn main() -> Result<()> {
                 db(&drawn, &golden),
                 db(&golden, &ideal)
             );
-            tiles.push(Tile {
+            tiles.push(PictureTile {
                 caption: format!("{name}: {told}"),
                 picture: drawn,
             });

@@ -10,9 +10,11 @@
 use glam::DVec2;
 use splatsim::error::{Error, Result};
 use splatsim::golden::{Rules, render};
-use splatsim::output::chart::{Chart, Tile, write_png};
+use splatsim::output::chart::{Chart, PictureTile, write_png};
 use splatsim::output::picture::Picture;
-use splatsim::sampling::{self, Acquisition, Amount, Pattern, Radii, Request, file, sample};
+use splatsim::sampling::{
+    self, Acquisition, Amount, Pattern, Radii, SamplingRequest, file, sample,
+};
 use splatsim::scene::mesh::{Image, Mesh, Texture, Wrap};
 use splatsim::scene::{Overrides, Scene};
 use std::path::{Path, PathBuf};
@@ -228,7 +230,7 @@ fn main() -> Result<()> {
                 image: image.clone(),
                 wrap: [Wrap::Repeat; 2],
             });
-            let request = Request {
+            let request = SamplingRequest {
                 amount: Amount::Points(POINTS),
                 pattern: Pattern::BlueNoise,
                 seed: 0,
@@ -242,7 +244,7 @@ fn main() -> Result<()> {
                 .map(|(_, acquisition)| {
                     sample(
                         &Mesh::plane(),
-                        &Request {
+                        &SamplingRequest {
                             acquisition: *acquisition,
                             ..request.clone()
                         },
@@ -279,7 +281,7 @@ fn main() -> Result<()> {
                     ways[2].most_beyond
                 );
                 if cutoff == 2.0 {
-                    tiles.push(Tile {
+                    tiles.push(PictureTile {
                         caption: view.to_string(),
                         picture: reference,
                     });
@@ -290,7 +292,7 @@ fn main() -> Result<()> {
                     tiles.extend(
                         captions
                             .zip(drawn)
-                            .map(|(caption, picture)| Tile { caption, picture }),
+                            .map(|(caption, picture)| PictureTile { caption, picture }),
                     );
                 }
             }

@@ -457,8 +457,8 @@ def comparison_is_shown(pages, folder):
     with serving(folder) as address, pages.open(address) as page:
         until(page, lambda: page.evaluate("[...document.querySelectorAll('#compare img')].filter(image => image.naturalWidth).length") == 3)
         figures = {figure["name"]: figure for figure in told["figures"]}
-        row = page.locator("#compare tr", has_text="memory, MB a frame").locator("td").all_text_contents()
-        shown, bytes_ = float(row[1].replace(",", "")), figures["memory, MB a frame"]["a"]
+        row = page.locator("#compare tr", has_text="memory, MB per frame").locator("td").all_text_contents()
+        shown, bytes_ = float(row[1].replace(",", "")), figures["memory, MB per frame"]["a"]
         assert abs(shown - bytes_ / 1e6) <= 1e-5 * shown, (row, bytes_)
         cycles = page.locator("#compare tr", has_text="cycles").first.locator("td").all_text_contents()
         assert [int(cell.replace(",", "")) for cell in cycles[1:3]] == [figures["cycles"]["a"], figures["cycles"]["b"]], cycles

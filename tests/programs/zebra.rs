@@ -16,7 +16,7 @@ use serde_json::json;
 use splatsim::accuracy::metrics;
 use splatsim::error::{Error, Result};
 use splatsim::golden::{Rules, render};
-use splatsim::output::chart::{Chart, Tile, write_png};
+use splatsim::output::chart::{Chart, PictureTile, write_png};
 use splatsim::output::colour::srgb_encode;
 use splatsim::output::picture::Picture;
 use splatsim::scene::{Overrides, Scene};
@@ -242,7 +242,7 @@ fn main() -> Result<()> {
             db(near),
             db(far)
         );
-        tiles.push(Tile {
+        tiles.push(PictureTile {
             caption: format!("{name}: {}, {} dB", db(near), db(far)),
             picture,
         });

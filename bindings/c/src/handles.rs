@@ -4,7 +4,7 @@ use crate::text::{Told, guarded, hand_out, sound, string};
 use splatsim::error::Error;
 use splatsim::hardware::{fixed, machines};
 use splatsim::output::picture::Picture;
-use splatsim::run::{self, Options, Outcome};
+use splatsim::run::{self, Options, RunResult};
 use splatsim::scene::{Overrides, Scene as Loaded};
 use std::ffi::{c_char, c_int};
 use std::sync::{Mutex, MutexGuard, PoisonError};
@@ -17,7 +17,7 @@ pub struct Scene(pub(crate) Loaded);
 
 /// Three pictures of a scene, and the report.
 pub struct Drawing {
-    outcome: Outcome,
+    outcome: RunResult,
     report: String,
 }
 

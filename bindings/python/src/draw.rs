@@ -11,14 +11,14 @@ use splatsim::performance::cost::Prices;
 use splatsim::performance::recording;
 use splatsim::performance::timings::{Axes, Variants};
 use splatsim::run::explain::{explain as told, explained};
-use splatsim::run::{Check, Options, Outcome as Drawn, run as drawn};
+use splatsim::run::{Check, Options, RunResult, run as drawn};
 use std::path::PathBuf;
 use std::sync::Arc;
 
 /// A drawn frame.
 #[pyclass(frozen, module = "splatsim._native")]
 pub(crate) struct Outcome {
-    outcome: Arc<Drawn>,
+    outcome: Arc<RunResult>,
     machine: rtl_model::Machine,
 }
 
@@ -112,7 +112,7 @@ impl Outcome {
 
     /// A picture's f64, four a pixel, row by row from the top.
     fn picture<'py>(&self, py: Python<'py>, which: &str) -> PyResult<Bound<'py, PyBytes>> {
-        let Drawn {
+        let RunResult {
             fixed,
             golden,
             ideal,

@@ -1,16 +1,16 @@
-//! Pixel: the fragments of one pixel of `golden`, led by the machine's decisions, with what the
-//! machine's may be off by.
+//! Pixel: the fragments of one pixel of `golden`, led by the machine's decisions, and bounds on the
+//! machine's error.
 //!
 //! ```text
 //! the machine's decision ─►┬─► golden's fragments do the same
 //!                          └─► would golden have done so by itself? if not: a flip, and is its threshold within the bound?
 //! ```
-//! A fragment's sums are correlated: a weight that is off moves Σw·c and Σw alike. What is bounded
-//! is therefore the quotient,
+//! A fragment's sums are correlated: an error of a weight moves Σw·c and Σw alike. Therefore the
+//! quotient is bounded,
 //! ```text
 //! |C_fixed − C| ≤ (Σ Δw_k·|c_k − C| + Σ w_k·Δc_k + K·(u_c + |C|·u_w)/2) / (W − ΔW),   Σ Δw_k·|c_k − C| ≤ ΔW·max |c_k − C|,
 //! ```
-//! so that a surface of one colour keeps it however its weights are off.
+//! so that a surface of one colour keeps its colour, whatever the errors of its weights.
 
 use super::Flips;
 use crate::golden::fragments::{Fragment, nearest_within};
@@ -29,23 +29,24 @@ use std::cell::OnceCell;
 pub const ATTRIBUTES: usize = 7;
 pub const OPACITY: usize = 3;
 
-/// One contribution, exact and as the machine may have it.
-pub struct Arrival<'a> {
+/// One contribution, exact and with the machine's bounds.
+pub struct BoundedContribution<'a> {
     pub golden: Fragment,
     pub weight: Near,
     /// rgb, α, normal.
     pub attributes: &'a [Near; ATTRIBUTES],
-    /// What part of a sum's word a unit of weight fills with them ([`Limits::filled`]).
+    /// Part of a sum's word that a unit of weight fills with these attributes
+    /// ([`SumLimits::filled`]).
     pub filled: f64,
-    /// The machine's own depth word, by which it sorts.
-    pub held_depth: i64,
-    /// Its depth, and how that is found: what joins a fragment is mostly not asked for it.
+    /// The machine's depth word, by which it sorts.
+    pub depth_word: i64,
+    /// Depth, computed on first use: most contributions that join a fragment do not need it.
     pub depth: OnceCell<Near>,
     pub find_depth: &'a dyn Fn() -> Near,
 }
 
-impl Arrival<'_> {
-    /// Its depth, machine units.
+impl BoundedContribution<'_> {
+    /// Depth, machine units.
     pub fn depth(&self) -> Near {
         *self.depth.get_or_init(self.find_depth)
     }
@@ -64,21 +65,21 @@ pub struct Common<'a> {
     /// τ.
     pub coverage_threshold: Near,
     pub background: [Near; 4],
-    pub limits: Limits,
+    pub limits: SumLimits,
 }
 
-/// What the machine's sums can hold, what one rounding of each may lose, as [`words`] has them, and
-/// the opacity that hides.
-pub struct Limits {
+/// Capacity of the machine's sums and the loss of one rounding of each ([`words`]), and the opacity
+/// from which a fragment hides.
+pub struct SumLimits {
     weight: [f64; 2],
     attributes: [[f64; ATTRIBUTES]; 2],
-    /// What part of a sum's word one rounding may lose, of the worst.
+    /// Greatest part of a sum's word that one rounding may lose.
     lost: f64,
     opaque: Near,
 }
 
-impl Limits {
-    /// Those of a machine.
+impl SumLimits {
+    /// Limits of a machine.
     pub fn new(machine: &Machine, opaque: Near) -> Self {
         let (weight, attributes) = words(machine);
         let most = |word: Word| word.format.value(word.format.max());
@@ -87,7 +88,7 @@ impl Limits {
             .chain([weight])
             .map(|word| loss(word) / most(word))
             .fold(0.0, greater);
-        Limits {
+        SumLimits {
             weight: [most(weight), loss(weight)],
             attributes: [attributes.map(most), attributes.map(loss)],
             lost,
@@ -95,8 +96,8 @@ impl Limits {
         }
     }
 
-    /// What part of its word the fullest sum has when a unit of weight was added with these
-    /// attributes, on either side; infinite where that is no number.
+    /// Part of its word that the fullest sum uses after a unit of weight was added with these
+    /// attributes, on either side; infinite for NaN.
     pub fn filled(&self, attributes: &[Near; ATTRIBUTES]) -> f64 {
         let [most, _] = self.attributes;
         attributes
@@ -106,51 +107,51 @@ impl Limits {
             .fold(1.0 / self.weight[0], greater)
     }
 
-    /// What one rounding of Σw may lose.
+    /// Greatest loss of one rounding of Σw.
     pub fn weight_loss(&self) -> f64 {
         self.weight[1]
     }
 
-    /// What one rounding of the sum of an attribute may lose.
+    /// Greatest loss of one rounding of the sum of an attribute.
     pub fn attribute_loss(&self, i: usize) -> f64 {
         self.attributes[1][i]
     }
 }
 
-/// What the machine's fragment may be off by.
+/// Bounds on the error of the machine's fragment.
 #[derive(Clone, Copy, Debug)]
 pub struct Bounds {
     /// Σ Δw, without rounding.
     weight: f64,
-    /// Σ w·Δc, of each attribute.
+    /// Σ w·Δc per attribute.
     attribute: [f64; ATTRIBUTES],
     /// Contributions.
     pub count: f64,
-    /// Least and greatest of each attribute.
+    /// Least and greatest value per attribute.
     range: [[f64; ATTRIBUTES]; 2],
-    /// The most that a unit of weight fills of a sum's word.
+    /// Greatest part of a sum's word that a unit of weight fills.
     filled: f64,
     /// A sum may have left its word.
     pub overflowed: bool,
     depth: Near,
-    held_depth: i64,
-    /// Once it is shaded: premultiplied colour and opacity.
+    depth_word: i64,
+    /// After shading: premultiplied colour and opacity.
     shaded: [Near; 4],
 }
 
 /// The fragments of one pixel.
 #[derive(Clone, Debug, Default)]
-pub struct Pixel {
+pub struct FragmentPixel {
     fragments: Vec<Fragment>,
     bounds: Vec<Bounds>,
 }
 
-/// The greater; infinite where the second is no number.
+/// The greater; infinite if the second is NaN.
 fn greater(a: f64, b: f64) -> f64 {
     if b.is_nan() { f64::INFINITY } else { a.max(b) }
 }
 
-/// What one rounding of a sum may lose.
+/// Greatest loss of one rounding of a sum.
 pub fn loss(word: Word) -> f64 {
     let place = word.format.value(1);
     if word.round == Rounding::Truncate {
@@ -168,11 +169,11 @@ fn words(machine: &Machine) -> (Word, [Word; ATTRIBUTES]) {
 }
 
 impl Bounds {
-    /// Of a slot that one contribution begins: it alone may leave a sum's word.
-    pub fn new(limits: &Limits, arrival: &Arrival) -> Self {
+    /// Bounds of a slot with one contribution, which may already overflow a sum's word.
+    pub fn new(limits: &SumLimits, arrival: &BoundedContribution) -> Self {
         let range = [arrival.attributes.map(|c| c.value); 2];
         let shaded = [Near::default(); 4];
-        let (depth, held_depth) = (arrival.depth(), arrival.held_depth);
+        let (depth, depth_word) = (arrival.depth(), arrival.depth_word);
         let (attribute, filled) = ([0.0; ATTRIBUTES], arrival.filled);
         let mut new = Bounds {
             weight: 0.0,
@@ -182,22 +183,22 @@ impl Bounds {
             filled,
             overflowed: false,
             depth,
-            held_depth,
+            depth_word,
             shaded,
         };
         new.add(limits, arrival, &arrival.golden);
         new
     }
 
-    /// After one more contribution; `golden` has it already.
-    pub fn add(&mut self, limits: &Limits, arrival: &Arrival, golden: &Fragment) {
+    /// Adds one contribution; `golden` already contains it.
+    pub fn add(&mut self, limits: &SumLimits, arrival: &BoundedContribution, golden: &Fragment) {
         self.weight += arrival.weight.error;
         self.count += 1.0;
         let most = arrival.weight.most();
         let [low, high] = &mut self.range;
         for (i, c) in arrival.attributes.iter().enumerate() {
             self.attribute[i] += most * c.error;
-            // What is no number is outside of no range, as with `min` and `max`, which take longer.
+            // NaN leaves the range unchanged, as with `min` and `max`, which are slower.
             low[i] = if c.value < low[i] { c.value } else { low[i] };
             high[i] = if c.value > high[i] { c.value } else { high[i] };
         }
@@ -205,8 +206,8 @@ impl Bounds {
         self.overflowed |= self.may_overflow(limits, golden);
     }
 
-    /// With those of another slot, whose sums were added; `golden` has both.
-    pub fn join(&mut self, limits: &Limits, other: &Bounds, golden: &Fragment) {
+    /// Adds another slot whose sums were added; `golden` already contains both.
+    pub fn join(&mut self, limits: &SumLimits, other: &Bounds, golden: &Fragment) {
         self.weight += other.weight;
         self.count += other.count;
         for i in 0..ATTRIBUTES {
@@ -218,10 +219,10 @@ impl Bounds {
         self.overflowed |= other.overflowed || self.may_overflow(limits, golden);
     }
 
-    /// Whether a sum of the machine's may have left its word.
-    fn may_overflow(&self, limits: &Limits, golden: &Fragment) -> bool {
-        // No sum has more than all weight fills with the attributes that fill most, and mostly that
-        // is not much. What f64 rounds is less than a hundredth; what is no number is not below it.
+    /// Whether one of the machine's sums may have left its word.
+    fn may_overflow(&self, limits: &SumLimits, golden: &Fragment) -> bool {
+        // No sum exceeds the total weight times the fullest attributes, which is rarely much.
+        // Rounding errors of f64 are less than a hundredth; NaN fails the comparison.
         let has_room =
             (golden.weight + self.weight) * self.filled + self.count * limits.lost < 0.99;
         !has_room && self.sum_may_overflow(limits, golden)
@@ -229,7 +230,7 @@ impl Bounds {
 
     /// The same, sum by sum.
     #[inline(never)]
-    fn sum_may_overflow(&self, limits: &Limits, golden: &Fragment) -> bool {
+    fn sum_may_overflow(&self, limits: &SumLimits, golden: &Fragment) -> bool {
         let [most, losses] = limits.attributes;
         let sums = [
             golden.rgb.x,
@@ -240,22 +241,22 @@ impl Bounds {
             golden.normal.y,
             golden.normal.z,
         ];
-        // What is no number outruns every word.
-        let outruns = |most: f64, sum: f64| sum.is_nan() | (sum > most);
+        // NaN counts as an overflow of every word.
+        let exceeds = |most: f64, sum: f64| sum.is_nan() | (sum > most);
         let [most_weight, weight_loss] = limits.weight;
-        let mut overflows = outruns(
+        let mut overflows = exceeds(
             most_weight,
             golden.weight + (self.weight + self.count * weight_loss),
         );
-        // All of them, whichever does: that takes less time than to ask after each.
+        // No early exit: to compute all sums is faster than to branch after each.
         for i in 0..ATTRIBUTES {
-            overflows |= outruns(most[i], sums[i].abs() + self.sum_error(i, 0.0, losses[i]));
+            overflows |= exceeds(most[i], sums[i].abs() + self.sum_error(i, 0.0, losses[i]));
         }
         overflows
     }
 
     /// ΔW.
-    pub fn weight_error(&self, limits: &Limits) -> f64 {
+    pub fn weight_error(&self, limits: &SumLimits) -> f64 {
         self.weight + self.count * limits.weight_loss()
     }
 
@@ -265,7 +266,7 @@ impl Bounds {
         (high - centre).max(centre - low).max(0.0)
     }
 
-    /// A fragment's sums, divided by its weight.
+    /// A fragment's sums divided by its weight.
     pub fn sums(&self, common: &Common, golden: &Fragment) -> Sums<Near> {
         let limits = &common.limits;
         let weight_error = self.weight_error(limits);
@@ -313,19 +314,19 @@ impl Bounds {
         }
     }
 
-    /// What Σw·c may be off by, apart from ΔW·centre, where one rounding may lose so much.
+    /// Error bound of Σw·c apart from ΔW·centre, if one rounding may lose `loss`.
     pub fn sum_error(&self, i: usize, centre: f64, loss: f64) -> f64 {
         self.weight * self.spread(i, centre) + self.attribute[i] + self.count * loss
     }
 }
 
-/// What the fragment unit asks about one fragment: does it hide all behind it?
+/// Whether a fragment hides everything behind it, by golden's sums.
 fn hides(common: &Common, golden: &Fragment) -> bool {
     golden.is_opaque(common.rules.opaque, common.coverage_threshold.value)
 }
 
-/// Whether the machine may answer that otherwise.
-fn may_hide_otherwise(common: &Common, golden: &Fragment, bounds: &Bounds) -> bool {
+/// Whether the machine may decide that differently.
+fn may_hide_differently(common: &Common, golden: &Fragment, bounds: &Bounds) -> bool {
     let limits = &common.limits;
     let opaque = limits.opaque;
     if golden.shaded {
@@ -341,16 +342,17 @@ fn may_hide_otherwise(common: &Common, golden: &Fragment, bounds: &Bounds) -> bo
         || weight.may_cross(common.coverage_threshold)
 }
 
-impl Pixel {
-    /// Takes a contribution as the machine took it; tells how `golden` would have differed.
+impl FragmentPixel {
+    /// Takes a contribution as the machine did; counts decisions that `golden` would take
+    /// differently.
     pub fn take(
         &mut self,
         common: &Common,
-        arrival: &Arrival,
+        arrival: &BoundedContribution,
         decision: Decision,
         flips: &mut Flips,
     ) {
-        self.ask_for_a_slot(common, arrival, decision, flips);
+        self.check_slot(common, arrival, decision, flips);
         match decision {
             Decision::Accumulated(slot) => self.accumulate(common, usize::from(slot), arrival),
             Decision::Inserted(_) => self.push(common, arrival),
@@ -360,7 +362,7 @@ impl Pixel {
             Decision::Merged(..) | Decision::Evicted(_) => {
                 self.overflow(common, arrival, decision, flips)
             }
-            // Of windows, which are followed elsewhere.
+            // Windows only; handled by `WindowPixel`.
             Decision::Late(..)
             | Decision::Inside(_)
             | Decision::Summed(..)
@@ -368,33 +370,33 @@ impl Pixel {
         }
     }
 
-    /// Forgets what it holds, and keeps the room for as much.
+    /// Removes all fragments, and keeps the capacity.
     pub fn clear(&mut self) {
         self.fragments.clear();
         self.bounds.clear();
     }
 
-    fn push(&mut self, common: &Common, arrival: &Arrival) {
+    fn push(&mut self, common: &Common, arrival: &BoundedContribution) {
         self.fragments.push(arrival.golden);
         self.bounds.push(Bounds::new(&common.limits, arrival));
     }
 
-    fn accumulate(&mut self, common: &Common, slot: usize, arrival: &Arrival) {
+    fn accumulate(&mut self, common: &Common, slot: usize, arrival: &BoundedContribution) {
         let (golden, bounds) = (&mut self.fragments[slot], &mut self.bounds[slot]);
         golden.add(&arrival.golden);
         bounds.add(&common.limits, arrival, golden);
         if common.rules.fragment_depth == FragmentDepth::Nearest {
             golden.z = golden.z.min(arrival.golden.z);
             bounds.depth = bounds.depth.min(arrival.depth());
-            bounds.held_depth = bounds.held_depth.min(arrival.held_depth);
+            bounds.depth_word = bounds.depth_word.min(arrival.depth_word);
         }
     }
 
-    /// Accumulate or not, and where: compares with what `golden` would do.
-    fn ask_for_a_slot(
+    /// Compares the slot that the machine accumulated into, if any, with golden's choice.
+    fn check_slot(
         &self,
         common: &Common,
-        arrival: &Arrival,
+        arrival: &BoundedContribution,
         decision: Decision,
         flips: &mut Flips,
     ) {
@@ -410,7 +412,7 @@ impl Pixel {
         let distance = |slot: usize| (self.bounds[slot].depth - arrival.depth()).abs();
         let crosses = |slot: usize| distance(slot).may_cross(common.z_threshold);
         let explained = match (taken, wanted) {
-            // Two are about equally near.
+            // Two slots are about equally near.
             (Some(a), Some(b)) => distance(a).may_cross(distance(b)) || crosses(b),
             (Some(slot), None) | (None, Some(slot)) => crosses(slot),
             (None, None) => true,
@@ -421,7 +423,7 @@ impl Pixel {
     fn replace(
         &mut self,
         common: &Common,
-        arrival: &Arrival,
+        arrival: &BoundedContribution,
         decision: Decision,
         flips: &mut Flips,
     ) {
@@ -435,11 +437,11 @@ impl Pixel {
         }
     }
 
-    /// One too many: does with it what the machine did.
+    /// Overflow: repeats the machine's decision.
     fn overflow(
         &mut self,
         common: &Common,
-        arrival: &Arrival,
+        arrival: &BoundedContribution,
         decision: Decision,
         flips: &mut Flips,
     ) {
@@ -447,12 +449,12 @@ impl Pixel {
         let place = self
             .bounds
             .iter()
-            .filter(|bounds| bounds.held_depth <= arrival.held_depth)
+            .filter(|bounds| bounds.depth_word <= arrival.depth_word)
             .count();
         self.fragments.insert(place, arrival.golden);
         self.bounds
             .insert(place, Bounds::new(&common.limits, arrival));
-        // In the machine's order; is it golden's?
+        // The fragments are in the machine's order; it may differ from golden's.
         let mut order_unsure = false;
         for i in 1..self.fragments.len() {
             let unsure = self.bounds[i - 1].depth.may_cross(self.bounds[i].depth);
@@ -470,7 +472,7 @@ impl Pixel {
             let mut asked = self.fragments.iter().zip(&self.bounds);
             flips.eviction(
                 order_unsure
-                    || asked.any(|(golden, bounds)| may_hide_otherwise(common, golden, bounds)),
+                    || asked.any(|(golden, bounds)| may_hide_differently(common, golden, bounds)),
             );
         }
         if let Decision::Merged(front, _) = decision {
@@ -492,17 +494,17 @@ impl Pixel {
 
     /// Brings the slots into the machine's order.
     fn sort(&mut self) {
-        if self.bounds.is_sorted_by_key(|bounds| bounds.held_depth) {
+        if self.bounds.is_sorted_by_key(|bounds| bounds.depth_word) {
             return;
         }
         let mut order: Vec<usize> = (0..self.fragments.len()).collect();
-        order.sort_by_key(|&slot| self.bounds[slot].held_depth);
+        order.sort_by_key(|&slot| self.bounds[slot].depth_word);
         self.fragments = order.iter().map(|&slot| self.fragments[slot]).collect();
         self.bounds = order.iter().map(|&slot| self.bounds[slot]).collect();
     }
 
     fn merge(&mut self, common: &Common, front: usize) {
-        // A shaded fragment lives in a slot: what a slot cannot hold is lost before the blend, as
+        // A shaded fragment is stored in a slot, so its rounding comes before the blend as well as
         // after it.
         let stored = |slot: usize| {
             let (near, exact) = self.light(common, slot);
@@ -527,8 +529,8 @@ impl Pixel {
         self.bounds.remove(front + 1);
     }
 
-    /// Premultiplied colour and opacity of the fragment in a slot: around what `golden` has, and
-    /// that.
+    /// Premultiplied colour and opacity of the fragment in a slot: with bounds, and exactly as in
+    /// `golden`.
     fn light(&self, common: &Common, slot: usize) -> ([Near; 4], DVec4) {
         let (golden, bounds) = (&self.fragments[slot], &self.bounds[slot]);
         let exact = common.shader.premultiplied(golden);
@@ -541,7 +543,8 @@ impl Pixel {
         ([0, 1, 2, 3].map(|i| near[i].around(exact[i])), exact)
     }
 
-    /// The pixel, its layers blended in the order of these slots; and the bound on the machine's.
+    /// The pixel with its layers blended in the order of these slots, and the bound on the
+    /// machine's.
     pub fn resolve(
         &self,
         common: &Common,

@@ -1,11 +1,11 @@
-//! Sheets: one pixel of `golden` grouped by sheets, led by the machine's decisions, with what the
-//! machine's may be off by.
+//! Sheets: one pixel of `golden` grouped by sheets, led by the machine's decisions, and bounds on
+//! the machine's error.
 //!
-//! The sheet of a splat is a number that both know: what can flip is the order in which a sort
-//! brings Gaussians, and where a pixel stops.
+//! Both renderers have the same sheet number per splat. The only decisions that can flip are the
+//! order of sorted Gaussians and the contribution at which a pixel stops.
 
 use super::Flips;
-use super::pixel::{Arrival, Common};
+use super::pixel::{BoundedContribution, Common};
 use crate::golden::shade::over;
 use crate::golden::sheets::closed;
 use crate::hardware::quantise::Quantised;
@@ -23,7 +23,7 @@ pub struct SheetRules<'a> {
 }
 
 impl<'a> SheetRules<'a> {
-    /// None where fragments are grouped by depth.
+    /// None if fragments are grouped by depth.
     pub fn new(scene: &'a Scene, machine: &Elaborated, quantised: &'a Quantised) -> Option<Self> {
         let sorted = scene
             .ellipsoids
@@ -35,15 +35,15 @@ impl<'a> SheetRules<'a> {
         })
     }
 
-    /// Lesser weights make no fragment.
+    /// Smaller weights make no fragment.
     pub fn least_weight(&self) -> Near {
         self.words.least_weight
     }
 }
 
-/// A sheet that is being added up.
+/// The sheet that is being summed.
 #[derive(Clone, Copy, Debug)]
-struct Open {
+struct OpenSheet {
     weight: f64,
     rgb: DVec3,
     /// Σw and Σw·rgb.
@@ -53,41 +53,42 @@ struct Open {
 /// State of a pixel.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SheetPixel {
-    open: Option<Open>,
+    open: Option<OpenSheet>,
     golden: DVec4,
     /// The composite's slot.
     composite: [Near; 4],
-    /// The machine takes nothing more.
+    /// The machine drops all further contributions.
     stopped: bool,
-    /// The last contribution's depth, exact and as the sort sees it.
+    /// Depth of the last contribution: exact, and as the sort has it.
     last: Option<(f64, Near)>,
 }
 
 impl SheetPixel {
-    /// Whether the machine takes nothing more.
+    /// Whether the machine drops all further contributions.
     pub fn is_stopped(&self) -> bool {
         self.stopped
     }
 
-    /// Takes a contribution as the machine took it; tells how `golden` would have differed.
+    /// Takes a contribution as the machine did; counts decisions that `golden` would take
+    /// differently.
     pub fn take(
         &mut self,
         rules: &SheetRules,
         common: &Common,
-        arrival: &Arrival,
+        arrival: &BoundedContribution,
         decision: Decision,
         flips: &mut Flips,
     ) {
         if self.stopped {
             return;
         }
-        self.ask_for_order(rules, common, arrival, flips);
+        self.check_order(rules, common, arrival, flips);
         let each = rules.words.sheets.of == Sheet::Splat;
         if let (Decision::Accumulated(_), Some(open)) = (decision, &mut self.open) {
             open.add(common, arrival, arrival.weight);
             return;
         }
-        let mut fresh = Open {
+        let mut fresh = OpenSheet {
             weight: 0.0,
             rgb: DVec3::ZERO,
             sums: [Near::exact(0.0); 4],
@@ -108,8 +109,8 @@ impl SheetPixel {
             let through = Near::within(1.0 - golden.w, composite[3].around(golden.w).error);
             let stops =
                 !rules.words.sheets.back_to_front && through.value < rules.words.sheets.stop;
-            // Each on its own: where the last is kept, the machine's stop shows one contribution
-            // later.
+            // Each contribution is a sheet. If the last one is kept, the machine's stop becomes
+            // visible one contribution later.
             if !each || !rules.words.sheets.keeps_last {
                 if stops != dropped {
                     flips.eviction(through.may_cross(rules.words.stop));
@@ -128,12 +129,12 @@ impl SheetPixel {
         }
     }
 
-    /// Whether `golden` would have taken this contribution after the one before.
-    fn ask_for_order(
+    /// Compares the order of this contribution and the one before with golden's.
+    fn check_order(
         &mut self,
         rules: &SheetRules,
         common: &Common,
-        arrival: &Arrival,
+        arrival: &BoundedContribution,
         flips: &mut Flips,
     ) {
         if !rules.sorted {
@@ -149,7 +150,12 @@ impl SheetPixel {
     }
 
     /// The composite after one more sheet.
-    fn blended(&self, rules: &SheetRules, common: &Common, sheet: &Open) -> (DVec4, [Near; 4]) {
+    fn blended(
+        &self,
+        rules: &SheetRules,
+        common: &Common,
+        sheet: &OpenSheet,
+    ) -> (DVec4, [Near; 4]) {
         let exact = closed(rules.words.sheets, sheet.weight, sheet.rgb);
         let [weight, r, g, b] = sheet.sums;
         let near = common.machine.real_close(
@@ -190,8 +196,8 @@ impl SheetPixel {
     }
 }
 
-impl Open {
-    fn add(&mut self, common: &Common, arrival: &Arrival, weight: Near) {
+impl OpenSheet {
+    fn add(&mut self, common: &Common, arrival: &BoundedContribution, weight: Near) {
         self.weight += arrival.golden.weight;
         self.rgb += arrival.golden.rgb;
         let [r, g, b, ..] = *arrival.attributes;

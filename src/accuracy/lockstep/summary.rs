@@ -1,6 +1,6 @@
-//! Summary: what a frame in lockstep says in numbers, and in two pictures.
+//! Summary: figures of a frame in lockstep, and two pictures.
 
-use super::{Flips, KINDS, Lockstep, TILE_PX, Tiles};
+use super::{CheckedTiles, Flips, KINDS, Lockstep, TILE_PX};
 use crate::accuracy::metrics::{is_zero, metrics};
 use crate::output::chart::{Axis, Mark, Panel, Series};
 use crate::output::picture::Picture;
@@ -8,28 +8,28 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::borrow::Cow;
 
-/// A bound below which it says something: a few steps of an 8-bit display.
+/// Bounds below this are informative: a few steps of an 8-bit display.
 const TELLING: f64 = 4.0 / 255.0;
 
 /// The machine against `golden` led by its own decisions (docs/book/accuracy.md).
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Summary {
-    /// Peak 1, all pixels and channels; none where the pictures are equal.
+    /// Peak 1, all pixels and channels; none for equal pictures.
     pub psnr_db: Option<f64>,
     /// Greatest absolute difference.
     pub max_error: f64,
-    /// Pixels that have no finite number in either picture. None should.
+    /// Pixels with a NaN or infinite value in either picture. Should be 0.
     #[serde(skip_serializing_if = "is_zero")]
     pub not_finite: u64,
-    /// Pixels that differ by more than their bound. None should.
+    /// Pixels that differ by more than their bound. Should be 0.
     pub bound_violations: u64,
-    /// Decisions that `golden` would have taken otherwise.
+    /// Decisions that `golden` would take differently.
     pub decision_flips: u64,
-    /// Pixels that were held in lockstep, where these are not all (`run --check sampled`): all else
-    /// here is of them alone.
+    /// Pixels that were checked in lockstep, if not all (`run --check sampled`). All other figures
+    /// here cover only these pixels.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sampled_pixels: Option<u64>,
-    /// The same by kind.
+    /// Flips by kind.
     pub flips: Flips,
     /// Bounds of the covered pixels.
     pub bound: BoundSummary,
@@ -38,13 +38,13 @@ pub struct Summary {
 /// Tightness of the bounds, over the covered pixels.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct BoundSummary {
-    /// Half of the pixels have at most this bound; none where nothing is covered.
+    /// Half of the pixels have at most this bound; none if nothing is covered.
     pub median: Option<f64>,
-    /// Nine in ten have at most this one; none if it is infinite.
+    /// Nine in ten pixels have at most this bound; none if it is infinite.
     pub nine_in_ten: Option<f64>,
     /// Share of the pixels whose bound is under 4/255.
     pub share_under_4_255: f64,
-    /// Share of the pixels whose bound is over 1 and says nothing.
+    /// Share of the pixels whose bound is over 1 and therefore means nothing.
     pub share_over_1: f64,
     /// Median of error/bound.
     pub median_ratio: Option<f64>,
@@ -53,48 +53,52 @@ pub struct BoundSummary {
 }
 
 impl Lockstep {
-    /// In numbers; `fixed` is the machine's picture.
+    /// The figures; `fixed` is the machine's picture.
     pub fn summary(&self, fixed: &Picture) -> Summary {
-        let metrics = metrics(&self.held_part(fixed), &self.held_part(&self.led));
+        let metrics = metrics(&self.checked_part(fixed), &self.checked_part(&self.led));
         Summary {
             psnr_db: metrics.psnr_db,
             max_error: metrics.max_error,
             not_finite: metrics.not_finite,
-            // Also where the machine resolved nothing, and nothing was held against a bound.
+            // A pixel that is not finite counts even if the machine did not resolve it and no bound
+            // was checked.
             bound_violations: self.violations.max(metrics.not_finite),
             decision_flips: self.flips.total(),
             flips: self.flips,
-            sampled_pixels: (self.tiles != Tiles::All)
+            sampled_pixels: (self.tiles != CheckedTiles::All)
                 .then(|| (0..self.bound.len()).filter(|&i| self.holds(i)).count() as u64),
             bound: self.bound_summary(),
         }
     }
 
-    /// Whether a pixel was held.
+    /// Whether a pixel was checked.
     fn holds(&self, pixel: usize) -> bool {
         let [x, y] = [pixel % self.led.width, pixel / self.led.width];
         self.tiles.has(x / TILE_PX, y / TILE_PX)
     }
 
-    /// A picture's pixels that were held, all in one row where these are not all.
-    fn held_part<'p>(&self, picture: &'p Picture) -> Cow<'p, Picture> {
-        if self.tiles == Tiles::All {
+    /// The checked pixels of a picture, in one row if these are not all.
+    fn checked_part<'p>(&self, picture: &'p Picture) -> Cow<'p, Picture> {
+        if self.tiles == CheckedTiles::All {
             return Cow::Borrowed(picture);
         }
-        let held: Vec<usize> = (0..picture.rgba.len())
+        let checked: Vec<usize> = (0..picture.rgba.len())
             .filter(|&pixel| self.holds(pixel))
             .collect();
-        let rgba = held.iter().map(|&pixel| picture.rgba[pixel]).collect();
-        let covered = held.iter().map(|&pixel| picture.covered[pixel]).collect();
+        let rgba = checked.iter().map(|&pixel| picture.rgba[pixel]).collect();
+        let covered = checked
+            .iter()
+            .map(|&pixel| picture.covered[pixel])
+            .collect();
         Cow::Owned(Picture {
-            width: held.len(),
+            width: checked.len(),
             height: 1,
             rgba,
             covered,
         })
     }
 
-    /// Bound and error of each covered pixel that was held.
+    /// Bound and error of each covered pixel that was checked.
     fn covered(&self) -> impl Iterator<Item = [f64; 2]> {
         (0..self.bound.len())
             .filter(|&i| self.led.covered[i] && self.holds(i))
@@ -132,8 +136,8 @@ impl Lockstep {
         }
     }
 
-    /// Where decisions flipped: a colour for each kind, on what `led` shows in grey; black where
-    /// nothing was held.
+    /// Positions of flips: one colour per kind, over a grey version of `led`; black where nothing
+    /// was checked.
     pub fn flip_picture(&self) -> Picture {
         const COLOURS: [[f64; 3]; KINDS.len()] = [
             [1.0, 1.0, 1.0],
@@ -171,9 +175,9 @@ impl Lockstep {
         }
     }
 
-    /// Error over bound at every covered pixel; nothing may lie above the line.
+    /// Error over bound at every covered pixel; no point may be above the line.
     pub fn bound_chart(&self) -> Panel {
-        // What is equal is drawn at the bottom; a log axis has no 0.
+        // Zeros are drawn at the bottom, because a log axis has no 0.
         const LEAST: f64 = 1e-7;
         let point = |[bound, error]: [f64; 2]| [bound.min(10.0), error.max(LEAST)];
         // Two thousand pixels show the cloud; more would only hide it.
@@ -200,7 +204,7 @@ impl Lockstep {
             ],
             limits: vec![
                 (TELLING, "4/255".into(), 6),
-                (1.0, "says nothing".into(), 6),
+                (1.0, "no information".into(), 6),
             ],
             ..Panel::default()
         }

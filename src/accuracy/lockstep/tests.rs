@@ -1,12 +1,12 @@
-//! The check can fail: machines held to the bounds of a better one.
+//! The check can fail: machines are checked against the bounds of a better one.
 
 use super::*;
 use crate::hardware::machines;
 use crate::hardware::quantise::quantise;
 use crate::scene::Overrides;
 
-/// `reference` with these settings, held to the bounds of `reference` without them.
-fn pretending(settings: &[&str]) -> Lockstep {
+/// `reference` with these settings, checked against the bounds of `reference` without them.
+fn checked_against_reference(settings: &[&str]) -> Lockstep {
     let scene = Scene::load(
         "glass-spheres",
         &Overrides {
@@ -22,29 +22,32 @@ fn pretending(settings: &[&str]) -> Lockstep {
         [&settings[..], &[]].map(|settings| machines::load("reference", settings).unwrap());
     let quantised = quantise(&scene, &claimed).unwrap();
     assert_eq!(quantised, quantise(&scene, &drawn).unwrap());
-    held_to(
+    draw_against(
         &scene,
         &fixed::elaborate(&drawn).unwrap(),
         &fixed::elaborate(&claimed).unwrap(),
         &quantised,
-        Tiles::All,
+        CheckedTiles::All,
     )
 }
 
 #[test]
-fn a_machine_that_is_what_it_says_is_not_caught() {
-    let honest = pretending(&[]);
+fn a_machine_within_its_own_bounds_passes() {
+    let honest = checked_against_reference(&[]);
     assert_eq!((honest.violations, honest.flips.unexplained), (0, 0));
 }
 
 #[test]
 fn a_coarser_table_exceeds_the_bound() {
-    assert!(pretending(&["gauss.table.index_bits=3", "gauss.falloff=U1F8"]).violations > 100);
+    assert!(
+        checked_against_reference(&["gauss.table.index_bits=3", "gauss.falloff=U1F8"]).violations
+            > 100
+    );
 }
 
 #[test]
-fn coarser_pixel_positions_make_flips_that_nothing_explains() {
-    let flips = pretending(&["project.pixel=I15F4"]).flips;
+fn coarser_pixel_positions_cause_unexplained_flips() {
+    let flips = checked_against_reference(&["project.pixel=I15F4"]).flips;
     assert!(
         flips.unexplained > 100 && flips.coverage > flips.unexplained / 2,
         "{flips:?}"
@@ -52,21 +55,22 @@ fn coarser_pixel_positions_make_flips_that_nothing_explains() {
 }
 
 #[test]
-fn coarser_depths_make_flips_that_nothing_explains() {
-    let flips = pretending(&["raster.depth=I18F24", "ellipse.depth_slope=I3F8"]).flips;
+fn coarser_depths_cause_unexplained_flips() {
+    let flips =
+        checked_against_reference(&["raster.depth=I18F24", "ellipse.depth_slope=I3F8"]).flips;
     assert!(flips.unexplained > 10, "{flips:?}");
 }
 
 #[test]
-fn a_weight_that_is_no_number_may_have_left_every_word() {
-    let limits = Limits::new(
+fn a_nan_weight_may_overflow_every_word() {
+    let limits = SumLimits::new(
         &machines::load("reference", &[]).unwrap(),
         Near::exact(0.999),
     );
     let attributes = &[Near::exact(0.5); ATTRIBUTES];
-    // Of these sums none but that of weights is anything but small.
+    // Only the sum of weights is large.
     let overflows = |weight: f64, error: f64| {
-        let arrival = Arrival {
+        let arrival = BoundedContribution {
             golden: Fragment {
                 weight,
                 alpha: 0.25,
@@ -78,7 +82,7 @@ fn a_weight_that_is_no_number_may_have_left_every_word() {
             },
             attributes,
             filled: limits.filled(attributes),
-            held_depth: 0,
+            depth_word: 0,
             depth: OnceCell::new(),
             find_depth: &|| Near::exact(1.0),
         };
@@ -91,13 +95,13 @@ fn a_weight_that_is_no_number_may_have_left_every_word() {
 }
 
 #[test]
-fn what_is_no_number_violates_every_bound() {
-    let (right, held) = (Near::within(0.5, 0.25), [0.5; 4]);
-    assert!(!violates(held, [right; 4]));
-    assert_eq!(judged([0.5, 0.75, 0.5, 0.5], [right; 4])[0], 0.25);
-    // No bound is no claim.
+fn nan_violates_every_bound() {
+    let (right, fixed) = (Near::within(0.5, 0.25), [0.5; 4]);
+    assert!(!violates(fixed, [right; 4]));
+    assert_eq!(worst_channels([0.5, 0.75, 0.5, 0.5], [right; 4])[0], 0.25);
+    // An infinite bound claims nothing.
     assert!(!violates(
-        held,
+        fixed,
         [Near {
             value: 0.5,
             error: f64::INFINITY
@@ -106,20 +110,20 @@ fn what_is_no_number_violates_every_bound() {
     for wrong in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
         for channel in 0..4 {
             let mut near = [right; 4];
-            // As `around` makes it: no bound.
+            // `around` returns this for a missing bound.
             near[channel] = Near {
                 value: wrong,
                 error: f64::INFINITY,
             };
-            assert!(violates(held, near), "{wrong}");
-            assert_eq!(judged(held, near), [f64::INFINITY; 2]);
+            assert!(violates(fixed, near), "{wrong}");
+            assert_eq!(worst_channels(fixed, near), [f64::INFINITY; 2]);
         }
     }
     let mut near = [right; 4];
     near[2].error = f64::NAN;
-    assert!(violates(held, near));
-    assert_eq!(judged(held, near)[1], f64::INFINITY);
-    let mut frame = pretending(&[]);
+    assert!(violates(fixed, near));
+    assert_eq!(worst_channels(fixed, near)[1], f64::INFINITY);
+    let mut frame = checked_against_reference(&[]);
     let fixed = frame.led.clone();
     frame.led.rgba[17][1] = f64::NAN;
     let summary = frame.summary(&fixed);

@@ -1,19 +1,19 @@
-//! Window: one pixel of `golden` grouped by windows, led by the machine's decisions, with what the
-//! machine's may be off by.
+//! Window: one pixel of `golden` grouped by windows, led by the machine's decisions, and bounds on
+//! the machine's error.
 //!
-//! All that the machine decides by depths alone is known here, for its depth words are: which
-//! surface is late, what lies inside, the order. What it decides by sums (windows, what is seen
-//! through them) it tells.
+//! Decisions that depend only on depths can be repeated exactly, because the machine's depth words
+//! are known: late surfaces, contributions inside, the order. Decisions that depend on sums
+//! (windows, transmittance) are taken from the machine.
 //!
-//! Every decision is also asked of `golden`, on the same slots; where that would do otherwise it is
-//! a flip, explained if a number that either decision hangs on lies within its bound of its
+//! Every decision is also computed by `golden` on the same slots. If the two differ, it is a flip.
+//! It is explained if a number that either decision depends on lies within its bound of the
 //! threshold.
 
 use super::Flips;
-use super::pixel::{Arrival, Bounds, Common, OPACITY, loss};
+use super::pixel::{BoundedContribution, Bounds, Common, OPACITY, loss};
 use crate::golden::Side as GoldenSide;
 use crate::golden::shade::over;
-use crate::golden::window::{self, Closed, Layer, Open, Part, Seen, Window};
+use crate::golden::window::{self, Closed, Layer, LayerVisibility, Open, Surface, Window};
 use crate::hardware::quantise::Quantised;
 use crate::hardware::registers::{Bounded, WindowWords};
 use crate::scene::Scene;
@@ -29,34 +29,34 @@ pub struct WindowRules<'a> {
     /// ε, machine units.
     epsilon: Near,
     evict_hidden: bool,
-    /// Machine units a world unit.
+    /// Machine units per world unit.
     scale: f64,
 }
 
-/// A contribution's splat by itself.
+/// Appearance of a contribution's splat alone.
 #[derive(Clone, Copy, Debug)]
-pub struct Own {
-    /// The light that it sends, in golden and on the machine.
+pub struct SplatLight {
+    /// The light that the splat sends, in golden and on the machine.
     pub golden: DVec3,
     pub light: [Near; 3],
     /// α.
     pub opacity: f64,
 }
 
-/// What the machine's slot may be off by.
+/// Bounds on the error of the machine's slot.
 #[derive(Clone, Debug)]
-struct Slot {
-    /// Of an open one.
+struct SlotBounds {
+    /// Bounds of an open slot.
     bounds: Bounds,
-    /// Of a closed one.
+    /// Bounds of a closed slot.
     closed: Option<real::Closed<Near>>,
     /// Σ w·Δz, machine units.
     depth_error: f64,
     /// Least and greatest depth of its contributions, exact, machine units.
     depths: [f64; 2],
-    /// Ends of its front and of its back, as the machine has them.
-    held: [[i64; 2]; 2],
-    /// The same as numbers.
+    /// Ends of its front and of its back, in the machine's words.
+    end_words: [[i64; 2]; 2],
+    /// The same ends as numbers.
     ends: [[Near; 2]; 2],
 }
 
@@ -64,20 +64,20 @@ struct Slot {
 #[derive(Clone, Debug, Default)]
 pub struct WindowPixel {
     layers: Vec<Layer>,
-    slots: Vec<Slot>,
-    /// The places at which the machine's windows start, a bit each, the first in the last place.
+    slots: Vec<SlotBounds>,
+    /// Slots at which the machine's windows start, one bit each, the first in the LSB.
     starts: u8,
 }
 
 /// A slot that closes, in golden and on the machine.
 #[derive(Clone, Copy)]
-struct Pair {
+struct ClosedPair {
     golden: Closed,
     near: real::Closed<Near>,
 }
 
 impl<'a> WindowRules<'a> {
-    /// None where fragments are grouped otherwise.
+    /// None if fragments are not grouped by windows.
     pub fn new(scene: &Scene, common: &Common<'a>, quantised: &Quantised) -> Option<Self> {
         Some(WindowRules {
             rule: Window::new(common.rules, scene.surface.z_threshold, common.shader),
@@ -89,28 +89,28 @@ impl<'a> WindowRules<'a> {
     }
 }
 
-impl Slot {
-    fn new(common: &Common, arrival: &Arrival) -> Self {
-        let (held, end) = ([arrival.held_depth; 2], [arrival.depth(); 2]);
-        Slot {
+impl SlotBounds {
+    fn new(common: &Common, arrival: &BoundedContribution) -> Self {
+        let (end_words, end) = ([arrival.depth_word; 2], [arrival.depth(); 2]);
+        SlotBounds {
             bounds: Bounds::new(&common.limits, arrival),
             closed: None,
             depth_error: arrival.weight.most() * arrival.depth().error,
             depths: [arrival.depth().value; 2],
-            held: [held; 2],
+            end_words: [end_words; 2],
             ends: [end; 2],
         }
     }
 
-    /// Widens one side, or an open slot, to a contribution's depth.
-    fn span(&mut self, side: usize, arrival: &Arrival) {
-        let (held, z) = (&mut self.held[side], arrival.held_depth);
-        *held = [held[0].min(z), held[1].max(z)];
+    /// Extends one side, or an open slot, to a contribution's depth.
+    fn span(&mut self, side: usize, arrival: &BoundedContribution) {
+        let (end_words, z) = (&mut self.end_words[side], arrival.depth_word);
+        *end_words = [end_words[0].min(z), end_words[1].max(z)];
         let [near, far] = self.ends[side];
         self.ends[side] = [near.min(arrival.depth()), far.max(arrival.depth())];
     }
 
-    fn add(&mut self, common: &Common, arrival: &Arrival, golden: &Open) {
+    fn add(&mut self, common: &Common, arrival: &BoundedContribution, golden: &Open) {
         self.bounds.add(&common.limits, arrival, &golden.sums);
         self.depth_error += arrival.weight.most() * arrival.depth().error;
         let z = arrival.depth().value;
@@ -119,8 +119,8 @@ impl Slot {
         self.span(1, arrival);
     }
 
-    /// With another behind it; golden has both already.
-    fn join(&mut self, common: &Common, other: &Slot, golden: &Open) {
+    /// Adds the slot behind; golden already contains both.
+    fn join(&mut self, common: &Common, other: &SlotBounds, golden: &Open) {
         self.bounds
             .join(&common.limits, &other.bounds, &golden.sums);
         self.depth_error += other.depth_error;
@@ -129,20 +129,21 @@ impl Slot {
             self.depths[1].max(other.depths[1]),
         ];
         for side in 0..2 {
-            let ([near, far], [other_near, other_far]) = (self.held[side], other.held[side]);
-            self.held[side] = [near.min(other_near), far.max(other_far)];
+            let ([near, far], [other_near, other_far]) =
+                (self.end_words[side], other.end_words[side]);
+            self.end_words[side] = [near.min(other_near), far.max(other_far)];
             let ([near, far], [other_near, other_far]) = (self.ends[side], other.ends[side]);
             self.ends[side] = [near.min(other_near), far.max(other_far)];
         }
     }
 
-    /// lo, as the machine has it.
+    /// lo of the machine.
     fn near(&self) -> i64 {
-        self.held[0][0]
+        self.end_words[0][0]
     }
 
     fn far(&self) -> i64 {
-        self.held[1][1]
+        self.end_words[1][1]
     }
 
     fn is_open(&self) -> bool {
@@ -173,28 +174,29 @@ impl Slot {
     }
 }
 
-/// The powers of two that T may be rounded down to, as places; none for 0.
+/// The power of two that T is rounded down to, as a number of places; none for 0.
 fn places(through: f64) -> Option<u32> {
     (0..=8).find(|places| through * f64::from(1u32 << places) >= 1.0)
 }
 
 impl WindowPixel {
-    /// Windows of the machine start at these places.
+    /// Sets the places at which the machine's windows start.
     pub fn start(&mut self, starts: u8) {
         self.starts = starts;
     }
 
-    /// Takes a contribution as the machine took it; tells how `golden` would have differed.
+    /// Takes a contribution as the machine did; counts decisions that `golden` would take
+    /// differently.
     pub fn take(
         &mut self,
         rules: &WindowRules,
         common: &Common,
-        arrival: &Arrival,
-        own: &Own,
+        arrival: &BoundedContribution,
+        own: &SplatLight,
         decision: Decision,
         flips: &mut Flips,
     ) {
-        self.ask(rules, arrival, decision, flips);
+        self.check_decision(rules, arrival, decision, flips);
         match decision {
             Decision::Accumulated(slot) => {
                 let (Layer::Open(open), slot) = (
@@ -219,7 +221,7 @@ impl WindowPixel {
                     &rules.words.tables,
                 );
                 let x_light = around(light, x.colour);
-                let ends = [arrival.held_depth; 2];
+                let ends = [arrival.depth_word; 2];
                 self.put_inside(
                     common,
                     usize::from(slot),
@@ -237,8 +239,14 @@ impl WindowPixel {
         }
     }
 
-    /// What becomes of a contribution before it takes a slot: compares with what `golden` would do.
-    fn ask(&self, rules: &WindowRules, arrival: &Arrival, decision: Decision, flips: &mut Flips) {
+    /// Compares the decision about a contribution that takes no new slot with golden's.
+    fn check_decision(
+        &self,
+        rules: &WindowRules,
+        arrival: &BoundedContribution,
+        decision: Decision,
+        flips: &mut Flips,
+    ) {
         let z = arrival.golden.z;
         let rule = &rules.rule;
         let taken = match decision {
@@ -247,7 +255,7 @@ impl WindowPixel {
             Decision::Inside(slot) => (None, None, Some(usize::from(slot))),
             _ => (None, None, None),
         };
-        let open = rule.taker(z, &self.layers);
+        let open = rule.slot_for(z, &self.layers);
         let late = if open.is_none() && rule.late {
             rule.late_for(z, &self.layers)
         } else {
@@ -272,14 +280,14 @@ impl WindowPixel {
         if taken == wanted {
             return;
         }
-        let asked = [taken, wanted]
+        let slots = [taken, wanted]
             .map(|(open, late, inside)| open.or(late.map(|(slot, _)| slot)).or(inside));
-        let hangs = asked
+        let in_doubt = slots
             .into_iter()
             .flatten()
-            .any(|slot| self.hangs(rules, arrival, slot));
+            .any(|slot| self.may_decide_differently(rules, arrival, slot));
         let explained =
-            hangs || self.are_as_near(arrival, [taken.0, wanted.0], [taken.1, wanted.1]);
+            in_doubt || self.may_be_equally_near(arrival, [taken.0, wanted.0], [taken.1, wanted.1]);
         if taken.0 != wanted.0 {
             flips.slot(explained);
         } else if taken.1 != wanted.1 {
@@ -289,8 +297,13 @@ impl WindowPixel {
         }
     }
 
-    /// Whether what a slot does with a depth hangs on less than the depths' bounds.
-    fn hangs(&self, rules: &WindowRules, arrival: &Arrival, slot: usize) -> bool {
+    /// Whether the decision of a slot about a depth is within the depths' bounds.
+    fn may_decide_differently(
+        &self,
+        rules: &WindowRules,
+        arrival: &BoundedContribution,
+        slot: usize,
+    ) -> bool {
         let (slot, z) = (&self.slots[slot], arrival.depth());
         let narrow =
             |[near, far]: [Near; 2], limit: Near| (far.max(z) - near.min(z)).may_cross(limit);
@@ -304,9 +317,9 @@ impl WindowPixel {
     }
 
     /// Whether two open slots, or two surfaces of closed ones, may be equally near to a depth.
-    fn are_as_near(
+    fn may_be_equally_near(
         &self,
-        arrival: &Arrival,
+        arrival: &BoundedContribution,
         open: [Option<usize>; 2],
         late: [Option<(usize, Side)>; 2],
     ) -> bool {
@@ -328,8 +341,8 @@ impl WindowPixel {
         common: &Common,
         slot: usize,
         side: Side,
-        arrival: &Arrival,
-        own: &Own,
+        arrival: &BoundedContribution,
+        own: &SplatLight,
     ) {
         let Layer::Closed(golden) = &mut self.layers[slot] else {
             return;
@@ -354,8 +367,7 @@ impl WindowPixel {
         slot.span(number, arrival);
     }
 
-    /// Puts something inside of a closed slot, with its ends as the machine has them and as
-    /// numbers.
+    /// Puts a layer inside a closed slot; its ends are given in the machine's words and as numbers.
     #[expect(
         clippy::too_many_arguments,
         reason = "the same thing in golden and on the machine"
@@ -366,7 +378,7 @@ impl WindowPixel {
         slot: usize,
         x: &Closed,
         light: [Near; 4],
-        held: [i64; 2],
+        end_words: [i64; 2],
         ends: [Near; 2],
         flips: &mut Flips,
     ) {
@@ -375,7 +387,8 @@ impl WindowPixel {
         };
         let slot = &mut self.slots[slot];
         let Some(near) = &mut slot.closed else { return };
-        let nearer_the_back = held[0] + held[1] >= slot.held[0][1] + slot.held[1][0];
+        let nearer_the_back =
+            end_words[0] + end_words[1] >= slot.end_words[0][1] + slot.end_words[1][0];
         if nearer_the_back != golden.is_nearer_to_the_back(x) {
             flips.inside((ends[0] + ends[1]).may_cross(slot.ends[0][1] + slot.ends[1][0]));
         }
@@ -387,17 +400,17 @@ impl WindowPixel {
         *near = near_to(near, golden);
     }
 
-    /// Brings the slots into the machine's order, and asks whether it is golden's; whether any two
-    /// may stand otherwise.
+    /// Brings the slots into the machine's order and compares it with golden's; returns whether any
+    /// two may be in the other order.
     fn sort(&mut self, flips: &mut Flips) -> bool {
         let mut order: Vec<usize> = (0..self.slots.len()).collect();
         order.sort_by_key(|&slot| self.slots[slot].near());
         self.layers = order.iter().map(|&slot| self.layers[slot]).collect();
         self.slots = order.iter().map(|&slot| self.slots[slot].clone()).collect();
-        self.ask_for_order(flips)
+        self.check_order(flips)
     }
 
-    fn ask_for_order(&self, flips: &mut Flips) -> bool {
+    fn check_order(&self, flips: &mut Flips) -> bool {
         let mut any = false;
         for place in 1..self.slots.len() {
             let unsure = self.slots[place - 1].ends[0][0].may_cross(self.slots[place].ends[0][0]);
@@ -409,28 +422,38 @@ impl WindowPixel {
         any
     }
 
-    /// A slot of its own; says where, and whether the order is in doubt.
-    fn insert(&mut self, common: &Common, arrival: &Arrival, flips: &mut Flips) -> (usize, bool) {
+    /// Opens a slot; returns its place, and whether the order is in doubt.
+    fn insert(
+        &mut self,
+        common: &Common,
+        arrival: &BoundedContribution,
+        flips: &mut Flips,
+    ) -> (usize, bool) {
         self.sort(&mut Flips::default());
         let place = self
             .slots
             .iter()
-            .filter(|slot| slot.near() <= arrival.held_depth)
+            .filter(|slot| slot.near() <= arrival.depth_word)
             .count();
         self.layers
             .insert(place, Layer::Open(Open::new(arrival.golden)));
-        self.slots.insert(place, Slot::new(common, arrival));
-        (place, self.ask_for_order(flips))
+        self.slots.insert(place, SlotBounds::new(common, arrival));
+        (place, self.check_order(flips))
     }
 
-    /// What is seen of each slot, as the machine may have it, given golden's windows; and whether
-    /// any window may be another.
-    fn seen(&self, rules: &WindowRules, common: &Common, windows: &[Seen]) -> (Vec<Near>, bool) {
+    /// Transmittance in front of each slot on the machine, given golden's windows, and whether any
+    /// window may differ.
+    fn seen(
+        &self,
+        rules: &WindowRules,
+        common: &Common,
+        windows: &[LayerVisibility],
+    ) -> (Vec<Near>, bool) {
         let fragment = &common.machine.fragment;
         let mut through = Near::exact(1.0);
         let mut doubt = false;
         let mut seen = Vec::new();
-        let mut window: Option<(Open, Slot)> = None;
+        let mut window: Option<(Open, SlotBounds)> = None;
         for (place, layer) in self.layers.iter().enumerate() {
             let slot = &self.slots[place];
             if let (Layer::Open(open), Some((_, of_window))) = (layer, &window) {
@@ -473,12 +496,12 @@ impl WindowPixel {
         (seen, doubt)
     }
 
-    /// One too many: does with it what the machine did.
+    /// Overflow: repeats the machine's decision.
     fn overflow(
         &mut self,
         rules: &WindowRules,
         common: &Common,
-        arrival: &Arrival,
+        arrival: &BoundedContribution,
         decision: Decision,
         flips: &mut Flips,
     ) {
@@ -509,7 +532,7 @@ impl WindowPixel {
                 None
             };
             if wanted != taken {
-                // What the two pairs cost hangs on what is seen of their fronts.
+                // The costs of the two pairs depend on the transmittance in front of them.
                 let split = [wanted, taken]
                     .into_iter()
                     .flatten()
@@ -526,11 +549,11 @@ impl WindowPixel {
         self.slots.truncate(deepest);
     }
 
-    /// Whether one of two pairs may be too wide to be summed, or they may cost the same.
+    /// Whether one of two pairs may be too wide to be summed, or their costs may be equal.
     fn may_sum_others(
         &self,
         rules: &WindowRules,
-        windows: &[Seen],
+        windows: &[LayerVisibility],
         a: Option<usize>,
         b: Option<usize>,
     ) -> bool {
@@ -545,7 +568,7 @@ impl WindowPixel {
         let cost = |front: usize| {
             let (
                 (width, far),
-                Seen {
+                LayerVisibility {
                     first,
                     transmittance,
                     ..
@@ -582,30 +605,30 @@ impl WindowPixel {
         self.slots[front].join(common, &other, &whole);
     }
 
-    /// Closes a slot and the one behind it, and makes one of the two.
+    /// Closes a slot and the one behind it, and combines the two.
     fn close(&mut self, common: &Common, front: usize, inside: bool, flips: &mut Flips) {
         let back = self.closed(common, front + 1);
-        let Pair { golden, near } = self.closed(common, front);
+        let ClosedPair { golden, near } = self.closed(common, front);
         self.layers[front] = Layer::Closed(golden);
         self.slots[front].closed = Some(near);
         let ends = [
             self.slots[front + 1].ends[0][0],
             self.slots[front + 1].ends[1][1],
         ];
-        let held = [self.slots[front + 1].near(), self.slots[front + 1].far()];
+        let end_words = [self.slots[front + 1].near(), self.slots[front + 1].far()];
         if inside != (common.rules.window.inside && golden.encloses(&back.golden)) {
             let own = &self.slots[front];
             flips.inside(own.ends[0][1].may_cross(ends[0]) || own.ends[1][1].may_cross(ends[1]));
         }
         if inside {
             let light = common.machine.real_read(back.near.light);
-            self.put_inside(common, front, &back.golden, light, held, ends, flips);
+            self.put_inside(common, front, &back.golden, light, end_words, ends, flips);
         } else {
             self.put_behind(common, front, &back, flips);
         }
     }
 
-    fn put_behind(&mut self, common: &Common, front: usize, back: &Pair, flips: &mut Flips) {
+    fn put_behind(&mut self, common: &Common, front: usize, back: &ClosedPair, flips: &mut Flips) {
         let behind = self.slots[front + 1].clone();
         let Layer::Closed(golden) = &mut self.layers[front] else {
             return;
@@ -624,22 +647,22 @@ impl WindowPixel {
             .real_put_behind(near, &back.near, is_farther);
         *near = near_to(near, golden);
         if is_farther {
-            (slot.held[1], slot.ends[1]) = (behind.held[1], behind.ends[1]);
+            (slot.end_words[1], slot.ends[1]) = (behind.end_words[1], behind.ends[1]);
         }
     }
 
-    /// A slot, closed.
-    fn closed(&self, common: &Common, place: usize) -> Pair {
+    /// A slot after it is closed.
+    fn closed(&self, common: &Common, place: usize) -> ClosedPair {
         let slot = &self.slots[place];
         match (&self.layers[place], &slot.closed) {
-            (Layer::Closed(golden), Some(near)) => Pair {
+            (Layer::Closed(golden), Some(near)) => ClosedPair {
                 golden: *golden,
                 near: *near,
             },
             (Layer::Open(open), _) => {
                 let golden = Closed::of_one(
                     common.shader.premultiplied(&open.sums),
-                    Part {
+                    Surface {
                         span: open.span,
                         weight: open.sums.weight,
                     },
@@ -650,20 +673,20 @@ impl WindowPixel {
                     golden.colour,
                 );
                 let near = common.machine.fragment.real_closed(shaded, sums.weight);
-                Pair {
+                ClosedPair {
                     golden,
                     near: near_to(&near, &golden),
                 }
             }
-            (Layer::Closed(golden), None) => Pair {
+            (Layer::Closed(golden), None) => ClosedPair {
                 golden: *golden,
                 near: unknown(),
             },
         }
     }
 
-    /// The pixel over the background, its windows starting where the machine's do; and the bound on
-    /// the machine's.
+    /// The pixel over the background, with windows that start where the machine's do, and the bound
+    /// on the machine's.
     pub fn resolve(
         &mut self,
         rules: &WindowRules,
@@ -679,7 +702,7 @@ impl WindowPixel {
             let next = (place + 1..starts.len())
                 .find(|at| starts[*at])
                 .unwrap_or(starts.len());
-            self.ask_for_window(rules, common, place, next, flips);
+            self.check_window(rules, common, place, next, flips);
             (place + 1..next).for_each(|_| self.sum_ahead(common, place));
             starts.drain(place + 1..next);
             let window = self.closed(common, place);
@@ -687,10 +710,11 @@ impl WindowPixel {
             self.slots[place].closed = Some(window.near);
             if place > 0 {
                 let ends = [self.slots[place].ends[0][0], self.slots[place].ends[1][1]];
-                let held = [self.slots[place].near(), self.slots[place].far()];
+                let end_words = [self.slots[place].near(), self.slots[place].far()];
                 let last = &self.slots[place - 1];
-                let inside =
-                    rules.rule.inside && last.held[0][1] < held[0] && held[1] < last.held[1][1];
+                let inside = rules.rule.inside
+                    && last.end_words[0][1] < end_words[0]
+                    && end_words[1] < last.end_words[1][1];
                 let Layer::Closed(golden) = &self.layers[place - 1] else {
                     return [Near::exact(f64::NAN); 4];
                 };
@@ -701,7 +725,15 @@ impl WindowPixel {
                 }
                 if inside {
                     let light = common.machine.real_read(window.near.light);
-                    self.put_inside(common, place - 1, &window.golden, light, held, ends, flips);
+                    self.put_inside(
+                        common,
+                        place - 1,
+                        &window.golden,
+                        light,
+                        end_words,
+                        ends,
+                        flips,
+                    );
                     self.layers.remove(place);
                     self.slots.remove(place);
                     starts.remove(place);
@@ -724,19 +756,19 @@ impl WindowPixel {
         )
     }
 
-    /// Adds the slot behind to one, whatever their distance.
+    /// Adds the slot behind, whatever its distance.
     fn sum_ahead(&mut self, common: &Common, front: usize) {
         if let (Layer::Open(_), Layer::Open(_)) = (&self.layers[front], &self.layers[front + 1]) {
             self.sum(common, front);
         } else {
-            // What the machine cannot have done is left out, and the picture is another.
+            // The machine cannot have done this; the slot is dropped and the pictures will differ.
             self.layers.remove(front + 1);
             self.slots.remove(front + 1);
         }
     }
 
-    /// Whether golden's windows would have ended where the machine's did.
-    fn ask_for_window(
+    /// Compares the end of the machine's window with golden's.
+    fn check_window(
         &self,
         rules: &WindowRules,
         common: &Common,
@@ -765,7 +797,7 @@ impl WindowPixel {
 }
 
 impl WindowRules<'_> {
-    fn single(&self, arrival: &Arrival, own: &Own) -> Single<Near> {
+    fn single(&self, arrival: &BoundedContribution, own: &SplatLight) -> Single<Near> {
         Single {
             weight: arrival.weight,
             opacity: arrival.attributes[OPACITY],
@@ -774,9 +806,9 @@ impl WindowRules<'_> {
     }
 }
 
-impl Own {
-    fn arrival(&self, arrival: &Arrival) -> window::Arrival {
-        window::Arrival {
+impl SplatLight {
+    fn arrival(&self, arrival: &BoundedContribution) -> window::LitContribution {
+        window::LitContribution {
             sums: arrival.golden,
             colour: self.golden,
             opacity: self.opacity,
@@ -784,8 +816,8 @@ impl Own {
     }
 }
 
-impl Slot {
-    /// Opacity of an open one, as step 4 has it.
+impl SlotBounds {
+    /// Opacity of an open slot, as in step 4.
     fn opacity(&self, common: &Common, golden: &Open) -> Near {
         let known = |error: f64| {
             if self.bounds.overflowed {
@@ -831,7 +863,7 @@ fn around(near: [Near; 4], exact: DVec4) -> [Near; 4] {
     [0, 1, 2, 3].map(|i| near[i].around(exact[i]))
 }
 
-/// A slot of which nothing is known.
+/// A slot without any bound.
 fn unknown() -> real::Closed<Near> {
     let unknown = Near {
         value: 0.0,

@@ -6,8 +6,8 @@
 //! sRGB ─► Y Cx Cz ─┬─► contrast sensitivity ─► linear RGB, clamped ─► L*a*b*, Hunt ─► HyAB ─► remapped ─► colour ─┐
 //!                  └─► grey ─► edges, points ──────────────────────────────────────────────────────────► feature ─┴─► colour^(1 − feature)
 //! ```
-//! All filters are separable; beyond the border a picture's outermost pixels go on. Checked against
-//! the authors' `flip-evaluator` 1.7.
+//! All filters are separable; beyond the border the outermost pixels of a picture are repeated.
+//! Checked against the authors' `flip-evaluator` 1.7.
 
 use std::ops::Range;
 use std::sync::LazyLock;
@@ -26,26 +26,26 @@ pub const PIXELS_PER_DEGREE: f64 = 3840.0 * std::f64::consts::PI / 180.0;
 const SENSITIVITY_Y: [f64; 2] = [1.0, 0.0047];
 const SENSITIVITY_CX: [f64; 2] = [1.0, 0.0053];
 const SENSITIVITY_CZ: [[f64; 2]; 2] = [[34.1, 0.04], [13.5, 0.025]];
-/// Width of the features that are looked for, degrees.
+/// Width of the detected features, degrees.
 const FEATURE_DEGREES: f64 = 0.082;
-/// Exponents of the colour's and of the feature's difference, and where the colour's is bent: this
-/// part of the greatest becomes that value.
+/// Exponents of the colour difference and of the feature difference, and the bend of the colour
+/// difference: this part of the greatest maps to that value.
 const COLOUR_EXPONENT: f64 = 0.7;
 const FEATURE_EXPONENT: f64 = 0.5;
 const BEND: [f64; 2] = [0.4, 0.95];
 
-/// Of D65, to which Y Cx Cz and L*a*b* refer.
+/// D65, to which Y Cx Cz and L*a*b* refer.
 const WHITE: [f64; 3] = [0.950_428_545, 1.0, 1.088_900_371];
 /// Rows that a thread filters at a time.
 const BAND: usize = 64;
 
-/// Filters' weights at one place: of Y, of Cx, of the two Gaussians of Cz, and for features a
-/// Gaussian and its first and second derivative.
+/// Filter weights at one position: Y, Cx, the two Gaussians of Cz, and for features a Gaussian and
+/// its first and second derivative.
 type Tap = [f64; 7];
 
 struct Filters {
     radius: usize,
-    /// From −radius to radius.
+    /// Positions from −radius to radius.
     taps: Vec<Tap>,
     /// Greatest difference of colours: that of green and blue.
     most: f64,
@@ -65,8 +65,8 @@ impl Filters {
             let x = at as f64 - radius as f64;
             let degrees = x / PIXELS_PER_DEGREE;
             let bell = |width: f64| libm::exp(-pi * pi * degrees * degrees / width);
-            // A sum of two Gaussians is no product: each passes along both axes by itself, with the
-            // root of its amplitude.
+            // A sum of two Gaussians is not separable. Each is filtered separately along both axes,
+            // with the root of its amplitude.
             let cz = |[amplitude, width]: [f64; 2]| {
                 (amplitude * (pi / width).sqrt()).sqrt() * bell(width)
             };
@@ -91,7 +91,7 @@ impl Filters {
         let positive = |nth: usize| taps.iter().map(|tap| tap[nth].max(0.0)).sum::<f64>();
         let negative = |nth: usize| taps.iter().map(|tap| (-tap[nth]).max(0.0)).sum::<f64>();
         let cz = (sum(2) * sum(2) + sum(3) * sum(3)).sqrt();
-        // Positive and negative weights of a derivative each sum to 1.
+        // Positive and negative weights of a derivative sum to 1 each.
         let derivative = |value: f64, nth: usize| {
             value
                 / if value > 0.0 {
@@ -134,7 +134,7 @@ impl Filters {
     }
 }
 
-/// What filters leave of a pixel.
+/// Filtered values of a pixel.
 #[derive(Clone, Copy, Default)]
 struct Filtered {
     /// Y, Cx, Cz.
@@ -167,7 +167,7 @@ fn band_sum(reference: &Picture, test: &Picture, rows: Range<usize>) -> f64 {
 fn filtered(picture: &Picture, rows: Range<usize>, filters: &Filters) -> Vec<Filtered> {
     let Filters { radius, taps, .. } = filters;
     let needed = rows.start.saturating_sub(*radius)..(rows.end + radius).min(picture.height);
-    // Places from −radius on are pixels from 0 on, as far as there are any.
+    // Positions start at −radius; those outside the picture read the outermost pixel.
     let pixel = |place: usize, size: usize| place.saturating_sub(*radius).min(size - 1);
     let along = |y: usize| {
         let row: Vec<[f64; 3]> = (0..picture.width)

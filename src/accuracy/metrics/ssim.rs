@@ -2,9 +2,9 @@
 //! Simoncelli: *Image Quality Assessment*, IEEE TIP 2004), K₁ 0.01, K₂ 0.03, range 1, per channel
 //! on the linear clamped picture.
 //!
-//! Borders: only windows that lie wholly inside the picture count, as in the authors' own program.
-//! Along a side shorter than the window every pixel counts, its window cut at the border and its
-//! weights made to sum to 1 again.
+//! Borders: only windows that are entirely inside the picture count, as in the authors' own
+//! program. Along a side shorter than the window every pixel counts; its window is cut at the
+//! border, and the weights are scaled to sum to 1.
 
 use std::ops::Range;
 
@@ -21,13 +21,13 @@ const C2: f64 = 0.03 * 0.03;
 /// Window means of a, b, a², b² and ab, for three channels.
 type Moments = [[f64; 3]; 5];
 
-/// Rows of windows that a thread goes through at a time: what each pixel has is multiplied out once
+/// Rows of windows that a thread processes at a time: the products of each pixel are computed once
 /// for all of them.
 const BAND: usize = 16;
 
 /// Mean structural similarity over all windows and channels.
 pub(super) fn ssim(a: &Picture, b: &Picture) -> f64 {
-    let (columns, rows) = (Window::along(a.width), Window::along(a.height));
+    let (columns, rows) = (SideWindows::along(a.width), SideWindows::along(a.height));
     let sums: Vec<Vec<f64>> = rows
         .places
         .par_chunks(BAND)
@@ -38,17 +38,17 @@ pub(super) fn ssim(a: &Picture, b: &Picture) -> f64 {
 }
 
 /// The windows along one side of the picture.
-struct Window {
-    places: Vec<Place>,
+struct SideWindows {
+    places: Vec<WindowPosition>,
 }
 
-/// One of them: positions under it, and their weights, which sum to 1.
-struct Place {
+/// One window position: the pixels under it, and their weights, which sum to 1.
+struct WindowPosition {
     covered: Range<usize>,
     weights: Vec<f64>,
 }
 
-impl Window {
+impl SideWindows {
     fn along(size: usize) -> Self {
         let margin = if size > 2 * RADIUS { RADIUS } else { 0 };
         let tap = |distance: usize| {
@@ -59,26 +59,26 @@ impl Window {
             let covered = centre.saturating_sub(RADIUS)..(centre + RADIUS + 1).min(size);
             let taps: Vec<f64> = covered.clone().map(|at| tap(at.abs_diff(centre))).collect();
             let total: f64 = taps.iter().sum();
-            Place {
+            WindowPosition {
                 covered,
                 weights: taps.iter().map(|tap| tap / total).collect(),
             }
         };
-        Window {
+        SideWindows {
             places: (margin..size - margin).map(place).collect(),
         }
     }
 }
 
-impl Place {
+impl WindowPosition {
     fn weighted(&self) -> impl Iterator<Item = (usize, f64)> {
         self.covered.clone().zip(self.weights.iter().copied())
     }
 }
 
-/// Sums of the similarity over rows of windows: the window is separable, so columns first, then
-/// along the row.
-fn row_sums(a: &Picture, b: &Picture, columns: &Window, band: &[Place]) -> Vec<f64> {
+/// Sums of the similarity over rows of windows. The window is separable: columns first, then along
+/// the row.
+fn row_sums(a: &Picture, b: &Picture, columns: &SideWindows, band: &[WindowPosition]) -> Vec<f64> {
     let (Some(first), Some(last)) = (band.first(), band.last()) else {
         return Vec::new();
     };
@@ -86,7 +86,7 @@ fn row_sums(a: &Picture, b: &Picture, columns: &Window, band: &[Place]) -> Vec<f
     let products: Vec<Moments> = pixels
         .map(|index| products(clamped(a, index), clamped(b, index)))
         .collect();
-    let row_sum = |row: &Place| {
+    let row_sum = |row: &WindowPosition| {
         let mut vertical = vec![Moments::default(); a.width];
         for (y, weight) in row.weighted() {
             let products = &products[(y - first.covered.start) * a.width..][..a.width];
@@ -95,7 +95,7 @@ fn row_sums(a: &Picture, b: &Picture, columns: &Window, band: &[Place]) -> Vec<f
                 .zip(products)
                 .for_each(|(moments, products)| add(moments, products, weight));
         }
-        let similarity = |column: &Place| {
+        let similarity = |column: &WindowPosition| {
             let mut moments = Moments::default();
             column
                 .weighted()

@@ -1,7 +1,6 @@
-//! Sheets: the pixels of a tile whose fragments are grouped by sheets, on whatever numbers come
-//! out.
+//! Sheets: the pixels of a tile whose fragments are grouped by sheets, in mixed precision.
 
-use super::{Arrival, FrameWords, number};
+use super::{FrameWords, MixedContribution, number};
 use crate::golden::Outcomes;
 use crate::golden::tiles::{PIXELS_IN_A_TILE, Painter};
 use crate::hardware::registers::SheetWords;
@@ -9,13 +8,13 @@ use crate::scene::Sheet;
 use rtl_model::real::PartialPrecision;
 
 /// Σw and Σw·rgb.
-type Sums = [f64; 4];
+type SheetSums = [f64; 4];
 
-/// One pixel: the sheet that is open, and those before it.
+/// One pixel: the open sheet, and the composite of the sheets before it.
 #[derive(Clone, Copy, Debug, Default)]
-struct Pixel {
-    open: Option<(u32, Sums)>,
-    /// Colour times opacity, and opacity, as a slot holds them.
+struct MixedSheet {
+    open: Option<(u32, SheetSums)>,
+    /// Colour times opacity, and opacity, as stored in a slot.
     composite: [f64; 4],
     stopped: bool,
 }
@@ -24,7 +23,7 @@ struct Pixel {
 pub(super) struct SheetPixels<'a> {
     frame: &'a FrameWords<'a>,
     words: &'a SheetWords<'a, PartialPrecision<'a>>,
-    pixels: Vec<Pixel>,
+    pixels: Vec<MixedSheet>,
 }
 
 impl<'a> SheetPixels<'a> {
@@ -32,11 +31,11 @@ impl<'a> SheetPixels<'a> {
         SheetPixels {
             frame,
             words,
-            pixels: vec![Pixel::default(); PIXELS_IN_A_TILE],
+            pixels: vec![MixedSheet::default(); PIXELS_IN_A_TILE],
         }
     }
 
-    fn added(&self, sums: Sums, arrival: &Arrival, weight: f64) -> Sums {
+    fn added(&self, sums: SheetSums, arrival: &MixedContribution, weight: f64) -> SheetSums {
         let [r, g, b, ..] = arrival.footprint.attributes;
         let (machine, weight) = (self.frame.stage.machine, self.frame.word(weight));
         let add = |(lane, attribute): (usize, f64)| {
@@ -52,8 +51,8 @@ impl<'a> SheetPixels<'a> {
         [(0, 1.0), (1, r), (2, g), (3, b)].map(add)
     }
 
-    /// A slot after one more sheet.
-    fn blended(&self, composite: [f64; 4], sums: Sums) -> [f64; 4] {
+    /// The composite after one more sheet.
+    fn blended(&self, composite: [f64; 4], sums: SheetSums) -> [f64; 4] {
         let machine = self.frame.stage.machine;
         let [weight, r, g, b] = sums.map(|sum| self.frame.word(sum));
         let sheet = machine.real_close(weight, [r, g, b], &self.words.registers, &self.words.ratio);
@@ -73,8 +72,8 @@ impl<'a> SheetPixels<'a> {
             .real_read(composite.map(|channel| self.frame.word(channel)))
     }
 
-    /// Blends a sheet that is done.
-    fn close(&self, pixel: &mut Pixel, sums: Sums) {
+    /// Blends a finished sheet.
+    fn close(&self, pixel: &mut MixedSheet, sums: SheetSums) {
         let blended = self.blended(pixel.composite, sums);
         pixel.stopped =
             !self.words.sheets.back_to_front && 1.0 - blended[3] < self.words.stop.value;
@@ -85,9 +84,9 @@ impl<'a> SheetPixels<'a> {
 }
 
 impl<'a> Painter for SheetPixels<'a> {
-    type Contribution = Arrival<'a>;
+    type Contribution = MixedContribution<'a>;
 
-    fn take(&mut self, at: usize, arrival: Arrival<'a>) {
+    fn take(&mut self, at: usize, arrival: MixedContribution<'a>) {
         let mut pixel = self.pixels[at];
         if pixel.stopped {
             return;
@@ -95,7 +94,7 @@ impl<'a> Painter for SheetPixels<'a> {
         match &self.words.sheets.of {
             Sheet::Splat => {
                 let weight = arrival.weight.min(self.words.most_weight.value);
-                let sums = self.added(Sums::default(), &arrival, weight);
+                let sums = self.added(SheetSums::default(), &arrival, weight);
                 self.close(&mut pixel, sums);
             }
             Sheet::Slice(numbers) => {
@@ -104,9 +103,9 @@ impl<'a> Painter for SheetPixels<'a> {
                     Some((open, sums)) if open == sheet => sums,
                     Some((_, sums)) => {
                         self.close(&mut pixel, sums);
-                        Sums::default()
+                        SheetSums::default()
                     }
-                    None => Sums::default(),
+                    None => SheetSums::default(),
                 };
                 if !pixel.stopped {
                     pixel.open = Some((sheet, self.added(before, &arrival, arrival.weight)));
@@ -117,7 +116,7 @@ impl<'a> Painter for SheetPixels<'a> {
     }
 
     fn finish(&mut self, at: usize) -> [f64; 4] {
-        let Pixel {
+        let MixedSheet {
             open, composite, ..
         } = std::mem::take(&mut self.pixels[at]);
         let all = open.map_or(composite, |(_, sums)| self.blended(composite, sums));

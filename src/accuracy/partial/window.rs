@@ -1,21 +1,21 @@
-//! Windows: the pixels of a tile whose fragments are grouped by intervals or windows, on whatever
-//! numbers come out.
+//! Windows: the pixels of a tile whose fragments are grouped by intervals or windows, in mixed
+//! precision.
 //!
-//! The layers are golden's, in machine units; what asks for depths alone is golden's too. What is
-//! added, blended and seen goes through the words.
+//! The layers are golden's, in machine units, and so are the decisions that depend only on depths.
+//! Sums, blends and transmittances are computed in the chosen words.
 
-use super::{Arrival, FrameWords, number};
+use super::{FrameWords, MixedContribution, number};
 use crate::golden::Outcomes;
 use crate::golden::fragments::{Fragment, Side};
 use crate::golden::tiles::{PIXELS_IN_A_TILE, Painter};
-use crate::golden::window::{self, Closed, Layer, Open, Part, Seen, Window};
+use crate::golden::window::{self, Closed, Layer, LayerVisibility, Open, Surface, Window};
 use crate::hardware::registers::WindowWords;
 use glam::DVec4;
 use rtl_model::real::PartialPrecision;
 use rtl_model::units::fragment::window::real;
 
 /// T below 2^−this is 0.
-const LEAST_SEEN: u32 = 8;
+const LEAST_VISIBLE_LOG2: u32 = 8;
 
 /// The pixels of a tile.
 pub(super) struct WindowPixels<'a> {
@@ -40,7 +40,7 @@ impl<'a> WindowPixels<'a> {
     }
 
     /// An open layer after one more contribution.
-    fn add(&self, open: &mut Open, arrival: &Arrival) {
+    fn add(&self, open: &mut Open, arrival: &MixedContribution) {
         let fragment = &self.frame.stage.machine.fragment;
         self.frame.accumulate(&mut open.sums, arrival);
         let [sum, weight, depth] =
@@ -49,7 +49,7 @@ impl<'a> WindowPixels<'a> {
         open.span = open.span.with(arrival.depth);
     }
 
-    fn single(&self, arrival: &Arrival) -> real::Single<PartialPrecision<'a>> {
+    fn single(&self, arrival: &MixedContribution) -> real::Single<PartialPrecision<'a>> {
         let word = |value: f64| self.frame.word(value);
         real::Single {
             weight: word(arrival.weight),
@@ -58,13 +58,13 @@ impl<'a> WindowPixels<'a> {
         }
     }
 
-    fn inside(&self, arrival: &Arrival) -> [PartialPrecision<'a>; 4] {
+    fn inside(&self, arrival: &MixedContribution) -> [PartialPrecision<'a>; 4] {
         let (fragment, single) = (&self.frame.stage.machine.fragment, self.single(arrival));
         let opacity = arrival.footprint.attributes[3];
         fragment.real_splat_inside(&single, opacity, &self.words.registers, &self.words.tables)
     }
 
-    fn held(&self, closed: &Closed) -> real::Closed<PartialPrecision<'a>> {
+    fn in_words(&self, closed: &Closed) -> real::Closed<PartialPrecision<'a>> {
         let word = |value: f64| self.frame.word(value);
         real::Closed {
             light: closed.colour.to_array().map(word),
@@ -86,19 +86,21 @@ impl<'a> WindowPixels<'a> {
         }
     }
 
-    /// What is seen behind a closed layer, from a depth.
+    /// Transmittance of a closed layer for a layer behind it that begins at a depth.
     fn behind(&self, closed: &Closed, near: f64) -> PartialPrecision<'a> {
-        let held = self.held(closed);
+        let words = self.in_words(closed);
         let machine = self.frame.stage.machine;
         if near < closed.far() {
-            held.through[0]
+            words.through[0]
         } else {
-            machine.fragment.real_rest(machine.real_read(held.light)[3])
+            machine
+                .fragment
+                .real_rest(machine.real_read(words.light)[3])
         }
     }
 
-    /// Step 4: of each layer the window that it belongs to and what is seen of it, front to back.
-    fn windows(&self, layers: &[Layer]) -> Vec<Seen> {
+    /// Step 4: the window and the transmittance of each layer, front to back.
+    fn windows(&self, layers: &[Layer]) -> Vec<LayerVisibility> {
         let fragment = &self.frame.stage.machine.fragment;
         let mut seen = Vec::with_capacity(layers.len());
         // The window that may still grow: its first place, its start, Σw and Σw·α.
@@ -130,9 +132,9 @@ impl<'a> WindowPixels<'a> {
                     here = fragment.real_through_closed(here, self.behind(closed, layer.near()));
                 }
             }
-            let places =
-                (0..=LEAST_SEEN).find(|places| here.value * f64::from(1u32 << places) >= 1.0);
-            seen.push(Seen {
+            let places = (0..=LEAST_VISIBLE_LOG2)
+                .find(|places| here.value * f64::from(1u32 << places) >= 1.0);
+            seen.push(LayerVisibility {
                 first,
                 start,
                 transmittance: places.map_or(0.0, |places| 1.0 / f64::from(1u32 << places)),
@@ -141,7 +143,7 @@ impl<'a> WindowPixels<'a> {
         seen
     }
 
-    /// Step 6: a layer with the one behind it.
+    /// Step 6: the sum of a layer and the one behind it.
     fn summed(&self, a: &Open, b: &Open) -> Open {
         let fragment = &self.frame.stage.machine.fragment;
         let exact = a.with(b);
@@ -169,7 +171,7 @@ impl<'a> WindowPixels<'a> {
         }
     }
 
-    /// Step 7: a layer, shaded once.
+    /// Step 7: a layer after it is closed.
     fn closed(&self, layer: &Layer) -> Closed {
         match layer {
             Layer::Closed(closed) => *closed,
@@ -181,7 +183,7 @@ impl<'a> WindowPixels<'a> {
                     .machine
                     .fragment
                     .real_closed(shaded, self.frame.word(open.sums.weight));
-                let part = Part {
+                let part = Surface {
                     span: open.span,
                     weight: open.sums.weight,
                 };
@@ -196,20 +198,20 @@ impl<'a> WindowPixels<'a> {
         light: [PartialPrecision<'a>; 4],
         [near, far]: [f64; 2],
     ) -> Closed {
-        let mut held = self.held(closed);
+        let mut words = self.in_words(closed);
         let nearer_the_back = near + far >= closed.front.span.far + closed.back.span.near;
         self.frame
             .stage
             .machine
             .fragment
-            .real_put_inside(&mut held, light, nearer_the_back);
-        with(closed, &held)
+            .real_put_inside(&mut words, light, nearer_the_back);
+        with(closed, &words)
     }
 
-    /// Step 7: the back inside of the front, where it lies there, or behind it.
+    /// Step 7: the back inside the front if it lies there, otherwise behind it.
     fn merge(&self, front: &Closed, back: &Closed) -> Closed {
         let machine = self.frame.stage.machine;
-        let behind = self.held(back);
+        let behind = self.in_words(back);
         if self.rule.inside && front.encloses(back) {
             return self.put_inside(
                 front,
@@ -217,18 +219,18 @@ impl<'a> WindowPixels<'a> {
                 [back.near(), back.far()],
             );
         }
-        let (mut held, is_farther) = (self.held(front), back.far() > front.far());
+        let (mut words, is_farther) = (self.in_words(front), back.far() > front.far());
         machine
             .fragment
-            .real_put_behind(&mut held, &behind, is_farther);
+            .real_put_behind(&mut words, &behind, is_farther);
         let mut merged = *front;
         if is_farther {
             merged.back = back.back;
         }
-        with(&merged, &held)
+        with(&merged, &words)
     }
 
-    /// Steps 4 to 7: one layer too many.
+    /// Steps 4 to 7: overflow by one layer.
     fn overflow(&self, layers: &mut Vec<Layer>) {
         let deepest = layers.len() - 1;
         let seen = self.windows(layers);
@@ -256,31 +258,31 @@ impl<'a> WindowPixels<'a> {
     }
 }
 
-/// A closed layer with what a slot of words holds.
-fn with(closed: &Closed, held: &real::Closed<PartialPrecision>) -> Closed {
-    let [front, back] = held.weights.map(number);
+/// A closed layer with the values that a slot of words holds.
+fn with(closed: &Closed, words: &real::Closed<PartialPrecision>) -> Closed {
+    let [front, back] = words.weights.map(number);
     Closed {
-        colour: DVec4::from_array(held.light.map(number)),
-        front: Part {
+        colour: DVec4::from_array(words.light.map(number)),
+        front: Surface {
             weight: front,
             ..closed.front
         },
-        back: Part {
+        back: Surface {
             weight: back,
             ..closed.back
         },
-        behind_front: held.through[0].value,
-        before_back: held.through[1].value,
+        behind_front: words.through[0].value,
+        before_back: words.through[1].value,
     }
 }
 
 impl<'a> Painter for WindowPixels<'a> {
-    type Contribution = Arrival<'a>;
+    type Contribution = MixedContribution<'a>;
 
-    fn take(&mut self, pixel: usize, arrival: Arrival<'a>) {
+    fn take(&mut self, pixel: usize, arrival: MixedContribution<'a>) {
         let z = arrival.depth;
         let mut layers = std::mem::take(&mut self.pixels[pixel]);
-        if let Some(slot) = self.rule.taker(z, &layers)
+        if let Some(slot) = self.rule.slot_for(z, &layers)
             && let Layer::Open(open) = &mut layers[slot]
         {
             self.add(open, &arrival);
@@ -291,16 +293,16 @@ impl<'a> Painter for WindowPixels<'a> {
             .flatten()
             && let Layer::Closed(closed) = &mut layers[slot]
         {
-            let mut held = self.held(closed);
+            let mut words = self.in_words(closed);
             let threshold = self.frame.word(self.frame.coverage_threshold);
             let fragment = &self.frame.stage.machine.fragment;
             fragment.real_late(
-                &mut held,
+                &mut words,
                 usize::from(side == Side::Back),
                 &self.single(&arrival),
                 threshold,
             );
-            *closed = with(closed, &held);
+            *closed = with(closed, &words);
             let part = if side == Side::Front {
                 &mut closed.front
             } else {
@@ -361,7 +363,11 @@ impl<'a> Painter for WindowPixels<'a> {
             let window = self.closed(&window);
             match done.last_mut() {
                 Some(last) if self.rule.inside && last.encloses(&window) => {
-                    let light = self.frame.stage.machine.real_read(self.held(&window).light);
+                    let light = self
+                        .frame
+                        .stage
+                        .machine
+                        .real_read(self.in_words(&window).light);
                     *last = self.put_inside(last, light, [window.near(), window.far()]);
                 }
                 _ => done.push(window),
@@ -370,7 +376,7 @@ impl<'a> Painter for WindowPixels<'a> {
         let machine = self.frame.stage.machine;
         let lights: Vec<[PartialPrecision; 4]> = done
             .iter()
-            .map(|closed| machine.real_read(self.held(closed).light))
+            .map(|closed| machine.real_read(self.in_words(closed).light))
             .collect();
         machine
             .real_resolve(&lights, self.frame.background)

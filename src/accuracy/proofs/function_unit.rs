@@ -1,10 +1,11 @@
 //! Function units: reciprocal and reciprocal root, from the table's words through every Newton
 //! step.
 //!
-//! Two lemmas in one script. Of each step of the table: its word is right to the table's error for
-//! all mantissas of the step. Of any mantissa and first guess that are right to that error: the
-//! Newton steps, rounded as in the unit, end within the bound. The mantissa lies in one of the
-//! steps and the guess is that step's word, so the first gives what the second supposes.
+//! Two lemmas in one script. First, for each step of the table: its word is right to the table's
+//! error for all mantissas of the step. Second, for any mantissa and first guess that are right to
+//! that error: the Newton steps, rounded as in the unit, end within the bound. Every mantissa lies
+//! in one of the steps and its guess is that step's word, so the first lemma proves the hypothesis
+//! of the second.
 
 use super::script::{Script, near_one, number, within, word, words};
 use super::{Proof, range, rounding};
@@ -12,10 +13,10 @@ use rtl_model::functions::{Reciprocal, ReciprocalRoot};
 use rtl_model::num::{Format, Rounding, Word};
 
 const LEMMAS: [&str; 4] = [
-    "Of each step of the table: m<i> is any mantissa in it, and the constant is the ROM's word.",
-    "Of all mantissas m and first guesses y0: the hypothesis about their product is what the goals about single steps conclude,",
-    "m being in one of the steps and y0 being that step's word. The goals about ranges: no word saturates.",
-    "That an operand is normalised rightly is a test: normalisation_restores_the_operand.",
+    "For each step of the table: m<i> is any mantissa in it, and the constant is the ROM's word.",
+    "For all mantissas m and first guesses y0: the hypothesis about their product is the conclusion of the goals about single steps,",
+    "because m is in one of the steps and y0 is that step's word. The goals about ranges: no word saturates.",
+    "A test checks that operands are normalised correctly: normalisation_restores_the_operand.",
 ];
 
 /// |x·y − 1| of a reciprocal.
@@ -36,7 +37,7 @@ pub fn reciprocal(machine: &str, signal: &str, unit: &Reciprocal) -> Proof {
             .push(format!("y{next} = {}(y{k}*c{next})", rounding(result)));
         s.goals
             .extend(["c", "y"].map(|name| format!("{name}{next} in {}", range(result))));
-        // With e = m·y − 1: a step leaves −e², and what the two roundings add.
+        // With e = m·y − 1: a step leaves −e², plus the errors of the two roundings.
         s.rewritings
             .push(format!("m*y{next} - 1 -> m*y{k}*(c{next} - (2 - m*y{k})) + m*(y{next} - y{k}*c{next}) - (m*y{k} - 1)*(m*y{k} - 1)"));
     }
@@ -64,7 +65,7 @@ pub fn reciprocal(machine: &str, signal: &str, unit: &Reciprocal) -> Proof {
         "y = 1/x by a table of {steps} words and {last} Newton steps, x normalised to [1,2)."
     );
     let formats = format!(
-        "Mantissa m {mantissa}, cut; correction c and result y {result}, rounded to nearest, ties up."
+        "Mantissa m {mantissa}, truncated; correction c and result y {result}, rounded to nearest, ties up."
     );
     let proof = Proof {
         name: signal.into(),
@@ -76,9 +77,10 @@ pub fn reciprocal(machine: &str, signal: &str, unit: &Reciprocal) -> Proof {
     proof.explained(machine, &what, &formats, &LEMMAS)
 }
 
-/// |√x·y − 1| of a reciprocal root, and |m·y/√x − 1| of the root that is made of it.
+/// |√x·y − 1| of a reciprocal root, and |m·y/√x − 1| of the root that is computed from it.
 ///
-/// Roots are variables, s of the operand and t of its mantissa, so that all is polynomial.
+/// Roots are variables, s of the operand and t of its mantissa, so that all expressions are
+/// polynomials.
 pub fn root(machine: &str, signal: &str, unit: &ReciprocalRoot) -> Proof {
     let shape = unit.shape();
     let bits = shape.bits as i32;
@@ -107,7 +109,7 @@ pub fn root(machine: &str, signal: &str, unit: &ReciprocalRoot) -> Proof {
             .push(format!("y{next} = {}(y{k}*c{next})", rounding(result)));
         s.goals
             .extend(["q", "c", "y"].map(|name| format!("{name}{next} in {}", range(result))));
-        // With e = t·y − 1: a step leaves −(3e² + e³)/2, and what the three roundings add.
+        // With e = t·y − 1: a step leaves −(3e² + e³)/2, plus the errors of the three roundings.
         let (z, e) = (format!("t*y{k}"), format!("(t*y{k} - 1)"));
         s.rewritings.push(format!(
             "t*y{next} - 1 -> {z}*(c{next} - (3 - m*q{next})*1b-1) - 1b-1*m*{z}*(q{next} - y{k}*y{k}) + t*(y{next} - y{k}*c{next}) - 1b-1*{e}*{e}*(3 + {e})"
@@ -118,7 +120,7 @@ pub fn root(machine: &str, signal: &str, unit: &ReciprocalRoot) -> Proof {
         format!("m*y{last}/s - 1 -> (t*y{last} - 1) - t*y{last}*((s - t)/s) {{ s <> 0 }}"),
         "s - t -> (x - m)/(s + t) { s + t <> 0 }".into(),
     ]);
-    // What the cut of any v takes off is what x is supposed to have more than m.
+    // The loss of truncating any v is the assumed difference of x and m.
     let cut = format!("[0,{}]", number(mantissa.format.value(1)));
     s.goals.push(format!("v - cut in {cut}"));
     s.hypotheses.extend([
@@ -155,11 +157,11 @@ pub fn root(machine: &str, signal: &str, unit: &ReciprocalRoot) -> Proof {
         unit.guesses().len()
     );
     let formats = format!(
-        "Mantissa m {mantissa}, cut; square q, half correction c and result y {result}, rounded to nearest, ties up."
+        "Mantissa m {mantissa}, truncated; square q, half correction c and result y {result}, rounded to nearest, ties up."
     );
     let roots = [
-        "s is the root of x, t that of m; m is what the cut leaves of x, and v stands for any number that is cut.",
-        "The same bound holds of |m*y/sqrt(x) - 1|, the root that is a product of mantissa and result.",
+        "s is the root of x and t that of m; m is x truncated, and v is any number that is truncated.",
+        "The same bound holds for |m*y/sqrt(x) - 1|, the root that is a product of mantissa and result.",
     ];
     let grounds: Vec<&str> = roots.into_iter().chain(LEMMAS).collect();
     let claim = "|sqrt(x)*y - 1|".into();

@@ -1,12 +1,12 @@
 //! Gauss: the table of e^(−r/2), from the ROM's words through interpolation and rounding.
 //!
-//! Two lemmas in one script. Of each step: the ROM's line begins and ends within half a last place
-//! of the exponential (nearest: its word is as close to the exponential of the middle). Of any line
-//! that does: what is rounded from it lies within the bound.
+//! Two lemmas in one script. First, for each step: the ROM's line begins and ends within half an
+//! LSB of the exponential (nearest: its word is as close to the exponential of the middle). Second,
+//! for any such line: the rounded result lies within the bound.
 //!
-//! Gappa has no exponential. What it is told of it are two facts: where it lies at the steps' ends
-//! or middles, to 2^−54, and how far within a step it may be from the chord or the middle. A test
-//! holds both against an independent exponential.
+//! Gappa has no exponential. The script states two facts about it: its value at the ends or middles
+//! of the steps, to 2^−54, and its greatest distance within a step from the chord or from the
+//! middle. A test checks both against an independent exponential.
 
 use super::script::{Script, number, within, word, words};
 use super::{Proof, range, rounding};
@@ -15,8 +15,7 @@ use rtl_model::machine::{Interpolation, TableShape};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::real::{Near, Real, Scale, power_of_two};
 
-/// What the table's exponential may be wrong by, in its own last places
-/// (`the_exponential_is_right_to_two_to_the_minus_54`).
+/// Error of the table's exponential, in ulp (`the_exponential_is_right_to_two_to_the_minus_54`).
 const EXP_ERROR: i64 = 1 << (EXP_FRAC_BITS - 54);
 
 /// Slope and curvature of e^(−r/2), at most.
@@ -24,8 +23,8 @@ const SLOPE: f64 = 0.5;
 const CURVATURE: f64 = 0.25;
 
 const GROUNDS: [&str; 4] = [
-    "Supposed: e<i>, exp(-r/2) at the steps' ends (linear) or middles (nearest), to 2^-54; E, exp(-r/2) anywhere in a step, at most 1",
-    "and, by its slope and curvature, so far below the chord h between a and b (linear), or aside of the middle's a (nearest).",
+    "Assumed: e<i>, exp(-r/2) at the steps' ends (linear) or middles (nearest), to 2^-54; E, exp(-r/2) anywhere in a step, at most 1",
+    "and, by its slope and curvature, at most this far below the chord h between a and b (linear), or from the middle's a (nearest).",
     "Both are tested for every argument of the named machines: the_exponential_is_where_the_proofs_suppose_it.",
     "The goal about a range: no word saturates.",
 ];
@@ -93,8 +92,8 @@ pub fn table(machine: &Elaborated) -> Proof {
                 .push(format!("h - E in [0,{}]", number(between)));
             s.rewritings
                 .push("w - E -> (w - p) + (p - h) + (h - E)".into());
-            // Between two ends a line is no farther off than at the worse of them: what is left of
-            // the limit is a sum of products of what is not negative.
+            // Between two ends a line is no farther off than at the worse end: the rest of the
+            // limit is a sum of products of non-negative terms.
             s.rewritings.push(format!(
                 "p - h -> {half} - (({half} - (v - a))*(1 - f) + ({half} - (v + d - b))*f)"
             ));
@@ -121,7 +120,7 @@ pub fn table(machine: &Elaborated) -> Proof {
             words(exact - EXP_ERROR, exact + EXP_ERROR, EXP_FRAC_BITS as i32)
         ));
     }
-    // Half a last place around each word.
+    // Half an LSB around each word.
     let around = |i: usize, word: i64| {
         format!(
             "e{i} in {}",
@@ -139,7 +138,7 @@ pub fn table(machine: &Elaborated) -> Proof {
         1 << index_bits
     );
     let formats = format!("r {}; the ROM's words and w {}.", m.radial_index, m.falloff);
-    let steps = "Of each step: the goal about e<i> is half a last place around the ROM's word. Of all steps, by these goals:";
+    let steps = "For each step: the goal about e<i> is half an ulp around the ROM's word. For all steps, by these goals:";
     let grounds: Vec<&str> = [steps, lemma].into_iter().chain(GROUNDS).collect();
     let proof = Proof {
         name: "gauss.table".into(),

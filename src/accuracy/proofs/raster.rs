@@ -1,4 +1,4 @@
-//! Raster: forward differencing, from the seed through n columns (and n rows, where rows are
+//! Raster: forward differencing, from the seed through n columns (and n rows if rows are
 //! differenced) to the last register.
 
 use super::script::{Script, within};
@@ -8,13 +8,13 @@ use rtl_model::machine::Rows;
 use rtl_model::units::raster::real::steps_error;
 
 const GROUNDS: [&str; 4] = [
-    "x, y is the offset where the registers are seeded, xx, xy, yy the conic, both as their words are; X, Y is the last pixel's.",
+    "x, y is the offset where the registers are seeded, xx, xy, yy the conic, both in their words; X, Y is the last pixel's.",
     "R, F, G are the registers radial, first by column, first by row, numbered by adds; Sx, Sy, Sb the second differences.",
-    "Supposed: none of gradient, first and second saturates (each run counts that).",
+    "Assumed: none of gradient, first and second saturates (each run counts that).",
     "Not proved: that the register does not wrap. The claim is modulo its reach: a_wrap_is_harmless_inside_the_footprint.",
 ];
 
-/// |radial − r| after `steps` columns, and as many rows where they are differenced, of a box that
+/// |radial − r| after `steps` columns, and as many rows if they are differenced, of a box that
 /// begins at most `steps` pixels from the splat's centre.
 pub fn radial(machine: &Machine, steps: u32) -> Proof {
     let m = &machine.raster;
@@ -40,7 +40,7 @@ pub fn radial(machine: &Machine, steps: u32) -> Proof {
         s.hypotheses
             .push(format!("{name} in {}", within(f64::from(steps))));
     }
-    // Every word that is rounded, and how often its loss counts at the last pixel.
+    // Every rounded word, and how often its loss counts at the last pixel.
     let seed = [
         ("gx", m.gradient, "xx*x + 2*xy*y", "x".to_owned()),
         ("gy", m.gradient, "yy*y", "y".to_owned()),
@@ -62,7 +62,7 @@ pub fn radial(machine: &Machine, steps: u32) -> Proof {
             .push(format!("{name} = {}({exact})", rounding(word)));
         losses.push(format!("{times}*({name} - ({exact}))"));
     }
-    // Down the box's first column, then along the row.
+    // Down the first column of the box, then along the row.
     let adds = rows + steps;
     for (n, next) in (0..adds).map(|n| (n, n + 1)) {
         let [by, first, second] = if n < rows {

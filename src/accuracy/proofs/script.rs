@@ -1,4 +1,4 @@
-//! Script: a proof in Gappa's language, and numbers as it reads them.
+//! Script: a proof in Gappa's language, and numbers in its notation.
 //!
 //! ```text
 //! definitions      m = fixed<-26,dn>(x);
@@ -6,27 +6,27 @@
 //!   goals }          x - m in [0,1b-26] }
 //! rewritings       x*y - 1 -> (m*y - 1) + (x - m)*y;
 //! ```
-//! Gappa reasons about intervals; a rewriting tells it which form of an expression keeps an
-//! interval narrow. It checks that both forms are equal as polynomials, and warns where they are
-//! not. Two habits keep proofs at moments instead of minutes: intervals of plain expressions, no
-//! absolute values, no implications side by side; and what is said of each step of a table is about
-//! constants alone, with one lemma for all that follows. `fixed<…>` is written around an
-//! expression, never as `name fixed<…>= …`: that would round each operation in it.
+//! Gappa reasons about intervals; a rewriting gives it a form of an expression that keeps an
+//! interval narrow. It checks that both forms are equal as polynomials, and warns if they are not.
+//! Two habits keep proofs in seconds instead of minutes. First, intervals are of plain expressions,
+//! without absolute values and without several implications. Second, statements per step of a table
+//! contain only constants, with one lemma for everything that follows. `fixed<…>` is written around
+//! an expression, never as `name fixed<…>= …`, which would round each operation in it.
 
 use std::fmt::Write;
 
-/// A proof to be.
+/// A proof under construction.
 #[derive(Clone, Debug, Default)]
 pub struct Script {
-    /// Claim, its subject and its grounds.
+    /// Claim, subject and grounds.
     pub comments: Vec<String>,
     /// `name = expression`.
     pub definitions: Vec<String>,
-    /// `expression in interval`, taken for granted all together.
+    /// `expression in interval`, all assumed together.
     pub hypotheses: Vec<String>,
-    /// `expression in interval`, to be proved all together.
+    /// `expression in interval`, all to be proved together.
     pub goals: Vec<String>,
-    /// `expression -> the same otherwise`.
+    /// `expression -> equivalent expression`.
     pub rewritings: Vec<String>,
 }
 
@@ -79,7 +79,7 @@ pub fn number(value: f64) -> String {
     }
 }
 
-/// A word with so many fraction bits, as a number.
+/// A word with this many fraction bits, as a number.
 pub fn word(word: i64, frac_bits: i32) -> String {
     format!("{word}b{}", -frac_bits)
 }
@@ -89,11 +89,11 @@ pub fn words(low: i64, high: i64, frac_bits: i32) -> String {
     format!("[{},{}]", word(low, frac_bits), word(high, frac_bits))
 }
 
-/// `[1−most,1+most]`, of a most from 2^−60 to 1.
+/// `[1−most,1+most]`, for a `most` from 2^−60 to 1.
 pub fn near_one(most: f64) -> String {
     const FRAC_BITS: i32 = 113;
     let one = 1i128 << FRAC_BITS;
-    // A number that small has no bit below 2^−113.
+    // A number this small has no bit below 2^−113.
     let most = (most * f64::from(FRAC_BITS).exp2()) as i128;
     format!("[{}b-{FRAC_BITS},{}b-{FRAC_BITS}]", one - most, one + most)
 }

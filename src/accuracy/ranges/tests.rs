@@ -27,7 +27,7 @@ fn reported(word: Word, exact: &[i64]) -> SignalReport {
 
 /// 256ths into I6F6: ¼, 1½, −1, 0, 3½, and one that is rounded.
 #[test]
-fn a_report_says_what_a_range_holds() {
+fn a_report_contains_the_extremes_of_a_range() {
     let report = reported(
         Word::new(Format::signed(6, 6)),
         &[64, 384, -256, 0, 896, 65],
@@ -64,7 +64,7 @@ fn a_report_says_what_a_range_holds() {
 }
 
 #[test]
-fn what_saturated_or_wrapped_would_have_needed_more() {
+fn saturated_or_wrapped_results_need_a_wider_format() {
     for overflow in [Overflow::Saturate, Overflow::Wrap] {
         let report = reported(
             Word::new(Format::unsigned(2, 6)).overflowing(overflow),
@@ -96,7 +96,7 @@ fn a_table_has_at_most_eighty_columns() {
 }
 
 #[test]
-fn numbers_are_short_and_parts_are_not_rounded_to_all_or_nothing() {
+fn numbers_are_short_and_shares_are_not_rounded_to_all_or_nothing() {
     assert_eq!(
         [0.0, -12.5, 0.012, 1234.56, -65536.0, 1e-7].map(few_digits),
         ["0", "-12.5", "0.012", "1234.6", "-6.6e4", "1.0e-7"]
@@ -105,7 +105,7 @@ fn numbers_are_short_and_parts_are_not_rounded_to_all_or_nothing() {
         .map(|(part, whole)| share(part, whole));
     assert_eq!(parts, ["–", "< 1%", "50%", "99%", "100%"]);
     assert_eq!(
-        [9_999, 10_000, 999_999, 12_345_678].map(few_letters),
+        [9_999, 10_000, 999_999, 12_345_678].map(few_characters),
         ["9999", "10k", "999k", "12M"]
     );
 }

@@ -5,7 +5,7 @@ use super::{
     short, surface_names,
 };
 use crate::error::Result;
-use crate::output::chart::{Axis, Chart, Mark, Panel, Series, Tile, Words, write_png};
+use crate::output::chart::{Axis, Chart, Mark, Panel, PictureTile, Series, TextLines, write_png};
 use crate::output::picture::Picture;
 use rtl_model::Machine;
 use std::path::Path;
@@ -55,7 +55,7 @@ pub fn write_chart(catalogue: &Catalogue, path: &Path) -> Result<()> {
     write_png(&drawings, CHART_COLUMNS, CHART_CELL_PX, path)
 }
 
-fn key() -> Words {
+fn key() -> TextLines {
     let mut lines = vec![
         (
             Some((Mark::Line, METHOD)),
@@ -107,7 +107,7 @@ fn key() -> Words {
         rest.into_iter()
             .map(|(sample, line)| (sample, line.to_owned())),
     );
-    Words {
+    TextLines {
         title: "How to read this".into(),
         lines,
     }
@@ -231,7 +231,7 @@ fn joined(limits: Vec<(f64, String, usize)>) -> Vec<(f64, String, usize)> {
 
 /// One row an exhibit: what it is, ideal, golden, fixed, error.
 pub fn write_gallery(exhibits: &[Exhibit], path: &Path) -> Result<()> {
-    let rows: Vec<(Words, [Tile; 4])> = exhibits
+    let rows: Vec<(TextLines, [PictureTile; 4])> = exhibits
         .iter()
         .map(|exhibit| (words(exhibit), tiles(exhibit)))
         .collect();
@@ -248,10 +248,10 @@ pub fn write_gallery(exhibits: &[Exhibit], path: &Path) -> Result<()> {
     )
 }
 
-fn words(exhibit: &Exhibit) -> Words {
+fn words(exhibit: &Exhibit) -> TextLines {
     let case = exhibit.case;
     let value = format!("{} {} {}", case.parameter, short(exhibit.value), case.unit);
-    Words {
+    TextLines {
         title: case.name.into(),
         lines: broken(value.trim())
             .into_iter()
@@ -260,10 +260,10 @@ fn words(exhibit: &Exhibit) -> Words {
     }
 }
 
-fn tiles(exhibit: &Exhibit) -> [Tile; 4] {
+fn tiles(exhibit: &Exhibit) -> [PictureTile; 4] {
     let pictures = &exhibit.pictures;
     let error = error(&pictures.fixed, &pictures.golden);
-    let tile = |caption: &str, picture: &Picture| Tile {
+    let tile = |caption: &str, picture: &Picture| PictureTile {
         caption: caption.into(),
         picture: picture.clone(),
     };

@@ -137,7 +137,7 @@ fn draw(
             evaluation.picture(&evaluation.draw()),
             evaluation.golden().picture,
         );
-        flicker::Sums::new([&fixed, &golden, *ideal], pictures.all()).flicker()
+        flicker::FlickerSums::new([&fixed, &golden, *ideal], pictures.all()).flicker()
     });
     let Pictures { golden, fixed, .. } = &pictures;
     let found = Found {
@@ -230,7 +230,7 @@ impl Found {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::accuracy::Tiles;
+    use crate::accuracy::CheckedTiles;
 
     fn grey(values: &[f64]) -> Picture {
         let rgba = values
@@ -248,7 +248,7 @@ mod tests {
     fn told(bound: f64, flipped: u16) -> Lockstep {
         let flips = Flips::default();
         Lockstep {
-            tiles: Tiles::All,
+            tiles: CheckedTiles::All,
             led: grey(&[0.5]),
             bound: vec![bound],
             error: vec![0.0],

@@ -16,7 +16,7 @@
 use super::columns::{self, Errors, Findings, Frame, Replay};
 use super::plan::{self, Change, Points};
 use super::table::{Column, Kind, Row};
-use crate::accuracy::flicker::{Flicker, Sums};
+use crate::accuracy::flicker::{Flicker, FlickerSums};
 use crate::accuracy::{distance, metrics, partial};
 use crate::error::{Error, Result};
 use crate::golden;
@@ -423,9 +423,9 @@ impl Stage {
         let evaluation =
             Evaluation::new(&self.scene, machine).map_err(|error| error.to_string())?;
         let is_exact = |word: &str| exact.iter().any(|name| machines::is_below(word, name));
-        let choice = partial::Choice::new(&evaluation.machine, |word| !is_exact(word));
+        let choice = partial::ChosenWords::new(&evaluation.machine, |word| !is_exact(word));
         let picture = |evaluation: &Evaluation| {
-            let stage = partial::Stage::new(
+            let stage = partial::MixedDrawing::new(
                 &evaluation.scene,
                 &evaluation.machine,
                 &evaluation.quantised,
@@ -468,10 +468,10 @@ impl Stage {
             .zip(frames(&self.scene, cameras, draw))
             .zip(1..);
         let mut before = (first, &golden.picture, &self.ideal);
-        let mut all = Sums::default();
+        let mut all = FlickerSums::default();
         for (((golden, ideal), fixed), number) in films {
             let fixed = fixed.map_err(|sentence| format!("frame {number}: {sentence}"))?;
-            all = all.and(&Sums::new(
+            all = all.and(&FlickerSums::new(
                 [&before.0, before.1, before.2],
                 [&fixed, golden, ideal],
             ));

@@ -17,7 +17,7 @@ pub use batch::packed;
 use crate::error::{Error, Result};
 use crate::input;
 use crate::output::files::write_beside;
-use crate::output::progress::is_wanted;
+use crate::output::progress::check_not_stopped;
 use crate::scene::digest::digest;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -266,7 +266,7 @@ impl Journal {
     /// # Errors
     /// [`Error::Job`] where it cannot be written, or nobody wants it any more.
     pub fn push(&mut self, point: u64, row: Row) -> Result<()> {
-        is_wanted()?;
+        check_not_stopped()?;
         let cells = Value::from(row.clone()).to_string();
         let line = format!("[\"{}\",{cells}]\n", digest(cells.as_bytes()));
         self.file
@@ -283,7 +283,7 @@ impl Journal {
     /// [`Error::Job`] where they are of other points, are there already, or cannot be written; or
     /// nobody wants them any more.
     pub fn push_batch(&mut self, folder: &Path, points: &[u64], bytes: &[u8]) -> Result<()> {
-        is_wanted()?;
+        check_not_stopped()?;
         let rows = batch::unpacked(bytes, &self.columns)
             .map_err(|what| Error::job(format!("a batch of rows {what}")))?;
         let are_asked_for =

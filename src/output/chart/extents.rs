@@ -1,37 +1,37 @@
-//! Extents: formats as boxes over powers of two, with the words that they held shaded inside.
+//! Extents: formats as boxes over powers of two, shaded by the words that they held.
 //!
 //! ```text
 //!             2⁻²⁰        2⁻⁸         1          2⁸
 //! name        [   ░▒▓▓▒░░             :  ]■           format   narrowest
-//!              └ bits that nothing    :  └ too far    what was seen, darker where it was more often
+//!              └ bits that nothing    :  └ too far    observed words, darker if more frequent
 //!                needed are empty    binary point
 //! ```
 
-use super::{Area, COLOURS, Draw, Drawn, FAINT, FONT, INK, drawing_error};
+use super::{Area, COLOURS, Draw, DrawResult, FAINT, FONT, INK, drawing_error};
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 
-/// One format and what it held.
+/// One format and its words.
 #[derive(Clone, Debug)]
 pub struct Extent {
-    /// To its left.
+    /// Text to its left.
     pub name: String,
-    /// To its right, under the heads.
-    pub says: [String; 3],
-    /// Powers of two of its last place and of what its magnitudes stay below.
+    /// Text to its right, one cell per head.
+    pub columns: [String; 3],
+    /// Powers of two of the LSB and of the least power that no magnitude reaches.
     pub places: [i32; 2],
-    /// Part of all words from each power of two to the next.
+    /// Share of all words between each power of two and the next.
     pub parts: Vec<(i32, f64)>,
-    /// Powers of two by which results exceeded it; 0 where none did.
+    /// Powers of two by which results exceeded the format; 0 if none did.
     pub beyond: i32,
 }
 
 /// Formats by group, one below the other.
 #[derive(Clone, Debug)]
 pub struct Extents {
-    /// Above them.
+    /// Title above the chart.
     pub title: String,
-    /// Above what they say.
+    /// Heads of the columns to the right.
     pub heads: [String; 3],
     /// Names and formats.
     pub groups: Vec<(String, Vec<Extent>)>,
@@ -40,13 +40,13 @@ pub struct Extents {
 const ROW_PX: i32 = 16;
 const PLACE_PX: i32 = 12;
 const NAMES_PX: i32 = 216;
-const SAYS_PX: i32 = 78;
+const COLUMN_PX: i32 = 78;
 const MARGIN_PX: i32 = 14;
-/// Title, legend and the axis.
+/// Height of title, legend and axis.
 const HEAD_PX: i32 = 92;
 /// Powers of two between marks.
 const MARK: i32 = 4;
-/// Decades of parts that shades tell apart.
+/// Decades of shares that shades distinguish.
 const DECADES: f64 = 6.0;
 const OUTLINE: RGBColor = RGBColor(120, 120, 120);
 
@@ -59,14 +59,14 @@ impl Extents {
             .iter()
             .map(|(_, extents)| extents.len() + 1)
             .sum();
-        let width = 2 * MARGIN_PX + NAMES_PX + (last - first) * PLACE_PX + 3 * SAYS_PX;
+        let width = 2 * MARGIN_PX + NAMES_PX + (last - first) * PLACE_PX + 3 * COLUMN_PX;
         [
             width as u32,
             (HEAD_PX + rows as i32 * ROW_PX + MARGIN_PX) as u32,
         ]
     }
 
-    /// Powers of two from the least to the greatest that is shown.
+    /// The least and the greatest power of two of the chart.
     fn span(&self) -> [i32; 2] {
         let all = || self.groups.iter().flat_map(|(_, extents)| extents);
         let first = all()
@@ -93,7 +93,7 @@ fn text(size: i32, anchor: HPos) -> TextStyle<'static> {
         .pos(Pos::new(anchor, VPos::Center))
 }
 
-/// From nearly white to the first of the colours, by the logarithm of a part.
+/// From nearly white to the first of the colours, by the logarithm of a share.
 fn shade(part: f64) -> RGBColor {
     let depth = (1.0 + libm::log10(part.max(f64::MIN_POSITIVE)) / DECADES)
         .clamp(0.0, 1.0)
@@ -104,7 +104,7 @@ fn shade(part: f64) -> RGBColor {
     RGBColor(r, g, b)
 }
 
-/// 2 to a power, as it is written.
+/// Text of a power of two.
 fn power(exponent: i32) -> String {
     if exponent == 0 {
         return "1".into();
@@ -118,7 +118,7 @@ fn power(exponent: i32) -> String {
 }
 
 impl Draw for Extents {
-    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> DrawResult {
         let [first, last] = self.span();
         let x = |place: i32| MARGIN_PX + NAMES_PX + (place - first) * PLACE_PX;
         let rows: i32 = self
@@ -149,7 +149,7 @@ impl Draw for Extents {
             .map_err(drawing_error)?;
         }
         for (head, column) in self.heads.iter().zip(1..) {
-            let at = (x(last) + column * SAYS_PX, HEAD_PX - 14);
+            let at = (x(last) + column * COLUMN_PX, HEAD_PX - 14);
             area.draw(&Text::new(head.clone(), at, text(13, HPos::Right)))
                 .map_err(drawing_error)?;
         }
@@ -173,7 +173,7 @@ impl Draw for Extents {
 }
 
 impl Extents {
-    fn draw_legend<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
+    fn draw_legend<B: DrawingBackend>(&self, area: &Area<B>) -> DrawResult {
         let y = 48;
         let mut x = MARGIN_PX;
         let words = |text_px: &mut i32, words: &str, width: i32| {
@@ -227,7 +227,7 @@ impl Extent {
         x: impl Fn(i32) -> i32,
         top: i32,
         end: i32,
-    ) -> Drawn {
+    ) -> DrawResult {
         let (upper, lower, middle) = (top + 2, top + ROW_PX - 2, top + ROW_PX / 2);
         let filled = |from: i32, to: i32, colour: RGBColor| {
             let cell = [(x(from), upper), (x(to), lower)];
@@ -253,10 +253,10 @@ impl Extent {
             OUTLINE,
         ))
         .map_err(drawing_error)?;
-        for (says, column) in self.says.iter().zip(1..) {
+        for (cell, column) in self.columns.iter().zip(1..) {
             area.draw(&Text::new(
-                says.clone(),
-                (end + column * SAYS_PX, middle),
+                cell.clone(),
+                (end + column * COLUMN_PX, middle),
                 text(13, HPos::Right),
             ))
             .map_err(drawing_error)?;

@@ -1,4 +1,4 @@
-//! Charts by what is in their pixels.
+//! Tests of charts by their pixels.
 
 use super::*;
 
@@ -38,7 +38,7 @@ fn a_line_and_its_limit_are_drawn() {
 }
 
 #[test]
-fn what_a_log_axis_cannot_show_is_left_out() {
+fn values_that_are_not_positive_are_left_out_of_a_log_axis() {
     let image = drawn(&panel(
         vec![
             [0.0, 1e-3],
@@ -83,7 +83,7 @@ fn a_grid_has_room_for_all() {
 }
 
 #[test]
-fn axes_tell_numbers_shortly() {
+fn axis_marks_are_short() {
     let (linear, log) = (Axis::linear(""), Axis::log(""));
     let written = [
         linear.written(0.0),
@@ -96,7 +96,7 @@ fn axes_tell_numbers_shortly() {
 }
 
 #[test]
-fn marks_between_powers_of_ten_are_bare_where_two_powers_are_marked() {
+fn marks_between_powers_of_ten_are_bare_if_two_powers_are_marked() {
     let log = Axis::log("");
     assert_eq!(
         [0.0, 0.5, 1.0].map(|place| log.mark(place, &(-0.1..1.1))),
@@ -114,9 +114,9 @@ fn marks_between_powers_of_ten_are_bare_where_two_powers_are_marked() {
     );
 }
 
-/// However little values differ, marks do not all read the same.
+/// Marks differ even if values differ very little.
 #[test]
-fn marks_are_told_apart() {
+fn marks_are_distinguishable() {
     for (low, high) in [
         (83.8551, 83.8554),
         (83.855, 83.855_000_01),
@@ -140,7 +140,7 @@ fn marks_are_told_apart() {
     }
 }
 
-/// In a chart that is low a legend stands above the bars, not on them.
+/// In a low chart the legend is above the bars, not on them.
 #[test]
 fn a_legend_covers_no_bar() {
     let bars = |rows: usize, names: usize| Bars {
@@ -156,8 +156,8 @@ fn a_legend_covers_no_bar() {
         write_png(&[&bars(rows, names)], 1, [640, 230], &path).unwrap();
         let image = image::open(path).unwrap().into_rgb8();
         let RGBColor(r, g, b) = COLOURS[names - 1];
-        // The last part of each bar ends at the right: of each as many columns as of any other, and
-        // nothing between.
+        // The last part of each bar ends at the right: all parts have the same number of columns,
+        // without gaps.
         let columns: Vec<u32> = (image.width() - 80..image.width() - 20).collect();
         let heights: Vec<usize> = columns
             .iter()
@@ -183,20 +183,20 @@ fn a_tile_shows_each_pixel_enlarged_and_nothing_between_them() {
         rgba,
         covered: vec![true; 4],
     };
-    let image = drawn(&Tile {
+    let image = drawn(&PictureTile {
         caption: String::new(),
         picture,
     });
     let [red, blue] =
         [RGBColor(255, 0, 0), RGBColor(0, 0, 255)].map(|colour| pixels_of(&image, colour));
-    // 640 × 400 less margin and caption: 188 pixels a side.
+    // 640 × 400 less margin and caption: 188 pixels per side.
     assert_eq!((red, blue), (2 * 188 * 188, 2 * 188 * 188));
 }
 
 #[test]
 fn words_show_how_series_are_drawn() {
     let line = |mark, colour| (Some((mark, colour)), "a series".to_owned());
-    let image = drawn(&Words {
+    let image = drawn(&TextLines {
         title: "Key".into(),
         lines: vec![
             line(Mark::Line, 0),

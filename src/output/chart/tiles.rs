@@ -1,26 +1,26 @@
-//! Tiles: pictures enlarged pixel by pixel, and words, as cells of a grid.
+//! Tiles: cells of a grid with pictures enlarged pixel by pixel, and with text.
 
-use super::{Area, COLOURS, Draw, Drawn, FONT, INK, Mark, drawing_error};
+use super::{Area, COLOURS, Draw, DrawResult, FONT, INK, Mark, drawing_error};
 use crate::output::colour::srgb_byte;
 use crate::output::picture::Picture;
 use plotters::element::DashedPathElement;
 use plotters::prelude::*;
 
-/// A picture under its caption, as large as a whole number of times fits.
+/// A picture under its caption, enlarged by the greatest integer that fits.
 #[derive(Clone, Debug)]
-pub struct Tile {
-    /// Above it.
+pub struct PictureTile {
+    /// Text above it.
     pub caption: String,
     /// Linear light, over black.
     pub picture: Picture,
 }
 
-/// Lines of text, each perhaps beside a sample of how a series is drawn.
+/// Lines of text, each optionally next to a sample of how a series is drawn.
 #[derive(Clone, Debug, Default)]
-pub struct Words {
+pub struct TextLines {
     /// The first line, larger.
     pub title: String,
-    /// The others, already broken.
+    /// The other lines, already wrapped.
     pub lines: Vec<(Option<(Mark, usize)>, String)>,
 }
 
@@ -29,8 +29,8 @@ const CAPTION_PX: i32 = 18;
 /// Free space around a cell's content, pixels.
 const MARGIN_PX: i32 = 3;
 
-impl Draw for Tile {
-    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
+impl Draw for PictureTile {
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> DrawResult {
         let style = (FONT, 13).into_font().color(&INK);
         area.draw(&Text::new(
             self.caption.clone(),
@@ -49,7 +49,7 @@ impl Draw for Tile {
                 MARGIN_PX + CAPTION_PX + i as i32 / columns * side,
             ];
             let [r, g, b] = [r, g, b].map(|channel| srgb_byte(*channel));
-            // The corner is not part of it.
+            // The second corner is exclusive.
             let square = [(x, y), (x + side, y + side)];
             area.draw(&Rectangle::new(square, RGBColor(r, g, b).filled()))
                 .map_err(drawing_error)?;
@@ -58,8 +58,8 @@ impl Draw for Tile {
     }
 }
 
-impl Draw for Words {
-    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> Drawn {
+impl Draw for TextLines {
+    fn draw<B: DrawingBackend>(&self, area: &Area<B>) -> DrawResult {
         let title = (FONT, 16).into_font().color(&INK);
         area.draw(&Text::new(
             self.title.clone(),

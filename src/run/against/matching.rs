@@ -1,5 +1,5 @@
-//! Matching: which picture of a folder was taken by which camera: by the names that a file of
-//! cameras has, else by order.
+//! Matching: which picture of a folder belongs to which camera: by the names in a file of cameras,
+//! otherwise by order.
 
 use crate::error::{Error, Result};
 use crate::output::text::{clipped, listed, one_line};
@@ -8,30 +8,34 @@ use std::cmp::Ordering;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// Endings of pictures that are read.
+/// File extensions of pictures that can be read.
 const READ: [&str; 3] = ["png", "jpg", "jpeg"];
-/// Endings of pictures in files of cameras, besides: the picture that is compared may be of another
-/// kind.
+/// Further extensions of pictures in files of cameras: the compared picture may have another
+/// format.
 const KNOWN: [&str; 8] = ["tif", "tiff", "bmp", "webp", "gif", "ppm", "exr", "heic"];
 
 /// A picture for each frame.
-pub(super) struct Match {
-    /// None of a frame that is not drawn.
+pub(super) struct MatchedFiles {
+    /// None for a frame that is not drawn.
     pub files: Vec<Option<PathBuf>>,
     pub notes: Vec<String>,
 }
 
-/// Pictures of folders, each listed once, in order.
+/// Pictures of folders, in order; each folder is listed once.
 struct Folders {
     whose: String,
     listed: BTreeMap<PathBuf, Vec<String>>,
 }
 
-/// Matches a picture, or those of a folder, with all frames or the `only` one.
+/// Matches a picture, or those of a folder, with all frames or with the `only` one.
 ///
 /// # Errors
-/// [`Error::Input`] where a frame has none, or it is not clear which.
-pub(super) fn matched(path: &Path, sequence: &Sequence, only: Option<usize>) -> Result<Match> {
+/// [`Error::Input`] if a frame has no picture, or the match is ambiguous.
+pub(super) fn matched(
+    path: &Path,
+    sequence: &Sequence,
+    only: Option<usize>,
+) -> Result<MatchedFiles> {
     let whose = format!("--against {}", path.display());
     let input_error = |what: String| Error::input(format!("{whose}: {what}"));
     let names = sequence.pictures();
@@ -62,7 +66,7 @@ pub(super) fn matched(path: &Path, sequence: &Sequence, only: Option<usize>) -> 
                 clipped(name)
             )
         });
-        return Ok(Match {
+        return Ok(MatchedFiles {
             files,
             notes: notes.into_iter().collect(),
         });
@@ -122,7 +126,7 @@ pub(super) fn matched(path: &Path, sequence: &Sequence, only: Option<usize>) -> 
         ));
     }
     notes.extend(left_over(&all[frames..]));
-    Ok(Match {
+    Ok(MatchedFiles {
         files: (0..frames).map(of_frame).collect(),
         notes,
     })
@@ -133,7 +137,7 @@ fn by_name(
     names: &[Option<&str>],
     only: Option<usize>,
     folders: &mut Folders,
-) -> Result<Match> {
+) -> Result<MatchedFiles> {
     let mut files = vec![None; names.len()];
     let mut absent = Vec::new();
     for (frame, name) in names
@@ -192,7 +196,7 @@ fn by_name(
         let rest: Vec<String> = in_use.into_iter().flat_map(of_folder).collect();
         notes.extend(left_over(&rest));
     }
-    Ok(Match { files, notes })
+    Ok(MatchedFiles { files, notes })
 }
 
 fn left_over(rest: &[String]) -> Option<String> {
@@ -216,7 +220,7 @@ fn endings() -> String {
 }
 
 impl Folders {
-    /// Pictures in a folder, in order; hidden files are none.
+    /// Pictures in a folder, in order, without hidden files.
     fn pictures(&mut self, folder: &Path) -> Result<&[String]> {
         if !self.listed.contains_key(folder) {
             let cannot = |error: std::io::Error| {
@@ -244,8 +248,8 @@ impl Folders {
         Ok(&self.listed[folder])
     }
 
-    /// The picture that a file of cameras names: in the folders that it names, as many of them as
-    /// are there, and by its name without an ending where that very file is absent.
+    /// The picture that a file of cameras names. Its folders are used as far as they exist; its
+    /// name is matched without extension if the file itself is absent.
     fn find(&mut self, root: &Path, name: &str) -> Result<Option<PathBuf>> {
         let parts = parts(name);
         let Some((last, above)) = parts.split_last() else {
@@ -283,7 +287,7 @@ impl Folders {
     }
 }
 
-/// Folders and file of a path that any system may have written, behind its last `..`.
+/// Folders and file of a path in the notation of any system, after its last `..`.
 fn parts(path: &str) -> Vec<&str> {
     let behind = path
         .split(['/', '\\'])
@@ -300,7 +304,7 @@ fn ending(name: &str) -> Option<&str> {
     name.rsplit_once('.').map(|(_, ending)| ending)
 }
 
-/// A name without the ending of a picture: other dots belong to it.
+/// A name without the extension of a picture; other dots belong to the name.
 fn bare(name: &str) -> &str {
     match name.rsplit_once('.') {
         Some((stem, ending))
@@ -315,7 +319,7 @@ fn bare(name: &str) -> &str {
     }
 }
 
-/// Names in the order of their letters, and of the values of numbers in them: 9 before 10.
+/// Compares names letter by letter, and numbers in them by value: 9 before 10.
 fn in_order(a: &str, b: &str) -> Ordering {
     let pieces = |text: &str| -> Vec<String> {
         let mut pieces: Vec<String> = Vec::new();

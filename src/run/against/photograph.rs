@@ -1,18 +1,18 @@
 //! Photograph: decodes a PNG or JPEG of 8 or 16 bits per channel to code values, over the
 //! background of the scene.
 
-use super::View;
+use super::FrameView;
 use crate::output::picture::Picture;
 use crate::output::text::one_line;
 use image::metadata::Orientation;
 use image::{ColorType, DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::io::Cursor;
 
-/// Most bytes that decoding may take: of the largest frame, 16384 × 16384 pixels, with 8 bytes
-/// each.
+/// Greatest number of bytes for decoding: the largest frame, 16384 × 16384 pixels, with 8 bytes per
+/// pixel.
 const MOST_BYTES: u64 = 1 << 31;
 
-/// A given picture of a view.
+/// A photograph of a view.
 #[derive(Clone, Debug)]
 pub(super) struct Photograph {
     /// Its file, on one line.
@@ -23,7 +23,7 @@ pub(super) struct Photograph {
     pub picture: Picture,
     /// A pixel was not opaque.
     pub is_transparent: bool,
-    /// How viewers should turn it, as its Exif data have it (1 to 8), where they should.
+    /// Exif orientation (1 to 8), if viewers have to turn the picture.
     pub orientation: Option<u8>,
 }
 
@@ -32,11 +32,16 @@ fn cannot(error: image::ImageError) -> String {
 }
 
 impl Photograph {
-    /// Decodes it. `whose` is the frame that it is of.
+    /// Decodes a file. `whose` is the frame that it belongs to.
     ///
     /// # Errors
     /// The second half of a sentence that begins with the file's name.
-    pub fn decode(bytes: &[u8], name: String, view: &View, whose: &str) -> Result<Self, String> {
+    pub fn decode(
+        bytes: &[u8],
+        name: String,
+        view: &FrameView,
+        whose: &str,
+    ) -> Result<Self, String> {
         let known = |format: &ImageFormat| matches!(format, ImageFormat::Png | ImageFormat::Jpeg);
         let format = image::guess_format(bytes)
             .ok()
@@ -47,7 +52,7 @@ impl Photograph {
         limits.max_alloc = Some(MOST_BYTES);
         reader.limits(limits);
         let mut decoder = reader.into_decoder().map_err(cannot)?;
-        // Before anything is made room for: what is decoded is as large as the frame.
+        // Checked before memory is allocated: the decoded picture has the size of the frame.
         let (width, height) = decoder.dimensions();
         if [width as usize, height as usize] != [view.width, view.height] {
             return Err(format!(
@@ -56,7 +61,7 @@ impl Photograph {
                 view.width, view.height
             ));
         }
-        // The decoder of `image` fills up what is missing.
+        // The decoder of `image` fills in missing data.
         if format == ImageFormat::Jpeg && !ends(bytes) {
             return Err("cannot be decoded: the file ends before the picture does".into());
         }
@@ -111,9 +116,9 @@ impl Photograph {
     }
 }
 
-/// Whether a JPEG has its end: a marker D9 behind its segments and scans (ITU-T T.81, annex B).
+/// Whether a JPEG has its end: a marker D9 after its segments and scans (ITU-T T.81, annex B).
 fn ends(bytes: &[u8]) -> bool {
-    // Behind the start of the image.
+    // After the start of the image.
     let mut at = 2;
     while let Some(found) = bytes
         .get(at..)
@@ -123,7 +128,7 @@ fn ends(bytes: &[u8]) -> bool {
         let marker = bytes.get(at + 1).copied();
         match marker {
             Some(0xd9) => return true,
-            // Filling; a byte of a scan that is 0xff; restarts; without a length.
+            // Fill bytes; the byte 0xff in a scan; restarts; markers without a length.
             Some(0xff) => at += 1,
             Some(0x00 | 0x01 | 0xd0..=0xd8) => at += 2,
             Some(_) => match bytes.get(at + 2..at + 4) {

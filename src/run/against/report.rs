@@ -1,4 +1,4 @@
-//! Report: figures of a frame against its photograph, their means over frames, and both as tables
+//! Report: figures of a frame against its photograph, their means over frames, and tables of both
 //! for a terminal.
 
 use super::photograph::Photograph;
@@ -8,24 +8,24 @@ use crate::output::text::{aligned, plain_table, wrapped};
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// Frames in a table, at most.
+/// Greatest number of frames in a table.
 const MOST_ROWS: usize = 20;
 
 /// A frame against its photograph, in code values (sRGB as files store it, not linear light). The
-/// drawn pictures are rounded to as many bits as the photograph has, as their PNG files are, and
+/// drawn pictures are rounded to the photograph's number of bits, like their PNG files. They are
 /// over black where they are not opaque.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 #[schemars(rename = "AgainstPhotograph")]
 pub struct Against {
     /// The photograph's file.
     pub picture: String,
-    /// Bits per channel that it has, 8 or 16.
+    /// Bits per channel of the photograph, 8 or 16.
     pub bits: u32,
-    /// What exact arithmetic reaches.
+    /// Fidelity of exact arithmetic.
     pub golden: Fidelity,
-    /// What the machine reaches.
+    /// Fidelity of the machine.
     pub fixed: Fidelity,
-    /// What the machine's arithmetic costs.
+    /// Loss by the machine's arithmetic.
     pub fixed_minus_golden: Loss,
 }
 
@@ -33,23 +33,23 @@ pub struct Against {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 #[schemars(rename = "AgainstPhotographs")]
 pub struct Means {
-    /// Of what exact arithmetic reaches.
+    /// Fidelity of exact arithmetic.
     pub golden: Fidelity,
-    /// Of what the machine reaches.
+    /// Fidelity of the machine.
     pub fixed: Fidelity,
-    /// Of what the machine's arithmetic costs.
+    /// Loss by the machine's arithmetic.
     pub fixed_minus_golden: Loss,
 }
 
 /// Fixed minus golden, each against a photograph.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Loss {
-    /// Below 0 where the machine is farther from the photograph. 0 where both pictures equal it;
-    /// none where one of them alone does, and in a mean where a frame has none.
+    /// Below 0 if the machine is farther from the photograph. 0 if both pictures equal it; none if
+    /// only one of them does. A mean is none if a frame has none.
     pub psnr_db: Option<f64>,
-    /// Below 0 where the machine is farther from the photograph.
+    /// Below 0 if the machine is farther from the photograph.
     pub ssim: f64,
-    /// Above 0 where the machine is farther from the photograph.
+    /// Above 0 if the machine is farther from the photograph.
     pub flip: f64,
 }
 
@@ -107,7 +107,7 @@ impl Against {
 }
 
 impl Means {
-    /// Of these frames; none where there is none.
+    /// Means of these frames; none without frames.
     pub fn new<'a>(frames: impl IntoIterator<Item = &'a Against>) -> Option<Self> {
         let frames: Vec<&Against> = frames.into_iter().collect();
         let count = frames.len() as f64;
@@ -136,7 +136,7 @@ impl Means {
         })
     }
 
-    /// The means, and a row per frame; of many frames those that lose most.
+    /// The means, and a row per frame; with many frames only those with the greatest loss.
     pub fn tables(&self, frames: &[(u64, &Against)]) -> String {
         let head = format!(
             "against photographs, code values, mean of {} frames:",
@@ -149,7 +149,7 @@ impl Means {
             "infinite",
         );
         let mut rows = frames.to_vec();
-        // Where golden alone equals the photograph, nothing loses more.
+        // If only golden equals the photograph, the loss is the greatest possible.
         rows.sort_by(|(_, a), (_, b)| {
             let loss = |frame: &Against| {
                 frame
@@ -203,7 +203,7 @@ impl Means {
         }
         let rest = frames.len() - rows.len();
         let rest = if rest > 0 {
-            format!("\nthose that lose most; {rest} more are in report.json")
+            format!("\nthose with the greatest loss; {rest} more are in report.json")
         } else {
             String::new()
         };
@@ -211,7 +211,7 @@ impl Means {
     }
 }
 
-/// `none` is what no PSNR means.
+/// `none` is the text for a missing PSNR.
 fn table(golden: &Fidelity, fixed: &Fidelity, loss: &Loss, none: &str) -> String {
     let mut table = plain_table(&["", "PSNR dB", "SSIM", "FLIP"]);
     for (name, cells) in [
@@ -266,7 +266,7 @@ mod tests {
 
     /// Worked out by hand.
     #[test]
-    fn means_are_those_of_figures_and_infinite_where_one_is() {
+    fn means_are_infinite_if_one_figure_is() {
         let frames = [
             against(Some(30.0), Some(29.0), 0.5),
             against(Some(20.0), Some(18.0), 0.25),
@@ -311,7 +311,7 @@ mod tests {
     }
 
     #[test]
-    fn of_many_frames_those_that_lose_most_are_listed_in_their_order() {
+    fn frames_with_the_greatest_loss_are_listed_in_order() {
         let frames: Vec<Against> = (0..30)
             .map(|frame| against(Some(30.0), Some(f64::from(frame)), 0.5))
             .collect();
@@ -324,7 +324,7 @@ mod tests {
         let rows: Vec<u32> = first.iter().filter_map(|word| word.parse().ok()).collect();
         assert_eq!(rows, (10..30).collect::<Vec<_>>(), "{text}");
         assert!(
-            text.ends_with("those that lose most; 10 more are in report.json"),
+            text.ends_with("those with the greatest loss; 10 more are in report.json"),
             "{text}"
         );
         assert!(

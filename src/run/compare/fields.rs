@@ -1,156 +1,181 @@
-//! Fields: which figures and fields of two reports are told, and how they differ.
+//! Fields: which figures and fields of two reports are compared, and how they differ.
 
-use super::{Difference, Figure, Unit, UnitSide};
+use super::{ComparedFigure, ComparedUnit, Difference, UnitSide};
 use crate::hardware::machines;
 use serde_json::{Map, Value, json};
 
-/// Way in which a figure is told.
+/// Notation of a figure.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Kind {
-    /// A whole number.
+pub(super) enum Notation {
+    /// An integer.
     Count,
-    /// One place behind the point.
+    /// One decimal place.
     Tenths,
-    /// Times this, and two places.
+    /// Multiplied by this factor, with two decimal places.
     Scaled(f64),
     /// Decibels of two pictures.
     Decibels,
-    /// Five places.
+    /// Five decimal places.
     Similarity,
     /// A name.
     Name,
 }
 
-/// A figure: its name, where it stands, how it is told, and whether it is told where both are
-/// equal.
-pub(super) const FIGURES: [(&str, &str, Kind, bool); 41] = [
-    ("cycles", "/cycles/total", Kind::Count, true),
-    ("clock, MHz", "/cycles/clock_hz", Kind::Scaled(1e-6), false),
-    ("frames/s", "/cycles/frames_per_second", Kind::Tenths, true),
-    ("limited by", "/cycles/bottleneck", Kind::Name, true),
-    ("limit", "/cycles/limit/by", Kind::Name, false),
+/// A figure: its name, its path in the report, its notation, and whether it is listed if both sides
+/// are equal.
+pub(super) const FIGURES: [(&str, &str, Notation, bool); 41] = [
+    ("cycles", "/cycles/total", Notation::Count, true),
     (
-        "memory, MB a frame",
+        "clock, MHz",
+        "/cycles/clock_hz",
+        Notation::Scaled(1e-6),
+        false,
+    ),
+    (
+        "frames/s",
+        "/cycles/frames_per_second",
+        Notation::Tenths,
+        true,
+    ),
+    ("limited by", "/cycles/bottleneck", Notation::Name, true),
+    ("limit", "/cycles/limit/by", Notation::Name, false),
+    (
+        "memory, MB per frame",
         "/cycles/memory/bytes",
-        Kind::Scaled(1e-6),
+        Notation::Scaled(1e-6),
         true,
     ),
     (
         "memory, GB/s",
         "/cycles/memory/bytes_per_second",
-        Kind::Scaled(1e-9),
+        Notation::Scaled(1e-9),
         false,
     ),
     (
         "memory at most, GB/s",
         "/cycles/memory/peak_bytes_per_second",
-        Kind::Scaled(1e-9),
+        Notation::Scaled(1e-9),
         false,
     ),
-    ("cache look-ups", "/cycles/lookups/0", Kind::Count, false),
-    ("cache hits", "/cycles/lookups/1", Kind::Count, false),
-    ("texel look-ups", "/cycles/texels/0", Kind::Count, false),
-    ("texel hits", "/cycles/texels/1", Kind::Count, false),
-    ("stamps tested", "/cycles/slots/0", Kind::Count, false),
-    ("area, LUT equivalents", "/cost/area", Kind::Count, true),
-    ("gates, NAND2", "/cost/gates/total", Kind::Count, true),
-    ("SRAM, kbit", "/cost/gates/sram_kbit", Kind::Tenths, false),
-    ("FIFOs, bits", "/cost/fifo_bits", Kind::Count, false),
+    (
+        "cache look-ups",
+        "/cycles/lookups/0",
+        Notation::Count,
+        false,
+    ),
+    ("cache hits", "/cycles/lookups/1", Notation::Count, false),
+    ("texel look-ups", "/cycles/texels/0", Notation::Count, false),
+    ("texel hits", "/cycles/texels/1", Notation::Count, false),
+    ("stamps tested", "/cycles/slots/0", Notation::Count, false),
+    ("area, LUT equivalents", "/cost/area", Notation::Count, true),
+    ("gates, NAND2", "/cost/gates/total", Notation::Count, true),
+    (
+        "SRAM, kbit",
+        "/cost/gates/sram_kbit",
+        Notation::Tenths,
+        false,
+    ),
+    ("FIFOs, bits", "/cost/fifo_bits", Notation::Count, false),
     (
         "tiles, cache, bits",
         "/cost/memory_bits",
-        Kind::Count,
+        Notation::Count,
         false,
     ),
     (
-        "a fragment, bits",
+        "fragment, bits",
         "/machine/fragment_bits",
-        Kind::Count,
+        Notation::Count,
         false,
     ),
     (
-        "a pixel, bits",
+        "pixel, bits",
         "/cost/frame_bits_per_pixel",
-        Kind::Count,
+        Notation::Count,
         false,
     ),
     (
         "widest operand, bits",
         "/machine/widest_operand_bits",
-        Kind::Count,
+        Notation::Count,
         false,
     ),
     (
-        "energy, mJ a frame",
+        "energy, mJ per frame",
         "/cost/energy/total",
-        Kind::Scaled(1e3),
+        Notation::Scaled(1e3),
         true,
     ),
     (
         "fixed − golden, dB",
         "/accuracy/fixed_vs_golden/psnr_db",
-        Kind::Decibels,
+        Notation::Decibels,
         true,
     ),
     (
         "golden − ideal, dB",
         "/accuracy/golden_vs_ideal/psnr_db",
-        Kind::Decibels,
+        Notation::Decibels,
         true,
     ),
     (
         "fixed − ideal, dB",
         "/accuracy/fixed_vs_ideal/psnr_db",
-        Kind::Decibels,
+        Notation::Decibels,
         true,
     ),
     (
         "in lockstep, dB",
         "/accuracy/lockstep/psnr_db",
-        Kind::Decibels,
+        Notation::Decibels,
         true,
     ),
     (
         "fixed − ideal, SSIM",
         "/accuracy/fixed_vs_ideal/ssim",
-        Kind::Similarity,
+        Notation::Similarity,
         false,
     ),
     (
         "fixed − golden, pixels > 1/255",
         "/accuracy/fixed_vs_golden/pixels_over_1_255",
-        Kind::Count,
+        Notation::Count,
         false,
     ),
     (
         "decisions that flipped",
         "/accuracy/lockstep/decision_flips",
-        Kind::Count,
+        Notation::Count,
         false,
     ),
     (
         "bound exceeded, pixels",
         "/accuracy/lockstep/bound_violations",
-        Kind::Count,
+        Notation::Count,
         false,
     ),
-    ("splats", "/scene/splats", Kind::Count, false),
-    ("contributions", "/scene/fragments", Kind::Count, false),
-    ("accumulated", "/fragments/accumulated", Kind::Count, false),
-    ("inserted", "/fragments/inserted", Kind::Count, false),
-    ("merged", "/fragments/merged", Kind::Count, false),
-    ("evicted", "/fragments/evicted", Kind::Count, false),
-    ("replaced", "/fragments/replaced", Kind::Count, false),
-    ("dropped", "/fragments/dropped", Kind::Count, false),
-    ("late", "/fragments/late", Kind::Count, false),
-    ("inside", "/fragments/inside", Kind::Count, false),
-    ("summed", "/fragments/summed", Kind::Count, false),
+    ("splats", "/scene/splats", Notation::Count, false),
+    ("contributions", "/scene/fragments", Notation::Count, false),
+    (
+        "accumulated",
+        "/fragments/accumulated",
+        Notation::Count,
+        false,
+    ),
+    ("inserted", "/fragments/inserted", Notation::Count, false),
+    ("merged", "/fragments/merged", Notation::Count, false),
+    ("evicted", "/fragments/evicted", Notation::Count, false),
+    ("replaced", "/fragments/replaced", Notation::Count, false),
+    ("dropped", "/fragments/dropped", Notation::Count, false),
+    ("late", "/fragments/late", Notation::Count, false),
+    ("inside", "/fragments/inside", Notation::Count, false),
+    ("summed", "/fragments/summed", Notation::Count, false),
 ];
 
-/// Figures that either report has, and that differ or matter always.
-pub(super) fn figures(a: &Value, b: &Value) -> Vec<Figure> {
-    let figure = |(name, pointer, kind, always): (&'static str, &str, Kind, bool)| {
-        let [one, other] = [a, b].map(|report| told(report, pointer, kind));
+/// Figures that either report has, and that differ or are always listed.
+pub(super) fn figures(a: &Value, b: &Value) -> Vec<ComparedFigure> {
+    let figure = |(name, pointer, notation, always): (&'static str, &str, Notation, bool)| {
+        let [one, other] = [a, b].map(|report| value_of(report, pointer, notation));
         let is_there = !one.is_null() || !other.is_null();
         let difference = one
             .as_f64()
@@ -158,14 +183,14 @@ pub(super) fn figures(a: &Value, b: &Value) -> Vec<Figure> {
             .map(|(one, other)| other - one);
         let base = one
             .as_f64()
-            .filter(|base| *base != 0.0 && kind != Kind::Decibels);
+            .filter(|base| *base != 0.0 && notation != Notation::Decibels);
         let relative = difference.zip(base).map(|(step, base)| step / base);
-        let scale = match kind {
-            Kind::Scaled(scale) => Some(scale),
+        let scale = match notation {
+            Notation::Scaled(scale) => Some(scale),
             _ => None,
         };
         let path = pointer[1..].replace('/', ".");
-        (is_there && (always || one != other)).then_some(Figure {
+        (is_there && (always || one != other)).then_some(ComparedFigure {
             name,
             path,
             a: one,
@@ -178,10 +203,10 @@ pub(super) fn figures(a: &Value, b: &Value) -> Vec<Figure> {
     FIGURES.into_iter().filter_map(figure).collect()
 }
 
-/// What a report says; null where it does not.
-fn told(report: &Value, pointer: &str, kind: Kind) -> Value {
+/// Value of a figure in a report; null if it is absent.
+fn value_of(report: &Value, pointer: &str, notation: Notation) -> Value {
     let value = report.pointer(pointer).cloned().unwrap_or_default();
-    if kind != Kind::Decibels {
+    if notation != Notation::Decibels {
         return value;
     }
     let Some(pair) = pointer
@@ -191,14 +216,14 @@ fn told(report: &Value, pointer: &str, kind: Kind) -> Value {
         return Value::Null;
     };
     match value {
-        _ if pair["not_finite"].as_u64().is_some_and(|pixels| pixels > 0) => "no number".into(),
+        _ if pair["not_finite"].as_u64().is_some_and(|pixels| pixels > 0) => "NaN".into(),
         Value::Null if pair.is_object() => "equal".into(),
         value => value,
     }
 }
 
-/// Units of both: cycles where there is a frame, area where it differs.
-pub(super) fn units(a: &Value, b: &Value) -> Vec<Unit> {
+/// Units of both: cycles if there is a frame, area if it differs.
+pub(super) fn units(a: &Value, b: &Value) -> Vec<ComparedUnit> {
     let mut names: Vec<String> = Vec::new();
     for (report, list) in [
         (a, "/cycles/units"),
@@ -218,7 +243,7 @@ pub(super) fn units(a: &Value, b: &Value) -> Vec<Unit> {
             }
         }
     }
-    let unit = |name: String| Unit {
+    let unit = |name: String| ComparedUnit {
         a: unit_of(a, &name),
         b: unit_of(b, &name),
         name,
@@ -254,7 +279,7 @@ fn unit_of(report: &Value, name: &str) -> UnitSide {
     }
 }
 
-/// Fields of two descriptions that differ; the name is none of them.
+/// Fields of two descriptions that differ, without the name.
 pub(super) fn machine(a: &Value, b: &Value) -> Vec<Difference> {
     let described = |report: &Value| {
         report
@@ -286,7 +311,7 @@ pub(super) fn machine(a: &Value, b: &Value) -> Vec<Difference> {
     all
 }
 
-/// Fields of two scenes that differ, but for what a machine makes of them.
+/// Fields of two scenes that differ, without those that depend on the machine.
 pub(super) fn scene(a: &Value, b: &Value) -> Vec<Difference> {
     let own = |report: &Value| {
         let fields = report["scene"].as_object().cloned().unwrap_or_default();
@@ -310,7 +335,7 @@ pub(super) fn scene(a: &Value, b: &Value) -> Vec<Difference> {
     all
 }
 
-/// Objects are gone through field by field; a word, a list, and what only one side has, are one
+/// Objects are compared field by field. A word, a list, and a value that only one side has, are one
 /// field.
 fn differences(a: &Value, b: &Value, path: &str, all: &mut Vec<Difference>) {
     let (one, other) = (word(a), word(b));
@@ -353,8 +378,8 @@ fn differences(a: &Value, b: &Value, path: &str, all: &mut Vec<Difference>) {
     );
 }
 
-/// A word in its long form as one text, without what is the default: `U0F12 truncate`; all else as
-/// it is.
+/// A word in its long form as text without defaults, for example `U0F12 truncate`; other values
+/// unchanged.
 fn word(value: &Value) -> Value {
     let part = |name: &str| value.get(name).and_then(Value::as_str);
     let (Some(format), Some(round), Some(overflow)) =
@@ -373,7 +398,7 @@ fn word(value: &Value) -> Value {
     )
 }
 
-/// What a unit has of a field of `timing` that its machine leaves out.
+/// Value of a unit for a field of `timing` that its machine leaves out.
 fn following(report: &Value, field: &str) -> Option<Value> {
     let rest = field.strip_prefix("timing.")?;
     let place = if rest == "fragment.hazard" {

@@ -1,5 +1,5 @@
-//! Side: one of the two that are compared: a machine, a frame on it, or what `run` left in a
-//! folder.
+//! Side: one of the two sides of a comparison: a machine, a frame on it, or a folder that `run`
+//! wrote.
 
 use super::Named;
 use crate::error::{Error, Result};
@@ -18,7 +18,7 @@ use rtl_model::timing::{self, Detail};
 use serde_json::{Value, json};
 use std::path::Path;
 
-/// Bytes of a report, at most: one of the largest machine has a thousandth.
+/// Greatest number of bytes of a report: one of the largest machine has a thousandth.
 const MOST_BYTES: u64 = 256 << 20;
 
 /// Pictures that are compared.
@@ -40,7 +40,7 @@ const NUMBERS: [&str; 12] = [
     "/machine/fragment_bits",
 ];
 
-/// Decibels that every report has, if only to say that there are none.
+/// Decibels that every report has, null if there are none.
 const DECIBELS: [&str; 4] = [
     "/accuracy/fixed_vs_golden/psnr_db",
     "/accuracy/golden_vs_ideal/psnr_db",
@@ -48,32 +48,32 @@ const DECIBELS: [&str; 4] = [
     "/accuracy/lockstep/psnr_db",
 ];
 
-/// What two machines are compared on.
+/// The workload on which two machines are compared.
 #[derive(Debug)]
-pub enum Frame<'f> {
-    /// Drawn on both.
+pub enum Workload<'f> {
+    /// A scene to be drawn on both.
     Scene(&'f Scene),
-    /// Replayed on both: they differ in `timing` alone.
+    /// A recording to be replayed on both: the machines differ only in `timing`.
     Recording(&'f Recording),
 }
 
-/// One of the two.
+/// One side of a comparison.
 #[derive(Clone, Debug)]
-pub struct Side {
+pub struct ComparisonSide {
     name: String,
     pub(super) report: Value,
     pub(super) pictures: Vec<(&'static str, Picture)>,
 }
 
-impl Side {
-    /// A machine alone.
+impl ComparisonSide {
+    /// A machine without a frame.
     ///
     /// # Errors
-    /// [`Error::Input`] where it cannot be built.
+    /// [`Error::Input`] if it cannot be built.
     pub fn of_machine(name: &str, machine: &Machine, prices: &Prices) -> Result<Self> {
-        let built = fixed::elaborate(machine).map_err(|error| whose(name, error))?;
+        let built = fixed::elaborate(machine).map_err(|error| with_name(name, error))?;
         let report = json!({"version": env!("CARGO_PKG_VERSION"), "machine": MachineReport::new(&built), "cost": Cost::new(&built, prices)});
-        Ok(Side {
+        Ok(ComparisonSide {
             name: name.into(),
             report,
             pictures: Vec::new(),
@@ -83,12 +83,19 @@ impl Side {
     /// A frame on a machine.
     ///
     /// # Errors
-    /// [`Error::Input`] where it cannot be built, cannot hold the scene, or differs from the
-    /// recorded one in more than `timing`.
-    pub fn of_frame(name: &str, machine: &Machine, frame: &Frame, prices: &Prices) -> Result<Self> {
+    /// [`Error::Input`] if it cannot be built, cannot hold the scene, or differs from the recorded
+    /// machine outside `timing`.
+    pub fn of_frame(
+        name: &str,
+        machine: &Machine,
+        frame: &Workload,
+        prices: &Prices,
+    ) -> Result<Self> {
         match frame {
-            Frame::Scene(scene) => Side::of_drawing(name, machine, scene, prices),
-            Frame::Recording(recording) => Side::of_replay(name, machine, recording, prices),
+            Workload::Scene(scene) => ComparisonSide::of_drawing(name, machine, scene, prices),
+            Workload::Recording(recording) => {
+                ComparisonSide::of_replay(name, machine, recording, prices)
+            }
         }
     }
 
@@ -102,7 +109,7 @@ impl Side {
                 ..Options::default()
             },
         );
-        let outcome = outcome.map_err(|error| whose(name, error))?;
+        let outcome = outcome.map_err(|error| with_name(name, error))?;
         let report =
             serde_json::to_value(&outcome.report).map_err(|e| Error::job(e.to_string()))?;
         let shown = |picture: Picture| {
@@ -116,7 +123,7 @@ impl Side {
             .into_iter()
             .zip([outcome.fixed, outcome.golden, outcome.ideal].map(shown))
             .collect();
-        Ok(Side {
+        Ok(ComparisonSide {
             name: name.into(),
             report,
             pictures,
@@ -136,11 +143,11 @@ impl Side {
         };
         if same != *machine {
             let sentence = format!(
-                "{name}: differs from the machine of the record in more than timing: draw the scene on it, with --scene"
+                "{name}: differs from the recorded machine outside `timing`: draw the scene on it, with --scene"
             );
             return Err(Error::input(sentence));
         }
-        let built = fixed::elaborate(machine).map_err(|error| whose(name, error))?;
+        let built = fixed::elaborate(machine).map_err(|error| with_name(name, error))?;
         let work = &recording.work;
         let cycles = timing::replay(&built.timing, work, Detail::Histograms);
         let report = json!({
@@ -150,19 +157,19 @@ impl Side {
             "cycles": CyclesReport::new(&built.timing, work, &cycles),
             "cost": CostReport::new(&built, &cycles, prices),
         });
-        Ok(Side {
+        Ok(ComparisonSide {
             name: name.into(),
             report,
             pictures: Vec::new(),
         })
     }
 
-    /// What `run` left: a folder, or its `report.json` without pictures. None where the file is no
+    /// A folder that `run` wrote, or its `report.json` without pictures. None if the file is not a
     /// report.
     ///
     /// # Errors
-    /// [`Error::Input`], one sentence, where a folder holds no report, a report lacks something or
-    /// is of another version, or a picture is absent or of another run.
+    /// [`Error::Input`], one sentence, if a folder contains no report, a report is incomplete or of
+    /// another version, or a picture is absent or of another run.
     pub fn read(path: &Path) -> Result<Option<Self>> {
         let name = path.display().to_string();
         let (file, is_folder) = if path.is_dir() {
@@ -181,17 +188,17 @@ impl Side {
             std::fs::metadata(&file).map_err(|e| input_error(format!("cannot be read: {e}")))?;
         if metadata.len() > MOST_BYTES {
             return Err(input_error(format!(
-                "has {} MB; no report has more than {}",
+                "has {} MB; a report has at most {}",
                 metadata.len() >> 20,
                 MOST_BYTES >> 20
             )));
         }
         let text = input::read_text(&file).map_err(|e| input_error(format!("cannot be read: {e}")));
         let report: Value = match text.and_then(|text| {
-            serde_json::from_str(&text).map_err(|e| input_error(format!("is no JSON: {e}")))
+            serde_json::from_str(&text).map_err(|e| input_error(format!("is not JSON: {e}")))
         }) {
             Ok(report) => report,
-            // What is no JSON may be a broken machine, of which more can be said.
+            // A file that is not JSON may be a broken machine, whose reader gives a better message.
             Err(_) if !is_folder => return Ok(None),
             Err(error) => return Err(error),
         };
@@ -204,7 +211,7 @@ impl Side {
         } else {
             Vec::new()
         };
-        Ok(Some(Side {
+        Ok(Some(ComparisonSide {
             name,
             report,
             pictures,
@@ -236,40 +243,40 @@ fn size(report: &Value) -> Option<[u64; 2]> {
     Some([side("width")?, side("height")?])
 }
 
-/// Refuses pictures of two sizes.
-pub(super) fn check_sizes(a: &Side, b: &Side) -> Result<()> {
+/// Refuses pictures of different sizes.
+pub(super) fn check_sizes(a: &ComparisonSide, b: &ComparisonSide) -> Result<()> {
     let (Some(one), Some(other)) = (size(&a.report), size(&b.report)) else {
         return Ok(());
     };
     if one == other || a.pictures.is_empty() || b.pictures.is_empty() {
         return Ok(());
     }
-    let told = |[width, height]: [u64; 2]| format!("{width}×{height}");
+    let text = |[width, height]: [u64; 2]| format!("{width}×{height}");
     let sentence = format!(
-        "{} is {} and {} {}: pictures of one size are compared; give the two report.json for their figures alone",
+        "{} is {} and {} {}: only pictures of the same size can be compared; give the two report.json to compare figures only",
         a.name,
-        told(one),
+        text(one),
         b.name,
-        told(other)
+        text(other)
     );
     Err(Error::input(sentence))
 }
 
-/// An error of one side.
-fn whose(name: &str, error: Error) -> Error {
+/// Adds the name of a side to an error.
+fn with_name(name: &str, error: Error) -> Error {
     match error {
         Error::Input(sentence) => Error::input(format!("{name}: {sentence}")),
         job @ Error::Job(_) => job,
     }
 }
 
-/// Refuses what is no report of this version.
+/// Refuses a value that is not a report of this version.
 fn check(report: &Value, whose: &str) -> Result<()> {
     let input_error = |what: String| Error::input(format!("{whose}: {what}"));
     let dotted = |pointer: &str| pointer[1..].replace('/', ".");
     let lacks = |pointer: &str| {
         input_error(format!(
-            "has no {}: it is no report of `run`",
+            "has no {}: it is not a report of `run`",
             dotted(pointer)
         ))
     };
@@ -289,7 +296,7 @@ fn check(report: &Value, whose: &str) -> Result<()> {
     }
     if let Some(frames) = report.get("frames").and_then(Value::as_array) {
         return Err(input_error(format!(
-            "is of a sequence of {}, and one frame is compared: `run --frame N` draws it",
+            "is of a sequence of {}, and only single frames can be compared: `run --frame N` draws it",
             frames.len()
         )));
     }
@@ -302,7 +309,7 @@ fn check(report: &Value, whose: &str) -> Result<()> {
         .is_some_and(|accuracy| accuracy.is_object() && accuracy.get("lockstep").is_none())
     {
         return Err(input_error(
-            "was drawn with `--check none`, so nobody knows its flips: draw it with `sampled` or `full` to compare".into(),
+            "was drawn with `--check none`, so its flips are unknown: draw it with `sampled` or `full` to compare".into(),
         ));
     }
     let is_amount = |value: &Value| {
@@ -314,10 +321,10 @@ fn check(report: &Value, whose: &str) -> Result<()> {
         .iter()
         .find(|pointer| !report.pointer(pointer).is_some_and(is_amount))
         .map_or(Ok(()), |pointer| Err(lacks(pointer)))?;
-    let is_told = |value: &Value| value.is_number() || value.is_null();
+    let is_decibels = |value: &Value| value.is_number() || value.is_null();
     DECIBELS
         .iter()
-        .find(|pointer| !report.pointer(pointer).is_some_and(is_told))
+        .find(|pointer| !report.pointer(pointer).is_some_and(is_decibels))
         .map_or(Ok(()), |pointer| Err(lacks(pointer)))?;
     let units = report
         .pointer("/cycles/units")
@@ -336,7 +343,7 @@ fn check(report: &Value, whose: &str) -> Result<()> {
         .pointer("/machine/description")
         .ok_or_else(|| lacks("/machine/description"))?;
     let machine = machines::from_value(described, &format!("{whose}: machine.description"))?;
-    fixed::elaborate(&machine).map_err(|error| self::whose(whose, error))?;
+    fixed::elaborate(&machine).map_err(|error| self::with_name(whose, error))?;
     Ok(())
 }
 
@@ -353,7 +360,7 @@ fn pictures(folder: &Path, report: &Value) -> Result<Vec<(&'static str, Picture)
         }
         let open =
             || image::ImageReader::open(&path).and_then(image::ImageReader::with_guessed_format);
-        let cannot = |e: &dyn std::fmt::Display| input_error(format!("is no picture: {e}"));
+        let cannot = |e: &dyn std::fmt::Display| input_error(format!("is not a picture: {e}"));
         let (columns, rows) = open()
             .map_err(|e| cannot(&e))?
             .into_dimensions()
@@ -377,7 +384,7 @@ fn pictures(folder: &Path, report: &Value) -> Result<Vec<(&'static str, Picture)
     PICTURES.into_iter().map(read).collect()
 }
 
-/// A picture as its file has it, 8 bits a channel, in linear light.
+/// A picture from its file, 8 bits per channel, in linear light.
 fn linear(file: &image::RgbaImage) -> Picture {
     let light: Vec<f64> = (0..=255)
         .map(|code| srgb_decode(f64::from(code) / 255.0))
@@ -389,7 +396,7 @@ fn linear(file: &image::RgbaImage) -> Picture {
         [r, g, b, alpha]
     };
     let rgba: Vec<[f64; 4]> = file.pixels().map(pixel).collect();
-    // Which pixels a splat touched, a file does not say.
+    // The file does not contain which pixels a splat touched.
     let covered = vec![true; rgba.len()];
     Picture {
         width: file.width() as usize,

@@ -1,17 +1,17 @@
 //! Text: a comparison for a terminal of 80 columns.
 
-use super::fields::{FIGURES, Kind};
-use super::{Comparison, Difference, Figure, Named, Pictures, Unit, UnitSide};
+use super::fields::{FIGURES, Notation};
+use super::{ComparedFigure, ComparedUnit, Comparison, Difference, Named, Pictures, UnitSide};
 use crate::output::text::{aligned, clipped, one_line, plain_table, thousands, wrapped};
 use rtl_model::num::Format;
 use serde_json::Value;
 
-/// Fields of the machine that the text lists unless it is asked for all.
+/// Greatest number of fields of the machine in the text, unless all are requested.
 const MOST_FIELDS: usize = 24;
 
 impl Comparison {
-    /// The text, at most 80 columns wide; of many fields that differ the first ones, unless all are
-    /// wanted.
+    /// The text, at most 80 columns wide; with many fields that differ only the first ones, unless
+    /// `all`.
     pub fn summary(&self, all: bool) -> String {
         let head = format!("{}\n{}", headline("A", &self.a), headline("B", &self.b));
         if self.equal {
@@ -26,7 +26,7 @@ impl Comparison {
             None
         } else {
             Some(wrapped(
-                "the scenes differ: these are figures of two frames",
+                "the scenes differ: the figures are of two different frames",
             ))
         };
         let parts = [
@@ -40,7 +40,7 @@ impl Comparison {
                 .or_else(|| Some("no field of the machine differs".into())),
             (!self.elsewhere.is_empty()).then(|| {
                 wrapped(&format!(
-                    "what differs in report.json besides: {}",
+                    "other differences in report.json: {}",
                     self.elsewhere
                         .iter()
                         .map(|path| one_line(path))
@@ -56,12 +56,12 @@ impl Comparison {
     fn figure_table(&self) -> String {
         let mut table = plain_table(&["", "A", "B", "B against A"]);
         for figure in &self.figures {
-            let kind = kind(figure);
+            let notation = notation(figure);
             table.add_row([
                 figure.name.into(),
-                number(&figure.a, kind),
-                number(&figure.b, kind),
-                step(figure, kind),
+                number(&figure.a, notation),
+                number(&figure.b, notation),
+                step(figure, notation),
             ]);
         }
         aligned(table).trim_fmt()
@@ -69,7 +69,7 @@ impl Comparison {
 
     /// Units whose cycles differ.
     fn cycle_table(&self) -> Option<String> {
-        let differ: Vec<&Unit> = self
+        let differ: Vec<&ComparedUnit> = self
             .units
             .iter()
             .filter(|unit| unit.a.cycles != unit.b.cycles)
@@ -85,7 +85,7 @@ impl Comparison {
             "memory A",
             "B",
         ]);
-        for Unit { name, a, b } in &differ {
+        for ComparedUnit { name, a, b } in &differ {
             let cell = |side: &UnitSide, state: usize| {
                 side.cycles
                     .map_or("–".into(), |cycles| short(cycles[state]))
@@ -97,13 +97,13 @@ impl Comparison {
     }
 
     fn area_table(&self) -> Option<String> {
-        let differ: Vec<&Unit> = self
+        let differ: Vec<&ComparedUnit> = self
             .units
             .iter()
             .filter(|unit| unit.a.area != unit.b.area)
             .collect();
         let mut table = plain_table(&["area", "A", "B", "B against A"]);
-        for Unit { name, a, b } in &differ {
+        for ComparedUnit { name, a, b } in &differ {
             let cell = |area: Option<f64>| area.map_or("–".into(), |area| thousands(area as u64));
             let change = a
                 .area
@@ -176,7 +176,7 @@ fn headline(
     wrapped(&format!("{letter}: {of}{frame}"))
 }
 
-/// Fields that differ: numbers and rules before words, of which there are many.
+/// Fields that differ: numbers and rules before words, which are many.
 fn fields(differences: &[Difference], head: &str, all: bool) -> Option<String> {
     let is_word = |difference: &&Difference| {
         let value = difference
@@ -215,7 +215,7 @@ fn fields(differences: &[Difference], head: &str, all: bool) -> Option<String> {
     (!differences.is_empty()).then(|| aligned(table).trim_fmt() + &rest)
 }
 
-/// A value of a field; of an object how many fields it has.
+/// A value of a field; for an object its number of fields.
 fn plain(value: &Value) -> String {
     match value {
         Value::Object(fields) => format!("{} fields", fields.len()),
@@ -224,39 +224,39 @@ fn plain(value: &Value) -> String {
     }
 }
 
-fn kind(figure: &Figure) -> Kind {
+fn notation(figure: &ComparedFigure) -> Notation {
     FIGURES
         .iter()
         .find(|(name, ..)| *name == figure.name)
-        .map_or(Kind::Name, |(_, _, kind, _)| *kind)
+        .map_or(Notation::Name, |(_, _, notation, _)| *notation)
 }
 
-fn number(value: &Value, kind: Kind) -> String {
+fn number(value: &Value, notation: Notation) -> String {
     let Some(number) = value.as_f64() else {
         return value.as_str().map_or("–".into(), clipped);
     };
-    match kind {
-        Kind::Count => thousands(number as u64),
-        Kind::Tenths | Kind::Decibels => format!("{number:.1}"),
-        Kind::Scaled(factor) => format!("{:.2}", number * factor),
-        Kind::Similarity => format!("{number:.5}"),
-        Kind::Name => value.to_string(),
+    match notation {
+        Notation::Count => thousands(number as u64),
+        Notation::Tenths | Notation::Decibels => format!("{number:.1}"),
+        Notation::Scaled(factor) => format!("{:.2}", number * factor),
+        Notation::Similarity => format!("{number:.5}"),
+        Notation::Name => value.to_string(),
     }
 }
 
-fn step(figure: &Figure, kind: Kind) -> String {
+fn step(figure: &ComparedFigure, notation: Notation) -> String {
     match (figure.a.as_f64(), figure.b.as_f64()) {
         _ if figure.a == figure.b => "=".into(),
-        (Some(a), Some(b)) => match kind {
-            Kind::Decibels => signed(b - a, " dB"),
-            Kind::Similarity => format!("{:+.5}", b - a).replace('-', "−"),
+        (Some(a), Some(b)) => match notation {
+            Notation::Decibels => signed(b - a, " dB"),
+            Notation::Similarity => format!("{:+.5}", b - a).replace('-', "−"),
             _ => relative(a, b),
         },
         _ => String::new(),
     }
 }
 
-/// How much more, in per cent; in times from tenfold on.
+/// The relative difference in per cent, or as a factor from tenfold on.
 fn relative(a: f64, b: f64) -> String {
     if a == b {
         "=".into()
@@ -269,7 +269,7 @@ fn relative(a: f64, b: f64) -> String {
     }
 }
 
-/// A step with its sign; one that is too small to be told is not told as none.
+/// A difference with its sign; never displayed as zero unless it is zero.
 fn signed(step: f64, unit: &str) -> String {
     match step {
         step if step.abs() >= 0.05 => format!("{step:+.1}{unit}").replace('-', "−"),
@@ -278,7 +278,7 @@ fn signed(step: f64, unit: &str) -> String {
     }
 }
 
-/// Cycles in at most six letters.
+/// Cycles in at most six characters.
 fn short(cycles: u64) -> String {
     match cycles {
         0 => "–".into(),

@@ -1,7 +1,7 @@
-//! Report of a sequence: `report.json` where a scene has many cameras (docs/book/paths.md), and its
+//! Report of a sequence: `report.json` for a scene with many cameras (docs/book/paths.md), and its
 //! summary for a terminal.
 
-use crate::accuracy::flicker::{Change, Flicker};
+use crate::accuracy::flicker::{Flicker, FlickerChange};
 use crate::accuracy::{Metrics, db_text};
 use crate::output::text::{aligned, plain_table, share, thousands, wrapped};
 use crate::run::against::{Against, Means};
@@ -11,32 +11,32 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::fmt::Write;
 
-/// Everything that was found in a sequence. All but `host` is the same for the same input on every
-/// machine, at any thread count.
+/// Results of a sequence. All fields except `host` are the same for the same input on every
+/// computer, with any number of threads.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 #[schemars(rename = "SequenceReport")]
 pub struct Report {
     /// Version of this program.
     pub version: &'static str,
-    /// Subject of the drawing.
+    /// The scene.
     pub scene: SceneReport,
-    /// On what.
+    /// The machine.
     pub machine: MachineReport,
     /// Worst, median and 99th percentile over the frames.
     pub spreads: Spreads,
-    /// Flicker of all pairs of frames together; none of a single frame.
+    /// Flicker over all pairs of frames; none for a single frame.
     pub flicker: Option<Flicker>,
-    /// Golden and fixed against photographs of the views, means over the frames; only where
+    /// Golden and fixed against photographs of the views, means over the frames; only if
     /// photographs were given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub against: Option<Means>,
-    /// A row a frame.
+    /// One row per frame.
     pub frames: Vec<FrameReport>,
     /// Time on this computer.
     pub host: Host,
 }
 
-/// The scene's part.
+/// Figures of the scene.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 #[schemars(rename = "SequenceScene")]
 pub struct SceneReport {
@@ -46,11 +46,11 @@ pub struct SceneReport {
     pub width: usize,
     /// Pixels.
     pub height: usize,
-    /// Splats in the scene.
+    /// Splats of the scene.
     pub splats: u64,
     /// Frames.
     pub frames: u64,
-    /// Notes of readers and quantiser, each once.
+    /// Notes of readers and quantiser, without repetitions.
     pub notes: Vec<String>,
 }
 
@@ -59,52 +59,52 @@ pub struct SceneReport {
 pub struct FrameReport {
     /// Its number, from 0.
     pub frame: u64,
-    /// The whole camera, as a scene file has it.
+    /// The whole camera, in the form of a scene file.
     pub camera: Camera,
-    /// Power of two from world units to machine units; where it changes between frames, so does the
+    /// Power of two from world units to machine units. If it changes between frames, so does the
     /// rounding of every splat.
     pub scale_exponent: i32,
-    /// Splats not drawn, by the first reason that holds.
+    /// Splats that were not drawn, by the first reason that holds.
     pub culled: CulledReport,
     /// Contributions that the machine made.
     pub fragments: u64,
-    /// Results outside of their word's range that were saturated, without the declared clamps.
+    /// Saturated results, without those of declared clamps.
     pub saturated: u64,
     /// Results that wrapped.
     pub wrapped: u64,
     /// Cycles from the first request to the last word written.
     pub cycles: u64,
-    /// Frames a second, if all were as this one.
+    /// Frames per second, if all frames took as long as this one.
     pub frames_per_second: f64,
-    /// The unit, or memory, without whose limit the frame takes the fewest cycles.
+    /// The unit, or memory, whose limit costs the most cycles.
     pub bottleneck: &'static str,
-    /// Bytes to memory and back.
+    /// Bytes from and to memory.
     pub memory_bytes: u64,
     /// Distances of the pictures.
     pub accuracy: Distances,
-    /// Golden and fixed against a photograph of the view; only where photographs were given.
+    /// Golden and fixed against a photograph of the view; only if photographs were given.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub against: Option<Against>,
-    /// Against the frame before; none of the first.
+    /// Flicker against the frame before; none for the first.
     pub flicker: Option<Flicker>,
 }
 
-/// A figure over all frames, the greater the better; nothing where pictures are equal, which is
-/// better than any number.
+/// Statistics of a figure over all frames, where greater is better. None stands for equal pictures,
+/// which is better than any number.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Spread {
-    /// Of the worst frame.
+    /// Value of the worst frame.
     pub worst: Option<f64>,
-    /// What 99 frames in 100 reach: with n frames, the ⌈n/100⌉-th from the worst.
+    /// Value that 99 frames in 100 reach: with n frames, the ⌈n/100⌉-th from the worst.
     pub percentile_99: Option<f64>,
-    /// What half of the frames reach: the ⌈n/2⌉-th from the worst.
+    /// Value that half of the frames reach: the ⌈n/2⌉-th from the worst.
     pub median: Option<f64>,
 }
 
 /// Figures over all frames.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct Spreads {
-    /// Frames a second.
+    /// Frames per second.
     pub frames_per_second: Spread,
     /// PSNR of the arithmetic's error, dB.
     pub fixed_vs_golden_psnr_db: Spread,
@@ -114,27 +114,28 @@ pub struct Spreads {
     pub fixed_vs_ideal_psnr_db: Spread,
 }
 
-/// Wall-clock figures of this computer, over all frames; nothing else in a report depends on it.
+/// Wall-clock figures of this computer, over all frames; nothing else in a report depends on the
+/// computer.
 #[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
 #[schemars(rename = "SequenceHost")]
 pub struct Host {
     /// Threads that were used.
     pub threads: usize,
-    /// Reading the scene, neighbours included.
+    /// Time to read the scene, including neighbours.
     pub load_seconds: f64,
-    /// The machine, its work recorded.
+    /// Time of the machine, including the recording of its work.
     pub fixed_seconds: f64,
-    /// `golden`.
+    /// Time of `golden`.
     pub golden_seconds: f64,
-    /// `ideal`.
+    /// Time of `ideal`.
     pub ideal_seconds: f64,
 }
 
 impl Spread {
-    /// Over values of which none is better than all others.
+    /// Statistics of values; none is better than any number.
     ///
     /// # Panics
-    /// Without values: a sequence has a frame at least.
+    /// If there are no values: a sequence has at least one frame.
     pub fn new(values: impl IntoIterator<Item = Option<f64>>) -> Self {
         let mut sorted: Vec<f64> = values
             .into_iter()
@@ -154,7 +155,7 @@ impl Spread {
 }
 
 impl Spreads {
-    /// Of these frames.
+    /// Statistics of these frames.
     pub fn new(frames: &[FrameReport]) -> Self {
         let of = |value: fn(&FrameReport) -> Option<f64>| Spread::new(frames.iter().map(value));
         Spreads {
@@ -255,7 +256,7 @@ fn flicker_table(flicker: &Flicker) -> String {
         ("golden − ideal", flicker.golden_vs_ideal),
         ("fixed − ideal", flicker.fixed_vs_ideal),
     ];
-    for (name, Change { mean, jumps }) in pairs {
+    for (name, FlickerChange { mean, jumps }) in pairs {
         let shown = |value: Option<f64>, show: fn(f64) -> String| {
             db_text(value, flicker.not_finite, show).replace("equal", "–")
         };
@@ -279,7 +280,7 @@ fn flicker_table(flicker: &Flicker) -> String {
 mod tests {
     use super::Spread;
 
-    /// Nearest ranks, counted by hand; what is equal is better than any number.
+    /// Nearest ranks, counted by hand; none (equal pictures) is better than any number.
     #[test]
     fn percentiles_are_counted_from_the_worst() {
         let of = |values: Vec<Option<f64>>| Spread::new(values);

@@ -1,4 +1,4 @@
-// Frame: pictures of a run beside each other or under a slider, zoom and pan linked, the value under the pointer, a story at a click.
+// Frame: pictures of a run side by side or under a slider with linked zoom and pan, the value under the pointer, and a pixel trace on a click.
 'use strict';
 
 const framePage = folder => {
@@ -6,14 +6,14 @@ const framePage = folder => {
   const { width, height } = report.scene;
   const maps = source.live ? ['bound', 'covered', 'contributions', 'layers', 'merges'] : [];
   const names = [...files, ...maps, ...(folder.tiles ? ['cycles'] : [])];
-  const SAYS = {
-    fixed: 'fixed: what the machine draws', golden: 'golden: the same rules in exact arithmetic', ideal: 'ideal: exact, without a limit of layers',
-    error: `error: |fixed − golden| × ${told(report.error_scale)}`, flips: 'flips: decisions that golden takes otherwise',
-    bound: 'bound on the error of arithmetic', covered: 'covered: pixels that a splat touches', contributions: 'contributions a pixel',
-    layers: 'layers a pixel at the end', merges: 'merges a pixel', cycles: 'cycles of each tile, over the picture',
+  const TITLES = {
+    fixed: 'fixed: picture of the machine', golden: 'golden: the same rules in exact arithmetic', ideal: 'ideal: exact, without a limit of layers',
+    error: `error: |fixed − golden| × ${readable(report.error_scale)}`, flips: 'flips: decisions that golden takes differently',
+    bound: 'bound on the error of arithmetic', covered: 'covered: pixels that a splat touches', contributions: 'contributions per pixel',
+    layers: 'layers per pixel at the end', merges: 'merges per pixel', cycles: 'cycles per tile, over the picture',
   };
   const FLIPS = { cull: '#ffffff', coverage: '#00b3ff', slot: '#ff5900', order: '#ffe100', pair: '#f359f3', eviction: '#00e67c', turn: '#aaf3f3', late: '#cbaa7c', inside: '#ffcbda', window: '#bcbcff', sum: '#dbffaa' };
-  // Cividis (Nuñez and others, 2018): as light as large, for every kind of eye.
+  // Cividis (Nuñez and others, 2018): lightness grows with the value; suitable for colour-blind readers.
   const RAMP = [[0, 32, 76], [0, 42, 102], [62, 70, 108], [87, 93, 109], [112, 113, 115], [138, 134, 120], [165, 156, 116], [195, 179, 105], [225, 204, 85], [255, 233, 69]];
   const ramp = part => {
     const at = Math.max(0, Math.min(0.9999, part)) * (RAMP.length - 1), low = Math.floor(at);
@@ -45,7 +45,7 @@ const framePage = folder => {
       return { ...heat, bitmap: canvas };
     }
     if (maps.includes(name)) {
-      status.textContent = 'Drawing the frame again, for what its files do not say …';
+      status.textContent = 'Drawing the frame again, for data that its files do not contain …';
       const values = await source.floats('map/' + name);
       status.textContent = '';
       return coloured(name, values);
@@ -91,7 +91,7 @@ const framePage = folder => {
     const caption = h('figcaption');
     return { canvas, caption, figure: h('figure', {}, caption, canvas) };
   });
-  const slider = h('input', { type: 'range', min: '0', max: '1000', value: '500', 'aria-label': 'place of the slider', oninput: () => { state.split = slider.value / 1000; draw(); } });
+  const slider = h('input', { type: 'range', min: '0', max: '1000', value: '500', 'aria-label': 'position of the slider', oninput: () => { state.split = slider.value / 1000; draw(); } });
   const legend = h('div', { class: 'legend' });
 
   const fit = () => {
@@ -134,10 +134,10 @@ const framePage = folder => {
       });
       context.fillStyle = ink('c1');
       context.fillRect(cut - 1, 0, 2, rows);
-      caption.textContent = `left of the line ${SAYS[state.show[0]]}; right of it ${SAYS[state.show[1]]}`;
+      caption.textContent = `left of the line ${TITLES[state.show[0]]}; right of it ${TITLES[state.show[1]]}`;
     } else {
       put(state.show[nth]);
-      caption.textContent = SAYS[state.show[nth]];
+      caption.textContent = TITLES[state.show[nth]];
     }
     if (state.pixel) {
       const [x, y] = state.pixel, side = Math.max(scale, 7);
@@ -154,14 +154,14 @@ const framePage = folder => {
     if (scale) {
       const bar = h('span', { class: 'scale' });
       bar.style.background = `linear-gradient(to right, ${RAMP.map(stop => `rgb(${stop})`).join(', ')})`;
-      return [h('span', {}, `${name}: ${told(scale[0], 3)} `, bar, ` ${told(scale[1], 3)}${scale[2] ? ', by powers of ten' : ''}`)];
+      return [h('span', {}, `${name}: ${readable(scale[0], 3)} `, bar, ` ${readable(scale[1], 3)}${scale[2] ? ', log scale' : ''}`)];
     }
     if (name !== 'flips') return [];
     const counts = report.accuracy?.lockstep?.flips ?? {};
     return Object.entries(FLIPS).filter(([kind]) => counts[kind] > 0).map(([kind, shown]) => {
       const box = h('i');
       box.style.background = shown;
-      return h('span', {}, box, `${kind} ${told(counts[kind])}`);
+      return h('span', {}, box, `${kind} ${readable(counts[kind])}`);
     });
   });
 
@@ -175,7 +175,7 @@ const framePage = folder => {
     draw();
   };
 
-  // ---- Where the pointer is ----
+  // ---- Position of the pointer ----
 
   const at = (canvas, event) => {
     const box = canvas.getBoundingClientRect();
@@ -187,7 +187,7 @@ const framePage = folder => {
   };
   const zoom = (factor, [x, y] = [state.x, state.y]) => {
     const scale = Math.max(0.02, Math.min(128, state.scale * factor));
-    // What is under the pointer stays there.
+    // The point under the pointer stays in place.
     state.x = x + (state.x - x) * state.scale / scale;
     state.y = y + (state.y - y) * state.scale / scale;
     state.scale = scale;
@@ -225,14 +225,14 @@ const framePage = folder => {
 
   // ---- Values ----
 
-  const values = h('div', { id: 'values', 'aria-live': 'polite' }, h('p', { class: 'faint' }, 'Values of the pixel under the pointer stand here; a click tells its story.'));
+  const values = h('div', { id: 'values', 'aria-live': 'polite' }, h('p', { class: 'faint' }, 'Values of the pixel under the pointer are shown here; a click shows its pixel trace.'));
   let asking = false, next;
   const hover = pixel => {
-    // Each place that a pointer goes over is not to be read aloud.
+    // Pixels under a moving pointer are not read aloud.
     values.setAttribute('aria-live', 'off');
     read(pixel ?? state.pixel);
   };
-  // One question at a time, of the last pixel alone.
+  // One request at a time, only for the last pixel.
   const read = async pixel => {
     next = pixel;
     if (asking || !pixel) return;
@@ -253,22 +253,22 @@ const framePage = folder => {
   const four = (name, numbers, text) => [name, ...numbers.map(text)];
   const exact = pixel => [
     h('h3', {}, `Pixel ${pixel.x},${pixel.y}`),
-    h('p', { class: 'faint' }, pixel.encoded ? 'Values as a screen is sent them (sRGB), not linear light; colour times opacity.' : 'Linear light, colour times opacity.'),
+    h('p', { class: 'faint' }, pixel.encoded ? 'Values for a screen (sRGB), not linear light; colour times opacity.' : 'Linear light, colour times opacity.'),
     table(['', 'red', 'green', 'blue', 'alpha'], [
       ...['fixed', 'golden', 'ideal'].map(name => four(name, pixel[name], value => value.toFixed(6))),
       four('fixed − golden', pixel.error, value => value.toExponential(2)),
-      four('… in last places', pixel.error_ulp, value => told(value, 3)),
-      four('… in 1/255', pixel.error_255, value => told(value, 3)),
+      four('… in ulp', pixel.error_ulp, value => readable(value, 3)),
+      four('… in 1/255', pixel.error_255, value => readable(value, 3)),
       four(`word, ${pixel.format}`, pixel.words, word => word.toString(16)),
     ]),
-    h('p', {}, `Contributions ${pixel.contributions}, layers ${pixel.layers}, merges ${pixel.merges}; bound ${pixel.bound === null ? 'none' : told(255 * pixel.bound, 3) + '/255'}; flips: ${pixel.flips.join(', ') || 'none'}.`),
+    h('p', {}, `Contributions ${pixel.contributions}, layers ${pixel.layers}, merges ${pixel.merges}; bound ${pixel.bound === null ? 'none' : readable(255 * pixel.bound, 3) + '/255'}; flips: ${pixel.flips.join(', ') || 'none'}.`),
   ];
   const ofTile = async (x, y) => {
     if (!folder.tiles) return [];
     const tiles = await foldersTiles(folder).catch(() => null), tile = tiles?.at(x, y);
     if (!tiles) return [];
     if (!tile) return [h('p', {}, 'Its tile has no splats.')];
-    return [h('p', { id: 'tile' }, `Tile ${tile.column},${tile.row}: ${told(tile.cycles)} cycles, ${told(tile.entries)} splats. `, h('button', { onclick: () => { lookedAtTile = [tile.column, tile.row]; location.hash = '#machine'; document.dispatchEvent(new Event('tile')); } }, 'its timeline'))];
+    return [h('p', { id: 'tile' }, `Tile ${tile.column},${tile.row}: ${readable(tile.cycles)} cycles, ${readable(tile.entries)} splats. `, h('button', { onclick: () => { lookedAtTile = [tile.column, tile.row]; location.hash = '#machine'; document.dispatchEvent(new Event('tile')); } }, 'its timeline'))];
   };
   const linear = code => code <= 0.04045 ? code / 12.92 : Math.pow((code + 0.055) / 1.055, 2.4);
   const shown = async (x, y) => {
@@ -278,10 +278,10 @@ const framePage = folder => {
       const [r, g, b, a] = context.getImageData(0, 0, 1, 1).data;
       return [name, ...[r, g, b].map(code => (linear(code / 255) * a / 255).toFixed(4)), (a / 255).toFixed(4)];
     });
-    return [h('h3', {}, `Pixel ${x},${y}`), h('p', { class: 'faint' }, 'From the 8 bits of the pictures, as linear light; splatsim view tells exact values.'), table(['', 'red', 'green', 'blue', 'alpha'], rows)];
+    return [h('h3', {}, `Pixel ${x},${y}`), h('p', { class: 'faint' }, 'From the 8 bits of the pictures, as linear light; splatsim view shows exact values.'), table(['', 'red', 'green', 'blue', 'alpha'], rows)];
   };
 
-  // ---- The story ----
+  // ---- The pixel trace ----
 
   const story = h('div', { id: 'story' });
   let soon = 0, telling = false, nextStory;
@@ -294,11 +294,11 @@ const framePage = folder => {
     clearTimeout(soon);
     soon = setTimeout(() => tell(pixel), delay);
   };
-  // One at a time, of the last pixel alone: each draws a frame.
+  // One request at a time, only for the last pixel: each draws a frame.
   const tell = async pixel => {
     if (!source.live) {
       const [x, y] = pixel;
-      story.replaceChildren(h('h2', {}, `Pixel ${x},${y}`), h('p', {}, 'This command tells its story:'), repeated(x, y));
+      story.replaceChildren(h('h2', {}, `Pixel ${x},${y}`), h('p', {}, 'This command prints its pixel trace:'), repeated(x, y));
       return;
     }
     nextStory = pixel;
@@ -308,14 +308,14 @@ const framePage = folder => {
     while (nextStory) {
       const [x, y] = nextStory;
       nextStory = null;
-      const waiting = setTimeout(() => story.replaceChildren(h('p', { class: 'faint', role: 'status' }, `Pixel ${x},${y}: drawing the frame again, to watch it …`)), 250);
+      const waiting = setTimeout(() => story.replaceChildren(h('p', { class: 'faint', role: 'status' }, `Pixel ${x},${y}: drawing the frame again, for its trace …`)), 250);
       try {
         const found = await source.json(`story?x=${x}&y=${y}`);
         clearTimeout(waiting);
-        if (!nextStory) story.replaceChildren(...[attempt(() => storyOf(found, repeated(x, y)))].flat());
+        if (!nextStory) story.replaceChildren(...[attempt(() => traceOf(found, repeated(x, y)))].flat());
       } catch (error) {
         clearTimeout(waiting);
-        if (!nextStory) story.replaceChildren(h('p', { class: 'wrong' }, 'No story: ' + error.message));
+        if (!nextStory) story.replaceChildren(h('p', { class: 'wrong' }, 'No pixel trace: ' + error.message));
       }
     }
     telling = false;
@@ -337,7 +337,7 @@ const framePage = folder => {
   const sides = choices.map((buttons, side) => h('div', { class: 'tools choices', role: 'group', 'aria-label': side ? 'right picture' : 'left picture' }, h('span', {}, side ? 'right' : 'left'), ...buttons.values()));
   const setMode = mode => { state.mode = mode; state.scale = 0; layout(); };
   const modes = new Map([['one', 'o'], ['two', 't'], ['slider', 's']].map(([mode, letter]) => [mode, h('button', { onclick: () => setMode(mode) }, mode === 'two' ? 'side by side' : mode === 'one' ? 'one' : 'slider', h('kbd', {}, letter))]));
-  // The brightest pixels of the error, one after another.
+  // The brightest pixels of the error, in sequence.
   let worst = null, nth = 0;
   const toWorst = async () => {
     if (!worst) {
@@ -364,7 +364,7 @@ const framePage = folder => {
   };
   const whole = h('div', { class: 'tools' }, h('span', {}, 'view'), ...modes.values(),
     h('button', { onclick: fit }, 'fit', h('kbd', {}, 'f')), h('button', { onclick: () => { state.scale = 1; draw(); } }, '1:1', h('kbd', {}, 'z')),
-    h('button', { onclick: () => zoom(2) }, 'nearer', h('kbd', {}, '+')), h('button', { onclick: () => zoom(0.5) }, 'farther', h('kbd', {}, '−')),
+    h('button', { onclick: () => zoom(2) }, 'zoom in', h('kbd', {}, '+')), h('button', { onclick: () => zoom(0.5) }, 'zoom out', h('kbd', {}, '−')),
     files.includes('error') ? h('button', { id: 'worst', onclick: toWorst }, 'worst pixel', h('kbd', {}, 'w')) : null);
 
   document.addEventListener('keydown', event => {
@@ -395,11 +395,11 @@ const framePage = folder => {
 
   const db = value => value === null ? 'equal' : value.toFixed(1) + ' dB';
   const { fixed_vs_golden: arithmetic, golden_vs_ideal: method, fixed_vs_ideal: both } = report.accuracy;
-  const head = h('p', {}, `${report.scene.name} on ${report.machine.description.name}, ${width}×${height}: fixed − golden ${db(arithmetic.psnr_db)}, golden − ideal ${db(method.psnr_db)}${both ? `, fixed − ideal ${db(both.psnr_db)}` : ''}; ${told(report.accuracy.lockstep?.decision_flips)} flips.`);
+  const head = h('p', {}, `${report.scene.name} on ${report.machine.description.name}, ${width}×${height}: fixed − golden ${db(arithmetic.psnr_db)}, golden − ideal ${db(method.psnr_db)}${both ? `, fixed − ideal ${db(both.psnr_db)}` : ''}; ${readable(report.accuracy.lockstep?.decision_flips)} flips.`);
   const photograph = report.against ? [h('p', {}, `Against ${report.against.picture}, code values of ${report.against.bits} bits:`), againstTable(report.against)] : [];
   layout();
   onWidth(stage, () => { state.scale = 0; draw(); });
   onColours(draw);
-  const keys = h('details', {}, h('summary', {}, 'Keys'), h('p', {}, 'Digits choose the left picture, with Shift the right one; so does c the cycles of tiles. Wheel or + and − zoom, dragging pans. Arrows go to the next pixel, with Shift ten further; Enter tells the story of the pixel. w goes to the brightest pixel of the error, and on to the next.'));
+  const keys = h('details', {}, h('summary', {}, 'Keys'), h('p', {}, 'Digits select the left picture, with Shift the right one; c selects the cycles of tiles. Wheel or + and − zoom, dragging pans. Arrows move by a pixel, with Shift by ten; Enter shows the pixel trace. w moves to the brightest pixel of the error, then to the next ones.'));
   return [head, ...photograph, ...sides, whole, h('div', { class: 'columns' }, h('div', {}, stage, slider, legend, status, keys), values), story];
 };

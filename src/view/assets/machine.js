@@ -12,10 +12,10 @@ const machinePage = (report, cycles, tiles) => {
   const SHADES = { busy: 'var(--c0)', starved: 'var(--line)', blocked: 'var(--c1)', memory: 'var(--c4)' };
   const DOES = {
     fetch: 'reads splats from memory', project: 'world point → camera → pixel', ellipse: 'normal and radius, or three axes → ellipse, box, depth slopes', sort: 'sorts splats by depth', colour: 'colours from harmonics',
-    bin: 'lists splats tile by tile', list: 'reads the lists of tiles', raster: 'walks the box: radial index and depth of each pixel', gauss: 'radial index → weight', cache: 'keeps lines of the frame buffer',
-    fragment: 'at most l fragments a pixel: accumulate, insert, merge, evict', shade: 'divides by the weight, normalises, lights', resolve: 'blends front to back into the frame word',
+    bin: 'lists splats tile by tile', list: 'reads the lists of tiles', raster: 'walks the box: radial index and depth per pixel', gauss: 'radial index → weight', cache: 'keeps lines of the frame buffer',
+    fragment: 'at most l fragments per pixel: accumulate, insert, merge, evict', shade: 'divides by the weight, normalises, lights', resolve: 'blends front to back into the frame word',
   };
-  // Words that cross to a unit.
+  // Words on the wires to a unit.
   const WIRES = { project: ['splat.position', 'splat.radius'], ellipse: ['project.pixel', 'project.depth'], raster: ['ellipse.conic', 'ellipse.amplitude'], gauss: ['gauss.radial_index'], fragment: ['gauss.weight', 'fragment.depth'], shade: ['fragment.weight_sum', 'fragment.colour_sum'], resolve: ['shade.premultiplied'], frame: ['resolve.frame'] };
   const formatOf = path => { const value = path.split('.').reduce((at, name) => at?.[name], described); return typeof value === 'string' ? value : value?.format; };
   const wires = to => (WIRES[to] ?? []).map(path => [path, formatOf(path)]).filter(([, format]) => format).map(([path, format]) => `${path.split('.')[1]} ${format}`);
@@ -39,8 +39,8 @@ const machinePage = (report, cycles, tiles) => {
       svg('defs', {}, svg('marker', { id: 'head', viewBox: '0 0 8 8', refX: 7, refY: 4, markerWidth: 7, markerHeight: 7, orient: 'auto' }, svg('path', { d: 'M0,0L8,4L0,8Z', fill: 'var(--faint)' }))));
     const line = d => svg('path', { d, fill: 'none', stroke: 'var(--faint)', 'stroke-width': 1.5, 'marker-end': 'url(#head)' });
     const words = (to, x, y, anchor) => {
-      const waits = fifo(to);
-      return [...wires(to), waits ? `FIFO ${waits.places} × ${waits.bits} bit` : null].filter(Boolean).map((text, nth) => textAt(x, y + 13 * nth, text, 'faint', anchor));
+      const queue = fifo(to);
+      return [...wires(to), queue ? `FIFO ${queue.places} × ${queue.bits} bit` : null].filter(Boolean).map((text, nth) => textAt(x, y + 13 * nth, text, 'faint', anchor));
     };
     chain.forEach((kind, nth) => {
       const [x, y] = at(nth);
@@ -91,21 +91,21 @@ const machinePage = (report, cycles, tiles) => {
     const cost = report?.cost.units.find(unit => unit.name === kind), area = report?.cost.area;
     const signals = report?.signals.filter(signal => signal.unit === kind) ?? [];
     const timing = report?.machine.timing[kind];
-    const stalls = of(kind).map(unit => [unit.name, told(unit.items), ...STATES.map(state => `${told(unit[state])} (${share(unit[state], total)})`), unit.starved_by ?? '–', unit.blocked_by.map(one => `${one.by} ${told(one.cycles)}`).join(', ') || '–']);
+    const stalls = of(kind).map(unit => [unit.name, readable(unit.items), ...STATES.map(state => `${readable(unit[state])} (${share(unit[state], total)})`), unit.starved_by ?? '–', unit.blocked_by.map(one => `${one.by} ${readable(one.cycles)}`).join(', ') || '–']);
     const deepest = of(kind).map(unit => unit.occupancy ?? []).reduce((a, b) => a.length > b.length ? a : b, []);
     return [h('h2', {}, kind), h('p', { class: 'faint' }, DOES[kind] ?? ''),
-      timing ? h('p', {}, `Latency ${told(timing.latency)} cycles, interval ${told(timing.interval)}${timing.units > 1 ? `, ${timing.units} side by side` : ''}.`) : null,
+      timing ? h('p', {}, `Latency ${readable(timing.latency)} cycles, initiation interval ${readable(timing.interval)}${timing.units > 1 ? `, ${timing.units} in parallel` : ''}.`) : null,
       h('h3', {}, 'Stalls'), table(['', 'items', ...STATES, 'starved by', 'blocked by'], stalls),
-      deepest.length > 1 ? [h('h3', {}, 'Results that waited behind it'), bars(deepest.map((count, nth) => [String(nth), count]))] : [],
-      cost ? [h('h3', {}, 'Area'), h('p', {}, `${told(Math.round(cost.area))} LUT equivalents, ${share(cost.area, area)} of the machine: ${['multiplier', 'adder', 'multiplexer', 'register', 'rom'].map(part => `${part} ${told(cost[part])}`).join(', ')} bits; ${told(cost.blocks_18)} blocks of 18×18.`)] : [],
-      signals.length ? [h('h3', {}, 'Ranges'), h('p', { class: 'faint' }, 'Words by powers of two of their magnitude; zeros at the left. A line marks what the format can hold.'), ...signals.map(rangeOf)] : [],
+      deepest.length > 1 ? [h('h3', {}, 'Occupancy of its output FIFO'), bars(deepest.map((count, nth) => [String(nth), count]))] : [],
+      cost ? [h('h3', {}, 'Area'), h('p', {}, `${readable(Math.round(cost.area))} LUT equivalents, ${share(cost.area, area)} of the machine: ${['multiplier', 'adder', 'multiplexer', 'register', 'rom'].map(part => `${part} ${readable(cost[part])}`).join(', ')} bits; ${readable(cost.blocks_18)} blocks of 18×18.`)] : [],
+      signals.length ? [h('h3', {}, 'Ranges'), h('p', { class: 'faint' }, 'Words by powers of two of their magnitude; zeros at the left. Lines mark the range of the format.'), ...signals.map(rangeOf)] : [],
     ].flat().filter(Boolean);
   };
   const bars = entries => {
     const most = Math.max(...entries.map(([, count]) => count), 1), step = Math.min(26, 700 / entries.length), wide = step * entries.length + 20;
     return svg('svg', { viewBox: `0 0 ${wide} 92`, width: wide, height: 92, role: 'img', 'aria-label': 'histogram' }, entries.map(([name, count], nth) => {
       const high = 66 * count / most, made = svg('g', {}, svg('rect', { x: 10 + nth * step, y: 72 - high, width: Math.max(1, step - 2), height: high, fill: 'var(--c0)' }), step > 16 || nth % 4 === 0 ? textAt(10 + nth * step + step / 2 - 1, 86, name, 'faint', 'middle') : null);
-      made.addEventListener('pointermove', event => tip.show(event.clientX, event.clientY, `${name}: ${told(count)}`));
+      made.addEventListener('pointermove', event => tip.show(event.clientX, event.clientY, `${name}: ${readable(count)}`));
       made.addEventListener('pointerleave', tip.hide);
       return made;
     }));
@@ -115,14 +115,14 @@ const machinePage = (report, cycles, tiles) => {
     const [, signed, integer, fraction] = /^([UI])(-?\d+)F(-?\d+)$/.exec(signal.format) ?? [];
     const low = -Number(fraction), high = Number(integer) - (signed === 'I' ? 1 : 0);
     const outside = signal.saturated_low + signal.saturated_high + signal.wrapped;
-    const facts = [`${told(signal.words)} words`, signal.min === null ? null : `${told(signal.min)} to ${told(signal.max)}`, signal.narrowest && signal.narrowest !== signal.format ? `${signal.narrowest} would do` : null, outside ? `${told(outside)} outside of the range` : null].filter(Boolean).join('; ');
+    const facts = [`${readable(signal.words)} words`, signal.min === null ? null : `${readable(signal.min)} to ${readable(signal.max)}`, signal.narrowest && signal.narrowest !== signal.format ? `${signal.narrowest} is enough` : null, outside ? `${readable(outside)} out of range` : null].filter(Boolean).join('; ');
     const head = h('summary', {}, h('b', {}, signal.name), ` ${signal.format}: ${facts}`);
     if (!counts.length && !zeros) return h('div', {}, head.textContent);
     const from = Math.min(low, first), to = Math.max(high, first + counts.length), places = to - from, step = Math.min(22, 620 / places), most = Math.max(zeros, ...counts);
     const tall = count => count ? Math.max(1, 54 * Math.log(1 + count) / Math.log(1 + most)) : 0;
-    const bar = (nth, count, says) => {
+    const bar = (nth, count, caption) => {
       const made = svg('rect', { x: 34 + nth * step, y: 62 - tall(count), width: Math.max(1, step - 1.5), height: tall(count), fill: nth < 0 ? 'var(--c6)' : 'var(--c0)' });
-      made.addEventListener('pointermove', event => tip.show(event.clientX, event.clientY, `${says}: ${told(count)}`));
+      made.addEventListener('pointermove', event => tip.show(event.clientX, event.clientY, `${caption}: ${readable(count)}`));
       made.addEventListener('pointerleave', tip.hide);
       return made;
     };
@@ -133,18 +133,18 @@ const machinePage = (report, cycles, tiles) => {
     return h('details', { open: outside > 0 }, head, picture);
   };
 
-  // ---- What each unit does ----
+  // ---- States of each unit ----
 
   const stacks = width => {
     const W = Math.min(width, 860), ROW = 22, LEFT = 86;
-    const picture = svg('svg', { viewBox: `0 0 ${W} ${ROW * units.length + 22}`, width: W, height: ROW * units.length + 22, role: 'img', 'aria-label': 'what each unit does' });
+    const picture = svg('svg', { viewBox: `0 0 ${W} ${ROW * units.length + 22}`, width: W, height: ROW * units.length + 22, role: 'img', 'aria-label': 'states of each unit' });
     units.forEach((unit, nth) => {
       const y = nth * ROW + 4;
       let left = LEFT;
       picture.append(textAt(LEFT - 8, y + 13, unit.name, '', 'end'));
       STATES.forEach(state => {
         const long = (W - LEFT - 8) * unit[state] / Math.max(1, total), made = svg('rect', { x: left, y, width: long, height: ROW - 6, fill: SHADES[state] });
-        made.addEventListener('pointermove', event => tip.show(event.clientX, event.clientY, h('b', {}, unit.name), `${state}: ${told(unit[state])} cycles, ${share(unit[state], total)}`));
+        made.addEventListener('pointermove', event => tip.show(event.clientX, event.clientY, h('b', {}, unit.name), `${state}: ${readable(unit[state])} cycles, ${share(unit[state], total)}`));
         made.addEventListener('pointerleave', tip.hide);
         picture.append(made);
         left += long;
@@ -169,8 +169,8 @@ const machinePage = (report, cycles, tiles) => {
     const dashes = [[], [6, 3], [2, 2]];
     plot = new uPlot({
       width: timeline.clientWidth, height: 300, scales: { x: { time: false }, y: { range: [0, 100] } },
-      axes: [{ ...axis, label: 'cycle', values: (_, ticks) => ticks.map(tick => told(tick)) }, { ...axis, label: '% of cycles busy', size: 56 }],
-      series: [{ label: 'cycle', value: (_, value) => value === null ? '' : told(Math.round(value)) }, ...timed.map((unit, nth) => ({ label: unit.name, stroke: colour(nth % 7), dash: dashes[Math.floor(nth / 7) % 3], width: 1.6, show: sum(base(unit), 'busy') / total > 0.02, value: (_, value) => value === null ? '' : value.toFixed(0) + '%' }))],
+      axes: [{ ...axis, label: 'cycle', values: (_, ticks) => ticks.map(tick => readable(tick)) }, { ...axis, label: '% of cycles busy', size: 56 }],
+      series: [{ label: 'cycle', value: (_, value) => value === null ? '' : readable(Math.round(value)) }, ...timed.map((unit, nth) => ({ label: unit.name, stroke: colour(nth % 7), dash: dashes[Math.floor(nth / 7) % 3], width: 1.6, show: sum(base(unit), 'busy') / total > 0.02, value: (_, value) => value === null ? '' : value.toFixed(0) + '%' }))],
     }, [x, ...busy], timeline);
   };
 
@@ -188,23 +188,23 @@ const machinePage = (report, cycles, tiles) => {
     const X = value => box.left + (box.right - box.left) * (Math.log10(value) - xs[0]) / (xs[1] - xs[0]), Y = value => box.bottom - (box.bottom - box.top) * (Math.log10(value) - ys[0]) / (ys[1] - ys[0]);
     const picture = svg('svg', { viewBox: `0 0 ${W} ${H}`, width: W, height: H, role: 'img', 'aria-label': 'roofline' }, svg('clipPath', { id: 'inside' }, svg('rect', { x: box.left, y: box.top, width: box.right - box.left, height: box.bottom - box.top })), svg('rect', { x: box.left, y: box.top, width: box.right - box.left, height: box.bottom - box.top, fill: 'none', stroke: 'var(--line)' }));
     const decades = ([from, to]) => Array.from({ length: Math.floor(to) - Math.ceil(from) + 1 }, (_, nth) => Math.pow(10, Math.ceil(from) + nth));
-    decades(xs).forEach(value => picture.append(textAt(X(value), box.bottom + 15, told(value, 2), 'faint', 'middle')));
+    decades(xs).forEach(value => picture.append(textAt(X(value), box.bottom + 15, readable(value, 2), 'faint', 'middle')));
     decades(ys).forEach(value => picture.append(textAt(box.left - 6, Y(value) + 4, value.toExponential(0), 'faint', 'end'), svg('line', { x1: box.left, x2: box.right, y1: Y(value), y2: Y(value), stroke: 'var(--line)', opacity: 0.6 })));
     const [least, most] = xs.map(power => Math.pow(10, power));
-    if (peak) picture.append(svg('line', { x1: X(least), y1: Y(least * peak), x2: X(most), y2: Y(most * peak), stroke: 'var(--c4)', 'stroke-width': 2.5, 'clip-path': 'url(#inside)' }), textAt(box.left + 8, box.top + 16, `slope: memory, ${told(peak / 1e9, 3)} GB/s`, 'faint'));
-    roofs.forEach(([kind, roof], nth) => picture.append(svg('line', { x1: box.left, x2: box.right, y1: Y(roof), y2: Y(roof), stroke: `var(--c${[0, 2, 3][nth]})`, 'stroke-width': 2, 'stroke-dasharray': nth ? '6 4' : '' }), textAt(nth === 1 ? box.left + 8 : box.right - 6, Y(roof) + (nth < 2 ? 14 : -5), `${kind} always busy: ${told(roof / 1e6, 3)} M/s`, 'faint', nth === 1 ? 'start' : 'end')));
-    picture.append(svg('circle', { cx: X(intensity), cy: Y(rate), r: 6, fill: 'var(--c1)' }), textAt(X(intensity), Y(rate) + 22, `this frame: ${told(rate / 1e6, 3)} M/s at ${told(intensity, 3)} a byte`, '', 'middle'));
-    picture.append(textAt((box.left + box.right) / 2, H - 8, 'contributions a byte of memory', 'faint', 'middle'), textAt(4, 12, 'contributions/s', 'faint'));
+    if (peak) picture.append(svg('line', { x1: X(least), y1: Y(least * peak), x2: X(most), y2: Y(most * peak), stroke: 'var(--c4)', 'stroke-width': 2.5, 'clip-path': 'url(#inside)' }), textAt(box.left + 8, box.top + 16, `slope: memory, ${readable(peak / 1e9, 3)} GB/s`, 'faint'));
+    roofs.forEach(([kind, roof], nth) => picture.append(svg('line', { x1: box.left, x2: box.right, y1: Y(roof), y2: Y(roof), stroke: `var(--c${[0, 2, 3][nth]})`, 'stroke-width': 2, 'stroke-dasharray': nth ? '6 4' : '' }), textAt(nth === 1 ? box.left + 8 : box.right - 6, Y(roof) + (nth < 2 ? 14 : -5), `${kind} always busy: ${readable(roof / 1e6, 3)} M/s`, 'faint', nth === 1 ? 'start' : 'end')));
+    picture.append(svg('circle', { cx: X(intensity), cy: Y(rate), r: 6, fill: 'var(--c1)' }), textAt(X(intensity), Y(rate) + 22, `this frame: ${readable(rate / 1e6, 3)} M/s at ${readable(intensity, 3)} per byte`, '', 'middle'));
+    picture.append(textAt((box.left + box.right) / 2, H - 8, 'contributions per byte of memory', 'faint', 'middle'), textAt(4, 12, 'contributions/s', 'faint'));
     return picture;
   };
   const roof = roofline(600) && fitted(roofline);
 
-  // ---- Tile after tile ----
+  // ---- Tiles over time ----
 
   const tiled = h('div');
   tiles?.then(tiles => {
     if (!tiles) return;
-    const make = () => tiled.replaceChildren(h('h2', {}, 'Tile after tile'), h('p', { class: 'faint' }, 'What each unit did over the cycles of the second pass; a click looks at one tile, the wheel and + or − look nearer, dragging and arrows go along.'), legend.cloneNode(true), attempt(() => tilesTimeline(tiles)));
+    const make = () => tiled.replaceChildren(h('h2', {}, 'Tiles over time'), h('p', { class: 'faint' }, 'States of each unit over the cycles of the second pass. A click selects a tile, the wheel and + or − zoom, dragging and arrows move.'), legend.cloneNode(true), attempt(() => tilesTimeline(tiles)));
     make();
     const look = () => { if (lookedAtTile) { make(); tiled.scrollIntoView(); } };
     document.addEventListener('tile', () => setTimeout(look));
@@ -215,14 +215,14 @@ const machinePage = (report, cycles, tiles) => {
   onWidth(diagram, drawDiagram);
   onWidth(timeline, drawTimeline);
   onColours(drawTimeline);
-  const area = report ? `; ${told(Math.round(report.cost.area))} LUT equivalents, ${told(1e3 * report.cost.energy.total, 3)} mJ a frame` : '';
+  const area = report ? `; ${readable(Math.round(report.cost.area))} LUT equivalents, ${readable(1e3 * report.cost.energy.total, 3)} mJ per frame` : '';
   return [
-    h('p', {}, `${described ? described.name + ': ' : ''}${told(total)} cycles at ${told(cycles.clock_hz / 1e6)} MHz, ${told(cycles.frames_per_second, 4)} frames/s; limited by ${cycles.bottleneck}${area}.`),
-    h('p', { class: 'faint' }, 'Wires have the formats of their words; the bar in a box is what the unit does in the frame’s cycles. A unit opens below.'), legend.cloneNode(true), diagram, detail,
-    h('h2', {}, 'What each unit does'), legend, fitted(stacks),
-    ...(timed.length ? [h('h2', {}, 'Units over time'), h('p', { class: 'faint' }, 'Dragging from left to right looks nearer, a double click shows all; a click on a name hides its line.'), timeline] : []),
+    h('p', {}, `${described ? described.name + ': ' : ''}${readable(total)} cycles at ${readable(cycles.clock_hz / 1e6)} MHz, ${readable(cycles.frames_per_second, 4)} frames/s; limited by ${cycles.bottleneck}${area}.`),
+    h('p', { class: 'faint' }, 'Wires have the formats of their words; the bar in a box shows the unit’s states in the frame’s cycles. A click shows a unit below.'), legend.cloneNode(true), diagram, detail,
+    h('h2', {}, 'States of each unit'), legend, fitted(stacks),
+    ...(timed.length ? [h('h2', {}, 'Units over time'), h('p', { class: 'faint' }, 'Dragging from left to right zooms in, a double click shows all; a click on a name hides its line.'), timeline] : []),
     tiled,
-    ...(roof ? [h('h2', {}, 'Roofline'), h('p', { class: 'faint' }, 'No frame is above the slope, which memory sets, nor above a line, which a unit sets.'), roof] : []),
-    ...(described ? [h('h2', {}, 'Its description'), h('p', {}, h('button', { onclick: () => save(described.name.replace(/[^\w.-]/g, '_') + '.json', JSON.stringify(described, null, 2)) }, 'save as a file'))] : []),
+    ...(roof ? [h('h2', {}, 'Roofline'), h('p', { class: 'faint' }, 'The slope is the limit of memory, and each line the limit of a unit. No frame is above either.'), roof] : []),
+    ...(described ? [h('h2', {}, 'Machine description'), h('p', {}, h('button', { onclick: () => save(described.name.replace(/[^\w.-]/g, '_') + '.json', JSON.stringify(described, null, 2)) }, 'save as a file'))] : []),
   ];
 };

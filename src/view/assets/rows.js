@@ -1,10 +1,10 @@
-// Rows: what a sweep or a search found, as plots and a table that select together; a machine by click.
+// Rows: results of a sweep or a search, as plots and a table with a common selection; a click shows a machine.
 'use strict';
 
 const rowsPage = ({ columns, machine, title }) => {
   const count = columns.length ? columns[0].rows ?? columns[0].values.length : 0;
   const value = new Map(columns.map(column => {
-    // A field that was set is text; where all of it are numbers, it is one.
+    // A field that was set is text; if all its values are numbers, the column is numeric.
     const values = column.values ?? Array(count).fill(column.same);
     const numeric = column.kind === 'number' || (values.some(cell => cell !== null) && values.every(cell => cell === null || (typeof cell === 'string' && cell.trim() !== '' && Number.isFinite(Number(cell)))));
     return [column.name, { numeric, values: numeric ? values.map(cell => cell === null ? null : Number(cell)) : values, same: 'same' in column }];
@@ -16,22 +16,22 @@ const rowsPage = ({ columns, machine, title }) => {
   const same = columns.map(column => column.name).filter(name => value.get(name).same && !hidden(name) && cell(name, 0) !== null);
   const axes = columns.map(column => column.name).filter(name => value.get(name).numeric && !value.get(name).same);
 
-  // 1: more is better; −1: less is; 0: nobody can say.
+  // 1: more is better; −1: less is better; 0: neither.
   const better = name => /psnr|ssim|frames_per_second/.test(name) ? 1 : /area|gates|sram_kbit|latency|cycles|energy|bytes|_bits|error|over_1|saturated|wrapped|flips|violations|blocks|seconds|starved|blocked|_memory$|unexplained/.test(name) ? -1 : 0;
-  // Equal pictures have no PSNR, and no error: none is better. A row that was never drawn has neither.
+  // Equal pictures have no PSNR and no error: none is best. A row that was never drawn has neither.
   const errorOf = name => name.replace(/psnr(_covered)?_db$/, 'max_error');
   const isEqual = (name, row) => /psnr(_covered)?_db$/.test(name) && value.has(errorOf(name)) && cell(errorOf(name), row) === 0;
   const numbers = (names, row) => names.map(name => {
     const number = cell(name, row);
     return typeof number === 'number' && Number.isFinite(number) ? better(name) * number : number === null && isEqual(name, row) ? Infinity : NaN;
   });
-  // Rows that no other one beats: none is as good in all and better in one.
+  // Pareto front: rows for which no other row is as good in all and better in one.
   const front = names => {
     const places = Array.from({ length: count }, (_, row) => [row, numbers(names, row)]).filter(([, place]) => !place.some(Number.isNaN));
     places.sort(([, a], [, b]) => { const at = a.findIndex((number, nth) => number !== b[nth]); return at < 0 ? 0 : b[at] - a[at]; });
     const kept = [];
     if (names.length === 2) {
-      // From the best in the first: what follows must be better in the second than all so far, or the same as the best.
+      // In the order of the first column, best first: the following rows must be better in the second than all so far, or equal to the best.
       let best = [-Infinity, -Infinity];
       for (const [row, place] of places) {
         if (place[1] > best[1] || (place[0] === best[0] && place[1] === best[1])) { kept.push(row); best = place; }
@@ -51,7 +51,7 @@ const rowsPage = ({ columns, machine, title }) => {
   const hasThree = THREE.every(Boolean);
   const frontOfThree = new Set(hasThree ? front(THREE) : []);
 
-  // ---- What is selected ----
+  // ---- Selection ----
 
   const texts = [];
   const textOf = row => texts[row] ??= shown.map(name => cell(name, row)).join(' ').toLowerCase();
@@ -74,7 +74,7 @@ const rowsPage = ({ columns, machine, title }) => {
       left += is ? 1 : 0;
     }
     state.shown = 200;
-    told_.textContent = left === count ? `${told(count)} rows` : `${told(left)} of ${told(count)} rows`;
+    countText.textContent = left === count ? `${readable(count)} rows` : `${readable(left)} of ${readable(count)} rows`;
     clear.disabled = !brush && !state.words && !state.three;
     plots.forEach(plot => plot.redraw());
     fill();
@@ -88,8 +88,8 @@ const rowsPage = ({ columns, machine, title }) => {
     const holder = h('div');
     let plot = null, places = [], onFront = [];
     const picker = axis => {
-      const chooser = h('select', { 'aria-label': axis ? 'upright axis' : 'level axis', onchange: () => { names[axis] = chooser.value; make(); } }, axes.map(name => h('option', { value: name, selected: name === names[axis] }, name)));
-      const log = h('button', { 'aria-pressed': 'false', title: 'by powers of ten', onclick: () => { logs[axis] = !logs[axis]; log.setAttribute('aria-pressed', String(logs[axis])); make(); } }, 'log');
+      const chooser = h('select', { 'aria-label': axis ? 'vertical axis' : 'horizontal axis', onchange: () => { names[axis] = chooser.value; make(); } }, axes.map(name => h('option', { value: name, selected: name === names[axis] }, name)));
+      const log = h('button', { 'aria-pressed': 'false', title: 'log scale', onclick: () => { logs[axis] = !logs[axis]; log.setAttribute('aria-pressed', String(logs[axis])); make(); } }, 'log');
       return [chooser, log];
     };
     const make = () => {
@@ -143,7 +143,7 @@ const rowsPage = ({ columns, machine, title }) => {
       let [best, least] = [null, 144];
       for (const [row, x, y] of places) {
         const distance = (plot.valToPos(x, 'x') - px) ** 2 + (plot.valToPos(y, 'y') - py) ** 2;
-        // What is selected goes before what is not.
+        // Selected points have priority.
         const weighted = selected[row] ? distance : distance + 72;
         if (weighted < least) [best, least] = [row, weighted];
       }
@@ -192,12 +192,12 @@ const rowsPage = ({ columns, machine, title }) => {
 
   // ---- A machine ----
 
-  const TOLD = ['scene', 'changes', 'name', 'machine', 'rule', 'layers', 'misfit', 'fixed_vs_ideal_psnr_db', 'psnr_db', 'area', 'frames_per_second', 'cycles', 'energy_j'];
+  const LISTED = ['scene', 'changes', 'name', 'machine', 'rule', 'layers', 'misfit', 'fixed_vs_ideal_psnr_db', 'psnr_db', 'area', 'frames_per_second', 'cycles', 'energy_j'];
   const nameOf = row => value.has('point') ? `point ${cell('point', row)}` : `row ${row + 1}`;
-  const summary = row => [h('b', {}, nameOf(row)), ...TOLD.filter(name => value.has(name) && cell(name, row) !== null && cell(name, row) !== '').map(name => h('div', {}, `${name}: ${told(cell(name, row))}`)), h('div', { class: 'faint' }, 'a click shows all of it')];
+  const summary = row => [h('b', {}, nameOf(row)), ...TOLD.filter(name => value.has(name) && cell(name, row) !== null && cell(name, row) !== '').map(name => h('div', {}, `${name}: ${readable(cell(name, row))}`)), h('div', { class: 'faint' }, 'a click shows all values')];
   const changesOf = row => machine && value.has('changes') ? String(cell('changes', row) ?? '').split(' ').filter(change => /^[\w.*]+=/.test(change)).map(change => { const at = change.indexOf('='); return [change.slice(0, at), change.slice(at + 1)]; }) : [];
   const flagsOf = row => changesOf(row).map(([path, text]) => '--set ' + quoted(`${path}=${text}`)).join(' ');
-  // As --set lays a change over a machine.
+  // Applies a change to a machine like --set.
   const described = row => {
     const made = structuredClone(machine);
     for (const [path, text] of changesOf(row)) {
@@ -233,17 +233,17 @@ const rowsPage = ({ columns, machine, title }) => {
     const about = picked.map((row, nth) => {
       const flags = flagsOf(row), name = machine ? `${machine.name}-${value.has('point') ? cell('point', row) : row}.json`.replace(/[^\w.-]/g, '_') : '';
       return [h('h3', {}, `${picked.length > 1 ? 'AB'[nth] + ': ' : ''}${nameOf(row)}`), ...(machine ? [
-        h('div', { class: 'code flags' }, flags || '(the machine as it is)'), flags ? copying(flags) : null, ' ',
-        isExact(row) ? h('span', { class: 'faint' }, 'with units in f64, which no machine file has') : h('button', { class: 'save', onclick: () => save(name, JSON.stringify(described(row), null, 2)) }, 'save its description')] : [])];
+        h('div', { class: 'code flags' }, flags || '(the machine unchanged)'), flags ? copying(flags) : null, ' ',
+        isExact(row) ? h('span', { class: 'faint' }, 'with units in f64, which a machine file cannot describe') : h('button', { class: 'save', onclick: () => save(name, JSON.stringify(described(row), null, 2)) }, 'save description')] : [])];
     });
     const differs = name => picked.length > 1 && cell(name, picked[0]) !== cell(name, picked[1]);
     const names = columns.map(column => column.name).filter(name => !hidden(name) && picked.some(row => cell(name, row) !== null));
     const rows = [...names.filter(differs), ...names.filter(name => !differs(name))].map(name => {
-      const cells = picked.map(row => told(cell(name, row), 6)), [a, b] = picked.map(row => cell(name, row));
-      const step = picked.length > 1 && typeof a === 'number' && typeof b === 'number' && a !== b ? `${b > a ? '+' : '−'}${told(Math.abs(b - a), 4)}${a ? ` (${b > a ? '+' : '−'}${told(Math.abs(100 * (b - a) / a), 3)}%)` : ''}` : '';
+      const cells = picked.map(row => readable(cell(name, row), 6)), [a, b] = picked.map(row => cell(name, row));
+      const step = picked.length > 1 && typeof a === 'number' && typeof b === 'number' && a !== b ? `${b > a ? '+' : '−'}${readable(Math.abs(b - a), 4)}${a ? ` (${b > a ? '+' : '−'}${readable(Math.abs(100 * (b - a) / a), 3)}%)` : ''}` : '';
       return h('tr', { class: differs(name) ? 'flip' : null }, h('td', {}, name), ...cells.map(text => h('td', { class: 'long' }, text)), picked.length > 1 ? h('td', { class: 'n' }, step) : null);
     });
-    // What makes both machines again and puts them side by side; of a machine with units in f64 there is no such command.
+    // The command that compares both machines. There is none for a machine with units in f64.
     const command = () => {
       const changed = (row, flag) => changesOf(row).map(([path, text]) => ` --set-${flag} ${quoted(`${path}=${text}`)}`).join('');
       const scenes = value.has('scene') ? picked.map(row => cell('scene', row)) : [];
@@ -251,8 +251,8 @@ const rowsPage = ({ columns, machine, title }) => {
       return `splatsim compare ${quoted(machine.name)} ${quoted(machine.name)}${changed(a, 'a')}${changed(b, 'b')}${scenes.length && scenes[0] === scenes[1] ? ` --scene ${quoted(String(scenes[0]))}` : ''}`;
     };
     const compare = machine && picked.length > 1 && !picked.some(isExact) ? h('div', { class: 'tools' }, h('div', { class: 'code', id: 'compare-command' }, command()), copying(command())) : null;
-    const next = h('button', { 'aria-pressed': String(state.beside), onclick: () => { state.beside = !state.beside; next.setAttribute('aria-pressed', String(state.beside)); } }, 'compare: put the next one beside it');
-    const folded = h('details', { open: true }, h('summary', {}, picked.length > 1 ? 'Compared; what differs comes first' : 'All figures'), h('div', { class: 'figures', tabindex: '0' }, h('table', { id: 'figures' }, h('thead', {}, h('tr', {}, h('th', {}, ''), ...picked.map((row, nth) => h('th', {}, picked.length > 1 ? 'AB'[nth] : nameOf(row))), picked.length > 1 ? h('th', { class: 'n' }, 'B − A') : null)), h('tbody', {}, rows))));
+    const next = h('button', { 'aria-pressed': String(state.beside), onclick: () => { state.beside = !state.beside; next.setAttribute('aria-pressed', String(state.beside)); } }, 'compare with the next one');
+    const folded = h('details', { open: true }, h('summary', {}, picked.length > 1 ? 'Comparison; differences come first' : 'All figures'), h('div', { class: 'figures', tabindex: '0' }, h('table', { id: 'figures' }, h('thead', {}, h('tr', {}, h('th', {}, ''), ...picked.map((row, nth) => h('th', {}, picked.length > 1 ? 'AB'[nth] : nameOf(row))), picked.length > 1 ? h('th', { class: 'n' }, 'B − A') : null)), h('tbody', {}, rows))));
     const close = h('button', { onclick: () => { state.picked = []; show(); plots.forEach(plot => plot.redraw()); fill(); } }, 'close');
     detail.replaceChildren(h('div', { class: 'panel' }, ...about.flat().filter(Boolean), ...(compare ? [compare] : []), h('div', { class: 'tools' }, next, close), folded));
   };
@@ -274,7 +274,7 @@ const rowsPage = ({ columns, machine, title }) => {
     }
     heads.forEach(head => head.setAttribute('aria-sort', head.dataset.column !== state.by ? 'none' : state.falling ? 'descending' : 'ascending'));
     body.replaceChildren(...rows.slice(0, state.shown).map(row => h('tr', { tabindex: '0', 'data-row': String(row), 'aria-selected': String(state.picked.includes(row)) },
-      shown.map(name => { const own = cell(name, row); return h('td', { class: value.get(name).numeric ? 'n' : null, title: own === null ? '' : String(own) }, own === null ? '' : value.get(name).numeric ? told(own) : String(own)); }))));
+      shown.map(name => { const own = cell(name, row); return h('td', { class: value.get(name).numeric ? 'n' : null, title: own === null ? '' : String(own) }, own === null ? '' : value.get(name).numeric ? readable(own) : String(own)); }))));
     more.hidden = rows.length <= state.shown;
   };
   body.addEventListener('click', event => { const line = event.target.closest('tr'); if (line) pick(Number(line.dataset.row), event.shiftKey); });
@@ -287,7 +287,7 @@ const rowsPage = ({ columns, machine, title }) => {
   });
 
   const words = h('input', { type: 'search', placeholder: 'words, or area<150000', 'aria-label': 'keep rows with these words', oninput: () => { state.words = words.value; select(); } });
-  const told_ = h('span', { id: 'count', role: 'status' });
+  const countText = h('span', { id: 'count', role: 'status' });
   const three = hasThree ? h('button', { 'aria-pressed': 'false', title: THREE.join(', '), onclick: () => { state.three = !state.three; three.setAttribute('aria-pressed', String(state.three)); select(); } }, `front of three (${frontOfThree.size})`) : null;
   const clear = h('button', { onclick: () => reset() }, 'all rows');
   const reset = () => {
@@ -303,15 +303,15 @@ const rowsPage = ({ columns, machine, title }) => {
   const pairs = [['area', 'fixed_vs_ideal_psnr_db'], ['frames_per_second', 'fixed_vs_ideal_psnr_db'], ['area', 'frames_per_second'], ['area', 'psnr_db'], ['pixel_bytes', 'area'], ['value', 'drawn.fixed_vs_golden.psnr_db'], ['value', 'drawn.golden_vs_ideal.psnr_db'], ['value', 'drawn.lockstep.max_error']].filter(pair => pair.every(name => axes.includes(name)));
   while (pairs.length < 2 && axes.length > 1) pairs.push([axes[0], axes[Math.min(axes.length - 1, 1 + pairs.length)]]);
   const page = [
-    h('p', {}, `${told(count)} rows${machine ? `, machines made from ${machine.name}` : ''}.`),
-    h('p', { class: 'faint' }, 'Dragging in a plot selects in all of them and in the table; Escape selects all again. A click on a point or a row shows its machine, with Shift beside the first one. ○ on a line: no row beats it in both axes. ◇: none beats it in accuracy, area and speed.'),
+    h('p', {}, `${readable(count)} rows${machine ? `, machines made from ${machine.name}` : ''}.`),
+    h('p', { class: 'faint' }, 'Dragging in a plot selects in all plots and in the table; Escape selects all again. A click on a point or a row shows its machine; with Shift it is compared with the first one. ○ on a line: Pareto front of both axes. ◇: Pareto front of accuracy, area and speed.'),
     h('div', { class: 'plots' }, pairs.slice(0, 3).map(([x, y]) => plotOf(x, y))),
-    h('div', { class: 'tools' }, words, three, clear, told_), detail,
+    h('div', { class: 'tools' }, words, three, clear, countText), detail,
     h('div', { class: 'rows', tabindex: '-1' }, h('table', {}, h('thead', {}, h('tr', {}, heads)), body)), more,
-    same.length ? h('details', {}, h('summary', {}, `The same in all rows (${same.length})`), table(['', ''], same.map(name => [name, String(cell(name, 0))]), 9)) : null,
+    same.length ? h('details', {}, h('summary', {}, `Equal in all rows (${same.length})`), table(['', ''], same.map(name => [name, String(cell(name, 0))]), 9)) : null,
   ].filter(Boolean);
   select();
-  // For tests: where a value lies on the screen.
+  // For tests: position of a value on the screen.
   page.plots = plots;
   window.rowsPlots = plots;
   return page;

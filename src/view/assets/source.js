@@ -1,4 +1,4 @@
-// Source: where the page has its data from: the server, or the page itself. Beside it small helpers.
+// Source: origin of the page's data: the server, or the page itself. Also small helpers.
 'use strict';
 
 const source = (() => {
@@ -10,12 +10,12 @@ const source = (() => {
     return response;
   };
   return {
-    // Whether what is computed on demand can be had.
+    // Whether data that is computed on demand is available.
     live: !embedded,
     folder: async () => all ?? (await asked('folder')).json(),
     file: name => all ? all.files[name] : 'file/' + encodeURIComponent(name),
     json: async path => (await asked(path)).json(),
-    // What changed since the start is answered in a sentence, which an image element would not tell.
+    // For a file that has changed since the start, the response is a sentence, which an image element would not show.
     picture: async name => {
       if (!all) return createImageBitmap(await (await asked('file/' + encodeURIComponent(name))).blob());
       const image = new Image();
@@ -28,7 +28,7 @@ const source = (() => {
   };
 })();
 
-// What a part of the page shows, or a sentence that says why it cannot.
+// A part of the page, or a sentence about why it cannot be shown.
 const attempt = make => {
   try {
     return make();
@@ -37,7 +37,7 @@ const attempt = make => {
   }
 };
 
-// An element: properties by name, `on…` as listeners, children behind.
+// An element: properties by name, `on…` as listeners, then children.
 const h = (name, properties = {}, ...children) => {
   const made = document.createElement(name);
   for (const [key, value] of Object.entries(properties)) {
@@ -57,8 +57,8 @@ const svg = (name, attributes = {}, ...children) => {
   return made;
 };
 
-// A number in a few digits, with thousands set apart.
-const told = (value, digits = 5) => {
+// A number in a few digits, with thousands separators.
+const readable = (value, digits = 5) => {
   if (value === null || value === undefined) return '–';
   if (typeof value !== 'number') return String(value);
   if (!Number.isFinite(value)) return value > 0 ? '∞' : '–';
@@ -74,9 +74,9 @@ const quoted = text => /^[\w./:=,+@%-]+$/.test(text) ? text : "'" + text.replace
 const table = (heads, rows, numbersFrom = 1) => h('div', { class: 'scroll', tabindex: '0' }, h('table', {},
   h('thead', {}, h('tr', {}, heads.map((head, at) => h('th', { class: at >= numbersFrom ? 'n' : null }, head)))),
   h('tbody', {}, rows.map(row => h('tr', {}, row.map((cell, at) => h('td', { class: at >= numbersFrom ? 'n' : null }, cell)))))));
-// Golden and fixed against a photograph, or means over frames, in which one infinite figure makes all infinite.
+// Golden and fixed against a photograph, or means over frames, which are infinite if one figure is.
 const againstTable = ({ golden, fixed, fixed_minus_golden: loss }, none = 'equal') => {
-  const row = (name, { psnr_db: db, ssim, flip, not_finite: broken }) => [name, broken ? 'no number' : db === null ? none : db.toFixed(3), ssim.toFixed(5), flip.toFixed(5)];
+  const row = (name, { psnr_db: db, ssim, flip, not_finite: broken }) => [name, broken ? 'NaN' : db === null ? none : db.toFixed(3), ssim.toFixed(5), flip.toFixed(5)];
   const step = (value, digits) => value === null ? '–' : (value < 0 ? '−' : '+') + Math.abs(value).toFixed(digits);
   return table(['', 'PSNR dB', 'SSIM', 'FLIP'], [row('golden', golden), row('fixed', fixed), ['fixed − golden', step(loss.psnr_db, 3), step(loss.ssim, 5), step(loss.flip, 5)]]);
 };
@@ -88,7 +88,7 @@ const save = (name, text) => {
 const copying = text => h('button', { onclick: async event => {
   try { await navigator.clipboard.writeText(text); event.target.textContent = 'copied'; } catch { event.target.textContent = 'cannot copy here'; }
 } }, 'copy');
-// What follows a device's colours has to be drawn again when they change.
+// Drawings that depend on the device's colours are redrawn when these change.
 const onColours = draw => matchMedia('(prefers-color-scheme: dark)').addEventListener('change', draw);
 const onWidth = (element, draw) => {
   let width = 0;
@@ -98,7 +98,7 @@ const onWidth = (element, draw) => {
   }).observe(element);
 };
 
-// A picture that is drawn for the width that there is.
+// A drawing that is fitted to the available width.
 const fitted = draw => {
   const holder = h('div');
   onWidth(holder, () => holder.replaceChildren(attempt(() => draw(Math.min(holder.clientWidth, 1100)) ?? "")));

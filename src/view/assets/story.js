@@ -1,13 +1,13 @@
-// Story: what happened at a pixel, as pictures: contributions along depth, slots over time, decisions of machine and golden beside each other.
+// Pixel trace, as pictures: contributions along depth, slots over time, decisions of machine and golden side by side.
 'use strict';
 
-const storyOf = (story, repeated) => {
+const traceOf = (story, repeated) => {
   const { pixel, contributions, layers, slots } = story;
   const title = h('h2', {}, `Pixel ${pixel.join(',')}: ${contributions.length} contributions`);
   if (!contributions.length) return [title, h('p', {}, 'No splat touches this pixel: it is background.'), repeated];
   const flips = contributions.filter(one => one.flip).length;
   const kindOf = decision => decision === undefined ? 'none' : /^add/.test(decision) ? 'add' : /^open|^blend/.test(decision) ? 'open' : /^merge|^sum|^close/.test(decision) ? 'merge' : /^late|^inside/.test(decision) ? 'late' : 'drop';
-  const KINDS = { open: 'opens a slot', add: 'adds to one', merge: 'makes two merge', late: 'blended into a closed one', drop: 'evicted, replaced or dropped' };
+  const KINDS = { open: 'opens a slot', add: 'adds to a slot', merge: 'merges two slots', late: 'blended into a closed slot', drop: 'evicted, replaced or dropped' };
   const tint = arrival => arrival.slot === null ? 'var(--c6)' : `var(--c${arrival.slot % 6})`;
   const mark = (x, y, arrival, size = 5) => {
     const fill = tint(arrival);
@@ -19,9 +19,9 @@ const storyOf = (story, repeated) => {
       default: return svg('circle', { cx: x, cy: y, r: size - 1, fill });
     }
   };
-  const says = (one, nth) => [h('b', {}, `splat ${one.splat}, number ${nth + 1}${one.flip ? ': flip' : ''}`), ...['fixed', 'golden'].map(whose => h('div', {}, one[whose] ? `${whose}: ${one[whose].decision}, w ${told(one[whose].weight)}, z ${told(one[whose].z)}` : `${whose}: none`))];
+  const tooltip = (one, nth) => [h('b', {}, `splat ${one.splat}, number ${nth + 1}${one.flip ? ': flip' : ''}`), ...['fixed', 'golden'].map(whose => h('div', {}, one[whose] ? `${whose}: ${one[whose].decision}, w ${readable(one[whose].weight)}, z ${readable(one[whose].z)}` : `${whose}: none`))];
   const tipped = (group, one, nth) => {
-    group.addEventListener('pointermove', event => tip.show(event.clientX, event.clientY, ...says(one, nth)));
+    group.addEventListener('pointermove', event => tip.show(event.clientX, event.clientY, ...tooltip(one, nth)));
     group.addEventListener('pointerleave', tip.hide);
     return group;
   };
@@ -49,11 +49,11 @@ const storyOf = (story, repeated) => {
     textAt(8, 70, 'fixed'), textAt(8, 236, 'golden'), textAt(8, MIDDLE + 4, 'w = 0', 'faint'),
     layerLines('fixed', 22, MIDDLE), layerLines('golden', MIDDLE, H - 24),
     contributions.map((one, nth) => stem(one, nth, 'fixed', 1)), contributions.map((one, nth) => stem(one, nth, 'golden', -1)),
-    ticks.filter((_, nth) => W > 600 || nth % 2 === 0).map((z, nth, all) => textAt(x(z), H - 6, told(z, 5), 'faint', nth === 0 ? 'start' : nth === all.length - 1 ? 'end' : 'middle')),
-    textAt(4, H - 22, 'depth z', 'faint'), textAt(W - RIGHT, 14, `greatest w ${told(heaviest, 4)}`, 'faint', 'end'));
+    ticks.filter((_, nth) => W > 600 || nth % 2 === 0).map((z, nth, all) => textAt(x(z), H - 6, readable(z, 5), 'faint', nth === 0 ? 'start' : nth === all.length - 1 ? 'end' : 'middle')),
+    textAt(4, H - 22, 'depth z', 'faint'), textAt(W - RIGHT, 14, `greatest w ${readable(heaviest, 4)}`, 'faint', 'end'));
   });
 
-  // ---- Over time: which slot each went into ----
+  // ---- Over time: the slot of each contribution ----
   const lanes = [...Array(slots).keys()].map(String).concat('–');
   const ROW = 20, TOP = 18, high = TOP + 2 * lanes.length * ROW + 34;
   const overTime = fitted(W => {
@@ -69,7 +69,7 @@ const storyOf = (story, repeated) => {
       const [px, py] = [LEFT + step * (nth + 0.5), lane(one[whose], whose)];
       return tipped(svg('g', {}, one.flip ? flipped(px, py) : null, mark(px, py, one[whose])), one, nth);
     })),
-    textAt(LEFT, high - 4, 'order of arrival →', 'faint'), textAt(4, TOP - 6, 'slot; – where it is none by number', 'faint'));
+    textAt(LEFT, high - 4, 'order of arrival →', 'faint'), textAt(4, TOP - 6, 'slot; – if it has no number', 'faint'));
   });
 
   const used = new Set(arrivals.map(arrival => kindOf(arrival.decision)));
@@ -88,7 +88,7 @@ const storyOf = (story, repeated) => {
   const kept = ['fixed', 'golden'].flatMap(whose => layers[whose].map((layer, nth) => [`${whose} ${nth}`, String(layer.slot), layer.z.toFixed(5), layer.weight === null ? 'merged' : layer.weight.toFixed(5), ...layer.rgb.map(value => value.toFixed(5)), layer.opacity.toFixed(5)]));
   const end = [['fixed', ...story.fixed.map(value => value.toFixed(6))], ['golden', ...story.golden.map(value => value.toFixed(6))],
     [`word, ${story.frame_format}`, ...story.frame_words.map(word => word.toString(16))]];
-  return [title, h('p', {}, flips ? `${flips} decided otherwise by the machine than by golden: marked.` : 'The machine decided as golden did.'), repeated, legend,
+  return [title, h('p', {}, flips ? `${flips} decided differently by the machine and by golden: marked.` : 'All decisions are equal in the machine and in golden.'), repeated, legend,
     h('h3', {}, 'Contributions along depth'), alongDepth, h('h3', {}, 'Slots over time'), overTime,
     h('h3', {}, 'Decisions'), all, ...more, h('h3', {}, 'Layers at the end, front to back'),
     table(['layer', 'slot', 'z', 'weight', 'red', 'green', 'blue', 'opacity'], kept), h('h3', {}, 'Blended'), table(['', 'red', 'green', 'blue', 'alpha'], end)];

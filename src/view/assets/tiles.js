@@ -1,7 +1,7 @@
-// Tiles: cycles of a binned machine's tiles: as a map over the picture, and as a timeline of units that can be looked at tile by tile.
+// Tiles: cycles of a binned machine's tiles: as a map over the picture, and as a timeline of units, tile by tile.
 'use strict';
 
-// What tiles.csv says, checked against the account of the frame; null where there is none.
+// Contents of tiles.csv, checked against the report of the frame; null if it is absent.
 const tilesOf = (text, cycles) => {
   if (!text) return null;
   const [heads, ...lines] = text.trim().split('\n').map(line => line.split(','));
@@ -9,15 +9,15 @@ const tilesOf = (text, cycles) => {
   const places = ['column', 'row', 'side_px', 'from', 'entries', 'done', 'cycles'].map(at);
   const own = heads.filter(name => name.endsWith('_until')).map(name => name.slice(0, -6)), base = name => name.replace(/\.\d+$/, '');
   const of = own.map(name => ['until', 'busy', 'starved', 'blocked', 'memory'].map(what => at(`${name}_${what}`)));
-  // Each engine has units of its own; a folder that does not say which has one.
+  // Each engine has its own units; a folder without engine numbers has one engine.
   const engine = heads.indexOf('engine'), engines = engine < 0 ? 1 : 1 + Math.max(0, ...lines.map(line => Number(line[engine])));
   const names = Array.from({ length: engines }, (_, nth) => own.map(name => engines > 1 ? `${name} of engine ${nth}` : name)).flat();
   const last = names.map(() => null);
   const tiles = lines.map(line => {
     const cells = line.map(Number);
-    if (cells.length !== heads.length || !cells.every(Number.isSafeInteger)) throw new Error('tiles.csv has a line that is not of numbers');
+    if (cells.length !== heads.length || !cells.every(Number.isSafeInteger)) throw new Error('tiles.csv has a line with a value that is not a number');
     const [column, row, side, from, entries, done, ownCycles] = places.map(place => cells[place]);
-    // Of another engine's tile a unit has no share: it ends where it begins.
+    // A unit has no share in another engine's tile: the share ends where it begins.
     const first = (engine < 0 ? 0 : cells[engine]) * own.length;
     of.forEach((places, nth) => { last[first + nth] = places.map(place => cells[place]); });
     const units = last.map((cells, nth) => nth >= first && nth < first + own.length ? cells : [cells?.[0] ?? from, 0, 0, 0, 0]);
@@ -25,11 +25,11 @@ const tilesOf = (text, cycles) => {
   });
   if (!tiles.length) return null;
   const busy = name => cycles.units.filter(unit => base(unit.name) === name).reduce((sum, unit) => sum + unit.busy, 0);
-  // Of the units of the second pass alone; shade may have worked in the first.
+  // Only for units of the second pass; shade may have worked in the first.
   new Set(own.map(base)).forEach(name => {
     const places = names.map((_, nth) => nth).filter(nth => base(own[nth % own.length]) === name);
     const sum = tiles.reduce((sum, tile) => sum + places.reduce((sum, nth) => sum + tile.units[nth][1], 0), 0);
-    if (name !== 'shade' && sum !== busy(name)) throw new Error('tiles.csv is of another frame than the report beside it');
+    if (name !== 'shade' && sum !== busy(name)) throw new Error('tiles.csv belongs to another frame than the report');
   });
   const byPlace = new Map(tiles.map(tile => [tile.column + ',' + tile.row, tile]));
   return { names, tiles, side: tiles[0].side, from: tiles[0].from, at: (x, y) => byPlace.get(Math.floor(x / tiles[0].side) + ',' + Math.floor(y / tiles[0].side)) };
@@ -38,10 +38,10 @@ const foldersTiles = (() => {
   let asked = null;
   return folder => asked ??= (folder.tiles ? source.text('tiles.csv') : Promise.resolve(null)).then(text => tilesOf(text, folder.run?.report.cycles ?? folder.cycles));
 })();
-// The tile that a pixel lies in, for the timeline to begin with.
+// The tile of a pixel, at which the timeline begins.
 let lookedAtTile = null;
 
-// Each unit a band: in every column of it what the unit did in those cycles.
+// One band per unit: each column shows the unit's states in those cycles.
 const tilesTimeline = ({ names, tiles, from }) => {
   const STATES = ['busy', 'starved', 'blocked', 'memory'], ROW = 34, LEFT = 90, FOOT = 40, HEAD = 22;
   const inks = () => ({ busy: ink('c0'), starved: ink('line'), blocked: ink('c1'), memory: ink('c4') });
@@ -50,9 +50,9 @@ const tilesTimeline = ({ names, tiles, from }) => {
   const canvas = h('canvas', { tabindex: '0', role: 'img', 'aria-label': 'units over the cycles of tiles' });
   canvas.style.cssText = 'width: 100%; touch-action: pan-y; cursor: crosshair;';
   canvas.style.height = HEAD + ROW * names.length + FOOT + 'px';
-  const says = h('p', { class: 'faint', id: 'tile-says', 'aria-live': 'polite' });
+  const readout = h('p', { class: 'faint', id: 'tile-says', 'aria-live': 'polite' });
 
-  // Of a unit, the first tile whose share ends behind a cycle.
+  // The first tile whose share of a unit ends after a cycle.
   const tileAt = (nth, cycle) => {
     let [low, high] = [0, tiles.length];
     while (low < high) {
@@ -62,7 +62,7 @@ const tilesTimeline = ({ names, tiles, from }) => {
     return low;
   };
   const start = (nth, tile) => tile ? tiles[tile - 1].units[nth][0] : from;
-  // What it did between two cycles, as parts; a share is taken as even.
+  // Its states between two cycles, as parts; a share is assumed to be uniform.
   const parts = (nth, low, high) => {
     const sums = [0, 0, 0, 0];
     let left = high - low;
@@ -74,7 +74,7 @@ const tilesTimeline = ({ names, tiles, from }) => {
       states.forEach((cycles, state) => { sums[state] += cycles * overlap / (until - begins); });
       left -= overlap;
     }
-    // Behind its last tile it has nothing to do.
+    // After its last tile the unit is idle.
     sums[1] += Math.max(0, left);
     return sums.map(sum => sum / (high - low));
   };
@@ -100,7 +100,7 @@ const tilesTimeline = ({ names, tiles, from }) => {
       for (let column = 0; column < wide(); column += 1) {
         const here = parts(nth, first + (last - first) * column / wide(), first + (last - first) * (column + 1) / wide());
         let y = top + ROW - 6;
-        // Busy below, then what it waited for, starved on top.
+        // Busy at the bottom, then the stalls, starved at the top.
         [0, 2, 3, 1].forEach(state => {
           const high = here[state] * (ROW - 8);
           context.fillStyle = shades[STATES[state]];
@@ -110,7 +110,7 @@ const tilesTimeline = ({ names, tiles, from }) => {
       }
       context.fillStyle = ink('ink');
       context.textAlign = 'center';
-      // Where its tiles end, if they can be told apart.
+      // Ends of its tiles, if they can be distinguished.
       const begins = tileAt(nth, first), ends = wide() < 12 * (tileAt(nth, last) - begins) ? begins : tiles.length;
       for (let tile = begins; tile < ends && start(nth, tile) < last; tile += 1) {
         const [left, right] = [X(start(nth, tile)), X(tiles[tile].units[nth][0])];
@@ -139,7 +139,7 @@ const tilesTimeline = ({ names, tiles, from }) => {
     const y = HEAD + names.length * ROW + 12;
     [[0, 'left'], [0.5, 'center'], [1, 'right']].forEach(([part, align]) => {
       context.textAlign = align;
-      context.fillText(told(Math.round(first + (last - first) * part)), LEFT + wide() * part, y);
+      context.fillText(readable(Math.round(first + (last - first) * part)), LEFT + wide() * part, y);
     });
     context.textAlign = 'center';
     context.fillText('cycle', LEFT + wide() / 2, y + 18);
@@ -158,8 +158,8 @@ const tilesTimeline = ({ names, tiles, from }) => {
   };
   const describe = tile => {
     const { column, row, entries, done, cycles, units } = tiles[tile];
-    const of = names.map((name, nth) => `${name} ${told(units[nth][1])}`).join(', ');
-    says.textContent = `Tile ${column},${row}: ${told(entries)} splats, ${told(cycles)} cycles, done in cycle ${told(done)}; busy: ${of}.`;
+    const of = names.map((name, nth) => `${name} ${readable(units[nth][1])}`).join(', ');
+    readout.textContent = `Tile ${column},${row}: ${readable(entries)} splats, ${readable(cycles)} cycles, done in cycle ${readable(done)}; busy: ${of}.`;
   };
   const choose = tile => {
     chosen = Math.max(0, Math.min(tiles.length - 1, tile));
@@ -196,7 +196,7 @@ const tilesTimeline = ({ names, tiles, from }) => {
     const found = under(event);
     if (!found) { tip.hide(); return; }
     const { column, row, units } = tiles[found.tile], [, ...states] = units[found.nth];
-    tip.show(event.clientX, event.clientY, h('b', {}, `${names[found.nth]}, tile ${column},${row}`), STATES.map((state, at) => `${state} ${told(states[at])}`).join(', '));
+    tip.show(event.clientX, event.clientY, h('b', {}, `${names[found.nth]}, tile ${column},${row}`), STATES.map((state, at) => `${state} ${readable(states[at])}`).join(', '));
   });
   canvas.addEventListener('pointerup', event => {
     if (down && down.moved < 4) { const found = under(event); if (found) choose(found.tile); }
@@ -218,7 +218,7 @@ const tilesTimeline = ({ names, tiles, from }) => {
     if (tile >= 0) choose(tile);
   }
   return h('div', { id: 'tiles' },
-    h('div', { class: 'tools' }, h('button', { onclick: whole }, 'all', h('kbd', {}, 'Home')), h('button', { onclick: () => zoom(0.5) }, 'nearer', h('kbd', {}, '+')), h('button', { onclick: () => zoom(2) }, 'farther', h('kbd', {}, '−')),
-      h('button', { onclick: () => step(-1) }, 'tile before', h('kbd', {}, 'p')), h('button', { onclick: () => step(1) }, 'next tile', h('kbd', {}, 'n')), h('button', { id: 'longest', onclick: longest }, 'longest tile', h('kbd', {}, 'l'))),
-    canvas, says);
+    h('div', { class: 'tools' }, h('button', { onclick: whole }, 'all', h('kbd', {}, 'Home')), h('button', { onclick: () => zoom(0.5) }, 'zoom in', h('kbd', {}, '+')), h('button', { onclick: () => zoom(2) }, 'zoom out', h('kbd', {}, '−')),
+      h('button', { onclick: () => step(-1) }, 'previous tile', h('kbd', {}, 'p')), h('button', { onclick: () => step(1) }, 'next tile', h('kbd', {}, 'n')), h('button', { id: 'longest', onclick: longest }, 'longest tile', h('kbd', {}, 'l'))),
+    canvas, readout);
 };

@@ -1,4 +1,4 @@
-// View: makes a page of each thing that the folder holds, and shows one at a time.
+// View: builds a page for each result in the folder, and shows one at a time.
 'use strict';
 
 (async () => {
@@ -12,7 +12,7 @@
   }
   document.getElementById('name').textContent = folder.name;
   document.title = folder.name + ' · splatsim view';
-  document.getElementById('footer').textContent = `splatsim ${folder.version}` + (source.live ? '' : '; an exported page: exact values, counts a pixel and stories come with splatsim view');
+  document.getElementById('footer').textContent = `splatsim ${folder.version}` + (source.live ? '' : '; an exported page: exact values, counts per pixel and pixel traces need splatsim view');
 
   const pages = [];
   if (folder.compare) pages.push(['compare', 'Compare', () => comparePage(folder)]);

@@ -330,7 +330,7 @@ impl<'a> Search<'a> {
     /// Says which of some views is drawn.
     pub fn say_view(&self, what: &str, nth: usize, count: usize, name: &str) {
         self.progress
-            .say(format!("{what} {nth} of {count}: {name}"));
+            .set_message(format!("{what} {nth} of {count}: {name}"));
     }
 
     /// A row of the journal.
@@ -404,7 +404,7 @@ impl<'a> Search<'a> {
 
     fn say(&self, method: &str, found: &Measured) {
         let (fps, area) = (found.frames_per_second, thousands(found.area as u64));
-        self.progress.say(format!(
+        self.progress.set_message(format!(
             "{method}: {fps:.1} frames/s, area {area}, {} machines tried",
             self.tried
         ));

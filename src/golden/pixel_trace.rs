@@ -1,31 +1,32 @@
-//! Story: everything that happened at one pixel of `golden`, told by the code that draws it.
+//! Pixel trace: everything that happened at one pixel of `golden`, recorded by the code that draws
+//! it.
 
 use super::footprint::{self, Footprint};
-use super::fragments::{Fragment, Golden, Slot, resolve};
+use super::fragments::{Fragment, FragmentPainter, Slot, resolve};
 use super::intervals::Spanning;
-use super::reflection::Seen;
+use super::reflection::Reflected;
 use super::shade::{Shader, over};
-use super::sheets::{Fate, Pixel};
+use super::sheets::{SheetOutcome, SheetState};
 use super::tiles::put_in_order;
-use super::window::{self, Pixels};
+use super::window::{self, WindowPainter};
 use super::{Decision, Group, Merge, Rules};
 use crate::scene::{Scene, Sheet, Sheets};
 use glam::DVec4;
 
-/// One pixel's life.
+/// Trace of one pixel.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Story {
-    /// Contributions to the pixel, in the order in which they are drawn.
-    pub arrivals: Vec<Arrival>,
-    /// Layers left at the end, front to back.
-    pub layers: Vec<Layer>,
-    /// The pixel, as in the picture: linear, premultiplied, over the background.
+pub struct PixelTrace {
+    /// Contributions to the pixel, in drawing order.
+    pub contributions: Vec<TracedContribution>,
+    /// Layers at the end, front to back.
+    pub layers: Vec<TracedLayer>,
+    /// The pixel as in the picture: linear, premultiplied, over the background.
     pub rgba: [f64; 4],
 }
 
-/// One contribution and what became of it.
+/// One contribution and its outcome.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Arrival {
+pub struct TracedContribution {
     /// Index of its splat in the scene.
     pub splat: usize,
     /// `r` at the pixel's centre.
@@ -34,41 +35,41 @@ pub struct Arrival {
     pub weight: f64,
     /// Depth of the splat's plane at the pixel, world units.
     pub z: f64,
-    /// Decision about it, and the slot.
+    /// Decision about it, with the slot.
     pub decision: Decision,
 }
 
 /// One layer at the end.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Layer {
-    /// The slot that it held.
+pub struct TracedLayer {
+    /// Its slot.
     pub slot: usize,
-    /// `Σw`; of a layer that a merge shaded, that of its front.
+    /// `Σw`; for a layer that a merge shaded, that of its front.
     pub weight: f64,
-    /// `Σw·rgb`; of a shaded layer its premultiplied colour.
+    /// `Σw·rgb`; for a shaded layer its premultiplied colour.
     pub rgb: [f64; 3],
-    /// `Σw·α`; of a shaded layer its α.
+    /// `Σw·α`; for a shaded layer its α.
     pub alpha: f64,
-    /// `Σw·n`, camera space; of a shaded layer that of its front.
+    /// `Σw·n`, camera space; for a shaded layer that of its front.
     pub normal: [f64; 3],
-    /// The depth that it answers to, world units.
+    /// Its depth, world units.
     pub z: f64,
     /// Index into the scene's materials.
     pub material: u32,
-    /// Whether a merge had shaded it already.
+    /// Whether a merge had already shaded it.
     pub shaded: bool,
     /// Its final colour, premultiplied by its coverage.
     pub colour: [f64; 3],
     /// Its final coverage α'.
     pub coverage: f64,
-    /// What it mirrors; none of a layer that a merge had shaded already.
-    pub mirrored: Option<Seen>,
+    /// Reflected light; none if a merge had already shaded the layer.
+    pub mirrored: Option<Reflected>,
 }
 
-impl Layer {
+impl TracedLayer {
     fn new(slot: usize, fragment: &Fragment, shader: &Shader) -> Self {
         let premultiplied = shader.premultiplied(fragment);
-        Layer {
+        TracedLayer {
             slot,
             weight: fragment.weight,
             rgb: fragment.rgb.to_array(),
@@ -84,12 +85,11 @@ impl Layer {
     }
 }
 
-/// Tells what [`super::render`] does at pixel (x, y). A pixel outside of the picture has an empty
-/// story.
+/// Traces [`super::render`] at pixel (x, y). The trace of a pixel outside the picture is empty.
 ///
-/// Where fragments are grouped by sheets, slot 1 is the open sheet and slot 0 the composite of
-/// those before it, which is all that is left at the end.
-pub fn story(scene: &Scene, rules: &Rules, x: usize, y: usize) -> Story {
+/// If fragments are grouped by sheets, slot 1 is the open sheet and slot 0 the composite of the
+/// sheets before it. Only the composite is left at the end.
+pub fn pixel_trace(scene: &Scene, rules: &Rules, x: usize, y: usize) -> PixelTrace {
     let shader = Shader::of(scene, rules);
     if let Some(sheets) = &scene.sheets {
         return of_sheets(scene, sheets, &shader, x as u32, y as u32);
@@ -102,31 +102,36 @@ pub fn story(scene: &Scene, rules: &Rules, x: usize, y: usize) -> Story {
     }
 }
 
-fn of_fragments<S: Slot>(scene: &Scene, shader: &Shader, rules: &Rules, pixel: [u32; 2]) -> Story {
-    let mut golden = Golden::<S>::new(rules, scene.surface.z_threshold, shader);
-    let arrivals = arrivals(scene, shader, rules.turn_normals, pixel, |_, fragment| {
+fn of_fragments<S: Slot>(
+    scene: &Scene,
+    shader: &Shader,
+    rules: &Rules,
+    pixel: [u32; 2],
+) -> PixelTrace {
+    let mut golden = FragmentPainter::<S>::new(rules, scene.surface.z_threshold, shader);
+    let contributions = contributions(scene, shader, rules.turn_normals, pixel, |_, fragment| {
         golden.decide(0, fragment)
     });
     let slots = golden.fragments(0);
-    let mut layers: Vec<Layer> = slots
+    let mut layers: Vec<TracedLayer> = slots
         .iter()
         .enumerate()
-        .map(|(slot, held)| Layer::new(slot, held.fragment(), shader))
+        .map(|(slot, state)| TracedLayer::new(slot, state.fragment(), shader))
         .collect();
     layers.sort_by(|a, b| a.z.total_cmp(&b.z));
-    Story {
-        arrivals,
+    PixelTrace {
+        contributions,
         layers,
         rgba: resolve(shader, slots),
     }
 }
 
-/// An open layer is told as its sums, a closed one as its colour and the weight of its front; both
-/// at their nearest depth.
-fn of_windows(scene: &Scene, shader: &Shader, rules: &Rules, pixel: [u32; 2]) -> Story {
+/// An open layer is reported by its sums, a closed one by its colour and the weight of its front;
+/// both at their nearest depth.
+fn of_windows(scene: &Scene, shader: &Shader, rules: &Rules, pixel: [u32; 2]) -> PixelTrace {
     let z_threshold = scene.surface.z_threshold;
-    let mut pixels = Pixels::new(rules, z_threshold, shader);
-    let arrivals = arrivals(
+    let mut pixels = WindowPainter::new(rules, z_threshold, shader);
+    let contributions = contributions(
         scene,
         shader,
         rules.turn_normals,
@@ -134,7 +139,7 @@ fn of_windows(scene: &Scene, shader: &Shader, rules: &Rules, pixel: [u32; 2]) ->
         |footprint, sums| {
             pixels.decide(
                 0,
-                &window::Arrival {
+                &window::LitContribution {
                     sums,
                     colour: shader.emission(footprint),
                     opacity: footprint.opacity,
@@ -143,7 +148,7 @@ fn of_windows(scene: &Scene, shader: &Shader, rules: &Rules, pixel: [u32; 2]) ->
         },
     );
     let slots = pixels.layers(0);
-    let told = |layer: &window::Layer| match layer {
+    let as_fragment = |layer: &window::Layer| match layer {
         window::Layer::Open(open) => Fragment {
             z: open.span.near,
             ..open.sums
@@ -157,29 +162,29 @@ fn of_windows(scene: &Scene, shader: &Shader, rules: &Rules, pixel: [u32; 2]) ->
             ..Fragment::default()
         },
     };
-    let mut layers: Vec<Layer> = slots
+    let mut layers: Vec<TracedLayer> = slots
         .iter()
         .enumerate()
-        .map(|(slot, held)| Layer::new(slot, &told(held), shader))
+        .map(|(slot, state)| TracedLayer::new(slot, &as_fragment(state), shader))
         .collect();
     layers.sort_by(|a, b| a.z.total_cmp(&b.z));
-    Story {
-        arrivals,
+    PixelTrace {
+        contributions,
         layers,
         rgba: window::Window::new(rules, z_threshold, shader).resolve(slots),
     }
 }
 
-fn of_sheets(scene: &Scene, sheets: &Sheets, shader: &Shader, x: u32, y: u32) -> Story {
-    let mut pixel = Pixel::default();
-    let arrivals = arrivals(scene, shader, false, [x, y], |_, fragment| {
+fn of_sheets(scene: &Scene, sheets: &Sheets, shader: &Shader, x: u32, y: u32) -> PixelTrace {
+    let mut pixel = SheetState::default();
+    let contributions = contributions(scene, shader, false, [x, y], |_, fragment| {
         match pixel.take(sheets, &fragment) {
-            Fate::Added => Decision::Accumulated { slot: 1 },
-            Fate::First => Decision::Inserted {
+            SheetOutcome::Added => Decision::Accumulated { slot: 1 },
+            SheetOutcome::First => Decision::Inserted {
                 slot: usize::from(sheets.of != Sheet::Splat),
             },
-            Fate::Next => Decision::Merged { slot: 0, place: 1 },
-            Fate::Dropped => Decision::Dropped,
+            SheetOutcome::Next => Decision::Merged { slot: 0, place: 1 },
+            SheetOutcome::Dropped => Decision::Dropped,
         }
     });
     let colour = pixel.colour(sheets);
@@ -189,26 +194,26 @@ fn of_sheets(scene: &Scene, sheets: &Sheets, shader: &Shader, x: u32, y: u32) ->
         shaded: true,
         ..Fragment::default()
     };
-    let layers = if arrivals.is_empty() {
+    let layers = if contributions.is_empty() {
         Vec::new()
     } else {
-        vec![Layer::new(0, &all, shader)]
+        vec![TracedLayer::new(0, &all, shader)]
     };
-    Story {
-        arrivals,
+    PixelTrace {
+        contributions,
         layers,
         rgba: over(colour, DVec4::from_array(shader.background())).to_array(),
     }
 }
 
-/// Sends everything that reaches the pixel to whoever decides, in the order in which it is drawn.
-fn arrivals(
+/// Passes all contributions to the pixel to `take`, in drawing order.
+fn contributions(
     scene: &Scene,
     shader: &Shader,
     turn_normals: bool,
     [x, y]: [u32; 2],
     mut decide: impl FnMut(&Footprint, Fragment) -> Decision,
-) -> Vec<Arrival> {
+) -> Vec<TracedContribution> {
     let view = scene.view();
     let footprints = (0..scene.splats.len())
         .filter_map(|index| footprint::set_up(scene, &view, index, scene.least_weight()).ok());
@@ -219,11 +224,11 @@ fn arrivals(
         touching.iter_mut().for_each(Footprint::turn_normal);
     }
     put_in_order(scene, shader, &mut touching);
-    let arrivals = touching.iter().filter_map(|footprint| {
+    let contributions = touching.iter().filter_map(|footprint| {
         let contribution = footprint.row(y).at(x)?;
         let decision = decide(footprint, Fragment::new(footprint, &contribution, [x, y]));
         let (splat, z) = (footprint.splat as usize, contribution.z);
-        Some(Arrival {
+        Some(TracedContribution {
             splat,
             radial_index: contribution.radial_index,
             weight: contribution.weight,
@@ -231,5 +236,5 @@ fn arrivals(
             decision,
         })
     });
-    arrivals.collect()
+    contributions.collect()
 }
