@@ -1291,7 +1291,7 @@ fn commands_and_flags_that_do_not_exist_are_refused() {
     refused(&["search"], "SCENE");
     refused(
         &["machine"],
-        "a command is missing: list, show, timing, clock, cost, prices, prove, schema (see --help)",
+        "a command is missing: list, show, timing, clock, cost, unit-costs, prove, schema (see --help)",
     );
     refused(
         &["machine", "lits"],

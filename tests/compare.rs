@@ -97,7 +97,7 @@ static MADE: LazyLock<Made> = LazyLock::new(|| {
             "40x32",
             "--record",
             &made.text("frame.work"),
-            "--answers",
+            "--what-if",
         ],
     );
     run(
@@ -619,7 +619,7 @@ fn a_gain_without_a_price_is_marked_as_given() {
             "{answer}"
         );
     }
-    let table = says(&["replay", &MADE.text("frame.work"), "--answers"]);
+    let table = says(&["replay", &MADE.text("frame.work"), "--what-if"]);
     assert!(
         table.contains("timing.memory.bytes_per_cycle *") && table.contains("* given: memory"),
         "{table}"
@@ -639,7 +639,9 @@ fn a_gain_without_a_price_is_marked_as_given() {
 #[test]
 fn a_replay_answers_as_the_run_does_and_prints_no_report_again() {
     let record = MADE.text("frame.work");
-    let answers = says(&["replay", &record, "--answers"]);
+    let answers = says(&["replay", &record, "--what-if"]);
+    // The old name of the flag.
+    assert_eq!(says(&["replay", &record, "--answers"]), answers);
     let table = answers.split("\n\n").nth(1).unwrap();
     assert!(
         table.starts_with("answers, ") && table.contains("timing.") && !answers.contains("starved"),

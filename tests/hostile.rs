@@ -414,7 +414,7 @@ fn devices_folders_and_pipes_that_nobody_writes_into_are_refused_by_every_reader
         vec!["run", "/dev/zero"],
         vec!["run", &splats("/dev/zero")],
         vec!["run", &scene, "--machine", "/dev/zero"],
-        vec!["run", &scene, "--prices", "/dev/zero"],
+        vec!["run", &scene, "--unit-costs", "/dev/zero"],
         vec!["run", &scene, "--cameras", &at("zero.json")],
         vec!["sample", &at("zero.obj"), "--points", "10", "--out", &out],
         vec![

@@ -1514,10 +1514,10 @@ fn a_sequence_may_have_a_budget_of_bytes() {
         "tiny",
         "--frame",
         "0",
-        "--answers",
+        "--what-if",
     ]);
     assert!(
-        told.contains("--answers: ") && told.contains("has a budget of bytes or cycles"),
+        told.contains("--what-if: ") && told.contains("has a budget of bytes or cycles"),
         "{told}"
     );
 }

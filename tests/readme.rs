@@ -69,7 +69,7 @@ const LONG: [(&str, Tier); 20] = [
     ("run terrain --threads 1 ", Tier::Full),
     ("run glass-spheres --size 1024x1024 ", Tier::Full),
     ("run --ranges ", Tier::Ci),
-    ("run --size 128x128 --answers", Tier::Ci),
+    ("run --size 128x128 --what-if", Tier::Ci),
     ("trace glass-spheres --size 64x64 ", Tier::Ci),
     ("diff raster-trace ", Tier::Ci),
 ];

@@ -227,7 +227,7 @@ fn a_replay_has_the_cycles_of_the_run_with_any_kind_of_sort() {
             &[
                 &["replay", from],
                 &set[..],
-                &["--out", &replayed, "--answers", "--quiet"],
+                &["--out", &replayed, "--what-if", "--quiet"],
             ]
             .concat(),
         );

@@ -401,7 +401,7 @@ fn a_field_that_is_there_twice_is_refused_with_its_place() {
     );
     let prices = write(&folder, "prices.json", r#"{"logic": 1, "logic": 2}"#);
     assert!(
-        refused(&["machine", "cost", "lean", "--prices", &prices])
+        refused(&["machine", "cost", "lean", "--unit-costs", &prices])
             .contains("the field `logic` is there twice")
     );
 }

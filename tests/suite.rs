@@ -40,6 +40,7 @@ mod mixed;
 #[path = "../rtl_model/tests/machines/mutation.rs"]
 #[expect(dead_code, reason = "the machine's own tests use the rest")]
 mod mutation;
+mod old_names;
 mod parcel;
 mod paths;
 mod photographs;
