@@ -1,7 +1,7 @@
 //! How accurate is the replay if memory is shared? Built-in scenes, replayed and ticked cycle by
 //! cycle.
 //!
-//! `cargo test --test channel -- --nocapture` prints a table.
+//! `cargo test --test suite channel:: -- --nocapture` prints a table.
 
 use crate::tier::{self, Tier};
 use rtl_model::Machine;

@@ -601,8 +601,8 @@ fn twisted_scene(more: &Value) -> Scene {
 
 /// Every sample at every pixel, from the definitions: steps are differences of positions. The
 /// variance of the footprint is that of the kernel times the derivative of the projection, which is
-/// computed as a difference too. The depth along a ray is the sample's volume divided by its
-/// projected area from this derivative.
+/// computed as a difference too. The depth along a ray is the sample's volume times the
+/// scale of areas of this derivative.
 fn oracle() -> Vec<[f64; 3]> {
     let (eye, target, size) = (
         DVec3::new(3.0, 2.4, 5.0),

@@ -1,8 +1,8 @@
-//! Is what README and the book say so? Their commands are run, their tables and samples compared
-//! with what the code says today.
+//! Are README and the book correct? Their commands are run, and their tables and samples are
+//! compared with the program.
 //!
-//! Where a figure has changed for a good reason, the failure prints the lines that the page should
-//! have. A command runs once, however many pages have it.
+//! If a figure has changed for a good reason, the failure prints the new lines for the page. A
+//! command runs once, also if several pages have it.
 
 use crate::program;
 use crate::tier::{self, Tier};
@@ -21,8 +21,8 @@ use splatsim::hardware::{fixed, quantise};
 use splatsim::run::report::MachineReport;
 use splatsim::scene::{Overrides, Scene};
 
-/// Where a scene of a table is: built in, beside the programs, or in the input data; none where
-/// that is absent.
+/// Path of a table's scene: built in, in the folder of programs, or in the input data; none if it
+/// is absent.
 fn find(name: &str) -> Option<PathBuf> {
     match name {
         _ if !name.contains('.') => Some(name.into()),
@@ -46,8 +46,8 @@ fn one_place(db: Option<f64>) -> String {
 const PROGRAM: &str = "cargo run --release -- ";
 const EXAMPLE: &str = "cargo run --release --example ";
 
-/// What takes long, and the tier that runs it: searches and what reads their machine, the stress
-/// catalogue, sweeps and their charts, larger pictures.
+/// Long commands, with the tier that runs them: searches and the commands that read their machine,
+/// the stress catalogue, sweeps and their charts, larger pictures.
 const LONG: [(&str, Tier); 20] = [
     ("run --attribute --out out", Tier::Full),
     ("sweep layers ", Tier::Full),
@@ -74,13 +74,13 @@ const LONG: [(&str, Tier); 20] = [
     ("diff raster-trace ", Tier::Ci),
 ];
 
-/// Whether this run prints what a command prints.
+/// Whether a command is run in this tier.
 fn is_run(arguments: &str) -> bool {
     LONG.iter()
         .all(|(start, tier)| !arguments.starts_with(start) || tier::tier() >= *tier)
 }
 
-/// Commands of other programs, which CI runs, or which set up what CI runs.
+/// Commands of other programs, which CI runs, or which prepare what CI runs.
 const OTHERS: [&str; 8] = [
     "cargo test --workspace",
     "cargo fmt --all --check",
@@ -92,11 +92,11 @@ const OTHERS: [&str; 8] = [
     "fusesoc --cores-root rtl_model/rtl --cores-root traces/knot run --target lint splatsim:rtl:twins",
 ];
 
-/// What a command of the program prints, or why it fails.
+/// Output of a command, or the reason of its failure.
 type Printed = Result<String, String>;
 
-/// The commands of the program in all pages, without what they begin with, each once, in the order
-/// in which a page's reader meets them.
+/// The commands of the program in all pages without their common prefix, each once, in the order of
+/// the pages.
 fn commands() -> Vec<String> {
     let mut seen = BTreeSet::new();
     let all = pages()
@@ -108,7 +108,7 @@ fn commands() -> Vec<String> {
         .collect()
 }
 
-/// What all of them print that are this run's, each run once. Some read what others wrote.
+/// Output of all commands of this tier, each run once. Some read files that others wrote.
 static PRINTED: LazyLock<BTreeMap<String, Printed>> = LazyLock::new(|| {
     let folder = tempfile::tempdir().unwrap();
     let mine = commands().into_iter().filter(|arguments| is_run(arguments));
@@ -171,14 +171,14 @@ fn every_command_exists_and_those_of_the_program_run() {
     }
 }
 
-/// Lines of a sample or of what is printed, without those that tell of the computer.
+/// Lines of a sample or of an output, without those about the computer.
 fn lines<'l>(text: impl IntoIterator<Item = &'l str>) -> Vec<&'l str> {
     text.into_iter()
         .filter(|line| !line.starts_with("host:") && !line.starts_with("      fixed makes"))
         .collect()
 }
 
-/// Whether a sample is a part of what is printed. Two pages have all that a command prints.
+/// Whether a sample is part of the output. On two pages it must be the whole output.
 fn is_printed(sample: &Sample, printed: &str) -> bool {
     let told = lines(sample.lines.iter().map(String::as_str));
     let now = lines(printed.trim_end().lines());
@@ -325,7 +325,7 @@ fn the_table_of_accuracies_says_what_the_machines_reach() {
     );
 }
 
-/// The rows of three layers; `tests/golden_match.rs` and `tests/golden_window.rs` have more.
+/// The rows with three layers; `tests/golden_match.rs` and `tests/golden_window.rs` check more.
 #[test]
 fn the_table_of_merge_rules_says_what_they_do() {
     if !tier::runs(Tier::Ci) {
@@ -349,7 +349,7 @@ fn the_table_of_merge_rules_says_what_they_do() {
     );
     assert!(rows.len() >= 25 && rows.len().is_multiple_of(5));
     for row in tier::some([12, 12], rows.into_iter().filter(|row| row[1] == "3")) {
-        // The made ones have no file, and what is translucent is told by its own row.
+        // Generated scenes have no file, and a translucent one is checked by its own row.
         let scene = match row[0].as_str() {
             name if name.starts_with("translucent:") => continue,
             name @ ("random-shells" | "lone-splats") => merge_rules::scene(name).unwrap(),
@@ -365,8 +365,8 @@ fn the_table_of_merge_rules_says_what_they_do() {
 
 // ---- The reference ----
 
-/// A type that several pages have in the same words is described on one of them, unless what it
-/// leads to differs.
+/// A type that several pages describe in the same words is described on one of them, unless the
+/// types that it refers to differ.
 #[test]
 fn a_type_of_several_pages_is_described_once() {
     let pages = reference::pages();
@@ -430,7 +430,7 @@ fn no_link_is_dead() {
     assert!(dead.is_empty(), "{dead:#?}");
 }
 
-/// The pages that a source cites, and the section where it names one.
+/// The pages that a source cites, with the section if one is given.
 fn cited(text: &str) -> Vec<(String, Option<String>)> {
     let of = |rest: &str| {
         let name: String = rest
@@ -451,7 +451,7 @@ fn cited(text: &str) -> Vec<(String, Option<String>)> {
         .collect()
 }
 
-/// Why a citation leads nowhere.
+/// The fault of a citation.
 fn misses((name, section): &(String, Option<String>)) -> Option<String> {
     let Ok(text) = std::fs::read_to_string(root().join("docs/book").join(name)) else {
         return Some(format!("{name} is absent"));
@@ -468,7 +468,7 @@ fn what_the_code_cites_exists() {
         .iter()
         .for_each(|folder| book::walk(Path::new(folder), "rs", &mut sources));
     assert!(sources.len() > 100, "{sources:?}");
-    // This file cites what is absent, to see that it is found out.
+    // This file has wrong citations on purpose.
     for path in sources
         .iter()
         .filter(|path| !path.ends_with(Path::new(file!()).file_name().unwrap()))
@@ -549,11 +549,11 @@ fn readme_is_short() {
     assert!(length <= 6_000, "{length} bytes");
 }
 
-/// Beginnings of sentences, and words, that a reader has to read twice.
+/// Beginnings of sentences, and words, that are hard to understand at first reading.
 const BEGINNINGS: [&str; 5] = ["Who ", "Whoever ", "Nobody ", "Of a ", "Of the "];
 const WORDS: [&str; 4] = ["anew", "is no number", "abreast", "so many"];
 
-/// Patterns in a text outside of its blocks of code.
+/// Patterns in a text outside its blocks of code.
 fn twisted(text: &str) -> Vec<String> {
     let mut is_code = false;
     let mut found = Vec::new();
@@ -596,7 +596,7 @@ fn pages_are_plain() {
     }
 }
 
-/// Longer pages have several subjects; those of the reference are lists of fields.
+/// Longer pages have several subjects; pages of the reference are lists of fields.
 #[test]
 fn a_page_has_at_most_12_kilobytes() {
     let written = pages()

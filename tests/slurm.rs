@@ -1,4 +1,5 @@
-//! Is a sweep that Slurm carries out in parts, one of them killed and requeued, one process's?
+//! Is a sweep by Slurm in shards, one of which is killed and requeued, equal to that of one
+//! process?
 
 use crate::program::PROGRAM;
 use crate::tier::{self, Tier};

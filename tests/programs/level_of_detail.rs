@@ -1,11 +1,11 @@
-//! Draws a scene as coarser and coarser cuts of its tree, and from farther and farther away: what
-//! splats, cycles and bytes buy.
+//! Draws a scene with increasingly coarse cuts of its tree, and from increasing distances: the
+//! accuracy for a number of splats, cycles and bytes.
 //!
 //! ```sh
 //! cargo run --release --example level_of_detail -- [FOLDER] [SCENE] [SIDE]
 //! ```
-//! Prints two tables and writes `level-of-detail.png`. Left out, the scene is `torus-knot`, 256
-//! pixels a side.
+//! Prints two tables and writes `level-of-detail.png`. The default scene is `torus-knot`, with 256
+//! pixels per side.
 
 use splatsim::accuracy::metrics;
 use splatsim::error::{Error, Result};
@@ -22,12 +22,12 @@ use std::sync::Arc;
 
 /// Limits of a node's size, pixels.
 const PIXELS: [f64; 7] = [0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
-/// How many times farther away.
+/// Factors of the distance.
 const DISTANCES: [f64; 5] = [1.0, 2.0, 4.0, 8.0, 16.0];
-/// Limits that are drawn from everywhere.
+/// Limits that are drawn from all distances.
 const FROM_AFAR: [f64; 4] = [0.0, 1.0, 4.0, 16.0];
 
-/// What a frame takes: splats, nodes read, cycles, megabytes, and golden − ideal, dB.
+/// Costs of a frame: splats, nodes read, cycles, megabytes, and golden − ideal, dB.
 struct Row {
     splats: u64,
     read: u64,
