@@ -234,7 +234,7 @@ fn checked_table(mark: &str, settings: &[&str], model: fn(&UnitCost) -> f64) -> 
 }
 
 #[test]
-fn the_fit_is_what_the_book_says() {
+fn the_fit_is_that_of_the_book() {
     checked_table("area", &["fragment.turn_normals=false"], |unit| {
         unit.area - unit.bits.register as f64 * DEFAULT.area.register
     });
@@ -243,7 +243,7 @@ fn the_fit_is_what_the_book_says() {
 /// The gates of each unit of these machines are within a tenth of the model's, except `gauss` of
 /// `reference`, which the book mentions.
 #[test]
-fn the_gates_are_what_the_book_says() {
+fn the_gates_are_those_of_the_book() {
     let rows = checked_table("gates", &[], |unit| {
         unit.gates - unit.bits.register as f64 * DEFAULT.gates.register
     });

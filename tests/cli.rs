@@ -802,7 +802,7 @@ fn explain_prints_the_trace_of_a_pixel() {
 }
 
 #[test]
-fn the_listed_machines_can_be_shown_and_what_is_shown_is_a_machine_file() {
+fn the_listed_machines_can_be_shown_as_machine_files() {
     let list = says(&["machine", "list"]);
     assert!(
         list.lines().all(|line| line.chars().count() <= 80),

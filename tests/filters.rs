@@ -199,7 +199,7 @@ fn elliptical_is_without_the_low_pass_filter() {
 }
 
 #[test]
-fn machines_refuse_what_golden_alone_draws_and_what_makes_no_sense_is_refused() {
+fn machines_refuse_filters_of_golden_alone_and_invalid_kernels_are_refused() {
     let knot = json!({"builtin": "torus-knot", "count": 300});
     let volume = json!({"volume": {"builtin": "nested-shells", "samples": 8}});
     for (kernel, splats, says) in [

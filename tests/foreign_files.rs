@@ -91,7 +91,7 @@ fn cloud(properties: &[&str], rows: &[&str]) -> String {
 
 /// The code 200 100 50 in each notation, and whether a note must state the assumption.
 #[test]
-fn colours_of_a_ply_are_what_viewers_show_whatever_their_type_and_names() {
+fn colours_of_a_ply_are_those_of_viewers_for_all_types_and_names() {
     let folder = folder();
     let rgb = |kind: &str, names: [&str; 3]| names.map(|name| format!("{kind} {name}"));
     let names = ["red", "green", "blue"];
@@ -151,7 +151,7 @@ fn colours_of_a_ply_are_what_viewers_show_whatever_their_type_and_names() {
 
 /// The whole cloud determines full light: one bright point among dark ones is enough.
 #[test]
-fn the_brightest_point_decides_what_is_full_light() {
+fn the_brightest_point_determines_full_light() {
     let folder = folder();
     let properties = ["float red", "float green", "float blue"];
     let dark = load(
@@ -170,7 +170,7 @@ fn the_brightest_point_decides_what_is_full_light() {
 }
 
 #[test]
-fn what_looks_like_a_colour_and_is_not_read_is_told() {
+fn unread_properties_that_look_like_colours_are_reported() {
     let folder = folder();
     for properties in [
         [
@@ -347,7 +347,7 @@ fn nifti() -> Vec<u8> {
 }
 
 #[test]
-fn the_content_decides_whatever_a_name_says() {
+fn the_content_determines_the_format_for_any_name() {
     let folder = folder();
     let ends = [
         ".ply", ".splat", ".spz", ".tree", ".nrrd", ".mha", ".mhd", ".nii", ".nii.gz", ".vti",
@@ -532,7 +532,7 @@ fn files_that_are_not_read_are_refused_with_a_program_that_converts_them() {
 }
 
 #[test]
-fn a_ply_of_gaussians_that_is_named_splat_is_read_as_what_it_is() {
+fn a_ply_of_gaussians_named_splat_is_read_as_a_ply() {
     let Some(file) = shared_input::find("outside/18-ply-named-splat/renamed.splat") else {
         return;
     };
@@ -779,7 +779,7 @@ fn triangle_gltf(more: &Value) -> Value {
 }
 
 #[test]
-fn gltf_of_other_programs_is_read_and_what_it_requires_is_named() {
+fn gltf_of_other_programs_is_read_and_unknown_requirements_are_named() {
     let folder = folder();
     let area = |more: Value| {
         let mesh = Mesh::load(write(&folder, "a.gltf", triangle_gltf(&more).to_string())).unwrap();
@@ -1457,7 +1457,7 @@ fn a_file_for_mip_splatting_gets_fainter_and_any_other_does_not() {
 }
 
 #[test]
-fn what_has_the_factor_already_is_compensated_no_further() {
+fn files_with_the_factor_are_not_compensated_again() {
     let folder = folder();
     let discs =
         json!({"splats": [{"position": [0, 0, 0]}], "kernel": {"compensate_opacity": true}});

@@ -7,7 +7,7 @@ use crate::cosimulation::{
     sources,
 };
 use crate::traced::{Traced, bouquet, cloud, isosurface, machine, shells, traced};
-use crate::{MIRRORS, mirrors, twin_files};
+use crate::{MIRRORS, mirrors, rtl_files};
 use rayon::prelude::*;
 use serde_json::json;
 use splatsim::cosim::trace::Window;
@@ -117,7 +117,7 @@ fn read_differently(text: &str) -> Vec<String> {
 }
 
 #[test]
-fn what_front_ends_read_differently_is_seen() {
+fn constructs_that_front_ends_read_differently_are_found() {
     let wrong = [
         "localparam [W-1:0] MAX = S != 0 ? ~MIN : '1;",
         "assign all = idle == '1;",
@@ -176,7 +176,7 @@ fn committed() -> Vec<PathBuf> {
 const WRITTEN: [&str; 3] = ["machine_pkg.sv", "records.svh", "splatsim_dpi.sv"];
 
 #[test]
-fn no_file_has_what_front_ends_read_differently() {
+fn no_file_has_constructs_that_front_ends_read_differently() {
     let frames = frames();
     let written = frames
         .iter()
@@ -368,7 +368,7 @@ fn of_fusesoc(target: &str) -> Vec<String> {
 }
 
 #[test]
-fn lists_of_files_have_every_twin_behind_what_it_is_built_of() {
+fn lists_of_files_have_every_module_after_its_parts() {
     let targets = ["", "tiles", "reflect", "ellipsoids", "sheets", "windows"];
     let mut listed = HashSet::new();
     for target in targets {
@@ -401,7 +401,7 @@ fn lists_of_files_have_every_twin_behind_what_it_is_built_of() {
         }
         listed.extend(twins);
     }
-    let twins = twin_files()
+    let twins = rtl_files()
         .iter()
         .map(|file| file.file_name().unwrap().display().to_string())
         .collect::<HashSet<_>>();

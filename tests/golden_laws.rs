@@ -124,7 +124,7 @@ fn a_tilted_footprint_deposits_the_cosine_of_its_weight() {
 
 /// Off the axis, `c_n = n·(a, b, 1)` is not a cosine, and the ellipse is stretched.
 #[test]
-fn a_footprint_off_the_axis_deposits_what_c_n_says() {
+fn a_footprint_off_the_axis_deposits_its_weight_times_c_n() {
     let normal = DVec3::new(0.6, 0.3, -1.0).normalize();
     let scene = scene(
         300,
@@ -299,7 +299,7 @@ fn outcomes_sum_to_fragments() {
 }
 
 #[test]
-fn a_story_ends_as_the_picture_does() {
+fn a_pixel_trace_ends_with_the_colour_of_the_picture() {
     let scene = confetti(300, 2);
     for rules in tier::some([12, 3], every_rule()) {
         let golden = render(&scene, &rules);
@@ -686,7 +686,7 @@ fn no_valid_scene_is_too_odd() {
 }
 
 #[test]
-fn a_pixel_outside_of_the_picture_has_no_story() {
+fn a_pixel_outside_the_picture_has_no_trace() {
     assert!(
         story(&confetti(10, 9), &Rules::default(), 40, 0)
             .arrivals

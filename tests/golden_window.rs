@@ -263,7 +263,7 @@ fn intervals_go_with_the_paper_s_merges() {
 }
 
 #[test]
-fn rules_that_do_not_go_together_are_told() {
+fn incompatible_rules_are_reported() {
     let merges = [
         Merge::NearestPair,
         Merge::FarthestPair,

@@ -239,7 +239,7 @@ fn a_result_that_cannot_be_written_leaves_the_one_before_as_it_is() {
 /// From the first frame on there is no older report, and there are no files of a single frame next
 /// to the frames.
 #[test]
-fn a_sequence_takes_the_place_of_what_was_in_its_folder() {
+fn a_sequence_replaces_the_previous_result_in_its_folder() {
     let folder = tempfile::tempdir().unwrap();
     let scene = write(folder.path(), "disc.json", DISC);
     let film = |frames: u32| {
@@ -321,7 +321,7 @@ fn no_value_of_a_row_ends_the_page_of_charts() {
 // ---- what an error quotes ----
 
 #[test]
-fn names_of_megabytes_end_in_a_short_sentence_soon() {
+fn names_of_megabytes_end_in_a_short_sentence_quickly() {
     let folder = tempfile::tempdir().unwrap();
     let long = "abc".repeat(2 << 20);
     let spaced = "ab c".repeat(1 << 20);
@@ -376,7 +376,7 @@ fn names_of_megabytes_end_in_a_short_sentence_soon() {
 
 #[cfg(unix)]
 #[test]
-fn devices_folders_and_pipes_that_nobody_writes_into_are_refused_by_every_reader() {
+fn devices_folders_and_pipes_without_a_writer_are_refused_by_every_reader() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let scene = write(folder.path(), "disc.json", DISC);

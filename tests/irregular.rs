@@ -761,7 +761,7 @@ fn the_machine_draws_them_within_its_bounds() {
 }
 
 #[test]
-fn what_is_wrong_is_said_and_nothing_is_written() {
+fn faulty_volumes_are_refused_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let run = |name: &str, bytes: &[u8], scene: Option<Value>| {
         std::fs::write(folder.path().join(name), bytes).unwrap();

@@ -552,7 +552,7 @@ fn the_machine_does_not_know_its_own_bounds() {
 }
 
 #[test]
-fn no_unit_asks_what_a_word_stands_for() {
+fn no_unit_uses_the_value_of_a_word() {
     let calls = |code: &str| tokens(code).windows(3).any(|w| w == [".", "value", "("]);
     check(
         &sources(&[MACHINE]),
@@ -617,7 +617,7 @@ fn imports_point_down_only() {
 /// The pipeline elaborates and connects them, describes their ports, and drives each separately. A
 /// field may be called `units`.
 #[test]
-fn only_the_pipeline_knows_several_units() {
+fn only_the_pipeline_names_several_units() {
     let rule = |_: &str, code: &str| {
         steps_from(code, "crate")
             .contains("units")
@@ -636,7 +636,7 @@ fn only_the_pipeline_knows_several_units() {
 /// values counts no cycles. Machines that differ only in these therefore take the same cycles
 /// (`Microarchitecture::keeps_time_as`).
 #[test]
-fn timing_asks_for_no_path_and_for_no_bit_that_is_kept() {
+fn timing_depends_on_no_path_and_on_no_kept_bit() {
     let asked = |code: &str| {
         ["paths", "pipelines", "storage"]
             .into_iter()
@@ -653,7 +653,7 @@ fn timing_asks_for_no_path_and_for_no_bit_that_is_kept() {
 }
 
 #[test]
-fn timing_knows_recorded_work_and_its_own_description_alone() {
+fn timing_names_only_recorded_work_and_its_own_description() {
     let is_timing = |path: &str| {
         path.starts_with(&format!("{MACHINE}timing/"))
             || path.starts_with(&format!("{MACHINE}work/"))
@@ -822,7 +822,7 @@ fn inputs_are_opened_in_one_place() {
 }
 
 #[test]
-fn the_only_unsafe_code_asks_for_vector_instructions_or_takes_pointers_from_c() {
+fn unsafe_code_is_only_for_vector_instructions_and_pointers_from_c() {
     let sources = sources(&[
         "rtl_model/src",
         "rtl_model/tests",
@@ -848,7 +848,7 @@ fn the_only_unsafe_code_asks_for_vector_instructions_or_takes_pointers_from_c() 
 // --- The rules can fail ---
 
 #[test]
-fn what_is_not_code_is_not_seen() {
+fn comments_and_strings_are_not_searched() {
     let text = "// f64\n/* f32 /* f64 */ f32 */ let a = \"f64 \\\" f64\"; let b = r#\"f64 \" f64\"#; let c = '\"'; let d: &'a str = \"f64\";\n";
     assert_eq!(floats(&code(text)), [""; 0]);
     assert_eq!(code(text).lines().count(), 2);

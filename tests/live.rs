@@ -338,7 +338,7 @@ fn the_filter_turns_each_input_of_the_committed_trace_into_its_output() {
 }
 
 #[test]
-fn fragment_reads_answers_and_writes_what_it_asks_and_holds() {
+fn fragment_reads_responses_and_writes_its_requests_and_contents() {
     // Responses that shade would never return.
     let trace = traced(
         &cloud(20, 24),
@@ -424,7 +424,7 @@ fn objects(stream: &str) -> Vec<Value> {
 }
 
 #[test]
-fn records_may_be_objects_and_the_answers_to_each_a_group() {
+fn records_may_be_objects_and_the_outputs_of_each_a_group() {
     let inputs: String = objects("raster.in")
         .iter()
         .map(|object| format!("{object}\n"))
@@ -446,7 +446,7 @@ fn records_may_be_objects_and_the_answers_to_each_a_group() {
 }
 
 #[test]
-fn an_answer_comes_before_the_next_record_is_asked_for() {
+fn a_response_comes_before_the_next_record_is_read() {
     let mut filter = std::process::Command::new(PROGRAM.as_str());
     let mut filter = filter
         .args(of_knot("gauss", &[]))
@@ -677,7 +677,7 @@ fn with_all(record: &Value, first: i64) -> Value {
 }
 
 #[test]
-fn flags_of_fragment_are_for_fragment_and_answers_are_checked() {
+fn flags_of_fragment_are_for_fragment_and_responses_are_checked() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("answers");
     std::fs::write(&file, "").unwrap();
@@ -868,7 +868,7 @@ fn random_records_are_mostly_taken() {
 }
 
 #[test]
-fn the_filter_passes_over_what_writememh_writes_beside_records() {
+fn the_filter_skips_the_comments_and_addresses_of_writememh() {
     let lines: Vec<String> = text_of("gauss.in.hex")
         .lines()
         .take(20)

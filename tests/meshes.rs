@@ -257,7 +257,7 @@ fn glass_is_glass() {
 }
 
 #[test]
-fn a_texture_lies_beyond_its_border_as_its_sampler_says() {
+fn a_texture_is_extended_by_the_rule_of_its_sampler() {
     let folder = with_quads();
     let wrap = |name: &str| Mesh::load(folder.path().join(name)).unwrap().textures[0].wrap;
     assert_eq!(
@@ -287,7 +287,7 @@ fn an_obj_may_count_from_behind_break_lines_and_colour_its_vertices() {
 }
 
 #[test]
-fn an_mtl_says_opacity_in_three_ways_and_colour_in_two() {
+fn an_mtl_gives_opacity_in_three_ways_and_colour_in_two() {
     let folder = folder();
     write(
         &folder,
@@ -318,7 +318,7 @@ fn an_mtl_says_opacity_in_three_ways_and_colour_in_two() {
 
 /// The crate `tobj` is an independent reader; its positions are f32.
 #[test]
-fn objs_are_what_tobj_reads() {
+fn objs_are_read_as_by_tobj() {
     let names = [
         "models/helicopter/helicopter.obj",
         "models/space-shuttle-orbiter/space-shuttle-orbiter.obj",
@@ -390,7 +390,7 @@ fn objs_are_what_tobj_reads() {
 // ---- glTF ----
 
 #[test]
-fn nodes_move_turn_scale_and_mirror_what_hangs_on_them() {
+fn nodes_move_turn_scale_and_mirror_their_children() {
     let folder = with_quads();
     let placed = |nodes: Value| {
         let mut document = gltf();

@@ -279,7 +279,7 @@ const TURN_DEGREES: f64 = 77.0;
 
 /// The camera moved together with all splats: the same picture.
 #[test]
-fn what_is_placed_with_the_eye_looks_the_same() {
+fn splats_moved_together_with_the_eye_look_the_same() {
     let folder = tempfile::tempdir().unwrap();
     let axes = ["0 0.1 0.4 0.5", "0 0.2 0.3", "0 0.3 0.5"]
         .map(|axis| format!("<DataArray type=\"Float64\" format=\"ascii\">{axis}</DataArray>"));

@@ -8,7 +8,7 @@ use crate::cosimulation::{
 use crate::front_ends::of_pypi;
 use crate::tier::{self, Tier};
 use crate::traced::{Traced, cloud, machine, shells, traced};
-use crate::{STALLS, expected, fault, machines, twin_files, unit};
+use crate::{STALLS, expected, fault, machines, rtl_files, unit};
 use rayon::prelude::*;
 use serde_json::json;
 use splatsim::cosim::trace::Window;
@@ -125,7 +125,7 @@ fn netlists_of_both_versions_of_yosys_give_every_record() {
     let jobs: Vec<_> = jobs
         .flat_map(|job| yosyses.iter().map(move |yosys| (job, yosys)))
         .collect();
-    let twins = twin_files();
+    let twins = rtl_files();
     let records: Vec<usize> = (jobs.par_iter())
         .map(|((trace, unit, level), yosys)| {
             let fault = fault_of_netlist(&twins, trace, *unit, yosys, *level);
@@ -164,7 +164,7 @@ fn netlists_that_yosys_reads_otherwise_are_found_out() {
     ];
     for (file, find, put, name, yosyses) in wrong {
         let folder = tempfile::tempdir().unwrap();
-        copy(twin_files(), folder.path());
+        copy(rtl_files(), folder.path());
         let text = std::fs::read_to_string(folder.path().join(file)).unwrap();
         assert_eq!(text.matches(find).count(), 1, "{file}: {find}");
         std::fs::write(folder.path().join(file), text.replace(find, put)).unwrap();

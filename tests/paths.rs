@@ -51,7 +51,7 @@ fn report(folder: &Path) -> Value {
 /// Surfaces are loaded once, Gaussians for every frame: both must show the view of each camera
 /// alone.
 #[test]
-fn each_frame_is_what_its_camera_alone_sees() {
+fn each_frame_is_the_view_of_its_camera_alone() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let cameras = [eye(0.0), eye(0.4), eye(-2.5)];
@@ -267,7 +267,7 @@ fn exr(path: &Path) -> Vec<[f32; 4]> {
 /// The report's flicker, computed from the written pictures: every pixel of this scene that a
 /// picture draws is covered.
 #[test]
-fn flicker_is_what_the_written_pictures_say() {
+fn flicker_is_that_of_the_written_pictures() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let pan = json!({"camera_path": {"pan_pixels": 0.0625, "frames": 3, "camera": eye(0.0)}, "kernel": {"low_pass": 1.0}});
@@ -543,7 +543,7 @@ fn lands(camera: &Camera, height: f64, point: [f64; 3]) -> [f64; 2] {
 }
 
 #[test]
-fn a_pan_moves_the_middle_of_the_picture_by_what_it_says() {
+fn a_pan_moves_the_middle_of_the_picture_by_its_pixels() {
     let pan =
         cameras(&json!({"camera_path": {"pan_pixels": 0.0625, "frames": 40, "camera": eye(1.0)}}));
     assert_eq!(pan.len(), 40);
@@ -1523,7 +1523,7 @@ fn a_sequence_may_have_a_budget_of_bytes() {
 }
 
 #[test]
-fn lenses_that_no_camera_here_has_are_refused_however_they_are_told() {
+fn distorted_lenses_are_refused_in_every_format() {
     let folder = tempfile::tempdir().unwrap();
     let still = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5], [0, 0, 0, 1]];
     let read = |more: Value| {

@@ -104,7 +104,7 @@ fn difference(drawn: &Image, pinned: &Image) -> Option<String> {
 }
 
 #[test]
-fn tiny_draws_what_it_always_drew() {
+fn tiny_draws_its_pinned_pictures() {
     let mut sentences = Vec::new();
     for (name, count) in SCENES {
         let drawn = viewable(&draw("tiny", &small(name, count)));
@@ -136,7 +136,7 @@ fn hash(drawing: &Drawing) -> u64 {
 }
 
 #[test]
-fn the_finer_machines_draw_what_they_always_drew() {
+fn the_finer_machines_draw_their_pinned_pictures() {
     let mut drawn = BTreeMap::new();
     for (name, count) in SCENES {
         let scene = small(name, count);

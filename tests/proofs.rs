@@ -150,7 +150,7 @@ fn gappa_accepts_the_proofs_of_odd_machines() {
 
 /// A bound that is too small, a ROM with a wrong word and a wrong rewriting are found.
 #[test]
-fn gappa_rejects_what_is_not_so() {
+fn gappa_rejects_wrong_proofs() {
     if !is_installed() {
         return;
     }
@@ -389,7 +389,7 @@ fn mantissas(bits: u32, octaves: u32) -> impl Iterator<Item = i64> {
 }
 
 #[test]
-fn a_reciprocals_script_computes_what_the_unit_does() {
+fn a_reciprocals_script_agrees_with_the_unit() {
     if !tier::runs(Tier::Ci) {
         return;
     }
@@ -414,7 +414,7 @@ fn a_reciprocals_script_computes_what_the_unit_does() {
 }
 
 #[test]
-fn a_reciprocal_roots_script_computes_what_the_unit_does() {
+fn a_reciprocal_roots_script_agrees_with_the_unit() {
     if !tier::runs(Tier::Ci) {
         return;
     }
@@ -457,7 +457,7 @@ fn a_reciprocal_roots_script_computes_what_the_unit_does() {
 
 /// The words are the centres of the goals' intervals, which are half an LSB to each side.
 #[test]
-fn the_gaussian_tables_script_computes_what_the_unit_does() {
+fn the_gaussian_tables_script_agrees_with_the_unit() {
     for name in Machine::NAMES {
         let machine = elaborated(name);
         let (proof, gauss, table) = (
@@ -497,7 +497,7 @@ fn the_gaussian_tables_script_computes_what_the_unit_does() {
 }
 
 #[test]
-fn the_rasters_script_computes_what_the_unit_does() {
+fn the_rasters_script_agrees_with_the_unit() {
     for name in Machine::NAMES {
         let machine = elaborated(name);
         let m = &machine.machine;
@@ -559,7 +559,7 @@ fn the_rasters_script_computes_what_the_unit_does() {
 // ---- The files ----
 
 #[test]
-fn a_script_says_what_it_claims_and_is_the_same_every_time() {
+fn a_script_states_its_claim_and_is_the_same_every_time() {
     for ((name, once), (_, again)) in all().into_iter().zip(all()) {
         let text = once.script.text();
         assert_eq!(text, again.script.text());

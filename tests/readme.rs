@@ -201,7 +201,7 @@ fn all_samples() -> Vec<Sample> {
 }
 
 #[test]
-fn every_sample_is_what_its_command_prints() {
+fn every_sample_is_printed_by_its_command() {
     let all = commands();
     assert!(
         LONG.iter()
@@ -226,7 +226,7 @@ fn every_sample_is_what_its_command_prints() {
 }
 
 #[test]
-fn what_was_compared_once_is_compared_still() {
+fn the_samples_of_the_main_commands_are_still_compared() {
     let arguments: BTreeSet<String> = all_samples()
         .into_iter()
         .map(|sample| sample.arguments)
@@ -274,7 +274,7 @@ fn every_sample_of_json_is_json() {
 // ---- Tables ----
 
 #[test]
-fn the_table_of_machines_says_what_they_are() {
+fn the_table_of_machines_has_their_figures() {
     let rows = table(&page_with("## Named machines").text, "## Named machines");
     let now = Machine::names().map(|name| {
         let report = MachineReport::new(&fixed::elaborate(&Machine::named(name).unwrap()).unwrap());
@@ -292,7 +292,7 @@ fn the_table_of_machines_says_what_they_are() {
 }
 
 #[test]
-fn the_table_of_accuracies_says_what_the_machines_reach() {
+fn the_table_of_accuracies_has_those_of_the_machines() {
     if !tier::runs(Tier::Ci) {
         return;
     }
@@ -327,7 +327,7 @@ fn the_table_of_accuracies_says_what_the_machines_reach() {
 
 /// The rows with three layers; `tests/golden_match.rs` and `tests/golden_window.rs` check more.
 #[test]
-fn the_table_of_merge_rules_says_what_they_do() {
+fn the_table_of_merge_rules_has_their_results() {
     if !tier::runs(Tier::Ci) {
         return;
     }
@@ -388,7 +388,7 @@ fn a_type_of_several_pages_is_described_once() {
 }
 
 #[test]
-fn the_reference_says_what_the_schemas_say() {
+fn the_reference_agrees_with_the_schemas() {
     for made in reference::pages() {
         let committed = page(&format!("docs/book/reference/{}", made.file));
         assert!(
@@ -462,7 +462,7 @@ fn misses((name, section): &(String, Option<String>)) -> Option<String> {
 }
 
 #[test]
-fn what_the_code_cites_exists() {
+fn cited_pages_and_sections_exist() {
     let mut sources = Vec::new();
     ["src", "rtl_model", "tests"]
         .iter()
@@ -482,7 +482,7 @@ fn what_the_code_cites_exists() {
 }
 
 #[test]
-fn citations_that_lead_nowhere_are_found() {
+fn wrong_citations_are_found() {
     let found = cited(
         "as docs/book/algorithm.md §6 has it (docs/book/algorithm.md §66, docs/book/none.md). In docs/book too.",
     );

@@ -424,7 +424,7 @@ fn a_record_of_boxes_without_end_takes_no_memory() {
 }
 
 #[test]
-fn what_is_no_record_or_changes_more_than_time_is_refused() {
+fn files_without_a_record_and_changes_of_the_picture_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| -> PathBuf { folder.path().join(name) };
     recorded("checkerboard", (32, 32))

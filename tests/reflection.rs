@@ -125,7 +125,7 @@ fn tilted(folder: &Path, picture: &str, reflect: f64, tint: [f64; 3]) -> Scene {
 
 /// The expected colour of each pixel: the splat's normal, the pixel's ray, the sky's formula.
 #[test]
-fn ideal_shows_what_a_mirror_of_its_normal_shows() {
+fn ideal_shows_the_reflection_by_its_normal() {
     let folder = tempfile::tempdir().unwrap();
     for picture in ["sky.hdr", "sky.exr"] {
         write_smooth(&folder.path().join(picture), 256);
@@ -364,7 +364,7 @@ fn a_mirror_costs_area_and_cycles() {
 /// table, its look-ups add to the latency and its lines to the traffic; a table is loaded before
 /// the frame.
 #[test]
-fn a_map_in_memory_draws_the_same_picture_and_pays_for_what_it_reads() {
+fn a_map_in_memory_draws_the_same_picture_and_its_reads_are_counted() {
     let scene = spheres((48, 48));
     let on_chip = mirror(Sight::Ray);
     let behind = |lines: u32| {
@@ -451,7 +451,7 @@ fn a_map_in_memory_draws_the_same_picture_and_pays_for_what_it_reads() {
 /// A mirror in the middle of the picture: its ray, the ray's direction, and the look-up, next to
 /// golden's.
 #[test]
-fn explain_tells_what_a_mirror_shows() {
+fn explain_prints_the_look_up_of_a_mirror() {
     let scene = spheres((48, 48));
     for sight in [Sight::Ray, Sight::Axis] {
         let machine = mirror(sight);
@@ -509,7 +509,7 @@ fn explain_tells_what_a_mirror_shows() {
 
 /// Slopes are required by a machine that looks up along rays, and by no other.
 #[test]
-fn along_the_axis_no_slope_need_be_said() {
+fn along_the_axis_no_slope_is_required() {
     let scene = spheres((16, 16));
     let without = |sight| {
         let mut machine = mirror(sight);
@@ -528,7 +528,7 @@ fn along_the_axis_no_slope_need_be_said() {
 }
 
 #[test]
-fn misfits_are_told_in_sentences() {
+fn elaboration_errors_are_sentences() {
     for (change, part) in [
         (
             json!({"index_bits": 9}),

@@ -170,7 +170,7 @@ fn a_record_claims_no_more_pixels_than_run_draws() {
 }
 
 #[test]
-fn what_does_not_fit_into_memory_is_refused_before_it_is_made() {
+fn inputs_too_large_for_memory_are_refused_before_allocation() {
     let folder = folder();
     // The schema allows each source; together they need terabytes.
     let sources = vec![json!({"builtin": "terrain", "count": 67_108_864}); 60];
@@ -332,7 +332,7 @@ fn a_folder_has_one_writer_at_a_time_and_keeps_other_files() {
 
 #[cfg(unix)]
 #[test]
-fn a_writer_that_was_killed_keeps_nobody_out() {
+fn a_writer_that_was_killed_does_not_block_the_next_one() {
     let folder = folder();
     let (out, scene) = (folder.path().join("out"), write(&folder, "disc.json", DISC));
     let long = [
@@ -768,7 +768,7 @@ fn shells_complete_every_command_and_every_command_has_a_page() {
 }
 
 #[test]
-fn what_is_no_terminal_gets_no_colours() {
+fn colours_are_printed_only_on_a_terminal() {
     for arguments in [
         vec!["--help"],
         vec!["run", "--help"],
@@ -803,7 +803,7 @@ fn small_run<'a>(scene: &'a str, more: &[&'a str]) -> Vec<&'a str> {
 }
 
 #[test]
-fn a_folder_does_not_take_the_place_of_what_it_is_named_after() {
+fn an_output_folder_does_not_replace_an_input_with_its_name() {
     let folder = folder();
     let splatsim = |arguments: &[&str]| {
         let output = Command::new(PROGRAM.as_str())
@@ -847,7 +847,7 @@ fn a_folder_does_not_take_the_place_of_what_it_is_named_after() {
 }
 
 #[test]
-fn what_is_no_recording_is_not_written_over() {
+fn files_other_than_recordings_are_not_overwritten() {
     let folder = folder();
     let scene = write(&folder, "disc.json", DISC);
     let before = std::fs::read(&scene).unwrap();
@@ -903,7 +903,7 @@ fn links_are_followed_and_pipes_are_left_alone() {
 }
 
 #[test]
-fn what_a_unit_is_refused_empties_no_file() {
+fn a_refused_unit_command_empties_no_file() {
     let folder = folder();
     let scene = write(&folder, "disc.json", DISC);
     let held = write(&folder, "held.hex", "precious\n");
@@ -985,7 +985,7 @@ fn more_cases_than_memory_holds_are_refused() {
 }
 
 #[test]
-fn a_run_that_was_not_held_says_why_it_cannot_be_compared() {
+fn a_run_without_lockstep_states_why_it_cannot_be_compared() {
     let folder = folder();
     let scene = write(&folder, "disc.json", DISC);
     let out = folder.path().join("out").to_string_lossy().into_owned();

@@ -309,7 +309,7 @@ fn golden_makes_numbers_of_every_legal_scene() {
 }
 
 #[test]
-fn what_is_no_number_is_equal_to_nothing_in_an_attribution() {
+fn nan_is_equal_to_nothing_in_an_attribution() {
     let (scene, machine) = (confetti(20, 4), Machine::named("tiny").unwrap());
     let (elaborated, quantised) = (
         fixed::elaborate(&machine).unwrap(),
@@ -336,7 +336,7 @@ fn what_is_no_number_is_equal_to_nothing_in_an_attribution() {
 }
 
 #[test]
-fn a_search_meets_no_target_with_what_is_no_number() {
+fn a_search_meets_no_target_with_nan() {
     let mut scene = confetti(20, 4);
     let machine = Machine::named("reference").unwrap();
     let asked = |target| search::Options {
@@ -394,7 +394,7 @@ impl Spoilt for Scene {
 }
 
 #[test]
-fn a_report_of_what_is_no_number_says_so() {
+fn a_report_marks_nan() {
     let mut scene = confetti(20, 4);
     scene.splats[3].rgb[1] = f64::NAN;
     let outcome = splatsim::run::run(

@@ -235,7 +235,7 @@ fn mirrors(sight: &str) -> [rtl_model::Machine; 3] {
 }
 
 #[test]
-fn mirrors_give_what_the_machine_gives() {
+fn mirrors_give_the_records_of_the_machine() {
     if !tier::runs(Tier::Full) {
         return;
     }
@@ -280,7 +280,7 @@ fn is_sound(drawn: &Traced) {
         "{}",
         String::from_utf8_lossy(&lint.stderr)
     );
-    let list: Vec<String> = twin_files()
+    let list: Vec<String> = rtl_files()
         .iter()
         .map(|file| file.display().to_string())
         .collect();
@@ -370,7 +370,7 @@ fn wrong_mirrors_are_found_out() {
         .chain(of_rays.map(with(&along_rays)))
     {
         let folder = tempfile::tempdir().unwrap();
-        for entry in twin_files() {
+        for entry in rtl_files() {
             std::fs::copy(&entry, folder.path().join(entry.file_name().unwrap())).unwrap();
         }
         // Other files that the bench needs are in the same folder.
@@ -409,7 +409,7 @@ const STALLS: [&str; 5] = [
 ];
 
 /// All files of the RTL implementations.
-fn twin_files() -> Vec<PathBuf> {
+fn rtl_files() -> Vec<PathBuf> {
     let files = std::fs::read_dir(sources())
         .unwrap()
         .map(|entry| entry.unwrap().path());
@@ -419,7 +419,7 @@ fn twin_files() -> Vec<PathBuf> {
 }
 
 #[test]
-fn twins_are_clean_and_can_be_synthesised() {
+fn rtl_is_clean_and_can_be_synthesised() {
     if !have(
         &["verilator", "iverilog", "yosys"],
         "lint and synthesis of the twins",
@@ -435,7 +435,7 @@ fn twins_are_clean_and_can_be_synthesised() {
             ..Window::default()
         },
     );
-    let files = twin_files();
+    let files = rtl_files();
     let one_lane = machine("volume", &["timing.raster.lanes=[1,1]"]);
     let volume = traced(&shells(12, 16, &json!({})), &one_lane, &Window::default());
     let surface = traced(&isosurface(8, 16), &one_lane, &Window::default());
@@ -502,7 +502,7 @@ fn twins_are_clean_and_can_be_synthesised() {
 }
 
 #[test]
-fn a_rule_that_the_twin_does_not_have_is_an_error_of_elaboration() {
+fn a_rule_that_the_rtl_does_not_have_is_an_elaboration_error() {
     if !have(&["iverilog", "verilator"], "an unknown rule of merging") {
         return;
     }
@@ -703,7 +703,7 @@ fn headers_compile() {
 }
 
 #[test]
-fn every_twin_gives_every_record_on_icarus() {
+fn every_rtl_unit_gives_every_record_on_icarus() {
     if !have(&["iverilog"], "co-simulation on Icarus") {
         return;
     }
@@ -723,7 +723,7 @@ fn every_twin_gives_every_record_on_icarus() {
 }
 
 #[test]
-fn the_twins_of_ellipsoids_give_every_record_on_icarus() {
+fn the_rtl_of_ellipsoids_gives_every_record_on_icarus() {
     if !have(&["iverilog"], "co-simulation on Icarus") {
         return;
     }
@@ -1025,7 +1025,7 @@ fn windows() -> Vec<Machine> {
 }
 
 #[test]
-fn the_twin_of_windows_gives_every_record_on_icarus() {
+fn the_rtl_of_windows_gives_every_record_on_icarus() {
     if !have(&["iverilog"], "co-simulation of windows on Icarus") {
         return;
     }
@@ -1052,7 +1052,7 @@ fn the_twin_of_windows_gives_every_record_on_icarus() {
 }
 
 #[test]
-fn the_twin_of_windows_gives_every_record_on_both_simulators() {
+fn the_rtl_of_windows_gives_every_record_on_both_simulators() {
     if !tier::runs(Tier::Ci) {
         return;
     }
@@ -1079,7 +1079,7 @@ fn the_twin_of_windows_gives_every_record_on_both_simulators() {
 }
 
 #[test]
-fn every_twin_gives_every_record_of_ellipsoids_on_both_simulators() {
+fn every_rtl_unit_gives_every_record_of_ellipsoids_on_both_simulators() {
     if !tier::runs(Tier::Ci) {
         return;
     }
@@ -1134,7 +1134,7 @@ fn of_tier(records: usize) -> usize {
 }
 
 #[test]
-fn every_twin_gives_fifty_thousand_records_on_icarus() {
+fn every_rtl_unit_gives_fifty_thousand_records_on_icarus() {
     if !tier::runs(Tier::Ci) {
         return;
     }
@@ -1235,7 +1235,7 @@ fn windows_of_splats_drive_fragment_and_sheets_alone() {
 }
 
 #[test]
-fn every_twin_gives_a_million_records_on_verilator() {
+fn every_rtl_unit_gives_a_million_records_on_verilator() {
     if !tier::runs(Tier::Full) {
         return;
     }
@@ -1344,7 +1344,7 @@ fn colours(trace: &Traced) -> usize {
 }
 
 #[test]
-fn the_wired_datapaths_draw_small_frames_however_they_are_stalled() {
+fn the_wired_datapaths_draw_small_frames_with_any_stalls() {
     if !have(&["iverilog"], "the wired datapaths on Icarus") {
         return;
     }
@@ -1535,7 +1535,7 @@ fn stalled<'a>(frames: &'a [Traced], stalls: &[&'a [&'a str]]) -> Vec<(&'a Trace
 }
 
 #[test]
-fn two_engines_draw_small_frames_however_they_are_stalled_and_begin_anew_without_a_reset() {
+fn two_engines_draw_small_frames_with_any_stalls_and_restart_without_a_reset() {
     if !tier::runs(Tier::Ci) {
         return;
     }
@@ -1910,7 +1910,7 @@ fn enders(trace: &Traced) -> Vec<Unit> {
 }
 
 #[test]
-fn frames_end_with_their_last_record_and_begin_anew_without_a_reset() {
+fn frames_end_with_their_last_record_and_restart_without_a_reset() {
     if !tier::runs(Tier::Full) {
         return;
     }
@@ -2057,7 +2057,7 @@ fn rules_that_no_named_machine_has_are_kept() {
 
 /// A culled splat's record has only flags, and the comparison checks this.
 #[test]
-fn what_must_be_zero_is_zero() {
+fn fields_without_a_meaning_are_zero() {
     if !have(&["iverilog"], "culled splats on Icarus") {
         return;
     }
@@ -2792,7 +2792,7 @@ fn hazards_and_merges_take_the_cycles_of_the_timing_model() {
 }
 
 #[test]
-fn what_windows_blend_takes_the_cycles_of_the_timing_model() {
+fn blends_of_windows_take_the_cycles_of_the_timing_model() {
     if !tier::runs(Tier::Ci) {
         return;
     }

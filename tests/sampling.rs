@@ -140,7 +140,7 @@ fn areas_have_points_in_proportion() {
 }
 
 #[test]
-fn no_two_points_of_blue_noise_are_nearer_than_told() {
+fn no_two_points_of_blue_noise_are_nearer_than_the_limit() {
     let Sampled {
         splats,
         spacing,
@@ -269,7 +269,7 @@ fn the_same_seed_makes_the_same_bytes_at_any_number_of_threads() {
 }
 
 #[test]
-fn what_is_written_is_what_a_scene_reads() {
+fn a_scene_reads_the_points_that_were_written() {
     let folder = folder();
     let splats = sampled(&cube(), 500, Pattern::BlueNoise).splats;
     let path = folder.path().join("a.ply");
@@ -294,7 +294,7 @@ fn what_is_written_is_what_a_scene_reads() {
 }
 
 #[test]
-fn what_was_made_is_told() {
+fn the_sampling_is_summarised() {
     let folder = folder();
     std::fs::write(folder.path().join("a.obj"), SQUARE.to_owned() + "f 1 1 2\n").unwrap();
     let told = says(
@@ -684,7 +684,7 @@ fn one_colour_stays_that_colour_in_all_three_ways() {
 
 /// If a check is much smaller than a kernel, an average is grey and a sample is black or white.
 #[test]
-fn averages_see_what_is_small_as_grey() {
+fn averages_of_small_checks_are_grey() {
     let grey = checks(100, Acquisition::Ewa, 2.0, 512).splats;
     assert!(
         grey.iter().all(|s| (s.rgb[0] - 0.5).abs() < 0.02),

@@ -712,7 +712,7 @@ fn a_search_can_aim_at_the_whole_error() {
 }
 
 #[test]
-fn no_word_leaves_its_range_where_that_is_asked_for() {
+fn no_word_saturates_if_the_search_excludes_it() {
     let folder = tempfile::tempdir().unwrap();
     let path = scene(folder.path(), "knot.json", &json!({}));
     let out = folder.path().join("out");
@@ -782,7 +782,7 @@ fn no_word_leaves_its_range_where_that_is_asked_for() {
 }
 
 #[test]
-fn what_cannot_be_searched_is_refused_in_a_sentence() {
+fn impossible_searches_are_refused_in_a_sentence() {
     let folder = tempfile::tempdir().unwrap();
     let path = scene(folder.path(), "knot.json", &json!({}));
     let out = folder.path().join("out");
@@ -1430,7 +1430,7 @@ fn a_machine_is_found_that_is_fast_and_good_enough() {
 }
 
 #[test]
-fn what_has_no_price_is_no_field_of_a_search() {
+fn a_field_without_a_unit_cost_cannot_be_searched() {
     let folder = tempfile::tempdir().unwrap();
     let path = scene(folder.path(), "knot.json", &json!({}));
     let out = folder.path().join("out");

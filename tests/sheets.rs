@@ -136,7 +136,7 @@ fn no_pixel_exceeds_its_bound_and_every_flip_is_explained() {
 
 /// The bound of nine covered pixels in ten is at most four steps of an 8-bit display.
 #[test]
-fn the_bound_says_something() {
+fn most_bounds_are_at_most_four_display_steps() {
     for name in tier::some([12, 12], MEDIA) {
         let scene = load(name);
         let frame = in_lockstep(&scene, &usual(&scene));
@@ -394,7 +394,7 @@ fn every_setting_matters() {
 }
 
 #[test]
-fn what_a_machine_cannot_draw_is_refused() {
+fn a_scene_that_a_machine_cannot_draw_is_refused() {
     let shells = changed("nested-shells", |scene| {
         scene["splats"]["volume"]["samples"] = json!(12)
     });
@@ -465,7 +465,7 @@ fn scaled_kernels_are_as_wide_as_the_filter_and_emit_as_much() {
 }
 
 #[test]
-fn what_has_no_kernel_to_scale_and_no_back_to_cull_is_refused() {
+fn scaling_and_culling_are_refused_without_a_kernel_or_a_back() {
     let told = |scene: Value| {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("scene.json");
@@ -498,7 +498,7 @@ fn what_has_no_kernel_to_scale_and_no_back_to_cull_is_refused() {
 
 /// The pixel traces of every ninth pixel.
 #[test]
-fn a_story_ends_as_the_picture_does() {
+fn a_pixel_trace_ends_with_the_colour_of_the_picture() {
     for (name, scene) in tier::some([12, 3], scenes()) {
         let scene = Scene {
             image: scene::Image {

@@ -13,7 +13,7 @@ fn is_there(program: &str) -> bool {
 }
 
 #[test]
-fn an_array_of_slurm_draws_what_one_process_draws() {
+fn an_array_of_slurm_draws_the_rows_of_one_process() {
     if !tier::runs(Tier::Full) {
         return;
     }

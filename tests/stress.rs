@@ -793,7 +793,7 @@ fn spheres_lie_around_each_other_in_no_order() {
 }
 
 #[test]
-fn a_noisy_scan_scatters_by_what_it_says() {
+fn a_noisy_scan_scatters_by_its_parameter() {
     for scatter in [0.01, 1.0, 8.0] {
         let (still, moved) = (
             (case("noisy-scan").scene)(0.0),
@@ -852,7 +852,7 @@ fn highlights_become_narrower_than_a_step_of_their_table() {
 // ---- What is written ----
 
 #[test]
-fn cases_of_ellipsoids_reach_what_they_name() {
+fn cases_of_ellipsoids_reach_their_limits() {
     if !has_turn() {
         return;
     }
@@ -1045,7 +1045,7 @@ fn every_case_is_in_the_gallery() {
 /// A row of the book's tables of failures: its case, and the cells that state where it fails.
 type Row = (String, Vec<String>);
 
-fn told_in_the_book() -> Vec<Row> {
+fn expected_in_the_book() -> Vec<Row> {
     let surfaces = told_behind("<!-- stress -->", 5);
     surfaces
         .into_iter()
@@ -1119,11 +1119,11 @@ fn failures(case: &str) -> Vec<String> {
 }
 
 #[test]
-fn the_book_says_where_everything_fails() {
+fn the_book_lists_every_failure() {
     if !has_turn() {
         return;
     }
-    let told = told_in_the_book();
+    let told = expected_in_the_book();
     let wrong = told.iter().filter(|(name, cells)| *cells != failures(name));
     let wrong: Vec<String> = wrong
         .map(|(name, _)| format!("| {name} | {} |", failures(name).join(" | ")))
@@ -1238,7 +1238,7 @@ fn one_case_can_be_run_on_one_more_machine() {
 }
 
 #[test]
-fn bad_arguments_are_told_in_one_sentence() {
+fn bad_arguments_are_refused_in_one_sentence() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("file");
     std::fs::write(&file, "").unwrap();

@@ -556,7 +556,7 @@ fn units_and_words_can_be_exact() {
 }
 
 #[test]
-fn the_columnar_file_holds_what_the_csv_holds() {
+fn the_columnar_file_equals_the_csv() {
     use parquet::file::reader::{FileReader, SerializedFileReader};
     use parquet::record::Field;
     let folder = tempfile::tempdir().unwrap();
@@ -614,7 +614,7 @@ fn the_columnar_file_holds_what_the_csv_holds() {
 
 /// Two words change together, each by its own bits; the first that loses a decibel is reported.
 #[test]
-fn words_can_change_together_and_the_first_that_loses_a_decibel_is_told() {
+fn words_can_change_together_and_the_first_that_loses_a_decibel_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let bits = json!([-12, -11, -10, -9, -8, -7, -6, -5, -4, -3, -2, -1]);
     let plan = json!({"scenes": ["terrain.json"], "size": [24, 16], "machine": "reference", "order": "one-at-a-time", "lockstep": false, "axes": [
@@ -758,7 +758,7 @@ fn a_part_that_began_before_another_ended_keeps_its_rows_in_the_table() {
 }
 
 #[test]
-fn what_is_no_machine_has_no_rank_in_frames_a_second() {
+fn a_machine_that_cannot_be_built_has_no_rank_in_frames_per_second() {
     let folder = tempfile::tempdir().unwrap();
     let axis = json!({"field": "exact", "values": [["raster"], [], ["gauss.weight"]]});
     let plan = json!({"scenes": ["terrain.json"], "size": [8, 6], "machine": "tiny", "lockstep": false, "axes": [axis]});

@@ -1113,7 +1113,7 @@ fn codes_have_names_everywhere() {
 }
 
 #[test]
-fn a_record_names_what_it_was_made_from() {
+fn a_record_names_its_parents() {
     let trace = traced(
         &cloud(600, 32),
         &machine("reference", &[]),
@@ -1410,7 +1410,7 @@ fn a_window_of_sorted_splats_has_all_of_some_pixels_or_the_way_of_some_splats() 
 }
 
 #[test]
-fn records_of_ellipsoids_name_what_they_were_made_from() {
+fn records_of_ellipsoids_name_their_parents() {
     for (text, machine) in media() {
         let trace = traced(&text, &machine, &Window::default());
         for stream in trace.manifest["streams"].as_array().unwrap() {
@@ -1496,7 +1496,7 @@ fn a_trace_is_the_same_on_any_number_of_threads() {
 }
 
 #[test]
-fn the_committed_trace_is_what_is_traced_today() {
+fn the_committed_trace_is_up_to_date() {
     let committed = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/knot");
     let text = std::fs::read_to_string(committed.join("scene.json")).unwrap();
     let today = traced(&text, &machine("tiny", &[]), &Window::default());

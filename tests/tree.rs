@@ -1204,7 +1204,7 @@ fn an_inner_node_of_an_unknown_material_is_refused() {
 
 /// A scene with a tree adds a walker to a machine without one, and its area is counted.
 #[test]
-fn who_walks_a_tree_pays_for_the_walker() {
+fn the_walker_of_a_tree_is_counted_in_the_area() {
     let folder = tempfile::tempdir().unwrap();
     let area = |name: &str, more: &Value| {
         let mut scene = json!({"splats": {"builtin": "torus-knot", "count": 300}, "image": {"width": 24, "height": 24}});
@@ -1335,7 +1335,7 @@ fn a_scene_draws_a_cut_of_a_tree_in_a_file() {
 }
 
 #[test]
-fn what_no_tree_can_be_made_of_is_refused_in_a_sentence() {
+fn inputs_without_a_tree_are_refused_in_a_sentence() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     let splat = r#"{"position": [0, 0, 0], "normal": [0, 0, 1], "radius": 1}"#;

@@ -466,7 +466,7 @@ fn maps_add_up_to_the_report() {
 /// Both describe a decision in the same words, and equal decisions are not flips. On a machine of
 /// windows, sums are counted separately from merges.
 #[test]
-fn a_story_on_a_machine_of_windows_has_the_same_words_for_both() {
+fn a_pixel_trace_on_a_machine_of_windows_has_the_same_words_for_both() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
     let arguments = [
@@ -523,7 +523,7 @@ fn a_story_on_a_machine_of_windows_has_the_same_words_for_both() {
 }
 
 #[test]
-fn a_story_is_what_explain_says() {
+fn a_pixel_trace_is_that_of_explain() {
     let output = splatsim(&[
         "explain",
         &MADE.scene(),
@@ -570,7 +570,7 @@ fn a_story_is_what_explain_says() {
 }
 
 #[test]
-fn a_scene_that_is_another_now_is_told_and_draws_nothing() {
+fn a_changed_scene_is_reported_and_not_redrawn() {
     let folder = tempfile::tempdir().unwrap();
     let scene = folder.path().join("few.json");
     let write_before = |count: u32, fov: u32, cutoff: f64, background: f64| {
@@ -826,7 +826,7 @@ fn files_that_changed_since_are_refused_in_a_sentence() {
 }
 
 #[test]
-fn rows_of_every_kind_are_told() {
+fn rows_of_every_kind_are_served() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(
         folder.path().join("choices.json"),
@@ -901,7 +901,7 @@ fn view_ends_after_its_seconds() {
 }
 
 #[test]
-fn view_prints_its_address_and_answers_there() {
+fn view_prints_its_address_and_responds_there() {
     let arguments = [
         "view",
         MADE.folder.path().join("run").to_str().unwrap(),
@@ -1094,7 +1094,7 @@ fn the_charting_library_is_the_one_that_was_published() {
 }
 
 #[test]
-fn a_slow_answer_holds_up_nobody_else() {
+fn a_slow_response_delays_no_other_client() {
     struct Slow(Arc<std::sync::Barrier>);
     impl Answers for Slow {
         fn answer(&self, path: &[&str], _: &Request) -> Response {

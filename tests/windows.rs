@@ -121,7 +121,7 @@ fn every_option_is_drawn_within_its_bound() {
 /// In lockstep, golden is within 65 dB of the machine. Otherwise it decides differently for depths
 /// that are equal within an ulp.
 #[test]
-fn the_machine_draws_what_golden_draws() {
+fn the_machine_agrees_with_golden() {
     for (nth, scene) in [glass(5, 7), confetti(3000, 1)].into_iter().enumerate() {
         let machine = machine(&[]);
         let frame = in_lockstep(&scene, &machine).unwrap();
@@ -280,7 +280,7 @@ fn four_slots_take_less_than_three_of_the_papers() {
 }
 
 #[test]
-fn what_does_not_go_together_is_refused() {
+fn incompatible_options_are_refused() {
     for (name, settings, told) in [
         (
             "reference",

@@ -283,7 +283,7 @@ fn the_machine_draws_a_sheared_volume() {
 }
 
 #[test]
-fn a_note_says_what_was_turned_and_what_was_assumed() {
+fn a_note_states_turned_axes_and_assumptions() {
     let data = samples(&BRIGHT);
     let notes = |name: &str, bytes: &[u8]| of_file(name, bytes).notes.join("\n");
     assert!(
