@@ -1,5 +1,6 @@
-// Bench: drives one twin with recorded inputs, writes what comes out, and watches the handshake. The same text for Icarus and Verilator; the
-// assertions of handshake.sv, here and in handshakes.sv, are Verilator's alone, for Icarus has none that last longer than a cycle.
+// Bench: drives one RTL implementation with recorded inputs, writes its outputs, and checks the
+// handshake. The same text for Icarus and Verilator. The assertions of handshake.sv, here and in
+// handshakes.sv, are only for Verilator, because Icarus has no assertions over several cycles.
 //
 //   +in=FILE ->[ offer, sometimes not ]-> s ->( DUT )-> m ->[ take, sometimes not ]-> +out=FILE, +times=FILE
 //
@@ -30,7 +31,8 @@
 
 `timescale 1ns / 1ps
 `default_nettype none
-// A program, not hardware: what a cycle counts, the same cycle reads. The file of a task counts as unused where $fgets alone reads it.
+// A program, not hardware: a counter is read in the cycle in which it changes. The file of a task
+// counts as unused if only $fgets reads it.
 // verilator lint_off BLKSEQ
 // verilator lint_off UNUSEDSIGNAL
 module bench;
@@ -44,7 +46,7 @@ module bench;
 `else
   localparam int CONSTANT_W = FRAME_W;
 `endif
-  // A line holds any record, and its end.
+  // A line holds any record, and its newline.
   localparam int WIDEST = `IN_W > CONSTANT_W ? `IN_W : CONSTANT_W;
   localparam int LINE_CHARS = (WIDEST + 3) / 4 + 2;
   localparam int RECORD_W = 4 * LINE_CHARS;
@@ -132,14 +134,14 @@ module bench;
   reg [31:0] chance_in;
   reg [31:0] chance_out;
 
-  // What has happened.
+  // The state of the bench.
   longint cycle = 0;
   longint records_in = 0;
   longint records_out = 0;
   longint idle = 0;
   longint complete_for = 0;
   longint violations = 0;
-  // The frame under way, from 1.
+  // The current frame, from 1.
   longint at_frame = 1;
   longint taken_in_frame = 0;
   // Cycles until the record that was read can be offered.
@@ -148,11 +150,11 @@ module bench;
   reg all_read = 1'b0;
   reg ended = 1'b0;
 
-  // The output in the cycle before, where it was offered and not taken.
+  // The output in the cycle before, if it was offered and not taken.
   reg waits = 1'b0;
   reg [`OUT_W-1:0] waiting = '0;
 
-  // The line that was read last, and what it says.
+  // The last line, and its record.
   reg [8*LINE_CHARS-1:0] line;
   reg [RECORD_W-1:0] record;
   reg have_record;
@@ -175,7 +177,7 @@ module bench;
     end
   endtask
 
-  // Reads a line of so many bits into `record`; at the file's end `have_record` is 0.
+  // Reads a line of this many bits into `record`; at the file's end `have_record` is 0.
   task automatic read_record(input integer file, input integer bits, input longint number);
     integer chars;
     integer digits;
@@ -188,13 +190,13 @@ module bench;
       have_record = chars != 0;
       record = '0;
       if (have_record) begin
-        // The last line may lack its end.
+        // The last line may have no newline.
         if (line[7:0] == "\n") begin
           line = line >> 8;
           chars = chars - 1;
         end
         is_hex = 1'b1;
-        // What is too long is not looked at: it fails by its length.
+        // A longer record is not parsed: it fails by its length.
         for (at = 0; at < digits; at = at + 1) begin
           char = line[8*at+:8];
           if (char >= "0" && char <= "9") record[4*at+:4] = char[3:0];
@@ -338,7 +340,7 @@ module bench;
     end
   end
 
-  // Reset for three edges; at the last one the first record is laid out for cycle 0.
+  // Reset for three edges; at the last one the first record is prepared for cycle 0.
   integer edges = 0;
   wire last_of_reset = edges == 2;
   always @(posedge clk) edges <= edges < 3 ? edges + 1 : edges;
@@ -380,7 +382,7 @@ module bench;
       end
       if (m_valid && m_ready && out_file != 0) $fwrite(out_file, "%h\n", m_data);
 
-      // The handshake: what is known, and what waits stays.
+      // The handshake: offered records have no unknown bits, and stay until they are taken.
       if ((s_ready ^ s_ready) !== 1'b0 || (m_valid ^ m_valid) !== 1'b0) begin
         violations = violations + 1;
         if (violations <= 10) $display("bench: in cycle %0d s_ready is %b and m_valid is %b", cycle, s_ready, m_valid);
@@ -404,7 +406,7 @@ module bench;
       cycle = cycle + 1;
       idle = s_valid && s_ready || m_valid && m_ready ? 0 : idle + 1;
       if (all_read && drained && expected >= 0 && records_out >= at_frame * longint'(expected)) complete_for = complete_for + 1;
-      // The next frame, while drained is still told.
+      // The next frame, while drained is still high.
       if (complete_for > 0 && at_frame < longint'(frames)) begin
         at_frame = at_frame + 1;
         taken_in_frame = 0;
@@ -415,7 +417,7 @@ module bench;
         drain <= 1'b0;
 `endif
       end
-      // A unit whose handshake is broken may never end.
+      // A unit with a broken handshake may never end.
       if (complete_for > longint'(quiet) || idle >= longint'(patience) || violations > 10) begin
         if (violations != 0) begin
           $display("bench: FAILED %0d violations of the handshake, in=%0d out=%0d cycles=%0d", violations, records_in,
