@@ -6,28 +6,28 @@
 //
 // Macros
 //   DUT              the module
-//   DUT_PARAMETERS   its parameters, such as .TAG_W(8); left out, its own
+//   DUT_PARAMETERS   its parameters, such as .TAG_W(8); by default the module's defaults
 //   IN_W, OUT_W      bits of its records
 //   HAS_FRAME        it has the port frame
 //   HAS_LIGHTING     it has the ports lights, materials and reflections
-//   HAS_LEAST        it has the port least: 0, so that all comes out
-//   HAS_CORNER       it has the port corner: 0, that of a picture
-//   HAS_DRAIN        it has the ports drain, which says that nothing more comes, and drained, which says that it is done with it
-//   NETLIST          it is a netlist, whose memories have names of their own: the benches load none
+//   HAS_LEAST        it has the port least: 0, so that no weight is dropped
+//   HAS_CORNER       it has the port corner: 0, the corner of a picture
+//   HAS_DRAIN        it has the ports drain, which ends a frame, and drained, high when all of the frame was output
+//   NETLIST          it is a netlist, whose memories have other names: the benches load none
 // Arguments
-//   +in=FILE         records to drive, a line of lower-case hex each
-//   +out=FILE        where to write the records that come
-//   +times=FILE      where to write "s CYCLE" for each record taken in, "m CYCLE" for each that came; cycle 0 is the first after reset
-//   +frame=FILE +light=FILE +material=FILE +reflection=FILE   the constants; left out, frame.hex and so on
-//   +stall_in=N +stall_out=N   percent of cycles in which nothing new is offered, nothing is taken
+//   +in=FILE         input records, one line of lower-case hex each
+//   +out=FILE        file for the output records
+//   +times=FILE      file for "s CYCLE" of each input record and "m CYCLE" of each output record; cycle 0 is the first after reset
+//   +frame=FILE +light=FILE +material=FILE +reflection=FILE   the constants; by default frame.hex and so on
+//   +stall_in=N +stall_out=N   percent of cycles in which no new record is offered; in which none is taken
 //   +seed=N          of the stalls
-//   +apart=N         cycles between a record that is taken and the next one's offer; that nothing more comes is known at once
-//   +apart_from=N    the first record of a frame, from 0, before which there are that many cycles
-//   +expect=N        records that are to come, in each frame
-//   +frames=N        times that the input comes, one frame behind the other without a reset: the next one when all records of the one
-//                    before have come, and drained is told
-//   +quiet=N         cycles to go on when all is in and all have come: what else comes is written too
-//   +patience=N      cycles without a transfer after which nothing more is hoped for
+//   +apart=N         cycles between a taken record and the next one's offer; the end of a frame is signalled at once
+//   +apart_from=N    the first record of a frame, from 0, before which there are this many cycles
+//   +expect=N        expected records per frame
+//   +frames=N        number of times that the input is repeated, one frame after the other without a reset: the next one when all
+//                    records of the one before were output and drained is high
+//   +quiet=N         cycles to continue after the last input and output: further outputs are written too
+//   +patience=N      cycles without a transfer after which the bench gives up
 
 `timescale 1ns / 1ps
 `default_nettype none

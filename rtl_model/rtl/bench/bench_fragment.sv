@@ -7,11 +7,11 @@
 // Compile with bench.sv, bench_start.sv, -DDUT=bench_fragment -DHAS_FRAME -DHAS_DRAIN -DIN_W=machine_pkg::FRAGMENT_IN_W
 // -DOUT_W=machine_pkg::FRAGMENT_OUT_W and '-DDUT_PARAMETERS=.WIDTH(64),.HEIGHT(64)'; for windows -DHAS_WINDOWS too, without bench_start.sv.
 // Arguments, in addition to those of bench.sv and bench_start.sv
-//   +answers=FILE    what shade says, a line of hex a request
-//   +requests=FILE   where to write what it is asked
-//   +held=FILE       where to write what the pixels hold in the end
-//   +stall_shade=N   percent of cycles in which shade takes nothing, and of those in which it does not answer
-//   +stall_held=N    percent of cycles in which nothing that is held is taken
+//   +answers=FILE    responses of shade, one line of hex per request
+//   +requests=FILE   file for the requests to shade
+//   +held=FILE       file for the final contents of the pixels
+//   +stall_shade=N   percent of cycles in which shade takes no request, and in which it gives no response
+//   +stall_held=N    percent of cycles in which no final content is taken
 `timescale 1ns / 1ps
 `default_nettype none
 

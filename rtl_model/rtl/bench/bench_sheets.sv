@@ -6,8 +6,8 @@
 // Compile with bench.sv, bench_start.sv, -DDUT=bench_sheets -DHAS_FRAME -DHAS_DRAIN -DIN_W=machine_pkg::FRAGMENT_IN_W
 // -DOUT_W=machine_pkg::FRAGMENT_OUT_W and '-DDUT_PARAMETERS=.WIDTH(64),.HEIGHT(64)'.
 // Arguments, in addition to those of bench.sv and bench_start.sv
-//   +held=FILE       where to write what the pixels hold in the end
-//   +stall_held=N    percent of cycles in which nothing that is held is taken
+//   +held=FILE       file for the final contents of the pixels
+//   +stall_held=N    percent of cycles in which no final content is taken
 `timescale 1ns / 1ps
 `default_nettype none
 

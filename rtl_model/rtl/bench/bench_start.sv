@@ -3,7 +3,7 @@
 // writes the records directly into its memory.
 //
 // Arguments
-//   +start=FILE      what pixels hold at the start, a line of hex a record; left out, nothing
+//   +start=FILE      initial contents of the pixels, one line of hex per record; by default none
 `timescale 1ns / 1ps
 `default_nettype none
 

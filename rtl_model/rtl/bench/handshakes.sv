@@ -4,11 +4,11 @@
 // to shade and resolve.
 //
 // Macros
-//   HAS_FRAGMENT   the twin has a fragment in it
-//   HAS_SHEETS     it has sheets in it
-//   HAS_WINDOWS    it has windows in it
-//   HAS_LIGHTING   it has a shade in it
-//   HAS_RESOLVE    it has a resolve in it
+//   HAS_FRAGMENT   the RTL implementation contains fragment
+//   HAS_SHEETS     it contains sheets
+//   HAS_WINDOWS    it contains windows
+//   HAS_LIGHTING   it contains shade
+//   HAS_RESOLVE    it contains resolve
 bind pipe handshake #(.W(W)) handshake_of_m (.clk(clk), .rst(rst), .valid(m_valid), .ready(m_ready), .data(m_data));
 `ifdef HAS_FRAGMENT
 bind fragment handshake #(.W(machine_pkg::FRAGMENT_IN_W)) handshake_of_s (.clk(clk), .rst(rst), .valid(s_valid), .ready(s_ready), .data(s_data));

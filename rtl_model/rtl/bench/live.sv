@@ -9,11 +9,11 @@
 //   HAS_SHADE        it has the ports q and a
 //   HAS_HELD         it has the port h
 // Arguments
-//   +records=N       records to compare, about
-//   +stall=N         percent of cycles in which nothing new is offered, nothing is taken
-//   +seed=N          of stalls
-//   +source=N        of random records
-//   +patience=N      cycles without a transfer after which nothing more is hoped for
+//   +records=N       approximate number of records to compare
+//   +stall=N         percent of cycles in which no new record is offered; in which none is taken
+//   +seed=N          seed of stalls
+//   +source=N        seed of random records
+//   +patience=N      cycles without a transfer after which the bench gives up
 // The parameters name the machine and the scene.
 
 `timescale 1ns / 1ps
