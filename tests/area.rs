@@ -14,7 +14,7 @@ use std::process::Command;
 /// A row of the output of `area.sh` or `gates.sh`: machine, unit, LUTs or gates of logic, and the
 /// model's figure.
 #[derive(Debug)]
-struct Row {
+struct SynthesisRow {
     machine: String,
     unit: String,
     mapped: f64,
@@ -22,14 +22,14 @@ struct Row {
 }
 
 /// The rows of a printed table, and geometric mean, least and largest ratio of its last line.
-fn read(printed: &str) -> (Vec<Row>, [f64; 3]) {
+fn read(printed: &str) -> (Vec<SynthesisRow>, [f64; 3]) {
     let mut lines: Vec<Vec<&str>> = printed
         .lines()
         .map(|line| line.split_whitespace().collect())
         .collect();
     let last = lines.pop().unwrap();
     let number = |word: &str| word.trim_end_matches(',').parse().unwrap();
-    let row = |words: &Vec<&str>| Row {
+    let row = |words: &Vec<&str>| SynthesisRow {
         machine: words[0].to_owned(),
         unit: words[1].to_owned(),
         mapped: number(words[3]),
@@ -43,7 +43,7 @@ fn read(printed: &str) -> (Vec<Row>, [f64; 3]) {
 }
 
 /// The table below a mark of the book.
-fn fit(mark: &str) -> (Vec<Row>, [f64; 3]) {
+fn fit(mark: &str) -> (Vec<SynthesisRow>, [f64; 3]) {
     let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/cost.md"));
     let block = text
         .split(&format!("<!-- {mark} -->\n```text\n"))
@@ -197,7 +197,7 @@ fn no_loop_of_the_twins_is_deeper_than_forty_gates() {
 
 /// Each row of a table of the book has the model's figure for a unit without its registers, and the
 /// last line matches the rows.
-fn checked_table(mark: &str, settings: &[&str], model: fn(&UnitCost) -> f64) -> Vec<Row> {
+fn checked_table(mark: &str, settings: &[&str], model: fn(&UnitCost) -> f64) -> Vec<SynthesisRow> {
     let (rows, told) = fit(mark);
     assert_eq!(rows.len(), 21);
     for row in &rows {
@@ -247,8 +247,8 @@ fn the_gates_are_those_of_the_book() {
     let rows = checked_table("gates", &[], |unit| {
         unit.gates - unit.bits.register as f64 * DEFAULT.gates.register
     });
-    let is_near = |row: &Row| (0.9..=1.1).contains(&(row.mapped / row.model));
-    let far: Vec<&Row> = rows.iter().filter(|row| !is_near(row)).collect();
+    let is_near = |row: &SynthesisRow| (0.9..=1.1).contains(&(row.mapped / row.model));
+    let far: Vec<&SynthesisRow> = rows.iter().filter(|row| !is_near(row)).collect();
     let [gauss] = far[..] else { panic!("{far:?}") };
     assert!(
         gauss.machine == "reference" && gauss.unit == "gauss" && gauss.mapped / gauss.model > 0.85,
@@ -280,7 +280,8 @@ fn small_units_are_in_the_range(script: &str, mark: &str, more: &[&str]) {
     println!("{printed}");
     assert_eq!(rows.len(), units.len());
     // To a hundredth, as printed.
-    let holds = |row: &Row| (least - 0.005..=most + 0.005).contains(&(row.mapped / row.model));
+    let holds =
+        |row: &SynthesisRow| (least - 0.005..=most + 0.005).contains(&(row.mapped / row.model));
     assert!(rows.iter().all(holds), "{least} to {most}, but\n{printed}");
 }
 

@@ -59,11 +59,11 @@ const CHANGES: [&str; 2] = ["timing.ellipse.interval=9", "gauss.weight=U-2F6"];
 
 /// Three small runs: `a`; `b`, with changed fields; `c`, with another size. Also a scene, and a
 /// record of `a`.
-struct Made {
+struct ThreeRuns {
     folder: tempfile::TempDir,
 }
 
-impl Made {
+impl ThreeRuns {
     fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
@@ -73,8 +73,8 @@ impl Made {
     }
 }
 
-static MADE: LazyLock<Made> = LazyLock::new(|| {
-    let made = Made {
+static MADE: LazyLock<ThreeRuns> = LazyLock::new(|| {
+    let made = ThreeRuns {
         folder: tempfile::tempdir().unwrap(),
     };
     let scene = made.text("few.json");

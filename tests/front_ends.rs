@@ -197,14 +197,14 @@ fn no_file_has_constructs_that_front_ends_read_differently() {
 
 /// A frame of each kind, which determines the words of a package and the RTL implementations that
 /// can be built with it.
-struct Frame {
+struct FrameKind {
     name: &'static str,
     /// The targets of the lists that it is for; "" is the list without a target.
     targets: &'static [&'static str],
     trace: Traced,
 }
 
-impl Frame {
+impl FrameKind {
     /// Possible tops of a design: its units, and modules that connect them.
     fn tops(&self) -> Vec<Unit> {
         let [by_depth, by_sheets] = PIPELINES_OF_ELLIPSOIDS;
@@ -228,7 +228,7 @@ impl Frame {
     }
 }
 
-fn frames() -> Vec<Frame> {
+fn frames() -> Vec<FrameKind> {
     let one_lane = "timing.raster.lanes=[1,1]";
     let frame = |(name, targets, text, machine): (
         &'static str,
@@ -241,7 +241,7 @@ fn frames() -> Vec<Frame> {
             units: vec!["resolve".into()],
             ..Window::default()
         };
-        Frame {
+        FrameKind {
             name,
             targets,
             trace: traced(&text, &machine, &window),
@@ -483,7 +483,7 @@ fn every_list_elaborates_in_slang_with_the_package_that_it_is_for() {
 fn every_top_and_every_bench_elaborates_in_slang() {
     let Some(python) = slang() else { return };
     let frames = frames();
-    let tops: Vec<(&Frame, Unit)> = frames
+    let tops: Vec<(&FrameKind, Unit)> = frames
         .iter()
         .flat_map(|frame| frame.tops().into_iter().map(move |unit| (frame, unit)))
         .collect();

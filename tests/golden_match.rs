@@ -187,7 +187,7 @@ fn rules(layers: usize, merge: Merge, evict_hidden: bool) -> Rules {
 }
 
 /// One row of docs/book/algorithm.md §6's table: dB and thousands of merges for the three rules.
-type Row = (usize, [(f64, u64); 3]);
+type MeasuredRow = (usize, [(f64, u64); 3]);
 
 const RULES: [(Merge, bool); 3] = [
     (Merge::NearestPair, false),
@@ -196,7 +196,7 @@ const RULES: [(Merge, bool); 3] = [
 ];
 
 /// Prints the measurements; returns whether all of them agree with the table.
-fn matches_the_table(scene: &Scene, ideal: &Rendering, rows: &[Row]) -> bool {
+fn matches_the_table(scene: &Scene, ideal: &Rendering, rows: &[MeasuredRow]) -> bool {
     let mut all = true;
     for (layers, expected) in rows {
         for ((merge, evict_hidden), (db, thousands)) in RULES.into_iter().zip(expected) {
@@ -223,7 +223,7 @@ fn the_table_of_the_check_scene_in_surface_order() {
     }
     let scene = glass_spheres();
     let ideal = ideal_of(&scene, false);
-    let rows: [Row; 4] = [
+    let rows: [MeasuredRow; 4] = [
         (2, [(26.2, 1264), (29.8, 1097), (29.8, 338)]),
         (3, [(30.6, 412), (37.4, 391), (37.4, 191)]),
         (4, [(41.6, 96), (40.2, 76), (40.2, 32)]),
@@ -243,7 +243,7 @@ fn the_table_of_the_check_scene_in_random_order() {
         .map(|index| scene.splats[index])
         .collect();
     let ideal = ideal_of(&scene, false);
-    let rows: [Row; 3] = [
+    let rows: [MeasuredRow; 3] = [
         (3, [(31.1, 885), (40.5, 877), (40.5, 778)]),
         (4, [(35.3, 337), (43.3, 403), (43.3, 322)]),
         (8, [(44.2, 0), (44.2, 0), (44.2, 0)]),

@@ -61,7 +61,7 @@ fn scene(count: usize, degree: usize) -> Scene {
 }
 
 /// Costs of a frame.
-struct Frame {
+struct FrameCosts {
     machine: Elaborated,
     work: Work,
     cycles: Cycles,
@@ -69,12 +69,12 @@ struct Frame {
     notes: Vec<String>,
 }
 
-fn frame(scene: &Scene, machine: &Machine) -> Frame {
+fn frame(scene: &Scene, machine: &Machine) -> FrameCosts {
     let elaborated = fixed::elaborate(machine).unwrap();
     let quantised = quantise(scene, machine).unwrap();
     let (drawing, _, work) = draw_measured(&elaborated, &quantised.frame);
     let cycles = timing::replay(&elaborated.timing, &work, Detail::Log);
-    Frame {
+    FrameCosts {
         machine: elaborated,
         work,
         cycles,
@@ -83,7 +83,7 @@ fn frame(scene: &Scene, machine: &Machine) -> Frame {
     }
 }
 
-impl Frame {
+impl FrameCosts {
     fn bytes(&self) -> u64 {
         self.cycles.memory.bytes[Client::Splats as usize][0]
     }
@@ -96,7 +96,7 @@ impl Frame {
 #[test]
 fn records_are_as_long_as_their_harmonics() {
     let gaussian = machine("gaussian", &["timing.memory.burst_bytes=64"]);
-    let frames: Vec<Frame> = (0..4)
+    let frames: Vec<FrameCosts> = (0..4)
         .map(|degree| frame(&scene(300, degree), &gaussian))
         .collect();
     let burst = 64;

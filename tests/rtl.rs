@@ -2410,7 +2410,7 @@ fn constant(trace: &Traced, name: &str) -> u64 {
 
 /// The timing model's recurrence (the book, Timing): an item is taken as soon as it is present, the
 /// unit is free, and there is room behind it.
-struct Stage {
+struct Recurrence {
     latency: u64,
     interval: u64,
     room: usize,
@@ -2419,10 +2419,10 @@ struct Stage {
     held: usize,
 }
 
-impl Stage {
-    fn new(trace: &Traced, unit: &str) -> Stage {
+impl Recurrence {
+    fn new(trace: &Traced, unit: &str) -> Recurrence {
         let of = |name: &str| constant(trace, &format!("{}_{name}", unit.to_uppercase()));
-        Stage {
+        Recurrence {
             latency: of("LATENCY"),
             interval: of("INTERVAL"),
             room: of("ROOM") as usize,
@@ -2448,7 +2448,7 @@ impl Stage {
 
 /// The timing model's cycles for a unit whose input never starves.
 #[derive(Default)]
-struct Told {
+struct ModelledCycles {
     /// Cycles in which records are taken.
     taken: Vec<u64>,
     /// Cycles in which results are due.
@@ -2460,31 +2460,35 @@ struct Told {
 }
 
 /// The model's cycles if earlier results were taken by the next unit in these cycles.
-fn told(trace: &Traced, unit: Unit, behind: &[u64]) -> Told {
-    let stage = Stage::new(trace, unit.stream);
+fn modelled_cycles(trace: &Traced, unit: Unit, behind: &[u64]) -> ModelledCycles {
+    let recurrence = Recurrence::new(trace, unit.stream);
     match unit.stream {
-        "raster" => walk(trace, stage, behind),
-        "fragment" => contribute(trace, stage),
-        "resolve" => blend(trace, stage, behind),
-        stream => one_by_one(trace.lines(&format!("{stream}.in")).len(), stage, behind),
+        "raster" => walk(trace, recurrence, behind),
+        "fragment" => contribute(trace, recurrence),
+        "resolve" => blend(trace, recurrence, behind),
+        stream => one_by_one(
+            trace.lines(&format!("{stream}.in")).len(),
+            recurrence,
+            behind,
+        ),
     }
 }
 
-fn one_by_one(records: usize, mut stage: Stage, behind: &[u64]) -> Told {
+fn one_by_one(records: usize, mut recurrence: Recurrence, behind: &[u64]) -> ModelledCycles {
     let taken: Vec<u64> = (0..records)
-        .map(|_| stage.take(0, stage.interval, behind, true))
+        .map(|_| recurrence.take(0, recurrence.interval, behind, true))
         .collect();
-    Told {
-        due: taken.iter().map(|now| now + stage.latency).collect(),
+    ModelledCycles {
+        due: taken.iter().map(|now| now + recurrence.latency).collect(),
         taken,
-        ..Told::default()
+        ..ModelledCycles::default()
     }
 }
 
 /// The raster takes one cycle per pixel of a box, and each pixel needs a place behind it: a kept
 /// pixel until it is taken, a dropped pixel until this is decided.
-fn walk(trace: &Traced, stage: Stage, behind: &[u64]) -> Told {
-    let mut told = Told::default();
+fn walk(trace: &Traced, recurrence: Recurrence, behind: &[u64]) -> ModelledCycles {
+    let mut modelled = ModelledCycles::default();
     // Cycles from which each occupied place is free again, the first one first.
     let mut given: Vec<u64> = Vec::new();
     let mut free = 0;
@@ -2500,30 +2504,30 @@ fn walk(trace: &Traced, stage: Stage, behind: &[u64]) -> Told {
                     .is_some();
                 let room = given
                     .len()
-                    .checked_sub(stage.room)
+                    .checked_sub(recurrence.room)
                     .map_or(0, |nth| given[nth]);
                 let now = u64::max(free, room);
-                free = now + stage.interval;
+                free = now + recurrence.interval;
                 first = first.or(Some(now));
                 let again = if is_kept {
-                    behind[told.due.len()] + 1
+                    behind[modelled.due.len()] + 1
                 } else {
-                    now + stage.latency
+                    now + recurrence.latency
                 };
                 given.insert(given.partition_point(|other| *other <= again), again);
                 if is_kept {
-                    told.due.push(now + stage.latency);
+                    modelled.due.push(now + recurrence.latency);
                 }
             }
         }
-        told.taken.extend(first);
+        modelled.taken.extend(first);
     }
-    told
+    modelled
 }
 
 /// A merge takes longer, by the shading of its fragments, and a taken pixel is in flight for some
 /// cycles.
-fn contribute(trace: &Traced, mut stage: Stage) -> Told {
+fn contribute(trace: &Traced, mut recurrence: Recurrence) -> ModelledCycles {
     const MERGED: i64 = 2;
     /// Outcomes of evictions in windows; the first outcome that only windows have, and the first
     /// one of windows that are formed.
@@ -2567,7 +2571,7 @@ fn contribute(trace: &Traced, mut stage: Stage) -> Told {
     // A splat that is a sheet of its own is blended as fast as it would be added.
     let blends_at_once =
         is_sheets && trace.records("frame")[0][trace.field("frame", "each_splat")] == 1;
-    let mut told = Told::default();
+    let mut modelled = ModelledCycles::default();
     let mut under_way: HashMap<[i64; 2], u64> = HashMap::new();
     let mut stopped: HashSet<[i64; 2]> = HashSet::new();
     for (decision, shades) in decisions.iter().zip(shades) {
@@ -2595,39 +2599,40 @@ fn contribute(trace: &Traced, mut stage: Stage) -> Told {
                 0
             };
         let pixel = under_way.entry([decision[0], decision[1]]).or_default();
-        told.waits += usize::from(*pixel > stage.free);
-        told.merges[shades as usize] += usize::from(merges);
+        modelled.waits += usize::from(*pixel > recurrence.free);
+        modelled.merges[shades as usize] += usize::from(merges);
         // There is no unit behind it, so there is always room.
-        let now = stage.take(*pixel, cycles, &[], false);
+        let now = recurrence.take(*pixel, cycles, &[], false);
         *pixel = now + cycles - 1 + hazard;
-        told.taken.push(now);
+        modelled.taken.push(now);
         // The steps of a merge after its shading come after the decision. A decision is made in one
         // cycle and reported in the next.
-        told.due
-            .push(now + cycles - 1 - merge + forms + stage.latency.max(2));
+        modelled
+            .due
+            .push(now + cycles - 1 - merge + forms + recurrence.latency.max(2));
     }
-    told
+    modelled
 }
 
 /// Resolve takes one cycle per layer. A pixel counts as taken with its last layer, which needs the
 /// place behind.
-fn blend(trace: &Traced, mut stage: Stage, behind: &[u64]) -> Told {
-    let mut told = Told::default();
+fn blend(trace: &Traced, mut recurrence: Recurrence, behind: &[u64]) -> ModelledCycles {
+    let mut modelled = ModelledCycles::default();
     let last = trace.field("resolve.in", "last");
     let mut here = 0;
     for layer in trace.records("resolve.in") {
         let now = if layer[last] == 1 {
-            stage.take(here, stage.interval, behind, true)
+            recurrence.take(here, recurrence.interval, behind, true)
         } else {
             here
         };
         here = now + 1;
-        told.taken.push(now);
+        modelled.taken.push(now);
         if layer[last] == 1 {
-            told.due.push(now + stage.latency);
+            modelled.due.push(now + recurrence.latency);
         }
     }
-    told
+    modelled
 }
 
 /// Tolerance of accept times against the timing model, as a share of them: the table is in the
@@ -2653,7 +2658,7 @@ fn tolerance(unit: &str) -> f64 {
 
 /// Checks that a unit takes its records in the cycles of the timing model, and that no result is
 /// early; returns the model's cycles without stalls.
-fn accepts_in_time(trace: &Traced, unit: Unit, side: u32, stalls: &[&str]) -> Told {
+fn accepts_in_time(trace: &Traced, unit: Unit, side: u32, stalls: &[&str]) -> ModelledCycles {
     let name = unit.name;
     let device = Device::new(Simulator::Icarus, &sources(), &trace.folder, unit, side);
     let tolerance = tolerance(name);
@@ -2661,30 +2666,30 @@ fn accepts_in_time(trace: &Traced, unit: Unit, side: u32, stalls: &[&str]) -> To
         let given = device.drive(None, expected(trace, unit), &[stall]);
         assert_eq!(fault(trace, unit, &given), None);
         let [taken, behind] = times(&given);
-        let told = told(trace, unit, &behind);
-        assert_eq!(taken.len(), told.taken.len(), "{name} {stall}");
-        for (record, (taken, told)) in taken.iter().zip(&told.taken).enumerate() {
-            let off = taken.abs_diff(*told) as f64;
+        let modelled = modelled_cycles(trace, unit, &behind);
+        assert_eq!(taken.len(), modelled.taken.len(), "{name} {stall}");
+        for (record, (taken, modelled)) in taken.iter().zip(&modelled.taken).enumerate() {
+            let off = taken.abs_diff(*modelled) as f64;
             assert!(
-                off <= tolerance * *told as f64,
-                "{name} {stall}: record {record} was taken in cycle {taken}, told was {told}"
+                off <= tolerance * *modelled as f64,
+                "{name} {stall}: record {record} was taken in cycle {taken}, the model has {modelled}"
             );
         }
         assert!(
             behind
                 .iter()
-                .zip(&told.due)
+                .zip(&modelled.due)
                 .all(|(given, due)| given >= due),
             "{name} {stall}: a record came too early"
         );
-        (told, behind)
+        (modelled, behind)
     };
     for stall in stalls {
         in_time(stall);
     }
-    let (told, given) = in_time("+stall_out=0");
-    assert_eq!(given, told.due, "{name}");
-    told
+    let (modelled, given) = in_time("+stall_out=0");
+    assert_eq!(given, modelled.due, "{name}");
+    modelled
 }
 
 const STALLED: [&str; 2] = ["+stall_out=60", "+stall_out=90"];

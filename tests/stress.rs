@@ -1043,9 +1043,9 @@ fn every_case_is_in_the_gallery() {
 }
 
 /// A row of the book's tables of failures: its case, and the cells that state where it fails.
-type Row = (String, Vec<String>);
+type FailureRow = (String, Vec<String>);
 
-fn expected_in_the_book() -> Vec<Row> {
+fn expected_in_the_book() -> Vec<FailureRow> {
     let surfaces = told_behind("<!-- stress -->", 5);
     surfaces
         .into_iter()
@@ -1053,7 +1053,7 @@ fn expected_in_the_book() -> Vec<Row> {
         .collect()
 }
 
-fn told_behind(mark: &str, count: usize) -> Vec<Row> {
+fn told_behind(mark: &str, count: usize) -> Vec<FailureRow> {
     let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/stress.md"))
         .unwrap();
     let table = text

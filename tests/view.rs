@@ -17,11 +17,11 @@ use std::thread;
 use std::time::Duration;
 
 /// A folder of a small run, and other folders.
-struct Made {
+struct RunFolder {
     folder: tempfile::TempDir,
 }
 
-impl Made {
+impl RunFolder {
     fn run(&self) -> std::path::PathBuf {
         self.folder.path().join("run")
     }
@@ -36,7 +36,7 @@ impl Made {
     }
 }
 
-static MADE: LazyLock<Made> = LazyLock::new(|| {
+static MADE: LazyLock<RunFolder> = LazyLock::new(|| {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("secret.png"), "nobody's").unwrap();
     let out = folder.path().join("run");
@@ -70,7 +70,7 @@ static MADE: LazyLock<Made> = LazyLock::new(|| {
     std::fs::write(out.join("notes.txt"), "nobody's").unwrap();
     #[cfg(unix)]
     std::os::unix::fs::symlink(folder.path().join("secret.png"), out.join("link.png")).unwrap();
-    Made { folder }
+    RunFolder { folder }
 });
 
 /// A server in this process for a folder.

@@ -267,13 +267,13 @@ fn scenes() -> BoxedStrategy<Value> {
 /// that reflects along the axis or along rays, or without; and with changed fields that keep it
 /// valid.
 #[derive(Clone, Debug)]
-struct Made {
+struct MachineRecipe {
     name: Option<&'static str>,
     along_rays: Option<bool>,
     changes: Vec<Mutation>,
 }
 
-fn made() -> BoxedStrategy<Made> {
+fn made() -> BoxedStrategy<MachineRecipe> {
     let name = prop::option::weighted(0.5, select(Machine::names().collect::<Vec<_>>()));
     let parts = (
         name,
@@ -281,7 +281,7 @@ fn made() -> BoxedStrategy<Made> {
         mutations(0..12),
     );
     parts
-        .prop_map(|(name, along_rays, changes)| Made {
+        .prop_map(|(name, along_rays, changes)| MachineRecipe {
             name,
             along_rays,
             changes,
@@ -289,7 +289,7 @@ fn made() -> BoxedStrategy<Made> {
         .boxed()
 }
 
-impl Made {
+impl MachineRecipe {
     fn machine(&self, scene: &Scene) -> Machine {
         let reflect = self.along_rays.map(|along_rays| {
             let mut words = json!({"sight": "axis", "facing": "I2F14", "direction": "I3F13",
@@ -330,7 +330,7 @@ struct Met {
 }
 
 /// Draws it as `run` does, in lockstep.
-fn draw(path: &Path, made: &Made, met: &mut Met) -> Result<()> {
+fn draw(path: &Path, made: &MachineRecipe, met: &mut Met) -> Result<()> {
     let mut frames = Sequence::load(path, &Overrides::default(), None)?;
     let machine = &made.machine(frames.scene());
     let elaborated = fixed::elaborate(machine)?;

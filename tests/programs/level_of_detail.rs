@@ -28,7 +28,7 @@ const DISTANCES: [f64; 5] = [1.0, 2.0, 4.0, 8.0, 16.0];
 const FROM_AFAR: [f64; 4] = [0.0, 1.0, 4.0, 16.0];
 
 /// Costs of a frame: splats, nodes read, cycles, megabytes, and golden − ideal, dB.
-struct Row {
+struct FrameCosts {
     splats: u64,
     read: u64,
     cycles: u64,
@@ -41,7 +41,7 @@ fn row(
     tree: &Arc<Tree>,
     (pixels, order): (f64, Order),
     whole: &Picture,
-) -> Result<Row> {
+) -> Result<FrameCosts> {
     let rules = Rules {
         pixels,
         order,
@@ -59,7 +59,7 @@ fn row(
     let work = evaluation.observe().work;
     let cycles =
         rtl_model::timing::replay(&machine.timing, &work, rtl_model::timing::Detail::Accounts);
-    Ok(Row {
+    Ok(FrameCosts {
         splats: scene.splats.len() as u64,
         read: work.walk.len() as u64,
         cycles: cycles.total,
@@ -148,7 +148,7 @@ fn main() -> Result<()> {
         }
         println!("| {distance}× | {} |", cells.join(" | "));
     }
-    let points = |of: fn(&Row) -> f64| {
+    let points = |of: fn(&FrameCosts) -> f64| {
         vec![(
             String::new(),
             rows.iter().map(|row| [of(row), row.db]).collect::<Vec<_>>(),

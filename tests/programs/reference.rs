@@ -196,7 +196,7 @@ fn with_links(
 }
 
 const MADE_BY: &str = "<!-- made by: cargo run --release --example reference -->\n";
-const TYPES_OF_SEVERAL: &str = "Types that more than one of the files contains that splatsim writes: reports, results of searches and others.";
+const TYPES_OF_SEVERAL: &str = "Types that are used in several of splatsim's output files: reports, results of searches and others.";
 
 /// The schema of the program's output.
 fn of<T: schemars::JsonSchema>() -> Value {
@@ -205,25 +205,25 @@ fn of<T: schemars::JsonSchema>() -> Value {
         .to_value()
 }
 
-const REPORT: &str = "What `report.json` says, which `run --out DIR` writes. All but `host` is the same for the same input on every computer, at any \
-    number of threads. A field that is left out was not asked for.";
+const REPORT: &str = "Fields of `report.json`, which `run --out DIR` writes. All fields except `host` are the same for the same input on every \
+    computer, with any number of threads. A field is left out if it was not requested.";
 const COMPARE: &str =
-    "What `compare.json` says, which `compare --out DIR` writes and `compare --json` prints.";
-const STRESS: &str = "What `stress.json` says, which `stress --out DIR` writes.";
+    "Fields of `compare.json`, which `compare --out DIR` writes and `compare --json` prints.";
+const STRESS: &str = "Fields of `stress.json`, which `stress --out DIR` writes.";
 const SEARCH: &str =
-    "What `search.json` says, which `search` writes beside the machine that it found.";
-const OVER_TIMING: &str = "What `search.json` says where `search --min-fps` wrote it.";
-const MACHINE: &str = "What a machine file may say: `--machine FILE`; `machine schema` prints this as a JSON Schema, `machine show NAME` a whole file. \
-    A file with a field `base`, the name of a machine, need only say what differs from it. The command line changes one field with `--set PATH=VALUE`, as \
-    `--set gauss.weight=U-2F10`.";
-const SCENE: &str = "What a scene file may say; `scene schema` prints this as a JSON Schema. Only `splats` is required. Numbers are in world units, \
-    colours in linear light.";
-const SEQUENCE: &str = "Fields of `report.json` where `run` draws a sequence ([Camera paths](../paths.md)). All but `host` is the same for the same input \
-     on every computer, at any number of threads.";
+    "Fields of `search.json`, which `search` writes into the folder of the found machine.";
+const OVER_TIMING: &str = "Fields of `search.json` of a `search --min-fps`.";
+const MACHINE: &str = "Fields of a machine file, for `--machine FILE`. `machine schema` prints them as a JSON Schema, and `machine show NAME` prints a whole file. \
+    A file with a field `base`, the name of a machine, needs only the fields that differ from it. The command line changes one field with `--set PATH=VALUE`, \
+    for example `--set gauss.weight=U-2F10`.";
+const SCENE: &str = "Fields of a scene file. `scene schema` prints them as a JSON Schema. Only `splats` is required. Numbers are in world units, colours in \
+    linear light.";
+const SEQUENCE: &str = "Fields of `report.json` if `run` draws a sequence ([Camera paths](../paths.md)). All fields except `host` are the same for the same input on \
+     every computer, with any number of threads.";
 const PLAN: &str =
-    "What a plan of `sweep` may say; `scene plan-schema` prints this as a JSON Schema.";
-const PRICES: &str = "What a file of prices may say: `machine cost NAME --prices FILE`, and likewise of other commands that tell of cost. `machine prices` prints the \
-    default ones.";
+    "Fields of a plan for `sweep`. `scene plan-schema` prints them as a JSON Schema.";
+const PRICES: &str = "Fields of a file of unit costs, for `machine cost NAME --unit-costs FILE` and other commands that report cost. `machine unit-costs` prints the \
+    default file.";
 
 fn main() -> std::io::Result<()> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/book/reference");
