@@ -382,7 +382,7 @@ fn every_format_is_attributed() {
             if is_format {
                 assert!(
                     words.contains(&format!("{unit}.{field}")),
-                    "{unit}.{field} is no word"
+                    "{unit}.{field} is not a word"
                 );
             }
         }

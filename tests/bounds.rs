@@ -48,7 +48,7 @@ fn no_pixel_of_a_built_in_scene_exceeds_its_bound_and_every_flip_is_explained() 
             assert_eq!(fault(&frame), None, "{name} on {machine}");
             assert!(
                 frame.flips.total() > 0 && frame.bound.iter().any(|bound| *bound > 0.0),
-                "{name} on {machine} asked nothing"
+                "{name} on {machine} compared nothing"
             );
         }
     }
@@ -134,7 +134,7 @@ fn no_pixel_exceeds_its_bound_through_any_lens() {
             );
             assert!(
                 frame.bound.iter().filter(|bound| **bound > 0.0).count() > 500,
-                "{name} with {focal_px:?}, {centre_px:?} asked little"
+                "{name} with {focal_px:?}, {centre_px:?} compared little"
             );
             assert!(frame.led.rgba != usual.rgba);
             let summary = frame.summary(&frame.led);

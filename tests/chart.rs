@@ -416,7 +416,7 @@ fn the_page_needs_nothing_else_and_holds_every_row() {
     );
     assert!(
         page.contains("scene = knot.json"),
-        "what all rows share is told once"
+        "common fields of all rows are printed once"
     );
 }
 

@@ -523,7 +523,7 @@ fn results_that_cannot_be_compared_are_refused_in_a_sentence() {
     refused(&["compare", &broken, "tiny"], &["broken.json", "not JSON"]);
 }
 
-// ---- answers ----
+// ---- what-if ----
 
 #[test]
 fn an_answer_is_what_the_run_with_it_says() {

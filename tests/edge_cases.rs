@@ -48,7 +48,7 @@ fn faults<'a>(cases: impl IntoIterator<Item = (String, &'a Scene, &'a Machine)>)
     ) {
         Ok(Ok(_)) => None,
         Ok(Err(sentence)) if sentence.contains('\n') || sentence.len() > 1200 => {
-            Some(format!("{name}: `{sentence}` is no sentence"))
+            Some(format!("{name}: `{sentence}` is not a sentence"))
         }
         Ok(Err(_)) => None,
         Err(panic) => {

@@ -318,7 +318,7 @@ fn no_value_of_a_row_ends_the_page_of_charts() {
     assert!(!page.contains("<!--<script>") && page.trim_end().ends_with("</html>"));
 }
 
-// ---- what an error quotes ----
+// ---- names in error messages ----
 
 #[test]
 fn names_of_megabytes_end_in_a_short_sentence_quickly() {

@@ -232,7 +232,7 @@ fn group<'a>(tokens: &[&'a str]) -> Vec<&'a str> {
     found
 }
 
-// --- The rules: each says what is wrong with one file's code ---
+// --- The rules: each returns the faults of one file ---
 
 /// Types and functions of real numbers, and numbers with a point.
 fn floats(code: &str) -> Vec<String> {

@@ -202,7 +202,7 @@ fn gappa_rejects_wrong_proofs() {
     );
 }
 
-// ---- The scripts say what the units do ----
+// ---- The scripts agree with the units ----
 
 /// A number `mantissa · 2^exponent`, exactly.
 #[derive(Clone, Copy, Debug)]

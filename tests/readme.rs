@@ -166,7 +166,7 @@ fn every_command_exists_and_those_of_the_program_run() {
                 "{line}"
             );
         } else {
-            assert!(OTHERS.contains(&line.as_str()), "nobody runs {line}");
+            assert!(OTHERS.contains(&line.as_str()), "no test runs {line}");
         }
     }
 }

@@ -648,7 +648,7 @@ fn a_line_break_in_a_name_reaches_no_file() {
     assert!(refused(&["run", "gone\nfile.json"]).contains(r"gone\nfile.json: no such file"));
 }
 
-// ---- what users read ----
+// ---- output for users ----
 
 #[test]
 fn a_reported_camera_draws_the_same_picture_again() {
@@ -783,7 +783,7 @@ fn colours_are_printed_only_on_a_terminal() {
     }
 }
 
-// ---- names, places and what is there already ----
+// ---- names, paths and existing files ----
 
 /// A scene of one splat and a picture of a few pixels: a minimal run.
 fn small_run<'a>(scene: &'a str, more: &[&'a str]) -> Vec<&'a str> {

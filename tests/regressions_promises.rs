@@ -178,7 +178,7 @@ fn no_pixel_of_a_machine_with_hardly_a_bit_exceeds_its_bound() {
     );
 }
 
-// ---- what is no number ----
+// ---- NaN ----
 
 fn refused(scene: &serde_json::Value, sentence: &str) {
     let folder = tempfile::tempdir().unwrap();

@@ -2200,7 +2200,7 @@ fn every_mutant_is_caught() {
             ..Window::default()
         },
     );
-    // For splats of which a single contribution may hide what is behind it.
+    // For splats a single contribution of which may hide everything behind it.
     let covering = cloud(150, 16).replace(
         "\"z_threshold\"",
         "\"coverage_threshold\": 0.05, \"z_threshold\"",

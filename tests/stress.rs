@@ -215,7 +215,7 @@ fn the_reference_machine_is_never_worse_off_than_the_lean_one_nor_that_than_the_
     }
 }
 
-// ---- Each case is what it says ----
+// ---- Each case reaches its limit ----
 
 /// Variance of a splat's footprint on the screen, computed from two projected tangents, unlike in
 /// the renderers.

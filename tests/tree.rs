@@ -794,7 +794,7 @@ fn a_walk_takes_a_latency_a_round() {
             .unwrap();
         let latency = u64::from(latency) + 1;
         let second = latency + test;
-        // Bursts follow each other by one cycle, and a node waits for its last burst.
+        // Bursts follow each other by one cycle, and a node is complete with its last burst.
         let first = node_bytes / 64;
         let here = |node: u64| second + ((node + 1) * node_bytes - 1) / 64 - first + latency;
         let expected = (1..5).fold(vec![latency], |mut log, node| {

@@ -938,7 +938,7 @@ fn view_prints_its_address_and_responds_there() {
     assert_eq!(served.get("").0, 200);
 }
 
-// ---- Export, and what ships ----
+// ---- Export, and third-party files ----
 
 #[test]
 fn an_export_names_nothing_outside_of_itself() {

@@ -110,7 +110,7 @@ fn nested_shells(samples: usize) -> Volume {
     volume
 }
 
-// ---- what it looks like ----
+// ---- appearance ----
 
 /// All fields of a scene file about the appearance of a volume.
 #[derive(Clone)]

@@ -1,6 +1,6 @@
 // Fragment_hazard: pixels that were taken and cannot be taken again yet.
 //
-//   pixel ->[ taken in the last HAZARD - 1 cycles? ]-> waits
+//   pixel ->[ taken in the last HAZARD - 1 cycles? ]-> stalls
 //
 // A pixel that is still being processed counts as taken in its last cycle.
 `timescale 1ns / 1ps

@@ -1,6 +1,6 @@
 // Normalise: shifts a word left until its leading one is the MSB.
 //
-//   value ->[ << by halves of what is left ]-> normalised
+//   value ->[ << by decreasing powers of two ]-> normalised
 //
 // Loss: none.
 `timescale 1ns / 1ps

@@ -1,7 +1,7 @@
 // Resolve: blends a pixel's layers front to back over the background and writes the frame word. RTL
 // implementation of units/resolve.rs.
 //
-//   layers in depth order, one a cycle ->(* transmittance)->(sum)->(+ background)-> frame
+//   layers in depth order, one per cycle ->(* transmittance)->(sum)->(+ background)-> frame
 //   opacity ->(1 - opacity)->(*)-> transmittance
 //
 // Losses: the transmittance is rounded at each layer; the sum is exact and rounded once, into the frame.

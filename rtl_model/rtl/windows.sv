@@ -4,8 +4,8 @@
 //   s ->[ read the pixel ]->[ 1 a cluster spans it? ]-+- yes -> accumulate: sums += weight * attributes
 //                           [ 2 its surface closed? ]-+- yes -> late: over its front, under its back (windows_late); or inside of it
 //                           [ 3 slot free?          ]-+- yes -> insert, in the order of nearest depths
-//                                                     +- no --> 4 windows, a slot a cycle -> 5 evict | 6 sum a pair | 7 close the two deepest
-//   q -> shade -> a <-- what is closed
+//                                                     +- no --> 4 windows, one slot per cycle -> 5 evict | 6 sum a pair | 7 close the two deepest
+//   q -> shade -> a <-- slots that are closed
 //
 //   m <- outcome of each contribution        h <- after the last one: the windows of all pixels, shaded, each as a layer
 //

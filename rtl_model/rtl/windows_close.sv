@@ -1,7 +1,7 @@
 // Windows_close: closes a slot, shaded once. RTL implementation of `closed` in
 // units/fragment/window.rs.
 //
-//   light ->[ fit ]-> colours, opacity          light ->( 1 - opacity )-> what is seen behind it
+//   light ->[ fit ]-> colours, opacity          light ->( 1 - opacity )-> transmittance behind it
 //
 // Its front and its back both are the whole slot. A slot that is already closed is unchanged.
 //

@@ -1,7 +1,7 @@
 // Windows_late: blends a late contribution over the front of a closed slot or under its back. RTL
 // implementation of `add_late` in units/fragment/window.rs.
 //
-//   weight, had, threshold ->[ what its part of the pixel lacks ]-> numerator, denominator ->( quotient )-> share
+//   weight, had, threshold ->[ missing amount of its part ]-> numerator, denominator ->( quotient )-> share
 //   share, light, colours ->[ over the front: share and 1 - share | under the back: share of 1 - opacity ]-> the slot's next words
 //
 // Losses: each word of the slot is rounded once, and so is the share that is visible under the

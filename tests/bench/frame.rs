@@ -112,6 +112,6 @@ fn main() {
     let one_thread = rayon::ThreadPoolBuilder::new()
         .num_threads(1)
         .build_global();
-    one_thread.expect("nobody has used the threads yet");
+    one_thread.expect("the threads are not started yet");
     divan::Divan::from_args().sample_count(10).main();
 }

@@ -58,7 +58,7 @@ pub fn page_with(mark: &str) -> Page {
     assert_eq!(
         found.len(),
         1,
-        "{mark} stands in {:?}",
+        "{mark} is in {:?}",
         found.iter().map(|page| &page.path).collect::<Vec<_>>()
     );
     found.remove(0)
