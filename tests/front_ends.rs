@@ -35,7 +35,7 @@ pub fn of_pypi(program: &str) -> Option<PathBuf> {
     None
 }
 
-// --- What the text must not have ---
+// --- Constructs that the text must not have ---
 
 /// SystemVerilog with comments and the contents of strings replaced by spaces; line numbers are
 /// unchanged.

@@ -43,7 +43,7 @@ fn greatest_difference(a: &Rendering, b: &Rendering) -> f64 {
     pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-// --- What an independent program measured ---
+// --- Measurements of an independent program ---
 
 /// Prints the measurements; returns whether all of them are within 0.3 dB of the published ones.
 fn agree(scene: &Scene, rows: &[(Rules, f64)]) -> bool {

@@ -609,7 +609,7 @@ fn a_page_has_at_most_12_kilobytes() {
     assert!(long.is_empty(), "{long:?}");
 }
 
-// ---- Of the reader itself ----
+// ---- Tests of the reader itself ----
 
 #[test]
 fn twisted_sentences_are_found() {

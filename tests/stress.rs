@@ -90,7 +90,7 @@ fn faults(of: impl Fn(&Found) -> u64) -> Vec<String> {
     faults
 }
 
-// ---- What must hold everywhere ----
+// ---- Properties of all cases ----
 
 #[test]
 fn no_pixel_exceeds_its_bound() {
@@ -849,7 +849,7 @@ fn highlights_become_narrower_than_a_step_of_their_table() {
     assert!((1.0 - 1.0 / steps).powf(shininess) < 0.5);
 }
 
-// ---- What is written ----
+// ---- Output files ----
 
 #[test]
 fn cases_of_ellipsoids_reach_their_limits() {

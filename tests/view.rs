@@ -150,7 +150,7 @@ fn splatsim(arguments: &[&str]) -> Output {
         .unwrap()
 }
 
-// ---- Who is answered ----
+// ---- Access ----
 
 #[test]
 fn who_has_no_token_gets_nothing() {
@@ -281,7 +281,7 @@ fn a_hundred_connections_at_once_are_answered_or_refused() {
     }));
 }
 
-// ---- What is given out ----
+// ---- Served files ----
 
 #[test]
 fn no_path_leads_out_of_the_folder() {
