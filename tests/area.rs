@@ -1,5 +1,5 @@
-//! Does the cost model say what synthesis makes of the units? The book, Cost, has the fit; its LUTs
-//! are Yosys', all else is computed anew.
+//! Does the cost model agree with synthesis of the units? The fit is in the book, on the page Cost.
+//! Its LUTs are Yosys's; all other figures are computed again.
 
 use crate::cosimulation::{have, run};
 use crate::program::PROGRAM;
@@ -11,25 +11,25 @@ use splatsim::performance::cost::{Cost, DEFAULT, UnitCost};
 use splatsim::performance::given;
 use std::process::Command;
 
-/// A row of what `area.sh` or `gates.sh` prints: machine, unit, LUTs or gates of logic, and what
-/// the model says of them.
+/// A row of the output of `area.sh` or `gates.sh`: machine, unit, LUTs or gates of logic, and the
+/// model's figure.
 #[derive(Debug)]
-struct Row {
+struct SynthesisRow {
     machine: String,
     unit: String,
     mapped: f64,
     model: f64,
 }
 
-/// Its rows, and geometric mean, least and most of its last line.
-fn read(printed: &str) -> (Vec<Row>, [f64; 3]) {
+/// The rows of a printed table, and geometric mean, least and largest ratio of its last line.
+fn read(printed: &str) -> (Vec<SynthesisRow>, [f64; 3]) {
     let mut lines: Vec<Vec<&str>> = printed
         .lines()
         .map(|line| line.split_whitespace().collect())
         .collect();
     let last = lines.pop().unwrap();
     let number = |word: &str| word.trim_end_matches(',').parse().unwrap();
-    let row = |words: &Vec<&str>| Row {
+    let row = |words: &Vec<&str>| SynthesisRow {
         machine: words[0].to_owned(),
         unit: words[1].to_owned(),
         mapped: number(words[3]),
@@ -42,8 +42,8 @@ fn read(printed: &str) -> (Vec<Row>, [f64; 3]) {
     )
 }
 
-/// What the book has of it below a mark.
-fn fit(mark: &str) -> (Vec<Row>, [f64; 3]) {
+/// The table below a mark of the book.
+fn fit(mark: &str) -> (Vec<SynthesisRow>, [f64; 3]) {
     let text = include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/cost.md"));
     let block = text
         .split(&format!("<!-- {mark} -->\n```text\n"))
@@ -52,7 +52,7 @@ fn fit(mark: &str) -> (Vec<Row>, [f64; 3]) {
     read(block.split("\n```").next().unwrap())
 }
 
-/// Whether the standard cells are there; CI has them.
+/// Whether the standard cells are installed; they are in CI.
 fn have_cells() -> bool {
     let cells = "/usr/share/qflow/tech/osu018/osu018_stdcells.lib";
     let are_there = std::path::Path::new(cells).exists();
@@ -63,10 +63,10 @@ fn have_cells() -> bool {
     are_there
 }
 
-/// Delays of operators by the model are within a quarter of what the standard cells take, and those
-/// of a unit that is no part of the fit.
+/// Delays of operators, and of a unit that is not part of the fit, are within a quarter of the
+/// standard cells' by the model.
 #[test]
-fn operators_take_as_long_as_the_model_of_the_clock_says() {
+fn delays_of_operators_are_within_a_quarter_of_the_model() {
     if !tier::runs(Tier::Full) {
         return;
     }
@@ -96,7 +96,7 @@ fn operators_take_as_long_as_the_model_of_the_clock_says() {
         .map(|(_, ratio)| ratio)
         .collect();
     assert_eq!(ratios.len(), 16, "{printed}");
-    // The script has the formulas once more: they are those of the crate.
+    // The script repeats the formulas: they must be those of the crate.
     for line in printed.lines().skip(1).take_while(|line| !line.is_empty()) {
         let words: Vec<&str> = line.split_whitespace().collect();
         let bits: Vec<i32> = words[1]
@@ -112,7 +112,7 @@ fn operators_take_as_long_as_the_model_of_the_clock_says() {
             other => panic!("the model has no {other}"),
         };
         let model: f64 = words[4].parse().unwrap();
-        // Delays are cut to tenths, twice in a product.
+        // Delays are truncated to tenths, twice in a product.
         assert!(
             (model - f64::from(path.delay) / 10.0).abs() < 0.25,
             "{line}: {path:?}"
@@ -141,8 +141,8 @@ fn operators_take_as_long_as_the_model_of_the_clock_says() {
     }
 }
 
-/// Machine and unit of a row of what `depths.sh` prints, and its gates, cycles, gates of a stage,
-/// of the loop, and from an input to s_ready.
+/// Machine and unit of a row of the output of `depths.sh`, and its gates, cycles, gates per stage,
+/// gates of the loop, and gates from an input to s_ready.
 fn depths(printed: &str) -> Vec<([String; 2], [f64; 5])> {
     let row = |line: &str| {
         let words: Vec<&str> = line.split_whitespace().collect();
@@ -154,8 +154,8 @@ fn depths(printed: &str) -> Vec<([String; 2], [f64; 5])> {
     printed.lines().skip(1).map(row).collect()
 }
 
-/// Whatever waits for itself does so for forty gates of two inputs at most, of every unit of every
-/// machine in the book's table; of the smallest units it is counted anew.
+/// No loop has more than forty gates of two inputs per register, for every unit of every machine in
+/// the book's table. The smallest units are counted again.
 #[test]
 fn no_loop_of_the_twins_is_deeper_than_forty_gates() {
     let text = include_str!(concat!(
@@ -195,13 +195,13 @@ fn no_loop_of_the_twins_is_deeper_than_forty_gates() {
     }
 }
 
-/// A table of the book says what the model does, of a unit without its registers, and sums its own
-/// rows up.
-fn holds_in_the_book(mark: &str, settings: &[&str], model: fn(&UnitCost) -> f64) -> Vec<Row> {
+/// Each row of a table of the book has the model's figure for a unit without its registers, and the
+/// last line matches the rows.
+fn checked_table(mark: &str, settings: &[&str], model: fn(&UnitCost) -> f64) -> Vec<SynthesisRow> {
     let (rows, told) = fit(mark);
     assert_eq!(rows.len(), 21);
     for row in &rows {
-        // The table is of square pixels.
+        // The table is for square pixels.
         let settings: Vec<String> = ["timing.raster.lanes=[1,1]", "ellipse.aspect=null"]
             .iter()
             .chain(settings)
@@ -215,7 +215,8 @@ fn holds_in_the_book(mark: &str, settings: &[&str], model: fn(&UnitCost) -> f64)
                 .find(|unit| unit.name == row.unit)
                 .unwrap(),
         );
-        // The script subtracts from an area that `machine cost` cuts to a whole LUT, and rounds.
+        // The script subtracts from an area that `machine cost` truncates to a whole LUT, and
+        // rounds.
         assert!((model - row.model).abs() <= 1.5, "{row:?}: {model:.0}");
     }
     let logarithms: Vec<f64> = rows
@@ -233,21 +234,21 @@ fn holds_in_the_book(mark: &str, settings: &[&str], model: fn(&UnitCost) -> f64)
 }
 
 #[test]
-fn the_fit_is_what_the_book_says() {
-    holds_in_the_book("area", &["fragment.turn_normals=false"], |unit| {
+fn the_fit_is_that_of_the_book() {
+    checked_table("area", &["fragment.turn_normals=false"], |unit| {
         unit.area - unit.bits.register as f64 * DEFAULT.area.register
     });
 }
 
-/// And no unit of these machines takes a tenth more or less than the model's gates, but `gauss` of
-/// `reference`, of which the book says so.
+/// The gates of each unit of these machines are within a tenth of the model's, except `gauss` of
+/// `reference`, which the book mentions.
 #[test]
-fn the_gates_are_what_the_book_says() {
-    let rows = holds_in_the_book("gates", &[], |unit| {
+fn the_gates_are_those_of_the_book() {
+    let rows = checked_table("gates", &[], |unit| {
         unit.gates - unit.bits.register as f64 * DEFAULT.gates.register
     });
-    let is_near = |row: &Row| (0.9..=1.1).contains(&(row.mapped / row.model));
-    let far: Vec<&Row> = rows.iter().filter(|row| !is_near(row)).collect();
+    let is_near = |row: &SynthesisRow| (0.9..=1.1).contains(&(row.mapped / row.model));
+    let far: Vec<&SynthesisRow> = rows.iter().filter(|row| !is_near(row)).collect();
     let [gauss] = far[..] else { panic!("{far:?}") };
     assert!(
         gauss.machine == "reference" && gauss.unit == "gauss" && gauss.mapped / gauss.model > 0.85,
@@ -255,7 +256,7 @@ fn the_gates_are_what_the_book_says() {
     );
 }
 
-/// Maps the smallest units anew, and finds them in the range of the book's table.
+/// Maps the smallest units again: their ratios are in the range of the book's table.
 fn small_units_are_in_the_range(script: &str, mark: &str, more: &[&str]) {
     if !have(&["yosys"], "synthesis of small units") {
         return;
@@ -278,20 +279,21 @@ fn small_units_are_in_the_range(script: &str, mark: &str, more: &[&str]) {
     let (_, [_, least, most]) = fit(mark);
     println!("{printed}");
     assert_eq!(rows.len(), units.len());
-    // As it is printed: to a hundredth.
-    let holds = |row: &Row| (least - 0.005..=most + 0.005).contains(&(row.mapped / row.model));
+    // To a hundredth, as printed.
+    let holds =
+        |row: &SynthesisRow| (least - 0.005..=most + 0.005).contains(&(row.mapped / row.model));
     assert!(rows.iter().all(holds), "{least} to {most}, but\n{printed}");
 }
 
 #[test]
-fn small_units_take_the_gates_that_the_model_says() {
+fn gates_of_small_units_are_in_the_range_of_the_table() {
     if tier::runs(Tier::Ci) && have_cells() {
         small_units_are_in_the_range("gates.sh", "gates", &[]);
     }
 }
 
 #[test]
-fn small_units_take_what_the_model_says() {
+fn luts_of_small_units_are_in_the_range_of_the_table() {
     if tier::runs(Tier::Full) {
         small_units_are_in_the_range("area.sh", "area", &["--without-dsps"]);
     }
@@ -299,8 +301,8 @@ fn small_units_take_what_the_model_says() {
 
 // ---- Nothing for nothing ----
 
-/// The machine with every latency that is left out as short as its clock allows: longer ones would
-/// gain by being shortened.
+/// The machine with every omitted latency as short as its clock allows: longer ones would gain by
+/// being shortened.
 fn with_least_latencies(name: &str, settings: &[&str]) -> rtl_model::Machine {
     let settings: Vec<String> = settings
         .iter()
@@ -324,8 +326,7 @@ fn with_least_latencies(name: &str, settings: &[&str]) -> rtl_model::Machine {
     .unwrap()
 }
 
-/// Other values of every number below `timing`, of every number of a pair, and of fields that are
-/// left out.
+/// Other values of every number below `timing`, of every number of a pair, and of omitted fields.
 fn changes(timing: &Value) -> Vec<(String, Value)> {
     let others = |number: u64| {
         [2 * number, number / 2, number + 1, number.saturating_sub(1)]
@@ -454,7 +455,7 @@ fn no_field_of_timing_gains_for_nothing_unless_it_is_marked_as_given() {
     assert!(tried > 150 && marked > 3, "{tried} tried, {marked} given");
 }
 
-/// Area of a machine with other words.
+/// Area of a machine with other settings.
 fn area_with(name: &str, settings: &[&str]) -> f64 {
     let settings: Vec<String> = settings
         .iter()
@@ -488,7 +489,7 @@ fn rounding_to_even_takes_more_than_rounding_up_and_a_wider_key_no_less() {
             "{word}"
         );
     }
-    // Widths at which the key is rounded like its neighbour.
+    // Widths at which the key is rounded like that of its neighbour.
     let key = |bits: i32| area_with("gaussian", &[&format!("sort.key=U1F{bits}")]);
     assert!(
         (12..25).all(|bits| key(bits) < key(bits + 1)),
@@ -497,7 +498,7 @@ fn rounding_to_even_takes_more_than_rounding_up_and_a_wider_key_no_less() {
     );
 }
 
-/// NAND2 of `fit.sv` behind a multiplier of so many bits, by Yosys and ABC.
+/// NAND2 of `fit.sv` behind a multiplier of `bits` bits, by Yosys and ABC.
 fn gates_of_a_product(bits: i32, round: i32) -> f64 {
     let folder = tempfile::tempdir().unwrap();
     let top = format!(
@@ -525,7 +526,7 @@ fn gates_of_a_product(bits: i32, round: i32) -> f64 {
 }
 
 #[test]
-fn rounding_to_even_costs_what_synthesis_says() {
+fn rounding_to_even_costs_what_synthesis_finds() {
     if !have(&["yosys"], "rounding to even") || !have_cells() {
         return;
     }

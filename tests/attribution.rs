@@ -1,4 +1,5 @@
-//! Attribution: a machine of which some words are words, between `golden` and the machine itself.
+//! Attribution: mixed precision draws some words in their formats and the others in f64. With no
+//! word in its format it draws `golden`, with every word the machine.
 
 use crate::mutation::{differences, mutated, mutations, named};
 use crate::tier::{self, Tier};
@@ -23,7 +24,7 @@ fn scene(name: &str, size: (usize, usize)) -> Scene {
     Scene::load(name, &Overrides { size: Some(size) }).unwrap()
 }
 
-/// Every so many splats, larger: as much overlap, less work.
+/// Every n-th splat, enlarged: as much overlap with less work.
 fn thinned(mut scene: Scene, splats: usize) -> Scene {
     let every = scene.splats.len() / splats + 1;
     scene.splats = scene.splats.iter().step_by(every).copied().collect();
@@ -45,7 +46,7 @@ fn drawn(scene: &Scene, machine: &Machine) -> Option<(Quantised, Picture)> {
     Some((quantised, fixed))
 }
 
-/// Draws with those words of which this holds.
+/// Draws with those words in their formats for which the predicate holds.
 fn mixed(
     scene: &Scene,
     machine: &Machine,
@@ -58,7 +59,7 @@ fn mixed(
     stage.fill(&choice, &stage.set_up(&choice))
 }
 
-/// Pixels that differ in any bit.
+/// Number of pixels that differ in any bit.
 fn different(a: &Picture, b: &Picture) -> usize {
     let colours = a.rgba.iter().zip(&b.rgba).filter(|(a, b)| a != b).count();
     colours
@@ -69,8 +70,8 @@ fn different(a: &Picture, b: &Picture) -> usize {
             .count()
 }
 
-/// Volumes in either order and by either law, a flattened surface in one, and Gaussians; each with
-/// the machine for it.
+/// Volumes in either order and by either law, one of them with a flattened surface, and Gaussians;
+/// each with its machine.
 fn of_ellipsoids(size: (usize, usize)) -> Vec<(Scene, Machine)> {
     let texts = [
         json!({"splats": {"volume": {"builtin": "nested-shells", "samples": 48},
@@ -127,7 +128,8 @@ fn with_no_word_it_is_golden() {
     }
 }
 
-/// Bit for bit, though it is made of f64: the second opinion on every unit, each fit, each rule.
+/// Bit for bit, although it computes in f64: a second implementation of every unit, quantisation
+/// and rule.
 #[test]
 fn with_every_word_it_is_the_machine() {
     if !tier::runs(Tier::Ci) {
@@ -154,7 +156,7 @@ fn with_every_word_it_is_the_machine() {
     }
 }
 
-/// Words, tables, roundings and rules that nobody would choose.
+/// Words, tables, roundings and rules that no designer would choose.
 #[test]
 fn with_every_word_it_is_any_machine() {
     const MACHINES: usize = 200;
@@ -213,9 +215,9 @@ fn named_share<'a>(shares: &'a [Share], name: &str) -> &'a Share {
         .unwrap_or_else(|| panic!("{name} has no share"))
 }
 
-/// One word of a good machine is narrowed: it takes the blame, and so does its unit.
+/// One narrowed word of a good machine has the largest share of the error, and so has its unit.
 #[test]
-fn a_narrow_word_takes_the_blame() {
+fn a_narrowed_word_has_the_largest_share_of_the_error() {
     if !tier::runs(Tier::Ci) {
         return;
     }
@@ -313,7 +315,7 @@ fn all_words_together_make_the_machines_error() {
                 .collect::<Vec<_>>(),
             units
         );
-        // Each word has one unit, and each unit has words.
+        // Each word belongs to one unit, and each unit has words.
         for unit in units {
             assert!(
                 found
@@ -326,9 +328,10 @@ fn all_words_together_make_the_machines_error() {
     }
 }
 
-/// From among the splats: some lie behind the eye, beside it, before the near plane, and edge-on.
+/// The eye is among the splats: some are behind it, outside the view, before the near plane, or
+/// edge-on.
 #[test]
-fn splats_that_are_culled_take_no_blame() {
+fn culled_splats_have_no_share_of_the_error() {
     if !tier::runs(Tier::Ci) {
         return;
     }
@@ -361,10 +364,10 @@ fn splats_that_are_culled_take_no_blame() {
     }
 }
 
-/// Every format of the description is one of the words that can be blamed, but those that are not
-/// read as numbers.
+/// Every format of the description is one of the attributed words, except formats that are not read
+/// as numbers.
 #[test]
-fn every_format_can_take_the_blame() {
+fn every_format_is_attributed() {
     let machine = Machine::named("reference").unwrap();
     let words = words(&fixed::elaborate(&machine).unwrap());
     let description = serde_json::to_value(&machine).unwrap();
@@ -379,7 +382,7 @@ fn every_format_can_take_the_blame() {
             if is_format {
                 assert!(
                     words.contains(&format!("{unit}.{field}")),
-                    "{unit}.{field} is no word"
+                    "{unit}.{field} is not a word"
                 );
             }
         }

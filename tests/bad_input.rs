@@ -1,5 +1,5 @@
-//! Whatever the input, the answer is a scene or one sentence, soon, and without memory that the
-//! input does not deserve.
+//! Every input results in a scene or one sentence, quickly, and without memory out of proportion to
+//! the input.
 
 use crate::shared_input;
 use splatsim::scene::{Overrides, Scene};
@@ -67,7 +67,7 @@ fn every_odd_or_broken_ply_ends_in_a_scene_or_a_sentence() {
     }
 }
 
-/// The verdicts of the data's own README: sound files must not be refused, nor broken ones read.
+/// The verdicts of the data's own README: sound files must be read, broken ones refused.
 #[test]
 fn sound_files_are_read_and_broken_ones_are_not() {
     let Some(folder) = shared_input::find("malformed/ply") else {
@@ -96,7 +96,7 @@ fn sound_files_are_read_and_broken_ones_are_not() {
     ] {
         assert!(read(name).is_err(), "{name}");
     }
-    // Thirteen rows where the header promises twelve.
+    // The header promises twelve rows; there are thirteen.
     assert!(
         read("trimesh__points_emptyascii.ply")
             .unwrap_err()
@@ -110,8 +110,8 @@ fn real_scans_have_as_many_splats_as_points_and_radii_like_their_spacing() {
     let Some(scans) = shared_input::find("scans") else {
         return;
     };
-    // Number of points, and a median radius between these: the extent over the root of the number,
-    // roughly.
+    // Number of points, and limits of the median radius: roughly the extent over the root of the
+    // number.
     for (name, count, radii) in [
         ("bun_zipper.ply", 35947, 1e-3..2e-3),
         ("pond.0.ply", 70051, 3e-3..1e-2),
@@ -141,7 +141,7 @@ fn real_scans_have_as_many_splats_as_points_and_radii_like_their_spacing() {
     }
 }
 
-/// The bunny is closed and seen from outside, so its faces' normals point out of it.
+/// The bunny is closed and seen from outside, so the normals of its faces point outwards.
 #[test]
 fn normals_from_faces_point_outwards() {
     let Some(scans) = shared_input::find("scans") else {
@@ -164,7 +164,7 @@ fn normals_from_faces_point_outwards() {
 }
 
 #[test]
-fn names_and_paths_that_lead_nowhere_say_what_there_is() {
+fn wrong_names_and_paths_are_refused_with_the_existing_ones() {
     let told = |name: &str| {
         Scene::load(name, &Overrides::default())
             .unwrap_err()
@@ -207,7 +207,7 @@ fn names_and_paths_that_lead_nowhere_say_what_there_is() {
 }
 
 #[test]
-fn a_scene_file_names_its_cloud_from_where_it_lies_itself() {
+fn a_cloud_is_found_relative_to_its_scene_file() {
     let folder = tempfile::tempdir().unwrap();
     let cloud = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nproperty float radius\nproperty uchar alpha\nend_header\n0 0 0 1 255\n0 0 1 2 51\nnan 0 2 1 0\n";
     std::fs::write(folder.path().join("cloud.PLY"), cloud).unwrap();

@@ -1,5 +1,5 @@
 //! Does the error bound hold? The machine with `golden` in lockstep, on built-in scenes, real scans
-//! and machines that nobody would build.
+//! and random machines.
 
 use crate::mutation::{differences, mutated, mutations, named};
 use crate::shared_input;
@@ -27,7 +27,7 @@ fn in_lockstep(scene: &Scene, machine: &Machine) -> Lockstep {
     )
 }
 
-/// What is wrong with a frame, if anything is.
+/// The fault of a frame, if there is one.
 fn fault(frame: &Lockstep) -> Option<String> {
     let Lockstep {
         violations, flips, ..
@@ -48,7 +48,7 @@ fn no_pixel_of_a_built_in_scene_exceeds_its_bound_and_every_flip_is_explained() 
             assert_eq!(fault(&frame), None, "{name} on {machine}");
             assert!(
                 frame.flips.total() > 0 && frame.bound.iter().any(|bound| *bound > 0.0),
-                "{name} on {machine} asked nothing"
+                "{name} on {machine} compared nothing"
             );
         }
     }
@@ -85,8 +85,8 @@ fn no_pixel_of_a_scan_exceeds_its_bound_and_every_flip_is_explained() {
     }
 }
 
-/// Axes off the middle, pixels that are not square, mirrors seen along such rays, and opacities
-/// that are compensated.
+/// Principal points off the middle, pixels that are not square, mirrors along such rays, and
+/// compensated opacities.
 #[test]
 fn no_pixel_exceeds_its_bound_through_any_lens() {
     let [width, height] = [128, 96];
@@ -134,7 +134,7 @@ fn no_pixel_exceeds_its_bound_through_any_lens() {
             );
             assert!(
                 frame.bound.iter().filter(|bound| **bound > 0.0).count() > 500,
-                "{name} with {focal_px:?}, {centre_px:?} asked little"
+                "{name} with {focal_px:?}, {centre_px:?} compared little"
             );
             assert!(frame.led.rgba != usual.rgba);
             let summary = frame.summary(&frame.led);
@@ -147,9 +147,9 @@ fn no_pixel_exceeds_its_bound_through_any_lens() {
     }
 }
 
-/// Nine covered pixels in ten are known to four steps of an 8-bit display.
+/// The bound of nine covered pixels in ten is at most four steps of an 8-bit display.
 #[test]
-fn the_bound_of_the_reference_machine_says_something() {
+fn most_bounds_of_the_reference_machine_are_at_most_four_display_steps() {
     if !tier::runs(Tier::Ci) {
         return;
     }
@@ -168,14 +168,15 @@ fn the_bound_of_the_reference_machine_says_something() {
             "{}: {summary:?}",
             scene.name
         );
-        // Not for want of errors.
+        // And not because there are no errors.
         assert!(summary.max_ratio > 0.2, "{}: {summary:?}", scene.name);
     }
 }
 
-/// Of the tiles that are held, a sampled frame says what the whole one says; of all else, nothing.
+/// A sampled frame has the whole frame's results for the tiles that it compares, and no results for
+/// the others.
 #[test]
-fn a_sampled_frame_says_of_its_tiles_what_the_whole_frame_says() {
+fn a_sampled_frame_has_the_results_of_the_whole_frame_in_its_tiles() {
     if !tier::runs(Tier::Ci) {
         return;
     }
@@ -216,7 +217,7 @@ fn a_sampled_frame_says_of_its_tiles_what_the_whole_frame_says() {
                 );
             }
         }
-        // A share of what is told, and not none of it.
+        // Some of the reported results, but not all.
         let told = |frame: &Lockstep| frame.summary(&frame.led);
         let is_held = |pixel: &usize| tiles.contains(&[pixel % columns / 16, pixel / columns / 16]);
         let held = (0..whole.bound.len()).filter(is_held).count() as u64;
@@ -230,7 +231,7 @@ fn a_sampled_frame_says_of_its_tiles_what_the_whole_frame_says() {
             "{:?}",
             sampled.flips
         );
-        // What is wrong in a tile that is not held is not seen, nor is it where nothing is wrong.
+        // A fault in a tile that is not compared is not found, nor is one where there is none.
         let mut wrong = whole.led.clone();
         let beside = (0..wrong.rgba.len()).find(|pixel| !is_held(pixel)).unwrap();
         wrong.rgba[beside] = [9.0; 4];
@@ -249,7 +250,7 @@ fn no_pixel_of_a_random_machine_exceeds_its_bound() {
         scene("glass-spheres", (40, 40)),
     ]
     .map(|mut scene| {
-        // Every so many splats, larger: as much overlap, less work.
+        // Every n-th splat, enlarged: as much overlap with less work.
         let every = scene.splats.len() / 2000 + 1;
         scene.splats = scene.splats.iter().step_by(every).copied().collect();
         scene

@@ -1,15 +1,15 @@
-//! Does the page of `view` do in a browser what docs/book/view.md says? Chromium is driven by
-//! Playwright's library for Python (`tests/programs/view.py`, which has the questions); screenshots
-//! stay in `target/browser`.
+//! Does the page of `view` behave in a browser as docs/book/view.md describes? Chromium is driven
+//! by Playwright's library for Python in `tests/programs/view.py`. Screenshots are kept in
+//! `target/browser`.
 //!
-//! `SPLATSIM_BOOK_PICTURES=1 cargo test --test suite browser::` draws the book's pictures anew.
+//! `SPLATSIM_BOOK_PICTURES=1 cargo test --test suite browser::` redraws the book's pictures.
 
 use crate::program::PROGRAM;
 use crate::tier::{self, Tier};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// A Python that has Playwright: that of `.ci/run`, or the system's.
+/// A Python with Playwright: that of `.ci/run`, or the system's.
 fn python() -> Option<PathBuf> {
     let own = Path::new(env!("CARGO_MANIFEST_DIR")).join("target/playwright/bin/python");
     let has_it = |python: &PathBuf| {
@@ -26,7 +26,7 @@ fn python() -> Option<PathBuf> {
 }
 
 #[test]
-fn the_page_does_in_a_browser_what_the_book_says() {
+fn the_page_behaves_in_a_browser_as_the_book_describes() {
     if !tier::runs(Tier::Ci) {
         return;
     }

@@ -1,7 +1,7 @@
-//! How far off is the replay where memory is shared? Built-in scenes, replayed and ticked cycle by
+//! How accurate is the replay if memory is shared? Built-in scenes, replayed and ticked cycle by
 //! cycle.
 //!
-//! `cargo test --test channel -- --nocapture` prints a table.
+//! `cargo test --test suite channel:: -- --nocapture` prints a table.
 
 use crate::tier::{self, Tier};
 use rtl_model::Machine;
@@ -31,7 +31,7 @@ mod scene;
 #[path = "../rtl_model/tests/ticking/sorters.rs"]
 mod sorters;
 
-/// Built-in scenes, and how many splats they get here.
+/// Built-in scenes, and their number of splats here.
 const SCENES: [(&str, usize); 4] = [
     ("glass-spheres", 6000),
     ("checkerboard", 3000),
@@ -40,8 +40,8 @@ const SCENES: [(&str, usize); 4] = [
 ];
 const SIZE: (usize, usize) = (96, 72);
 
-/// What the reference machine does to draw a built-in scene with its own view; with fewer splats,
-/// if so many are said.
+/// Work of the reference machine for a built-in scene with its own view, optionally with fewer
+/// splats.
 fn record(name: &str, count: Option<usize>, size: Option<(usize, usize)>) -> Work {
     let own = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("src/scene/builtin/{name}.json"));
     let mut scene: serde_json::Value =
@@ -61,7 +61,7 @@ fn record(name: &str, count: Option<usize>, size: Option<(usize, usize)>) -> Wor
     .2
 }
 
-/// Prints a line of the table; says by what share of the ticks the replay is off.
+/// Prints a line of the table; returns the replay's difference as a share of the ticks.
 fn compare(name: &str, work: &Work, scene: &Scene, what: &str, timing: Timing) -> f64 {
     let machine = Machine {
         timing,
@@ -94,8 +94,8 @@ fn compare(name: &str, work: &Work, scene: &Scene, what: &str, timing: Timing) -
     error.abs()
 }
 
-/// Both organisations; with a small cache, with two buffers; all that with a narrow channel and few
-/// requests on their way.
+/// Both organisations; with a small cache, with two buffers; all of these also with a narrow
+/// channel and few requests in flight.
 fn machines() -> Vec<(String, Timing)> {
     let default = Machine::named("reference").unwrap().timing;
     let immediate = Timing {
@@ -179,7 +179,7 @@ fn replayed_scenes_are_at_most_a_hundredth_off() {
     }
 }
 
-/// Trained Gaussians, sorted in every way, with sorters whose buffers few lists fit.
+/// Trained Gaussians, with every sort; few lists fit into the buffers of the sorters.
 #[test]
 fn a_replayed_scene_is_at_most_a_hundredth_off_with_any_sort() {
     if !tier::runs(Tier::Ci) {

@@ -1,4 +1,4 @@
-//! Do charts show what the rows of a folder say, all of it and nothing else?
+//! Do charts show all rows of a folder, and nothing else?
 
 use crate::program::PROGRAM;
 use assert_cmd::Command;
@@ -33,7 +33,7 @@ fn refused(output: &Output) -> String {
     told
 }
 
-/// Carries a plan out on small pictures; the folder of rows.
+/// Carries out a plan with small pictures; returns the folder of rows.
 fn swept(folder: &Path, machine: &str, axes: &Value, order: &str, lockstep: bool) -> PathBuf {
     let scene = json!({"splats": {"builtin": "torus-knot", "count": 2000}});
     fs::write(folder.join("knot.json"), scene.to_string()).unwrap();
@@ -66,7 +66,7 @@ fn number(row: &Value, columns: &[String], name: &str) -> Option<f64> {
     row[columns.iter().position(|column| column == name).unwrap()].as_f64()
 }
 
-/// What the page holds as data: columns and rows.
+/// The data in the page: columns and rows.
 fn page_rows(page: &str) -> (Vec<String>, Vec<Value>) {
     let start = page.find("id=\"rows\">").unwrap() + "id=\"rows\">".len();
     let text = &page[start..start + page[start..].find("</script>").unwrap()];
@@ -120,7 +120,7 @@ fn figures_are_of_what_varies() {
     ] {
         assert!(svg.contains(word), "{word}");
     }
-    // Three drawings: with flips, without, and their slopes.
+    // Three drawings: with flips, without flips, and their slopes.
     assert_eq!(
         image::open(rows.join("sensitivity.png")).unwrap().width(),
         3 * 640
@@ -160,7 +160,7 @@ fn figures_are_of_what_varies() {
         "{svgs:?}"
     );
     let svg = fs::read_to_string(rows.join("cycles.svg")).unwrap();
-    // A picture a unit, a bar a value, a colour a state.
+    // One picture per unit, one bar per value, one colour per state.
     for unit in [
         "fetch", "project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve",
     ] {
@@ -188,7 +188,7 @@ fn wrapped_once(text: &str) -> String {
 }
 
 #[test]
-fn all_three_fronts_are_told_and_drawn_with_what_errors_are_made_of() {
+fn all_three_fronts_are_printed_and_drawn_with_the_parts_of_the_error() {
     let folder = tempfile::tempdir().unwrap();
     let axes = json!([
         {"field": "gauss.weight", "add_frac_bits": [-3, 0]},
@@ -207,7 +207,7 @@ fn all_three_fronts_are_told_and_drawn_with_what_errors_are_made_of() {
             "{front} in {told}"
         );
     }
-    // The whole error first, then its parts, side by side.
+    // The whole error first, then its parts.
     let svg = fs::read_to_string(rows.join("accuracy-area.svg")).unwrap();
     let at = [
         "the whole error",
@@ -221,7 +221,7 @@ fn all_three_fronts_are_told_and_drawn_with_what_errors_are_made_of() {
         3 * 760
     );
 
-    // Where the method is one for all, it is a line.
+    // If the method's error is the same for all, it is a line.
     let rows = swept(
         tempfile::tempdir().unwrap().keep().as_path(),
         "tiny",
@@ -240,7 +240,7 @@ fn all_three_fronts_are_told_and_drawn_with_what_errors_are_made_of() {
 }
 
 #[test]
-fn the_chart_of_a_search_marks_start_target_and_what_was_found() {
+fn the_chart_of_a_search_marks_start_target_and_result() {
     let folder = tempfile::tempdir().unwrap();
     let scene = folder.path().join("knot.json");
     fs::write(
@@ -286,7 +286,7 @@ fn the_chart_of_a_search_marks_start_target_and_what_was_found() {
     }
 }
 
-/// The front by comparing all with all, from the rows that the page holds.
+/// The front by comparing all rows of the page with each other.
 #[test]
 fn the_front_of_a_folder_is_named() {
     let folder = tempfile::tempdir().unwrap();
@@ -332,7 +332,7 @@ fn the_front_of_a_folder_is_named() {
         )),
         "{told}"
     );
-    // What all machines of a front have in common is named once.
+    // Common properties of all machines of a front are named once.
     let (_, of_speed) = said
         .split_once("in frames/s and fixed − ideal, dB; ")
         .expect("the second front");
@@ -349,7 +349,7 @@ fn the_front_of_a_folder_is_named() {
             .any(|line| line.contains("fixed − ideal dB") && line.contains("fixed − golden dB")),
         "{told}"
     );
-    // Each place once, by its first point, and below it what was changed.
+    // Each place once, by its first point, followed by the changed fields.
     let listed: Vec<&str> = table
         .lines()
         .filter(|line| {
@@ -381,7 +381,7 @@ fn the_front_of_a_folder_is_named() {
         told.lines().all(|line| line.chars().count() <= 80),
         "{told}"
     );
-    // Those of the ends are named in the chart: by what was changed, or by their number.
+    // The ends of the front are named in the chart: by their changed fields, or by their number.
     let svg = fs::read_to_string(rows.join("accuracy-area.svg")).unwrap();
     assert!(
         svg.contains("tiny") && svg.contains("splat.rgb −3"),
@@ -401,7 +401,7 @@ fn the_page_needs_nothing_else_and_holds_every_row() {
     );
     ok(&splatsim(&["chart", rows.to_str().unwrap(), "--quiet"]));
     let page = fs::read_to_string(rows.join("charts.html")).unwrap();
-    // The name space of SVG is no address that is asked for.
+    // The name space of SVG is an address, but is not requested.
     let asked = page.replace("http://www.w3.org/2000/svg", "");
     assert!(!asked.contains("http") && !asked.contains("src=") && !asked.contains("@import"));
     for name in names(&rows, "svg") {
@@ -416,7 +416,7 @@ fn the_page_needs_nothing_else_and_holds_every_row() {
     );
     assert!(
         page.contains("scene = knot.json"),
-        "what all rows share is told once"
+        "common fields of all rows are printed once"
     );
 }
 
@@ -449,7 +449,7 @@ fn charts_are_the_same_bytes_every_time() {
 }
 
 #[test]
-fn what_is_no_folder_of_rows_is_refused() {
+fn a_folder_without_rows_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let rows = swept(
         folder.path(),

@@ -1,5 +1,5 @@
-//! Does the binary do what docs/book/getting-started.md promises: its files, its report, its words,
-//! its exit status, and a quick end to bad input?
+//! Does the binary behave as docs/book/getting-started.md describes: its files, its report, its
+//! messages, its exit status, and a quick end on bad input?
 
 use crate::program::PROGRAM;
 use crate::shared_input;
@@ -15,11 +15,11 @@ use serde_json::{Value, json};
 /// Machine and size of runs whose picture does not matter.
 const SMALL: [&str; 4] = ["--size", "48x40", "--machine", "tiny"];
 
-/// The default scene with a hundredth of its splats: to load all of them would be most of a small
+/// The default scene with a hundredth of its splats: loading all of them would dominate a small
 /// run.
 static FEW: LazyLock<String> = LazyLock::new(|| few("glass-spheres", 3000));
 
-/// A scene that is made here, with so many splats, in a file that is kept.
+/// A kept file with a generated scene of `count` splats.
 fn few(scene: &str, count: u32) -> String {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
     let file = tempfile::NamedTempFile::new_in(folder).unwrap();
@@ -28,7 +28,7 @@ fn few(scene: &str, count: u32) -> String {
         json!({"splats": {"builtin": scene, "count": count}}).to_string(),
     )
     .unwrap();
-    // Whoever else does so at the same time writes the same.
+    // Another process that does this at the same time writes the same bytes.
     let path = folder.join(format!("{scene}-{count}.json"));
     file.persist(&path).unwrap();
     path.to_str().unwrap().to_owned()
@@ -47,7 +47,7 @@ fn splatsim(arguments: &[&str]) -> Output {
         .unwrap()
 }
 
-/// What a run that succeeds prints; nothing goes to standard error.
+/// Standard output of a successful run; standard error is empty.
 fn says(arguments: &[&str]) -> String {
     let output = splatsim(arguments);
     let told = String::from_utf8(output.stderr).unwrap();
@@ -93,7 +93,7 @@ fn run(arguments: &[&str]) -> (tempfile::TempDir, Value) {
 
 // ---- run ----
 
-/// What a run writes.
+/// The files of a run.
 const WRITTEN: [&str; 13] = [
     "bounds.png",
     "cycles.csv",
@@ -174,7 +174,7 @@ fn the_error_is_attributed_on_request() {
     assert!(report["host"]["attribution_seconds"].is_number());
     let (_, other) = run(&[&arguments[..], &["--threads", "1"]].concat());
     assert_eq!(other["attribution"], *attribution);
-    // Not asked for, not there.
+    // It is absent if it was not requested.
     let (_, plain) = run(&small());
     assert_eq!(
         [
@@ -191,7 +191,7 @@ fn the_error_is_attributed_on_request() {
 }
 
 #[test]
-fn a_preview_says_what_it_leaves_out_and_is_a_run_of_that_size_else() {
+fn a_preview_is_a_smaller_run_that_reports_what_it_leaves_out() {
     let terrain = few("terrain", 20_000);
     let (_, small) = run(&[&terrain, "--size", "40x32", "--machine", "tiny"]);
     let arguments = [
@@ -250,7 +250,7 @@ fn a_preview_says_what_it_leaves_out_and_is_a_run_of_that_size_else() {
 }
 
 #[test]
-fn less_is_held_in_lockstep_on_request_and_said_so() {
+fn fewer_tiles_are_checked_in_lockstep_on_request_and_the_report_states_it() {
     let out = folder();
     let run = |check: &str| {
         let all = [
@@ -290,12 +290,12 @@ fn less_is_held_in_lockstep_on_request_and_said_so() {
             .all(|line| line.chars().count() <= 80),
         "{none_text}"
     );
-    // Pictures of the last run, which are not of this one, are gone.
+    // Pictures of the previous run are removed.
     let left = WRITTEN
         .into_iter()
         .filter(|name| !["bounds.png", "flips.png"].contains(name));
     assert_eq!(names_in(out.path()), left.collect::<Vec<_>>());
-    // All else is as it is.
+    // Everything else is unchanged.
     for report in [&mut full, &mut sampled, &mut none] {
         report.as_object_mut().unwrap().remove("host");
         report["accuracy"]
@@ -330,8 +330,7 @@ fn a_run_replaces_the_files_of_the_last_one_and_makes_its_folder() {
     assert_eq!(names_in(&deep), WRITTEN);
 }
 
-/// The fields that docs/book/reference/report.md promises, by path, and what kind of value each
-/// has.
+/// The fields that docs/book/reference/report.md promises, by path, with the kind of each value.
 fn promised_fields() -> Vec<(String, &'static str)> {
     let mut fields: Vec<(String, &str)> = Vec::new();
     let mut all = |prefix: &str, names: &[&str], kind: &'static str| {
@@ -472,7 +471,7 @@ fn every_units_cycles_sum_to_the_frames() {
                 Some("unit,items,busy,starved,blocked,memory,total")
             )
         );
-        // A binned machine's tiles share what its units did.
+        // The cycles of a binned machine's tiles sum to those of its units.
         let tiles = std::fs::read_to_string(out.path().join("tiles.csv"));
         assert_eq!(tiles.is_ok(), organisation == "binned");
         let Ok(tiles) = tiles else { continue };
@@ -560,7 +559,7 @@ fn requests_are_written_in_the_order_of_cycles_and_hold_all_traffic() {
         .map(|line| line.split(' ').nth(2).unwrap().parse().unwrap())
         .collect();
     assert!(cycles.is_sorted() && cycles[0] == 0);
-    // The map has every address, and a small device holds all of them.
+    // The map has every address, and they fit into a small device.
     let map: serde_json::Value =
         serde_json::from_str(&std::fs::read_to_string(out.path().join("requests.json")).unwrap())
             .unwrap();
@@ -589,7 +588,7 @@ fn requests_are_written_in_the_order_of_cycles_and_hold_all_traffic() {
         end <= number(&map, "address_bytes")
             && number(&map, "address_bytes") <= number(&map, "device_bytes")
     );
-    // No more than the traffic could touch, in whole rows.
+    // At most the bytes that the traffic can touch, in whole rows.
     assert!(number(&map, "device_bytes") < 1 << 26, "{map}");
     assert!(
         regions
@@ -707,7 +706,7 @@ fn no_line_of_a_summary_is_wider_than_eighty_columns() {
     let out = folder.path().join("out");
     let all = ["reference", "lean", "tiny"];
     let knot = few("torus-knot", 20_000);
-    // The default has numbers as large as most, and reference the longest name.
+    // The default has some of the largest numbers, and reference the longest name.
     let of = [
         ("glass-spheres", &all[..1]),
         (FEW.as_str(), &all[1..]),
@@ -754,7 +753,7 @@ fn pictures_of_one_pixel_and_of_one_row_of_16384_are_drawn() {
 // ---- explain, machine, scene, help ----
 
 #[test]
-fn explain_tells_the_story_of_a_pixel() {
+fn explain_prints_the_trace_of_a_pixel() {
     let text = says(&["explain", "glass-spheres", "--pixel", "256,300"]);
     assert!(
         text.starts_with("pixel 256,300 of glass-spheres on reference\n"),
@@ -803,7 +802,7 @@ fn explain_tells_the_story_of_a_pixel() {
 }
 
 #[test]
-fn the_listed_machines_can_be_shown_and_what_is_shown_is_a_machine_file() {
+fn the_listed_machines_can_be_shown_as_machine_files() {
     let list = says(&["machine", "list"]);
     assert!(
         list.lines().all(|line| line.chars().count() <= 80),
@@ -838,7 +837,7 @@ fn the_listed_machines_can_be_shown_and_what_is_shown_is_a_machine_file() {
 }
 
 #[test]
-fn a_machine_file_with_a_base_changes_only_what_it_says() {
+fn a_machine_file_with_a_base_changes_only_its_own_fields() {
     let folder = folder();
     let file = write(
         &folder,
@@ -921,7 +920,7 @@ fn schemas_are_json_that_names_the_fields() {
     }
 }
 
-/// Names of the commands, as the help lists them.
+/// Names of the commands, in the help's order.
 fn commands() -> Vec<String> {
     let help = says(&["--help"]);
     let listed = help
@@ -966,7 +965,7 @@ fn help_and_version_are_no_errors_and_fit_a_terminal() {
     );
 }
 
-/// The long help of a command has an example, with flags that the command has, and the short one
+/// The long help of a command has an example, which uses only flags of the command; the short help
 /// has none.
 #[test]
 fn each_command_has_an_example_that_is_accepted() {
@@ -989,8 +988,7 @@ fn each_command_has_an_example_that_is_accepted() {
             .skip(1)
             .take_while(|word| !["<", ">"].contains(word))
             .collect();
-        // Each flag is listed by the help, and the command line is refused for no reason but its
-        // files.
+        // The help lists each flag, and the command line is refused only for missing files.
         assert!(
             words
                 .iter()
@@ -1066,7 +1064,7 @@ fn a_trace_is_written_and_a_device_compared_with_it() {
         (told["equal"].clone(), told["field"]["name"].clone()),
         (json!(false), json!("weight"))
     );
-    // The command that it names traces that splat.
+    // The printed command traces that splat.
     let replay = told["replay"].as_str().unwrap().replace(
         "--out replay",
         &format!("--out {}", out.path().join("replay").display()),
@@ -1149,7 +1147,7 @@ fn gaussians_and_volumes_are_traced_too() {
 }
 
 #[test]
-fn traces_and_comparisons_that_cannot_be_are_refused() {
+fn impossible_traces_and_comparisons_are_refused() {
     let out = folder();
     let inside = out.path().join("made");
     let inside = inside.to_str().unwrap();
@@ -1223,8 +1221,8 @@ fn traces_and_comparisons_that_cannot_be_are_refused() {
 
 // ---- bad input ----
 
-/// Status 2, one line that begins with the program's name and holds `part`, nothing on standard
-/// output.
+/// Status 2, one line that begins with the program's name and contains `part`, and an empty
+/// standard output.
 fn refused(arguments: &[&str], part: &str) {
     let output = splatsim(arguments);
     let told = String::from_utf8(output.stderr).unwrap();
@@ -1247,7 +1245,7 @@ fn assert_one_line(told: &str) {
     );
 }
 
-/// `run` with these arguments is refused, and a folder given to it stays empty or is not made.
+/// `run` with these arguments is refused, and its output folder stays empty or is not created.
 fn run_refused(arguments: &[&str], part: &str) {
     let out = folder();
     let inside = out.path().join("made");
@@ -1262,7 +1260,7 @@ fn run_refused(arguments: &[&str], part: &str) {
     );
 }
 
-/// `machine prove` with these arguments is refused, and makes no folder.
+/// `machine prove` with these arguments is refused, and does not create a folder.
 fn prove_refused(machine: &str, arguments: &[&str], part: &str) {
     let out = folder();
     let inside = out.path().join("made");
@@ -1291,7 +1289,7 @@ fn commands_and_flags_that_do_not_exist_are_refused() {
     refused(&["search"], "SCENE");
     refused(
         &["machine"],
-        "a command is missing: list, show, timing, clock, cost, prices, prove, schema (see --help)",
+        "a command is missing: list, show, timing, clock, cost, unit-costs, prove, schema (see --help)",
     );
     refused(
         &["machine", "lits"],
@@ -1305,7 +1303,7 @@ fn commands_and_flags_that_do_not_exist_are_refused() {
 }
 
 #[test]
-fn scenes_and_machines_that_do_not_exist_are_refused_with_what_there_is() {
+fn missing_scenes_and_machines_are_refused_with_the_existing_ones() {
     run_refused(
         &["glas-spheres"],
         "built in are glass-spheres, checkerboard, torus-knot, terrain",
@@ -1320,7 +1318,7 @@ fn scenes_and_machines_that_do_not_exist_are_refused_with_what_there_is() {
 }
 
 #[test]
-fn sizes_pixels_and_threads_that_cannot_be_are_refused() {
+fn impossible_sizes_pixels_and_threads_are_refused() {
     for size in [
         "0x5",
         "5x0",
@@ -1357,7 +1355,7 @@ fn sizes_pixels_and_threads_that_cannot_be_are_refused() {
 }
 
 #[test]
-fn settings_that_do_not_fit_are_refused_with_what_would() {
+fn invalid_settings_are_refused_with_valid_ones() {
     for (setting, part) in [
         ("gauss.wieght=U0F8", "the nearest is `weight`"),
         ("guass.weight=U0F8", "the nearest is `gauss`"),
@@ -1391,7 +1389,7 @@ fn settings_that_do_not_fit_are_refused_with_what_would() {
 }
 
 #[test]
-fn machine_files_that_do_not_fit_are_refused_with_what_would() {
+fn invalid_machine_files_are_refused_with_valid_fields() {
     let folder = folder();
     let whole: Value = serde_json::from_str(&says(&["machine", "show", "lean"])).unwrap();
     let mut lacking = whole.clone();
@@ -1452,7 +1450,7 @@ fn machine_files_that_do_not_fit_are_refused_with_what_would() {
 }
 
 #[test]
-fn a_machine_that_cannot_work_is_refused_with_all_its_misfits_at_once() {
+fn a_machine_that_cannot_be_elaborated_is_refused_with_all_its_errors() {
     let folder = folder();
     let text = r#"{"base": "reference", "fragment": {"layers": 12}, "splat": {"rgb": "U0F8", "position": "U1F20"}, "project": {"camera": "I20F26"}}"#;
     let file = write(&folder, "misfit.json", text);
@@ -1489,7 +1487,7 @@ fn output_folders_that_cannot_be_written_are_refused() {
 }
 
 #[test]
-fn scenes_that_do_not_fit_are_refused_with_what_would() {
+fn invalid_scenes_are_refused_with_valid_fields() {
     let folder = folder();
     let header = "ply\nformat ascii 1.0\nelement vertex 0\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
     write(&folder, "none.ply", header);
@@ -1551,12 +1549,12 @@ fn scenes_that_do_not_fit_are_refused_with_what_would() {
     }
 }
 
-/// Address space allowed for an odd file, KiB. The kernel keeps no cap on resident memory, so the
-/// cap is on addresses, which are always more: the program, its libraries, stacks and arenas of two
-/// threads take about half of this before a file is opened.
+/// Address space allowed for an odd file, KiB. The kernel cannot limit resident memory, so
+/// addresses are limited, which are always more: the program, its libraries, stacks and arenas of
+/// two threads take about half of this before a file is opened.
 const ADDRESSES_KIB: u32 = 400_000;
 
-/// Processor time allowed for it, seconds: a tenth of this would do, but a computer may be slow or
+/// Processor time allowed for it, seconds. A tenth of this is enough, but a computer may be slow or
 /// busy.
 const SECONDS: u32 = 10;
 
@@ -1573,7 +1571,8 @@ fn run_capped(file: &Path, out: &Path) -> Output {
 
 #[test]
 fn every_odd_or_broken_ply_ends_in_a_picture_or_a_sentence_in_little_time_and_memory() {
-    // The second folder's files have other properties than positions, so none of them is a cloud.
+    // The files of the second folder have properties other than positions, so none of them is a
+    // cloud.
     for (name, readable) in [("malformed/ply", 40), ("malformed/ply_plyodine", 0)] {
         let Some(input) = shared_input::find(name) else {
             return;
@@ -1656,6 +1655,6 @@ fn every_odd_or_broken_volume_or_set_of_gaussians_ends_in_a_picture_or_a_sentenc
             other => panic!("{file:?}: status {other:?}: {told}"),
         }
     }
-    // Those that hold a field of three dimensions, and Gaussians.
+    // Files with a three-dimensional field, and files of Gaussians.
     assert_eq!(drawn.len(), 10, "{drawn:?}");
 }

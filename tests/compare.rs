@@ -1,5 +1,5 @@
-//! Does `compare` tell what differs and nothing else, does it say so of what cannot be compared,
-//! and are the answers of a run those of the runs that they name (docs/book/compare.md,
+//! Does `compare` report all differences and nothing else, does it refuse what cannot be compared,
+//! and do what-if results equal the runs that they name (docs/book/compare.md,
 //! docs/book/timing-explore.md)?
 
 use crate::program::PROGRAM;
@@ -15,7 +15,7 @@ fn splatsim(arguments: &[&str]) -> Output {
         .unwrap()
 }
 
-/// What a command prints that succeeds.
+/// Standard output of a successful command.
 fn says(arguments: &[&str]) -> String {
     let output = splatsim(arguments);
     let told = String::from_utf8(output.stderr).unwrap();
@@ -27,7 +27,7 @@ fn says(arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// That a command ends with status 2 and one sentence that has all of these words.
+/// The command ends with status 2 and one sentence that contains all of these words.
 fn refused(arguments: &[&str], parts: &[&str]) {
     let output = splatsim(arguments);
     let told = String::from_utf8(output.stderr).unwrap();
@@ -54,16 +54,16 @@ fn compared(arguments: &[&str]) -> Value {
     serde_json::from_str(&says(&[&["compare", "--json"], arguments].concat())).unwrap()
 }
 
-/// A field changed in B, of `timing` and of the datapath.
+/// A changed field of `timing` and one of the datapath, in B.
 const CHANGES: [&str; 2] = ["timing.ellipse.interval=9", "gauss.weight=U-2F6"];
 
-/// Three small runs: `a`, the same with changes in `b`, and another size in `c`; a scene, and a
+/// Three small runs: `a`; `b`, with changed fields; `c`, with another size. Also a scene, and a
 /// record of `a`.
-struct Made {
+struct ThreeRuns {
     folder: tempfile::TempDir,
 }
 
-impl Made {
+impl ThreeRuns {
     fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
@@ -73,12 +73,12 @@ impl Made {
     }
 }
 
-static MADE: LazyLock<Made> = LazyLock::new(|| {
-    let made = Made {
+static MADE: LazyLock<ThreeRuns> = LazyLock::new(|| {
+    let made = ThreeRuns {
         folder: tempfile::tempdir().unwrap(),
     };
     let scene = made.text("few.json");
-    // Few splats: the program may be one that was not optimised.
+    // Few splats, because the program may be a debug build.
     std::fs::write(
         &scene,
         r#"{"splats": {"builtin": "glass-spheres", "count": 3000}}"#,
@@ -97,7 +97,7 @@ static MADE: LazyLock<Made> = LazyLock::new(|| {
             "40x32",
             "--record",
             &made.text("frame.work"),
-            "--answers",
+            "--what-if",
         ],
     );
     run(
@@ -108,7 +108,7 @@ static MADE: LazyLock<Made> = LazyLock::new(|| {
     made
 });
 
-/// A folder like `a`, with a report that was changed.
+/// A folder like `a`, with a changed report.
 fn damaged(name: &str, change: impl FnOnce(&mut Value)) -> String {
     let folder = MADE.path(name);
     std::fs::create_dir(&folder).unwrap();
@@ -151,13 +151,13 @@ fn what_is_compared_with_itself_does_not_differ() {
             .all(|figure| figure["a"] == figure["b"])
     );
     assert!(says(&["compare", &a, &a]).ends_with("\n\nnothing differs, nor does any pixel\n"));
-    // Nor does the time that a run took here.
+    // The host's run time is not compared either.
     let later = damaged("later", |report| {
         report["host"]["golden_seconds"] = json!(99.0)
     });
     assert_eq!(compared(&[&a, &later])["equal"], json!(true));
     assert!(says(&["compare", "tiny", "tiny"]).ends_with("\n\nnothing differs\n"));
-    // What no table tells is named.
+    // Differences that are in no table are named.
     let odd = damaged("odd", |report| {
         report["signals"][0]["inexact"] = json!(123_456)
     });
@@ -222,7 +222,7 @@ fn every_figure_is_the_one_of_its_report() {
 }
 
 #[test]
-fn what_was_changed_is_told_and_nothing_else() {
+fn all_changes_are_reported_and_nothing_else() {
     let both = compared(&[&MADE.text("a"), &MADE.text("b")]);
     let fields = |both: &Value| -> Vec<(String, Value, Value)> {
         let all = both["machine"].as_array().unwrap().iter();
@@ -237,7 +237,7 @@ fn what_was_changed_is_told_and_nothing_else() {
     };
     let mut told = fields(&both);
     told.sort_by(|one, other| one.0.cmp(&other.0));
-    // The interval was left out, and followed.
+    // The interval is omitted, and therefore changes too.
     let follows =
         json_of(&MADE.path("a/report.json"))["machine"]["timing"]["ellipse"]["interval"].clone();
     let before =
@@ -260,7 +260,7 @@ fn what_was_changed_is_told_and_nothing_else() {
         text.contains("(left out)") && text.lines().all(|line| line.chars().count() <= 80),
         "{text}"
     );
-    // The same of two machines: their fields and areas, and no frame.
+    // The same for two machines: their fields and areas, and no frame.
     let alone = compared(&["tiny", "tiny", "--set-b", CHANGES[0], "--set-b", CHANGES[1]]);
     assert_eq!(fields(&alone), fields(&both));
     assert_eq!(alone["pictures"], json!([]));
@@ -274,7 +274,7 @@ fn what_was_changed_is_told_and_nothing_else() {
         "{many}"
     );
     assert!(says(&["compare", "tiny", "lean", "--all"]).contains("\nresolve.frame "));
-    // Rounding differs and its format does not.
+    // The rounding differs, but not the format.
     let rounded = compared(&["tiny", "tiny", "--set-b", "gauss.weight.round=truncate"]);
     assert_eq!(
         rounded["machine"],
@@ -303,7 +303,7 @@ fn two_machines_draw_a_scene_as_two_runs_do() {
     for part in ["figures", "units", "machine", "scene"] {
         assert_eq!(drawn[part], read[part], "{part}");
     }
-    // Files have 8 bits, so errors below their steps are another.
+    // Files have 8 bits, so errors below their steps differ.
     let psnr = |both: &Value| both["pictures"][0]["psnr_db"].as_f64().unwrap();
     assert!(
         (psnr(&drawn) - psnr(&read)).abs() < 0.5,
@@ -311,7 +311,7 @@ fn two_machines_draw_a_scene_as_two_runs_do() {
         psnr(&drawn),
         psnr(&read)
     );
-    // The pictures are those of the runs, and the difference is theirs.
+    // The pictures are those of the runs, and the difference is computed from them.
     let picture = |folder: &str, name: &str| {
         image::open(MADE.path(folder).join(name))
             .unwrap()
@@ -323,8 +323,8 @@ fn two_machines_draw_a_scene_as_two_runs_do() {
     );
     let difference = picture("drawn", "difference.png");
     let [one, other] = ["a", "b"].map(|folder| picture(folder, "fixed.png"));
-    // Of pixels that are seen; what is off by a few codes in the dark may be less than a code of
-    // the difference.
+    // Only visible pixels: in the dark, a difference of a few codes may be less than one code of
+    // the difference picture.
     let seen = |at: usize| {
         [&one, &other]
             .iter()
@@ -387,7 +387,7 @@ fn a_record_is_replayed_on_both_machines() {
 }
 
 #[test]
-fn equal_pictures_and_pixels_without_a_number_have_no_decibels() {
+fn equal_pictures_and_pixels_of_nan_have_no_decibels() {
     let (equal, broken) = (
         json!({"psnr_db": null}),
         json!({"psnr_db": 0.0, "not_finite": 3}),
@@ -414,7 +414,7 @@ fn equal_pictures_and_pixels_without_a_number_have_no_decibels() {
 }
 
 #[test]
-fn what_cannot_be_compared_is_refused_in_a_sentence() {
+fn results_that_cannot_be_compared_are_refused_in_a_sentence() {
     let (a, c) = (MADE.text("a"), MADE.text("c"));
     let nothing = MADE.path("nothing");
     std::fs::create_dir(&nothing).unwrap();
@@ -523,7 +523,7 @@ fn what_cannot_be_compared_is_refused_in_a_sentence() {
     refused(&["compare", &broken, "tiny"], &["broken.json", "not JSON"]);
 }
 
-// ---- answers ----
+// ---- what-if ----
 
 #[test]
 fn an_answer_is_what_the_run_with_it_says() {
@@ -585,10 +585,10 @@ fn an_answer_is_what_the_run_with_it_says() {
     }
 }
 
-/// Bandwidth and bursts have no price: the frame is faster with them, and no suggestion is made of
-/// it that is not marked.
+/// Bandwidth and bursts have no unit cost. The frame is faster with them, and each such result is
+/// marked.
 #[test]
-fn a_gain_without_a_price_is_marked_as_given() {
+fn a_gain_without_a_unit_cost_is_marked_as_given() {
     let answers = json_of(&MADE.path("a/report.json"))["answers"].clone();
     let fields = |list: &str| -> Vec<String> {
         answers[list]
@@ -619,7 +619,7 @@ fn a_gain_without_a_price_is_marked_as_given() {
             "{answer}"
         );
     }
-    let table = says(&["replay", &MADE.text("frame.work"), "--answers"]);
+    let table = says(&["replay", &MADE.text("frame.work"), "--what-if"]);
     assert!(
         table.contains("timing.memory.bytes_per_cycle *") && table.contains("* given: memory"),
         "{table}"
@@ -637,9 +637,11 @@ fn a_gain_without_a_price_is_marked_as_given() {
 }
 
 #[test]
-fn a_replay_answers_as_the_run_does_and_prints_no_report_again() {
+fn a_replay_finds_what_the_run_finds_and_prints_no_report_again() {
     let record = MADE.text("frame.work");
-    let answers = says(&["replay", &record, "--answers"]);
+    let answers = says(&["replay", &record, "--what-if"]);
+    // The old name of the flag.
+    assert_eq!(says(&["replay", &record, "--answers"]), answers);
     let table = answers.split("\n\n").nth(1).unwrap();
     assert!(
         table.starts_with("answers, ") && table.contains("timing.") && !answers.contains("starved"),
@@ -688,7 +690,7 @@ fn several_fields_are_a_grid_of_machines() {
     let expected =
         ["[1,1]", "[4,1]"].map(|lanes| ["1", "9", "20"].map(|interval| [lanes, interval]));
     assert_eq!(values, expected.as_flattened(), "{text}");
-    // Each is the machine with both.
+    // Each row equals the machine with both settings.
     let one = says(&[
         "replay",
         &record,

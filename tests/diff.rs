@@ -1,4 +1,4 @@
-//! Does the checker catch what a device may get wrong, and name it?
+//! Does the checker find and name the faults that a device may have?
 
 use crate::program::PROGRAM;
 use crate::traced::{Traced, cloud, machine, traced};
@@ -70,7 +70,7 @@ fn refused(stream: &str, lines: &[String]) -> String {
     }
 }
 
-/// A bit of a record's word, from the bottom, flipped.
+/// Flips a bit of a record's word, counted from the LSB.
 fn flipped(line: &str, bit: u32) -> String {
     let place = line.len() - 1 - bit as usize / 4;
     let digit = line[place..=place]
@@ -84,7 +84,7 @@ fn flipped(line: &str, bit: u32) -> String {
 }
 
 #[test]
-fn what_is_equal_is_equal() {
+fn equal_files_are_equal() {
     for stream in trace().manifest["streams"].as_array().unwrap() {
         let name = stream["name"].as_str().unwrap();
         assert!(
@@ -95,7 +95,7 @@ fn what_is_equal_is_equal() {
 }
 
 #[test]
-fn pixels_may_come_in_any_order_where_only_theirs_counts() {
+fn pixels_may_come_in_any_order_if_only_the_order_per_pixel_counts() {
     let mut lines = trace().lines("resolve.out");
     lines.reverse();
     assert!(compared("resolve.out", &lines).unwrap().equal);
@@ -104,8 +104,8 @@ fn pixels_may_come_in_any_order_where_only_theirs_counts() {
     assert!(!compared("gauss.out", &lines).unwrap().equal);
 }
 
-/// A record that differs from its neighbours in each stream, so that a fault cannot pass for
-/// another.
+/// A record that differs from its neighbours in each stream, so that a fault cannot be mistaken for
+/// another one.
 fn distinct(lines: &[String], at: usize) -> Option<usize> {
     let near = |i: usize| {
         lines[i.saturating_sub(6)..lines.len().min(i + 7)]
@@ -127,8 +127,8 @@ proptest! {
         let (at, described) = (at.index(lines.len()), trace.stream(stream));
         let bit = bit.index(described["width"].as_u64().unwrap() as usize) as u32;
         let field = described["fields"].as_array().unwrap().iter().find(|field| field["lsb"].as_u64().unwrap() <= bit.into()).unwrap();
-        // A flag of a record says which of its fields count: none is flipped here, nor what does
-        // not count.
+        // A flag of a record determines which of its fields have a meaning: neither flags nor
+        // fields without a meaning are flipped.
         prop_assume!(!["near", "outside", "transparent", "backface", "faint"].contains(&field["name"].as_str().unwrap()));
         let record = &trace.records(stream)[at];
         let flags = field["zero_where"].as_array().into_iter().flatten();
@@ -139,7 +139,7 @@ proptest! {
         prop_assert_eq!(told["sequence"].as_u64(), Some(at as u64));
         prop_assert_eq!(&told["field"]["name"], &field["name"]);
         prop_assert_eq!(told["mismatches"].as_u64(), Some(1));
-        // What identifies or counts something has no ulp.
+        // Identifiers and counts have no ulp.
         let ulp = told["field"]["difference_ulp"].as_i64().map(i64::unsigned_abs);
         let is_word = !field["signal"].is_null() || field["frac_bits"] != 0;
         prop_assert_eq!(ulp, is_word.then(|| 1 << (u64::from(bit) - field["lsb"].as_u64().unwrap())));
@@ -158,7 +158,7 @@ proptest! {
         let told = told("raster.out", &lines);
         prop_assert_eq!(&told["kind"], kind);
         prop_assert_eq!(told["mismatches"].as_u64(), Some(1));
-        // Of two equal records either may be the one too many.
+        // Of two equal records either may be the surplus one.
         let sequence = told["sequence"].as_u64().unwrap() as usize;
         prop_assert!(sequence == at || kind == "surplus" && sequence == at + 1, "{} {}", sequence, at);
     }
@@ -171,7 +171,7 @@ proptest! {
         match how {
             0 => { lines.remove(at); }
             1 => lines[at] = flipped(&lines[at], 0),
-            // Beyond the picture.
+            // Outside the picture.
             _ => lines[at] = flipped(&lines[at], 20),
         }
         let told = told("fragment.out", &lines);
@@ -180,7 +180,7 @@ proptest! {
             prop_assert_eq!([&told["x"], &told["y"]].map(|part| part.as_i64().unwrap()), [keys[at][1], keys[at][2]]);
         }
         if how == 0 {
-            // Of equal records at a pixel any may be the one that is missing.
+            // Of equal records at a pixel any may be the missing one.
             prop_assert!(trace.lines("fragment.out")[sequence] == trace.lines("fragment.out")[at]);
             prop_assert_eq!(told["records"].as_u64(), Some(lines.len() as u64));
         }
@@ -203,7 +203,7 @@ fn a_cut_file_lacks_its_end() {
 }
 
 #[test]
-fn a_malformed_line_is_an_error_of_its_own() {
+fn a_malformed_line_is_a_separate_error() {
     let lines = trace().lines("raster.out");
     let with = |line: String| [&lines[..4], &[line], &lines[5..]].concat();
     for (line, says) in [
@@ -220,7 +220,7 @@ fn a_malformed_line_is_an_error_of_its_own() {
         let wanted = says.replace("21", &(lines[4].len() + 1).to_string());
         assert!(sentence.contains(&wanted), "{sentence}");
     }
-    // A record whose width is no multiple of four has bits above it.
+    // A record whose width is not a multiple of four has unused bits above it.
     let stream = trace().manifest["streams"]
         .as_array()
         .unwrap()
@@ -234,7 +234,7 @@ fn a_malformed_line_is_an_error_of_its_own() {
 }
 
 #[test]
-fn a_mismatch_tells_what_led_there() {
+fn a_mismatch_comes_with_the_records_before_it() {
     let trace = trace();
     let mut lines = trace.lines("gauss.out");
     lines[100] = flipped(&lines[100], 0);
@@ -269,14 +269,14 @@ fn a_mismatch_tells_what_led_there() {
 }
 
 #[test]
-fn a_mismatch_of_a_pixel_tells_all_of_its_layers() {
+fn a_mismatch_of_a_pixel_comes_with_all_of_its_layers() {
     let trace = trace();
     let last = trace.field("resolve.in", "last");
     let layers = trace.records("resolve.in");
     let ends: Vec<usize> = (0..layers.len())
         .filter(|&layer| layers[layer][last] == 1)
         .collect();
-    // The first pixel that has at least three.
+    // The first pixel with at least three layers.
     let (pixel, end) = (1..ends.len())
         .map(|pixel| (pixel, ends[pixel]))
         .find(|&(pixel, end)| end - ends[pixel - 1] >= 3)
@@ -307,7 +307,7 @@ fn what_must_be_zero_counts_where_it_is_asked_for() {
     let mut met = Vec::new();
     for stream in trace().manifest["streams"].as_array().unwrap() {
         let name = stream["name"].as_str().unwrap();
-        // The last field, in the lowest bits, of a record in which it means nothing.
+        // The last field, in the lowest bits, of a record in which it has no meaning.
         let last = stream["fields"].as_array().unwrap().last().unwrap();
         let flags: Vec<usize> = last["zero_where"]
             .as_array()
@@ -337,7 +337,7 @@ fn what_must_be_zero_counts_where_it_is_asked_for() {
 }
 
 #[test]
-fn the_earliest_stream_tells() {
+fn the_earliest_stream_with_a_mismatch_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let file = |name: &str| {
         let mut lines = trace().lines(name);
@@ -379,7 +379,7 @@ fn a_trace_that_was_changed_is_refused() {
     assert!(told("gauss.out").contains("cannot be read"));
 }
 
-/// Counts of missing, surplus, moved and different records.
+/// Numbers of missing, surplus, moved and different records.
 fn counts(told: &Value) -> [u64; 4] {
     ["missing", "surplus", "moved", "different"].map(|what| told["counts"][what].as_u64().unwrap())
 }
@@ -405,17 +405,17 @@ proptest! {
         let lacks = told(stream, &cut);
         prop_assert_eq!(counts(&lacks), [long as u64, 0, 0, 0]);
         prop_assert_eq!(&lacks["kind"], "missing");
-        // Of equal records in a row any may be the one that is missing.
+        // Of equal consecutive records any may be the missing one.
         let first = lacks["sequence"].as_u64().unwrap() as usize;
         let without: Vec<&String> = all.iter().enumerate().filter(|(record, _)| !(first..first + long).contains(record)).map(|(_, line)| line).collect();
         prop_assert!(stream == "resolve.out" || without == cut.iter().collect::<Vec<_>>(), "{} {}", first, at);
         if stream != "resolve.out" {
             prop_assert_eq!(lacks["run"].as_u64(), Some(long as u64));
-            // Lines that are there twice.
+            // Repeated lines.
             let doubled = told(stream, &[&all[..at + long], &all[at..]].concat());
             prop_assert_eq!(counts(&doubled), [0, long as u64, 0, 0]);
         }
-        // Another record far away is different beside: both are told.
+        // In addition, another record far away is different: both are reported.
         let far = other.index(all.len());
         if stream == "gauss.in" && far.abs_diff(at) > 100 && far.abs_diff(at + long) > 100 {
             let mut both = all.clone();
@@ -435,7 +435,7 @@ proptest! {
         let told = told("raster.out", &lines);
         prop_assert_eq!(counts(&told), [0, 0, 1, 0]);
         prop_assert_eq!(&told["kind"], if from.abs_diff(to) == 1 { "swapped" } else { "moved" });
-        // Whatever the order, all is equal.
+        // All records are equal in any order.
         let how = How { order: Order::Any, ..How::default() };
         prop_assert!(compared_by("raster.out", &lines, how).unwrap().equal);
     }
@@ -464,7 +464,7 @@ fn a_device_that_leaves_out_the_last_column_of_each_box_lacks_these_records_and_
 #[test]
 fn identifiers_have_no_ulp() {
     let mut lines = trace().lines("raster.out");
-    // The tag, in the most significant bits.
+    // The tag is in the most significant bits.
     lines[100] = flipped(
         &lines[100],
         trace().stream("raster.out")["width"].as_u64().unwrap() as u32 - 32,
@@ -493,8 +493,8 @@ fn tiles() -> &'static Traced {
     })
 }
 
-/// A stream's lines tile by tile, as the pixels of its keys say, row by row of tiles or from the
-/// last to the first.
+/// The lines of a stream tile by tile, by the pixels of its keys, row by row of tiles or in the
+/// reverse order.
 fn by_tiles(stream: &str, side: i64, backwards: bool) -> Vec<String> {
     let mut lines: Vec<(String, Vec<i64>)> = tiles()
         .lines(stream)
@@ -545,7 +545,7 @@ fn a_file_in_the_order_of_tiles_is_equal_and_a_fault_in_it_is_named() {
         );
         assert!(told.text.contains("tile by tile"), "{}", told.text);
     }
-    // The trace's own order needs no sentence.
+    // No sentence is printed for the trace's own order.
     assert!(
         !compared_with(
             tiles(),
@@ -561,7 +561,7 @@ fn a_file_in_the_order_of_tiles_is_equal_and_a_fault_in_it_is_named() {
 
 #[test]
 fn weights_come_in_the_order_of_the_device_s_own_raster() {
-    // Two engines that take turns: in no order of tiles.
+    // Two engines that alternate: not in the order of tiles.
     let order = |stream: &str| {
         let all = by_tiles(stream, 16, false);
         let (even, odd): (Vec<_>, Vec<_>) = all
@@ -617,7 +617,7 @@ fn comments_of_a_simulator_are_not_records() {
     ];
     let mut written = written.concat();
     assert!(compared("gauss.out", &written).unwrap().equal);
-    // Lines are those of the file, comments among them.
+    // Line numbers are those of the file, including comments.
     written[2] = flipped(&written[2], 0);
     assert_eq!(told("gauss.out", &written)["line"], 3);
     written[8] = "@7".into();
@@ -627,9 +627,9 @@ fn comments_of_a_simulator_are_not_records() {
     );
 }
 
-/// A trace made by the program, with what it is given, in a folder of its own.
+/// A trace made by the program with these arguments, in a separate folder.
 fn made(folder: &Path, arguments: &[&str]) -> PathBuf {
-    // A name that a shell would take apart.
+    // A name that a shell must quote.
     let out = folder.join("my trace");
     let status = Command::new(PROGRAM.as_str())
         .current_dir(folder)
@@ -658,8 +658,8 @@ fn named(folder: &Path, stream: &str) -> Vec<(String, String)> {
         .collect()
 }
 
-/// Flips a bit of a record in the middle, asks `diff`, runs the command that it prints, and looks
-/// for the record in what that makes.
+/// Flips a bit of a record in the middle, runs `diff`, runs the command that it prints, and looks
+/// for the record in the output of this command.
 fn replays(folder: &Path, trace: &Path, stream: &str) {
     let records = named(trace, stream);
     let at = records.len() / 2;
@@ -699,7 +699,7 @@ fn replays(folder: &Path, trace: &Path, stream: &str) {
         again.contains(&records[record]),
         "{command} does not make record {record} of {stream}"
     );
-    // A part of a frame is made of one splat or one pixel, and no more.
+    // A part of a frame contains only one splat or one pixel.
     assert!(
         command.contains("--stimulus") || again.len() <= records.len(),
         "{command}"
@@ -823,7 +823,7 @@ fn a_made_up_record_comes_with_the_class_of_its_case() {
             tag["first"].as_i64().unwrap(),
         );
         let output = input.replace(".in", ".out");
-        // The first record that is made of one of the class.
+        // The first record of a case of the class.
         let of_class =
             |key: &Vec<i64>| (first..first + tag["records"].as_i64().unwrap()).contains(&key[4]);
         let Some(at) = made_up.keys(&output).iter().position(of_class) else {
@@ -877,7 +877,7 @@ fn a_difference_comes_with_the_words_of_its_record() {
             outcome.text
         );
     }
-    // Of a record of the raster its seeds and differences.
+    // For a raster record: its seeds and differences.
     let mut lines = trace().lines("raster.out");
     lines[50] = flipped(&lines[50], 0);
     let told = told("raster.out", &lines);
@@ -899,7 +899,7 @@ fn a_difference_comes_with_the_words_of_its_record() {
         all.iter().all(|signal| signals.contains(signal)),
         "{signals:?}"
     );
-    // A pixel's words are those of its last contribution, with all before it.
+    // The words of a pixel are those of its last contribution, with all contributions before it.
     let mut lines = trace().lines("fragment.out");
     lines[200] = flipped(&lines[200], 0);
     assert!(
@@ -911,7 +911,7 @@ fn a_difference_comes_with_the_words_of_its_record() {
 }
 
 #[test]
-fn the_traces_of_others_are_told_as_their_readmes_say() {
+fn faulty_traces_are_reported_as_their_readmes_describe() {
     let Some(folder) = crate::shared_input::find("outside/rtl") else {
         return;
     };

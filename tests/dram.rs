@@ -1,5 +1,5 @@
-//! Is memory that can be bought what a machine gets that names it, and does what the machine says
-//! besides go before it?
+//! Does a machine with a memory preset have the memory of the data sheet, and do explicit fields
+//! override it?
 
 use crate::program::PROGRAM;
 use rtl_model::machine::timing::{Memory, Preset};
@@ -17,7 +17,7 @@ fn splatsim(arguments: &[&str]) -> Output {
         .unwrap()
 }
 
-/// Memory as the reference machine with these settings has it, nothing left out.
+/// Memory of the reference machine with these settings, with all fields filled in.
 fn memory(settings: &[&str]) -> Memory {
     let settings: Vec<String> = settings
         .iter()
@@ -32,7 +32,7 @@ fn memory(settings: &[&str]) -> Memory {
 
 #[test]
 fn a_preset_replaces_the_memory_of_a_machine_and_later_settings_change_it() {
-    // 32 GB/s of each of 8 channels at 400 MHz.
+    // 32 GB/s per channel, 8 channels, at 400 MHz.
     let hbm2 = memory(&["timing.memory.preset=hbm2"]);
     assert_eq!(
         (
@@ -56,7 +56,7 @@ fn a_preset_replaces_the_memory_of_a_machine_and_later_settings_change_it() {
             ..hbm2
         }
     );
-    // What was said before it is the memory that it replaces.
+    // Fields that were set before the preset are replaced by it.
     assert_eq!(
         memory(&["timing.memory.channels=2", "timing.memory.preset=hbm2"]),
         hbm2
@@ -114,7 +114,7 @@ fn a_machine_file_with_a_preset_needs_no_other_number_of_memory() {
 }
 
 #[test]
-fn memory_that_cannot_be_bought_is_refused_with_what_can() {
+fn an_unknown_memory_preset_is_refused_with_the_known_ones() {
     for (setting, says) in [
         (
             "timing.memory.preset=ddr6",
@@ -146,7 +146,8 @@ fn memory_that_cannot_be_bought_is_refused_with_what_can() {
     }
 }
 
-/// Frames of a built-in scene: twice the channels are never slower, and bytes are the same.
+/// Frames of a built-in scene: with twice the channels they are never slower, and the bytes are the
+/// same.
 #[test]
 fn a_frame_is_no_slower_with_more_channels() {
     let scene = Scene::load(

@@ -1,5 +1,5 @@
-//! Does every odd scene on every machine end in a picture or in one sentence? Scenes that a file
-//! could ask for, and machines that a file could describe.
+//! Does every odd scene on every machine result in a picture or in one sentence? Scenes that a file
+//! could request, and machines that a file could describe.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -10,12 +10,12 @@ use rtl_model::machine::{FragmentDepth, Merge, Rows};
 use splatsim::hardware::{fixed, quantise};
 use splatsim::scene::{Light, Material, Scene, Splat};
 
-/// What became of a scene on a machine: bytes of the picture that are not the background's, or the
-/// sentence that says why none.
+/// Result of a scene on a machine: the number of bytes of the picture that differ from the
+/// background, or the error's sentence.
 fn drawn(scene: &Scene, machine: &Machine) -> Result<usize, String> {
     let elaborated = fixed::elaborate(machine).map_err(|error| error.to_string())?;
     let quantised = quantise::quantise(scene, machine).map_err(|error| error.to_string())?;
-    // Watched: then every word is looked at.
+    // With a probe, so that every word is checked.
     let (drawing, ..) = fixed::draw_measured(&elaborated, &quantised);
     let picture = fixed::picture(&elaborated, &drawing);
     assert_eq!(
@@ -41,14 +41,14 @@ fn drawn(scene: &Scene, machine: &Machine) -> Result<usize, String> {
     Ok(drawing.covered.iter().filter(|covered| **covered).count())
 }
 
-/// Everything that is wrong with how scenes end on machines, a sentence each.
+/// All faults of scenes on machines, one sentence each.
 fn faults<'a>(cases: impl IntoIterator<Item = (String, &'a Scene, &'a Machine)>) -> Vec<String> {
     let fault = |(name, scene, machine): (String, &Scene, &Machine)| match catch_unwind(
         AssertUnwindSafe(|| drawn(scene, machine)),
     ) {
         Ok(Ok(_)) => None,
         Ok(Err(sentence)) if sentence.contains('\n') || sentence.len() > 1200 => {
-            Some(format!("{name}: `{sentence}` is no sentence"))
+            Some(format!("{name}: `{sentence}` is not a sentence"))
         }
         Ok(Err(_)) => None,
         Err(panic) => {
@@ -296,7 +296,7 @@ fn every_rule_of_every_machine_draws() {
 }
 
 #[test]
-fn what_cannot_be_drawn_is_told_in_a_sentence_that_names_it() {
+fn a_scene_that_cannot_be_drawn_is_refused_in_a_sentence_that_names_the_cause() {
     let told =
         |name: &str, scene: &Scene| drawn(scene, &Machine::named(name).unwrap()).unwrap_err();
     for name in ["reference", "lean"] {

@@ -1,4 +1,4 @@
-//! Filters that are drawn for comparison (SS Fig. 8): is each what it says?
+//! Does each comparison filter (SS Fig. 8) match its definition?
 
 use crate::handmade::{scene, splat};
 use crate::program::PROGRAM;
@@ -10,11 +10,11 @@ use splatsim::golden::{ideal, render};
 use splatsim::scene::{Filter, Kernel, Scene, Splat};
 use std::f64::consts::TAU;
 
-/// Pixels to a unit at depth 1, and the side of the picture.
+/// Pixels per unit at depth 1, and the side of the picture.
 const FOCAL_PX: f64 = 40.0;
 const SIDE: usize = 40;
 
-/// A scene whose opacity is a thousandth of the weight of its one splat.
+/// A scene whose opacity is a thousandth of the weight of its single splat.
 fn alone(splat: Splat, low_pass: f64, filter: Filter) -> Scene {
     let mut scene = scene(SIDE, SIDE, FOCAL_PX, vec![splat]);
     scene.kernel = Kernel {
@@ -27,7 +27,7 @@ fn alone(splat: Splat, low_pass: f64, filter: Filter) -> Scene {
     scene
 }
 
-/// Weights of all pixels, by rows; 0 where there is none.
+/// Weights of all pixels, row by row; 0 for uncovered pixels.
 fn weights(scene: &Scene) -> Vec<f64> {
     ideal(scene)
         .picture
@@ -43,8 +43,8 @@ fn ray(x: f64, y: f64) -> DVec3 {
     DVec3::new((x - middle) / FOCAL_PX, (y - middle) / FOCAL_PX, 1.0)
 }
 
-/// Heckbert's filter at a pixel, by differences of rays a small step apart and by the inverse of a
-/// matrix: (radial index, weight).
+/// Heckbert's filter at a pixel: (radial index, weight). Computed from differences of rays a small
+/// step apart and the inverse of a matrix.
 fn source_space(splat: &Splat, low_pass: f64, x: f64, y: f64) -> Option<(f64, f64)> {
     let meets = |x: f64, y: f64| {
         ray(x, y) * (splat.normal.dot(splat.position) / splat.normal.dot(ray(x, y)))
@@ -75,7 +75,7 @@ fn source_space(splat: &Splat, low_pass: f64, x: f64, y: f64) -> Option<(f64, f6
 }
 
 prop_compose! {
-    /// Some so near that they reach behind the eye's plane, some with their back to us.
+    /// Some so near that they reach behind the eye's plane, some facing away from the eye.
     fn slanted()(x in -0.2_f64..0.2, y in -0.2_f64..0.2, depth in 0.3_f64..4.0, radius in 0.02_f64..0.25,
         lean in 0.0_f64..1.2, turn in 0.0..TAU, back in any::<bool>()) -> Splat {
         let normal = DVec3::new(lean.sin() * turn.cos(), lean.sin() * turn.sin(), -lean.cos());
@@ -93,8 +93,8 @@ proptest! {
             let (x, y) = ((index % SIDE) as f64 + 0.5, (index / SIDE) as f64 + 0.5);
             match source_space(&splat, low_pass, x, y) {
                 Some((radial, weight)) if radial < 5.999 => {
-                    // Near the horizon a pixel's filter is as wide as the world, and next to
-                    // nothing high: the box leaves such pixels out.
+                    // Near the horizon the filter of a pixel is as wide as the world and very flat:
+                    // the box leaves such pixels out.
                     let is_left_out = *drawn == 0.0 && weight < 1e-3 * most;
                     prop_assert!(is_left_out || (drawn - weight).abs() <= 1e-5 * weight + 1e-8 * most, "{drawn} {weight} of {most} at {x} {y}");
                     reached += 1;
@@ -107,13 +107,13 @@ proptest! {
         prop_assert!(reached > 0);
     }
 
-    /// The width of a disc is what its major axis is on the screen: that of the ray's plane, for
-    /// one that is small.
+    /// The width of a disc is that of its major axis on the screen: for a small disc, that of the
+    /// ray's plane.
     #[test]
     fn a_circle_is_as_wide_as_the_ellipse(splat in slanted(), low_pass in 0.5_f64..2.0) {
         let drawn = weights(&alone(splat, low_pass, Filter::Circular));
-        // Variance on screen from two projected tangents, and its greater eigenvalue as the
-        // greatest stretch of any direction.
+        // The variance on the screen is computed from two projected tangents, and its larger
+        // eigenvalue from the largest stretch over all directions.
         let (u, v) = splat.normal.any_orthonormal_pair();
         let p = splat.position;
         let project = |t: DVec3| DVec2::new(t.x - p.x / p.z * t.z, t.y - p.y / p.z * t.z) * (splat.radius * FOCAL_PX / p.z);
@@ -134,8 +134,7 @@ proptest! {
         }
     }
 
-    /// Where a disc is parallel to the picture there is nothing to approximate, and a circle is
-    /// what it is.
+    /// A disc parallel to the picture needs no approximation: it is a circle.
     #[test]
     fn all_are_one_on_a_disc_that_faces_the_picture(x in -0.2_f64..0.2, y in -0.2_f64..0.2, radius in 0.02_f64..0.25, low_pass in 0.0_f64..2.0) {
         let splat = splat([2.0 * x, 2.0 * y, 2.0], radius);
@@ -146,8 +145,8 @@ proptest! {
     }
 }
 
-/// A pixel beyond a disc's rim has the rim's depth, not that of the plane that goes on: the disc
-/// stays before a sheet that stands just behind it, and hides it as far as it covers.
+/// A pixel beyond the rim of a disc has the depth of the rim, not that of the continued plane: the
+/// disc stays in front of a sheet just behind it, and hides it wherever it covers.
 #[test]
 fn no_disc_reaches_farther_in_depth_than_its_radius() {
     let lean = 1.45_f64;
@@ -200,7 +199,7 @@ fn elliptical_is_without_the_low_pass_filter() {
 }
 
 #[test]
-fn machines_refuse_what_golden_alone_draws_and_what_makes_no_sense_is_refused() {
+fn machines_refuse_filters_of_golden_alone_and_invalid_kernels_are_refused() {
     let knot = json!({"builtin": "torus-knot", "count": 300});
     let volume = json!({"volume": {"builtin": "nested-shells", "samples": 8}});
     for (kernel, splats, says) in [

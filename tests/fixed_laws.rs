@@ -1,5 +1,5 @@
 //! Does the machine keep the laws of splatting (docs/book/algorithm.md §3 to §6,
-//! docs/book/algorithm-resolve.md §7) within its last places?
+//! docs/book/algorithm-resolve.md §7) within a few ulp?
 
 use crate::tier::{self, Tier};
 use std::any::Any;
@@ -35,7 +35,7 @@ fn draw(scene: &Scene, machine: &Elaborated) -> Drawing {
 
 // --- Setup ---
 
-/// Hears every word of every signal.
+/// Records every word of every signal.
 struct Words(Vec<(usize, i64)>);
 
 impl Observer<'static> for Words {
@@ -61,7 +61,7 @@ fn last_place(word: Word) -> f64 {
     value(word, 1)
 }
 
-/// What setup makes of one splat: of the machine, or of the formulas.
+/// Results of setup for one splat, of the machine or of the formulas.
 #[derive(Debug)]
 struct Ellipse {
     pixel: DVec2,
@@ -73,7 +73,7 @@ struct Ellipse {
     sides: [f64; 4],
 }
 
-/// The machine's answer to a frame's only splat; none where it is culled.
+/// The machine's setup of the only splat of a frame; none if it is culled.
 fn machine_sets_up(machine: &Elaborated, frame: &Frame) -> Option<Ellipse> {
     let mut heard = Words(Vec::new());
     let setup = pipeline::set_up_observed(machine, frame, &mut heard);
@@ -109,7 +109,7 @@ fn machine_sets_up(machine: &Elaborated, frame: &Frame) -> Option<Ellipse> {
     })
 }
 
-/// docs/book/algorithm.md §3 on what the words of a frame's only splat stand for.
+/// docs/book/algorithm.md §3, applied to the values of the words of a frame's only splat.
 fn formulas_set_up(machine: &Machine, frame: &Frame) -> Ellipse {
     let (own, view) = (&frame.splats[0], &frame.view);
     let vector = |word: Word, bits: [i32; 3]| {
@@ -128,7 +128,7 @@ fn formulas_set_up(machine: &Machine, frame: &Frame) -> Ellipse {
     );
     let (a, b) = (t.x / t.z, t.y / t.z);
     let k = focal * value(machine.splat.radius, i64::from(own.radius)) / t.z;
-    // Pixels that are not square stretch the disc as wide ones would, then the picture.
+    // Pixels that are not square stretch first the disc like wide pixels, then the picture.
     let stretch = DMat2::from_diagonal(k);
     let g = DVec2::new(n.x - a * n.z, n.y - b * n.z);
     let disc = DMat2::from_cols_array(&[
@@ -141,7 +141,7 @@ fn formulas_set_up(machine: &Machine, frame: &Frame) -> Ellipse {
     let low_pass = value(machine.ellipse.low_pass, view.low_pass);
     let variance = disc + DMat2::IDENTITY * low_pass;
     let facing = n.dot(DVec3::new(a, b, 1.0));
-    // For normals that are unit vectors this is det V; theirs are unit to their last place.
+    // For unit normals this is det V; these normals have unit length within an ulp.
     let area = k.x * k.y * facing;
     let determinant =
         area * area + low_pass * (disc.col(0).x + disc.col(1).y) + low_pass * low_pass;
@@ -163,9 +163,8 @@ fn formulas_set_up(machine: &Machine, frame: &Frame) -> Ellipse {
     }
 }
 
-/// One splat of k pixels anywhere in the picture, tilted anyhow. Half of the pictures are of
-/// another lens: its axis is off the middle, and its pixels are not square where the machine draws
-/// such.
+/// One splat of k pixels anywhere in the picture, with any tilt. Half of the pictures have another
+/// lens: its axis is off the middle, and its pixels are not square if the machine supports this.
 fn one_splat(rng: &mut Rng, k: f64, machine: &Machine) -> Scene {
     let z = (3.0 * rng.roll()).exp2();
     let position = [z * rng.within(0.5), z * rng.within(0.5), z];
@@ -189,9 +188,9 @@ fn one_splat(rng: &mut Rng, k: f64, machine: &Machine) -> Scene {
     scene
 }
 
-/// How far each word of a splat's setup may lie from the formulas: its own last places, and what
-/// one last place of the tilt and of c_n does to it. That is much for a large disc seen edge-on, of
-/// which det V is a small difference.
+/// Permitted error of each word of a splat's setup: its own ulps, and the effect of one ulp of the
+/// tilt and of c_n. This effect is large for a large disc seen edge-on, whose det V is a small
+/// difference.
 struct Tolerance {
     pixel: f64,
     depth: f64,
@@ -229,8 +228,7 @@ fn tolerance(machine: &Machine, frame: &Frame, ideal: &Ellipse) -> Tolerance {
     }
 }
 
-/// Greatest errors of setup over many splats as parts of what is tolerated; and of the box, in
-/// pixels.
+/// Largest errors of setup over many splats, relative to the tolerance; for the box in pixels.
 #[derive(Debug, Default)]
 struct Worst {
     pixel: f64,
@@ -286,9 +284,9 @@ fn worst_setup(machine: &Elaborated, [from, to]: [f64; 2]) -> Worst {
     worst
 }
 
-/// Footprints of a tenth of a pixel to a thousand, tilted anyhow; on `lean` to ten, for beyond that
-/// its low-pass word has few places left beside a large disc (ellipse.low_pass is relative to 4^e
-/// too), and its twelve-bit root moves a box by pixels.
+/// Footprints from a tenth of a pixel to a thousand, with any tilt. On `lean` only up to ten:
+/// beyond that its low-pass word has few bits left for a large disc (ellipse.low_pass is relative
+/// to 4^e too), and its twelve-bit root moves a box by pixels.
 #[test]
 fn setup_is_right_to_its_last_places() {
     let mut faults = Vec::new();
@@ -313,7 +311,7 @@ fn setup_is_right_to_its_last_places() {
 
 #[test]
 fn two_threads_draw_what_one_draws() {
-    // More than one thread's share in setup and in drawing.
+    // More than the share of one thread, in setup and in drawing.
     let mut scene = confetti(20_000, 3);
     scene
         .splats
@@ -356,7 +354,7 @@ fn watching_changes_nothing() {
 
 #[test]
 fn splats_that_share_no_pixel_come_in_any_order() {
-    // Two heaps, each with its own order, far enough apart on the screen.
+    // Two groups, each with its own order, far enough apart on the screen.
     let heap = |side: f64, seed: u64| -> Vec<Splat> {
         let moved = |splat: &Splat| Splat {
             position: DVec3::new(side + splat.position.x * 0.1, splat.position.y, 2.0),
@@ -405,7 +403,7 @@ fn an_opaque_splat_hides_all_behind_it() {
         ..splat([0.0, 0.0, 0.5], 1.0)
     };
     let mut scene = confetti(200, 5);
-    // Low enough for the weights of one splat to cover.
+    // Low enough that the weights of one splat cover.
     scene.surface.coverage_threshold = 0.03;
     scene.splats.push(front);
     for machine in machines() {
@@ -428,7 +426,7 @@ fn an_opaque_splat_hides_all_behind_it() {
             with(&[behind, front]),
             with(&[&behind[..100], front, &behind[100..]]),
         ] {
-            // An eight-bit machine divides Σw·α by W to a last place less than 1.
+            // An eight-bit machine divides Σw·α by W, with an ulp less than 1.
             let off = picture
                 .as_flattened()
                 .iter()
@@ -445,8 +443,8 @@ fn an_opaque_splat_hides_all_behind_it() {
     }
 }
 
-/// Σw over the picture, from alpha: the coverage threshold is 1, which no weight of one splat
-/// reaches.
+/// Σw over the picture, computed from alpha: the coverage threshold is 1, which no weight of one
+/// splat reaches.
 fn total_weight(mut scene: Scene, machine: &Elaborated) -> f64 {
     scene.surface.coverage_threshold = 1.0;
     let drawing = draw(&scene, machine);

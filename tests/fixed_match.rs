@@ -8,13 +8,13 @@ use splatsim::golden;
 use splatsim::hardware::{fixed, quantise};
 use splatsim::scene::{Overrides, Scene};
 
-/// What a machine must reach on a scene.
+/// The required accuracy of a machine on a scene.
 struct Target {
     machine: &'static str,
     psnr_db: f64,
-    /// Part of all pixels that may be off by more than 1/255.
+    /// Share of pixels that may differ by more than 1/255.
     pixels_over: f64,
-    /// Whether every signal must hold what it is given.
+    /// Whether no signal may saturate.
     holds_all: bool,
 }
 
@@ -33,11 +33,11 @@ const TARGETS: [Target; 2] = [
     },
 ];
 
-/// Signals that may saturate: a grazing plane's slope has no limit, and the depth clamp rules there
-/// (docs/book/algorithm.md §3).
+/// Signals that may saturate: the slope of a grazing plane is unlimited, and there the depth clamp
+/// decides (docs/book/algorithm.md §3).
 const CLAMPS: [&str; 1] = ["ellipse.depth_slope"];
 
-/// Every target that a machine misses on a scene, a sentence each.
+/// Every target that a machine misses on a scene, one sentence each.
 fn missed(target: &Target, measured: &Metrics, pixels: usize, saturated: &[String]) -> Vec<String> {
     let mut missed = Vec::new();
     for (name, db) in [
@@ -65,7 +65,7 @@ fn missed(target: &Target, measured: &Metrics, pixels: usize, saturated: &[Strin
     missed
 }
 
-/// Draws a scene on every machine, prints a row for each, and fails where one misses its target.
+/// Draws a scene on every machine, prints a row for each, and fails if one misses its target.
 fn machines_meet_their_targets(name_or_path: &str) {
     let scene = Scene::load(
         name_or_path,

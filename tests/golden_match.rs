@@ -1,5 +1,5 @@
-//! Does `golden` do what an independent program measured on the check scene (docs/book/algorithm.md
-//! §6, docs/book/algorithm-resolve.md §10)?
+//! Does `golden` agree with the measurements of an independent program on the check scene
+//! (docs/book/algorithm.md §6, docs/book/algorithm-resolve.md §10)?
 
 use crate::tier::{self, Tier};
 use std::f64::consts::PI;
@@ -12,8 +12,8 @@ use splatsim::scene::{Camera, Filter, Image, Kernel, Light, Material, Scene, Spl
 const UNLIT: u32 = 0;
 const GLOSSY: u32 = 1;
 
-/// `glass-spheres`, built from docs/book/algorithm-resolve.md §10 alone: a second construction
-/// beside the built-in one.
+/// `glass-spheres`, constructed only from docs/book/algorithm-resolve.md §10, independently of the
+/// built-in scene.
 pub fn glass_spheres() -> Scene {
     let mut splats = floor(400);
     splats.extend(sphere(60_000, [0.0, 0.0, 0.0], 1.0, [0.9, 0.2, 0.1], 0.5));
@@ -117,9 +117,9 @@ fn sphere(count: usize, centre: [f64; 3], radius: f64, rgb: [f64; 3], opacity: f
     (0..count).map(splat).collect()
 }
 
-/// The order behind the table's random rows, `numpy.random.default_rng(1).permutation(n)`. Found by
-/// trial: of sixteen shuffles this one gives every entry. They differ by up to 1.6 dB at l = 8 and
-/// by 2 % in merges, so another order would prove little.
+/// The order of the table's random rows, `numpy.random.default_rng(1).permutation(n)`. It was found
+/// by trial: of sixteen shuffles only this one gives every entry. They differ by up to 1.6 dB at l
+/// = 8 and by 2 % in merges, so another order would be a weak test.
 pub fn permutation(count: usize) -> Vec<usize> {
     let mut order: Vec<usize> = (0..count).collect();
     let mut generator = Pcg64 {
@@ -135,7 +135,7 @@ pub fn permutation(count: usize) -> Vec<usize> {
 /// PCG XSL-RR 128/64 (O'Neill 2014) as numpy seeds it from 1.
 struct Pcg64 {
     state: u128,
-    /// The upper half of the last output, if nobody has used it yet.
+    /// The upper half of the last output, if it is unused.
     half: Option<u32>,
 }
 
@@ -155,7 +155,7 @@ impl Pcg64 {
         output as u32
     }
 
-    /// Uniform in 0..=most: numbers of as many bits until one is small enough.
+    /// Uniform in 0..=most: draws numbers with as many bits until one is small enough.
     fn at_most(&mut self, most: u32) -> u32 {
         let mask = u32::MAX >> most.leading_zeros();
         loop {
@@ -187,7 +187,7 @@ fn rules(layers: usize, merge: Merge, evict_hidden: bool) -> Rules {
 }
 
 /// One row of docs/book/algorithm.md §6's table: dB and thousands of merges for the three rules.
-type Row = (usize, [(f64, u64); 3]);
+type MeasuredRow = (usize, [(f64, u64); 3]);
 
 const RULES: [(Merge, bool); 3] = [
     (Merge::NearestPair, false),
@@ -195,8 +195,8 @@ const RULES: [(Merge, bool); 3] = [
     (Merge::FarthestPair, true),
 ];
 
-/// Prints what was measured; says whether all of it is as in the table.
-fn matches_the_table(scene: &Scene, ideal: &Rendering, rows: &[Row]) -> bool {
+/// Prints the measurements; returns whether all of them agree with the table.
+fn matches_the_table(scene: &Scene, ideal: &Rendering, rows: &[MeasuredRow]) -> bool {
     let mut all = true;
     for (layers, expected) in rows {
         for ((merge, evict_hidden), (db, thousands)) in RULES.into_iter().zip(expected) {
@@ -204,7 +204,7 @@ fn matches_the_table(scene: &Scene, ideal: &Rendering, rows: &[Row]) -> bool {
             let psnr = metrics(&golden.picture, &ideal.picture)
                 .psnr_db
                 .unwrap_or(f64::INFINITY);
-            // The table cuts where it might round: 391,754 merges are 391 thousand.
+            // The table truncates: 391,754 merges are 391 thousand.
             let merged = golden.outcomes.merged / 1000;
             let fits = (psnr - db).abs() <= 0.3 && merged == *thousands;
             println!(
@@ -223,7 +223,7 @@ fn the_table_of_the_check_scene_in_surface_order() {
     }
     let scene = glass_spheres();
     let ideal = ideal_of(&scene, false);
-    let rows: [Row; 4] = [
+    let rows: [MeasuredRow; 4] = [
         (2, [(26.2, 1264), (29.8, 1097), (29.8, 338)]),
         (3, [(30.6, 412), (37.4, 391), (37.4, 191)]),
         (4, [(41.6, 96), (40.2, 76), (40.2, 32)]),
@@ -243,7 +243,7 @@ fn the_table_of_the_check_scene_in_random_order() {
         .map(|index| scene.splats[index])
         .collect();
     let ideal = ideal_of(&scene, false);
-    let rows: [Row; 3] = [
+    let rows: [MeasuredRow; 3] = [
         (3, [(31.1, 885), (40.5, 877), (40.5, 778)]),
         (4, [(35.3, 337), (43.3, 403), (43.3, 322)]),
         (8, [(44.2, 0), (44.2, 0), (44.2, 0)]),

@@ -1,5 +1,5 @@
-//! Does the rule `window` do what an independent program measured, and does it keep its laws
-//! (docs/book/algorithm-resolve.md §11)?
+//! Does the rule `window` agree with the measurements of an independent program, and does it keep
+//! its laws (docs/book/algorithm-resolve.md §11)?
 
 use crate::golden_match::{glass_spheres, permutation};
 use crate::handmade::{Rng, confetti, glass, scene, splat};
@@ -18,7 +18,7 @@ fn window(layers: usize) -> Rules {
     }
 }
 
-/// The simpler cousin: fragments as wide as ε, none summed.
+/// The simpler rule: fragments as wide as ε, none summed.
 fn intervals(layers: usize) -> Rules {
     Rules {
         group: Group::Interval,
@@ -43,9 +43,9 @@ fn greatest_difference(a: &Rendering, b: &Rendering) -> f64 {
     pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
 }
 
-// --- What an independent program measured ---
+// --- Measurements of an independent program ---
 
-/// Prints what was measured; says whether all of it is within 0.3 dB of what was published.
+/// Prints the measurements; returns whether all of them are within 0.3 dB of the published ones.
 fn agree(scene: &Scene, rows: &[(Rules, f64)]) -> bool {
     let ideals = [false, true].map(|turned| ideal_of(scene, turned).picture);
     let mut all = true;
@@ -189,7 +189,7 @@ fn windows_equal_ideal_where_every_surface_has_a_slot() {
     assert!(greatest_difference(&render(&scene, &window(4)), &ideal(&scene)) > 1e-3);
 }
 
-/// What a surface of its own slot is made of comes in any order.
+/// Contributions to a surface with its own slot may come in any order.
 #[test]
 fn the_order_of_arrival_is_nothing_where_every_surface_has_a_slot() {
     let mut scene = glass(5, 11);
@@ -225,8 +225,8 @@ fn one_splat_none_and_all_at_one_depth_are_ideal() {
     }
 }
 
-/// Fragments that span what lies within ε: enough of them are as good as the paper's, whatever
-/// comes first.
+/// Fragments that span a depth interval within ε: with enough of them they are as good as the
+/// paper's, in any order.
 #[test]
 fn intervals_go_with_the_paper_s_merges() {
     let scene = glass(5, 4);
@@ -242,7 +242,7 @@ fn intervals_go_with_the_paper_s_merges() {
         assert!(greatest_difference(&render(&scene, &rules(5)), &ideal) < 1e-12);
         assert!(render(&scene, &rules(4)).outcomes.merged > 0);
     }
-    // Within ε of the first, but not of each other: two intervals where the paper has one fragment.
+    // Within ε of the first, but not of each other: two intervals, but one fragment in the paper.
     let near = scene.surface.z_threshold * 0.75;
     let splats = [1.0, 1.0 - near, 1.0 + near]
         .map(|z| splat([0.0, 0.0, z], 1.0))
@@ -263,7 +263,7 @@ fn intervals_go_with_the_paper_s_merges() {
 }
 
 #[test]
-fn rules_that_do_not_go_together_are_told() {
+fn incompatible_rules_are_reported() {
     let merges = [
         Merge::NearestPair,
         Merge::FarthestPair,

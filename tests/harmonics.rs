@@ -1,4 +1,4 @@
-//! Do spherical harmonics cost what they take: bytes, cycles, area and energy by their degree?
+//! Do the bytes, cycles, area and energy of spherical harmonics follow their degree?
 
 use crate::handmade::Rng;
 use crate::traced::machine;
@@ -16,8 +16,8 @@ use splatsim::performance::cost::{Cost, CostReport, DEFAULT};
 use splatsim::scene::digest::digest_of;
 use splatsim::scene::{Overrides, Scene};
 
-/// So many Gaussians with harmonics of a degree, all coefficients but the constant ones 0: the same
-/// picture whatever the degree.
+/// `count` Gaussians with harmonics of a degree, whose coefficients are 0 except the constant ones:
+/// the same picture for any degree.
 fn scene(count: usize, degree: usize) -> Scene {
     let mut rng = Rng(7);
     let rest = 3 * ((degree + 1) * (degree + 1) - 1);
@@ -60,8 +60,8 @@ fn scene(count: usize, degree: usize) -> Scene {
     Scene::load(file, &Overrides::default()).unwrap()
 }
 
-/// What a frame takes.
-struct Frame {
+/// Costs of a frame.
+struct FrameCosts {
     machine: Elaborated,
     work: Work,
     cycles: Cycles,
@@ -69,12 +69,12 @@ struct Frame {
     notes: Vec<String>,
 }
 
-fn frame(scene: &Scene, machine: &Machine) -> Frame {
+fn frame(scene: &Scene, machine: &Machine) -> FrameCosts {
     let elaborated = fixed::elaborate(machine).unwrap();
     let quantised = quantise(scene, machine).unwrap();
     let (drawing, _, work) = draw_measured(&elaborated, &quantised.frame);
     let cycles = timing::replay(&elaborated.timing, &work, Detail::Log);
-    Frame {
+    FrameCosts {
         machine: elaborated,
         work,
         cycles,
@@ -83,7 +83,7 @@ fn frame(scene: &Scene, machine: &Machine) -> Frame {
     }
 }
 
-impl Frame {
+impl FrameCosts {
     fn bytes(&self) -> u64 {
         self.cycles.memory.bytes[Client::Splats as usize][0]
     }
@@ -96,7 +96,7 @@ impl Frame {
 #[test]
 fn records_are_as_long_as_their_harmonics() {
     let gaussian = machine("gaussian", &["timing.memory.burst_bytes=64"]);
-    let frames: Vec<Frame> = (0..4)
+    let frames: Vec<FrameCosts> = (0..4)
         .map(|degree| frame(&scene(300, degree), &gaussian))
         .collect();
     let burst = 64;
@@ -113,7 +113,7 @@ fn records_are_as_long_as_their_harmonics() {
             + 8;
         (rest + colour + 4 * width(axes.quaternion) + 3 * width(axes.scale)).div_ceil(8)
     };
-    // As the issue has it: 55 bytes, and some 236 of degree 3.
+    // 55 bytes, and about 236 bytes for degree 3.
     assert_eq!(record(0), 55);
     assert!((230..245).contains(&record(3)), "{}", record(3));
     for (degree, frame) in frames.iter().enumerate() {
@@ -144,7 +144,7 @@ fn records_are_as_long_as_their_harmonics() {
 fn colours_are_worked_out_of_the_splats_that_are_drawn() {
     let gaussian = machine("gaussian", &[]);
     for organisation in ["binned", "immediate"] {
-        // Whatever the order.
+        // In any order.
         let machine = match organisation {
             "binned" => gaussian.clone(),
             _ => Machine {
@@ -246,7 +246,7 @@ fn multipliers_and_energy_follow_the_degree() {
     assert!(energies.windows(2).all(|two| two[0].units < two[1].units
         && two[0].dram < two[1].dram
         && two[0].storage < two[1].storage));
-    // Of degree 0 nothing of the unit works: a machine without it takes the same.
+    // With degree 0 the unit does nothing: a machine without it takes the same cycles.
     let without = Machine {
         colour: None,
         ..gaussian
@@ -283,7 +283,7 @@ fn a_machine_without_the_unit_is_given_colours() {
     );
     let colours_alone = frame(&scene(100, 0), &gaussian);
     assert_eq!(without.bytes(), colours_alone.bytes());
-    // Files that know nothing of the unit are as valid as they were.
+    // Files without the unit stay valid.
     let mut value = machines::value(&gaussian);
     value.as_object_mut().unwrap().remove("colour");
     value["ellipse"]["ellipsoid"]
@@ -293,7 +293,7 @@ fn a_machine_without_the_unit_is_given_colours() {
     let old = machines::from_value(&value, "old").unwrap();
     assert_eq!((old.colour, old.timing.colour), (None, None));
     assert_eq!(fixed::elaborate(&old).unwrap().timing.splat_bytes, 55);
-    // What is left out of the unit's timing is the default's.
+    // Omitted timing fields of the unit have their defaults.
     let changed = machine("gaussian", &["timing.colour.units=2"]);
     assert_eq!(
         changed.timing.colour,

@@ -1,5 +1,5 @@
-//! Does a result folder hold one run whatever happens while it is written, and does every input
-//! end, in a result or in one sentence?
+//! Does a result folder contain exactly one run, whatever happens while it is written, and does
+//! every input result in output or in one sentence?
 
 use crate::program::PROGRAM;
 use crate::shared_input;
@@ -28,7 +28,7 @@ fn splatsim(arguments: &[impl AsRef<OsStr>]) -> Output {
     started(arguments).wait_with_output().unwrap()
 }
 
-/// The one sentence of a refusal.
+/// The single sentence of a refusal.
 #[track_caller]
 fn refused(arguments: &[impl AsRef<OsStr>]) -> String {
     let output = splatsim(arguments);
@@ -76,7 +76,7 @@ fn names_in(folder: &Path) -> Vec<String> {
 
 // ---- result folders ----
 
-/// Of two at once into a folder that is not there one is refused, and the other has all of its
+/// Of two simultaneous runs into a new folder one is refused, and the other one has all of its
 /// files.
 #[test]
 fn of_two_runs_into_a_new_folder_one_is_refused_and_the_other_is_whole() {
@@ -102,7 +102,7 @@ fn of_two_runs_into_a_new_folder_one_is_refused_and_the_other_is_whole() {
             .map(|child| child.wait_with_output().unwrap());
         let mut codes = ends.each_ref().map(|end| end.status.code().unwrap());
         codes.sort_unstable();
-        // They may come one after the other.
+        // They may also run one after the other.
         assert!(codes == [0, 0] || codes == [0, 2], "{ends:?}");
         refusals += usize::from(codes == [0, 2]);
         let names = names_in(&out);
@@ -117,7 +117,7 @@ fn of_two_runs_into_a_new_folder_one_is_refused_and_the_other_is_whole() {
     assert!(refusals > 0, "no two of them met");
 }
 
-/// What the folder's report and pictures are of; none of each where it is not there.
+/// The machines of the folder's report and pictures; none for each that is missing.
 fn sizes(out: &Path) -> [Option<[u64; 2]>; 2] {
     let report = std::fs::read_to_string(out.join("report.json"))
         .ok()
@@ -222,7 +222,7 @@ fn a_result_that_cannot_be_written_leaves_the_one_before_as_it_is() {
     };
     std::fs::remove_file(out.join("error.png")).unwrap();
     let before = all();
-    // No file can have the name of a folder.
+    // A file cannot have the name of a folder.
     std::fs::create_dir(out.join("error.png")).unwrap();
     let end = splatsim(&run("32x32"));
     let told = String::from_utf8(end.stderr).unwrap();
@@ -236,10 +236,10 @@ fn a_result_that_cannot_be_written_leaves_the_one_before_as_it_is() {
     assert!(all() == before);
 }
 
-/// From the first frame on no older report describes them, and files of one frame are not beside
-/// frames.
+/// From the first frame on there is no older report, and there are no files of a single frame next
+/// to the frames.
 #[test]
-fn a_sequence_takes_the_place_of_what_was_in_its_folder() {
+fn a_sequence_replaces_the_previous_result_in_its_folder() {
     let folder = tempfile::tempdir().unwrap();
     let scene = write(folder.path(), "disc.json", DISC);
     let film = |frames: u32| {
@@ -289,7 +289,7 @@ fn a_sequence_takes_the_place_of_what_was_in_its_folder() {
     );
 }
 
-/// What a browser would read as the beginning of a script within a script stays text.
+/// Text that a browser would parse as the beginning of a script within a script stays text.
 #[test]
 fn no_value_of_a_row_ends_the_page_of_charts() {
     let folder = tempfile::tempdir().unwrap();
@@ -318,10 +318,10 @@ fn no_value_of_a_row_ends_the_page_of_charts() {
     assert!(!page.contains("<!--<script>") && page.trim_end().ends_with("</html>"));
 }
 
-// ---- what an error quotes ----
+// ---- names in error messages ----
 
 #[test]
-fn names_of_megabytes_end_in_a_short_sentence_soon() {
+fn names_of_megabytes_end_in_a_short_sentence_quickly() {
     let folder = tempfile::tempdir().unwrap();
     let long = "abc".repeat(2 << 20);
     let spaced = "ab c".repeat(1 << 20);
@@ -376,7 +376,7 @@ fn names_of_megabytes_end_in_a_short_sentence_soon() {
 
 #[cfg(unix)]
 #[test]
-fn devices_folders_and_pipes_that_nobody_writes_into_are_refused_by_every_reader() {
+fn devices_folders_and_pipes_without_a_writer_are_refused_by_every_reader() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     let scene = write(folder.path(), "disc.json", DISC);
@@ -414,7 +414,7 @@ fn devices_folders_and_pipes_that_nobody_writes_into_are_refused_by_every_reader
         vec!["run", "/dev/zero"],
         vec!["run", &splats("/dev/zero")],
         vec!["run", &scene, "--machine", "/dev/zero"],
-        vec!["run", &scene, "--prices", "/dev/zero"],
+        vec!["run", &scene, "--unit-costs", "/dev/zero"],
         vec!["run", &scene, "--cameras", &at("zero.json")],
         vec!["sample", &at("zero.obj"), "--points", "10", "--out", &out],
         vec![
@@ -444,7 +444,7 @@ fn devices_folders_and_pipes_that_nobody_writes_into_are_refused_by_every_reader
             start.elapsed()
         );
     }
-    // A pipe that has an end is an input as a file is.
+    // A pipe that ends is a valid input, like a file.
     let machine = write(folder.path(), "machine.json", r#"{"base": "tiny"}"#);
     let script = r#"cat "$1" > "$2" & exec "$0" machine show "$2""#;
     let output = Command::new("sh")
@@ -476,7 +476,8 @@ fn an_export_is_not_written_over_another_file() {
 
 // ---- memory ----
 
-/// The largest picture of one splat, in less memory than it takes: refused before it is begun.
+/// The largest picture of one splat, with less memory than it needs: it is refused before drawing
+/// begins.
 #[cfg(target_os = "linux")]
 #[test]
 fn a_frame_that_memory_has_no_room_for_is_refused_before_it_is_drawn() {

@@ -1,5 +1,5 @@
-//! Irregular volumes: is an evenly spaced grid the volume that it is, do curvilinear kernels have
-//! the variance of their cells, does the machine draw both, and is a broken file told of?
+//! Irregular volumes: does an evenly spaced grid equal the regular volume, do curvilinear kernels
+//! have the variance of their cells, does the machine draw both, and is a broken file refused?
 
 use assert_cmd::Command;
 use glam::DVec3;
@@ -18,7 +18,7 @@ fn index(i: usize) -> [usize; 3] {
     [i % SIZE[0], i / SIZE[0] % SIZE[1], i / SIZE[0] / SIZE[1]]
 }
 
-/// Waves in [0, 1], one sample in seven below what is seen.
+/// Waves in [0, 1]; one sample in seven is below the visible range.
 fn value(i: usize) -> f32 {
     let [x, y, z] = index(i).map(|at| at as f64);
     if i.is_multiple_of(7) {
@@ -86,7 +86,7 @@ fn vts(point: impl Fn(usize) -> DVec3) -> String {
     )
 }
 
-/// A scene file's text, of a source and the rest as `look` says.
+/// The text of a scene file: a source, and other fields from `look`.
 fn scene(source: Value, look: &Value) -> Value {
     let mut scene = look.clone();
     scene["splats"] = source;
@@ -140,9 +140,10 @@ fn even_look() -> Value {
         "lights": [{"direction": [1, 2, 0.5]}], "sheets": {"stop": 0}})
 }
 
-/// Samples as a volume, and as each kind of irregular field: a rectilinear grid has its slices, the
-/// others come sample by sample, so they are compared in `ideal`, which blends every contribution
-/// by itself. Points are told the variances that a grid's spacing makes.
+/// Samples as a volume, and as each kind of irregular field. A rectilinear grid has the slices of
+/// the volume. The others are drawn sample by sample, so they are compared in `ideal`, which blends
+/// every contribution separately. Points are given the variances that follow from the grid's
+/// spacing.
 #[test]
 fn an_even_grid_is_the_volume_that_it_is() {
     let values: Vec<u8> = (0..COUNT).flat_map(|i| value(i).to_le_bytes()).collect();
@@ -189,8 +190,8 @@ fn an_even_grid_is_the_volume_that_it_is() {
     let ideal = golden::ideal(&even).picture;
     let apart = farthest(&golden::ideal(&curvilinear).picture, &ideal);
     assert!(apart < 1e-12, "curvilinear: {apart:e}");
-    // Points know their neighbours, but no grid: gradients at the border are others, so none is
-    // asked for.
+    // Points have neighbours, but not a grid: their gradients at the border differ, so gradients
+    // are not used here.
     let plain = |volume: Value, more: Value| {
         let mut source = json!({"volume": volume, "transfer": transfer()});
         more.as_object()
@@ -237,8 +238,8 @@ fn an_even_grid_is_the_volume_that_it_is() {
     assert!(apart < 1e-12, "points: {apart:e}");
 }
 
-/// A sheared grid is the curvilinear one of the same places: kernels, gradients, light and depths,
-/// in `ideal`.
+/// A sheared grid equals the curvilinear grid with the same positions: kernels, gradients, light
+/// and depths, in `ideal`.
 #[test]
 fn a_sheared_grid_is_the_curvilinear_grid_that_it_is() {
     let steps = [[0.3, 0.0, 0.1], [0.2, 0.5, 0.0], [-0.1, 0.3, 0.7]].map(DVec3::from_array);
@@ -278,13 +279,13 @@ fn a_sheared_grid_is_the_curvilinear_grid_that_it_is() {
     check_drawn(&picture);
     let apart = farthest(&golden::ideal(&curvilinear).picture, &picture);
     assert!(apart < 1e-9, "{apart:e}");
-    // In slices it is what it is sample by sample, nearly: kernels of a slice are one sheet.
+    // In slices it is nearly the same as sample by sample: the kernels of a slice are one sheet.
     let psnr = metrics(&golden(&grid), &picture).psnr_db.unwrap();
     assert!(psnr > 40.0, "{psnr} dB");
 }
 
-/// Kernels that the eye sees along their length are deeper than the usual machine holds: the
-/// summary names a format that holds them.
+/// Kernels seen along their length are deeper than the range of the usual machine: the summary
+/// names a format that is large enough.
 #[test]
 fn the_summary_of_needles_names_a_format_that_holds_them() {
     let folder = tempfile::tempdir().unwrap();
@@ -344,8 +345,7 @@ fn the_summary_of_needles_names_a_format_that_holds_them() {
     );
 }
 
-/// A sample that is NaN is one that the transfer function does not show, in every format, and the
-/// summary counts it.
+/// A sample that is NaN is not visible, in every format, and the summary counts it.
 #[test]
 fn a_sample_that_is_nan_is_drawn_as_empty() {
     let holes = [30, 31, 250];
@@ -403,7 +403,7 @@ fn a_sample_that_is_nan_is_drawn_as_empty() {
         put(344, b"n+1\0");
         [header, bytes(values)].concat()
     };
-    /// A file of these samples.
+    /// A file with these samples.
     type Written<'a> = Box<dyn Fn(&[f32]) -> Vec<u8> + 'a>;
     let files: Vec<(&str, Written<'_>)> = vec![
         (
@@ -489,7 +489,7 @@ fn a_sample_that_is_nan_is_drawn_as_empty() {
         ),
     ];
     let look = json!({"image": {"width": 40, "height": 36}, "materials": [{"unlit": true}]});
-    // Of the first point's opacity a NaN would be seen; the holes of the other file are not.
+    // NaN would show in the opacity of the first point; the holes of the other file do not show.
     let mut points = transfer();
     points.as_array_mut().unwrap().splice(
         0..0,
@@ -540,8 +540,7 @@ fn a_sample_that_is_nan_is_drawn_as_empty() {
     }
 }
 
-/// An isosurface ends where samples do: none of its splats comes from a step to a sample that is
-/// NaN.
+/// An isosurface ends at NaN: none of its splats comes from a step to a sample that is NaN.
 #[test]
 fn an_isosurface_ends_beside_samples_that_are_nan() {
     let size = [12, 6, 6];
@@ -574,7 +573,7 @@ fn an_isosurface_ends_beside_samples_that_are_nan() {
     );
 }
 
-/// A piece of a twisted tube: cells get longer outwards and towards one end.
+/// A piece of a twisted tube: cells become longer outwards and towards one end.
 fn twisted(i: usize) -> DVec3 {
     let [x, y, z] = index(i).map(|at| at as f64);
     let (radius, turn) = (0.6 + 0.1 * x + 0.015 * x * x, 0.5 * y + 0.15 * z);
@@ -600,10 +599,10 @@ fn twisted_scene(more: &Value) -> Scene {
     loaded(&[("x.vts", vts(twisted).as_bytes())], &scene).unwrap()
 }
 
-/// Every sample at every pixel, from the definitions: steps are differences of places, the
-/// footprint's variance is that of the kernel times the derivative of the projection, taken as a
-/// difference too, and depth along a ray is the sample's volume times what that derivative makes of
-/// area.
+/// Every sample at every pixel, from the definitions: steps are differences of positions. The
+/// variance of the footprint is that of the kernel times the derivative of the projection, which is
+/// computed as a difference too. The depth along a ray is the sample's volume times the
+/// scale of areas of this derivative.
 fn oracle() -> Vec<[f64; 3]> {
     let (eye, target, size) = (
         DVec3::new(3.0, 2.4, 5.0),
@@ -699,7 +698,7 @@ fn a_curvilinear_kernel_has_the_variance_of_its_cell() {
             .map(|c| (drawn[c] - rgb[c]).abs())
             .fold(0.0, f64::max)
     });
-    // A pixel on a rim may fall to either side.
+    // A pixel on a rim may be on either side.
     let (far, most) = apart.fold((0, 0.0_f64), |(far, most), apart| {
         if apart > 1e-3 {
             (far + 1, most)
@@ -710,7 +709,7 @@ fn a_curvilinear_kernel_has_the_variance_of_its_cell() {
     assert!(far <= 2 && most < 1e-7, "{far} pixels, others {most:e}");
 }
 
-/// Points at random, of widths by their density.
+/// Random points, with widths from their density.
 fn cloud() -> Scene {
     let mut state = 1_u64;
     let mut random = || {
@@ -762,7 +761,7 @@ fn the_machine_draws_them_within_its_bounds() {
 }
 
 #[test]
-fn what_is_wrong_is_said_and_nothing_is_written() {
+fn faulty_volumes_are_refused_and_nothing_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let run = |name: &str, bytes: &[u8], scene: Option<Value>| {
         std::fs::write(folder.path().join(name), bytes).unwrap();
@@ -795,7 +794,7 @@ fn what_is_wrong_is_said_and_nothing_is_written() {
             sound.replace("StructuredGrid", "HyperTreeGrid"),
             "only StructuredGrid",
         ),
-        // Read as what its content says it is.
+        // The content determines the format.
         (
             sound.replace("StructuredGrid", "PolyData"),
             "`NumberOfPoints`",

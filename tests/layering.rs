@@ -1,11 +1,11 @@
-//! Does every file stay on its side of the walls (docs/book/invariants.md)? Rules over the source
-//! text, without comments, without what strings say, and without unit tests.
+//! Does every file respect the layers (docs/book/invariants.md)? Rules over the source text without
+//! comments, contents of strings and unit tests.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-/// Sources by path from the project's folder, with forward slashes; comments, strings' contents and
-/// unit tests blanked out.
+/// Sources by path from the project's folder, with forward slashes; comments, contents of strings
+/// and unit tests are blanked out.
 type Sources = BTreeMap<String, String>;
 
 fn sources(folders: &[&str]) -> Sources {
@@ -49,8 +49,8 @@ fn walk(folder: &Path, files: &mut Vec<PathBuf>) {
 
 // --- Reading Rust just well enough ---
 
-/// The text with comments and the contents of strings and characters replaced by spaces; lines stay
-/// where they are.
+/// The text with comments and the contents of strings and characters replaced by spaces; line
+/// numbers are unchanged.
 fn code(text: &str) -> String {
     let chars: Vec<char> = text.chars().collect();
     let mut out = String::new();
@@ -72,7 +72,7 @@ fn code(text: &str) -> String {
     out
 }
 
-/// Where the comment, string or character that begins here ends; `at` itself where none begins.
+/// The end of the comment, string or character that begins here; `at` itself if none begins.
 fn blank_until(chars: &[char], at: usize) -> usize {
     let rest = &chars[at..];
     let starts = |text: &str| {
@@ -144,13 +144,12 @@ fn is_word(c: char) -> bool {
     c.is_alphanumeric() || c == '_'
 }
 
-/// The code without the items that only tests see.
+/// The code without items that are compiled only for tests.
 fn without_tests(code: &str) -> String {
     without_items(code, "#[cfg(test)]")
 }
 
-/// The code without every item that begins with `head`: up to its `;`, or to the brace that closes
-/// it.
+/// The code without every item that begins with `head`, up to its `;` or its closing brace.
 fn without_items(code: &str, head: &str) -> String {
     let mut out = String::new();
     let mut rest = code;
@@ -176,7 +175,7 @@ fn item_length(item: &str) -> usize {
     item.len()
 }
 
-/// Words and single signs.
+/// Words and single punctuation characters.
 fn tokens(code: &str) -> Vec<&str> {
     let mut tokens = Vec::new();
     let mut rest = code.trim_start();
@@ -196,7 +195,7 @@ fn names(code: &str, word: &str) -> bool {
     tokens(code).contains(&word)
 }
 
-/// What stands behind every `root::`, one step deep: also inside `root::{…}`.
+/// The names after every `root::`, one level deep, also inside `root::{…}`.
 fn steps_from<'a>(code: &'a str, root: &str) -> BTreeSet<&'a str> {
     let tokens = tokens(code);
     let mut steps = BTreeSet::new();
@@ -214,7 +213,7 @@ fn steps_from<'a>(code: &'a str, root: &str) -> BTreeSet<&'a str> {
     steps
 }
 
-/// First words of the entries of a `{a::b, c::{d, e}}`, which has been entered.
+/// First words of the entries of a `{a::b, c::{d, e}}`, after its opening brace.
 fn group<'a>(tokens: &[&'a str]) -> Vec<&'a str> {
     let (mut depth, mut is_first, mut found) = (0, true, Vec::new());
     for token in tokens {
@@ -233,9 +232,9 @@ fn group<'a>(tokens: &[&'a str]) -> Vec<&'a str> {
     found
 }
 
-// --- The rules: each says what is wrong with one file's code ---
+// --- The rules: each returns the faults of one file ---
 
-/// Words for real numbers, and numbers with a point.
+/// Types and functions of real numbers, and numbers with a point.
 fn floats(code: &str) -> Vec<String> {
     let words = ["f32", "f64"]
         .into_iter()
@@ -277,7 +276,7 @@ fn float_literals(code: &str) -> Vec<String> {
     found
 }
 
-/// What a machine has not: files, clocks, prints, threads' luck, an environment.
+/// Facilities that the machine does not use: files, clocks, output, random hash order, environment.
 fn surroundings(code: &str) -> Vec<String> {
     let words = [
         "println",
@@ -303,8 +302,8 @@ fn surroundings(code: &str) -> Vec<String> {
         .collect()
 }
 
-/// Whatever a unit names of its crate that it may not: other than layers below it, and what the
-/// host does in them.
+/// Names of its crate that a unit must not use: all except the layers below it, and their host
+/// versions.
 fn neighbours(code: &str) -> Vec<String> {
     let above = names(code, "super").then(|| "super".into());
     neighbours_over_the_reals(code)
@@ -318,7 +317,7 @@ fn neighbours(code: &str) -> Vec<String> {
         .collect()
 }
 
-/// The same of a unit's bound, which may name its unit, which is its parent, and real numbers too.
+/// The same for a unit's bound, which may also name its parent unit, and real numbers.
 fn neighbours_over_the_reals(code: &str) -> Vec<String> {
     let allowed = [
         "graph",
@@ -346,11 +345,12 @@ fn neighbours_over_the_reals(code: &str) -> Vec<String> {
     steps.chain(outside).chain(above).collect()
 }
 
-/// A crate's layers, top to bottom: each names those below it alone.
+/// Layers of a crate, top to bottom: each names only those below it.
 struct Layers {
     folder: &'static str,
     layers: &'static [&'static str],
-    /// Files beside the folders: the crate's own, and the ground floor that is one file.
+    /// Files outside the folders: those of the crate itself, and the bottom layer that is a single
+    /// file.
     files: &'static [&'static str],
 }
 
@@ -397,7 +397,7 @@ const THE_BENCH: Layers = Layers {
 };
 
 impl Layers {
-    /// The modules on the way to a file: `src/golden/tiles.rs` is golden, tiles.
+    /// The modules on the path of a file: `src/golden/tiles.rs` is golden, tiles.
     fn modules<'a>(&self, path: &'a str) -> Vec<&'a str> {
         let inside = path.strip_prefix(self.folder).unwrap_or(path);
         inside
@@ -411,8 +411,8 @@ impl Layers {
         self.layers.iter().position(|known| *known == layer)
     }
 
-    /// Names that do not point down from a file: of its crate anything but its own layer and those
-    /// below, by `crate::` or by too many `super::`.
+    /// Names in a file that do not point down: names of its crate outside its own layer and the
+    /// layers below, by `crate::` or by too many `super::`.
     fn upward(&self, path: &str, code: &str) -> Vec<String> {
         let modules = self.modules(path);
         let own = self.place(modules[0]).unwrap_or(self.layers.len());
@@ -456,7 +456,7 @@ impl Layers {
     }
 }
 
-/// Real numbers, named other than to declare the module that has them.
+/// Uses of real numbers, except the declaration of their module.
 fn reals(code: &str) -> Vec<String> {
     let tokens = tokens(code);
     let named = |i: &usize| tokens[*i] == "real" && (*i == 0 || tokens[i - 1] != "mod");
@@ -466,8 +466,8 @@ fn reals(code: &str) -> Vec<String> {
         .collect()
 }
 
-/// Shifts to the right, which drop bits. (The formatter puts spaces around the sign, but not where
-/// it closes generics.)
+/// Right shifts, which drop bits. (The formatter puts spaces around the operator, but not around
+/// the brackets of generics.)
 fn right_shifts(code: &str) -> Vec<String> {
     let by_sign = code.lines().filter(|line| {
         line.contains(" >> ") || line.contains(" >>= ") || line.trim_start().starts_with(">> ")
@@ -481,8 +481,8 @@ fn right_shifts(code: &str) -> Vec<String> {
         .collect()
 }
 
-/// Ways from real numbers to words: naming the machine's memory and registers, or scaling by powers
-/// of two beside the machine.
+/// Conversions of real numbers to words: naming the machine's memory and registers, or scaling by
+/// powers of two outside the machine.
 fn ways_to_bits(code: &str) -> Vec<String> {
     let steps = steps_from(code, "rtl_model");
     if steps.is_empty() {
@@ -499,7 +499,7 @@ fn ways_to_bits(code: &str) -> Vec<String> {
     memory.chain(scaling).collect()
 }
 
-/// Applies a rule to the files that `applies` picks, of which there must be some.
+/// Applies a rule to the files that `applies` selects; there must be at least one.
 fn check(
     sources: &Sources,
     applies: impl Fn(&str) -> bool,
@@ -524,7 +524,7 @@ const NUM: &str = "rtl_model/src/num/";
 const FUNCTIONS: &str = "rtl_model/src/functions/";
 const PIPELINE: &str = "rtl_model/src/pipeline/";
 
-/// Whether a file of the machine says over the reals what another does with words.
+/// Whether a file of the machine computes with reals what another one computes with words.
 fn is_over_the_reals(path: &str) -> bool {
     path.ends_with("/real.rs") || path.starts_with("rtl_model/src/real/")
 }
@@ -552,7 +552,7 @@ fn the_machine_does_not_know_its_own_bounds() {
 }
 
 #[test]
-fn no_unit_asks_what_a_word_stands_for() {
+fn no_unit_uses_the_value_of_a_word() {
     let calls = |code: &str| tokens(code).windows(3).any(|w| w == [".", "value", "("]);
     check(
         &sources(&[MACHINE]),
@@ -614,10 +614,10 @@ fn imports_point_down_only() {
     THE_BENCH.hold();
 }
 
-/// The pipeline elaborates and wires them, describes their ports, and drives each by itself. A
+/// The pipeline elaborates and connects them, describes their ports, and drives each separately. A
 /// field may be called `units`.
 #[test]
-fn only_the_pipeline_knows_several_units() {
+fn only_the_pipeline_names_several_units() {
     let rule = |_: &str, code: &str| {
         steps_from(code, "crate")
             .contains("units")
@@ -632,11 +632,11 @@ fn only_the_pipeline_knows_several_units() {
     );
 }
 
-/// Function and time meet only in recorded work: timing computes no value, and what computes values
-/// counts no cycle. So that machines that differ in these alone take the same cycles
+/// Function and time meet only in recorded work: timing computes no values, and code that computes
+/// values counts no cycles. Machines that differ only in these therefore take the same cycles
 /// (`Microarchitecture::keeps_time_as`).
 #[test]
-fn timing_asks_for_no_path_and_for_no_bit_that_is_kept() {
+fn timing_depends_on_no_path_and_on_no_kept_bit() {
     let asked = |code: &str| {
         ["paths", "pipelines", "storage"]
             .into_iter()
@@ -653,14 +653,14 @@ fn timing_asks_for_no_path_and_for_no_bit_that_is_kept() {
 }
 
 #[test]
-fn timing_knows_recorded_work_and_its_own_description_alone() {
+fn timing_names_only_recorded_work_and_its_own_description() {
     let is_timing = |path: &str| {
         path.starts_with(&format!("{MACHINE}timing/"))
             || path.starts_with(&format!("{MACHINE}work/"))
     };
     let all = sources(&[MACHINE]);
     assert!(all.keys().filter(|path| is_timing(path)).count() >= 8);
-    // Several machines abreast are lanes of the host's vector registers.
+    // In a batched replay, each machine is a lane of the host's vector registers.
     let is_known = |path: &str, step: &str| match step {
         "elaboration" | "machine" | "work" | "timing" => true,
         "kernels" | "num" => path.ends_with("timing/binned/abreast.rs"),
@@ -691,19 +691,19 @@ fn timing_knows_recorded_work_and_its_own_description_alone() {
 
 #[test]
 fn bits_are_lost_in_num_and_functions_alone() {
-    // The fit of eight sums at once, and the reach of one, which elaboration works out.
+    // Quantisation of eight sums at a time, and the range of one, which elaboration computes.
     let excused = [
         (">> (limits.right[lane]", "rtl_model/src/kernels/packed.rs"),
         ("] + (most >> right)", "rtl_model/src/kernels/packed.rs"),
         ("] + (least >> right)", "rtl_model/src/kernels/packed.rs"),
-        // The vector form of `right`, which is num's own shift.
+        // The vector form of `right`, which is a shift of num.
         ("(SIGN as u64 >> by)", "rtl_model/src/kernels/host.rs"),
-        // Bytes of a word, one after the other.
+        // The bytes of a word in sequence.
         (
             "i64::from_le_bytes(bytes) >> (32 * i)",
             "rtl_model/src/kernels/host.rs",
         ),
-        // A limit that elaboration works out, rounded up, and a bit of a mask.
+        // A limit computed by elaboration, rounded up, and a bit of a mask.
         (
             "(-opaque << opacity_places) >> m.opaque.format.frac_bits",
             "rtl_model/src/units/fragment.rs",
@@ -764,8 +764,8 @@ fn only_quantise_turns_real_numbers_into_bits() {
         !ways_to_bits(&sources[door]).is_empty(),
         "the rule no longer sees the one door"
     );
-    // Lockstep and partial precision read words that quantise made, beside the real numbers that
-    // they stand for. Traces write them down, and live units are asked in them.
+    // Lockstep and mixed precision read words that quantise made, together with their real values.
+    // Traces write them, and live units take them as input.
     let reads = |path: &str| {
         path.starts_with("src/accuracy/lockstep") || path == "src/hardware/registers.rs"
     };
@@ -778,8 +778,7 @@ fn only_quantise_turns_real_numbers_into_bits() {
     check(&sources, writes, |_, code| floats(code));
 }
 
-/// So that none of them reads a device without an end, or waits for a pipe that no process writes
-/// into.
+/// So that none of them reads an endless device, or blocks on a pipe that no process writes to.
 #[test]
 fn inputs_are_opened_in_one_place() {
     let opens = |code: &str| -> Vec<String> {
@@ -798,7 +797,7 @@ fn inputs_are_opened_in_one_place() {
             .map(|(owner, what)| format!("{owner}::{what}"))
             .collect()
     };
-    // What the program itself wrote into a folder, and whether a file may be written over.
+    // Files that the program itself wrote, and the check whether a file may be overwritten.
     let of_results = [
         "src/output/files.rs",
         "src/output/video.rs",
@@ -823,7 +822,7 @@ fn inputs_are_opened_in_one_place() {
 }
 
 #[test]
-fn the_only_unsafe_code_asks_for_vector_instructions_or_takes_pointers_from_c() {
+fn unsafe_code_is_only_for_vector_instructions_and_pointers_from_c() {
     let sources = sources(&[
         "rtl_model/src",
         "rtl_model/tests",
@@ -849,7 +848,7 @@ fn the_only_unsafe_code_asks_for_vector_instructions_or_takes_pointers_from_c() 
 // --- The rules can fail ---
 
 #[test]
-fn what_is_not_code_is_not_seen() {
+fn comments_and_strings_are_not_searched() {
     let text = "// f64\n/* f32 /* f64 */ f32 */ let a = \"f64 \\\" f64\"; let b = r#\"f64 \" f64\"#; let c = '\"'; let d: &'a str = \"f64\";\n";
     assert_eq!(floats(&code(text)), [""; 0]);
     assert_eq!(code(text).lines().count(), 2);

@@ -1,5 +1,5 @@
-//! Does a unit that is asked record by record say what its trace has, refuse what no unit was ever
-//! given, and answer at once?
+//! Does a unit that is driven record by record return the trace's records, refuse impossible
+//! inputs, and respond immediately?
 
 use crate::program::PROGRAM;
 use crate::traced::{Traced, bouquet, cloud, machine, shells, traced};
@@ -46,8 +46,8 @@ fn lines(port: Option<&Port>, records: &[Record]) -> Vec<String> {
         .collect()
 }
 
-/// Drives all units of a trace with its inputs. What fragment asks is answered as the trace says,
-/// where that is not what shade would say.
+/// Drives all units of a trace with its inputs. Requests of fragment get the trace's responses if
+/// they differ from shade's.
 fn answers_as_traced(trace: &Traced, constants: &Constants, shades: bool) {
     for name in constants.units() {
         let mut unit = Unit::new(constants, name).unwrap();
@@ -77,7 +77,7 @@ fn answers_as_traced(trace: &Traced, constants: &Constants, shades: bool) {
         }
         let end = unit.end(&mut shade).unwrap();
         out.extend(end.out);
-        // Gaussians have colours of their own.
+        // Gaussians have their own colours.
         assert!(
             out.len() > 9 || name == "shade" && trace.lines("shade.in").is_empty(),
             "{name} has next to nothing to do"
@@ -100,7 +100,7 @@ fn answers_as_traced(trace: &Traced, constants: &Constants, shades: bool) {
                 assert!(!requests.is_empty());
             }
         }
-        // Nothing is left.
+        // No records are left.
         assert_eq!(
             unit.end(&mut |_| [0; 4]).unwrap(),
             splatsim::cosim::live::End::default()
@@ -136,7 +136,7 @@ fn a_unit_answers_as_the_trace_says() {
             true,
         );
     }
-    // Where mirrors are seen along rays, requests begin with their pixel.
+    // If mirrors are seen along rays, requests begin with their pixel.
     let text = r#"{"splats": {"builtin": "glass-spheres", "count": 800}, "image": {"width": 24, "height": 24},
         "materials": [{"unlit": true, "reflect": 0.25}, {"diffuse": 0.8, "reflect": 0.9}], "environment": {"builtin": "sky"}}"#;
     let machine =
@@ -185,7 +185,7 @@ fn a_scoreboard_takes_what_a_trace_has_and_names_what_it_has_not() {
     for (side, stream) in sides {
         let mut records = trace.records(stream);
         assert!(records.len() > 20 && board.waiting(side) == records.len());
-        // Pixels in another order, each pixel's records in their own.
+        // Pixels in another order; the records of each pixel in their own order.
         if board.port(side).unwrap().is_per_pixel() {
             records.sort_by_key(|words| [words[0], words[1]]);
         }
@@ -214,7 +214,7 @@ fn a_scoreboard_takes_what_a_trace_has_and_names_what_it_has_not() {
             weight + 1
         )
     );
-    // Of many records the very one, and of one too many the last that was given.
+    // Among many records the exact one; for a surplus record the last one that was given.
     for words in trace.records("gauss.in").iter().take(30) {
         gauss.step(words).unwrap();
     }
@@ -233,7 +233,7 @@ fn a_scoreboard_takes_what_a_trace_has_and_names_what_it_has_not() {
             .unwrap_err()
             .contains("the last record that it took is record 30 of gauss.in: ")
     );
-    // What means nothing is not compared.
+    // Fields without a meaning are not compared.
     let mut ellipse = Scoreboard::new(&constants, "ellipse", 1).unwrap();
     let (inputs, outputs) = (trace.records("ellipse.in"), trace.records("ellipse.out"));
     let (input, mut output) = inputs
@@ -256,7 +256,7 @@ fn made_up_records_are_such_as_the_unit_takes_and_others_for_each_seed() {
             let mut board = Scoreboard::new(constants, name, 7).unwrap();
             let records: Vec<Record> = (0..200).map(|_| board.made_up()).collect();
             records.iter().for_each(|words| board.step(words).unwrap());
-            // All but corners, if not all, are different.
+            // Everything except the corners differs.
             let mut other = Scoreboard::new(constants, name, 8).unwrap();
             assert!(
                 records.iter().any(|words| *words != other.made_up()),
@@ -269,7 +269,7 @@ fn made_up_records_are_such_as_the_unit_takes_and_others_for_each_seed() {
 #[test]
 fn seeds_beside_each_other_share_no_records() {
     let constants = &FRAMES[0];
-    // As many as are made at a time.
+    // The number of records that are generated at a time.
     let batch = constants.made_up("gauss", 2000, 7).len();
     let mut boards = [7, 8].map(|seed| Scoreboard::new(constants, "gauss", seed).unwrap());
     let [first, others] = boards.each_mut().map(|board| {
@@ -338,8 +338,8 @@ fn the_filter_turns_each_input_of_the_committed_trace_into_its_output() {
 }
 
 #[test]
-fn fragment_reads_answers_and_writes_what_it_asks_and_holds() {
-    // Answers that shade would never give.
+fn fragment_reads_responses_and_writes_its_requests_and_contents() {
+    // Responses that shade would never return.
     let trace = traced(
         &cloud(20, 24),
         &machine("tiny", &[]),
@@ -376,7 +376,7 @@ fn fragment_reads_answers_and_writes_what_it_asks_and_holds() {
     }
 }
 
-/// Records of a file of the committed trace as objects.
+/// The records of a file of the committed trace as objects.
 fn objects(stream: &str) -> Vec<Value> {
     let manifest: Value = serde_json::from_str(&text_of("manifest.json")).unwrap();
     let described = manifest["streams"]
@@ -424,7 +424,7 @@ fn objects(stream: &str) -> Vec<Value> {
 }
 
 #[test]
-fn records_may_be_objects_and_the_answers_to_each_a_group() {
+fn records_may_be_objects_and_the_outputs_of_each_a_group() {
     let inputs: String = objects("raster.in")
         .iter()
         .map(|object| format!("{object}\n"))
@@ -446,7 +446,7 @@ fn records_may_be_objects_and_the_answers_to_each_a_group() {
 }
 
 #[test]
-fn an_answer_comes_before_the_next_record_is_asked_for() {
+fn a_response_comes_before_the_next_record_is_read() {
     let mut filter = std::process::Command::new(PROGRAM.as_str());
     let mut filter = filter
         .args(of_knot("gauss", &[]))
@@ -471,7 +471,7 @@ fn an_answer_comes_before_the_next_record_is_asked_for() {
         .take(20)
     {
         writeln!(input, "{given}").unwrap();
-        // Who waits for more input never answers: the time only ends the test.
+        // A unit that needs more input would never respond: the time limit only ends the test.
         let answer = answers.recv_timeout(Duration::from_secs(60));
         if answer.is_err() {
             filter.kill().unwrap();
@@ -677,7 +677,7 @@ fn with_all(record: &Value, first: i64) -> Value {
 }
 
 #[test]
-fn flags_of_fragment_are_for_fragment_and_answers_are_checked() {
+fn flags_of_fragment_are_for_fragment_and_responses_are_checked() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("answers");
     std::fs::write(&file, "").unwrap();
@@ -705,7 +705,7 @@ fn flags_of_fragment_are_for_fragment_and_answers_are_checked() {
             "nowhere: cannot be read",
         ),
     ] {
-        // One layer: what comes second has to merge.
+        // With one layer, the second surface must merge.
         let output = filtered(
             unit,
             &[more, &["--set", "fragment.layers=1"]].concat(),
@@ -755,7 +755,7 @@ static FRAMES: LazyLock<Vec<Constants>> = LazyLock::new(|| {
     ]
 });
 
-/// Drives a unit with words that all fit into their fields, most of them such as it may be given.
+/// Drives a unit with words that fit into their fields, most of them valid for the unit.
 fn survives(constants: &Constants, name: &str, seeds: &[u64]) -> usize {
     let mut unit = Unit::new(constants, name).unwrap();
     let formats: Vec<_> = unit
@@ -771,12 +771,12 @@ fn survives(constants: &Constants, name: &str, seeds: &[u64]) -> usize {
     for record in seeds.chunks_exact(formats.len()) {
         let word = |(seed, (name, format)): (&u64, &(String, rtl_model::num::Format))| {
             let any = (*seed >> 8) as i64;
-            // One in so many lies anywhere.
+            // Some have any position.
             let likely = !(seed >> 3).is_multiple_of(16);
             let range = i128::from(format.max()) - i128::from(format.min()) + 1;
             let anywhere = (i128::from(any) % range + i128::from(format.min())) as i64;
             match seed % 8 {
-                // Layers of a pixel come together.
+                // The layers of a pixel are consecutive.
                 _ if likely && is_resolve && ["x", "y"].contains(&name.as_str()) => 5,
                 _ if likely && ["x", "y", "first_column", "first_row"].contains(&name.as_str()) => {
                     any % 16
@@ -793,7 +793,7 @@ fn survives(constants: &Constants, name: &str, seeds: &[u64]) -> usize {
         let words: Vec<i64> = record.iter().zip(&formats).map(word).collect();
         match unit.step(&words, &mut shade) {
             Ok(_) => taken += 1,
-            // A pixel that cannot become complete is given up.
+            // A pixel that cannot become complete is abandoned.
             Err(_) if is_resolve => drop(unit.end(&mut shade)),
             Err(_) => {}
         }
@@ -868,7 +868,7 @@ fn random_records_are_mostly_taken() {
 }
 
 #[test]
-fn the_filter_passes_over_what_writememh_writes_beside_records() {
+fn the_filter_skips_the_comments_and_addresses_of_writememh() {
     let lines: Vec<String> = text_of("gauss.in.hex")
         .lines()
         .take(20)
@@ -911,7 +911,7 @@ fn the_words_of_a_record_are_those_that_the_machine_rounds() {
             "{}",
             String::from_utf8_lossy(&output.stderr)
         );
-        // The answers are what they are without it.
+        // The responses are the same as without it.
         assert_eq!(says(&output), text_of(&format!("{unit}.out.hex")), "{unit}");
         let text = std::fs::read_to_string(&file).unwrap();
         let mut lines = text.lines();
@@ -936,7 +936,7 @@ fn the_words_of_a_record_are_those_that_the_machine_rounds() {
             );
         }
         if unit == "gauss" {
-            // The last word of each record is the one that leaves the unit.
+            // The last word of each record is the output of the unit.
             let out = text_of("gauss.out.hex");
             let last = |record: usize| {
                 rows.iter()
@@ -950,8 +950,8 @@ fn the_words_of_a_record_are_those_that_the_machine_rounds() {
             );
         }
         if unit == "raster" {
-            // Rows of `tiny` are seeded one by one: an offset and a gradient each way for each of
-            // them.
+            // Rows of `tiny` are seeded separately: each has an offset and a gradient in each
+            // direction.
             let first = &objects("raster.in")[0];
             let seeds = 2
                 * (first["last_row"].as_i64().unwrap() - first["first_row"].as_i64().unwrap() + 1);

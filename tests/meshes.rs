@@ -1,4 +1,4 @@
-//! Is a mesh what its file says, in every format, or else one sentence with nothing written?
+//! Is a mesh read correctly in every format, or refused in one sentence without any output?
 
 use crate::shared_input;
 use assert_cmd::Command;
@@ -27,7 +27,7 @@ fn read(folder: &TempDir, name: &str, bytes: impl AsRef<[u8]>) -> Mesh {
     Mesh::load(write(folder, name, bytes)).unwrap()
 }
 
-/// A picture of one colour, as a PNG.
+/// A PNG of one colour.
 fn png(rgba: [u8; 4]) -> Vec<u8> {
     let mut bytes = Vec::new();
     image::RgbaImage::from_pixel(2, 2, image::Rgba(rgba))
@@ -121,7 +121,7 @@ fn gltf() -> Value {
     })
 }
 
-/// The same as a GLB, its picture too.
+/// The same as a GLB that contains its picture.
 fn glb() -> Vec<u8> {
     let picture = png([255, 255, 255, 255]);
     let mut document = gltf();
@@ -257,7 +257,7 @@ fn glass_is_glass() {
 }
 
 #[test]
-fn a_texture_lies_beyond_its_border_as_its_sampler_says() {
+fn a_texture_is_extended_by_the_rule_of_its_sampler() {
     let folder = with_quads();
     let wrap = |name: &str| Mesh::load(folder.path().join(name)).unwrap().textures[0].wrap;
     assert_eq!(
@@ -287,7 +287,7 @@ fn an_obj_may_count_from_behind_break_lines_and_colour_its_vertices() {
 }
 
 #[test]
-fn an_mtl_says_opacity_in_three_ways_and_colour_in_two() {
+fn an_mtl_gives_opacity_in_three_ways_and_colour_in_two() {
     let folder = folder();
     write(
         &folder,
@@ -316,9 +316,9 @@ fn an_mtl_says_opacity_in_three_ways_and_colour_in_two() {
     );
 }
 
-/// The crate `tobj` shares no code with the reader; its positions have f32.
+/// The crate `tobj` is an independent reader; its positions are f32.
 #[test]
-fn objs_are_what_tobj_reads() {
+fn objs_are_read_as_by_tobj() {
     let names = [
         "models/helicopter/helicopter.obj",
         "models/space-shuttle-orbiter/space-shuttle-orbiter.obj",
@@ -343,7 +343,7 @@ fn objs_are_what_tobj_reads() {
             .iter()
             .flat_map(|m| m.mesh.indices.iter().map(|i| position(&m.mesh, i)))
             .collect();
-        // A picture that a file names in vain is an error here.
+        // A missing picture is an error here.
         let mesh = match Mesh::load(&path) {
             Err(error) if name.ends_with("map-bump.obj") => {
                 assert!(
@@ -390,15 +390,15 @@ fn objs_are_what_tobj_reads() {
 // ---- glTF ----
 
 #[test]
-fn nodes_move_turn_scale_and_mirror_what_hangs_on_them() {
+fn nodes_move_turn_scale_and_mirror_their_children() {
     let folder = with_quads();
     let placed = |nodes: Value| {
         let mut document = gltf();
         document["nodes"] = nodes;
         read(&folder, "n.gltf", document.to_string()).triangles[0]
     };
-    // A quarter turn around z, after a scale, before a shift; the child's own shift comes first of
-    // all.
+    // A quarter turn about z, after a scale and before a translation; the child's own translation
+    // is applied first.
     let turned = placed(json!([
         {"children": [1], "translation": [10, 0, 0], "rotation": [0, 0, 0.5f64.sqrt(), 0.5f64.sqrt()], "scale": [2, 3, 1]},
         {"mesh": 0, "translation": [0, 0, 5]},
@@ -433,8 +433,8 @@ fn strips_fans_sparse_values_and_texture_transforms_are_read() {
         let mesh =
             changed(&|document| document["meshes"][0]["primitives"][0]["mode"] = json!(mode));
         let corners = mesh.triangles[1].corners.map(|c| c.as_vec3().to_array());
-        // 0 1 2 0 2 3: of a strip the second triangle is 2 1 0; of a fan 0 2 0 has no area, and the
-        // next is 0 0 2.
+        // 0 1 2 0 2 3: in a strip the second triangle is 2 1 0; in a fan 0 2 0 has no area, and the
+        // next triangle is 0 0 2.
         if mode == 5 {
             assert_eq!(corners, second.map(|i: usize| CORNERS[i]));
         } else {
@@ -466,12 +466,13 @@ fn strips_fans_sparse_values_and_texture_transforms_are_read() {
         document["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]["extensions"] =
             json!({"KHR_texture_transform": transform});
     });
-    // (1, 1) is scaled to (2, 1), turned to (1, −2), shifted to (1.5, −2).
+    // (1, 1) is scaled to (2, 1), turned to (1, −2), translated to (1.5, −2).
     let [u, v] = moved.triangles[0].uv.unwrap()[1];
     assert!((u - 1.5).abs() < 1e-6 && (v + 2.0).abs() < 1e-6, "{u} {v}");
 }
 
-/// The data's OBJ was made of its glTF by another program: node transforms applied, opacity in `d`.
+/// Another program converted the data's glTF to OBJ: node transforms are applied, opacity is in
+/// `d`.
 #[test]
 fn the_helicopter_is_the_same_as_gltf_and_as_obj() {
     let Some(folder) = shared_input::find("models/helicopter") else {
@@ -524,7 +525,8 @@ fn real_models_have_their_glass_and_pictures() {
 
 // ---- Faults ----
 
-/// Runs `sample` in a folder on a mesh there; the sentence of its error, and nothing else happened.
+/// Runs `sample` in a folder on one of its meshes; returns the sentence of the error, and checks
+/// that nothing was written.
 fn refused(folder: &TempDir, name: &str) -> String {
     let before = names(folder.path());
     let mesh = folder.path().join(name);

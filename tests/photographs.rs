@@ -1,5 +1,5 @@
-//! Does `run --against` say how near golden and fixed come to given pictures, and does it compare
-//! each frame with its own?
+//! Does `run --against` measure golden and fixed against given pictures, and does it compare each
+//! frame with its own picture?
 
 use crate::program::{says, splatsim, write};
 use std::path::Path;
@@ -26,7 +26,7 @@ fn spheres(more: &Value) -> String {
     scene.to_string()
 }
 
-/// One of which the camera sees only the background.
+/// The same with a camera that sees only the background.
 fn plain(background: [f64; 4]) -> String {
     let camera = json!({"eye": [0, 0, 50], "target": [0, 0, 60], "up": [0, 1, 0], "fov_y_degrees": 40, "near": 0.1});
     spheres(
@@ -38,7 +38,7 @@ fn decibels(square: f64) -> f64 {
     -10.0 * square.log10()
 }
 
-/// PSNR of two PNG files by what they hold, over black.
+/// PSNR of two PNG files from their stored values, over black.
 fn decibels_of_files(a: &Path, b: &Path) -> f64 {
     let codes = |path: &Path| {
         let pixels = image::open(path).unwrap().into_rgba8();
@@ -103,7 +103,7 @@ fn golden_as_the_photograph_is_equal_and_fixed_is_as_far_as_the_files_are() {
             (&Value::Null, Some(flip))
         );
         assert!((loss["ssim"].as_f64().unwrap() - (ssim - 1.0)).abs() < 1e-15);
-        // All else is as without a photograph.
+        // Everything else is the same as without a photograph.
         let (mut with, mut without) = (report.clone(), self::report(&first));
         [&mut with, &mut without]
             .into_iter()
@@ -170,7 +170,7 @@ fn a_plain_photograph_is_as_far_as_a_pencil_finds() {
         json!({"psnr_db": 0.0, "ssim": 0.0, "flip": 0.0})
     );
     assert!(!told.contains("note: photographs"), "{told}");
-    // 52428 is 0.8 of 65535, and what 8 bits have of it is 204.0; of 40000 they have 155.6.
+    // 52428 is 0.8 of 65535, and 204.0 in 8 bits; 40000 is 155.6 in 8 bits.
     ImageBuffer::<Rgb<u16>, _>::from_pixel(24, 20, Rgb([40000_u16, 0, 0]))
         .save(folder.join("deep.png"))
         .unwrap();
@@ -181,7 +181,7 @@ fn a_plain_photograph_is_as_far_as_a_pencil_finds() {
             < 1e-9
     );
     assert_eq!(found["against"]["bits"], 16);
-    // Grey and of JPEG: both are read as colours.
+    // A grey PNG and a JPEG: both are converted to colours.
     image::GrayImage::from_pixel(24, 20, image::Luma([51]))
         .save(folder.join("grey.png"))
         .unwrap();
@@ -215,7 +215,7 @@ fn transparent_pixels_of_a_photograph_are_over_the_background_and_turned_ones_ar
     RgbaImage::from_pixel(24, 20, Rgba([255, 0, 0, 51]))
         .save(&photograph)
         .unwrap();
-    // Over green a fifth of red is (0.2, 0.8, 0); over black, which is seen where the background is
+    // Over green, a fifth of red is (0.2, 0.8, 0); over black, which is used if the background is
     // transparent, (0.2, 0, 0).
     for (background, square, back) in [
         ([0.0, 1.0, 0.0, 1.0], 0.08, "0 255 0"),
@@ -273,12 +273,12 @@ fn transparent_pixels_of_a_photograph_are_over_the_background_and_turned_ones_ar
 
 // ---- sequences ----
 
-/// A camera at some place, in the forms of three programs.
+/// A camera at `at`, in the formats of three programs.
 fn matrix(x: f64) -> Value {
     json!([[1, 0, 0, x], [0, 1, 0, 0], [0, 0, 1, 5], [0, 0, 0, 1]])
 }
 
-/// Draws all frames, and puts golden's picture of each where `name` says.
+/// Draws all frames, and copies golden's picture of each to `name`.
 fn golden_of(scene: &str, more: &[&str], names: &[&str], folder: &Path) {
     let drawn = folder.parent().unwrap().join("drawn");
     says(
@@ -312,8 +312,8 @@ fn of_frames<'r>(report: &'r Value, pointer: &str) -> Vec<&'r Value> {
         .collect()
 }
 
-/// Names in another order than their letters have, with folders, endings and spaces as programs
-/// write them: each frame must equal its own picture.
+/// Names in another order than their letters, with folders, endings and spaces as programs write
+/// them: each frame must equal its own picture.
 #[test]
 fn pictures_are_matched_by_the_names_in_a_file_of_cameras() {
     let folder = tempfile::tempdir().unwrap();
@@ -348,7 +348,7 @@ fn pictures_are_matched_by_the_names_in_a_file_of_cameras() {
         .collect();
     let trained = write(folder, "cameras.json", &Value::from(trained).to_string());
     let mut images = String::new();
-    // COLMAP's come in the order of their names.
+    // COLMAP's frames are in the order of their names.
     for (x, name) in places
         .iter()
         .zip(["cam 0/b.png", "cam 0/c.png", "cam1/b.png"])
@@ -417,7 +417,7 @@ fn pictures_are_matched_by_the_names_in_a_file_of_cameras() {
                 && !told.contains("no camera"),
             "{told}"
         );
-        // One frame by itself is compared with the same picture, and needs no other.
+        // A single frame is compared with the same picture, and needs no other.
         std::fs::remove_file(photographs.join(names[0])).unwrap();
         let told = run(&["--frame", "1"]);
         let one = self::report(&out);
@@ -425,7 +425,7 @@ fn pictures_are_matched_by_the_names_in_a_file_of_cameras() {
     }
 }
 
-/// Eleven frames of a pan: by letters r_10 would come before r_2.
+/// Eleven frames of a pan: in alphabetical order r_10 would be before r_2.
 #[test]
 fn pictures_are_matched_in_order_where_cameras_have_no_names() {
     let folder = tempfile::tempdir().unwrap();
@@ -486,7 +486,7 @@ fn pictures_are_matched_in_order_where_cameras_have_no_names() {
     both.iter_mut()
         .for_each(|report| _ = report.as_object_mut().unwrap().remove("host"));
     assert_eq!(both[0], both[1]);
-    // Those of ideal differ from golden: means are those of the frames' figures.
+    // The pictures of ideal differ from golden: means are those of the frames' figures.
     for (frame, name) in names.iter().enumerate() {
         let ideal = folder.join(format!("drawn/frame_{frame:04}_ideal.png"));
         std::fs::copy(ideal, photographs.join(name)).unwrap();
@@ -525,7 +525,7 @@ fn pictures_are_matched_in_order_where_cameras_have_no_names() {
 
 // ---- bad input ----
 
-/// The one sentence with which it ends, before anything is drawn or written.
+/// The single sentence of the error, before anything is drawn or written.
 fn refused(folder: &Path, arguments: &[&str], part: &str) {
     let out = folder.join("never");
     let output = splatsim(&[&["run"], arguments, &["--out", text(&out)]].concat());
@@ -569,7 +569,7 @@ fn a_photograph_that_cannot_be_compared_is_refused_before_anything_is_drawn() {
         .write_image(&noise, 24, 20, ExtendedColorType::Rgb8)
         .unwrap();
     std::fs::write(folder.join("cut.jpg"), &jpeg[..jpeg.len() - 40]).unwrap();
-    // Of a size that no memory has.
+    // A size that no memory can hold.
     let mut huge = png.clone();
     huge[16..24].copy_from_slice(&[0x7f, 0xff, 0xff, 0xff, 0x7f, 0xff, 0xff, 0xff]);
     std::fs::write(folder.join("huge.png"), huge).unwrap();
@@ -714,7 +714,7 @@ fn photographs_that_do_not_match_the_frames_are_refused_before_anything_is_drawn
         "{told}"
     );
     assert_eq!(std::fs::read_dir(&own).unwrap().count(), 1);
-    // A frame of its own needs one alone; another name than the camera's is told.
+    // A single frame needs only its own picture; a name that differs from the camera's is reported.
     let told = says(&[
         "run",
         &one,

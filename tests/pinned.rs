@@ -1,13 +1,13 @@
 //! Are the pictures of the machine still the same, bit for bit? Small versions of the built-in
 //! scenes.
 //!
-//! `tests/pinned/NAME.png` shows what `tiny` draws: 16-bit PNG, sRGB-encoded for the eye, one
-//! sample value for each frame word, so that nothing is lost. `tests/pinned/hashes.txt` has the
-//! frame words of the finer machines as one number each.
+//! `tests/pinned/NAME.png` is the picture of `tiny`: a 16-bit PNG, sRGB-encoded for viewing, with a
+//! different sample value for each frame word, so that no information is lost.
+//! `tests/pinned/hashes.txt` has one hash of the frame words per finer machine.
 //!
-//! After a change that is meant to change bits: `SPLATSIM_BLESS=1 cargo test --test pinned`, then
-//! look at the pictures and commit them with the reason. A picture that differs is written beside
-//! the test's other output, as the failure says.
+//! After an intended change of bits: run `SPLATSIM_BLESS=1 cargo test --test suite pinned::`, look
+//! at the pictures, and commit them with the reason. A picture that differs is written next to the
+//! test's other output; the failure names it.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ use splatsim::hardware::{fixed, quantise};
 use splatsim::output::colour::srgb_encode;
 use splatsim::scene::{Overrides, Scene};
 
-/// Built-in scenes and how many splats they get here: some of them several pixels wide, so that
+/// Built-in scenes and their numbers of splats here. Some splats are several pixels wide, so that
 /// every unit has work.
 const SCENES: [(&str, usize); 4] = [
     ("glass-spheres", 6000),
@@ -58,7 +58,7 @@ fn draw(machine: &str, scene: &Scene) -> Drawing {
     fixed::draw(&elaborated, &quantise::quantise(scene, &machine).unwrap())
 }
 
-/// The PNG sample of a frame word: colours by the sRGB curve, alpha as it is. Different words have
+/// The PNG sample of a frame word: colours by the sRGB curve, alpha unchanged. Different words have
 /// different samples.
 fn sample(word: u32, is_alpha: bool) -> u16 {
     let value = f64::from(word) * f64::from(-TINY_FRAME_FRACTION_BITS).exp2();
@@ -80,7 +80,7 @@ fn viewable(drawing: &Drawing) -> Image {
     })
 }
 
-/// Which pixels of two pictures differ, in a sentence; none where all are equal.
+/// A sentence about the pixels in which two pictures differ; none if they are equal.
 fn difference(drawn: &Image, pinned: &Image) -> Option<String> {
     if drawn.dimensions() != pinned.dimensions() {
         return Some(format!(
@@ -104,7 +104,7 @@ fn difference(drawn: &Image, pinned: &Image) -> Option<String> {
 }
 
 #[test]
-fn tiny_draws_what_it_always_drew() {
+fn tiny_draws_its_pinned_pictures() {
     let mut sentences = Vec::new();
     for (name, count) in SCENES {
         let drawn = viewable(&draw("tiny", &small(name, count)));
@@ -136,7 +136,7 @@ fn hash(drawing: &Drawing) -> u64 {
 }
 
 #[test]
-fn the_finer_machines_draw_what_they_always_drew() {
+fn the_finer_machines_draw_their_pinned_pictures() {
     let mut drawn = BTreeMap::new();
     for (name, count) in SCENES {
         let scene = small(name, count);

@@ -1,5 +1,6 @@
-//! Program: which splatsim is run as a command. The one that cargo built with the tests; or the one
-//! that `SPLATSIM_PROGRAM` names, as some runs of CI do: the release build, which users run.
+//! Program: the splatsim that tests run as a command. It is the one that cargo built with the
+//! tests, or the one that `SPLATSIM_PROGRAM` names: in some CI runs, the release build, which users
+//! run.
 
 use assert_cmd::Command;
 use std::path::Path;
@@ -21,7 +22,7 @@ pub fn splatsim(arguments: &[&str]) -> Output {
         .unwrap()
 }
 
-/// What it prints where it succeeds.
+/// The standard output of a successful run.
 pub fn says(arguments: &[&str]) -> String {
     let output = splatsim(arguments);
     assert_eq!(
@@ -33,7 +34,7 @@ pub fn says(arguments: &[&str]) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// Writes a file for it, in folders that may be absent, and says where it is.
+/// Writes an input file, creates missing folders, and returns its path.
 pub fn write(folder: &Path, name: &str, text: &str) -> String {
     let path = folder.join(name);
     std::fs::create_dir_all(path.parent().unwrap()).unwrap();

@@ -1,8 +1,8 @@
-//! Do the proofs hold, of what the machine does? Gappa checks them; the scripts' own arithmetic is
-//! compared with the units'.
+//! Are the proofs valid, and do they describe the machine? Gappa checks them; the arithmetic of the
+//! scripts is compared with the units'.
 //!
-//! Gappa is asked only where it is installed (`apt-get install gappa`); with `CI` set its absence
-//! is a failure.
+//! Gappa is run only if it is installed (`apt-get install gappa`); if `CI` is set, it must be
+//! installed.
 
 use crate::tier::{self, Tier};
 use std::collections::BTreeMap;
@@ -46,10 +46,10 @@ fn proof(machine: &Elaborated, name: &str) -> Proof {
 
 // ---- Gappa's verdict ----
 
-/// What Gappa says of a file: nothing where all is proved, not even a warning that a rewriting is
-/// not an identity.
+/// Gappa's output for a file: empty if everything is proved, without even a warning that a
+/// rewriting is not an identity.
 fn gappa(file: &Path) -> Result<(), String> {
-    // A proof takes a second or so, a failed search perhaps longer.
+    // A proof takes about a second; a failed search may take longer.
     let output = assert_cmd::Command::new("gappa")
         .arg(file)
         .timeout(Duration::from_secs(100))
@@ -101,7 +101,7 @@ fn gappa_accepts_every_proof_of_the_named_machines() {
     }
 }
 
-/// Odd shapes too: no Newton step, the smallest tables and words, differenced rows with coarse
+/// Unusual designs too: no Newton step, the smallest tables and words, differenced rows with coarse
 /// words, other roundings.
 #[test]
 fn gappa_accepts_the_proofs_of_odd_machines() {
@@ -150,7 +150,7 @@ fn gappa_accepts_the_proofs_of_odd_machines() {
 
 /// A bound that is too small, a ROM with a wrong word and a wrong rewriting are found.
 #[test]
-fn gappa_rejects_what_is_not_so() {
+fn gappa_rejects_wrong_proofs() {
     if !is_installed() {
         return;
     }
@@ -202,7 +202,7 @@ fn gappa_rejects_what_is_not_so() {
     );
 }
 
-// ---- The scripts say what the units do ----
+// ---- The scripts agree with the units ----
 
 /// A number `mantissa · 2^exponent`, exactly.
 #[derive(Clone, Copy, Debug)]
@@ -231,7 +231,7 @@ impl Dyadic {
         Dyadic(self.0.checked_mul(other.0).unwrap(), self.1 + other.1)
     }
 
-    /// The nearest multiple of 2^`place` in a direction of Gappa's.
+    /// The nearest multiple of 2^`place` in one of Gappa's rounding directions.
     fn rounded(self, place: i32, direction: &str) -> Dyadic {
         let places = place - self.1;
         if places <= 0 {
@@ -259,8 +259,8 @@ impl Dyadic {
     }
 }
 
-/// Reads and evaluates what the definitions are made of: sums, products, brackets, roundings,
-/// numbers and names.
+/// Reads and evaluates the expressions of definitions: sums, products, brackets, roundings, numbers
+/// and names.
 struct Reader<'a> {
     rest: &'a str,
     known: &'a BTreeMap<String, Dyadic>,
@@ -339,7 +339,7 @@ impl<'a> Reader<'a> {
     }
 }
 
-/// All that a script defines, from what is known already.
+/// All values that a script defines, from the known ones.
 fn defined(proof: &Proof, known: &[(&str, Dyadic)]) -> BTreeMap<String, Dyadic> {
     let mut all: BTreeMap<String, Dyadic> = known
         .iter()
@@ -355,7 +355,7 @@ fn defined(proof: &Proof, known: &[(&str, Dyadic)]) -> BTreeMap<String, Dyadic> 
     all
 }
 
-/// The ends of the interval that a line `what in [low,high]` gives.
+/// The ends of the interval in a line `what in [low,high]`.
 fn interval<'l>(lines: &'l [String], what: &str) -> Option<[Dyadic; 2]> {
     let line: &'l str = lines
         .iter()
@@ -364,8 +364,8 @@ fn interval<'l>(lines: &'l [String], what: &str) -> Option<[Dyadic; 2]> {
     Some([low, high].map(|text| Reader::value(text, &BTreeMap::new())))
 }
 
-/// The ROM's word that the script has for mantissa `m`: the constant of the goal about the step
-/// that holds it.
+/// The ROM word of the script for mantissa `m`: the constant of the goal for the step that contains
+/// it.
 fn guess(proof: &Proof, m: Dyadic) -> Dyadic {
     let step = (0..4096).rev().find(|i| {
         let step = interval(&proof.script.hypotheses, &format!("m{i}"));
@@ -381,7 +381,7 @@ fn guess(proof: &Proof, m: Dyadic) -> Dyadic {
     Reader::value(goal.unwrap().0, &BTreeMap::new())
 }
 
-/// Mantissas from the least to the greatest, not only multiples of anything.
+/// Mantissas from the least to the greatest, not only multiples of some number.
 fn mantissas(bits: u32, octaves: u32) -> impl Iterator<Item = i64> {
     let (first, end) = (1i64 << bits, 1i64 << (bits + octaves));
     let step = ((end - first) / 150).max(1) | 1;
@@ -389,7 +389,7 @@ fn mantissas(bits: u32, octaves: u32) -> impl Iterator<Item = i64> {
 }
 
 #[test]
-fn a_reciprocals_script_computes_what_the_unit_does() {
+fn a_reciprocals_script_agrees_with_the_unit() {
     if !tier::runs(Tier::Ci) {
         return;
     }
@@ -414,7 +414,7 @@ fn a_reciprocals_script_computes_what_the_unit_does() {
 }
 
 #[test]
-fn a_reciprocal_roots_script_computes_what_the_unit_does() {
+fn a_reciprocal_roots_script_agrees_with_the_unit() {
     if !tier::runs(Tier::Ci) {
         return;
     }
@@ -422,15 +422,15 @@ fn a_reciprocal_roots_script_computes_what_the_unit_does() {
         let machine = elaborated(name);
         for (signal, elaborated) in machine.roots() {
             let (proof, shape) = (proof(&machine, signal), elaborated.shape());
-            // The same unit for whole operands, of which an even number of places is to be left of
-            // the mantissa's point.
+            // The same unit for integer operands, whose number of bits left of the mantissa's point
+            // must be even.
             let unit = ReciprocalRoot::new(&mut Elaboration::default(), "test", "root", shape, 0);
             assert_eq!(unit.guesses(), elaborated.guesses());
             let bits = shape.bits as i32;
             for mantissa in mantissas(shape.bits - 1, 2) {
                 let operand = mantissa << (8 + (bits - 1) % 2);
                 let m = Dyadic(mantissa.into(), 1 - bits);
-                // Roots are irrational: all but what follows from them is computed.
+                // Roots are irrational: only the values that follow from them are computed.
                 let zero = Dyadic(0, 0);
                 let all = defined(
                     &proof,
@@ -455,9 +455,9 @@ fn a_reciprocal_roots_script_computes_what_the_unit_does() {
     }
 }
 
-/// The words are those around which the goals lay half a last place.
+/// The words are the centres of the goals' intervals, which are half an LSB to each side.
 #[test]
-fn the_gaussian_tables_script_computes_what_the_unit_does() {
+fn the_gaussian_tables_script_agrees_with_the_unit() {
     for name in Machine::NAMES {
         let machine = elaborated(name);
         let (proof, gauss, table) = (
@@ -497,7 +497,7 @@ fn the_gaussian_tables_script_computes_what_the_unit_does() {
 }
 
 #[test]
-fn the_rasters_script_computes_what_the_unit_does() {
+fn the_rasters_script_agrees_with_the_unit() {
     for name in Machine::NAMES {
         let machine = elaborated(name);
         let m = &machine.machine;
@@ -509,7 +509,7 @@ fn the_rasters_script_computes_what_the_unit_does() {
         let conic = m.ellipse.conic.format.frac_bits;
         let pixel = m.project.pixel.format.frac_bits;
         for seed in 0..200i64 {
-            // Conics up to ¼, a centre anywhere within 16 pixels of the box's first.
+            // Conics up to ¼, and a centre within 16 pixels of the first pixel of the box.
             let odd = |k: i64| (seed * 2_654_435_761 + k * 40_503) % 100_003;
             let words =
                 [odd(1), odd(2) - 50_000, odd(3)].map(|part| ((part << conic) / 400_012) as i32);
@@ -536,7 +536,7 @@ fn the_rasters_script_computes_what_the_unit_does() {
             unit.span::<Plain, _>(size_px, &walks, 0, &input, i64::MAX, &mut span, tap);
             let [lanes, _] = unit.fragments::<Plain>(&walks, 0, &span, [0; LANES]);
             let word = lanes.0[0];
-            // The box's first pixel centre from the splat's.
+            // The centre of the box's first pixel, relative to the splat's centre.
             let [x, y] = at.map(|at| {
                 Dyadic((1i128 << (pixel - 1)) - i128::from(at), -pixel).rounded(-offset, "nu")
             });
@@ -546,7 +546,7 @@ fn the_rasters_script_computes_what_the_unit_does() {
                 &[("x", x), ("y", y), ("xx", xx), ("xy", xy), ("yy", yy)],
             );
             let script = all[&format!("R{}", 16 + rows)];
-            // What follows takes an r below 0 for 0.
+            // The following steps replace an r below 0 by 0.
             let below = script.0 < 0;
             assert!(
                 below && word == 0 || script.equals(Dyadic(word.into(), -radial.frac_bits)),
@@ -559,7 +559,7 @@ fn the_rasters_script_computes_what_the_unit_does() {
 // ---- The files ----
 
 #[test]
-fn a_script_says_what_it_claims_and_is_the_same_every_time() {
+fn a_script_states_its_claim_and_is_the_same_every_time() {
     for ((name, once), (_, again)) in all().into_iter().zip(all()) {
         let text = once.script.text();
         assert_eq!(text, again.script.text());

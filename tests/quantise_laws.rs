@@ -1,4 +1,4 @@
-//! Are the machine's words what the scene says, to half a last place, at the largest scale that
+//! Are the machine's words within half an ulp of the scene's values, at the largest scale that
 //! holds everything? The oracle is integer arithmetic on the binary digits of the scene's numbers.
 
 use crate::handmade;
@@ -9,11 +9,11 @@ use rtl_model::num::{Format, Word};
 use splatsim::hardware::quantise::{Quantised, quantise};
 use splatsim::scene::{Scene, Splat};
 
-/// Places of the exact numbers below.
+/// Fraction bits of the exact numbers below.
 const EXACT_PLACES: i32 = 80;
 
-/// A number in units of 2^−80, cut towards minus infinity where it is finer: that changes no
-/// rounding to a coarser place.
+/// A number in units of 2^−80, truncated towards minus infinity if it is finer: this does not
+/// change a rounding to a coarser word.
 fn exact(x: f64) -> i128 {
     let bits = x.to_bits();
     let exponent = ((bits >> 52) & 0x7ff) as i32;
@@ -48,7 +48,7 @@ fn nearest(exact: i128, exponent: i32, format: Format) -> i128 {
     (exact + (1 << (right - 1))) >> right
 }
 
-/// |word − number·2^exponent| in units of 2^−20 last places.
+/// word − number·2^exponent| in units of 2^−20 ulp.
 fn error_in_places(word: i32, number: i128, exponent: i32, format: Format) -> i128 {
     let right = EXACT_PLACES - exponent - format.frac_bits;
     ((i128::from(word) << right) - number).abs() >> (right - 20)
@@ -58,7 +58,7 @@ fn a_splat() -> impl Strategy<Value = Splat> {
     let position = prop::array::uniform3(-20.0..20.0_f64);
     let direction = prop::array::uniform3(-1.0..1.0_f64)
         .prop_filter("too short", |v| DVec3::from_array(*v).length() > 0.1);
-    // Halves of last places are likely among sixty-fourths and never among random reals.
+    // Halves of an ulp are likely among sixty-fourths, but do not occur among random reals.
     let channel = prop_oneof![
         (0..=8192_u32).prop_map(|n| f64::from(n) / 8192.0),
         0.0..=1.0
@@ -84,7 +84,7 @@ fn a_splat() -> impl Strategy<Value = Splat> {
         })
 }
 
-/// Splats anywhere about an eye that looks anywhere.
+/// Splats at any position around an eye with any direction.
 fn a_scene() -> impl Strategy<Value = Scene> {
     let eye = prop::array::uniform3(-40.0..40.0_f64);
     (
@@ -112,7 +112,8 @@ fn quantised(scene: &Scene, machine: &Machine) -> Quantised {
     quantise(scene, machine).unwrap()
 }
 
-/// What must fit and how large it is in world units, by docs/book/algorithm.md §1 and §3.
+/// The values that must be representable, and their sizes in world units, by docs/book/algorithm.md
+/// §1 and §3.
 fn needs(scene: &Scene, machine: &Machine, offset: DVec3) -> Vec<(Word, f64)> {
     let forward = (scene.camera.target - scene.camera.eye).normalize();
     let reach = scene.kernel.cutoff.sqrt();
@@ -149,7 +150,7 @@ fn scaled(scene: &Scene, by: f64) -> Scene {
     scene
 }
 
-/// Every coordinate cut to sixteen places, so that sums with others like it are exact.
+/// Every coordinate truncated to sixteen fraction bits, so that sums are exact.
 fn on_a_grid(v: DVec3) -> DVec3 {
     (v * 65536.0).round() / 65536.0
 }
@@ -166,7 +167,7 @@ proptest! {
             for (word, splat) in frame.splats.iter().zip(&scene.splats) {
                 for axis in 0..3 {
                     let offset = exact(splat.position[axis]) - exact(scale.offset[axis]);
-                    // The difference is taken in f64: a millionth of a place may be lost there.
+                    // The difference is computed in f64: a millionth of an ulp may be lost.
                     let error = error_in_places(word.position[axis], offset, exponent, words.position.format);
                     prop_assert!(error <= (1 << 19) + 1, "{} {:?} {:?}", machine.name, word, splat);
                     prop_assert_eq!(i128::from(word.normal[axis]), nearest(exact(splat.normal[axis]), 0, words.normal.format));

@@ -1,4 +1,4 @@
-//! Is what the ranges say of a machine's formats true of the machine?
+//! Do the reported ranges of a machine's formats agree with its behaviour?
 
 use crate::tier::{self, Tier};
 use rtl_model::Machine;
@@ -22,8 +22,9 @@ fn glass_spheres() -> Scene {
     scene
 }
 
-/// The machine with another format at one of its words; none where that word is not of its
-/// description, where no machine has it, or where the scene is brought to other bits for it.
+/// The machine with another format for one of its words; none if the word is not in its
+/// description, if no machine can have this format, or if the scene is quantised differently with
+/// it.
 fn with(scene: &Scene, machine: &Machine, signal: &Signal, format: Format) -> Option<Machine> {
     let mut description = serde_json::to_value(machine).unwrap();
     let word = description.get_mut(signal.unit)?.get_mut(&signal.name)?;
@@ -38,9 +39,8 @@ fn with(scene: &Scene, machine: &Machine, signal: &Signal, format: Format) -> Op
     same.then_some(other)
 }
 
-/// Integer bits that nothing needed are taken away wherever a machine can do without: nothing
-/// changes, and nothing saturates. Taking one more from a word that was used in full does change
-/// something.
+/// Unused integer bits are removed from all words that a machine can narrow: the picture does not
+/// change, and nothing saturates. Removing one more bit from a fully used word changes the picture.
 #[test]
 fn a_machine_of_narrowest_formats_draws_the_same_picture() {
     if !tier::runs(Tier::Ci) {
@@ -52,7 +52,7 @@ fn a_machine_of_narrowest_formats_draws_the_same_picture() {
         let elaborated = first.elaborate().unwrap();
         let (drawing, ranges, _) =
             fixed::draw_measured(&elaborated, &quantise(&scene, &first).unwrap());
-        // What the table's argument spans is its meaning; how far it is used is not.
+        // The range of a table's argument is part of its meaning, whatever part of it is used.
         let freed = |(signal, range): &(&Signal, &Range)| {
             let overflows = range.saturated_low + range.saturated_high + range.wrapped;
             overflows == 0 && (signal.unit, signal.name.as_str()) != ("gauss", "radial_index")

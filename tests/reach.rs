@@ -1,5 +1,5 @@
-//! Do boxes that follow the opacity leave the picture as it is, and do machine and `golden` agree
-//! on who is too faint to be drawn?
+//! Do boxes that follow the opacity leave the picture unchanged, and do machine and `golden` agree
+//! on which splats are too faint to be drawn?
 
 use crate::handmade::Rng;
 use crate::shared_input;
@@ -20,7 +20,7 @@ use splatsim::scene::{Overrides, Scene};
 use std::collections::HashMap;
 use std::path::PathBuf;
 
-/// A scene from its text, with a file of Gaussians beside it.
+/// A scene from its text, together with a file of Gaussians.
 fn scene(text: &Value, gaussians: Option<&str>) -> Scene {
     let folder = tempfile::tempdir().unwrap();
     if let Some(ply) = gaussians {
@@ -73,7 +73,7 @@ fn bouquet(count: u32, side: u32) -> Scene {
     )
 }
 
-/// The frame, every splat set up and every box that of the frame's cutoff.
+/// The frame with every splat set up and every box limited by the frame's cutoff.
 fn wide(frame: &Frame) -> Frame {
     let mut wide = frame.clone();
     let ellipsoids = wide.ellipsoids.as_mut().unwrap();
@@ -85,7 +85,7 @@ fn wide(frame: &Frame) -> Frame {
     wide
 }
 
-/// Entries of tiles' lists, and cycles.
+/// Entries of the tiles' lists, and cycles.
 fn costs(machine: &Elaborated, work: &Work) -> [u64; 2] {
     let entries = work
         .bins(machine.timing.timing.tile.side_px as usize)
@@ -120,7 +120,7 @@ fn shipped() -> Vec<(&'static str, Scene)> {
     scenes
 }
 
-/// Splat and pixel of every contribution that counts.
+/// Splat and pixel of every contribution with at least the minimum weight.
 fn counted(work: &Work) -> Vec<(u32, [u16; 2])> {
     let bins = work.bins(TILE_PX);
     let mut all = Vec::new();
@@ -179,8 +179,8 @@ fn no_weight_that_counts_lies_outside_of_its_box_and_less_is_listed() {
             contributions.iter().all(is_in),
             "{name}: a weight that counts lies outside of its box"
         );
-        // Differencing begins elsewhere: its last places are others, and with them a few that are
-        // just too small.
+        // Differencing begins at another pixel, so its LSBs differ, and a few contributions that
+        // are just too small differ too.
         let distance = distance(
             &fixed::picture(&elaborated, &near),
             &fixed::picture(&elaborated, &far),
@@ -207,7 +207,7 @@ fn no_weight_that_counts_lies_outside_of_its_box_and_less_is_listed() {
     }
 }
 
-/// Where the raster's words lose nothing, it is the same wherever it begins.
+/// If the raster's words are exact, the result does not depend on the first pixel.
 #[test]
 fn no_picture_changes_by_a_bit_where_differencing_is_exact() {
     let exact = [
@@ -241,8 +241,8 @@ fn no_picture_changes_by_a_bit_where_differencing_is_exact() {
     }
 }
 
-/// Machines with few bits of opacity, weight and radial index, whose every opacity is tried at
-/// every radial index.
+/// Machines with few bits of opacity, weight and radial index; every opacity is tested at every
+/// radial index.
 #[test]
 fn the_table_holds_every_weight_that_counts() {
     let small = [
@@ -319,13 +319,13 @@ fn the_table_holds_every_weight_that_counts() {
     }
 }
 
-/// As the issue found it: a file whose every opacity is below 1/255.
+/// The reported case: a file in which every opacity is below 1/255.
 #[test]
 fn splats_too_faint_to_see_end_in_project() {
     let gaussian = machine("gaussian", &[]);
     let elaborated = fixed::elaborate(&gaussian).unwrap();
     let mut scene = random(400, 3, ANY);
-    // Below, at and above the least.
+    // Below, equal to and above the minimum.
     for (index, splat) in scene.splats.iter_mut().enumerate() {
         splat.opacity = [0.0, 0.5, 0.999, 1.001, 30.0][index % 5] / 255.0;
     }
@@ -334,7 +334,7 @@ fn splats_too_faint_to_see_end_in_project() {
     let golden = golden::render(&scene, &golden::Rules::default());
     let [machine, exact] = [drawing.culled.transparent, golden.culled.transparent];
     assert_eq!((machine, drawing.culled.near), (exact, golden.culled.near));
-    // A table's step and its margin may reach into the picture where no weight does.
+    // A step of the table and its margin may reach into the picture where no weight does.
     assert!(
         drawing.culled.outside <= golden.culled.outside && golden.culled.outside < 40,
         "{:?}",
@@ -366,11 +366,12 @@ fn splats_too_faint_to_see_end_in_project() {
         entries == 0 && all_entries > 1000,
         "{entries} of {all_entries} entries"
     );
-    // `ideal` leaves none of them out.
+    // `ideal` draws all of them.
     assert_eq!(golden::ideal(&scene).culled.transparent, 0);
 }
 
-/// Where no weight is too small, every splat is set up, and every box is that of the frame.
+/// If no weight is too small, every splat is set up, and every box is limited by the frame's
+/// cutoff.
 #[test]
 fn volumes_and_scenes_without_a_least_weight_are_as_they_were() {
     let gaussian: Machine = machine("gaussian", &[]);

@@ -1,8 +1,8 @@
-//! Is what README and the book say so? Their commands are run, their tables and samples compared
-//! with what the code says today.
+//! Are README and the book correct? Their commands are run, and their tables and samples are
+//! compared with the program.
 //!
-//! Where a figure has changed for a good reason, the failure prints the lines that the page should
-//! have. A command runs once, however many pages have it.
+//! If a figure has changed for a good reason, the failure prints the new lines for the page. A
+//! command runs once, also if several pages have it.
 
 use crate::program;
 use crate::tier::{self, Tier};
@@ -21,8 +21,8 @@ use splatsim::hardware::{fixed, quantise};
 use splatsim::run::report::MachineReport;
 use splatsim::scene::{Overrides, Scene};
 
-/// Where a scene of a table is: built in, beside the programs, or in the input data; none where
-/// that is absent.
+/// Path of a table's scene: built in, in the folder of programs, or in the input data; none if it
+/// is absent.
 fn find(name: &str) -> Option<PathBuf> {
     match name {
         _ if !name.contains('.') => Some(name.into()),
@@ -46,8 +46,8 @@ fn one_place(db: Option<f64>) -> String {
 const PROGRAM: &str = "cargo run --release -- ";
 const EXAMPLE: &str = "cargo run --release --example ";
 
-/// What takes long, and the tier that runs it: searches and what reads their machine, the stress
-/// catalogue, sweeps and their charts, larger pictures.
+/// Long commands, with the tier that runs them: searches and the commands that read their machine,
+/// the stress catalogue, sweeps and their charts, larger pictures.
 const LONG: [(&str, Tier); 20] = [
     ("run --attribute --out out", Tier::Full),
     ("sweep layers ", Tier::Full),
@@ -69,18 +69,18 @@ const LONG: [(&str, Tier); 20] = [
     ("run terrain --threads 1 ", Tier::Full),
     ("run glass-spheres --size 1024x1024 ", Tier::Full),
     ("run --ranges ", Tier::Ci),
-    ("run --size 128x128 --answers", Tier::Ci),
+    ("run --size 128x128 --what-if", Tier::Ci),
     ("trace glass-spheres --size 64x64 ", Tier::Ci),
     ("diff raster-trace ", Tier::Ci),
 ];
 
-/// Whether this run prints what a command prints.
+/// Whether a command is run in this tier.
 fn is_run(arguments: &str) -> bool {
     LONG.iter()
         .all(|(start, tier)| !arguments.starts_with(start) || tier::tier() >= *tier)
 }
 
-/// Commands of other programs, which CI runs, or which set up what CI runs.
+/// Commands of other programs, which CI runs, or which prepare what CI runs.
 const OTHERS: [&str; 8] = [
     "cargo test --workspace",
     "cargo fmt --all --check",
@@ -92,11 +92,11 @@ const OTHERS: [&str; 8] = [
     "fusesoc --cores-root rtl_model/rtl --cores-root traces/knot run --target lint splatsim:rtl:twins",
 ];
 
-/// What a command of the program prints, or why it fails.
+/// Output of a command, or the reason of its failure.
 type Printed = Result<String, String>;
 
-/// The commands of the program in all pages, without what they begin with, each once, in the order
-/// in which a page's reader meets them.
+/// The commands of the program in all pages without their common prefix, each once, in the order of
+/// the pages.
 fn commands() -> Vec<String> {
     let mut seen = BTreeSet::new();
     let all = pages()
@@ -108,7 +108,7 @@ fn commands() -> Vec<String> {
         .collect()
 }
 
-/// What all of them print that are this run's, each run once. Some read what others wrote.
+/// Output of all commands of this tier, each run once. Some read files that others wrote.
 static PRINTED: LazyLock<BTreeMap<String, Printed>> = LazyLock::new(|| {
     let folder = tempfile::tempdir().unwrap();
     let mine = commands().into_iter().filter(|arguments| is_run(arguments));
@@ -166,19 +166,19 @@ fn every_command_exists_and_those_of_the_program_run() {
                 "{line}"
             );
         } else {
-            assert!(OTHERS.contains(&line.as_str()), "nobody runs {line}");
+            assert!(OTHERS.contains(&line.as_str()), "no test runs {line}");
         }
     }
 }
 
-/// Lines of a sample or of what is printed, without those that tell of the computer.
+/// Lines of a sample or of an output, without those about the computer.
 fn lines<'l>(text: impl IntoIterator<Item = &'l str>) -> Vec<&'l str> {
     text.into_iter()
         .filter(|line| !line.starts_with("host:") && !line.starts_with("      fixed makes"))
         .collect()
 }
 
-/// Whether a sample is a part of what is printed. Two pages have all that a command prints.
+/// Whether a sample is part of the output. On two pages it must be the whole output.
 fn is_printed(sample: &Sample, printed: &str) -> bool {
     let told = lines(sample.lines.iter().map(String::as_str));
     let now = lines(printed.trim_end().lines());
@@ -201,7 +201,7 @@ fn all_samples() -> Vec<Sample> {
 }
 
 #[test]
-fn every_sample_is_what_its_command_prints() {
+fn every_sample_is_printed_by_its_command() {
     let all = commands();
     assert!(
         LONG.iter()
@@ -226,7 +226,7 @@ fn every_sample_is_what_its_command_prints() {
 }
 
 #[test]
-fn what_was_compared_once_is_compared_still() {
+fn the_samples_of_the_main_commands_are_still_compared() {
     let arguments: BTreeSet<String> = all_samples()
         .into_iter()
         .map(|sample| sample.arguments)
@@ -274,7 +274,7 @@ fn every_sample_of_json_is_json() {
 // ---- Tables ----
 
 #[test]
-fn the_table_of_machines_says_what_they_are() {
+fn the_table_of_machines_has_their_figures() {
     let rows = table(&page_with("## Named machines").text, "## Named machines");
     let now = Machine::names().map(|name| {
         let report = MachineReport::new(&fixed::elaborate(&Machine::named(name).unwrap()).unwrap());
@@ -292,7 +292,7 @@ fn the_table_of_machines_says_what_they_are() {
 }
 
 #[test]
-fn the_table_of_accuracies_says_what_the_machines_reach() {
+fn the_table_of_accuracies_has_those_of_the_machines() {
     if !tier::runs(Tier::Ci) {
         return;
     }
@@ -325,9 +325,9 @@ fn the_table_of_accuracies_says_what_the_machines_reach() {
     );
 }
 
-/// The rows of three layers; `tests/golden_match.rs` and `tests/golden_window.rs` have more.
+/// The rows with three layers; `tests/golden_match.rs` and `tests/golden_window.rs` check more.
 #[test]
-fn the_table_of_merge_rules_says_what_they_do() {
+fn the_table_of_merge_rules_has_their_results() {
     if !tier::runs(Tier::Ci) {
         return;
     }
@@ -349,7 +349,7 @@ fn the_table_of_merge_rules_says_what_they_do() {
     );
     assert!(rows.len() >= 25 && rows.len().is_multiple_of(5));
     for row in tier::some([12, 12], rows.into_iter().filter(|row| row[1] == "3")) {
-        // The made ones have no file, and what is translucent is told by its own row.
+        // Generated scenes have no file, and a translucent one is checked by its own row.
         let scene = match row[0].as_str() {
             name if name.starts_with("translucent:") => continue,
             name @ ("random-shells" | "lone-splats") => merge_rules::scene(name).unwrap(),
@@ -365,8 +365,8 @@ fn the_table_of_merge_rules_says_what_they_do() {
 
 // ---- The reference ----
 
-/// A type that several pages have in the same words is described on one of them, unless what it
-/// leads to differs.
+/// A type that several pages describe in the same words is described on one of them, unless the
+/// types that it refers to differ.
 #[test]
 fn a_type_of_several_pages_is_described_once() {
     let pages = reference::pages();
@@ -388,7 +388,7 @@ fn a_type_of_several_pages_is_described_once() {
 }
 
 #[test]
-fn the_reference_says_what_the_schemas_say() {
+fn the_reference_agrees_with_the_schemas() {
     for made in reference::pages() {
         let committed = page(&format!("docs/book/reference/{}", made.file));
         assert!(
@@ -430,7 +430,7 @@ fn no_link_is_dead() {
     assert!(dead.is_empty(), "{dead:#?}");
 }
 
-/// The pages that a source cites, and the section where it names one.
+/// The pages that a source cites, with the section if one is given.
 fn cited(text: &str) -> Vec<(String, Option<String>)> {
     let of = |rest: &str| {
         let name: String = rest
@@ -451,7 +451,7 @@ fn cited(text: &str) -> Vec<(String, Option<String>)> {
         .collect()
 }
 
-/// Why a citation leads nowhere.
+/// The fault of a citation.
 fn misses((name, section): &(String, Option<String>)) -> Option<String> {
     let Ok(text) = std::fs::read_to_string(root().join("docs/book").join(name)) else {
         return Some(format!("{name} is absent"));
@@ -462,13 +462,13 @@ fn misses((name, section): &(String, Option<String>)) -> Option<String> {
 }
 
 #[test]
-fn what_the_code_cites_exists() {
+fn cited_pages_and_sections_exist() {
     let mut sources = Vec::new();
     ["src", "rtl_model", "tests"]
         .iter()
         .for_each(|folder| book::walk(Path::new(folder), "rs", &mut sources));
     assert!(sources.len() > 100, "{sources:?}");
-    // This file cites what is absent, to see that it is found out.
+    // This file has wrong citations on purpose.
     for path in sources
         .iter()
         .filter(|path| !path.ends_with(Path::new(file!()).file_name().unwrap()))
@@ -482,7 +482,7 @@ fn what_the_code_cites_exists() {
 }
 
 #[test]
-fn citations_that_lead_nowhere_are_found() {
+fn wrong_citations_are_found() {
     let found = cited(
         "as docs/book/algorithm.md §6 has it (docs/book/algorithm.md §66, docs/book/none.md). In docs/book too.",
     );
@@ -549,11 +549,11 @@ fn readme_is_short() {
     assert!(length <= 6_000, "{length} bytes");
 }
 
-/// Beginnings of sentences, and words, that a reader has to read twice.
+/// Beginnings of sentences, and words, that are hard to understand at first reading.
 const BEGINNINGS: [&str; 5] = ["Who ", "Whoever ", "Nobody ", "Of a ", "Of the "];
 const WORDS: [&str; 4] = ["anew", "is no number", "abreast", "so many"];
 
-/// Patterns in a text outside of its blocks of code.
+/// Patterns in a text outside its blocks of code.
 fn twisted(text: &str) -> Vec<String> {
     let mut is_code = false;
     let mut found = Vec::new();
@@ -596,7 +596,7 @@ fn pages_are_plain() {
     }
 }
 
-/// Longer pages have several subjects; those of the reference are lists of fields.
+/// Longer pages have several subjects; pages of the reference are lists of fields.
 #[test]
 fn a_page_has_at_most_12_kilobytes() {
     let written = pages()
@@ -609,7 +609,7 @@ fn a_page_has_at_most_12_kilobytes() {
     assert!(long.is_empty(), "{long:?}");
 }
 
-// ---- Of the reader itself ----
+// ---- Tests of the reader itself ----
 
 #[test]
 fn twisted_sentences_are_found() {

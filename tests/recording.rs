@@ -1,5 +1,5 @@
-//! A frame's work in a file: read as it was written, replayed as it was run, and refused where it
-//! is damaged.
+//! Recorded work in a file: read as it was written, replayed with the results of the run, and
+//! refused if it is damaged.
 
 use crate::program::PROGRAM;
 use crate::tier::{self, Tier};
@@ -102,7 +102,7 @@ fn a_replay_takes_the_cycles_of_the_run() {
         "{text}"
     );
 
-    // Another timing, as if it had been run so.
+    // Another timing, compared with a run with this timing.
     let slow = splatsim(&[
         "replay",
         &record,
@@ -180,8 +180,8 @@ fn a_replay_has_the_area_and_energy_of_the_run_at_any_digit_of_the_sort() {
     assert!(areas[0] < areas[2], "{areas:?}");
 }
 
-/// Other kinds of the sort are replayed as they are run; buckets, from a record that has keys
-/// alone.
+/// Other kinds of the sort have the same cycles in a replay as in a run; buckets need a record with
+/// keys.
 #[test]
 fn a_replay_has_the_cycles_of_the_run_with_any_kind_of_sort() {
     let folder = tempfile::tempdir().unwrap();
@@ -227,7 +227,7 @@ fn a_replay_has_the_cycles_of_the_run_with_any_kind_of_sort() {
             &[
                 &["replay", from],
                 &set[..],
-                &["--out", &replayed, "--answers", "--quiet"],
+                &["--out", &replayed, "--what-if", "--quiet"],
             ]
             .concat(),
         );
@@ -247,7 +247,7 @@ fn a_replay_has_the_cycles_of_the_run_with_any_kind_of_sort() {
             .windows(2)
             .all(|pair| pair[0].is_some() && pair[0] == pair[1])
     );
-    // Records without buckets are what they were.
+    // Records without buckets have not changed.
     let begins = |path: &str| std::fs::read(path).unwrap()[..16].to_vec();
     assert_eq!(
         [begins(&record), begins(&with_keys)],
@@ -288,7 +288,7 @@ fn a_replay_has_the_cycles_of_the_run_with_any_kind_of_sort() {
         refused.status.code() == Some(2) && told.contains("2 would tell them apart"),
         "{told}"
     );
-    // Keys that end too soon, that are another order's, and that nobody wrote.
+    // Keys that end too early, keys of another order, and keys that were not written by a run.
     let whole = std::fs::read(&with_keys).unwrap();
     assert!(
         refusal(&whole[..whole.len() - 1])
@@ -327,7 +327,8 @@ fn bytes(recording: Recording) -> Vec<u8> {
     std::fs::read(path).unwrap()
 }
 
-/// Short ends, and a thousand bits that are others: what is read all the same can be replayed.
+/// Truncated files, and files with a thousand different flipped bits: each is refused or can be
+/// replayed.
 #[test]
 fn no_damage_is_taken_for_a_record() {
     let small = bytes(Recording {
@@ -376,14 +377,14 @@ fn no_damage_is_taken_for_a_record() {
             }
         }
     }
-    // Which pixels were kept, say, can be otherwise.
+    // Some contents, such as the kept pixels, cannot be validated.
     assert!(
         refused > tier::of([12, 6], 120) && replayed > tier::of([12, 6], 20),
         "{refused} {replayed}"
     );
 }
 
-/// A few bytes that ask for much.
+/// A short file that requests a large allocation.
 #[test]
 fn a_record_of_boxes_without_end_takes_no_memory() {
     let Recording {
@@ -423,7 +424,7 @@ fn a_record_of_boxes_without_end_takes_no_memory() {
 }
 
 #[test]
-fn what_is_no_record_or_changes_more_than_time_is_refused() {
+fn files_without_a_record_and_changes_of_the_picture_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| -> PathBuf { folder.path().join(name) };
     recorded("checkerboard", (32, 32))
@@ -469,7 +470,7 @@ fn what_is_no_record_or_changes_more_than_time_is_refused() {
     );
 }
 
-/// The law behind all of it: what a replay makes of a record is what it makes of the work.
+/// The basic law: the replay of a record equals the replay of its work.
 #[test]
 fn the_cycles_are_those_of_the_work() {
     if !tier::runs(Tier::Ci) {

@@ -1,5 +1,5 @@
-//! Reflection: is what a mirror shows what its surroundings are, does a finer map come nearer, does
-//! the machine keep within its bound, and is a broken picture of the surroundings told of?
+//! Reflection: does a mirror show its environment, is a finer map more accurate, does the machine
+//! stay within its bound, and is a broken environment picture refused?
 
 use crate::handmade::{self, Rng};
 use crate::program::PROGRAM;
@@ -32,7 +32,7 @@ fn mirror(sight: Sight) -> Machine {
     machine
 }
 
-/// The book's spheres, of every so many splats.
+/// The book's spheres, reduced to every n-th splat.
 fn spheres(size: (usize, usize)) -> Scene {
     let path = concat!(
         env!("CARGO_MANIFEST_DIR"),
@@ -64,7 +64,7 @@ fn in_lockstep(scene: &Scene, machine: &Machine) -> Lockstep {
     )
 }
 
-/// Decibels; 200 where nothing differs.
+/// Decibels; 200 for equal pictures.
 fn psnr(a: &Picture, b: &Picture) -> f64 {
     metrics(a, b).psnr_db.unwrap_or(200.0)
 }
@@ -80,12 +80,12 @@ fn smooth(direction: DVec3) -> [f64; 3] {
 }
 
 /// A Radiance or EXR picture of it, latitude-longitude by its definition: up is y, the middle
-/// column looks along −z, right of it +x.
+/// column looks along −z, and +x is to the right of it.
 fn write_smooth(path: &Path, height: u32) {
     let picture = image::Rgb32FImage::from_fn(2 * height, height, |column, row| {
         let turn = (f64::from(column) + 0.5) / f64::from(height) * std::f64::consts::PI;
         let down = (f64::from(row) + 0.5) / f64::from(height) * std::f64::consts::PI;
-        // A turn of 0 is the left edge, behind: +z.
+        // A turn of 0 is the left edge, behind the eye: +z.
         let direction = DVec3::new(
             -down.sin() * turn.sin(),
             down.cos(),
@@ -96,8 +96,8 @@ fn write_smooth(path: &Path, height: u32) {
     image::DynamicImage::from(picture).save(path).unwrap();
 }
 
-/// A scene file beside a picture of a smooth sky: mirrors that are tilted each its own way, seen
-/// from the origin along −z.
+/// A scene file, with a picture of a smooth sky: mirrors with different tilts, seen from the origin
+/// along −z.
 fn tilted(folder: &Path, picture: &str, reflect: f64, tint: [f64; 3]) -> Scene {
     let path = folder.join("tilted.json");
     let normals = [
@@ -123,9 +123,9 @@ fn tilted(folder: &Path, picture: &str, reflect: f64, tint: [f64; 3]) -> Scene {
     Scene::load(&path, &Overrides::default()).unwrap()
 }
 
-/// Each pixel's colour by hand: the splat's own normal, the pixel's own ray, the sky's own formula.
+/// The expected colour of each pixel: the splat's normal, the pixel's ray, the sky's formula.
 #[test]
-fn ideal_shows_what_a_mirror_of_its_normal_shows() {
+fn ideal_shows_the_reflection_by_its_normal() {
     let folder = tempfile::tempdir().unwrap();
     for picture in ["sky.hdr", "sky.exr"] {
         write_smooth(&folder.path().join(picture), 256);
@@ -205,7 +205,7 @@ fn no_pixel_exceeds_its_bound() {
     }
 }
 
-/// Words down to those that hold 1 and little else.
+/// Words, down to those that hold little more than 1.
 fn random(rng: &mut Rng) -> Machine {
     let mut machine = mirror(if rng.roll() < 0.5 {
         Sight::Ray
@@ -244,7 +244,7 @@ fn random(rng: &mut Rng) -> Machine {
     machine
 }
 
-/// And with all words on, partial precision is the machine.
+/// With all words in their formats, mixed precision equals the machine.
 #[test]
 fn random_mirrors_keep_within_their_bounds_and_are_known_word_by_word() {
     let scene = spheres((28, 24));
@@ -285,8 +285,8 @@ fn random_mirrors_keep_within_their_bounds_and_are_known_word_by_word() {
     }
 }
 
-/// A machine that can mirror draws what mirrors nothing as it would without, and one that cannot
-/// refuses what does.
+/// A machine that can mirror draws scenes without mirrors unchanged, and one that cannot refuses
+/// scenes with mirrors.
 #[test]
 fn nothing_changes_where_nothing_is_mirrored() {
     let plain = handmade::confetti(200, 3);
@@ -300,7 +300,7 @@ fn nothing_changes_where_nothing_is_mirrored() {
         .unwrap_err()
         .to_string();
     assert!(refused.contains("has no `reflect`"), "{refused}");
-    // Of a material that mirrors nothing among others that do.
+    // Splats of a material that does not mirror, among others that do.
     let with = drawn(&scene, &mirror(Sight::Axis));
     let dull = drawn(
         &Scene {
@@ -337,7 +337,8 @@ fn a_mirror_costs_area_and_cycles() {
     };
     assert!(of(&without).is_none());
     let [ray, axis] = [Sight::Ray, Sight::Axis].map(|sight| of(&mirror(sight)).unwrap());
-    // 64 × 64 texels of three words of 11 bits, and the 256 first guesses of the reciprocal.
+    // 64 × 64 texels of three words of 11 bits, and the 256 initial approximations of the
+    // reciprocal.
     assert_eq!(ray.bits.rom, 64 * 64 * 3 * 11 + 256 * 16);
     assert!(ray.bits.multiplier > axis.bits.multiplier && ray.area > axis.area);
     let latency = |machine: &Machine| fixed::elaborate(machine).unwrap().timing.shade.latency;
@@ -345,7 +346,7 @@ fn a_mirror_costs_area_and_cycles() {
         latency(&mirror(Sight::Ray)) >= latency(&mirror(Sight::Axis))
             && latency(&mirror(Sight::Axis)) > latency(&without)
     );
-    // All else costs what it did.
+    // Everything else costs the same.
     let rest = |machine: &Machine| {
         cost(machine)
             .units
@@ -359,10 +360,11 @@ fn a_mirror_costs_area_and_cycles() {
     assert!(cache_alone.elaborate().unwrap_err()[0].contains("no `reflect` that looks one up"));
 }
 
-/// The same bits from memory as from a table, with a cache's area in the place of the table's, its
-/// look-ups in the latency and its lines in the traffic; and a table is loaded before the frame.
+/// From memory the bits are the same as from a table. The area of a cache replaces that of the
+/// table, its look-ups add to the latency and its lines to the traffic; a table is loaded before
+/// the frame.
 #[test]
-fn a_map_in_memory_draws_the_same_picture_and_pays_for_what_it_reads() {
+fn a_map_in_memory_draws_the_same_picture_and_its_reads_are_counted() {
     let scene = spheres((48, 48));
     let on_chip = mirror(Sight::Ray);
     let behind = |lines: u32| {
@@ -393,7 +395,7 @@ fn a_map_in_memory_draws_the_same_picture_and_pays_for_what_it_reads() {
     // 64 × 64 texels of five bytes, in bursts of 64.
     assert_eq!(all, [64 * 64 * 5, 0]);
     assert_eq!(loaded.texels, [0; 2]);
-    // Lines of 16 texels lie in two bursts each, or in one and a quarter.
+    // Lines of 16 texels occupy two bursts each, or 1.25.
     let read = |[lookups, hits]: [u64; 2]| lookups - hits;
     assert!(
         read(few.texels) > read(many.texels)
@@ -415,8 +417,8 @@ fn a_map_in_memory_draws_the_same_picture_and_pays_for_what_it_reads() {
     };
     assert!(waited(&few) > waited(&many) && waited(&many) > 0 && waited(&loaded) == 0);
     assert!(few.total > many.total);
-    // Of the table nothing is left but what the reciprocal has; the cache is storage, and its lines
-    // take a look-up of tags.
+    // Only the table of the reciprocal is left; the cache is storage, and its lines need a look-up
+    // of tags.
     let rom = |elaborated: &rtl_model::Elaborated| {
         let cost = Cost::new(elaborated, &Prices::default());
         (
@@ -432,7 +434,7 @@ fn a_map_in_memory_draws_the_same_picture_and_pays_for_what_it_reads() {
     assert_eq!(rom(&cached).0, 256 * 16);
     assert_eq!(rom(&cached).1 - rom(&elaborated).1, 64 * (16 * 5 * 8 + 32));
     assert!(cached.timing.paths.shade.cycles > elaborated.timing.paths.shade.cycles);
-    // Without surroundings neither reads anything.
+    // Without an environment nothing is read.
     let plain = Scene {
         environment: None,
         ..scene.clone()
@@ -446,10 +448,10 @@ fn a_map_in_memory_draws_the_same_picture_and_pays_for_what_it_reads() {
     );
 }
 
-/// A mirror in the middle of the picture: its ray, where that goes, what is looked up there, beside
+/// A mirror in the middle of the picture: its ray, the ray's direction, and the look-up, next to
 /// golden's.
 #[test]
-fn explain_tells_what_a_mirror_shows() {
+fn explain_prints_the_look_up_of_a_mirror() {
     let scene = spheres((48, 48));
     for sight in [Sight::Ray, Sight::Axis] {
         let machine = mirror(sight);
@@ -466,7 +468,7 @@ fn explain_tells_what_a_mirror_shows() {
         assert!(same.len() > 1, "{} of {}", same.len(), told.len());
         for (pixel, mirrors) in same {
             for (fixed, golden) in mirrors.fixed.iter().zip(&mirrors.golden) {
-                // A decision that was taken otherwise moves a normal a little.
+                // A decision that flipped moves a normal slightly.
                 let near =
                     |a: &[f64], b: &[f64]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 0.02);
                 assert!(
@@ -505,9 +507,9 @@ fn explain_tells_what_a_mirror_shows() {
     );
 }
 
-/// Slopes are asked of a machine that looks along rays, and of no other.
+/// Slopes are required by a machine that looks up along rays, and by no other.
 #[test]
-fn along_the_axis_no_slope_need_be_said() {
+fn along_the_axis_no_slope_is_required() {
     let scene = spheres((16, 16));
     let without = |sight| {
         let mut machine = mirror(sight);
@@ -526,7 +528,7 @@ fn along_the_axis_no_slope_need_be_said() {
 }
 
 #[test]
-fn misfits_are_told_in_sentences() {
+fn elaboration_errors_are_sentences() {
     for (change, part) in [
         (
             json!({"index_bits": 9}),
@@ -604,7 +606,7 @@ fn broken_surroundings_end_in_a_sentence() {
         .save(file("dark.exr"))
         .unwrap();
     std::fs::write(file("noise.png"), b"no picture").unwrap();
-    // A header that promises a hundred million texels each way, and no texel.
+    // A header that promises a hundred million texels in each direction, without any texels.
     std::fs::write(
         file("huge.hdr"),
         b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 50000000 +X 100000000\n",
@@ -697,7 +699,7 @@ fn broken_surroundings_end_in_a_sentence() {
     )
     .unwrap();
     Scene::load(file("scene.json"), &Overrides::default()).unwrap();
-    // On a machine that has no mirror: status 2, a sentence, nothing written.
+    // On a machine without mirrors: status 2, one sentence, and no output.
     let out = file("out");
     let output = Command::new(&*PROGRAM)
         .args(["run"])

@@ -1,5 +1,5 @@
-//! Faults of inputs that were found by fuzzing and by use: each is refused in one sentence, with
-//! status 2, and leaves nothing behind.
+//! Invalid inputs that were found by fuzzing and by users: each is refused in one sentence, with
+//! status 2, and leaves no files.
 
 use crate::program::PROGRAM;
 use std::ffi::{OsStr, OsString};
@@ -27,7 +27,7 @@ fn splatsim(arguments: &[impl AsRef<OsStr>]) -> Output {
         .unwrap()
 }
 
-/// The one sentence of a refusal.
+/// The single sentence of a refusal.
 #[track_caller]
 fn refused(arguments: &[impl AsRef<OsStr> + std::fmt::Debug]) -> String {
     let output = splatsim(arguments);
@@ -170,9 +170,9 @@ fn a_record_claims_no_more_pixels_than_run_draws() {
 }
 
 #[test]
-fn what_does_not_fit_into_memory_is_refused_before_it_is_made() {
+fn inputs_too_large_for_memory_are_refused_before_allocation() {
     let folder = folder();
-    // Each source is one that the schema allows; together they need terabytes.
+    // The schema allows each source; together they need terabytes.
     let sources = vec![json!({"builtin": "terrain", "count": 67_108_864}); 60];
     let scene = write(&folder, "huge.json", json!({"splats": sources}).to_string());
     let out = folder.path().join("out").to_string_lossy().into_owned();
@@ -183,7 +183,8 @@ fn what_does_not_fit_into_memory_is_refused_before_it_is_made() {
         ),
         "{sentence}"
     );
-    // Gaussians, and what is drawn with them, have an orientation each, wherever they stand.
+    // Gaussians, and splats drawn together with them, each have an orientation, anywhere in the
+    // scene.
     let gaussians = json!({"gaussians": "bouquet", "count": 67_108_864});
     let placed =
         json!({"splats": [{"builtin": "terrain", "count": 67_108_864}, gaussians], "place": {}});
@@ -292,7 +293,7 @@ fn a_sweep_of_another_scene_leaves_the_folder_as_it_was() {
     let before = (names_in(&out), files());
     write(&folder, "disc.json", DISC.replace("0.5}]", "0.25}]"));
     assert!(refused(&sweep).contains("point 0 was drawn from something else than now"));
-    // A part of its own begins no journal either.
+    // A separate shard does not begin a journal either.
     assert!(
         refused(&[&sweep[..], &["--shard", "1/2"]].concat())
             .contains("point 0 was drawn from something else than now")
@@ -331,7 +332,7 @@ fn a_folder_has_one_writer_at_a_time_and_keeps_other_files() {
 
 #[cfg(unix)]
 #[test]
-fn a_writer_that_was_killed_keeps_nobody_out() {
+fn a_writer_that_was_killed_does_not_block_the_next_one() {
     let folder = folder();
     let (out, scene) = (folder.path().join("out"), write(&folder, "disc.json", DISC));
     let long = [
@@ -350,7 +351,7 @@ fn a_writer_that_was_killed_keeps_nobody_out() {
             std::thread::sleep(Duration::from_millis(20));
         }
     }
-    // It locks what it has made.
+    // The new writer locks the files that it made.
     std::thread::sleep(Duration::from_millis(200));
     let held = Folder::open(&out).unwrap_err().to_string();
     first.kill().unwrap();
@@ -401,7 +402,7 @@ fn a_field_that_is_there_twice_is_refused_with_its_place() {
     );
     let prices = write(&folder, "prices.json", r#"{"logic": 1, "logic": 2}"#);
     assert!(
-        refused(&["machine", "cost", "lean", "--prices", &prices])
+        refused(&["machine", "cost", "lean", "--unit-costs", &prices])
             .contains("the field `logic` is there twice")
     );
 }
@@ -426,7 +427,7 @@ fn rows_that_the_header_does_not_promise_are_refused_with_their_line() {
         refused("b.ply", &format!("{head}end_header\n0 0 0\n1 1 1\n\n \n")),
         None
     );
-    // Where faces are not needed for normals, their rows are promised all the same.
+    // The rows of faces must be present, also if they are not needed for normals.
     let faces = format!(
         "{head}{normals}element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0 0 0 1\n1 1 1 0 0 1\n"
     );
@@ -600,7 +601,7 @@ fn a_register_is_named_once_however_many_values_it_cannot_hold() {
         1,
         "{sentence}"
     );
-    // 21 lights × 3 channels × 2 factors, the farthest off told.
+    // 21 lights × 3 channels × 2 factors; the largest excess is reported.
     assert!(
         sentence.contains("but the scene needs 800:")
             && sentence.contains("(125 more values do not fit either)"),
@@ -643,11 +644,11 @@ fn a_line_break_in_a_name_reaches_no_file() {
         refused(&["machine", "show", &named])
             .contains(r"name is `tiny\nmodule evil;`; it must have no line breaks")
     );
-    // Nor does one break an error's one line.
+    // A line break does not break an error's single line either.
     assert!(refused(&["run", "gone\nfile.json"]).contains(r"gone\nfile.json: no such file"));
 }
 
-// ---- what users read ----
+// ---- output for users ----
 
 #[test]
 fn a_reported_camera_draws_the_same_picture_again() {
@@ -767,7 +768,7 @@ fn shells_complete_every_command_and_every_command_has_a_page() {
 }
 
 #[test]
-fn what_is_no_terminal_gets_no_colours() {
+fn colours_are_printed_only_on_a_terminal() {
     for arguments in [
         vec!["--help"],
         vec!["run", "--help"],
@@ -782,9 +783,9 @@ fn what_is_no_terminal_gets_no_colours() {
     }
 }
 
-// ---- names, places and what is there already ----
+// ---- names, paths and existing files ----
 
-/// A scene of one splat, a picture of few pixels: what a run of it needs.
+/// A scene of one splat and a picture of a few pixels: a minimal run.
 fn small_run<'a>(scene: &'a str, more: &[&'a str]) -> Vec<&'a str> {
     [
         &[
@@ -802,7 +803,7 @@ fn small_run<'a>(scene: &'a str, more: &[&'a str]) -> Vec<&'a str> {
 }
 
 #[test]
-fn a_folder_does_not_take_the_place_of_what_it_is_named_after() {
+fn an_output_folder_does_not_replace_an_input_with_its_name() {
     let folder = folder();
     let splatsim = |arguments: &[&str]| {
         let output = Command::new(PROGRAM.as_str())
@@ -832,9 +833,9 @@ fn a_folder_does_not_take_the_place_of_what_it_is_named_after() {
         ]);
     }
     splatsim(&["machine", "show", "tiny"]);
-    // But the run that is in it can be compared.
+    // The run in it can still be compared.
     splatsim(&["compare", "tiny", "tiny", "--json"]);
-    // Nor that of a plan: what is refused is another thing.
+    // Nor that of a plan, which is refused for another reason.
     std::fs::create_dir(folder.path().join("layers")).unwrap();
     let refused = Command::new(PROGRAM.as_str())
         .args(["sweep", "layers", "--most", "1"])
@@ -846,7 +847,7 @@ fn a_folder_does_not_take_the_place_of_what_it_is_named_after() {
 }
 
 #[test]
-fn what_is_no_recording_is_not_written_over() {
+fn files_other_than_recordings_are_not_overwritten() {
     let folder = folder();
     let scene = write(&folder, "disc.json", DISC);
     let before = std::fs::read(&scene).unwrap();
@@ -902,7 +903,7 @@ fn links_are_followed_and_pipes_are_left_alone() {
 }
 
 #[test]
-fn what_a_unit_is_refused_empties_no_file() {
+fn a_refused_unit_command_empties_no_file() {
     let folder = folder();
     let scene = write(&folder, "disc.json", DISC);
     let held = write(&folder, "held.hex", "precious\n");
@@ -984,7 +985,7 @@ fn more_cases_than_memory_holds_are_refused() {
 }
 
 #[test]
-fn a_run_that_was_not_held_says_why_it_cannot_be_compared() {
+fn a_run_without_lockstep_states_why_it_cannot_be_compared() {
     let folder = folder();
     let scene = write(&folder, "disc.json", DISC);
     let out = folder.path().join("out").to_string_lossy().into_owned();

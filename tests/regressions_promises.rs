@@ -1,5 +1,4 @@
-//! Does what was promised hold where it once did not? Bounds, numbers, made-up cases, and what
-//! limits a frame.
+//! Regressions of documented properties: bounds, numbers, stimuli, and limits of a frame.
 
 use crate::handmade::{self, confetti, scene, splat};
 use crate::mutation::{differences, mutated, mutations, named, with_format};
@@ -61,7 +60,7 @@ fn a_sum_that_one_contribution_overflows_keeps_its_bound() {
         ] {
             let machine = machines::load(name, &[setting.to_owned()]).unwrap();
             let Some(frame) = in_lockstep(&disc(), &machine) else {
-                // Some machines cannot have such a word: `volume` and `gaussian` light splats of
+                // Some machines cannot have such a word: `volume` and `gaussian` shade splats of
                 // weight 1.
                 assert!(machine.elaborate().is_err() || quantise(&disc(), &machine).is_err());
                 continue;
@@ -77,7 +76,7 @@ fn a_sum_that_one_contribution_overflows_keeps_its_bound() {
     }
 }
 
-/// Scenes in which a bound has little to go by: one splat, none, all at one depth, a few.
+/// Scenes in which a bound has little information: one splat, none, all at one depth, a few.
 fn bare() -> Vec<Scene> {
     let one_depth = |mut scene: Scene| {
         scene.splats.iter_mut().for_each(|splat| {
@@ -102,7 +101,7 @@ fn narrowed(machine: &Machine, rng: &mut handmade::Rng) -> Machine {
     for _ in 0..=roll(3) {
         let (word, format) = if roll(2) == 0 {
             let sum = sums[roll(4)];
-            // No sum is more than a fraction of what one weight adds.
+            // No sum is larger than a fraction of one weight.
             let bits = 1 + roll(12) as i32;
             let frac_bits = bits + roll(8) as i32;
             let int_bits = bits - frac_bits;
@@ -125,7 +124,7 @@ fn narrowed(machine: &Machine, rng: &mut handmade::Rng) -> Machine {
     machine
 }
 
-/// All formats of 1 to 3 bits, from no integer bit to all.
+/// All formats of 1 to 3 bits, from no integer bits to only integer bits.
 fn narrow(signed: bool) -> Vec<Format> {
     (1..=3)
         .flat_map(|width| {
@@ -220,7 +219,7 @@ fn radii_whose_squares_vanish_are_refused_with_their_place() {
     );
 }
 
-/// Ellipsoids, volumes and Gaussians as odd as a scene can say.
+/// Ellipsoids, volumes and Gaussians with extreme values of a scene file.
 fn odd_ellipsoids() -> Vec<(String, Scene)> {
     let mut scenes = Vec::new();
     let lengths = [1e-30, 1e-12, 1.0, 1e12, 1e30];
@@ -246,12 +245,12 @@ fn odd_ellipsoids() -> Vec<(String, Scene)> {
                     DVec3::ONE,
                 ][nth % 3],
             };
-            // In the very middle of a pixel, and beside it.
+            // Exactly in the centre of a pixel, and next to it.
             for x in [0.0, 0.3 * depth] {
                 odd.splats
                     .extend((0..3).map(|_| splat([x, 0.0, depth], radius)));
             }
-            // As dense as a volume's voxels can be.
+            // The maximum density of a volume's voxels.
             odd.splats.iter_mut().for_each(|splat| {
                 splat.opacity = if amplitude == Amplitude::LineIntegral {
                     1.6e11
@@ -310,7 +309,7 @@ fn golden_makes_numbers_of_every_legal_scene() {
 }
 
 #[test]
-fn what_is_no_number_is_equal_to_nothing_in_an_attribution() {
+fn nan_is_equal_to_nothing_in_an_attribution() {
     let (scene, machine) = (confetti(20, 4), Machine::named("tiny").unwrap());
     let (elaborated, quantised) = (
         fixed::elaborate(&machine).unwrap(),
@@ -334,7 +333,7 @@ fn what_is_no_number_is_equal_to_nothing_in_an_attribution() {
 }
 
 #[test]
-fn a_search_meets_no_target_with_what_is_no_number() {
+fn a_search_meets_no_target_with_nan() {
     let mut scene = confetti(20, 4);
     let machine = Machine::named("reference").unwrap();
     let asked = |target| search::Options {
@@ -385,14 +384,14 @@ trait Spoilt {
 }
 
 impl Spoilt for Scene {
-    /// As no file can say it.
+    /// A value that no file can contain.
     fn background_is_no_number(&mut self) {
         self.splats[3].rgb[1] = f64::NAN;
     }
 }
 
 #[test]
-fn a_report_of_what_is_no_number_says_so() {
+fn a_report_marks_nan() {
     let mut scene = confetti(20, 4);
     scene.splats[3].rgb[1] = f64::NAN;
     let outcome = splatsim::run::run(
@@ -442,7 +441,7 @@ fn made_up(name: &str, scene: &Scene, word: &str, format: Format) -> Result<bool
     }
 }
 
-/// Scenes for the machines whose units differ: discs, voxels, Gaussians.
+/// Scenes for machines with different units: discs, voxels, Gaussians.
 fn few_of_each() -> [(&'static str, Scene); 3] {
     let mut gaussians = Scene::load(
         "bouquet",
@@ -470,8 +469,8 @@ fn few_of_each() -> [(&'static str, Scene); 3] {
     ]
 }
 
-/// Each word of three machines in turn with some of the formats of 1 to 3 bits; how many machines
-/// there were.
+/// Each word of three machines in turn, with some of the formats of 1 to 3 bits; returns the number
+/// of machines.
 fn made_up_word_by_word(chosen: impl Fn(&str, &str, usize) -> bool) -> usize {
     let scenes = few_of_each();
     let mut all = Vec::new();
@@ -504,7 +503,7 @@ fn cases_are_made_up_for_words_of_one_to_three_bits() {
             Ok(true)
         );
     }
-    // Where sheets and ellipsoids make a difference, and two formats of nine.
+    // In cases in which sheets and ellipsoids differ, and in two formats of nine.
     let differs = |word: &str| {
         ["ellipse.ellipsoid", "sort", "fragment", "gauss"]
             .iter()
@@ -532,8 +531,8 @@ fn cases_are_made_up_for_every_word_in_every_format_of_one_to_three_bits() {
 
 // ---- volumes and Gaussians ----
 
-/// A slab of so many layers across the view, each of this opacity, seen straight on from afar; what
-/// golden makes of its middle.
+/// The middle of golden's picture of a slab: `layers` layers across the view, each with this
+/// opacity, seen perpendicularly from afar.
 fn slab(
     layers: usize,
     opacity: f64,
@@ -571,9 +570,9 @@ fn slab(
         .collect()
 }
 
-/// By hand: n layers let (1 − α)ⁿ through. Where kernels end, a layer is a little uneven: their
-/// mean is right within 0.5 %, and pixels within 5 %, or 10 % where kernels end at half their
-/// height or sooner.
+/// Worked out by hand: the transmittance of n layers is (1 − α)ⁿ. A layer of truncated kernels is
+/// slightly uneven: the mean is right within 0.5 %, and pixels within 5 %, or 10 % if kernels end
+/// at half their height or higher.
 #[test]
 fn a_slab_is_as_opaque_as_it_says() {
     for (law, layers, opacity, cutoff, spacing, tolerance) in [
@@ -582,10 +581,10 @@ fn a_slab_is_as_opaque_as_it_says() {
         ("exponential", 4, 0.2, 4.0, 1.0, 1.0),
         ("exponential", 1, 0.9, 9.0, 1.0, 1.0),
         ("exponential", 3, 0.3, 2.0, 1.0, 1.0),
-        // An opacity belongs to a layer as thick as the shortest step: these are thicker, and as
-        // many of those deep.
+        // An opacity belongs to a layer as thick as the shortest step: these layers are thicker,
+        // and count as several.
         ("exponential", 1, 0.3, 4.0, 2.0, 1.0),
-        // A linear sheet is −ln(1 − α) opaque, which is α as far as that is small.
+        // The optical depth of a linear sheet is −ln(1 − α), which is about α for small α.
         ("linear", 1, 0.02, 4.0, 1.0, 1.02),
         ("linear", 4, 0.02, 4.0, 1.0, 1.02),
     ] {
@@ -601,7 +600,7 @@ fn a_slab_is_as_opaque_as_it_says() {
             .iter()
             .map(|one| (one / mean - 1.0).abs())
             .fold(0.0, f64::max);
-        // Kernels a step apart leave a ripple: 5.1 % with the usual cutoff.
+        // Kernels one step apart leave a ripple: 5.1 % with the usual cutoff.
         assert!(
             uneven < if cutoff < 4.0 { 0.1 } else { 0.06 },
             "{told}, {uneven} off"
@@ -611,7 +610,7 @@ fn a_slab_is_as_opaque_as_it_says() {
 
 #[test]
 fn built_in_volumes_are_as_deep_as_they_were() {
-    // The deepest voxel, by what the field was said to be deep before opacity was opacity: 0.9 a
+    // The deepest voxel, from the depth of the field before opacity was defined as opacity: 0.9 per
     // step and so on, times the share of it that a ball of 0.7 steps has.
     let own =
         |name: &str| std::fs::read_to_string(format!("src/scene/builtin/{name}.json")).unwrap();

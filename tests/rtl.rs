@@ -1,5 +1,5 @@
-//! Do the twins in SystemVerilog give every record that the machine gives, on two simulators, and
-//! are mistakes in them caught?
+//! Do the RTL implementations return every record of the machine on two simulators, and are
+//! mistakes in them caught?
 
 mod cosimulation;
 mod front_ends;
@@ -30,7 +30,7 @@ use std::process::Command;
 use tier::Tier;
 use traced::{Traced, bouquet, cloud, isosurface, machine, shells, traced};
 
-/// One lane, as the twins have; the named machines, and rules that none of them has.
+/// One lane, as in the RTL implementations; the named machines, and rules that none of them has.
 fn machines() -> Vec<(&'static str, rtl_model::Machine)> {
     let one_lane = "timing.raster.lanes=[1,1]";
     vec![
@@ -41,8 +41,8 @@ fn machines() -> Vec<(&'static str, rtl_model::Machine)> {
 }
 
 /// Scenes of ellipsoids and their machines: line integrals, peaks and discs; sheets in either
-/// order, of many splats or of one, with and without a table between the lines, that stop and that
-/// do not.
+/// order, of many splats or of one, with and without a table of lines, with and without early
+/// termination.
 fn media(size: u32, side: u32) -> Vec<(String, rtl_model::Machine)> {
     let one_lane = "timing.raster.lanes=[1,1]";
     let nearest = [
@@ -111,7 +111,7 @@ fn has(trace: &Traced, stream: &str, field: &str) -> bool {
         .any(|other| other["name"] == field)
 }
 
-/// The units wired together that draw a trace's frame.
+/// The pipeline that draws a trace's frame.
 fn wired(trace: &Traced) -> Unit {
     let [by_depth, by_sheets] = PIPELINES_OF_ELLIPSOIDS;
     match ["quaternion_w", "sheet"].map(|field| has(trace, "pipeline.in", field)) {
@@ -121,7 +121,7 @@ fn wired(trace: &Traced) -> Unit {
     }
 }
 
-/// The twins that a trace has streams for.
+/// The RTL implementations for which a trace has streams.
 fn twins(trace: &Traced) -> Vec<Unit> {
     let [ellipsoids, sheets] = [
         has(trace, "ellipse.in", "quaternion_w"),
@@ -137,7 +137,7 @@ fn twins(trace: &Traced) -> Vec<Unit> {
     UNITS.iter().map(replaced).collect()
 }
 
-/// The streams of what a unit gave, each with the file of its records.
+/// The streams of a unit's outputs, each with the file of its records.
 fn outputs(unit: Unit, given: &Given) -> Vec<(String, PathBuf)> {
     let mut outputs = vec![(format!("{}.out", unit.stream), given.out.clone())];
     if ["fragment", "windows"].contains(&unit.name) {
@@ -149,7 +149,7 @@ fn outputs(unit: Unit, given: &Given) -> Vec<(String, PathBuf)> {
     outputs
 }
 
-/// What is wrong with what a unit gave; none if nothing is.
+/// The fault of a unit's outputs; none if there is none.
 fn fault(trace: &Traced, unit: Unit, given: &Given) -> Option<String> {
     if !given.last.starts_with("bench: done") {
         return Some(given.last.clone());
@@ -174,7 +174,7 @@ fn expected(trace: &Traced, unit: Unit) -> usize {
         .unwrap() as usize
 }
 
-/// Drives a unit with all that a trace has for it; how many records it gave.
+/// Drives a unit with all of its records in a trace; returns the number of output records.
 fn drive(simulator: Simulator, trace: &Traced, unit: Unit, side: u32, arguments: &[&str]) -> usize {
     let device = Device::new(simulator, &sources(), &trace.folder, unit, side);
     let records = expected(trace, unit);
@@ -185,17 +185,17 @@ fn drive(simulator: Simulator, trace: &Traced, unit: Unit, side: u32, arguments:
     records
 }
 
-/// As many splats as the memory of `pipeline_tiles` holds.
+/// The number of splats in the memory of `pipeline_tiles`.
 const TILES: &str = r#"{"splats": {"builtin": "glass-spheres", "count": 30000}, "image": {"width": 64, "height": 64}}"#;
 
 const GLASS_SPHERES: &str =
     r#"{"splats": {"builtin": "glass-spheres"}, "image": {"width": 64, "height": 64}}"#;
 
-/// Spheres under a sky, of which one mirrors it whole, one in part, and the floor not at all.
+/// Spheres under a sky: one mirrors it fully, one partly, and the floor does not mirror.
 const MIRRORS: &str = r#"{"splats": {"builtin": "glass-spheres", "count": 1500}, "image": {"width": 32, "height": 32},
     "materials": [{"unlit": true, "reflect": 0.25}, {"diffuse": 0.8, "reflect": 0.9, "tint": [1, 0.8, 0.3]}], "environment": {"builtin": "sky"}}"#;
 
-/// The book's machine, and two with odd words.
+/// The book's machine, and two machines with unusual words.
 fn mirrors(sight: &str) -> [rtl_model::Machine; 3] {
     let usual = concat!(
         env!("CARGO_MANIFEST_DIR"),
@@ -235,7 +235,7 @@ fn mirrors(sight: &str) -> [rtl_model::Machine; 3] {
 }
 
 #[test]
-fn mirrors_give_what_the_machine_gives() {
+fn mirrors_give_the_records_of_the_machine() {
     if !tier::runs(Tier::Full) {
         return;
     }
@@ -268,7 +268,7 @@ fn mirrors_give_what_the_machine_gives() {
     }
 }
 
-/// Neither Verilator nor Yosys finds anything to say of a shade unit that mirrors.
+/// Verilator and Yosys have no warnings for a shade unit that mirrors.
 fn is_sound(drawn: &Traced) {
     let lint = run(Command::new("verilator")
         .args(["--lint-only", "-Wall", "--top-module", "shade", "-y"])
@@ -280,7 +280,7 @@ fn is_sound(drawn: &Traced) {
         "{}",
         String::from_utf8_lossy(&lint.stderr)
     );
-    let list: Vec<String> = twin_files()
+    let list: Vec<String> = rtl_files()
         .iter()
         .map(|file| file.display().to_string())
         .collect();
@@ -294,7 +294,7 @@ fn is_sound(drawn: &Traced) {
         .args(["-q", "-p", &script]));
 }
 
-/// And the test above is no test of nothing: a wrong fold, a wrong corner, a wrong share are found.
+/// The test above can fail: a wrong fold, a wrong corner and a wrong share are found.
 #[test]
 fn wrong_mirrors_are_found_out() {
     if !tier::runs(Tier::Ci) {
@@ -370,10 +370,10 @@ fn wrong_mirrors_are_found_out() {
         .chain(of_rays.map(with(&along_rays)))
     {
         let folder = tempfile::tempdir().unwrap();
-        for entry in twin_files() {
+        for entry in rtl_files() {
             std::fs::copy(&entry, folder.path().join(entry.file_name().unwrap())).unwrap();
         }
-        // What the bench needs lies beside the twins.
+        // Other files that the bench needs are in the same folder.
         let bench = folder.path().join("bench");
         std::fs::create_dir(&bench).unwrap();
         for entry in std::fs::read_dir(sources().join("bench"))
@@ -408,8 +408,8 @@ const STALLS: [&str; 5] = [
     "+seed=5",
 ];
 
-/// All twins' files.
-fn twin_files() -> Vec<PathBuf> {
+/// All files of the RTL implementations.
+fn rtl_files() -> Vec<PathBuf> {
     let files = std::fs::read_dir(sources())
         .unwrap()
         .map(|entry| entry.unwrap().path());
@@ -419,7 +419,7 @@ fn twin_files() -> Vec<PathBuf> {
 }
 
 #[test]
-fn twins_are_clean_and_can_be_synthesised() {
+fn rtl_is_clean_and_can_be_synthesised() {
     if !have(
         &["verilator", "iverilog", "yosys"],
         "lint and synthesis of the twins",
@@ -435,7 +435,7 @@ fn twins_are_clean_and_can_be_synthesised() {
             ..Window::default()
         },
     );
-    let files = twin_files();
+    let files = rtl_files();
     let one_lane = machine("volume", &["timing.raster.lanes=[1,1]"]);
     let volume = traced(&shells(12, 16, &json!({})), &one_lane, &Window::default());
     let surface = traced(&isosurface(8, 16), &one_lane, &Window::default());
@@ -453,8 +453,8 @@ fn twins_are_clean_and_can_be_synthesised() {
         .chain(&OF_ELLIPSOIDS)
         .chain(&PIPELINES_OF_ELLIPSOIDS)
         .chain([&OF_WINDOWS]);
-    // Simulators read all of them in every run; Yosys, which takes as long as all else, its share
-    // of them.
+    // Simulators read all of them in every run. Yosys, which takes as long as everything else
+    // together, reads a part of them that depends on the tier.
     let in_yosys: HashSet<&str> = tier::some([12, 12], all.clone().map(|unit| unit.name)).collect();
     for unit in all {
         let trace = match unit.name {
@@ -502,7 +502,7 @@ fn twins_are_clean_and_can_be_synthesised() {
 }
 
 #[test]
-fn a_rule_that_the_twin_does_not_have_is_an_error_of_elaboration() {
+fn a_rule_that_the_rtl_does_not_have_is_an_elaboration_error() {
     if !have(&["iverilog", "verilator"], "an unknown rule of merging") {
         return;
     }
@@ -567,7 +567,7 @@ fn the_least_testbench_runs_in_one_command() {
                 file.display()
             ))
     );
-    // What it writes is a file for `diff`.
+    // Its output is a file for `diff`.
     let compared = diff(
         &root.join("traces/knot"),
         &[("raster.out".to_owned(), file)],
@@ -579,7 +579,7 @@ fn the_least_testbench_runs_in_one_command() {
     assert!(compared.unwrap().equal);
 }
 
-/// The blocks of the page *Check your RTL in ten minutes*, by the comments that they begin with.
+/// The blocks of the page *Check your RTL in ten minutes*, by the comments at their beginnings.
 fn blocks_of_ten_minutes() -> Vec<(String, String)> {
     let page = include_str!("../docs/book/check-rtl.md");
     let blocks = page
@@ -703,7 +703,7 @@ fn headers_compile() {
 }
 
 #[test]
-fn every_twin_gives_every_record_on_icarus() {
+fn every_rtl_unit_gives_every_record_on_icarus() {
     if !have(&["iverilog"], "co-simulation on Icarus") {
         return;
     }
@@ -723,7 +723,7 @@ fn every_twin_gives_every_record_on_icarus() {
 }
 
 #[test]
-fn the_twins_of_ellipsoids_give_every_record_on_icarus() {
+fn the_rtl_of_ellipsoids_gives_every_record_on_icarus() {
     if !have(&["iverilog"], "co-simulation on Icarus") {
         return;
     }
@@ -750,9 +750,9 @@ fn the_twins_of_ellipsoids_give_every_record_on_icarus() {
     }
 }
 
-/// Scenes seen through a lens whose axis is off the middle and whose pixels are not square, the
-/// machines that draw them, and the units that know of it: discs, on a machine with the registers
-/// and on one without; Gaussians whose opacities are compensated; mirrors along rays.
+/// Scenes with a lens whose axis is off the middle and whose pixels are not square, with their
+/// machines and the affected units: discs, on a machine with the registers and on one without;
+/// Gaussians with compensated opacities; mirrors along rays.
 fn lenses() -> Vec<(&'static str, Traced, Vec<Unit>)> {
     let one_lane = "timing.raster.lanes=[1,1]";
     let with = |text: &str, camera: serde_json::Value| {
@@ -973,9 +973,9 @@ fn any_lens_gives_every_record_and_wrong_ones_are_found_out() {
     assert!(survivors.is_empty(), "{survivors:#?}");
 }
 
-/// Machines that group by windows: the named one, one of intervals, few bits, splats that join from
-/// afar but closed slots that take none, one layer, eight, and closed slots that take none and may
-/// be evicted.
+/// Machines that group by windows: the named one, one of intervals, one with few bits, one whose
+/// splats join from afar but whose closed slots accept none, one layer, eight, and one whose closed
+/// slots accept none and may be evicted.
 fn windows() -> Vec<Machine> {
     let words = [
         "depth=U1F10",
@@ -1025,7 +1025,7 @@ fn windows() -> Vec<Machine> {
 }
 
 #[test]
-fn the_twin_of_windows_gives_every_record_on_icarus() {
+fn the_rtl_of_windows_gives_every_record_on_icarus() {
     if !have(&["iverilog"], "co-simulation of windows on Icarus") {
         return;
     }
@@ -1052,7 +1052,7 @@ fn the_twin_of_windows_gives_every_record_on_icarus() {
 }
 
 #[test]
-fn the_twin_of_windows_gives_every_record_on_both_simulators() {
+fn the_rtl_of_windows_gives_every_record_on_both_simulators() {
     if !tier::runs(Tier::Ci) {
         return;
     }
@@ -1079,7 +1079,7 @@ fn the_twin_of_windows_gives_every_record_on_both_simulators() {
 }
 
 #[test]
-fn every_twin_gives_every_record_of_ellipsoids_on_both_simulators() {
+fn every_rtl_unit_gives_every_record_of_ellipsoids_on_both_simulators() {
     if !tier::runs(Tier::Ci) {
         return;
     }
@@ -1098,7 +1098,7 @@ fn every_twin_gives_every_record_of_ellipsoids_on_both_simulators() {
         );
         let drive = |unit: Unit| {
             let seen = drive(Simulator::Icarus, &trace, unit, 24, &[]);
-            // The others are those of discs, and have met more.
+            // The other units are the same as for discs, which are tested with more records.
             if unit.name == unit.stream {
                 return seen;
             }
@@ -1111,8 +1111,8 @@ fn every_twin_gives_every_record_of_ellipsoids_on_both_simulators() {
     }
 }
 
-/// How many random cases of a hundred a unit needs for as many records as the others: a box of the
-/// raster has many pixels, some have as many corners besides, resolve none.
+/// Factor of a unit's random cases, per hundred, so that all units have about as many records: a
+/// box of the raster has many pixels, some have as many additional corners, resolve has none.
 fn percent(unit: &str) -> u32 {
     match unit {
         "raster" => 6,
@@ -1125,24 +1125,24 @@ fn percent(unit: &str) -> u32 {
     }
 }
 
-/// How many times fewer made-up records than in the last tier a unit is given.
+/// Factor by which a unit has fewer generated records than in the last tier.
 const FEWER: usize = 50;
 
-/// Of so many made-up records those of this tier.
+/// The number of generated records in this tier.
 fn of_tier(records: usize) -> usize {
     tier::of([FEWER, FEWER], records)
 }
 
 #[test]
-fn every_twin_gives_fifty_thousand_records_on_icarus() {
+fn every_rtl_unit_gives_fifty_thousand_records_on_icarus() {
     if !tier::runs(Tier::Ci) {
         return;
     }
     if !have(&["iverilog"], "co-simulation on Icarus") {
         return;
     }
-    // Of every named machine, and of all that a frame may say of ellipsoids. Words of `tiny` are
-    // the fastest.
+    // For every named machine, and for every kind of frame of ellipsoids. The words of `tiny` are
+    // the fastest to simulate.
     let discs: Vec<_> = machines()
         .into_iter()
         .zip([36_000, 6000, 4000])
@@ -1194,7 +1194,8 @@ fn every_twin_gives_fifty_thousand_records_on_icarus() {
     );
 }
 
-/// What is there before a window came of splats that the device has not seen: it has to be loaded.
+/// Pixel contents from before the window come from splats that the device did not receive: they
+/// must be loaded.
 #[test]
 fn windows_of_splats_drive_fragment_and_sheets_alone() {
     if !tier::runs(Tier::Ci) {
@@ -1234,7 +1235,7 @@ fn windows_of_splats_drive_fragment_and_sheets_alone() {
 }
 
 #[test]
-fn every_twin_gives_a_million_records_on_verilator() {
+fn every_rtl_unit_gives_a_million_records_on_verilator() {
     if !tier::runs(Tier::Full) {
         return;
     }
@@ -1242,19 +1243,20 @@ fn every_twin_gives_a_million_records_on_verilator() {
         return;
     }
     let (_, machine) = &machines()[2];
-    // A whole frame has a million of these three.
+    // A whole frame has a million records for these three units.
     let of_a_frame = ["raster", "gauss", "fragment"];
     let least = of_tier(1_000_000) as u32;
-    // Most of the time is to build.
+    // Building takes most of the time.
     for unit in tier::some([3, 3], UNITS) {
-        // A box of the raster has many pixels; of the other two not every case makes a record.
+        // A box of the raster has many pixels; in the other two units not every case gives a
+        // record.
         let cases = match unit.name {
             "raster" => least / 10,
             name if of_a_frame.contains(&name) => least * 6 / 5,
             _ => least,
         };
         let made_up = (least < 1_000_000 || !of_a_frame.contains(&unit.name)).then_some(cases);
-        // Nothing of the scene is in what is made up.
+        // Generated records do not depend on the scene.
         let scene = if made_up.is_some() {
             cloud(60, 64)
         } else {
@@ -1275,8 +1277,8 @@ fn every_twin_gives_a_million_records_on_verilator() {
     }
 }
 
-/// A frame's splats, by their places in the scene, as the wired datapath takes them: those that are
-/// sorted come sorted, and then those that are culled.
+/// A frame's splats, by their indices in the scene, in the input order of the pipeline: sorted if
+/// the machine sorts, with the culled splats last.
 fn as_drawn(trace: &Traced) -> Vec<usize> {
     let all = 0..trace.lines("pipeline.in").len();
     let is_sorted = trace.manifest["streams"]
@@ -1300,8 +1302,8 @@ fn as_drawn(trace: &Traced) -> Vec<usize> {
         .collect()
 }
 
-/// Has all units, wired together, draw a trace's frame once for each of these stalls; how many
-/// cycles it took to the last pixel.
+/// Draws a trace's frame on the pipeline once for each of these stalls; returns the cycles up to
+/// the last pixel.
 fn draw(simulator: Simulator, trace: &Traced, side: u32, stalls: &[&[&str]]) -> Vec<u64> {
     let unit = wired(trace);
     let device = Device::new(simulator, &sources(), &trace.folder, unit, side);
@@ -1328,10 +1330,10 @@ fn draw(simulator: Simulator, trace: &Traced, side: u32, stalls: &[&[&str]]) -> 
     stalls.iter().map(cycles).collect()
 }
 
-/// Stalls of the datapath as a whole: none, some on both sides, and many.
+/// Stalls of the whole pipeline: none, some on both sides, and many.
 const OF_ALL: [&[&str]; 3] = [&[], &STALLS, &["+stall_in=80", "+stall_out=80", "+seed=23"]];
 
-/// Colours that a frame has, at least: it is no background with a spot.
+/// Minimum number of colours of a frame: it must be more than a background with a spot.
 fn colours(trace: &Traced) -> usize {
     trace
         .records("pipeline.out")
@@ -1342,7 +1344,7 @@ fn colours(trace: &Traced) -> usize {
 }
 
 #[test]
-fn the_wired_datapaths_draw_small_frames_however_they_are_stalled() {
+fn the_wired_datapaths_draw_small_frames_with_any_stalls() {
     if !have(&["iverilog"], "the wired datapaths on Icarus") {
         return;
     }
@@ -1365,10 +1367,10 @@ fn the_wired_datapaths_draw_small_frames_however_they_are_stalled() {
     });
 }
 
-/// A frame drawn by the wired datapath, stalled and not, and whether it takes as long as the timing
-/// model says.
+/// A frame drawn by the pipeline, with and without stalls; checks that it takes the cycles of the
+/// timing model.
 fn draws_in_time(text: &str, machine: &Machine, window: &Window, side: u32) {
-    // The model's look-up of lines takes one of the cycles.
+    // One of the cycles is the model's look-up of lines.
     let machine = &changed(machine, "timing.gauss.latency=6", "timing.gauss.latency=6").unwrap();
     let trace = traced(text, machine, window);
     let unit = wired(&trace);
@@ -1397,7 +1399,7 @@ fn the_wired_datapath_draws_the_frame_in_the_cycles_of_the_timing_model() {
     if !tier::runs(Tier::Ci) {
         return;
     }
-    // `tiny` has all units that the others have, and a third of their words to simulate.
+    // `tiny` has all units of the other machines, and a third of their words to simulate.
     draws_in_time(
         GLASS_SPHERES,
         &machines()[0].1,
@@ -1422,9 +1424,8 @@ fn the_wired_datapaths_of_ellipsoids_draw_frames_in_the_cycles_of_the_timing_mod
     }
 }
 
-/// The tiles of a frame in the order in which their last pixels came: column and row of each, and
-/// how many pixels had come before that one. What was given is sorted by rows, as the model's
-/// pixels are.
+/// The tiles of a frame in the order of their last pixels: column and row of each, and the number
+/// of pixels before that one. Outputs are sorted by rows, like the model's pixels.
 fn sort_by_rows(trace: &Traced, given: &Given) -> Vec<([u32; 2], usize)> {
     let text = std::fs::read_to_string(&given.out).unwrap();
     let [x, y] = ["X", "Y"].map(|axis| {
@@ -1458,8 +1459,8 @@ fn sort_by_rows(trace: &Traced, given: &Given) -> Vec<([u32; 2], usize)> {
 /// Cycles without a transfer in which two engines draw a tile of a small frame.
 const PATIENCE_OF_TILES: &str = "+patience=20000";
 
-/// What is wrong where two engines draw a frame twice without a reset, and how many of its tiles
-/// they have drawn in each.
+/// The fault of two engines that draw a frame twice without a reset, and the number of tiles that
+/// they drew in each.
 fn drawn_twice(sources: &Path, trace: &Traced, stalls: &[&str]) -> (Option<String>, Vec<usize>) {
     let device = Device::new(
         Simulator::Icarus,
@@ -1495,15 +1496,14 @@ fn drawn_twice(sources: &Path, trace: &Traced, stalls: &[&str]) -> (Option<Strin
     )
 }
 
-/// Of one layer, so that what mirrors merges.
+/// With one layer, so that mirrors merge.
 fn one_layer_of_mirrors() -> Machine {
     let [mirror, ..] = mirrors("ray");
     changed(&mirror, "fragment.layers=1", "fragment.layers=1").unwrap()
 }
 
-/// Frames of four tiles, in which splats lie across their borders: of a machine that seeds each
-/// row, of one with tiles that no splat touches, of one that differences rows, of one that mirrors
-/// along rays.
+/// Frames of four tiles with splats across their borders: for a machine that seeds each row, one
+/// with tiles that no splat touches, one that differences rows, and one that mirrors along rays.
 fn frames_of_tiles() -> [Traced; 4] {
     let close = cloud(60, 32).replace("\"fov_y_degrees\": 45", "\"fov_y_degrees\": 20");
     let aside = cloud(40, 32).replace("\"target\": [0, 0, 0]", "\"target\": [1.6, 1.4, 0]");
@@ -1526,7 +1526,7 @@ fn frames_of_tiles() -> [Traced; 4] {
     })
 }
 
-/// Each frame as it comes, and the first with each of these stalls.
+/// Each frame without stalls, and the first one also with each of these stalls.
 fn stalled<'a>(frames: &'a [Traced], stalls: &[&'a [&'a str]]) -> Vec<(&'a Traced, &'a [&'a str])> {
     let first = stalls.iter().map(|stalls| (&frames[0], *stalls));
     first
@@ -1535,7 +1535,7 @@ fn stalled<'a>(frames: &'a [Traced], stalls: &[&'a [&'a str]]) -> Vec<(&'a Trace
 }
 
 #[test]
-fn two_engines_draw_small_frames_however_they_are_stalled_and_begin_anew_without_a_reset() {
+fn two_engines_draw_small_frames_with_any_stalls_and_restart_without_a_reset() {
     if !tier::runs(Tier::Ci) {
         return;
     }
@@ -1543,7 +1543,7 @@ fn two_engines_draw_small_frames_however_they_are_stalled_and_begin_anew_without
         return;
     }
     let frames = frames_of_tiles();
-    // The last takes minutes on Icarus; it is drawn on Verilator.
+    // The last one takes minutes on Icarus, so it is drawn on Verilator.
     let jobs: Vec<(&Traced, &[&str])> = stalled(&frames[..3], &OF_ALL);
     jobs.par_iter().for_each(|(trace, stalls)| {
         let (fault, tiles) = drawn_twice(&sources(), trace, stalls);
@@ -1553,8 +1553,8 @@ fn two_engines_draw_small_frames_however_they_are_stalled_and_begin_anew_without
     });
 }
 
-/// A frame that engines draw: whether they take as long as the timing model says, for all of it and
-/// until each tile is done.
+/// A frame drawn by engines: checks that the cycles of the whole frame, and until each tile is
+/// done, are those of the timing model.
 fn engines_draw_in_time(text: &str, side: u32, wired: &Machine, unit: Unit) {
     let engines: u32 = unit.parameters.first().map_or(2, |one| {
         one.trim_matches(|char: char| !char.is_ascii_digit())
@@ -1616,7 +1616,7 @@ fn engines_draw_in_time(text: &str, side: u32, wired: &Machine, unit: Unit) {
         "{cycles} cycles wired, {} modelled",
         modelled.total
     );
-    // All engines' words go through one port.
+    // All engines share one output port.
     let room = tolerance(unit.name) * modelled.total as f64 + f64::from(16 * 16 * (engines - 1));
     assert!(
         farthest as f64 <= room,
@@ -1638,7 +1638,7 @@ fn engines_draw_the_tiles_of_frames_in_the_cycles_of_the_timing_model() {
     }
     let named = |nth: usize| machines().swap_remove(nth).1;
     let fewer = TILES.replace("30000", "8000");
-    // Sides of tiles are at least 16: it takes a larger picture for engines to have many.
+    // Tiles have at least 16 pixels per side, so many tiles need a larger picture.
     let larger = TILES.replace("64", "128");
     let frames = [
         (TILES, 64, named(0), PIPELINE_OF_TILES),
@@ -1665,7 +1665,7 @@ fn scene_of(text: &str) -> Scene {
     Scene::load(file.to_str().unwrap(), &Overrides::default()).unwrap()
 }
 
-/// A frame whose splats come in this order, so that nothing is left to sort.
+/// A frame whose splats come in this order, so that no sorting is needed.
 fn ordered(mut frame: Frame, order: &[usize]) -> Frame {
     frame.splats = order.iter().map(|splat| frame.splats[*splat]).collect();
     if let Some(ellipsoids) = frame
@@ -1679,10 +1679,10 @@ fn ordered(mut frame: Frame, order: &[usize]) -> Frame {
     frame
 }
 
-/// How long the timing model says that a frame takes, as the twins are wired: all fragments on the
-/// chip, nothing to wait for in memory, splats in the order in which they are drawn. The wired
-/// datapath has no look-up of lines: of gauss's latency and its places one each are the look-up's
-/// here, so that there are as many between raster and fragment.
+/// The timing model's cycles of a frame for the wiring of the RTL implementations: all fragments on
+/// the chip, no stalls by memory, splats in drawing order. The pipeline has no look-up of lines:
+/// one cycle of gauss's latency and one of its places are the look-up's here, so that the number of
+/// places between raster and fragment is the same.
 fn cycles_of_a_wired_frame(trace: &Traced, scene: &str, wired: &Machine) -> u64 {
     let gauss = wired.elaborate().unwrap().timing.gauss;
     let [latency, fifo] = [("latency", gauss.latency), ("fifo", gauss.fifo)]
@@ -1691,8 +1691,7 @@ fn cycles_of_a_wired_frame(trace: &Traced, scene: &str, wired: &Machine) -> u64 
         "timing.organisation=immediate",
         "timing.cache.latency=1",
         "timing.cache.fifo=1",
-        // A line for each 4×4 pixels of 64×64, and no set that is too small for those that come to
-        // it.
+        // One line per 4×4 pixels of 64×64, and sets that are large enough for all of their lines.
         "timing.cache.lines=256",
         "timing.cache.misses=256",
         &latency,
@@ -1701,8 +1700,8 @@ fn cycles_of_a_wired_frame(trace: &Traced, scene: &str, wired: &Machine) -> u64 
     modelled(trace, scene, wired, &settings).total
 }
 
-/// What the timing model says of a frame on a machine with these settings, and memory that nobody
-/// waits for.
+/// The timing model's cycles of a frame on a machine with these settings, with memory that never
+/// stalls.
 fn modelled(trace: &Traced, scene: &str, wired: &Machine, settings: &[&str]) -> timing::Cycles {
     let memory = [
         "timing.memory.bytes_per_cycle=1048576",
@@ -1738,14 +1737,14 @@ fn modelled(trace: &Traced, scene: &str, wired: &Machine, settings: &[&str]) -> 
     cycles
 }
 
-/// What a frame may end with, in discs: one alone at pixel (0, 0), which is inserted; one there
-/// that merges; a needle across the picture, with more cycles between its fragments than a record
-/// takes through any unit.
+/// Possible last splats of a frame, in discs: a disc at pixel (0, 0) alone, which is inserted; one
+/// there that merges; a needle across the picture, with more cycles between its fragments than any
+/// unit's latency.
 fn last_records(side: u32) -> [String; 3] {
     let disc = |position: [f64; 3], normal: [f64; 3], radius: f64| json!({"position": position, "normal": normal, "radius": radius, "rgb": [0.9, 0.5, 0.2], "opacity": 0.7, "material": 1});
     let facing = [0.0, 0.0, 1.0];
     let wide = disc([0.0, 0.0, 0.0], facing, 0.1);
-    // Centred outside of the picture, it reaches no other pixel.
+    // Centred outside the picture, it reaches no other pixel.
     let [near, middle, far] = [0.24, 0.12, 0.06].map(|z| {
         disc(
             [-0.463 * (1.0 - z / 4.0), 0.463 * (1.0 - z / 4.0), z],
@@ -1768,8 +1767,8 @@ fn last_records(side: u32) -> [String; 3] {
     })
 }
 
-/// Frames whose end tells whether anybody still looks at what is under way: their tables lie in a
-/// folder of another name.
+/// Frames whose last record shows whether a unit still observes records in flight; their tables are
+/// in a folder of another name.
 fn ends() -> Vec<Traced> {
     let settings = |more: &[&str]| {
         let of_all = [
@@ -1797,11 +1796,11 @@ fn ends() -> Vec<Traced> {
         )
     };
     let discs = with("tiny", &["fragment.layers=2", "timing.shade.latency=5"]);
-    // Here the slowest unit is shade, which voxels pass on their way.
+    // The slowest unit here is shade, which voxels pass on their way.
     let voxels = with("volume", &["timing.shade.latency=7"]);
     let media =
         [shells(8, 4, &json!({})), isosurface(6, 4)].map(|text| (text, voxels.clone(), None));
-    // All that comes, and so the last of it, comes to one pixel.
+    // All records, and so the last one, belong to one pixel.
     let alone = (shells(8, 4, &json!({})), voxels, Some([0; 4]));
     let all = last_records(16)
         .into_iter()
@@ -1825,7 +1824,7 @@ fn ends() -> Vec<Traced> {
 
 const TABLES: &str = "tables";
 
-/// Splats that are seen, in the order in which they are drawn.
+/// Visible splats, in drawing order.
 fn seen_as_drawn(trace: &Traced) -> Vec<String> {
     let lines = trace.lines("pipeline.in");
     let seen: HashSet<i64> = trace.keys("fragment.in").iter().map(|key| key[0]).collect();
@@ -1836,8 +1835,8 @@ fn seen_as_drawn(trace: &Traced) -> Vec<String> {
         .collect()
 }
 
-/// Cycles in which all splats of a frame of `ends` are drawn, at most: one for each pixel of a box,
-/// what merges take, and light one by one.
+/// Maximum cycles in which all splats of a frame of `ends` are drawn: one per pixel of a box, the
+/// cycles of merges, and shading one by one.
 fn most_cycles(trace: &Traced) -> i64 {
     let [left, right, top, bottom] = ["first_column", "last_column", "first_row", "last_row"]
         .map(|name| trace.field("raster.in", name));
@@ -1858,8 +1857,8 @@ fn most_cycles(trace: &Traced) -> i64 {
     boxes.sum::<i64>() + 5 * merges as i64 + 10 * asks as i64
 }
 
-/// What is wrong where a frame is drawn three times without a reset, each time its last record
-/// alone.
+/// The fault of a device that draws a frame three times without a reset, each time with its last
+/// record alone.
 fn fault_at_the_end(sources: &Path, trace: &Traced, unit: Unit) -> Option<String> {
     let side = trace.records("frame")[0][trace.field("frame", "width")] as u32;
     let device = Device::with(
@@ -1888,7 +1887,7 @@ fn fault_at_the_end(sources: &Path, trace: &Traced, unit: Unit) -> Option<String
         frames.iter().find_map(|frame| fault(trace, unit, frame))
     };
     if unit.stream == "pipeline" {
-        // The last splat comes alone, when nothing of the others is under way.
+        // The last splat comes alone, when none of the others is in flight.
         let splats = seen_as_drawn(trace);
         let apart = format!("+apart={}", 100 + most_cycles(trace));
         return faults(
@@ -1899,7 +1898,7 @@ fn fault_at_the_end(sources: &Path, trace: &Traced, unit: Unit) -> Option<String
     faults(None, &[]).or_else(|| faults(None, &["+stall_out=80", "+seed=3"]))
 }
 
-/// The twins that a frame's end matters to; a part of a frame is none.
+/// The RTL implementations that depend on the end of a frame; a part of a frame has no end.
 fn enders(trace: &Traced) -> Vec<Unit> {
     let is_whole = trace.path("pipeline.in.hex").exists();
     let all = is_whole.then(|| wired(trace));
@@ -1911,7 +1910,7 @@ fn enders(trace: &Traced) -> Vec<Unit> {
 }
 
 #[test]
-fn frames_end_with_their_last_record_and_begin_anew_without_a_reset() {
+fn frames_end_with_their_last_record_and_restart_without_a_reset() {
     if !tier::runs(Tier::Full) {
         return;
     }
@@ -1940,7 +1939,7 @@ fn frames_end_with_their_last_record_and_begin_anew_without_a_reset() {
     });
 }
 
-/// A machine all of whose words round to nearest-even.
+/// A machine with all words rounded to nearest-even.
 fn nearest_even(machine: &Machine) -> Machine {
     fn rounded(value: &mut serde_json::Value) {
         match value {
@@ -1961,8 +1960,7 @@ fn nearest_even(machine: &Machine) -> Machine {
     serde_json::from_value(described).unwrap()
 }
 
-/// Rules that no named machine or scene has: what they are for, a scene, a machine, the units that
-/// they matter to.
+/// Rules that no named machine or scene has: a name, a scene, a machine, and the affected units.
 fn rules() -> Vec<(&'static str, String, Machine, Vec<Unit>)> {
     let tiny = |more: &[&str]| machine("tiny", &[&["timing.raster.lanes=[1,1]"], more].concat());
     let dull = cloud(60, 16).replace("\"shininess\": 32", "\"shininess\": 0");
@@ -1996,10 +1994,10 @@ fn rules() -> Vec<(&'static str, String, Machine, Vec<Unit>)> {
     ]
 }
 
-/// Made-up cases of each rule.
+/// Stimuli for each rule.
 fn ruled() -> Vec<(&'static str, Traced, Vec<Unit>)> {
     let of = |(name, text, machine, units): (&'static str, String, Machine, Vec<Unit>)| {
-        // Normals that cancel are seldom made up.
+        // Normals that cancel are rare in stimuli.
         let cases = if name == "shininess 0" { 400 } else { 50 };
         let window = Window {
             stimulus: Some(cases),
@@ -2057,9 +2055,9 @@ fn rules_that_no_named_machine_has_are_kept() {
     });
 }
 
-/// A culled splat's record has flags and nothing else, and the comparison says so.
+/// A culled splat's record has only flags, and the comparison checks this.
 #[test]
-fn what_must_be_zero_is_zero() {
+fn fields_without_a_meaning_are_zero() {
     if !have(&["iverilog"], "culled splats on Icarus") {
         return;
     }
@@ -2141,7 +2139,7 @@ fn an_offer_that_changes_fails_an_assertion() {
     );
 }
 
-/// A small mistake in a twin: where, what is there, what is put there.
+/// A small mistake in an RTL implementation: the file, the correct text, and its replacement.
 struct Mutant {
     unit: &'static str,
     file: &'static str,
@@ -2151,7 +2149,7 @@ struct Mutant {
 
 include!("cosimulation/mutants.rs");
 
-/// A copy of the twins with a mistake in it.
+/// A copy of the RTL implementations with a mistake in it.
 fn mutated(mutant: &Mutant, folder: &Path) {
     std::fs::create_dir_all(folder.join("bench")).unwrap();
     for path in [sources(), sources().join("bench")] {
@@ -2202,14 +2200,14 @@ fn every_mutant_is_caught() {
             ..Window::default()
         },
     );
-    // Where a contribution alone may hide what lies behind it.
+    // For splats a single contribution of which may hide everything behind it.
     let covering = cloud(150, 16).replace(
         "\"z_threshold\"",
         "\"coverage_threshold\": 0.05, \"z_threshold\"",
     );
     let covering = traced(&covering, &machine, &Window::default());
-    // Ellipsoids with all that a frame may say of them; made-up cases have what their own transfers
-    // have not.
+    // Ellipsoids with all features of a frame; stimuli lack the features of their own transfer
+    // functions.
     let of_ellipsoids: Vec<Traced> = media(8, 16)
         .into_iter()
         .map(|(text, machine)| {
@@ -2229,7 +2227,7 @@ fn every_mutant_is_caught() {
             .into_iter()
             .chain((unit.name == "fragment").then_some(&covering))
             .filter(|_| unit.name == unit.stream);
-        // Project is that of discs, and culls ellipsoids by opacity too.
+        // Project is the same as for discs, and also culls ellipsoids by opacity.
         let of_ellipsoids = of_ellipsoids
             .iter()
             .filter(|_| unit.name != unit.stream || unit.name == "project");
@@ -2346,8 +2344,8 @@ fn every_mutant_of_tiles_is_caught() {
     });
 }
 
-/// Whether each of these mutants, or of those of this tier, is caught: by what is told a copy of
-/// the twins that has it.
+/// Whether each of these mutants, or of those in this tier, is caught. A closure judges a copy of
+/// the RTL implementations with the mutant.
 fn all_are_caught(mutants: &[Mutant], catches: impl Fn(&Mutant, &Path) -> bool + Sync) {
     let survives = |mutant: &&Mutant| {
         let folder = tempfile::tempdir().unwrap();
@@ -2372,10 +2370,10 @@ fn all_are_caught(mutants: &[Mutant], catches: impl Fn(&Mutant, &Path) -> bool +
     );
 }
 
-/// Mutants of a unit of which the first two tiers have one each.
+/// The first two tiers run one of this number of mutants of a unit.
 const MUTANTS_ONE_IN: [usize; 2] = [12, 12];
 
-/// Mutants of this tier, of each unit: one at least.
+/// Mutants in this tier, at least one per unit.
 fn some_of(mutants: &[Mutant]) -> Vec<&Mutant> {
     let mut seen: HashMap<&str, usize> = HashMap::new();
     let mut is_run = |mutant: &&Mutant| {
@@ -2386,7 +2384,7 @@ fn some_of(mutants: &[Mutant]) -> Vec<&Mutant> {
     mutants.iter().filter(|mutant| is_run(mutant)).collect()
 }
 
-/// Cycles in which records were taken in, and given.
+/// Cycles of input and of output records.
 fn times(given: &Given) -> [Vec<u64>; 2] {
     let text = std::fs::read_to_string(&given.times).unwrap();
     ["s ", "m "].map(|side| {
@@ -2410,21 +2408,21 @@ fn constant(trace: &Traced, name: &str) -> u64 {
         .unwrap()
 }
 
-/// The timing model's recurrence (the book, Timing): an item is taken at the latest of: it is here,
-/// the unit is free, there is room behind.
-struct Stage {
+/// The timing model's recurrence (the book, Timing): an item is taken as soon as it is present, the
+/// unit is free, and there is room behind it.
+struct Recurrence {
     latency: u64,
     interval: u64,
     room: usize,
     free: u64,
-    /// Those that were taken so far and have a place behind.
+    /// Items that were taken and occupy a place behind the unit.
     held: usize,
 }
 
-impl Stage {
-    fn new(trace: &Traced, unit: &str) -> Stage {
+impl Recurrence {
+    fn new(trace: &Traced, unit: &str) -> Recurrence {
         let of = |name: &str| constant(trace, &format!("{}_{name}", unit.to_uppercase()));
-        Stage {
+        Recurrence {
             latency: of("LATENCY"),
             interval: of("INTERVAL"),
             room: of("ROOM") as usize,
@@ -2433,8 +2431,8 @@ impl Stage {
         }
     }
 
-    /// When the next item, which is here by then, is taken for so many cycles; those before were
-    /// taken behind at these.
+    /// The cycle in which the next item, present at the given cycle, is taken and occupies the unit
+    /// for so long; earlier items were taken by the next unit in the given cycles.
     fn take(&mut self, here: u64, cycles: u64, behind: &[u64], keeps: bool) -> u64 {
         let room = if keeps && self.held >= self.room {
             behind[self.held - self.room] + 1
@@ -2448,46 +2446,50 @@ impl Stage {
     }
 }
 
-/// What the timing model says of a unit that always has another record.
+/// The timing model's cycles for a unit whose input never starves.
 #[derive(Default)]
-struct Told {
-    /// When it takes each.
+struct ModelledCycles {
+    /// Cycles in which records are taken.
     taken: Vec<u64>,
-    /// When each result is due.
+    /// Cycles in which results are due.
     due: Vec<u64>,
-    /// Of `fragment`, `sheets` and `windows`: how many waited for their pixel, and how many made
-    /// fragments merge of which none, one or two were to be shaded.
+    /// For `fragment`, `sheets` and `windows`: the number of stalls by a pixel's hazard, and the
+    /// numbers of merges that shade none, one or two fragments.
     waits: usize,
     merges: [usize; 3],
 }
 
-/// What it says, where those before were taken behind at these cycles.
-fn told(trace: &Traced, unit: Unit, behind: &[u64]) -> Told {
-    let stage = Stage::new(trace, unit.stream);
+/// The model's cycles if earlier results were taken by the next unit in these cycles.
+fn modelled_cycles(trace: &Traced, unit: Unit, behind: &[u64]) -> ModelledCycles {
+    let recurrence = Recurrence::new(trace, unit.stream);
     match unit.stream {
-        "raster" => walk(trace, stage, behind),
-        "fragment" => contribute(trace, stage),
-        "resolve" => blend(trace, stage, behind),
-        stream => one_by_one(trace.lines(&format!("{stream}.in")).len(), stage, behind),
+        "raster" => walk(trace, recurrence, behind),
+        "fragment" => contribute(trace, recurrence),
+        "resolve" => blend(trace, recurrence, behind),
+        stream => one_by_one(
+            trace.lines(&format!("{stream}.in")).len(),
+            recurrence,
+            behind,
+        ),
     }
 }
 
-fn one_by_one(records: usize, mut stage: Stage, behind: &[u64]) -> Told {
+fn one_by_one(records: usize, mut recurrence: Recurrence, behind: &[u64]) -> ModelledCycles {
     let taken: Vec<u64> = (0..records)
-        .map(|_| stage.take(0, stage.interval, behind, true))
+        .map(|_| recurrence.take(0, recurrence.interval, behind, true))
         .collect();
-    Told {
-        due: taken.iter().map(|now| now + stage.latency).collect(),
+    ModelledCycles {
+        due: taken.iter().map(|now| now + recurrence.latency).collect(),
         taken,
-        ..Told::default()
+        ..ModelledCycles::default()
     }
 }
 
-/// The raster takes a cycle for each pixel of a box, and each needs a place behind: what is kept
-/// until it is taken there, what is not for as long as it takes to know that.
-fn walk(trace: &Traced, stage: Stage, behind: &[u64]) -> Told {
-    let mut told = Told::default();
-    // From when on each place that was taken is free again, the first one first.
+/// The raster takes one cycle per pixel of a box, and each pixel needs a place behind it: a kept
+/// pixel until it is taken, a dropped pixel until this is decided.
+fn walk(trace: &Traced, recurrence: Recurrence, behind: &[u64]) -> ModelledCycles {
+    let mut modelled = ModelledCycles::default();
+    // Cycles from which each occupied place is free again, the first one first.
     let mut given: Vec<u64> = Vec::new();
     let mut free = 0;
     let [left, right, top, bottom] = ["first_column", "last_column", "first_row", "last_row"]
@@ -2502,33 +2504,33 @@ fn walk(trace: &Traced, stage: Stage, behind: &[u64]) -> Told {
                     .is_some();
                 let room = given
                     .len()
-                    .checked_sub(stage.room)
+                    .checked_sub(recurrence.room)
                     .map_or(0, |nth| given[nth]);
                 let now = u64::max(free, room);
-                free = now + stage.interval;
+                free = now + recurrence.interval;
                 first = first.or(Some(now));
                 let again = if is_kept {
-                    behind[told.due.len()] + 1
+                    behind[modelled.due.len()] + 1
                 } else {
-                    now + stage.latency
+                    now + recurrence.latency
                 };
                 given.insert(given.partition_point(|other| *other <= again), again);
                 if is_kept {
-                    told.due.push(now + stage.latency);
+                    modelled.due.push(now + recurrence.latency);
                 }
             }
         }
-        told.taken.extend(first);
+        modelled.taken.extend(first);
     }
-    told
+    modelled
 }
 
-/// A merge takes longer, by the light of what it shades, and a pixel that was taken is under way
-/// for a while.
-fn contribute(trace: &Traced, mut stage: Stage) -> Told {
+/// A merge takes longer, by the shading of its fragments, and a taken pixel is in flight for some
+/// cycles.
+fn contribute(trace: &Traced, mut recurrence: Recurrence) -> ModelledCycles {
     const MERGED: i64 = 2;
-    /// What is evicted, where windows say so; the first outcome of windows alone, and the first of
-    /// those that form them.
+    /// Outcomes of evictions in windows; the first outcome that only windows have, and the first
+    /// one of windows that are formed.
     const EVICTED: i64 = 3;
     const DROPPED: i64 = 5;
     const LATE: i64 = 6;
@@ -2551,7 +2553,7 @@ fn contribute(trace: &Traced, mut stage: Stage) -> Told {
         .any(|field| field["name"] == "sheet");
     let is_windows = has(trace, "fragment.in", "density");
     if !is_sheets {
-        // In the end windows are asked for too, which no contribution has made.
+        // At the end, windows that no contribution formed are requested too.
         let asked = trace
             .keys("fragment.request")
             .into_iter()
@@ -2560,21 +2562,21 @@ fn contribute(trace: &Traced, mut stage: Stage) -> Told {
             .filter(|record| *record < decisions.len())
             .for_each(|record| shades[record] += 1);
     }
-    // Windows are formed a slot a cycle, and judged, before anything is decided by them: the first
-    // of a merge's cycles. What those leave goes to a quotient, twice, to three steps on the way,
-    // and to what is blended.
+    // Windows are formed at one slot per cycle, and compared, before a decision: these are the
+    // first cycles of a merge. The remaining ones go to a quotient, twice, to three steps in
+    // between, and to the blend.
     let layers = constant(trace, "FRAGMENT_LAYERS");
     let spare = merge.saturating_sub(layers + 5);
     let forms = layers + 3 + spare / 4 + 3 * ((spare - spare / 4 * 2) / 4);
     // A splat that is a sheet of its own is blended as fast as it would be added.
     let blends_at_once =
         is_sheets && trace.records("frame")[0][trace.field("frame", "each_splat")] == 1;
-    let mut told = Told::default();
+    let mut modelled = ModelledCycles::default();
     let mut under_way: HashMap<[i64; 2], u64> = HashMap::new();
     let mut stopped: HashSet<[i64; 2]> = HashSet::new();
     for (decision, shades) in decisions.iter().zip(shades) {
         let evicts = is_windows && decision[outcome] == EVICTED;
-        // What is dropped first made a sheet be blended by which its pixel stops.
+        // The first dropped contribution made the sheet blend that stops its pixel.
         let stops =
             is_sheets && decision[outcome] == DROPPED && stopped.insert([decision[0], decision[1]]);
         let blends = !blends_at_once && (decision[outcome] == MERGED || stops);
@@ -2597,43 +2599,44 @@ fn contribute(trace: &Traced, mut stage: Stage) -> Told {
                 0
             };
         let pixel = under_way.entry([decision[0], decision[1]]).or_default();
-        told.waits += usize::from(*pixel > stage.free);
-        told.merges[shades as usize] += usize::from(merges);
-        // Nobody is behind it, so there is always room.
-        let now = stage.take(*pixel, cycles, &[], false);
+        modelled.waits += usize::from(*pixel > recurrence.free);
+        modelled.merges[shades as usize] += usize::from(merges);
+        // There is no unit behind it, so there is always room.
+        let now = recurrence.take(*pixel, cycles, &[], false);
         *pixel = now + cycles - 1 + hazard;
-        told.taken.push(now);
-        // What a merge does once its light has come, it does after it was decided. A decision is
-        // made in one cycle and told in another.
-        told.due
-            .push(now + cycles - 1 - merge + forms + stage.latency.max(2));
+        modelled.taken.push(now);
+        // The steps of a merge after its shading come after the decision. A decision is made in one
+        // cycle and reported in the next.
+        modelled
+            .due
+            .push(now + cycles - 1 - merge + forms + recurrence.latency.max(2));
     }
-    told
+    modelled
 }
 
-/// Resolve takes a cycle for each layer. A pixel counts as taken with its last one, which needs the
+/// Resolve takes one cycle per layer. A pixel counts as taken with its last layer, which needs the
 /// place behind.
-fn blend(trace: &Traced, mut stage: Stage, behind: &[u64]) -> Told {
-    let mut told = Told::default();
+fn blend(trace: &Traced, mut recurrence: Recurrence, behind: &[u64]) -> ModelledCycles {
+    let mut modelled = ModelledCycles::default();
     let last = trace.field("resolve.in", "last");
     let mut here = 0;
     for layer in trace.records("resolve.in") {
         let now = if layer[last] == 1 {
-            stage.take(here, stage.interval, behind, true)
+            recurrence.take(here, recurrence.interval, behind, true)
         } else {
             here
         };
         here = now + 1;
-        told.taken.push(now);
+        modelled.taken.push(now);
         if layer[last] == 1 {
-            told.due.push(now + stage.latency);
+            modelled.due.push(now + recurrence.latency);
         }
     }
-    told
+    modelled
 }
 
-/// By how much accept times may be off those of the timing model, as a share of them: the book,
-/// Traces and RTL, has the table.
+/// Tolerance of accept times against the timing model, as a share of them: the table is in the
+/// book, Traces and RTL.
 fn tolerance(unit: &str) -> f64 {
     let page =
         std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/book/traces.md"))
@@ -2653,9 +2656,9 @@ fn tolerance(unit: &str) -> f64 {
     }
 }
 
-/// Whether a unit takes its records when the timing model says so, and gives none too early; what
-/// the model said where nothing waited.
-fn accepts_in_time(trace: &Traced, unit: Unit, side: u32, stalls: &[&str]) -> Told {
+/// Checks that a unit takes its records in the cycles of the timing model, and that no result is
+/// early; returns the model's cycles without stalls.
+fn accepts_in_time(trace: &Traced, unit: Unit, side: u32, stalls: &[&str]) -> ModelledCycles {
     let name = unit.name;
     let device = Device::new(Simulator::Icarus, &sources(), &trace.folder, unit, side);
     let tolerance = tolerance(name);
@@ -2663,30 +2666,30 @@ fn accepts_in_time(trace: &Traced, unit: Unit, side: u32, stalls: &[&str]) -> To
         let given = device.drive(None, expected(trace, unit), &[stall]);
         assert_eq!(fault(trace, unit, &given), None);
         let [taken, behind] = times(&given);
-        let told = told(trace, unit, &behind);
-        assert_eq!(taken.len(), told.taken.len(), "{name} {stall}");
-        for (record, (taken, told)) in taken.iter().zip(&told.taken).enumerate() {
-            let off = taken.abs_diff(*told) as f64;
+        let modelled = modelled_cycles(trace, unit, &behind);
+        assert_eq!(taken.len(), modelled.taken.len(), "{name} {stall}");
+        for (record, (taken, modelled)) in taken.iter().zip(&modelled.taken).enumerate() {
+            let off = taken.abs_diff(*modelled) as f64;
             assert!(
-                off <= tolerance * *told as f64,
-                "{name} {stall}: record {record} was taken in cycle {taken}, told was {told}"
+                off <= tolerance * *modelled as f64,
+                "{name} {stall}: record {record} was taken in cycle {taken}, the model has {modelled}"
             );
         }
         assert!(
             behind
                 .iter()
-                .zip(&told.due)
+                .zip(&modelled.due)
                 .all(|(given, due)| given >= due),
             "{name} {stall}: a record came too early"
         );
-        (told, behind)
+        (modelled, behind)
     };
     for stall in stalls {
         in_time(stall);
     }
-    let (told, given) = in_time("+stall_out=0");
-    assert_eq!(given, told.due, "{name}");
-    told
+    let (modelled, given) = in_time("+stall_out=0");
+    assert_eq!(given, modelled.due, "{name}");
+    modelled
 }
 
 const STALLED: [&str; 2] = ["+stall_out=60", "+stall_out=90"];
@@ -2794,7 +2797,7 @@ fn hazards_and_merges_take_the_cycles_of_the_timing_model() {
 }
 
 #[test]
-fn what_windows_blend_takes_the_cycles_of_the_timing_model() {
+fn blends_of_windows_take_the_cycles_of_the_timing_model() {
     if !tier::runs(Tier::Ci) {
         return;
     }
@@ -2843,8 +2846,8 @@ fn what_windows_blend_takes_the_cycles_of_the_timing_model() {
     );
 }
 
-/// A layer after the other, whether it was merged, and so shaded, before or not; a pixel takes a
-/// cycle at least.
+/// One layer after the other, whether it was merged, and so shaded, earlier or not; a pixel takes
+/// at least one cycle.
 #[test]
 fn resolve_takes_every_layer_in_a_cycle_as_the_timing_model_has_it() {
     if !have(&["iverilog"], "cycles of resolve") {

@@ -1,4 +1,4 @@
-//! Are points of a mesh where, as many, as wide and of the colours that `sample` promises?
+//! Do the points of `sample` have the specified positions, number, widths and colours?
 
 use crate::shared_input;
 use crate::tier::{self, Tier};
@@ -113,7 +113,7 @@ fn points_lie_on_the_mesh_and_look_out_of_it() {
     }
 }
 
-/// A large square, a small one, and a sliver of which most triangles are made.
+/// A large square, a small one, and a sliver to which most triangles belong.
 #[test]
 fn areas_have_points_in_proportion() {
     let mut obj = "v 0 0 0\nv 3 0 0\nv 3 3 0\nv 0 3 0\nv 10 0 0\nv 11 0 0\nv 11 1 0\nv 10 1 0\nf 1 2 3 4\nf 5 6 7 8\nv 20 0 0\n".to_owned();
@@ -122,7 +122,7 @@ fn areas_have_points_in_proportion() {
         let x = 20.0 + (i + 1) as f64 / 250.0;
         obj += &format!("v {x} 0 0\nv {x} 2 0\nf -4 -2 -1 -3\n");
     }
-    // Blue noise has more points along borders, where one side keeps no distance.
+    // Blue noise has more points along borders, on one side of which there are no neighbours.
     for (pattern, share) in [(Pattern::Stratified, 0.0), (Pattern::BlueNoise, 0.08)] {
         let Sampled { splats, area, .. } = sampled(&obj, 6000, pattern);
         for (from, own) in [(0.0, 9.0), (10.0, 1.0), (19.9, 4.0)] {
@@ -140,7 +140,7 @@ fn areas_have_points_in_proportion() {
 }
 
 #[test]
-fn no_two_points_of_blue_noise_are_nearer_than_told() {
+fn no_two_points_of_blue_noise_are_nearer_than_the_limit() {
     let Sampled {
         splats,
         spacing,
@@ -152,22 +152,22 @@ fn no_two_points_of_blue_noise_are_nearer_than_told() {
     let mut least = f64::INFINITY;
     for i in 0..splats.len() {
         for j in 0..i {
-            // Faces at a right angle keep no distance: their normals' product is 0.
+            // Faces at a right angle are independent: the product of their normals is 0.
             if faces[i].dot(faces[j]) > 0.0 {
                 least = least.min(splats[i].position.distance(splats[j].position));
             }
         }
     }
     assert!(least >= told, "{least} < {told}");
-    // Discs this far apart in a hexagonal lattice would be 1.07 apart.
+    // Discs at this distance in a hexagonal lattice would be 1.07 apart.
     assert!(told > 0.74 * (area / 3000.0).sqrt(), "{told}");
 }
 
 #[test]
 fn strata_have_one_point_each() {
     let splats = sampled(SQUARE, 4096, Pattern::Stratified).splats;
-    // Of 4^k points on a triangle, or two, each of the 4^k like parts has one; rows of the square
-    // are such parts' diagonals.
+    // If 4^k points are on one triangle, or two, each of its 4^k similar parts has one point; rows
+    // of the square are diagonals of such parts.
     let mut cells = [0; 16 * 16];
     splats.iter().for_each(|s| {
         cells[(s.position.y * 16.0) as usize * 16 + (s.position.x * 16.0) as usize] += 1
@@ -178,7 +178,7 @@ fn strata_have_one_point_each() {
     );
 }
 
-/// Two sides of a sheet of no thickness have as many points each as one would.
+/// The two sides of an infinitely thin sheet each have as many points as a single side would.
 #[test]
 fn two_sides_of_a_sheet_are_two_surfaces() {
     let both = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\nf 4 3 2 1\n";
@@ -269,7 +269,7 @@ fn the_same_seed_makes_the_same_bytes_at_any_number_of_threads() {
 }
 
 #[test]
-fn what_is_written_is_what_a_scene_reads() {
+fn a_scene_reads_the_points_that_were_written() {
     let folder = folder();
     let splats = sampled(&cube(), 500, Pattern::BlueNoise).splats;
     let path = folder.path().join("a.ply");
@@ -294,7 +294,7 @@ fn what_is_written_is_what_a_scene_reads() {
 }
 
 #[test]
-fn what_was_made_is_told() {
+fn the_sampling_is_summarised() {
     let folder = folder();
     std::fs::write(folder.path().join("a.obj"), SQUARE.to_owned() + "f 1 1 2\n").unwrap();
     let told = says(
@@ -512,7 +512,7 @@ fn inner_products_are_what_integration_finds() {
     );
 }
 
-/// n∘t⁻¹ of a Gaussian n at every point is n where t⁻¹ leads.
+/// n∘t⁻¹ of a Gaussian n equals n at the preimage of every point.
 #[test]
 fn a_mapped_gaussian_is_the_gaussian_at_the_place_that_was_mapped() {
     let gaussian = Gaussian {
@@ -542,9 +542,8 @@ fn checks(points: usize, acquisition: Acquisition, cutoff: f64, checks: usize) -
     .unwrap()
 }
 
-/// Mean square of what is missing between a checkerboard and kernels as they are drawn, each with
-/// its colour, their sum divided by the sum of weights; the border, where kernels are missing, is
-/// left out.
+/// Mean square difference of a checkerboard from the sum of drawn kernels with their colours,
+/// divided by the sum of weights. The border, where kernels are missing, is left out.
 fn missing(splats: &[Splat], width: f64, checks: usize) -> f64 {
     let steps = 120;
     let mut sum = 0.0;
@@ -597,8 +596,8 @@ fn solved_colours_reconstruct_a_picture_better_than_averages_and_samples() {
     }
 }
 
-/// From the book alone: e are the colours of `ewa`, R the products of round kernels, c = e times
-/// its row sums, s 3 % of their mean.
+/// From the book only: e are the colours of `ewa`, R the products of round kernels, c = e times its
+/// row sums, s 3 % of their mean.
 #[test]
 fn residuals_are_those_of_the_equations_and_of_the_damped_ones() {
     let (cutoff, count) = (2.0, 400);
@@ -622,7 +621,7 @@ fn residuals_are_those_of_the_equations_and_of_the_damped_ones() {
         .collect();
     let sums: Vec<f64> = rows.iter().map(|row| row.iter().sum()).collect();
     let stay = 0.03 * sums.iter().sum::<f64>() / count as f64;
-    // Of a checkerboard all channels are one.
+    // All channels of a checkerboard are equal.
     let [e, w] = [&ewa, &optimised].map(|sampled| {
         sampled
             .splats
@@ -651,7 +650,7 @@ fn residuals_are_those_of_the_equations_and_of_the_damped_ones() {
     );
 }
 
-/// A picture of one colour has nothing to be solved.
+/// A picture of one colour needs no optimisation.
 #[test]
 fn one_colour_stays_that_colour_in_all_three_ways() {
     for acquisition in ACQUISITIONS {
@@ -683,9 +682,9 @@ fn one_colour_stays_that_colour_in_all_three_ways() {
     }
 }
 
-/// Where a check is much smaller than a kernel, an average is grey and a sample is black or white.
+/// If a check is much smaller than a kernel, an average is grey and a sample is black or white.
 #[test]
-fn averages_see_what_is_small_as_grey() {
+fn averages_of_small_checks_are_grey() {
     let grey = checks(100, Acquisition::Ewa, 2.0, 512).splats;
     assert!(
         grey.iter().all(|s| (s.rgb[0] - 0.5).abs() < 0.02),
@@ -699,7 +698,7 @@ fn averages_see_what_is_small_as_grey() {
 #[test]
 fn a_picture_lies_upright_and_keeps_its_opacity() {
     let folder = folder();
-    // Red above, green below, the left half of glass.
+    // Red at the top, green at the bottom, the left half of glass.
     let texel = |x: u32, y: u32| {
         image::Rgba([
             if y == 0 { 255 } else { 0 },

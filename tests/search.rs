@@ -1,5 +1,5 @@
-//! Does a search find a machine that is as narrow as can be, and holds on cameras that it never
-//! saw?
+//! Does a search find a machine that cannot be narrowed further, and that also meets the target
+//! from unseen cameras?
 
 use crate::handmade::glass;
 use crate::program::PROGRAM;
@@ -124,7 +124,7 @@ fn a_machine_is_found_that_meets_the_target_elsewhere_too() {
     let found = read(&out.join("search.json"));
     let (psnr, area) = ran(folder.path(), &path, machine.to_str().unwrap(), "32x24");
     let last = found["path"].as_array().unwrap().last().unwrap();
-    // The worst of all views that were searched on is what the file has.
+    // The file has the worst of all views used by the search.
     assert!(
         last["psnr_db"].as_f64().unwrap() <= psnr && last["area"].as_f64() == Some(area),
         "{last}: {psnr} dB, {area}"
@@ -139,7 +139,7 @@ fn a_machine_is_found_that_meets_the_target_elsewhere_too() {
         psnr >= 35.0 && area < 0.6 * whole,
         "{psnr} dB, {area} of {whole}"
     );
-    // The unseen views are where the file says, and hold.
+    // The unseen views are listed in the file, and meet the target.
     let views = found["views"].as_array().unwrap();
     assert_eq!(views.len(), 3);
     let framed = read_camera(&path);
@@ -167,7 +167,7 @@ fn a_machine_is_found_that_meets_the_target_elsewhere_too() {
     );
     ok(&splatsim(&["chart", dir]));
     assert!(out.join("accuracy-area.png").exists());
-    // The same again draws nothing, and finds the same.
+    // A repeated search draws nothing, and finds the same machine.
     let before = fs::read(&machine).unwrap();
     ok(&splatsim(&[
         "search",
@@ -196,8 +196,8 @@ fn a_machine_is_found_that_meets_the_target_elsewhere_too() {
     );
 }
 
-/// The camera that the scene gets where it names none: lights and the z threshold depend on it too,
-/// so the scene is read, not guessed.
+/// The default camera of the scene. Lights and the z threshold depend on it too, so the scene is
+/// read.
 fn read_camera(path: &str) -> Value {
     let scene = splatsim::scene::Scene::load(
         path,
@@ -211,7 +211,7 @@ fn read_camera(path: &str) -> Value {
         "fov_y_degrees": camera.fov_y_degrees, "near": camera.near})
 }
 
-/// All machines of four words, drawn by `sweep`, against what a search draws few of.
+/// All machines of four words, drawn by `sweep`, compared with a search that draws few of them.
 #[test]
 fn it_is_close_to_the_best_of_all() {
     if !tier::runs(Tier::Full) {
@@ -290,8 +290,8 @@ fn it_is_close_to_the_best_of_all() {
         let found = read(&out.join("search.json"));
         let last = found["path"].as_array().unwrap().last().unwrap();
         let area = last["area"].as_f64().unwrap();
-        // Of what these words take at all, not of the whole machine, most of which is none of
-        // theirs.
+        // Relative to the area of these words, not of the whole machine, most of which does not
+        // depend on them.
         assert!(
             area - best <= 0.05 * (whole - best) && area <= 1.05 * best,
             "{target} dB: {area}, where {best} can be had of {whole}"
@@ -300,7 +300,7 @@ fn it_is_close_to_the_best_of_all() {
     }
 }
 
-/// Starts the program and kills it after so many milliseconds, wherever it is by then.
+/// Starts the program and kills it after `wait_ms`, at any point.
 fn start_and_kill(wait_ms: u64, arguments: impl IntoIterator<Item = impl AsRef<OsStr>>) {
     let mut command = std::process::Command::new(PROGRAM.as_str());
     let mut child = command
@@ -443,7 +443,8 @@ fn a_machine_that_was_searched_warns_outside_of_that() {
         [searched, unseen].concat()
     );
 
-    // Inside: not a word, and the report says so. On an unseen side at the same distance too.
+    // Inside the domain there is no warning, and the report has an empty list. The same for an
+    // unseen side at the same distance.
     let report = folder.path().join("run");
     let run = |more: &[&str]| {
         let output = splatsim(
@@ -484,7 +485,7 @@ fn a_machine_that_was_searched_warns_outside_of_that() {
     };
     assert_eq!(run(&[&turned(moved(-1.0)), "--size", "32x24"]).1, json!([]));
 
-    // Outside: one sentence, and what it is in the report.
+    // Outside: one sentence, and an entry in the report.
     let terrain = folder.path().join("terrain.json");
     fs::write(
         &terrain,
@@ -530,7 +531,7 @@ fn a_machine_that_was_searched_warns_outside_of_that() {
             "{outside:?}"
         );
     }
-    // One that nobody searched says nothing of it.
+    // A machine without a search has no such entry.
     ok(&splatsim(&[
         "run",
         &path,
@@ -547,7 +548,7 @@ fn a_machine_that_was_searched_warns_outside_of_that() {
         None
     );
 
-    // The record stays with the file, and leaves it with the words that it is of.
+    // The record stays in the file until a word changes.
     let show = |more: &[&str]| {
         serde_json::from_str::<Value>(&ok(&splatsim(&[&["machine", "show", file], more].concat())))
             .unwrap()
@@ -556,7 +557,7 @@ fn a_machine_that_was_searched_warns_outside_of_that() {
     assert_eq!(show(&["--set", "timing.raster.fifo=4"])["searched"], record);
     assert_eq!(show(&["--set", "fragment.layers=2"]).get("searched"), None);
 
-    // No row depends on it.
+    // Rows do not depend on it.
     let mut bare = read(&machine);
     bare.as_object_mut().unwrap().remove("searched");
     fs::write(folder.path().join("bare.json"), bare.to_string()).unwrap();
@@ -576,7 +577,7 @@ fn a_machine_that_was_searched_warns_outside_of_that() {
     };
     assert_eq!(keys("out/machine.json"), keys("bare.json"));
 
-    // It is read as strictly as the rest.
+    // It is read as strictly as other fields.
     let wrong = |change: &dyn Fn(&mut Value), says: &str| {
         let mut changed = read(&machine);
         change(&mut changed["searched"]);
@@ -656,8 +657,8 @@ fn a_search_can_aim_at_the_whole_error() {
     ]));
     let accuracy = read(&run.join("report.json"))["accuracy"].clone();
     let method = accuracy["golden_vs_ideal"]["psnr_db"].as_f64().unwrap();
-    // Half a decibel less than the method alone: words may spend that, which against golden they
-    // may not.
+    // Half a decibel less than the method's error alone: words may use this margin, but against
+    // golden they may not.
     let out = folder.path().join("ideal");
     let told = ok(&search("ideal", &format!("{:.2}", method - 0.5), &out));
     assert!(
@@ -683,7 +684,7 @@ fn a_search_can_aim_at_the_whole_error() {
         last["area"].as_f64() < path_of(&found)[0]["area"].as_f64(),
         "{last}"
     );
-    // What the method alone misses no word reaches.
+    // No word can reach what the method alone does not.
     let output = search(
         "ideal",
         &format!("{:.2}", method + 3.0),
@@ -697,7 +698,7 @@ fn a_search_can_aim_at_the_whole_error() {
         )),
         "{told}"
     );
-    // The default is golden, as it was.
+    // The default is golden.
     let output = search(
         "golden",
         &format!("{:.2}", method + 3.0),
@@ -711,7 +712,7 @@ fn a_search_can_aim_at_the_whole_error() {
 }
 
 #[test]
-fn no_word_leaves_its_range_where_that_is_asked_for() {
+fn no_word_saturates_if_the_search_excludes_it() {
     let folder = tempfile::tempdir().unwrap();
     let path = scene(folder.path(), "knot.json", &json!({}));
     let out = folder.path().join("out");
@@ -766,7 +767,7 @@ fn no_word_leaves_its_range_where_that_is_asked_for() {
             .map(|what| signal[what].as_u64().unwrap());
         assert_eq!(over, [0; 3], "{signal}");
     }
-    // Only what was named has changed.
+    // Only the named fields have changed.
     let [reference, found] = [
         splatsim(&["machine", "show", "reference"]).stdout,
         fs::read(&machine).unwrap(),
@@ -781,7 +782,7 @@ fn no_word_leaves_its_range_where_that_is_asked_for() {
 }
 
 #[test]
-fn what_cannot_be_searched_is_refused_in_a_sentence() {
+fn impossible_searches_are_refused_in_a_sentence() {
     let folder = tempfile::tempdir().unwrap();
     let path = scene(folder.path(), "knot.json", &json!({}));
     let out = folder.path().join("out");
@@ -833,7 +834,7 @@ fn what_cannot_be_searched_is_refused_in_a_sentence() {
         ],
         "the target is out of reach: on ",
     );
-    // A folder of something else.
+    // A folder with other contents.
     let plan = folder.path().join("plan.json");
     fs::write(
         &plan,
@@ -863,8 +864,8 @@ fn what_cannot_be_searched_is_refused_in_a_sentence() {
     );
 }
 
-/// By brute force: of all rules and layers, the one of least area, or bytes, whose golden has the
-/// target.
+/// By brute force: of all rules and layers whose golden meets the target, the one with the least
+/// area, or bytes.
 #[test]
 fn the_cheapest_rule_is_found() {
     if !tier::runs(Tier::Ci) {
@@ -908,7 +909,7 @@ fn the_cheapest_rule_is_found() {
             "{}",
             found.summary()
         );
-        // Its figure is that of the machine that is written.
+        // Its figure is that of the written machine.
         let machine =
             machines::load(folder.path().join("machine.json").to_str().unwrap(), &[]).unwrap();
         assert_eq!(
@@ -920,7 +921,7 @@ fn the_cheapest_rule_is_found() {
             splatsim::accuracy::metrics(&drawn.picture, &splatsim::golden::ideal(&scene).picture)
                 .psnr_db;
         assert_eq!(db, best["psnr_db"][0].as_f64());
-        // So are its frames/s, whatever rule it has.
+        // Its frames/s are too, for any rule.
         let evaluation = Evaluation::new(&scene, &machine).unwrap();
         let cycles = timing::replay(
             &evaluation.machine.timing,
@@ -936,7 +937,7 @@ fn the_cheapest_rule_is_found() {
             .into_rgb8();
         assert_eq!(picture.dimensions(), (1920, 400));
     }
-    // What does not fit the words of every rule is refused before anything is written.
+    // A word that is too narrow for a rule is refused before anything is written.
     let mut wide = scene.clone();
     wide.kernel.cutoff = 5.0;
     let nowhere = folder.path().join("nowhere");
@@ -957,7 +958,7 @@ fn the_cheapest_rule_is_found() {
             .contains("gauss.radial_index")
             && !nowhere.exists()
     );
-    // Whatever rule the base has: each rule's figures are those of the same machine.
+    // For any rule of the base machine: each rule's figures are those of the same machine.
     let choices = |base: &str| {
         let base = Machine::named(base).unwrap();
         over_fragment::run(
@@ -992,7 +993,7 @@ fn the_cheapest_rule_is_found() {
 
 // ---- Over timing ----
 
-/// 2,592 machines, and the clock among their fields.
+/// 2,592 machines; the clock is one of their fields.
 fn grid() -> Vec<over_timing::Field> {
     let field = |field: &str, values: Value| over_timing::Field {
         field: field.into(),
@@ -1015,8 +1016,8 @@ fn grid() -> Vec<over_timing::Field> {
     ]
 }
 
-/// Frames a second, area and gates, and the changes, of every machine of some fields, memory as
-/// fast at every clock.
+/// Frames per second, area, gates and changes of every machine of some fields, with the same memory
+/// speed at every clock.
 fn all_machines(
     base: &Machine,
     fields: &[over_timing::Field],
@@ -1061,7 +1062,7 @@ fn sizes(built: &Elaborated) -> [f64; 2] {
     [cost.area, cost.gates.total]
 }
 
-/// Options that tell nothing.
+/// Options without progress output.
 fn at_least(min_fps: f64, fields: Vec<over_timing::Field>) -> over_timing::Options {
     let minimise = over_timing::Minimise::Area;
     over_timing::Options {
@@ -1135,7 +1136,7 @@ fn the_cheapest_machine_that_is_fast_enough_is_found() {
             sizes(&built)[nth],
         );
         assert!(fps >= min_fps, "{part}: {fps} of {min_fps}");
-        // Of what these fields take at all, not of the whole machine.
+        // Relative to the area of these fields, not of the whole machine.
         assert!(
             size - best <= 0.05 * (most - least) && size <= 1.05 * best,
             "{minimise:?} {part}: {size} by {:?}, where {best} of {least} to {most} can be had by {best_changes}",
@@ -1195,7 +1196,7 @@ fn a_machine_that_cannot_be_fast_enough_says_what_is_nearest() {
         ),
         "{told}"
     );
-    // Nothing that was tried is nearer.
+    // No evaluated machine is nearer.
     let nearest: f64 = told
         .split("the nearest draws ")
         .nth(1)
@@ -1288,7 +1289,7 @@ fn a_search_over_timing_goes_on_and_finds_the_same_at_any_number_of_threads() {
             "{name}"
         );
     }
-    // Each of the first views is a row, so that a search goes on from any of them.
+    // Each of the first views is a row, so that a search resumes from any of them.
     let journal = fs::read_to_string(whole.join("points.jsonl")).unwrap();
     let row = |line: &str| serde_json::from_str::<Value>(line).unwrap()[1].clone();
     let first: Vec<Value> = journal.lines().skip(1).take(4).map(row).collect();
@@ -1320,7 +1321,7 @@ fn a_search_over_timing_goes_on_and_finds_the_same_at_any_number_of_threads() {
             );
         }
     }
-    // It is what `run` says of it, words as they were, and on unseen cameras too.
+    // Its figures are those of `run`, with unchanged words, and on unseen cameras too.
     let found = read(&whole.join("search.json"));
     let machine = whole.join("machine.json");
     let ran = |scene: &str| {
@@ -1392,7 +1393,7 @@ fn a_machine_is_found_that_is_fast_and_good_enough() {
             .concat(),
         )
     };
-    // What words cannot reach is said before anything is written.
+    // A target that words cannot reach is reported before anything is written.
     let output = both("100", "200");
     assert_eq!(
         output.status.code(),
@@ -1429,7 +1430,7 @@ fn a_machine_is_found_that_is_fast_and_good_enough() {
 }
 
 #[test]
-fn what_has_no_price_is_no_field_of_a_search() {
+fn a_field_without_a_unit_cost_cannot_be_searched() {
     let folder = tempfile::tempdir().unwrap();
     let path = scene(folder.path(), "knot.json", &json!({}));
     let out = folder.path().join("out");
@@ -1547,7 +1548,7 @@ fn a_machine_holds_on_the_whole_domain() {
         .collect();
     assert_eq!(sizes, [24, 48]);
     assert_eq!(scenes[0]["domain"]["distance"], json!([0.5, 2.0]));
-    // Unseen cameras are of all distances, and the machine holds there: `run` says so.
+    // Unseen cameras are at all distances, and `run` confirms the machine there.
     let framed = read_camera(&path);
     let far = |camera: &Value| -> f64 {
         let [eye, target] = ["eye", "target"]
@@ -1593,7 +1594,7 @@ fn a_machine_holds_on_the_whole_domain() {
             "{view}"
         );
     }
-    // Nearer than the domain is outside of it.
+    // A camera nearer than the domain is outside it.
     let mut near = framed.clone();
     let [eye, target] = ["eye", "target"]
         .map(|name| serde_json::from_value::<[f64; 3]>(framed[name].clone()).unwrap());
@@ -1673,7 +1674,7 @@ fn cameras_of_a_list_are_a_domain() {
     other["eye"] =
         json!([-1.0, 0.0, 2.0].map(|part: f64| part * framed["eye"][2].as_f64().unwrap()));
     assert_ne!(outside(&other), json!([]));
-    // The same of a file, and over timing too.
+    // The same for a file, and over timing too.
     let matrix = json!([[1, 0, 0, 0.1], [0, 1, 0, 0.2], [0, 0, 1, 5], [0, 0, 0, 1]]);
     let frames = json!({"camera_angle_x": 0.9, "w": 24, "h": 18, "frames": [{"transform_matrix": matrix}, {"transform_matrix": matrix}]});
     let file = folder.path().join("transforms.json");
@@ -1771,7 +1772,7 @@ fn flips_do_not_count_in_lockstep_and_luck_does_not_where_it_must_be_robust() {
             .all(|view| view["lockstep"]["psnr_db"].as_f64().unwrap() >= 40.0),
         "{views:?}"
     );
-    // The same again draws nothing.
+    // A repeated search draws nothing.
     let rows = fs::read(out.join("points.jsonl")).unwrap();
     search(&out, &["--metric", "lockstep"]);
     assert_eq!(rows, fs::read(out.join("points.jsonl")).unwrap());
@@ -1789,7 +1790,7 @@ fn flips_do_not_count_in_lockstep_and_luck_does_not_where_it_must_be_robust() {
         "ideal is not",
     );
 
-    // The worst of three: each of them is as good, and all are searched on.
+    // The worst of three: each meets the target, and all are used by the search.
     let out = folder.path().join("robust");
     let (_, found) = search(&out, &["--robust", "3"]);
     let cameras = found["cameras"].as_array().unwrap();
@@ -1815,8 +1816,8 @@ fn flips_do_not_count_in_lockstep_and_luck_does_not_where_it_must_be_robust() {
 
 // ---- Margins and claims ----
 
-/// Least PSNR against golden of a machine on a scene from some cameras, worked out without the
-/// search; none where it cannot be built.
+/// Least PSNR against golden of a machine on a scene from some cameras, computed without the
+/// search; none if it cannot be built.
 fn worst_db(machine: &Value, scene: &splatsim::scene::Scene, cameras: &[Value]) -> Option<f64> {
     let machine: Machine = serde_json::from_value(machine.clone()).ok()?;
     let mut worst = f64::INFINITY;
@@ -1839,10 +1840,10 @@ fn worst_db(machine: &Value, scene: &splatsim::scene::Scene, cameras: &[Value]) 
     Some(worst)
 }
 
-/// A word of a machine file, and which of its bits goes: as `tight` names them.
+/// A word of a machine file, and the removed bit, with the names of `tight`.
 type Bit = (String, &'static str);
 
-/// The format of a word, which may stand in a field of its own.
+/// The format of a word, which may be in a separate field.
 fn format_of<'m>(machine: &'m mut Value, path: &str) -> &'m mut Value {
     let word = machine
         .pointer_mut(&format!("/{}", path.replace('.', "/")))
@@ -1854,7 +1855,7 @@ fn format_of<'m>(machine: &'m mut Value, path: &str) -> &'m mut Value {
     }
 }
 
-/// Bits that words below some units can lose: each word keeps one.
+/// Bits that words of some units can lose: each word keeps at least one.
 fn bits(machine: &Value, units: &[&str]) -> Vec<Bit> {
     let machine = &mut machine.clone();
     let mut all = Vec::new();
@@ -1960,7 +1961,7 @@ fn no_word_of_a_found_machine_can_lose_a_bit() {
         worst_db(&own, &drawn, &searched).unwrap() >= aim
             && worst_db(&own, &drawn, &unseen).unwrap() >= target
     );
-    // One by one, and all of those together that the target alone could spare.
+    // Bits one by one, and all bits together that the target alone allows to remove.
     let (mut critical, mut spare) = (HashSet::new(), Vec::new());
     for bit in bits(&machine, &["gauss", "raster"]) {
         let less = without(&machine, std::slice::from_ref(&bit));
@@ -1988,7 +1989,7 @@ fn no_word_of_a_found_machine_can_lose_a_bit() {
         of("fraction-bit") > 3 && of("integer-bit") > 3,
         "{critical:?}"
     );
-    // What is told to be critical is so for the target, and nothing that is stays untold.
+    // Words reported as critical are critical for the target, and no others are.
     let is_told = |(path, part): &Bit| {
         found["tight"]
             .as_array()
@@ -2015,7 +2016,7 @@ fn no_word_of_a_found_machine_can_lose_a_bit() {
             "{bit:?} is told to be critical: {db:?}"
         );
     }
-    // What the margin costs.
+    // The cost of the margin.
     let margin = &found["margin"];
     let [alone, more] = ["target_alone_area", "area"].map(|name| margin[name].as_f64().unwrap());
     assert!(
@@ -2029,7 +2030,7 @@ fn no_word_of_a_found_machine_can_lose_a_bit() {
     );
 }
 
-/// Figures and the commands behind them, as a search prints them.
+/// Figures with the commands that reproduce them, as printed by a search.
 fn commands(told: &str) -> Vec<(String, Vec<String>)> {
     let all = told.split("to see ").skip(1).map(|rest| {
         let (sentence, command) = rest.split_once("again:").unwrap();
@@ -2097,7 +2098,7 @@ fn each_claimed_figure_is_shown_again_by_the_command_that_is_printed() {
             "{sentence}: {db}"
         );
     }
-    // The worst of all, not just one that is right.
+    // The worst of all views, not just any of them.
     let worst = read(&out.join("search.json"))["views"]
         .as_array()
         .unwrap()
@@ -2140,8 +2141,8 @@ fn each_claimed_figure_is_shown_again_by_the_command_that_is_printed() {
             "{sentence}: {fps}"
         );
     }
-    // The camera that decided is in the lists of the search and of the machine, and is the slowest
-    // of those.
+    // The deciding camera is in the lists of the search and of the machine, and is the slowest of
+    // them.
     let found = read(&out.join("search.json"));
     let decided = found["cameras"].as_array().unwrap();
     let fps = |view: &Value| view["frames_per_second"].as_f64().unwrap();
@@ -2164,7 +2165,7 @@ fn each_claimed_figure_is_shown_again_by_the_command_that_is_printed() {
             .all(|view| cameras.as_array().unwrap().contains(&view["camera"])),
         "{cameras}"
     );
-    // A file of cameras that is damaged is refused in a sentence.
+    // A damaged file of cameras is refused in a sentence.
     let file = out.join("cameras.json");
     let whole = read(&file);
     for (field, value, told) in [

@@ -1,5 +1,5 @@
 //! Volumes and Gaussians on the machine: does the bound hold, are flips explained, is the picture
-//! good, and does all that a scene may say of them matter?
+//! good, and does every setting of a scene have an effect?
 
 use crate::mutation::{differences, mutated, mutations};
 use crate::shared_input;
@@ -32,7 +32,7 @@ fn made(scene: &Value) -> Scene {
     of_size(scene, Some(SIZE))
 }
 
-/// The scene that a built-in name stands for, with some of its fields changed.
+/// A built-in scene with some of its fields changed.
 fn changed(name: &str, change: impl FnOnce(&mut Value)) -> Scene {
     let mut scene = serde_json::from_str(&Scene::text(name).unwrap()).unwrap();
     change(&mut scene);
@@ -75,7 +75,7 @@ fn fault(frame: &Lockstep) -> Option<String> {
 
 const MEDIA: [&str; 4] = ["marschner-lobb", "nested-shells", "fuzzy-clouds", "bouquet"];
 
-/// The built-in scenes, and what they are with rules that they do not have by themselves.
+/// The built-in scenes, and variants with rules that they do not have.
 fn scenes() -> Vec<(String, Scene)> {
     let mut scenes: Vec<(String, Scene)> = MEDIA
         .iter()
@@ -134,9 +134,9 @@ fn no_pixel_exceeds_its_bound_and_every_flip_is_explained() {
     assert!(flips > 1000, "{flips}: it asked nothing");
 }
 
-/// Nine covered pixels in ten are known to four steps of an 8-bit display.
+/// The bound of nine covered pixels in ten is at most four steps of an 8-bit display.
 #[test]
-fn the_bound_says_something() {
+fn most_bounds_are_at_most_four_display_steps() {
     for name in tier::some([12, 12], MEDIA) {
         let scene = load(name);
         let frame = in_lockstep(&scene, &usual(&scene));
@@ -194,7 +194,7 @@ fn no_pixel_of_a_random_machine_exceeds_its_bound() {
     }
 }
 
-/// Volumes of patients and engines, and a guitar.
+/// Medical volumes, an engine, and a guitar.
 #[test]
 fn real_data_is_drawn_well_and_within_bounds() {
     if !tier::runs(Tier::Full) {
@@ -232,7 +232,7 @@ fn real_data_is_drawn_well_and_within_bounds() {
     ] {
         let Some(volume) = volume else { continue };
         let mut source = json!({"volume": volume, "transfer": transfer});
-        // The two large ones take half a minute each: the one as a volume, the other as a surface.
+        // The two large ones take half a minute each: one as a volume, the other as a surface.
         if name != "engine" {
             scenes.push((name.to_owned(), json!({"splats": source})));
         }
@@ -248,8 +248,8 @@ fn real_data_is_drawn_well_and_within_bounds() {
         ));
     }
     for (name, scene) in tier::some([12, 3], scenes) {
-        // A surface at its own size: where there are few pixels, one flip is much. A volume has
-        // twenty times the contributions.
+        // A surface at its own size: with few pixels, one flip has a large effect. A volume has
+        // twenty times as many contributions.
         let is_surface = scene["splats"]["isovalue"].is_number();
         let scene = of_size(&scene, if is_surface { None } else { Some(SIZE) });
         let machine = usual(&scene);
@@ -259,14 +259,13 @@ fn real_data_is_drawn_well_and_within_bounds() {
     }
 }
 
-/// A path of `data`, relative to the root: plain samples lie below their scene, as a scene's files
-/// do.
+/// A path of `data`, relative to the root, because files of a scene must be below its folder.
 fn from_root(path: &std::path::Path) -> String {
     let absolute = path.canonicalize().unwrap();
     format!("../../../../../../../../..{}", absolute.display())
 }
 
-/// Flattened without end, an ellipsoid is a disc: on the machine too.
+/// In the limit of flattening, an ellipsoid is a disc, also on the machine.
 #[test]
 fn a_flat_ellipsoid_is_a_disc() {
     let flat = |flatten: f64| {
@@ -300,7 +299,8 @@ fn a_flat_ellipsoid_is_a_disc() {
     assert!(psnr.is_sorted() && psnr[3] > 60.0, "{psnr:?}");
 }
 
-/// Ten Gaussians at one depth are drawn in the order of the file: nine are hidden behind the first.
+/// Ten Gaussians at one depth are drawn in the order of the file: the first one hides the other
+/// nine.
 #[test]
 fn equal_depths_keep_their_order() {
     let folder = tempfile::tempdir().unwrap();
@@ -350,7 +350,7 @@ fn equal_depths_keep_their_order() {
     }
 }
 
-/// Each setting changes the picture, or the work.
+/// Each setting changes the picture or the work.
 #[test]
 fn every_setting_matters() {
     let plain = in_golden(&load("nested-shells"));
@@ -375,7 +375,7 @@ fn every_setting_matters() {
             "{path} {value}"
         );
     }
-    // Sheets are the same from both ends, but for rounding.
+    // Sheets are the same in both directions, except for rounding.
     let stopless = |order: &str| {
         in_golden(&changed("nested-shells", |scene| {
             scene["sheets"] = json!({"stop": 0, "order": order})
@@ -394,7 +394,7 @@ fn every_setting_matters() {
 }
 
 #[test]
-fn what_a_machine_cannot_draw_is_refused() {
+fn a_scene_that_a_machine_cannot_draw_is_refused() {
     let shells = changed("nested-shells", |scene| {
         scene["splats"]["volume"]["samples"] = json!(12)
     });
@@ -419,8 +419,8 @@ fn what_a_machine_cannot_draw_is_refused() {
     );
 }
 
-/// A voxel 4 wide and 1 high becomes as much larger in both directions as it must to be as wide as
-/// the filter where it is thinnest.
+/// A voxel 4 wide and 1 high is enlarged in both directions by the factor that makes its smallest
+/// width that of the filter.
 #[test]
 fn scaled_kernels_are_as_wide_as_the_filter_and_emit_as_much() {
     let of = |by: &str| {
@@ -465,7 +465,7 @@ fn scaled_kernels_are_as_wide_as_the_filter_and_emit_as_much() {
 }
 
 #[test]
-fn what_has_no_kernel_to_scale_and_no_back_to_cull_is_refused() {
+fn scaling_and_culling_are_refused_without_a_kernel_or_a_back() {
     let told = |scene: Value| {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("scene.json");
@@ -496,7 +496,7 @@ fn what_has_no_kernel_to_scale_and_no_back_to_cull_is_refused() {
     }
 }
 
-/// The stories of every ninth pixel.
+/// The pixel traces of every ninth pixel.
 #[test]
 fn a_pixel_trace_ends_with_the_colour_of_the_picture() {
     for (name, scene) in tier::some([12, 3], scenes()) {

@@ -1,4 +1,5 @@
-//! Is a sweep that Slurm carries out in parts, one of them killed and requeued, one process's?
+//! Is a sweep by Slurm in shards, one of which is killed and requeued, equal to that of one
+//! process?
 
 use crate::program::PROGRAM;
 use crate::tier::{self, Tier};
@@ -12,7 +13,7 @@ fn is_there(program: &str) -> bool {
 }
 
 #[test]
-fn an_array_of_slurm_draws_what_one_process_draws() {
+fn an_array_of_slurm_draws_the_rows_of_one_process() {
     if !tier::runs(Tier::Full) {
         return;
     }

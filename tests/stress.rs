@@ -1,5 +1,5 @@
-//! Does the catalogue hold? Every case reaches the trouble that it names, and nothing that goes
-//! wrong there goes untold.
+//! Does the stress catalogue hold? Every case reaches the limit that it names, and every failure
+//! there is reported.
 
 use crate::program::PROGRAM;
 use crate::tier::{self, Tier};
@@ -18,7 +18,7 @@ use splatsim::golden;
 use splatsim::hardware::{fixed, machines, quantise};
 use splatsim::scene::{Scene, Splat};
 
-/// Whether the catalogue is run: a minute and a half.
+/// Whether the catalogue is run, which takes a minute and a half.
 fn has_turn() -> bool {
     tier::runs(Tier::Ci)
 }
@@ -71,7 +71,7 @@ fn named(case: &Case) -> Vec<&'static str> {
     }
 }
 
-/// Everything at which a machine does something that it must not, a line each.
+/// Every forbidden behaviour of a machine, one line each.
 fn faults(of: impl Fn(&Found) -> u64) -> Vec<String> {
     let mut faults = Vec::new();
     for case in &catalogue().cases {
@@ -90,7 +90,7 @@ fn faults(of: impl Fn(&Found) -> u64) -> Vec<String> {
     faults
 }
 
-// ---- What must hold everywhere ----
+// ---- Properties of all cases ----
 
 #[test]
 fn no_pixel_exceeds_its_bound() {
@@ -155,7 +155,7 @@ fn every_case_is_drawn_by_every_named_machine_or_refused_in_a_sentence() {
                 "{}",
                 case.name
             );
-            // Only a cutoff that the table does not reach and a voxel that no word holds are
+            // Only a cutoff beyond the table and a voxel that is too large for every word are
             // refused.
             let refused = machine
                 .points
@@ -174,8 +174,8 @@ fn every_case_is_drawn_by_every_named_machine_or_refused_in_a_sentence() {
     }
 }
 
-/// At its harmless end a case looks on `reference` as it should; else it is not the parameter that
-/// makes the trouble.
+/// At its harmless end a case draws correctly on `reference`; otherwise its parameter is not the
+/// cause of the failure.
 #[test]
 fn no_case_fails_on_the_reference_machine_at_its_harmless_end() {
     if !has_turn() {
@@ -215,10 +215,10 @@ fn the_reference_machine_is_never_worse_off_than_the_lean_one_nor_that_than_the_
     }
 }
 
-// ---- Each case is what it says ----
+// ---- Each case reaches its limit ----
 
-/// Variance of a splat's footprint on screen, from two projected tangents: not the formula that any
-/// renderer uses.
+/// Variance of a splat's footprint on the screen, computed from two projected tangents, unlike in
+/// the renderers.
 fn variance(scene: &Scene, splat: &Splat) -> DMat2 {
     let (u, v) = splat.normal.any_orthonormal_pair();
     let p = splat.position;
@@ -235,8 +235,8 @@ fn axes(variance: DMat2) -> (f64, f64, f64) {
     let (a, b, d) = (variance.x_axis.x, variance.x_axis.y, variance.y_axis.y);
     let (mean, half) = ((a + d) / 2.0, ((a - d) / 2.0).hypot(b));
     let direction = (2.0 * b).atan2(a - d).to_degrees() / 2.0;
-    // The small one by the determinant of the exact square roots would cancel as well; this is good
-    // to 1e-7 here.
+    // Computing the small axis from the determinant of the exact square roots would also cancel;
+    // this is accurate to 1e-7 here.
     (
         (mean + half).sqrt(),
         (mean - half).max(0.0).sqrt(),
@@ -292,7 +292,7 @@ fn the_turned_ellipse_is_the_same_one_in_every_direction() {
         for splat in &scene.splats {
             let (long, short, direction) = axes(variance(&scene, splat));
             assert!(close(long / short, 8.0, 0.1), "{long} {short}");
-            // Its normal leans the way the short axis lies.
+            // Its normal leans in the direction of the short axis.
             let off = (direction - 90.0 - degrees + 90.0).rem_euclid(180.0) - 90.0;
             assert!(off.abs() < 5.0, "{degrees}: {direction}");
         }
@@ -327,7 +327,7 @@ fn sub_pixel_splats_go_down_to_a_thousandth_of_a_pixel() {
     let (scene, radius_px) = worst("sub-pixel");
     let k = scene.splats[0].radius * FOCAL_PX / scene.splats[0].position.z;
     assert!(radius_px == 1e-3 && close(k, 1e-3, 1e-9));
-    // The picture asks for as much as ever.
+    // The requested picture does not change.
     let [first, last] =
         [1.0, 1e-3].map(|value| golden::ideal(&(case("sub-pixel").scene)(value)).picture);
     assert!(
@@ -386,7 +386,7 @@ fn the_radial_index_wraps_and_comes_back_inside_the_footprint() {
             .iter()
             .filter(|point| point.value >= from)
         {
-            // What the exact one reaches in a corner of the box, across the ellipse.
+            // The exact value in a corner of the box, across the ellipse.
             let scene = (case("wrap").scene)(point.value);
             let variance = variance(&scene, &scene.splats[0]);
             let corner = DVec2::splat((scene.kernel.cutoff * variance.x_axis.x).sqrt().min(24.0));
@@ -416,7 +416,7 @@ fn the_radial_index_wraps_and_comes_back_inside_the_footprint() {
     );
 }
 
-/// Fragments of which the machine's r is 0, by pixel.
+/// Fragments whose r is 0 on the machine, by pixel.
 #[derive(Default)]
 struct AtZero(Vec<(u32, u32)>);
 
@@ -450,7 +450,7 @@ fn r_falls_below_zero_and_is_held_there() {
     let centre = |splat: &Splat| {
         DVec2::new(splat.position.x, splat.position.y) / splat.position.z * FOCAL_PX
     };
-    // Exact arithmetic has more there than the register's last place.
+    // In exact arithmetic there are values above the register's LSB.
     let below = zero.0.iter().filter(|(x, y)| {
         let at = DVec2::new(f64::from(*x) + 0.5 - 36.0, f64::from(*y) + 0.5 - 18.0);
         scene.splats.iter().all(|splat| {
@@ -529,8 +529,8 @@ fn the_offset_has_eight_bits_and_fewer() {
     );
 }
 
-/// Where setup leaves normals as they are, two that are almost opposite leave a direction of
-/// chance; turned, they are one.
+/// If setup does not turn normals, two nearly opposite normals give a random direction; if turned,
+/// they are equal.
 #[test]
 fn normals_that_cancel_are_trouble_only_where_they_are_not_turned() {
     if !has_turn() {
@@ -590,7 +590,7 @@ fn the_near_plane_is_approached_to_a_millionth_from_both_sides() {
         ],
         [5, 5]
     );
-    // Machines whose last place is coarser take them for what they are not.
+    // Machines with a coarser LSB misjudge the side.
     assert!(
         found("near-plane", "tiny", 1e-6).lockstep.flips.cull > 0
             && found("near-plane", "reference", 1e-6).lockstep.flips.cull == 0
@@ -619,7 +619,7 @@ fn a_far_origin_changes_nothing_and_a_stray_point_does() {
             .exponent
     };
     assert_eq!(exponent("far-origin", 1e12), exponent("far-origin", 1.0));
-    // A million is twenty places, and the scene itself has taken one or two of them.
+    // A million is twenty bits, and the scene itself uses one or two of them.
     let places = exponent("stray-point", 1.0) - exponent("stray-point", 1e6);
     assert!((18..=20).contains(&places), "{places}");
 }
@@ -657,7 +657,7 @@ fn coincident_surfaces_lie_on_both_sides_of_epsilon() {
         });
         assert!(close((far - near) / scene.surface.z_threshold, gap, 1e-9));
     }
-    // Which side of ε it is lies within a last place of the depth.
+    // The side of ε depends on an ulp of the depth.
     let flips = |gap| found("coincident", "lean", gap).lockstep.flips.slot;
     assert!(
         flips(0.9999) + flips(1.0) + flips(1.0001) > 1000 && flips(0.5) == 0 && flips(2.0) == 0
@@ -672,7 +672,7 @@ fn a_small_epsilon_tears_a_sloped_surface_and_a_large_one_joins_two() {
             .most_surfaces_in_a_pixel
     };
     assert_eq!(surfaces("small-epsilon", 3.0), 2);
-    // More than the machines have slots, from one surface before another.
+    // More surfaces in front of each other than the machines have slots.
     assert!(
         surfaces("small-epsilon", 0.01) > 8,
         "{}",
@@ -793,7 +793,7 @@ fn spheres_lie_around_each_other_in_no_order() {
 }
 
 #[test]
-fn a_noisy_scan_scatters_by_what_it_says() {
+fn a_noisy_scan_scatters_by_its_parameter() {
     for scatter in [0.01, 1.0, 8.0] {
         let (still, moved) = (
             (case("noisy-scan").scene)(0.0),
@@ -845,14 +845,14 @@ fn highlights_become_narrower_than_a_step_of_their_table() {
             .highlight_table
             .index_bits,
     );
-    // Half of the highlight is gone a step before its end.
+    // Half of the highlight is gone one step before its end.
     assert!((1.0 - 1.0 / steps).powf(shininess) < 0.5);
 }
 
-// ---- What is written ----
+// ---- Output files ----
 
 #[test]
-fn cases_of_ellipsoids_reach_what_they_name() {
+fn cases_of_ellipsoids_reach_their_limits() {
     if !has_turn() {
         return;
     }
@@ -1042,11 +1042,10 @@ fn every_case_is_in_the_gallery() {
     }
 }
 
-/// A row of the tables of failures in the book: its case, and the cells that say where something
-/// fails.
-type Row = (String, Vec<String>);
+/// A row of the book's tables of failures: its case, and the cells that state where it fails.
+type FailureRow = (String, Vec<String>);
 
-fn told_in_the_book() -> Vec<Row> {
+fn expected_in_the_book() -> Vec<FailureRow> {
     let surfaces = told_behind("<!-- stress -->", 5);
     surfaces
         .into_iter()
@@ -1054,7 +1053,7 @@ fn told_in_the_book() -> Vec<Row> {
         .collect()
 }
 
-fn told_behind(mark: &str, count: usize) -> Vec<Row> {
+fn told_behind(mark: &str, count: usize) -> Vec<FailureRow> {
     let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/stress.md"))
         .unwrap();
     let table = text
@@ -1077,8 +1076,8 @@ fn told_behind(mark: &str, count: usize) -> Vec<Row> {
     rows.map(row).collect()
 }
 
-/// What the book should say of a case. Surfaces: where the method fails and where two machines do
-/// and how, then both of `window`. Ellipsoids: method, the named machine, the variant.
+/// The expected cells of a case. Surfaces: failures of the method and of two machines, then both of
+/// `window`. Ellipsoids: method, the named machine, the variant.
 fn failures(case: &str) -> Vec<String> {
     let value = |value: Option<f64>| {
         value.map_or("–".into(), |value| {
@@ -1120,16 +1119,16 @@ fn failures(case: &str) -> Vec<String> {
 }
 
 #[test]
-fn the_book_says_where_everything_fails() {
+fn the_book_lists_every_failure() {
     if !has_turn() {
         return;
     }
-    let told = told_in_the_book();
+    let told = expected_in_the_book();
     let wrong = told.iter().filter(|(name, cells)| *cells != failures(name));
     let wrong: Vec<String> = wrong
         .map(|(name, _)| format!("| {name} | {} |", failures(name).join(" | ")))
         .collect();
-    // Every case in which a method, the best machine or that of windows fails has a row.
+    // Every case in which a method, the best machine or the machine of windows fails has a row.
     let fails = |case: &&Case| {
         failures(case.name)
             .iter()
@@ -1151,7 +1150,7 @@ fn the_book_says_where_everything_fails() {
     );
 }
 
-/// Of the slow pan: what wider words buy.
+/// The effect of wider words in the slow pan.
 #[test]
 fn a_slow_pan_flickers_less_the_wider_the_words_are() {
     if !has_turn() {
@@ -1239,7 +1238,7 @@ fn one_case_can_be_run_on_one_more_machine() {
 }
 
 #[test]
-fn bad_arguments_are_told_in_one_sentence() {
+fn bad_arguments_are_refused_in_one_sentence() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("file");
     std::fs::write(&file, "").unwrap();

@@ -1,8 +1,8 @@
-//! Every question that this folder asks of the bench, in one binary: both cores are busy until the
-//! last answer, and one program is linked.
+//! All tests of the bench in one binary, so that both cores are busy until the last test and only
+//! one program is linked.
 //!
-//! A file `tests/QUESTION.rs` is a module here, so `cargo test --test suite QUESTION::` asks one
-//! alone. Co-simulation is `tests/rtl.rs`.
+//! A file `tests/QUESTION.rs` is a module here: `cargo test --test suite QUESTION::` runs only its
+//! tests. Co-simulation is `tests/rtl.rs`.
 
 mod area;
 mod attribution;
@@ -40,6 +40,7 @@ mod mixed;
 #[path = "../rtl_model/tests/machines/mutation.rs"]
 #[expect(dead_code, reason = "the machine's own tests use the rest")]
 mod mutation;
+mod old_names;
 mod parcel;
 mod paths;
 mod photographs;

@@ -1,4 +1,4 @@
-//! Does a sweep say what single runs say, and nothing twice, however often it is killed?
+//! Does a sweep have the figures of single runs, and no row twice, however often it is killed?
 
 use crate::program::PROGRAM;
 use assert_cmd::Command;
@@ -62,7 +62,7 @@ fn refused(output: &Output) -> String {
     told
 }
 
-/// Rows by column; host times, which differ from run to run, left out.
+/// Rows by column, without the host times, which differ from run to run.
 fn rows(out: &Path) -> Vec<BTreeMap<String, String>> {
     let text = fs::read_to_string(out.join("sweep.csv")).unwrap();
     let mut lines = text.lines().map(cells);
@@ -93,7 +93,7 @@ fn cells(line: &str) -> Vec<String> {
     cells
 }
 
-/// The best row has the greatest fixed − ideal of all; each figure stands below its name.
+/// The best row has the largest fixed − ideal of all; each figure is below its name.
 fn summary_is_labelled(told: &str, rows: &[BTreeMap<String, String>]) {
     let lines: Vec<&str> = told.lines().collect();
     let head = lines
@@ -401,8 +401,8 @@ fn pan(folder: &Path, pan_pixels: f64) -> String {
     path.to_str().unwrap().to_owned()
 }
 
-/// Of machines, and of one in partial precision against golden alone; only cameras that follow
-/// decide.
+/// Of machines, and of one with mixed precision against golden; only consecutive cameras are
+/// compared.
 #[test]
 fn a_row_flickers_as_the_run_does() {
     let folder = tempfile::tempdir().unwrap();
@@ -502,8 +502,8 @@ fn a_row_flickers_as_the_run_does() {
     }
 }
 
-/// With nothing exact it is the machine, with all of it golden; between them what `run --attribute`
-/// says.
+/// With nothing exact it is the machine, with everything exact it is golden; in between it has the
+/// figures of `run --attribute`.
 #[test]
 fn units_and_words_can_be_exact() {
     let folder = tempfile::tempdir().unwrap();
@@ -556,7 +556,7 @@ fn units_and_words_can_be_exact() {
 }
 
 #[test]
-fn the_columnar_file_holds_what_the_csv_holds() {
+fn the_columnar_file_equals_the_csv() {
     use parquet::file::reader::{FileReader, SerializedFileReader};
     use parquet::record::Field;
     let folder = tempfile::tempdir().unwrap();
@@ -592,7 +592,7 @@ fn the_columnar_file_holds_what_the_csv_holds() {
                 other => panic!("{name}: {other:?}"),
             }
         }
-        // Numbers that are swept are numbers.
+        // Swept numbers are numbers in the file.
         let [fifo, lanes, multipliers, weight] = [
             "timing.raster.fifo",
             "timing.raster.lanes",
@@ -612,9 +612,9 @@ fn the_columnar_file_holds_what_the_csv_holds() {
     }
 }
 
-/// Two words together, each by its own bits; and what loses a decibel first.
+/// Two words change together, each by its own bits; the first that loses a decibel is reported.
 #[test]
-fn words_can_change_together_and_the_first_that_loses_a_decibel_is_told() {
+fn words_can_change_together_and_the_first_that_loses_a_decibel_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let bits = json!([-12, -11, -10, -9, -8, -7, -6, -5, -4, -3, -2, -1]);
     let plan = json!({"scenes": ["terrain.json"], "size": [24, 16], "machine": "reference", "order": "one-at-a-time", "lockstep": false, "axes": [
@@ -641,7 +641,7 @@ fn words_can_change_together_and_the_first_that_loses_a_decibel_is_told() {
             [&conic, &cross]
         );
     }
-    // By hand: the least bits with which a decibel is lost.
+    // Worked out by hand: the fewest removed bits that lose a decibel.
     let db =
         |row: &BTreeMap<String, String>| row["psnr_db"].parse::<f64>().unwrap_or(f64::INFINITY);
     let whole = db(&rows[0]);
@@ -697,7 +697,7 @@ fn words_can_change_together_and_the_first_that_loses_a_decibel_is_told() {
     assert!(both(json!({"add_frac_bits": [1]})).contains("needs a `field`"));
 }
 
-/// A folder keeps rows of one plan on scenes as they are: also those that parts drew.
+/// A folder keeps rows of one plan on unchanged scenes, also if shards drew them.
 #[test]
 fn parts_of_two_plans_do_not_become_one_table() {
     let folder = tempfile::tempdir().unwrap();
@@ -713,7 +713,7 @@ fn parts_of_two_plans_do_not_become_one_table() {
             .contains("was drawn from something else")
     );
     assert!(fs::read(out.join("plan.json")).unwrap() == before);
-    // The same plan, and its scene is another one.
+    // The same plan, after its scene has changed.
     let first = written(folder.path(), &plan(&[1, 2, 3, 4]));
     fs::write(
         folder.path().join("terrain.json"),
@@ -727,7 +727,7 @@ fn parts_of_two_plans_do_not_become_one_table() {
     assert_eq!(rows(&out).len(), 2);
 }
 
-/// Whichever of two parts ends last writes what both have drawn.
+/// The shard that ends last writes the rows of both.
 #[test]
 fn a_part_that_began_before_another_ended_keeps_its_rows_in_the_table() {
     let folder = tempfile::tempdir().unwrap();
@@ -751,14 +751,14 @@ fn a_part_that_began_before_another_ended_keeps_its_rows_in_the_table() {
             .unwrap();
     }
     two.finish().unwrap();
-    // What the other knew when it began.
+    // The rows that existed when the other one began.
     assert_eq!(rows(&out).len(), 2);
     one.finish().unwrap();
     assert_eq!(rows(&out).len(), 4);
 }
 
 #[test]
-fn what_is_no_machine_has_no_rank_in_frames_a_second() {
+fn a_machine_that_cannot_be_built_has_no_rank_in_frames_per_second() {
     let folder = tempfile::tempdir().unwrap();
     let axis = json!({"field": "exact", "values": [["raster"], [], ["gauss.weight"]]});
     let plan = json!({"scenes": ["terrain.json"], "size": [8, 6], "machine": "tiny", "lockstep": false, "axes": [axis]});

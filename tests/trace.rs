@@ -1,4 +1,5 @@
-//! Do traces hold what crossed the wires, and can a unit be driven by its inputs alone?
+//! Do traces contain the records of the machine's ports, and can a unit be driven by its inputs
+//! alone?
 
 use crate::cosimulation::{have, run};
 use crate::traced::{Traced, bouquet, cloud, files, isosurface, machine, shells, traced};
@@ -44,8 +45,8 @@ fn machines() -> Vec<rtl_model::Machine> {
     ]
 }
 
-/// Scenes of ellipsoids and the machines that draw them: sheets in either order, that stop and that
-/// do not, with and without a table; a sheet each; and none at all.
+/// Scenes of ellipsoids and their machines: sheets in either order, with and without early
+/// termination and a table; one sheet each; and no sheets.
 fn media() -> Vec<(String, rtl_model::Machine)> {
     let small = [
         "fragment.sheets.table.index_bits=4",
@@ -95,7 +96,7 @@ fn array<const N: usize>(words: &[i64]) -> [i64; N] {
     words.try_into().unwrap()
 }
 
-/// The frame that was traced, for the constants.
+/// The traced frame, for the constants.
 fn frame(text: &str, machine: &rtl_model::Machine) -> rtl_model::Frame {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("scene.json");
@@ -108,7 +109,7 @@ fn frame(text: &str, machine: &rtl_model::Machine) -> rtl_model::Frame {
     .frame
 }
 
-/// Words that mean nothing are 0.
+/// Words without a meaning are 0.
 fn masked(trace: &Traced, stream: &str, mut words: Vec<i64>) -> Vec<i64> {
     let fields = trace.stream(stream)["fields"].as_array().unwrap();
     for (i, field) in fields.iter().enumerate() {
@@ -197,7 +198,7 @@ fn replay_shade(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_
         .iter()
         .zip(trace.records("shade.out"))
     {
-        // Before the sums the pixel, if that is asked for.
+        // The pixel precedes the sums, if it is requested.
         let (place, sums) = input.split_at(input.len() - 9);
         let words = shade::Input {
             weight: sums[0],
@@ -216,8 +217,8 @@ fn replay_shade(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_
     }
 }
 
-/// What is lit before it is drawn: asked of shade by the splat and its normal, and drawn in the
-/// colour that came back, which contributions have in these fields from this one on.
+/// Splats that are shaded before they are drawn: shade is requested with the splat and its normal,
+/// and contributions have the returned colour in these fields.
 fn replay_emission(trace: &Traced, elaborated: &rtl_model::Elaborated, light: &str) {
     let unwatched = &mut NoProbe;
     let (splats, set_up) = (trace.records("pipeline.in"), trace.records("ellipse.out"));
@@ -258,7 +259,7 @@ fn replay_emission(trace: &Traced, elaborated: &rtl_model::Elaborated, light: &s
             unit_replay::emitted_colour(elaborated, array(&answer[..3]), unwatched),
         );
     }
-    // Of windows fragment's requests follow; voxels have none.
+    // The requests of fragment follow for windows; voxels have none.
     let asked = |of_setup: Vec<Vec<i64>>, stream: &str| {
         let has = trace.manifest["streams"]
             .as_array()
@@ -312,7 +313,7 @@ fn replay_sort(trace: &Traced, elaborated: &rtl_model::Elaborated) {
     );
 }
 
-/// `fragment` where it groups by sheets.
+/// `fragment` if it groups by sheets.
 fn replay_sheets(
     trace: &Traced,
     elaborated: &rtl_model::Elaborated,
@@ -381,7 +382,7 @@ fn replay_resolve(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rt
     assert_eq!(pixels.next(), None);
 }
 
-/// A stream's records of each pixel, as far as they have been looked at.
+/// A stream's records of each pixel, with a position in them.
 type ByPixel = BTreeMap<[i64; 2], std::vec::IntoIter<Vec<i64>>>;
 
 fn by_pixel(trace: &Traced, stream: &str) -> ByPixel {
@@ -395,7 +396,7 @@ fn by_pixel(trace: &Traced, stream: &str) -> ByPixel {
         .collect()
 }
 
-/// `fragment` where it groups by intervals or windows.
+/// `fragment` if it groups by intervals or windows.
 fn replay_windows(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_model::Frame) {
     let side = TILE_PX as i64;
     let mut asked = trace
@@ -460,8 +461,8 @@ fn replay_windows(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rt
     assert_eq!(asked.count(), 0, "requests of the trace that were not made");
 }
 
-/// What a contribution to windows brings along beside its light: its splat's own colour, and a
-/// density that grows with its opacity.
+/// Additional fields of a contribution to windows: the colour of its splat, and a density that
+/// increases with its opacity.
 fn replay_densities(trace: &Traced, elaborated: &rtl_model::Elaborated, frame: &rtl_model::Frame) {
     let mut densities = BTreeMap::new();
     for (record, key) in trace
@@ -593,7 +594,7 @@ fn a_trace_replays_through_the_units() {
     }
 }
 
-/// Machines that group by windows: the named one, one of intervals, and one of few bits.
+/// Machines that group by windows: the named one, one of intervals, and one with few bits.
 fn windows() -> Vec<rtl_model::Machine> {
     let interval = ["fragment.group=interval", "fragment.layers=3"];
     let few_bits = [
@@ -626,7 +627,7 @@ fn a_trace_of_windows_replays_through_the_units() {
         outcomes.sort_unstable();
         outcomes.dedup();
         let sums = machine.fragment.group == rtl_model::machine::Group::Window;
-        // Nothing hides enough here; made-up cases do.
+        // Nothing hides enough here; stimuli do.
         let expected: &[i64] = if sums {
             &[0, 1, 6, 7, 8, 9, 10]
         } else {
@@ -681,8 +682,8 @@ fn made_up_cases_of_windows_replay_and_meet_all_that_can_become_of_them() {
     }
 }
 
-/// What pixels held before a window of splats has no record: such a trace has none of what depends
-/// on it.
+/// There are no records of the pixels' contents before a window of splats, so the trace has no
+/// streams that depend on them.
 #[test]
 fn a_window_of_splats_that_are_grouped_by_windows_ends_before_fragment() {
     let machine = machine("window", &[]);
@@ -739,7 +740,7 @@ fn a_trace_of_ellipsoids_replays_through_the_units() {
             };
             assert_eq!(tags("raster.in"), tags("sort.out"));
         }
-        // All that can become of a contribution does, and not all splats are drawn.
+        // All outcomes of contributions occur, and not all splats are drawn.
         let outcomes: BTreeMap<i64, usize> =
             trace
                 .records("fragment.out")
@@ -772,7 +773,7 @@ fn a_trace_of_ellipsoids_replays_through_the_units() {
             trace.lines("raster.in").len() < trace.lines("pipeline.in").len(),
             "scene {number}: nothing is culled"
         );
-        // Weights below the least go no further than gauss.
+        // Weights below the minimum end in gauss.
         let weights: Vec<i64> = trace
             .records("gauss.out")
             .iter()
@@ -973,7 +974,7 @@ fn made_up_cases_meet_thresholds_ties_and_limits() {
             "{signal} {case}"
         );
     }
-    // Whatever units decide by is met, but for one word of r in half a million.
+    // All thresholds of units are reached, except one word of r in half a million.
     let never: Vec<&(String, String)> = table
         .iter()
         .filter(|((place, _), met)| !place.contains('.') && **met == 0)
@@ -1037,7 +1038,7 @@ fn a_manifest_is_true() {
     }
 }
 
-/// A number that stands for a name: manifest, package, header and README say the same.
+/// The number of a name is the same in manifest, package, header and README.
 #[test]
 fn codes_have_names_everywhere() {
     let lean = machine("lean", &[]);
@@ -1098,7 +1099,7 @@ fn codes_have_names_everywhere() {
             json!({"accumulated": 0, "inserted": 1, "merged": 2, "evicted": 3, "replaced": 4, "dropped": 5})
         );
     }
-    // What the description calls its rules.
+    // The names of rules in the description.
     let described = serde_json::to_value(&lean).unwrap();
     let rule = described["fragment"]["merge"].as_str().unwrap();
     assert_eq!(
@@ -1112,7 +1113,7 @@ fn codes_have_names_everywhere() {
 }
 
 #[test]
-fn a_record_names_what_it_was_made_from() {
+fn a_record_names_its_parents() {
     let trace = traced(
         &cloud(600, 32),
         &machine("reference", &[]),
@@ -1168,7 +1169,7 @@ proptest! {
             let expected: Vec<String> = whole.lines(stream).into_iter().zip(whole.keys(stream)).filter(|(_, key)| inside(key, true)).map(|(line, _)| line).collect();
             prop_assert_eq!(part.lines(stream), expected, "{}", stream);
         }
-        // Splats of the window that meet the rectangle, with all of their fragments.
+        // Splats of the window that touch the rectangle, with all of their fragments.
         let shown: Vec<i64> = part.keys("raster.in").iter().map(|key| key[SPLAT]).collect();
         for (stream, keys) in [("raster.in", whole.keys("raster.in")), ("raster.out", whole.keys("raster.out"))] {
             let expected: Vec<String> = whole.lines(stream).into_iter().zip(keys).filter(|(_, key)| shown.binary_search(&key[SPLAT]).is_ok()).map(|(line, _)| line).collect();
@@ -1179,8 +1180,8 @@ proptest! {
     }
 }
 
-/// Does a trace's text say enough to write a unit anew? The program was written from it and from
-/// the manifest alone.
+/// Is a trace's text complete enough to implement a unit? The program was written only from it and
+/// the manifest.
 #[test]
 fn a_raster_in_python_gives_every_record() {
     if !have(&["python3"], "a raster in another language") {
@@ -1266,7 +1267,7 @@ fn a_window_replays_alone() {
             ..Window::default()
         },
     );
-    // What the second part starts from is what the first part ended with, slot by slot.
+    // The initial contents of the second part are the final contents of the first, slot by slot.
     let slots = |trace: &Traced, stream: &str| {
         let mut slots: Vec<Vec<i64>> = trace
             .records(stream)
@@ -1285,7 +1286,7 @@ fn a_window_replays_alone() {
     let whole = traced(&text, &machine, &Window::default());
     assert_eq!(whole.lines("fragment.held"), after.lines("fragment.held"));
     assert_eq!(whole.lines("resolve.out"), after.lines("resolve.out"));
-    // And each part's first half drives the units.
+    // The first half of each part drives the units.
     replay_resolve(&after, &elaborated, &frame);
     replay_fragments(&before, &elaborated, &frame);
 }
@@ -1310,7 +1311,7 @@ fn a_window_of_a_volume_replays_alone() {
             window([middle, end]),
             traced(text, machine, &Window::default()),
         ];
-        // All but the light, which is what the pixel would come to.
+        // Everything except the light, which is the final colour of the pixel.
         let state = |trace: &Traced, stream: &str| {
             trace
                 .records(stream)
@@ -1409,7 +1410,7 @@ fn a_window_of_sorted_splats_has_all_of_some_pixels_or_the_way_of_some_splats() 
 }
 
 #[test]
-fn records_of_ellipsoids_name_what_they_were_made_from() {
+fn records_of_ellipsoids_name_their_parents() {
     for (text, machine) in media() {
         let trace = traced(&text, &machine, &Window::default());
         for stream in trace.manifest["streams"].as_array().unwrap() {
@@ -1495,7 +1496,7 @@ fn a_trace_is_the_same_on_any_number_of_threads() {
 }
 
 #[test]
-fn the_committed_trace_is_what_is_traced_today() {
+fn the_committed_trace_is_up_to_date() {
     let committed = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("traces/knot");
     let text = std::fs::read_to_string(committed.join("scene.json")).unwrap();
     let today = traced(&text, &machine("tiny", &[]), &Window::default());
@@ -1506,7 +1507,7 @@ fn the_committed_trace_is_what_is_traced_today() {
         today.keys().collect::<Vec<_>>()
     );
     for (path, bytes) in today {
-        // Where the scene lay is another place.
+        // The folder of the scene is different.
         let told = |bytes: &[u8]| {
             String::from_utf8_lossy(bytes)
                 .lines()
@@ -1522,7 +1523,7 @@ fn the_committed_trace_is_what_is_traced_today() {
     }
 }
 
-/// The words of a wire over time, as a reader of waves finds them.
+/// The words of a wire over time, as a waveform viewer reads them.
 fn wave(file: &std::path::Path, unit: &str, wire: &str) -> (Option<[i64; 2]>, Vec<(u64, String)>) {
     let mut waves = wellen::simple::read(file).unwrap();
     let variable = waves
@@ -1578,7 +1579,7 @@ fn waves_show_when_units_took_which_records() {
             let place = trace.field(&stream, field);
             let records = trace.records(&stream);
             assert!(items.len() > 20, "{unit}: {}", items.len());
-            // Before the first item nothing is known.
+            // Values before the first item are unknown.
             for (time, item) in items.into_iter().filter(|(_, item)| !item.contains('x')) {
                 let record = &records[usize::from_str_radix(&item, 2).unwrap()];
                 let seen = words
@@ -1610,7 +1611,7 @@ fn waves_show_when_units_took_which_records() {
     }
 }
 
-/// What a wire is over time, by unit, lane and name.
+/// The values of wires, by unit, lane and name.
 type Wires = BTreeMap<(String, Option<u32>, String), Vec<(u64, String)>>;
 
 fn wires(file: &Path) -> Wires {
@@ -1645,8 +1646,8 @@ fn wires(file: &Path) -> Wires {
     variables.into_iter().map(one).collect()
 }
 
-/// The records that a unit's wires show in these cycles, lane by lane, a field each in the stream's
-/// order; unknown ones left out.
+/// Records on a unit's wires in these cycles, lane by lane, with one word per field in the stream's
+/// order; unknown ones are left out.
 fn shown(
     trace: &Traced,
     wires: &Wires,
@@ -1684,7 +1685,7 @@ fn shown(
     records.filter(|record| !record[0].contains('x')).collect()
 }
 
-/// All records of a stream, as wires show them.
+/// All records of a stream, as shown by wires.
 fn all_records(trace: &Traced, stream: &str) -> Vec<Vec<String>> {
     let widths: Vec<u64> = trace.stream(stream)["fields"]
         .as_array()
@@ -1705,8 +1706,8 @@ fn all_records(trace: &Traced, stream: &str) -> Vec<Vec<String>> {
         .collect()
 }
 
-/// Which of its entries and stamps a tile drops when its pixels have stopped, cycles decide: those
-/// units show when, and no words.
+/// Cycles decide which of its entries and stamps a tile drops after its pixels have stopped: the
+/// waves of those units show times, and no words.
 #[test]
 fn waves_of_pixels_that_stop_show_no_wrong_words() {
     let stopping = shells(10, 24, &json!({"stop": 0.9}));
@@ -1749,8 +1750,8 @@ fn waves_of_pixels_that_stop_show_no_wrong_words() {
     }
 }
 
-/// Every record of every unit's stream is seen, in each organisation, with lanes and without; of a
-/// window those that it has.
+/// All records of every unit's stream are found in the waves, in each organisation, with and
+/// without lanes; for a window, its records.
 #[test]
 fn waves_show_the_words_of_all_units() {
     let binned = machine(
@@ -1860,7 +1861,7 @@ fn waves_show_the_words_of_all_units() {
             }
             let mut expected = all_records(&trace, &stream);
             if ["shade", "resolve-shade", "resolve"].contains(&unit) {
-                // A record a cycle, some of them equal: which were seen.
+                // One record per cycle, some of them equal: which ones were found.
                 let fields = trace.stream(&stream)["fields"].as_array().unwrap();
                 let mut cycles: Vec<u64> = fields
                     .iter()
@@ -1882,7 +1883,8 @@ fn waves_show_the_words_of_all_units() {
                     expected.retain(|record| found.contains(record));
                 }
                 if unit == "resolve" {
-                    // A tile without an entry is written by nobody, and its pixels are empty.
+                    // A tile without an entry is not written by an engine, and its pixels are
+                    // empty.
                     let empty = trace.field(&stream, "empty");
                     expected.retain(|record| found.contains(record) || record[empty] == "0");
                 }
@@ -1908,7 +1910,7 @@ fn waves_show_the_words_of_all_units() {
             found.sort();
             expected.sort();
             if ["list", "raster", "bin"].contains(&unit) {
-                // A splat has several entries and stamps; a box beside the picture's pixels has
+                // A splat has several entries and stamps; a box outside the picture's pixels has
                 // none.
                 found.dedup();
                 expected.dedup();
@@ -1928,8 +1930,8 @@ fn waves_show_the_words_of_all_units() {
     }
 }
 
-/// What happened to words, as README's *Keys* says it: bits of flags from the losses that the
-/// machine's own arithmetic reports.
+/// Losses of words, as defined in README's *Keys*: bits of flags from the losses that the machine's
+/// own arithmetic reports.
 #[derive(Default)]
 struct Losses(i64);
 
@@ -1959,8 +1961,8 @@ impl rtl_model::probe::Observer<'static> for Losses {
 
 const FLAGS: usize = 5;
 
-/// Flags of every record of these streams are those of its words; returns how many records of each
-/// have which.
+/// The flags of every record of these streams are those of its words; returns the number of records
+/// with each flag.
 fn flags_are_those_of_the_words(
     trace: &Traced,
     elaborated: &rtl_model::Elaborated,
@@ -2010,7 +2012,7 @@ fn flags_are_those_of_the_words(
         );
     }
     for (record, input) in sampled("raster.in") {
-        // One box's flags are those of all its tiles.
+        // The flags of a box include those of all its tiles.
         check(
             "raster.in",
             record,
@@ -2091,7 +2093,7 @@ fn made_up_records_have_the_flags_that_a_scene_s_have() {
             .sum::<usize>();
         assert!(saturated > 0, "{stream}: nothing saturates in {met:?}");
     }
-    // As often as coverage.csv has limits of the only word of the table's product.
+    // As often as coverage.csv counts limits of the only word of the table's product.
     let coverage = std::fs::read_to_string(made_up.path("coverage.csv")).unwrap();
     let limits = |case: &str| -> usize {
         let row = coverage

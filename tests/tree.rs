@@ -1,5 +1,5 @@
-//! A tree of splats: what it holds, what a view draws of it, what that costs, and files that are
-//! none.
+//! A tree of splats: its contents, the cut that a view draws, the cost of the walk, and invalid
+//! files.
 
 use crate::handmade::{Rng, confetti, scene, splat};
 use crate::program::PROGRAM;
@@ -34,7 +34,7 @@ const EVERYTHING: Rules = Rules {
     },
 };
 
-/// Splats on a ball of radius 1, as far apart as they are wide, and the eye 4 from its middle.
+/// Splats on a ball of radius 1, whose spacing is their width, seen from 4 units from its middle.
 fn ball(count: usize) -> Scene {
     let mut rng = Rng(7);
     let radius = (4.0 * std::f64::consts::PI / count as f64).sqrt();
@@ -67,7 +67,7 @@ fn detail(scene: &Scene) -> &Detail {
     scene.detail.as_ref().unwrap()
 }
 
-/// Places of all leaves below a node.
+/// Positions of all leaves below a node.
 fn below(tree: &Tree, number: usize, all: &mut Vec<u32>) {
     let node = &tree.nodes()[number];
     if node.is_leaf() {
@@ -85,7 +85,7 @@ fn leaves_below(tree: &Tree, number: usize) -> Vec<u32> {
     all
 }
 
-/// One splat, two, all at one place, opposite normals, a row, and crowds.
+/// One splat, two, all at one position, opposite normals, a row, and crowds.
 fn crowds() -> Vec<Vec<Splat>> {
     let facing = |normal: DVec3, nth: usize| Splat {
         normal,
@@ -187,7 +187,7 @@ fn a_tree_is_the_same_at_any_number_of_threads() {
 
 #[test]
 fn a_node_from_afar_is_as_bright_as_its_leaves() {
-    // A flat patch seen from the front, and of no more weight than a pixel can tell.
+    // A flat patch seen from the front, whose weight is small within a pixel.
     let mut rng = Rng(5);
     let at = |nth: usize, rng: &mut Rng| {
         [
@@ -251,7 +251,7 @@ fn at_no_pixels_the_leaves_are_drawn() {
             .map(|node| detail(&all).tree.nodes()[*node as usize].first)
             .collect();
         assert_eq!(places.iter().collect::<BTreeSet<_>>().len(), 200);
-        // Drawn bit by bit like the same splats in that order.
+        // Bit by bit like the same splats in that order.
         let listed = Scene {
             splats: places
                 .iter()
@@ -327,7 +327,7 @@ fn smaller_pixels_never_cut_coarser() {
         sizes.is_sorted() && sizes[0] < 10 && sizes[2] < sizes[4] && sizes[6] == 900,
         "{sizes:?}"
     );
-    // Whoever was opened stays so.
+    // An opened node stays opened.
     let opened = |scene: &Scene| -> BTreeSet<u32> {
         detail(scene)
             .cut
@@ -341,7 +341,7 @@ fn smaller_pixels_never_cut_coarser() {
         cuts.windows(2)
             .all(|pair| opened(&pair[0]).is_subset(&opened(&pair[1])))
     );
-    // And the error with them, but for what chance does.
+    // The error decreases too, except for random variation.
     let db = |scene: &Scene| {
         metrics(
             &render(scene, &Rendered::default()).picture,
@@ -354,7 +354,7 @@ fn smaller_pixels_never_cut_coarser() {
     assert!(dbs[0] + 3.0 < dbs[1] && dbs[1] + 3.0 < dbs[2], "{dbs:?}");
 }
 
-/// The walk of the book: a stack of nodes, of which `ahead` are taken at a time; what waits is
+/// The walk of the book: a stack of nodes, from which `ahead` are taken at a time; children are
 /// pushed in reversed order.
 fn walked(tree: &Tree, ahead: usize, opens: impl Fn(u32) -> bool) -> Vec<u32> {
     let (mut drawn, mut stack) = (Vec::new(), Vec::new());
@@ -406,7 +406,7 @@ fn a_walk_draws_in_the_order_of_its_stack() {
     }
 }
 
-/// Three discs of two sizes in a plane, and far apart, so that their second moment is what counts.
+/// Three discs of two sizes in a plane, far apart, so that their second moment dominates.
 #[test]
 fn an_inner_node_is_as_wide_as_the_second_moment_of_whole_discs() {
     let discs = [
@@ -448,8 +448,8 @@ fn an_inner_node_is_as_wide_as_the_second_moment_of_whole_discs() {
         (root.sphere / sphere - 1.0).abs() < 1e-8 && root.widest == root.splat.radius,
         "{root:?} for {sphere}"
     );
-    // At one place many are no wider than twice the sphere of the discs, which their own width does
-    // not count for.
+    // Many discs at one position are at most twice as wide as the sphere of the discs, which does
+    // not include their own width.
     let stacked = Tree::new(&[splats[0]; 50], 4).unwrap().nodes()[0];
     assert!(
         (stacked.splat.radius.powi(2) / (2.0 * 0.01) - 1.0).abs() < 1e-9,
@@ -485,7 +485,7 @@ fn budgets_are_kept_and_used() {
         );
         assert!(of(budget, 0.0, true).splats.len() as u64 <= budget);
     }
-    // Fewer where no more are needed.
+    // Fewer if more are not needed.
     let loose = cut(
         &scene,
         4,
@@ -495,7 +495,8 @@ fn budgets_are_kept_and_used() {
         },
     );
     assert_eq!(of(10_000, 8.0, false).splats.len(), loose.splats.len());
-    // The largest first, and none is left larger than one that became its children.
+    // The largest nodes are opened first: no remaining node is larger than one that was replaced by
+    // its children.
     let scene = of(100, 0.0, false);
     let Detail { tree, cut, .. } = detail(&scene);
     let size = |number: u32| {
@@ -647,7 +648,7 @@ fn no_damage_is_taken_for_a_tree() {
     );
 }
 
-/// The file with some bytes of a node replaced, and the digest of what it then has.
+/// The file with some bytes of a node replaced, and a matching digest.
 fn tampered(bytes: &[u8], node: usize, at: usize, with: &[u8]) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     bytes[64 + 128 * node + at..][..with.len()].copy_from_slice(with);
@@ -730,7 +731,7 @@ fn a_file_that_lies_is_refused() {
             .unwrap_err()
             .contains("node 0 has a splat below it that leaves its sphere")
     );
-    // A node that lies elsewhere than what is below it would be culled as it is.
+    // A node at another position than its descendants would be culled at its own position.
     let away = file::bytes(&tree);
     assert!(!tree.nodes()[1].is_leaf());
     let away = tampered(&tampered(&away, 1, 0, &number(1000.0)), 1, 88, &number(1e6));
@@ -739,14 +740,14 @@ fn a_file_that_lies_is_refused() {
             .unwrap_err()
             .contains("node 0 has a node below it that leaves its sphere")
     );
-    // Two leaves at one place.
+    // Two leaves at one position.
     let twice = tampered(&bytes, leaf, 120, &count(tree.nodes()[leaf - 1].first));
     assert!(
         file::parse(&twice)
             .unwrap_err()
             .contains("its place is taken")
     );
-    // Whatever a count says, nothing panics and nothing hangs.
+    // For any count, nothing panics and nothing hangs.
     let mut rng = Rng(1);
     for _ in 0..400 {
         let (node, field) = (
@@ -760,7 +761,7 @@ fn a_file_that_lies_is_refused() {
 
 // ---- cost ----
 
-/// Work of a cut on the machine `reference`, and its replay with ideal memory of that latency.
+/// Work of a cut on the machine `reference`, and its replay with ideal memory with this latency.
 fn replayed(scene: &Scene, set: impl Fn(&mut Machine)) -> (Work, timing::Cycles, u64, u64) {
     let mut machine = Machine::named("reference").unwrap();
     set(&mut machine);
@@ -793,7 +794,7 @@ fn a_walk_takes_a_latency_a_round() {
             .unwrap();
         let latency = u64::from(latency) + 1;
         let second = latency + test;
-        // Bursts follow each other a cycle apart, and a node waits for the last of its own.
+        // Bursts follow each other by one cycle, and a node is complete with its last burst.
         let first = node_bytes / 64;
         let here = |node: u64| second + ((node + 1) * node_bytes - 1) / 64 - first + latency;
         let expected = (1..5).fold(vec![latency], |mut log, node| {
@@ -807,7 +808,7 @@ fn a_walk_takes_a_latency_a_round() {
         });
         assert_eq!(fetch.log, expected);
     }
-    // Two levels are two rounds more than none; what is asked for together comes together.
+    // Two levels take two rounds; nodes that are requested together arrive together.
     let deep = |ahead: usize| {
         cut(
             &ball(256),
@@ -876,7 +877,7 @@ fn a_walk_reads_every_node_of_its_visits() {
             assert_eq!((fetch.items, written), (read, 0));
             assert!(bytes <= read * 128);
         } else {
-            // The list is written and sorted twice, and each record of it is read again.
+            // The list is written and sorted twice, and each of its records is read again.
             assert_eq!(fetch.items, read + drawn);
             assert!(
                 written == 3 * (drawn * 8).div_ceil(64) * 64
@@ -884,7 +885,7 @@ fn a_walk_reads_every_node_of_its_visits() {
             );
         }
     }
-    // On a machine that draws at once, too.
+    // Also on an immediate machine.
     let (work, cycles, ..) = replayed(
         &cut(
             &scene,
@@ -1100,8 +1101,8 @@ fn a_walker_costs_area_where_a_machine_has_one_and_holds_no_more_than_its_stack(
             && small.units.iter().any(|unit| unit.name == "fetch")
     );
     assert_eq!(large.memory_bits - small.memory_bits, 40 * (1024 - 16));
-    // What counts nodes by size: two counts of 32 bits for each of 256 values of a digit; and
-    // requests wait with or without a walker.
+    // Counters of nodes by size: two counts of 32 bits for each of 256 values of a digit. Requests
+    // have a queue with or without a walker.
     assert_eq!(small.memory_bits - none.memory_bits, 40 * 16 + 2 * 32 * 256);
     assert!(none.area + 1000.0 < small.area && small.area < large.area);
     let scene = cut(&ball(400), 4, EVERYTHING);
@@ -1121,7 +1122,7 @@ fn a_walker_costs_area_where_a_machine_has_one_and_holds_no_more_than_its_stack(
 
 // ---- scenes ----
 
-/// Runs the program in a folder; its exit status, and what it printed where.
+/// Runs the program in a folder; returns its exit status and its outputs.
 fn splatsim(folder: &std::path::Path, arguments: &[&str]) -> (i32, String, String) {
     let output = Command::new(PROGRAM.as_str())
         .current_dir(folder)
@@ -1136,8 +1137,7 @@ fn splatsim(folder: &std::path::Path, arguments: &[&str]) -> (i32, String, Strin
     )
 }
 
-/// A sheet that looks both ways: where a coarse node's own normal faces away, those below it are
-/// drawn.
+/// A two-sided sheet: if the normal of a coarse node faces away, its descendants are still drawn.
 #[test]
 fn a_sheet_of_two_sides_is_seen_however_coarse() {
     let mut rng = Rng(3);
@@ -1202,9 +1202,9 @@ fn an_inner_node_of_an_unknown_material_is_refused() {
     assert!(status == 2 && told.contains("material"), "{status} {told}");
 }
 
-/// A scene with a tree gives the walker to a machine that has none, and its area is paid for.
+/// A scene with a tree adds a walker to a machine without one, and its area is counted.
 #[test]
-fn who_walks_a_tree_pays_for_the_walker() {
+fn the_walker_of_a_tree_is_counted_in_the_area() {
     let folder = tempfile::tempdir().unwrap();
     let area = |name: &str, more: &Value| {
         let mut scene = json!({"splats": {"builtin": "torus-knot", "count": 300}, "image": {"width": 24, "height": 24}});
@@ -1225,7 +1225,7 @@ fn who_walks_a_tree_pays_for_the_walker() {
         area("all.json", &json!({})),
     ];
     assert!(of_run[0] > of_run[1] + 1000.0);
-    // A sweep's machines pay as a run's do, and only where there is a tree.
+    // The area of a sweep's machines is counted in the same way, and only with a tree.
     let plan = json!({"scenes": ["tree.json", "all.json"], "axes": [], "lockstep": false});
     std::fs::write(folder.path().join("plan.json"), plan.to_string()).unwrap();
     let sweep = || {
@@ -1236,7 +1236,7 @@ fn who_walks_a_tree_pays_for_the_walker() {
     };
     assert_eq!(sweep().0, 0);
     let table = std::fs::read_to_string(folder.path().join("swept/sweep.csv")).unwrap();
-    // Nothing here is quoted.
+    // No cell here is quoted.
     let mut lines = table
         .lines()
         .map(|line| line.split(',').collect::<Vec<_>>());
@@ -1244,7 +1244,7 @@ fn who_walks_a_tree_pays_for_the_walker() {
     let place = heads.iter().position(|name| *name == "area").unwrap();
     let of_sweep: Vec<f64> = lines.map(|cells| cells[place].parse().unwrap()).collect();
     assert_eq!(of_sweep, of_run);
-    // And what was drawn is known again.
+    // Rows that were drawn are recognised.
     assert_eq!(sweep().0, 0);
 }
 
@@ -1276,7 +1276,7 @@ fn a_scene_draws_a_cut_of_a_tree_in_a_file() {
         &json!({"splats": {"file": "knot.tree"}, "image": image, "level_of_detail": {"pixels": 6}}),
     );
     let load = |name: &str| Scene::load(folder.path().join(name), &Overrides::default()).unwrap();
-    // Without a level of detail a tree is its leaves.
+    // Without a level of detail, the leaves of a tree are drawn.
     let [all, coarse, knot] = ["all.json", "cut.json", "knot.json"].map(load);
     assert!(all.detail.is_none() && all.splats == knot.splats);
     let Detail { tree, cut, rules } = detail(&coarse);
@@ -1289,7 +1289,7 @@ fn a_scene_draws_a_cut_of_a_tree_in_a_file() {
             && cut.coarsest_px <= 6.0
             && coarse.full().unwrap().splats == knot.splats
     );
-    // A factor makes other splats of them, and another tree.
+    // A factor changes the splats, and therefore the tree.
     write(
         "wide.json",
         &json!({"splats": {"file": "knot.tree", "radius_scale": 2}, "level_of_detail": {}}),
@@ -1335,7 +1335,7 @@ fn a_scene_draws_a_cut_of_a_tree_in_a_file() {
 }
 
 #[test]
-fn what_no_tree_can_be_made_of_is_refused_in_a_sentence() {
+fn inputs_without_a_tree_are_refused_in_a_sentence() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, text: &str| std::fs::write(folder.path().join(name), text).unwrap();
     let splat = r#"{"position": [0, 0, 0], "normal": [0, 0, 1], "radius": 1}"#;

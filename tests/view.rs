@@ -1,6 +1,6 @@
-//! Does `view` answer whoever has the token and nobody else, and does it give out what lies in the
-//! folder and nothing else (docs/book/view.md)? Requests are written byte by byte; what a page does
-//! with the answers is asked by `tests/browser.rs`.
+//! Does `view` respond only to clients with the token, and does it serve only files of the folder
+//! (docs/book/view.md)? Requests are written byte by byte; the page's behaviour is tested by
+//! `tests/browser.rs`.
 
 use crate::program::PROGRAM;
 use proptest::prelude::*;
@@ -16,12 +16,12 @@ use std::sync::{Arc, LazyLock};
 use std::thread;
 use std::time::Duration;
 
-/// A folder of a small run, and what is beside it.
-struct Made {
+/// A folder of a small run, and other folders.
+struct RunFolder {
     folder: tempfile::TempDir,
 }
 
-impl Made {
+impl RunFolder {
     fn run(&self) -> std::path::PathBuf {
         self.folder.path().join("run")
     }
@@ -36,12 +36,12 @@ impl Made {
     }
 }
 
-static MADE: LazyLock<Made> = LazyLock::new(|| {
+static MADE: LazyLock<RunFolder> = LazyLock::new(|| {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("secret.png"), "nobody's").unwrap();
     let out = folder.path().join("run");
     let scene = folder.path().join("few.json");
-    // Few splats: some tests draw them unoptimised.
+    // Few splats, because the program may be a debug build.
     std::fs::write(
         &scene,
         r#"{"splats": {"builtin": "glass-spheres", "count": 5000}}"#,
@@ -70,10 +70,10 @@ static MADE: LazyLock<Made> = LazyLock::new(|| {
     std::fs::write(out.join("notes.txt"), "nobody's").unwrap();
     #[cfg(unix)]
     std::os::unix::fs::symlink(folder.path().join("secret.png"), out.join("link.png")).unwrap();
-    Made { folder }
+    RunFolder { folder }
 });
 
-/// A server in this process, on a folder.
+/// A server in this process for a folder.
 struct Served {
     host: String,
     token: String,
@@ -98,13 +98,13 @@ fn served(answers: impl Handler) -> Served {
 static SERVED: LazyLock<Served> = LazyLock::new(|| served(View::new(&MADE.run(), None).unwrap()));
 
 impl Served {
-    /// All that comes back for some bytes; nothing where the connection was cut.
+    /// The complete response to some bytes; empty if the connection was cut.
     fn sent(&self, bytes: &[u8]) -> Vec<u8> {
         let mut stream = TcpStream::connect(&self.host).unwrap();
         stream
             .set_read_timeout(Some(Duration::from_secs(30)))
             .unwrap();
-        // Whoever is refused early may not have sent all.
+        // A client that is refused early may not have sent everything.
         let _ = stream.write_all(bytes);
         let _ = stream.shutdown(Shutdown::Write);
         let mut back = Vec::new();
@@ -116,7 +116,7 @@ impl Served {
         status_of(&self.sent(bytes))
     }
 
-    /// Status and body of what lies behind the token.
+    /// Status and body of a path below the token.
     fn get(&self, path: &str) -> (u16, Vec<u8>) {
         let Served { host, token } = self;
         let back =
@@ -150,7 +150,7 @@ fn splatsim(arguments: &[&str]) -> Output {
         .unwrap()
 }
 
-// ---- Who is answered ----
+// ---- Access ----
 
 #[test]
 fn who_has_no_token_gets_nothing() {
@@ -176,7 +176,7 @@ fn who_has_no_token_gets_nothing() {
         );
     }
     assert_eq!(ask(&format!("/{token}/"), host), 200);
-    // Another name that leads here, as a page elsewhere may make.
+    // Another host name for this address, as a page elsewhere may use.
     for foreign in ["example.org", "127.0.0.1", "127.0.0.1:1", "[::1]", ""] {
         assert_eq!(ask(&format!("/{token}/"), foreign), 421, "{foreign:?}");
     }
@@ -245,7 +245,7 @@ fn hostile_requests_end_in_an_error_and_the_rest_goes_on() {
 
 #[test]
 fn a_hundred_connections_at_once_are_answered_or_refused() {
-    /// Answers nobody before the test lets it.
+    /// Does not respond before the test permits it.
     struct Held(std::sync::mpsc::SyncSender<()>, Arc<std::sync::Barrier>);
     impl Handler for Held {
         fn respond(&self, path: &[&str], _: &Request) -> Response {
@@ -265,7 +265,7 @@ fn a_hundred_connections_at_once_are_answered_or_refused() {
     };
     let held: Vec<_> = (0..32).map(|_| ask()).collect();
     (0..32).for_each(|_| arrivals.recv().unwrap());
-    // All places are taken now, and stay so.
+    // All places are occupied, and stay so.
     let refused: Vec<u16> = (0..68)
         .map(|_| ask())
         .map(|asked| asked.join().unwrap())
@@ -274,14 +274,14 @@ fn a_hundred_connections_at_once_are_answered_or_refused() {
     barrier.wait();
     held.into_iter()
         .for_each(|asked| assert_eq!(asked.join().unwrap(), 200));
-    // A place is free a moment after its answer was sent.
+    // A place becomes free shortly after its response was sent.
     assert!((0..1000).any(|_| {
         thread::sleep(Duration::from_millis(20));
         served.get("").0 == 200
     }));
 }
 
-// ---- What is given out ----
+// ---- Served files ----
 
 #[test]
 fn no_path_leads_out_of_the_folder() {
@@ -330,7 +330,7 @@ fn no_path_leads_out_of_the_folder() {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 400, ..ProptestConfig::default() })]
 
-    /// Whatever is asked for: a file of the folder, an asset, a number of the frame, or an error.
+    /// Any request gets a file of the folder, an asset, data of the frame, or an error.
     #[test]
     fn no_path_makes_the_answers_panic_or_tell_more(
         parts in prop::collection::vec(
@@ -346,7 +346,7 @@ proptest! {
         static VIEW: LazyLock<View> = LazyLock::new(|| View::new(&MADE.run(), None).unwrap());
         let request = Request { path: parts.clone(), query: vec![("x".into(), x.to_string()), ("y".into(), "1".into())], host: String::new(), head_only: false };
         let path: Vec<&str> = parts.iter().map(String::as_str).collect();
-        // What is drawn again is asked for elsewhere.
+        // Redrawing is tested elsewhere.
         prop_assume!(!matches!(path.as_slice(), ["map", _] | ["pixel" | "story" | "drawn"]));
         let response = VIEW.respond(&path, &request);
         prop_assert!(!response.body.windows(8).any(|eight| eight == b"nobody's"), "{:?}", path);
@@ -385,7 +385,7 @@ fn a_pixel_has_the_values_of_the_run() {
     for (x, y) in [(20, 16), (3, 30), (0, 0), (39, 31)] {
         let pixel = SERVED.json(&format!("pixel?x={x}&y={y}"));
         for (name, picture) in &pictures {
-            // The oracle encodes by the standard's formula and knows nothing of the program's.
+            // The oracle encodes by the standard's formula, independently of the program.
             let channels: Vec<f64> = pixel[*name]
                 .as_array()
                 .unwrap()
@@ -463,10 +463,10 @@ fn maps_add_up_to_the_report() {
     );
 }
 
-/// Both say a decision in the same words: what agrees is no flip. On a machine of windows sums are
-/// counted apart from merges.
+/// Both describe a decision in the same words, and equal decisions are not flips. On a machine of
+/// windows, sums are counted separately from merges.
 #[test]
-fn a_story_on_a_machine_of_windows_has_the_same_words_for_both() {
+fn a_pixel_trace_on_a_machine_of_windows_has_the_same_words_for_both() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
     let arguments = [
@@ -523,7 +523,7 @@ fn a_story_on_a_machine_of_windows_has_the_same_words_for_both() {
 }
 
 #[test]
-fn a_story_is_what_explain_says() {
+fn a_pixel_trace_is_that_of_explain() {
     let output = splatsim(&[
         "explain",
         &MADE.scene(),
@@ -537,7 +537,7 @@ fn a_story_is_what_explain_says() {
     ]);
     let story: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(story, SERVED.json("story?x=20&y=16"));
-    // The text says the same, row by row.
+    // The text has the same content, row by row.
     let text = splatsim(&[
         "explain",
         &MADE.scene(),
@@ -570,7 +570,7 @@ fn a_story_is_what_explain_says() {
 }
 
 #[test]
-fn a_scene_that_is_another_now_is_told_and_draws_nothing() {
+fn a_changed_scene_is_reported_and_not_redrawn() {
     let folder = tempfile::tempdir().unwrap();
     let scene = folder.path().join("few.json");
     let write_before = |count: u32, fov: u32, cutoff: f64, background: f64| {
@@ -623,7 +623,7 @@ fn a_scene_that_is_another_now_is_told_and_draws_nothing() {
         assert!(status == 503 && is_told, "{status} {sentence}");
         assert_eq!(changed.get("file/fixed.png").0, 200);
     }
-    // Where it lies now can be said.
+    // The scene's new path can be given.
     write(2000, 60, 2.0);
     let other = folder.path().join("other.json");
     std::fs::rename(&scene, &other).unwrap();
@@ -699,7 +699,7 @@ fn folders_that_cannot_be_shown_are_refused_in_a_sentence() {
         b"[\"point: Whole\"]\n",
         "plan.json: is missing",
     );
-    // Few bytes, and as many cells as rows and names have pairs; or names that grow down a tree.
+    // A small file with as many cells as pairs of rows and names; or names that grow along a tree.
     let sparse: Vec<String> = (0..4000).map(|nth| format!("{{\"c{nth}\": 1}}")).collect();
     with(
         "choices.json",
@@ -738,7 +738,7 @@ fn folders_that_cannot_be_shown_are_refused_in_a_sentence() {
         refused(&[path], "has 300 MB");
         std::fs::remove_file(&large).unwrap();
     }
-    // A report whose pictures are of another run, or none.
+    // A report with pictures of another run, or without pictures.
     let report = std::fs::read(MADE.run().join("report.json")).unwrap();
     std::fs::write(folder.path().join("report.json"), &report).unwrap();
     with("fixed.png", b"GIF89a", "fixed.png: is not a picture");
@@ -756,7 +756,7 @@ fn folders_that_cannot_be_shown_are_refused_in_a_sentence() {
     );
 }
 
-/// What a page shows is of one run: a file that is another one by now is not given out.
+/// A page shows one run: a file that has changed since is not served.
 #[test]
 fn files_that_changed_since_are_refused_in_a_sentence() {
     let folder = tempfile::tempdir().unwrap();
@@ -796,7 +796,7 @@ fn files_that_changed_since_are_refused_in_a_sentence() {
             format!("{name}: has changed since view read the folder: restart view"),
         )
     };
-    // Of another length; of the same, at another time; another kind; gone.
+    // Another length; the same length at another time; another kind; missing.
     let path = |name: &str| folder.path().join(name);
     std::fs::OpenOptions::new()
         .append(true)
@@ -826,7 +826,7 @@ fn files_that_changed_since_are_refused_in_a_sentence() {
 }
 
 #[test]
-fn rows_of_every_kind_are_told() {
+fn rows_of_every_kind_are_served() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(
         folder.path().join("choices.json"),
@@ -859,7 +859,7 @@ fn rows_of_every_kind_are_told() {
             {"name": "refused", "kind": "text", "values": [null, "no"]},
         ])
     );
-    // What stands above many rows is repeated in each: not a long text.
+    // A header above many rows is repeated in each, so a long text is refused.
     let long =
         json!({"notes": "x".repeat(2000), "by": "area", "choices": [{"layers": 1}, {"layers": 2}]});
     std::fs::write(folder.path().join("choices.json"), long.to_string()).unwrap();
@@ -878,7 +878,7 @@ fn rows_of_every_kind_are_told() {
 
 // ---- The command ----
 
-/// A process that is ended with the test.
+/// A process that ends with the test.
 struct Running(Child);
 
 impl Drop for Running {
@@ -901,7 +901,7 @@ fn view_ends_after_its_seconds() {
 }
 
 #[test]
-fn view_prints_its_address_and_answers_there() {
+fn view_prints_its_address_and_responds_there() {
     let arguments = [
         "view",
         MADE.folder.path().join("run").to_str().unwrap(),
@@ -938,7 +938,7 @@ fn view_prints_its_address_and_answers_there() {
     assert_eq!(served.get("").0, 200);
 }
 
-// ---- Export, and what ships ----
+// ---- Export, and third-party files ----
 
 #[test]
 fn an_export_names_nothing_outside_of_itself() {
@@ -955,8 +955,8 @@ fn an_export_names_nothing_outside_of_itself() {
     .into_iter()
     .find(|word| page.contains(word));
     assert_eq!(outside, None);
-    // The one address is the name of SVG's elements, which nobody opens, and uPlot's own home in
-    // its comment.
+    // The only address is the name space of SVG's elements, which is not opened, and the home page
+    // of uPlot in its comment.
     let known = [
         "http://www.w3.org/2000/svg",
         "https://github.com/leeoniya/uPlot",
@@ -999,7 +999,7 @@ fn an_export_names_nothing_outside_of_itself() {
         ],
         "what the page shows, and no link"
     );
-    // Where its maker keeps files is nobody's business.
+    // The export must not contain the maker's folders.
     let root = MADE.folder.path().file_name().unwrap().to_str().unwrap();
     assert!(!page.contains(root) && view.folder().contents.to_string().contains(root));
     assert_eq!(
@@ -1039,7 +1039,7 @@ fn an_export_names_nothing_outside_of_itself() {
     );
 }
 
-/// A name from a report must not end the script that it stands in.
+/// A name from a report must not end the script that contains it.
 #[test]
 fn no_name_in_a_report_becomes_part_of_the_page() {
     let folder = tempfile::tempdir().unwrap();
@@ -1094,7 +1094,7 @@ fn the_charting_library_is_the_one_that_was_published() {
 }
 
 #[test]
-fn a_slow_answer_holds_up_nobody_else() {
+fn a_slow_response_delays_no_other_client() {
     struct Slow(Arc<std::sync::Barrier>);
     impl Handler for Slow {
         fn respond(&self, path: &[&str], _: &Request) -> Response {

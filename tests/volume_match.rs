@@ -10,9 +10,9 @@ use serde_json::{Value, json};
 use splatsim::golden::{Rules, ideal, render};
 use splatsim::scene::{Overrides, Scene};
 
-/// Channels agree to this where no threshold decides.
+/// Channels agree to this unless a threshold decides.
 const TOLERANCE: f64 = 1e-9;
-/// Pixels at which a threshold may have decided otherwise.
+/// Pixels at which a threshold may have decided differently.
 const HANDFUL: usize = 4;
 
 // ---- volumes ----
@@ -66,7 +66,7 @@ fn random(state: &mut u64) -> f64 {
     ((mixed ^ (mixed >> 31)) >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// Waves with noise on them, in [0, 1], as exact as the file holds them.
+/// Noisy waves in [0, 1], with the precision of the file.
 fn noisy() -> Volume {
     let mut state = 5;
     let mut volume = Volume {
@@ -84,8 +84,8 @@ fn noisy() -> Volume {
     volume
 }
 
-/// The built-in field of this name: shells of radius 0.2 n and value 1.25 − n/4 with an eighth cut
-/// away, over [−1, 1]³.
+/// The built-in field with this name: shells of radius 0.2 n and value 1.25 − n/4, with one eighth
+/// cut away, over [−1, 1]³.
 fn nested_shells(samples: usize) -> Volume {
     let step = 2.0 / (samples - 1) as f64;
     let mut volume = Volume {
@@ -110,16 +110,16 @@ fn nested_shells(samples: usize) -> Volume {
     volume
 }
 
-// ---- what it looks like ----
+// ---- appearance ----
 
-/// All that a scene file says of how a volume is seen.
+/// All fields of a scene file about the appearance of a volume.
 #[derive(Clone)]
 struct Look {
     /// Value, colour, opacity of a layer one step thick.
     transfer: Vec<(f64, [f64; 3], f64)>,
     /// Magnitude, factor; may be empty.
     gradient: Vec<(f64, f64)>,
-    /// Ambient, diffuse, specular, shininess; none where unlit.
+    /// Ambient, diffuse, specular, shininess; none if unlit.
     material: Option<[f64; 4]>,
     /// Directions and colours.
     lights: Vec<([f64; 3], [f64; 3])>,
@@ -138,7 +138,7 @@ const BACKGROUND: [f64; 4] = [0.3, 0.6, 0.9, 0.8];
 const KERNEL_STEPS: f64 = 0.7;
 const CUTOFF: f64 = 4.0;
 const LOW_PASS: f64 = 1.0;
-/// In half pictures: beyond these a voxel is culled, and its Jacobian is the one at the bound.
+/// In half pictures: a voxel beyond this is culled, and its Jacobian is that of the limit.
 const GUARD: f64 = 1.5;
 const JACOBIAN: f64 = 1.3;
 const UP: DVec3 = DVec3::new(0.1, 1.0, 0.2);
@@ -221,8 +221,8 @@ impl Look {
 
     fn classified(&self, value: f64) -> (DVec3, f64) {
         let columns = [0, 1, 2, 3].map(|column| {
-            // A layer of this opacity is −ln(1 − α) deep; its kernels end where they have 1 −
-            // e^(−c/2) of that.
+            // The optical depth of a layer of this opacity is −ln(1 − α); truncated kernels have 1
+            // − e^(−c/2) of it.
             let depth = |opacity: f64| -(1.0 - opacity).ln() / (1.0 - (-CUTOFF / 2.0).exp());
             let of = |&(value, rgb, opacity): &(f64, [f64; 3], f64)| {
                 (value, [rgb[0], rgb[1], rgb[2], depth(opacity)][column])
@@ -283,7 +283,7 @@ fn between(points: &[(f64, f64)], x: f64) -> f64 {
 
 // ---- the oracle ----
 
-/// A voxel on the screen.
+/// A projected voxel.
 struct Footprint {
     centre: (f64, f64),
     /// xx, xy, yy of the inverse variance.
@@ -293,7 +293,7 @@ struct Footprint {
     rgb: DVec3,
     /// t_z.
     depth: f64,
-    /// How far from the eye its slice lies, along the axis that the slices lie across.
+    /// Distance of its slice from the eye, along the axis perpendicular to the slices.
     sheet: f64,
 }
 
@@ -361,7 +361,7 @@ fn footprint(volume: &Volume, look: &Look, place: [usize; 3]) -> Option<Footprin
     })
 }
 
-/// What a pixel's light passes through, in this order: optical depth, and colour times it.
+/// The optical depths along a pixel's ray, in this order, each with its colour times the depth.
 fn blended(look: &Look, layers: impl Iterator<Item = (f64, DVec3)>) -> [f64; 4] {
     let (mut light, mut passes) = (DVec3::ZERO, 1.0);
     for (depth, coloured) in layers.filter(|layer| layer.0 > 0.0) {
@@ -403,8 +403,8 @@ fn in_sheets(volume: &Volume, look: &Look) -> Vec<[f64; 4]> {
         .collect()
 }
 
-/// Every voxel by itself, the nearest first; whatever the sheets do, nothing is linear here and
-/// nothing stops.
+/// Every voxel separately, the nearest first; without linear blending and early termination for any
+/// rule of sheets.
 fn one_by_one(volume: &Volume, look: &Look) -> Vec<[f64; 4]> {
     let look = &Look {
         linear: false,
@@ -431,7 +431,7 @@ fn load(folder: &Path, scene: &Value) -> Scene {
     Scene::load(path.to_str().unwrap(), &Overrides::default()).unwrap()
 }
 
-/// The scene of a volume, which goes through a file of plain samples.
+/// The scene of a volume, stored in a file of plain samples.
 fn written(volume: &Volume, look: &Look) -> Scene {
     let folder = tempfile::tempdir().unwrap();
     let bytes: Vec<u8> = volume
@@ -462,7 +462,7 @@ fn apart(a: &[[f64; 4]], b: &[[f64; 4]]) -> Vec<f64> {
     a.iter().zip(b).map(most).collect()
 }
 
-/// Panics where more pixels differ than may.
+/// Panics if too many pixels differ.
 fn agree(what: &str, oracle: &[[f64; 4]], there: &[[f64; 4]], may_differ: usize) {
     let differences = apart(oracle, there);
     let (worst, most) = differences
@@ -490,7 +490,8 @@ fn agree(what: &str, oracle: &[[f64; 4]], there: &[[f64; 4]], may_differ: usize)
     assert!(differ <= may_differ, "{what}: {differ} pixels differ");
 }
 
-/// Oblique eyes around a box, for which the slices lie across x, y and z, seen from either side.
+/// Oblique eyes around a box, for which the slices are perpendicular to x, y and z, seen from
+/// either side.
 fn eyes(volume: &Volume) -> Vec<DVec3> {
     let middle = volume.middle();
     let far = (volume.position(volume.size.map(|n| n - 1)) - middle).length();

@@ -1,9 +1,9 @@
-//! Scenes that nobody would write, on machines that nobody would design: does every scene that is
-//! read draw, or end in one sentence?
+//! Random scenes on random machines: is every scene that can be read drawn, or refused in one
+//! sentence?
 //!
-//! Drawn are kinds of splats alone and mixed, at other places, with mirrors, trees, cameras one and
-//! many, and any rules; on all named machines with fields changed, with and without a unit that
-//! reflects. Cases are the same in every run; `PROPTEST_CASES=10000` draws that many others.
+//! The scenes have one or several kinds of splats, placements, mirrors, trees, one or many cameras,
+//! and any rules. The machines are all named ones with changed fields, with and without a unit that
+//! reflects. The cases are the same in every run; `PROPTEST_CASES=10000` draws that many others.
 
 use crate::mutation::{Mutation, mutated, mutations};
 use crate::tier;
@@ -20,7 +20,7 @@ use splatsim::scene::{Overrides, Scene, Sequence};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
-/// Fields of an object, each there in three of ten cases.
+/// Fields of an object, each present in three of ten cases.
 fn some_of(fields: Vec<(&'static str, BoxedStrategy<Value>)>) -> BoxedStrategy<Value> {
     let one = |(name, value)| {
         prop::option::weighted(0.3, value).prop_map(move |value| value.map(|value| (name, value)))
@@ -59,7 +59,7 @@ fn three(range: std::ops::Range<f64>) -> BoxedStrategy<Value> {
         .boxed()
 }
 
-/// A splat or a few, of any material that a scene may have.
+/// One or a few splats, of any material of a scene.
 fn discs() -> BoxedStrategy<Value> {
     let material = select(vec![0, 0, 0, 1, 2]).prop_map(Value::from).boxed();
     let more = some_of(vec![
@@ -133,7 +133,7 @@ fn camera() -> BoxedStrategy<Value> {
     ])
 }
 
-/// One camera, several, or a path: a scene and what else it has.
+/// One camera, several, or a path: a field of a scene and its value.
 fn cameras() -> BoxedStrategy<(&'static str, Value)> {
     let key = |at: usize, camera: Value| {
         let mut key = camera;
@@ -241,7 +241,7 @@ fn scenes() -> BoxedStrategy<Value> {
                 .boxed(),
         ),
     ]);
-    // Without these many splats' materials would be none.
+    // Without these fields many splats would have undefined materials.
     let materials = prop::option::weighted(0.7, materials());
     (splats, cameras(), image, more, materials)
         .prop_map(|(splats, (which, cameras), image, mut scene, materials)| {
@@ -263,17 +263,17 @@ fn scenes() -> BoxedStrategy<Value> {
         .boxed()
 }
 
-/// How a machine is made: from a named one, or the one that a scene is drawn on where none is
-/// named; with a unit that reflects, along the axis or along rays, or none; and with any fields
-/// changed that leave a machine.
+/// Construction of a machine: from a named one, or from the scene's default machine; with a unit
+/// that reflects along the axis or along rays, or without; and with changed fields that keep it
+/// valid.
 #[derive(Clone, Debug)]
-struct Made {
+struct MachineRecipe {
     name: Option<&'static str>,
     along_rays: Option<bool>,
     changes: Vec<Mutation>,
 }
 
-fn made() -> BoxedStrategy<Made> {
+fn made() -> BoxedStrategy<MachineRecipe> {
     let name = prop::option::weighted(0.5, select(Machine::names().collect::<Vec<_>>()));
     let parts = (
         name,
@@ -281,7 +281,7 @@ fn made() -> BoxedStrategy<Made> {
         mutations(0..12),
     );
     parts
-        .prop_map(|(name, along_rays, changes)| Made {
+        .prop_map(|(name, along_rays, changes)| MachineRecipe {
             name,
             along_rays,
             changes,
@@ -289,7 +289,7 @@ fn made() -> BoxedStrategy<Made> {
         .boxed()
 }
 
-impl Made {
+impl MachineRecipe {
     fn machine(&self, scene: &Scene) -> Machine {
         let reflect = self.along_rays.map(|along_rays| {
             let mut words = json!({"sight": "axis", "facing": "I2F14", "direction": "I3F13",
@@ -317,7 +317,7 @@ impl Made {
     }
 }
 
-/// What came of a case.
+/// The result of a case.
 #[derive(Clone, Copy, Debug, Default)]
 struct Met {
     drawn: usize,
@@ -330,7 +330,7 @@ struct Met {
 }
 
 /// Draws it as `run` does, in lockstep.
-fn draw(path: &Path, made: &Made, met: &mut Met) -> Result<()> {
+fn draw(path: &Path, made: &MachineRecipe, met: &mut Met) -> Result<()> {
     let mut frames = Sequence::load(path, &Overrides::default(), None)?;
     let machine = &made.machine(frames.scene());
     let elaborated = fixed::elaborate(machine)?;
@@ -424,7 +424,7 @@ fn every_scene_that_is_read_draws_on_every_machine_or_ends_in_a_sentence() {
         met.windows,
     ];
     println!("{met:?}");
-    // Few cases need not meet every kind.
+    // A small number of cases may miss some kinds.
     assert!(
         cases < 200 || met.drawn > cases as usize / 5 && kinds.iter().all(|count| *count > 0),
         "{met:?}"

@@ -1,5 +1,5 @@
-//! Windows on the machine: does the bound hold, are flips explained, and is the picture what
-//! `golden`'s rule makes (docs/book/algorithm-resolve.md §11)?
+//! Windows on the machine: does the bound hold, are flips explained, and is the picture that of
+//! `golden`'s rule (docs/book/algorithm-resolve.md §11)?
 
 use crate::handmade::{confetti, glass};
 use crate::mutation::{differences, mutated, mutations};
@@ -46,8 +46,8 @@ fn load(name: &str, size: (usize, usize)) -> Scene {
     Scene::load(name, &Overrides { size: Some(size) }).unwrap()
 }
 
-/// Scenes in which all that the rule has comes to pass: sheets of glass, spheres on a floor, splats
-/// at random depths, one splat, none, all at one depth.
+/// Scenes in which all cases of the rule occur: sheets of glass, spheres on a floor, splats at
+/// random depths, one splat, none, all at one depth.
 fn scenes() -> Vec<Scene> {
     let mut sheets = glass(5, 7);
     sheets.splats.truncate(700);
@@ -56,7 +56,7 @@ fn scenes() -> Vec<Scene> {
         .splats
         .iter_mut()
         .for_each(|splat| splat.position *= 1.5 / splat.position.z);
-    // Every so many splats, larger: as much overlap, less work.
+    // Every n-th splat, enlarged: as much overlap with less work.
     let mut spheres = load("glass-spheres", (40, 40));
     spheres.splats = spheres.splats.iter().step_by(140).copied().collect();
     spheres
@@ -74,7 +74,7 @@ fn scenes() -> Vec<Scene> {
     ]
 }
 
-/// The rule's options, all of them somewhere.
+/// Values of the rule's options; each occurs.
 const VARIANTS: [&[&str]; 7] = [
     &[],
     &["fragment.layers=1"],
@@ -118,10 +118,10 @@ fn every_option_is_drawn_within_its_bound() {
     );
 }
 
-/// Led by the machine, golden is within 65 dB of it; by itself it decides otherwise where depths
-/// are as near as their words.
+/// In lockstep, golden is within 65 dB of the machine. Otherwise it decides differently for depths
+/// that are equal within an ulp.
 #[test]
-fn the_machine_draws_what_golden_draws() {
+fn the_machine_agrees_with_golden() {
     for (nth, scene) in [glass(5, 7), confetti(3000, 1)].into_iter().enumerate() {
         let machine = machine(&[]);
         let frame = in_lockstep(&scene, &machine).unwrap();
@@ -135,7 +135,7 @@ fn the_machine_draws_what_golden_draws() {
             metrics(&picture, &golden.picture).psnr_db.unwrap() > 50.0,
             "scene {nth}"
         );
-        // Nor is it golden by another rule that does so well.
+        // And golden with another rule does not agree as well.
         let other = Machine {
             fragment: Machine::named("reference").unwrap().fragment,
             ..machine.clone()
@@ -148,8 +148,8 @@ fn the_machine_draws_what_golden_draws() {
     }
 }
 
-/// With no word chosen it is golden; with all, the machine, bit for bit: a second opinion on every
-/// step.
+/// With no word in its format it is golden; with all words, the machine, bit for bit: a second
+/// implementation of every step.
 #[test]
 fn in_partial_precision_it_is_golden_and_the_machine() {
     for settings in VARIANTS {
@@ -180,7 +180,7 @@ fn in_partial_precision_it_is_golden_and_the_machine() {
     }
 }
 
-/// What the rule is for: 15 dB above the paper's farthest pair, on the machine.
+/// The purpose of the rule: 15 dB above the paper's farthest pair, on the machine.
 #[test]
 fn a_machine_of_windows_is_nearer_to_ideal() {
     let scene = load("glass-spheres", (256, 256));
@@ -265,7 +265,8 @@ fn scans_are_drawn_within_bounds() {
     }
 }
 
-/// Twenty-seven bytes a slot, four slots in less than the paper's three, no operand beyond 27 bits.
+/// 27 bytes per slot; four slots need less than the paper's three; no operand is wider than 27
+/// bits.
 #[test]
 fn four_slots_take_less_than_three_of_the_papers() {
     let window = Machine::named("window").unwrap();
@@ -279,7 +280,7 @@ fn four_slots_take_less_than_three_of_the_papers() {
 }
 
 #[test]
-fn what_does_not_go_together_is_refused() {
+fn incompatible_options_are_refused() {
     for (name, settings, told) in [
         (
             "reference",

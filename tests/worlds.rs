@@ -1,5 +1,5 @@
-//! Do volumes of all formats lie in one world, right-anterior-superior, sheared or not? Places come
-//! from the header's own affine map and a pinhole projection, worked out here.
+//! Are volumes of all formats in one coordinate system, right-anterior-superior, sheared or not?
+//! Expected positions are computed here from the header's own affine map and a pinhole projection.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ const PICTURE: usize = 128;
 const EYE_Z: f64 = 60.0;
 const FOV_Y_DEGREES: f64 = 40.0;
 
-/// Samples of 16 bits, 0 but for those at these places.
+/// Samples of 16 bits, 0 except at these positions.
 fn samples(bright: &[[usize; 3]]) -> Vec<u8> {
     let at = |[x, y, z]: [usize; 3]| (z * SIZE[1] + y) * SIZE[0] + x;
     let mut values = vec![0_i16; SIZE.iter().product()];
@@ -23,7 +23,7 @@ fn samples(bright: &[[usize; 3]]) -> Vec<u8> {
     values.into_iter().flat_map(i16::to_le_bytes).collect()
 }
 
-/// Steps along the three axes and the place of the first sample, in right-anterior-superior
+/// Steps along the three axes and the position of the first sample, in right-anterior-superior
 /// coordinates.
 type Grid = ([[f64; 3]; 3], [f64; 3]);
 
@@ -47,7 +47,7 @@ fn nrrd(space: &str, (axes, origin): &Grid, samples: &[u8]) -> Vec<u8> {
     [header.as_bytes(), samples].concat()
 }
 
-/// As ITK writes it: directions by columns of unit length, spacings apart.
+/// As ITK writes it: directions as columns of unit length, and separate spacings.
 fn metaimage(grid: &Grid, samples: &[u8]) -> Vec<u8> {
     let (axes, origin) = lps(grid);
     let length = |axis: &[f64; 3]| axis.iter().map(|part| part * part).sum::<f64>().sqrt();
@@ -122,7 +122,7 @@ fn light(scene: &Scene) -> Vec<f64> {
         .collect()
 }
 
-/// Middle and variances (xx, xy, yy) of the light within so many pixels of a place.
+/// Mean and variances (xx, xy, yy) of the light within `reach` pixels of a position.
 fn moments(light: &[f64], around: [f64; 2], reach: f64) -> ([f64; 2], [f64; 3]) {
     let pixels = light.iter().enumerate().map(|(i, light)| {
         (
@@ -175,7 +175,7 @@ const STRAIGHT: Grid = (
     [[2.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 1.5]],
     [-10.0, -9.0, -4.0],
 );
-/// Turned and left-handed.
+/// Rotated and left-handed.
 const TURNED: Grid = (
     [[0.0, -2.0, 0.0], [0.0, 0.0, 2.5], [-1.8, 0.0, 0.0]],
     [6.0, 9.0, -7.0],
@@ -226,8 +226,8 @@ fn one_image_is_one_picture_in_every_format_sheared_or_not() {
     }
 }
 
-/// The kernel's variance is radius² A Aᵀ. Its footprint, cut at r = 4, has 1 − 2e⁻²/(1 − e⁻²) of
-/// the projected one.
+/// The variance of the kernel is radius² A Aᵀ. Its footprint, cut at r = 4, has 1 − 2e⁻²/(1 − e⁻²)
+/// of the projected variance.
 #[test]
 fn a_kernel_of_a_sheared_grid_is_sheared() {
     let bright = [4, 3, 3];
@@ -259,7 +259,7 @@ fn a_kernel_of_a_sheared_grid_is_sheared() {
     assert!(expected[1].abs() > 0.3, "hardly sheared: {expected:?}");
 }
 
-/// The machine's shared axes hold a sheared cell as they hold any other.
+/// The machine's shared axes can describe a sheared cell like any other.
 #[test]
 fn the_machine_draws_a_sheared_volume() {
     let bright: Vec<[usize; 3]> = (0..200).map(|i| [i % 9, i * 5 % 8, i * 3 % 7]).collect();
@@ -283,7 +283,7 @@ fn the_machine_draws_a_sheared_volume() {
 }
 
 #[test]
-fn a_note_says_what_was_turned_and_what_was_assumed() {
+fn a_note_states_turned_axes_and_assumptions() {
     let data = samples(&BRIGHT);
     let notes = |name: &str, bytes: &[u8]| of_file(name, bytes).notes.join("\n");
     assert!(

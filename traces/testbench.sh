@@ -1,6 +1,8 @@
 #!/bin/sh
-# Plays the recorded trace into the raster's RTL implementation, and writes what that gives into a file for `splatsim diff`.
-# Usage: sh traces/testbench.sh [FILE]; FILE is target/testbench/raster.out.hex if left out. Needs Icarus Verilog (Debian: iverilog).
+# Drives the recorded trace into the raster's RTL implementation, and writes its outputs into a file
+# for `splatsim diff`.
+# Usage: sh traces/testbench.sh [FILE]; the default FILE is target/testbench/raster.out.hex. Needs
+# Icarus Verilog (Debian: iverilog).
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 out=${1:-$here/../target/testbench/raster.out.hex}

@@ -1,5 +1,5 @@
-// Testbench: plays recorded records into the raster, checks what it gives and writes that down: the least that a trace needs. Run it with
-// testbench.sh.
+// Testbench: drives recorded records into the raster, checks its outputs and writes them to a file.
+// It is the smallest bench for a trace. Run it with testbench.sh.
 //
 //   raster.in.hex ─► s ─►( raster )─► m ─► raster.out.hex, record by record
 //                                      └─► the file of +out=FILE, a record per line, for `splatsim diff`
@@ -7,7 +7,7 @@
 `timescale 1ns / 1ps
 `default_nettype none
 module testbench;
-  // How many records there are: manifest.json says it, and testbench.sh hands it on.
+  // Number of records, from manifest.json, passed by testbench.sh.
   parameter int IN_RECORDS = 1;
   parameter int OUT_RECORDS = 1;
   localparam int IN_W = machine_pkg::RASTER_IN_W;
@@ -57,7 +57,7 @@ module testbench;
     cycles <= cycles + 1;
     if (s_valid && s_ready) sent <= sent + 1;
     if (m_valid) begin
-      // As many digits as the record has: %h writes them all.
+      // %h writes all digits of the record.
       if (given != 0) $fdisplay(given, "%h", m_data);
       if (seen >= OUT_RECORDS || m_data !== out[seen]) begin
         if (wrong == 0) $display("record %0d: %h expected, %h given", seen, out[seen], m_data);
@@ -65,7 +65,7 @@ module testbench;
       end
       seen <= seen + 1;
     end
-    // A box tests at most 256 pixels here: by then everything must have come.
+    // A box has at most 256 pixels here: by then all outputs must have come.
     if (cycles == 256 * IN_RECORDS + 1000) begin
       if (wrong == 0 && sent == IN_RECORDS && seen == OUT_RECORDS) $display("%0d records equal", seen);
       else $display("FAILED: %0d of %0d taken, %0d of %0d given, %0d wrong", sent, IN_RECORDS, seen, OUT_RECORDS, wrong);

@@ -1,30 +1,32 @@
-// Bin: puts a splat that is set up onto the list of every tile that its box touches: its record in a cycle, then an entry a cycle. Twin of
-// `first_pass` in timing/binned.rs; Bins in work/mod.rs has the same lists.
+// Bin: appends a splat that is set up to the list of every tile that its box touches. It takes one
+// cycle for the record, then one cycle per entry. RTL implementation of `first_pass` in
+// timing/binned.rs; Bins in work/mod.rs has the same lists.
 //
 //   splats -> records          box -> tiles, row by row -> lists
 //
-// Records and lists lie in memory, and nobody waits for that here. Whoever draws reads the record of an entry.
+// Records and lists are in memory, which does not stall here. The reader of an entry also reads its
+// record.
 `timescale 1ns / 1ps
 `default_nettype none
 
 module bin #(
     parameter int COLUMNS = 1,    // tiles of a row
     parameter int ROWS = 1,       // rows of them
-    parameter int SIDE_BITS = 4,  // 2^this pixels a side of a tile
-    parameter int RECORDS = 1,    // splats that memory holds
+    parameter int SIDE_BITS = 4,  // log2 of a tile's side in pixels
+    parameter int RECORDS = 1,    // capacity of memory, splats
     parameter int RECORD_W = 1,   // bits of a record, the box in the low ones
-    parameter int READERS = 1,    // who read
+    parameter int READERS = 1,    // number of readers
     parameter int TILE_W = 1,     // bits of a tile's number
     parameter int LENGTH_W = 1    // bits of a list's length
 ) (
-    input wire clk,                                  // everything happens at its rising edge
+    input wire clk,                                  // clock, rising edge
     input wire rst,                                  // empties all lists
     input wire s_valid,                              // a splat is there
     output wire s_ready,                             // and is taken
     input wire [RECORD_W-1:0] s_data,                // its record
     output wire [COLUMNS*ROWS*LENGTH_W-1:0] lengths, // entries of each tile
-    input wire [READERS*TILE_W-1:0] r_tile,          // of which tile
-    input wire [READERS*LENGTH_W-1:0] r_entry,       // which entry is read
+    input wire [READERS*TILE_W-1:0] r_tile,          // tile to read
+    input wire [READERS*LENGTH_W-1:0] r_entry,       // entry to read
     output wire [READERS*RECORD_W-1:0] r_data        // its record
 );
   localparam int TILES = COLUMNS * ROWS;

@@ -1,5 +1,5 @@
-// Blank: hands out the tiles that have no entry: the background at each of their pixels, a word a cycle. Twin of `write_empty` in
-// timing/binned.rs.
+// Blank: outputs the tiles without entries: the background at each of their pixels, one word per
+// cycle. RTL implementation of `write_empty` in timing/binned.rs.
 //
 //   tiles in order -> those without an entry -> pixels ->( resolve of nothing )-> words
 `timescale 1ns / 1ps
@@ -10,12 +10,12 @@ module blank #(
     parameter int ROWS = 1,    // rows of them
     parameter int SIDE = 16    // columns and rows of a tile, a power of two
 ) (
-    input wire clk,                                     // everything happens at its rising edge
-    input wire rst,                                     // begins anew
+    input wire clk,                                     // clock, rising edge
+    input wire rst,                                     // restarts
     input wire [machine_pkg::FRAME_W-1:0] frame,        // constants: the background
     input wire drawing,                                 // lists are complete; when it falls, the next picture begins
     input wire [COLUMNS*ROWS-1:0] empty,                // tiles that have no entry
-    output wire done,                                   // resolve has all of them, until `drawing` falls
+    output wire done,                                   // resolve has taken all of them, until `drawing` falls
     output wire m_valid,                                // a pixel is offered
     input wire m_ready,                                 // and taken
     output wire [machine_pkg::PIPELINE_OUT_W-1:0] m_data // pipeline.out

@@ -6,14 +6,14 @@
 
 module delay #(
     parameter int W = 1,     // bits of a word
-    parameter int STAGES = 1 // registers; none is a wire
+    parameter int STAGES = 1 // number of registers; 0 is a wire
 ) (
     // A wire needs no clock.
     // verilator lint_off UNUSEDSIGNAL
-    input wire clk,          // everything happens at its rising edge
+    input wire clk,          // clock, rising edge
     // verilator lint_on UNUSEDSIGNAL
     input wire [W-1:0] now,  // a word
-    output wire [W-1:0] late // that of STAGES cycles before
+    output wire [W-1:0] late // the word STAGES cycles earlier
 );
   if (STAGES > 0) begin : g_delay
     logic [STAGES*W-1:0] line;

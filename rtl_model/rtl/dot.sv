@@ -1,4 +1,4 @@
-// Dot: the product of two vectors, exact. Twin of num/words.rs, Words::dot.
+// Dot: the exact product of two vectors. RTL implementation of num/words.rs, Words::dot.
 //
 //   a, b ->( a_x*b_x + a_y*b_y + a_z*b_z )-> sum
 //

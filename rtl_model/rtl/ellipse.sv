@@ -1,26 +1,30 @@
-// Ellipse: turns a normal and a radius into a conic, an amplitude, a box and a depth plane. Twin of units/ellipse.rs.
+// Ellipse: turns a normal and a radius into a conic, an amplitude, a box and a depth plane. RTL
+// implementation of units/ellipse.rs.
 //
 //   radius ->(* focal)->(* 1/t_z)-> size k' = k/2^e ---> k'^2 -+------------------------>(*)-> variance V' -+-> extent -> box
 //   normal ->[ W*n ]-+-> tilt g ->[ 1+a^2 .. - gg' ]-> shape --+     low_pass v/4^e -----(+)--+             |
 //                    +-> facing c_n -> area k'^2*c_n -> determinant ->[ 1/sqrt ]-+-> inverse ->(*)----------+-> conic
 //                          +->[ 1/|c_n| ]-> depth_slope                          +-> visibility -> amplitude
 //
-// What an ellipsoid has too is in files of its own, ellipse_*.sv, a function of the Rust unit each.
+// The parts that it shares with ellipsoid are in the files ellipse_*.sv, one for each function of
+// the Rust unit.
 //
-// Each splat works relative to a power of two 2^e near its own radius in pixels, so small and large footprints keep the same precision.
+// Each splat is computed relative to a power of two 2^e near its own radius in pixels, so small and
+// large footprints have the same relative precision.
 //
-// Losses: every word is rounded, but scaled_radius, which a normaliser cuts; extent gets one more place than it needs, so the box never
-// loses a pixel; depth_slope is limited, for a grazing plane's slope has no limit.
+// Losses: every word is rounded, except scaled_radius, which a normaliser truncates. The extent has
+// one more LSB than necessary, so the box never loses a pixel. depth_slope is limited, because a
+// grazing plane's slope has no limit.
 `timescale 1ns / 1ps
 `default_nettype none
 
 module ellipse #(
-    parameter int DROPS = 0, // whether a splat that is culled ends here
-    parameter int TAG_W = 0, // bits of a tag, which goes along
+    parameter int DROPS = 0, // 1: culled splats end here
+    parameter int TAG_W = 0, // bits of a tag, which passes through
     parameter ROMS = "rom/"  // folder of the tables, with its slash
 ) (
-    input wire clk,                                           // everything happens at its rising edge
-    input wire rst,                                           // forgets what is under way
+    input wire clk,                                           // clock, rising edge
+    input wire rst,                                           // clears records in flight
     input wire [machine_pkg::FRAME_W-1:0] frame,              // constants: the view
     input wire s_valid,                                       // a splat and its point are there
     output wire s_ready,                                      // and can be taken
@@ -55,10 +59,10 @@ module ellipse #(
   localparam int DEPTH_RANGE_W = machine_pkg::ELLIPSE_DEPTH_RANGE_W;
   localparam int FRAGMENT_NORMAL_W = machine_pkg::FRAGMENT_NORMAL_W;
   localparam int COLUMN_W = machine_pkg::ELLIPSE_OUT_FIRST_COLUMN_W;
-  // Sums of two powers of two of 8 bits and a normaliser's places.
+  // Sums of two powers of two of 8 bits and a normaliser's shift.
   localparam int POWER_W = 10;
 
-  // The splat and its point. Vectors lie as in a record: (z,) y, x from the last place on.
+  // The splat and its point. Vectors are packed as in a record: (z,) y, x from the LSB on.
   wire [RADIUS_W-1:0] some_radius = s_data[machine_pkg::ELLIPSE_IN_RADIUS_LSB+:RADIUS_W];
   wire signed [FORWARD_W-1:0] forward = s_data[machine_pkg::ELLIPSE_IN_FORWARD_LSB+:FORWARD_W];
   wire signed [7:0] point_exponent = s_data[machine_pkg::ELLIPSE_IN_EXPONENT_LSB+:8];
@@ -71,7 +75,7 @@ module ellipse #(
   wire [3*NORMAL_W-1:0] normal;
   ellipse_normal turn_normal (.frame(frame), .vector(s_data[machine_pkg::ELLIPSE_IN_NORMAL_Z_LSB+:3*WORLD_W]), .normal(normal));
   wire [3*FRAGMENT_NORMAL_W-1:0] fragment_normal;
-  // Turned towards the viewer, where n_z > 0; the least word has no opposite among the words.
+  // Turned towards the viewer, where n_z > 0; the smallest word has no negative among the words.
   localparam int SEEN_W = NORMAL_W + 1;
   wire away = machine_pkg::FRAGMENT_TURN_NORMALS != 0 && $signed(normal[0+:NORMAL_W]) > NORMAL_W'(0);
   for (genvar i = 0; i < 3; i++) begin : g_normal
@@ -82,14 +86,14 @@ module ellipse #(
         fit_fragment_normal (.exact(part), .word(fragment_normal[i*FRAGMENT_NORMAL_W+:FRAGMENT_NORMAL_W]));
   end
 
-  // How the splat leans against its ray: tilt g, and facing c_n.
+  // Inclination of the splat to its ray: tilt g, and facing c_n.
   wire signed [TILT_W-1:0] tilt_x, tilt_y;
   wire signed [FACING_W-1:0] some_facing;
   ellipse_turn turn (.a(a), .b(b), .normal(normal), .tilt_x(tilt_x), .tilt_y(tilt_y), .facing(some_facing));
 
   wire backface = frame[machine_pkg::FRAME_CULL_BACKFACES_LSB] && some_facing > FACING_W'(0);
   wire blind = some_facing == '0 || some_radius == '0;
-  // What is divided by is never 0, whatever becomes of the splat.
+  // Divisors are never 0, also for culled splats.
   wire signed [FACING_W-1:0] facing = blind ? FACING_W'(1) : some_facing;
   wire [RADIUS_W-1:0] radius = some_radius == '0 ? RADIUS_W'(1) : some_radius;
 
@@ -152,16 +156,16 @@ module ellipse #(
       .facing(facing), .normal_x(normal[2*NORMAL_W+:NORMAL_W]), .normal_y(normal[NORMAL_W+:NORMAL_W]), .depth_slope_x(depth_slope_x), .depth_slope_y(depth_slope_y),
       .depth_range(depth_range));
 
-  // The first reason that holds.
+  // The first cull reason that holds.
   wire faint = !backface && (blind || flat || dark);
   wire outside = !backface && !faint && missed;
   wire [machine_pkg::ELLIPSE_OUT_W-4:0] drawn = {fragment_normal, conic_xx, conic_xy, conic_yy, amplitude, firsts[COLUMN_W+:COLUMN_W],
       lasts[COLUMN_W+:COLUMN_W], firsts[0+:COLUMN_W], lasts[0+:COLUMN_W], depth_slope_x, depth_slope_y, depth_range};
   wire [machine_pkg::ELLIPSE_OUT_W-1:0] result = {backface, faint, outside, backface || faint || outside ? '0 : drawn};
-  // The frame has constants for other units too.
+  // The frame also has constants for other units.
   wire unused = &{1'b0, frame};
 
-  // Registers and places hold the tag beside it.
+  // The tag passes through the registers and the FIFO.
   localparam int BEHIND_W = TAG_W + machine_pkg::ELLIPSE_OUT_W;
   wire keeps = DROPS == 0 || !(backface || faint || outside);
   wire [BEHIND_W-1:0] labelled = BEHIND_W'({s_data >> machine_pkg::ELLIPSE_IN_W, result});

@@ -1,4 +1,5 @@
-// Ellipse_footprint: from a shape and what its faces span to a conic and a box. Twin of `footprint` in units/ellipse.rs.
+// Ellipse_footprint: computes conic and box from a shape and the areas of its faces. RTL
+// implementation of `footprint` in units/ellipse.rs.
 //
 //   shape ->(* k'^2)->(+ v/4^e)-> variance V' -+---------------------------> extent -> box
 //                                              +--------------->(*)--------> conic
@@ -6,7 +7,8 @@
 //
 // A disc has one face, an ellipsoid three.
 //
-// Losses: every word is rounded; extent gets one more place than it needs, so the box never loses a pixel.
+// Losses: every word is rounded. The extent has one more LSB than necessary, so the box never loses
+// a pixel.
 `timescale 1ns / 1ps
 `default_nettype none
 
@@ -15,7 +17,7 @@ module ellipse_footprint #(
     parameter int POWER_W = 10, // bits of e
     parameter ROMS = "rom/"     // folder of the tables, with its slash
 ) (
-    // Of the frame's constants those of the low pass and the picture.
+    // Only the low pass and the picture's size are used of the frame's constants.
     // verilator lint_off UNUSEDSIGNAL
     input wire [machine_pkg::FRAME_W-1:0] frame,                             // constants: the view
     // verilator lint_on UNUSEDSIGNAL
@@ -36,7 +38,7 @@ module ellipse_footprint #(
     output wire [machine_pkg::ELLIPSE_CONIC_W-1:0] conic_yy,                 // likewise
     output wire [2*machine_pkg::ELLIPSE_OUT_FIRST_COLUMN_W-1:0] firsts,      // first column and row, the row in the low bits
     output wire [2*machine_pkg::ELLIPSE_OUT_FIRST_COLUMN_W-1:0] lasts,       // last column and row
-    output wire outside                                                      // nothing of the box lies in the picture
+    output wire outside                                                      // the box is outside the picture
 );
   localparam int PIXEL_W = machine_pkg::PROJECT_PIXEL_W;
   localparam int PIXEL_F = machine_pkg::PROJECT_PIXEL_F;
@@ -69,7 +71,7 @@ module ellipse_footprint #(
   localparam int EXTENT_F = machine_pkg::ELLIPSE_EXTENT_F;
   localparam int COLUMN_W = machine_pkg::ELLIPSE_OUT_FIRST_COLUMN_W;
   localparam int PIXELS_W = machine_pkg::FRAME_WIDTH_W;
-  // An edge of the box, whole pixels: a picture has up to 16384.
+  // An edge of the box in whole pixels: a picture has up to 16384.
   localparam int EDGE_W = 17;
 
   wire signed [LOW_PASS_W:0] filter = {1'b0, frame[machine_pkg::FRAME_LOW_PASS_LSB+:LOW_PASS_W]};
@@ -147,7 +149,7 @@ module ellipse_footprint #(
       .NEWTON_STEPS(machine_pkg::ELLIPSE_ROOT_NEWTON_STEPS), .ROM({ROMS, "ellipse.root.hex"}))
       rooter (.x(determinant), .operand(unused_operand), .mantissa(root), .exponent(root_exponent));
 
-  // Conic: V' turned about and divided by its determinant.
+  // Conic: V' rotated by 90 degrees and divided by its determinant.
   wire signed [2*ROOT_BITS+2:0] root_squared = $signed({1'b0, root}) * $signed({1'b0, root});
   wire [INVERSE_W-1:0] inverse;
   fit #(.IN_W(2 * ROOT_BITS + 3), .PLACES(2 * ROOT_BITS - INVERSE_F), .W(INVERSE_W), .S(0), .ROUND(machine_pkg::ELLIPSE_INVERSE_ROUND),
@@ -169,7 +171,8 @@ module ellipse_footprint #(
       .ROUND(machine_pkg::ELLIPSE_CONIC_ROUND), .WRAP(machine_pkg::ELLIPSE_CONIC_WRAP))
       fit_conic_yy (.exact(inverted_yy), .more(conic_more), .word(conic_yy));
 
-  // The box: first and last row and column, inside the picture; the first lies behind the last where nothing is left.
+  // The box: first and last row and column, inside the picture; the first is greater than the last
+  // if the box is empty.
   localparam int REACH_W = CUTOFF_W + VARIANCE_W;
   localparam int ROOTED_W = 2 * EXTENT_BITS + 3;
   localparam int BOUND_F = PIXEL_F > EXTENT_F ? PIXEL_F : EXTENT_F;
@@ -198,7 +201,7 @@ module ellipse_footprint #(
     wire signed [PIXEL_W-1:0] pixel = pixels_from_middle[i*PIXEL_W+:PIXEL_W];
     // From the centre of pixel 0 to the picture's middle: half of last_px.
     wire signed [BOUND_W-1:0] centre = (BOUND_W'(pixel) <<< (BOUND_F - PIXEL_F)) + (BOUND_W'(last_px) <<< (BOUND_F - 1));
-    // A place more than it is, so that no rounding loses a pixel.
+    // One LSB more than the value, so that rounding never loses a pixel.
     wire signed [BOUND_W-1:0] reached = (BOUND_W'($signed({1'b0, extent})) + BOUND_W'(1)) <<< (BOUND_F - EXTENT_F);
     wire signed [BOUND_W-1:0] first_bound = centre - reached + BOUND_W'(2 ** BOUND_F - 1);
     wire signed [BOUND_W-1:0] last_bound = centre + reached;

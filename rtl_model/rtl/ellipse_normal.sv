@@ -1,4 +1,5 @@
-// Ellipse_normal: a direction in camera space. Twin of `camera_normal` in units/ellipse.rs.
+// Ellipse_normal: rotates a direction to camera space. RTL implementation of `camera_normal` in
+// units/ellipse.rs.
 //
 //   vector ->[ W*n ]->[ fit ]-> normal
 //
@@ -7,12 +8,12 @@
 `default_nettype none
 
 module ellipse_normal (
-    // Of the frame's constants the rotation alone.
+    // Only the rotation is used of the frame's constants.
     // verilator lint_off UNUSEDSIGNAL
     input wire [machine_pkg::FRAME_W-1:0] frame,                // constants: the view
     // verilator lint_on UNUSEDSIGNAL
-    input wire [3*machine_pkg::SPLAT_NORMAL_W-1:0] vector,      // x, y, z, x in the most significant bits; in the world
-    output wire [3*machine_pkg::ELLIPSE_NORMAL_W-1:0] normal    // likewise, as the camera sees it
+    input wire [3*machine_pkg::SPLAT_NORMAL_W-1:0] vector,      // x, y, z, x in the most significant bits; in world space
+    output wire [3*machine_pkg::ELLIPSE_NORMAL_W-1:0] normal    // likewise, in camera space
 );
   localparam int WORLD_W = machine_pkg::SPLAT_NORMAL_W;
   localparam int ROTATION_W = machine_pkg::PROJECT_ROTATION_W;

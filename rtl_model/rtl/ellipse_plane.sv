@@ -1,9 +1,11 @@
-// Ellipse_plane: the depth plane of a disc. Twin of `depth_slope` in units/ellipse.rs, and of its depth_range.
+// Ellipse_plane: the depth plane of a disc. RTL implementation of `depth_slope` in
+// units/ellipse.rs, and of its depth_range.
 //
 //   forward ->(* 1/s)-> step ->(* 1/|c_n|)-> scale ->(* normal)-> depth_slope, for each side of a pixel
 //   radius ->(* root_cutoff)-> depth_range
 //
-// Losses: every word is rounded; depth_slope is limited, for a grazing plane's slope has no limit.
+// Losses: every word is rounded. depth_slope is limited, because a grazing plane's slope has no
+// limit.
 `timescale 1ns / 1ps
 `default_nettype none
 
@@ -11,7 +13,7 @@ module ellipse_plane #(
     parameter int POWER_W = 10, // bits of sums of powers of two
     parameter ROMS = "rom/"     // folder of the tables, with its slash
 ) (
-    // Of the frame's constants those of the focal length and the cutoff.
+    // Only the focal length and the cutoff are used of the frame's constants.
     // verilator lint_off UNUSEDSIGNAL
     input wire [machine_pkg::FRAME_W-1:0] frame,                            // constants: the view
     // verilator lint_on UNUSEDSIGNAL
@@ -45,7 +47,7 @@ module ellipse_plane #(
   reciprocal #(.IN_W(FACING_W), .IN_F(FACING_F), .BITS(STEEP_BITS), .TABLE_BITS(machine_pkg::ELLIPSE_SLOPE_RECIPROCAL_TABLE_BITS),
       .NEWTON_STEPS(machine_pkg::ELLIPSE_SLOPE_RECIPROCAL_NEWTON_STEPS), .ROM({ROMS, "ellipse.slope_reciprocal.hex"}))
       inverter (.x(facing_magnitude), .mantissa(steepness), .exponent(steepness_exponent));
-  // Where all pixels are square, both registers are one, and both steps too.
+  // If all pixels are square, both registers and both steps are equal.
   wire [2*NORMAL_W-1:0] normal = {normal_x, normal_y};
   wire [2*DEPTH_SLOPE_W-1:0] depth_slope;
   for (genvar i = 0; i < 2; i++) begin : g_slope

@@ -1,17 +1,19 @@
-// Ellipse_size: a radius in pixels, relative to a power of two near it. Twin of `size` in units/ellipse.rs.
+// Ellipse_size: a radius in pixels, relative to a power of two near it. RTL implementation of
+// `size` in units/ellipse.rs.
 //
 //   radius ->(* focal)->(* 1/t_z)-> size k' = k/2^e -> k'^2 ->(* aspect)-> k'_x^2, k'_x*k'_y, k'_y^2
 //
-// The focal length is the larger of both. Where the machine draws square pixels alone, all three are k'^2.
+// The focal length is the larger one of the two. If the machine draws only square pixels, all three
+// are k'^2.
 //
-// Losses: scaled_radius is cut by a normaliser; size and its square are rounded.
+// Losses: scaled_radius is truncated by a normaliser; size and its square are rounded.
 `timescale 1ns / 1ps
 `default_nettype none
 
 module ellipse_size #(
     parameter int POWER_W = 10 // bits of sums of two powers of two of 8 bits and a normaliser's places
 ) (
-    // Of the frame's constants those of the lens alone.
+    // Only the lens is used of the frame's constants.
     // verilator lint_off UNUSEDSIGNAL
     input wire [machine_pkg::FRAME_W-1:0] frame,                              // constants: the view
     // verilator lint_on UNUSEDSIGNAL
@@ -33,7 +35,8 @@ module ellipse_size #(
   localparam int SIZE_SQUARED_F = machine_pkg::ELLIPSE_SIZE_SQUARED_F;
 
   wire [SIZE_SQUARED_W-1:0] size_squared;
-  // Size k' = k/2^e, and e: k = scaled_radius * inverse_depth * 2^power, where the product lies in [1/2, 2].
+  // Size k' = k/2^e, and e: k = scaled_radius * inverse_depth * 2^power, with the product in [1/2,
+  // 2].
   localparam int SCALED_W = FOCAL_W + RADIUS_W;
   localparam int SCALED_F = machine_pkg::PROJECT_FOCAL_F + machine_pkg::SPLAT_RADIUS_F;
   localparam int SIZED_W = SCALED_RADIUS_W + INVERSE_DEPTH_BITS + 2;

@@ -1,4 +1,5 @@
-// Ellipse_turn: how a direction leans against its ray. Twin of `turn` in units/ellipse.rs.
+// Ellipse_turn: inclination of a direction to its ray. RTL implementation of `turn` in
+// units/ellipse.rs.
 //
 //   normal, a, b -+->[ x - a*z, y - b*z ]-> tilt g
 //                 +->[ a*x + b*y + z ]----> facing c_n

@@ -1,8 +1,9 @@
-// Ellipse_visibility: an area over the root of the determinant. Twin of `visibility` in units/ellipse.rs.
+// Ellipse_visibility: an area over the root of the determinant. RTL implementation of `visibility`
+// in units/ellipse.rs.
 //
 //   |area| ->(* 1/sqrt det V')->[ fit ]-> visibility
 //
-// Loss: it is rounded once.
+// Loss: the result is rounded once.
 `timescale 1ns / 1ps
 `default_nettype none
 

@@ -1,22 +1,24 @@
-// Ellipsoid: turns three principal axes into a conic, an amplitude and a box. Twin of units/ellipse/ellipsoid.rs.
+// Ellipsoid: turns three principal axes into a conic, an amplitude and a box. RTL implementation of
+// units/ellipse/ellipsoid.rs.
 //
 //   quaternion ->[ R ]-> r_i ->[ W*r ]-+-> tilt g_i ->(* s_i)-> stretch ->[ sum of s_i^2*g_i*g_i' ]-> shape -+
 //                                      +-> facing c_i ->(* s_j*s_k)-> face -> area k'^2*s_j*s_k*c_i ---------+-> as for a disc
 //
-// Axes are the splat's own, or the frame's. What the amplitude is the frame says: a disc's, the integral along the ray, or the peak itself.
-// In the Jacobian, and nowhere else, a and b are clamped. Where weights count by opacity alone, the box ends where none counts any more.
+// Axes are the splat's own, or the frame's. The frame selects the amplitude: that of a disc, the
+// integral along the ray, or the peak itself. a and b are clamped in the Jacobian only. If weights
+// count by opacity alone, the box ends where no weight counts any more.
 //
-// Losses: every word is rounded; those of the parts that a disc has too are told there.
+// Losses: every word is rounded; the losses of shared parts are listed in their files.
 `timescale 1ns / 1ps
 `default_nettype none
 
 module ellipsoid #(
-    parameter int DROPS = 0, // whether a splat that is culled ends here
-    parameter int TAG_W = 0, // bits of a tag, which goes along
+    parameter int DROPS = 0, // 1: culled splats end here
+    parameter int TAG_W = 0, // bits of a tag, which passes through
     parameter ROMS = "rom/"  // folder of the tables, with its slash
 ) (
-    input wire clk,                                           // everything happens at its rising edge
-    input wire rst,                                           // forgets what is under way
+    input wire clk,                                           // clock, rising edge
+    input wire rst,                                           // clears records in flight
     input wire [machine_pkg::FRAME_W-1:0] frame,              // constants: the view, and what all ellipsoids have in common
     input wire s_valid,                                       // a splat and its point are there
     output wire s_ready,                                      // and can be taken
@@ -66,10 +68,10 @@ module ellipsoid #(
   localparam int RAY_F = machine_pkg::ELLIPSE_RAY_F;
   localparam int ALPHA_W = machine_pkg::SPLAT_OPACITY_W;
   localparam int ALPHA_F = machine_pkg::SPLAT_OPACITY_F;
-  // Sums of two powers of two of 8 bits and a normaliser's places.
+  // Sums of two powers of two of 8 bits and a normaliser's shift.
   localparam int POWER_W = 10;
 
-  // The splat and its point. Vectors lie as in a record: (z,) y, x from the last place on.
+  // The splat and its point. Vectors are packed as in a record: (z,) y, x from the LSB on.
   wire [RADIUS_W-1:0] some_radius = s_data[machine_pkg::ELLIPSE_IN_RADIUS_LSB+:RADIUS_W];
   wire signed [FORWARD_W-1:0] forward = s_data[machine_pkg::ELLIPSE_IN_FORWARD_LSB+:FORWARD_W];
   wire signed [7:0] point_exponent = s_data[machine_pkg::ELLIPSE_IN_EXPONENT_LSB+:8];
@@ -79,11 +81,12 @@ module ellipsoid #(
   wire signed [SLOPE_W-1:0] slope_y = s_data[machine_pkg::ELLIPSE_IN_SLOPE_Y_LSB+:SLOPE_W];
   wire [ALPHA_W-1:0] opacity = s_data[machine_pkg::ELLIPSE_IN_OPACITY_LSB+:ALPHA_W];
   wire own_axes = frame[machine_pkg::FRAME_OWN_AXES_LSB];
-  // What the amplitude is: 0 that of a disc, 1 the integral along the ray, 2 the peak.
+  // Kind of the amplitude: 0 that of a disc, 1 the integral along the ray, 2 the peak.
   wire [1:0] kind = frame[machine_pkg::FRAME_AMPLITUDE_LSB+:2];
   wire flattened = kind == 2'd0;
 
-  // The columns of the rotation that a quaternion means, in the world. The first part of each lies in the most significant bits.
+  // The columns of a quaternion's rotation, in world space, with the first component in the most
+  // significant bits.
   localparam int TURNED_W = 2 * QUATERNION_W + 4 > 2 * QUATERNION_F + 3 ? 2 * QUATERNION_W + 4 : 2 * QUATERNION_F + 3;
   localparam [TURNED_W-1:0] ONE = TURNED_W'(1) << (2 * QUATERNION_F);
   wire signed [QUATERNION_W-1:0] w = s_data[machine_pkg::ELLIPSE_IN_QUATERNION_W_LSB+:QUATERNION_W];
@@ -110,7 +113,8 @@ module ellipsoid #(
   wire signed [SLOPE_W-1:0] below_x = slope_x < limit_x ? slope_x : limit_x, below_y = slope_y < limit_y ? slope_y : limit_y;
   wire signed [SLOPE_W-1:0] a = below_x > -limit_x ? below_x : -limit_x, b = below_y > -limit_y ? below_y : -limit_y;
 
-  // Each axis, the third in the low bits: its direction, how it leans against the ray, what it leaves on the screen.
+  // Each axis, the third in the low bits: its direction, its inclination to the ray, its projection
+  // on the screen.
   wire [3*SCALE_W-1:0] scales =
       own_axes ? s_data[machine_pkg::ELLIPSE_IN_SCALE_2_LSB+:3*SCALE_W] : frame[machine_pkg::FRAME_SCALE_2_LSB+:3*SCALE_W];
   localparam int SQUARES_W = 2 * STRETCH_W + 2;
@@ -139,7 +143,7 @@ module ellipsoid #(
         fit_stretch_y (.exact(stretched_y), .word(stretch_y));
     wire signed [SQUARES_W-1:0] square_xx = stretch_x * stretch_x, square_xy = stretch_x * stretch_y, square_yy = stretch_y * stretch_y;
 
-    // The face that the two other axes span.
+    // The face spanned by the two other axes.
     wire signed [2*SCALE_W:0] paired = $signed({1'b0, scales[LAST*SCALE_W+:SCALE_W]}) * $signed({1'b0, scales[NEXT*SCALE_W+:SCALE_W]});
     wire [SCALE_W-1:0] pair;
     fit #(.IN_W(2 * SCALE_W + 1), .PLACES(SCALE_F), .W(SCALE_W), .S(0), .ROUND(machine_pkg::ELLIPSE_SCALE_ROUND),
@@ -164,7 +168,7 @@ module ellipsoid #(
 
   wire backface = frame[machine_pkg::FRAME_CULL_BACKFACES_LSB] && some_facing > FACING_W'(0);
   wire blind = some_radius == '0 || (flattened ? some_facing == '0 : opacity == '0);
-  // What is divided by is never 0, whatever becomes of the splat.
+  // Divisors are never 0, also for culled splats.
   wire signed [FACING_W-1:0] facing = some_facing == '0 ? FACING_W'(1) : some_facing;
   wire [RADIUS_W-1:0] radius = some_radius == '0 ? RADIUS_W'(1) : some_radius;
 
@@ -173,14 +177,15 @@ module ellipsoid #(
   ellipse_size #(.POWER_W(POWER_W)) sizer (.frame(frame), .radius(radius), .point_exponent(point_exponent), .inverse_depth(inverse_depth),
       .inverse_depth_exponent(inverse_depth_exponent), .sizes_squared(sizes_squared), .exponent(exponent));
 
-  // No weight counts beyond what the opacity says: the box ends there, by a table, or at the frame's cutoff.
+  // No weight counts beyond a radial index that depends on the opacity: the box ends there, by a
+  // table, or at the frame's cutoff.
   localparam int CUTOFF_W = machine_pkg::RASTER_CUTOFF_W;
   localparam int REACH_BITS = machine_pkg::ELLIPSE_REACH_BITS;
   wire [CUTOFF_W-1:0] cutoff;
   if (REACH_BITS > 0) begin : g_reach
     logic [CUTOFF_W-1:0] cutoffs[0:2**REACH_BITS-1];
     initial $readmemh({ROMS, "ellipse.reach.hex"}, cutoffs);
-    // An opacity of 1 has the last address.
+    // An opacity of 1 uses the last address.
     wire [ALPHA_W-1:0] step = opacity >> (ALPHA_F - REACH_BITS);
     wire [REACH_BITS-1:0] address = |(step >> REACH_BITS) ? {REACH_BITS{1'b1}} : REACH_BITS'(step);
     assign cutoff = cutoffs[address];
@@ -201,7 +206,7 @@ module ellipsoid #(
       .root_exponent(root_exponent), .flat(flat), .conic_xx(conic_xx), .conic_xy(conic_xy), .conic_yy(conic_yy), .firsts(firsts),
       .lasts(lasts), .outside(missed));
 
-  // How long the ray is between two depths: |(a, b, 1)|.
+  // Length of the ray per unit of depth: |(a, b, 1)|.
   localparam int LENGTH_W = (2 * SLOPE_W > 2 * SLOPE_F + 1 ? 2 * SLOPE_W : 2 * SLOPE_F + 1) + 2;
   localparam int RAYED_W = 2 * RAY_BITS + 3;
   wire signed [LENGTH_W-1:0] aa = a * a, bb = b * b;
@@ -220,7 +225,7 @@ module ellipsoid #(
   fit #(.IN_W(SIZE_SQUARED_W + RAY_W + 1), .PLACES(SIZE_SQUARED_F + RAY_F - AREA_F), .W(AREA_W), .S(1),
       .ROUND(machine_pkg::ELLIPSE_AREA_ROUND), .WRAP(machine_pkg::ELLIPSE_AREA_WRAP)) fit_along (.exact(thick), .word(along));
 
-  // What the faces span together: the root of det V_r', where opacities are compensated.
+  // The sum over the faces: the root of det V_r', if opacities are compensated.
   localparam int COMPENSATION_BITS = machine_pkg::ELLIPSE_COMPENSATION_ROOT_BITS;
   wire signed [AREA_W-1:0] spanned;
   if (COMPENSATION_BITS > 0) begin : g_compensation
@@ -268,7 +273,7 @@ module ellipsoid #(
   wire [3*NORMAL_W-1:0] normal;
   ellipse_normal turn_normal (.frame(frame), .vector(s_data[machine_pkg::ELLIPSE_IN_NORMAL_Z_LSB+:3*WORLD_W]), .normal(normal));
   wire [3*FRAGMENT_NORMAL_W-1:0] fragment_normal;
-  // Turned towards the viewer, where n_z > 0; the least word has no opposite among the words.
+  // Turned towards the viewer, where n_z > 0; the smallest word has no negative among the words.
   localparam int SEEN_W = NORMAL_W + 1;
   wire away = machine_pkg::FRAGMENT_TURN_NORMALS != 0 && $signed(normal[0+:NORMAL_W]) > NORMAL_W'(0);
   for (genvar i = 0; i < 3; i++) begin : g_normal
@@ -279,7 +284,7 @@ module ellipsoid #(
         fit_fragment_normal (.exact(part), .word(fragment_normal[i*FRAGMENT_NORMAL_W+:FRAGMENT_NORMAL_W]));
   end
 
-  // The depth plane: of what is flat alone.
+  // The depth plane: only of flat splats.
   wire [DEPTH_SLOPE_W-1:0] depth_slope_x, depth_slope_y;
   wire [DEPTH_RANGE_W-1:0] depth_range;
   ellipse_plane #(.POWER_W(POWER_W), .ROMS(ROMS)) plane (.frame(frame), .radius(radius), .forward(forward), .point_exponent(point_exponent),
@@ -288,16 +293,16 @@ module ellipsoid #(
   localparam int PLANE_W = 2 * DEPTH_SLOPE_W + DEPTH_RANGE_W;
   wire [PLANE_W-1:0] tilted = flattened ? {depth_slope_x, depth_slope_y, depth_range} : PLANE_W'(0);
 
-  // The first reason that holds.
+  // The first cull reason that holds.
   wire faint = !backface && (blind || flat || dark);
   wire outside = !backface && !faint && missed;
   wire [machine_pkg::ELLIPSE_OUT_W-4:0] drawn = {fragment_normal, conic_xx, conic_xy, conic_yy, amplitude, firsts[COLUMN_W+:COLUMN_W],
       lasts[COLUMN_W+:COLUMN_W], firsts[0+:COLUMN_W], lasts[0+:COLUMN_W], tilted};
   wire [machine_pkg::ELLIPSE_OUT_W-1:0] result = {backface, faint, outside, backface || faint || outside ? '0 : drawn};
-  // The frame has constants for other units too; of a disc one face counts once more.
+  // The frame also has constants for other units; one more face is used for a disc.
   wire unused = &{1'b0, frame, areas};
 
-  // Registers and places hold the tag beside it.
+  // The tag passes through the registers and the FIFO.
   localparam int BEHIND_W = TAG_W + machine_pkg::ELLIPSE_OUT_W;
   wire keeps = DROPS == 0 || !(backface || faint || outside);
   wire [BEHIND_W-1:0] labelled = BEHIND_W'({s_data >> machine_pkg::ELLIPSE_IN_W, result});

@@ -1,32 +1,34 @@
-// Emission: the light that a splat sends before it is drawn, in the place of its colour. Twin of Lit::emission in pipeline/set_up.rs.
+// Emission: replaces a splat's colour by its light, before it is drawn. RTL implementation of
+// Lit::emission in pipeline/set_up.rs.
 //
 //   rgb, normal, material ->[ fit ]-> sums ->( shade )-> light ->[ fit ]-> rgb
 //
-// A splat is asked of shade as a fragment of weight 1 that is opaque. Where splats are not lit before they are drawn they go straight on.
+// The request to shade is an opaque fragment of weight 1. If splats are not shaded before they are
+// drawn, they pass through.
 //
-// Losses: what is asked is rounded to a fragment's sums, the light to a splat's colour.
+// Losses: the request is rounded to a fragment's sums, the light to a splat's colour.
 `timescale 1ns / 1ps
 `default_nettype none
 
 module emission #(
-    parameter int TAG_W = 1, // bits of what goes along
+    parameter int TAG_W = 1, // bits of the data that passes through
     parameter ROMS = "rom/"  // folder of the tables, with its slash
 ) (
-    input wire clk,                                                // everything happens at its rising edge
-    input wire rst,                                                // forgets what is under way
+    input wire clk,                                                // clock, rising edge
+    input wire rst,                                                // clears records in flight
     input wire [machine_pkg::FRAME_W-1:0] frame,                   // constants: whether splats are lit before they are drawn
     input wire [machine_pkg::LIGHTS_PORT_W-1:0] lights,            // constants: records of lights, the first in the lowest bits
     input wire [machine_pkg::MATERIALS_PORT_W-1:0] materials,      // constants: records of materials
     input wire [machine_pkg::REFLECTIONS_PORT_W-1:0] reflections,  // constants: a record for each light of each material
     input wire s_valid,                                            // a splat is set up
     output wire s_ready,                                           // and can be taken
-    input wire [TAG_W-1:0] s_tag,                                  // what goes along
+    input wire [TAG_W-1:0] s_tag,                                  // passes through
     input wire [3*machine_pkg::SPLAT_RGB_W-1:0] s_rgb,             // its colour
     input wire [3*machine_pkg::FRAGMENT_NORMAL_W-1:0] s_normal,    // its normal in camera space
     input wire [machine_pkg::PIPELINE_IN_MATERIAL_W-1:0] s_material, // its material
     output wire m_valid,                                           // it is offered
     input wire m_ready,                                            // and taken
-    output wire [TAG_W-1:0] m_tag,                                 // what has come along
+    output wire [TAG_W-1:0] m_tag,                                 // s_tag of the same splat
     output wire [3*machine_pkg::SPLAT_RGB_W-1:0] m_rgb             // the colour that it sends
 );
   localparam int RGB_W = machine_pkg::SPLAT_RGB_W;
@@ -41,7 +43,7 @@ module emission #(
   localparam [WEIGHT_SUM_W-1:0] WEIGHT_ONE = WEIGHT_SUM_W'(1) << machine_pkg::FRAGMENT_WEIGHT_SUM_F;
   localparam [OPACITY_SUM_W-1:0] OPACITY_ONE = OPACITY_SUM_W'(1) << machine_pkg::FRAGMENT_OPACITY_SUM_F;
 
-  // Channels and parts lie as in a record: blue, and z, in the low bits.
+  // Channels and components are packed as in a record: blue, and z, in the low bits.
   wire [3*COLOUR_SUM_W-1:0] colours;
   wire [3*NORMAL_SUM_W-1:0] normals;
   wire [3*RGB_W-1:0] sent;
@@ -79,7 +81,7 @@ module emission #(
   assign m_valid = preshaded ? shade_valid : s_valid;
   assign {m_tag, m_rgb} = preshaded ? {tag, sent} : {s_tag, s_rgb};
 
-  // It was opaque.
+  // The requested fragment was opaque.
   wire unused = &{1'b0, light[LIGHT_W-1:0]};
 endmodule
 

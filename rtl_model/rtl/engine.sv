@@ -1,36 +1,38 @@
-// Engine: draws tiles, one after the other: its list reads the entries of a tile, and fill draws them as far as they lie in it. Twin of
-// an engine in timing/binned.rs, of one tile buffer.
+// Engine: draws tiles, one after the other. Its list reads the entries of a tile, and fill draws
+// the part of each splat that is in the tile. RTL implementation of an engine in timing/binned.rs,
+// with one tile buffer.
 //
 //   tile -> list -> entries ->( fill )-> words
 //
-// The list goes on to the next tile as soon as it has read the last entry of this one, as far as there are places for entries; they wait there
-// until this tile is through, and handed out. That it is through is known only when nothing has been offered for a while (silence).
+// The list continues with the next tile after the last entry of this one, while there are places
+// for entries. These stay in the FIFO until this tile is finished and its pixels are output. A tile
+// is finished when no record was offered for a number of cycles (silence).
 `timescale 1ns / 1ps
 `default_nettype none
 
 module engine #(
     parameter int SIDE = 16,    // columns and rows of a tile, a power of two
-    parameter int LISTED = 17,  // entries that wait for raster
+    parameter int LISTED = 17,  // entries in the FIFO before raster
     parameter int RECORD_W = 1, // bits of a record: look, normal, amplitude, raster.in but for the tag
     parameter int TILE_W = 1,   // bits of a tile's number
     parameter int LENGTH_W = 1, // bits of a list's length
     parameter ROMS = "rom/"     // folder of the tables, with its slash
 ) (
-    input wire clk,                                               // everything happens at its rising edge
+    input wire clk,                                               // clock, rising edge
     input wire rst,                                               // empties everything
     input wire [machine_pkg::FRAME_W-1:0] frame,                  // constants: the view
     input wire [machine_pkg::LIGHTS_PORT_W-1:0] lights,           // constants: records of lights, the first in the lowest bits
     input wire [machine_pkg::MATERIALS_PORT_W-1:0] materials,     // constants: records of materials
     input wire [machine_pkg::REFLECTIONS_PORT_W-1:0] reflections, // constants: a record for each light of each material
-    output wire t_ready,                                          // it takes another tile
-    input wire t_valid,                                           // and is given this one
+    output wire t_ready,                                          // it can take a tile
+    input wire t_valid,                                           // a tile is offered
     input wire [TILE_W-1:0] t_tile,                               // its number
     input wire [machine_pkg::RASTER_OUT_X_W+machine_pkg::RASTER_OUT_Y_W-1:0] t_corner, // its first column and row
     input wire [LENGTH_W-1:0] t_length,                           // entries of its list
-    output wire [TILE_W-1:0] r_tile,                              // of which tile
-    output wire [LENGTH_W-1:0] r_entry,                           // which entry is read
+    output wire [TILE_W-1:0] r_tile,                              // tile to read
+    output wire [LENGTH_W-1:0] r_entry,                           // entry to read
     input wire [RECORD_W-1:0] r_data,                             // its record, in the same cycle
-    output wire idle,                                             // it has nothing to draw, and has handed all out
+    output wire idle,                                             // it has nothing to draw, and has output everything
     output wire m_valid,                                          // a pixel is offered
     input wire m_ready,                                           // and taken
     output wire [machine_pkg::PIPELINE_OUT_W-1:0] m_data          // pipeline.out
@@ -42,7 +44,7 @@ module engine #(
   localparam int AMPLITUDE_W = machine_pkg::ELLIPSE_AMPLITUDE_W;
   localparam int FOOTPRINT_W = machine_pkg::RASTER_IN_TAG_LSB;
 
-  // List: an entry a cycle. No tile comes that has none.
+  // List: one entry per cycle. Tiles without entries do not come here.
 
   logic has_tile;
   logic [TILE_W-1:0] tile;
@@ -82,14 +84,15 @@ module engine #(
       .m_data({entry_last, entry_corner, entry})
   );
 
-  // Fill: the entries of one tile. Behind its last one the tile is handed out, before the next one's first.
+  // Fill: the entries of one tile. The pixels of a tile are output after its last entry and before
+  // the first entry of the next tile.
 
   logic ends;
   logic [X_W+Y_W-1:0] corner_was;
   wire fill_ready, quiet, silent, drained;
   assign entry_ready = !ends && fill_ready;
   wire drain = ends && silent;
-  // What waits behind a tile's last entry is another tile's.
+  // Entries behind the last one of a tile belong to another tile.
   wire [X_W+Y_W-1:0] corner = entry_valid && !ends ? entry_corner : corner_was;
   always_ff @(posedge clk) begin
     ends <= !rst && (entry_valid && entry_ready && entry_last || ends && !(drain && drained));

@@ -1,4 +1,5 @@
-// Fifo: keeps records in their order. Who pushes knows that there is a place, who pops that something is there.
+// Fifo: keeps records in order. The writer must check that there is a place, the reader that there
+// is a record.
 `timescale 1ns / 1ps
 `default_nettype none
 
@@ -6,7 +7,7 @@ module fifo #(
     parameter int W = 1,     // bits of a record
     parameter int PLACES = 1 // records that it holds
 ) (
-    input wire clk,             // everything happens at its rising edge
+    input wire clk,             // clock, rising edge
     input wire rst,             // empties it
     input wire push,            // a record goes in
     input wire [W-1:0] s_data,  // the record

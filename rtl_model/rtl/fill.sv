@@ -1,10 +1,11 @@
-// Fill: the second half of the datapath where fragments are grouped by depth: raster, gauss, fragment, shade and resolve. Twin of fill in
-// pipeline/fill.rs, for a picture whose fragments all fit on the chip, or for a tile of one.
+// Fill: the second half of the pipeline for fragments grouped by depth: raster, gauss, fragment,
+// shade and resolve. RTL implementation of fill in pipeline/fill.rs, for a picture, or a tile of
+// one, whose fragments all fit on the chip.
 //
 //   footprints -> raster -> gauss -> fragment -+-> layers -> resolve -> frame
 //                                     +--> shade <--+
 //
-// When the last splat is in, and through, `drain` makes everything that the pixels hold come out, pixel by pixel.
+// After the last splat, `drain` outputs the contents of all pixels, pixel by pixel.
 `timescale 1ns / 1ps
 `default_nettype none
 
@@ -14,7 +15,7 @@ module fill #(
     parameter int SIDE = 0,    // of a tile: both; 0 of a picture
     parameter ROMS = "rom/"    // folder of the tables, with its slash
 ) (
-    input wire clk,                                                // everything happens at its rising edge
+    input wire clk,                                                // clock, rising edge
     input wire rst,                                                // empties everything
     input wire [machine_pkg::FRAME_W-1:0] frame,                   // constants: the view
     input wire [machine_pkg::LIGHTS_PORT_W-1:0] lights,            // constants: records of lights, the first in the lowest bits
@@ -23,13 +24,13 @@ module fill #(
     input wire [machine_pkg::RASTER_OUT_X_W+machine_pkg::RASTER_OUT_Y_W-1:0] corner, // of a tile: its first column and row, while it is drawn
     input wire s_valid,                                            // a splat is set up
     output wire s_ready,                                           // and can be taken
-    input wire [3*machine_pkg::SPLAT_RGB_W+machine_pkg::SPLAT_OPACITY_W+machine_pkg::PIPELINE_IN_MATERIAL_W-1:0] s_look, // what it looks like
+    input wire [3*machine_pkg::SPLAT_RGB_W+machine_pkg::SPLAT_OPACITY_W+machine_pkg::PIPELINE_IN_MATERIAL_W-1:0] s_look, // its appearance
     input wire [3*machine_pkg::FRAGMENT_NORMAL_W-1:0] s_normal,    // its normal in camera space
     input wire [machine_pkg::ELLIPSE_AMPLITUDE_W-1:0] s_amplitude, // its amplitude
     input wire [machine_pkg::RASTER_IN_TAG_LSB-1:0] s_footprint,   // raster.in, but for the tag
-    output wire quiet,                                             // nothing is offered before fragment, and no box is walked
-    input wire drain,                                              // no splat comes any more, and none is under way: hand out the picture
-    output wire drained,                                           // resolve has all of it, until drain falls
+    output wire quiet,                                             // no record is offered before fragment, and no box is walked
+    input wire drain,                                              // the last splat was taken and none is in flight: output the picture
+    output wire drained,                                           // resolve has taken everything, until drain falls
     output wire m_valid,                                           // a pixel is offered
     input wire m_ready,                                            // and taken
     output wire [machine_pkg::PIPELINE_OUT_W-1:0] m_data           // pipeline.out
@@ -40,7 +41,7 @@ module fill #(
   localparam int X_W = machine_pkg::RASTER_OUT_X_W;
   localparam int Y_W = machine_pkg::RASTER_OUT_Y_W;
 
-  // Raster and gauss: a weight of 0 is none.
+  // Raster and gauss: contributions of weight 0 are dropped.
 
   wire weight_valid, weight_taken;
   wire [RGBA_W-1:0] rgba;
@@ -77,7 +78,7 @@ module fill #(
   wire held_valid, held_ready, held_last, held_empty;
   wire [machine_pkg::FRAGMENT_HELD_W-1:0] held;
   wire all_held;
-  // Of a pixel it is told which of the tile's it is. What became of a contribution interests nobody here.
+  // Pixels are numbered within the tile. The outcomes of contributions are not used here.
   // verilator lint_off PINCONNECTEMPTY
   fragment #(.WIDTH(WIDTH), .HEIGHT(HEIGHT)) fragment (
       .clk(clk),
@@ -105,7 +106,8 @@ module fill #(
   );
   // verilator lint_on PINCONNECTEMPTY
 
-  // Layers: what is held, lit where it was not yet. Shade is fragment's as long as nothing is handed out.
+  // Layers: the contents of a pixel, shaded if they were not yet. Fragment uses shade until the
+  // output begins.
 
   localparam int LIGHT_W = machine_pkg::FRAGMENT_ANSWER_W;
   localparam int LAYER_W = X_W + Y_W + 2;
@@ -137,7 +139,7 @@ module fill #(
 
   localparam int ASKED_W = machine_pkg::FRAGMENT_REQUEST_WEIGHT_LSB + machine_pkg::FRAGMENT_REQUEST_WEIGHT_W;
   localparam int SUMS_W = ASKED_W - MATERIAL_W;
-  // Where a request has no pixel its uppermost bits are none.
+  // The uppermost bits are unused if a request has no pixel.
   wire [machine_pkg::FRAGMENT_REQUEST_W-1:0] dark = machine_pkg::FRAGMENT_REQUEST_W'({
     held_pixel,
     held[machine_pkg::FRAGMENT_HELD_NORMAL_Z_LSB+:SUMS_W],

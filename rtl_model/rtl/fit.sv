@@ -1,8 +1,9 @@
-// Fit: puts an exact result into a word, the one lossy act. Twin of num/fit.rs, Fit::one.
+// Fit: quantises an exact result to a word, the only operation that loses bits. RTL implementation
+// of num/fit.rs, Fit::one.
 //
 //   exact ->(<< left)->(+ round)->(>> right)->[ saturate | wrap ]-> word
 //
-// Loss: bits below the word's last place are rounded away; beyond its range the word saturates or wraps.
+// Loss: bits below the word's LSB are rounded; outside its range the word saturates or wraps.
 `timescale 1ns / 1ps
 `default_nettype none
 
@@ -17,15 +18,16 @@ module fit #(
     input wire signed [IN_W-1:0] exact, // the exact result
     output wire [W-1:0] word            // the word
 );
-  // Further places than these change no word: to the left nothing but a limit is left, to the right nothing but a sign.
+  // Larger shifts do not change the word: to the left only a limit remains, to the right only the
+  // sign.
   localparam int LEFT = PLACES >= 0 ? 0 : -PLACES < W ? -PLACES : W;
   localparam int RIGHT = PLACES <= 0 ? 0 : PLACES < IN_W ? PLACES : IN_W;
-  // Rounding up may need one bit more.
+  // Rounding up may need one more bit.
   localparam int SUM_W = IN_W + LEFT + 1;
   localparam int CUT_W = SUM_W - RIGHT;
   localparam [W-1:0] MIN = S != 0 ? W'(1) << (W - 1) : {W{1'b0}};
   localparam [W-1:0] MAX = S != 0 ? ~MIN : {W{1'b1}};
-  // Half of the last place that is left.
+  // Half of the remaining LSB.
   localparam [SUM_W-1:0] HALF = (SUM_W'(1) << RIGHT) >> 1;
 
   wire signed [SUM_W-1:0] shifted = SUM_W'(exact) <<< LEFT;
@@ -35,12 +37,13 @@ module fit #(
   end else if (ROUND == 1) begin : g_nearest
     assign rounded = shifted + $signed(HALF);
   end else begin : g_nearest_even
-    // A tie falls short of half, unless the word below it is odd.
+    // A tie is rounded down, unless the truncated word is odd.
     assign rounded = shifted + $signed(HALF - SUM_W'(1)) + $signed({{(SUM_W - 1) {1'b0}}, shifted[RIGHT]});
   end
   wire signed [CUT_W-1:0] cut = CUT_W'(rounded >>> RIGHT);
 
-  // In range where all bits above the word's magnitude are alike, and are no sign that the word cannot have.
+  // In range if all bits above the word's magnitude are equal, and are not a sign that the word
+  // cannot have.
   wire signed [CUT_W-1:0] above = cut >>> (W - S);
   wire negative = cut[CUT_W-1];
   wire low = negative && (S == 0 || !(&above));

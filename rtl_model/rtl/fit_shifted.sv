@@ -1,4 +1,5 @@
-// Fit shifted: a barrel shifter before a fit, for a result whose binary point the data decides. Twin of num/fit.rs, Fit::one_shifted.
+// Fit shifted: a barrel shifter before a fit, for a result whose binary point depends on the data.
+// RTL implementation of num/fit.rs, Fit::one_shifted.
 //
 //   exact ->[ << | >> ]->( fit )-> word
 //
@@ -8,27 +9,28 @@
 
 module fit_shifted #(
     parameter int IN_W = 1,   // bits of the exact result
-    parameter int PLACES = 0, // its fraction bits, as far as they are constant, less those of the word
-    parameter int MORE_W = 8, // bits of those that the data adds
+    parameter int PLACES = 0, // the constant part of its fraction bits, less those of the word
+    parameter int MORE_W = 8, // bits of the additional places given by the data
     parameter int W = 1,      // bits of the word
     parameter int S = 0,      // 1: the word is signed
     parameter int ROUND = 1,  // 0 truncate, 1 nearest (ties up), 2 nearest-even
     parameter int WRAP = 0    // 0 saturate, 1 wrap
 ) (
     input wire signed [IN_W-1:0] exact,  // the exact result
-    input wire signed [MORE_W-1:0] more, // so many more fraction bits has it
+    input wire signed [MORE_W-1:0] more, // its additional fraction bits
     output wire [W-1:0] word             // the word
 );
   localparam int LEAST = PLACES - 2 ** (MORE_W - 1);
   localparam int MOST = PLACES + 2 ** (MORE_W - 1) - 1;
-  // Further places than these change no word: to the left nothing but a limit is left, to the right nothing but a sign.
+  // Larger shifts do not change the word: to the left only a limit remains, to the right only the
+  // sign.
   localparam int LEFT = LEAST >= 0 ? 0 : -LEAST < W ? -LEAST : W;
   localparam int RIGHT = MOST <= 0 ? 0 : MOST < IN_W ? MOST : IN_W;
-  // Places for the fit to round by: one, and to find ties whether anything was lost below it.
+  // Bits for the rounding of the fit: one, and a sticky bit for ties.
   localparam int GUARD = ROUND == 0 ? 0 : 1;
   localparam int STICKY = ROUND == 2 ? 1 : 0;
   localparam int BARREL_W = IN_W + LEFT + GUARD;
-  // The shifter only goes right, from as far left as it can be asked for.
+  // The shifter only shifts right, starting from the largest left shift.
   localparam int FROM = PLACES + LEFT;
   localparam int SUM_W = 1 + $clog2((FROM < 0 ? -FROM : FROM) + 2 ** (MORE_W - 1) + LEFT + RIGHT + 1);
   localparam int AMOUNT_W = $clog2(LEFT + RIGHT + 2);

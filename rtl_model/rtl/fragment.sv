@@ -1,33 +1,39 @@
-// Fragment: keeps at most `layers` fragments a pixel: accumulates, inserts, merges, evicts. Twin of units/fragment.rs.
+// Fragment: stores at most `layers` fragments per pixel: accumulates, inserts, merges, evicts. RTL
+// implementation of units/fragment.rs.
 //
 //   s ->[ read the pixel ]->[ match: unshaded, |z - z_f| < eps, nearest ]-+- found ----> accumulate: sums += weight * attributes
 //                                                                         +- slot free -> insert
 //                                                                         +- full ------> evict the deepest if something hides it,
 //                             q -> shade -> a <-- two fragments --------------------------- else merge a pair, front over back
 //
-//   m <- what became of each contribution        h <- after the last one: what all pixels hold
+//   m <- outcome of each contribution        h <- after the last one: contents of all pixels
 //
-// A contribution is taken in one cycle, its pixel is there and is decided upon in the next, and HAZARD - 2 registers later, which synthesis
-// may retime into sums and products, it is written: so the same pixel can be taken again after HAZARD cycles, any other one in the next
-// cycle. While two fragments are shaded and merged nothing is taken: s_ready sees in its own cycle whether they are, as the timing model does.
+// A contribution is taken in one cycle. In the next cycle its pixel is read and the outcome is
+// decided. HAZARD - 2 registers later, which synthesis may retime into sums and products, the pixel
+// is written. The same pixel can therefore be taken again after HAZARD cycles, any other one in the
+// next cycle. While two fragments are shaded and merged no contribution is taken: s_ready depends
+// on this in the same cycle, as in the timing model.
 //
-// That is the unit's shortest loop: are two merged ->[ s_ready ]-> the next one is taken, read and compared. So as much as can be known before
-// is worked out in front of the registers: how near is near, what is opaque in each slot, and of the contribution, were it alone. What is
-// behind them asks only whether anything matches, and whether something opaque lies in front of the deepest. The nearest slot, sums, the
-// order of all and the pair lie in no loop but the pixel's, which has HAZARD registers.
+// This is the unit's shortest loop: are two merged ->[ s_ready ]-> the next contribution is taken,
+// read and compared. As much as possible is therefore computed before the registers: the depth
+// range of a match, whether each slot is opaque, and whether the contribution alone is. The logic
+// behind the registers only decides whether a slot matches, and whether an opaque slot is in front
+// of the deepest. The nearest slot, the sums, the order and the pair are only in the loop of the
+// pixel, which has HAZARD registers.
 //
-// Losses: each sum is rounded once a contribution (fragment_sum); so is what a merge writes back (fragment_over); the depth is cut to the
-// comparators' word; a light is cut to what a slot can hold, and what a slot holds to a light.
+// Losses: each sum is rounded once per contribution (fragment_sum), and so is the result of a merge
+// (fragment_over). The depth is truncated to the comparators' word. A light is truncated to the
+// word of a slot, and a slot's content to the word of a light.
 `timescale 1ns / 1ps
 `default_nettype none
 
 module fragment #(
-    parameter int WIDTH = 16, // columns of pixels that it keeps
-    parameter int HEIGHT = 16 // rows of pixels that it keeps
+    parameter int WIDTH = 16, // columns of stored pixels
+    parameter int HEIGHT = 16 // rows of stored pixels
 ) (
-    input wire clk,                                               // everything happens at its rising edge
+    input wire clk,                                               // clock, rising edge
     input wire rst,                                               // empties all pixels
-    // The frame's constants are every unit's: this one looks at its two thresholds.
+    // The frame's constants are those of all units: this one uses its two thresholds.
     // verilator lint_off UNUSEDSIGNAL
     input wire [machine_pkg::FRAME_W-1:0] frame,                  // constant while a frame is drawn
     // verilator lint_on UNUSEDSIGNAL
@@ -37,18 +43,18 @@ module fragment #(
     output wire m_valid,                                          // a decision is there
     input wire m_ready,                                           // and is taken
     output wire [machine_pkg::FRAGMENT_OUT_W-1:0] m_data,         // the decision
-    output wire q_valid,                                          // a fragment wants to be shaded
+    output wire q_valid,                                          // a request to shade a fragment
     input wire q_ready,                                           // and is taken
     output wire [machine_pkg::FRAGMENT_REQUEST_W-1:0] q_data,     // the fragment
     input wire a_valid,                                           // its light is there
     output wire a_ready,                                          // and is taken
     input wire [machine_pkg::FRAGMENT_ANSWER_W-1:0] a_data,       // the light
-    input wire drain,                                             // no contribution comes any more: hand out what is held
-    output wire drained,                                          // all is handed out and all pixels are empty, until drain falls
-    output wire h_valid,                                          // a fragment that is held, or a pixel that holds none
+    input wire drain,                                             // the last contribution was taken: output all pixels
+    output wire drained,                                          // everything was output and all pixels are empty, until drain falls
+    output wire h_valid,                                          // a stored fragment, or an empty pixel
     input wire h_ready,                                           // and is taken
     output wire h_last,                                           // it is its pixel's last
-    output wire h_empty,                                          // it is none: but for x and y it says nothing
+    output wire h_empty,                                          // an empty pixel: only x and y have a meaning
     output wire [machine_pkg::FRAGMENT_HELD_W-1:0] h_data         // the fragment
 );
   localparam int LAYERS = machine_pkg::FRAGMENT_LAYERS;
@@ -73,8 +79,9 @@ module fragment #(
   localparam int NORMAL_W = machine_pkg::FRAGMENT_NORMAL_SUM_W;
   localparam int LIGHT_W = machine_pkg::SHADE_PREMULTIPLIED_W;
 
-  // A slot: whether it is shaded, its depth, and what shade is asked: sums and material. A shaded one keeps its premultiplied colour and
-  // its opacity where an unshaded one keeps their sums, and 0 for the rest.
+  // A slot: whether it is shaded, its depth, and the fields of a request to shade: sums and
+  // material. A shaded slot has its premultiplied colour and its opacity in the place of their
+  // sums, and 0 in the other sums.
   localparam int ASKED_W = machine_pkg::FRAGMENT_REQUEST_WEIGHT_LSB + machine_pkg::FRAGMENT_REQUEST_WEIGHT_W;
   localparam int DEPTH = ASKED_W;
   localparam int SHADED = DEPTH + DEPTH_W;
@@ -83,10 +90,10 @@ module fragment #(
   localparam int WEIGHT = machine_pkg::FRAGMENT_REQUEST_WEIGHT_LSB;
   localparam int OPACITY = machine_pkg::FRAGMENT_REQUEST_OPACITY_LSB;
   localparam int MATERIAL = machine_pkg::FRAGMENT_REQUEST_MATERIAL_LSB;
-  // Blue is the last of the colours, as z is of the normal's parts.
+  // Blue is the last colour, and z the last component of the normal.
   localparam int COLOURS = machine_pkg::FRAGMENT_REQUEST_COLOUR_B_LSB;
   localparam int NORMALS = machine_pkg::FRAGMENT_REQUEST_NORMAL_Z_LSB;
-  // The slots and the fresh one.
+  // The slots and the new fragment.
   localparam int PLACES = LAYERS + 1;
   localparam int PLACE_W = $clog2(PLACES);
   localparam int STACK_W = PLACES * SLOT_W;
@@ -97,7 +104,7 @@ module fragment #(
   localparam int NEAREST_PAIR = machine_pkg::MERGE_NEAREST_PAIR, FARTHEST_PAIR = machine_pkg::MERGE_FARTHEST_PAIR;
   localparam int REPLACE = machine_pkg::MERGE_REPLACE;
 
-  // The slot of a stack that one bit says, or 0 where none does.
+  // The slot of a stack that a one-hot vector selects, or 0 if it is zero.
   function automatic [SLOT_W-1:0] chosen(input [PLACES-1:0] choice, input [STACK_W-1:0] stack);
     integer at;
     begin
@@ -106,7 +113,7 @@ module fragment #(
     end
   endfunction
 
-  // Which of the words that count is the least: one bit, of equals the first one's.
+  // The least of the valid words, one-hot; the first one of equal words.
   function automatic [LAYERS-1:0] least(input [LAYERS-1:0] counts, input [LAYERS*DEPTH_W-1:0] words);
     integer at;
     reg any;
@@ -125,7 +132,7 @@ module fragment #(
     end
   endfunction
 
-  // The number of one bit's place.
+  // The index of a one-hot bit.
   function automatic [SLOT_NUMBER_W-1:0] number(input [PLACES-1:0] choice);
     integer at;
     begin
@@ -134,7 +141,7 @@ module fragment #(
     end
   endfunction
 
-  // How many bits are set.
+  // The number of set bits.
   function automatic [PLACE_W-1:0] count(input [PLACES-1:0] bits);
     integer at;
     begin
@@ -146,7 +153,7 @@ module fragment #(
   wire [DEPTH_W-1:0] z_threshold = frame[machine_pkg::FRAME_Z_THRESHOLD_LSB+:DEPTH_W];
   wire [WEIGHT_W-1:0] coverage_threshold = frame[machine_pkg::FRAME_COVERAGE_THRESHOLD_LSB+:WEIGHT_W];
 
-  // Read: the pixel of a contribution, or in the end one after the other.
+  // Read: the pixel of a contribution, or, at the end, all pixels in order.
 
   wire take = s_valid && s_ready;
   wire [X_W-1:0] s_x = s_data[machine_pkg::FRAGMENT_IN_X_LSB+:X_W];
@@ -181,7 +188,8 @@ module fragment #(
         .coverage_threshold(coverage_threshold),
         .opaque(word_opaque)
     );
-    // No always_ff: the bench writes what pixels hold at the start of a window, and of what an always_ff drives nothing else may.
+    // Not an always_ff: the bench writes the pixels' initial contents at the start of a window, and
+    // a variable that an always_ff drives may not be written elsewhere.
     always @(posedge clk) begin
       if (write && write_mask[slot]) memory[write_pixel] <= write_slots[slot*SLOT_W+:SLOT_W];
       if (read) out <= word;
@@ -191,7 +199,8 @@ module fragment #(
     assign slots_opaque[slot] = out_opaque;
   end
 
-  // How many slots are in use. A memory cannot be emptied at once: which pixels have been touched at all is kept in registers.
+  // Number of used slots. A memory cannot be cleared at once, so touched pixels are marked in
+  // registers.
   logic [LIVE_W-1:0] lives[0:PIXELS-1];
   logic [LIVE_W-1:0] live_out;
   logic [PIXELS-1:0] touched;
@@ -243,9 +252,10 @@ module fragment #(
     assign held_live = live;
   end
 
-  // Contribute: the contribution, and its pixel as it is.
+  // Contribute: the contribution, and the current contents of its pixel.
 
-  // Ahead of its register: its depth, between which depths a slot is near, and whether it is opaque alone.
+  // Before the register: the depth, the depth range in which a slot matches, and whether the
+  // contribution alone is opaque.
   wire [DEPTH_W-1:0] s_depth;
   fit #(
       .IN_W(machine_pkg::FRAGMENT_IN_DEPTH_W),
@@ -298,7 +308,7 @@ module fragment #(
   );
 
   logic taken;
-  // Of its depth what is kept is the comparators' word.
+  // The depth is stored in the comparators' word.
   // verilator lint_off UNUSEDSIGNAL
   logic [machine_pkg::FRAGMENT_IN_W-1:0] contribution;
   // verilator lint_on UNUSEDSIGNAL
@@ -344,7 +354,7 @@ module fragment #(
   wire matched = near != '0;
   wire full = there[LAYERS-1];
 
-  // Accumulate: the sums of what was found, or of a fresh fragment.
+  // Accumulate: the sums of the matching fragment, or of a new one.
   wire [SHADED-1:0] was = SHADED'(chosen({1'b0, found}, {SLOT_W'(0), held}));
   wire [SLOT_W-1:0] becomes;
   fragment_sum #(
@@ -413,7 +423,8 @@ module fragment #(
   assign becomes[MATERIAL+:MATERIAL_W] = matched ? was[MATERIAL+:MATERIAL_W] : material;
   assign becomes[SHADED] = 1'b0;
 
-  // Overflow: all in depth order. Stable: the fresh one, the last, comes after its equals. Nothing has matched then: it is alone.
+  // Overflow: all fragments in depth order. Stable: the new one, the last, comes after its equals.
+  // It has no match in this case, so it is a separate fragment.
   wire [PLACES-1:0] stacked = {taken, there};
   wire [STACK_W-1:0] unsorted = {becomes, held};
   wire [LAYERS*DEPTH_W-1:0] held_depths;
@@ -423,7 +434,7 @@ module fragment #(
   end
   wire [PLACES-1:0] opaque = {opaque_alone, held_opaque};
   wire [PLACES-1:0] deepest;
-  // Of each place which of them has it, and of each of them which place it has.
+  // One-hot for each place: the fragment in it; and for each fragment: its place.
   wire [PLACES*PLACES-1:0] comes;
   wire [PLACES*PLACES-1:0] goes;
   for (genvar one = 0; one < PLACES; one++) begin : g_rank
@@ -438,7 +449,8 @@ module fragment #(
       assign goes[one*PLACES+place] = stacked[one] && rank == PLACE_W'(place);
       assign comes[place*PLACES+one] = goes[one*PLACES+place];
     end
-    // All others are there, and in front. A constant of its own has the width of all: Yosys makes 32 bits of PLACES'(1) << one.
+    // All others are present, and in front. A named constant has the full width: Yosys makes 32
+    // bits of PLACES'(1) << one.
     localparam [PLACES-1:0] ITSELF = PLACES'(1) << one;
     assign deepest[one] = &(in_front | ITSELF);
   end
@@ -449,7 +461,8 @@ module fragment #(
   wire fresh_first = goes[LAYERS*PLACES];
   wire hides = (opaque & ~deepest) != '0;
 
-  // The pair to merge, by the nearer of the two: the deepest, or the first of the closest.
+  // The pair to merge, given by the nearer one of the two: the deepest pair, or the first of the
+  // closest ones.
   wire [LAYERS-1:0] pair;
   if (machine_pkg::FRAGMENT_MERGE == NEAREST_PAIR) begin : g_nearest_pair
     wire [LAYERS*DEPTH_W-1:0] apart;
@@ -458,11 +471,12 @@ module fragment #(
     end
     assign pair = least({LAYERS{1'b1}}, apart);
   end else if (machine_pkg::FRAGMENT_MERGE == FARTHEST_PAIR || machine_pkg::FRAGMENT_MERGE == REPLACE) begin : g_farthest_pair
-    // Where the nearer one replaces the other there is no pair to merge, and nobody asks.
+    // If the nearer fragment replaces the other, there is no pair to merge, and this result is not
+    // used.
     assign pair = LAYERS'(1) << (LAYERS - 1);
   end else begin : g_unknown_rule
 `ifdef __ICARUS__
-    // It has no such task before it runs, but does not elaborate a module that is nowhere.
+    // Icarus has no $error at elaboration, but refuses a module that does not exist.
     fragment_has_no_such_rule_of_merging unknown_rule ();
 `else
     $error("fragment has no such rule of merging: FRAGMENT_MERGE is nearest pair, farthest pair or replace");
@@ -478,7 +492,7 @@ module fragment #(
   wire [SLOT_NUMBER_W-1:0] decided_slot = matched ? number({1'b0, found}) : !full ? SLOT_NUMBER_W'(held_live)
       : outcome == EVICTED ? SLOT_NUMBER_W'(deepest[LAYERS]) : outcome == MERGED ? number({1'b0, pair}) : '0;
 
-  // Merge: both are shaded, the front one first, once each.
+  // Merge: both fragments are shaded, the front one first, once each.
   wire merging = taken && outcome == MERGED;
   wire [SLOT_W-1:0] over = chosen({1'b0, pair}, sorted);
   wire [SLOT_W-1:0] under = chosen({pair, 1'b0}, sorted);
@@ -489,10 +503,10 @@ module fragment #(
   wire asks_over = ask_over && !asked_over;
   wire asks_under = ask_under && !asked_under;
   assign q_valid = merging && (asks_over || asks_under);
-  // Where a request has no pixel its uppermost bits are none.
+  // The uppermost bits are unused if a request has no pixel.
   assign q_data = machine_pkg::FRAGMENT_REQUEST_W'({x, y, asks_over ? over[ASKED_W-1:0] : under[ASKED_W-1:0]});
 
-  // An answer is the front one's as long as that is missing.
+  // A response is the front fragment's until that has arrived.
   wire awaits_over = ask_over && !here_over;
   wire complete = merging && (awaits_over ? a_valid && !ask_under : a_valid || !ask_under);
   assign a_ready = merging && (awaits_over && ask_under || leave && (awaits_over || ask_under));
@@ -548,11 +562,11 @@ module fragment #(
   assign merged[DEPTH+:DEPTH_W] = over[DEPTH+:DEPTH_W];
   assign merged[SHADED] = 1'b1;
 
-  // What is written, and when.
+  // The written data, and when it is written.
   wire [LAYERS-1:0] decided_mask;
   wire [SLOTS_W-1:0] decided_slots;
   for (genvar slot = 0; slot < LAYERS; slot++) begin : g_decided
-    // Behind a pair that was merged all move up by one.
+    // Slots behind a merged pair move up by one.
     wire behind_pair = outcome == MERGED && (pair & LAYERS'((1 << slot) - 1)) != '0;
     wire [SLOT_W-1:0] stays = behind_pair ? sorted[(slot+1)*SLOT_W+:SLOT_W] : sorted[slot*SLOT_W+:SLOT_W];
     assign decided_mask[slot] = overflows || outcome != DROPPED && decided_slot == SLOT_NUMBER_W'(slot);
@@ -573,11 +587,12 @@ module fragment #(
       .under_way(under_way)
   );
 
-  // A merge keeps the unit until its last cycle; anything else is gone when the next one comes.
+  // A merge occupies the unit until its last cycle; any other contribution has left when the next
+  // one comes.
   wire room;
   wire free = MERGE_CYCLES == 0 ? leave : taken && !merging && room;
 
-  // Which pixels were taken in the last HAZARD - 1 cycles; a merge counts as taken in its last cycle.
+  // Pixels taken in the last HAZARD - 1 cycles; a merge counts as taken in its last cycle.
   wire waits;
   wire rests;
   fragment_hazard #(
@@ -593,7 +608,7 @@ module fragment #(
       .waits(waits)
   );
 
-  // Further cycles of a merge: one of them is the one in which it blends.
+  // Further cycles of a merge; it blends in one of them.
   if (MERGE_CYCLES > 1) begin : g_rest
     localparam int REST_W = $clog2(MERGE_CYCLES);
     logic [REST_W-1:0] rest;
@@ -607,7 +622,7 @@ module fragment #(
     assign rests = 1'b0;
   end
 
-  // The decision's way out: the rest of the unit's latency.
+  // Output of the decision: the remaining latency of the unit.
   localparam int REST_OF_LATENCY = machine_pkg::FRAGMENT_LATENCY > 1 ? machine_pkg::FRAGMENT_LATENCY - 1 : 1;
   localparam int REST_OF_ROOM = machine_pkg::FRAGMENT_LATENCY > 1 ? machine_pkg::FRAGMENT_ROOM - 1 : machine_pkg::FRAGMENT_ROOM;
   wire decided = taken && (!merging || complete);
@@ -631,7 +646,7 @@ module fragment #(
   logic done;
   assign s_ready = !walking && !done && !rests && !(s_valid && waits) && (!taken || free);
 
-  // Walk: what all pixels hold, row by row, in depth order.
+  // Walk: the contents of all pixels, row by row, in depth order.
 
   wire start = drain && !s_valid && !taken && !under_way && !walking && !done;
   logic [X_W-1:0] at_x;

@@ -1,8 +1,8 @@
-// Fragment_hazard: pixels that were taken, and cannot be taken again yet.
+// Fragment_hazard: pixels that were taken and cannot be taken again yet.
 //
-//   pixel ->[ taken in the last HAZARD - 1 cycles? ]-> waits
+//   pixel ->[ taken in the last HAZARD - 1 cycles? ]-> stalls
 //
-// A pixel that is still being worked on counts as taken in its last cycle.
+// A pixel that is still being processed counts as taken in its last cycle.
 `timescale 1ns / 1ps
 `default_nettype none
 
@@ -10,14 +10,14 @@ module fragment_hazard #(
     parameter int PIXEL_W = 1, // bits of a pixel's number
     parameter int HAZARD = 1   // cycles before a pixel can be taken again
 ) (
-    input wire clk,                        // everything happens at its rising edge
+    input wire clk,                        // clock, rising edge
     input wire rst,                        // no pixel has been taken
     input wire take,                       // the next one is taken
     input wire [PIXEL_W-1:0] next,         // which one it is, or would be
-    // With a hazard of 1 nobody ever waits.
+    // With a hazard of 1 there are no stalls.
     // verilator lint_off UNUSEDSIGNAL
     input wire stays,                      // the one before keeps the unit
-    input wire [PIXEL_W-1:0] pixel,        // which one that is
+    input wire [PIXEL_W-1:0] pixel,        // its index
     // verilator lint_on UNUSEDSIGNAL
     output wire waits                      // the next one cannot be taken
 );

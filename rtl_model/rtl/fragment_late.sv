@@ -1,4 +1,5 @@
-// Fragment_late: registers between a decision and what it writes, which synthesis may retime into sums and products.
+// Fragment_late: registers between a decision and its write, which synthesis may retime into sums
+// and products.
 //
 //   decided ->[ register ]*(HAZARD - 2)-> write
 `timescale 1ns / 1ps
@@ -8,16 +9,16 @@ module fragment_late #(
     parameter int W = 1,     // bits of what is written
     parameter int HAZARD = 1 // cycles before a pixel can be taken again
 ) (
-    // With a hazard of 2 or less it is written at once.
+    // With a hazard of at most 2 it is written at once.
     // verilator lint_off UNUSEDSIGNAL
-    input wire clk,               // everything happens at its rising edge
-    input wire rst,               // nothing is under way
+    input wire clk,               // clock, rising edge
+    input wire rst,               // no record is in flight
     // verilator lint_on UNUSEDSIGNAL
-    input wire decided,           // there is something to write
+    input wire decided,           // a write is pending
     input wire [W-1:0] decision,  // namely this
     output wire write,            // it is written now
     output wire [W-1:0] written,  // namely this
-    output wire under_way         // something is still to be written
+    output wire under_way         // a write is pending
 );
   if (HAZARD > 2) begin : g_late
     localparam int STAGES = HAZARD - 2;

@@ -1,19 +1,21 @@
-// Fragment_lit: the light of a fragment as a slot holds it. Twin of `light` and `shaded` in units/fragment.rs.
+// Fragment_lit: the light of a fragment in the format of a slot. RTL implementation of `light` and
+// `shaded` in units/fragment.rs.
 //
 //   light ->[ fit ]-> sums -+->[ fit ]-> lit
 //   slot, if shaded --------^
 //
-// Losses: a light is cut to the word of the sum that keeps it, and what a slot keeps to the word of a light.
+// Losses: a light is truncated to the word of the sum that stores it, and a slot's content to the
+// word of a light.
 `timescale 1ns / 1ps
 `default_nettype none
 
 module fragment_lit (
-    // Of what shade is asked a light has but colour and opacity.
+    // A light has only the colour and the opacity of a request's fields.
     // verilator lint_off UNUSEDSIGNAL
-    input wire [machine_pkg::FRAGMENT_REQUEST_WEIGHT_LSB+machine_pkg::FRAGMENT_REQUEST_WEIGHT_W-1:0] slot, // what a slot holds
+    input wire [machine_pkg::FRAGMENT_REQUEST_WEIGHT_LSB+machine_pkg::FRAGMENT_REQUEST_WEIGHT_W-1:0] slot, // content of a slot
     // verilator lint_on UNUSEDSIGNAL
     input wire shaded,                                            // whether it is shaded
-    input wire [machine_pkg::FRAGMENT_ANSWER_W-1:0] light,        // what shade says, if it is not
+    input wire [machine_pkg::FRAGMENT_ANSWER_W-1:0] light,        // response of shade, if it is not
     output wire [4*machine_pkg::SHADE_PREMULTIPLIED_W-1:0] lit    // colour times opacity, and opacity
 );
   localparam int LIGHT_W = machine_pkg::SHADE_PREMULTIPLIED_W;

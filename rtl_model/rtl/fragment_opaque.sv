@@ -1,5 +1,6 @@
-// Fragment_opaque: whether nothing behind a fragment can be seen: opaque itself, and covering the pixel. Twin of units/fragment.rs,
-// is_opaque: opacity and weight are compared by products, for a quotient would have to be rounded.
+// Fragment_opaque: whether a fragment hides everything behind it: it is opaque and covers the
+// pixel. RTL implementation of units/fragment.rs, is_opaque. Opacity and weight are compared by
+// products, because a quotient would have to be rounded.
 `timescale 1ns / 1ps
 `default_nettype none
 
@@ -7,13 +8,13 @@ module fragment_opaque (
     input wire shaded,                                                          // whether it is shaded
     input wire [machine_pkg::FRAGMENT_WEIGHT_SUM_W-1:0] weight,                 // its sum of weights
     input wire [machine_pkg::FRAGMENT_OPACITY_SUM_W-1:0] opacity,               // its sum of opacities, or its opacity
-    input wire [machine_pkg::FRAGMENT_WEIGHT_SUM_W-1:0] coverage_threshold,     // weight from which on it covers the pixel
+    input wire [machine_pkg::FRAGMENT_WEIGHT_SUM_W-1:0] coverage_threshold,     // weight from which it covers the pixel
     output wire opaque                                                          // so it is
 );
   localparam int WEIGHT_W = machine_pkg::FRAGMENT_WEIGHT_SUM_W;
   localparam int OPACITY_W = machine_pkg::FRAGMENT_OPACITY_SUM_W;
   localparam int OPAQUE_W = machine_pkg::FRAGMENT_OPAQUE_W;
-  // Left shifts that bring both sides to the same places.
+  // Left shifts that align both sides.
   localparam int LIMIT_F = machine_pkg::FRAGMENT_OPAQUE_F + machine_pkg::FRAGMENT_WEIGHT_SUM_F;
   localparam int OPACITY_F = machine_pkg::FRAGMENT_OPACITY_SUM_F;
   localparam int OF_OPACITY = LIMIT_F > OPACITY_F ? LIMIT_F - OPACITY_F : 0;

@@ -1,16 +1,17 @@
-// Fragment_over: one channel of front over back, both premultiplied. Twin of the blend in units/fragment.rs, merged.
+// Fragment_over: one channel of front over back, both premultiplied. RTL implementation of the
+// blend in units/fragment.rs, merged.
 //
 //   front --------------------(+)->[ fit ]-> word
 //   back ->(x)-----------------^
 //   1 - opacity of the front ^
 //
-// Loss: the channel is rounded once, as a sum of the slot that it goes to.
+// Loss: the channel is rounded once, to a sum of the slot.
 `timescale 1ns / 1ps
 `default_nettype none
 
 module fragment_over #(
     parameter int W = 1,     // bits of the slot's sum
-    parameter int F = 0,     // of which fraction bits
+    parameter int F = 0,     // its fraction bits
     parameter int S = 0,     // 1: it is signed
     parameter int ROUND = 1, // 0 truncate, 1 nearest (ties up), 2 nearest-even
     parameter int WRAP = 0   // 0 saturate, 1 wrap
@@ -22,7 +23,7 @@ module fragment_over #(
 );
   localparam int LIGHT_W = machine_pkg::SHADE_PREMULTIPLIED_W;
   localparam int LIGHT_F = machine_pkg::SHADE_PREMULTIPLIED_F;
-  // An opacity of more than 1 lets less than nothing through.
+  // An opacity of more than 1 gives a negative transmittance.
   localparam int THROUGH_W = (LIGHT_W > LIGHT_F + 1 ? LIGHT_W : LIGHT_F + 1) + 1;
   localparam int EXACT_W = LIGHT_W + THROUGH_W + 1;
 

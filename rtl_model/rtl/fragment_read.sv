@@ -1,8 +1,9 @@
-// Fragment_read: the light that a slot holds, as what blends it sees it. Twin of `shaded` in units/fragment.rs.
+// Fragment_read: the light in a slot, in the format of a blend. RTL implementation of `shaded` in
+// units/fragment.rs.
 //
 //   colours, opacity ->[ fit ]-> lit
 //
-// Loss: what a slot keeps is cut to the word of a light.
+// Loss: a slot's content is truncated to the word of a light.
 `timescale 1ns / 1ps
 `default_nettype none
 

@@ -1,19 +1,20 @@
-// Fragment_sum: adds weight * attribute to one sum of a fragment. Twin of one lane of units/fragment.rs, accumulate.
+// Fragment_sum: adds weight * attribute to one sum of a fragment. RTL implementation of one lane of
+// units/fragment.rs, accumulate.
 //
 //   sum ------------------(+)->[ fit ]-> next
 //   weight ->(x)-----------^
 //   attribute ^
 //
-// Loss: the sum is rounded once a contribution, and saturates (or wraps).
+// Loss: the sum is rounded once per contribution, and saturates (or wraps).
 `timescale 1ns / 1ps
 `default_nettype none
 
 module fragment_sum #(
     parameter int ATTRIBUTE_W = 1, // bits of the attribute
-    parameter int ATTRIBUTE_F = 0, // of which fraction bits
+    parameter int ATTRIBUTE_F = 0, // its fraction bits
     parameter int ATTRIBUTE_S = 0, // 1: it is signed
     parameter int W = 1,           // bits of the sum
-    parameter int F = 0,           // of which fraction bits
+    parameter int F = 0,           // its fraction bits
     parameter int S = 0,           // 1: it is signed
     parameter int ROUND = 1,       // 0 truncate, 1 nearest (ties up), 2 nearest-even
     parameter int WRAP = 0         // 0 saturate, 1 wrap
@@ -24,7 +25,7 @@ module fragment_sum #(
     output wire [W-1:0] next                           // after
 );
   localparam int WEIGHT_W = machine_pkg::GAUSS_WEIGHT_W;
-  // A product has a sign bit more than it needs where the attribute is signed.
+  // A product has one unused sign bit if the attribute is signed.
   localparam int PRODUCT_W = WEIGHT_W + ATTRIBUTE_W + 1;
   localparam int PRODUCT_F = machine_pkg::GAUSS_WEIGHT_F + ATTRIBUTE_F;
   localparam int OF_SUM = PRODUCT_F > F ? PRODUCT_F - F : 0;

@@ -1,19 +1,20 @@
-// Gauss: turns a radial index into a weight, amplitude * exp(-r/2), from one table. Twin of units/gauss.rs.
+// Gauss: turns a radial index into a weight, amplitude * exp(-r/2), from one table. RTL
+// implementation of units/gauss.rs.
 //
 //   radial ->( fit )-> radial_index ->[table]-> falloff ->(*)-> weight
 //   amplitude ---------------------------------------------+
 //
-// Losses: the radial index is cut to the table's reach; falloff and weight are rounded.
+// Losses: the radial index is truncated to the table's argument; falloff and weight are rounded.
 `timescale 1ns / 1ps
 `default_nettype none
 
 module gauss #(
-    parameter int TAG_W = 0, // bits of a tag, which goes along
+    parameter int TAG_W = 0, // bits of a tag, which passes through
     parameter ROMS = "rom/"  // folder of the tables, with its slash
 ) (
-    input wire clk,                                         // everything happens at its rising edge
-    input wire rst,                                         // forgets what is under way
-    input wire [machine_pkg::GAUSS_WEIGHT_W-1:0] least,     // constant: a weight below it ends here
+    input wire clk,                                         // clock, rising edge
+    input wire rst,                                         // clears records in flight
+    input wire [machine_pkg::GAUSS_WEIGHT_W-1:0] least,     // constant: the minimum weight; lower weights end here
     input wire s_valid,                                     // a fragment is there
     output wire s_ready,                                    // and can be taken
     input wire [TAG_W+machine_pkg::GAUSS_IN_W-1:0] s_data,  // the tag, gauss.in
@@ -47,7 +48,7 @@ module gauss #(
       .W(WEIGHT_W), .S(0), .ROUND(machine_pkg::GAUSS_WEIGHT_ROUND), .WRAP(machine_pkg::GAUSS_WEIGHT_WRAP))
       weigher (.exact($signed({1'b0, weighed})), .word(weight));
 
-  // Registers and places hold the tag beside it.
+  // The tag passes through the registers and the FIFO.
   localparam int BEHIND_W = TAG_W + machine_pkg::GAUSS_OUT_W;
   wire keeps = weight >= least;
   wire [BEHIND_W-1:0] labelled = BEHIND_W'({s_data >> machine_pkg::GAUSS_IN_W, weight});

@@ -1,9 +1,11 @@
-// Lookup: a function of one argument, read from a ROM, nearest or with straight lines between. Twin of functions/table.rs.
+// Lookup: a function of one argument, read from a ROM, to nearest or with linear interpolation. RTL
+// implementation of functions/table.rs.
 //
 //   argument = [ address | fraction ]     nearest:  word = value[address]
 //                                         linear:   word = value[address] + delta[address] * fraction
 //
-// Loss: with straight lines the sum is fitted into the format of the values, which it never leaves.
+// Loss: the result of an interpolation is quantised to the format of the values; it is always in
+// its range.
 `timescale 1ns / 1ps
 `default_nettype none
 
@@ -14,7 +16,7 @@ module lookup #(
     parameter int W = 1,                   // bits of a value, unsigned, and of the word
     parameter int ROUND = 1,               // how the word is rounded: 0 truncate, 1 nearest (ties up), 2 nearest-even
     parameter ROM = "table.hex",           // lines {value, signed delta of W + 1 bits}
-    parameter int LINES = 1 << TABLE_BITS  // how many there are: fewer than addresses where tables of several materials follow each other
+    parameter int LINES = 1 << TABLE_BITS  // number of them: fewer than addresses if tables of several materials are in one ROM
 ) (
     input wire [ARGUMENT_W-1:0] argument, // the argument
     output wire [W-1:0] word              // the function's value
@@ -29,7 +31,7 @@ module lookup #(
   wire [W-1:0] value = line[2*W:W+1];
 
   if (LINEAR != 0 && FRACTION_BITS > 0) begin : g_linear
-    // As wide as the values between the ends of a step: a sum never leaves them.
+    // As wide as the values at the ends of a step: the result is between them.
     localparam int EXACT_W = W + FRACTION_BITS + 2;
     wire signed [W:0] delta = line[W:0];
     wire signed [FRACTION_BITS:0] fraction = {1'b0, argument[FRACTION_BITS-1:0]};

@@ -1,6 +1,6 @@
-// Normalise: shifts a word left until its leading one stands at the top.
+// Normalise: shifts a word left until its leading one is the MSB.
 //
-//   value ->[ << by halves of what is left ]-> normalised
+//   value ->[ << by decreasing powers of two ]-> normalised
 //
 // Loss: none.
 `timescale 1ns / 1ps
@@ -19,7 +19,7 @@ module normalise #(
   always_comb begin
     normalised = value;
     lead = '0;
-    // Each step is half as far as the one before: a place of `lead`.
+    // Each step is half as large as the one before: one bit of `lead`.
     for (int step = STEPS - 1; step >= 0; step--) begin
       if ((normalised >> (W - (1 << step))) == '0) begin
         normalised = normalised << (1 << step);

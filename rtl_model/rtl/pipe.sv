@@ -1,11 +1,14 @@
-// Pipe: the time that a combinational unit takes: registers behind it that synthesis may retime, and a FIFO behind those.
+// Pipe: the latency of a combinational unit: registers behind it that synthesis may retime,
+// followed by a FIFO.
 //
 //   s ->[ register ]*(latency - 1)->[ FIFO ]-> m
 //
-// It takes a record where there is a place for it, as the timing model does. Nothing in the registers ever waits, so all of the places
-// that the model counts, for records on their way and for those that wait, are the FIFO's. One that is given back is free a cycle later.
+// It takes a record if there is a free place, as in the timing model. The registers never stall, so
+// all places of the model, for records in flight and for stalled ones, are in the FIFO. A returned
+// place is free one cycle later.
 //
-// A record of which nothing comes does not get into the FIFO: its place is given back when it is through the registers.
+// A record without a result does not enter the FIFO: its place is returned when it leaves the
+// registers.
 `timescale 1ns / 1ps
 `default_nettype none
 
@@ -13,13 +16,13 @@ module pipe #(
     parameter int W = 1,        // bits of a record
     parameter int LATENCY = 1,  // cycles from a record's acceptance to its offer
     parameter int INTERVAL = 1, // cycles from one acceptance to the next, at least
-    parameter int ROOM = 1      // records between their acceptance here and behind, at most
+    parameter int ROOM = 1      // maximum records between their acceptance here and by the next unit
 ) (
-    input wire clk,             // everything happens at its rising edge
+    input wire clk,             // clock, rising edge
     input wire rst,             // empties the pipe
     input wire s_valid,         // a record is there
     output wire s_ready,        // and can be taken
-    input wire s_keeps,         // something comes of it
+    input wire s_keeps,         // it has a result
     input wire [W-1:0] s_data,  // the record
     output wire m_valid,        // a record is offered
     input wire m_ready,         // and taken

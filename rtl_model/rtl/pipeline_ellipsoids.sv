@@ -1,10 +1,12 @@
-// Pipeline_ellipsoids: wires the units, for ellipsoids whose fragments are grouped by depth, as those of a surface in a volume. Twin of
-// pipeline/mod.rs, for a picture whose fragments all fit on the chip.
+// Pipeline_ellipsoids: connects the units, for ellipsoids whose fragments are grouped by depth,
+// such as those of a surface in a volume. RTL implementation of pipeline/mod.rs, for a picture
+// whose fragments all fit on the chip.
 //
 //   splats ->( set_up_ellipsoids: project -> ellipsoid )->( fill: raster -> gauss -> fragment -> resolve )-> frame
 //                                                                                      +-> shade <-+
 //
-// Splats go in one after the other; when the last one is in, `drain` makes everything that the pixels hold come out, pixel by pixel.
+// Splats are input one after the other. After the last one, `drain` outputs the contents of all
+// pixels, pixel by pixel.
 `timescale 1ns / 1ps
 `default_nettype none
 
@@ -13,7 +15,7 @@ module pipeline_ellipsoids #(
     parameter int HEIGHT = 16, // rows of the picture
     parameter ROMS = "rom/"    // folder of the tables, with its slash
 ) (
-    input wire clk,                                               // everything happens at its rising edge
+    input wire clk,                                               // clock, rising edge
     input wire rst,                                               // empties everything
     input wire [machine_pkg::FRAME_W-1:0] frame,                  // constants: the view
     input wire [machine_pkg::LIGHTS_PORT_W-1:0] lights,           // constants: records of lights, the first in the lowest bits
@@ -22,8 +24,8 @@ module pipeline_ellipsoids #(
     input wire s_valid,                                           // a splat is there
     output wire s_ready,                                          // and can be taken
     input wire [machine_pkg::PIPELINE_IN_W-1:0] s_data,           // pipeline.in
-    input wire drain,                                             // no splat comes any more: hand out the picture
-    output wire drained,                                          // resolve has all of it, until drain falls
+    input wire drain,                                             // the last splat was taken: output the picture
+    output wire drained,                                          // resolve has taken everything, until drain falls
     output wire m_valid,                                          // a pixel is offered
     input wire m_ready,                                           // and taken
     output wire [machine_pkg::PIPELINE_OUT_W-1:0] m_data          // pipeline.out

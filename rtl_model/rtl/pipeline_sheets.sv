@@ -1,11 +1,13 @@
-// Pipeline_sheets: wires the units, for ellipsoids whose fragments are grouped by sheets: volumes and Gaussians. Twin of pipeline/mod.rs, for a
-// picture whose pixels all fit on the chip.
+// Pipeline_sheets: connects the units, for ellipsoids whose fragments are grouped by sheets:
+// volumes and Gaussians. RTL implementation of pipeline/mod.rs, for a picture whose pixels all fit
+// on the chip.
 //
 //   splats ->( set_up_ellipsoids: project -> ellipsoid )->( emission )->( weigh: raster -> gauss )-> sheets -> resolve -> frame
 //                                                            +-> shade
 //
-// Splats go in one after the other, in the order in which they are drawn: nothing here sorts. Those that are sorted by depth are sorted
-// before they come. When the last one is in, `drain` makes what the pixels hold come out, pixel by pixel.
+// Splats are input one after the other, in drawing order: they are not sorted here, so splats that
+// are sorted by depth are sorted before. After the last one, `drain` outputs the contents of all
+// pixels, pixel by pixel.
 `timescale 1ns / 1ps
 `default_nettype none
 
@@ -14,7 +16,7 @@ module pipeline_sheets #(
     parameter int HEIGHT = 16, // rows of the picture
     parameter ROMS = "rom/"    // folder of the tables, with its slash
 ) (
-    input wire clk,                                               // everything happens at its rising edge
+    input wire clk,                                               // clock, rising edge
     input wire rst,                                               // empties everything
     input wire [machine_pkg::FRAME_W-1:0] frame,                  // constants: the view
     input wire [machine_pkg::LIGHTS_PORT_W-1:0] lights,           // constants: records of lights, the first in the lowest bits
@@ -23,8 +25,8 @@ module pipeline_sheets #(
     input wire s_valid,                                           // a splat is there
     output wire s_ready,                                          // and can be taken
     input wire [machine_pkg::PIPELINE_IN_W-1:0] s_data,           // pipeline.in
-    input wire drain,                                             // no splat comes any more: hand out the picture
-    output wire drained,                                          // resolve has all of it, until drain falls
+    input wire drain,                                             // the last splat was taken: output the picture
+    output wire drained,                                          // resolve has taken everything, until drain falls
     output wire m_valid,                                          // a pixel is offered
     input wire m_ready,                                           // and taken
     output wire [machine_pkg::PIPELINE_OUT_W-1:0] m_data          // pipeline.out
@@ -60,7 +62,7 @@ module pipeline_sheets #(
       .quiet(set_up_quiet)
   );
 
-  // Emission: the colours that voxels send.
+  // Emission: the shaded colours of voxels.
 
   wire lit_valid, lit_taken;
   wire [SHEET_W-1:0] lit_sheet;
@@ -86,7 +88,7 @@ module pipeline_sheets #(
       .m_rgb(lit_rgb)
   );
 
-  // Raster and gauss: the frame has the least weight that counts, and a weight of 0 never does.
+  // Raster and gauss: the frame has the minimum weight, and a weight of 0 is always dropped.
 
   wire [WEIGHT_W-1:0] some_least = frame[machine_pkg::FRAME_LEAST_WEIGHT_LSB+:WEIGHT_W];
   wire weight_valid, weight_taken;
@@ -121,7 +123,7 @@ module pipeline_sheets #(
 
   wire held_valid, held_ready, held_empty;
   wire [machine_pkg::FRAGMENT_HELD_W-1:0] held;
-  // What became of a contribution interests nobody here.
+  // The outcomes of contributions are not used here.
   // verilator lint_off PINCONNECTEMPTY
   sheets #(.WIDTH(WIDTH), .HEIGHT(HEIGHT), .ROMS(ROMS)) sheets (
       .clk(clk),
@@ -142,7 +144,7 @@ module pipeline_sheets #(
   );
   // verilator lint_on PINCONNECTEMPTY
 
-  // Resolve: what a pixel holds is its one layer.
+  // Resolve: the content of a pixel is its only layer.
 
   localparam int LIGHT_W = 4 * machine_pkg::SHADE_PREMULTIPLIED_W;
   resolve resolve (
@@ -162,7 +164,7 @@ module pipeline_sheets #(
       .m_data(m_data)
   );
 
-  // What else is held, and a splat's opacity, which ellipsoid has looked at.
+  // Other fields of the content, and a splat's opacity, which ellipsoid has used.
   wire unused = &{1'b0, held, look};
 endmodule
 

@@ -1,12 +1,14 @@
-// Pipeline_tiles: wires a binned machine for discs: all splats onto lists first, then tile engines that take tiles from one queue. Twin of
-// timing/binned.rs, of one tile buffer, with memory that nobody waits for.
+// Pipeline_tiles: connects a binned machine for discs: first all splats are appended to lists, then
+// tile engines take tiles from one queue. RTL implementation of timing/binned.rs, with one tile
+// buffer and memory that never stalls.
 //
 //   splats ->( set_up )->( bin )-> lists          tiles in order -> queue -+->( engine )-+-> words, tile by tile
 //                                                                          +->( engine )-+
 //                                          those without an entry -------->( blank )-----+
 //
-// The second pass begins when the last splat is on its lists. The next tile goes to the engine whose list is through with its last one, of
-// several at once to the one of the lowest number. A tile without an entry goes to none; the queue passes over one a cycle.
+// The second pass begins when the last splat is on its lists. The next tile goes to the engine
+// whose list has read its last entry; among several, to the one with the lowest number. Tiles
+// without entries are skipped by the queue, one per cycle.
 `timescale 1ns / 1ps
 `default_nettype none
 
@@ -15,11 +17,11 @@ module pipeline_tiles #(
     parameter int HEIGHT = 16,       // and its rows
     parameter int ENGINES = 2,       // tile engines
     parameter int SIDE = 16,         // columns and rows of a tile, a power of two
-    parameter int LISTED = 17,       // entries that wait in an engine
-    parameter int RECORDS = 1 << 15, // splats that memory holds
+    parameter int LISTED = 17,       // entries in an engine's FIFO
+    parameter int RECORDS = 1 << 15, // capacity of memory, splats
     parameter ROMS = "rom/"          // folder of the tables, with its slash
 ) (
-    input wire clk,                                               // everything happens at its rising edge
+    input wire clk,                                               // clock, rising edge
     input wire rst,                                               // empties everything
     input wire [machine_pkg::FRAME_W-1:0] frame,                  // constants: the view
     input wire [machine_pkg::LIGHTS_PORT_W-1:0] lights,           // constants: records of lights, the first in the lowest bits
@@ -28,8 +30,8 @@ module pipeline_tiles #(
     input wire s_valid,                                           // a splat is there
     output wire s_ready,                                          // and can be taken
     input wire [machine_pkg::PIPELINE_IN_W-1:0] s_data,           // pipeline.in
-    input wire drain,                                             // no splat comes any more: draw
-    output wire drained,                                          // all tiles are with resolve, until drain falls
+    input wire drain,                                             // the last splat was taken: draw
+    output wire drained,                                          // resolve has taken all tiles, until drain falls
     output wire m_valid,                                          // a pixel is offered
     input wire m_ready,                                           // and taken
     output wire [machine_pkg::PIPELINE_OUT_W-1:0] m_data          // pipeline.out
@@ -45,7 +47,7 @@ module pipeline_tiles #(
   localparam int RECORD_W = machine_pkg::PIPELINE_IN_RADIUS_LSB + 3 * machine_pkg::FRAGMENT_NORMAL_W + machine_pkg::ELLIPSE_AMPLITUDE_W
       + machine_pkg::RASTER_IN_TAG_LSB;
 
-  // The word of the one that a bit says.
+  // The word that a one-hot vector selects.
   function automatic [OUT_W-1:0] picked(input [ENGINES:0] choice, input [(ENGINES+1)*OUT_W-1:0] all);
     integer at;
     begin
@@ -133,7 +135,8 @@ module pipeline_tiles #(
   wire all_blank;
   assign drained = drawing && !queued && &idle && all_blank;
 
-  // Engines, and blank behind them. A word that is offered stays until it is taken, whoever else offers one.
+  // Engines, and blank after them. An offered word stays until it is taken, whichever other unit
+  // offers one.
 
   wire [ENGINES:0] offers;
   wire [(ENGINES+1)*OUT_W-1:0] words;

@@ -1,24 +1,28 @@
-// Project: takes a splat's centre to camera space and to the screen. Twin of units/project.rs.
+// Project: transforms a splat's centre to camera space and to the screen. RTL implementation of
+// units/project.rs.
 //
 //   position ->(- eye)->[ << ]-> relative ->[ W* ]-> camera t -+->[ 1/t_z ]-> inverse_depth -+
 //                         +-> exponent -----------+            +----------------------------(*)-> slope ->(* focal)->(+ centre)-> pixel
 //                                                 +----------->[ >> ]-> depth t_z
 //
-// t is relative to a power of two near the splat's distance from the eye, so near and far splats keep the same relative precision.
+// t is relative to a power of two near the splat's distance from the eye, so near and far splats
+// have the same relative precision.
 //
-// An ellipsoid brings its opacity along: with too little none of its weights would count.
+// The record of an ellipsoid includes its opacity: if it is too low, none of its weights would
+// count.
 //
-// Losses: relative is cut by its normaliser; camera, depth, slope and pixel are rounded; the reciprocal's inner words are its own affair.
+// Losses: relative is truncated by its normaliser; camera, depth, slope and pixel are rounded. The
+// reciprocal lists the losses of its inner words.
 `timescale 1ns / 1ps
 `default_nettype none
 
 module project #(
-    parameter int DROPS = 0, // whether a splat that is culled ends here
-    parameter int TAG_W = 0, // bits of a tag, which goes along
+    parameter int DROPS = 0, // 1: culled splats end here
+    parameter int TAG_W = 0, // bits of a tag, which passes through
     parameter ROMS = "rom/"  // folder of the tables, with its slash
 ) (
-    input wire clk,                                           // everything happens at its rising edge
-    input wire rst,                                           // forgets what is under way
+    input wire clk,                                           // clock, rising edge
+    input wire rst,                                           // clears records in flight
     input wire [machine_pkg::FRAME_W-1:0] frame,              // constants: the view
     input wire s_valid,                                       // a splat is there
     output wire s_ready,                                      // and can be taken
@@ -60,7 +64,7 @@ module project #(
   localparam int CENTRE_LEFT = PLACED_F - PIXEL_F;
   localparam int PLACED_W = (FOCAL_W + SLOPE_W + SCREEN_LEFT > PIXEL_W + CENTRE_LEFT ? FOCAL_W + SLOPE_W + SCREEN_LEFT : PIXEL_W + CENTRE_LEFT) + 1;
 
-  // Vectors lie as in a record: z, y, x from the last place on.
+  // Vectors are packed as in a record: z, y, x from the LSB on.
   wire signed [7:0] lead;
   wire [3*MAGNITUDE_W-1:0] magnitude;
   wire [3*RELATIVE_W-1:0] relative;
@@ -74,7 +78,7 @@ module project #(
         .WRAP(machine_pkg::PROJECT_RELATIVE_WRAP)) fit_relative (.exact(normalised), .word(relative[i*RELATIVE_W+:RELATIVE_W]));
   end
 
-  // All go as many places as the largest can, which then lies in [1/2, 1).
+  // All components are shifted by the shift of the largest, which is then in [1/2, 1).
   wire [MAGNITUDE_W-1:0] largest =
       magnitude[2*MAGNITUDE_W+:MAGNITUDE_W] | magnitude[MAGNITUDE_W+:MAGNITUDE_W] | magnitude[0+:MAGNITUDE_W] | MAGNITUDE_W'(1);
   wire [MAGNITUDE_W-1:0] unused_normalised;
@@ -114,7 +118,7 @@ module project #(
   wire [2*PIXEL_W-1:0] pixel;
   for (genvar i = 0; i < 2; i++) begin : g_screen
     wire signed [CAMERA_W-1:0] offset = camera[(i+1)*CAMERA_W+:CAMERA_W];
-    // Before the division, so that no quotient ever saturates.
+    // Before the division, so that quotients never saturate.
     wire signed [SLOPE_W-1:0] guard = frame[machine_pkg::FRAME_GUARD_Y_LSB+i*SLOPE_W+:SLOPE_W];
     wire signed [LIMIT_W-1:0] limit = guard * forward;
     wire signed [LIMIT_W-1:0] aligned = LIMIT_W'(offset) <<< SLOPE_F;
@@ -127,7 +131,7 @@ module project #(
         fit_slope (.exact(quotient), .more(slope_more), .word(tangent));
     assign slope[i*SLOPE_W+:SLOPE_W] = tangent;
 
-    // Focal length and principal point of this axis, from the picture's middle.
+    // Focal length and principal point of this axis, relative to the picture's middle.
     wire [FOCAL_W-1:0] focal = frame[(i == 0 ? machine_pkg::VIEW_FOCAL_Y_LSB : machine_pkg::VIEW_FOCAL_X_LSB)+:FOCAL_W];
     wire signed [PIXEL_W-1:0] centre = frame[machine_pkg::FRAME_CENTRE_Y_LSB+i*PIXEL_W+:PIXEL_W];
     wire signed [FOCAL_W+SLOPE_W-1:0] screen = $signed({1'b0, focal}) * tangent;
@@ -137,7 +141,7 @@ module project #(
   end
   wire outside = !near && |beyond;
 
-  // Of ellipsoids the opacity too, in the low bits of the record.
+  // For ellipsoids also the opacity, in the low bits of the record.
   localparam int OPACITY_W = machine_pkg::PROJECT_OPACITY_W;
   localparam int FLAGS_W = OPACITY_W > 0 ? 3 : 2;
   wire [FLAGS_W-1:0] culled;
@@ -148,12 +152,12 @@ module project #(
     assign culled = {near, outside};
   end
 
-  // The frame has constants for other units too.
+  // The frame also has constants for other units.
   wire unused = &{1'b0, frame};
 
   wire [machine_pkg::PROJECT_OUT_W-FLAGS_W-1:0] point = {forward, exponent, depth, inverse_depth, inverse_depth_exponent, slope, pixel};
   wire [machine_pkg::PROJECT_OUT_W-1:0] result = {culled, |culled ? '0 : point};
-  // Registers and places hold the tag beside it.
+  // The tag passes through the registers and the FIFO.
   localparam int BEHIND_W = TAG_W + machine_pkg::PROJECT_OUT_W;
   wire keeps = DROPS == 0 || !(|culled);
   wire [BEHIND_W-1:0] labelled = BEHIND_W'({s_data >> machine_pkg::PROJECT_IN_W, result});

@@ -1,28 +1,30 @@
-// Raster: walks a splat's box, a pixel a cycle, and makes a fragment wherever the radial index is below the cutoff (forward differencing).
-// Twin of units/raster.rs.
+// Raster: walks a splat's box at one pixel per cycle, and outputs a fragment if the radial index is
+// below the cutoff (forward differencing). RTL implementation of units/raster.rs.
 //
 //   splat ->[ seed ]-> radial ->(+)->(+)-> ...    r at each pixel centre: by_column += by_column_twice, radial += by_column
 //               +-> by_column ->(+)--+
 //               +------> z ->(+)-> ...            z of the tangent plane, clamped to depth +- depth_range on its way out
 //
-// A row is seeded afresh, or rows are differenced as pixels are. Whether a pixel makes a fragment is known when it is through the registers
-// behind: so each takes a place, and one that makes none gives it back then. The walk knows nothing of seeds and tests, and waits for neither:
-// its own loop is a count of pixels and a count of places, and what a splat's first pixel takes lies in no loop.
+// Either each row is seeded, or rows are differenced like pixels. Whether a pixel gives a fragment
+// is decided at the end of the registers. Each pixel therefore takes a place, and a pixel without a
+// fragment returns it there. The walk does not depend on seeds and tests: its loop is a counter of
+// pixels and a counter of places, and the computation of a splat's first pixel is in no loop.
 //
-// Of a tile, the box is walked as far as it lies there. Seeds are those of the whole box all the same, at its own first column, or pixel; the
-// registers go on to the tile in closed form. So a picture does not know its tiles.
+// In a tile, the part of the box inside the tile is walked. The seeds are those of the whole box,
+// at its own first column, or pixel, and the registers advance to the tile in closed form. The
+// picture therefore does not depend on the tiles.
 //
-// Losses: offset, gradient, the seeds of radial and z, and the differences are rounded; a radial index below 0, where differencing may
-// leave it, is 0.
+// Losses: offset, gradient, the seeds of radial and z, and the differences are rounded. A radial
+// index below 0, which differencing can give, is replaced by 0.
 `timescale 1ns / 1ps
 `default_nettype none
 
 module raster #(
     parameter int TAG_W = 32, // bits of the tag
-    parameter int SIDE = 0    // columns and rows of a tile, a power of two; 0: boxes are walked whole
+    parameter int SIDE = 0    // columns and rows of a tile, a power of two; 0: boxes are not clipped
 ) (
-    input wire clk,                              // everything happens at its rising edge
-    input wire rst,                              // forgets the splat and its fragments
+    input wire clk,                              // clock, rising edge
+    input wire rst,                              // clears the splat and its fragments
     input wire [machine_pkg::FRAME_W-1:0] frame, // constants: the picture's size, the cutoff
     input wire [machine_pkg::RASTER_OUT_X_W+machine_pkg::RASTER_OUT_Y_W-1:0] corner, // of a tile: its first column and row, while it is drawn
     input wire s_valid,                          // a splat is there
@@ -40,7 +42,7 @@ module raster #(
   localparam int Z_W = machine_pkg::RASTER_DEPTH_W;
   localparam int SLOPE_W = machine_pkg::ELLIPSE_DEPTH_SLOPE_W;
 
-  // The walk: between the pixels of a splat it is held, with the registers of its next pixel.
+  // The walk: it stores its splat between pixels, with the registers of the next pixel.
   logic walking;
   logic [IN_W-1:0] held;
   logic [COLUMN_W-1:0] column;
@@ -67,7 +69,8 @@ module raster #(
   wire [ROW_W-1:0] first_row = splat[machine_pkg::RASTER_IN_FIRST_ROW_LSB+:ROW_W];
   wire [ROW_W-1:0] last_row = splat[machine_pkg::RASTER_IN_LAST_ROW_LSB+:ROW_W];
 
-  // The part of the box that is walked: its sides, and how many columns and rows of the box lie before it.
+  // The part of the box that is walked: its sides, and the number of columns and rows of the box
+  // before it.
   wire [COLUMN_W-1:0] left, right, columns_on;
   wire [ROW_W-1:0] top, bottom, rows_on;
   if (SIDE > 0) begin : g_part
@@ -92,7 +95,8 @@ module raster #(
   wire last_of_row = x == right;
   wire last_of_box = last_of_row && y == bottom;
 
-  // Seed, offsets: from the splat's centre to that of the first pixel of the box, or of its row here. The picture's middle is at half its size.
+  // Seed, offsets: from the splat's centre to that of the first pixel of the box, or of its row
+  // here. The picture's middle is at half its size.
   localparam int OFFSET_W = machine_pkg::RASTER_OFFSET_W;
   localparam int OFFSET_F = machine_pkg::RASTER_OFFSET_F;
   localparam int PIXEL_F = machine_pkg::PROJECT_PIXEL_F;
@@ -113,7 +117,8 @@ module raster #(
   fit #(.IN_W(DISTANCE_W), .PLACES(PIXEL_F - OFFSET_F), .W(OFFSET_W), .S(1), .ROUND(machine_pkg::RASTER_OFFSET_ROUND),
       .WRAP(machine_pkg::RASTER_OFFSET_WRAP)) offset_y (.exact(distance_y), .word(dy));
 
-  // Seed, r: conic words times offsets, and their sums, all in the same places. Slants and steps are by column, or by row.
+  // Seed, r: conic words times offsets, and their sums, all with the same fraction bits. Slants and
+  // steps are by column, or by row.
   localparam int CONIC_F = machine_pkg::ELLIPSE_CONIC_F;
   localparam int GRADIENT_W = machine_pkg::RASTER_GRADIENT_W;
   localparam int ALONG_W = machine_pkg::ELLIPSE_CONIC_W + OFFSET_W;
@@ -123,7 +128,7 @@ module raster #(
   localparam int STEP_W = TERM_W + 2;
   localparam int FIRST_W = machine_pkg::RASTER_FIRST_W;
   localparam int SQUARE_W = OFFSET_W + GRADIENT_W + 1;
-  // Left shifts to a register's places.
+  // Left shifts to a register's fraction bits.
   localparam int FIRST_LEFT = machine_pkg::RASTER_RADIAL_F - machine_pkg::RASTER_FIRST_F;
 
   wire signed [ALONG_W-1:0] along_x = xx * dx;
@@ -163,7 +168,7 @@ module raster #(
   fit #(.IN_W(PLANE_W), .PLACES(PLANE_F - machine_pkg::RASTER_DEPTH_F), .W(Z_W), .S(1), .ROUND(machine_pkg::RASTER_DEPTH_ROUND),
       .WRAP(machine_pkg::RASTER_DEPTH_WRAP)) z_seed (.exact(plane), .word(seed_z));
 
-  // Differences that are the same at all pixels.
+  // Differences that are equal at all pixels.
   localparam int TWICE_W = (machine_pkg::ELLIPSE_CONIC_W + 1 > machine_pkg::ELLIPSE_CONIC_CROSS_W ? machine_pkg::ELLIPSE_CONIC_W + 1 :
       machine_pkg::ELLIPSE_CONIC_CROSS_W) + 1;
   localparam int SECOND_W = machine_pkg::RASTER_SECOND_W;
@@ -176,7 +181,7 @@ module raster #(
   wire signed [RADIAL_W-1:0] by_column_twice = RADIAL_W'(second_x) <<< SECOND_LEFT;
   wire signed [Z_W-1:0] z_by_column = Z_W'(slope_x) <<< SLOPE_LEFT;
 
-  // From the seed to the first pixel of the part: down, where rows are differenced, then on.
+  // From the seed to the first pixel of the part: down, if rows are differenced, then across.
   wire signed [RADIAL_W-1:0] down_radial, down_by_column, part_radial, part_by_column;
   wire signed [Z_W-1:0] down_z, part_z;
   if (SIDE > 0) begin : g_on
@@ -255,7 +260,7 @@ module raster #(
       end
     end
   end else begin : g_seeded
-    // Whatever they hold there is seeded over.
+    // The previous contents are overwritten by the seeds.
     assign seeds = x == left;
     assign {down_radial, down_by_column, down_z} = {seed_radial, seed_by_column, seed_z};
     assign {radial_below, by_column_below, z_below} = {radial, by_column, z};
@@ -277,7 +282,7 @@ module raster #(
   wire signed [EXACT_W-1:0] exact_z = EXACT_W'(z_here) <<< (EXACT_F - machine_pkg::RASTER_DEPTH_F);
   wire signed [EXACT_W-1:0] clamped = exact_z < nearest ? nearest : exact_z > deepest ? deepest : exact_z;
 
-  // Before its first pixel a splat waits where it was.
+  // Before its first pixel a splat stays where it was.
   wire here = walking || s_valid;
   wire room;
   assign takes = here && room;

@@ -1,9 +1,9 @@
-// Raster_skip: a register that is differenced twice, some steps on, in closed form: where it would be if it had stepped. Twin of `after` in
-// units/raster.rs.
+// Raster_skip: the value of a twice differenced register after a number of steps, in closed form.
+// RTL implementation of `after` in units/raster.rs.
 //
 //   value + steps * first + steps * (steps - 1) / 2 * second
 //
-// Loss: none; all wraps as the register does.
+// Loss: none; everything wraps as the register does.
 `timescale 1ns / 1ps
 `default_nettype none
 
@@ -14,7 +14,7 @@ module raster_skip #(
     input wire [W-1:0] value,       // of the register
     input wire [W-1:0] first,       // its first difference there
     input wire [W-1:0] second,      // and its second
-    input wire [STEPS_W-1:0] steps, // how far on
+    input wire [STEPS_W-1:0] steps, // number of steps
     output wire [W-1:0] skipped     // its value there
 );
   localparam int PAIRS_W = 2 * STEPS_W > W ? 2 * STEPS_W : W;

@@ -1,9 +1,11 @@
-// Reciprocal: 1/x by leading-zero normalisation, a table and Newton steps. Twin of functions/reciprocal.rs.
+// Reciprocal: 1/x by leading-zero normalisation, a table and Newton steps. RTL implementation of
+// functions/reciprocal.rs.
 //
 //   x ->[<< lz]-> m in [1,2) -+->[table]-> y0 ->( c = 2 - m*y )*steps -> y in [1/2,1]
 //         +-> exponent e      +---------------->( y = y*c     )          1/x = y * 2^e
 //
-// Losses: the mantissa m is cut (its rounding up could leave [1,2)); the correction c and the result y are rounded to nearest.
+// Losses: the mantissa m is truncated (rounding up could leave [1,2)); the correction c and the
+// result y are rounded to nearest.
 `timescale 1ns / 1ps
 `default_nettype none
 
@@ -35,7 +37,7 @@ module reciprocal #(
 
   logic [W-1:0] guesses[0:2**TABLE_BITS-1];
   initial $readmemh(ROM, guesses);
-  // Its leading one says nothing.
+  // Its leading one is constant.
   wire [TABLE_BITS-1:0] address = TABLE_BITS'(m >> (BITS - TABLE_BITS));
 
   for (genvar step = 0; step <= NEWTON_STEPS; step++) begin : g_step

@@ -1,12 +1,12 @@
-// Reciprocal root: 1/sqrt(x), and what makes sqrt(x) of it, by leading-zero normalisation, a table and Newton steps.
-// Twin of functions/square_root.rs.
+// Reciprocal root: 1/sqrt(x), and the operands of sqrt(x), by leading-zero normalisation, a table
+// and Newton steps. RTL implementation of functions/square_root.rs.
 //
 //   x ->[<< even lz]-> m in [1,4) -+->[table]-> y0 ->( q = y*y       )*steps -> y in (1/2,1]
 //         +-> exponent -2e         |                 ( c = 3 - m*q   )          1/sqrt(x) = y * 2^e
 //                                  +---------------->( y = 1/2*y*c   )          sqrt(x) = m*y * 2^-e
 //
-// Losses: the mantissa m is cut (its rounding up could leave [1,4)); the square q, the correction c and the result y are rounded to
-// nearest.
+// Losses: the mantissa m is truncated (rounding up could leave [1,4)); the square q, the correction
+// c and the result y are rounded to nearest.
 `timescale 1ns / 1ps
 `default_nettype none
 
@@ -31,7 +31,7 @@ module reciprocal_root #(
   wire [IN_W-1:0] normalised;
   wire signed [7:0] lead;
   normalise #(.W(IN_W), .LEAD_W(8)) normaliser (.value(x), .normalised(normalised), .lead(lead));
-  // A place less, where the power of two would be odd.
+  // One place less if the power of two would be odd.
   wire signed [7:0] twice = lead + 8'(IN_F + 2 - IN_W);
   wire odd = twice[0];
   wire signed [IN_W+1:0] even = odd ? {2'b0, normalised} : {1'b0, normalised, 1'b0};

@@ -1,11 +1,12 @@
-// Reflect: mirrors surroundings in what shade has lit, seen along the pixel's ray or from far along the viewing axis. Twin of
-// units/shade/reflect.rs. It stands in shade.
+// Reflect: adds the mirrored environment to shaded light, seen along the pixel's ray or from far
+// away along the viewing axis. RTL implementation of units/shade/reflect.rs. It is instantiated in
+// shade.
 //
 //   pixel ->[ slope ]-> V = -(a, b, 1) -+
 //   normal N ->[ N.V ]-----------------+->[ 2(N.V)N - V ]-> R ->[ 1/(|x|+|y|+|z|) ]->(*)-> |x|, |y| ->[ fold ]->[ map ]-> light
 //   colour ->(* 1 - reflect)->(+)<-(* reflect*tint)<- light          +-> at most 1 -> colour
 //
-// Losses: all words are rounded; coordinates are clamped to 1, and so is what is mixed.
+// Losses: all words are rounded; coordinates and the mixed light are clamped to 1.
 `timescale 1ns / 1ps
 `default_nettype none
 
@@ -13,7 +14,8 @@ module reflect #(
     parameter ROMS = "rom/" // folder of the tables, with its slash
 ) (
 `ifdef MACHINE_MIRRORS_ALONG_RAYS
-    // The frame's constants are every unit's: this one looks at the picture's size and the focal length.
+    // The frame's constants are those of all units: this one uses the picture's size and the focal
+    // length.
     // verilator lint_off UNUSEDSIGNAL
     input wire [machine_pkg::FRAME_W-1:0] frame,
     // verilator lint_on UNUSEDSIGNAL
@@ -23,7 +25,7 @@ module reflect #(
     input wire [3*machine_pkg::SHADE_NORMAL_W-1:0] normal,  // N, turned towards the viewer: x, y, z, the first in the most significant bits
     input wire [machine_pkg::MATERIAL_W-1:0] material,      // a record of a material
     input wire [3*machine_pkg::SHADE_COLOUR_W-1:0] colour,  // what is lit: red, green, blue, likewise
-    output wire [3*machine_pkg::SHADE_COLOUR_W-1:0] leaving // and what is mirrored in it
+    output wire [3*machine_pkg::SHADE_COLOUR_W-1:0] leaving // with its mirrored light
 );
   localparam int NORMAL_W = machine_pkg::SHADE_NORMAL_W;
   localparam int FACING_W = machine_pkg::REFLECT_FACING_W;
@@ -70,7 +72,7 @@ module reflect #(
   wire [3*SEEN_W-1:0] sights = (3 * SEEN_W)'(1);
 `endif
 
-  // N.V, from the negative of its parts.
+  // N.V, from its negative components.
   localparam int TOWARDS_W = NORMAL_W + SEEN_W + 2;
   wire [3*TOWARDS_W-1:0] along;
   wire signed [TOWARDS_W-1:0] towards = -($signed(along[0+:TOWARDS_W]) + $signed(along[TOWARDS_W+:TOWARDS_W]) + $signed(along[2*TOWARDS_W+:TOWARDS_W]));
@@ -78,7 +80,7 @@ module reflect #(
   fit #(.IN_W(TOWARDS_W), .PLACES(machine_pkg::SHADE_NORMAL_F + SEEN_F - machine_pkg::REFLECT_FACING_F), .W(FACING_W), .S(1),
       .ROUND(machine_pkg::REFLECT_FACING_ROUND), .WRAP(machine_pkg::REFLECT_FACING_WRAP)) facer (.exact(towards), .word(facing));
 
-  // R, and the magnitudes of its parts: x, y, z.
+  // R, and the magnitudes of its components: x, y, z.
   localparam int PRODUCT_W = FACING_W + NORMAL_W;
   localparam int PRODUCT_F = machine_pkg::REFLECT_FACING_F + machine_pkg::SHADE_NORMAL_F;
   localparam int MIRRORED_F = PRODUCT_F > SEEN_F ? PRODUCT_F : SEEN_F;
@@ -100,7 +102,7 @@ module reflect #(
     assign magnitudes[axis*DIRECTION_W+:DIRECTION_W] = less[axis] ? -word : word;
   end
 
-  // 1 over their sum, which is a place at least.
+  // 1 over their sum, which is at least one LSB.
   localparam int SUM_W = DIRECTION_W + 2;
   localparam int INVERSE_W = machine_pkg::REFLECT_RECIPROCAL_BITS + 1;
   wire [SUM_W-1:0] sum = SUM_W'(magnitudes[0+:DIRECTION_W]) + SUM_W'(magnitudes[DIRECTION_W+:DIRECTION_W])
@@ -113,7 +115,7 @@ module reflect #(
       .ROM({ROMS, "reflect.reciprocal.hex"}))
       inverter (.x(sum == '0 ? SUM_W'(1) : sum), .mantissa(inverse), .exponent(exponent));
 
-  // On the octahedron laid flat; what points away from the viewer is folded over.
+  // On the unfolded octahedron; directions away from the viewer are folded over.
   localparam int LAID_W = DIRECTION_W + INVERSE_W;
   localparam [COORDINATE_W-1:0] COORDINATE_ONE = COORDINATE_W'(1) << COORDINATE_F;
   for (genvar axis = 0; axis < 2; axis++) begin : g_coordinate
@@ -127,7 +129,7 @@ module reflect #(
   wire [COORDINATE_W-1:0] across = less[2] ? g_coordinate[0].near : COORDINATE_ONE - g_coordinate[1].near;
   wire [COORDINATE_W-1:0] down = less[2] ? g_coordinate[1].near : COORDINATE_ONE - g_coordinate[0].near;
 
-  // Four texels, and light between them.
+  // Four texels, and the interpolated light between them.
   localparam int INDEX_BITS = machine_pkg::REFLECT_INDEX_BITS;
   localparam int FRACTION_W = machine_pkg::REFLECT_FRACTION_W;
   logic [3*LIGHT_W-1:0] texels[0:(1 << (2 * INDEX_BITS)) - 1];
@@ -143,7 +145,7 @@ module reflect #(
   reflect_line line_below (.from(texels[{next_row, column}]), .to(texels[{next_row, next_column}]), .fraction(right), .light(lower));
   reflect_line line_down (.from(upper), .to(lower), .fraction(below), .light(light));
 
-  // What is kept of the colour, and what is mirrored.
+  // The remaining part of the colour, and the mirrored light.
   localparam int COLOUR_W = machine_pkg::SHADE_COLOUR_W;
   localparam int COLOUR_F = machine_pkg::SHADE_COLOUR_F;
   localparam int REFLECTANCE_W = machine_pkg::REFLECT_REFLECTANCE_W;

@@ -1,8 +1,9 @@
-// Reflect_line: light between two texels. Twin of Map::line in functions/map.rs.
+// Reflect_line: interpolates light between two texels. RTL implementation of Map::line in
+// functions/map.rs.
 //
 //   from + (to - from) * fraction ->[ fit ]-> light
 //
-// Loss: each channel is rounded to the texels' own word, which it never leaves.
+// Loss: each channel is rounded to the texels' own word; it is always in its range.
 `timescale 1ns / 1ps
 `default_nettype none
 

@@ -1,5 +1,6 @@
-// Reflect_step: the step of the map that a coordinate lies in, and how far. Twin of Map::step in functions/map.rs, and of the last line of
-// Reflect::place in units/shade/reflect.rs.
+// Reflect_step: the step of the map in which a coordinate is, and the fraction within it. RTL
+// implementation of Map::step in functions/map.rs, and of the last line of Reflect::place in
+// units/shade/reflect.rs.
 //
 //   coordinate, side ->( 1 + or - )-> place ->(* 2^k - 1)->[ index | fraction ]
 //
@@ -11,7 +12,7 @@ module reflect_step (
     input wire [machine_pkg::REFLECT_COORDINATE_W-1:0] coordinate, // magnitude, at most 1
     input wire less,                                               // it lies before the middle
     output wire [machine_pkg::REFLECT_INDEX_BITS-1:0] index,       // the texel before it
-    output wire [machine_pkg::REFLECT_FRACTION_W-1:0] fraction     // how far to the next one
+    output wire [machine_pkg::REFLECT_FRACTION_W-1:0] fraction     // fraction of the step to the next one
 );
   localparam int COORDINATE_F = machine_pkg::REFLECT_COORDINATE_F;
   localparam int INDEX_BITS = machine_pkg::REFLECT_INDEX_BITS;

@@ -1,6 +1,7 @@
-// Resolve: blends a pixel's layers front to back over the background and writes the frame word. Twin of units/resolve.rs.
+// Resolve: blends a pixel's layers front to back over the background and writes the frame word. RTL
+// implementation of units/resolve.rs.
 //
-//   layers in depth order, one a cycle ->(* transmittance)->(sum)->(+ background)-> frame
+//   layers in depth order, one per cycle ->(* transmittance)->(sum)->(+ background)-> frame
 //   opacity ->(1 - opacity)->(*)-> transmittance
 //
 // Losses: the transmittance is rounded at each layer; the sum is exact and rounded once, into the frame.
@@ -8,8 +9,8 @@
 `default_nettype none
 
 module resolve (
-    input wire clk,                                     // everything happens at its rising edge
-    input wire rst,                                     // forgets what is under way
+    input wire clk,                                     // clock, rising edge
+    input wire rst,                                     // clears records in flight
     input wire [machine_pkg::FRAME_W-1:0] frame,        // constants: the background
     input wire s_valid,                                 // a layer is there
     output wire s_ready,                                // and can be taken
@@ -24,7 +25,8 @@ module resolve (
   localparam int THROUGH_F = machine_pkg::RESOLVE_TRANSMITTANCE_F;
   localparam int FRAME_W = machine_pkg::RESOLVE_FRAME_W;
   localparam int FRAME_F = machine_pkg::RESOLVE_FRAME_F;
-  // Layers and background in common places; all of a pixel's layers, and the background, in one sum.
+  // Layers and background with common fraction bits; all layers of a pixel, and the background, in
+  // one sum.
   localparam int FINEST_F = LIGHT_F > FRAME_F ? LIGHT_F : FRAME_F;
   localparam int LAYER_LEFT = FINEST_F - LIGHT_F;
   localparam int BACKGROUND_LEFT = FINEST_F - FRAME_F;
@@ -40,7 +42,7 @@ module resolve (
   wire empty = s_data[machine_pkg::RESOLVE_IN_EMPTY_LSB];
   wire [LIGHT_W-1:0] opacity = s_data[machine_pkg::RESOLVE_IN_OPACITY_LSB+:LIGHT_W];
 
-  // What the layers before have left and added.
+  // Transmittance and sum of the layers before.
   logic first;
   logic [THROUGH_W-1:0] kept;
   wire [THROUGH_W-1:0] transmittance = first ? THROUGH_W'(1) << THROUGH_F : kept;
@@ -61,7 +63,7 @@ module resolve (
     if (takes) kept <= left;
   end
 
-  // Red, green, blue: from the most significant bits down.
+  // Red, green, blue: from the MSB down.
   wire [3*FRAME_W-1:0] rgb;
   for (genvar channel = 0; channel < 3; channel++) begin : g_channel
     wire [LIGHT_W-1:0] colour = s_data[machine_pkg::RESOLVE_IN_COLOUR_R_LSB-channel*LIGHT_W+:LIGHT_W];
@@ -79,7 +81,7 @@ module resolve (
         painter (.exact($signed({1'b0, limited})), .word(rgb[(2-channel)*FRAME_W+:FRAME_W]));
   end
 
-  // Nothing keeps the background's opacity from being more than 1.
+  // The background's opacity may be more than 1.
   wire [FRAME_W-1:0] background = frame[machine_pkg::FRAME_BACKGROUND_A_LSB+:FRAME_W];
   wire signed [FRAME_W:0] bare = $signed((FRAME_W + 1)'(1) << FRAME_F) - $signed({1'b0, background});
   wire signed [THROUGH_W+FRAME_W:0] see_through = $signed({1'b0, left}) * bare;

@@ -1,28 +1,29 @@
-// Set_up: the first half of the datapath for discs: project and ellipse. Twin of set_up in pipeline/set_up.rs.
+// Set_up: the first half of the pipeline for discs: project and ellipse. RTL implementation of
+// set_up in pipeline/set_up.rs.
 //
 //   splats -> project -> ellipse -> footprints
 //
-// A splat that is culled ends where that is found: it waits in no FIFO and takes no cycle of the next unit, as in the timing model. What a
-// unit does not need goes through it as its tag.
+// A culled splat ends in the unit that culls it: it occupies no FIFO and no cycle of the next unit,
+// as in the timing model. Fields that a unit does not need pass through it as its tag.
 `timescale 1ns / 1ps
 `default_nettype none
 
 module set_up #(
     parameter ROMS = "rom/" // folder of the tables, with its slash
 ) (
-    input wire clk,                                                            // everything happens at its rising edge
-    input wire rst,                                                            // forgets what is under way
+    input wire clk,                                                            // clock, rising edge
+    input wire rst,                                                            // clears records in flight
     input wire [machine_pkg::FRAME_W-1:0] frame,                               // constants: the view
     input wire s_valid,                                                        // a splat is there
     output wire s_ready,                                                       // and can be taken
     input wire [machine_pkg::PIPELINE_IN_W-1:0] s_data,                        // pipeline.in
     output wire m_valid,                                                       // it is set up
     input wire m_ready,                                                        // and taken
-    output wire [machine_pkg::PIPELINE_IN_RADIUS_LSB-1:0] m_look,              // what follows its radius in pipeline.in
+    output wire [machine_pkg::PIPELINE_IN_RADIUS_LSB-1:0] m_look,              // fields after its radius in pipeline.in
     output wire [3*machine_pkg::FRAGMENT_NORMAL_W-1:0] m_normal,               // its normal in camera space
     output wire [machine_pkg::ELLIPSE_AMPLITUDE_W-1:0] m_amplitude,            // its amplitude
     output wire [machine_pkg::RASTER_IN_TAG_LSB-1:0] m_footprint,              // raster.in, but for the tag
-    output wire quiet                                                          // nothing is offered here, nor between the units
+    output wire quiet                                                          // no record is offered here or between the units
 );
   localparam int LOOK_W = machine_pkg::PIPELINE_IN_RADIUS_LSB;
   localparam int DISC_W = 3 * machine_pkg::SPLAT_NORMAL_W + machine_pkg::SPLAT_RADIUS_W;
@@ -76,7 +77,7 @@ module set_up #(
 
   assign quiet = !s_valid && !point_valid && !m_valid;
 
-  // What comes out of project is not culled: those bits nobody looks at.
+  // Splats after project are not culled: these bits are unused.
   wire unused = &{1'b0, point};
 endmodule
 

@@ -1,4 +1,4 @@
-// Set_up_footprint: what project and ellipse, or ellipsoid, have of a splat, in the order of raster.in.
+// Set_up_footprint: the results of project and of ellipse, or ellipsoid, in the order of raster.in.
 `timescale 1ns / 1ps
 `default_nettype none
 

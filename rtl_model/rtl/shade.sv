@@ -1,22 +1,24 @@
-// Shade: turns a fragment's sums into the light that leaves it: normalise, Blinn-Phong, coverage. Twin of units/shade.rs.
+// Shade: turns a fragment's sums into its light: normalise, Blinn-Phong, coverage. RTL
+// implementation of units/shade.rs.
 //
 //   weight ->[ 1/W ]-+------------>(*)-> rgb, opacity ------------------->(*)-> colour ->(*)-> premultiplied
 //   colour ->[ << ]--+-> share -----+                irradiance -----------+              |
 //   normal ->[ << ]-> normal_share ->[ 1/|n| ]-> normal ->[ N.L, N.H ]-+-+ highlight ->(+) |
 //   weight ->[ min(1, W/tau) ]-> coverage -------------------------------------------------+
 //
-// Sums are first shifted by the power of two that brings W to [1, 2), so that a thinly covered pixel keeps its colour's precision.
+// Sums are first shifted by the power of two that brings W to [1, 2), so that the colour of a
+// thinly covered pixel keeps its precision.
 //
 // Losses: all words are rounded; opacity, coverage and colour are clamped to 1.
 `timescale 1ns / 1ps
 `default_nettype none
 
 module shade #(
-    parameter int TAG_W = 0, // bits of a tag, which goes along
+    parameter int TAG_W = 0, // bits of a tag, which passes through
     parameter ROMS = "rom/"  // folder of the tables, with its slash
 ) (
-    input wire clk,                                               // everything happens at its rising edge
-    input wire rst,                                               // forgets what is under way
+    input wire clk,                                               // clock, rising edge
+    input wire rst,                                               // clears records in flight
     input wire [machine_pkg::FRAME_W-1:0] frame,                  // constants: the coverage threshold
     input wire [machine_pkg::LIGHTS_PORT_W-1:0] lights,           // constants: records of lights, the first in the lowest bits
     input wire [machine_pkg::MATERIALS_PORT_W-1:0] materials,     // constants: records of materials
@@ -28,7 +30,7 @@ module shade #(
     input wire m_ready,                                           // and taken
     output wire [TAG_W+machine_pkg::SHADE_OUT_W-1:0] m_data       // the tag, shade.out
 );
-  // Without lights there is one that is black, without materials one that reflects nothing.
+  // Without lights there is one black light, without materials one that reflects nothing.
   localparam int LIGHTS = machine_pkg::LIGHTS > 0 ? machine_pkg::LIGHTS : 1;
   localparam int MATERIALS = machine_pkg::MATERIALS > 0 ? machine_pkg::MATERIALS : 1;
   localparam int LIGHT_W = machine_pkg::LIGHT_W;
@@ -51,7 +53,7 @@ module shade #(
   wire [OPACITY_SUM_W-1:0] opacity_sum = s_data[machine_pkg::SHADE_IN_OPACITY_LSB+:OPACITY_SUM_W];
   wire [MATERIAL_W-1:0] material = s_data[machine_pkg::SHADE_IN_MATERIAL_LSB+:MATERIAL_W];
 
-  // 1/W; `places` brings a sum to where W lies in [1, 2).
+  // 1/W; `places` is the shift of a sum that brings W to [1, 2).
   localparam int INVERSE_W = machine_pkg::SHADE_RECIPROCAL_BITS + 1;
   localparam int DIVIDED_W = SHARE_W + INVERSE_W;
   localparam int DIVIDED_F = SHARE_F + machine_pkg::SHADE_RECIPROCAL_BITS;
@@ -104,7 +106,8 @@ module shade #(
       .S(0), .ROUND(machine_pkg::SHADE_PREMULTIPLIED_ROUND), .WRAP(machine_pkg::SHADE_PREMULTIPLIED_WRAP))
       thinner (.exact($signed({1'b0, thinned})), .word(alpha));
 
-  // The unit normal, turned towards the viewer; none where the sums cancel. It is shorter than 2, so its word holds its negative too.
+  // The unit normal, turned towards the viewer; zero if the sums cancel. It is shorter than 2, so
+  // its word also holds its negative.
   localparam int NORMAL_SHARE_W = machine_pkg::SHADE_NORMAL_SHARE_W;
   localparam int NORMAL_SHARE_F = machine_pkg::SHADE_NORMAL_SHARE_F;
   localparam int SQUARE_W = 2 * NORMAL_SHARE_W - 1;
@@ -118,7 +121,7 @@ module shade #(
   wire [3*SQUARE_W-1:0] squares;
   wire [3*NORMAL_W-1:0] normal;
   wire turns;
-  // X, y, z: from the most significant bits down.
+  // X, y, z: from the MSB down.
   for (genvar axis = 0; axis < 3; axis++) begin : g_axis
     wire signed [NORMAL_SUM_W-1:0] sum = s_data[machine_pkg::SHADE_IN_NORMAL_X_LSB-axis*NORMAL_SUM_W+:NORMAL_SUM_W];
     wire signed [NORMAL_SHARE_W-1:0] share;
@@ -144,7 +147,7 @@ module shade #(
       .TABLE_BITS(machine_pkg::SHADE_ROOT_TABLE_BITS), .NEWTON_STEPS(machine_pkg::SHADE_ROOT_NEWTON_STEPS), .ROM({ROMS, "shade.root.hex"}))
       rooter (.x(squared), .operand(unused_operand), .mantissa(root), .exponent(root_exponent));
 
-  // The material's answer to the lights.
+  // The light reflected by the material.
   localparam int ANSWER_W = machine_pkg::MATERIAL_W;
   wire [MATERIALS*ANSWER_W-1:0] all_materials = machine_pkg::MATERIALS == 0 ? '0 : (MATERIALS * ANSWER_W)'(materials);
   wire [ANSWER_W-1:0] answer = ANSWER_W'(all_materials >> (32'(material) * ANSWER_W));
@@ -182,7 +185,7 @@ module shade #(
     assign shine[light*HIGHLIGHT_W+:HIGHLIGHT_W] = shines ? highlight : '0;
   end
 
-  // Red, green, blue: from the most significant bits down.
+  // Red, green, blue: from the MSB down.
   localparam int RGB_W = machine_pkg::SHADE_RGB_W;
   localparam int RGB_F = machine_pkg::SHADE_RGB_F;
   localparam int IRRADIANCE_W = machine_pkg::SHADE_IRRADIANCE_W;
@@ -192,7 +195,7 @@ module shade #(
   localparam int GLOSS_F = machine_pkg::SHADE_HIGHLIGHT_F + REFLECTANCE_F;
   localparam int COLOURED_W = RGB_W + IRRADIANCE_W;
   localparam int COLOURED_F = RGB_F + IRRADIANCE_F;
-  // Both in common places, and 1 there.
+  // Both with common fraction bits, and 1 with the same.
   localparam int BOTH_F = COLOURED_F > GLOSS_F ? COLOURED_F : GLOSS_F;
   localparam int COLOURED_LEFT = BOTH_F - COLOURED_F;
   localparam int GLOSS_LEFT = BOTH_F - GLOSS_F;
@@ -245,7 +248,8 @@ module shade #(
         fader (.exact($signed({1'b0, faded})), .word(premultiplied[(2-channel)*PREMULTIPLIED_W+:PREMULTIPLIED_W]));
   end
 
-  // The package of a frame with surroundings says so; its material records have words that those of others lack.
+  // Only the package of a frame with an environment has this constant; its material records have
+  // additional words.
 `ifdef MACHINE_MIRRORS
   wire [3*COLOUR_W-1:0] mirrored;
 `ifdef MACHINE_MIRRORS_ALONG_RAYS
@@ -261,9 +265,9 @@ module shade #(
   assign leaving = lit;
 `endif
 
-  // Where nothing is, nothing shines.
+  // An empty pixel has no light.
   wire [machine_pkg::SHADE_OUT_W-1:0] light = weight == '0 ? '0 : {premultiplied, alpha};
-  // Registers and places hold the tag beside it.
+  // The tag passes through the registers and the FIFO.
   localparam int BEHIND_W = TAG_W + machine_pkg::SHADE_OUT_W;
   wire [BEHIND_W-1:0] labelled = BEHIND_W'({s_data >> machine_pkg::SHADE_IN_W, light});
   pipe #(.W(BEHIND_W), .LATENCY(machine_pkg::SHADE_LATENCY), .INTERVAL(machine_pkg::SHADE_INTERVAL), .ROOM(machine_pkg::SHADE_ROOM))

@@ -1,4 +1,4 @@
-// Shade's cosine: max(0, N.direction). Twin of Shade::cosine in units/shade.rs.
+// Shade's cosine: max(0, N.direction). RTL implementation of Shade::cosine in units/shade.rs.
 //
 // Loss: the cosine is rounded.
 `timescale 1ns / 1ps

@@ -1,31 +1,35 @@
-// Sheets: fragments of the same sheet add up, and a sheet is blended when the next one begins. Twin of units/fragment/sheets.rs.
+// Sheets: adds fragments of the same sheet, and blends a sheet when the next one begins. RTL
+// implementation of units/fragment/sheets.rs.
 //
 //   s ->[ read the pixel ]->[ sheet = open? ]-+- yes -> accumulate: sums += weight * attributes
 //                                             +- no --> close the open one (sheets_close) ->[ over ]-> composite; open a fresh one
 //
-//   m <- what became of each contribution        h <- after the last one: what all pixels hold
+//   m <- outcome of each contribution        h <- after the last one: contents of all pixels
 //
-// Where each splat is a sheet of its own nothing adds up: its weight, held to a limit, is blended at once. A pixel that lets less than
-// `stop` through takes nothing more.
+// If each splat is a separate sheet, nothing is added: its weight, clamped to a limit, is blended
+// at once. A pixel whose transmittance is below `stop` takes no more contributions.
 //
-// A contribution is taken in one cycle, its pixel is there and is decided upon in the next, and HAZARD - 2 registers later it is written:
-// so the same pixel can be taken again after HAZARD cycles, any other one in the next cycle. While a sheet is blended because another
-// begins nothing is taken, MERGE_CYCLES cycles more, as the timing model has it: also where the pixel stops by that. So s_ready waits for a
-// comparison of sheets' numbers, and for no sum, table or blend: those lie in no loop but the pixel's, which has HAZARD registers.
+// A contribution is taken in one cycle. In the next cycle its pixel is read and the outcome is
+// decided, and HAZARD - 2 registers later the pixel is written: the same pixel can be taken again
+// after HAZARD cycles, any other one in the next cycle. While a sheet is blended because another
+// begins, no contribution is taken for MERGE_CYCLES more cycles, as in the timing model, also if
+// the pixel stops by this blend. s_ready therefore depends on a comparison of the sheets' numbers,
+// but not on a sum, table or blend: these are only in the loop of the pixel, which has HAZARD
+// registers.
 //
-// Losses: each sum is rounded once a contribution (fragment_sum); so is what a blend writes back (fragment_over); what a sheet comes to is
-// cut to a light, and what the composite keeps to a light.
+// Losses: each sum is rounded once per contribution (fragment_sum), and so is the result of a blend
+// (fragment_over). The light of a sheet and of the composite are truncated to the word of a light.
 `timescale 1ns / 1ps
 `default_nettype none
 
 module sheets #(
-    parameter int WIDTH = 16,  // columns of pixels that it keeps
-    parameter int HEIGHT = 16, // rows of pixels that it keeps
+    parameter int WIDTH = 16,  // columns of stored pixels
+    parameter int HEIGHT = 16, // rows of stored pixels
     parameter ROMS = "rom/"    // folder of the tables, with its slash
 ) (
-    input wire clk,                                            // everything happens at its rising edge
+    input wire clk,                                            // clock, rising edge
     input wire rst,                                            // empties all pixels
-    // The frame's constants are every unit's: this one looks at those of sheets.
+    // The frame's constants are those of all units: this one uses those of sheets.
     // verilator lint_off UNUSEDSIGNAL
     input wire [machine_pkg::FRAME_W-1:0] frame,               // constant while a frame is drawn
     // verilator lint_on UNUSEDSIGNAL
@@ -35,12 +39,12 @@ module sheets #(
     output wire m_valid,                                       // a decision is there
     input wire m_ready,                                        // and is taken
     output wire [machine_pkg::FRAGMENT_OUT_W-1:0] m_data,      // the decision
-    input wire drain,                                          // no contribution comes any more: hand out what is held
-    output wire drained,                                       // all is handed out and all pixels are empty, until drain falls
-    output wire h_valid,                                       // what a pixel holds, or one that holds nothing
+    input wire drain,                                          // the last contribution was taken: output all pixels
+    output wire drained,                                       // everything was output and all pixels are empty, until drain falls
+    output wire h_valid,                                       // content of a pixel, or an empty pixel
     input wire h_ready,                                        // and is taken
-    output wire h_empty,                                       // it holds nothing: but for x and y it says nothing
-    output wire [machine_pkg::FRAGMENT_HELD_W-1:0] h_data      // what it holds
+    output wire h_empty,                                       // an empty pixel: only x and y have a meaning
+    output wire [machine_pkg::FRAGMENT_HELD_W-1:0] h_data      // content
 );
   localparam int PIXELS = WIDTH * HEIGHT;
   localparam int PIXEL_W = PIXELS > 1 ? $clog2(PIXELS) : 1;
@@ -58,7 +62,8 @@ module sheets #(
   localparam int OPACITY_W = machine_pkg::FRAGMENT_OPACITY_SUM_W;
   localparam int LIGHT_W = machine_pkg::SHADE_PREMULTIPLIED_W;
 
-  // A pixel as its record has it, but for x and y: stopped, closed, composite, and the open sheet. Blue is the last of the colours.
+  // A pixel as in its record, without x and y: stopped, closed, composite, and the open sheet. Blue
+  // is the last colour.
   localparam int STATE_W = machine_pkg::FRAGMENT_START_W - X_W - Y_W;
   localparam int STOPPED = machine_pkg::FRAGMENT_START_STOPPED_LSB;
   localparam int CLOSED = machine_pkg::FRAGMENT_START_CLOSED_LSB;
@@ -78,7 +83,7 @@ module sheets #(
   wire [GAUSS_W-1:0] most_weight = frame[machine_pkg::FRAME_MOST_WEIGHT_LSB+:GAUSS_W];
   wire has_ratio = frame[machine_pkg::FRAME_HAS_RATIO_LSB];
 
-  // Read: the pixel of a contribution, or in the end one after the other.
+  // Read: the pixel of a contribution, or, at the end, all pixels in order.
 
   wire take = s_valid && s_ready;
   wire [X_W-1:0] s_x = s_data[machine_pkg::FRAGMENT_IN_X_LSB+:X_W];
@@ -96,13 +101,14 @@ module sheets #(
   wire [PIXEL_W-1:0] write_pixel;
   wire [STATE_W-1:0] write_state;
 
-  // A memory cannot be emptied at once: which pixels have been touched at all is kept in registers.
+  // A memory cannot be cleared at once, so touched pixels are marked in registers.
   logic [STATE_W-1:0] memory[0:PIXELS-1];
   logic [STATE_W-1:0] out;
   logic [PIXELS-1:0] touched;
   logic touched_out;
   wire empty_all;
-  // No always_ff: the bench writes what pixels hold at the start of a window, and of what an always_ff drives nothing else may.
+  // Not an always_ff: the bench writes the pixels' initial contents at the start of a window, and a
+  // variable that an always_ff drives may not be written elsewhere.
   always @(posedge clk) begin
     if (write) memory[write_pixel] <= write_state;
     if (read) out <= memory[read_pixel];
@@ -130,7 +136,7 @@ module sheets #(
     assign held = touched_out ? out : '0;
   end
 
-  // Contribute: the contribution, and its pixel as it is.
+  // Contribute: the contribution, and the current contents of its pixel.
 
   logic taken;
   logic [machine_pkg::FRAGMENT_IN_W-1:0] contribution;
@@ -152,7 +158,7 @@ module sheets #(
   wire matched = !stopped && !each_splat && live && held[SHEET+:SHEET_W] == sheet;
   wire [GAUSS_W-1:0] weight = each_splat && some_weight > most_weight ? most_weight : some_weight;
 
-  // Accumulate: the sums of the open sheet, or of a fresh one.
+  // Accumulate: the sums of the open sheet, or of a new one.
   wire [WEIGHT_W-1:0] weight_was = matched ? held[WEIGHT+:WEIGHT_W] : '0;
   wire [3*COLOUR_W-1:0] colours_were = matched ? held[SHEET_COLOURS+:3*COLOUR_W] : '0;
   wire [WEIGHT_W-1:0] weight_becomes;
@@ -188,7 +194,8 @@ module sheets #(
     );
   end
 
-  // Blend a sheet that is done: the contribution itself, or the open one; in the end the open one for its light alone.
+  // Blend a finished sheet: the contribution itself, or the open sheet; at the end, the open sheet
+  // only for its light.
   wire [4*LIGHT_W-1:0] light, composite;
   sheets_close #(.ROMS(ROMS)) close (
       .has_ratio(has_ratio),
@@ -227,14 +234,14 @@ module sheets #(
       .opacity(over[LIGHT_W-1:0]),
       .word(blended_opacity)
   );
-  // An opacity of more than 1 lets less than nothing through.
+  // An opacity of more than 1 gives a negative transmittance.
   localparam int THROUGH_W = OPACITY_W + 2;
   localparam [THROUGH_W-1:0] ONE = THROUGH_W'(1) << machine_pkg::FRAGMENT_OPACITY_SUM_F;
   wire signed [THROUGH_W-1:0] through = $signed(ONE) - $signed({2'b0, blended_opacity});
   wire opaque = !back_to_front && through < $signed({2'b0, stop});
   wire kept = !opaque || keeps_last;
 
-  // What becomes of the contribution.
+  // The outcome of the contribution.
   localparam int OUTCOME_W = machine_pkg::FRAGMENT_OUT_OUTCOME_W;
   wire blends = !stopped && !matched && (each_splat || live);
   wire refused = blends && (each_splat ? !kept : opaque);
@@ -265,7 +272,8 @@ module sheets #(
       .under_way(under_way)
   );
 
-  // A sheet that is blended because another begins keeps the unit until its last cycle; anything else is gone when the next one comes.
+  // A sheet that is blended because another begins occupies the unit until its last cycle; any
+  // other contribution has left when the next one comes.
   wire merging = taken && blends && !each_splat;
   wire free = leave && (!merging || MERGE_CYCLES == 0);
   wire waits;
@@ -295,7 +303,7 @@ module sheets #(
     assign rests = 1'b0;
   end
 
-  // The decision's way out: the rest of the unit's latency.
+  // Output of the decision: the remaining latency of the unit.
   localparam int REST_OF_LATENCY = machine_pkg::FRAGMENT_LATENCY > 1 ? machine_pkg::FRAGMENT_LATENCY - 1 : 1;
   localparam int REST_OF_ROOM = machine_pkg::FRAGMENT_LATENCY > 1 ? machine_pkg::FRAGMENT_ROOM - 1 : machine_pkg::FRAGMENT_ROOM;
   wire room;
@@ -319,7 +327,7 @@ module sheets #(
   logic done;
   assign s_ready = !walking && !done && !rests && !(s_valid && waits) && (!taken || free);
 
-  // Walk: what all pixels hold, row by row.
+  // Walk: the contents of all pixels, row by row.
 
   wire start = drain && !s_valid && !taken && !under_way && !walking && !done;
   logic [X_W-1:0] at_x;
@@ -353,7 +361,7 @@ module sheets #(
       if (next_x == X_W'(WIDTH - 1)) next_y <= next_y + Y_W'(1);
     end
   end
-  // The light of all: the composite, and what is open blended into it.
+  // The complete light: the composite, with the open sheet blended into it.
   wire closed = held[CLOSED];
   wire [4*LIGHT_W-1:0] lit;
   fragment_read read_all (

@@ -1,11 +1,12 @@
-// Sheets_close: what a sheet that is done comes to. Twin of `close` in units/fragment/sheets.rs.
+// Sheets_close: the light of a finished sheet. RTL implementation of `close` in
+// units/fragment/sheets.rs.
 //
 //   weight -+->[ fit ]-> index ->[ table ]-> ratio -+
 //           +-------------------------------------->(x)->[ fit ]-> opacity, at most 1
 //   colours --------------------------------------->(x)->[ fit ]-> colour times opacity
 //
-// Losses: the index is cut to the table's argument, the ratio between two of its lines is rounded, and so are the products. Without a ratio
-// the sums are fitted as they are.
+// Losses: the index is truncated to the table's argument; the ratio between two of its values and
+// the products are rounded. Without a ratio the sums are quantised directly.
 `timescale 1ns / 1ps
 `default_nettype none
 

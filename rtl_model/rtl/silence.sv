@@ -1,12 +1,13 @@
-// Silence: whether nothing is under way any more: nothing has been offered anywhere for as long as a record takes through the slowest unit.
+// Silence: whether no record is in flight: no record was offered anywhere for the latency of the
+// slowest unit.
 `timescale 1ns / 1ps
 `default_nettype none
 
 module silence (
-    input wire clk,    // everything happens at its rising edge
-    input wire rst,    // something may be under way
-    input wire quiet,  // nothing is offered
-    output wire silent // nothing is under way
+    input wire clk,    // clock, rising edge
+    input wire rst,    // records may be in flight
+    input wire quiet,  // no record is offered
+    output wire silent // no record is in flight
 );
   localparam int SETUP =
       machine_pkg::PROJECT_LATENCY > machine_pkg::ELLIPSE_LATENCY ? machine_pkg::PROJECT_LATENCY : machine_pkg::ELLIPSE_LATENCY;

@@ -1,36 +1,40 @@
-// Windows: keeps at most `layers` slots a pixel as clusters of depth, and groups them into windows as late as it can. Twin of
-// units/fragment/window.rs.
+// Windows: stores at most `layers` slots per pixel as clusters of depth, and groups them into
+// windows as late as possible. RTL implementation of units/fragment/window.rs.
 //
 //   s ->[ read the pixel ]->[ 1 a cluster spans it? ]-+- yes -> accumulate: sums += weight * attributes
 //                           [ 2 its surface closed? ]-+- yes -> late: over its front, under its back (windows_late); or inside of it
 //                           [ 3 slot free?          ]-+- yes -> insert, in the order of nearest depths
-//                                                     +- no --> 4 windows, a slot a cycle -> 5 evict | 6 sum a pair | 7 close the two deepest
-//   q -> shade -> a <-- what is closed
+//                                                     +- no --> 4 windows, one slot per cycle -> 5 evict | 6 sum a pair | 7 close the two deepest
+//   q -> shade -> a <-- slots that are closed
 //
-//   m <- what became of each contribution        h <- after the last one: the windows of all pixels, lit, each of them a layer
+//   m <- outcome of each contribution        h <- after the last one: the windows of all pixels, shaded, each as a layer
 //
-// A contribution is taken in one cycle, its pixel is there and is decided upon in the next, and HAZARD - 2 registers later it is written:
-// so the same pixel can be taken again after HAZARD cycles, any other one in the next cycle. What is blended, summed or closed keeps the
-// unit for MERGE_CYCLES cycles more, as the timing model has it, and for as long as shade takes; it is written in the last of them.
+// A contribution is taken in one cycle. In the next cycle its pixel is read and the outcome is
+// decided, and HAZARD - 2 registers later the pixel is written: the same pixel can be taken again
+// after HAZARD cycles, any other one in the next cycle. Blends, sums and closing occupy the unit
+// for MERGE_CYCLES more cycles, as in the timing model, and while shade computes; the pixel is
+// written in the last of these cycles.
 //
-// What finds no slot free forms windows first: its slots go by, one a cycle, and whatever is found out of them has registers behind it,
-// which synthesis may retime; so has what is blended. All of it shares one quotient, and nothing changes before it is written. How many
-// registers there are follows from MERGE_CYCLES, of which elaboration asks for as many as operators take. No more is done in one cycle than
-// to find out whether a contribution keeps the unit, by comparisons of depths alone, and to go on with what is seen from slot to slot.
+// If no slot is free, windows are formed first: the slots are processed one per cycle, and each
+// result has registers behind it, which synthesis may retime; so have the operands of blends. All
+// of this shares one quotient, and nothing changes before the write. The number of registers
+// follows from MERGE_CYCLES; elaboration requires at least the cycles that the operators take. In a
+// single cycle the unit only decides whether a contribution occupies it, by comparisons of depths,
+// and updates the visibility from slot to slot.
 //
-// Losses: each sum is rounded once a contribution (fragment_sum); so is what two slots add up to, what is blended into a closed slot, and
-// each transmittance and quotient on the way.
+// Losses: each sum is rounded once per contribution (fragment_sum), and so are the sum of two
+// slots, a blend into a closed slot, and each transmittance and quotient.
 `timescale 1ns / 1ps
 `default_nettype none
 
 module windows #(
-    parameter int WIDTH = 16,  // columns of pixels that it keeps
-    parameter int HEIGHT = 16, // rows of pixels that it keeps
+    parameter int WIDTH = 16,  // columns of stored pixels
+    parameter int HEIGHT = 16, // rows of stored pixels
     parameter ROMS = "rom/"    // folder of the tables, with its slash
 ) (
-    input wire clk,                                               // everything happens at its rising edge
+    input wire clk,                                               // clock, rising edge
     input wire rst,                                               // empties all pixels
-    // The frame's constants are every unit's: this one looks at its thresholds.
+    // The frame's constants are those of all units: this one uses its thresholds.
     // verilator lint_off UNUSEDSIGNAL
     input wire [machine_pkg::FRAME_W-1:0] frame,                  // constant while a frame is drawn
     // verilator lint_on UNUSEDSIGNAL
@@ -40,18 +44,18 @@ module windows #(
     output wire m_valid,                                          // a decision is there
     input wire m_ready,                                           // and is taken
     output wire [machine_pkg::FRAGMENT_OUT_W-1:0] m_data,         // the decision
-    output wire q_valid,                                          // a slot wants to be shaded
+    output wire q_valid,                                          // a request to shade a slot
     input wire q_ready,                                           // and is taken
     output wire [machine_pkg::FRAGMENT_REQUEST_W-1:0] q_data,     // the slot
     input wire a_valid,                                           // its light is there
     output wire a_ready,                                          // and is taken
     input wire [machine_pkg::FRAGMENT_ANSWER_W-1:0] a_data,       // the light
-    input wire drain,                                             // no contribution comes any more: hand out what is held
-    output wire drained,                                          // all is handed out and all pixels are empty, until drain falls
-    output wire h_valid,                                          // a layer, or a pixel that has none
+    input wire drain,                                             // the last contribution was taken: output all pixels
+    output wire drained,                                          // everything was output and all pixels are empty, until drain falls
+    output wire h_valid,                                          // a layer, or an empty pixel
     input wire h_ready,                                           // and is taken
     output wire h_last,                                           // it is its pixel's last
-    output wire h_empty,                                          // it is none: but for x and y it says nothing
+    output wire h_empty,                                          // an empty pixel: only x and y have a meaning
     output wire [machine_pkg::FRAGMENT_HELD_W-1:0] h_data         // the layer
 );
   localparam int LAYERS = machine_pkg::FRAGMENT_LAYERS;
@@ -63,12 +67,13 @@ module windows #(
   localparam int SLOT_NUMBER_W = machine_pkg::FRAGMENT_OUT_SLOT_W;
   localparam int HAZARD = machine_pkg::FRAGMENT_HAZARD;
   localparam int MERGE_CYCLES = machine_pkg::FRAGMENT_MERGE_CYCLES;
-  // Registers behind: whether a slot joins a window, a quotient, what is seen of a slot, the pair that costs least, and what is blended.
+  // Registers behind: the decision whether a slot joins a window, a quotient, the visibility of a
+  // slot, the pair of least cost, and the blended values.
   localparam int SPARE = MERGE_CYCLES - LAYERS - 5;
   localparam int QUOTIENT_STAGES = SPARE / 4;
   localparam int STAGES = (SPARE - 2 * QUOTIENT_STAGES) / 4;
   localparam int BLEND_STAGES = SPARE - 2 * QUOTIENT_STAGES - 3 * STAGES;
-  // Cycles from finding no slot free to knowing the pair.
+  // Cycles from the decision that no slot is free to the pair.
   localparam int FORMING = LAYERS + 3 + QUOTIENT_STAGES + 3 * STAGES;
   localparam bit INTERVAL = machine_pkg::FRAGMENT_GROUP == machine_pkg::GROUP_INTERVAL;
   localparam bit LATE = machine_pkg::FRAGMENT_LATE != 0;
@@ -103,9 +108,11 @@ module windows #(
   localparam [PART_W-1:0] PART_ONE = PART_W'(1) << PART_F;
   localparam [LIGHT_W-1:0] LIGHT_ONE = LIGHT_W'(1) << LIGHT_F;
 
-  // A slot: whether it is closed, its nearest and farthest depth, material, weight, colours and opacity; of an open one sums, of a closed
-  // one those of its light, and the weight is its front's. Then of an open one the sums of depths and normals; of a closed one the end of
-  // its front and the beginning of its back, the back's weight, and what is seen behind the front and before the back.
+  // A slot: whether it is closed, its nearest and farthest depth, material, weight, colours and
+  // opacity. An open slot has sums of these, a closed one the sums of its light and the weight of
+  // its front. Further fields of an open slot are the sums of depths and normals; those of a closed
+  // slot are the end of its front and the beginning of its back, the back's weight, and the
+  // transmittances behind the front and before the back.
   localparam int OPEN_W = DEPTHS_W + 3 * NORMAL_W;
   localparam int SHUT_W = 2 * DEPTH_W + WEIGHT_W + 2 * THROUGH_W;
   localparam int REST_W = OPEN_W > SHUT_W ? OPEN_W : SHUT_W;
@@ -123,7 +130,7 @@ module windows #(
   localparam int CLOSED = NEAR + DEPTH_W;
   localparam int SLOT_W = CLOSED + 1;
   localparam int SLOTS_W = LAYERS * SLOT_W;
-  // The slots and the fresh one.
+  // The slots and the new one.
   localparam int PLACES = LAYERS + 1;
   localparam int PLACE_W = $clog2(PLACES + 1);
   localparam int STACK_W = PLACES * SLOT_W;
@@ -136,7 +143,7 @@ module windows #(
       LIES_INSIDE = machine_pkg::OUTCOME_INSIDE, SUMMED = machine_pkg::OUTCOME_SUMMED,
       CLOSED_BEHIND = machine_pkg::OUTCOME_CLOSED_BEHIND, CLOSED_INSIDE = machine_pkg::OUTCOME_CLOSED_INSIDE;
 
-  // The slot of a stack that one bit says, or 0 where none does.
+  // The slot of a stack that a one-hot vector selects, or 0 if it is zero.
   function automatic [SLOT_W-1:0] chosen(input [PLACES-1:0] choice, input [STACK_W-1:0] stack);
     integer at;
     begin
@@ -145,7 +152,7 @@ module windows #(
     end
   endfunction
 
-  // The number of one bit's place.
+  // The index of a one-hot bit.
   function automatic [SLOT_NUMBER_W-1:0] number(input [PLACES-1:0] choice);
     integer at;
     begin
@@ -154,7 +161,7 @@ module windows #(
     end
   endfunction
 
-  // How many bits are set.
+  // The number of set bits.
   function automatic [PLACE_W-1:0] count(input [PLACES-1:0] bits);
     integer at;
     begin
@@ -171,23 +178,25 @@ module windows #(
     farther = one > other ? one : other;
   endfunction
 
-  // How far a depth lies outside of a span.
+  // Distance of a depth from a span; 0 inside it.
   function automatic [DEPTH_W-1:0] gap(input [DEPTH_W-1:0] near, input [DEPTH_W-1:0] far, input [DEPTH_W-1:0] z);
     gap = z < near ? near - z : z > far ? z - far : '0;
   endfunction
 
-  // Whether a span together with a depth is narrower than a width: it lies between the depth less the width and the depth and the width. One
-  // that has the depth inside is so too, for slots and their sides are narrower than a contribution may make them.
+  // Whether a span extended by a depth is narrower than a width: it is between the depth less the
+  // width and the depth plus the width. This also holds for a span that contains the depth, because
+  // slots and their sides are narrower than a contribution may make them.
   function automatic spans(input [DEPTH_W-1:0] near, input [DEPTH_W-1:0] far, input signed [DEPTH_W+1:0] from, input [DEPTH_W:0] to);
     spans = $signed({2'b00, near}) > from && {1'b0, far} < to;
   endfunction
 
-  // Whether one closed slot lies behind the front of another and before its farthest depth.
+  // Whether one closed slot is behind the front of another and before its farthest depth.
   function automatic encloses(input [DEPTH_W-1:0] front_far, input [DEPTH_W-1:0] far, input [DEPTH_W-1:0] its_near, input [DEPTH_W-1:0] its_far);
     encloses = INSIDE && front_far < its_near && its_far < far;
   endfunction
 
-  // The greatest power of two, from 1 down to 2^-8, that what is seen reaches: one bit, the first for 1; none where it is less than all.
+  // The greatest power of two, from 1 down to 2^-8, that is at most the transmittance, one-hot,
+  // with 1 as the first bit; zero if all are larger.
   localparam int POWERS = 9;
   function automatic [POWERS-1:0] power_of(input [THROUGH_W-1:0] seen);
     integer power;
@@ -203,7 +212,7 @@ module windows #(
   wire [DEPTH_W-1:0] reach = INTERVAL ? z_threshold : frame[machine_pkg::FRAME_REACH_LSB+:DEPTH_W];
   wire [WEIGHT_W-1:0] coverage_threshold = frame[machine_pkg::FRAME_COVERAGE_THRESHOLD_LSB+:WEIGHT_W];
 
-  // Read: the pixel of a contribution, or in the end one after the other.
+  // Read: the pixel of a contribution, or, at the end, all pixels in order.
 
   wire take = s_valid && s_ready;
   wire [X_W-1:0] s_x = s_data[machine_pkg::FRAGMENT_IN_X_LSB+:X_W];
@@ -217,13 +226,13 @@ module windows #(
   wire [Y_W-1:0] read_y = walking ? next_y : s_y;
   wire [PIXEL_W-1:0] read_pixel = PIXEL_W'((X_W + Y_W)'(read_y) * (X_W + Y_W)'(WIDTH) + (X_W + Y_W)'(read_x));
 
-  // How many slots are in use, and the slots.
+  // The number of used slots, and the slots.
   localparam int STATE_W = LIVE_W + SLOTS_W;
   wire write;
   wire [PIXEL_W-1:0] write_pixel;
   wire [STATE_W-1:0] write_state;
 
-  // A memory cannot be emptied at once: which pixels have been touched at all is kept in registers.
+  // A memory cannot be cleared at once, so touched pixels are marked in registers.
   logic [STATE_W-1:0] memory[0:PIXELS-1];
   logic [STATE_W-1:0] out;
   logic [PIXELS-1:0] touched;
@@ -256,9 +265,9 @@ module windows #(
   wire [SLOTS_W-1:0] held = state[SLOTS_W-1:0];
   wire [LIVE_W-1:0] live = state[SLOTS_W+:LIVE_W];
 
-  // Contribute: the contribution, and its pixel as it is.
+  // Contribute: the contribution, and the current contents of its pixel.
 
-  // Ahead of its register: its depth, and between which depths a span stays narrow with it.
+  // Before the register: the depth, and the depth range in which a span stays narrow with it.
   wire [DEPTH_W-1:0] s_z;
   fit #(
       .IN_W(machine_pkg::FRAGMENT_IN_DEPTH_W),
@@ -273,7 +282,7 @@ module windows #(
   );
 
   logic taken;
-  // Of its depth what is kept is the comparators' word.
+  // The depth is stored in the comparators' word.
   // verilator lint_off UNUSEDSIGNAL
   logic [machine_pkg::FRAGMENT_IN_W-1:0] contribution;
   // verilator lint_on UNUSEDSIGNAL
@@ -302,7 +311,8 @@ module windows #(
   wire [3*RGB_W-1:0] colour = contribution[machine_pkg::FRAGMENT_IN_BLUE_LSB+:3*RGB_W];
   wire [3*N_W-1:0] normal = contribution[machine_pkg::FRAGMENT_IN_NORMAL_Z_LSB+:3*N_W];
   wire [MATERIAL_W-1:0] material = contribution[machine_pkg::FRAGMENT_IN_MATERIAL_LSB+:MATERIAL_W];
-  // 1, 2: the first of the nearest open slots that it joins; of the nearest sides that it is late for; and the last slot around it.
+  // 1, 2: the first of the nearest open slots that it joins; of the nearest sides that it is late
+  // for; and the last slot around it.
   wire [LAYERS-1:0] there, joins_open, lies_in;
   wire [SIDES-1:0] late_sides;
   wire [LAYERS*DEPTH_W-1:0] open_gaps;
@@ -330,17 +340,17 @@ module windows #(
   wire [LAYERS-1:0] late_front, late_back, around;
   for (genvar slot = 0; slot < LAYERS; slot++) begin : g_side
     assign {late_back[slot], late_front[slot]} = late_side[2*slot+:2];
-    // The last of those that it lies in: none behind it.
+    // The last slot that contains it: no such slot is behind it.
     assign around[slot] = lies_in[slot] && (lies_in >> (slot + 1)) == '0;
   end
-  // Which of these it is, no order of slots is needed for.
+  // These decisions do not need the order of slots.
   wire matched = joins_open != '0;
   wire is_late = !matched && late_sides != '0;
   wire is_inside = !matched && late_sides == '0 && lies_in != '0;
   wire full = there[LAYERS-1];
 
-  // Accumulate: the sums of what was found, or of a fresh slot.
-  // A slot goes about as a whole, whatever is looked at of it.
+  // Accumulate: the sums of the matching slot, or of a new one. Slots are passed as a whole,
+  // whichever fields are used.
   // verilator lint_off UNUSEDSIGNAL
   wire [SLOT_W-1:0] was = chosen({1'b0, found}, {SLOT_W'(0), held});
   // verilator lint_on UNUSEDSIGNAL
@@ -427,8 +437,9 @@ module windows #(
   assign becomes[MATERIAL+:MATERIAL_W] = matched ? was[MATERIAL+:MATERIAL_W] : material;
   assign becomes[REST_W-1:0] = REST_W'({depths_become, normals_become});
 
-  // 3: all in the order of their nearest depths. Stable: the fresh one, the last, comes after its equals. Where a slot matched there is none,
-  // and nobody asks for the order: so its depth is the contribution's.
+  // 3: all slots in the order of their nearest depths. Stable: the new one, the last, comes after
+  // its equals. If a slot matched there is no new one, and the order is not used: its depth is then
+  // the contribution's.
   wire [PLACES-1:0] stacked = {taken, there};
   wire [STACK_W-1:0] unsorted = {becomes, held};
   wire [PLACES*PLACES-1:0] comes;
@@ -453,7 +464,8 @@ module windows #(
     assign sorted[place*SLOT_W+:SLOT_W] = chosen(comes[place*PLACES+:PLACES], unsorted);
   end
 
-  // What takes several cycles has its slots here: an overflow, and the windows of a pixel in the end.
+  // Processes of several cycles use these slots: an overflow, and the windows of a pixel at the
+  // end.
   localparam [1:0] DECIDES = 2'd0, WALKS = 2'd1, JUDGES = 2'd2;
   localparam [1:0] FORMS = 2'd0, LIGHTS = 2'd1, PUTS = 2'd2, OFFERS = 2'd3;
   localparam int COUNT_W = $clog2(FORMING);
@@ -485,7 +497,8 @@ module windows #(
   wire [SLOT_W-1:0] slot_now = chosen(at_slot, stack);
   wire [DEPTH_W-1:0] near_now = slot_now[NEAR+:DEPTH_W];
 
-  // 4: which of the slots before it could start a window that it joins: its mean depth lies before the window's end. And whether one does.
+  // 4: the slots before this one that could start a window that it joins: its mean depth is before
+  // the window's end. And whether there is one.
   localparam int ENDS_F = WEIGHT_F + DEPTH_F;
   localparam int MEAN_UP = ENDS_F > DEPTHS_F ? ENDS_F - DEPTHS_F : 0;
   localparam int ENDS_UP = DEPTHS_F > ENDS_F ? DEPTHS_F - ENDS_F : 0;
@@ -513,7 +526,8 @@ module windows #(
   wire joins = growing && (first[LAYERS-1:0] & can_join) != '0;
   wire [PLACES-1:0] first_now = joins ? first : at_join;
 
-  // What is seen: of a window through those before it, and of a slot through the closed ones before it.
+  // Transmittances: of a window through those before it, and of a slot through the closed ones
+  // before it.
   wire [PART_W-1:0] part;
   logic [THROUGH_W-1:0] through;
   logic [WEIGHT_W+3:0] window_weight;
@@ -576,7 +590,7 @@ module windows #(
   wire [THROUGH_W-1:0] seen_of_slot;
   delay #(.W(PLACES + THROUGH_W), .STAGES(STAGES)) seen_stages (
       .clk(clk), .now({at_seen, g_seen[LAYERS-1].seen_on}), .late({at_power, seen_of_slot}));
-  // Of each slot which one starts its window, and the power.
+  // For each slot, the start of its window, and the power.
   wire [PLACES*PLACES-1:0] firsts;
   wire [PLACES*POWERS-1:0] powers;
   for (genvar slot = 0; slot < PLACES; slot++) begin : g_found
@@ -605,11 +619,11 @@ module windows #(
     end
   end
 
-  // 5: whether nothing is seen of the deepest.
+  // 5: whether the deepest slot is invisible.
   wire hides_deepest = EVICTS && powers[LAYERS*POWERS+:POWERS] == '0;
   wire evicts;
 
-  // 6: the pair that costs least, of equals the one nearer to the eye.
+  // 6: the pair of least cost; the nearer one to the eye among equals.
   localparam int COST_W = 2 * DEPTH_W + 2 + POWERS - 1;
   function automatic [COST_W-1:0] times_power(input [COST_W-1:0] whole, input [POWERS-1:0] power);
     integer at;
@@ -618,7 +632,8 @@ module windows #(
       for (at = 0; at < POWERS; at = at + 1) if (power[at]) times_power = times_power | (whole << (POWERS - 1 - at));
     end
   endfunction
-  // What starts a window is known before what is seen, by as many cycles as a quotient takes and more.
+  // The start of a window is computed before its transmittance, by at least the cycles of a
+  // quotient.
   wire [LAYERS-1:0] may_sum_now, may_sum;
   wire [LAYERS*COST_W-1:0] wholes, wholes_then, costs;
   delay #(.W(LAYERS + LAYERS * COST_W), .STAGES(QUOTIENT_STAGES)) cost_stages (
@@ -643,7 +658,7 @@ module windows #(
   delay #(.W(LAYERS + 1), .STAGES(STAGES)) judge_stages (.clk(clk), .now({hides_deepest, cheapest}), .late({evicts, pair}));
   wire sums_up = !evicts && pair != '0;
 
-  // Two open slots in one: a pair, or in the end a window and the slot that joins it.
+  // Two open slots in one: a pair, or, at the end, a window and the slot that joins it.
   logic [SLOT_W-1:0] window;
   // verilator lint_off UNUSEDSIGNAL
   wire [SLOT_W-1:0] addend = walking ? window : chosen({1'b0, pair}, stack);
@@ -705,7 +720,7 @@ module windows #(
   assign summed[MATERIAL+:MATERIAL_W] = addend[MATERIAL+:MATERIAL_W];
   assign summed[REST_W-1:0] = REST_W'({depths_summed, normals_summed});
 
-  // 2: of the contribution, what is blended.
+  // 2: the blended values of the contribution.
   logic [GAUSS_W-1:0] blended_weight;
   logic [ALPHA_W-1:0] blended_opacity;
   logic [3*RGB_W-1:0] blended_light;
@@ -717,8 +732,9 @@ module windows #(
     blended_density <= contribution[machine_pkg::FRAGMENT_IN_DENSITY_LSB+:DENSITY_W];
   end
 
-  // 2, 7: the closed slot that a contribution comes to at once, and how; after windows the two deepest. Both are there long before they are
-  // blended: what comes at once has as many cycles as windows take and more. So many registers lie ahead of the quotient.
+  // 2, 7: the closed slot to which a contribution is added at once, and how; after windows, the two
+  // deepest. Both are available long before they are blended: a contribution added at once takes at
+  // least as many cycles as windows. This number of registers is before the quotient.
   wire [LAYERS-1:0] late_slot = late_front | late_back;
   wire to_back_now = late_back != '0;
   wire [SLOT_W-1:0] closed_now =
@@ -729,7 +745,7 @@ module windows #(
       .clk(clk), .now({phase == DECIDES && is_late, to_back_now, closed_now}), .late({adds_late, to_back, was_closed}));
   delay #(.W(SLOT_W), .STAGES(2)) deepest_stages (.clk(clk), .now(stack[LAYERS*SLOT_W+:SLOT_W]), .late(deepest));
 
-  // 7: the two deepest are shaded, the back one first, once each; in the end each window.
+  // 7: the two deepest are shaded, the back one first, once each; at the end, each window.
   wire closes = judging && !evicts && !sums_up;
   logic [SLOT_W-1:0] shaded;
   always_ff @(posedge clk) shaded <= walking ? window : was_closed;
@@ -744,10 +760,10 @@ module windows #(
   // verilator lint_off UNUSEDSIGNAL
   wire [SLOT_W-1:0] asked = asks_back ? deepest : shaded;
   // verilator lint_on UNUSEDSIGNAL
-  // Weight, colours and opacity lie side by side.
+  // Weight, colours and opacity are adjacent.
   assign q_data = {asked[MATERIAL-1:OPACITY], asked[3*NORMAL_W-1:0], asked[MATERIAL+:MATERIAL_W]};
 
-  // An answer is the back one's as long as that is missing.
+  // A response is the back slot's until that has arrived.
   wire is_back = !walking && ask_back && !here_back;
   wire awaits_back = closes && is_back;
   wire complete = awaits_back ? a_valid && !ask_front : a_valid || !ask_front;
@@ -765,7 +781,7 @@ module windows #(
       end
       if (closes && a_valid && a_ready) here_back <= 1'b1;
     end
-    // What is not taken yet stays there, and is the same in the next cycle.
+    // A request that is not taken yet stays, and is the same in the next cycle.
     if (a_valid && is_back) light_back <= a_data;
     if (a_valid && !is_back) light_front <= a_data;
   end
@@ -823,7 +839,7 @@ module windows #(
   wire [LIGHT_W-1:0] clear_over = over[LIGHT_W-1:0] > LIGHT_ONE ? '0 : LIGHT_ONE - over[LIGHT_W-1:0];
   wire [THROUGH_W-1:0] before_back;
   windows_dimmed dimmed (.through(shut_back[THROUGH_W-1:0]), .clear(clear_over), .next(before_back));
-  // Its back is that of the deeper one, if that ends behind it.
+  // Its back is that of the deeper one, if that ends later.
   wire ends_behind = shut_back[FAR+:DEPTH_W] > shut_front[FAR+:DEPTH_W];
   assign behind[CLOSED] = 1'b1;
   assign behind[NEAR+:DEPTH_W] = shut_front[NEAR+:DEPTH_W];
@@ -837,7 +853,7 @@ module windows #(
     ends_behind ? before_back : shut_front[THROUGH_W-1:0]
   });
 
-  // The quotient: of a window's opacity, of a late contribution, and of what lies inside.
+  // The quotient: of a window's opacity, of a late contribution, and of an inside one.
   localparam int NINE_W = (WEIGHT_W > OPACITY_W ? WEIGHT_W : OPACITY_W) + 4;
   localparam int OF_LATE_W = WEIGHT_W + ALPHA_W + ALPHA_F;
   localparam int OF_INSIDE_W = LIGHT_W + THROUGH_W;
@@ -899,8 +915,8 @@ module windows #(
     late_through
   });
 
-  // 2, 7: what lies inside of a closed slot: a contribution, the deepest slot, or in the end a window.
-  // The last layer is there long before the next window is.
+  // 2, 7: an inside blend into a closed slot: a contribution, the deepest slot, or, at the end, a
+  // window. The last layer is available long before the next window.
   logic [SLOT_W-1:0] last, last_before;
   always_ff @(posedge clk) last_before <= last;
   wire [4*LIGHT_W-1:0] splat_lit;
@@ -931,7 +947,7 @@ module windows #(
   assign becomes_inside[SLOT_W-1:WEIGHT] = outer[SLOT_W-1:WEIGHT];
   assign becomes_inside[REST_W-1:0] = {outer[REST_W-1:THROUGH_W], inside_before_back};
 
-  // What becomes of the contribution.
+  // The outcome of the contribution.
   wire is_closed_inside = encloses(
       shut_front[FRONT_FAR+:DEPTH_W], shut_front[FAR+:DEPTH_W], shut_back[NEAR+:DEPTH_W], shut_back[FAR+:DEPTH_W]);
   wire [OUTCOME_W-1:0] outcome_at_once =
@@ -945,7 +961,8 @@ module windows #(
   wire [SLOT_NUMBER_W-1:0] decided_slot = judging ? slot_in_the_end : slot_at_once;
   wire [SLOT_NUMBER_W-1:0] decided_place = judging && !evicts ? place : '0;
 
-  // What becomes of the one slot that is blended, summed or closed; in the end of a layer that a window comes inside of.
+  // The outcome of the slot that is blended, summed or closed; at the end, of a layer with a window
+  // inside it.
   wire [SLOT_W-1:0] changed_in_the_end = sums_up ? summed : is_closed_inside ? becomes_inside : behind;
   wire [SLOT_W-1:0] changed_at_once = adds_late ? becomes_late : becomes_inside;
   wire [SLOT_W-1:0] changed;
@@ -955,7 +972,7 @@ module windows #(
   wire settles;
   wire [SLOTS_W-1:0] decided_slots;
   for (genvar slot = 0; slot < LAYERS; slot++) begin : g_decided
-    // Behind a pair that was summed all move up by one.
+    // Slots behind a summed pair move up by one.
     wire behind_pair = sums_up && (pair & LAYERS'((1 << slot) - 1)) != '0;
     wire [SLOT_W-1:0] stays = behind_pair ? stack[(slot+1)*SLOT_W+:SLOT_W] : stack[slot*SLOT_W+:SLOT_W];
     wire closes_here = !evicts && !sums_up && slot == LAYERS - 1;
@@ -982,8 +999,9 @@ module windows #(
       .under_way(under_way)
   );
 
-  // What is blended, summed, closed or evicted keeps the unit until its last cycle; anything else is gone when the next one comes.
-  // What is judged keeps it in any case, so that nothing of the slots that took several cycles is asked here.
+  // Blends, sums, closing and evictions occupy the unit until their last cycle; any other
+  // contribution has left when the next one comes. Comparisons of several cycles occupy it in any
+  // case, so their results are not needed here.
   wire free = deciding && !overflows && room && !is_late && !is_inside;
   wire waits;
   wire rests;
@@ -999,7 +1017,7 @@ module windows #(
       .pixel(pixel),
       .waits(waits)
   );
-  // Its further cycles, less those that windows took. In the last of them it is written.
+  // The remaining cycles, without those of windows. The pixel is written in the last of them.
   localparam int REST_COUNT_W = $clog2(MERGE_CYCLES);
   logic [REST_COUNT_W-1:0] rest_cycles;
   always_ff @(posedge clk) begin
@@ -1010,7 +1028,7 @@ module windows #(
   assign rests = rest_cycles != '0;
   assign settles = rest_cycles == REST_COUNT_W'(1);
 
-  // The decision's way out: the rest of the unit's latency.
+  // Output of the decision: the remaining latency of the unit.
   localparam int REST_OF_LATENCY = machine_pkg::FRAGMENT_LATENCY > 1 ? machine_pkg::FRAGMENT_LATENCY - 1 : 1;
   localparam int REST_OF_ROOM = machine_pkg::FRAGMENT_LATENCY > 1 ? machine_pkg::FRAGMENT_ROOM - 1 : machine_pkg::FRAGMENT_ROOM;
   wire decided = deciding && !overflows || judging && (!closes || complete);
@@ -1034,8 +1052,9 @@ module windows #(
   logic done;
   assign s_ready = !walking && !done && !rests && !(s_valid && waits) && (!taken || free);
 
-  // Walk: the windows of all pixels, row by row. A pixel is read and sorted, and its windows are formed; the slots of a window add up; the
-  // window is shaded, and is either blended inside of the layer before it, or a layer itself, for which the one before is offered.
+  // Walk: the windows of all pixels, row by row. A pixel is read and sorted, and its windows are
+  // formed. The slots of a window are added and the window is shaded. It is then either blended
+  // inside the layer before it, or a new layer, and the previous layer is output.
 
   wire begins = drain && !s_valid && !taken && !rests && !under_way && !walking && !done;
   logic [X_W-1:0] at_x;

@@ -1,19 +1,20 @@
-// Windows_close: a slot that is closed, shaded once. Twin of `closed` in units/fragment/window.rs.
+// Windows_close: closes a slot, shaded once. RTL implementation of `closed` in
+// units/fragment/window.rs.
 //
-//   light ->[ fit ]-> colours, opacity          light ->( 1 - opacity )-> what is seen behind it
+//   light ->[ fit ]-> colours, opacity          light ->( 1 - opacity )-> transmittance behind it
 //
-// Its front and its back are both all of it. A slot that is closed already stays as it is.
+// Its front and its back both are the whole slot. A slot that is already closed is unchanged.
 //
-// Losses: a light is cut to what a slot can hold, and so is what is seen behind it.
+// Losses: a light is truncated to the word of a slot, and so is the transmittance behind it.
 `timescale 1ns / 1ps
 `default_nettype none
 
 module windows_close #(
     parameter int SLOT_W = 2, // bits of a slot: closed, nearest, farthest depth, material, weight, colours, opacity
-    parameter int REST_W = 1  // and of what is another thing in an open one than in a closed one
+    parameter int REST_W = 1  // and of the fields that differ between open and closed slots
 ) (
     input wire [SLOT_W-1:0] slot,                           // the slot
-    input wire [machine_pkg::FRAGMENT_ANSWER_W-1:0] light,  // what shade says of it
+    input wire [machine_pkg::FRAGMENT_ANSWER_W-1:0] light,  // response of shade
     output wire [SLOT_W-1:0] shut                           // the same, closed
 );
   localparam int LIGHT_W = machine_pkg::SHADE_PREMULTIPLIED_W;

@@ -1,12 +1,13 @@
-// Windows_dimmed: a transmittance, seen through what a light leaves clear. Twin of a fit in units/fragment/window.rs.
+// Windows_dimmed: a transmittance multiplied by that of a light. RTL implementation of a fit in
+// units/fragment/window.rs.
 //
-// Loss: it is rounded to the word of a transmittance.
+// Loss: the result is rounded to the word of a transmittance.
 `timescale 1ns / 1ps
 `default_nettype none
 
 module windows_dimmed (
     input wire [machine_pkg::FRAGMENT_WINDOW_THROUGH_W-1:0] through, // the transmittance
-    input wire [machine_pkg::SHADE_PREMULTIPLIED_W-1:0] clear,       // what the light leaves clear
+    input wire [machine_pkg::SHADE_PREMULTIPLIED_W-1:0] clear,       // transmittance of the light
     output wire [machine_pkg::FRAGMENT_WINDOW_THROUGH_W-1:0] next    // of both
 );
   localparam int EXACT_W = machine_pkg::FRAGMENT_WINDOW_THROUGH_W + machine_pkg::SHADE_PREMULTIPLIED_W + 2;

@@ -1,5 +1,5 @@
-// Windows_inside: a light that lies between the front and the back of a closed slot, all of which is taken for one colour. Twin of
-// `put_inside` in units/fragment/window.rs.
+// Windows_inside: blends a light between the front and the back of a closed slot, which is treated
+// as one colour. RTL implementation of `put_inside` in units/fragment/window.rs.
 //
 //   x's opacity * (seen - through), opacity ->( quotient )-> lost
 //   colours * (1 - lost) + x's colours * seen -> the slot's next colours
@@ -13,13 +13,13 @@ module windows_inside #(
 ) (
     input wire [3*machine_pkg::FRAGMENT_COLOUR_SUM_W-1:0] colours,          // of the slot
     input wire [machine_pkg::FRAGMENT_OPACITY_SUM_W-1:0] opacity,           // of the slot
-    input wire [machine_pkg::FRAGMENT_WINDOW_THROUGH_W-1:0] behind_front,   // seen behind its front
+    input wire [machine_pkg::FRAGMENT_WINDOW_THROUGH_W-1:0] behind_front,   // transmittance behind its front
     input wire [machine_pkg::FRAGMENT_WINDOW_THROUGH_W-1:0] before_back,    // and before its back
     input wire nearer_back,                                                 // x lies nearer to the back
     input wire [4*machine_pkg::SHADE_PREMULTIPLIED_W-1:0] x,                // the light
     output wire [QUOTIENT_W-1:0] numerator,                                 // what x hides of the slot
     output wire [QUOTIENT_W-1:0] denominator,                               // the slot's opacity
-    input wire [machine_pkg::FRAGMENT_WINDOW_PART_W-1:0] lost,              // the one by the other
+    input wire [machine_pkg::FRAGMENT_WINDOW_PART_W-1:0] lost,              // quotient
     output wire [3*machine_pkg::FRAGMENT_COLOUR_SUM_W-1:0] next_colours,
     output wire [machine_pkg::FRAGMENT_OPACITY_SUM_W-1:0] next_opacity,
     output wire [machine_pkg::FRAGMENT_WINDOW_THROUGH_W-1:0] next_before_back
@@ -40,7 +40,8 @@ module windows_inside #(
   wire [LIGHT_W-1:0] lit_opacity = lit[LIGHT_W-1:0];
   wire [LIGHT_W-1:0] x_opacity = x[LIGHT_W-1:0];
 
-  // What of x is seen: all that the front lets through, or, nearer to the back, what reaches the back.
+  // The visible part of x: the transmittance of the front, or, nearer to the back, that before the
+  // back.
   wire [THROUGH_W-1:0] through;
   windows_rest rest (.opacity(lit_opacity), .through(through));
   wire [THROUGH_W-1:0] at_front = behind_front > through ? behind_front : through;
@@ -71,7 +72,7 @@ module windows_inside #(
     );
   end
 
-  // More than opaque lets nothing through.
+  // The transmittance of an opacity above 1 is 0.
   wire [LIGHT_W-1:0] behind = x_opacity > LIGHT_ONE ? '0 : LIGHT_ONE - x_opacity;
   wire [LIGHT_W-1:0] clear = lit_opacity > LIGHT_ONE ? '0 : LIGHT_ONE - lit_opacity;
   localparam int ALL_W = 2 * LIGHT_W + 2;

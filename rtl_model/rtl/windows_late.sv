@@ -1,10 +1,11 @@
-// Windows_late: a late contribution, blended over the front of a closed slot or under its back. Twin of `add_late` in
-// units/fragment/window.rs.
+// Windows_late: blends a late contribution over the front of a closed slot or under its back. RTL
+// implementation of `add_late` in units/fragment/window.rs.
 //
-//   weight, had, threshold ->[ what its part of the pixel lacks ]-> numerator, denominator ->( quotient )-> share
+//   weight, had, threshold ->[ missing amount of its part ]-> numerator, denominator ->( quotient )-> share
 //   share, light, colours ->[ over the front: share and 1 - share | under the back: share of 1 - opacity ]-> the slot's next words
 //
-// Losses: each word of the slot is rounded once, and so is the share that is seen under the back.
+// Losses: each word of the slot is rounded once, and so is the share that is visible under the
+// back.
 `timescale 1ns / 1ps
 `default_nettype none
 
@@ -19,10 +20,10 @@ module windows_late #(
     input wire [machine_pkg::FRAGMENT_WEIGHT_SUM_W-1:0] had,           // the weight of its part of the slot
     input wire [3*machine_pkg::FRAGMENT_COLOUR_SUM_W-1:0] colours,     // of the slot
     input wire [machine_pkg::FRAGMENT_OPACITY_SUM_W-1:0] opacity,      // of the slot
-    input wire [2*machine_pkg::FRAGMENT_WINDOW_THROUGH_W-1:0] through, // seen behind its front, and before its back
-    output wire [QUOTIENT_W-1:0] numerator,                            // what it adds
-    output wire [QUOTIENT_W-1:0] denominator,                          // what the part lacks
-    input wire [machine_pkg::FRAGMENT_WINDOW_PART_W-1:0] share,        // the one by the other
+    input wire [2*machine_pkg::FRAGMENT_WINDOW_THROUGH_W-1:0] through, // transmittances behind its front and before its back
+    output wire [QUOTIENT_W-1:0] numerator,                            // added amount
+    output wire [QUOTIENT_W-1:0] denominator,                          // missing amount of the part
+    input wire [machine_pkg::FRAGMENT_WINDOW_PART_W-1:0] share,        // quotient
     output wire [machine_pkg::FRAGMENT_WEIGHT_SUM_W-1:0] next_weight,
     output wire [3*machine_pkg::FRAGMENT_COLOUR_SUM_W-1:0] next_colours,
     output wire [machine_pkg::FRAGMENT_OPACITY_SUM_W-1:0] next_opacity,
@@ -41,7 +42,7 @@ module windows_late #(
   localparam int PART_F = machine_pkg::FRAGMENT_WINDOW_PART_F;
   localparam [PART_W-1:0] ONE = PART_W'(1) << PART_F;
 
-  // The weight by itself, and with what the part had.
+  // The weight alone, and with the weight of the part.
   wire [WEIGHT_W-1:0] weighs;
   fragment_sum #(
       .ATTRIBUTE_W(1),
@@ -70,7 +71,8 @@ module windows_late #(
       .next(next_weight)
   );
 
-  // What it adds is opacity times weight, as far as the part lacks weight; what the part lacks, the same of an opaque splat.
+  // The added amount is opacity times weight, up to the weight that the part lacks; the missing
+  // amount is the same for an opaque splat.
   wire [WEIGHT_W-1:0] covers = had < threshold ? had : threshold;
   wire [WEIGHT_W-1:0] lacks = threshold - covers;
   wire [WEIGHT_W-1:0] adds = weighs < lacks ? weighs : lacks;
@@ -84,7 +86,7 @@ module windows_late #(
   wire [LIGHT_W-1:0] lit_opacity = lit[LIGHT_W-1:0];
   wire [PART_W-1:0] kept = ONE - share;
 
-  // Under the back only what the slot lets through is seen.
+  // Under the back, it is attenuated by the transmittance of the slot.
   localparam [LIGHT_W-1:0] LIGHT_ONE = LIGHT_W'(1) << LIGHT_F;
   wire [LIGHT_W-1:0] clear = lit_opacity > LIGHT_ONE ? '0 : LIGHT_ONE - lit_opacity;
   wire signed [PART_W+LIGHT_W:0] under = $signed({1'b0, share}) * $signed((PART_W + LIGHT_W + 1)'(clear));
@@ -102,7 +104,7 @@ module windows_late #(
   );
   assign seen = fitted > ONE ? ONE : fitted;
 
-  // Colours: all terms with as many fraction bits as the finest of them has.
+  // Colours: all terms with the fraction bits of the finest one.
   localparam int OVER_F = RGB_F > LIGHT_F ? RGB_F : LIGHT_F;
   localparam int UNDER_F = RGB_F + PART_F > LIGHT_F ? RGB_F + PART_F : LIGHT_F;
   localparam int OVER_W = PART_W + (RGB_W > LIGHT_W ? RGB_W : LIGHT_W) + 2 + OVER_F;
@@ -171,7 +173,7 @@ module windows_late #(
   );
   assign next_opacity = back ? word_under : word_over;
 
-  // What covers the front dims all behind it.
+  // A contribution to the front dims everything behind it.
   for (genvar side = 0; side < 2; side++) begin : g_through
     wire [THROUGH_W-1:0] had_through = through[side*THROUGH_W+:THROUGH_W];
     wire [THROUGH_W-1:0] dimmed;

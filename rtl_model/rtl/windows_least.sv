@@ -1,4 +1,5 @@
-// Windows_least: which of the words that count is the least, of equals the first one. Two and two, and those again that are left.
+// Windows_least: the least of the valid words, the first one of equals. A tree of pairwise
+// comparisons.
 //
 // Loss: none.
 `timescale 1ns / 1ps
@@ -8,9 +9,9 @@ module windows_least #(
     parameter int N = 1, // words
     parameter int W = 1  // bits of a word
 ) (
-    input wire [N-1:0] counts,  // those that count
+    input wire [N-1:0] counts,  // valid words
     input wire [N*W-1:0] words, // the first in the lowest bits
-    output wire [N-1:0] least   // one bit, or none where no word counts
+    output wire [N-1:0] least   // one-hot, or zero if no word is valid
 );
   function automatic [N-1:0] least_of(input [N-1:0] counting, input [N*W-1:0] all);
     integer at, step;

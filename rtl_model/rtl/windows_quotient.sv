@@ -1,10 +1,12 @@
-// Windows_quotient: a quotient of words that are not negative, at most 1. Twin of `quotient` in units/fragment/window.rs.
+// Windows_quotient: a quotient of words that are not negative, at most 1. RTL implementation of
+// `quotient` in units/fragment/window.rs.
 //
 //   denominator ->( reciprocal )-+-> inverse ----------------v
 //                                +-> exponent                (x)->[ fit ]-> part, at most 1
 //   numerator ---------->[ fit, shifted by it ]-> share -----^
 //
-// Losses: the numerator is rounded to a share once the exponent is known, and the quotient to a part.
+// Losses: the numerator is rounded to a share when the exponent is known, and the quotient to a
+// part.
 `timescale 1ns / 1ps
 `default_nettype none
 

@@ -1,12 +1,13 @@
-// Windows_rest: 1 less an opacity, as a transmittance. Twin of `rest` in units/fragment/window.rs.
+// Windows_rest: 1 minus an opacity, as a transmittance. RTL implementation of `rest` in
+// units/fragment/window.rs.
 //
-// Loss: it is rounded to the word of a transmittance; less than 0 is 0.
+// Loss: the result is rounded to the word of a transmittance; results below 0 are 0.
 `timescale 1ns / 1ps
 `default_nettype none
 
 module windows_rest (
     input wire [machine_pkg::SHADE_PREMULTIPLIED_W-1:0] opacity,      // of a light
-    output wire [machine_pkg::FRAGMENT_WINDOW_THROUGH_W-1:0] through  // what it lets through
+    output wire [machine_pkg::FRAGMENT_WINDOW_THROUGH_W-1:0] through  // its transmittance
 );
   localparam int LIGHT_W = machine_pkg::SHADE_PREMULTIPLIED_W;
   localparam int LIGHT_F = machine_pkg::SHADE_PREMULTIPLIED_F;

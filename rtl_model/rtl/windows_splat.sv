@@ -1,9 +1,11 @@
-// Windows_splat: a contribution by itself, as what lies inside of a closed slot. Twin of `splat_inside` in units/fragment/window.rs.
+// Windows_splat: a contribution in the format of an inside blend into a closed slot. RTL
+// implementation of `splat_inside` in units/fragment/window.rs.
 //
 //   weight * density ->[ fit ]-> index ->[ table ]-> hidden ->[ fit ]-> opacity, at most 1
 //   light ------------------------------------------------------------>(x)->[ fit ]-> colours
 //
-// Losses: the index is cut to the table's argument, what is hidden is rounded between two of its lines, and so are the products.
+// Losses: the index is truncated to the table's argument; the value between two of its entries and
+// the products are rounded.
 `timescale 1ns / 1ps
 `default_nettype none
 
@@ -11,7 +13,7 @@ module windows_splat #(
     parameter ROMS = "rom/" // folder of the tables, with its slash
 ) (
     input wire [machine_pkg::GAUSS_WEIGHT_W-1:0] weight,             // of the contribution
-    input wire [machine_pkg::FRAGMENT_WINDOW_DENSITY_W-1:0] density, // how fast its splat hides what lies behind it
+    input wire [machine_pkg::FRAGMENT_WINDOW_DENSITY_W-1:0] density, // density of its splat
     input wire [3*machine_pkg::SPLAT_RGB_W-1:0] light,               // of its splat, blue in the low bits
     output wire [4*machine_pkg::SHADE_PREMULTIPLIED_W-1:0] lit       // colour times opacity, and opacity
 );

@@ -1,4 +1,5 @@
-// Windows_sum: the sum of two slots' sums. Twin of one lane of `summed` in units/fragment/window.rs.
+// Windows_sum: the sum of two slots' sums. RTL implementation of one lane of `summed` in
+// units/fragment/window.rs.
 //
 // Loss: it saturates (or wraps).
 `timescale 1ns / 1ps

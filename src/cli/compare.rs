@@ -40,8 +40,8 @@ pub(super) struct Typed {
     /// Replay this record on both machines
     #[arg(long, value_name = "FILE")]
     replay: Option<PathBuf>,
-    /// Read prices of bits [default: `machine prices`]
-    #[arg(long, value_name = "FILE")]
+    /// Read unit costs [default: `machine unit-costs`]
+    #[arg(long = "unit-costs", alias = "prices", value_name = "FILE")]
     prices: Option<PathBuf>,
     /// Write compare.json and pictures into DIR
     #[arg(long, value_name = "DIR")]

@@ -32,11 +32,12 @@ pub(super) enum Typed {
     Cost {
         #[command(flatten)]
         which: Which,
-        /// Read prices of bits [default: `machine prices`]
-        #[arg(long, value_name = "FILE")]
+        /// Read unit costs [default: `machine unit-costs`]
+        #[arg(long = "unit-costs", alias = "prices", value_name = "FILE")]
         prices: Option<PathBuf>,
     },
-    /// Print the prices of bits as JSON
+    /// Print the unit costs as JSON
+    #[command(name = "unit-costs", alias = "prices")]
     Prices,
     /// Write proofs of the error bounds, for Gappa
     Prove {

@@ -22,10 +22,10 @@ pub(super) struct Typed {
     #[arg(long, value_name = "PATH=A,…")]
     timing: Vec<Axes>,
     /// List the timing fields that make it faster
-    #[arg(long)]
+    #[arg(long = "what-if", alias = "answers")]
     answers: bool,
-    /// Read prices of bits [default: `machine prices`]
-    #[arg(long, value_name = "FILE")]
+    /// Read unit costs [default: `machine unit-costs`]
+    #[arg(long = "unit-costs", alias = "prices", value_name = "FILE")]
     prices: Option<PathBuf>,
     /// Write cycles.json, tables and charts into DIR
     #[arg(long, value_name = "DIR")]

@@ -66,10 +66,10 @@ pub(super) struct Typed {
     #[arg(long, value_name = "PATH=A,…")]
     timing: Vec<Axes>,
     /// List the timing fields that make it faster
-    #[arg(long, conflicts_with = "preview")]
+    #[arg(long = "what-if", alias = "answers", conflicts_with = "preview")]
     answers: bool,
-    /// Read prices of bits [default: `machine prices`]
-    #[arg(long, value_name = "FILE")]
+    /// Read unit costs [default: `machine unit-costs`]
+    #[arg(long = "unit-costs", alias = "prices", value_name = "FILE")]
     prices: Option<PathBuf>,
     /// Also print the range of each signal
     #[arg(long)]
@@ -158,7 +158,7 @@ impl Typed {
             && (self.answers || !self.timing.is_empty())
         {
             let flag = if self.answers {
-                "--answers"
+                "--what-if"
             } else {
                 "--timing"
             };

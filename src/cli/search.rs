@@ -84,8 +84,8 @@ pub(super) struct Typed {
     seed: u64,
     #[command(flatten)]
     pub common: Common,
-    /// Read prices of bits [default: `machine prices`]
-    #[arg(long, value_name = "FILE")]
+    /// Read unit costs [default: `machine unit-costs`]
+    #[arg(long = "unit-costs", alias = "prices", value_name = "FILE")]
     prices: Option<PathBuf>,
     /// Write here, or resume [default: SCENE-search]
     #[arg(long, value_name = "DIR")]
@@ -208,7 +208,10 @@ impl Typed {
             progress: !self.quiet,
         };
         let prices_flag = self.prices.as_deref().map_or(String::new(), |path| {
-            format!(" --prices {}", quoted_for_shell(&path.to_string_lossy()))
+            format!(
+                " --unit-costs {}",
+                quoted_for_shell(&path.to_string_lossy())
+            )
         });
         let again = Again {
             scenes: named(&self.scenes, &self.common),

@@ -24,8 +24,8 @@ pub(super) struct Typed {
     /// Refuse plans of more points
     #[arg(long, value_name = "POINTS", default_value_t = sweep::MOST_POINTS)]
     most: u64,
-    /// Read prices of bits [default: `machine prices`]
-    #[arg(long, value_name = "FILE")]
+    /// Read unit costs [default: `machine unit-costs`]
+    #[arg(long = "unit-costs", alias = "prices", value_name = "FILE")]
     prices: Option<PathBuf>,
     #[command(flatten)]
     pub threads: Threads,

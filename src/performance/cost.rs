@@ -5,7 +5,7 @@
 //!                                                                                        └──► gates, NAND2; SRAM, kbit
 //! items of every unit, traffic    ─►( × parts )──────────────────────────────►( × prices )─► energy, joules a frame
 //! ```
-//! Prices are a table that can be replaced (`--prices FILE`). The default ones:
+//! Prices are a table that can be replaced (`--unit-costs FILE`). The default ones:
 //! - *Area* in six-input LUTs of a Xilinx 7, as Yosys 0.23 maps the units' twins
 //!   (`sh tests/programs/area.sh`). Alone (`sh tests/programs/operators.sh`) a multiplier takes 1.8
 //!   to 2.1 for each bit of one times bits of the other, an adder 1 a bit, a comparator 0.67, a

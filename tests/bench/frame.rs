@@ -1,7 +1,7 @@
-//! How long a frame takes, one thread: setup and fill of the machine, both together, and the f64
-//! renderer `golden` beside them.
+//! Time of a frame on one thread: setup and fill of the machine, both together, and the f64
+//! renderer `golden` for comparison.
 //!
-//! `cargo bench`. The dragon scan joins in where the shared data is (`SPLATSIM_DATA`, else
+//! `cargo bench`. The dragon scan is included if the shared data exists (`SPLATSIM_DATA`, else
 //! `../shared/data`).
 
 use std::sync::LazyLock;
@@ -26,7 +26,7 @@ struct Case {
     fragments: u64,
 }
 
-/// Shown by divan.
+/// Printed by divan.
 impl std::fmt::Display for Case {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "{} {}", self.name, self.machine.machine.name)
@@ -72,14 +72,14 @@ fn cases() -> impl Iterator<Item = &'static Case> {
     CASES.iter()
 }
 
-/// Items a second are splats.
+/// Items per second are splats.
 #[divan::bench(args = cases())]
 fn setup(bencher: Bencher, case: &Case) {
     let splats = bencher.counter(ItemsCount::new(case.scene.splats.len()));
     splats.bench(|| pipeline::set_up_unobserved(&case.machine, &case.quantised.frame));
 }
 
-/// Raster, gauss, fragment and resolve. Items a second are fragments, as in those that follow.
+/// Raster, gauss, fragment and resolve. Items per second are fragments, also below.
 #[divan::bench(args = cases())]
 fn fill(bencher: Bencher, case: &Case) {
     let fragments = bencher.counter(ItemsCount::new(case.fragments));
@@ -93,7 +93,7 @@ fn whole_frame(bencher: Bencher, case: &Case) {
     fragments.bench(|| fixed::draw(&case.machine, &case.quantised));
 }
 
-/// With all ranges watched.
+/// With all ranges observed.
 #[divan::bench(args = cases())]
 fn whole_frame_watched(bencher: Bencher, case: &Case) {
     let fragments = bencher.counter(ItemsCount::new(case.fragments));
@@ -112,6 +112,6 @@ fn main() {
     let one_thread = rayon::ThreadPoolBuilder::new()
         .num_threads(1)
         .build_global();
-    one_thread.expect("nobody has used the threads yet");
+    one_thread.expect("the threads are not started yet");
     divan::Divan::from_args().sample_count(10).main();
 }

@@ -1,10 +1,10 @@
-//! Book: reads README and the pages in `docs/book` just well enough: fenced blocks, marks, tables,
-//! links and headings.
+//! Book: reads fenced blocks, marks, tables, links and headings of README and of the pages in
+//! `docs/book`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
 
-/// A file of Markdown, by its path from the repository's top.
+/// A file of Markdown, with its path relative to the repository.
 #[derive(Debug)]
 pub struct Page {
     pub path: PathBuf,
@@ -22,7 +22,7 @@ pub fn page(path: &str) -> Page {
     }
 }
 
-/// README first, then what lies beside it, then the book.
+/// README first, then the other pages of the top folder, then the book.
 pub fn pages() -> Vec<Page> {
     let mut paths = Vec::new();
     walk(Path::new("docs/book"), "md", &mut paths);
@@ -35,7 +35,7 @@ pub fn pages() -> Vec<Page> {
         .collect()
 }
 
-/// The files with an extension, in a folder and those in it, but not what a build left.
+/// The files with an extension, in a folder and its subfolders, without build outputs.
 pub fn walk(folder: &Path, extension: &str, paths: &mut Vec<PathBuf>) {
     for entry in std::fs::read_dir(root().join(folder)).unwrap() {
         let path = folder.join(entry.unwrap().file_name());
@@ -49,7 +49,7 @@ pub fn walk(folder: &Path, extension: &str, paths: &mut Vec<PathBuf>) {
     }
 }
 
-/// The one page of all that has a mark or a heading.
+/// The only page with a mark or a heading.
 pub fn page_with(mark: &str) -> Page {
     let mut found: Vec<Page> = pages()
         .into_iter()
@@ -58,7 +58,7 @@ pub fn page_with(mark: &str) -> Page {
     assert_eq!(
         found.len(),
         1,
-        "{mark} stands in {:?}",
+        "{mark} is in {:?}",
         found.iter().map(|page| &page.path).collect::<Vec<_>>()
     );
     found.remove(0)
@@ -89,7 +89,7 @@ pub fn blocks(text: &str, language: &str) -> Vec<Vec<String>> {
     blocks
 }
 
-/// What follows a heading or a mark, up to the next heading.
+/// The text after a heading or a mark, up to the next heading.
 pub fn after<'t>(text: &'t str, mark: &str) -> &'t str {
     let start = text
         .find(mark)
@@ -99,7 +99,7 @@ pub fn after<'t>(text: &'t str, mark: &str) -> &'t str {
     &text[start..start + length]
 }
 
-/// The cells of the rows of the first table after a mark, without its head.
+/// The cells of the rows of the first table after a mark, without its heading.
 pub fn table(text: &str, mark: &str) -> Vec<Vec<String>> {
     let lines = after(text, mark)
         .lines()
@@ -114,7 +114,7 @@ pub fn table(text: &str, mark: &str) -> Vec<Vec<String>> {
     lines.skip(2).map(cells).collect()
 }
 
-/// A block of text that a command is said to print, by a mark above it.
+/// A block of text that a command prints, according to a mark above it.
 #[derive(Debug)]
 pub struct Sample {
     pub path: PathBuf,
@@ -136,11 +136,11 @@ pub fn samples(page: &Page) -> Vec<Sample> {
             lines,
         }
     };
-    // What pages say of marks stands in quotes.
+    // Marks that a page only mentions are quoted.
     page.text.split("\n<!-- prints: ").skip(1).map(of).collect()
 }
 
-/// The text without fenced blocks and without what stands in backticks.
+/// The text without fenced blocks and without quoted code.
 fn prose(text: &str) -> String {
     let mut fence = false;
     let mut kept = String::new();
@@ -155,7 +155,7 @@ fn prose(text: &str) -> String {
     kept.split('`').step_by(2).collect::<Vec<_>>().join("`")
 }
 
-/// Where a page's links lead, pictures too.
+/// Targets of a page's links and pictures.
 pub fn links(text: &str) -> Vec<String> {
     prose(text)
         .split("](")
@@ -164,13 +164,13 @@ pub fn links(text: &str) -> Vec<String> {
         .collect()
 }
 
-/// What is quoted in backticks.
+/// Text in backticks.
 pub fn quoted(text: &str) -> Vec<&str> {
     text.split('`').skip(1).step_by(2).collect()
 }
 
-/// The names by which GitHub, and the book as it is built, know a page's headings; not those of two
-/// headings, which links cannot tell apart.
+/// Anchors of a page's headings, as GitHub and the built book define them, without the anchors of
+/// headings that occur twice, which are ambiguous.
 pub fn anchors(text: &str) -> BTreeSet<String> {
     let mut fence = false;
     let mut times = BTreeMap::new();
@@ -194,7 +194,7 @@ pub fn anchors(text: &str) -> BTreeSet<String> {
         .collect()
 }
 
-/// Links that lead nowhere: from which page, and where to.
+/// Links whose target does not exist: the page and the target.
 pub fn dead_links(pages: &[Page], exists: impl Fn(&Path) -> bool) -> Vec<(PathBuf, String)> {
     let anchors: BTreeMap<&Path, BTreeSet<String>> = pages
         .iter()

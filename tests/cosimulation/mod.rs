@@ -1,4 +1,4 @@
-//! Co-simulation: runs the twins in SystemVerilog on two simulators, driven by traces.
+//! Co-simulation: runs the RTL implementations on two simulators, driven by traces.
 
 #![allow(dead_code, reason = "each test file uses its own part")]
 
@@ -17,13 +17,13 @@ pub enum Simulator {
     Verilator,
 }
 
-/// A twin that the bench can drive.
+/// An RTL implementation that the bench can drive.
 #[derive(Clone, Copy, Debug)]
 pub struct Unit {
     pub name: &'static str,
-    /// Whose streams it takes and gives.
+    /// The unit whose streams it uses.
     pub stream: &'static str,
-    /// What the bench must connect.
+    /// Ports that the bench must connect.
     pub macros: &'static [&'static str],
     /// Parameters other than the picture's sides.
     pub parameters: &'static [&'static str],
@@ -32,7 +32,7 @@ pub struct Unit {
 const FRAME: &str = "HAS_FRAME";
 const LIGHTING: &str = "HAS_LIGHTING";
 const DRAIN: &str = "HAS_DRAIN";
-/// For the assertions within.
+/// For the assertions inside the RTL implementations.
 const FRAGMENT: &str = "HAS_FRAGMENT";
 const SHEETS: &str = "HAS_SHEETS";
 const WINDOWS: &str = "HAS_WINDOWS";
@@ -58,7 +58,7 @@ pub const UNITS: [Unit; 7] = [
     of_itself("resolve", &[FRAME, RESOLVE]),
 ];
 
-/// What a frame of ellipsoids has in the place of a unit.
+/// Replacements of units in a frame of ellipsoids.
 pub const OF_ELLIPSOIDS: [Unit; 2] = [
     Unit {
         stream: "ellipse",
@@ -70,16 +70,16 @@ pub const OF_ELLIPSOIDS: [Unit; 2] = [
     },
 ];
 
-/// What a frame has in the place of fragment whose fragments are grouped by intervals or windows.
+/// Replacements of fragment if fragments are grouped by intervals or windows.
 pub const OF_WINDOWS: Unit = Unit {
     stream: "fragment",
     ..of_itself("windows", &[FRAME, DRAIN, WINDOWS])
 };
 
-/// All of them wired together.
+/// All units wired together.
 pub const PIPELINE: Unit = wired("pipeline", &[FRAME, LIGHTING, DRAIN, FRAGMENT, RESOLVE]);
 
-/// The same of a binned machine: lists, and two tile engines behind them, one, or three.
+/// The same for a binned machine: lists, followed by two tile engines, one, or three.
 pub const PIPELINE_OF_TILES: Unit = wired(
     "pipeline_tiles",
     &[FRAME, LIGHTING, DRAIN, FRAGMENT, RESOLVE],
@@ -112,12 +112,12 @@ const fn wired(name: &'static str, macros: &'static [&'static str]) -> Unit {
     }
 }
 
-/// Where the twins lie.
+/// The folder of the RTL implementations.
 pub fn sources() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("rtl_model/rtl")
 }
 
-/// Whether these programs are here; where they are not, says what is skipped, or fails in CI.
+/// Whether these programs are installed. If not, prints what is skipped, or fails in CI.
 pub fn have(programs: &[&str], what: &str) -> bool {
     let is_missing = |program: &&&str| {
         Command::new(program).arg("--version").output().is_err()
@@ -148,33 +148,33 @@ pub fn run(command: &mut Command) -> Output {
     output
 }
 
-/// A twin, compiled for one machine.
+/// An RTL implementation, compiled for one machine.
 pub struct Device {
     program: Vec<PathBuf>,
     trace: PathBuf,
     unit: Unit,
-    /// Cycles without a transfer after which nothing more is hoped for.
+    /// Cycles without a transfer after which the bench gives up.
     patience: u32,
     kept: TempDir,
 }
 
-/// What a device gave.
+/// Outputs of a device.
 pub struct Given {
-    /// The bench's last line.
+    /// The last line that the bench printed.
     pub last: String,
     /// Records of the unit's output.
     pub out: PathBuf,
-    /// When each record was taken in and given, line by line.
+    /// Cycles in which each record was taken in and given out, line by line.
     pub times: PathBuf,
-    /// What `fragment` asked of shade.
+    /// Requests from `fragment` to shade.
     pub requests: PathBuf,
-    /// What `fragment` held in the end.
+    /// Final contents of `fragment`.
     pub held: PathBuf,
 }
 
 impl Given {
-    /// What it gave in each of so many frames that came one behind the other, in which as much was
-    /// given; none if there is no such number.
+    /// Splits the outputs of `frames` consecutive frames of the same length; none if they cannot be
+    /// split evenly.
     pub fn frames(self, frames: usize, folder: &Path) -> Option<Vec<Given>> {
         let files = [&self.out, &self.requests, &self.held];
         let texts = files.map(|file| std::fs::read_to_string(file).unwrap_or_default());
@@ -209,9 +209,9 @@ impl Given {
     }
 }
 
-/// The program that these files and those of `sources` make. It is kept by the digest of them all,
-/// so that a unit is compiled once for a machine, whatever tests ask for it and in whatever run; of
-/// other sources, which mutants have, it lies in `folder` and is kept no longer.
+/// The program compiled from these files and those of `sources`. It is kept under the digest of all
+/// of them, so that a unit is compiled once per machine for all tests and runs. With other sources,
+/// as mutants have, it is in `folder` and is not kept.
 fn compiled(
     simulator: Simulator,
     sources: &Path,
@@ -233,7 +233,7 @@ fn compiled(
         .clone();
     once.get_or_init(|| {
         if !program.exists() {
-            // Another process may do the same: each puts a whole program in its place.
+            // Another process may do the same: each moves a complete program into place.
             let folder = tempfile::tempdir_in(shelf()).unwrap();
             std::fs::rename(
                 compile(simulator, sources, defines, files, folder.path()),
@@ -245,15 +245,15 @@ fn compiled(
     program
 }
 
-/// Where programs are kept.
+/// The folder of kept programs.
 fn shelf() -> PathBuf {
     let shelf = Path::new(env!("CARGO_TARGET_TMPDIR")).join("devices");
     std::fs::create_dir_all(&shelf).unwrap();
     shelf
 }
 
-/// A name for all that a program is made of: the simulator, the twins and the bench, the machine's
-/// package, what is defined.
+/// A digest of all inputs of a program: the simulator, the RTL implementations and the bench, the
+/// machine's package, and the macros.
 fn digest(simulator: Simulator, sources: &Path, defines: &[String], files: &[PathBuf]) -> String {
     static VERSIONS: LazyLock<[Vec<u8>; 2]> =
         LazyLock::new(|| [["iverilog", "-V"], ["verilator", "--version"]].map(version));
@@ -262,7 +262,7 @@ fn digest(simulator: Simulator, sources: &Path, defines: &[String], files: &[Pat
         .flat_map(files_in)
         .chain(files.iter().cloned())
         .collect();
-    // By name: a trace's folder has another one each time.
+    // By name, because each trace has another folder.
     all.sort_by_key(|file| file.file_name().map(OsStr::to_owned));
     all.dedup();
     let mut digest = Sha256::new();
@@ -298,8 +298,8 @@ fn files_in(folder: &Path) -> Vec<PathBuf> {
         .collect()
 }
 
-/// What Verilator is told of every unit. What it makes is compiled as one file: each of many would
-/// read the same headers anew.
+/// Verilator's options for every unit. Its output is compiled as one file, because many files would
+/// each read the same headers.
 const VERILATOR: [&str; 13] = [
     "--binary",
     "--timing",
@@ -316,8 +316,8 @@ const VERILATOR: [&str; 13] = [
     "VM_PARALLEL_BUILDS=0",
 ];
 
-/// And where clang is here, which takes half as long as g++ for what Verilator makes, and makes
-/// programs that take as long.
+/// clang, if it is installed: it compiles Verilator's output in half the time of g++, and the
+/// programs are equally fast.
 fn compiler() -> &'static [&'static str] {
     const CLANG: [&str; 6] = [
         "-MAKEFLAGS",
@@ -332,8 +332,8 @@ fn compiler() -> &'static [&'static str] {
     if *IS_HERE { &CLANG } else { &[] }
 }
 
-/// Verilator; with ccache, where that is here: its own library is most of what there is to compile
-/// for a unit, and the same for each.
+/// Verilator, with ccache if it is installed: most of the code compiled for a unit is Verilator's
+/// library, which is the same for each unit.
 pub fn verilator() -> Command {
     let mut verilator = Command::new("verilator");
     if Command::new("ccache").arg("--version").output().is_ok() {
@@ -379,7 +379,7 @@ fn compile(
 
 impl Device {
     /// Compiles a unit, its files taken from `sources`, with the package of a trace's folder, for a
-    /// picture of so many pixels a side.
+    /// picture with `side` pixels per side.
     pub fn new(
         simulator: Simulator,
         sources: &Path,
@@ -390,7 +390,7 @@ impl Device {
         Device::with(simulator, sources, trace, unit, side, None)
     }
 
-    /// The same; where it looks for its tables, below the trace's folder, if that is said.
+    /// The same, with the folder of its tables, relative to the trace's folder.
     pub fn with(
         simulator: Simulator,
         sources: &Path,
@@ -455,9 +455,9 @@ impl Device {
                 vec![compiled(simulator, sources, &defines, &files, kept.path())]
             }
         };
-        // Of all units wired together nothing is seen while the splats under way are drawn, each of
-        // which may be as large as the picture. Windows have each pixel's layers shaded in the end,
-        // when nothing comes any more.
+        // With all units wired together there is no output while the splats in flight are drawn,
+        // each of which may be as large as the picture. With windows, the layers of each pixel are
+        // shaded at the end, after the last input.
         let is_long = unit.stream == "pipeline" || unit.name == "windows";
         let patience = if is_long {
             20_000 + 512 * side * side
@@ -473,7 +473,7 @@ impl Device {
         }
     }
 
-    /// Drives it with these inputs, or a trace's, and expects so many records.
+    /// Drives it with these inputs, or with those of the trace, and expects `expect` records.
     pub fn drive(&self, inputs: Option<&[String]>, expect: usize, arguments: &[&str]) -> Given {
         let file = |name: &str| self.kept.path().join(name);
         let (out, times, requests, held) = (
@@ -514,7 +514,7 @@ impl Device {
                 given("start", &start);
             }
         }
-        // What is given first counts.
+        // Arguments that the caller gives come first, because the first one counts.
         command.args(arguments);
         command.args([
             format!("+expect={expect}"),

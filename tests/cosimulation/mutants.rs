@@ -113,7 +113,7 @@ const MUTANTS: &[Mutant] = &[
     Mutant { unit: "project", file: "project.sv", find: "|culled ? '0 : point", put: "culled[FLAGS_W-1] ? '0 : point" },
 ];
 
-/// Those of windows.
+/// Mutants of windows.
 const WINDOWS: &[Mutant] = &[
     Mutant { unit: "windows", file: "windows.sv", find: "spanned || ", put: "" },
     Mutant { unit: "windows", file: "windows.sv", find: "spans(near, far, reach_from, reach_to)", put: "spans(near, far, reach_from - 1'b1, reach_to)" },
@@ -150,7 +150,7 @@ const WINDOWS: &[Mutant] = &[
     Mutant { unit: "windows", file: "windows_splat.sv", find: ".ROUND(machine_pkg::FRAGMENT_WINDOW_EXPONENT_ROUND)", put: ".ROUND(0)" },
 ];
 
-/// Those that only the end of a frame shows, or the next frame.
+/// Mutants that only show at the end of a frame, or in the next frame.
 const FRAME_ENDS: &[Mutant] = &[
     Mutant { unit: "pipeline", file: "silence.sv", find: "cycles == COUNT_W'(SLOWEST)", put: "cycles == COUNT_W'(SLOWEST - 1)" },
     Mutant { unit: "pipeline", file: "silence.sv", find: "rst || !quiet", put: "rst" },
@@ -179,7 +179,7 @@ const FRAME_ENDS: &[Mutant] = &[
     Mutant { unit: "sheets", file: "sheets.sv", find: "if (rst || empty_all) touched", put: "if (rst) touched" },
 ];
 
-/// Those of rules that no named machine has.
+/// Mutants of rules that no named machine has.
 const RULES: &[Mutant] = &[
     Mutant { unit: "fragment", file: "fragment.sv", find: "fresh_first ? REPLACED : DROPPED", put: "fresh_first ? DROPPED : REPLACED" },
     Mutant { unit: "fragment", file: "fragment.sv", find: "depth_was < depth", put: "depth_was > depth" },
@@ -193,8 +193,8 @@ const RULES: &[Mutant] = &[
     Mutant { unit: "shade", file: "shade.sv", find: "shines = faces && ", put: "shines = " },
 ];
 
-/// Those of tiles and their engines, seen where splats lie across the borders of tiles, or in the
-/// next frame.
+/// Mutants of tiles and their engines, which show where splats cross the borders of tiles, or in
+/// the next frame.
 const TILES_APART: &[Mutant] = &[
     Mutant { unit: "pipeline_tiles", file: "raster_skip.sv", find: "+ second * W'(there_and_back >> 1)", put: "" },
     Mutant { unit: "pipeline_tiles", file: "raster.sv", find: "RASTER_DIFFERENCED != 0 ? first_row : y", put: "RASTER_DIFFERENCED != 0 ? top : y" },

@@ -1,11 +1,11 @@
-//! Handmade: small scenes for laws, and numbers to make them from.
+//! Handmade: small scenes for laws, and numbers for generating them.
 #![allow(dead_code, reason = "each test file uses some of it")]
 
 use glam::DVec3;
 use splatsim::scene::{Camera, Filter, Image, Kernel, Light, Material, Scene, Splat, Surface};
 
-/// A scene seen along +z, x right, y down, with `s` pixels to a unit of `t_x/t_z`; black
-/// transparent background.
+/// A scene seen along +z, x right, y down, with `s` pixels per unit of `t_x/t_z`; black transparent
+/// background.
 pub fn scene(width: usize, height: usize, s: f64, splats: Vec<Splat>) -> Scene {
     Scene {
         name: "test".into(),

@@ -1,29 +1,35 @@
 #!/bin/sh
-# What the units take in a real technology, beside what the cost model says: synthesises the SystemVerilog of each unit (rtl_model/rtl)
-# for a Xilinx 7, with multipliers of LUTs, as the model counts them, and with DSPs. Needs Yosys (Debian: yosys).
+# Compares the LUTs of the units on a real FPGA with the cost model. Synthesises the SystemVerilog
+# of each unit (rtl_model/rtl) for a Xilinx 7: once with multipliers in LUTs, as the model counts
+# them, and once with DSPs. Needs Yosys (Debian: yosys).
 #
-#   area.sh [--splatsim BINARY] [--set PATH=VALUE]... [--units UNIT,...] [--seconds N] [--jobs 1|2] [--without-dsps] [--ice40] [MACHINE...]
+#   area.sh [--splatsim BINARY] [--set PATH=VALUE]... [--units UNIT,...] [--seconds N]
+#           [--jobs 1|2] [--without-dsps] [--ice40] [MACHINE...]
 #
-# For each machine (tiny, lean, reference) and unit prints:
+# For each machine (tiny, lean, reference) and unit it prints:
 #   area              LUT equivalents, as `splatsim machine cost` gives them
-#   LUTs model ratio  LUTs of any width with multipliers of LUTs (-nodsp -nowidelut: as in operators.sh); area without registers
-#   LUTs DSPs rest ratio  the same with DSPs; area with neither registers nor multipliers
+#   LUTs model ratio  LUTs of any width with multipliers in LUTs (-nodsp -nowidelut: as in
+#                     operators.sh); area without registers
+#   LUTs DSPs rest ratio  the same with DSPs; area without registers and multipliers
 #   FDs               flip-flops
-# and in the end the geometric mean of LUTs over model, and its range.
-# With --without-dsps the four columns about DSPs are missing. With --ice40 too, and LUTs have four inputs, to the same model, which
-# counts LUTs of six.
+# The last lines are the geometric mean of LUTs over model, and its range. With --without-dsps the
+# four columns about DSPs are missing. With --ice40 they are missing too, and LUTs have four inputs,
+# compared with the same model, which counts LUTs with six inputs.
 #
-# The default prices are round numbers near the least squares of relative errors over the units of tiny and lean. Over these, reference
-# and two more machines, 34 units, LUTs are 1.00 times the model in the mean, 0.89 to 1.22 (docs/book/cost.md).
+# The default unit costs are round numbers near the least squares of relative errors over the units
+# of tiny and lean. Over these, reference and two more machines (34 units), the mean of LUTs over
+# model is 1.00, and the range 0.89 to 1.22 (docs/book/cost.md).
 #
 # Only a unit's own logic is synthesised:
-# - The pipe behind each unit is replaced by wires: neither the registers of its latency, which synthesis would retime into the logic and
-#   which the model counts one for each word, nor the FIFO, which the model counts apart. What FDs are left are state: of the raster's walk,
-#   of the resolver's sums, of the fragment's look-up, hazards and writes (-nosrl: none of them is hidden in a LUT).
-# - The fragment unit keeps 2 by 2 pixels; where these lie in LUT memories (RAM*), they are not counted.
-# - The raster has one lane, and of its tag, which the model counts with the FIFOs, one bit; it cuts boxes to tiles of 16 by 16 pixels. There
-#   is one light, and two materials.
-# - The picture's constants, lights and materials are inputs: synthesis cannot fold them.
+# - The pipe behind each unit is replaced by wires. It contains the registers of the latency, which
+#   synthesis would retime into the logic and of which the model counts one per word, and the FIFO,
+#   which the model counts separately. The remaining FDs are state: of the raster's walk, of the
+#   resolver's sums, of the fragment's look-up, hazards and writes (-nosrl: none of them is hidden
+#   in a LUT).
+# - The fragment unit keeps 2 by 2 pixels. If they are in LUT memories (RAM*), they are not counted.
+# - The raster has one lane and one bit of its tag, which the model counts with the FIFOs. It clips
+#   boxes to tiles of 16 by 16 pixels. There is one light, and there are two materials.
+# - The frame's constants, lights and materials are inputs, so that synthesis cannot fold them.
 # A synthesis that takes longer than --seconds (180) is left out: `-`.
 set -euf
 here=$(cd "$(dirname "$0")" && pwd)
@@ -63,14 +69,14 @@ synthesise() {
         *) parameters= ;;
     esac
     stat=$work/$1.$2.$3
-    # ROMs are found from the trace's folder.
+    # The ROMs are read relative to the trace's folder.
     (cd "$work/$1" && timeout "$seconds" yosys -q -p "read_verilog -sv machine_pkg.sv; read_verilog -sv -defer $sources
         hierarchy -top $2 $parameters; $4; tee -o $stat.part stat" > "$stat.log" 2>&1 && mv "$stat.part" "$stat") || {
         [ $? = 124 ] || cat "$stat.log" >&2
     }
 }
 
-# machine, unit, name of the run, regular expression: how many cells have a name like that, or -
+# machine, unit, name of the run, regular expression: number of cells whose names match, or -
 cells() {
     [ -f "$work/$1.$2.$3" ] || { echo -; return; }
     awk -v like="$4" 'NF == 2 && $1 ~ like && $2 ~ /^[0-9]+$/ { n += $2 } END { print n + 0 }' "$work/$1.$2.$3"
@@ -80,7 +86,7 @@ cells() {
 model() {
     awk -v unit="$2" '
         FNR == 1 { file += 1 }
-        # The first prices are those of the area.
+        # The first unit costs are those of the area.
         file == 1 && match($1, /^"[a-z]+":$/) { name = substr($1, 2, length($1) - 3); if (!(name in price)) price[name] = $2 + 0 }
         file == 2 && $1 == unit {
             gsub(",", "")
@@ -93,7 +99,7 @@ ratio() {
     awk -v a="$1" -v b="$2" 'BEGIN { if (a == "-" || b == 0) print "-"; else printf "%.2f\n", a / b }'
 }
 
-# machine, unit, area, LUTs, model, and what follows: a row
+# machine, unit, area, LUTs, model, further columns: a row
 row() {
     machine=$1 unit=$2 area=$3 luts=$4 model=$5
     shift 5
@@ -112,7 +118,7 @@ printf '%-10s %-9s %7s  %7s %7s %5s' machine unit area LUTs model ratio
 printf '  %6s\n' FDs
 for file; do
     machine=$(basename "$file" .json)
-    # Of the trace only the package and the ROMs matter.
+    # Only the package and the ROMs of the trace are used.
     "$splatsim" trace glass-spheres --size 16x16 --stimulus 1 --machine "$file" $sets --quiet --out "$work/$machine" > /dev/null
     "$splatsim" machine cost "$file" $sets > "$work/$machine.cost"
     for unit in $(echo "$units" | tr , ' '); do

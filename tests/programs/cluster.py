@@ -1,10 +1,13 @@
-"""What a cluster costs and gains on this computer: points a second of one process, and of 1, 2 and 4 workers, in one run.
+"""Measures a sweep on a cluster of this computer: one process, and 1, 2 and 4 workers, in one run.
 
     python3 tests/programs/cluster.py [POINTS]
 
-Needs the Python package with `splatsim[cluster]`. Two sweeps: of points that take next to nothing, whose time is the overhead, and of points
-that draw a frame each. Columns: points a second, and milliseconds a point, by the clock; processor milliseconds a point, of all processes
-together, and how many more than in one process; bytes of rows a point, and files. Timed from the call to the table, the workers being up. In the end what a batch and a row cost the client.
+Needs the Python package with `splatsim[cluster]`. There are two sweeps: one with very short points,
+whose time is the overhead, and one with points that draw a frame each. Columns: points per second
+and milliseconds per point, elapsed; processor milliseconds per point of all processes together, and
+how many more than in one process; bytes of rows per point, and files. The time is measured from the
+call to the table, with workers already started. The last lines are the client's cost per batch and
+per row.
 """
 
 import json
@@ -36,12 +39,12 @@ def drawn(points):
 
 
 def spent(client):
-    """Processor seconds of this process, which the scheduler is in, and of all workers."""
+    """Processor seconds of this process, which includes the scheduler, and of all workers."""
     return time.process_time() + (0 if client is None else sum(client.run(time.process_time).values()))
 
 
 def timed(plan, folder, client=None):
-    """The rows, seconds, and processor seconds."""
+    """Returns rows, elapsed seconds and processor seconds."""
     before, start = spent(client), time.perf_counter()
     rows = splatsim.sweep(plan, folder, client=client).table
     seconds = time.perf_counter() - start
@@ -49,7 +52,7 @@ def timed(plan, folder, client=None):
 
 
 def own(table):
-    """Without what differs from run to run."""
+    """Rows without the columns that differ from run to run."""
     return table.select([name for name in table.column_names if not name.startswith("host_")])
 
 
@@ -59,7 +62,7 @@ def table(name, plan, place):
     alone, alone_seconds, alone_spent = timed(plan, place / "alone")
     count = alone.num_rows
     print(f"{count} points, {name}")
-    print(f"{'':12} {'points/s':>10} {'ms a point':>10} {'CPU ms':>8} {'more':>6} {'bytes':>7} {'files':>6}")
+    print(f"{'':12} {'points/s':>10} {'ms/point':>10} {'CPU ms':>8} {'more':>6} {'bytes':>7} {'files':>6}")
 
     def line(what, seconds, cpu, files):
         told = [f"{count / seconds:10.1f}", f"{1000 * seconds / count:10.2f}", f"{1000 * cpu / count:8.2f}"]
@@ -79,7 +82,8 @@ def table(name, plan, place):
 
 
 def kept(place, plan, points):
-    """Processor milliseconds, bytes and bytes of memory of a batch of so many points in the client's hands, and milliseconds a row at the end."""
+    """Processor milliseconds, bytes and bytes of memory that a batch of `points` points costs the
+    client, and milliseconds per row at the end."""
     own = _native.Sweep.open("plan", json.dumps(plan), str(place), 10**6, None)
     stage = _native.Stage(own.plan(), 0, own.scene(0), 1)
     lists = [list(range(first, first + points)) for first in range(0, 1000 - points + 1, points)]
@@ -95,29 +99,29 @@ def kept(place, plan, points):
 
 
 def resident():
-    """Bytes of memory that this process has."""
+    """Resident memory of this process, bytes."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
 
 
 def client(place):
-    """What batches and rows cost scheduler and client, which are one process here."""
+    """Prints the cost of batches and rows for scheduler and client, which are one process here."""
     (place / "scene.json").write_text(SCENE)
     plan = {"scenes": [str(place / "scene.json")], "machine": "tiny", **cheap(1024)}
     few, many = kept(place / "few", plan, 5), kept(place / "many", plan, 200)
     by_row = [(more - less) / 195 for more, less in zip(many[:2], few[:2], strict=True)]
-    print(f"kept by the client: {few[0] - 5 * by_row[0]:.2f} CPU ms a batch and {1000 * by_row[0]:.0f} CPU µs a row")
-    print(f"sent and written:   {few[1] - 5 * by_row[1]:.0f} bytes a batch and {by_row[1]:.0f} a row")
-    print(f"until the end:      {many[2]:.0f} bytes of memory a row, and {1000 * many[3]:.0f} CPU µs to write its tables")
+    print(f"kept by the client: {few[0] - 5 * by_row[0]:.2f} CPU ms per batch and {1000 * by_row[0]:.0f} CPU µs per row")
+    print(f"sent and written:   {few[1] - 5 * by_row[1]:.0f} bytes per batch and {by_row[1]:.0f} per row")
+    print(f"until the end:      {many[2]:.0f} bytes of memory per row, and {1000 * many[3]:.0f} CPU µs to write its tables")
     _cluster.BATCH_SECONDS = _cluster.SECONDS_A_THREAD = 0.0
     settings = {"n_workers": 1, "threads_per_worker": 1, "dashboard_address": None, "silence_logs": 50}
     with distributed.LocalCluster(**settings) as cluster, distributed.Client(cluster) as own_client:
         own_client.wait_for_workers(1)
         before = time.process_time()
         splatsim.sweep(plan, place / "one by one", client=own_client)
-        print(f"in all:             {1000 * (time.process_time() - before) / 1024:.1f} CPU ms a batch of one point, in scheduler and client together")
+        print(f"in all:             {1000 * (time.process_time() - before) / 1024:.1f} CPU ms per batch of one point, in scheduler and client together")
     before = time.process_time()
     own = _native.Sweep.open("plan", json.dumps(plan), str(place / "one by one"), 10**6, None)
-    print(f"going on:           {1000 * (time.process_time() - before) / 1024:.2f} CPU ms a row that is there")
+    print(f"restart:            {1000 * (time.process_time() - before) / 1024:.2f} CPU ms per existing row")
     own.close()
     plan = {"scenes": ["glass-spheres"], "axes": [{"field": "fragment.layers", "values": [1]}]}
     scene = _native.Sweep.open("plan", json.dumps(plan), str(place / "scene"), 1, None).scene(0)

@@ -1,12 +1,12 @@
-//! Draws a curvilinear volume of our own: three vortices twist through a bent pipe, whose grid
+//! Draws a generated curvilinear volume: three vortices twist through a bent pipe, whose grid
 //! follows the bend and is finest at the wall.
 //!
 //! ```sh
 //! cargo run --release --example curvilinear -- [FOLDER]
 //! ```
-//! Writes the field on its grid (`vortices.vts`), as points (`vortices.vtu`) and on an even grid of
-//! as many samples (`even.vtr`), a scene of each beside it, and `curvilinear.png`; prints how far
-//! each is from a grid that is twice as fine in all directions.
+//! Writes the field on its grid (`vortices.vts`), as points (`vortices.vtu`) and on an even grid
+//! with as many samples (`even.vtr`), a scene for each, and `curvilinear.png`. Prints the
+//! difference of each from a grid that is twice as fine in all directions.
 
 use base64::Engine;
 use glam::DVec3;
@@ -25,14 +25,14 @@ use std::path::{Path, PathBuf};
 const SIZE: [usize; 3] = [22, 56, 80];
 /// Radius of the bend; the pipe's own is 1.
 const BEND: f64 = 2.0;
-/// How far the pipe goes around the bend.
+/// Angle of the bend.
 const TURN: f64 = 0.8 * PI;
-/// No sample lies nearer to the pipe's axis than this.
+/// Minimum distance of a sample from the pipe's axis.
 const CORE: f64 = 0.08;
 /// Side of a picture, pixels.
 const SIDE: usize = 224;
 
-/// Density at a place: vortices, and a layer at the wall.
+/// Density at a position: vortices, and a layer at the wall.
 fn density(place: DVec3) -> f64 {
     let along = place.z.atan2(place.x);
     let (out, up) = (place.x.hypot(place.z) - BEND, place.y);
@@ -49,7 +49,7 @@ fn density(place: DVec3) -> f64 {
     (vortex(0.0) + vortex(1.0) + vortex(2.0)).max(wall)
 }
 
-/// Places of a grid `finer` times as fine, x fastest.
+/// Positions of a grid `finer` times as fine, x fastest.
 fn pipe(finer: usize) -> ([usize; 3], Vec<DVec3>) {
     let size = SIZE.map(|size| size * finer);
     let part = |i: usize, of: usize| i as f64 / (of - 1) as f64;
@@ -68,7 +68,7 @@ fn pipe(finer: usize) -> ([usize; 3], Vec<DVec3>) {
     (size, places.collect())
 }
 
-/// Coordinates of an even grid around the pipe, of about as many samples as the pipe's own.
+/// Coordinates of an even grid around the pipe, with about as many samples as the pipe's grid.
 fn even() -> [Vec<f64>; 3] {
     let (low, high) = ([-2.75, -1.0, 0.0], [3.0, 1.0, 3.0]);
     let volume: f64 = (0..3).map(|axis| high[axis] - low[axis]).product();
@@ -92,7 +92,7 @@ fn array(name: &str, components: usize, numbers: impl Iterator<Item = f64>) -> S
     )
 }
 
-/// A file of one data set, with what surrounds its samples.
+/// A file of one data set: its samples between a head and a tail.
 fn vtk(set: &str, whole: &str, piece: &str, places: &[DVec3], around: &str) -> String {
     let samples = array("density", 1, places.iter().map(|place| density(*place)));
     format!(
@@ -164,7 +164,7 @@ fn rectilinear() -> String {
     )
 }
 
-/// The scene of a file: the same layer, whatever the grid.
+/// The scene of a file: the same layer on any grid.
 fn scene(file: &str) -> String {
     let scene = json!({
         "splats": {

@@ -1,12 +1,15 @@
 #!/bin/sh
-# How long operators and units take in real standard cells, beside what the model of the clock says: maps each to the open 180 nm cells of
-# Debian's package qflow-tech-osu018 with Yosys (Debian: yosys) and ABC, as fast as ABC makes it, and prints its longest way.
+# Compares the delays of operators and units in real standard cells with the model of the clock.
+# Maps each to the open 180 nm cells of Debian's package qflow-tech-osu018 with Yosys (Debian:
+# yosys) and ABC, optimised for speed, and prints its critical path.
 #
 #   delays.sh [--splatsim BINARY] [--units UNIT,...] [MACHINE...]
 #
-# First operators: picoseconds, FO4 (an inverter INVX1 that drives four of its like, from the same cells), and FO4 by the model. With
-# machines, then units of each: the SystemVerilog of the unit (rtl_model/rtl), all of its stages' registers taken out, so that what is left is
-# the longest way from an input or a state to an output or a state. ABC balances every way, and has no wires.
+# First it prints operators: picoseconds, FO4 (the delay of a fanout-of-4 inverter INVX1 of the same
+# cells), and FO4 by the model. If machines are given, it then prints the units of each: the
+# SystemVerilog of the unit (rtl_model/rtl) without the registers of its stages, so that the result
+# is the critical path from an input or a state to an output or a state. ABC balances every path,
+# and does not model wires.
 set -euf
 here=$(cd "$(dirname "$0")" && pwd)
 rtl=$here/../../rtl_model/rtl
@@ -26,7 +29,8 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 trap 'exit 1' INT TERM
 
-# what is read, what is done before: picoseconds of the longest way, mapped for speed, gates sized
+# what is read, preceding commands: picoseconds of the critical path, mapped for speed, with sized
+# gates
 picoseconds() {
     (cd "$work" && yosys -q -p "$1; $2; dfflibmap -liberty $cells; tee -o abc.log abc -liberty $cells -script $here/fastest.abc" > /dev/null 2> err) || { cat "$work/err" >&2; exit 1; }
     # The longest of all modules of logic.
@@ -54,7 +58,8 @@ model() {
         }'
 }
 
-# INVX1 has 9.3 fF at its input; with 37.3 at its output and the slope that it makes itself, 92 ps falling and 105 rising, by its tables.
+# An INVX1 has 9.3 fF at its input. With a load of 37.3 fF and the slope of its own output its delay
+# is 92 ps falling and 105 ps rising, by its tables.
 fo4=98
 printf '%-12s %5s %8s %7s %7s %6s\n' operator bits ps FO4 model ratio
 for w in 8 16 32 48; do
@@ -84,7 +89,7 @@ for file; do
         parameters=
         [ "$unit" != fragment ] || parameters="-chparam WIDTH 2 -chparam HEIGHT 2"
         [ "$unit" != raster ] || parameters="-chparam TAG_W 1 -chparam SIDE 16"
-        # ROMs are found from the trace's folder.
+        # The ROMs are read relative to the trace's folder.
         ps=$(work=$work/$machine; picoseconds "read_verilog -sv machine_pkg.sv; read_verilog -sv -defer $sources; hierarchy -top $unit $parameters" "synth -flatten -top $unit")
         fo4_of=$(awk -v row="$unit" '$1 == row { for (i = 2; i <= NF; i++) if ($i ~ /^[0-9.]+$/) { print $i; exit } }' "$work/$machine.clock")
         awk -v n="$machine" -v u="$unit" -v ps="$ps" -v fo4="$fo4" -v m="$fo4_of" 'BEGIN { printf "%-10s %-9s %8.0f %7.1f %7.1f %6.2f\n", n, u, ps, ps / fo4, m, ps / fo4 / m }'

@@ -3,12 +3,15 @@
     depths.py NETLIST.json TOP [LOOP.txt]
     depths.py NETLIST.json TOP --why
 
-Prints three numbers: gates of the longest way of all; of the longest loop, a register of it; and of the longest way from an input to s_ready
-(- where there is none). An inverter counts as no gate. A loop's gates over its registers is what is left when its registers are moved to where
-they cut it evenly: no move gives it another one. Whatever lies in no loop can be cut by as many registers as there are cycles for it.
+Prints three numbers: gates of the critical path; gates per register of the longest loop; and gates
+of the longest path from an input to s_ready (- if there is none). Inverters are not counted. Gates
+per register of a loop is the depth after its registers were moved so that they divide it evenly:
+moving registers does not change their number in a loop. Logic outside loops can be divided by as
+many registers as there are cycles for it.
 
-LOOP.txt gets the names of the gates that lie in loops, a line each, for Yosys's `select -read`; those through a chain of registers, of which
-each takes the one before as it is, are left out: they have registers to spare. --why says what the longest loop goes through.
+LOOP.txt receives the names of the gates in loops, one per line, for Yosys's `select -read`. Gates
+of a chain of registers, each of which takes the value of the register before it, are left out,
+because they have spare registers. --why prints what the longest loop goes through.
 """
 
 import json
@@ -21,7 +24,7 @@ def is_register(cell):
 
 
 def components(nodes, readers):
-    """Which strong component each node of a graph belongs to (Tarjan's, without recursion), and how many nodes each has."""
+    """Strong component of each node of a graph (Tarjan's, without recursion), and their sizes."""
     index, low, waiting, stack, of, sizes = {}, {}, set(), [], {}, []
     for root in nodes:
         if root in index:
@@ -76,7 +79,7 @@ def main():
         for at in before[name]:
             readers[at].append(name)
 
-    # Gates in the order in which they switch.
+    # Gates in topological order.
     waits = {name: sum(1 for at in before[name] if at in gates) for name in gates}
     order = [name for name in gates if waits[name] == 0]
     for name in order:
@@ -91,7 +94,7 @@ def main():
     def of_port(direction):
         return {bit for port in ports.values() if port["direction"] == direction for bit in port["bits"] if isinstance(bit, int)}
 
-    # Gates up to the output of each gate: of all ways, and of those that begin at an input.
+    # Gates up to the output of each gate: over all paths, and over those that begin at an input.
     from_all, from_inputs = {}, {}
     for name in order:
         from_all[name] = weight[name] + max((from_all[at] for at in before[name] if at in gates), default=0)
@@ -107,7 +110,8 @@ def main():
     if "s_ready" in ports:
         ready = max((from_inputs.get(driver[bit], 0) for bit in ports["s_ready"]["bits"] if bit in driver), default=0)
 
-    # The longest loop. Is there one of more gates than so many for each of its registers? Then it is the next to be asked for.
+    # The longest loop: as long as a loop has more gates per register than the limit, the limit is
+    # raised to that of this loop.
     sequence = order + registers
 
     def longer(limit):
@@ -121,7 +125,7 @@ def main():
                         depth[name], come[name], changed = depth[at] + own, at, True
             if not changed:
                 return None
-            # Who was made deeper by whom leads around a loop, if there is one.
+            # The chain of predecessors that increased a depth leads around a loop, if there is one.
             seen = {}
             for start in registers:
                 at = start

@@ -1,21 +1,24 @@
 #!/bin/sh
-# How deep is the logic between the registers of the twins, and which clock does that allow? Synthesises each unit (rtl_model/rtl) to gates of
-# two inputs and multiplexers with Yosys (Debian: yosys), and counts; then maps it to the open 180 nm cells of Debian's qflow-tech-osu018 with
-# ABC, as fast as ABC makes it.
+# Counts the gates between the registers of the RTL implementations, and computes the clock that
+# they allow. Synthesises each unit (rtl_model/rtl) to gates with two inputs and multiplexers with
+# Yosys (Debian: yosys), and counts them. Then maps it to the open 180 nm cells of Debian's
+# qflow-tech-osu018 with ABC, optimised for speed.
 #
 #   depths.sh [--splatsim BINARY] [--units UNIT,...] [--gates] [MACHINE...]
 #
-# For each machine (those named, else tiny, lean and reference; window, volume and gaussian will do too) and unit (gauss, resolve, raster,
-# fragment or what takes its place) prints:
-#   gates      those of the longest way; an inverter is none
-#   cycles     the latency of the machine with a register behind every operator (timing.technology=ideal)
-#   a stage    gates of a stage, where the way's registers are moved so that they cut it evenly
-#   loop       gates of the longest loop, a register of it: what no moved register cuts
-#   ready      gates from an input to s_ready: what a handshake adds to the loops of others
-#   ps, ps     picoseconds of a stage, and of the longest way between two registers of a loop as they stand
+# For each machine (by default tiny, lean and reference; window, volume and gaussian are possible
+# too) and unit (gauss, resolve, raster, and fragment or its replacement) it prints:
+#   gates      gates of the critical path; inverters do not count
+#   cycles     the latency with a register behind every operator (timing.technology=ideal)
+#   a stage    gates per stage, if the path's registers divide it evenly
+#   loop       gates per register of the longest loop, which moving registers cannot shorten
+#   ready      gates from an input to s_ready, which a handshake adds to the loops of other units
+#   ps, ps     picoseconds of a stage, and of the longest path between two registers of a loop
+#              without moving registers
 #   MHz        the clock that the longer of these allows, with 5 FO4 for a register
-# With --gates the last three are left out. A way through a chain of registers, such as that of a place which is given back, has registers to
-# spare: it counts for loop, not for the picoseconds.
+# With --gates the last three columns are left out. A path through a chain of registers, such as the
+# path of a place that is given back, has spare registers: it counts for loop, but not for the
+# picoseconds.
 set -euf
 here=$(cd "$(dirname "$0")" && pwd)
 rtl=$here/../../rtl_model/rtl
@@ -38,16 +41,17 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 trap 'exit 1' INT TERM
 . "$here/logic.sh"
-# Yosys 0.23 derives a part of windows twice where parameters are given on the command line: its own defaults are those here.
+# Yosys 0.23 derives a part of windows twice if parameters are given on the command line. The
+# parameters are therefore written into the source as defaults.
 sed 's/int WIDTH = 16,/int WIDTH = 2,/; s/int HEIGHT = 16,/int HEIGHT = 2,/' "$rtl/windows.sv" > "$work/windows.sv"
 sources=$(echo "$sources" | sed "s|$work/pipe.sv|$rtl/pipe.sv|; s|$rtl/windows.sv|$work/windows.sv|")
 
-# machine, what Yosys does: whatever it says otherwise is told where it fails
+# machine, commands of Yosys; its output is printed only if it fails
 with_yosys() {
     (cd "$work/$1" && yosys -q -p "$2" > yosys.log 2>&1) || { cat "$work/$1/yosys.log" >&2; exit 1; }
 }
 
-# machine, what Yosys reads: picoseconds of the longest way, mapped for speed, gates sized
+# machine, what Yosys reads: picoseconds of the critical path, mapped for speed, with sized gates
 picoseconds() {
     with_yosys "$1" "$2; tee -o abc.log abc -liberty $cells -script $here/fastest.abc"
     sed -n 's/.*Delay = *\([0-9.]*\) ps.*/\1/p' "$work/$1/abc.log" | sort -rn | sed -n 1p
@@ -64,7 +68,7 @@ for file; do
         volume) scene=nested-shells grouper=sheets ;;
         gaussian) scene=bouquet grouper=sheets ;;
     esac
-    # Of the trace only the package and the ROMs matter.
+    # Only the package and the ROMs of the trace are used.
     "$splatsim" trace $scene --size 16x16 --stimulus 1 --machine "$file" --set 'timing.raster.lanes=[1,1]' --set timing.technology=ideal --quiet --out "$work/$machine" > /dev/null
     for unit in $(echo "$units" | tr , ' '); do
         parameters= of=$unit

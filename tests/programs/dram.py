@@ -1,12 +1,15 @@
 #!/usr/bin/env python3
-"""Holds the cycles of splatsim's memory against DRAMsim3 and Ramulator 2.1, on requests of splatsim's own frames.
+"""Compares the cycles of splatsim's memory with DRAMsim3 and Ramulator 2.1, on splatsim's requests.
 
     python3 tests/programs/dram.py WORK DRAMSIM3 RAMULATOR2 [--frames] [--debug]
 
-DRAMSIM3 and RAMULATOR2 are their sources, built (`make` in github:umd-memsys/DRAMsim3; `cmake -DRAMULATOR_PYTHON_BINDINGS=OFF` and `make` of
-github:CMU-SAFARI/ramulator2). WORK is a folder for traces and configurations. The example `dram` draws three built-in scenes on `reference` with
-each preset, and writes every burst. Compared is the time of memory alone: every burst as soon as there is room for it, 32 of each channel under
-way. With --frames that of the frame, too: each burst in the cycle in which the machine made it.
+DRAMSIM3 and RAMULATOR2 are folders of their sources, built (`make` in
+github:umd-memsys/DRAMsim3; `cmake -DRAMULATOR_PYTHON_BINDINGS=OFF` and `make` of
+github:CMU-SAFARI/ramulator2). WORK is a folder for traces and configurations. The example `dram`
+draws three built-in scenes on `reference` with each preset, and writes every burst. The time of
+memory alone is compared: every burst is issued as soon as there is room for it, with 32 in flight
+per channel. With --frames the time of the frame is compared too: each burst is issued in the cycle
+in which the machine issued it.
 """
 import json
 import os
@@ -53,7 +56,7 @@ def fields(text):
 
 
 DRAMSIM3 = {
-    # JESD209-4 for 3200 MT/s, two devices of 16 bits side by side.
+    # JESD209-4 for 3200 MT/s, two devices of 16 bits in parallel.
     "lpddr4-3200-x4": (
         0.625,
         4,
@@ -98,7 +101,7 @@ def main():
         sys.exit(__doc__)
     work, dramsim3, ramulator2 = (Path(path).resolve() for path in sys.argv[1:4])
     work.mkdir(parents=True, exist_ok=True)
-    # fmt and yaml-cpp lie where Ramulator's build fetched them.
+    # fmt and yaml-cpp are in the folders into which Ramulator's build fetched them.
     run("g++", "-O2", "-std=c++11", "-w", f"-I{dramsim3}/src", f"-I{dramsim3}/ext/fmt/include", f"-I{dramsim3}/ext/headers",
         "-DFMT_HEADER_ONLY=1", HERE / "dram_dramsim3.cc", dramsim3 / "libdramsim3.so", f"-Wl,-rpath,{dramsim3}", "-o", work / "dramsim3")
     run("g++", "-O2", "-std=c++20", "-w", f"-I{ramulator2}/src", f"-I{ramulator2}/ext/yaml-cpp/include", f"-I{ramulator2}/ext/fmt/include",

@@ -1,12 +1,12 @@
-//! Requests to memory of built-in scenes on memory that can be bought, and the cycles that the
-//! model takes for them: what `dram.py` holds against memory simulators.
+//! Memory requests of built-in scenes with a memory preset, and the cycles of the model for them;
+//! `dram.py` compares these with memory simulators.
 //!
 //! ```sh
 //! cargo run --release --example dram -- FOLDER PRESET SCENE… [--set PATH=VALUE]…
 //! ```
 //! Writes `FOLDER/SCENE.trace`, in the format of DRAMsim3, for each scene, and prints a line of
-//! JSON for each: cycles of the frame, and the cycles that memory takes for the same requests as
-//! fast as it takes them, 32 of each channel under way.
+//! JSON for each: cycles of the frame, and the cycles that memory needs for the same requests at
+//! full speed, with 32 in flight per channel.
 
 use rtl_model::timing::{Detail, replay, serve};
 use serde_json::json;
@@ -18,7 +18,7 @@ use splatsim::scene::{Overrides, Scene};
 use std::io::{BufWriter, Write};
 use std::path::PathBuf;
 
-/// Requests of a channel under way: the usual length of a controller's queue.
+/// Requests in flight per channel: the usual length of a controller's queue.
 const QUEUE: u32 = 32;
 
 fn main() -> Result<()> {

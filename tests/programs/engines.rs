@@ -1,5 +1,5 @@
-//! Replays scenes on machines with more and more tile engines: frames a second and area, by the
-//! memory that they share.
+//! Replays scenes on machines with an increasing number of tile engines, and reports frames per
+//! second and area by the bandwidth of the shared memory.
 //!
 //! ```sh
 //! cargo run --release --example engines -- FOLDER SCENE…
@@ -18,10 +18,10 @@ use splatsim::scene::{Overrides, Scene};
 use std::path::PathBuf;
 
 const ENGINES: [u32; 5] = [1, 2, 4, 8, 16];
-/// Bytes a cycle of the memory that all engines share.
+/// Bytes per cycle of the memory that all engines share.
 const MEMORIES: [u32; 3] = [16, 64, 256];
 
-/// Frames a second and area, and what limits the frame.
+/// Frames per second and area, and the bottleneck of the frame.
 struct Point {
     frames_per_second: f64,
     area: f64,

@@ -1,15 +1,15 @@
-//! Compares four filters of splats on a checkerboard up to the horizon (SS Fig. 8), each against
-//! the board itself: convolved with the low-pass filter as a picture, from 512 rays a pixel.
+//! Compares four filters of splats on a checkerboard up to the horizon (SS Fig. 8). The reference
+//! is the board itself, convolved with the low-pass filter as a picture, from 512 rays per pixel.
 //!
 //! ```sh
 //! cargo run --release --example filters -- [FOLDER] [SCENE]
 //! ```
-//! With a scene it draws that instead, by its own `kernel.filter`: `golden.png` and `ideal.png`,
-//! and how far the two are apart.
+//! With a scene it draws that scene instead, by its own `kernel.filter`: `golden.png` and
+//! `ideal.png`, and their difference.
 //!
-//! Prints a table and writes `filters.png`. Rows near the eye show blur: there the pixel grid could
-//! hold the board, and what a filter takes of its contrast is lost. Rows near the horizon show
-//! aliases: there two fields are lower than two pixels, and whatever contrast differs from the
+//! Prints a table and writes `filters.png`. Rows near the eye show blur: there the pixel grid can
+//! represent the board, and a filter's loss of contrast is an error. Rows near the horizon show
+//! aliasing: there two fields are lower than two pixels, and any contrast that differs from the
 //! filtered board's is false.
 
 use glam::DVec3;
@@ -34,9 +34,9 @@ const DEPTHS: [f64; 2] = [0.8, 40.0];
 /// Colours of fields, linear light.
 const LIGHT: f64 = 0.9;
 const DARK: f64 = 0.1;
-/// Nothing like the board's mean, so that holes show.
+/// Very different from the board's mean, so that holes are visible.
 const BACKGROUND: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
-/// Rays of a pixel across and down: fields are flatter than wide.
+/// Rays per pixel across and down: fields are flatter than wide.
 const RAYS: [usize; 2] = [8, 64];
 
 fn field(x: f64, z: f64) -> f64 {
@@ -69,7 +69,7 @@ fn board(focal_px: f64) -> Vec<Splat> {
     (0..rows).flat_map(row).collect()
 }
 
-/// The scene, its middle row on the horizon; one surface, whose every pixel counts as covered.
+/// The scene, with its middle row on the horizon: one surface; every pixel counts as covered.
 fn scene() -> Result<Scene> {
     let mut scene = Scene::load("checkerboard", &Overrides::default())?;
     scene.image = Image {
@@ -92,8 +92,8 @@ fn scene() -> Result<Scene> {
     Ok(scene)
 }
 
-/// The board itself, convolved with a Gaussian of a pixel's variance: rays by rows and columns,
-/// then both sums. `right` is the board's x to the right of the picture.
+/// The board itself, convolved with a Gaussian with a variance of one pixel: rays by rows and
+/// columns, then both sums. `right` is the board's x to the right of the picture.
 fn reference(focal_px: f64, right: f64) -> Picture {
     const REACH: usize = 5;
     let [across, down] = RAYS;
@@ -166,7 +166,7 @@ fn difference(a: &Picture, b: &Picture) -> Picture {
     Picture { rgba, ..a.clone() }
 }
 
-/// Standard deviation of grey: what contrast there is.
+/// Standard deviation of grey: a measure of contrast.
 fn contrast(picture: &Picture) -> f64 {
     let count = picture.rgba.len() as f64;
     let mean = picture.rgba.iter().map(|pixel| pixel[1]).sum::<f64>() / count;
@@ -188,7 +188,8 @@ fn main() -> Result<()> {
     }
     let scene = scene()?;
     let focal_px = scene.view().focal_px[0];
-    // A field is four pixels high, and two fields two pixels: below the horizon by these.
+    // Rows below the horizon in which a field is four pixels high, and in which two fields are two
+    // pixels high.
     let below = |field_px: f64| HEIGHT / 2 + (field_px * focal_px / FIELD).sqrt() as usize;
     let last = HEIGHT / 2 + (focal_px / DEPTHS[1]).ceil() as usize + 4;
     let (near, far) = ([below(4.0), HEIGHT - 2], [last, below(1.0)]);
@@ -266,7 +267,7 @@ fn main() -> Result<()> {
     )
 }
 
-/// A scene's `golden` and `ideal`, by whatever filter it names.
+/// `golden` and `ideal` of a scene, by its own filter.
 fn draw(path: &str, folder: &Path) -> Result<()> {
     let scene = Scene::load(path, &Overrides::default())?;
     let (golden, ideal) = (
@@ -281,7 +282,7 @@ fn draw(path: &str, folder: &Path) -> Result<()> {
     ideal.write_png(&folder.join("ideal.png"))
 }
 
-/// The machine `reference`, whose table and words hold a plane up to its horizon.
+/// The machine `reference`, with a table and words that hold a plane up to its horizon.
 fn machines() -> Result<rtl_model::pipeline::Elaborated> {
     fixed::elaborate(&splatsim::hardware::machines::load("reference", &[])?)
 }

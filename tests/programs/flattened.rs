@@ -1,11 +1,11 @@
-//! Flattens the kernels of an isosurface ever more and compares with the same splats as discs: they
-//! converge (EWA §6.4, (37)).
+//! Flattens the kernels of an isosurface step by step and compares with the same splats as discs:
+//! they converge (EWA §6.4, (37)).
 //!
 //! ```sh
 //! cargo run --release --example flattened -- [FOLDER]
 //! ```
-//! Prints a table and writes `flattened.png`: how far `golden` and the machine lie from `golden` of
-//! the discs. Amplitudes of the two agree where a kernel is flat, so that pictures converge as the
+//! Prints a table and writes `flattened.png`: the differences of `golden` and of the machine from
+//! `golden` of the discs. The amplitudes agree for flat kernels, so that pictures converge as the
 //! variance does.
 
 use serde_json::json;
@@ -17,7 +17,7 @@ use splatsim::output::chart::{Axis, Mark, Panel, Series, write_png};
 use splatsim::scene::{Overrides, Scene};
 use std::path::{Path, PathBuf};
 
-/// How much flatter kernels are along the gradient.
+/// Flattening factor of kernels along the gradient.
 const FLATTER: [f64; 9] = [1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 1e4, 1e6];
 
 fn surface(folder: &Path, flatten: f64) -> Result<Scene> {

@@ -1,20 +1,24 @@
 #!/bin/sh
-# What the units take in standard cells, beside what the cost model says: maps the SystemVerilog of each unit (rtl_model/rtl) for area to the
-# open 180 nm cells of Debian's package qflow-tech-osu018, in which a NAND2X1 has 24 units of area and a flip-flop, DFFPOSX1, 96. Needs Yosys
+# Compares the standard cells of the units with the cost model: maps the SystemVerilog of each unit
+# (rtl_model/rtl), optimised for area, to the open 180 nm cells of Debian's package
+# qflow-tech-osu018. There a NAND2X1 has 24 units of area and a flip-flop, DFFPOSX1, 96. Needs Yosys
 # (Debian: yosys).
 #
-#   gates.sh [--splatsim BINARY] [--set PATH=VALUE]... [--units UNIT,...] [--seconds N] [MACHINE...]
+#   gates.sh [--splatsim BINARY] [--set PATH=VALUE]... [--units UNIT,...] [--seconds N]
+#            [MACHINE...]
 #
-# For each machine (tiny, lean, reference) and unit prints:
+# For each machine (tiny, lean, reference) and unit it prints:
 #   gates  gate equivalents, as `splatsim machine cost` gives them
-#   logic  area of all cells but flip-flops, in NAND2
+#   logic  area of all cells except flip-flops, in NAND2
 #   model  gates without flip-flops
 #   ratio  logic over model
-#   FFs    flip-flops of the twin's state; of its stages the model counts them (pipes are wires here)
-# and in the end the geometric mean of logic over model, and its range.
+#   FFs    flip-flops of the state of the RTL implementation; the model also counts those of its
+#          stages (pipes are wires here)
+# The last lines are the geometric mean of logic over model, and its range.
 #
-# Only a unit's own logic is synthesised, as in area.sh. What the fragment unit keeps of its 2 by 2 pixels stays a memory, and counts for
-# nothing. A multiplexer that holds a word of the state is logic. A synthesis that takes longer than --seconds (180) is left out: `-`.
+# Only a unit's own logic is synthesised, as in area.sh. The 2 by 2 pixels of the fragment unit stay
+# a memory and are not counted. A multiplexer that holds a word of the state is logic. A synthesis
+# that takes longer than --seconds (180) is left out: `-`.
 set -euf
 here=$(cd "$(dirname "$0")" && pwd)
 rtl=$here/../../rtl_model/rtl
@@ -40,15 +44,15 @@ trap 'rm -rf "$work"' EXIT
 trap 'exit 1' INT TERM
 . "$here/logic.sh"
 
-# machine, unit: NAND2 of logic, flip-flops; - where it takes too long
+# machine, unit: NAND2 of logic, flip-flops; - if it takes too long
 synthesise() {
     parameters= tables=memory_map
     case $2 in
-        # Its memory is one; it has no tables.
+        # Its memory is one module; it has no tables.
         fragment) parameters="-chparam WIDTH 2 -chparam HEIGHT 2" tables= ;;
         raster) parameters="-chparam TAG_W 1 -chparam SIDE 16" ;;
     esac
-    # ROMs are found from the trace's folder.
+    # The ROMs are read relative to the trace's folder.
     (cd "$work/$1" && timeout "$seconds" yosys -q -p "read_verilog -sv machine_pkg.sv; read_verilog -sv -defer $sources
         hierarchy -top $2 $parameters; synth -flatten -run begin:fine; opt -fast -full; $tables; opt -undriven -fine; techmap; opt -fast
         dfflibmap -liberty $cells; abc -liberty $cells -script $here/smallest.abc; opt_clean; tee -o $work/stat stat -liberty $cells" > "$work/log" 2>&1) || {
@@ -59,7 +63,7 @@ synthesise() {
     awk '/ DFFPOSX1 / { registers = $2 } /Chip area/ { area = $NF } END { printf "%.0f %d\n", (area - 96 * registers) / 24, registers }' "$work/stat"
 }
 
-# machine, unit: gates, and those that are logic
+# machine, unit: gates, and the gates of logic
 model() {
     awk -v unit="$2" '
         FNR == NR { gates = gates || /"gates"/; if (gates && !price && match($1, /"register"/)) price = $2 + 0; next }
@@ -70,7 +74,7 @@ model() {
 printf '%-10s %-9s %8s %8s %8s %5s %6s\n' machine unit gates logic model ratio FFs
 for file; do
     machine=$(basename "$file" .json)
-    # Of the trace only the package and the ROMs matter.
+    # Only the package and the ROMs of the trace are used.
     "$splatsim" trace glass-spheres --size 16x16 --stimulus 1 --machine "$file" $sets --quiet --out "$work/$machine" > /dev/null
     "$splatsim" machine cost "$file" $sets > "$work/$machine.cost"
     for unit in $(echo "$units" | tr , ' '); do

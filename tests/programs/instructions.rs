@@ -1,6 +1,6 @@
-//! Draws a scene once on a machine, one thread, with no probe, or with ranges measured and work
-//! recorded: for counting instructions. Arguments: scene, machine, `plain` or `measured`, pixels a
-//! side. `instructions.sh` counts a few cases and prints a table.
+//! Draws a scene once on a machine, on one thread, without a probe, or with ranges measured and
+//! work recorded: a program for counting instructions. Arguments: scene, machine, `plain` or
+//! `measured`, pixels per side. `instructions.sh` counts a few cases and prints a table.
 //!
 //! ```sh
 //! cargo build --release --example instructions
@@ -15,10 +15,10 @@
 //!   --toggle-collect="*FillTile*::resolve*"
 //! callgrind_annotate /tmp/fill.out   # the same by function and file
 //! ```
-//! "Collected" of the first run over the splats printed is instructions a splat in setup; that of
-//! the second over the fragments printed is instructions a fragment in all that follows. The third
-//! leaves out binning, the shading of fragments that merge, and resolving: raster, gauss and
-//! fragment alone.
+//! "Collected" of the first run, divided by the number of splats, is instructions per splat in
+//! setup. That of the second run, divided by the printed number of fragments, is instructions per
+//! fragment after setup. The third run leaves out binning, the shading of fragments that merge, and
+//! resolving: it counts only raster, gauss and fragment.
 
 use rtl_model::machine::Machine;
 use rtl_model::pipeline::Elaborated;

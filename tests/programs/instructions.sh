@@ -1,14 +1,16 @@
 #!/usr/bin/env bash
-# Counts instructions of the fixed path, one thread, nobody watching, and prints a table: of setup a splat; of all that follows a
-# contribution, and how many of those are shade's, at merges and at the end. A scene's fragments and a machine's path decide, not the
-# host's clock: the same program counts the same everywhere.
+# Counts instructions of the fixed path, on one thread without probes, and prints a table: setup per
+# splat; everything after setup per contribution; and the part of the latter that is shade's, at
+# merges and at the end. The counts depend on the scene's fragments and the machine, not on the
+# host's clock: the same program gives the same counts everywhere.
 #
 #     cargo build --release --example instructions
 #     tests/programs/instructions.sh                    # the table
-#     tests/programs/instructions.sh --difference       # and what has changed against the one that is kept, instructions.txt
+#     tests/programs/instructions.sh --difference       # also the changes since instructions.txt
 #     tests/programs/instructions.sh > tests/programs/instructions.txt
 #
-# Nothing fails by a difference: who makes something slower should see it, and say why. INSTRUCTIONS names another program.
+# A difference is not a failure, but a change that makes something slower should state the reason.
+# INSTRUCTIONS names another program.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 program=${INSTRUCTIONS:-target/release/examples/instructions}
@@ -24,10 +26,10 @@ fi
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 
-# A case: its name, scene, machine, pixels a side.
+# A case: its name, scene, machine, pixels per side.
 count() {
     local name=$1 scene=$2 machine=$3 side=$4
-    # Setup is written when fill begins, with its bins; what is counted after that is fill.
+    # Setup and its bins are written before fill begins; everything counted after that is fill.
     valgrind --tool=callgrind --callgrind-out-file="$folder/$name.costs" --collect-atstart=no \
         --toggle-collect='instructions::setup*' --toggle-collect='instructions::fill*' --dump-before='*fill::bins*' \
         "$program" "$scene" "$machine" plain "$side" >"$folder/$name.says" 2>"$folder/$name.log" || { cat "$folder/$name.log" >&2; return 1; }
@@ -36,14 +38,14 @@ count() {
         FILENAME ~ /says$/ { for (i = 1; i < NF; i++) { if ($(i + 1) ~ /^splats/) splats = $i; if ($(i + 1) ~ /^fragments/) fragments = $i }; next }
         /^desc: Trigger: --dump-before/ { part = "setup" }
         /^totals:/ { total[part] += $2 }
-        # Functions have names where they come first, and then numbers alone.
+        # Functions have names at their first occurrence, and only numbers after that.
         /^c?fn=/ {
             text = substr($0, index($0, "=") + 1)
             number = substr(text, 1, index(text, ")"))
             if (length(text) > length(number)) called[FILENAME number] = text
             if (/^cfn=/) in_shade = called[FILENAME number] ~ /shade_for_merge|shade_side_by_side|merges::Merges<.*>::shade/
         }
-        # The next line is where from, and what all of it cost.
+        # The next line is the caller, with the inclusive cost of the call.
         /^calls=/ { getline; if (in_shade) shade += $2 }
         END {
             if (splats * fragments * total["setup"] * total["fill"] == 0) { print name ": nothing was counted" >"/dev/stderr"; exit 1 }
@@ -55,7 +57,7 @@ count() {
 table() {
     echo "| case | setup, a splat | all that follows, a contribution | of which shade |"
     echo "|---|---|---|---|"
-    # Two at a time, and printed in order.
+    # Two at a time, printed in order.
     count reference glass-spheres reference 512 >"$folder/1" &
     count lean glass-spheres lean 512 >"$folder/2" &
     wait

@@ -1,11 +1,11 @@
-//! Draws a scene as coarser and coarser cuts of its tree, and from farther and farther away: what
-//! splats, cycles and bytes buy.
+//! Draws a scene with increasingly coarse cuts of its tree, and from increasing distances: the
+//! accuracy for a number of splats, cycles and bytes.
 //!
 //! ```sh
 //! cargo run --release --example level_of_detail -- [FOLDER] [SCENE] [SIDE]
 //! ```
-//! Prints two tables and writes `level-of-detail.png`. Left out, the scene is `torus-knot`, 256
-//! pixels a side.
+//! Prints two tables and writes `level-of-detail.png`. The default scene is `torus-knot`, with 256
+//! pixels per side.
 
 use splatsim::accuracy::metrics;
 use splatsim::error::{Error, Result};
@@ -22,13 +22,13 @@ use std::sync::Arc;
 
 /// Limits of a node's size, pixels.
 const PIXELS: [f64; 7] = [0.0, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0];
-/// How many times farther away.
+/// Factors of the distance.
 const DISTANCES: [f64; 5] = [1.0, 2.0, 4.0, 8.0, 16.0];
-/// Limits that are drawn from everywhere.
+/// Limits that are drawn from all distances.
 const FROM_AFAR: [f64; 4] = [0.0, 1.0, 4.0, 16.0];
 
-/// What a frame takes: splats, nodes read, cycles, megabytes, and golden − ideal, dB.
-struct Row {
+/// Costs of a frame: splats, nodes read, cycles, megabytes, and golden − ideal, dB.
+struct FrameCosts {
     splats: u64,
     read: u64,
     cycles: u64,
@@ -41,7 +41,7 @@ fn row(
     tree: &Arc<Tree>,
     (pixels, order): (f64, Order),
     whole: &Picture,
-) -> Result<Row> {
+) -> Result<FrameCosts> {
     let rules = Rules {
         pixels,
         order,
@@ -59,7 +59,7 @@ fn row(
     let work = evaluation.observe().work;
     let cycles =
         rtl_model::timing::replay(&machine.timing, &work, rtl_model::timing::Detail::Accounts);
-    Ok(Row {
+    Ok(FrameCosts {
         splats: scene.splats.len() as u64,
         read: work.walk.len() as u64,
         cycles: cycles.total,
@@ -148,7 +148,7 @@ fn main() -> Result<()> {
         }
         println!("| {distance}× | {} |", cells.join(" | "));
     }
-    let points = |of: fn(&Row) -> f64| {
+    let points = |of: fn(&FrameCosts) -> f64| {
         vec![(
             String::new(),
             rows.iter().map(|row| [of(row), row.db]).collect::<Vec<_>>(),

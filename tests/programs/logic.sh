@@ -1,5 +1,6 @@
-# Shell, read by area.sh, delays.sh, depths.sh and gates.sh: the units' own logic. Makes $work/pipe.sv, in which wires stand for the registers and the FIFO behind
-# each unit, and $sources, that and all units of $rtl with their parts.
+# Shell, sourced by area.sh, delays.sh, depths.sh and gates.sh: the units' own logic. Writes
+# $work/pipe.sv, in which wires replace the registers and the FIFO behind each unit, and sets
+# $sources: this file and all units of $rtl with their parts.
 cat > "$work/pipe.sv" << 'END'
 module pipe #(parameter int W = 1, parameter int LATENCY = 1, parameter int INTERVAL = 1, parameter int ROOM = 1) (
     input wire clk, input wire rst, input wire s_valid, output wire s_ready, input wire s_keeps, input wire [W-1:0] s_data,

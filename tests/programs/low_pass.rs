@@ -5,8 +5,9 @@
 //! ```sh
 //! cargo run --release --example low_pass -- [FOLDER]
 //! ```
-//! Prints a table and writes `low-pass.png`, and the volume and its scene beside it. The reference
-//! is the unfiltered picture at eight times the size, convolved with the filter as a picture.
+//! Prints a table and writes `low-pass.png`, and the volume and its scene into the same folder. The
+//! reference is the unfiltered picture at eight times the size, convolved with the filter as a
+//! picture.
 
 use serde_json::json;
 use splatsim::accuracy::metrics;
@@ -20,15 +21,15 @@ use std::path::{Path, PathBuf};
 
 /// Side of the picture, pixels.
 const SIDE: usize = 192;
-/// How many times finer the reference is drawn.
+/// Refinement of the reference.
 const FINER: usize = 8;
 /// Voxels across, down and in depth: half a pixel high and two pixels wide, seen from the front.
 const SIZE: [usize; 3] = [80, 320, 4];
-/// Pixels of the picture's middle that are compared: the slab's border is another matter.
+/// Pixels in the middle of the picture that are compared; the border of the slab is left out.
 const COMPARED: usize = 144;
 
-/// Rings around the middle, the finer the farther out: every direction, and every frequency that
-/// the wide voxels can hold.
+/// Rings around the middle, finer towards the outside: every direction, and every frequency that
+/// the wide voxels can represent.
 fn rings() -> Vec<u8> {
     let [width, height, slices] = SIZE;
     let place = |i: usize, of: usize| (i as f64 + 0.5) / of as f64 - 0.5;
@@ -73,7 +74,7 @@ fn written(path: &Path, bytes: &[u8]) -> Result<()> {
     std::fs::write(path, bytes).map_err(|error| Error::Job(format!("{}: {error}", path.display())))
 }
 
-/// Convolves with a Gaussian of a pixel's variance and samples at the pixels' middles.
+/// Convolves with a Gaussian with a variance of one pixel, and samples at the centres of pixels.
 fn filtered(fine: &Picture) -> Picture {
     let sigma = FINER as f64;
     let reach = 5 * FINER as i64;
@@ -134,8 +135,7 @@ fn middle(picture: &Picture) -> Picture {
     }
 }
 
-/// Root of the mean square of differences between neighbours, across and down: how much detail is
-/// there.
+/// Root mean square of differences between neighbours, across and down: a measure of detail.
 fn detail(picture: &Picture, [right, down]: [usize; 2]) -> f64 {
     let (width, height) = (picture.width - right, picture.height - down);
     let difference = |x: usize, y: usize| {

@@ -1,19 +1,19 @@
-//! Prints how far each merge rule's picture lies from `ideal`, and what it merges: the tables of
+//! Prints the difference of each merge rule's picture from `ideal`, and its merges: the tables of
 //! docs/book/merging.md and, with --pan, of docs/book/merging-window.md.
 //!
 //! ```sh
 //! cargo run --release --example merge_rules -- [--pan] [SCENE]...
 //! ```
-//! Without a scene: the check scene, in surface order and in random order. A scene may be one that
-//! is made here, `random-shells` or `lone-splats`, and `translucent:SCENE` is one of which every
-//! splat has half the opacity and comes in random order.
+//! Without a scene: the check scene, in surface order and in random order. A scene may also be one
+//! of the generated `random-shells` and `lone-splats`. `translucent:SCENE` is a scene whose splats
+//! have half the opacity and are in random order.
 //!
-//! With `--pan` the camera turns by a sixteenth of a pixel a frame, and the program prints how many
-//! pixels jump where `ideal` is still.
+//! With `--pan` the camera turns by a sixteenth of a pixel per frame, and the program prints the
+//! share of pixels that jump where `ideal` is still.
 //!
-//! The figures of a random order depend on the shuffle: at eight layers, 20 shuffles lie between
-//! 42.75 and 44.37 dB. The seed in `tests/programs/glass-spheres-random.json` was picked so that
-//! the rows agree with the published ones, which had another generator.
+//! The figures of a random order depend on the shuffle: at eight layers, 20 shuffles give 42.75 to
+//! 44.37 dB. The seed in `tests/programs/glass-spheres-random.json` was chosen so that the rows
+//! agree with the published ones, which used another generator.
 
 use glam::{DQuat, DVec3};
 use splatsim::accuracy::metrics;
@@ -71,8 +71,8 @@ pub fn names() -> impl Iterator<Item = &'static str> {
     RULES.into_iter().map(|(name, _)| name)
 }
 
-/// One row: dB against `ideal`, merges in thousands, cut, and where there are any, sums in
-/// thousands.
+/// One row: dB against `ideal`, merges in thousands, truncated, and sums in thousands if there are
+/// any.
 pub fn cells(scene: &Scene, ideal: &Rendering, layers: usize) -> Vec<String> {
     let cell = |(_, rules): Column| {
         let golden = render(scene, &rules(layers));
@@ -95,7 +95,7 @@ pub fn cells(scene: &Scene, ideal: &Rendering, layers: usize) -> Vec<String> {
 /// A scene by its name.
 ///
 /// # Errors
-/// What loading has.
+/// Those of loading a scene.
 pub fn scene(name: &str) -> Result<Scene> {
     if let Some(opaque) = name.strip_prefix("translucent:") {
         let mut scene = scene(opaque)?;
@@ -113,7 +113,7 @@ pub fn scene(name: &str) -> Result<Scene> {
     }
 }
 
-/// Splats in the light and the materials of the check scene, 256×256.
+/// Splats with the light and the materials of the check scene, 256×256.
 fn made(splats: Vec<Splat>, z_threshold: f64, coverage_threshold: f64) -> Result<Scene> {
     let mut scene = Scene::load(
         "glass-spheres",
@@ -166,7 +166,7 @@ fn random_shells() -> Vec<Splat> {
     splats
 }
 
-/// Translucent discs in a box, each a surface of its own.
+/// Translucent discs in a box, each a separate surface.
 fn lone_splats() -> Vec<Splat> {
     let mut random = Random(5);
     let splat = |_| {
@@ -216,15 +216,15 @@ fn shuffle(splats: &mut [Splat]) {
 
 /// Frames of a pan.
 const FRAMES: usize = 12;
-/// The camera turns by this part of a pixel a frame.
+/// The camera turns by this fraction of a pixel per frame.
 const STEP_PX: f64 = 1.0 / 16.0;
-/// Golden − ideal jumps where it changes by more.
+/// Golden − ideal jumps if it changes by more.
 const JUMP: f64 = 4.0 / 255.0;
-/// Ideal is still where it changes by less.
+/// Ideal is still if it changes by less.
 const STILL: f64 = 0.5 / 255.0;
 
-/// Share of the pixels, in percent, at which golden − ideal jumps from one frame to the next while
-/// ideal is still; of each rule.
+/// For each rule: the share of the pixels, in percent, at which golden − ideal jumps from one frame
+/// to the next while ideal is still.
 pub fn jumps(scene: &Scene, layers: usize) -> Vec<f64> {
     let frames: Vec<Vec<Rendering>> = (0..FRAMES)
         .map(|frame| {

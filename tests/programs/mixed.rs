@@ -1,12 +1,12 @@
-//! Draws several kinds of splats in one frame (EWA Fig. 16): bone as a flattened isosurface and the
-//! rest as a volume, of a head and an engine; and a knot of discs inside of shells.
+//! Draws several kinds of splats in one frame (EWA Fig. 16): a head and an engine, with bone as a
+//! flattened isosurface and the rest as a volume; and a knot of discs inside shells.
 //!
 //! ```sh
 //! cargo run --release --example mixed -- [FOLDER] [DATA]
 //! ```
-//! Prints a table and writes `mixed.png`, and a scene of each tile beside it. DATA is the folder
-//! with `volumes` in it (`../shared/data` unless it is told); without it only the knot is drawn.
-//! The first two columns are the parts alone, the last is both.
+//! Prints a table and writes `mixed.png`, and a scene of each tile into the same folder. DATA is
+//! the folder that contains `volumes` (default `../shared/data`); without it only the knot is
+//! drawn. The first two columns are the parts alone, the last is both.
 
 use serde_json::{Value, json};
 use splatsim::accuracy::metrics;
@@ -20,14 +20,14 @@ use std::path::{Path, PathBuf};
 /// Side of a picture, pixels.
 const SIDE: usize = 200;
 
-/// A volume's source, with more said of it.
+/// A volume's source with additional fields.
 fn source(volume: &Value, more: Value) -> Value {
     let mut source = more;
     source["volume"] = volume.clone();
     source
 }
 
-/// What there is to draw: a name, two sources, and the rest of the scene.
+/// A case: a name, two sources, and the rest of the scene.
 fn subjects(data: &Path) -> Vec<(&'static str, [Value; 2], Value)> {
     let shells = json!({"builtin": "nested-shells", "samples": 72});
     let fog = json!([{"value": 0.1, "rgb": [0.2, 0.4, 1], "opacity": 0}, {"value": 0.25, "rgb": [0.2, 0.5, 1], "opacity": 0.08},
@@ -41,8 +41,7 @@ fn subjects(data: &Path) -> Vec<(&'static str, [Value; 2], Value)> {
     )];
     let find = |name: &str| data.join(name).canonicalize().ok();
     if let Some(file) = find("volumes/CThead_256x256x113_u16be.raw") {
-        // Plain samples lie below their scene, as a scene's files do: up to the root, and down
-        // again.
+        // Files of a scene are below its folder: the path goes up to the root, and down again.
         let file = format!("../../../../../../../../../..{}", file.display());
         let head = json!({"file": file, "size": [256, 256, 113], "type": "u16", "endian": "big", "spacing": [1, 1, 2]});
         let skin = json!([{"value": 300, "rgb": [0.95, 0.65, 0.5], "opacity": 0}, {"value": 600, "rgb": [0.95, 0.65, 0.5], "opacity": 0.035},

@@ -1,6 +1,7 @@
 #!/bin/sh
-# What an operator of the cost model takes in a real technology: synthesises each alone, at several widths, for a Xilinx 7.
-# Needs Yosys (Debian: yosys). Prints LUTs, and LUTs by the operator's own measure: bits, or bits times bits.
+# Measures the operators of the cost model in a real technology: synthesises each alone, at several
+# widths, for a Xilinx 7. Needs Yosys (Debian: yosys). Prints LUTs, and LUTs by the operator's own
+# measure: bits, or bits times bits.
 set -eu
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

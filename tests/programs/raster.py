@@ -1,10 +1,11 @@
-"""The raster anew, in another language: from what a trace says of itself, and nothing else.
+"""A second implementation of the raster, written only from the description in a trace.
 
     python3 tests/programs/raster.py traces/knot
 
-Reads raster.in and the frame's constants, does what the trace's README.md says under "raster", and compares with raster.out, record by record.
-Written from that text and manifest.json alone, so that it shows whether they say enough. Values are integers; a pair (e, p) stands for
-e / 2^p. Exit status: 0 equal, 1 not, 2 the folder cannot be read.
+Reads raster.in and the frame's constants, follows the steps under "raster" in the trace's
+README.md, and compares with raster.out, record by record. It uses only that text and
+manifest.json, and so tests that they are complete. Values are integers; a pair (e, p) is e / 2^p.
+Exit status: 0 equal, 1 different, 2 the folder cannot be read.
 """
 
 import json
@@ -20,7 +21,7 @@ class Trace:
         self.numbers = self.manifest["numbers"]
 
     def records(self, name):
-        """The records of a stream or constant, each field a pair by its name."""
+        """Records of a stream or constant: a dictionary from field names to pairs."""
         for stream in self.manifest["constants"] + self.manifest["streams"]:
             if stream["name"] == name:
                 break
@@ -32,7 +33,7 @@ class Trace:
         return [{field["name"]: field_of(int(line, 16), field) for field in stream["fields"]} for line in lines]
 
     def fit(self, exact, name):
-        """Fit: an exact value into a word."""
+        """Fit: quantises an exact value to a word."""
         (e, p), word = exact, self.words[name]
         d = p - word["frac_bits"]
         if d <= 0:
@@ -68,7 +69,7 @@ def wrapped(value, width):
 
 
 def places(value, p):
-    """The same value with p fraction bits, which loses nothing."""
+    """The same value with p fraction bits, without loss."""
     e, q = value
     if q > p and e % (1 << (q - p)) != 0:
         raise ValueError(f"{e} / 2^{q} has more than {p} fraction bits")
@@ -115,7 +116,8 @@ class Seed:
 
 
 def rows(trace, frame, splat):
-    """Row by row of the box: y, and radial, first, second, z at its first pixel, in the places of radial and of z."""
+    """Per row of the box: y, and radial, first, second, z at its first pixel, with the fraction
+        bits of radial and of z."""
     radial_f, z_f = (trace.words[name]["frac_bits"] for name in ("raster.radial", "raster.depth"))
     radial_w, z_w = (trace.width(name) for name in ("raster.radial", "raster.depth"))
     left, top, bottom = (splat[name][0] for name in ("first_column", "first_row", "last_row"))
@@ -137,7 +139,7 @@ def rows(trace, frame, splat):
 
 
 def raster(trace, frame, splat):
-    """The records that a splat makes: tag, x, y, radial, depth, as integers."""
+    """Output records of a splat: tag, x, y, radial, depth, as integers."""
     radial_f, z_f = (trace.words[name]["frac_bits"] for name in ("raster.radial", "raster.depth"))
     radial_w, z_w = (trace.width(name) for name in ("raster.radial", "raster.depth"))
     left, right = splat["first_column"][0], splat["last_column"][0]

@@ -1,8 +1,8 @@
 //! Reference: writes the book's pages of every JSON field, from the schemas that the program
-//! publishes and checks against.
+//! publishes and checks input against.
 //!
 //! `cargo run --release --example reference` writes them into `docs/book/reference`;
-//! `tests/readme.rs` compares.
+//! `tests/readme.rs` compares them.
 
 use serde_json::{Map, Value};
 use std::collections::{BTreeMap, BTreeSet};
@@ -78,7 +78,7 @@ pub fn pages() -> Vec<Page> {
     ])
 }
 
-/// Pages of what the program writes: types of theirs that several have lie in [`TYPES`].
+/// Pages of the program's output: types that several of them share are in [`TYPES`].
 const WRITTEN: [&str; 6] = [
     "report.md",
     "compare.md",
@@ -89,15 +89,15 @@ const WRITTEN: [&str; 6] = [
 ];
 const TYPES: &str = "types.md";
 
-/// A page before its types are brought together.
+/// A page before shared types are moved.
 struct Draft {
     file: &'static str,
     head: String,
-    /// The page's own object, then the types that it leads to: name and text.
+    /// The page's own object, followed by the types that it refers to: name and text.
     sections: Vec<(String, String)>,
 }
 
-/// Each type that several pages describe in the same words has one home, which the others link to.
+/// A type that several pages describe in the same words is on one page; the others link to it.
 fn linked(drafts: Vec<Draft>) -> Vec<Page> {
     let homes = homes(&drafts);
     let mut pages: Vec<Page> = Vec::new();
@@ -130,7 +130,7 @@ fn linked(drafts: Vec<Draft>) -> Vec<Page> {
     pages
 }
 
-/// The page of each type that several pages share, by its name and text.
+/// The page of each shared type, by its name and text.
 fn homes(drafts: &[Draft]) -> BTreeMap<(String, String), &'static str> {
     let mut pages: BTreeMap<&(String, String), Vec<&'static str>> = BTreeMap::new();
     for draft in drafts {
@@ -141,7 +141,7 @@ fn homes(drafts: &[Draft]) -> BTreeMap<(String, String), &'static str> {
             .for_each(|section| pages.entry(section).or_default().push(draft.file));
     }
     pages.retain(|_, files| files.len() > 1);
-    // Of a name with several texts the one of most pages: a page has a name once.
+    // If a name has several texts, the text of most pages: a name occurs once on a page.
     let most = |(name, text): &(String, String)| {
         let same = pages.iter().filter(|((other, _), _)| other == name);
         same.max_by_key(|(_, files)| files.len())
@@ -160,7 +160,7 @@ fn homes(drafts: &[Draft]) -> BTreeMap<(String, String), &'static str> {
                 )
             })
             .collect();
-    // What leads to a type that is not shared has another meaning on each page.
+    // A text that refers to a type that is not shared has a different meaning on each page.
     loop {
         let names: BTreeSet<String> = shared.keys().map(|(name, _)| name.to_lowercase()).collect();
         let before = shared.len();
@@ -171,14 +171,14 @@ fn homes(drafts: &[Draft]) -> BTreeMap<(String, String), &'static str> {
     }
 }
 
-/// Names below a page's own headings that a text links to.
+/// Names of a page's own headings that a text links to.
 fn links(text: &str) -> impl Iterator<Item = &str> {
     text.split("](#")
         .skip(1)
         .filter_map(|rest| rest.split_once(')').map(|(name, _)| name))
 }
 
-/// A section of some page's sections, as it stands on the page `here`.
+/// A section as it is written on the page `here`.
 fn with_links(
     text: &str,
     here: &str,
@@ -196,34 +196,34 @@ fn with_links(
 }
 
 const MADE_BY: &str = "<!-- made by: cargo run --release --example reference -->\n";
-const TYPES_OF_SEVERAL: &str = "Types that more than one of the files contains that splatsim writes: reports, results of searches and others.";
+const TYPES_OF_SEVERAL: &str = "Types that are used in several of splatsim's output files: reports, results of searches and others.";
 
-/// The schema of what the program writes.
+/// The schema of the program's output.
 fn of<T: schemars::JsonSchema>() -> Value {
     schemars::SchemaGenerator::new(schemars::generate::SchemaSettings::default().for_serialize())
         .into_root_schema_for::<T>()
         .to_value()
 }
 
-const REPORT: &str = "What `report.json` says, which `run --out DIR` writes. All but `host` is the same for the same input on every computer, at any \
-    number of threads. A field that is left out was not asked for.";
+const REPORT: &str = "Fields of `report.json`, which `run --out DIR` writes. All fields except `host` are the same for the same input on every \
+    computer, with any number of threads. A field is left out if it was not requested.";
 const COMPARE: &str =
-    "What `compare.json` says, which `compare --out DIR` writes and `compare --json` prints.";
-const STRESS: &str = "What `stress.json` says, which `stress --out DIR` writes.";
+    "Fields of `compare.json`, which `compare --out DIR` writes and `compare --json` prints.";
+const STRESS: &str = "Fields of `stress.json`, which `stress --out DIR` writes.";
 const SEARCH: &str =
-    "What `search.json` says, which `search` writes beside the machine that it found.";
-const OVER_TIMING: &str = "What `search.json` says where `search --min-fps` wrote it.";
-const MACHINE: &str = "What a machine file may say: `--machine FILE`; `machine schema` prints this as a JSON Schema, `machine show NAME` a whole file. \
-    A file with a field `base`, the name of a machine, need only say what differs from it. The command line changes one field with `--set PATH=VALUE`, as \
-    `--set gauss.weight=U-2F10`.";
-const SCENE: &str = "What a scene file may say; `scene schema` prints this as a JSON Schema. Only `splats` is required. Numbers are in world units, \
-    colours in linear light.";
-const SEQUENCE: &str = "Fields of `report.json` where `run` draws a sequence ([Camera paths](../paths.md)). All but `host` is the same for the same input \
-     on every computer, at any number of threads.";
+    "Fields of `search.json`, which `search` writes into the folder of the found machine.";
+const OVER_TIMING: &str = "Fields of `search.json` of a `search --min-fps`.";
+const MACHINE: &str = "Fields of a machine file, for `--machine FILE`. `machine schema` prints them as a JSON Schema, and `machine show NAME` prints a whole file. \
+    A file with a field `base`, the name of a machine, needs only the fields that differ from it. The command line changes one field with `--set PATH=VALUE`, \
+    for example `--set gauss.weight=U-2F10`.";
+const SCENE: &str = "Fields of a scene file. `scene schema` prints them as a JSON Schema. Only `splats` is required. Numbers are in world units, colours in \
+    linear light.";
+const SEQUENCE: &str = "Fields of `report.json` if `run` draws a sequence ([Camera paths](../paths.md)). All fields except `host` are the same for the same input on \
+     every computer, with any number of threads.";
 const PLAN: &str =
-    "What a plan of `sweep` may say; `scene plan-schema` prints this as a JSON Schema.";
-const PRICES: &str = "What a file of prices may say: `machine cost NAME --prices FILE`, and likewise of other commands that tell of cost. `machine prices` prints the \
-    default ones.";
+    "Fields of a plan for `sweep`. `scene plan-schema` prints them as a JSON Schema.";
+const PRICES: &str = "Fields of a file of unit costs, for `machine cost NAME --unit-costs FILE` and other commands that report cost. `machine unit-costs` prints the \
+    default file.";
 
 fn main() -> std::io::Result<()> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/book/reference");
@@ -251,7 +251,7 @@ fn page(file: &'static str, title: &str, intro: &str, schema: &Value) -> Draft {
     }
 }
 
-/// The named schemas that one leads to, in the order in which a reader meets them.
+/// The named schemas that a schema refers to, in the order of the page.
 fn named_below<'s>(root: &'s Value, schema: &'s Value) -> Vec<&'s str> {
     let mut names = Vec::new();
     collect(root, schema, &mut names, &mut BTreeSet::new());
@@ -291,8 +291,7 @@ fn name_of(path: &str) -> &str {
     path.rsplit('/').next().unwrap_or(path)
 }
 
-/// A heading, what the schema describes, and the table of its fields or of what may stand in its
-/// place.
+/// A heading, the description of the schema, and the table of its fields or of its alternatives.
 fn section(root: &Value, name: &str, schema: &Value) -> String {
     let mut text = format!("\n## {name}\n");
     if let Some(described) = schema["description"].as_str() {
@@ -360,7 +359,7 @@ fn options(schema: &Value) -> Option<&Vec<Value>> {
         .and_then(Value::as_array)
 }
 
-/// What is said of a schema itself, else of the one that it names.
+/// The description of a schema, otherwise of the schema that it names.
 fn meaning<'s>(root: &'s Value, schema: &'s Value) -> &'s str {
     let named = || {
         schema["$ref"]
@@ -374,7 +373,7 @@ fn meaning<'s>(root: &'s Value, schema: &'s Value) -> &'s str {
         .unwrap_or_default()
 }
 
-/// What a value is, in words: its kind, its limits, or a link to where it is described.
+/// The type of a value in words: its kind, its limits, or a link to its description.
 fn kind(schema: &Value) -> String {
     if let Some(path) = schema["$ref"].as_str() {
         let name = name_of(path);
@@ -445,7 +444,7 @@ fn list(schema: &Value) -> String {
     }
 }
 
-/// The limits of a number; not those that are the end of its type, which nobody means.
+/// The limits of a number, without those that only are the range of its type.
 fn range(schema: &Value) -> String {
     let told = |key: &str, sign: &str| {
         let limit = schema.get(key)?;
@@ -472,7 +471,7 @@ fn range(schema: &Value) -> String {
     .collect()
 }
 
-/// A description without line breaks, and without the brackets that link it within rustdoc.
+/// A description without line breaks, and without rustdoc's brackets of links.
 fn one_line(text: &str) -> String {
     text.split_whitespace()
         .collect::<Vec<_>>()
@@ -481,7 +480,7 @@ fn one_line(text: &str) -> String {
         .replace("`]", "`")
 }
 
-/// A text that may stand in a table.
+/// A text that is valid in a table.
 fn cell(text: &str) -> String {
     one_line(text).replace('|', "\\|")
 }

@@ -1,12 +1,12 @@
-//! Compares mirrors of the book's spheres by the size of their map, by where they are looked at
-//! from and by their words.
+//! Compares mirrors of the book's spheres by the size of their map, by the direction of look-up and
+//! by their words.
 //!
 //! ```sh
 //! cargo run --release --example reflection -- [FOLDER [DATA]]
 //! ```
 //! Prints four tables, and writes `reflection.png`: ideal, the machine along rays and along the
-//! axis, and the machine with a map of 8 × 8. With the folder of scans it draws
-//! `reflection-scan.png` too: the dragon as chrome and as porcelain under the sky.
+//! axis, and the machine with a map of 8 × 8. With the folder of scans it also draws
+//! `reflection-scan.png`: the dragon as chrome and as porcelain under the sky.
 
 use rtl_model::Machine;
 use rtl_model::machine::Sight;
@@ -58,8 +58,8 @@ fn cost(machine: &Machine) -> Result<(f64, u32)> {
     Ok((area, elaborated.timing.shade.latency))
 }
 
-/// What a map in memory costs, beside one on the chip: the whole machine's area, a frame's cycles,
-/// what is read of the map, look-ups that hit.
+/// Costs of a map in memory and of a map on the chip: the area of the whole machine, cycles per
+/// frame, bytes read of the map, and the hit rate of look-ups.
 fn in_memory(scene: &Scene) -> Result<()> {
     println!(
         "\n| texels | lines of `timing.environment` | area | cycles | map, KB | hits |\n|---|---|---|---|---|---|"
@@ -124,7 +124,7 @@ fn scan(data: &Path) -> Result<Picture> {
     Ok(beside(&[of(1.0, 0.0)?, of(0.25, 0.8)?]))
 }
 
-/// Pictures side by side.
+/// Pictures next to each other.
 fn beside(pictures: &[Picture]) -> Picture {
     let (height, width) = (
         pictures[0].height,
@@ -147,7 +147,8 @@ fn beside(pictures: &[Picture]) -> Picture {
 fn run(folder: Option<PathBuf>, data: Option<PathBuf>) -> Result<()> {
     let scene = Scene::load(format!("{FOLDER}/spheres.json"), &Overrides::default())?;
     let ideal = ideal(&scene).picture;
-    // The same rules for fragments, and surroundings as they are: what is left is the map's own.
+    // The same rules for fragments, and an exact environment: the remaining error is that of the
+    // map.
     let as_they_are = render(
         &scene,
         &Rules {

@@ -1,11 +1,12 @@
-//! Records a frame once and replays it again and again: for timing the replay.
+//! Records a frame once and replays it many times, to measure the speed of the replay.
 //!
 //! ```sh
 //! cargo run --release --example replays -- ../shared/data/scenes/dragon.json
 //! ```
-//! Prints, for each organisation, for memory as described and ideal, told with histograms, with
-//! accounts or as a total: rows of boxes replayed in a second by one thread, in the fastest of ten
-//! replays. Then the same of eight machines, by FIFO and latency, one by one and abreast.
+//! For each organisation, for modelled and for ideal memory, with histograms, with unit states or
+//! only with a total, it prints the rows of boxes that one thread replays per second, in the
+//! fastest of ten replays. Then it prints the same for eight machines with different FIFOs and
+//! latencies, one by one and as a batched replay.
 
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine::Machine;
@@ -63,7 +64,7 @@ fn main() -> Result<()> {
     one.install(|| eight(&machine, &work))
 }
 
-/// The result, and how many million rows are replayed in a second, so many times each.
+/// The result, and the millions of rows replayed per second.
 fn fastest<T>(work: &Work, times: u64, mut of: impl FnMut() -> T) -> (T, f64) {
     let mut timed = || {
         let start = Instant::now();
@@ -74,7 +75,7 @@ fn fastest<T>(work: &Work, times: u64, mut of: impl FnMut() -> T) -> (T, f64) {
     (result, (work.rows() * times) as f64 / best / 1e6)
 }
 
-/// Eight binned machines, one by one and abreast.
+/// Eight binned machines, one by one and as a batched replay.
 fn eight(machine: &Machine, work: &Work) -> Result<()> {
     let mut machines = Vec::new();
     for (fifo, latency) in [4, 16, 64, 256]

@@ -1,10 +1,12 @@
 #!/usr/bin/env bash
-# A sweep as an array of a real Slurm, one controller and one node on this computer: four tasks into one folder, one of them killed and requeued,
-# then joined; the table must be that of one process, but for the columns of `host_`.
+# Runs a sweep as an array of a real Slurm, with one controller and one node on this computer: four
+# tasks write into one folder, one of them is killed and requeued, and the results are joined. The
+# table must be that of one process, except for the columns `host_`.
 #
 #     sudo tests/programs/slurm.sh [PROGRAM]
 #
-# Needs root, and Debian's slurm-wlm and munge; nothing of this computer's own Slurm or munge is touched. Prints what it did, and ends with 0.
+# Needs root, and Debian's slurm-wlm and munge. The computer's own Slurm and munge are not touched.
+# Prints each step, and exits with 0 on success.
 set -euo pipefail
 program=$(realpath "${1:-target/release/splatsim}")
 root=$(cd "$(dirname "$0")/../.." && pwd)
@@ -25,7 +27,7 @@ end() {
 }
 trap end EXIT
 
-# Waits until a command succeeds.
+# Repeats a command until it succeeds.
 until_well() {
     for _ in $(seq 3000); do
         if "$@" >/dev/null 2>&1; then return; fi
@@ -82,7 +84,7 @@ until_well sh -c 'sinfo --noheader --format %T | grep -q idle'
 echo "slurm: $(sinfo --version), a controller and a node of two processors"
 
 cd "$folder"
-# Points that take so long that there is time to kill a task before its last.
+# Each point takes long enough that a task can be killed before its last point.
 echo '{"splats": {"builtin": "glass-spheres", "count": 20000}}' >scene.json
 cat >plan.json <<PLAN
 {"scenes": ["scene.json"], "size": [64, 48], "machine": "tiny", "axes": [

@@ -1,6 +1,7 @@
 #!/bin/sh
-# What the datapath of a radix sort takes, beside what the cost model says of the unit `sort`: synthesises it for a Xilinx 7 at several
-# widths of key and digit. Memory is outside: a count is read and written, an entry is read and written. Needs Yosys (Debian: yosys).
+# Compares the datapath of a radix sort with the cost model of the unit `sort`: synthesises it for a
+# Xilinx 7 at several widths of key and digit. Memory is outside: a count is read and written, an
+# entry is read and written.
 #
 #   sort.sh [--splatsim BINARY]
 set -eu

@@ -1,15 +1,19 @@
 #!/usr/bin/env python3
-"""Draws three scenes of the sizes of Surface Splatting's Table 2 and prints that table again (docs/book/speed.md).
+"""Draws three scenes like those of Surface Splatting's Table 2, and prints this table for splatsim.
 
     cargo build --release
     python3 tests/programs/table_2.py target/release/splatsim ../shared/data [FOLDER] [--peer PEER]
 
-A scanned head, a textured terrain and a helicopter with panes, each as a mesh from which `sample` makes as many points as the paper had.
-Frames a second of this computer are those of one thread; the simulated machine's are of `reference`, three fragments a pixel.
+The table is in docs/book/speed.md. The scenes are a scanned head, a textured terrain and a
+helicopter with panes. Each is a mesh from which `sample` makes as many points as in the paper.
+Frames per second of this computer are those of one thread; the simulated machine's are those of
+`reference` with three fragments per pixel.
 
-PEER is a folder with a program in C++ that draws discs in f32: `peer.cpp`, which reads seven doubles a splat (position, normal, radius), and
-the headers that it needs in `ac_types/include`. It draws the same discs from the same camera, all opaque and grey; where the folder has
-`cputime.c`, a clock to be preloaded, its seconds are of CPU, so that other work disturbs them little. Left out, that column is.
+PEER is a folder with a program in C++ that draws discs in f32: `peer.cpp`, which reads seven
+doubles per splat (position, normal, radius), and the headers that it needs in
+`ac_types/include`. It draws the same discs from the same camera, all opaque and grey. If the folder
+has `cputime.c`, a clock to be preloaded, its seconds are CPU seconds, which other processes disturb
+little. Without PEER this column is left out.
 """
 
 import argparse
@@ -24,18 +28,18 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
-# Points, and the paper's frames a second at 256×256 and 512×512.
+# Points, and the paper's frames per second at 256×256 and 512×512.
 HEAD = (429_075, 1.3, 0.7)
 TERRAIN = (4_782_011, 0.2, 0.1)
 HELICOPTER = (987_552, 0.6, 0.3)
-# A bust that lies on its back for a camera that takes y as up.
+# The bust's up axis is z; the default camera's is y.
 FACE = {"eye": [0, -1100, 0], "target": [0, 0, -15], "up": [0, 0, 1], "fov_y_degrees": 30}
-# Bytes of the paper's fragment: 6.375 MiB at 256×256 with three.
+# Bytes per fragment in the paper: 6.375 MiB at 256×256 with three fragments.
 PAPERS_FRAGMENT = 34
 
 
 def terrain(data: Path, path: Path) -> None:
-    """Heights as a mesh with texture coordinates, a tenth of a unit from sample to sample."""
+    """A height field as a mesh with texture coordinates; samples are 0.1 units apart."""
     rows = [[float(cell) for cell in row if cell] for row in csv.reader(open(data / "terrain/vtkjs_dem.csv")) if row]
     height, width = len(rows), len(rows[0])
     with open(path, "w") as file:
@@ -49,7 +53,7 @@ def terrain(data: Path, path: Path) -> None:
 
 
 def scene(cloud: Path, camera: dict | None) -> Path:
-    """What is drawn: the cloud, from where the program puts the eye or from where it is told."""
+    """A scene of the cloud, with the default camera or a given one."""
     if camera is None:
         return cloud
     path = cloud.with_suffix(".json")
@@ -58,7 +62,7 @@ def scene(cloud: Path, camera: dict | None) -> Path:
 
 
 def run(program: str, cloud: Path, side: int, folder: Path) -> tuple[dict, float, float]:
-    """The report of a run, its seconds in all, and the most memory that it held, GB."""
+    """The report of a run, its elapsed seconds, and its peak memory in GB."""
     out = folder / f"{cloud.stem}-{side}"
     command = [program, "run", str(cloud), "--size", f"{side}x{side}", "--threads", "1", "--out", str(out), "--quiet"]
     started = os.times().elapsed
@@ -69,18 +73,18 @@ def run(program: str, cloud: Path, side: int, folder: Path) -> tuple[dict, float
     return json.loads((out / "report.json").read_text()), os.times().elapsed - started, usage.ru_maxrss * 1024 / 1e9
 
 
-# A point as `sample` writes it: position, normal, colour, opacity, radius.
+# A point as written by `sample`: position, normal, colour, opacity, radius.
 POINT = struct.Struct("<3d8f")
-# A splat as the peer reads it: position, normal, radius.
+# A splat as read by the peer: position, normal, radius.
 RAW = struct.Struct("<7d")
-# Depth threshold of a scene that says none, in median radii.
+# Default depth threshold of a scene, in median radii.
 THRESHOLD = 4
-# A frame of the peer is drawn so often, and the median told.
+# Number of times that the peer draws a frame; the median is printed.
 FRAMES = 5
 
 
 def replaced(text: str, pattern: str, by: str) -> str:
-    """The peer's source with one of its constants changed."""
+    """Source of the peer with one changed constant."""
     changed, count = re.subn(pattern, lambda _: by, text)
     if count != 1:
         sys.exit(f"peer.cpp: {count} lines are like {pattern}, and one was expected")
@@ -88,7 +92,7 @@ def replaced(text: str, pattern: str, by: str) -> str:
 
 
 def peer_rate(peer: Path, cloud: Path, report: dict, side: int, folder: Path) -> float:
-    """Frames a second of the peer: the cloud's discs, from the camera that the report tells."""
+    """Frames per second of the peer: the cloud's discs, from the camera in the report."""
     head, _, points = cloud.read_bytes().partition(b"end_header\n")
     splats = [(*point[:6], point[10]) for point in POINT.iter_unpack(points)]
     if not splats or b"property float radius" not in head:
@@ -96,7 +100,7 @@ def peer_rate(peer: Path, cloud: Path, report: dict, side: int, folder: Path) ->
     raw = folder / f"{cloud.stem}.raw"
     raw.write_bytes(b"".join(RAW.pack(*splat) for splat in splats))
     camera, listed = report["scene"]["camera"], lambda of: "{" + ", ".join(map(repr, of)) + "}"
-    # As scenes have it where they say nothing.
+    # The default of scenes.
     threshold = THRESHOLD * sorted(radius for *_, radius in splats)[len(splats) // 2]
     text = (peer / "peer.cpp").read_text()
     text = replaced(text, r"WIDTH = 512, HEIGHT = 512", f"WIDTH = {side}, HEIGHT = {side}")
@@ -123,7 +127,8 @@ def peer_rate(peer: Path, cloud: Path, report: dict, side: int, folder: Path) ->
 
 
 def aside(function: Callable[..., float], *arguments: object) -> float:
-    """What a function returns, in a process of its own: a child's most memory counts what its parent ever held."""
+    """Result of a function in a separate process, because the peak memory of a child includes that
+    of its parent."""
     with multiprocessing.Pool(1) as pool:
         return pool.apply(function, arguments)
 
@@ -168,7 +173,7 @@ def main() -> None:
         subprocess.run([str(of) for of in sample], check=True)
         for side, paper in zip((256, 512), papers):
             row(name, scene(cloud, FACE if name == "head" else None), points, side, f"{paper}")
-    # Does time grow with the points, and no faster?
+    # Time must not grow faster than the number of points.
     for part in (4, 2) if given.only is None else ():
         points = TERRAIN[0] // part
         cloud = folder / f"terrain-{part}.ply"

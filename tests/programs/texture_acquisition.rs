@@ -1,11 +1,11 @@
-//! Compares three ways to give points the colours of a picture: nearest samples, view-independent
-//! EWA, and optimised coefficients (SS §5, Fig. 6), on a plane seen from afar, near and very near.
+//! Compares three methods of texture acquisition: nearest samples, view-independent EWA, and
+//! optimised coefficients (SS §5, Fig. 6), on a plane seen from afar, near and very near.
 //!
 //! ```sh
 //! cargo run --release --example texture_acquisition -- [FOLDER]
 //! ```
 //! Prints a table and writes `texture-acquisition.png`. The reference is the picture itself, 8×8
-//! samples a pixel, convolved with the renderer's low-pass filter.
+//! samples per pixel, convolved with the renderer's low-pass filter.
 
 use glam::DVec2;
 use splatsim::error::{Error, Result};
@@ -20,7 +20,7 @@ use splatsim::scene::{Overrides, Scene};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// Side of the picture, pixels, and what of its middle is compared.
+/// Side of the picture, pixels, and of the middle part that is compared.
 const SIDE: usize = 144;
 const COMPARED: usize = 128;
 /// Points of the unit square: 1/400 apart.
@@ -28,11 +28,11 @@ const POINTS: usize = 160_000;
 /// Side of the textures, texels, and of a check.
 const TEXELS: usize = 1024;
 const CHECK: usize = 20;
-/// Samples of the reference along a pixel's side, and standard deviations to which its filter
-/// reaches.
+/// Samples of the reference along a pixel's side, and the radius of its filter in standard
+/// deviations.
 const SAMPLES: usize = 8;
 const REACH: usize = 4;
-/// Pixels a point spacing: from afar, near, very near.
+/// Pixels per point spacing: from afar, near, very near.
 const VIEWS: [(&str, f64); 3] = [
     ("minification", 0.4),
     ("magnification", 4.0),
@@ -43,7 +43,7 @@ const WAYS: [(&str, Acquisition); 3] = [
     ("EWA", Acquisition::Ewa),
     ("optimised", Acquisition::Optimised),
 ];
-/// The middle of all views: no lattice of checks is symmetric around it.
+/// The middle of all views: no lattice of checks is symmetric about it.
 const MIDDLE: DVec2 = DVec2::new(0.5137, 0.4891);
 
 fn checkerboard() -> Image {
@@ -64,8 +64,8 @@ fn checkerboard() -> Image {
     }
 }
 
-/// What looks like a photograph of pebbles: noise of all frequencies, amplitude as 1/f, with the
-/// edges of stones.
+/// A texture like a photograph of pebbles: noise of all frequencies with an amplitude of 1/f, and
+/// the edges of stones.
 fn pebbles() -> Image {
     let texel = |place: usize| {
         let x = DVec2::new((place % TEXELS) as f64, (place / TEXELS) as f64) / TEXELS as f64;
@@ -95,7 +95,7 @@ fn hash(x: i64, y: i64, salt: u32) -> f64 {
     ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// Values at lattice points, smoothly joined, in [−1, 1].
+/// Values at lattice points, interpolated smoothly, in [−1, 1].
 fn noise(x: DVec2, salt: u32) -> f64 {
     let (cell, within) = (x.floor(), x - x.floor());
     let smooth = within * within * (3.0 - 2.0 * within);
@@ -104,7 +104,7 @@ fn noise(x: DVec2, salt: u32) -> f64 {
     row(0) + (row(1) - row(0)) * smooth.y
 }
 
-/// Distance from the border between two stones, and a number of the stone.
+/// Distance from the border between two stones, and the number of the stone.
 fn nearest_stone(x: DVec2) -> (f64, f64) {
     let cell = x.floor();
     let (mut first, mut second, mut stone) = (f64::INFINITY, f64::INFINITY, 0.0);
@@ -124,8 +124,7 @@ fn nearest_stone(x: DVec2) -> (f64, f64) {
     (second - first, stone)
 }
 
-/// The plane's picture as an eye would see it that looks at every texel: samples of each pixel,
-/// convolved.
+/// The ideal picture of the plane: samples of each pixel's texels, convolved.
 fn reference(image: &Image, pixels_per_unit: f64) -> Picture {
     let fine = (SIDE + 2 * REACH) * SAMPLES;
     let linear: Vec<[f32; 4]> = (0..TEXELS * TEXELS)
@@ -135,7 +134,7 @@ fn reference(image: &Image, pixels_per_unit: f64) -> Picture {
         ((i as f64 + 0.5) / SAMPLES as f64 - (REACH + SIDE / 2) as f64) / pixels_per_unit
     };
     let index = |c: f64| ((c * TEXELS as f64).floor() as i64).rem_euclid(TEXELS as i64) as usize;
-    // Rows of pictures count down, y up, and v = 1 − y.
+    // Rows of pictures count down, y counts up, and v = 1 − y.
     let texel = |i: usize, j: usize| {
         linear[index(1.0 - MIDDLE.y + coordinate(j)) * TEXELS + index(MIDDLE.x + coordinate(i))]
     };
@@ -178,7 +177,7 @@ fn add(sum: [f64; 3], pixel: [f64; 4], weight: f64) -> [f64; 3] {
     [0, 1, 2].map(|c| sum[c] + weight * pixel[c])
 }
 
-/// Golden's scene of the plane, looked at from the front.
+/// Golden's scene of the plane, seen from the front.
 fn scene(folder: &Path, cutoff: f64, pixels_per_unit: f64) -> Result<Scene> {
     let distance = 100.0 * SIDE as f64 / pixels_per_unit;
     let fov = 2.0
@@ -198,8 +197,8 @@ fn scene(folder: &Path, cutoff: f64, pixels_per_unit: f64) -> Result<Scene> {
     Scene::load(&path, &Overrides::default())
 }
 
-/// Decibels of the mean square difference, linear light, in the middle of the pictures; colours are
-/// not clamped.
+/// Decibels of the mean square difference, in linear light, in the middle of the pictures; colours
+/// are not clamped.
 fn decibels(a: &Picture, b: &Picture) -> f64 {
     let from = (SIDE - COMPARED) / 2;
     let places =
@@ -256,7 +255,7 @@ fn main() -> Result<()> {
             for (view, pixels) in VIEWS {
                 let pixels_per_unit = pixels * (POINTS as f64).sqrt();
                 let reference = reference(&image, pixels_per_unit);
-                // As the file's reader has them: clamped.
+                // Clamped, as after reading a file.
                 let read = scene(&folder, cutoff, pixels_per_unit)?;
                 let mut scenes: Vec<Scene> = ways
                     .iter()

@@ -1,15 +1,15 @@
-//! Prints what the order of Gaussians costs and what it buys: the machine that sorts beside
-//! machines that take them as they come, with and without windows: the table *Gaussians without a
-//! sort* of docs/book/merging-experiments.md.
+//! Prints the costs and benefits of sorting Gaussians: the machine that sorts, and machines that
+//! draw them in input order, with and without windows. This is the table *Gaussians without a sort*
+//! of docs/book/merging-experiments.md.
 //!
 //! ```sh
 //! cargo run --release --example unsorted -- [SCENE]...
 //! ```
-//! Without a scene: the bouquet. For windows each Gaussian is a surface of its own. A fragment's
-//! opacity is (Σw·α/W)·min(1, W/τ), so with τ = 1 a Gaussian that weighs √o·G and is √o opaque
-//! covers o·G, as it should. Lesser weights than 1/255 count there too. ε, within which Gaussians
-//! are one surface, is a hundredth of the depth that the middle half of them spans; a third and
-//! three times of it are no better.
+//! The default scene is the bouquet. With windows each Gaussian is a separate surface. A fragment's
+//! opacity is (Σw·α/W)·min(1, W/τ). With τ = 1, a Gaussian with weight √o·G and opacity √o
+//! therefore covers o·G, as required. Weights less than 1/255 count there too. Gaussians within ε
+//! are one surface; ε is a hundredth of the depth range of their middle half. A third of it and
+//! three times it are no better.
 
 use rtl_model::Machine;
 use rtl_model::machine::{Group, Merge};
@@ -26,12 +26,13 @@ use splatsim::performance::cost::{Cost, Prices};
 use splatsim::run::evaluation::Evaluation;
 use splatsim::scene::{Overrides, Scene};
 
-/// Layers a pixel, and how near in permille of ε a contribution joins a cluster.
+/// Layers per pixel, and the distance within which a contribution joins a cluster, in permille of
+/// ε.
 const WINDOWS: [(usize, u32); 5] = [(4, 0), (4, 500), (8, 0), (8, 500), (16, 0)];
-/// ε in parts of the depth of the middle half.
+/// ε as a fraction of the depth range of the middle half.
 const PART: f64 = 0.01;
 
-/// Gaussians in input order, each a surface.
+/// Gaussians in input order, each a separate surface.
 fn surfaces(scene: &Scene) -> Scene {
     let mut scene = as_they_come(scene);
     scene.sheets = None;
@@ -54,7 +55,7 @@ fn as_they_come(scene: &Scene) -> Scene {
     scene
 }
 
-/// Depth from the first quarter of the splats before the eye to the last.
+/// Depth range from the first to the third quartile of the splats in front of the eye.
 fn middle_half(scene: &Scene) -> f64 {
     let view = scene.view();
     let mut depths: Vec<f64> = scene
@@ -79,7 +80,7 @@ fn db(picture: &Picture, ideal: &Picture) -> String {
         .map_or("equal".into(), |db| format!("{db:.1}"))
 }
 
-/// What a machine makes of a scene, and what it costs.
+/// Picture and costs of a machine for a scene.
 fn row(scene: &Scene, machine: &Machine, ideal: &Picture) -> Result<String> {
     let evaluation = Evaluation::new(scene, machine)?;
     let observed = evaluation.observe();

@@ -1,9 +1,10 @@
-"""View: asks the page of `splatsim view` in Chromium what docs/book/view.md promises.
+"""View: tests the page of `splatsim view` in Chromium against docs/book/view.md.
 
     python tests/programs/view.py PROGRAM SCREENSHOTS [PICTURES_OF_THE_BOOK]
 
-Needs Playwright's library (tests/programs/requirements.txt) and Debian's chromium. Ends with an AssertionError where a promise is
-broken. What is compared comes from files and commands, never from the page's own code; seconds are printed, and judged by nobody.
+Needs Playwright's library (tests/programs/requirements.txt) and Debian's chromium. Ends with an
+AssertionError if the page differs from its description. Expected values come from files and
+commands, never from the page's own code. Seconds are printed but not checked.
 """
 
 import contextlib
@@ -34,7 +35,7 @@ def splatsim(*arguments, cwd=None):
 
 @contextlib.contextmanager
 def serving(folder):
-    """The address of a folder's page."""
+    """Address of the page of a folder."""
     with subprocess.Popen([PROGRAM, "view", folder, "--no-open", "--seconds", "600"], stdout=subprocess.PIPE, text=True) as process:
         try:
             yield process.stdout.readline().strip()
@@ -43,7 +44,7 @@ def serving(folder):
 
 
 class Pages:
-    """Opens pages of a browser, and keeps what they complain about."""
+    """Opens pages of a browser, and collects their errors."""
 
     def __init__(self, browser):
         self.browser, self.wrong, self.asked = browser, [], []
@@ -73,7 +74,7 @@ def keep(page, name, book=None, full=True):
 
 
 def fits(page):
-    # Pictures are drawn anew for another width.
+    # Pictures are redrawn for another width.
     until(page, lambda: page.evaluate("document.scrollingElement.scrollWidth <= innerWidth"))
 
 
@@ -113,7 +114,7 @@ def frame_is_shown(pages, folder, scene):
             assert page.locator("button[aria-pressed=true]", has_text=mode).count() == 1, mode
         page.keyboard.press("1")
         page.keyboard.press("Shift+Digit2")
-        # A click tells the story that `explain --json` tells.
+        # A click shows the pixel trace of `explain --json`.
         left, top, side = page.evaluate(
             """() => { const box = document.querySelector('.stage canvas').getBoundingClientRect();
             const scale = Math.min(box.width / %d, box.height / %d);
@@ -129,19 +130,19 @@ def frame_is_shown(pages, folder, scene):
         assert page.locator("#values").get_attribute("aria-live") == "polite"
         values = page.locator("#values table tr").evaluate_all("rows => rows.map(row => [...row.cells].map(cell => cell.textContent))")
         values = {row[0]: row[1:] for row in values}
-        # Six places: half of the last one, and a little for its own rounding.
+        # Six decimals: half of the last one, and a margin for its own rounding.
         assert all(abs(float(shown) - value) <= 5.1e-7 for shown, value in zip(values["fixed"], told(x, y)["fixed"], strict=True)), values
         assert values["word, U1F8"] == [f"{word:x}" for word in told(x, y)["frame_words"]], values
-        # What a pointer only goes over is not read aloud.
+        # Values under a moving pointer are not read aloud.
         page.mouse.move(left + (x + 3.5) * side, top + (y + 0.5) * side)
         page.wait_for_selector("#values[aria-live=off]")
-        # Keys belong to what is focused, where that takes keys itself.
+        # Keys go to the focused element if it handles keys itself.
         for focused in ["summary", ".scroll", "#values .scroll"]:
             page.locator(f"#frame {focused}").first.focus()
             page.keyboard.press("o")
             assert page.locator("button[aria-pressed=true]", has_text="side by side").count() == 1, focused
         page.locator(".stage canvas").first.focus()
-        # The command repeats it.
+        # The printed command reproduces the pixel trace.
         command = shlex.split(page.locator("#command").text_content())
         assert command[:2] == ["splatsim", "explain"] and json.loads(splatsim(*command[1:], "--json")) == told(x, y)
         # Neighbours.
@@ -149,7 +150,7 @@ def frame_is_shown(pages, folder, scene):
         page.keyboard.press("ArrowDown")
         page.wait_for_selector(f"#story h2:has-text('Pixel {x + 1},{y + 1}:')")
         story_is(page, told(x + 1, y + 1))
-        # One story at a time, however fast pixels are chosen; the last one is told.
+        # One request at a time, however fast pixels are chosen; the last one is shown.
         page.evaluate(
             """() => { const { json } = source; let open = 0;
             window.mostStories = 0;
@@ -170,7 +171,7 @@ def frame_is_shown(pages, folder, scene):
         page.wait_for_timeout(300)
         page.wait_for_selector(f"#story:not([aria-busy]) h2:has-text('Pixel {x + 1},{y + 1}:')")
         assert page.evaluate("window.mostStories") == 1
-        # The worst pixel is where the error's picture is brightest.
+        # The worst pixel is the brightest one of the error picture.
         page.keyboard.press("w")
         until(page, lambda: page.evaluate("document.querySelector('#story h2')?.textContent.includes('Pixel 51,45:') === false"))
         worst = [int(number) for number in re.match(r"Pixel (\d+),(\d+)", page.locator("#story h2").text_content()).groups()]
@@ -181,16 +182,16 @@ def frame_is_shown(pages, folder, scene):
         keep(page, "pixel-light-1280", book="frame", full=False)
         page.locator("#story").scroll_into_view_if_needed()
         page.evaluate("document.querySelector('#story').scrollIntoView()")
-        # Where the scene lies on this computer is nobody's business.
+        # The screenshot must not show the scene's folder on this computer.
         page.evaluate("folder => { const shown = document.querySelector('#command'); shown.textContent = shown.textContent.replace(folder, ''); }", f"{scene.parent}/")
         keep(page, "story-light-1280", book="pixel", full=False)
-        # A map, with the greatest count that it has.
+        # A map, with its largest count.
         page.keyboard.press("8")
         page.wait_for_selector(".legend:has-text('contributions: 0')")
         most = page.evaluate("async () => Math.max(...new Float32Array(await (await fetch('map/contributions')).arrayBuffer()))")
         assert f" {most:.0f}" in page.locator(".legend", has_text="contributions: 0").first.text_content()
         keep(page, "map-light-1280")
-        # Cycles of tiles over the picture, and the longest tile's place in time.
+        # Cycles of tiles over the picture, and the interval of the longest tile.
         tiles = list(csv.DictReader((folder / "tiles.csv").open()))
         longest = max(tiles, key=lambda tile: int(tile["cycles"]))
         page.keyboard.press("c")
@@ -231,7 +232,7 @@ def frame_is_shown(pages, folder, scene):
         page.keyboard.press("ArrowLeft")
         page.keyboard.press("ArrowLeft")
         assert page.locator("#frame").is_visible()
-        # Narrow, and wide again.
+        # A narrow window, then a wide one.
         page.set_viewport_size({"width": 390, "height": 900})
         page.evaluate("scrollTo(0, 0)")
         until(page, lambda: painted(page))
@@ -248,7 +249,7 @@ def frame_is_shown(pages, folder, scene):
         page.get_by_role("tab", name="Frame").click()
         until(page, lambda: painted(page))
         keep(page, "frame-dark-1280")
-    # Nobody else reads it.
+    # No other client reads it.
     with serving(folder) as address:
         context = pages.browser.new_context()
         page = context.new_page()
@@ -259,7 +260,7 @@ def frame_is_shown(pages, folder, scene):
 
 
 def story_is(page, story):
-    """Whether the page tells what `explain --json` told."""
+    """Checks the page against the output of `explain --json`."""
     rows = page.locator("#contributions tbody tr").evaluate_all("rows => rows.map(row => [row.className, ...[...row.cells].map(cell => cell.textContent)])")
     assert len(rows) == min(500, len(story["contributions"])) and rows, len(rows)
     for row, one in zip(rows, story["contributions"]):
@@ -277,7 +278,7 @@ LESS, MORE = "area", ["fixed_vs_ideal_psnr_db", "frames_per_second"]
 
 
 def beats(a, b):
-    """Whether one row is as good as another in all three figures, and better in one."""
+    """Whether a row is at least as good as another in all three figures, and better in one."""
     pairs = [(-float(a[LESS]), -float(b[LESS]))] + [(float(a[name]), float(b[name])) for name in MORE]
     return all(x >= y for x, y in pairs) and any(x > y for x, y in pairs)
 
@@ -293,13 +294,13 @@ def sweep_is_shown(pages, folder, machine):
         assert shown() == set(range(len(rows)))
         front = [row for row in rows if not any(beats(other, row) for other in rows)]
         until(page, lambda: page.get_by_role("button", name=f"front of three ({len(front)})").count() == 1)
-        # The line through those that no other one beats in both axes: the less area, the more of the rest.
+        # The line through the rows that no other row beats in both axes.
         for axes, on_line in page.evaluate("rowsPlots.map(plot => [plot.names, plot.front()])"):
             good = lambda row: [float(row[name]) * (-1 if name == LESS else 1) for name in axes]
             pairs = [good(row) for row in rows]
             best = {nth for nth, (a, b) in enumerate(pairs) if not any(x >= a and y >= b and (x > a or y > b) for x, y in pairs)}
             assert set(on_line) == best and len(on_line) == len(best), (axes, on_line, best)
-        # A brush in the first plot, in pixels; which rows lie in it is found from the axes' ends.
+        # A brush in the first plot, in pixels; the rows inside it follow from the ends of the axes.
         box, ends = page.evaluate(
             """() => { const { over, scales: { x, y } } = rowsPlots[0].uplot(), { left, top, width, height } = over.getBoundingClientRect();
             return [[left, top, width, height], [x.min, x.max, y.min, y.max]]; }"""
@@ -321,19 +322,19 @@ def sweep_is_shown(pages, folder, machine):
         keep(page, "sweep-light-1280", book="sweep", full=False)
         page.keyboard.press("Escape")
         assert len(shown()) == len(rows)
-        # Words, and a number.
+        # A filter of words and a number.
         middle = sorted(float(row["area"]) for row in rows)[len(rows) // 2]
         page.locator("input[type=search]").fill(f"area<{middle}")
         assert shown() == {nth for nth, row in enumerate(rows) if float(row["area"]) < middle}
         page.locator("input[type=search]").fill(f"area<{middle} fragment.layers=1")
         assert shown() == {nth for nth, row in enumerate(rows) if float(row["area"]) < middle and row["fragment.layers"] == "1"}
         page.get_by_role("button", name="all rows").click()
-        # Sorted by a head.
+        # Sorted by a column's heading.
         page.locator("th[data-column=area] button").click()
         page.locator("th[data-column=area] button").click()
         first = int(page.locator(".rows tbody tr").first.get_attribute("data-row"))
         assert float(rows[first]["area"]) == max(float(row["area"]) for row in rows)
-        # A machine by keyboard: its flags and its file are one machine.
+        # A machine chosen by keyboard: its flags and its file must describe the same machine.
         page.locator(".rows tbody tr").first.focus()
         page.keyboard.press("Enter")
         assert "--set 'timing.raster.lanes=[" in page.locator(".flags").text_content()
@@ -344,7 +345,7 @@ def sweep_is_shown(pages, folder, machine):
         download.value.save_as(file)
         shown_by = lambda *arguments: {**json.loads(splatsim("machine", "show", *arguments)), "name": ""}
         assert flags and shown_by(file) == shown_by(machine, *flags)
-        # Two of them beside each other.
+        # Two rows next to each other.
         page.locator(".rows tbody tr").nth(3).click(modifiers=["Shift"])
         heads = page.locator("#figures th").all_text_contents()
         assert heads == ["", "A", "B", "B − A"], heads
@@ -360,7 +361,7 @@ def sweep_is_shown(pages, folder, machine):
 
 
 def many_rows(folder, base):
-    """A folder of 10,000 rows, as `sweep` writes them."""
+    """A folder with 10,000 rows in the format of `sweep`."""
     folder.mkdir()
     columns = json.loads((base / "points.jsonl").read_text().splitlines()[0])
     _, like = json.loads((base / "points.jsonl").read_text().splitlines()[1])
@@ -374,7 +375,8 @@ def many_rows(folder, base):
             for name, least, spread in [("area", 50_000, 100_000), ("frames_per_second", 20, 90), ("fixed_vs_ideal_psnr_db", 25, 30), ("psnr_db", 40, 50), ("cycles", 10**6, 10**7)]:
                 row[names.index(name)] = least + hashed % spread + (0.5 if name != "cycles" else 0)
                 hashed //= 7
-            # As the program's journal writes them; a number keeps its text where it is read and written again.
+            # The format of the program's journal; the text of a number does not change when it is
+            # read and written again.
             cells = "[" + ",".join(json.dumps(cell, ensure_ascii=False) for cell in row) + "]"
             file.write(f'["{hashlib.sha256(cells.encode()).hexdigest()[:24]}",{cells}]\n')
     shutil.copy(base / "plan.json", folder)
@@ -436,7 +438,7 @@ def figure(value, digits):
 
 
 def against_is_shown(page, told):
-    """The table of golden and fixed against photographs: figures of the report."""
+    """Checks the table of golden and fixed against photographs with the report."""
     rows = page.locator("table", has_text="FLIP").locator("tbody tr").evaluate_all("rows => rows.map(row => [...row.cells].map(cell => cell.textContent))")
     assert [row[0] for row in rows] == ["golden", "fixed", "fixed − golden"], rows
     for row, of in zip(rows, ["golden", "fixed", "fixed_minus_golden"]):
@@ -470,7 +472,8 @@ def comparison_is_shown(pages, folder):
 
 
 def equal_pictures_are_best(pages, folder):
-    """A row without a PSNR and without an error beats all others in accuracy; one that was never drawn has neither, and no place."""
+    """A row with an infinite PSNR (null) and error 0 beats all others in accuracy; a row that was not
+    drawn has neither, and is not shown."""
     folder.mkdir()
     names = ["area", "psnr_db", "max_error", "frames_per_second"]
     rows = [[10, None, 0, 6], [10, 50, 0.1, 5], [10, 45, 0.1, 6], [5, 40, 0.2, 5.5], [2, None, None, 9]]
@@ -481,7 +484,7 @@ def equal_pictures_are_best(pages, folder):
 
 
 def what_throws_is_a_sentence(pages, run, folder):
-    """A report of another version, which lacks what the page shows."""
+    """A report of another version, without the fields that the page shows."""
     shutil.copytree(run, folder)
     report = json.loads((folder / "report.json").read_text())
     del report["accuracy"]["lockstep"]
@@ -537,7 +540,7 @@ def main():
         camera = {"eye": [0, 1.2, 4.5], "target": [0, -0.2, 0], "up": [0, 1, 0], "fov_y_degrees": 45, "near": 0.05}
         pan.write_text(json.dumps({"splats": {"builtin": "glass-spheres", "count": 6000}, "camera_path": {"pan_pixels": 0.0625, "frames": 3, "camera": camera}}))
         splatsim("run", pan, "--size", SIZE, "--machine", "tiny", "--quiet", "--out", folder / "pan")
-        # Photographs: golden's picture of one frame, ideal's of the others.
+        # Photographs: golden's picture for one frame, ideal's for the others.
         (folder / "photographs").mkdir()
         for frame, kind in enumerate(["golden", "ideal", "ideal"]):
             shutil.copy(folder / f"pan/frame_{frame:04}_{kind}.png", folder / "photographs")

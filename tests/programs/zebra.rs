@@ -1,4 +1,4 @@
-//! Compares filters of volumes on a zebra's coat that goes away from the eye (EWA Fig. 13 to 15):
+//! Compares filters of volumes on a zebra's coat that recedes from the eye (EWA Fig. 13 to 15):
 //! thin slabs of 1024×512×3 samples and of 1024×256×3, whose samples are twice as long as wide, and
 //! the same coat as a surface.
 //!
@@ -6,10 +6,10 @@
 //! cargo run --release --example zebra -- [FOLDER]
 //! ```
 //! Prints a table and writes `zebra.png` (near and far dB over each tile), and slabs, surface and
-//! scenes beside it. Each is held to the coat itself, convolved with the low-pass filter as a
-//! picture, from 64 rays a pixel. *Near* are rows in which two stripes are six pixels wide and
-//! more, *far* those in which they are less than two: the pixel grid cannot hold them, and contrast
-//! there is false.
+//! scenes into the same folder. Each is compared with the coat itself, convolved with the low-pass
+//! filter as a picture, from 64 rays per pixel. *Near* are rows in which two stripes are at least
+//! six pixels wide, *far* those in which they are less than two: the pixel grid cannot represent
+//! these, and contrast there is false.
 
 use glam::DVec3;
 use serde_json::json;
@@ -25,17 +25,17 @@ use std::path::{Path, PathBuf};
 
 const WIDTH: usize = 256;
 const HEIGHT: usize = 128;
-/// The coat's sides, and how wide two stripes are, one dark and one light.
+/// The sides of the coat, and the width of two stripes, one dark and one light.
 const COAT: [f64; 2] = [1024.0, 512.0];
 const STRIPES: f64 = 12.0;
 const LIGHT: f64 = 0.9;
 const DARK: f64 = 0.08;
-/// Rays of a pixel across and down.
+/// Rays per pixel across and down.
 const RAYS: usize = 8;
 /// The top slice.
 const TOP: f64 = 2.0;
 
-/// Stripes that bend, smooth enough for samples two apart.
+/// Curved stripes, smooth enough for samples two apart.
 fn coat(x: f64, y: f64) -> f64 {
     let bend = 14.0 * (x / 61.0).sin() + 10.0 * (y / 37.0 + x / 113.0).sin();
     let wave = (TAU * (0.6 * x + 0.8 * y + bend) / STRIPES).cos();
@@ -46,7 +46,7 @@ fn written(path: &Path, bytes: &[u8]) -> Result<()> {
     std::fs::write(path, bytes).map_err(|error| Error::Job(format!("{}: {error}", path.display())))
 }
 
-/// Samples of a slab so long along y.
+/// Samples of a slab with this length along y.
 fn slab(rows: usize) -> Vec<u8> {
     let step = COAT[1] / rows as f64;
     let sample = |x: usize, y: usize| {
@@ -57,7 +57,7 @@ fn slab(rows: usize) -> Vec<u8> {
         .collect()
 }
 
-/// The top slice of the finer slab as points, colours by bytes of sRGB.
+/// The top slice of the finer slab as points, with colours as sRGB bytes.
 fn points() -> Vec<u8> {
     let [width, height] = COAT.map(|side| side as usize);
     let properties = ["x", "y", "z", "nx", "ny", "nz", "radius"]
@@ -89,7 +89,7 @@ fn points() -> Vec<u8> {
     .concat()
 }
 
-/// A scene of a source; the coat goes away from the eye, wider than the picture.
+/// A scene of a source; the coat recedes from the eye, wider than the picture.
 fn scene(splats: &serde_json::Value, low_pass: f64, by: &str) -> String {
     json!({
         "splats": splats,
@@ -108,7 +108,7 @@ fn loaded(folder: &Path, splats: &serde_json::Value, low_pass: f64, by: &str) ->
     Scene::load(&path, &Overrides::default())
 }
 
-/// Where a pixel's ray meets the plane of this height; none above the horizon.
+/// Intersection of a pixel's ray and the plane at this height; none above the horizon.
 fn meets(scene: &Scene, x: f64, y: f64, height: f64) -> Option<DVec3> {
     let view = scene.view();
     let [a, b] = view.slopes([x, y]);
@@ -117,7 +117,7 @@ fn meets(scene: &Scene, x: f64, y: f64, height: f64) -> Option<DVec3> {
     (along > 0.0).then(|| view.eye + way * along)
 }
 
-/// The coat itself at this height, convolved with a Gaussian of a pixel's variance.
+/// The coat itself at this height, convolved with a Gaussian with a variance of one pixel.
 fn reference(scene: &Scene, height: f64) -> Picture {
     const REACH: usize = 4;
     let (width, rows) = ((WIDTH + 2 * REACH) * RAYS, (HEIGHT + 2 * REACH) * RAYS);
@@ -193,8 +193,8 @@ fn difference(a: &Picture, b: &Picture) -> Picture {
     Picture { rgba, ..a.clone() }
 }
 
-/// Rows near and far, by how many pixels two stripes are across in the picture's middle: as far
-/// away as they are flat.
+/// Rows near and far, by the width of two stripes in the middle of the picture in pixels: both the
+/// distance and the foreshortening matter.
 fn near_and_far(scene: &Scene) -> [[usize; 2]; 2] {
     let wide = |y: usize| {
         let [here, below] = [0.5, 1.5]
@@ -260,8 +260,8 @@ fn main() -> Result<()> {
         ] {
             let scene = loaded(&folder, &splats, low_pass, by)?;
             let picture = render(&scene, &Rules::default()).picture;
-            // What is seen of a soft slab lies about its upper face, and by how much is the same
-            // for all: where the first is nearest to the coat.
+            // The visible part of a soft slab is near its upper face, at a height that is the same
+            // for all: the height at which the first is nearest to the coat.
             let reference = at_height.get_or_insert_with(|| {
                 let [near, _] = near_and_far(&scene);
                 let all = (0..8).map(|i| reference(&scene, TOP - 0.5 + 0.25 * f64::from(i)));

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-/// A file or folder of the input data (`SPLATSIM_DATA`, else `../shared/data`); none where it is
-/// absent, which a CI run does not forgive.
+/// A file or folder of the input data (`SPLATSIM_DATA`, else `../shared/data`); none if it is
+/// absent, which is a failure in CI.
 pub fn find(name: &str) -> Option<PathBuf> {
     let root = std::env::var("SPLATSIM_DATA").unwrap_or_else(|_| "../shared/data".into());
     let path = Path::new(&root).join(name);

@@ -1,13 +1,13 @@
-//! Tier: how much is tested, as `SPLATSIM_TIER` says. What a tier tests follows from nothing else,
-//! so two runs of one tier test the same.
+//! Tier: the amount of testing, from `SPLATSIM_TIER`. Nothing else selects tests, so two runs of
+//! one tier run the same tests.
 //!
-//! | tier | who runs it | what it leaves out |
+//! | tier | run by | leaves out |
 //! |---|---|---|
-//! | `test` | `cargo test --workspace` | tests that take long as a whole, and most items of long lists |
+//! | `test` | `cargo test --workspace` | long tests, and most items of long lists |
 //! | `ci` | `.ci/run` | tests that take minutes, and some items of long lists |
 //! | `full` | `.ci/full` | nothing |
 
-/// How much is tested: each tier has what those before it have.
+/// The amount of testing: each tier includes those before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Tier {
     Test,
@@ -25,8 +25,7 @@ impl Tier {
         }
     }
 
-    /// Which items of a list it has, by their number: one in so many in each of the first two
-    /// tiers.
+    /// The selected items of a list, by their indices: in each of the first two tiers, one of n.
     fn has(self, [test, ci]: [usize; 2], number: usize) -> bool {
         number.is_multiple_of(match self {
             Tier::Test => test,
@@ -41,7 +40,7 @@ pub fn tier() -> Tier {
     Tier::parse(std::env::var("SPLATSIM_TIER").ok().as_deref())
 }
 
-/// Whether tests of a tier are run; if not, says so.
+/// Whether tests of a tier are run; if not, prints it.
 pub fn runs(least: Tier) -> bool {
     let runs = tier() >= least;
     if !runs {
@@ -57,8 +56,8 @@ pub fn runs(least: Tier) -> bool {
     runs
 }
 
-/// The items of a long list that are run: in the first two tiers one in so many, the first among
-/// them; in the last tier all.
+/// The selected items of a long list: in the first two tiers one of n, including the first item; in
+/// the last tier all.
 pub fn some<T>(one_in: [usize; 2], items: impl IntoIterator<Item = T>) -> impl Iterator<Item = T> {
     items
         .into_iter()
@@ -67,13 +66,13 @@ pub fn some<T>(one_in: [usize; 2], items: impl IntoIterator<Item = T>) -> impl I
         .map(|(_, item)| item)
 }
 
-/// Whether the item of this number is run, of a list of which the first two tiers run one in so
-/// many.
+/// Whether the item with this index is selected, from a list of which the first two tiers run one
+/// of n.
 pub fn has(one_in: [usize; 2], number: usize) -> bool {
     tier().has(one_in, number)
 }
 
-/// How many of so many cases are run, where the first two tiers run one in so many.
+/// The number of selected cases, if the first two tiers run one of n.
 pub fn of(one_in: [usize; 2], cases: usize) -> usize {
     let [test, ci] = one_in;
     cases / [test, ci, 1][tier() as usize]

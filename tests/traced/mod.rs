@@ -1,4 +1,4 @@
-//! Small traces, and what a reader who knows nothing but the manifest finds in them.
+//! Small traces, read only by means of the manifest.
 
 #![allow(dead_code, reason = "each test file uses its own part")]
 
@@ -17,8 +17,8 @@ pub struct Traced {
     _kept: TempDir,
 }
 
-/// A cloud of discs of all sizes and directions, opaque and clear, glossy and unlit, in a picture
-/// of so many pixels a side.
+/// A cloud of discs of all sizes and directions, opaque and translucent, glossy and unlit, in a
+/// picture with `side` pixels per side.
 pub fn cloud(count: u32, side: u32) -> String {
     let mut state = 9u32;
     let mut next = |from: f64, to: f64| {
@@ -53,7 +53,7 @@ pub fn cloud(count: u32, side: u32) -> String {
     )
 }
 
-/// What a camera sees of ellipsoids: a part of them lies outside, and some beside the picture.
+/// Camera of ellipsoids: some of them are outside, and some partly outside the picture.
 fn media(splats: &Value, side: u32, sheets: &Value) -> String {
     let scene = json!({
         "splats": splats,
@@ -66,7 +66,7 @@ fn media(splats: &Value, side: u32, sheets: &Value) -> String {
     scene.to_string()
 }
 
-/// A volume of so many samples a side: voxels that share their axes, lit before they are drawn,
+/// A volume with `samples` samples per side: voxels with common axes, shaded before they are drawn,
 /// sheet by sheet.
 pub fn shells(samples: u32, side: u32, sheets: &Value) -> String {
     let transfer = json!([
@@ -80,7 +80,7 @@ pub fn shells(samples: u32, side: u32, sheets: &Value) -> String {
     )
 }
 
-/// Gaussians with axes of their own, sorted.
+/// Gaussians with individual axes, sorted.
 pub fn bouquet(count: u32, side: u32, sheets: &Value) -> String {
     media(
         &json!({"gaussians": "bouquet", "count": count}),
@@ -89,7 +89,7 @@ pub fn bouquet(count: u32, side: u32, sheets: &Value) -> String {
     )
 }
 
-/// A surface in a volume: flattened voxels with axes of their own, grouped by depth.
+/// A surface in a volume: flattened voxels with individual axes, grouped by depth.
 pub fn isosurface(samples: u32, side: u32) -> String {
     media(
         &json!({"volume": {"builtin": "marschner-lobb", "samples": samples}, "isovalue": 0.5}),
@@ -98,7 +98,7 @@ pub fn isosurface(samples: u32, side: u32) -> String {
     )
 }
 
-/// A machine by name with fields changed.
+/// A machine by name, with changed fields.
 pub fn machine(name: &str, settings: &[&str]) -> Machine {
     let settings: Vec<String> = settings
         .iter()
@@ -162,7 +162,7 @@ fn word(bits: &[bool], field: &Value) -> i64 {
 }
 
 impl Traced {
-    /// What the manifest says of a stream or constant.
+    /// The manifest's entry for a stream or constant.
     pub fn stream(&self, name: &str) -> &Value {
         let all = ["streams", "constants"]
             .into_iter()
@@ -225,7 +225,7 @@ impl Traced {
             .collect()
     }
 
-    /// Where a file of the trace lies.
+    /// Path of a file of the trace.
     pub fn path(&self, file: &str) -> PathBuf {
         self.folder.join(file)
     }

@@ -1,36 +1,38 @@
-// Bench: drives one twin with recorded inputs, writes what comes out, and watches the handshake. The same text for Icarus and Verilator; the
-// assertions of handshake.sv, here and in handshakes.sv, are Verilator's alone, for Icarus has none that last longer than a cycle.
+// Bench: drives one RTL implementation with recorded inputs, writes its outputs, and checks the
+// handshake. The same text for Icarus and Verilator. The assertions of handshake.sv, here and in
+// handshakes.sv, are only for Verilator, because Icarus has no assertions over several cycles.
 //
 //   +in=FILE ->[ offer, sometimes not ]-> s ->( DUT )-> m ->[ take, sometimes not ]-> +out=FILE, +times=FILE
 //
 // Macros
 //   DUT              the module
-//   DUT_PARAMETERS   its parameters, such as .TAG_W(8); left out, its own
+//   DUT_PARAMETERS   its parameters, such as .TAG_W(8); by default the module's defaults
 //   IN_W, OUT_W      bits of its records
 //   HAS_FRAME        it has the port frame
 //   HAS_LIGHTING     it has the ports lights, materials and reflections
-//   HAS_LEAST        it has the port least: 0, so that all comes out
-//   HAS_CORNER       it has the port corner: 0, that of a picture
-//   HAS_DRAIN        it has the ports drain, which says that nothing more comes, and drained, which says that it is done with it
-//   NETLIST          it is a netlist, whose memories have names of their own: the benches load none
+//   HAS_LEAST        it has the port least: 0, so that no weight is dropped
+//   HAS_CORNER       it has the port corner: 0, the corner of a picture
+//   HAS_DRAIN        it has the ports drain, which ends a frame, and drained, high when all of the frame was output
+//   NETLIST          it is a netlist, whose memories have other names: the benches load none
 // Arguments
-//   +in=FILE         records to drive, a line of lower-case hex each
-//   +out=FILE        where to write the records that come
-//   +times=FILE      where to write "s CYCLE" for each record taken in, "m CYCLE" for each that came; cycle 0 is the first after reset
-//   +frame=FILE +light=FILE +material=FILE +reflection=FILE   the constants; left out, frame.hex and so on
-//   +stall_in=N +stall_out=N   percent of cycles in which nothing new is offered, nothing is taken
+//   +in=FILE         input records, one line of lower-case hex each
+//   +out=FILE        file for the output records
+//   +times=FILE      file for "s CYCLE" of each input record and "m CYCLE" of each output record; cycle 0 is the first after reset
+//   +frame=FILE +light=FILE +material=FILE +reflection=FILE   the constants; by default frame.hex and so on
+//   +stall_in=N +stall_out=N   percent of cycles in which no new record is offered; in which none is taken
 //   +seed=N          of the stalls
-//   +apart=N         cycles between a record that is taken and the next one's offer; that nothing more comes is known at once
-//   +apart_from=N    the first record of a frame, from 0, before which there are that many cycles
-//   +expect=N        records that are to come, in each frame
-//   +frames=N        times that the input comes, one frame behind the other without a reset: the next one when all records of the one
-//                    before have come, and drained is told
-//   +quiet=N         cycles to go on when all is in and all have come: what else comes is written too
-//   +patience=N      cycles without a transfer after which nothing more is hoped for
+//   +apart=N         cycles between a taken record and the next one's offer; the end of a frame is signalled at once
+//   +apart_from=N    the first record of a frame, from 0, before which there are this many cycles
+//   +expect=N        expected records per frame
+//   +frames=N        number of times that the input is repeated, one frame after the other without a reset: the next one when all
+//                    records of the one before were output and drained is high
+//   +quiet=N         cycles to continue after the last input and output: further outputs are written too
+//   +patience=N      cycles without a transfer after which the bench gives up
 
 `timescale 1ns / 1ps
 `default_nettype none
-// A program, not hardware: what a cycle counts, the same cycle reads. The file of a task counts as unused where $fgets alone reads it.
+// A program, not hardware: a counter is read in the cycle in which it changes. The file of a task
+// counts as unused if only $fgets reads it.
 // verilator lint_off BLKSEQ
 // verilator lint_off UNUSEDSIGNAL
 module bench;
@@ -44,7 +46,7 @@ module bench;
 `else
   localparam int CONSTANT_W = FRAME_W;
 `endif
-  // A line holds any record, and its end.
+  // A line holds any record, and its newline.
   localparam int WIDEST = `IN_W > CONSTANT_W ? `IN_W : CONSTANT_W;
   localparam int LINE_CHARS = (WIDEST + 3) / 4 + 2;
   localparam int RECORD_W = 4 * LINE_CHARS;
@@ -132,14 +134,14 @@ module bench;
   reg [31:0] chance_in;
   reg [31:0] chance_out;
 
-  // What has happened.
+  // The state of the bench.
   longint cycle = 0;
   longint records_in = 0;
   longint records_out = 0;
   longint idle = 0;
   longint complete_for = 0;
   longint violations = 0;
-  // The frame under way, from 1.
+  // The current frame, from 1.
   longint at_frame = 1;
   longint taken_in_frame = 0;
   // Cycles until the record that was read can be offered.
@@ -148,11 +150,11 @@ module bench;
   reg all_read = 1'b0;
   reg ended = 1'b0;
 
-  // The output in the cycle before, where it was offered and not taken.
+  // The output in the cycle before, if it was offered and not taken.
   reg waits = 1'b0;
   reg [`OUT_W-1:0] waiting = '0;
 
-  // The line that was read last, and what it says.
+  // The last line, and its record.
   reg [8*LINE_CHARS-1:0] line;
   reg [RECORD_W-1:0] record;
   reg have_record;
@@ -175,7 +177,7 @@ module bench;
     end
   endtask
 
-  // Reads a line of so many bits into `record`; at the file's end `have_record` is 0.
+  // Reads a line of this many bits into `record`; at the file's end `have_record` is 0.
   task automatic read_record(input integer file, input integer bits, input longint number);
     integer chars;
     integer digits;
@@ -188,13 +190,13 @@ module bench;
       have_record = chars != 0;
       record = '0;
       if (have_record) begin
-        // The last line may lack its end.
+        // The last line may have no newline.
         if (line[7:0] == "\n") begin
           line = line >> 8;
           chars = chars - 1;
         end
         is_hex = 1'b1;
-        // What is too long is not looked at: it fails by its length.
+        // A longer record is not parsed: it fails by its length.
         for (at = 0; at < digits; at = at + 1) begin
           char = line[8*at+:8];
           if (char >= "0" && char <= "9") record[4*at+:4] = char[3:0];
@@ -338,7 +340,7 @@ module bench;
     end
   end
 
-  // Reset for three edges; at the last one the first record is laid out for cycle 0.
+  // Reset for three edges; at the last one the first record is prepared for cycle 0.
   integer edges = 0;
   wire last_of_reset = edges == 2;
   always @(posedge clk) edges <= edges < 3 ? edges + 1 : edges;
@@ -380,7 +382,7 @@ module bench;
       end
       if (m_valid && m_ready && out_file != 0) $fwrite(out_file, "%h\n", m_data);
 
-      // The handshake: what is known, and what waits stays.
+      // The handshake: offered records have no unknown bits, and stay until they are taken.
       if ((s_ready ^ s_ready) !== 1'b0 || (m_valid ^ m_valid) !== 1'b0) begin
         violations = violations + 1;
         if (violations <= 10) $display("bench: in cycle %0d s_ready is %b and m_valid is %b", cycle, s_ready, m_valid);
@@ -404,7 +406,7 @@ module bench;
       cycle = cycle + 1;
       idle = s_valid && s_ready || m_valid && m_ready ? 0 : idle + 1;
       if (all_read && drained && expected >= 0 && records_out >= at_frame * longint'(expected)) complete_for = complete_for + 1;
-      // The next frame, while drained is still told.
+      // The next frame, while drained is still high.
       if (complete_for > 0 && at_frame < longint'(frames)) begin
         at_frame = at_frame + 1;
         taken_in_frame = 0;
@@ -415,7 +417,7 @@ module bench;
         drain <= 1'b0;
 `endif
       end
-      // A unit whose handshake is broken may never end.
+      // A unit with a broken handshake may never end.
       if (complete_for > longint'(quiet) || idle >= longint'(patience) || violations > 10) begin
         if (violations != 0) begin
           $display("bench: FAILED %0d violations of the handshake, in=%0d out=%0d cycles=%0d", violations, records_in,

@@ -1,20 +1,21 @@
-// Bench_fragment: fragment, or windows, with a recorded shade behind it, as a unit with one input and one output that bench.sv can drive.
+// Bench_fragment: fragment, or windows, with a recorded shade behind it, as a unit with one input
+// and one output for bench.sv.
 //
 //   s ->( fragment )-> m
 //        q -> +requests=FILE   +answers=FILE -> a      h -> +held=FILE
 //
 // Compile with bench.sv, bench_start.sv, -DDUT=bench_fragment -DHAS_FRAME -DHAS_DRAIN -DIN_W=machine_pkg::FRAGMENT_IN_W
 // -DOUT_W=machine_pkg::FRAGMENT_OUT_W and '-DDUT_PARAMETERS=.WIDTH(64),.HEIGHT(64)'; for windows -DHAS_WINDOWS too, without bench_start.sv.
-// Arguments, besides those of bench.sv and bench_start.sv
-//   +answers=FILE    what shade says, a line of hex a request
-//   +requests=FILE   where to write what it is asked
-//   +held=FILE       where to write what the pixels hold in the end
-//   +stall_shade=N   percent of cycles in which shade takes nothing, and of those in which it does not answer
-//   +stall_held=N    percent of cycles in which nothing that is held is taken
+// Arguments, in addition to those of bench.sv and bench_start.sv
+//   +answers=FILE    responses of shade, one line of hex per request
+//   +requests=FILE   file for the requests to shade
+//   +held=FILE       file for the final contents of the pixels
+//   +stall_shade=N   percent of cycles in which shade takes no request, and in which it gives no response
+//   +stall_held=N    percent of cycles in which no final content is taken
 `timescale 1ns / 1ps
 `default_nettype none
 
-// A program, not hardware: what a cycle counts, the same cycle reads.
+// A program, not hardware: a counter is read in the cycle in which it changes.
 // verilator lint_off BLKSEQ
 module bench_fragment #(
 `ifdef HAS_WINDOWS
@@ -41,7 +42,7 @@ module bench_fragment #(
   localparam int HELD_W = machine_pkg::FRAGMENT_HELD_W;
 
 `ifdef HAS_WINDOWS
-  // No window of splats begins with what pixels held.
+  // No window of splats begins with contents of pixels here.
   wire loaded = 1'b1;
 `else
   wire loaded, loads;
@@ -107,17 +108,18 @@ module bench_fragment #(
 
 `ifndef HAS_WINDOWS
 `ifndef NETLIST
-  // What pixels hold at the start goes straight into their memory, which has another name in a netlist.
+  // The initial contents of pixels are written directly into their memory, which has another name
+  // in a netlist.
   localparam int MATERIAL_W = machine_pkg::FRAGMENT_START_MATERIAL_W;
   localparam int MATERIAL = machine_pkg::FRAGMENT_START_MATERIAL_LSB;
   localparam int SLOT_W = machine_pkg::FRAGMENT_START_SLOT_LSB;
   wire [31:0] start_slot = 32'(start[SLOT_W+:machine_pkg::FRAGMENT_START_SLOT_W]);
-  // In a slot the material comes last.
+  // The material is the last field of a slot.
   wire [SLOT_W-1:0] start_word = {start[SLOT_W-1:MATERIAL+MATERIAL_W], start[MATERIAL-1:0], start[MATERIAL+:MATERIAL_W]};
   for (genvar slot = 0; slot < machine_pkg::FRAGMENT_LAYERS; slot++) begin : g_load
     always @(posedge clk) if (loads && start_slot == slot) unit.g_slots[slot].memory[start_pixel] <= start_word;
   end
-  // A pixel's slots come in their order.
+  // The slots of a pixel are in order.
   always @(posedge clk) begin
     if (loads) begin
       unit.lives[start_pixel] <= ($clog2(machine_pkg::FRAGMENT_LAYERS + 1))'(start_slot + 1);
@@ -139,7 +141,7 @@ module bench_fragment #(
   longint told = 0;
   longint violations = 0;
   longint rest = 0;
-  // Of each request under way when it is answered: a merge has two.
+  // For each request in flight, the cycle of its response: a merge has two.
   longint due[0:3];
   reg q_waits = 1'b0;
   reg h_waits = 1'b0;
@@ -175,7 +177,7 @@ module bench_fragment #(
   always @(posedge clk) begin
     chance = xorshift(chance);
     if (!rst) begin
-      // What waits stays.
+      // Offered records stay until they are taken.
       if (q_waits && (!q_valid || q_data !== q_waiting) || h_waits && (!h_valid || h_data !== h_waiting)) begin
         violations = violations + 1;
         if (violations == 1) $display("bench: FAILED in cycle %0d what was offered and not taken, at q or h, has changed", cycle);
@@ -184,13 +186,13 @@ module bench_fragment #(
       q_waiting = q_data;
       h_waits = h_valid && !h_ready;
       h_waiting = h_data;
-      // All is known.
+      // There are no unknown bits.
       if ((^{q_valid, a_ready, h_valid} ^ ^{q_valid, a_ready, h_valid}) !== 1'b0 || q_valid && (^q_data ^ ^q_data) !== 1'b0
           || h_valid && !h_empty && (^h_data ^ ^h_data) !== 1'b0) begin
         violations = violations + 1;
         if (violations == 1) $display("bench: FAILED in cycle %0d what is offered at q or h is not known: %h, %h", cycle, q_data, h_data);
       end
-      // The next frame asks the same again.
+      // The next frame has the same requests.
       if (drain_was && !drain && answers_file != 0) file_error = $rewind(answers_file);
       drain_was = drain;
 

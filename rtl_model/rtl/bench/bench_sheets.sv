@@ -1,16 +1,17 @@
-// Bench_sheets: sheets with what it holds in the end written down, as a unit with one input and one output that bench.sv can drive.
+// Bench_sheets: sheets with its final contents written to a file, as a unit with one input and one
+// output for bench.sv.
 //
 //   s ->( sheets )-> m      h -> +held=FILE
 //
 // Compile with bench.sv, bench_start.sv, -DDUT=bench_sheets -DHAS_FRAME -DHAS_DRAIN -DIN_W=machine_pkg::FRAGMENT_IN_W
 // -DOUT_W=machine_pkg::FRAGMENT_OUT_W and '-DDUT_PARAMETERS=.WIDTH(64),.HEIGHT(64)'.
-// Arguments, besides those of bench.sv and bench_start.sv
-//   +held=FILE       where to write what the pixels hold in the end
-//   +stall_held=N    percent of cycles in which nothing that is held is taken
+// Arguments, in addition to those of bench.sv and bench_start.sv
+//   +held=FILE       file for the final contents of the pixels
+//   +stall_held=N    percent of cycles in which no final content is taken
 `timescale 1ns / 1ps
 `default_nettype none
 
-// A program, not hardware: what a cycle counts, the same cycle reads.
+// A program, not hardware: a counter is read in the cycle in which it changes.
 // verilator lint_off BLKSEQ
 module bench_sheets #(
   parameter int WIDTH = 16,  // columns of pixels
@@ -74,7 +75,8 @@ module bench_sheets #(
   );
 
 `ifndef NETLIST
-  // What pixels hold at the start goes straight into their memory, which has another name in a netlist.
+  // The initial contents of pixels are written directly into their memory, which has another name
+  // in a netlist.
   always @(posedge clk) begin
     if (loads) begin
       sheets.memory[start_pixel] <= start[machine_pkg::FRAGMENT_START_Y_LSB-1:0];
@@ -109,14 +111,14 @@ module bench_sheets #(
   always @(posedge clk) begin
     chance = xorshift(chance);
     if (!rst) begin
-      // What waits stays.
+      // Offered records stay until they are taken.
       if (h_waits && (!h_valid || !h_empty && h_data !== h_waiting)) begin
         violations = violations + 1;
         if (violations == 1) $display("bench: FAILED in cycle %0d what was offered and not taken, at h, has changed", cycle);
       end
       h_waits = h_valid && !h_ready;
       h_waiting = h_data;
-      // All is known.
+      // There are no unknown bits.
       if ((h_valid ^ h_valid) !== 1'b0 || h_valid && !h_empty && (^h_data ^ ^h_data) !== 1'b0) begin
         violations = violations + 1;
         if (violations == 1) $display("bench: FAILED in cycle %0d what is offered at h is not known: %h", cycle, h_data);

@@ -1,20 +1,21 @@
-// Bench of what a window begins with: what pixels hold at its start, a record a cycle, before anything is let in. A machine has no such way
-// into its pixels, and a twin no port for it: who has this writes the records straight into the twin's memory.
+// Bench_start: the initial contents of pixels in a window, one record per cycle, before the first
+// input. A machine cannot load its pixels, and an RTL implementation has no port for it: the parent
+// writes the records directly into its memory.
 //
 // Arguments
-//   +start=FILE      what pixels hold at the start, a line of hex a record; left out, nothing
+//   +start=FILE      initial contents of the pixels, one line of hex per record; by default none
 `timescale 1ns / 1ps
 `default_nettype none
 
 module bench_start #(
   parameter int WIDTH = 16 // columns of the picture
 ) (
-  input wire clk,                                        // everything happens at its rising edge
-  input wire rst,                                        // waits
-  output reg loaded,                                     // all records have been told
-  output reg loads,                                      // one is told
+  input wire clk,                                        // clock, rising edge
+  input wire rst,                                        // stops the output
+  output reg loaded,                                     // all records were output
+  output reg loads,                                      // a record is valid
   output reg [machine_pkg::FRAGMENT_START_W-1:0] record, // fragment.start
-  output wire [31:0] pixel                               // its pixel's place, row by row
+  output wire [31:0] pixel                               // its pixel's index, row by row
 );
   localparam int NAME_CHARS = 512;
 
@@ -42,7 +43,7 @@ module bench_start #(
 
   always @(posedge clk) begin
     if (!rst && !loaded) begin
-      // The last one is written in the cycle in which no other one comes.
+      // The last record is written in the cycle in which the file ends.
       have = $fscanf(file, "%h", read) == 1;
       loads <= have;
       record <= read;

@@ -1,14 +1,16 @@
-// Handshake: what holds wherever records pass: an offer stays, as it is, until it is taken, and nothing of it is unknown.
+// Handshake: the rule of all ports: an offered record does not change until it is taken, and has no
+// unknown bits.
 //
-// Concurrent assertions: for Verilator and other simulators that have them; Icarus has not, there bench.sv says the same in statements.
+// Concurrent assertions, for Verilator and other simulators that support them. For Icarus, bench.sv
+// checks the same in statements.
 `timescale 1ns / 1ps
 `default_nettype none
 
 module handshake #(
   parameter int W = 1 // bits of a record
 ) (
-  input wire clk,         // everything happens at its rising edge
-  input wire rst,         // nothing is promised
+  input wire clk,         // clock, rising edge
+  input wire rst,         // the rule does not apply
   input wire valid,       // a record is offered
   input wire ready,       // and is taken
   input wire [W-1:0] data // the record

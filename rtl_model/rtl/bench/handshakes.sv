@@ -1,18 +1,20 @@
-// Handshakes: binds the assertions of handshake.sv to every place inside of the twins where records pass. Each unit's results leave it by a
-// pipe, so one line has most of them; the others are what fragment, sheets and windows ask and hand out, and what fill gives to shade and resolve.
+// Handshakes: binds the assertions of handshake.sv to all internal ports of the RTL
+// implementations. The results of each unit leave it through a pipe, so one line covers most ports.
+// The others are the requests and outputs of fragment, sheets and windows, and the outputs of fill
+// to shade and resolve.
 //
 // Macros
-//   HAS_FRAGMENT   the twin has a fragment in it
-//   HAS_SHEETS     it has sheets in it
-//   HAS_WINDOWS    it has windows in it
-//   HAS_LIGHTING   it has a shade in it
-//   HAS_RESOLVE    it has a resolve in it
+//   HAS_FRAGMENT   the RTL implementation contains fragment
+//   HAS_SHEETS     it contains sheets
+//   HAS_WINDOWS    it contains windows
+//   HAS_LIGHTING   it contains shade
+//   HAS_RESOLVE    it contains resolve
 bind pipe handshake #(.W(W)) handshake_of_m (.clk(clk), .rst(rst), .valid(m_valid), .ready(m_ready), .data(m_data));
 `ifdef HAS_FRAGMENT
 bind fragment handshake #(.W(machine_pkg::FRAGMENT_IN_W)) handshake_of_s (.clk(clk), .rst(rst), .valid(s_valid), .ready(s_ready), .data(s_data));
 bind fragment handshake #(.W(machine_pkg::FRAGMENT_REQUEST_W)) handshake_of_q (.clk(clk), .rst(rst), .valid(q_valid), .ready(q_ready), .data(q_data));
 bind fragment handshake #(.W(machine_pkg::FRAGMENT_ANSWER_W)) handshake_of_a (.clk(clk), .rst(rst), .valid(a_valid), .ready(a_ready), .data(a_data));
-// Of a pixel that holds nothing the rest says nothing.
+// The other fields of an empty pixel have no meaning.
 bind fragment handshake #(.W(machine_pkg::FRAGMENT_HELD_W + 2)) handshake_of_h (.clk(clk), .rst(rst), .valid(h_valid), .ready(h_ready), .data({h_last, h_empty, h_data & {machine_pkg::FRAGMENT_HELD_W{!h_empty}}}));
 `endif
 `ifdef HAS_SHEETS

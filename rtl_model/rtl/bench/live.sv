@@ -1,4 +1,5 @@
-// Live: drives one twin with random records and holds what comes against the live model, over DPI-C: no file lies between. For Verilator.
+// Live: drives one RTL implementation with random records and compares its outputs with the live
+// model, over DPI-C, without files. For Verilator.
 //
 //   random ->[ offer, sometimes not ]-> s ->( DUT )-> m ->[ take, sometimes not ]-> scoreboard
 //                                      q -> shade, the model's -> a      h -> scoreboard
@@ -8,16 +9,16 @@
 //   HAS_SHADE        it has the ports q and a
 //   HAS_HELD         it has the port h
 // Arguments
-//   +records=N       records to compare, about
-//   +stall=N         percent of cycles in which nothing new is offered, nothing is taken
-//   +seed=N          of stalls
-//   +source=N        of random records
-//   +patience=N      cycles without a transfer after which nothing more is hoped for
-// Parameters name the machine and the scene.
+//   +records=N       approximate number of records to compare
+//   +stall=N         percent of cycles in which no new record is offered; in which none is taken
+//   +seed=N          seed of stalls
+//   +source=N        seed of random records
+//   +patience=N      cycles without a transfer after which the bench gives up
+// The parameters name the machine and the scene.
 
 `timescale 1ns / 1ps
 `default_nettype none
-// A program, not hardware: what a cycle counts, the same cycle reads.
+// A program, not hardware: a counter is read in the cycle in which it changes.
 // verilator lint_off BLKSEQ
 module live #(
   parameter string MACHINE = "machine.json",
@@ -54,7 +55,7 @@ module live #(
   reg h_ready = 1'b0;
   wire [H_W-1:0] h_data;
 
-  // The model makes records up, and says what is constant.
+  // The model generates records, and provides the constants.
   chandle source;
   longint unsigned source_seed;
 `ifdef HAS_FRAME
@@ -176,7 +177,7 @@ module live #(
 `ifdef HAS_DRAIN
     .drain(drain),
 `else
-    // Only fragment ends frames. The bench may stop inside of a pixel of resolve.
+    // Only fragment ends frames. The bench may stop inside a pixel of resolve.
     .drain(1'b0),
 `endif
     .h_valid(h_valid && !h_empty),
@@ -231,7 +232,7 @@ module live #(
       q_ready <= 1'b0;
       h_ready <= (chance >> 9) % 100 >= stall;
 `ifdef HAS_SHADE
-      // One request at a time: it is answered in the cycle after.
+      // One request at a time: the response comes in the next cycle.
       q_ready <= !a_valid && !(q_valid && q_ready) && (chance >> 11) % 100 >= stall;
       if (a_valid && a_ready) a_valid <= 1'b0;
       if (q_valid && q_ready) begin

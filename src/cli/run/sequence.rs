@@ -99,9 +99,9 @@ impl Typed {
             ("--record", self.record.is_some()),
             ("--attribute", self.attribute),
             ("--timing", !self.timing.is_empty()),
-            ("--answers", self.answers),
+            ("--what-if", self.answers),
             ("--check", self.check != Checked::Full),
-            ("--prices", self.prices.is_some()),
+            ("--unit-costs", self.prices.is_some()),
             ("--ranges", self.ranges),
         ];
         match asked.into_iter().find(|(_, is_asked)| *is_asked) {
