@@ -1409,7 +1409,7 @@ fn absurd_sequences_end_in_a_sentence_and_write_nothing() {
     let film = folder.join("a.y4m");
     assert!(
         sentence(&["run", "glass-spheres", "--y4m", film.to_str().unwrap()])
-            .contains("one frame is no video")
+            .contains("one frame is not a video")
     );
     assert!(
         sentence(&["run", &scene, "--y4m", folder.to_str().unwrap()])
