@@ -1184,7 +1184,7 @@ fn traces_and_comparisons_that_cannot_be_are_refused() {
     for (arguments, part) in [
         (
             &["--waves", "0..9"][..],
-            "fragments are grouped by windows, whose cycles no wave shows",
+            "fragments are grouped by windows, whose cycles waves do not show",
         ),
         (
             &["--splats", "5..9", "--units", "gauss,fragment"],

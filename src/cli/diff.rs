@@ -1,7 +1,7 @@
 //! Diff: compares a device's output with a trace, and names the first mismatch.
 
 use super::arguments::pretty;
-use crate::cosim::diff::{self, How, Order, Zeros};
+use crate::cosim::diff::{self, DiffOptions, RequiredOrder, Zeros};
 use crate::error::{Error, Result};
 use clap::Args;
 use std::ffi::OsString;
@@ -42,7 +42,7 @@ pub(super) struct DiffJob {
     folder: PathBuf,
     /// Streams, each with the file of a device's records.
     outputs: Vec<(String, PathBuf)>,
-    how: How,
+    how: DiffOptions,
     json: bool,
 }
 
@@ -64,15 +64,15 @@ impl DiffArgs {
         } else {
             Zeros::Ignored
         };
-        let order = self.order.map_or(Order::Auto, |order| match order {
-            OrderFlag::Trace => Order::Trace,
-            OrderFlag::Tiles => Order::Tiles,
-            OrderFlag::Any => Order::Any,
+        let order = self.order.map_or(RequiredOrder::Auto, |order| match order {
+            OrderFlag::Trace => RequiredOrder::Trace,
+            OrderFlag::Tiles => RequiredOrder::Tiles,
+            OrderFlag::Any => RequiredOrder::Any,
         });
         Ok(DiffJob {
             folder: self.folder,
             outputs,
-            how: How { zeros, order },
+            how: DiffOptions { zeros, order },
             json: self.json,
         })
     }

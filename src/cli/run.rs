@@ -97,7 +97,7 @@ impl From<CheckFlag> for Check {
     }
 }
 
-/// CheckFlag arguments.
+/// Checked arguments.
 pub(super) enum RunJob {
     Frame(Box<FrameJob>),
     Sequence(Box<sequence::SequenceJob>),

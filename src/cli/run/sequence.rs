@@ -13,7 +13,7 @@ use crate::run::sequence::{self, Output};
 use crate::scene::Sequence;
 use rtl_model::Machine;
 
-/// CheckFlag arguments of a run of all frames.
+/// Checked arguments of a run of all frames.
 pub(in crate::cli) struct SequenceJob {
     sequence: Sequence,
     machine: Machine,
