@@ -398,7 +398,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    fn runs_of_missing_and_surplus_records_are_counted_apart(stream in prop::sample::select(KINDS.to_vec()), at in any::<prop::sample::Index>(), long in 1usize..40, other in any::<prop::sample::Index>()) {
+    fn runs_of_missing_and_surplus_records_are_counted_separately(stream in prop::sample::select(KINDS.to_vec()), at in any::<prop::sample::Index>(), long in 1usize..40, other in any::<prop::sample::Index>()) {
         let all = trace().lines(stream);
         let at = at.index(all.len() - long);
         let cut = [&all[..at], &all[at + long..]].concat();

@@ -874,7 +874,7 @@ fn the_cheapest_rule_is_found() {
     let scene = glass(5, 4);
     let base = Machine::named("reference").unwrap();
     let target = 60.0;
-    for by in [over_fragment::By::Area, over_fragment::By::Bytes] {
+    for by in [over_fragment::LeastOf::Area, over_fragment::LeastOf::Bytes] {
         let scenes = std::slice::from_ref(&scene);
         let found = over_fragment::run(
             scenes,
@@ -890,7 +890,7 @@ fn the_cheapest_rule_is_found() {
         let choices = told["choices"].as_array().unwrap();
         assert_eq!(choices.len(), 40);
         let cost = |choice: &Value| {
-            choice[if by == over_fragment::By::Area {
+            choice[if by == over_fragment::LeastOf::Area {
                 "area"
             } else {
                 "pixel_bytes"
@@ -946,7 +946,7 @@ fn the_cheapest_rule_is_found() {
         &base,
         &nowhere,
         target,
-        over_fragment::By::Area,
+        over_fragment::LeastOf::Area,
         &Prices::default(),
         false,
     );
@@ -965,7 +965,7 @@ fn the_cheapest_rule_is_found() {
             &base,
             folder.path(),
             target,
-            over_fragment::By::Area,
+            over_fragment::LeastOf::Area,
             &Prices::default(),
             false,
         )
@@ -978,7 +978,7 @@ fn the_cheapest_rule_is_found() {
         &base,
         folder.path(),
         400.0,
-        over_fragment::By::Area,
+        over_fragment::LeastOf::Area,
         &Prices::default(),
         false,
     );
@@ -993,8 +993,8 @@ fn the_cheapest_rule_is_found() {
 // ---- Over timing ----
 
 /// 2,592 machines, and the clock among their fields.
-fn grid() -> Vec<over_timing::Field> {
-    let field = |field: &str, values: Value| over_timing::Field {
+fn grid() -> Vec<over_timing::SearchedField> {
+    let field = |field: &str, values: Value| over_timing::SearchedField {
         field: field.into(),
         values: values.as_array().unwrap().clone(),
     };
@@ -1019,14 +1019,14 @@ fn grid() -> Vec<over_timing::Field> {
 /// fast at every clock.
 fn all_machines(
     base: &Machine,
-    fields: &[over_timing::Field],
+    fields: &[over_timing::SearchedField],
     work: &rtl_model::work::Work,
 ) -> Vec<(f64, [f64; 2], String)> {
     let count: usize = fields.iter().map(|field| field.values.len()).product();
     let of = |number: usize| {
         let mut left = number;
         let mut changes = Vec::new();
-        for over_timing::Field { field, values } in fields {
+        for over_timing::SearchedField { field, values } in fields {
             changes.push((field.clone(), values[left % values.len()].clone()));
             left /= values.len();
         }
@@ -1062,9 +1062,9 @@ fn sizes(built: &Elaborated) -> [f64; 2] {
 }
 
 /// Options that tell nothing.
-fn at_least(min_fps: f64, fields: Vec<over_timing::Field>) -> over_timing::Options {
+fn at_least(min_fps: f64, fields: Vec<over_timing::SearchedField>) -> over_timing::TimingOptions {
     let minimise = over_timing::Minimise::Area;
-    over_timing::Options {
+    over_timing::TimingOptions {
         min_fps,
         minimise,
         fields,
@@ -1108,7 +1108,7 @@ fn the_cheapest_machine_that_is_fast_enough_is_found() {
             .map(|(_, sizes, told)| (sizes[nth], told));
         let (best, best_changes) = fast_enough.min_by(|(a, _), (b, _)| a.total_cmp(b)).unwrap();
         let folder = tempfile::tempdir().unwrap();
-        let options = over_timing::Options {
+        let options = over_timing::TimingOptions {
             minimise,
             ..at_least(min_fps, grid())
         };
@@ -1473,7 +1473,7 @@ fn what_has_no_price_is_no_field_of_a_search() {
     );
     with(
         json!([{"field": "gauss.weight", "values": ["U0F8"]}]),
-        "is no field of timing; --target-psnr searches words",
+        "is not a field of timing; --target-psnr searches words",
     );
     with(
         json!([{"field": "timing.raster.fofi", "values": [4]}]),
@@ -1490,7 +1490,7 @@ fn what_has_no_price_is_no_field_of_a_search() {
     with(json!([]), "has no field");
     with(
         json!({"field": "timing.raster.fifo"}),
-        "is no list of fields and values",
+        "is not a list of fields and values",
     );
     refused(
         &["search", &path, "--minimise", "area", "--target-psnr", "30"],

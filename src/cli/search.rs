@@ -3,7 +3,7 @@
 use super::arguments::{CommonArgs, FactorRange, folder_for, positive, written};
 use crate::error::{Error, Result};
 use crate::explore::search;
-use crate::explore::search::{Claim, Domain, Options, Target, over_fragment, over_timing};
+use crate::explore::search::{Claim, Domain, SearchOptions, Target, over_fragment, over_timing};
 use crate::hardware::{machines, searched};
 use crate::output::text::{quoted_for_shell, wrapped};
 use crate::performance::cost::Prices;
@@ -175,13 +175,13 @@ struct RunArguments {
 pub(super) struct SearchJob {
     run_arguments: RunArguments,
     /// Set by `--min-fps`: search fields of timing.
-    over_timing: Option<over_timing::Options>,
+    over_timing: Option<over_timing::TimingOptions>,
     /// Set by `--over fragment`: the quantity to minimise.
-    over_fragment: Option<over_fragment::By>,
+    over_fragment: Option<over_fragment::LeastOf>,
     domains: Vec<Domain>,
     machine: Machine,
     folder: PathBuf,
-    options: Options,
+    options: SearchOptions,
     quiet: bool,
 }
 
@@ -197,7 +197,7 @@ impl SearchArgs {
             domains.iter().any(|domain| domain.scene().detail.is_some()),
         );
         let target = self.target()?;
-        let options = Options {
+        let options = SearchOptions {
             target,
             views: self.views.into(),
             robust: self.robust.into(),
@@ -218,8 +218,8 @@ impl SearchArgs {
             .out
             .unwrap_or_else(|| folder_for(&self.scenes[0], "-search"));
         let by = match self.by {
-            Some(ByFlag::Bytes) => over_fragment::By::Bytes,
-            _ => over_fragment::By::Area,
+            Some(ByFlag::Bytes) => over_fragment::LeastOf::Bytes,
+            _ => over_fragment::LeastOf::Area,
         };
         let over_fragment = self.over.map(|OverFlag::Fragment| by);
         let minimise = match self.minimise {
@@ -234,14 +234,14 @@ impl SearchArgs {
             .map(over_timing::read)
             .transpose()?
             .unwrap_or_default();
-        let Options {
+        let SearchOptions {
             views,
             prices,
             progress,
             ..
         } = options.clone();
-        let memory = Some(over_timing::Bought::of(&machine));
-        let over_timing = self.min_fps.map(|min_fps| over_timing::Options {
+        let memory = Some(over_timing::GivenMemory::of(&machine));
+        let over_timing = self.min_fps.map(|min_fps| over_timing::TimingOptions {
             min_fps,
             minimise,
             fields,
@@ -307,7 +307,7 @@ impl SearchArgs {
 impl SearchJob {
     pub fn run(self) -> Result<String> {
         if let (Some(by), Some(target)) = (self.over_fragment, self.options.target.psnr_db) {
-            let Options {
+            let SearchOptions {
                 prices, progress, ..
             } = &self.options;
             let scenes: Vec<Scene> = self
@@ -340,7 +340,7 @@ impl SearchJob {
     }
 
     /// Searches timing only; or timing, then words, then timing of the machine with these words.
-    fn over_timing(&self, options: &over_timing::Options) -> Result<String> {
+    fn over_timing(&self, options: &over_timing::TimingOptions) -> Result<String> {
         let Target {
             psnr_db,
             max_error,

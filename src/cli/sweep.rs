@@ -4,7 +4,7 @@ use super::arguments::{Threads, folder_for, written};
 use crate::error::Result;
 use crate::explore::sweep;
 use crate::explore::sweep::plan::Points;
-use crate::explore::sweep::{Options, Shard};
+use crate::explore::sweep::{Shard, SweepOptions};
 use crate::output::text::{one_line, wrapped};
 use crate::performance::cost::Prices;
 use clap::Args;
@@ -38,7 +38,7 @@ pub(super) struct SweepArgs {
 pub(super) struct SweepJob {
     points: Points,
     folder: PathBuf,
-    options: Options,
+    options: SweepOptions,
     quiet: bool,
 }
 
@@ -47,7 +47,7 @@ impl SweepArgs {
         let points = Points::load(&self.plan)?;
         let prices = Prices::load_or_default(self.prices.as_deref())?;
         let folder = self.out.unwrap_or_else(|| folder_for(&self.plan, "-sweep"));
-        let options = Options {
+        let options = SweepOptions {
             shard: self.shard,
             most: self.most,
             prices,

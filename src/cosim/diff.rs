@@ -10,7 +10,7 @@
 //! first sorted into the device's order (`order`).
 //!
 //! Laws: `a_flipped_bit_is_named`, `a_lost_doubled_or_swapped_record_is_named`,
-//! `a_fault_at_a_pixel_is_named`, `runs_of_missing_and_surplus_records_are_counted_apart`,
+//! `a_fault_at_a_pixel_is_named`, `runs_of_missing_and_surplus_records_are_counted_separately`,
 //! `a_file_in_the_order_of_tiles_is_equal_and_a_fault_in_it_is_named`,
 //! `what_must_be_zero_counts_where_it_is_asked_for` (tests/diff.rs).
 

@@ -10,7 +10,7 @@
 //! that each side has once. Between the two places the cheapest pairing is used. If a fault has
 //! several descriptions, the shortest is used.
 //!
-//! Laws: `runs_of_missing_and_surplus_records_are_counted_apart`,
+//! Laws: `runs_of_missing_and_surplus_records_are_counted_separately`,
 //! `a_moved_record_is_not_a_different_one` (tests/diff.rs); `a_script_explains_all_records`
 //! (below).
 
