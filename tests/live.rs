@@ -556,7 +556,7 @@ fn a_bad_record_is_refused_by_its_field() {
             format!("f{}\n", &raster[1..]).into(),
             "line 1: bits above the",
         ),
-        ("gauss", &[], vec![0xff, b'\n'], "line 1: this is no text"),
+        ("gauss", &[], vec![0xff, b'\n'], "line 1: this is not text"),
         (
             "gauss",
             &[],

@@ -586,7 +586,7 @@ fn a_machine_that_was_searched_warns_outside_of_that() {
     };
     wrong(
         &|record| record["scenes"][0]["widht"] = json!(3),
-        "searched: scenes[0].widht is no known field; the nearest is `width`",
+        "searched: scenes[0].widht is not a known field; the nearest is `width`",
     );
     wrong(
         &|record| record["target"]["psnr_db"] = json!("many"),
@@ -606,7 +606,7 @@ fn a_machine_that_was_searched_warns_outside_of_that() {
     );
     refused(
         &["machine", "show", file, "--set", "searched.scenes=[]"],
-        "searched is no known field",
+        "searched is not a known field",
     );
 }
 
@@ -1477,7 +1477,7 @@ fn what_has_no_price_is_no_field_of_a_search() {
     );
     with(
         json!([{"field": "timing.raster.fofi", "values": [4]}]),
-        "timing.raster.fofi is no known field",
+        "timing.raster.fofi is not a known field",
     );
     with(
         json!([{"field": "timing.raster.fifo", "values": ["many"]}]),
@@ -2175,10 +2175,10 @@ fn each_claimed_figure_is_shown_again_by_the_command_that_is_printed() {
         (
             "focal_px",
             json!([50, 50]),
-            "has focal_px or centre_px, and no picture_px that they refer to",
+            "has focal_px or centre_px without picture_px",
         ),
         ("eye", json!([0, 0, 1e40]), "eye[2] is 1e40; "),
-        ("eys", json!([0, 0, 1]), "eys is no known field"),
+        ("eys", json!([0, 0, 1]), "eys is not a known field"),
     ] {
         let mut cameras = whole.clone();
         cameras["splatsim_cameras"][1]["camera"][field] = value;

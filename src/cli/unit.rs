@@ -209,7 +209,7 @@ impl<R: BufRead> RecordReader<R> {
             )));
         }
         let text = String::from_utf8(line)
-            .map_err(|_| Error::input(format!("{name}: line {number}: this is no text")))?;
+            .map_err(|_| Error::input(format!("{name}: line {number}: this is not text")))?;
         Ok(Some(text.trim_end_matches(['\n', '\r']).to_owned()))
     }
 
