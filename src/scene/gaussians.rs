@@ -6,11 +6,11 @@
 //! .spz                  packed, up to 65 bytes each ─► [spz]       ─┤
 //! .gltf, .glb           one accessor per parameter ─► [gltf]      ─┘
 //! ```
-//! Axes are as in the file: right, down, forward as for cameras in files of training programs and
-//! in `.splat`; right, up, back in `.spz` and glTF, which are rotated by half a turn about x
-//! (`three_formats_of_the_same_three_gaussians_agree`).
-//! Gaussians that cannot be drawn are left out and counted in a note: see `FLAWS`.
-//! Memory is reserved only up to what the file's length supports.
+//! - Axes are as in the file: right, down, forward as for cameras in files of training programs and
+//!   in `.splat`; right, up, back in `.spz` and glTF, which are rotated by half a turn about x
+//!   (`three_formats_of_the_same_three_gaussians_agree`).
+//! - Gaussians that cannot be drawn are left out and counted in a note: see `FLAWS`.
+//! - Memory is reserved only up to what the file's length supports.
 
 mod bouquet;
 mod float_ply;

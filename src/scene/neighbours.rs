@@ -1,12 +1,12 @@
 //! Neighbours: fits missing radii and normals of splats to the points around them.
 //!
-//! Radius: the mean distance to the 6 nearest neighbours (EWA §6.3), at most 4 × the median of
-//! these means; otherwise one stray point of a scan could cover a fifth of the picture. Points at
-//! the same place are neighbours at distance 0; if all 6 are, the radius is the median of the
-//! nonzero ones. If there are none (a single point, for example) it is [`lone_radius`].
-//! Normal: the direction of least variance of the point and its 6 nearest neighbours at other
-//! places, oriented towards the eye. If that is ambiguous (points on a line, a single point), it is
-//! as close to the direction of the eye as possible.
+//! - Radius: the mean distance to the 6 nearest neighbours (EWA §6.3), at most 4 × the median of
+//!   these means; otherwise one stray point of a scan could cover a fifth of the picture. Points at
+//!   the same place are neighbours at distance 0; if all 6 are, the radius is the median of the
+//!   nonzero ones. If there are none (a single point, for example) it is [`lone_radius`].
+//! - Normal: the direction of least variance of the point and its 6 nearest neighbours at other
+//!   places, oriented towards the eye. If that is ambiguous (points on a line, a single point), it
+//!   is as close to the direction of the eye as possible.
 //!
 //! Both depend only on the points and the eye, not on the number of threads.
 

@@ -6,14 +6,14 @@
 //! line. Values are stored directly in splats. Memory is reserved only up to what the file's length
 //! supports, so a header cannot demand memory.
 //!
-//! Text is read by lines, one row per line. Blank lines and unknown header lines are skipped; too
-//! few or too many values are refused.
-//! Colours of any type are sRGB codes and are decoded, unless a comment declares linear light
-//! ([`colours`]).
-//! Vertices without a finite position (or beyond ±1e30, which some scanners use for holes) are left
-//! out and counted in a note.
-//! Faces are only used for normals if the file has none; a face with a vertex index out of range is
-//! left out and counted.
+//! - Text is read by lines, one row per line. Blank lines and unknown header lines are skipped; too
+//!   few or too many values are refused.
+//! - Colours of any type are sRGB codes and are decoded, unless a comment declares linear light
+//!   ([`colours`]).
+//! - Vertices without a finite position (or beyond ±1e30, which some scanners use for holes) are
+//!   left out and counted in a note.
+//! - Faces are only used for normals if the file has none; a face with a vertex index out of range
+//!   is left out and counted.
 
 mod colours;
 mod faces;

@@ -68,7 +68,7 @@ fn steps_in_a_plane_have_no_volume() {
         assert!(!Cell::new(steps).has_volume(), "{steps}");
     }
     let field = Irregular {
-        places: Places::Curvilinear(
+        places: SamplePlaces::Curvilinear(
             [2, 2, 2],
             (0..8)
                 .map(|i| DVec3::new(f64::from(i % 2), f64::from(i / 2 % 2), 0.0))
@@ -105,7 +105,7 @@ fn a_linear_field_has_its_gradient() {
         let wobble = |k: f64| 0.3 * libm::sin(k * i as f64);
         DVec3::new(x + wobble(12.9), y + wobble(78.2), z + wobble(37.7))
     };
-    let of = |places: Places, position: &dyn Fn(usize) -> DVec3| {
+    let of = |places: SamplePlaces, position: &dyn Fn(usize) -> DVec3| {
         let values = (0..60).map(|i| slope.dot(position(i)) as f32).collect();
         Irregular {
             places,
@@ -125,11 +125,11 @@ fn a_linear_field_has_its_gradient() {
     };
     let fields = [
         of(
-            Places::Curvilinear(size, (0..60).map(sheared).collect()),
+            SamplePlaces::Curvilinear(size, (0..60).map(sheared).collect()),
             &sheared,
         ),
         of(
-            Places::Scattered((0..60).map(wobbly).collect(), None),
+            SamplePlaces::Scattered((0..60).map(wobbly).collect(), None),
             &wobbly,
         ),
     ];

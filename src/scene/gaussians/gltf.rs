@@ -3,12 +3,12 @@
 //! ```text
 //! POSITION, ROTATION (x y z w), SCALE (linear), OPACITY, SH_DEGREE_l_COEF_n ─► transform of the node ─► half a turn about x ─► Gaussians
 //! ```
-//! Numbers may be of any type that the extension allows; integers are scaled if the file says so.
-//! Axes are right, up, back, as in `.spz`, and rotated in the same way.
-//! A node may rotate, move and scale. Nodes that shear or mirror are refused, because harmonics
-//! cannot follow.
-//! Harmonics follow the rotation exactly: their products with rotated ones are integrated over a
-//! sphere ([`Turned`]).
+//! - Numbers may be of any type that the extension allows; integers are scaled if the file says so.
+//! - Axes are right, up, back, as in `.spz`, and rotated in the same way.
+//! - A node may rotate, move and scale. Nodes that shear or mirror are refused, because harmonics
+//!   cannot follow.
+//! - Harmonics follow the rotation exactly: their products with rotated ones are integrated over a
+//!   sphere ([`Turned`]).
 
 use super::{Gaussian, Gaussians, Intake, Parsed, coefficients, harmonics};
 use crate::scene::cells::principal_axes;

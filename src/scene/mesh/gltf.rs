@@ -3,13 +3,13 @@
 //!
 //! JSON, buffers and accessors are read by [`crate::scene::gltf`].
 //!
-//! The default scene is read, else the first, else all nodes. A node's transform is that of its
-//! ancestors times its own.
-//! Colour is the base colour (for `KHR_materials_pbrSpecularGlossiness` the diffuse one) times its
-//! picture times vertex colours; metalness and roughness are not read.
-//! Opacity follows `alphaMode`. A material that transmits (`KHR_materials_transmission`) keeps only
-//! its reflected part.
-//! Points and lines are skipped with a note; skins, morphs and animations are not read.
+//! - The default scene is read, else the first, else all nodes. A node's transform is that of its
+//!   ancestors times its own.
+//! - Colour is the base colour (for `KHR_materials_pbrSpecularGlossiness` the diffuse one) times
+//!   its picture times vertex colours; metalness and roughness are not read.
+//! - Opacity follows `alphaMode`. A material that transmits (`KHR_materials_transmission`) keeps
+//!   only its reflected part.
+//! - Points and lines are skipped with a note; skins, morphs and animations are not read.
 
 use super::{Alpha, Contents, Image, Material, Parsed, Raw, Texture, Wrap};
 use crate::scene::gltf::File;

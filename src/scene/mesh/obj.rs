@@ -4,12 +4,13 @@
 //! before the first vertex, and its errors have no line numbers. Tests compare this reader with it
 //! on valid files.
 //!
-//! Polygons become fans. Lines, points, curves, groups and smoothing groups are skipped.
-//! A face may refer to vertices further down; a relative index counts from the line of the face.
-//! `Kd` is linear light, as modellers export it; colours after a vertex's position are sRGB codes.
-//! Opacity is `d`, or 1 − `Tr`, times that of the picture of `map_Kd`. Options of `map_Kd` are
-//! skipped with a note.
-//! A material that no library defines is grey, with a note; a missing library is an error.
+//! - Polygons become fans. Lines, points, curves, groups and smoothing groups are skipped.
+//! - A face may refer to vertices further down; a relative index counts from the line of the face.
+//! - `Kd` is linear light, as modellers export it; colours after a vertex's position are sRGB
+//!   codes.
+//! - Opacity is `d`, or 1 − `Tr`, times that of the picture of `map_Kd`. Options of `map_Kd` are
+//!   skipped with a note.
+//! - A material that no library defines is grey, with a note; a missing library is an error.
 
 use super::{Alpha, Contents, GREY, Image, Material, Parsed, Raw, Texture, Wrap, read_inside};
 use crate::output::colour::srgb_decode;

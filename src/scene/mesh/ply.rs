@@ -1,11 +1,11 @@
 //! PLY: converts a PLY file's faces to triangles; vertices, faces, colours and encodings are read
 //! as for clouds ([`crate::scene::ply`]).
 //!
-//! Texture coordinates are those of faces (`texcoord`), else of vertices. Pictures are the files of
-//! `comment TextureFile`, as written by MeshLab. The picture of a triangle replaces its other
-//! colours.
-//! Other colours are those of faces if vertices have none, or all the same: MeshLab writes a grey
-//! for vertices without a colour.
+//! - Texture coordinates are those of faces (`texcoord`), else of vertices. Pictures are the files
+//!   of `comment TextureFile`, as written by MeshLab. The picture of a triangle replaces its other
+//!   colours.
+//! - Other colours are those of faces if vertices have none, or all the same: MeshLab writes a grey
+//!   for vertices without a colour.
 
 use super::{Alpha, Contents, GREY, Image, Material, Parsed, Raw, Texture, Wrap, read_inside};
 use crate::output::text::clipped;

@@ -2,10 +2,11 @@
 //! (teem.sourceforge.net/nrrd/format.html, versions 1 to 5).
 //!
 //! - Axes of length 1 are dropped until three are left, those without a space direction first.
-//! `space directions` override `spacings`, which override the steps of `axis mins` and `axis maxs`.
-//! `space` names the coordinate system, which is converted to the common one ([`super::world`]); a
-//! header without it is drawn unchanged, with a note.
-//! Unknown fields are refused, as the format requires; key/value pairs and comments are skipped.
+//! - `space directions` override `spacings`, which override the steps of `axis mins` and `axis
+//!   maxs`.
+//! - `space` names the coordinate system, which is converted to the common one ([`super::world`]);
+//!   a header without it is drawn unchanged, with a note.
+//! - Unknown fields are refused, as the format requires; key/value pairs and comments are skipped.
 
 use super::decode::{
     Fields, Parsed, SampleLayout, check_grid, clip, diagonal, in_data_file, next_line, number,
