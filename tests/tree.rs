@@ -10,7 +10,7 @@ use rtl_model::work::{self, Visit, Work};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use splatsim::accuracy::metrics;
-use splatsim::golden::{DetailRules as Rendered, ideal, render};
+use splatsim::golden::{Rules as Rendered, ideal, render};
 use splatsim::hardware::{fixed, quantise::quantise};
 use splatsim::performance::cost::{Cost, Prices};
 use splatsim::performance::recording::Recording;
@@ -920,7 +920,7 @@ fn a_walk_is_recorded_and_a_damaged_one_refused() {
     let last = work.walk.len() - 1;
     let damages: [&dyn Fn(&mut Work); 5] = [
         &|work| work.walk[last].parent = last as u32,
-        &|work| work.walk[0].found = work::VisitResult::Outside,
+        &|work| work.walk[0].found = work::Found::Outside,
         &|work| work.walk.truncate(last),
         &|work| work.listed[0] = 9999,
         &|work| work.walk.clear(),
@@ -935,7 +935,7 @@ fn a_walk_is_recorded_and_a_damaged_one_refused() {
         Visit {
             node: 0,
             parent: 0,
-            found: work::VisitResult::Opened
+            found: work::Found::Opened
         }
     );
 }

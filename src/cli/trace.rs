@@ -104,7 +104,7 @@ impl TraceJob {
         let written = trace::trace(&self.scene, origin, &self.machine, &self.window, &self.out)?;
         let folder = one_line(&self.out.to_string_lossy());
         let end = wrapped(&format!(
-            "written to {folder}; README.md there says what each file is"
+            "written to {folder}; its README.md describes each file"
         ));
         Ok(if self.quiet {
             String::new()

@@ -670,9 +670,9 @@ impl<'a> Unit<'a> {
                 windows.take(array(words), light, probe)
             }
         };
-        let told = outcome(decision, deepest).map(i64::from);
+        let words_of_outcome = outcome(decision, deepest).map(i64::from);
         let fields = self.output.fields() - 2;
-        vec![[&words[..2], &told[..fields]].concat()]
+        vec![[&words[..2], &words_of_outcome[..fields]].concat()]
     }
 
     /// Ends a frame: returns the records at its end and empties the unit.

@@ -183,8 +183,8 @@ pub fn of_record(
     let mut unit = Unit::new(&constants, &replayed.unit).map_err(|error| error.to_string())?;
     let mut answers = replayed.answers.into_iter();
     let mut shade = |request: &[i64]| {
-        let said = answers.next().and_then(|words| words.try_into().ok());
-        said.unwrap_or_else(|| constants.light(request))
+        let answer = answers.next().and_then(|words| words.try_into().ok());
+        answer.unwrap_or_else(|| constants.light(request))
     };
     for words in before {
         unit.step(words, &mut shade)

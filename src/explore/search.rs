@@ -484,7 +484,7 @@ fn first_views(
             quantise(&member.scene, machine)?;
             views.extend(
                 member
-                    .and_beside(options.robust)
+                    .and_nearby(options.robust)
                     .into_iter()
                     .map(|member| View::new(of, member, machine)),
             );
@@ -847,14 +847,14 @@ impl<'a> WordSearch<'a> {
         }
         self.journal.push(point, row)?;
         self.known.insert(key, point);
-        let told = format!(
+        let message = format!(
             "{}: {} machines drawn, this one {} LUT equivalents, {} dB",
             self.method,
             self.requested.len(),
             thousands(area as u64),
             decibels(found.psnr_db_of(&self.options.target))
         );
-        self.progress.say(told);
+        self.progress.say(message);
         Ok(found)
     }
 
@@ -1159,7 +1159,7 @@ impl<'a> WordSearch<'a> {
                     continue;
                 }
                 let views: Vec<View> = member
-                    .and_beside(self.options.robust)
+                    .and_nearby(self.options.robust)
                     .into_iter()
                     .map(|member| View::new(of, member, &machine))
                     .collect();

@@ -152,8 +152,8 @@ impl Sweep {
         let mut journal = Journal::open(folder, &part, columns::all(points.columns()))?;
         check_keys(&points, &scenes.heads, &journal, folder, options)?;
         journal.keep();
-        let told = json!({"splatsim": env!("CARGO_PKG_VERSION"), "plan": points.plan, "machine": points.base, "prices": options.prices});
-        write_plan(folder, &told)?;
+        let description = json!({"splatsim": env!("CARGO_PKG_VERSION"), "plan": points.plan, "machine": points.base, "prices": options.prices});
+        write_plan(folder, &description)?;
         let left = options
             .mine(count)
             .filter(|number| journal.get(*number).is_none())
@@ -273,12 +273,12 @@ fn check_keys(
         .next_back()
         .filter(|last| *last >= points.count())
     {
-        let told = format!(
+        let message = format!(
             "{} has point {last}, and the plan {} points: it is of another plan",
             folder.display(),
             points.count()
         );
-        return Err(Error::input(told));
+        return Err(Error::input(message));
     }
     let mine: BTreeSet<u64> = options.mine(points.count()).collect();
     let (mut known, others): (Vec<u64>, Vec<u64>) =
@@ -298,12 +298,12 @@ fn check_keys(
         if journal.get(*number).and_then(|row| row[1].as_str()) == Some(&point.key) {
             return Ok(());
         }
-        let told = format!(
+        let message = format!(
             "{}: point {number} was drawn from something else than now",
             folder.display()
         );
         Err(Error::input(format!(
-            "{told}: scene, machine, prices or splatsim have changed; choose another folder"
+            "{message}: scene, machine, prices or splatsim have changed; choose another folder"
         )))
     };
     // Of the refused rows the first, independent of thread timing.
@@ -358,9 +358,9 @@ impl Scenes {
 ///
 /// # Errors
 /// [`Error::Job`] if it cannot be written.
-pub fn write_plan(folder: &Path, told: &Value) -> Result<()> {
+pub fn write_plan(folder: &Path, description: &Value) -> Result<()> {
     write_beside(&folder.join("plan.json"), |file| {
-        serde_json::to_writer_pretty(file, told).map_err(|e| e.to_string())
+        serde_json::to_writer_pretty(file, description).map_err(|e| e.to_string())
     })
 }
 
@@ -383,12 +383,12 @@ impl SweepOutcome {
             let _ = write!(text, "; the table has {} of them", thousands(rows));
         }
         let is_built = |row: &&Row| self.table.text(row, columns::MISFIT).is_empty();
-        let misfits = self.table.rows.iter().filter(|row| !is_built(row)).count() as u64;
-        if misfits > 0 {
+        let unbuildable = self.table.rows.iter().filter(|row| !is_built(row)).count() as u64;
+        if unbuildable > 0 {
             let _ = write!(
                 text,
                 "; {} cannot be built, the column `misfit` has the reasons",
-                thousands(misfits)
+                thousands(unbuildable)
             );
         }
         let mut text = wrapped(&text) + "\n";
@@ -398,7 +398,7 @@ impl SweepOutcome {
             let heads = ["fixed − ideal", "fixed − golden", "on covered", "frames/s"].join("  ");
             let _ = write!(text, "\n{:10} {heads}  {:>9}", "dB", "area");
         }
-        let mut told = |what: &str, row: Option<&Row>| {
+        let mut add_row = |what: &str, row: Option<&Row>| {
             let Some(row) = row else { return };
             let db = |name: &str| {
                 Some(number(row, name))
@@ -448,7 +448,7 @@ impl SweepOutcome {
             ("least area", least),
             ("fastest", fastest),
         ] {
-            told(what, row);
+            add_row(what, row);
         }
         if let Some(note) = given::note(self.table.columns.iter().map(|(name, _)| name.as_str())) {
             let _ = write!(text, "\n{}", wrapped(&note));

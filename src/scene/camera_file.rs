@@ -297,7 +297,7 @@ fn recorded(cameras: &Value) -> Parsed<Vec<Camera>> {
         let value = recorded
             .get("camera")
             .ok_or_else(|| format!("{begin} is missing"))?;
-        validate::check(value, &schema).map_err(|misfit| format!("{begin}: {misfit}"))?;
+        validate::check(value, &schema).map_err(|violation| format!("{begin}: {violation}"))?;
         let camera: Camera =
             serde_json::from_value(value.clone()).map_err(|error| format!("{begin}: {error}"))?;
         if camera.picture_px.is_none() && (camera.focal_px.is_some() || camera.centre_px.is_some())

@@ -872,7 +872,7 @@ pub(super) fn read_with(
 fn fields(text: &str, name: &str) -> Result<SceneFields> {
     let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
     let value = strict_json::parse(text).map_err(input_error)?;
-    validate::check(&value, &schema()).map_err(|misfit| input_error(misfit.to_string()))?;
+    validate::check(&value, &schema()).map_err(|violation| input_error(violation.to_string()))?;
     serde_json::from_value(value).map_err(|e| input_error(e.to_string()))
 }
 
@@ -1825,14 +1825,14 @@ impl<'a> Gathered<'a> {
 
     /// Whether the file of the Gaussians has compensated opacities; adds a note.
     fn compensates(&mut self) -> bool {
-        let asks = self.media.iter().any(
+        let compensates = self.media.iter().any(
             |part| matches!(&part.medium, Medium::Gaussians(gaussians, _) if gaussians.compensated),
         );
-        if asks {
-            let says = "opacities are compensated for the low-pass filter, as the file requires (`kernel.compensate_opacity`: false turns it off)";
-            self.notes.push(says.into());
+        if compensates {
+            let note = "opacities are compensated for the low-pass filter, as the file requires (`kernel.compensate_opacity`: false turns it off)";
+            self.notes.push(note.into());
         }
-        asks
+        compensates
     }
 
     /// Consecutive splats of an array are one cloud; every other source is its own cloud.

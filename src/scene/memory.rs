@@ -39,14 +39,14 @@ pub(crate) fn of_frame(scene: &Scene) -> u64 {
 /// [`Error::Input`] with the needed and the free memory.
 pub(crate) fn check_frame(scene: &Scene) -> Result<(), Error> {
     let Image { width, height, .. } = scene.image;
-    let told = |sentence: String| {
+    let too_large = |sentence: String| {
         let splats = thousands(scene.splats.len() as u64);
         Error::input(format!(
             "{}: a frame of {width}×{height} pixels and {splats} splats is too large here: {sentence}",
             scene.name
         ))
     };
-    crate::input::memory::check(of_frame(scene)).map_err(told)
+    crate::input::memory::check(of_frame(scene)).map_err(too_large)
 }
 
 /// Refuses more than the free memory; the error is the second half of a sentence.

@@ -92,7 +92,7 @@ impl<'s> Law<'s> {
         }
         items.iter().enumerate().try_for_each(|(i, item)| {
             self.check(item, &schema["items"])
-                .map_err(|misfit| misfit.inside(format!("[{i}]")))
+                .map_err(|violation| violation.inside(format!("[{i}]")))
         })
     }
 
@@ -108,7 +108,7 @@ impl<'s> Law<'s> {
         }
         fields.iter().try_for_each(|(name, value)| {
             self.check(value, &schema["properties"][name])
-                .map_err(|misfit| misfit.inside(format!(".{name}")))
+                .map_err(|violation| violation.inside(format!(".{name}")))
         })
     }
 

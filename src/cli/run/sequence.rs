@@ -98,7 +98,7 @@ impl RunArgs {
 
     /// Refuses flags that are for one frame.
     fn check_of_one_frame(&self, sequence: &Sequence) -> Result<()> {
-        let asked = [
+        let single_frame_flags = [
             ("--preview", self.preview),
             ("--requests", self.requests),
             ("--record", self.record.is_some()),
@@ -109,7 +109,7 @@ impl RunArgs {
             ("--prices", self.prices.is_some()),
             ("--ranges", self.ranges),
         ];
-        match asked.into_iter().find(|(_, is_asked)| *is_asked) {
+        match single_frame_flags.into_iter().find(|(_, is_set)| *is_set) {
             Some((flag, _)) => {
                 let (name, frames) = (&sequence.scene().name, sequence.cameras().len());
                 Err(Error::input(format!(

@@ -262,10 +262,10 @@ impl Observations {
         for splat in &self.set_up {
             let [near, outside, transparent, ..] = splat.project;
             let [backface, faint, missing, ..] = splat.ellipse;
-            let told = [near, outside, transparent]
+            let reasons = [near, outside, transparent]
                 .into_iter()
                 .zip(self.project_cases);
-            told.for_each(|(flag, case)| coverage.count_if(flag != 0, "project", case));
+            reasons.for_each(|(flag, case)| coverage.count_if(flag != 0, "project", case));
             let cases = [
                 (backface, "ellipse", "backface"),
                 (faint, "ellipse", "faint"),

@@ -143,7 +143,7 @@ pub fn stimulus(
     frame: &Frame,
     cases: u32,
     seed: u64,
-    wants: impl Fn(&[&str]) -> bool,
+    includes: impl Fn(&[&str]) -> bool,
 ) -> Stimulus {
     let streams = ports::streams(machine, Kind::of(frame));
     let made = streams
@@ -188,7 +188,7 @@ pub fn stimulus(
     ];
     makers
         .iter()
-        .filter(|(units, _)| wants(units))
+        .filter(|(units, _)| includes(units))
         .for_each(|(_, make)| make(&mut maker));
     let Maker { out, seen, .. } = maker;
     Stimulus {
@@ -901,19 +901,19 @@ impl Maker<'_> {
     fn contribution(&mut self, unit: &mut Fragments, pixel: usize, held: &[Slot], words: Vec<i64>) {
         let at = [words[0], words[1]];
         let input = self.push("fragment.in", words.clone(), pixel_key(at, UNKNOWN));
-        let mut asked: Vec<(Slot, Premultiplied)> = Vec::new();
+        let mut requests: Vec<(Slot, Premultiplied)> = Vec::new();
         let (random, machine) = (&mut self.random, self.machine);
         let decision = unit.take(
             words.try_into().unwrap_or_default(),
             |slot| {
                 let answer = answer(random, machine);
-                asked.push((*slot, answer));
+                requests.push((*slot, answer));
                 answer
             },
             &mut self.seen,
         );
         let flags = self.seen.flush();
-        for (slot, answer) in asked {
+        for (slot, answer) in requests {
             let place = if self.requests_have_pixel() {
                 &at[..]
             } else {

@@ -619,7 +619,7 @@ impl<'a> Transfers<'a> {
     /// end of a frame.
     fn of_windows(&self) -> Vec<RecordSource<'_>> {
         let emitted = self.observer.emitted.len();
-        let asked = self.merged.len() + self.resolved.len();
+        let request_count = self.merged.len() + self.resolved.len();
         let key = move |i: usize, parent: u32, flags: u8| match self.merged.get(i) {
             Some(shaded) => self.of_merge(
                 shaded,
@@ -636,11 +636,11 @@ impl<'a> Transfers<'a> {
             }
         };
         vec![
-            source("fragment.request", asked, move |i, words| {
+            source("fragment.request", request_count, move |i, words| {
                 sums_of(self.shaded(emitted + i), words);
                 key(i, NONE, 0)
             }),
-            source("fragment.answer", asked, move |i, words| {
+            source("fragment.answer", request_count, move |i, words| {
                 light_of(self.shaded(emitted + i), words);
                 key(i, i as u32, self.shaded(emitted + i).flags)
             }),

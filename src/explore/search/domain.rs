@@ -107,7 +107,7 @@ impl Domain {
         } else {
             vec![nearest, farthest]
         };
-        let told = |at: f64| {
+        let name_at = |at: f64| {
             if at == 1.0 {
                 self.label.clone()
             } else {
@@ -116,7 +116,7 @@ impl Domain {
         };
         ends.into_iter()
             .map(|at| Member {
-                name: told(at),
+                name: name_at(at),
                 scene: seen(&self.scene, self.scene.camera.scaled(at)),
             })
             .collect()
@@ -218,9 +218,9 @@ fn distance_label(at: f64) -> String {
 
 impl Member {
     /// This view and its nearby cameras, less than a pixel apart; `count` in total.
-    pub fn and_beside(self, count: usize) -> Vec<Member> {
+    pub fn and_nearby(self, count: usize) -> Vec<Member> {
         let Member { name, scene } = self;
-        let beside = |nth: usize| {
+        let nearby = |nth: usize| {
             let name = if nth == 0 {
                 name.clone()
             } else {
@@ -231,6 +231,6 @@ impl Member {
                 scene: seen(&scene, scene.camera.nudged(nth, &scene.image)),
             }
         };
-        (0..count.max(1)).map(beside).collect()
+        (0..count.max(1)).map(nearby).collect()
     }
 }

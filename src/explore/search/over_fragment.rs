@@ -290,10 +290,10 @@ pub fn run(
         files: Vec::new(),
     };
     let path = folder.join("choices.json");
-    let told = json!({"scenes": outcome.scenes, "target_psnr_db": target_db, "by": by, "choices": outcome.choices,
+    let message = json!({"scenes": outcome.scenes, "target_psnr_db": target_db, "by": by, "choices": outcome.choices,
         "found": outcome.found, "found_for_all": found_for_all});
     write_beside(&path, |file| {
-        serde_json::to_writer_pretty(file, &told).map_err(|e| e.to_string())
+        serde_json::to_writer_pretty(file, &message).map_err(|e| e.to_string())
     })?;
     outcome.files.push(path);
     let path = folder.join("rules.png");

@@ -70,7 +70,7 @@ pub(super) fn first(table: &Table, base: &Machine) -> Option<String> {
     match first {
         Some((_, before, after, Reduction { words, bits }, scene)) => {
             let s = if *bits == 1 { "" } else { "s" };
-            let told = |db: f64| {
+            let text = |db: f64| {
                 if db.is_finite() {
                     format!("{db:.1}")
                 } else {
@@ -79,8 +79,8 @@ pub(super) fn first(table: &Table, base: &Machine) -> Option<String> {
             };
             let how = format!(
                 "{} → {} dB, {metric}, on {scene}",
-                told(*before),
-                told(*after)
+                text(*before),
+                text(*after)
             );
             Some(format!(
                 "first to lose {LOST_DB:.0} dB: {} with {bits} bit{s} less, {how}",

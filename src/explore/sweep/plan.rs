@@ -263,7 +263,8 @@ impl Points {
     pub fn from_text(text: &str, name: &str, folder: &Path) -> Result<Self> {
         let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
         let value = strict_json::parse(text).map_err(input_error)?;
-        validate::check(&value, &schema()).map_err(|misfit| input_error(misfit.to_string()))?;
+        validate::check(&value, &schema())
+            .map_err(|violation| input_error(violation.to_string()))?;
         let plan: Plan = serde_path_to_error::deserialize(&value)
             .map_err(|e| input_error(format!("{}: {}", e.path(), e.inner())))?;
         let folder = folder.to_owned();
@@ -277,7 +278,7 @@ impl Points {
         if plan.scenes.is_empty() {
             return Err(Error::input("scenes is empty: at least one is needed"));
         }
-        let base = machines::load(beside(&folder, &plan.machine), &[])?;
+        let base = machines::load(relative(&folder, &plan.machine), &[])?;
         let words = machines::words(&base);
         let mut axes = Vec::new();
         for (nth, axis) in plan.axes.iter().enumerate() {
@@ -506,7 +507,7 @@ impl Points {
     fn named(&self, nth: usize) -> (PathBuf, Overrides) {
         let size = self.plan.size.map(|[width, height]| (width, height));
         (
-            beside(&self.folder, &self.plan.scenes[nth]),
+            relative(&self.folder, &self.plan.scenes[nth]),
             Overrides { size },
         )
     }
@@ -522,7 +523,7 @@ fn kind_of(value: &Value) -> CellKind {
 }
 
 /// A name, or a file relative to the plan.
-fn beside(folder: &Path, name: &str) -> PathBuf {
+fn relative(folder: &Path, name: &str) -> PathBuf {
     let path = folder.join(name);
     // A folder of that name may contain results.
     if path.is_file() { path } else { name.into() }

@@ -411,12 +411,13 @@ fn read(path: &Path, text: &[u8], header: &str, rows: &mut BTreeMap<u64, Row>) -
                 "is not as it was written: take the line out, and its point will be drawn again",
             )
         };
-        let (said, row): (String, Value) = serde_json::from_slice(line).map_err(|_| changed())?;
+        let (stored_digest, row): (String, Value) =
+            serde_json::from_slice(line).map_err(|_| changed())?;
         let Value::Array(row) = row else {
             return Err(changed());
         };
         let point = row.first().and_then(Value::as_u64).ok_or_else(changed)?;
-        if said != digest(Value::from(row.clone()).to_string().as_bytes())
+        if stored_digest != digest(Value::from(row.clone()).to_string().as_bytes())
             || row.len() != header_cells
         {
             return Err(changed());

@@ -211,14 +211,14 @@ impl GaussianSet {
 
 /// Notes on properties of the extension that are not drawn.
 fn notes(own: &Own) -> Vec<String> {
-    let says = |field: &str| {
+    let property = |field: &str| {
         own.gaussians
             .as_ref()
             .and_then(|object| object.get(field)?.as_str())
     };
     let mut notes = Vec::new();
-    if says("colorSpace").is_some_and(|space| space != "srgb_rec709_display") {
-        let space = crate::output::text::clipped(says("colorSpace").unwrap_or_default());
+    if property("colorSpace").is_some_and(|space| space != "srgb_rec709_display") {
+        let space = crate::output::text::clipped(property("colorSpace").unwrap_or_default());
         notes.push(format!("has the colour space {space}; its colours are blended as they are, and PNGs hold them unchanged"));
     }
     for (field, read) in [
@@ -226,7 +226,7 @@ fn notes(own: &Own) -> Vec<String> {
         ("projection", "perspective"),
         ("sortingMethod", "cameraDistance"),
     ] {
-        if let Some(other) = says(field).filter(|value| *value != read) {
+        if let Some(other) = property(field).filter(|value| *value != read) {
             notes.push(format!(
                 "has the {field} {}, which is not read; it is drawn as {read}",
                 crate::output::text::clipped(other)

@@ -609,7 +609,7 @@ fn given_splats_are_those_of_the_text() {
         )
     };
     assert_eq!(of(given.clone()).unwrap(), load(&value).unwrap());
-    for (wrong, says) in [
+    for (wrong, expected) in [
         (
             Splat {
                 position: DVec3::NAN,
@@ -639,6 +639,6 @@ fn given_splats_are_those_of_the_text() {
             "s.json: splats[1] uses material 1, but `materials` has only the indices 0 to 0",
         ),
     ] {
-        assert_eq!(of(vec![first, wrong]).unwrap_err().to_string(), says);
+        assert_eq!(of(vec![first, wrong]).unwrap_err().to_string(), expected);
     }
 }

@@ -354,7 +354,7 @@ impl<'a> Eye<'a> {
     /// The nodes that are replaced by their children within the budget, the largest first.
     fn opened(&self, limits: &CutLimits) -> Vec<bool> {
         let mut opened = vec![false; self.nodes.len()];
-        let waits = |number: u32| {
+        let pending = |number: u32| {
             let node = &self.nodes[number as usize];
             self.is_coarse(node).then(|| PendingNode {
                 size_px: self.size_px(node),
@@ -362,8 +362,11 @@ impl<'a> Eye<'a> {
             })
         };
         let is_seen = |number: u32| self.culled(&self.nodes[number as usize]).is_none();
-        let mut heap: BinaryHeap<PendingNode> =
-            is_seen(0).then(|| waits(0)).flatten().into_iter().collect();
+        let mut heap: BinaryHeap<PendingNode> = is_seen(0)
+            .then(|| pending(0))
+            .flatten()
+            .into_iter()
+            .collect();
         let (mut splats, mut read, mut count) = (u64::from(is_seen(0)), 1, 0);
         while let Some(PendingNode { number, .. }) = heap.pop() {
             let node = &self.nodes[number as usize];
@@ -382,7 +385,7 @@ impl<'a> Eye<'a> {
                 break;
             }
             opened[number as usize] = true;
-            heap.extend(seen.into_iter().filter_map(waits));
+            heap.extend(seen.into_iter().filter_map(pending));
         }
         opened
     }

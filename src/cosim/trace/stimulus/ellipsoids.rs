@@ -177,12 +177,12 @@ impl Maker<'_> {
             } else {
                 depths[self.random.below(number) as usize]
             };
-            let beside = near + self.random.below(2 * one_key + 1) - one_key;
+            let nearby = near + self.random.below(2 * one_key + 1) - one_key;
             let any = self.random.word(depth);
             depths.push(if self.random.one_in(2) {
                 any
             } else {
-                beside.clamp(0, depth.max())
+                nearby.clamp(0, depth.max())
             });
         }
         for (tag, depth) in (0i64..).zip(&depths) {

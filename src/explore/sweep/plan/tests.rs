@@ -2,7 +2,7 @@ use super::*;
 use serde_json::json;
 
 fn points(plan: Value) -> Result<Points> {
-    validate::check(&plan, &schema()).map_err(|misfit| Error::input(misfit.to_string()))?;
+    validate::check(&plan, &schema()).map_err(|violation| Error::input(violation.to_string()))?;
     Points::new(serde_json::from_value(plan).unwrap(), PathBuf::new())
 }
 
@@ -14,14 +14,14 @@ fn refused(plan: Value) -> String {
 }
 
 fn changes(points: &Points) -> Vec<String> {
-    let told = |(field, value): &MachineChange| format!("{field}={value}");
+    let text = |(field, value): &MachineChange| format!("{field}={value}");
     (0..points.count())
         .map(|number| {
             points
                 .point(number)
                 .1
                 .iter()
-                .map(told)
+                .map(text)
                 .collect::<Vec<_>>()
                 .join(" ")
         })

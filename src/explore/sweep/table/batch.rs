@@ -60,14 +60,14 @@ pub(super) fn unpacked(
         return Err("has other columns: it is of another plan, or of another version".into());
     }
     let rows = rows(&file).map_err(damaged)?;
-    let said = file
+    let metadata = file
         .metadata()
         .file_metadata()
         .key_value_metadata()
         .into_iter()
         .flatten()
         .find(|pair| pair.key == DIGEST);
-    if said.and_then(|pair| pair.value.as_ref()) != Some(&digest_of(rows.iter())) {
+    if metadata.and_then(|pair| pair.value.as_ref()) != Some(&digest_of(rows.iter())) {
         return Err("is not as it was written".into());
     }
     let numbered = |row: Row| {
@@ -229,10 +229,10 @@ pub(super) fn parquet<'a>(
             .with_fields(fields)
             .build()?,
     );
-    let said = digest.map(|digest| vec![KeyValue::new(DIGEST.into(), digest)]);
+    let metadata = digest.map(|digest| vec![KeyValue::new(DIGEST.into(), digest)]);
     let properties = WriterProperties::builder().set_compression(Compression::UNCOMPRESSED);
     // A batch has few rows: indices for partial reads would be most of the file.
-    let properties = if said.is_some() {
+    let properties = if metadata.is_some() {
         properties
             .set_statistics_enabled(EnabledStatistics::None)
             .set_dictionary_enabled(false)
@@ -240,7 +240,7 @@ pub(super) fn parquet<'a>(
     } else {
         properties
     };
-    let properties = properties.set_key_value_metadata(said).build();
+    let properties = properties.set_key_value_metadata(metadata).build();
     let mut bytes = Vec::new();
     let mut file = SerializedFileWriter::new(&mut bytes, schema, Arc::new(properties))?;
     let mut group = file.next_row_group()?;

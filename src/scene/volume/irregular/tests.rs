@@ -210,13 +210,13 @@ fn every_kind_and_encoding_is_read_to_the_last_bit() {
         .flat_map(|kind| [Ascii, Binary, AppendedRaw, AppendedBase64].map(|e| (kind, e)))
     {
         for (packed, big) in [(false, false), (true, false), (false, true), (true, true)] {
-            let told = format!("{set} {encoding:?} {packed} {big}");
+            let case = format!("{set} {encoding:?} {packed} {big}");
             let field =
-                read(&written(set, encoding, packed, big), &Arrays::default()).expect(&told);
+                read(&written(set, encoding, packed, big), &Arrays::default()).expect(&case);
             assert_eq!(
                 field.values,
                 values().iter().map(|v| *v as f32).collect::<Vec<_>>(),
-                "{told}"
+                "{case}"
             );
             let all: Vec<DVec3> = points()
                 .as_chunks()
@@ -232,7 +232,7 @@ fn every_kind_and_encoding_is_read_to_the_last_bit() {
                 "StructuredGrid" => SamplePlaces::Curvilinear(SIZE, all),
                 _ => SamplePlaces::Scattered(all, None),
             };
-            assert_eq!(field.places, expected, "{told}");
+            assert_eq!(field.places, expected, "{case}");
         }
     }
 }
@@ -254,19 +254,19 @@ fn information_inside_an_array_does_not_end_the_list_of_arrays() {
             "<PointData Vectors=\"flow\">",
             "<PointData Scalars=\"\">",
         ] {
-            let told = text.replace(
+            let changed = text.replace(
                 "<PointData Scalars=\"mine\">",
                 &format!("{scalars}{vectors}"),
             );
-            let told = if set == "RectilinearGrid" {
-                told
+            let changed = if set == "RectilinearGrid" {
+                changed
             } else {
-                told.replace(
+                changed.replace(
                     "\n</DataArray></Points>",
                     &format!("\n{key}</DataArray></Points>"),
                 )
             };
-            let field = read(told.as_bytes(), &Arrays::default()).expect(set);
+            let field = read(changed.as_bytes(), &Arrays::default()).expect(set);
             assert_eq!(field.places, expected.places, "{set}");
             assert_eq!(
                 field.values.iter().all(|value| *value == 0.0),
