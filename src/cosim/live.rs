@@ -3,8 +3,8 @@
 //!
 //! ```text
 //! record ─►[ read ]─►[ check ]─►( the unit )─► outputs
-//!                                  │        ▲                           at the end: fragments held, splats sorted
-//!                               request ─► shade
+//!                                 │     ▲      at the end: fragments held, splats sorted
+//!                             request ─► shade
 //! ```
 //! Records are those of a trace's streams ([`ports`]). Inputs that no unit can produce are refused
 //! here, so that the unit itself cannot fail.

@@ -1,7 +1,7 @@
 //! Camera: chooses the eye if a scene has none, so that the splats fill the picture.
 //!
 //! ```text
-//! positions ─► box of all but 0.5 % on each side of each axis ─► ball of all ────────────────────────────────────┐
+//! positions ─► box of all but 0.5 % on each side of each axis ─► ball of all ──────────────────────────────────────┐
 //! positions, opacity, radius ─► box of all but 2 % of visible weight ─► ball of visible weight, if less than half ─┴─► eye, target
 //! ```
 //! The second ball is for scenes with a few faint or small splats far away. It is used only if the

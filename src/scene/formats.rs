@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! first bytes ─► [Content::of] ─► format ──┬─► reader, if the context can use it
-//! extension  ─► if bytes are ambiguous ─┘   else a sentence: the format, and a program that converts it
+//! extension   ─► if bytes are ambiguous ───┘   else a sentence: the format, and a program that converts it
 //! ```
 //! The content decides: a file is read as the format of its first bytes, and a note reports a
 //! contradicting name. A new format needs a reader, a line here and its first bytes; the list of

@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! bytes ─► [JSON] ─► attributes unknown to the crate, required extensions ─► [gltf] ─► document, validated
-//!                                                                  buffers, accessors, nodes, every range checked ◄─┘
+//!                                                   buffers, accessors, nodes, every range checked ◄─┘
 //! ```
 //! The crate `gltf` reads and validates the JSON. Buffers, accessors and the tree of nodes are read
 //! here with all ranges checked, because the crate's readers panic past a buffer's end and do not

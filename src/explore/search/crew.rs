@@ -2,7 +2,7 @@
 //! as with one process.
 //!
 //! ```text
-//! views ─► every worker, once ─┐
+//! views ─► every worker, once ──────────────┐
 //! machines that may be requested next ─► workers ─► results, by key ─► request of the search ─► row
 //! ```
 //! A search requests one machine after another, and each result decides the next request. Workers

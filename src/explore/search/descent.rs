@@ -3,8 +3,8 @@
 //!
 //! ```text
 //! limit of each knob alone ─► all at their limits, less d ─┬─ d too small: steps given back, best relief per area  (min+1)
-//!                                                            ├─ d large enough: steps taken, most area per harm     (max−1)
-//!                                                            └─ from the better one: random exchanges, cooling          (annealing)
+//!                                                          ├─ d large enough: steps taken, most area per harm      (max−1)
+//!                                                          └─ from the better one: random exchanges, cooling       (annealing)
 //! ```
 //! Both greedy searches are lazy: the effect of a step is only measured again when the step comes
 //! up, because it changes little in between. Source of min+1 and max−1: Cantin, Savaria, Lavoie, *A

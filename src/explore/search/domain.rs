@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! the scene's camera, turned about its target ─┐
-//! cameras of a list, no one twice in a row ──────┴─► nearer or farther ─► a view
+//! cameras of a list, no repeats in a row ──────┴─► nearer or farther ─► a view
 //! ```
 //! The first searched views are of the first camera, at both ends of the range of distances. Unseen
 //! views are from the whole domain.

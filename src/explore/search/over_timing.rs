@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! scenes ─► drawn once each ─► work ──┐
-//! fields ─► machine ─► can be built ─► replay ─► frames/s, cost ─► grown until it is fast enough ─► cheaper, by one field, then by two
+//! fields ─► machine ─► valid? ─► replay ─► frames/s, cost ─► grown until it is fast enough ─► cheaper, by one field, then by two
 //!                                                                  ▲                                          │
 //!                                                                  └──── a view that is too slow is added   ◄─┘
 //! ```

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! points.jsonl, plan.json ─► [figures for which the rows have data] ─┬─► NAME.png, NAME.svg
-//!                                                                └─► charts.html, with the table
+//!                                                                    └─► charts.html, with the table
 //! ```
 //! A figure is drawn if its numbers vary, and left out otherwise. All except `host-speed` are the
 //! same on every computer.

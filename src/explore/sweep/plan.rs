@@ -494,8 +494,8 @@ impl Points {
 
     /// Loads a scene of the plan.
     ///
+    /// # Errors
     /// [`Error::Input`] as for [`Scene::load`].
-    /// [`Error::Input`] as [`Scene::load`].
     pub fn scene(&self, nth: usize) -> Result<Scene> {
         let (name, overrides) = self.named(nth);
         let scene = Scene::load(name, &overrides)?;

@@ -3,8 +3,8 @@
 //!
 //! ```text
 //! root ─► [stack of children, some at a time] ─► each child: faces away, or is outside? ─► small enough, or a leaf? ─┬─► drawn
-//!                       ▲                                                                                                └─► its children, pushed
-//!                       └─────────────────────────────────────────────────────────────────────────────────────────────────────────┘
+//!                       ▲                                                                                            └─► its children, pushed
+//!                       └───────────────────────────────────────────────────────────────────────────────────────────────────────────┘
 //! ```
 //! The size of a node is the diameter of its sphere at the sphere's nearest point: `2·R·s/(z − R)`
 //! pixels, infinite if that is at or in front of the near plane. A budget replaces the largest node

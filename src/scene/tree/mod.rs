@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! splats ─►[ halving along the longest side, in parallel ]─► nodes, breadth first ─┬─► file (`file`)
-//!                                                                                      └─► cut (`cut`): the nodes that a view needs
+//!                                                                                  └─► cut (`cut`): the nodes that a view needs
 //! ```
 //! Leaves are the unchanged splats. An inner node's splat has the mean position, normal, colour and
 //! opacity of the leaves below it, weighted by σ², the area that each represents. Its σ² is the sum

@@ -2,12 +2,12 @@
 //! of the trace.
 //!
 //! ```text
-//! work ─► splats ─► tiles, or the frame ─► stamps ─► items of each unit, in its order ─┐
+//! work ─► splats ─► tiles, or the frame ─► stamps ─► items of each unit, in its order ───┐
 //! sources ─► records by splat and pixel ─────────────────────────────────────────────────┴─► (cycle, unit, lane, record)
+//! ```
 //! The walk repeats that of `rtl_model::timing` in a simple form. It is compared with the timing
 //! model's log: a unit gets no words if its number of items differs from the walk's. Neither do the
 //! units of a binned machine that skip pixels that have stopped.
-//! of a binned machine that pass over pixels that have stopped.
 
 use super::super::transfers::{NONE, RecordSource};
 use rtl_model::machine::timing::Organisation;
