@@ -462,7 +462,7 @@ fn what_is_no_folder_of_rows_is_refused() {
     assert!(chart(&folder.path().join("nowhere")).contains("cannot be read"));
     let empty = folder.path().join("empty");
     fs::create_dir(&empty).unwrap();
-    assert!(chart(&empty).contains("no folder of `sweep` or `search`"));
+    assert!(chart(&empty).contains("not a folder of `sweep` or `search`"));
     let plan = fs::read_to_string(rows.join("plan.json")).unwrap();
     fs::write(rows.join("plan.json"), plan.replace("\"U1F", "\"X1F")).unwrap();
     assert!(chart(&rows).contains("plan.json: machine: "));

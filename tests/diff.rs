@@ -592,7 +592,7 @@ fn weights_come_in_the_order_of_the_device_s_own_raster() {
     )
     .unwrap();
     assert!(
-        equal.equal && equal.text.contains("in the order of the raster.out"),
+        equal.equal && equal.text.contains("in the order of the given raster.out"),
         "{}",
         equal.text
     );

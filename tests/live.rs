@@ -651,13 +651,13 @@ fn a_bad_record_is_refused_by_its_field() {
             "resolve",
             &["--json"],
             format!("{layer}\n{beside}\n").into(),
-            "line 2: field x: 1, and the last layer of pixel (0, 0) is still",
+            "line 2: field x: 1, and the last layer of pixel (0, 0) is missing",
         ),
         (
             "resolve",
             &["--json"],
             format!("{layer}\n{below}\n").into(),
-            "line 2: field y: 1, and the last layer of pixel (0, 0) is still",
+            "line 2: field y: 1, and the last layer of pixel (0, 0) is missing",
         ),
         (
             "resolve",

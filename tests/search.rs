@@ -1786,7 +1786,7 @@ fn flips_do_not_count_in_lockstep_and_luck_does_not_where_it_must_be_robust() {
             "--against",
             "ideal",
         ],
-        "ideal is not",
+        "those of ideal cannot",
     );
 
     // The worst of three: each of them is as good, and all are searched on.
