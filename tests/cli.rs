@@ -1217,7 +1217,7 @@ fn traces_and_comparisons_that_cannot_be_are_refused() {
     refused(&["diff", inside, "gauss.out"], "STREAM");
     refused(
         &["diff", inside, "gauss.out", "x", "raster.out"],
-        "a stream needs the file of a device's records behind it",
+        "a stream needs the file of a device's records after it",
     );
 }
 

@@ -1719,7 +1719,7 @@ fn cameras_of_a_list_are_a_domain() {
     );
     refused(
         &["run", &knot, "--size", "8x8", "--size", "9x9"],
-        "search takes several",
+        "only `search` takes several",
     );
 }
 

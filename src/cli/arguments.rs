@@ -115,7 +115,7 @@ impl CommonArgs {
         match self.size.as_slice() {
             [] | [_] => Ok(self.threads),
             all => Err(Error::input(format!(
-                "--size: {} sizes are there, and one picture is drawn; search takes several",
+                "--size: {} sizes are given, and one picture is drawn; only `search` takes several",
                 all.len()
             ))),
         }

@@ -51,7 +51,7 @@ impl DiffArgs {
         let (pairs, rest) = self.outputs.as_chunks::<2>();
         if let [unpaired] = rest {
             return Err(Error::input(format!(
-                "{}: a stream needs the file of a device's records behind it",
+                "{}: a stream needs the file of a device's records after it",
                 unpaired.display()
             )));
         }
@@ -93,7 +93,7 @@ impl DiffJob {
         // failure.
         super::print(&text)?;
         Err(Error::job(format!(
-            "{} is not what the trace has",
+            "{} differs from the trace",
             outcome.json["stream"].as_str().unwrap_or("a stream")
         )))
     }

@@ -163,7 +163,7 @@ impl RunArgs {
                 "--timing"
             };
             return Err(Error::input(format!(
-                "{flag}: {} has a budget of bytes or cycles, so another machine draws other splats: run it with --set instead",
+                "{flag}: {} has a budget of bytes or cycles, so its splats depend on the machine: use `run --set` instead",
                 scene.name
             )));
         }

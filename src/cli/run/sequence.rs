@@ -113,7 +113,7 @@ impl RunArgs {
             Some((flag, _)) => {
                 let (name, frames) = (&sequence.scene().name, sequence.cameras().len());
                 Err(Error::input(format!(
-                    "{flag}: {name} is a sequence of {frames}, and this is of one frame: choose it with --frame N"
+                    "{flag}: {name} is a sequence of {frames}, and this flag is for one frame: choose it with --frame N"
                 )))
             }
             None => Ok(()),

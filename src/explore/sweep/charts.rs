@@ -62,7 +62,7 @@ pub struct Rows {
     /// The base machine's words.
     words: BTreeMap<String, Format>,
     /// Of a search.
-    sought: Option<Sought>,
+    search: Option<SearchTarget>,
 }
 
 /// Charts of a folder of rows.
@@ -77,7 +77,7 @@ const NAMES: usize = 10;
 /// Most characters of such a label, of one in a table, of the count of omitted changes, of one in a
 /// legend, and of a scene's name.
 const LETTERS: usize = 44;
-const TOLD_LETTERS: usize = 140;
+const TABLE_LETTERS: usize = 140;
 const MORE_LETTERS: usize = 9;
 const LEGEND_LETTERS: usize = 28;
 const SCENE_LETTERS: usize = 36;
@@ -126,7 +126,7 @@ const METHOD: Measure = Measure {
 };
 
 /// Target and result of a search.
-struct Sought {
+struct SearchTarget {
     psnr_db: Option<f64>,
     /// Column of the target.
     column: &'static str,
@@ -135,7 +135,7 @@ struct Sought {
     found: [Option<f64>; 3],
 }
 
-impl Sought {
+impl SearchTarget {
     /// Reads the target and result in a folder.
     fn read(folder: &Path, target: &serde_json::Value) -> Self {
         let text = input::read_text(&folder.join("search.json")).unwrap_or_default();
@@ -148,7 +148,7 @@ impl Sought {
             (_, Some("ideal")) => columns::FIXED_VS_IDEAL_PSNR_DB,
             _ => columns::PSNR_DB,
         };
-        Sought {
+        SearchTarget {
             psnr_db: target["psnr_db"].as_f64(),
             column,
             found,
@@ -215,15 +215,15 @@ impl Rows {
             &format!("{}: machine", path.display()),
         )?;
         let words = machines::words(&base).into_iter().collect();
-        let sought = plan
+        let search = plan
             .get("search")
-            .map(|target| Sought::read(folder, target));
+            .map(|target| SearchTarget::read(folder, target));
         Ok(Rows {
             table,
             fields: machines::value(&base),
             base,
             words,
-            sought,
+            search,
         })
     }
 
@@ -450,11 +450,11 @@ impl Rows {
                     .find_map(|row| self.number(row, METHOD.column));
                 lines.extend(method.map(|db| (format!("golden − ideal, {db:.1} dB"), ends(db), 6)));
             }
-            if let Some(Sought {
+            if let Some(SearchTarget {
                 psnr_db: Some(db),
                 column,
                 ..
-            }) = &self.sought
+            }) = &self.search
                 && *column == measure.column
             {
                 lines.push((format!("target, {db} dB"), ends(*db), 4));
@@ -561,10 +561,10 @@ impl Rows {
                 1,
             ),
         ];
-        if let Some(sought) = &self.sought {
+        if let Some(search) = &self.search {
             let found = points
                 .iter()
-                .position(|(row, _)| self.is_found(row, sought));
+                .position(|(row, _)| self.is_found(row, search));
             all.extend(base.map(|base| series("start", vec![places[base]], Mark::Crosses, 2)));
             all.extend(found.map(|found| series("found", vec![places[found]], Mark::Triangles, 3)));
         }
@@ -594,8 +594,8 @@ impl Rows {
     }
 
     /// Whether a row is of the resulting machine of a search.
-    fn is_found(&self, row: &Row, sought: &Sought) -> bool {
-        let [area, psnr_db, max_error] = sought.found;
+    fn is_found(&self, row: &Row, search: &SearchTarget) -> bool {
+        let [area, psnr_db, max_error] = search.found;
         let names = [columns::AREA, columns::PSNR_DB, columns::MAX_ERROR];
         area.is_some() && names.map(|name| self.number(row, name)) == [area, psnr_db, max_error]
     }
@@ -1300,7 +1300,7 @@ impl Rows {
             let _ = write!(
                 text,
                 "\n{line}\n{}",
-                wrapped(&format!("    {}", self.name(row, &shared, TOLD_LETTERS)))
+                wrapped(&format!("    {}", self.name(row, &shared, TABLE_LETTERS)))
             );
         }
         let change_list = |name: &str| {
@@ -1330,7 +1330,7 @@ impl Rows {
             },
             change_list(names[0]),
             change_list(names[1]),
-            self.all_with(&shared, TOLD_LETTERS)
+            self.all_with(&shared, TABLE_LETTERS)
         );
         format!("{}\n{text}", wrapped(&head))
     }
