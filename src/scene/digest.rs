@@ -1,5 +1,6 @@
 //! Digest: computes the SHA-256 of a text, or of everything in a scene that is drawn.
 
+use super::tree::cut::DetailRules;
 use super::{Camera, Ellipsoids, Filter, Kernel, Orientation, Scene, Sheet, Sheets, Splat};
 use crate::output::text::hex;
 use sha2::{Digest, Sha256};
@@ -138,7 +139,16 @@ pub fn digest_of(scene: &Scene) -> String {
             .iter()
             .for_each(|node| add_splat(&node.splat));
         let visits = &detail.cut.visits;
-        sha.update(format!("{:?}", detail.rules));
+        let DetailRules {
+            pixels,
+            order,
+            culls,
+            ahead,
+            budget,
+        } = detail.rules;
+        sha.update(format!(
+            "Rules {{ pixels: {pixels:?}, order: {order:?}, culls: {culls:?}, ahead: {ahead:?}, budget: {budget:?} }}"
+        ));
         visits
             .iter()
             .for_each(|visit| sha.update(visit.node.to_le_bytes()));
