@@ -134,7 +134,7 @@ fn real_scans_have_as_many_splats_as_points_and_radii_like_their_spacing() {
             scene
                 .notes
                 .iter()
-                .all(|note| note.contains("lie outside of the frame")),
+                .all(|note| note.contains("are outside the chosen view")),
             "{:?}",
             scene.notes
         );

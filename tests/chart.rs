@@ -116,7 +116,7 @@ fn figures_are_of_what_varies() {
         "fragment.depth",
         "−2 bits",
         "as it is",
-        "dB a bit",
+        "dB per bit",
     ] {
         assert!(svg.contains(word), "{word}");
     }
@@ -140,7 +140,7 @@ fn figures_are_of_what_varies() {
     let svg = fs::read_to_string(rows.join("curves.svg")).unwrap();
     assert!(
         svg.contains("in lockstep")
-            && svg.contains("6 dB a bit")
+            && svg.contains("6 dB per bit")
             && svg.contains("fraction bits more than lean has")
     );
     fs::remove_dir_all(rows.parent().unwrap()).unwrap();
@@ -462,7 +462,7 @@ fn a_folder_without_rows_is_refused() {
     assert!(chart(&folder.path().join("nowhere")).contains("cannot be read"));
     let empty = folder.path().join("empty");
     fs::create_dir(&empty).unwrap();
-    assert!(chart(&empty).contains("no folder of `sweep` or `search`"));
+    assert!(chart(&empty).contains("not a folder of `sweep` or `search`"));
     let plan = fs::read_to_string(rows.join("plan.json")).unwrap();
     fs::write(rows.join("plan.json"), plan.replace("\"U1F", "\"X1F")).unwrap();
     assert!(chart(&rows).contains("plan.json: machine: "));
@@ -485,6 +485,6 @@ fn a_folder_without_rows_is_refused() {
     .unwrap();
     assert!(chart(&rows).contains("has no rows yet"));
     fs::write(rows.join("points.jsonl"), "{}\n").unwrap();
-    assert!(chart(&rows).contains("line 1: names no columns"));
+    assert!(chart(&rows).contains("line 1: has no columns"));
     assert!(names(&rows, "png").is_empty());
 }

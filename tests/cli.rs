@@ -1182,7 +1182,7 @@ fn impossible_traces_and_comparisons_are_refused() {
     for (arguments, part) in [
         (
             &["--waves", "0..9"][..],
-            "fragments are grouped by windows, whose cycles no wave shows",
+            "fragments are grouped by windows, whose cycles waves do not show",
         ),
         (
             &["--splats", "5..9", "--units", "gauss,fragment"],
@@ -1215,7 +1215,7 @@ fn impossible_traces_and_comparisons_are_refused() {
     refused(&["diff", inside, "gauss.out"], "STREAM");
     refused(
         &["diff", inside, "gauss.out", "x", "raster.out"],
-        "a stream needs the file of a device's records behind it",
+        "a stream needs the file of a device's records after it",
     );
 }
 

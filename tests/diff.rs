@@ -4,7 +4,7 @@ use crate::program::PROGRAM;
 use crate::traced::{Traced, cloud, machine, traced};
 use proptest::prelude::*;
 use serde_json::{Value, json};
-use splatsim::cosim::diff::{How, Order, Outcome, Zeros, diff};
+use splatsim::cosim::diff::{DiffOptions, DiffOutcome, RequiredOrder, Zeros, diff};
 use splatsim::cosim::trace::Window;
 use splatsim::error::Error;
 use std::path::{Path, PathBuf};
@@ -22,18 +22,18 @@ fn trace() -> &'static Traced {
     })
 }
 
-fn compared(stream: &str, lines: &[String]) -> Result<Outcome, Error> {
-    compared_by(stream, lines, How::default())
+fn compared(stream: &str, lines: &[String]) -> Result<DiffOutcome, Error> {
+    compared_by(stream, lines, DiffOptions::default())
 }
 
-fn strictly() -> How {
-    How {
+fn strictly() -> DiffOptions {
+    DiffOptions {
         zeros: Zeros::Compared,
-        ..How::default()
+        ..DiffOptions::default()
     }
 }
 
-fn compared_by(stream: &str, lines: &[String], how: How) -> Result<Outcome, Error> {
+fn compared_by(stream: &str, lines: &[String], how: DiffOptions) -> Result<DiffOutcome, Error> {
     compared_with(trace(), stream, lines, how)
 }
 
@@ -41,8 +41,8 @@ fn compared_with(
     trace: &Traced,
     stream: &str,
     lines: &[String],
-    how: How,
-) -> Result<Outcome, Error> {
+    how: DiffOptions,
+) -> Result<DiffOutcome, Error> {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("device.hex");
     std::fs::write(
@@ -349,7 +349,7 @@ fn the_earliest_stream_with_a_mismatch_is_named() {
     let outcome = diff(
         &trace().folder,
         &[file("resolve.out"), file("raster.out"), file("gauss.out")],
-        How::default(),
+        DiffOptions::default(),
     )
     .unwrap();
     assert_eq!(outcome.json["stream"], "raster.out");
@@ -366,7 +366,7 @@ fn a_trace_that_was_changed_is_refused() {
     let told = |stream: &str| match diff(
         &trace.folder,
         &[(stream.to_owned(), device.clone())],
-        How::default(),
+        DiffOptions::default(),
     ) {
         Err(Error::Input(sentence)) => sentence,
         other => panic!("{other:?}"),
@@ -398,7 +398,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(200))]
 
     #[test]
-    fn runs_of_missing_and_surplus_records_are_counted_apart(stream in prop::sample::select(KINDS.to_vec()), at in any::<prop::sample::Index>(), long in 1usize..40, other in any::<prop::sample::Index>()) {
+    fn runs_of_missing_and_surplus_records_are_counted_separately(stream in prop::sample::select(KINDS.to_vec()), at in any::<prop::sample::Index>(), long in 1usize..40, other in any::<prop::sample::Index>()) {
         let all = trace().lines(stream);
         let at = at.index(all.len() - long);
         let cut = [&all[..at], &all[at + long..]].concat();
@@ -436,7 +436,7 @@ proptest! {
         prop_assert_eq!(counts(&told), [0, 0, 1, 0]);
         prop_assert_eq!(&told["kind"], if from.abs_diff(to) == 1 { "swapped" } else { "moved" });
         // All records are equal in any order.
-        let how = How { order: Order::Any, ..How::default() };
+        let how = DiffOptions { order: RequiredOrder::Any, ..DiffOptions::default() };
         prop_assert!(compared_by("raster.out", &lines, how).unwrap().equal);
     }
 }
@@ -518,15 +518,15 @@ fn a_file_in_the_order_of_tiles_is_equal_and_a_fault_in_it_is_named() {
     ] {
         let mut lines = by_tiles(stream, side, backwards);
         assert_ne!(lines, tiles().lines(stream));
-        let equal = compared_with(tiles(), stream, &lines, How::default()).unwrap();
+        let equal = compared_with(tiles(), stream, &lines, DiffOptions::default()).unwrap();
         assert!(
             equal.equal && equal.text.contains(&format!("{side}×{side} pixels")),
             "{}",
             equal.text
         );
-        let in_trace_order = How {
-            order: Order::Trace,
-            ..How::default()
+        let in_trace_order = DiffOptions {
+            order: RequiredOrder::Trace,
+            ..DiffOptions::default()
         };
         assert!(
             !compared_with(tiles(), stream, &lines, in_trace_order)
@@ -534,7 +534,7 @@ fn a_file_in_the_order_of_tiles_is_equal_and_a_fault_in_it_is_named() {
                 .equal
         );
         let lost = lines.remove(lines.len() / 2);
-        let told = compared_with(tiles(), stream, &lines, How::default()).unwrap();
+        let told = compared_with(tiles(), stream, &lines, DiffOptions::default()).unwrap();
         assert_eq!(
             (counts(&told.json), &told.json["order"]),
             ([1, 0, 0, 0], &Value::from("tiles"))
@@ -551,7 +551,7 @@ fn a_file_in_the_order_of_tiles_is_equal_and_a_fault_in_it_is_named() {
             tiles(),
             "raster.out",
             &tiles().lines("raster.out"),
-            How::default()
+            DiffOptions::default()
         )
         .unwrap()
         .text
@@ -579,9 +579,9 @@ fn weights_come_in_the_order_of_the_device_s_own_raster() {
         std::fs::write(&path, lines.join("\n")).unwrap();
         (stream.to_owned(), path)
     };
-    let how = How {
-        order: Order::Any,
-        ..How::default()
+    let how = DiffOptions {
+        order: RequiredOrder::Any,
+        ..DiffOptions::default()
     };
     let mut weights = order("gauss.out");
     let raster = file("raster.out", &order("raster.out"));
@@ -592,7 +592,7 @@ fn weights_come_in_the_order_of_the_device_s_own_raster() {
     )
     .unwrap();
     assert!(
-        equal.equal && equal.text.contains("in the order of the raster.out"),
+        equal.equal && equal.text.contains("in the order of the given raster.out"),
         "{}",
         equal.text
     );
@@ -920,7 +920,7 @@ fn faulty_traces_are_reported_as_their_readmes_describe() {
         diff(
             trace,
             &[(stream.to_owned(), folder.join(file))],
-            How::default(),
+            DiffOptions::default(),
         )
         .unwrap()
     };

@@ -489,7 +489,7 @@ fn files_that_are_not_read_are_refused_with_a_program_that_converts_them() {
         (
             "h.fbx",
             b"Kaydara FBX Binary  \0",
-            "of which `splatsim sample` makes points",
+            "from which `splatsim sample` makes points",
         ),
     ] {
         let path = write(&folder, name, bytes);
@@ -1336,7 +1336,7 @@ fn gaussians_of_a_gltf_may_be_quantised_and_are_checked() {
     );
     assert!(
         changed("/accessors/3/type", json!("VEC3"))
-            .contains("accessor 3 has rows of another number of components")
+            .contains("accessor 3 has another number of components")
     );
     let primitive = "/meshes/0/primitives/0/attributes";
     let mut attributes = document.pointer(primitive).unwrap().clone();

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use rtl_model::Machine;
 use serde_json::{Value, json};
 use splatsim::cosim::live::{Constants, Port, Record, Unit};
-use splatsim::cosim::scoreboard::{Scoreboard, Side};
+use splatsim::cosim::scoreboard::{PortSide, Scoreboard};
 use splatsim::cosim::trace::Window;
 use splatsim::scene::{Overrides, Scene};
 use std::io::{BufRead, BufReader, Write};
@@ -178,9 +178,9 @@ fn a_scoreboard_takes_what_a_trace_has_and_names_what_it_has_not() {
     }
     board.end().unwrap();
     let sides = [
-        (Side::Out, "fragment.out"),
-        (Side::Request, "fragment.request"),
-        (Side::Held, "fragment.held"),
+        (PortSide::Out, "fragment.out"),
+        (PortSide::Request, "fragment.request"),
+        (PortSide::Held, "fragment.held"),
     ];
     for (side, stream) in sides {
         let mut records = trace.records(stream);
@@ -201,7 +201,7 @@ fn a_scoreboard_takes_what_a_trace_has_and_names_what_it_has_not() {
     let mut gauss = Scoreboard::new(&constants, "gauss", 1).unwrap();
     gauss.step(&trace.records("gauss.in")[0]).unwrap();
     let weight = trace.records("gauss.out")[0][0];
-    let sentence = gauss.compare(Side::Out, &[weight + 1]).unwrap_err();
+    let sentence = gauss.compare(PortSide::Out, &[weight + 1]).unwrap_err();
     let given = &trace.records("gauss.in")[0];
     let from = format!(
         "made from record 0 of gauss.in: radial {}, amplitude {}",
@@ -219,17 +219,17 @@ fn a_scoreboard_takes_what_a_trace_has_and_names_what_it_has_not() {
         gauss.step(words).unwrap();
     }
     let outs = trace.records("gauss.out");
-    (0..20).for_each(|at| gauss.compare(Side::Out, &outs[at]).unwrap());
+    (0..20).for_each(|at| gauss.compare(PortSide::Out, &outs[at]).unwrap());
     assert!(
         gauss
-            .compare(Side::Out, &[outs[20][0] + 1])
+            .compare(PortSide::Out, &[outs[20][0] + 1])
             .unwrap_err()
             .contains("made from record 21 of gauss.in: ")
     );
-    (21..30).for_each(|at| gauss.compare(Side::Out, &outs[at]).unwrap());
+    (21..30).for_each(|at| gauss.compare(PortSide::Out, &outs[at]).unwrap());
     assert!(
         gauss
-            .compare(Side::Out, &outs[0])
+            .compare(PortSide::Out, &outs[0])
             .unwrap_err()
             .contains("the last record that it took is record 30 of gauss.in: ")
     );
@@ -243,7 +243,7 @@ fn a_scoreboard_takes_what_a_trace_has_and_names_what_it_has_not() {
         .unwrap();
     ellipse.step(&input).unwrap();
     *output.last_mut().unwrap() += 1;
-    assert_eq!(ellipse.compare(Side::Out, &output), Ok(()));
+    assert_eq!(ellipse.compare(PortSide::Out, &output), Ok(()));
 }
 
 #[test]
@@ -542,13 +542,13 @@ fn a_bad_record_is_refused_by_its_field() {
             "gauss",
             &[],
             format!("{gauss}\n{gauss}\n{unknown}\n").into(),
-            "line 3: field amplitude: `x` is no hexadecimal digit",
+            "line 3: field amplitude: `x` is not a hexadecimal digit",
         ),
         (
             "gauss",
             &[],
             blurred.into(),
-            "line 1: field radial: `g` is no hexadecimal digit",
+            "line 1: field radial: `g` is not a hexadecimal digit",
         ),
         (
             "raster",
@@ -556,15 +556,25 @@ fn a_bad_record_is_refused_by_its_field() {
             format!("f{}\n", &raster[1..]).into(),
             "line 1: bits above the",
         ),
-        ("gauss", &[], vec![0xff, b'\n'], "line 1: this is no text"),
+        ("gauss", &[], vec![0xff, b'\n'], "line 1: this is not text"),
         (
             "gauss",
             &[],
             vec![b'0'; 70_000],
             "line 1: more than 65536 characters",
         ),
-        ("gauss", &["--json"], "{".into(), "line 1: no JSON object"),
-        ("gauss", &["--json"], "[1]".into(), "line 1: no JSON object"),
+        (
+            "gauss",
+            &["--json"],
+            "{".into(),
+            "line 1: not a JSON object",
+        ),
+        (
+            "gauss",
+            &["--json"],
+            "[1]".into(),
+            "line 1: not a JSON object",
+        ),
         (
             "gauss",
             &["--json"],
@@ -641,13 +651,13 @@ fn a_bad_record_is_refused_by_its_field() {
             "resolve",
             &["--json"],
             format!("{layer}\n{beside}\n").into(),
-            "line 2: field x: 1, and the last layer of pixel (0, 0) is still",
+            "line 2: field x: 1, and the last layer of pixel (0, 0) is missing",
         ),
         (
             "resolve",
             &["--json"],
             format!("{layer}\n{below}\n").into(),
-            "line 2: field y: 1, and the last layer of pixel (0, 0) is still",
+            "line 2: field y: 1, and the last layer of pixel (0, 0) is missing",
         ),
         (
             "resolve",

@@ -614,13 +614,13 @@ fn a_broken_mesh_is_one_sentence_and_nothing_is_written() {
             obj("f 1/1 2/1 3/1"),
             "line 4: a face names number 1 of 0 texture coordinates",
         ),
-        ("a.obj", obj("f 0 1 2"), "line 4: `0` is no index"),
-        ("a.obj", obj("f -4 1 2"), "line 4: `-4` is no index"),
-        ("a.obj", obj("f 1 2 x"), "line 4: `x` is no index"),
+        ("a.obj", obj("f 0 1 2"), "line 4: `0` is not an index"),
+        ("a.obj", obj("f -4 1 2"), "line 4: `-4` is not an index"),
+        ("a.obj", obj("f 1 2 x"), "line 4: `x` is not an index"),
         (
             "a.obj",
             obj("f 1/1/1/1 2 3"),
-            "line 4: `1/1/1/1` is no corner of a face",
+            "line 4: `1/1/1/1` is not a corner of a face",
         ),
         (
             "a.obj",
@@ -640,7 +640,7 @@ fn a_broken_mesh_is_one_sentence_and_nothing_is_written() {
         (
             "a.obj",
             obj("vt nan 0\nf 1/1 2/1 3/1"),
-            "triangle 0 of 1 has a texture coordinate or a colour that is no finite number",
+            "triangle 0 of 1 has a texture coordinate or a colour that is not finite",
         ),
         (
             "a.obj",
@@ -670,12 +670,12 @@ fn a_broken_mesh_is_one_sentence_and_nothing_is_written() {
         (
             "a.obj",
             textured("map_Kd text.png"),
-            "`text.png` is no PNG or JPEG picture",
+            "`text.png` is not a PNG or JPEG picture",
         ),
         (
             "a.obj",
             textured("map_Kd gif.png"),
-            "`gif.png` is no PNG or JPEG picture",
+            "`gif.png` is not a PNG or JPEG picture",
         ),
         (
             "a.obj",
@@ -719,7 +719,7 @@ fn a_broken_mesh_is_one_sentence_and_nothing_is_written() {
                 .into(),
             "has no triangles",
         ),
-        ("a.ply", b"solid".to_vec(), "is no PLY file"),
+        ("a.ply", b"solid".to_vec(), "is not a PLY file"),
         (
             "a.stl",
             b"solid a\nvertex 0 0\n".to_vec(),
@@ -728,45 +728,45 @@ fn a_broken_mesh_is_one_sentence_and_nothing_is_written() {
         (
             "a.stl",
             b"solid a\nvertex 0 0 0\nvertex 0 0 1\nendloop\n".to_vec(),
-            "line 4: a loop of 2 vertices is no triangle",
+            "line 4: a loop of 2 vertices is not a triangle",
         ),
         (
             "a.stl",
             b"solid a\nvertex 0 0 0\n".to_vec(),
             "ends inside a loop",
         ),
-        ("a.stl", b"short".to_vec(), "is no STL file"),
+        ("a.stl", b"short".to_vec(), "is not an STL file"),
         (
             "a.stl",
             huge_stl,
-            "promises 4294967295 triangles, and there is room for 2 in it",
+            "promises 4294967295 triangles, and has room for 2",
         ),
         (
             "a.stl",
             nan_stl,
             "triangle 0 of 2 has a corner without a finite position",
         ),
-        ("a.glb", long_glb, "says that it has 4294967295 bytes"),
-        ("a.glb", short_glb, "says that it has 3 bytes"),
+        ("a.glb", long_glb, "declares 4294967295 bytes"),
+        ("a.glb", short_glb, "declares 3 bytes"),
         (
             "a.glb",
             b"glTF\x02\0\0\0".to_vec(),
             "ends inside its header",
         ),
-        ("a.gltf", b"{}".to_vec(), "is no sound glTF 2.0"),
-        ("a.gltf", b"[".repeat(100_000), "is no sound glTF 2.0"),
+        ("a.gltf", b"{}".to_vec(), "is not valid glTF 2.0"),
+        ("a.gltf", b"[".repeat(100_000), "is not valid glTF 2.0"),
         (
             "a.gltf",
             gltf_with(
                 "/nodes",
                 json!([{"children": [1]}, {"children": [0], "mesh": 0}]),
             ),
-            "is met twice, so its nodes are no tree",
+            "is reached twice, so its nodes are not a tree",
         ),
         (
             "a.gltf",
             gltf_with("/nodes", json!([{"children": [0], "mesh": 0}])),
-            "node 0 is met twice",
+            "node 0 is reached twice",
         ),
         (
             "a.gltf",
@@ -786,7 +786,7 @@ fn a_broken_mesh_is_one_sentence_and_nothing_is_written() {
         (
             "a.gltf",
             gltf_with("/accessors/0/bufferView", Value::Null),
-            "is no sound glTF 2.0: invalid glTF: accessors[0].bufferView",
+            "is not valid glTF 2.0: invalid glTF: accessors[0].bufferView",
         ),
         (
             "a.gltf",
@@ -819,7 +819,7 @@ fn a_broken_mesh_is_one_sentence_and_nothing_is_written() {
         (
             "a.gltf",
             gltf_with("/buffers/0/uri", json!("https://example.org/b.bin")),
-            "only files beside the mesh are read",
+            "only files in the mesh's folder are read",
         ),
         (
             "a.gltf",
@@ -839,7 +839,7 @@ fn a_broken_mesh_is_one_sentence_and_nothing_is_written() {
         (
             "a.gltf",
             gltf_with("/images/0/uri", json!("text.png")),
-            "image 0 is no PNG or JPEG picture",
+            "image 0 is not a PNG or JPEG picture",
         ),
         (
             "a.gltf",
@@ -854,7 +854,7 @@ fn a_broken_mesh_is_one_sentence_and_nothing_is_written() {
         (
             "a.gltf",
             gltf_with("/meshes/0/primitives/0/indices", json!(7)),
-            "is no sound glTF 2.0",
+            "is not valid glTF 2.0",
         ),
     ];
     for (name, bytes, sentence) in cases {

@@ -2,7 +2,7 @@
 
 use crate::tier::{self, Tier};
 use splatsim::scene::tree::Tree;
-use splatsim::scene::tree::cut::{Budget, Detail, Order, Rules};
+use splatsim::scene::tree::cut::{Budget, Detail, DetailRules, DrawOrder};
 use splatsim::scene::{Camera, Overrides, Scene, names, parcel};
 use std::sync::Arc;
 
@@ -16,9 +16,9 @@ fn what_is_unpacked_is_what_was_packed() {
         return;
     }
     let with_a_tree = |scene: Scene| {
-        let rules = Rules {
+        let rules = DetailRules {
             pixels: 1.0,
-            order: Order::CoarseToFine,
+            order: DrawOrder::CoarseToFine,
             culls: true,
             ahead: 4,
             budget: Budget::default(),

@@ -173,7 +173,7 @@ fn one_frame_by_itself_is_that_of_the_sequence() {
         told.contains("has no frame 2 (--frame): 0 to 1 are right"),
         "{told}"
     );
-    assert!(sentence(&["run", "glass-spheres", "--frame", "1"]).contains("0 alone is right"));
+    assert!(sentence(&["run", "glass-spheres", "--frame", "1"]).contains("only 0 is right"));
     // A trace's scene is redrawn as its first frame; for other frames no scene is kept.
     for (frame, is_there) in [("0", true), ("1", false)] {
         let out = folder.join(format!("trace{frame}"));
@@ -861,7 +861,7 @@ fn cameras_that_cannot_be_expressed_are_refused_in_a_sentence() {
         (nerfstudio(json!({"fl_x": 0}), &unit), "must be above 0"),
         (
             nerfstudio(json!({"fl_x": "50"}), &unit),
-            "fl_x is no number",
+            "fl_x is not a number",
         ),
         (
             nerfstudio(json!({"w": 1e9}), &unit),
@@ -877,7 +877,7 @@ fn cameras_that_cannot_be_expressed_are_refused_in_a_sentence() {
         ),
         (
             nerfstudio(json!({}), &mirrored),
-            "transform_matrix is no rotation",
+            "transform_matrix is not a rotation",
         ),
         (
             nerfstudio(json!({}), &json!([[1, 0], [0, 1]])),
@@ -947,19 +947,19 @@ fn cameras_that_cannot_be_expressed_are_refused_in_a_sentence() {
         ),
         (
             colmap("1 PINHOLE 64 48 50 50 NaN 24", ""),
-            "`NaN` is no finite number",
+            "`NaN` is not a finite number",
         ),
         (
             colmap("x PINHOLE 64 48 50 50 32 24", one),
-            "`x` is no identity",
+            "`x` is not an identity",
         ),
         (
             colmap("1 PINHOLE 99999999999999999999 48 50 50 31 24", ""),
-            "is no width or height",
+            "is not a width or height",
         ),
         (
             colmap(&format!("{good}\n{good}"), ""),
-            "line 2: camera 1 is there a second time",
+            "line 2: camera 1 is defined twice",
         ),
         (colmap(good, ""), "has no camera"),
         (
@@ -972,7 +972,7 @@ fn cameras_that_cannot_be_expressed_are_refused_in_a_sentence() {
         ),
         (
             colmap(good, "1 1 0 0 0 0 0 inf 1 a.png\n"),
-            "`inf` is no finite number",
+            "`inf` is not a finite number",
         ),
         (
             colmap(good, "1 1 0 0 0 0 0 4 1 a.png\n1.5 2.5\n"),
@@ -1018,12 +1018,12 @@ fn cameras_of_training_and_of_videos_that_cannot_be_read_are_refused_in_a_senten
             "[1]: width is 1.5; it must be a whole number",
         ),
         (trained("height", Value::Null), "[1]: has no height"),
-        (trained("cx", json!("40")), "[1]: cx is no number"),
+        (trained("cx", json!("40")), "[1]: cx is not a number"),
         (
             trained("fx", json!(0)),
             "[1]: its focal lengths are 0 and 120 pixels; they must be above 0",
         ),
-        (trained("fy", json!("120")), "[1]: fy is no number"),
+        (trained("fy", json!("120")), "[1]: fy is not a number"),
         (
             trained("position", json!([0, 0])),
             "[1]: position must be three numbers",
@@ -1038,7 +1038,7 @@ fn cameras_of_training_and_of_videos_that_cannot_be_read_are_refused_in_a_senten
         ),
         (
             trained("rotation", json!([[1, 0, 0], [0, 1, 0], [0, 0, -1]])),
-            "[1]: rotation is no rotation",
+            "[1]: rotation is not a rotation",
         ),
         (refused(&json!([])), "has no camera"),
         (refused(&json!([7])), "[0]: has no width"),
@@ -1218,7 +1218,7 @@ fn pictures_of_several_sizes_are_drawn_at_the_size_that_most_have() {
     write(folder, "c/cameras.json", "[]");
     let notes = load(folder, "c").unwrap().scene().notes.join("; ");
     assert!(
-        notes.contains("is read, and not the cameras.json in the same folder"),
+        notes.contains("is read, not the cameras.json in the same folder"),
         "{notes}"
     );
 }
@@ -1344,7 +1344,7 @@ fn absurd_sequences_end_in_a_sentence_and_write_nothing() {
         ),
         (
             path(json!([key(3, 1.0, 1.0), key(3, 2.0, 1.0)])),
-            "camera_path.keys[1].at is 3, which does not lie above the 3 before it",
+            "camera_path.keys[1].at is 3, which is not above the 3 before it",
         ),
         (
             path(json!([key(0, 1.0, 1.0), key(4, -1.0, -1.0)])),
@@ -1409,7 +1409,7 @@ fn absurd_sequences_end_in_a_sentence_and_write_nothing() {
     let film = folder.join("a.y4m");
     assert!(
         sentence(&["run", "glass-spheres", "--y4m", film.to_str().unwrap()])
-            .contains("one frame is no video")
+            .contains("one frame is not a video")
     );
     assert!(
         sentence(&["run", &scene, "--y4m", folder.to_str().unwrap()])
@@ -1540,10 +1540,10 @@ fn distorted_lenses_are_refused_in_every_format() {
     };
     assert!(read(json!({"cx": 32, "cy": 32, "camera_angle_y": 0.7, "is_fisheye": false, "distortion_params": [0, 0.0]})).is_ok());
     for (more, says) in [
-        (json!({"cx": "abc"}), "cx is no number"),
+        (json!({"cx": "abc"}), "cx is not a number"),
         (json!({"is_fisheye": true}), "is_fisheye"),
         (json!({"distortion_params": [0.5, 0]}), "distortion_params"),
-        (json!({"camera_model": 5}), "camera_model is no text"),
+        (json!({"camera_model": 5}), "camera_model is not a text"),
     ] {
         let told = read(more.clone())
             .err()

@@ -649,7 +649,7 @@ fn broken_surroundings_end_in_a_sentence() {
         (
             json!({"file": "noise.png"}),
             json!({"reflect": 1}),
-            "no PNG, Radiance or EXR",
+            "not a PNG, Radiance or EXR",
         ),
         (json!({"file": "huge.hdr"}), json!({"reflect": 1}), ""),
         (json!({"file": "wide.hdr"}), json!({"reflect": 1}), ""),

@@ -980,7 +980,7 @@ fn more_cases_than_memory_holds_are_refused() {
         "--out",
         out.to_str().unwrap(),
     ];
-    assert!(refused(&arguments).contains("at most 5000000 cases a unit"));
+    assert!(refused(&arguments).contains("at most 5000000 cases per unit"));
     assert!(!out.exists());
 }
 

@@ -336,7 +336,7 @@ fn nan_is_equal_to_nothing_in_an_attribution() {
 fn a_search_meets_no_target_with_nan() {
     let mut scene = confetti(20, 4);
     let machine = Machine::named("reference").unwrap();
-    let asked = |target| search::Options {
+    let asked = |target| search::SearchOptions {
         target,
         views: 1,
         robust: 1,

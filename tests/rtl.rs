@@ -18,7 +18,7 @@ use rtl_model::timing::{self, Detail};
 use rtl_model::{Machine, pipeline};
 use serde_json::json;
 
-use splatsim::cosim::diff::{How, Order, Zeros, diff};
+use splatsim::cosim::diff::{DiffOptions, RequiredOrder, Zeros, diff};
 use splatsim::cosim::trace::Window;
 use splatsim::hardware::fixed;
 use splatsim::hardware::machines::changed;
@@ -157,9 +157,9 @@ fn fault(trace: &Traced, unit: Unit, given: &Given) -> Option<String> {
     match diff(
         &trace.folder,
         &outputs(unit, given),
-        How {
+        DiffOptions {
             zeros: Zeros::Compared,
-            order: Order::Trace,
+            order: RequiredOrder::Trace,
         },
     ) {
         Ok(outcome) if outcome.equal => None,
@@ -571,9 +571,9 @@ fn the_least_testbench_runs_in_one_command() {
     let compared = diff(
         &root.join("traces/knot"),
         &[("raster.out".to_owned(), file)],
-        How {
-            order: Order::Trace,
-            ..How::default()
+        DiffOptions {
+            order: RequiredOrder::Trace,
+            ..DiffOptions::default()
         },
     );
     assert!(compared.unwrap().equal);
@@ -2089,9 +2089,9 @@ fn fields_without_a_meaning_are_zero() {
         diff(
             &trace.folder,
             &outputs(unit("ellipse"), &given),
-            How {
+            DiffOptions {
                 zeros,
-                order: Order::Trace,
+                order: RequiredOrder::Trace,
             },
         )
         .unwrap()

@@ -417,7 +417,7 @@ fn wrong_arguments_are_one_sentence_and_nothing_is_written() {
                 "--texture-image",
                 "text.jpg",
             ],
-            "text.jpg: is no PNG or JPEG picture",
+            "text.jpg: is not a PNG or JPEG picture",
         ),
         (
             &[

@@ -587,7 +587,7 @@ fn a_machine_that_was_searched_warns_outside_of_that() {
     };
     wrong(
         &|record| record["scenes"][0]["widht"] = json!(3),
-        "searched: scenes[0].widht is no known field; the nearest is `width`",
+        "searched: scenes[0].widht is not a known field; the nearest is `width`",
     );
     wrong(
         &|record| record["target"]["psnr_db"] = json!("many"),
@@ -607,7 +607,7 @@ fn a_machine_that_was_searched_warns_outside_of_that() {
     );
     refused(
         &["machine", "show", file, "--set", "searched.scenes=[]"],
-        "searched is no known field",
+        "searched is not a known field",
     );
 }
 
@@ -875,7 +875,7 @@ fn the_cheapest_rule_is_found() {
     let scene = glass(5, 4);
     let base = Machine::named("reference").unwrap();
     let target = 60.0;
-    for by in [over_fragment::By::Area, over_fragment::By::Bytes] {
+    for by in [over_fragment::LeastOf::Area, over_fragment::LeastOf::Bytes] {
         let scenes = std::slice::from_ref(&scene);
         let found = over_fragment::run(
             scenes,
@@ -891,7 +891,7 @@ fn the_cheapest_rule_is_found() {
         let choices = told["choices"].as_array().unwrap();
         assert_eq!(choices.len(), 40);
         let cost = |choice: &Value| {
-            choice[if by == over_fragment::By::Area {
+            choice[if by == over_fragment::LeastOf::Area {
                 "area"
             } else {
                 "pixel_bytes"
@@ -947,7 +947,7 @@ fn the_cheapest_rule_is_found() {
         &base,
         &nowhere,
         target,
-        over_fragment::By::Area,
+        over_fragment::LeastOf::Area,
         &Prices::default(),
         false,
     );
@@ -966,7 +966,7 @@ fn the_cheapest_rule_is_found() {
             &base,
             folder.path(),
             target,
-            over_fragment::By::Area,
+            over_fragment::LeastOf::Area,
             &Prices::default(),
             false,
         )
@@ -979,7 +979,7 @@ fn the_cheapest_rule_is_found() {
         &base,
         folder.path(),
         400.0,
-        over_fragment::By::Area,
+        over_fragment::LeastOf::Area,
         &Prices::default(),
         false,
     );
@@ -994,8 +994,8 @@ fn the_cheapest_rule_is_found() {
 // ---- Over timing ----
 
 /// 2,592 machines; the clock is one of their fields.
-fn grid() -> Vec<over_timing::Field> {
-    let field = |field: &str, values: Value| over_timing::Field {
+fn grid() -> Vec<over_timing::SearchedField> {
+    let field = |field: &str, values: Value| over_timing::SearchedField {
         field: field.into(),
         values: values.as_array().unwrap().clone(),
     };
@@ -1020,14 +1020,14 @@ fn grid() -> Vec<over_timing::Field> {
 /// speed at every clock.
 fn all_machines(
     base: &Machine,
-    fields: &[over_timing::Field],
+    fields: &[over_timing::SearchedField],
     work: &rtl_model::work::Work,
 ) -> Vec<(f64, [f64; 2], String)> {
     let count: usize = fields.iter().map(|field| field.values.len()).product();
     let of = |number: usize| {
         let mut left = number;
         let mut changes = Vec::new();
-        for over_timing::Field { field, values } in fields {
+        for over_timing::SearchedField { field, values } in fields {
             changes.push((field.clone(), values[left % values.len()].clone()));
             left /= values.len();
         }
@@ -1063,9 +1063,9 @@ fn sizes(built: &Elaborated) -> [f64; 2] {
 }
 
 /// Options without progress output.
-fn at_least(min_fps: f64, fields: Vec<over_timing::Field>) -> over_timing::Options {
+fn at_least(min_fps: f64, fields: Vec<over_timing::SearchedField>) -> over_timing::TimingOptions {
     let minimise = over_timing::Minimise::Area;
-    over_timing::Options {
+    over_timing::TimingOptions {
         min_fps,
         minimise,
         fields,
@@ -1109,7 +1109,7 @@ fn the_cheapest_machine_that_is_fast_enough_is_found() {
             .map(|(_, sizes, told)| (sizes[nth], told));
         let (best, best_changes) = fast_enough.min_by(|(a, _), (b, _)| a.total_cmp(b)).unwrap();
         let folder = tempfile::tempdir().unwrap();
-        let options = over_timing::Options {
+        let options = over_timing::TimingOptions {
             minimise,
             ..at_least(min_fps, grid())
         };
@@ -1474,11 +1474,11 @@ fn a_field_without_a_unit_cost_cannot_be_searched() {
     );
     with(
         json!([{"field": "gauss.weight", "values": ["U0F8"]}]),
-        "is no field of timing; --target-psnr searches words",
+        "is not a field of timing; --target-psnr searches words",
     );
     with(
         json!([{"field": "timing.raster.fofi", "values": [4]}]),
-        "timing.raster.fofi is no known field",
+        "timing.raster.fofi is not a known field",
     );
     with(
         json!([{"field": "timing.raster.fifo", "values": ["many"]}]),
@@ -1491,7 +1491,7 @@ fn a_field_without_a_unit_cost_cannot_be_searched() {
     with(json!([]), "has no field");
     with(
         json!({"field": "timing.raster.fifo"}),
-        "is no list of fields and values",
+        "is not a list of fields and values",
     );
     refused(
         &["search", &path, "--minimise", "area", "--target-psnr", "30"],
@@ -1720,7 +1720,7 @@ fn cameras_of_a_list_are_a_domain() {
     );
     refused(
         &["run", &knot, "--size", "8x8", "--size", "9x9"],
-        "search takes several",
+        "only `search` takes several",
     );
 }
 
@@ -1787,7 +1787,7 @@ fn flips_do_not_count_in_lockstep_and_luck_does_not_where_it_must_be_robust() {
             "--against",
             "ideal",
         ],
-        "ideal is not",
+        "those of ideal cannot",
     );
 
     // The worst of three: each meets the target, and all are used by the search.
@@ -2176,10 +2176,10 @@ fn each_claimed_figure_is_shown_again_by_the_command_that_is_printed() {
         (
             "focal_px",
             json!([50, 50]),
-            "has focal_px or centre_px, and no picture_px that they refer to",
+            "has focal_px or centre_px without picture_px",
         ),
         ("eye", json!([0, 0, 1e40]), "eye[2] is 1e40; "),
-        ("eys", json!([0, 0, 1]), "eys is no known field"),
+        ("eys", json!([0, 0, 1]), "eys is not a known field"),
     ] {
         let mut cameras = whole.clone();
         cameras["splatsim_cameras"][1]["camera"][field] = value;

@@ -13,7 +13,9 @@ use rtl_model::probe::Observer;
 use rtl_model::units::fragment::{Contribution, Decision};
 use rtl_model::{Machine, pipeline};
 use splatsim::explore::stress;
-use splatsim::explore::stress::{CASES, Case, Catalogue, FOCAL_PX, Failure, Found, MachineReport};
+use splatsim::explore::stress::{
+    CASES, Case, Catalogue, FOCAL_PX, Failure, MachineReport, PointFindings,
+};
 use splatsim::golden;
 use splatsim::hardware::{fixed, machines, quantise};
 use splatsim::scene::{Scene, Splat};
@@ -51,7 +53,7 @@ fn report(name: &str, machine: &str) -> &'static MachineReport {
         .unwrap()
 }
 
-fn found(name: &str, machine: &str, value: f64) -> &'static Found {
+fn found(name: &str, machine: &str, value: f64) -> &'static PointFindings {
     report(name, machine)
         .points
         .iter()
@@ -72,7 +74,7 @@ fn named(case: &Case) -> Vec<&'static str> {
 }
 
 /// Every forbidden behaviour of a machine, one line each.
-fn faults(of: impl Fn(&Found) -> u64) -> Vec<String> {
+fn faults(of: impl Fn(&PointFindings) -> u64) -> Vec<String> {
     let mut faults = Vec::new();
     for case in &catalogue().cases {
         for machine in &case.machines {

@@ -6,7 +6,7 @@ use rtl_model::num::Format;
 use serde_json::{Value, json};
 use splatsim::explore::sweep::plan::Points;
 use splatsim::explore::sweep::stage::Stage;
-use splatsim::explore::sweep::{Options, Shard, Sweep};
+use splatsim::explore::sweep::{Shard, Sweep, SweepOptions};
 use splatsim::output::files::Folder;
 use splatsim::performance::cost::Prices;
 use std::collections::BTreeMap;
@@ -369,7 +369,7 @@ fn a_billion_points_are_refused_with_their_count() {
     for (arguments, says) in [
         (
             vec!["sweep", "no-such-plan"],
-            "ready are precision, precision-in-lockstep, curves, architecture, layers, clock",
+            "built-in are precision, precision-in-lockstep, curves, architecture, layers, clock",
         ),
         (
             vec!["sweep", "precision", "--shard", "3/2"],
@@ -689,7 +689,9 @@ fn words_can_change_together_and_the_first_that_loses_a_decibel_is_named() {
         both(json!({"fields": ["gauss.weight", "gauss.weight"], "add_frac_bits": [1]}))
             .contains("fields has gauss.weight twice")
     );
-    assert!(both(json!({"fields": ["gauss.wait"], "add_frac_bits": [1]})).contains("is no word"));
+    assert!(
+        both(json!({"fields": ["gauss.wait"], "add_frac_bits": [1]})).contains("is not a word")
+    );
     assert!(
         both(json!({"fields": ["*"], "add_frac_bits": [1]}))
             .contains("change with nothing together")
@@ -735,7 +737,7 @@ fn a_part_that_began_before_another_ended_keeps_its_rows_in_the_table() {
     let plan = json!({"scenes": ["terrain.json"], "size": [8, 6], "machine": "tiny", "lockstep": false, "axes": [axis]});
     let points = Points::load(written(folder.path(), &plan)).unwrap();
     let out = folder.path().join("out");
-    let options = |index| Options {
+    let options = |index| SweepOptions {
         shard: Some(Shard { index, of: 2 }),
         most: 100,
         prices: Prices::default(),

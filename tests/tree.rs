@@ -15,16 +15,16 @@ use splatsim::hardware::{fixed, quantise::quantise};
 use splatsim::performance::cost::{Cost, Prices};
 use splatsim::performance::recording::Recording;
 use splatsim::run::evaluation::Evaluation;
-use splatsim::scene::tree::cut::{Budget, Detail, Found, Order, Rules};
+use splatsim::scene::tree::cut::{Budget, Detail, DetailRules, DrawOrder, VisitResult};
 use splatsim::scene::tree::{Tree, file};
 use splatsim::scene::{Overrides, Scene, Splat};
 use std::collections::BTreeSet;
 use std::process::Command;
 use std::sync::Arc;
 
-const EVERYTHING: Rules = Rules {
+const EVERYTHING: DetailRules = DetailRules {
     pixels: 0.0,
-    order: Order::Walk,
+    order: DrawOrder::Walk,
     culls: false,
     ahead: 4,
     budget: Budget {
@@ -54,7 +54,7 @@ fn ball(count: usize) -> Scene {
 }
 
 /// The scene as a cut of its tree.
-fn cut(scene: &Scene, children: usize, rules: Rules) -> Scene {
+fn cut(scene: &Scene, children: usize, rules: DetailRules) -> Scene {
     let tree = Tree::new(&scene.splats, children).unwrap();
     Scene {
         detail: Some(Detail::new(Arc::new(tree), rules)),
@@ -214,7 +214,7 @@ fn a_node_from_afar_is_as_bright_as_its_leaves() {
         let coarse = cut(
             &scene,
             4,
-            Rules {
+            DetailRules {
                 pixels,
                 ..EVERYTHING
             },
@@ -234,12 +234,12 @@ fn a_node_from_afar_is_as_bright_as_its_leaves() {
 
 #[test]
 fn at_no_pixels_the_leaves_are_drawn() {
-    for order in [Order::Walk, Order::CoarseToFine] {
+    for order in [DrawOrder::Walk, DrawOrder::CoarseToFine] {
         let plain = confetti(200, 9);
         let all = cut(
             &plain,
             4,
-            Rules {
+            DetailRules {
                 order,
                 ..EVERYTHING
             },
@@ -274,11 +274,11 @@ fn at_no_pixels_the_leaves_are_drawn() {
 fn a_cut_covers_every_leaf_once() {
     let scene = ball(700);
     for (pixels, children) in [(0.0, 4), (1.5, 2), (4.0, 4), (10.0, 16), (1e6, 4)] {
-        for order in [Order::Walk, Order::CoarseToFine] {
+        for order in [DrawOrder::Walk, DrawOrder::CoarseToFine] {
             let cut = cut(
                 &scene,
                 children,
-                Rules {
+                DetailRules {
                     pixels,
                     order,
                     ..EVERYTHING
@@ -300,7 +300,7 @@ fn a_cut_covers_every_leaf_once() {
             assert!(
                 cut.visits
                     .iter()
-                    .all(|visit| matches!(visit.found, Found::Opened | Found::Drawn))
+                    .all(|visit| matches!(visit.found, VisitResult::Opened | VisitResult::Drawn))
             );
             assert_eq!(cut.drawn.len() == 1, pixels == 1e6);
         }
@@ -315,7 +315,7 @@ fn smaller_pixels_never_cut_coarser() {
             cut(
                 &scene,
                 4,
-                Rules {
+                DetailRules {
                     pixels,
                     ..EVERYTHING
                 },
@@ -333,7 +333,7 @@ fn smaller_pixels_never_cut_coarser() {
             .cut
             .visits
             .iter()
-            .filter(|visit| visit.found == Found::Opened)
+            .filter(|visit| visit.found == VisitResult::Opened)
             .map(|visit| visit.node)
             .collect()
     };
@@ -386,7 +386,7 @@ fn a_walk_draws_in_the_order_of_its_stack() {
         let scene = cut(
             &scene,
             children,
-            Rules {
+            DetailRules {
                 pixels: 6.0,
                 ahead,
                 ..EVERYTHING
@@ -468,11 +468,11 @@ fn budgets_are_kept_and_used() {
         cut(
             &scene,
             4,
-            Rules {
+            DetailRules {
                 pixels,
                 budget,
                 culls,
-                order: Order::CoarseToFine,
+                order: DrawOrder::CoarseToFine,
                 ..EVERYTHING
             },
         )
@@ -489,7 +489,7 @@ fn budgets_are_kept_and_used() {
     let loose = cut(
         &scene,
         4,
-        Rules {
+        DetailRules {
             pixels: 8.0,
             ..EVERYTHING
         },
@@ -507,7 +507,7 @@ fn budgets_are_kept_and_used() {
     let opened = cut
         .visits
         .iter()
-        .filter(|visit| visit.found == Found::Opened)
+        .filter(|visit| visit.found == VisitResult::Opened)
         .map(|visit| size(visit.node))
         .fold(f64::INFINITY, f64::min);
     let left = cut
@@ -536,20 +536,20 @@ fn what_is_culled_has_no_contribution() {
         let culled = cut(
             &scene,
             4,
-            Rules {
+            DetailRules {
                 pixels,
                 culls: true,
                 ..EVERYTHING
             },
         );
         let Detail { tree, cut, .. } = detail(&culled);
-        let lost = |found: Found| {
+        let lost = |found: VisitResult| {
             let of = cut.visits.iter().filter(|visit| visit.found == found);
             of.flat_map(|visit| leaves_below(tree, visit.node as usize))
                 .map(|leaf| scene.splats[leaf as usize])
                 .collect::<Vec<_>>()
         };
-        let lost = [lost(Found::Away), lost(Found::Outside)];
+        let lost = [lost(VisitResult::Away), lost(VisitResult::Outside)];
         (away, outside) = (away + lost[0].len(), outside + lost[1].len());
         let rest = Scene {
             splats: lost.concat(),
@@ -591,7 +591,7 @@ fn a_view_of_nothing_draws_the_background() {
     let scene = cut(
         &scene,
         4,
-        Rules {
+        DetailRules {
             culls: true,
             ..EVERYTHING
         },
@@ -665,17 +665,12 @@ fn a_file_that_lies_is_refused() {
     let number = |value: f64| value.to_le_bytes().to_vec();
     let count = |value: u32| value.to_le_bytes().to_vec();
     let lies: [(usize, usize, Vec<u8>, &str); 14] = [
-        (
-            0,
-            0,
-            number(f64::NAN),
-            "node 0 has a position that is no number",
-        ),
+        (0, 0, number(f64::NAN), "node 0 has a position that is NaN"),
         (
             0,
             24,
             number(3.0),
-            "node 0 has a normal that is no unit vector",
+            "node 0 has a normal that is not a unit vector",
         ),
         (
             leaf,
@@ -702,7 +697,7 @@ fn a_file_that_lies_is_refused() {
             0,
             104,
             number(0.99),
-            "has a normal below it that leaves its cone",
+            "has a normal below it outside its cone",
         ),
         (0, 116, count(1), "is the root, and its level is not 0"),
         (0, 120, count(0), "has children that are not the next nodes"),
@@ -712,7 +707,7 @@ fn a_file_that_lies_is_refused() {
             leaf,
             120,
             count(77),
-            "its place is taken, or there is no such place",
+            "is a leaf with a duplicate or invalid index",
         ),
     ];
     for (node, at, with, sentence) in lies {
@@ -729,7 +724,7 @@ fn a_file_that_lies_is_refused() {
     assert!(
         file::parse(&smaller)
             .unwrap_err()
-            .contains("node 0 has a splat below it that leaves its sphere")
+            .contains("node 0 has a splat below it outside its sphere")
     );
     // A node at another position than its descendants would be culled at its own position.
     let away = file::bytes(&tree);
@@ -738,14 +733,14 @@ fn a_file_that_lies_is_refused() {
     assert!(
         file::parse(&away)
             .unwrap_err()
-            .contains("node 0 has a node below it that leaves its sphere")
+            .contains("node 0 has a node below it outside its sphere")
     );
     // Two leaves at one position.
     let twice = tampered(&bytes, leaf, 120, &count(tree.nodes()[leaf - 1].first));
     assert!(
         file::parse(&twice)
             .unwrap_err()
-            .contains("its place is taken")
+            .contains("a duplicate or invalid index")
     );
     // For any count, nothing panics and nothing hangs.
     let mut rng = Rng(1);
@@ -813,7 +808,7 @@ fn a_walk_takes_a_latency_a_round() {
         cut(
             &ball(256),
             4,
-            Rules {
+            DetailRules {
                 ahead,
                 ..EVERYTHING
             },
@@ -840,11 +835,11 @@ fn a_walk_takes_a_latency_a_round() {
 #[test]
 fn a_walk_reads_every_node_of_its_visits() {
     let scene = ball(300);
-    for order in [Order::Walk, Order::CoarseToFine] {
+    for order in [DrawOrder::Walk, DrawOrder::CoarseToFine] {
         let coarse = cut(
             &scene,
             4,
-            Rules {
+            DetailRules {
                 pixels: 40.0,
                 order,
                 ..EVERYTHING
@@ -873,7 +868,7 @@ fn a_walk_reads_every_node_of_its_visits() {
             "{bytes} bytes, {} bursts",
             bursts.len()
         );
-        if order == Order::Walk {
+        if order == DrawOrder::Walk {
             assert_eq!((fetch.items, written), (read, 0));
             assert!(bytes <= read * 128);
         } else {
@@ -890,7 +885,7 @@ fn a_walk_reads_every_node_of_its_visits() {
         &cut(
             &scene,
             4,
-            Rules {
+            DetailRules {
                 pixels: 40.0,
                 ..EVERYTHING
             },
@@ -909,9 +904,9 @@ fn a_walk_is_recorded_and_a_damaged_one_refused() {
     let scene = cut(
         &ball(60),
         4,
-        Rules {
+        DetailRules {
             pixels: 4.0,
-            order: Order::CoarseToFine,
+            order: DrawOrder::CoarseToFine,
             ..EVERYTHING
         },
     );
@@ -956,9 +951,9 @@ fn budgets_of_bytes_and_cycles_are_kept_on_every_machine() {
             cut(
                 &scene,
                 4,
-                Rules {
+                DetailRules {
                     budget,
-                    order: Order::CoarseToFine,
+                    order: DrawOrder::CoarseToFine,
                     ..EVERYTHING
                 },
             )
@@ -1030,7 +1025,7 @@ fn stacks_that_a_frame_has_no_room_on_are_refused_by_replays() {
         let scene = cut(
             &ball(400),
             4,
-            Rules {
+            DetailRules {
                 ahead,
                 ..EVERYTHING
             },
@@ -1159,7 +1154,7 @@ fn a_sheet_of_two_sides_is_seen_however_coarse() {
             &cut(
                 &sheet,
                 4,
-                Rules {
+                DetailRules {
                     pixels,
                     culls: true,
                     ..EVERYTHING
@@ -1282,7 +1277,7 @@ fn a_scene_draws_a_cut_of_a_tree_in_a_file() {
     let Detail { tree, cut, rules } = detail(&coarse);
     assert_eq!(
         (tree.most_children(), rules.order, rules.culls),
-        (3, Order::Walk, true)
+        (3, DrawOrder::Walk, true)
     );
     assert!(
         coarse.splats.len() < 500
@@ -1379,7 +1374,7 @@ fn inputs_without_a_tree_are_refused_in_a_sentence() {
         ),
         (vec!["run", "shells.json"], "level_of_detail is of discs"),
         (vec!["run", "broken.tree"], "is damaged: it has 23 bytes"),
-        (vec!["run", "other.tree"], "is no tree of splats"),
+        (vec!["run", "other.tree"], "is not a tree of splats"),
         (vec!["run", "negative.json"], "level_of_detail.pixels"),
         (vec!["run", "none.json"], "level_of_detail.budget.splats"),
         (vec!["run", "unknown.json"], "level_of_detail.order"),

@@ -1,4 +1,4 @@
-//! Arguments: those that several commands have, and texts that become numbers.
+//! Arguments: flags shared by several commands, and parsers of their values.
 
 use crate::error::{Error, Result};
 use crate::hardware::machines;
@@ -11,9 +11,9 @@ use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// Machine and picture of whatever draws.
+/// Flags of the commands that draw: machine, picture and threads.
 #[derive(Args, Debug)]
-pub(super) struct Common {
+pub(super) struct CommonArgs {
     /// Use this machine or file [default: by the scene]
     #[arg(long, value_name = "NAME|FILE")]
     machine: Option<OsString>,
@@ -22,7 +22,7 @@ pub(super) struct Common {
     settings: Vec<String>,
     /// Set the size of the picture, in pixels
     #[arg(long, value_name = "WxH", action = ArgAction::Append)]
-    size: Vec<Pair<'x'>>,
+    size: Vec<TwoNumbers<'x'>>,
     /// Draw frame N [default: 0; `run`: all]
     #[arg(long, value_name = "N")]
     pub frame: Option<usize>,
@@ -30,8 +30,8 @@ pub(super) struct Common {
     pub threads: Threads,
 }
 
-impl Common {
-    /// The machine that is asked for, or the usual one for a scene.
+impl CommonArgs {
+    /// The machine of `--machine`, or the default one for a scene.
     pub fn machine(&self, scene: &Scene) -> Result<Machine> {
         self.machine_file(scene).map(|file| file.machine)
     }
@@ -46,8 +46,9 @@ impl Common {
         Ok(file.on(scene))
     }
 
-    /// The same, and where it was searched, how the scene lies outside of that.
-    pub fn machine_within(&self, scene: &Scene) -> Result<Within> {
+    /// The machine. If it is the result of a search, also how the scene differs from the searched
+    /// ones.
+    pub fn searched_machine(&self, scene: &Scene) -> Result<SearchedMachine> {
         let file = self.machine_file(scene)?;
         let is_changed = self
             .settings
@@ -56,7 +57,7 @@ impl Common {
         let outside = file.outside(scene, is_changed);
         let File { machine, searched } = file;
         let (Some(record), Some(mut outside)) = (searched, outside) else {
-            return Ok(Within {
+            return Ok(SearchedMachine {
                 machine,
                 outside: None,
                 warning: None,
@@ -75,29 +76,29 @@ impl Common {
         let warning = format!(
             "machine {name} was searched on {scenes} for {target}, and may miss that here: {here}"
         );
-        Ok(Within {
+        Ok(SearchedMachine {
             machine,
             warning: (!outside.is_empty()).then_some(warning),
             outside: Some(outside),
         })
     }
 
-    /// The scene; of a sequence the frame that is asked for, else the first.
+    /// The scene. In a sequence: frame `--frame`, or the first.
     pub fn scene(&self, name_or_path: &OsStr) -> Result<Scene> {
         Scene::load_frame(name_or_path, &self.overrides(), self.frame.unwrap_or(0))
     }
 
-    /// Values that go before the scene's own.
+    /// Values that override the scene's own.
     pub fn overrides(&self) -> Overrides {
         self.each_overrides()[0]
     }
 
-    /// The same for each of several sizes; never empty.
+    /// One [`Overrides`] per `--size`; never empty.
     pub fn each_overrides(&self) -> Vec<Overrides> {
         let mut all: Vec<Overrides> = self
             .size
             .iter()
-            .map(|Pair(width, height)| Overrides {
+            .map(|TwoNumbers(width, height)| Overrides {
                 size: Some((*width, *height)),
             })
             .collect();
@@ -109,26 +110,25 @@ impl Common {
         }
     }
 
-    /// Refuses several sizes, for a job that draws one picture.
+    /// Refuses several sizes in a command that draws one picture.
     pub fn of_one_size(&self) -> Result<Threads> {
         match self.size.as_slice() {
             [] | [_] => Ok(self.threads),
             all => Err(Error::input(format!(
-                "--size: {} sizes are there, and one picture is drawn; search takes several",
+                "--size: {} sizes are given, and one picture is drawn; only `search` takes several",
                 all.len()
             ))),
         }
     }
 }
 
-/// A machine, and whether it is known what it does to a scene.
+/// A machine, and whether it is used within the limits of its search.
 #[derive(Debug)]
-pub(super) struct Within {
+pub(super) struct SearchedMachine {
     pub machine: Machine,
-    /// How the scene lies outside of what the machine was searched for; none where nobody searched
-    /// it.
+    /// How the scene differs from those of the search; None for a machine that was not searched.
     pub outside: Option<Vec<String>>,
-    /// That in a sentence, if it does.
+    /// `outside` in a sentence; None if it is empty.
     pub warning: Option<String>,
 }
 
@@ -140,7 +140,7 @@ pub(super) struct Threads {
 }
 
 impl Threads {
-    /// Runs `work` on as many threads as asked for.
+    /// Runs `work` on `--threads` threads.
     pub fn run<T: Send>(self, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
         let Some(threads) = self.threads else {
             return work();
@@ -155,39 +155,39 @@ impl Threads {
 
 /// Two whole numbers with a separator between them.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Pair<const SEPARATOR: char>(pub usize, pub usize);
+pub(super) struct TwoNumbers<const SEPARATOR: char>(pub usize, pub usize);
 
-impl<const SEPARATOR: char> FromStr for Pair<SEPARATOR> {
+impl<const SEPARATOR: char> FromStr for TwoNumbers<SEPARATOR> {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         let pair = text
             .split_once(SEPARATOR)
-            .and_then(|(a, b)| Some(Pair(a.parse().ok()?, b.parse().ok()?)));
+            .and_then(|(a, b)| Some(TwoNumbers(a.parse().ok()?, b.parse().ok()?)));
         pair.ok_or_else(|| format!("two whole numbers with `{SEPARATOR}` between them are needed"))
     }
 }
 
 /// A range of whole numbers, A..B.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Span(pub [u32; 2]);
+pub(super) struct NumberRange(pub [u32; 2]);
 
-impl FromStr for Span {
+impl FromStr for NumberRange {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         let span = text
             .split_once("..")
-            .and_then(|(a, b)| Some(Span([a.parse().ok()?, b.parse().ok()?])));
+            .and_then(|(a, b)| Some(NumberRange([a.parse().ok()?, b.parse().ok()?])));
         span.ok_or_else(|| "two whole numbers with `..` between them are needed".into())
     }
 }
 
-/// A range of parts, A..B, above 0.
+/// A range of factors, A..B, above 0.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Parts(pub [f64; 2]);
+pub(super) struct FactorRange(pub [f64; 2]);
 
-impl FromStr for Parts {
+impl FromStr for FactorRange {
     type Err = String;
 
     fn from_str(text: &str) -> std::result::Result<Self, String> {
@@ -196,7 +196,7 @@ impl FromStr for Parts {
             .and_then(|(a, b)| Some([positive(a).ok()?, positive(b).ok()?]));
         let is_range =
             |[a, b]: &[f64; 2]| a <= b && (1e-3..=1e3).contains(a) && (1e-3..=1e3).contains(b);
-        parts.filter(is_range).map(Parts).ok_or_else(|| {
+        parts.filter(is_range).map(FactorRange).ok_or_else(|| {
             "two numbers from 0.001 to 1000 with `..` between them are needed, the lesser first"
                 .into()
         })
@@ -219,7 +219,7 @@ impl FromStr for Corners {
     }
 }
 
-/// A number above 0.
+/// Parses a number above 0.
 pub(super) fn positive(text: &str) -> std::result::Result<f64, String> {
     let number = text
         .parse::<f64>()
@@ -228,7 +228,7 @@ pub(super) fn positive(text: &str) -> std::result::Result<f64, String> {
     number.ok_or_else(|| "a number above 0 is needed".into())
 }
 
-/// The folder of a job on a file where none is named: `terrain-sweep`.
+/// The default output folder of a command: `terrain-sweep`.
 pub(super) fn folder_for(name_or_path: &OsStr, job: &str) -> PathBuf {
     let mut name = Path::new(name_or_path)
         .file_stem()

@@ -1,4 +1,4 @@
-//! Chart: draws charts of what a sweep or a search found, and a page of them.
+//! Chart: draws charts of the results of a sweep or a search, and a page of them.
 
 use super::arguments::written;
 use crate::error::Result;
@@ -7,7 +7,7 @@ use clap::Args;
 use std::path::PathBuf;
 
 #[derive(Args, Debug)]
-pub(super) struct Typed {
+pub(super) struct ChartArgs {
     /// Folder of `sweep` or `search`; charts are written there
     #[arg(value_name = "DIR")]
     folder: PathBuf,
@@ -16,7 +16,7 @@ pub(super) struct Typed {
     quiet: bool,
 }
 
-impl Typed {
+impl ChartArgs {
     pub fn run(self) -> Result<String> {
         let charts = charts::write(&self.folder)?;
         let end = written(&self.folder, &charts.files);

@@ -1,6 +1,6 @@
-//! Compare: puts two machines, or two frames that `run` drew, side by side.
+//! Compare: compares two machines, or two frames that `run` drew.
 
-use super::arguments::{Pair, Threads, pretty, written};
+use super::arguments::{Threads, TwoNumbers, pretty, written};
 use crate::error::{Error, Result};
 use crate::hardware::{fixed, machines};
 use crate::output::files::Folder;
@@ -15,7 +15,7 @@ use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
 #[derive(Args, Debug)]
-pub(super) struct Typed {
+pub(super) struct CompareArgs {
     /// Machine, result folder or report.json
     #[arg(value_name = "A")]
     a: OsString,
@@ -36,7 +36,7 @@ pub(super) struct Typed {
     scene: Option<OsString>,
     /// Set the size of the picture, in pixels
     #[arg(long, value_name = "WxH", requires = "scene")]
-    size: Option<Pair<'x'>>,
+    size: Option<TwoNumbers<'x'>>,
     /// Replay this record on both machines
     #[arg(long, value_name = "FILE")]
     replay: Option<PathBuf>,
@@ -56,30 +56,30 @@ pub(super) struct Typed {
     pub threads: Threads,
 }
 
-/// A comparison that can be made.
-pub(super) struct Job {
-    sides: [One; 2],
-    frame: Option<Drawn>,
+/// Checked arguments.
+pub(super) struct CompareJob {
+    sides: [Operand; 2],
+    frame: Option<SharedFrame>,
     prices: Prices,
     out: Option<(PathBuf, Folder)>,
     all: bool,
     json: bool,
 }
 
-/// What one of the two is.
-enum One {
+/// A or B.
+enum Operand {
     Machine(String, Box<Machine>),
     Frame(Box<ComparisonSide>),
 }
 
-/// What machines are compared on.
-enum Drawn {
+/// The frame that both machines draw or replay.
+enum SharedFrame {
     Scene(Box<Scene>),
     Recording(Box<Recording>),
 }
 
-impl Typed {
-    pub fn check(self) -> Result<Job> {
+impl CompareArgs {
+    pub fn check(self) -> Result<CompareJob> {
         let prices = Prices::load_or_default(self.prices.as_deref())?;
         let settings = |flag: &'static str, own: &[String]| -> Vec<(&'static str, String)> {
             let both = self.both.iter().map(|setting| ("--set", setting.clone()));
@@ -87,19 +87,19 @@ impl Typed {
                 .collect()
         };
         let sides = [
-            one(&self.a, &settings("--set-a", &self.set_a))?,
-            one(&self.b, &settings("--set-b", &self.set_b))?,
+            operand(&self.a, &settings("--set-a", &self.set_a))?,
+            operand(&self.b, &settings("--set-b", &self.set_b))?,
         ];
         let has_frame = self.scene.is_some() || self.replay.is_some();
         match &sides {
-            [One::Machine(..), One::Machine(..)] => {}
-            [One::Frame(_), One::Frame(_)] if has_frame => {
+            [Operand::Machine(..), Operand::Machine(..)] => {}
+            [Operand::Frame(_), Operand::Frame(_)] if has_frame => {
                 let sentence = "--scene and --replay are for two machines; A and B are frames that were drawn already";
                 return Err(Error::input(sentence));
             }
-            [One::Frame(_), One::Frame(_)] => {}
+            [Operand::Frame(_), Operand::Frame(_)] => {}
             _ => {
-                let [machine, frame] = if matches!(sides[0], One::Machine(..)) {
+                let [machine, frame] = if matches!(sides[0], Operand::Machine(..)) {
                     [&self.a, &self.b]
                 } else {
                     [&self.b, &self.a]
@@ -114,21 +114,21 @@ impl Typed {
         }
         let frame = match (&self.scene, &self.replay) {
             (Some(scene), _) => {
-                let size = self.size.map(|Pair(width, height)| (width, height));
-                Some(Drawn::Scene(Box::new(Scene::load(
+                let size = self.size.map(|TwoNumbers(width, height)| (width, height));
+                Some(SharedFrame::Scene(Box::new(Scene::load(
                     scene,
                     &Overrides { size },
                 )?)))
             }
-            (None, Some(path)) => Some(Drawn::Recording(Box::new(Recording::read(path)?))),
+            (None, Some(path)) => Some(SharedFrame::Recording(Box::new(Recording::read(path)?))),
             (None, None) => None,
         };
-        // Last, for nothing may be written where anything is wrong.
+        // Last: nothing is written if an argument is wrong.
         let out = self
             .out
             .map(|folder| Folder::open(&folder).map(|open| (folder, open)))
             .transpose()?;
-        Ok(Job {
+        Ok(CompareJob {
             sides,
             frame,
             prices,
@@ -139,10 +139,10 @@ impl Typed {
     }
 }
 
-/// What is named, with a machine's changes.
-fn one(name: &OsStr, settings: &[(&'static str, String)]) -> Result<One> {
+/// Reads A or B and applies `settings`.
+fn operand(name: &OsStr, settings: &[(&'static str, String)]) -> Result<Operand> {
     let (path, shown) = (Path::new(name), one_line(&name.to_string_lossy()));
-    // A folder of a machine's name may be of a run.
+    // A result folder may have the name of a machine.
     let is_named =
         !path.is_file() && !path.join("report.json").exists() && Machine::named(&shown).is_some();
     if !is_named
@@ -155,7 +155,7 @@ fn one(name: &OsStr, settings: &[(&'static str, String)]) -> Result<One> {
                 "{flag}: {shown} is a frame that was drawn: only a machine can be changed"
             )));
         }
-        return Ok(One::Frame(Box::new(side)));
+        return Ok(Operand::Frame(Box::new(side)));
     }
     let mut machine = machines::load(name, &[])?;
     for (flag, setting) in settings {
@@ -165,21 +165,24 @@ fn one(name: &OsStr, settings: &[(&'static str, String)]) -> Result<One> {
     let all: Vec<&str> = std::iter::once(shown.as_str())
         .chain(settings.iter().map(|(_, setting)| setting.as_str()))
         .collect();
-    Ok(One::Machine(one_line(&all.join(" ")), Box::new(machine)))
+    Ok(Operand::Machine(
+        one_line(&all.join(" ")),
+        Box::new(machine),
+    ))
 }
 
-impl Job {
+impl CompareJob {
     pub fn run(self) -> Result<String> {
         let frame = self.frame.as_ref().map(|drawn| match drawn {
-            Drawn::Scene(scene) => Workload::Scene(scene),
-            Drawn::Recording(recording) => Workload::Recording(recording),
+            SharedWorkload::Scene(scene) => Workload::Scene(scene),
+            SharedWorkload::Recording(recording) => Workload::Recording(recording),
         });
-        let side = |one: One| match (one, &frame) {
-            (One::Frame(side), _) => Ok(*side),
-            (One::Machine(name, machine), Some(frame)) => {
+        let side = |one: Operand| match (one, &frame) {
+            (Operand::Frame(side), _) => Ok(*side),
+            (Operand::Machine(name, machine), Some(frame)) => {
                 ComparisonSide::of_frame(&name, &machine, frame, &self.prices)
             }
-            (One::Machine(name, machine), None) => {
+            (Operand::Machine(name, machine), None) => {
                 ComparisonSide::of_machine(&name, &machine, &self.prices)
             }
         };

@@ -1,14 +1,14 @@
 //! Diff: compares a device's output with a trace, and names the first mismatch.
 
 use super::arguments::pretty;
-use crate::cosim::diff::{self, How, Order, Zeros};
+use crate::cosim::diff::{self, DiffOptions, RequiredOrder, Zeros};
 use crate::error::{Error, Result};
 use clap::Args;
 use std::ffi::OsString;
 use std::path::PathBuf;
 
 #[derive(Args, Debug)]
-pub(super) struct Typed {
+pub(super) struct DiffArgs {
     /// Folder of `trace`
     #[arg(value_name = "DIR")]
     folder: PathBuf,
@@ -20,15 +20,15 @@ pub(super) struct Typed {
     strict: bool,
     /// Expect `trace`, `tiles` or `any` order
     #[arg(long, value_name = "ORDER", value_enum, hide_possible_values = true)]
-    order: Option<Typable>,
+    order: Option<OrderFlag>,
     /// Print JSON
     #[arg(long)]
     json: bool,
 }
 
-/// An order, as it is typed.
+/// `--order`.
 #[derive(clap::ValueEnum, Clone, Copy, Debug)]
-enum Typable {
+enum OrderFlag {
     /// As the trace has them
     Trace,
     /// Tile by tile, as a binned design gives them
@@ -37,22 +37,22 @@ enum Typable {
     Any,
 }
 
-/// A comparison that can be made.
-pub(super) struct Job {
+/// Checked arguments.
+pub(super) struct DiffJob {
     folder: PathBuf,
-    /// Streams, and a device's records of each.
+    /// Streams, each with the file of a device's records.
     outputs: Vec<(String, PathBuf)>,
-    how: How,
+    how: DiffOptions,
     json: bool,
 }
 
-impl Typed {
-    pub fn check(self) -> Result<Job> {
+impl DiffArgs {
+    pub fn check(self) -> Result<DiffJob> {
         let (pairs, rest) = self.outputs.as_chunks::<2>();
-        if let [alone] = rest {
+        if let [unpaired] = rest {
             return Err(Error::input(format!(
-                "{}: a stream needs the file of a device's records behind it",
-                alone.display()
+                "{}: a stream needs the file of a device's records after it",
+                unpaired.display()
             )));
         }
         let outputs = pairs
@@ -64,21 +64,21 @@ impl Typed {
         } else {
             Zeros::Ignored
         };
-        let order = self.order.map_or(Order::Auto, |order| match order {
-            Typable::Trace => Order::Trace,
-            Typable::Tiles => Order::Tiles,
-            Typable::Any => Order::Any,
+        let order = self.order.map_or(RequiredOrder::Auto, |order| match order {
+            OrderFlag::Trace => RequiredOrder::Trace,
+            OrderFlag::Tiles => RequiredOrder::Tiles,
+            OrderFlag::Any => RequiredOrder::Any,
         });
-        Ok(Job {
+        Ok(DiffJob {
             folder: self.folder,
             outputs,
-            how: How { zeros, order },
+            how: DiffOptions { zeros, order },
             json: self.json,
         })
     }
 }
 
-impl Job {
+impl DiffJob {
     pub fn run(self) -> Result<String> {
         let outcome = diff::diff(&self.folder, &self.outputs, self.how)?;
         let text = if self.json {
@@ -89,11 +89,11 @@ impl Job {
         if outcome.equal {
             return Ok(text);
         }
-        // What is different is a result, and goes where results go; the status says that the device
-        // failed.
+        // A difference is a result and is printed to standard output; the exit status reports
+        // failure.
         super::print(&text)?;
         Err(Error::job(format!(
-            "{} is not what the trace has",
+            "{} differs from the trace",
             outcome.json["stream"].as_str().unwrap_or("a stream")
         )))
     }

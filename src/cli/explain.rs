@@ -1,30 +1,30 @@
-//! Explain: tells one pixel's whole story, the machine beside golden.
+//! Explain: prints a pixel trace: each contribution to one pixel, in the machine and in golden.
 
-use super::arguments::{Common, Pair, pretty};
+use super::arguments::{CommonArgs, TwoNumbers, pretty};
 use crate::error::Result;
 use crate::run::explain::{explain, explained};
 use clap::Args;
 use std::ffi::OsString;
 
 #[derive(Args, Debug)]
-pub(super) struct Typed {
+pub(super) struct ExplainArgs {
     /// Scene, point cloud, volume or built-in name
     scene: OsString,
     /// Explain this pixel; 0,0 is top left
     #[arg(long, value_name = "X,Y")]
-    pixel: Pair<','>,
+    pixel: TwoNumbers<','>,
     #[command(flatten)]
-    pub common: Common,
+    pub common: CommonArgs,
     /// Print JSON
     #[arg(long)]
     json: bool,
 }
 
-impl Typed {
+impl ExplainArgs {
     pub fn run(self) -> Result<String> {
         let scene = self.common.scene(&self.scene)?;
         let machine = self.common.machine(&scene)?;
-        let Pair(x, y) = self.pixel;
+        let TwoNumbers(x, y) = self.pixel;
         if self.json {
             pretty(&explained(&scene, &machine, [x, y])?)
         } else {

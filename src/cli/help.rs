@@ -1,8 +1,8 @@
-//! Help: the texts at the end of a command's help: what `-h` lists, and for `--help` an example.
+//! Help: texts at the end of a command's help: lists for `-h`, and an example for `--help`.
 //!
 //! Law (tests/cli.rs): `each_command_has_an_example_that_is_accepted`.
 
-/// What `NAMES` and `TRACE` both say.
+/// Shared by `NAMES` and `TRACE`.
 macro_rules! names {
     () => {
         "Built-in scenes: glass-spheres, checkerboard, torus-knot, terrain;\n\
@@ -51,7 +51,7 @@ pub(super) const UNIT: &str = "Units: project, ellipse, sort (of Gaussians), ras
 pub(super) const SAMPLE: &str = "Meshes: OBJ with its MTL and pictures, PLY with faces, glTF 2.0 and GLB, STL;\n\
     built in is `plane`, a unit square.";
 
-/// The end of a long help: the list, if there is one, and a command with what it does.
+/// The end of a long help: the list, if there is one, and an example command.
 pub(super) fn with_example(list: &str, example: &str) -> String {
     let gap = if list.is_empty() { "" } else { "\n\n" };
     format!("{list}{gap}Example:\n  {example}")

@@ -1,4 +1,4 @@
-//! Machine: shows machines, what follows from their formats, what they cost, and proofs of their
+//! Machine: prints machines, values derived from their formats, their costs, and proofs of their
 //! bounds.
 
 use super::arguments::pretty;
@@ -19,19 +19,19 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 #[derive(Subcommand, Debug)]
-pub(super) enum Typed {
+pub(super) enum MachineCommand {
     /// List the named machines
     List,
     /// Print a machine as JSON
-    Show(Which),
+    Show(MachineArgs),
     /// Print the timing of a machine, derived values included
-    Timing(Which),
+    Timing(MachineArgs),
     /// Print the critical path of each unit and the highest clock
-    Clock(Which),
+    Clock(MachineArgs),
     /// Print the area of each unit
     Cost {
         #[command(flatten)]
-        which: Which,
+        which: MachineArgs,
         /// Read unit costs [default: `machine unit-costs`]
         #[arg(long = "unit-costs", alias = "prices", value_name = "FILE")]
         prices: Option<PathBuf>,
@@ -42,7 +42,7 @@ pub(super) enum Typed {
     /// Write proofs of the error bounds, for Gappa
     Prove {
         #[command(flatten)]
-        which: Which,
+        which: MachineArgs,
         /// Write the proofs into DIR
         #[arg(long, value_name = "DIR")]
         out: PathBuf,
@@ -52,7 +52,7 @@ pub(super) enum Typed {
 }
 
 #[derive(Args, Debug)]
-pub(super) struct Which {
+pub(super) struct MachineArgs {
     /// Named machine or machine file
     #[arg(value_name = "NAME|FILE")]
     machine: OsString,
@@ -61,12 +61,12 @@ pub(super) struct Which {
     settings: Vec<String>,
 }
 
-impl Which {
+impl MachineArgs {
     fn load(&self) -> Result<Machine> {
         self.load_file().map(|file| file.machine)
     }
 
-    /// With what its file says besides: of a machine whose words were changed that is no longer so.
+    /// The whole file. `searched` is dropped if a setting changes the picture.
     fn load_file(&self) -> Result<File> {
         let file = machines::load_file(&self.machine, &self.settings)?;
         let is_changed = self
@@ -80,26 +80,26 @@ impl Which {
     }
 }
 
-impl Typed {
+impl MachineCommand {
     pub fn run(self) -> Result<String> {
         match self {
-            Typed::List => list(),
-            Typed::Show(which) => show(&which.load_file()?),
-            Typed::Timing(which) => pretty(&fixed::elaborate(&which.load()?)?.timing),
-            Typed::Clock(which) => Ok(clock::table(&fixed::elaborate(&which.load()?)?)),
-            Typed::Cost { which, prices } => {
+            MachineCommand::List => list(),
+            MachineCommand::Show(which) => show(&which.load_file()?),
+            MachineCommand::Timing(which) => pretty(&fixed::elaborate(&which.load()?)?.timing),
+            MachineCommand::Clock(which) => Ok(clock::table(&fixed::elaborate(&which.load()?)?)),
+            MachineCommand::Cost { which, prices } => {
                 let elaborated = fixed::elaborate(&which.load()?)?;
                 Ok(Cost::new(&elaborated, &Prices::load_or_default(prices.as_deref())?).table())
             }
-            Typed::Prices => pretty(&cost::DEFAULT),
-            Typed::Prove { which, out } => prove(&which.load()?, &out),
-            Typed::Schema => pretty(&machines::schema()),
+            MachineCommand::Prices => pretty(&cost::DEFAULT),
+            MachineCommand::Prove { which, out } => prove(&which.load()?, &out),
+            MachineCommand::Schema => pretty(&machines::schema()),
         }
     }
 }
 
 fn list() -> Result<String> {
-    let says = [
+    let descriptions = [
         "counts as exact; the default for discs",
         "the cheapest whose picture is still good",
         "coarse and quick, to see errors",
@@ -108,11 +108,14 @@ fn list() -> Result<String> {
         "the same, sorted: trained Gaussians",
     ];
     let mut table = plain_table(&["machine", "widest operand", "fragment", ""]);
-    for (machine, says) in Machine::names().filter_map(Machine::named).zip(says) {
+    for (machine, description) in Machine::names()
+        .filter_map(Machine::named)
+        .zip(descriptions)
+    {
         let report = MachineReport::new(&fixed::elaborate(&machine)?);
         let [operand, fragment] =
             [report.widest_operand_bits, report.fragment_bits].map(|bits| format!("{bits} bits"));
-        table.add_row([machine.name, operand, fragment, format!("  {says}")]);
+        table.add_row([machine.name, operand, fragment, format!("  {description}")]);
     }
     let mut table = aligned(table);
     if let Some(last) = table.column_mut(3) {
@@ -132,7 +135,7 @@ fn prove(machine: &Machine, out: &Path) -> Result<String> {
     proofs::write(&proofs, out)?;
     let first = out.join("project.reciprocal.g");
     Ok(format!(
-        "{}\n\ngappa says nothing of a proof that holds:\n  gappa {}",
+        "{}\n\ngappa prints nothing for a proof that holds:\n  gappa {}",
         proofs::table(&proofs),
         first.display()
     ))

@@ -1,4 +1,4 @@
-//! Cli: flags as typed → a checked job → its text (docs/book/getting-started.md). A file each
+//! Cli: command line → arguments → checked job → text (docs/book/getting-started.md). One file per
 //! command.
 
 mod arguments;
@@ -29,10 +29,10 @@ use clap::{CommandFactory, Parser, Subcommand};
 use std::ffi::OsString;
 use std::io::Write;
 
-/// Simulates splatting hardware bit by bit, beside exact arithmetic
+/// Simulates splatting hardware bit by bit, and in exact arithmetic
 #[derive(Parser, Debug)]
 #[command(name = "splatsim", version)]
-struct Typed {
+struct CommandLine {
     #[command(subcommand)]
     command: Command,
 }
@@ -44,125 +44,125 @@ enum Command {
     /// The machine draws the scene bit by bit; golden and ideal draw it in f64. The
     /// summary and report.json have errors, bounds, cycles, area and energy.
     #[command(verbatim_doc_comment, after_help = help::NAMES, after_long_help = help::with_example(help::NAMES, "splatsim run torus-knot --machine lean --out out"))]
-    Run(run::Typed),
+    Run(run::RunArgs),
     /// Recompute cycles of a recorded frame with other timing
     ///
     /// The frame is not drawn again: its recorded work is replayed, so that a field of
     /// `timing` can be tried in a fraction of a second.
     #[command(verbatim_doc_comment, after_long_help = help::with_example("", "splatsim replay out/frame.work --timing timing.raster.fifo=4,16,64"))]
-    Replay(replay::Typed),
+    Replay(replay::ReplayArgs),
     /// Compare two machines, or two results
     #[command(after_help = help::COMPARE, after_long_help = help::with_example(help::COMPARE, "splatsim compare reference window --scene glass-spheres --out compared"))]
-    Compare(compare::Typed),
+    Compare(compare::CompareArgs),
     /// Run built-in cases in which methods or machines fail
     ///
     /// Each case is a small scene that drives a method or a machine to its limit. The
     /// table says which failures were reported by the machine itself.
     #[command(verbatim_doc_comment, after_help = help::STRESS, after_long_help = help::with_example(help::STRESS, "splatsim stress --case grazing --out stress"))]
-    Stress(stress::Typed),
+    Stress(stress::StressArgs),
     /// Draw scenes on many machines; write a row for each
     ///
     /// A plan names scenes, a machine, fields and their values. Rows are written to a
     /// journal; the same command resumes a sweep that was stopped.
     #[command(verbatim_doc_comment, after_help = help::SWEEP, after_long_help = help::with_example(help::SWEEP, "splatsim sweep layers --out rows"))]
-    Sweep(sweep::Typed),
+    Sweep(sweep::SweepArgs),
     /// Find the smallest machine that meets a target
     ///
     /// Searches word lengths for --target-psnr or --max-error, fields of timing for
     /// --min-fps, or merge rules with --over. The result is verified on unseen views.
     #[command(verbatim_doc_comment, after_help = help::NAMES, after_long_help = help::with_example(help::NAMES, "splatsim search torus-knot --target-psnr 45 --only gauss --out found"))]
-    Search(search::Typed),
+    Search(search::SearchArgs),
     /// Draw charts of the rows of a sweep or a search
     ///
     /// Writes PNG, SVG and charts.html, which works without a network.
     #[command(verbatim_doc_comment, after_long_help = help::with_example("", "splatsim chart rows"))]
-    Chart(chart::Typed),
+    Chart(chart::ChartArgs),
     /// Show a result folder in a browser
     #[command(after_help = help::VIEW, after_long_help = help::with_example(help::VIEW, "splatsim view out"))]
-    View(view::Typed),
+    View(view::ViewArgs),
     /// Write the records at the ports of units, to verify RTL
     ///
     /// Writes each record that enters or leaves a unit, a SystemVerilog package with
     /// formats and constants, and the tables as memory files.
     #[command(verbatim_doc_comment, after_help = help::TRACE, after_long_help = help::with_example(help::TRACE, "splatsim trace glass-spheres --size 64x64 --units gauss --out trace"))]
-    Trace(trace::Typed),
+    Trace(trace::TraceArgs),
     /// Compare records of a device with a trace
     #[command(after_help = help::DIFF, after_long_help = help::with_example(help::DIFF, "splatsim diff trace gauss.out device.hex"))]
-    Diff(diff::Typed),
+    Diff(diff::DiffArgs),
     /// Compute the output records of one unit
     #[command(after_help = help::UNIT, after_long_help = help::with_example(help::UNIT, "splatsim unit gauss --machine lean < trace/gauss.in.hex"))]
-    Unit(unit::Typed),
-    /// Print each contribution to a pixel, machine beside golden
+    Unit(unit::UnitArgs),
+    /// Print each contribution to a pixel, machine and golden
     #[command(after_help = help::NAMES, after_long_help = help::with_example(help::NAMES, "splatsim explain glass-spheres --pixel 200,180"))]
-    Explain(explain::Typed),
+    Explain(explain::ExplainArgs),
     /// Print named machines, their areas and clocks, and the schema
     #[command(subcommand, after_long_help = help::with_example("", "splatsim machine cost reference"))]
-    Machine(machine::Typed),
+    Machine(machine::MachineCommand),
     /// Print the schemas of scene files and plans
     #[command(subcommand, after_long_help = help::with_example("", "splatsim scene schema"))]
-    Scene(scene::Typed),
+    Scene(scene::SceneCommand),
     /// Sample a mesh into a point cloud
     ///
     /// The cloud is a PLY file that scenes and `run` read.
     #[command(verbatim_doc_comment, after_help = help::SAMPLE, after_long_help = help::with_example(help::SAMPLE, "splatsim sample plane --points 20000 --checkerboard 8 --out floor.ply"))]
-    Sample(sample::Typed),
+    Sample(sample::SampleArgs),
     /// Build a level-of-detail tree of splats
     ///
     /// The tree is a file that `run` draws like a scene.
     #[command(verbatim_doc_comment, after_long_help = help::with_example("", "splatsim tree torus-knot --out knot.tree"))]
-    Tree(tree::Typed),
+    Tree(tree::TreeArgs),
     /// Print a completion script for a shell
     #[command(after_long_help = help::with_example("", "splatsim completions bash > splatsim.bash"))]
-    Completions(shell::Completions),
+    Completions(shell::CompletionsArgs),
     /// Write man pages
     #[command(after_long_help = help::with_example("", "splatsim man man1"))]
-    Man(shell::Pages),
+    Man(shell::ManArgs),
 }
 
 impl Command {
     fn run(self) -> Result<String> {
         match self {
-            Command::Run(typed) => typed.common.of_one_size()?.run(|| typed.check()?.run()),
-            Command::Replay(typed) => typed.threads.run(|| typed.check()?.run()),
-            Command::Compare(typed) => typed.threads.run(|| typed.check()?.run()),
-            Command::Stress(typed) => typed.threads.run(|| typed.check()?.run()),
-            Command::Sweep(typed) => typed.threads.run(|| typed.check()?.run()),
-            Command::Search(typed) => typed.common.threads.run(|| typed.check()?.run()),
-            Command::Chart(typed) => typed.run(),
-            Command::View(typed) => typed.run(),
-            Command::Trace(typed) => typed.common.of_one_size()?.run(|| typed.check()?.run()),
-            Command::Diff(typed) => typed.check()?.run(),
-            Command::Unit(typed) => typed.common.of_one_size()?.run(|| typed.check()?.run()),
-            Command::Explain(typed) => typed.common.of_one_size()?.run(|| typed.run()),
-            Command::Machine(typed) => typed.run(),
-            Command::Scene(typed) => typed.run(),
-            Command::Sample(typed) => typed.threads.run(|| typed.check()?.run()),
-            Command::Tree(typed) => typed.threads.run(|| typed.check()?.run()),
-            Command::Completions(typed) => typed.run(Typed::command()),
-            Command::Man(typed) => typed.run(Typed::command()),
+            Command::Run(args) => args.common.of_one_size()?.run(|| args.check()?.run()),
+            Command::Replay(args) => args.threads.run(|| args.check()?.run()),
+            Command::Compare(args) => args.threads.run(|| args.check()?.run()),
+            Command::Stress(args) => args.threads.run(|| args.check()?.run()),
+            Command::Sweep(args) => args.threads.run(|| args.check()?.run()),
+            Command::Search(args) => args.common.threads.run(|| args.check()?.run()),
+            Command::Chart(args) => args.run(),
+            Command::View(args) => args.run(),
+            Command::Trace(args) => args.common.of_one_size()?.run(|| args.check()?.run()),
+            Command::Diff(args) => args.check()?.run(),
+            Command::Unit(args) => args.common.of_one_size()?.run(|| args.check()?.run()),
+            Command::Explain(args) => args.common.of_one_size()?.run(|| args.run()),
+            Command::Machine(args) => args.run(),
+            Command::Scene(args) => args.run(),
+            Command::Sample(args) => args.threads.run(|| args.check()?.run()),
+            Command::Tree(args) => args.threads.run(|| args.check()?.run()),
+            Command::Completions(args) => args.run(CommandLine::command()),
+            Command::Man(args) => args.run(CommandLine::command()),
         }
     }
 }
 
-/// Does what the arguments say and prints what comes of it.
+/// Runs the command and prints its result.
 ///
 /// # Errors
-/// [`Error::Input`] where they, or a file that they name, are wrong; [`Error::Job`] where the work
-/// failed. A reader that stops listening is no error.
+/// [`Error::Input`] if the arguments, or a file that they name, are wrong; [`Error::Job`] if the
+/// work failed. A closed standard output is not an error.
 pub fn run(arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
-    let colour = style::takes_colour(&std::io::stdout());
-    match Typed::try_parse_from(arguments) {
-        Ok(typed) => print(&typed.command.run()?),
+    let colour = style::use_colour(&std::io::stdout());
+    match CommandLine::try_parse_from(arguments) {
+        Ok(args) => print(&args.command.run()?),
         Err(error) if is_help(&error) && colour => write(&error.render().ansi().to_string()),
         Err(error) if is_help(&error) => write(&error.to_string()),
         Err(error) => Err(input_error(&error)),
     }
 }
 
-/// Prints an error's sentence to standard error.
+/// Prints an error to standard error.
 pub fn complain(error: &Error) {
     let head = "splatsim:";
-    let head = if style::takes_colour(&std::io::stderr()) {
+    let head = if style::use_colour(&std::io::stderr()) {
         style::alarm(head)
     } else {
         head.into()
@@ -170,15 +170,15 @@ pub fn complain(error: &Error) {
     eprintln!("{head} {error}");
 }
 
-/// Prints a warning's sentence to standard error.
+/// Prints a warning to standard error.
 fn warn(sentence: &str) {
-    // Quotes are cut as those of errors are.
+    // Quotes from files are shortened as in errors.
     eprintln!("splatsim: warning: {}", Error::input(one_line(sentence)));
 }
 
-/// Prints a text, if there is one.
+/// Prints a text, unless it is empty.
 fn print(text: &str) -> Result<()> {
-    if style::takes_colour(&std::io::stdout()) {
+    if style::use_colour(&std::io::stdout()) {
         write(&style::with_headings(text))
     } else {
         write(text)
@@ -200,7 +200,7 @@ fn write(text: &str) -> Result<()> {
     }
 }
 
-/// Whether it is no error but a help text or the version, which somebody asked for.
+/// Whether it is a help text or the version, and not an error.
 fn is_help(error: &clap::Error) -> bool {
     matches!(
         error.kind(),
@@ -208,7 +208,7 @@ fn is_help(error: &clap::Error) -> bool {
     )
 }
 
-/// A fault of the command line as one sentence.
+/// An error of the command line in one sentence.
 fn input_error(error: &clap::Error) -> Error {
     let text = error.to_string();
     if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {

@@ -1,4 +1,4 @@
-//! Replay: times a frame again that `run --record` recorded.
+//! Replay: computes the cycles of a frame that `run --record` recorded.
 
 use super::arguments::{Threads, written};
 use crate::error::Result;
@@ -11,7 +11,7 @@ use clap::Args;
 use std::path::PathBuf;
 
 #[derive(Args, Debug)]
-pub(super) struct Typed {
+pub(super) struct ReplayArgs {
     /// File from `run --record`
     #[arg(value_name = "FILE")]
     record: PathBuf,
@@ -40,11 +40,11 @@ pub(super) struct Typed {
     quiet: bool,
 }
 
-/// A replay that can be done.
-pub(super) struct Job {
+/// Checked arguments.
+pub(super) struct ReplayJob {
     recording: Recording,
     timing: Vec<Axes>,
-    /// Whether to try what would be faster.
+    /// Whether to try settings that may be faster.
     answers: bool,
     prices: Prices,
     requests: bool,
@@ -52,8 +52,8 @@ pub(super) struct Job {
     quiet: bool,
 }
 
-impl Typed {
-    pub fn check(self) -> Result<Job> {
+impl ReplayArgs {
+    pub fn check(self) -> Result<ReplayJob> {
         let mut recording = Recording::read(&self.record)?;
         self.settings
             .iter()
@@ -65,7 +65,7 @@ impl Typed {
             .out
             .map(|folder| Folder::open(&folder).map(|open| (folder, open)))
             .transpose()?;
-        Ok(Job {
+        Ok(ReplayJob {
             recording,
             timing: self.timing,
             answers: self.answers,
@@ -77,7 +77,7 @@ impl Typed {
     }
 }
 
-impl Job {
+impl ReplayJob {
     pub fn run(self) -> Result<String> {
         let replayed = self.recording.replay_priced(
             &self.timing,

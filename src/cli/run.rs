@@ -2,7 +2,7 @@
 
 mod sequence;
 
-use super::arguments::{Common, Within, written};
+use super::arguments::{CommonArgs, SearchedMachine, written};
 use crate::accuracy::ranges;
 use crate::error::{Error, Result};
 use crate::hardware::fixed;
@@ -26,12 +26,12 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 #[derive(Args, Debug)]
-pub(super) struct Typed {
+pub(super) struct RunArgs {
     /// Scene, point cloud, volume or built-in name
     #[arg(default_value = "glass-spheres")]
     scene: OsString,
     #[command(flatten)]
-    pub common: Common,
+    pub common: CommonArgs,
     /// Read cameras: nerfstudio, COLMAP, 3DGS, search
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
@@ -57,8 +57,8 @@ pub(super) struct Typed {
     #[arg(long, value_name = "FILE", conflicts_with = "preview")]
     record: Option<PathBuf>,
     /// Use lockstep: `full` (default), `sampled`, `none`
-    #[arg(long, value_name = "HOW", value_enum, hide_default_value = true, hide_possible_values = true, default_value_t = Checked::Full)]
-    check: Checked,
+    #[arg(long, value_name = "HOW", value_enum, hide_default_value = true, hide_possible_values = true, default_value_t = CheckFlag::Full)]
+    check: CheckFlag,
     /// Attribute the error to words (draws 170 frames)
     #[arg(long)]
     attribute: bool,
@@ -79,37 +79,37 @@ pub(super) struct Typed {
     quiet: bool,
 }
 
-/// [`Check`] as typed.
+/// `--check`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Checked {
+enum CheckFlag {
     Full,
     Sampled,
     None,
 }
 
-impl From<Checked> for Check {
-    fn from(checked: Checked) -> Check {
+impl From<CheckFlag> for Check {
+    fn from(checked: CheckFlag) -> Check {
         match checked {
-            Checked::Full => Check::Full,
-            Checked::Sampled => Check::Sampled,
-            Checked::None => Check::None,
+            CheckFlag::Full => Check::Full,
+            CheckFlag::Sampled => Check::Sampled,
+            CheckFlag::None => Check::None,
         }
     }
 }
 
-/// A run that can be done.
-pub(super) enum Job {
-    Frame(Box<Frame>),
-    Sequence(Box<sequence::Job>),
+/// Checked arguments.
+pub(super) enum RunJob {
+    Frame(Box<FrameJob>),
+    Sequence(Box<sequence::SequenceJob>),
 }
 
-/// That of one frame.
-pub(super) struct Frame {
+/// A run of one frame.
+pub(super) struct FrameJob {
     scene: Scene,
-    /// Drawn instead by a preview.
+    /// The reduced scene that a preview draws.
     small: Option<Scene>,
     machine: Machine,
-    /// Of the machine on this scene.
+    /// How the scene differs from those that the machine was searched on.
     warning: Option<String>,
     load_seconds: f64,
     options: Options,
@@ -120,8 +120,8 @@ pub(super) struct Frame {
     quiet: bool,
 }
 
-impl Typed {
-    pub fn check(self) -> Result<Job> {
+impl RunArgs {
+    pub fn check(self) -> Result<RunJob> {
         let prices = Prices::load_or_default(self.prices.as_deref())?;
         let cameras = self.cameras.as_deref().map(CameraFile::read).transpose()?;
         let (sequence, load_seconds) =
@@ -130,11 +130,11 @@ impl Typed {
         if sequence.is_sequence() && self.common.frame.is_none() {
             return self
                 .check_sequence(sequence, load_seconds)
-                .map(|job| Job::Sequence(Box::new(job)));
+                .map(|job| RunJob::Sequence(Box::new(job)));
         }
         if let Some(path) = &self.y4m {
             return Err(Error::input(format!(
-                "--y4m {}: one frame is no video; a scene with `cameras` or `camera_path` is needed",
+                "--y4m {}: one frame is not a video; a scene with `cameras` or `camera_path` is needed",
                 path.display()
             )));
         }
@@ -147,11 +147,11 @@ impl Typed {
         let against = self.against.as_deref().map(photographs).transpose()?;
         let frame = sequence.is_sequence().then_some(number as u64);
         let scene = sequence.into_scene();
-        let Within {
+        let SearchedMachine {
             machine,
             outside: outside_of_search,
             warning,
-        } = self.common.machine_within(&scene)?;
+        } = self.common.searched_machine(&scene)?;
         let elaborated = fixed::elaborate(&machine)?;
         let budget = scene.detail.as_ref().map(|detail| detail.rules.budget);
         if budget.is_some_and(|budget| budget.bytes.or(budget.cycles).is_some())
@@ -163,13 +163,13 @@ impl Typed {
                 "--timing"
             };
             return Err(Error::input(format!(
-                "{flag}: {} has a budget of bytes or cycles, so another machine draws other splats: run it with --set instead",
+                "{flag}: {} has a budget of bytes or cycles, so its splats depend on the machine: use `run --set` instead",
                 scene.name
             )));
         }
         let timings = Variants::new(&machine, &self.timing)?;
         let small = self.preview.then(|| preview::scene(&scene)).transpose()?;
-        // A budget's cut is looked for once.
+        // The cut of a budget is computed once.
         let (scene, small) = match small {
             Some(small) => (scene, Some(bounded(small, &elaborated)?)),
             None => (bounded(scene, &elaborated)?, None),
@@ -195,7 +195,7 @@ impl Typed {
                 .filter(|path| path.exists()),
             against,
         };
-        // Last, for nothing may be written where anything is wrong.
+        // Last: nothing is written if an argument is wrong.
         let out = self
             .out
             .map(|folder| Folder::open(&folder).map(|open| (folder, open)))
@@ -203,14 +203,14 @@ impl Typed {
         self.record
             .as_deref()
             .map_or(Ok(()), Recording::may_be_written)?;
-        let Typed {
+        let RunArgs {
             exr,
             record,
             ranges,
             quiet,
             ..
         } = self;
-        let frame = Frame {
+        let frame = FrameJob {
             scene,
             small,
             machine,
@@ -223,20 +223,20 @@ impl Typed {
             ranges,
             quiet,
         };
-        Ok(Job::Frame(Box::new(frame)))
+        Ok(RunJob::Frame(Box::new(frame)))
     }
 }
 
-impl Job {
+impl RunJob {
     pub fn run(self) -> Result<String> {
         match self {
-            Job::Frame(frame) => frame.run(),
-            Job::Sequence(sequence) => sequence.run(),
+            RunJob::Frame(frame) => frame.run(),
+            RunJob::Sequence(sequence) => sequence.run(),
         }
     }
 }
 
-impl Frame {
+impl FrameJob {
     fn run(self) -> Result<String> {
         if let Some(sentence) = &self.warning {
             super::warn(sentence);
@@ -292,7 +292,7 @@ impl Frame {
         Ok(outcome)
     }
 
-    /// Says how long a long run will take, and shows how far it is until the result is dropped.
+    /// Prints how long a long run will take. Progress is shown until the result is dropped.
     fn announce(&self) -> Option<Progress> {
         let announced = if self.quiet {
             None

@@ -1,4 +1,4 @@
-//! Sample: makes points of a mesh.
+//! Sample: samples points on a mesh.
 
 use super::arguments::Threads;
 use crate::error::{Error, Result};
@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 #[derive(Args, Debug)]
-pub(super) struct Typed {
+pub(super) struct SampleArgs {
     /// Mesh: .obj, .ply, .gltf, .glb, .stl, or plane
     mesh: OsString,
     /// Make N points
@@ -39,7 +39,7 @@ pub(super) struct Typed {
         hide_default_value = true,
         hide_possible_values = true
     )]
-    pattern: PatternName,
+    pattern: PatternFlag,
     /// Set the seed of the distribution
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
@@ -50,7 +50,7 @@ pub(super) struct Typed {
         hide_default_value = true,
         hide_possible_values = true
     )]
-    radii: RadiiName,
+    radii: RadiiFlag,
     /// Filter: `ewa` (default), `nearest`, `optimised`
     #[arg(
         long,
@@ -58,7 +58,7 @@ pub(super) struct Typed {
         hide_default_value = true,
         hide_possible_values = true
     )]
-    texture: TextureName,
+    texture: TextureFlag,
     /// Apply this PNG or JPEG as texture
     #[arg(long, value_name = "FILE", conflicts_with = "checkerboard")]
     texture_image: Option<PathBuf>,
@@ -76,26 +76,26 @@ pub(super) struct Typed {
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
-enum PatternName {
+enum PatternFlag {
     BlueNoise,
     Stratified,
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
-enum RadiiName {
+enum RadiiFlag {
     Neighbours,
     Area,
 }
 
 #[derive(ValueEnum, Clone, Copy, Debug)]
-enum TextureName {
+enum TextureFlag {
     Nearest,
     Ewa,
     Optimised,
 }
 
-/// Points that can be made.
-pub(super) struct Job {
+/// Checked arguments.
+pub(super) struct SampleJob {
     name: String,
     mesh: Mesh,
     request: SamplingRequest,
@@ -103,8 +103,8 @@ pub(super) struct Job {
     quiet: bool,
 }
 
-impl Typed {
-    pub fn check(self) -> Result<Job> {
+impl SampleArgs {
+    pub fn check(self) -> Result<SampleJob> {
         let amount = match (self.points, self.density) {
             (Some(points), _) => Amount::Points(points as usize),
             (None, Some(density)) if density > 0.0 && density.is_finite() => {
@@ -138,24 +138,24 @@ impl Typed {
         let request = SamplingRequest {
             amount,
             pattern: match self.pattern {
-                PatternName::BlueNoise => Pattern::BlueNoise,
-                PatternName::Stratified => Pattern::Stratified,
+                PatternFlag::BlueNoise => Pattern::BlueNoise,
+                PatternFlag::Stratified => Pattern::Stratified,
             },
             seed: self.seed,
             radii: match self.radii {
-                RadiiName::Neighbours => Radii::Neighbours,
-                RadiiName::Area => Radii::Area,
+                RadiiFlag::Neighbours => Radii::Neighbours,
+                RadiiFlag::Area => Radii::Area,
             },
             acquisition: match self.texture {
-                TextureName::Nearest => Acquisition::Nearest,
-                TextureName::Ewa => Acquisition::Ewa,
-                TextureName::Optimised => Acquisition::Optimised,
+                TextureFlag::Nearest => Acquisition::Nearest,
+                TextureFlag::Ewa => Acquisition::Ewa,
+                TextureFlag::Optimised => Acquisition::Optimised,
             },
             picture,
             cutoff: self.cutoff,
         };
         let name = self.mesh.to_string_lossy().into_owned();
-        Ok(Job {
+        Ok(SampleJob {
             mesh: Mesh::load(&self.mesh)?,
             name,
             request,
@@ -165,7 +165,7 @@ impl Typed {
     }
 }
 
-/// Says before any work that points could not be written there.
+/// Fails early if the points cannot be written to `path`.
 fn check_out(path: &Path) -> Result<()> {
     let cannot = |why: &str| Err(Error::input(format!("--out {}: {why}", path.display())));
     let folder = path
@@ -195,9 +195,9 @@ fn picture(path: &Path) -> Result<Picture> {
     }))
 }
 
-impl Job {
+impl SampleJob {
     pub fn run(self) -> Result<String> {
-        let Job {
+        let SampleJob {
             name,
             mesh,
             request,
@@ -212,7 +212,7 @@ impl Job {
             one_line(&out.to_string_lossy()),
             thousands(bytes as u64)
         );
-        let told = told(&mesh, &request, &sampled)
+        let lines = summary(&mesh, &request, &sampled)
             .into_iter()
             .chain([end])
             .map(|line| wrapped(&line))
@@ -220,12 +220,12 @@ impl Job {
         Ok(if quiet {
             String::new()
         } else {
-            told.join("\n")
+            lines.join("\n")
         })
     }
 }
 
-fn told(mesh: &Mesh, request: &SamplingRequest, sampled: &Sampled) -> Vec<String> {
+fn summary(mesh: &Mesh, request: &SamplingRequest, sampled: &Sampled) -> Vec<String> {
     let left_out = match mesh.degenerate {
         0 => String::new(),
         count => format!(" ({} without an area left out)", thousands(count as u64)),

@@ -1,4 +1,4 @@
-//! Scene: shows what a scene file, and a plan of scenes, may hold.
+//! Scene: prints the schemas of scene files and of plans.
 
 use super::arguments::pretty;
 use crate::error::Result;
@@ -7,18 +7,18 @@ use crate::scene;
 use clap::Subcommand;
 
 #[derive(Subcommand, Debug)]
-pub(super) enum Typed {
+pub(super) enum SceneCommand {
     /// Print the JSON Schema of scene files
     Schema,
     /// Print the JSON Schema of plans for `sweep`
     PlanSchema,
 }
 
-impl Typed {
+impl SceneCommand {
     pub fn run(self) -> Result<String> {
         match self {
-            Typed::Schema => pretty(&scene::schema()),
-            Typed::PlanSchema => pretty(&plan::schema()),
+            SceneCommand::Schema => pretty(&scene::schema()),
+            SceneCommand::PlanSchema => pretty(&plan::schema()),
         }
     }
 }

@@ -1,9 +1,9 @@
-//! Search: finds the narrowest machine that meets a target on a scene.
+//! Search: finds the cheapest machine that meets a target on a scene.
 
-use super::arguments::{Common, Parts, folder_for, positive, written};
+use super::arguments::{CommonArgs, FactorRange, folder_for, positive, written};
 use crate::error::{Error, Result};
 use crate::explore::search;
-use crate::explore::search::{Claim, Domain, Options, Target, over_fragment, over_timing};
+use crate::explore::search::{Claim, Domain, SearchOptions, Target, over_fragment, over_timing};
 use crate::hardware::{machines, searched};
 use crate::output::text::{quoted_for_shell, wrapped};
 use crate::performance::cost::Prices;
@@ -14,7 +14,7 @@ use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
 #[derive(Args, Debug)]
-pub(super) struct Typed {
+pub(super) struct SearchArgs {
     /// Scenes; the target must hold on each
     #[arg(required = true, value_name = "SCENE")]
     scenes: Vec<OsString>,
@@ -35,7 +35,7 @@ pub(super) struct Typed {
         hide_possible_values = true,
         requires = "min_fps"
     )]
-    minimise: Option<Minimise>,
+    minimise: Option<MinimiseFlag>,
     /// Read timing fields and values [default: usual ones]
     #[arg(long, value_name = "FILE", requires = "min_fps")]
     fields: Option<PathBuf>,
@@ -44,20 +44,20 @@ pub(super) struct Typed {
     cameras: Option<PathBuf>,
     /// Scale camera distances within this range: 0.25..2
     #[arg(long, value_name = "A..B")]
-    distance: Option<Parts>,
+    distance: Option<FactorRange>,
     /// Take the worst of N near cameras
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=64))]
     robust: u8,
     /// Use `psnr`, or `lockstep`: no flips
-    #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, default_value_t = Metric::Psnr)]
-    metric: Metric,
+    #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, default_value_t = MetricFlag::Psnr)]
+    metric: MetricFlag,
     /// Compare with `golden` or `ideal`
-    #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, default_value_t = Against::Golden)]
-    against: Against,
+    #[arg(long, value_name = "WHAT", value_enum, hide_possible_values = true, default_value_t = AgainstFlag::Golden)]
+    against: AgainstFlag,
     /// Search merge rules and layers: `fragment`
     #[arg(long, value_name = "UNIT", value_enum, hide_possible_values = true, requires = "target_psnr",
         conflicts_with_all = ["max_error", "against", "no_saturation", "views", "only", "tries", "seed", "cameras", "distance", "robust", "metric"])]
-    over: Option<Over>,
+    over: Option<OverFlag>,
     /// Minimise `area` (default) or `bytes` per pixel
     #[arg(
         long,
@@ -66,7 +66,7 @@ pub(super) struct Typed {
         hide_possible_values = true,
         requires = "over"
     )]
-    by: Option<By>,
+    by: Option<ByFlag>,
     /// Require that no word saturates or wraps
     #[arg(long)]
     no_saturation: bool,
@@ -83,7 +83,7 @@ pub(super) struct Typed {
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     #[command(flatten)]
-    pub common: Common,
+    pub common: CommonArgs,
     /// Read unit costs [default: `machine unit-costs`]
     #[arg(long = "unit-costs", alias = "prices", value_name = "FILE")]
     prices: Option<PathBuf>,
@@ -95,7 +95,7 @@ pub(super) struct Typed {
     quiet: bool,
 }
 
-/// A command whose lines a shell takes as one, broken where they would be longer than 80 columns.
+/// One shell command, continued with `\` so that lines stay within 80 columns.
 fn continued(parts: &[String]) -> String {
     let mut text = String::from("   ");
     let mut columns = 3;
@@ -112,8 +112,8 @@ fn continued(parts: &[String]) -> String {
     text
 }
 
-/// Scene and size of every domain, as `run` takes them.
-fn named(scenes: &[OsString], common: &Common) -> Vec<String> {
+/// Scene and size of each domain, as arguments of `run`.
+fn run_arguments(scenes: &[OsString], common: &CommonArgs) -> Vec<String> {
     let size = |overrides: &Overrides| {
         overrides.size.map_or(String::new(), |(width, height)| {
             format!(" --size {width}x{height}")
@@ -129,64 +129,64 @@ fn named(scenes: &[OsString], common: &Common) -> Vec<String> {
     scenes.iter().flat_map(of).collect()
 }
 
-/// [`searched::Against`] as typed.
+/// `--against`.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum Against {
+enum AgainstFlag {
     Golden,
     Ideal,
 }
 
-/// [`searched::Metric`] as typed.
+/// `--metric`.
 #[derive(Clone, Copy, Debug, PartialEq, ValueEnum)]
-enum Metric {
+enum MetricFlag {
     Psnr,
     Lockstep,
 }
 
-/// What is searched instead of words.
+/// `--over`: the subject of a search that is not over words.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum Over {
+enum OverFlag {
     Fragment,
 }
 
-/// [`over_fragment::By`] as typed.
+/// `--by`.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum By {
+enum ByFlag {
     Area,
     Bytes,
 }
 
-/// [`over_timing::Minimise`] as typed.
+/// `--minimise`.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-enum Minimise {
+enum MinimiseFlag {
     Area,
     Gates,
     Energy,
     Cycles,
 }
 
-/// The first half of a command that shows a figure again, of each scene and size.
-struct Again {
+/// Arguments of the `run` commands that reproduce a figure.
+struct RunArguments {
     scenes: Vec<String>,
     prices: String,
 }
 
-/// A search that can be done.
-pub(super) struct Job {
-    again: Again,
-    /// The frames a second that are wanted.
-    over_timing: Option<over_timing::Options>,
-    /// What is to be least, where rules are searched and not words.
-    over_fragment: Option<over_fragment::By>,
+/// Checked arguments.
+pub(super) struct SearchJob {
+    run_arguments: RunArguments,
+    /// Set by `--min-fps`: search fields of timing.
+    over_timing: Option<over_timing::TimingOptions>,
+    /// Set by `--over fragment`: the quantity to minimise.
+    over_fragment: Option<over_fragment::LeastOf>,
     domains: Vec<Domain>,
     machine: Machine,
     folder: PathBuf,
-    options: Options,
+    options: SearchOptions,
     quiet: bool,
 }
 
-impl Typed {
-    pub fn check(self) -> Result<Job> {
+impl SearchArgs {
+    pub fn check(self) -> Result<SearchJob> {
         let domains = self.domains()?;
         domains
             .iter()
@@ -197,7 +197,7 @@ impl Typed {
             domains.iter().any(|domain| domain.scene().detail.is_some()),
         );
         let target = self.target()?;
-        let options = Options {
+        let options = SearchOptions {
             target,
             views: self.views.into(),
             robust: self.robust.into(),
@@ -213,23 +213,23 @@ impl Typed {
                 quoted_for_shell(&path.to_string_lossy())
             )
         });
-        let again = Again {
-            scenes: named(&self.scenes, &self.common),
+        let run_arguments = RunArguments {
+            scenes: run_arguments(&self.scenes, &self.common),
             prices: prices_flag,
         };
         let folder = self
             .out
             .unwrap_or_else(|| folder_for(&self.scenes[0], "-search"));
         let by = match self.by {
-            Some(By::Bytes) => over_fragment::By::Bytes,
-            _ => over_fragment::By::Area,
+            Some(ByFlag::Bytes) => over_fragment::LeastOf::Bytes,
+            _ => over_fragment::LeastOf::Area,
         };
-        let over_fragment = self.over.map(|Over::Fragment| by);
+        let over_fragment = self.over.map(|OverFlag::Fragment| by);
         let minimise = match self.minimise {
-            None | Some(Minimise::Area) => over_timing::Minimise::Area,
-            Some(Minimise::Gates) => over_timing::Minimise::Gates,
-            Some(Minimise::Energy) => over_timing::Minimise::Energy,
-            Some(Minimise::Cycles) => over_timing::Minimise::Cycles,
+            None | Some(MinimiseFlag::Area) => over_timing::Minimise::Area,
+            Some(MinimiseFlag::Gates) => over_timing::Minimise::Gates,
+            Some(MinimiseFlag::Energy) => over_timing::Minimise::Energy,
+            Some(MinimiseFlag::Cycles) => over_timing::Minimise::Cycles,
         };
         let fields = self
             .fields
@@ -237,14 +237,14 @@ impl Typed {
             .map(over_timing::read)
             .transpose()?
             .unwrap_or_default();
-        let Options {
+        let SearchOptions {
             views,
             prices,
             progress,
             ..
         } = options.clone();
-        let memory = Some(over_timing::Bought::of(&machine));
-        let over_timing = self.min_fps.map(|min_fps| over_timing::Options {
+        let memory = Some(over_timing::GivenMemory::of(&machine));
+        let over_timing = self.min_fps.map(|min_fps| over_timing::TimingOptions {
             min_fps,
             minimise,
             fields,
@@ -253,8 +253,8 @@ impl Typed {
             prices,
             progress,
         });
-        Ok(Job {
-            again,
+        Ok(SearchJob {
+            run_arguments,
             over_timing,
             over_fragment,
             domains,
@@ -265,10 +265,12 @@ impl Typed {
         })
     }
 
-    /// Every scene at every size.
+    /// Each scene at each size.
     fn domains(&self) -> Result<Vec<Domain>> {
         let cameras = self.cameras.as_deref().map(CameraFile::read).transpose()?;
-        let distance = self.distance.map_or([1.0; 2], |Parts(distance)| distance);
+        let distance = self
+            .distance
+            .map_or([1.0; 2], |FactorRange(distance)| distance);
         let mut domains = Vec::new();
         for name in &self.scenes {
             for overrides in self.common.each_overrides() {
@@ -282,17 +284,17 @@ impl Typed {
 
     fn target(&self) -> Result<Target> {
         let against = match self.against {
-            Against::Golden => searched::Against::Golden,
-            Against::Ideal => searched::Against::Ideal,
+            AgainstFlag::Golden => searched::Against::Golden,
+            AgainstFlag::Ideal => searched::Against::Ideal,
         };
         let metric = match self.metric {
-            Metric::Psnr => searched::Metric::Psnr,
-            Metric::Lockstep if against == searched::Against::Ideal => {
+            MetricFlag::Psnr => searched::Metric::Psnr,
+            MetricFlag::Lockstep if against == searched::Against::Ideal => {
                 return Err(Error::input(
-                    "--metric lockstep: golden is led by the machine's decisions, ideal is not: --against golden would do",
+                    "--metric lockstep: the decisions of golden can be forced to the machine's, those of ideal cannot: use --against golden",
                 ));
             }
-            Metric::Lockstep => searched::Metric::Lockstep,
+            MetricFlag::Lockstep => searched::Metric::Lockstep,
         };
         Ok(Target {
             psnr_db: self.target_psnr,
@@ -305,10 +307,10 @@ impl Typed {
     }
 }
 
-impl Job {
+impl SearchJob {
     pub fn run(self) -> Result<String> {
         if let (Some(by), Some(target)) = (self.over_fragment, self.options.target.psnr_db) {
-            let Options {
+            let SearchOptions {
                 prices, progress, ..
             } = &self.options;
             let scenes: Vec<Scene> = self
@@ -325,20 +327,23 @@ impl Job {
                 prices,
                 *progress,
             )?;
-            return Ok(self.told(&[outcome.summary()], &outcome.files));
+            return Ok(self.text(&[outcome.summary()], &outcome.files));
         }
         if let Some(options) = &self.over_timing {
             return self.over_timing(options);
         }
         let outcome = search::run_on(&self.domains, &self.machine, &self.folder, &self.options)?;
-        Ok(self.told(
-            &[outcome.summary(), self.again(&outcome.claims, &self.folder)],
+        Ok(self.text(
+            &[
+                outcome.summary(),
+                self.reproduction(&outcome.claims, &self.folder),
+            ],
             &outcome.files,
         ))
     }
 
-    /// Timing alone; or timing, then words, then timing with these.
-    fn over_timing(&self, options: &over_timing::Options) -> Result<String> {
+    /// Searches timing only; or timing, then words, then timing of the machine with these words.
+    fn over_timing(&self, options: &over_timing::TimingOptions) -> Result<String> {
         let Target {
             psnr_db,
             max_error,
@@ -348,12 +353,15 @@ impl Job {
         let (domains, folder) = (&self.domains, &self.folder);
         if psnr_db.is_none() && max_error.is_none() && !no_saturation {
             let outcome = over_timing::run(domains, &self.machine, None, folder, options)?;
-            return Ok(self.told(
-                &[outcome.summary(), self.again(&outcome.claims, folder)],
+            return Ok(self.text(
+                &[
+                    outcome.summary(),
+                    self.reproduction(&outcome.claims, folder),
+                ],
                 &outcome.files,
             ));
         }
-        // Before anything is written.
+        // Fails before anything is written.
         search::check(domains, &self.machine, &self.options)?;
         let fast = over_timing::run(
             domains,
@@ -370,24 +378,24 @@ impl Job {
             folder,
             options,
         )?;
-        // The words' figures are those of the last machine too: timing changes no picture.
+        // Timing does not change the picture: the figures of `words` hold for the last machine too.
         let again = [
-            self.again_with(&words.claims, &folder.join("words"), folder),
-            self.again(&last.claims, folder),
+            self.reproduction_with(&words.claims, &folder.join("words"), folder),
+            self.reproduction(&last.claims, folder),
         ]
         .join("\n");
-        Ok(self.told(
+        Ok(self.text(
             &[fast.summary(), words.summary(), last.summary(), again],
             &last.files,
         ))
     }
 
-    /// The command that shows each figure again.
-    fn again(&self, claims: &[Claim], folder: &Path) -> String {
-        self.again_with(claims, folder, folder)
+    /// The commands that reproduce each figure.
+    fn reproduction(&self, claims: &[Claim], folder: &Path) -> String {
+        self.reproduction_with(claims, folder, folder)
     }
 
-    fn again_with(&self, claims: &[Claim], cameras: &Path, machine: &Path) -> String {
+    fn reproduction_with(&self, claims: &[Claim], cameras: &Path, machine: &Path) -> String {
         let path =
             |folder: &Path, name: &str| quoted_for_shell(&folder.join(name).to_string_lossy());
         let command = |Claim {
@@ -399,10 +407,10 @@ impl Job {
                        }: &Claim| {
             let (machine, file) = (path(machine, "machine.json"), path(cameras, file));
             let command = [
-                format!("splatsim run {}", self.again.scenes[*scene]),
+                format!("splatsim run {}", self.run_arguments.scenes[*scene]),
                 format!("--machine {machine}"),
                 format!("--cameras {file}"),
-                format!("--frame {frame}{}", self.again.prices),
+                format!("--frame {frame}{}", self.run_arguments.prices),
             ];
             format!(
                 "{}\n{}",
@@ -413,7 +421,7 @@ impl Job {
         claims.iter().map(command).collect::<Vec<_>>().join("\n")
     }
 
-    fn told(&self, summaries: &[String], files: &[PathBuf]) -> String {
+    fn text(&self, summaries: &[String], files: &[PathBuf]) -> String {
         if self.quiet {
             String::new()
         } else {

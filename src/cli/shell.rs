@@ -10,20 +10,20 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 #[derive(Args, Debug)]
-pub(super) struct Completions {
+pub(super) struct CompletionsArgs {
     /// Shell: bash, elvish, fish, powershell or zsh
     #[arg(hide_possible_values = true)]
     shell: Shell,
 }
 
 #[derive(Args, Debug)]
-pub(super) struct Pages {
+pub(super) struct ManArgs {
     /// Write the pages into DIR
     #[arg(value_name = "DIR")]
     folder: PathBuf,
 }
 
-impl Completions {
+impl CompletionsArgs {
     pub fn run(self, mut command: Command) -> Result<String> {
         let mut script = Vec::new();
         clap_complete::generate(self.shell, &mut command, "splatsim", &mut script);
@@ -31,7 +31,7 @@ impl Completions {
     }
 }
 
-impl Pages {
+impl ManArgs {
     pub fn run(self, command: Command) -> Result<String> {
         let mut command = command.disable_help_subcommand(true);
         command.build();
@@ -44,7 +44,7 @@ impl Pages {
     }
 }
 
-/// Writes the page of a command, and those of the commands below it; how many they are.
+/// Writes the man page of a command and of each subcommand. Returns the number of pages.
 fn write(command: &Command, folder: &Path) -> Result<usize> {
     let man = Man::new(command.clone());
     let mut page = Vec::new();

@@ -1,4 +1,4 @@
-//! Stress: drives small scenes into trouble: where methods fail, and machines.
+//! Stress: runs small scenes in which methods or machines fail.
 
 use super::arguments::{Threads, written};
 use crate::error::Result;
@@ -13,7 +13,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 #[derive(Args, Debug)]
-pub(super) struct Typed {
+pub(super) struct StressArgs {
     /// Run only this case; may repeat [default: all]
     #[arg(long = "case", value_name = "NAME")]
     cases: Vec<String>,
@@ -30,16 +30,16 @@ pub(super) struct Typed {
     quiet: bool,
 }
 
-/// Cases that can be driven.
-pub(super) struct Job {
+/// Checked arguments.
+pub(super) struct StressJob {
     cases: Vec<&'static Case>,
     machines: Vec<Machine>,
     out: Option<(PathBuf, Folder)>,
     quiet: bool,
 }
 
-impl Typed {
-    pub fn check(self) -> Result<Job> {
+impl StressArgs {
+    pub fn check(self) -> Result<StressJob> {
         let named: Vec<&Case> = self
             .cases
             .iter()
@@ -59,7 +59,7 @@ impl Typed {
             .out
             .map(|folder| Folder::open(&folder).map(|open| (folder, open)))
             .transpose()?;
-        Ok(Job {
+        Ok(StressJob {
             cases,
             machines,
             out,
@@ -68,7 +68,7 @@ impl Typed {
     }
 }
 
-impl Job {
+impl StressJob {
     pub fn run(self) -> Result<String> {
         let progress = Progress::of_messages(!self.quiet);
         progress.set_message(format!("{} cases are being driven", self.cases.len()));

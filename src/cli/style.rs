@@ -1,4 +1,4 @@
-//! Style: colours on a terminal, where NO_COLOR does not forbid them; plain text everywhere else.
+//! Style: colours on a terminal unless NO_COLOR is set; plain text everywhere else.
 
 use std::io::IsTerminal;
 
@@ -6,26 +6,26 @@ const BOLD: &str = "\x1b[1m";
 const RED: &str = "\x1b[1;31m";
 const PLAIN: &str = "\x1b[0m";
 
-/// Whether a stream takes colours: a terminal does, but for those that ask not to (no-color.org).
-pub(super) fn takes_colour(stream: &impl IsTerminal) -> bool {
-    let says_no = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+/// Whether a stream is a terminal that supports colours, and NO_COLOR is not set (no-color.org).
+pub(super) fn use_colour(stream: &impl IsTerminal) -> bool {
+    let no_color = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
     allows(
         stream.is_terminal(),
-        says_no,
+        no_color,
         std::env::var_os("TERM").is_some_and(|name| name == "dumb"),
     )
 }
 
-fn allows(is_terminal: bool, says_no: bool, is_dumb: bool) -> bool {
-    is_terminal && !says_no && !is_dumb
+fn allows(is_terminal: bool, no_color: bool, is_dumb: bool) -> bool {
+    is_terminal && !no_color && !is_dumb
 }
 
-/// The head of an error.
+/// Formats the head of an error.
 pub(super) fn alarm(text: &str) -> String {
     format!("{RED}{text}{PLAIN}")
 }
 
-/// The text with the heads of its tables in bold: first lines of blocks, whose columns lie apart.
+/// Makes table heads bold: the first line of a block, if its columns are separated by two spaces.
 pub(super) fn with_headings(text: &str) -> String {
     let mut is_first = true;
     let mut line = |line: &str| {
@@ -57,7 +57,7 @@ mod tests {
     }
 
     #[test]
-    fn only_a_terminal_that_does_not_say_no_has_colours() {
+    fn only_a_terminal_without_no_color_has_colours() {
         assert!(allows(true, false, false));
         assert!(
             !allows(false, false, false)

@@ -1,10 +1,10 @@
-//! Sweep: tries many machines on one or many scenes, a row each.
+//! Sweep: draws scenes on many machines and writes one row per point.
 
 use super::arguments::{Threads, folder_for, written};
 use crate::error::Result;
 use crate::explore::sweep;
 use crate::explore::sweep::plan::Points;
-use crate::explore::sweep::{Options, Shard};
+use crate::explore::sweep::{Shard, SweepOptions};
 use crate::output::text::{one_line, wrapped};
 use crate::performance::cost::Prices;
 use clap::Args;
@@ -12,7 +12,7 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 
 #[derive(Args, Debug)]
-pub(super) struct Typed {
+pub(super) struct SweepArgs {
     /// Plan: a JSON file or the name of a built-in plan
     plan: OsString,
     /// Write rows here, or resume [default: PLAN-sweep]
@@ -34,26 +34,26 @@ pub(super) struct Typed {
     quiet: bool,
 }
 
-/// A plan that can be carried out.
-pub(super) struct Job {
+/// Checked arguments.
+pub(super) struct SweepJob {
     points: Points,
     folder: PathBuf,
-    options: Options,
+    options: SweepOptions,
     quiet: bool,
 }
 
-impl Typed {
-    pub fn check(self) -> Result<Job> {
+impl SweepArgs {
+    pub fn check(self) -> Result<SweepJob> {
         let points = Points::load(&self.plan)?;
         let prices = Prices::load_or_default(self.prices.as_deref())?;
         let folder = self.out.unwrap_or_else(|| folder_for(&self.plan, "-sweep"));
-        let options = Options {
+        let options = SweepOptions {
             shard: self.shard,
             most: self.most,
             prices,
             progress: !self.quiet,
         };
-        Ok(Job {
+        Ok(SweepJob {
             points,
             folder,
             options,
@@ -62,7 +62,7 @@ impl Typed {
     }
 }
 
-impl Job {
+impl SweepJob {
     pub fn run(self) -> Result<String> {
         let outcome = sweep::run(&self.points, &self.folder, &self.options)?;
         let folder = one_line(&self.folder.to_string_lossy());

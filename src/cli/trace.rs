@@ -1,6 +1,6 @@
-//! Trace: dumps what crosses the wires between units, to check hardware.
+//! Trace: writes the records on the wires between units, to verify RTL.
 
-use super::arguments::{Common, Corners, Span};
+use super::arguments::{CommonArgs, Corners, NumberRange};
 use crate::cosim::trace;
 use crate::cosim::trace::{Origin, Window};
 use crate::error::Result;
@@ -12,7 +12,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 #[derive(Args, Debug)]
-pub(super) struct Typed {
+pub(super) struct TraceArgs {
     /// Scene, point cloud, volume or built-in name
     scene: OsString,
     /// Trace only the ports of these units
@@ -20,7 +20,7 @@ pub(super) struct Typed {
     units: Vec<String>,
     /// Trace only splats A to B − 1
     #[arg(long, value_name = "A..B")]
-    splats: Option<Span>,
+    splats: Option<NumberRange>,
     /// Trace only these pixels, X1 and Y1 included
     #[arg(long, value_name = "X0,Y0,X1,Y1")]
     pixels: Option<Corners>,
@@ -32,12 +32,12 @@ pub(super) struct Typed {
     stimulus: Option<u32>,
     /// Also write waves of these cycles: VCD, FST
     #[arg(long, value_name = "A..B", conflicts_with = "stimulus")]
-    waves: Option<Span>,
+    waves: Option<NumberRange>,
     /// Set the seed of random choices
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u64,
     #[command(flatten)]
-    pub common: Common,
+    pub common: CommonArgs,
     /// Write the trace into DIR
     #[arg(long, value_name = "DIR")]
     out: PathBuf,
@@ -46,11 +46,11 @@ pub(super) struct Typed {
     quiet: bool,
 }
 
-/// A trace that can be written.
-pub(super) struct Job {
+/// Checked arguments.
+pub(super) struct TraceJob {
     scene: Scene,
     text: Option<String>,
-    /// The file, with its whole path, or the built-in name.
+    /// Absolute path of the scene file, or the built-in name.
     source: Option<String>,
     frame: usize,
     machine: Machine,
@@ -59,29 +59,29 @@ pub(super) struct Job {
     quiet: bool,
 }
 
-impl Typed {
-    pub fn check(self) -> Result<Job> {
+impl TraceArgs {
+    pub fn check(self) -> Result<TraceJob> {
         let scene = self.common.scene(&self.scene)?;
         let machine = self.common.machine(&scene)?;
         let window = Window {
             units: self.units,
-            splats: self.splats.map(|Span(splats)| splats),
+            splats: self.splats.map(|NumberRange(splats)| splats),
             pixels: self.pixels.map(|Corners(pixels)| pixels),
             sample: self.sample,
             stimulus: self.stimulus,
-            waves: self.waves.map(|Span(cycles)| cycles.map(u64::from)),
+            waves: self.waves.map(|NumberRange(cycles)| cycles.map(u64::from)),
             seed: self.seed,
         };
         let frame = self.common.frame.unwrap_or(0);
         let path = Path::new(&self.scene);
-        // A device's records may be compared in another folder.
+        // Absolute: records may be compared in another working directory.
         let source = if path.exists() {
             std::path::absolute(path).ok()
         } else {
             Some(path.to_owned())
         };
         let source = source.and_then(|source| source.to_str().map(str::to_owned));
-        Ok(Job {
+        Ok(TraceJob {
             text: Scene::text(&self.scene),
             source,
             frame,
@@ -94,7 +94,7 @@ impl Typed {
     }
 }
 
-impl Job {
+impl TraceJob {
     pub fn run(self) -> Result<String> {
         let origin = Origin {
             text: self.text.as_deref(),
@@ -104,7 +104,7 @@ impl Job {
         let written = trace::trace(&self.scene, origin, &self.machine, &self.window, &self.out)?;
         let folder = one_line(&self.out.to_string_lossy());
         let end = wrapped(&format!(
-            "written to {folder}; README.md there says what each file is"
+            "written to {folder}; its README.md describes each file"
         ));
         Ok(if self.quiet {
             String::new()

@@ -12,7 +12,7 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 
 #[derive(Args, Debug)]
-pub(super) struct Typed {
+pub(super) struct TreeArgs {
     /// Scene, point cloud or built-in name; discs only
     scene: OsString,
     /// Write the tree into this .tree file
@@ -28,16 +28,16 @@ pub(super) struct Typed {
     pub threads: Threads,
 }
 
-/// A tree that can be built.
-pub(super) struct Job {
+/// Checked arguments.
+pub(super) struct TreeJob {
     scene: Scene,
     out: PathBuf,
     children: usize,
     quiet: bool,
 }
 
-impl Typed {
-    pub fn check(self) -> Result<Job> {
+impl TreeArgs {
+    pub fn check(self) -> Result<TreeJob> {
         check_out(&self.out)?;
         if are_one(Path::new(&self.scene), &self.out) {
             return Err(Error::input(format!(
@@ -53,7 +53,7 @@ impl Typed {
                 "{name}: a tree is of discs, and these splats are voxels, Gaussians or an isosurface"
             )));
         }
-        Ok(Job {
+        Ok(TreeJob {
             scene,
             out: self.out,
             children: self.children as usize,
@@ -62,7 +62,7 @@ impl Typed {
     }
 }
 
-/// Says before any work that a tree could not be written there.
+/// Fails early if the tree cannot be written to `path`.
 fn check_out(path: &Path) -> Result<()> {
     let cannot = |why: &str| Err(Error::input(format!("--out {}: {why}", path.display())));
     let folder = path
@@ -84,9 +84,9 @@ fn check_out(path: &Path) -> Result<()> {
     Ok(())
 }
 
-impl Job {
+impl TreeJob {
     pub fn run(self) -> Result<String> {
-        let Job {
+        let TreeJob {
             scene,
             out,
             children,

@@ -1,7 +1,7 @@
-//! Unit: a filter: records of a unit on standard input, its answers on standard output, line by
-//! line.
+//! Unit: a filter. Reads input records of a unit from standard input and prints its output records,
+//! one per line.
 
-use super::arguments::Common;
+use super::arguments::CommonArgs;
 use crate::cosim::live::{Constants, Port, Record, Refused, Unit};
 use crate::cosim::trace::without_comment;
 use crate::cosim::words::{self, Word};
@@ -15,11 +15,11 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 
-/// The longest line that is read, bytes.
+/// Most bytes per input line.
 const LONGEST: u64 = 1 << 16;
 
 #[derive(Args, Debug)]
-pub(super) struct Typed {
+pub(super) struct UnitArgs {
     /// Unit
     name: String,
     /// Read constants from it [default: glass-spheres]
@@ -49,14 +49,14 @@ pub(super) struct Typed {
     #[arg(long, value_name = "FILE")]
     words: Option<PathBuf>,
     #[command(flatten)]
-    pub common: Common,
+    pub common: CommonArgs,
 }
 
-/// A filter that can run.
-pub(super) struct Job {
+/// Checked arguments.
+pub(super) struct UnitJob {
     name: String,
     constants: Constants,
-    form: Form,
+    form: RecordFormat,
     groups: bool,
     answers: Option<PathBuf>,
     requests: Option<PathBuf>,
@@ -64,37 +64,37 @@ pub(super) struct Job {
     words: Option<PathBuf>,
 }
 
-/// What records look like.
+/// Format of records.
 #[derive(Clone, Copy, Debug)]
-enum Form {
+enum RecordFormat {
     Hex,
     Json,
 }
 
-/// A text with a record a line, and what it is called.
-struct Lines<R> {
+/// Reads a text with one record per line; `name` is its path.
+struct RecordReader<R> {
     name: String,
-    form: Form,
+    form: RecordFormat,
     text: R,
-    /// Number of the line that was read last, from 1.
+    /// Number of the last line read, from 1.
     number: u64,
-    /// Records that were read.
+    /// Records read.
     records: u64,
-    /// A comment of several lines is open.
+    /// Inside a comment of several lines.
     is_inside: bool,
 }
 
-/// A file with a record a line that is written as it grows. What was in it stays until there is
-/// something to write, or nothing was wrong.
-struct Written {
-    form: Form,
+/// Writes a file with one record per line, flushed as it grows. The old content is kept until the
+/// first record, or until the end if there is none.
+struct RecordWriter {
+    form: RecordFormat,
     name: String,
     file: File,
     is_begun: bool,
 }
 
-impl Typed {
-    pub fn check(self) -> Result<Job> {
+impl UnitArgs {
+    pub fn check(self) -> Result<UnitJob> {
         let scene = self.common.scene(&self.scene)?;
         let constants = Constants::new(&scene, &self.common.machine(&scene)?)?;
         let unit = Unit::new(&constants, &self.name)?;
@@ -111,8 +111,12 @@ impl Typed {
                 )));
             }
         }
-        let form = if self.json { Form::Json } else { Form::Hex };
-        let Typed {
+        let form = if self.json {
+            RecordFormat::Json
+        } else {
+            RecordFormat::Hex
+        };
+        let UnitArgs {
             name,
             groups,
             answers,
@@ -121,7 +125,7 @@ impl Typed {
             words,
             ..
         } = self;
-        Ok(Job {
+        Ok(UnitJob {
             name,
             constants,
             form,
@@ -134,27 +138,27 @@ impl Typed {
     }
 }
 
-impl Form {
+impl RecordFormat {
     fn write(self, port: &Port, words: &[i64], text: &mut Vec<u8>) {
         match self {
-            Form::Hex => port.write(words, text),
-            Form::Json => port.write_json(words, text),
+            RecordFormat::Hex => port.write(words, text),
+            RecordFormat::Json => port.write_json(words, text),
         }
     }
 }
 
-impl<R: BufRead> Lines<R> {
+impl<R: BufRead> RecordReader<R> {
     fn refuse(&self, refused: &Refused) -> Error {
         Error::input(format!("{}: line {}: {refused}", self.name, self.number))
     }
 
-    /// The next line without its end; none where there is no more. Comments and addresses of
-    /// `$writememh` are passed over.
+    /// The next line without its end; None at the end of the text. Comments and addresses of
+    /// `$writememh` are skipped.
     fn next(&mut self) -> Result<Option<String>> {
         while let Some(line) = self.next_line()? {
             let line = match self.form {
-                Form::Hex => without_comment(&line, &mut self.is_inside),
-                Form::Json => Some(line),
+                RecordFormat::Hex => without_comment(&line, &mut self.is_inside),
+                RecordFormat::Json => Some(line),
             };
             match line {
                 Some(line) if self.is_address(&line)? => {}
@@ -205,25 +209,25 @@ impl<R: BufRead> Lines<R> {
             )));
         }
         let text = String::from_utf8(line)
-            .map_err(|_| Error::input(format!("{name}: line {number}: this is no text")))?;
+            .map_err(|_| Error::input(format!("{name}: line {number}: this is not text")))?;
         Ok(Some(text.trim_end_matches(['\n', '\r']).to_owned()))
     }
 
     fn record(&self, port: &Port, line: &str) -> Result<Record> {
         let read = match self.form {
-            Form::Hex => port.read(line),
-            Form::Json => port.read_json(line),
+            RecordFormat::Hex => port.read(line),
+            RecordFormat::Json => port.read_json(line),
         };
         read.map_err(|refused| self.refuse(&refused))
     }
 }
 
-impl Lines<BufReader<File>> {
-    fn open(path: &Path, form: Form) -> Result<Self> {
+impl RecordReader<BufReader<File>> {
+    fn open(path: &Path, form: RecordFormat) -> Result<Self> {
         let name = one_line(&path.to_string_lossy());
         let file =
             input::open(path).map_err(|e| Error::input(format!("{name}: cannot be read: {e}")))?;
-        Ok(Lines {
+        Ok(RecordReader {
             name,
             form,
             text: BufReader::new(file),
@@ -234,8 +238,8 @@ impl Lines<BufReader<File>> {
     }
 }
 
-impl Written {
-    fn open(path: &Path, form: Form) -> Result<Self> {
+impl RecordWriter {
+    fn open(path: &Path, form: RecordFormat) -> Result<Self> {
         let name = one_line(&path.to_string_lossy());
         let file = File::options()
             .write(true)
@@ -243,7 +247,7 @@ impl Written {
             .truncate(false)
             .open(path);
         let file = file.map_err(|e| Error::job(format!("{name}: cannot be written: {e}")))?;
-        Ok(Written {
+        Ok(RecordWriter {
             form,
             name,
             file,
@@ -251,9 +255,9 @@ impl Written {
         })
     }
 
-    /// Nothing of what was in it stays.
+    /// Truncates the file.
     fn begin(&mut self) -> Result<()> {
-        // A pipe has nothing.
+        // A pipe cannot be truncated.
         let is_file = self
             .file
             .metadata()
@@ -281,8 +285,7 @@ impl Written {
             .map_err(|e| Error::job(format!("{}: cannot be written: {e}", self.name)))
     }
 
-    /// Writes a line for each word that a record made: which record, the signal, its bits, its
-    /// value, what was lost.
+    /// Writes one line per word of a record: record, signal, bits, value, loss.
     fn write_words(&mut self, record: u64, words: &[Word]) -> Result<()> {
         let mut text = String::new();
         for word in words {
@@ -299,36 +302,36 @@ impl Written {
     }
 }
 
-/// What stands in for shade: the model's, or a file's answers; and where requests are written down.
+/// Stands in for shade: returns the model's words or those of `--answers`, and writes requests to
+/// `--requests`.
 struct Shading<'a> {
     constants: &'a Constants,
     ports: Option<[Port; 2]>,
-    answers: Option<Lines<BufReader<File>>>,
-    requests: Option<Written>,
-    /// Number of requests.
-    asked: u64,
-    /// What went wrong first.
+    answers: Option<RecordReader<BufReader<File>>>,
+    requests: Option<RecordWriter>,
+    request_count: u64,
+    /// The first error.
     fault: Option<Error>,
 }
 
 impl Shading<'_> {
-    fn answer(&mut self, request: &[i64]) -> [i64; 4] {
+    fn shade(&mut self, request: &[i64]) -> [i64; 4] {
         if self.fault.is_some() {
             return [0; 4];
         }
-        self.asked += 1;
-        self.try_answer(request).unwrap_or_else(|fault| {
+        self.request_count += 1;
+        self.try_shade(request).unwrap_or_else(|fault| {
             self.fault = Some(fault);
             [0; 4]
         })
     }
 
-    fn try_answer(&mut self, request: &[i64]) -> Result<[i64; 4]> {
-        let Some([asks, says]) = &self.ports else {
+    fn try_shade(&mut self, request: &[i64]) -> Result<[i64; 4]> {
+        let Some([request_port, answer_port]) = &self.ports else {
             return Ok([0; 4]);
         };
         if let Some(requests) = &mut self.requests {
-            requests.write(asks, &[request.to_vec()])?;
+            requests.write(request_port, &[request.to_vec()])?;
         }
         let Some(answers) = &mut self.answers else {
             return Ok(self.constants.light(request));
@@ -336,11 +339,12 @@ impl Shading<'_> {
         let Some(line) = answers.next()? else {
             return Err(Error::input(format!(
                 "{}: there is no answer to request {}",
-                answers.name, self.asked
+                answers.name, self.request_count
             )));
         };
-        let words = answers.record(says, &line)?;
-        says.hold(&words)
+        let words = answers.record(answer_port, &line)?;
+        answer_port
+            .hold(&words)
             .map_err(|refused| answers.refuse(&refused))?;
         words.try_into().map_err(|_| {
             Error::input(format!(
@@ -355,30 +359,31 @@ impl Shading<'_> {
     }
 }
 
-impl Job {
-    /// Answers until the input ends, or nobody reads the answers.
+impl UnitJob {
+    /// Runs until the input ends or standard output is closed.
     pub fn run(self) -> Result<String> {
         let mut unit = Unit::new(&self.constants, &self.name)?;
-        // In the order in which pipes are opened by whoever has them at the other end.
+        // Pipes are opened in a fixed order, so that the process at the other end can open them in
+        // the same order.
         let requests = self
             .requests
             .as_deref()
-            .map(|path| Written::open(path, self.form))
+            .map(|path| RecordWriter::open(path, self.form))
             .transpose()?;
         let answers = self
             .answers
             .as_deref()
-            .map(|path| Lines::open(path, self.form))
+            .map(|path| RecordReader::open(path, self.form))
             .transpose()?;
         let mut held = self
             .held
             .as_deref()
-            .map(|path| Written::open(path, self.form))
+            .map(|path| RecordWriter::open(path, self.form))
             .transpose()?;
         let mut noted = self
             .words
             .as_deref()
-            .map(|path| Written::open(path, self.form))
+            .map(|path| RecordWriter::open(path, self.form))
             .transpose()?;
         if let Some(noted) = &mut noted {
             noted.write_text(b"record,signal,bits,value,lost\n")?;
@@ -388,10 +393,10 @@ impl Job {
             ports: unit.shade.clone(),
             answers,
             requests,
-            asked: 0,
+            request_count: 0,
             fault: None,
         };
-        let mut input = Lines {
+        let mut input = RecordReader {
             name: "standard input".into(),
             form: self.form,
             text: std::io::stdin().lock(),
@@ -406,7 +411,7 @@ impl Job {
             let out = match line {
                 Some(line) if !line.is_empty() || !unit.has_state() => {
                     let record = input.record(&unit.input, &line)?;
-                    let mut shade = |request: &[i64]| shading.answer(request);
+                    let mut shade = |request: &[i64]| shading.shade(request);
                     match &mut noted {
                         None => unit
                             .step(&record, &mut shade)
@@ -421,7 +426,7 @@ impl Job {
                 }
                 _ => {
                     let end = unit
-                        .end(&mut |request| shading.answer(request))
+                        .end(&mut |request| shading.shade(request))
                         .map_err(|refused| input.refuse(&refused))?;
                     if let (Some(held), Some(port)) = (&mut held, &unit.held) {
                         held.write(port, &end.held)?;
@@ -440,7 +445,7 @@ impl Job {
         Ok(String::new())
     }
 
-    /// Prints answers at once; false where nobody reads them.
+    /// Prints records and flushes; false if standard output is closed.
     fn print(&self, port: &Port, records: &[Record], is_open: bool) -> Result<bool> {
         let mut text = Vec::new();
         records

@@ -1,4 +1,4 @@
-//! View: shows a folder in a browser, or writes the page as a file.
+//! View: shows a result folder in a browser, or writes the page as a file.
 
 use crate::error::{Error, Result};
 use crate::view::server::Server;
@@ -10,7 +10,7 @@ use std::process::{Command, Stdio};
 use std::time::Duration;
 
 #[derive(Args, Debug)]
-pub(super) struct Typed {
+pub(super) struct ViewArgs {
     /// Folder of run, replay, compare, sweep, search or stress
     #[arg(value_name = "DIR")]
     folder: PathBuf,
@@ -28,7 +28,7 @@ pub(super) struct Typed {
     scene: Option<OsString>,
 }
 
-impl Typed {
+impl ViewArgs {
     pub fn run(self) -> Result<String> {
         let view = View::new(&self.folder, self.scene)?;
         if let Some(path) = self.export {
@@ -50,7 +50,7 @@ impl Typed {
     }
 }
 
-/// Opens an address in the browser that the system would take.
+/// Opens an address in the default browser.
 fn open(address: &str) -> Result<()> {
     let (program, arguments): (_, &[&str]) = match std::env::consts::OS {
         "macos" => ("open", &[]),
@@ -66,10 +66,10 @@ fn open(address: &str) -> Result<()> {
         .spawn();
     match quiet {
         Ok(_) => Ok(()),
-        // Whoever has no such program opens the address that was printed.
+        // Without such a program the user opens the printed address.
         Err(e) if e.kind() == std::io::ErrorKind::NotFound => Ok(()),
         Err(e) => Err(Error::job(format!(
-            "{program}: cannot be started: {e}; --no-open opens no browser"
+            "{program}: cannot be started: {e}; --no-open does not open a browser"
         ))),
     }
 }

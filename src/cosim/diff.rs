@@ -1,16 +1,16 @@
-//! Diff: compares what a device gave with a trace, and names the first thing that is different.
+//! Diff: compares records of a device with a trace, and names the first difference.
 //!
 //! ```text
 //! trace ─► expected records ─┐
-//!                            ├─►( order )─►( align )─► missing, surplus, moved, different ─► the first of them, with what led to it
+//!                            ├─►( order )─►( align )─► missing, surplus, moved, different ─► the first one, with the records it was made from
 //! device ─► lines, checked ──┘
 //! ```
-//! Records that have a tag or a pixel are paired by it, others by an edit script (`align`). Where
-//! the order of pixels does not count, or where the device went through tiles, the expected records
-//! are brought into that order first (`order`).
+//! Records that have a tag or a pixel are paired by it, others by an edit script (`align`). If the
+//! order of pixels does not matter, or the device works tile by tile, the expected records are
+//! first sorted into the device's order (`order`).
 //!
 //! Laws: `a_flipped_bit_is_named`, `a_lost_doubled_or_swapped_record_is_named`,
-//! `a_fault_at_a_pixel_is_named`, `runs_of_missing_and_surplus_records_are_counted_apart`,
+//! `a_fault_at_a_pixel_is_named`, `runs_of_missing_and_surplus_records_are_counted_separately`,
 //! `a_file_in_the_order_of_tiles_is_equal_and_a_fault_in_it_is_named`,
 //! `what_must_be_zero_counts_where_it_is_asked_for` (tests/diff.rs).
 
@@ -19,34 +19,34 @@ mod lines;
 mod order;
 mod replay;
 
-pub use order::Order;
+pub use order::RequiredOrder;
 
-use crate::cosim::trace::{Key, Layout, flag};
+use crate::cosim::trace::{Key, RecordLayout, flag};
 use crate::cosim::words;
 use crate::error::{Error, Result};
 use crate::input;
 use crate::output::text::hex;
 use align::{Mismatch, Name};
-use lines::Lines;
+use lines::RecordLines;
 use order::{Ordered, Permutation};
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// What a field is called and what its words stand for.
+/// Name and number format of a field.
 #[derive(Clone, Debug)]
-struct Field {
+struct TraceField {
     name: String,
     width: u32,
     frac_bits: i32,
-    /// It is a word, and not a number that identifies or counts something.
+    /// It is a word, and not an index or a count.
     is_word: bool,
 }
 
 /// A stream of a trace.
 #[derive(Clone, Debug)]
-struct Stream {
+struct TraceStream {
     name: String,
     unit: String,
     file: String,
@@ -54,61 +54,61 @@ struct Stream {
     sha256: String,
     parent: Option<String>,
     per_pixel: bool,
-    fields: Vec<Field>,
-    layout: Layout,
+    fields: Vec<TraceField>,
+    layout: RecordLayout,
 }
 
-/// Fields that mean nothing in a record, and are 0 in the trace: what a device has there.
+/// Fields that are unused in a record, and 0 in the trace: what a device may have there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Zeros {
-    /// Anything will do.
+    /// Any value.
     Ignored,
-    /// It must be 0 too.
+    /// 0.
     Compared,
 }
 
 /// How a device's records are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct How {
-    /// What fields that mean nothing hold.
+pub struct DiffOptions {
+    /// Contents of unused fields.
     pub zeros: Zeros,
-    /// In which order records come.
-    pub order: Order,
+    /// Order of records.
+    pub order: RequiredOrder,
 }
 
-impl Default for How {
+impl Default for DiffOptions {
     fn default() -> Self {
-        How {
+        DiffOptions {
             zeros: Zeros::Ignored,
-            order: Order::Auto,
+            order: RequiredOrder::Auto,
         }
     }
 }
 
-/// A comparison.
+/// Result of a comparison.
 #[derive(Clone, Debug)]
-pub struct Outcome {
-    /// Text for people.
+pub struct DiffOutcome {
+    /// Report as text.
     pub text: String,
-    /// The same for programs.
+    /// Report as JSON.
     pub json: Value,
-    /// Nothing is different.
+    /// No difference was found.
     pub equal: bool,
-    /// Finding, in a sentence.
+    /// The first difference, in a sentence.
     pub sentence: String,
 }
 
 /// A trace's folder.
-struct Trace {
+struct TraceFolder {
     folder: PathBuf,
     manifest: Value,
 }
 
-/// Records, a line each.
+/// Records, one per line.
 type Records = Vec<Vec<i64>>;
 
-impl Trace {
-    fn open(folder: &Path) -> Result<Trace> {
+impl TraceFolder {
+    fn open(folder: &Path) -> Result<TraceFolder> {
         let path = folder.join("manifest.json");
         let input_error = |what: String| Error::input(format!("{}: {what}", path.display()));
         let text = input::read_text(&path).map_err(|e| {
@@ -116,21 +116,21 @@ impl Trace {
                 "cannot be read: {e}; a folder that `trace` wrote is needed"
             ))
         })?;
-        let manifest: Value =
-            serde_json::from_str(&text).map_err(|e| input_error(format!("is no manifest: {e}")))?;
+        let manifest: Value = serde_json::from_str(&text)
+            .map_err(|e| input_error(format!("is not a manifest: {e}")))?;
         if manifest["format"] != "splatsim-trace-1" {
             return Err(input_error(format!(
                 "its format is {}, and splatsim-trace-1 is needed",
                 manifest["format"]
             )));
         }
-        Ok(Trace {
+        Ok(TraceFolder {
             folder: folder.to_owned(),
             manifest,
         })
     }
 
-    fn stream(&self, name: &str) -> Result<Stream> {
+    fn stream(&self, name: &str) -> Result<TraceStream> {
         let all = self.manifest["streams"]
             .as_array()
             .map(Vec::as_slice)
@@ -149,18 +149,18 @@ impl Trace {
         })?;
         self.described(found).ok_or_else(|| {
             Error::input(format!(
-                "{}: what it says of the stream {name} is incomplete",
+                "{}: the description of the stream {name} is incomplete",
                 self.folder.join("manifest.json").display()
             ))
         })
     }
 
-    /// Whether its records are made up.
+    /// Whether the records are stimulus, and not of a scene.
     fn is_stimulus(&self) -> bool {
         !self.manifest["window"]["stimulus"].is_null()
     }
 
-    fn described(&self, stream: &Value) -> Option<Stream> {
+    fn described(&self, stream: &Value) -> Option<TraceStream> {
         let text = |value: &Value| value.as_str().map(str::to_owned);
         let fields = stream["fields"].as_array()?;
         let number = |field: &Value, name: &str| field[name].as_i64();
@@ -172,7 +172,7 @@ impl Trace {
                 .filter(|width| (1..=63).contains(width))?;
             let frac_bits = number(field, "frac_bits")? as i32;
             let is_word = frac_bits != 0 || !field["signal"].is_null();
-            described.push(Field {
+            described.push(TraceField {
                 name: text(&field["name"])?,
                 width,
                 frac_bits,
@@ -187,7 +187,7 @@ impl Trace {
             let place = |flag: &Value| fields.iter().position(|field| field["name"] == *flag);
             unless.push(flags.iter().map(place).collect::<Option<Vec<_>>>()?);
         }
-        Some(Stream {
+        Some(TraceStream {
             name: text(&stream["name"])?,
             unit: text(&stream["unit"])?,
             file: text(&stream["file"])?,
@@ -196,12 +196,12 @@ impl Trace {
             parent: text(&stream["parent"]),
             per_pixel: stream["order"] == "per-pixel",
             fields: described,
-            layout: Layout::of(widths, signed, unless),
+            layout: RecordLayout::of(widths, signed, unless),
         })
     }
 
-    /// The trace's own records, which must be as they were written.
-    fn expected(&self, stream: &Stream) -> Result<Records> {
+    /// The trace's records. Fails if the file was changed.
+    fn expected(&self, stream: &TraceStream) -> Result<Records> {
         let path = self.folder.join(&stream.file);
         let text = lines::read(&path)?;
         if hex(&Sha256::digest(&text)) != stream.sha256 {
@@ -213,20 +213,20 @@ impl Trace {
         Ok(lines::records(&path, &text, &stream.layout, Zeros::Compared)?.records)
     }
 
-    fn keys(&self, stream: &Stream) -> Result<Records> {
+    fn keys(&self, stream: &TraceStream) -> Result<Records> {
         let path = self.folder.join(&stream.key_file);
-        let layout = Layout::of_naturals(&Key::PARTS.map(|(_, bits)| bits));
+        let layout = RecordLayout::of_naturals(&Key::PARTS.map(|(_, bits)| bits));
         Ok(lines::records(&path, &lines::read(&path)?, &layout, Zeros::Compared)?.records)
     }
 }
 
-impl Stream {
-    /// Places of the fields that identify a record, as far as the stream has them.
+impl TraceStream {
+    /// Indices of the fields that identify a record: tag, x, y; None for one that the stream lacks.
     fn naming(&self) -> [Option<usize>; 3] {
         ["tag", "x", "y"].map(|name| self.fields.iter().position(|field| field.name == name))
     }
 
-    /// What identifies each record; none where nothing does.
+    /// Identifier of each record; None if the stream has no identifying field.
     fn names(&self, records: &[Vec<i64>]) -> Option<Vec<Name>> {
         let naming = self.naming();
         let name = |record: &Vec<i64>| naming.map(|place| place.map_or(0, |place| record[place]));
@@ -237,15 +237,15 @@ impl Stream {
     }
 }
 
-/// Compares devices' outputs with a trace: of several streams, the earliest that is different tells
-/// what went wrong.
+/// Compares files of a device with streams of a trace. If several streams differ, the earliest one
+/// in the pipeline is reported.
 ///
 /// # Errors
-/// [`Error::Input`] where the folder is no trace, has no such stream, was changed, or where a
-/// device's file is malformed.
-pub fn diff(folder: &Path, outputs: &[(String, PathBuf)], how: How) -> Result<Outcome> {
-    let trace = Trace::open(folder)?;
-    let mut streams: Vec<(Stream, &Path)> = outputs
+/// [`Error::Input`] if the folder is not a trace, lacks the stream or was changed, or if a device's
+/// file is malformed.
+pub fn diff(folder: &Path, outputs: &[(String, PathBuf)], how: DiffOptions) -> Result<DiffOutcome> {
+    let trace = TraceFolder::open(folder)?;
+    let mut streams: Vec<(TraceStream, &Path)> = outputs
         .iter()
         .map(|(name, file)| Ok((trace.stream(name)?, file.as_path())))
         .collect::<Result<_>>()?;
@@ -288,7 +288,7 @@ pub fn diff(folder: &Path, outputs: &[(String, PathBuf)], how: How) -> Result<Ou
         )
     };
     let text = equal.iter().map(line).collect::<Vec<_>>().join("\n");
-    Ok(Outcome {
+    Ok(DiffOutcome {
         sentence: text.clone(),
         text,
         json: json!({"equal": true, "streams": equal}),
@@ -296,7 +296,7 @@ pub fn diff(folder: &Path, outputs: &[(String, PathBuf)], how: How) -> Result<Ou
     })
 }
 
-/// The first field that is different.
+/// The first field that differs.
 fn other_field(expected: &[i64], got: &[i64]) -> Option<usize> {
     expected
         .iter()
@@ -304,15 +304,15 @@ fn other_field(expected: &[i64], got: &[i64]) -> Option<usize> {
         .position(|(expected, got)| expected != got)
 }
 
-/// A stream's records, and a device's.
+/// Expected records of a stream, and the device's.
 struct Sides<'a> {
-    trace: &'a Trace,
-    stream: &'a Stream,
+    trace: &'a TraceFolder,
+    stream: &'a TraceStream,
     expected: &'a [Vec<i64>],
-    got: &'a Lines,
+    got: &'a RecordLines,
 }
 
-/// A natural number of a key's part, if there is one.
+/// A part of a key, if it is a natural number.
 fn part(key: &[i64], place: usize) -> Option<i64> {
     let (_, bits) = Key::PARTS[place];
     key.get(place)
@@ -320,7 +320,7 @@ fn part(key: &[i64], place: usize) -> Option<i64> {
         .filter(|&part| part != (1 << bits) - 1)
 }
 
-/// Places of a key's parts.
+/// Indices of the parts of a key.
 const SPLAT: usize = 0;
 const X: usize = 1;
 const Y: usize = 2;
@@ -329,11 +329,11 @@ const PARENT: usize = 4;
 const FLAGS: usize = 5;
 
 impl Sides<'_> {
-    fn outcome(&self, first: &Mismatch, ordered: &Ordered) -> Result<Outcome> {
+    fn outcome(&self, first: &Mismatch, ordered: &Ordered) -> Result<DiffOutcome> {
         let keys = self.trace.keys(self.stream)?;
         let record = first.record();
-        // A surplus record has no key: that of the one that it stands before tells where the device
-        // was.
+        // A surplus record has no key: the key of the expected record that follows it shows the
+        // place.
         let key = keys
             .get(record.min(keys.len().saturating_sub(1)))
             .cloned()
@@ -404,7 +404,7 @@ impl Sides<'_> {
         )
         .into();
         let sentence = self.sentence(first, run, field_name, &counts);
-        Ok(Outcome {
+        Ok(DiffOutcome {
             text: self.text(&mismatch, &sentence, &intermediate),
             json: mismatch,
             equal: false,
@@ -463,7 +463,7 @@ impl Sides<'_> {
         format!("{name}: {what}; {more}")
     }
 
-    /// The class of made-up cases that a record belongs to, as the trace's manifest calls it.
+    /// Name of the stimulus class of a record, as in the manifest.
     fn stimulus(&self, record: usize, key: &[i64]) -> Option<String> {
         let tags = self.trace.manifest["tags"].as_array()?;
         let is_in = |stream: &str, record: i64| {
@@ -475,7 +475,7 @@ impl Sides<'_> {
             })
         };
         let (mut stream, mut record, mut key) = (self.stream.clone(), record as i64, key.to_vec());
-        // Records of an output are of the class of what they are made from.
+        // An output record has the class of the input record that it was made from.
         for _ in 0..tags.len() + 8 {
             if let Some(tag) = is_in(&stream.name, record) {
                 return Some(format!(
@@ -491,26 +491,26 @@ impl Sides<'_> {
         None
     }
 
-    /// The records that a unit has to be given so that it makes this one again.
-    fn replayed(&self, record: usize, key: &[i64]) -> Result<words::Replayed> {
+    /// The input records that make the unit produce this record again.
+    fn replayed(&self, record: usize, key: &[i64]) -> Result<words::ReplayInputs> {
         let unit = self.stream.unit.clone();
         let (Some(parent), Some(number)) = (&self.stream.parent, part(key, PARENT)) else {
-            return Ok(words::Replayed::nothing(unit));
+            return Ok(words::ReplayInputs::nothing(unit));
         };
         let Some(expected) = self.expected.get(record) else {
-            return Ok(words::Replayed::nothing(unit));
+            return Ok(words::ReplayInputs::nothing(unit));
         };
         if *parent != format!("{unit}.in") || self.stream.name != format!("{unit}.out") {
-            return Ok(words::Replayed::nothing(unit));
+            return Ok(words::ReplayInputs::nothing(unit));
         }
         let Ok(input) = self.trace.stream(parent) else {
-            return Ok(words::Replayed::nothing(unit));
+            return Ok(words::ReplayInputs::nothing(unit));
         };
         let (records, keys) = (self.trace.expected(&input)?, self.trace.keys(&input)?);
         let number = number as usize;
         let of_pixel = |key: &Vec<i64>| part(key, X).zip(part(key, Y));
         let Some(own) = keys.get(number) else {
-            return Ok(words::Replayed::nothing(unit));
+            return Ok(words::ReplayInputs::nothing(unit));
         };
         let inputs: Vec<usize> = match unit.as_str() {
             "fragment" => (0..=number)
@@ -532,7 +532,7 @@ impl Sides<'_> {
         let begins_empty = unit != "fragment"
             || self.trace.manifest["window"]["splats"][0] == 0
             || self.trace.is_stimulus();
-        Ok(words::Replayed {
+        Ok(words::ReplayInputs {
             unit,
             inputs: inputs
                 .into_iter()
@@ -544,7 +544,7 @@ impl Sides<'_> {
         })
     }
 
-    /// What shade said to the requests of these records of `fragment.in`.
+    /// Answers of shade to the requests of these records of `fragment.in`.
     fn answers(&self, inputs: &[usize]) -> Result<Vec<Vec<i64>>> {
         let (Ok(requests), Ok(answers)) = (
             self.trace.stream("fragment.request"),
@@ -564,7 +564,7 @@ impl Sides<'_> {
     }
 
     fn field(&self, field: usize, expected: i64, got: i64) -> Value {
-        let Field {
+        let TraceField {
             name,
             width,
             frac_bits,
@@ -577,8 +577,8 @@ impl Sides<'_> {
         })
     }
 
-    fn words(&self, stream: &Stream, words: &[i64]) -> Value {
-        let word = |(field, &word): (&Field, &i64)| {
+    fn words(&self, stream: &TraceStream, words: &[i64]) -> Value {
+        let word = |(field, &word): (&TraceField, &i64)| {
             (
                 field.name.clone(),
                 json!({"hex": digits(word, field.width), "value": value(word, field.frac_bits)}),
@@ -587,8 +587,8 @@ impl Sides<'_> {
         Value::Object(stream.fields.iter().zip(words).map(word).collect())
     }
 
-    /// What the record was made from, back to the start of the trace: the nearest record first. Of
-    /// several layers all, then what the first was made from.
+    /// The records that this one was made from, back to the start of the trace, the nearest first.
+    /// For several layers: all of them, then the records that the first was made from.
     fn inputs(&self, key: &[i64]) -> Result<Value> {
         let mut inputs = Vec::new();
         let (mut parent, mut number) = (self.stream.parent.clone(), part(key, 4));
@@ -736,7 +736,7 @@ impl Sides<'_> {
     }
 }
 
-/// How many records are what.
+/// Number of records of each kind of mismatch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct Counts {
     missing: usize,
@@ -785,7 +785,7 @@ impl std::fmt::Display for Counts {
     }
 }
 
-/// What a word stands for: a whole number where it has no fraction.
+/// Value of a word: an integer if it has no fraction bits.
 fn value(word: i64, frac_bits: i32) -> Value {
     if frac_bits == 0 {
         word.into()
@@ -794,7 +794,7 @@ fn value(word: i64, frac_bits: i32) -> Value {
     }
 }
 
-/// A word's bits.
+/// Bits of a word in hexadecimal.
 fn digits(word: i64, width: u32) -> String {
     format!(
         "{:0digits$x}",

@@ -1,18 +1,18 @@
-//! Live: a unit that answers record by record, for whoever has records of their own: a filter, a
-//! testbench, another language.
+//! Live: runs one unit record by record on given inputs, for a filter, a testbench or another
+//! language.
 //!
 //! ```text
-//! record ─►[ read ]─►[ check ]─►( the unit by itself )─► answers
-//!                                  │        ▲                           in the end: what fragment holds, what sort has sorted
-//!                               request ─► shade
+//! record ─►[ read ]─►[ check ]─►( the unit )─► outputs
+//!                                 │     ▲      at the end: fragments held, splats sorted
+//!                             request ─► shade
 //! ```
-//! Records are those of a trace's streams ([`ports`]). What a unit was never given is checked here,
-//! once: behind that it cannot fail.
+//! Records are those of a trace's streams ([`ports`]). Inputs that no unit can produce are refused
+//! here, so that the unit itself cannot fail.
 //!
 //! Laws: `a_unit_answers_as_the_trace_says`, `a_bad_record_is_refused_by_its_field`,
 //! `no_record_makes_a_unit_fail` (tests/live.rs).
 
-use crate::cosim::trace::{Layout, Malformed, Window, constant_records, made_up, outcome};
+use crate::cosim::trace::{Malformed, RecordLayout, Window, constant_records, made_up, outcome};
 use crate::error::{Error, Result};
 use crate::hardware::fixed;
 use crate::hardware::quantise::quantise;
@@ -35,68 +35,68 @@ use std::fmt;
 /// The words of a record, field by field.
 pub type Record = Vec<i64>;
 
-/// A machine and the constants of a frame: all that units read beside their records.
+/// A machine and the constants of a frame: everything that units read besides their records.
 #[derive(Clone, Debug)]
 pub struct Constants {
     machine: Elaborated,
     frame: Frame,
 }
 
-/// Fault of a record.
+/// Why a record is refused.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Refused {
-    /// The field at fault, if it is one.
+    /// The field at fault, if there is one.
     pub field: Option<String>,
-    /// What is wrong with it.
+    /// What is wrong.
     pub sentence: String,
 }
 
-/// One stream of a unit: its fields and how a line holds them.
+/// One stream of a unit: its fields and their layout in a line.
 #[derive(Clone, Debug)]
 pub struct Port {
-    /// As fields and places of records name it.
+    /// Its fields, and the order of its records.
     pub stream: Stream,
-    layout: Layout,
+    layout: RecordLayout,
 }
 
-/// A unit by itself, with what it keeps between records.
+/// A unit with its state.
 pub struct Unit<'a> {
     of: &'a Constants,
     /// Its name.
     pub name: &'static str,
-    /// What it takes.
+    /// Input records.
     pub input: Port,
-    /// What it gives for that.
+    /// Output records.
     pub output: Port,
-    /// Of `fragment`, what it asks shade, and what that says.
+    /// `fragment` only: requests to shade, and its answers.
     pub shade: Option<[Port; 2]>,
-    /// Of `fragment`, what it holds in the end.
+    /// `fragment` only: fragments held at the end of a frame.
     pub held: Option<Port>,
     state: State<'a>,
 }
 
-/// What comes when no record does any more.
+/// Records at the end of a frame.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct End {
-    /// Records of the output: what `sort` has sorted.
+    /// Output records: the splats that `sort` sorted.
     pub out: Vec<Record>,
-    /// What `fragment` holds, pixel by pixel.
+    /// Fragments that `fragment` holds, pixel by pixel.
     pub held: Vec<Record>,
 }
 
-/// Answers a request of `fragment`: colour and opacity of its light.
+/// Returns the light for a request of `fragment`: colour and opacity.
 pub type Shade<'a> = dyn FnMut(&[i64]) -> [i64; 4] + 'a;
 
 /// By row and column of tiles.
-type Tiles<T> = BTreeMap<[i64; 2], T>;
+type TileMap<T> = BTreeMap<[i64; 2], T>;
 
 enum State<'a> {
     None,
     Sort(Vec<Record>),
-    Fragments(Tiles<Fragments<'a>>),
-    Sheets(Sheets<'a>, Tiles<Sheets<'a>>),
-    Windows(Tiles<Windows<'a>>),
-    /// The layers of a pixel that is not complete, and its place.
+    Fragments(TileMap<Fragments<'a>>),
+    Sheets(Sheets<'a>, TileMap<Sheets<'a>>),
+    Windows(TileMap<Windows<'a>>),
+    /// The layers so far of the current pixel, and its place.
     Resolve([i64; 2], Vec<Layer>),
 }
 
@@ -125,15 +125,16 @@ impl fmt::Display for Refused {
 }
 
 impl Constants {
-    /// Those of a scene on a machine.
+    /// The constants of a scene on a machine.
     ///
     /// # Errors
-    /// [`Error::Input`] where the machine has misfits, or cannot hold the scene's constants.
+    /// [`Error::Input`] if the machine has elaboration errors, or the scene's constants do not fit
+    /// its words.
     pub fn new(scene: &Scene, machine: &Machine) -> Result<Self> {
         let elaborated = fixed::elaborate(machine)?;
         let mut frame = quantise(scene, machine)?.frame;
         Window::default().check(&frame)?;
-        // Units know no splats; of ellipsoids they know whether these have axes of their own.
+        // Units depend on no list of splats, except that ellipsoids may have their own axes.
         frame.splats = Vec::new();
         if let Some(ellipsoids) = &mut frame.ellipsoids {
             ellipsoids.own.truncate(1);
@@ -147,7 +148,7 @@ impl Constants {
         })
     }
 
-    /// The units that have a model by themselves in such a frame, in the order of the diagram.
+    /// The units that can run alone in such a frame, in the order of the diagram.
     pub fn units(&self) -> Vec<&'static str> {
         let sorted = Kind::of(&self.frame).sorted;
         unit::ALL
@@ -161,7 +162,8 @@ impl Constants {
         [self.frame.width, self.frame.height]
     }
 
-    /// What is constant in a frame, such as `light`, and its records; none if nothing is called so.
+    /// Constants of a frame by name, such as `light`: port and records. None if there are none of
+    /// that name.
     pub fn registers(&self, name: &str) -> Option<(Port, Vec<Record>)> {
         let described = ports::constants(&self.machine, Kind::of(&self.frame));
         let stream = described.into_iter().find(|stream| stream.name == name)?;
@@ -171,7 +173,7 @@ impl Constants {
         Some((Port::new(stream), records))
     }
 
-    /// The name of a signal, as `raster.offset`.
+    /// Name of a signal, as `raster.offset`.
     pub fn signal(&self, number: usize) -> String {
         self.machine
             .signals
@@ -182,17 +184,17 @@ impl Constants {
     }
 
     /// Whether requests to `shade` begin with their pixel.
-    fn asks_for_pixel(&self) -> bool {
+    fn requests_have_pixel(&self) -> bool {
         ports::asks_for_pixel(&self.machine.machine, Kind::of(&self.frame))
     }
 
-    /// What `shade` says of a request.
+    /// The answer of `shade` to a request.
     pub fn light(&self, request: &[i64]) -> [i64; 4] {
         self.light_observed(request, &mut NoProbe)
     }
 
     fn light_observed(&self, request: &[i64], observer: &mut dyn Observer<'_>) -> [i64; 4] {
-        let (pixel, sums) = if self.asks_for_pixel() {
+        let (pixel, sums) = if self.requests_have_pixel() {
             request.split_at(2.min(request.len()))
         } else {
             (&[][..], request)
@@ -213,8 +215,8 @@ impl Constants {
         [r, g, b, output.opacity]
     }
 
-    /// Records of a unit's input as a trace's stimulus makes them: corners and thresholds on
-    /// purpose, then random ones, about so many. Others for every seed.
+    /// Input records of a unit as in a trace's stimulus: corners and thresholds, then about `cases`
+    /// random ones, which depend on the seed.
     pub fn made_up(&self, unit: &str, cases: u32, seed: u64) -> Vec<Record> {
         made_up(&self.machine, &self.frame, unit, cases, seed)
     }
@@ -223,7 +225,7 @@ impl Constants {
 impl Port {
     fn new(stream: Stream) -> Self {
         Port {
-            layout: Layout::new(&stream),
+            layout: RecordLayout::new(&stream),
             stream,
         }
     }
@@ -238,7 +240,7 @@ impl Port {
         self.stream.fields.len()
     }
 
-    /// Whether records of different pixels may change places.
+    /// Whether only the order of records of one pixel matters.
     pub fn is_per_pixel(&self) -> bool {
         self.stream.order == Order::PerPixel
     }
@@ -246,7 +248,7 @@ impl Port {
     /// The words of a line of hexadecimal digits.
     ///
     /// # Errors
-    /// What is wrong with it, and where.
+    /// [`Refused`], with the field if it is known.
     pub fn read(&self, line: &str) -> std::result::Result<Record, Refused> {
         self.layout.read(line).map_err(|malformed| match malformed {
             Malformed::Digits(0, needed) => {
@@ -257,9 +259,9 @@ impl Port {
                 self.stream.name
             )),
             Malformed::Digit(digit) => {
-                let what = format!("`{}` is no hexadecimal digit", digit.escape_default());
+                let what = format!("`{}` is not a hexadecimal digit", digit.escape_default());
                 let place = line.chars().position(|other| other == digit).unwrap_or(0);
-                // Of a line that is too long or too short nobody knows which field it would be.
+                // In a line of the wrong length the field of a digit is unknown.
                 let field = if line.chars().count() == self.layout.digits() {
                     self.field_at(place)
                 } else {
@@ -282,7 +284,7 @@ impl Port {
         ))
     }
 
-    /// The field that the most significant bit of a digit belongs to, or the first.
+    /// The field with the most significant bit of a digit, or the first field.
     fn field_at(&self, digit: usize) -> Option<String> {
         let bit = (self.layout.digits() - digit) as u32 * 4 - 1;
         let holds = |(_, lsb): &(_, u32)| *lsb <= bit;
@@ -295,13 +297,13 @@ impl Port {
         Some(field.name.clone())
     }
 
-    /// The words of a JSON object with a whole number for each field.
+    /// The words of a JSON object with an integer for each field.
     ///
     /// # Errors
-    /// What is wrong with it, and where.
+    /// [`Refused`], with the field if it is known.
     pub fn read_json(&self, line: &str) -> std::result::Result<Record, Refused> {
-        let object: Map<String, Value> =
-            serde_json::from_str(line).map_err(|e| Refused::new(format!("no JSON object: {e}")))?;
+        let object: Map<String, Value> = serde_json::from_str(line)
+            .map_err(|e| Refused::new(format!("not a JSON object: {e}")))?;
         if let Some(unknown) = object
             .keys()
             .find(|name| self.stream.fields.iter().all(|field| field.name != **name))
@@ -348,10 +350,10 @@ impl Port {
         text.push(b'\n');
     }
 
-    /// The words of a record that lies in 32-bit words, the least significant first.
+    /// The words of a record in 32-bit words, the least significant first.
     ///
     /// # Errors
-    /// Where there are too few of them, or bits above the record's are set.
+    /// [`Refused`] if there are too few, or if bits above the record are set.
     pub fn unpack(&self, halves: &[u32]) -> std::result::Result<Record, Refused> {
         let digits = self.layout.digits();
         let text: String = halves
@@ -373,7 +375,8 @@ impl Port {
         self.read(&text[start..])
     }
 
-    /// A record as 32-bit words, the least significant first; 0 above it, or as many words as fit.
+    /// A record as 32-bit words, the least significant first. Words above it are 0; excess bits are
+    /// dropped.
     pub fn pack(&self, words: &[i64], halves: &mut [u32]) {
         let mut text = Vec::new();
         self.write(words, &mut text);
@@ -389,12 +392,12 @@ impl Port {
         }
     }
 
-    /// Sets to 0 what means nothing in a record.
+    /// Sets unused fields of a record to 0.
     pub fn mask(&self, words: &mut [i64]) {
         self.layout.mask(words);
     }
 
-    /// The place of a field.
+    /// Index of a field.
     fn place(&self, name: &str) -> Option<usize> {
         self.stream
             .fields
@@ -402,7 +405,7 @@ impl Port {
             .position(|field| field.name == name)
     }
 
-    /// Whether all words are words of their fields.
+    /// Checks that each word is in the range of its field.
     ///
     /// # Errors
     /// The first that is not.
@@ -430,10 +433,10 @@ fn between(field: &str, word: i64, [least, most]: [i64; 2]) -> Refused {
 }
 
 impl<'a> Unit<'a> {
-    /// A unit of this name, with nothing in it.
+    /// An empty unit of this name.
     ///
     /// # Errors
-    /// [`Error::Input`] where there is none in such a frame.
+    /// [`Error::Input`] if such a frame has no such unit.
     pub fn new(of: &'a Constants, name: &str) -> Result<Self> {
         let units = of.units();
         let Some(name) = units.iter().copied().find(|unit| *unit == name) else {
@@ -466,11 +469,11 @@ impl<'a> Unit<'a> {
                 Frame {
                     sheets: Some(sheets),
                     ..
-                } => State::Sheets(Sheets::new(&of.machine, sheets), Tiles::new()),
+                } => State::Sheets(Sheets::new(&of.machine, sheets), TileMap::new()),
                 Frame {
                     window: Some(_), ..
-                } => State::Windows(Tiles::new()),
-                _ => State::Fragments(Tiles::new()),
+                } => State::Windows(TileMap::new()),
+                _ => State::Fragments(TileMap::new()),
             },
             _ => State::None,
         };
@@ -490,13 +493,13 @@ impl<'a> Unit<'a> {
         self.of
     }
 
-    /// Whether what it says of a record depends on those before.
+    /// Whether its output depends on earlier records.
     pub fn has_state(&self) -> bool {
         !matches!(self.state, State::None)
     }
 
-    /// Whether a unit was never given such a record, by another unit or on purpose: words out of
-    /// range, what is not in the picture, a material that there is not.
+    /// Refuses records that no other unit and no stimulus gives: words out of range, pixels outside
+    /// the picture, materials that do not exist.
     ///
     /// # Errors
     /// The first field that is out of range.
@@ -552,7 +555,7 @@ impl<'a> Unit<'a> {
         self.check_layers(words)
     }
 
-    /// A pixel has no more layers than the machine, and all of them come before the next pixel's.
+    /// A pixel has at most `layers` of the machine, all of them before the next pixel's.
     fn check_layers(&self, words: &[i64]) -> std::result::Result<(), Refused> {
         let State::Resolve([x, y], layers) = &self.state else {
             return Ok(());
@@ -565,23 +568,23 @@ impl<'a> Unit<'a> {
             };
             return Err(Refused::of(
                 field,
-                format!("{word}, and the last layer of pixel ({x}, {y}) is still to come"),
+                format!("{word}, and the last layer of pixel ({x}, {y}) is missing"),
             ));
         }
         let most = self.of.machine.machine.fragment.layers as usize;
         if words[EMPTY] == 0 && layers.len() >= most {
             return Err(Refused::of(
                 "last",
-                format!("a pixel has at most {most} layers, and none of so many was the last"),
+                format!("a pixel has at most {most} layers, and none of them was the last"),
             ));
         }
         Ok(())
     }
 
-    /// Takes a record; what the unit gives for it.
+    /// Takes an input record; returns the output records.
     ///
     /// # Errors
-    /// [`Unit::check`]; nothing has happened then.
+    /// As [`Unit::check`]; the state is then unchanged.
     pub fn step(
         &mut self,
         words: &[i64],
@@ -590,7 +593,7 @@ impl<'a> Unit<'a> {
         self.step_observed(words, shade, &mut NoProbe)
     }
 
-    /// [`Unit::step`] with an observer of every word on the way.
+    /// [`Unit::step`] with an observer of every intermediate word.
     ///
     /// # Errors
     /// As [`Unit::step`].
@@ -601,12 +604,12 @@ impl<'a> Unit<'a> {
         observer: &mut dyn Observer<'_>,
     ) -> std::result::Result<Vec<Record>, Refused> {
         self.check(words)?;
-        let mut out = self.answers(words, shade, observer);
+        let mut out = self.outputs(words, shade, observer);
         out.iter_mut().for_each(|words| self.output.mask(words));
         Ok(out)
     }
 
-    fn answers(
+    fn outputs(
         &mut self,
         words: &[i64],
         shade: &mut Shade,
@@ -615,7 +618,7 @@ impl<'a> Unit<'a> {
         let (machine, frame) = (&self.of.machine, &self.of.frame);
         let deepest = machine.machine.fragment.layers as u8 - 1;
         let tile = |at: &[i64]| [at[1] / TILE_PX as i64, at[0] / TILE_PX as i64];
-        let place = if self.of.asks_for_pixel() {
+        let place = if self.of.requests_have_pixel() {
             &words[..2]
         } else {
             &[]
@@ -667,20 +670,20 @@ impl<'a> Unit<'a> {
                 windows.take(array(words), light, probe)
             }
         };
-        let told = outcome(decision, deepest).map(i64::from);
+        let words_of_outcome = outcome(decision, deepest).map(i64::from);
         let fields = self.output.fields() - 2;
-        vec![[&words[..2], &told[..fields]].concat()]
+        vec![[&words[..2], &words_of_outcome[..fields]].concat()]
     }
 
-    /// What comes when no record does any more; nothing is in the unit behind that.
+    /// Ends a frame: returns the records at its end and empties the unit.
     ///
     /// # Errors
-    /// Where a pixel's last layer is missing.
+    /// [`Refused`] if the last layer of a pixel is missing.
     pub fn end(&mut self, shade: &mut Shade) -> std::result::Result<End, Refused> {
         self.end_observed(shade, &mut NoProbe)
     }
 
-    /// [`Unit::end`] with an observer of every word on the way.
+    /// [`Unit::end`] with an observer of every intermediate word.
     ///
     /// # Errors
     /// As [`Unit::end`].
@@ -757,7 +760,7 @@ const LAST: usize = 2;
 const EMPTY: usize = 3;
 
 impl Constants {
-    /// What a unit that keeps nothing gives for a record that was checked.
+    /// Output records of a unit without state for a checked record.
     fn once(&self, name: &str, words: &[i64], probe: &mut dyn Observer<'_>) -> Vec<Record> {
         let (machine, frame) = (&self.machine, &self.frame);
         let size_px = self.size_px();
@@ -790,7 +793,7 @@ impl Constants {
     }
 }
 
-/// Words that were counted.
+/// Words whose number was checked.
 fn array<const N: usize>(words: &[i64]) -> [i64; N] {
     words.try_into().unwrap_or([0; N])
 }
@@ -802,9 +805,8 @@ fn premultiplied([r, g, b, opacity]: [i64; 4]) -> Premultiplied {
     }
 }
 
-/// Visits the pixels of tiles row by row: the tile, the pixel's column and row, and its place in
-/// the tile.
-fn in_rows<T>(tiles: &mut Tiles<T>, mut visit: impl FnMut(&mut T, [i64; 2], usize)) {
+/// Visits the pixels of tiles row by row: tile, pixel coordinates, and index in the tile.
+fn in_rows<T>(tiles: &mut TileMap<T>, mut visit: impl FnMut(&mut T, [i64; 2], usize)) {
     let side = TILE_PX as i64;
     let mut rows: Vec<i64> = tiles.keys().map(|[row, _]| *row).collect();
     rows.dedup();
@@ -823,7 +825,7 @@ fn in_rows<T>(tiles: &mut Tiles<T>, mut visit: impl FnMut(&mut T, [i64; 2], usiz
     }
 }
 
-/// Front to back, equal depths by slot.
+/// Front to back; equal depths by slot.
 fn fragments_held(tile: &Fragments, at: [i64; 2], pixel: usize) -> Vec<Record> {
     let slots = tile.held(pixel);
     let mut order: Vec<usize> = (0..slots.len()).collect();

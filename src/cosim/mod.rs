@@ -1,4 +1,5 @@
-//! Co-simulation: what crosses the wires, a device's records beside it, and units that answer live.
+//! Co-simulation: records on the wires between units, comparison with a device's records, and
+//! single units that run live.
 
 pub mod diff;
 pub mod live;

@@ -1,10 +1,10 @@
-//! Scoreboard: holds a device's streams against a live unit: what the unit gave waits until the
-//! device gives it too.
+//! Scoreboard: compares a device's streams with a live unit. Output records of the unit are queued
+//! until the device gives them too.
 //!
 //! ```text
-//! record ─►( unit )─► waiting records, port by port ─►( = )◄─ a device's record
+//! record ─►( unit )─► pending records, port by port ─►( = )◄─ a device's record
 //! ```
-//! Records of a stream whose order counts at each pixel only are looked for by their pixel.
+//! In a stream whose order matters only per pixel, records are found by their pixel.
 //!
 //! Laws: `a_scoreboard_takes_what_a_trace_has_and_names_what_it_has_not` (tests/live.rs).
 
@@ -16,58 +16,65 @@ use std::sync::Arc;
 
 /// Port of a unit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Side {
-    /// What it takes.
+pub enum PortSide {
+    /// Input records.
     In,
-    /// What it gives for that.
+    /// Output records.
     Out,
-    /// What `fragment` asks shade.
+    /// Requests of `fragment` to shade.
     Request,
-    /// What that says.
+    /// Answers of shade.
     Answer,
-    /// What `fragment` holds in the end.
+    /// Fragments held at the end of a frame.
     Held,
 }
 
-impl Side {
+impl PortSide {
     /// All of them, in the order of their numbers in C.
-    pub const ALL: [Side; 5] = [Side::In, Side::Out, Side::Request, Side::Answer, Side::Held];
+    pub const ALL: [PortSide; 5] = [
+        PortSide::In,
+        PortSide::Out,
+        PortSide::Request,
+        PortSide::Answer,
+        PortSide::Held,
+    ];
 }
 
-/// A record that a unit was given.
+/// An input record.
 #[derive(Clone, Debug)]
-struct Given {
+struct InputRecord {
     number: u64,
     words: Record,
 }
 
-/// A record that a unit gave, and the one that it made it of; none of what it holds in the end.
+/// An output record, and the input record that it was made from; None for records at the end of a
+/// frame.
 #[derive(Clone, Debug)]
-struct Waiting {
+struct PendingRecord {
     words: Record,
-    from: Option<Arc<Given>>,
+    from: Option<Arc<InputRecord>>,
 }
 
-/// A unit, and what it gave that nobody has taken.
+/// A unit with the output records that were not yet compared or read.
 pub struct Scoreboard<'a> {
     of: &'a Constants,
     unit: Unit<'a>,
-    /// By the numbers of sides.
-    waiting: [VecDeque<Waiting>; 5],
-    /// What was given last, and how many records were.
-    last: Option<Arc<Given>>,
+    /// Pending records, by number of the port.
+    waiting: [VecDeque<PendingRecord>; 5],
+    /// The last input record, and the number of input records.
+    last: Option<Arc<InputRecord>>,
     given: u64,
-    /// Records that were compared.
+    /// Number of compared records.
     compared: [u64; 5],
     made_up: VecDeque<Record>,
     seed: u64,
 }
 
-/// Random cases that are made at a time, behind those on purpose.
+/// Random cases per batch of made-up records, after the corner cases.
 const CASES: u32 = 2000;
 
 impl<'a> Scoreboard<'a> {
-    /// For a unit of this name; made-up records depend on the seed.
+    /// For a unit of this name. The seed selects the made-up records.
     ///
     /// # Errors
     /// As [`Unit::new`].
@@ -91,31 +98,31 @@ impl<'a> Scoreboard<'a> {
     }
 
     /// A port, if the unit has it.
-    pub fn port(&self, side: Side) -> Option<&Port> {
+    pub fn port(&self, side: PortSide) -> Option<&Port> {
         let shade = self.unit.shade.as_ref();
         match side {
-            Side::In => Some(&self.unit.input),
-            Side::Out => Some(&self.unit.output),
-            Side::Request => shade.map(|[request, _]| request),
-            Side::Answer => shade.map(|[_, answer]| answer),
-            Side::Held => self.unit.held.as_ref(),
+            PortSide::In => Some(&self.unit.input),
+            PortSide::Out => Some(&self.unit.output),
+            PortSide::Request => shade.map(|[request, _]| request),
+            PortSide::Answer => shade.map(|[_, answer]| answer),
+            PortSide::Held => self.unit.held.as_ref(),
         }
     }
 
-    /// Takes a record. What it gives waits.
+    /// Takes an input record and queues the output records.
     ///
     /// # Errors
     /// As [`Unit::step`].
     pub fn step(&mut self, words: &[i64]) -> std::result::Result<(), Refused> {
         let [_, out, requests, answers, _] = &mut self.waiting;
-        let from = Some(Arc::new(Given {
+        let from = Some(Arc::new(InputRecord {
             number: self.given,
             words: words.to_vec(),
         }));
         let given = self.unit.step(words, &mut |request| {
-            told(self.of, request, from.as_ref(), requests, answers)
+            logged(self.of, request, from.as_ref(), requests, answers)
         })?;
-        out.extend(given.into_iter().map(|words| Waiting {
+        out.extend(given.into_iter().map(|words| PendingRecord {
             words,
             from: from.clone(),
         }));
@@ -124,7 +131,7 @@ impl<'a> Scoreboard<'a> {
         Ok(())
     }
 
-    /// Ends a frame. What it gives in the end waits.
+    /// Ends a frame and queues the records at its end.
     ///
     /// # Errors
     /// As [`Unit::end`].
@@ -132,35 +139,35 @@ impl<'a> Scoreboard<'a> {
         let [_, out, requests, answers, held] = &mut self.waiting;
         let end = self
             .unit
-            .end(&mut |request| told(self.of, request, None, requests, answers))?;
+            .end(&mut |request| logged(self.of, request, None, requests, answers))?;
         let End {
             out: more,
             held: holds,
         } = end;
-        let of_none = |words: Record| Waiting { words, from: None };
+        let of_none = |words: Record| PendingRecord { words, from: None };
         out.extend(more.into_iter().map(of_none));
         held.extend(holds.into_iter().map(of_none));
         Ok(())
     }
 
-    /// Number of records that wait at a port.
-    pub fn waiting(&self, side: Side) -> usize {
+    /// Number of pending records at a port.
+    pub fn waiting(&self, side: PortSide) -> usize {
         self.waiting[side as usize].len()
     }
 
-    /// Takes the record that has waited longest.
-    pub fn next(&mut self, side: Side) -> Option<Record> {
+    /// Removes and returns the oldest pending record.
+    pub fn next(&mut self, side: PortSide) -> Option<Record> {
         self.waiting[side as usize]
             .pop_front()
             .map(|waiting| waiting.words)
     }
 
-    /// Compares a device's record with the one that has waited longest, where order counts at each
-    /// pixel only with that of its pixel, and takes that away.
+    /// Compares a device's record with the oldest pending one (of its pixel, if order matters only
+    /// per pixel), and removes that.
     ///
     /// # Errors
-    /// What is different, in a sentence.
-    pub fn compare(&mut self, side: Side, given: &[i64]) -> std::result::Result<(), String> {
+    /// The difference, in a sentence.
+    pub fn compare(&mut self, side: PortSide, given: &[i64]) -> std::result::Result<(), String> {
         let number = self.compared[side as usize];
         self.compared[side as usize] += 1;
         let Some(port) = self.port(side) else {
@@ -192,7 +199,7 @@ impl<'a> Scoreboard<'a> {
                 "{name}: record {number} is one too many: the model gave no more{whose}{last}"
             ));
         };
-        let Waiting {
+        let PendingRecord {
             words: expected,
             from,
         } = expected;
@@ -216,8 +223,8 @@ impl<'a> Scoreboard<'a> {
         Err(sentence)
     }
 
-    /// A record that the unit was given, with its words.
-    fn described(&self, given: &Given) -> String {
+    /// An input record and its words, as text.
+    fn described(&self, given: &InputRecord) -> String {
         let stream = &self.unit.input.stream;
         let words: Vec<String> = stream
             .fields
@@ -233,12 +240,12 @@ impl<'a> Scoreboard<'a> {
         )
     }
 
-    /// The next made-up record of the input: corners and thresholds, then random ones, for ever.
+    /// The next made-up input record: corners and thresholds, then random ones, without end.
     pub fn made_up(&mut self) -> Record {
         if self.made_up.is_empty() {
             self.made_up
                 .extend(self.of.made_up(self.unit.name, CASES, self.seed));
-            // Far from the seeds beside this one: their records are others.
+            // A seed far from its neighbours, so that their records differ.
             self.seed = self
                 .seed
                 .wrapping_mul(6_364_136_223_846_793_005)
@@ -248,19 +255,19 @@ impl<'a> Scoreboard<'a> {
     }
 }
 
-fn told(
+fn logged(
     of: &Constants,
     request: &[i64],
-    from: Option<&Arc<Given>>,
-    requests: &mut VecDeque<Waiting>,
-    answers: &mut VecDeque<Waiting>,
+    from: Option<&Arc<InputRecord>>,
+    requests: &mut VecDeque<PendingRecord>,
+    answers: &mut VecDeque<PendingRecord>,
 ) -> [i64; 4] {
     let answer = of.light(request);
-    requests.push_back(Waiting {
+    requests.push_back(PendingRecord {
         words: request.to_vec(),
         from: from.cloned(),
     });
-    answers.push_back(Waiting {
+    answers.push_back(PendingRecord {
         words: answer.to_vec(),
         from: from.cloned(),
     });

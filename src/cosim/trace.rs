@@ -1,20 +1,19 @@
-//! Trace: dumps what crosses the wires between units, for whoever checks hardware against the
-//! machine.
+//! Trace: writes the records on the wires between units, to verify RTL against the machine.
 //!
 //! ```text
-//! DIR/manifest.json     what everything is: machine, scene, window, streams with fields, keys, counts and digests; written last
-//!     README.md         the same for people, and what each unit does
-//!     frame.hex …       constants: registers, lights, materials          one record a line, hexadecimal, for $readmemh
-//!     raster.in.hex …   a stream each: one record for each transfer through the port
-//!     keys/…            where each record comes from: splat, pixel, slot, parent, what happened to its words
+//! DIR/manifest.json     contents: machine, scene, window, streams with fields, keys, counts and digests; written last
+//!     README.md         the same as text, and a description of each unit
+//!     frame.hex …       constants: registers, lights, materials          one record per line, hexadecimal, for $readmemh
+//!     raster.in.hex …   one file per stream, one record per transfer through the port
+//!     keys/…            origin of each record: splat, pixel, slot, parent, flags of its words
 //!     rom/…             tables
-//!     coverage.csv          which roundings, limits and decisions the records met, and how often
-//!     waves.vcd waves.fst   when units took their items, if asked for
+//!     coverage.csv          roundings, limits and decisions, and how often they occurred
+//!     waves.vcd waves.fst   cycles in which units took their items; only with --waves
 //!     machine_pkg.sv records.svh records.h      formats and records in SystemVerilog and C
 //!     splatsim_dpi.sv                           the live model of each unit, over DPI-C
 //!     machine_pkg.core Bender.yml               lists of these files, for FuseSoC and Bender
 //! ```
-//! Streams are in the order of a machine that takes splat after splat, and each box row by row.
+//! Streams are in the order of a machine that draws splat after splat, and each box row by row.
 //!
 //! Laws: `a_trace_replays_through_the_units`, `a_window_replays_alone` (tests/trace.rs).
 
@@ -29,7 +28,7 @@ mod transfers;
 mod waves;
 
 pub use observer::flag;
-pub use record::{Layout, Malformed, without_comment};
+pub use record::{Malformed, RecordLayout, without_comment};
 pub use transfers::{Key, NONE};
 
 pub(super) use observer::outcome;
@@ -60,70 +59,69 @@ use sha2::{Digest, Sha256};
 use std::fs;
 use std::io::Write;
 use std::path::Path;
-use stimulus::Tag;
-use transfers::{Rectangle, Source, Transfers};
+use stimulus::CaseTag;
+use transfers::{RecordSource, Rectangle, Transfers};
 use waves::{Timed, Waves};
 
-/// Part of a frame that a trace holds.
+/// Part of a frame that a trace contains.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Window {
-    /// Units whose ports are wanted; all if empty.
+    /// Units whose ports are traced; all if empty.
     pub units: Vec<String>,
-    /// Splats from the first to the one before the second, by their places in the scene.
+    /// Splats A to B − 1, by their index in the scene.
     pub splats: Option<[u32; 2]>,
     /// First column and row, last column and row.
     pub pixels: Option<[u32; 4]>,
-    /// One in so many splats and pixels.
+    /// One in N splats and pixels.
     pub sample: Option<u32>,
-    /// So many random cases for each unit, beside those made on purpose, instead of the scene's own
-    /// transfers.
+    /// N random cases per unit, in addition to corner cases, instead of the scene's transfers.
     pub stimulus: Option<u32>,
-    /// Waves of these cycles, from the first to the one before the second.
+    /// Waves of cycles A to B − 1.
     pub waves: Option<[u64; 2]>,
-    /// Which sample, or which random cases.
+    /// Seed of the sample or of the random cases.
     pub seed: u64,
 }
 
-/// Where a scene is from.
+/// Origin of a scene.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Origin<'a> {
     /// The text of its file, if it has one.
     pub text: Option<&'a str>,
     /// The file, or the built-in name.
     pub source: Option<&'a str>,
-    /// Which frame of a sequence it is.
+    /// Index of the frame in a sequence.
     pub frame: usize,
 }
 
-/// Files that were written.
+/// Result of a trace.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Written {
-    /// Streams, their records and the bytes of their records.
+    /// Streams: name, number of records, bytes.
     pub streams: Vec<(String, u64, u64)>,
-    /// Cases that were met, and all of them (coverage.csv).
+    /// Cases that occurred, and all cases (coverage.csv).
     pub coverage: [u64; 2],
-    /// What a reader should know, a sentence each.
+    /// Notes for the user, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// Where splats are sorted, or fragments grouped by windows, what these units do depends on all
-/// splats that meet at a pixel.
+/// If splats are sorted, or fragments grouped by windows, the output of these units depends on all
+/// splats of a pixel.
 const OF_ALL_SPLATS: [&str; 4] = ["sort", "fragment", "shade", "resolve"];
 
 /// Most cycles of waves.
 const MOST_WAVES: u64 = 10_000_000;
 
-/// Most cases of one unit that are made up.
+/// Most stimulus cases per unit.
 const MOST_CASES: u32 = 5_000_000;
-/// Records that are made into text at a time by one thread.
+/// Records that one thread converts to text at a time.
 const CHUNK: usize = 16_384;
 
-/// Draws a scene on a machine and writes what crossed the wires; or made-up cases for each unit,
-/// with the scene's constants.
+/// Draws a scene on a machine and writes the records at the ports. With `stimulus`, writes made-up
+/// cases for each unit, with the scene's constants.
 ///
 /// # Errors
-/// [`Error::Input`] where the window or the machine cannot be had, [`Error::Job`] where a file
-/// cannot be written.
+/// [`Error::Input`] if the window or the machine is not possible, [`Error::Job`] if a file cannot
+/// be written.
 pub fn trace(
     scene: &Scene,
     origin: Origin,
@@ -131,7 +129,7 @@ pub fn trace(
     window: &Window,
     folder: &Path,
 ) -> Result<Written> {
-    // A text stands for the first frame, and for a scene that needs no other file.
+    // The text is complete if it is of the first frame, and the scene needs no other file.
     let complete = origin
         .text
         .filter(|text| origin.frame == 0 && is_complete(text));
@@ -144,13 +142,14 @@ pub fn trace(
         && machine.timing.environment.is_some()
     {
         return Err(Error::input(
-            "--waves: surroundings come from memory, and no wave shows who waits for them; left out, there are records",
+            "--waves: surroundings come from memory, and waves do not show the stalls; without --waves records are written",
         ));
     }
     let _open = files::Folder::open(folder)?;
-    // Written last: while it is not there, no stream of an earlier trace counts as one of this.
+    // The manifest is written last: without it, no stream of an earlier trace is mistaken for one
+    // of this.
     files::remove_if_there(&folder.join("manifest.json"))?;
-    let folder = Folder {
+    let folder = TraceWriter {
         folder,
         machine: &elaborated,
         frame: &frame,
@@ -162,12 +161,12 @@ pub fn trace(
             tags,
             coverage,
         } = stimulus::stimulus(&elaborated, &frame, cases, window.seed, |units| {
-            window.wants_any(units)
+            window.includes_any(units)
         });
-        let sources: Vec<Source> = made.iter().map(Source::of).collect();
+        let sources: Vec<RecordSource> = made.iter().map(RecordSource::of).collect();
         folder.contents(window, &sources, &coverage, &tags)?
     } else {
-        let whole = Whole {
+        let whole = WholeFrame {
             machine: &elaborated,
             frame: &frame,
         };
@@ -179,7 +178,7 @@ pub fn trace(
         };
         let mut observer = Observations::new(&elaborated, &shown, before.splats.len() as u32);
         let setup = pipeline::set_up_observed(&elaborated, &shown, &mut observer);
-        let fills = window.wants_any(&[
+        let fills = window.includes_any(&[
             "raster", "gauss", "fragment", "shade", "resolve", "pipeline",
         ]);
         // Waves are of all units.
@@ -235,7 +234,7 @@ pub fn trace(
             "pixels": [rectangle[0], rectangle[1], rectangle[2] - 1, rectangle[3] - 1],
             "sample": window.sample, "stimulus": window.stimulus, "seed": window.seed,
         },
-        "records": "one a line: hexadecimal digits of the whole record, two's complement, first field in the most significant bits",
+        "records": "one per line: hexadecimal digits of the whole record, two's complement, first field in the most significant bits",
         "keys": {
             "fields": key_fields(), "flags": flag::NAMES,
             "none": "all ones; a record's sequence number is the number of its line, from 0, and `parent` is one of the stream before",
@@ -311,8 +310,7 @@ impl Written {
     }
 }
 
-/// The whole pipeline and its units: those that have ports in a frame of this kind, in the order of
-/// the diagram.
+/// The pipeline and its units that have ports in a frame of this kind, in the order of the diagram.
 fn units(kind: Kind) -> Vec<&'static str> {
     unit::after::<_, { unit::ALL.len() + 1 }>("pipeline", unit::ALL)
         .into_iter()
@@ -320,7 +318,7 @@ fn units(kind: Kind) -> Vec<&'static str> {
         .collect()
 }
 
-/// The stream whose records a stream's are made from.
+/// The stream that the records of a stream are made from.
 fn parent(kind: Kind, stream: &str) -> Option<&'static str> {
     let all = [
         ("project.in", "pipeline.in"),
@@ -363,18 +361,18 @@ fn parent(kind: Kind, stream: &str) -> Option<&'static str> {
         .iter()
         .find(|(name, _)| *name == stream)
         .map(|(_, parent)| *parent);
-    // Sheets ask for no light.
+    // Sheets send no requests to shade.
     found.filter(|parent| !kind.sheets || *parent != "fragment.request")
 }
 
-/// A chapter of the book, wherever the file is that names it.
+/// Text of a chapter of the book.
 macro_rules! chapter {
     ($name:literal) => {
         include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/docs/book/", $name))
     };
 }
 
-/// A chapter without what tells a reader of the book where it belongs.
+/// The chapter without the passages that are only for readers of the book.
 fn in_readme(chapter: &str) -> String {
     let rest = chapter.split_once("<!-- in the book alone -->\n");
     let cut = rest.and_then(|(head, rest)| {
@@ -389,8 +387,8 @@ fn in_readme(chapter: &str) -> String {
     cut.unwrap_or_else(|| chapter.to_owned())
 }
 
-/// What files, records and units are, in words: chapters of the book; of ellipsoids and of windows
-/// one more, with what is different there.
+/// Descriptions of files, records and units: chapters of the book, and one more each for ellipsoids
+/// and for windows.
 fn explained(kind: Kind) -> String {
     let (_, files) = chapter!("trace-files.md")
         .split_once("<!-- a trace's README begins below this line -->\n\n")
@@ -420,7 +418,7 @@ fn is_complete(text: &str) -> bool {
     scene.is_object() && !reads_files(&scene["splats"])
 }
 
-/// Whether a source, or one of several, or one at another place, is in a file.
+/// Whether a source, or a part of it, is in another file.
 fn reads_files(source: &Value) -> bool {
     let is_read = |of: &Value| of.is_string() || of.get("file").is_some();
     match source {
@@ -442,7 +440,7 @@ fn key_fields() -> Vec<Value> {
     Key::PARTS.iter().map(field).collect()
 }
 
-/// A number that looks random, from a seed and a number (SplitMix64).
+/// Pseudo-random number from a seed and an index (SplitMix64).
 fn mixed(seed: u64, number: u64) -> u64 {
     let mut z = seed
         .wrapping_add(number.wrapping_mul(0x9e37_79b9_7f4a_7c15))
@@ -453,7 +451,7 @@ fn mixed(seed: u64, number: u64) -> u64 {
 }
 
 impl Window {
-    /// The rectangle that is wanted, to the column and row after the last.
+    /// Checks the window; returns its rectangle, end column and row excluded.
     pub(super) fn check(&self, frame: &Frame) -> Result<Rectangle> {
         let units = units(Kind::of(frame));
         if let Some(unknown) = self
@@ -468,7 +466,7 @@ impl Window {
         }
         if let Some(cases) = self.stimulus.filter(|cases| *cases > MOST_CASES) {
             return Err(Error::input(format!(
-                "--stimulus {cases}: at most {MOST_CASES} cases a unit are made up, for all are kept at once"
+                "--stimulus {cases}: at most {MOST_CASES} cases per unit are possible, because all are kept in memory"
             )));
         }
         let of_all = self
@@ -477,17 +475,17 @@ impl Window {
             .find(|unit| OF_ALL_SPLATS.contains(&unit.as_str()));
         if let (true, Some(_), Some(unit)) = (Kind::of(frame).windows, self.splats, of_all) {
             return Err(Error::input(format!(
-                "--splats with --units {unit}: these fragments are grouped by windows, and what it does depends on the splats before too; --pixels has all of some"
+                "--splats with --units {unit}: these fragments are grouped by windows, and its records depend on earlier splats too; use --pixels, which traces all splats of some pixels"
             )));
         }
         if Kind::of(frame).windows && self.waves.is_some() {
             return Err(Error::input(
-                "--waves: fragments are grouped by windows, whose cycles no wave shows; left out, there are records",
+                "--waves: fragments are grouped by windows, whose cycles waves do not show; without --waves records are written",
             ));
         }
         if let (true, Some(_), Some(unit)) = (Kind::of(frame).sorted, self.splats, of_all) {
             return Err(Error::input(format!(
-                "--splats with --units {unit}: these splats are sorted, and what it does depends on the others too; --pixels has all of some"
+                "--splats with --units {unit}: these splats are sorted, and its records depend on the others too; use --pixels, which traces all splats of some pixels"
             )));
         }
         if let Some([first, end]) = self.splats
@@ -536,27 +534,27 @@ impl Window {
         Ok([left, top, right + 1, bottom + 1])
     }
 
-    fn wants(&self, kind: Kind, stream: &Stream) -> bool {
-        // A part of a frame is no frame.
+    fn includes(&self, kind: Kind, stream: &Stream) -> bool {
+        // A part of a frame has no records of the pipeline.
         let whole = self.splats.is_none() && self.pixels.is_none() && self.sample.is_none();
         let unit = stream.unit().unwrap_or_default();
-        // What is drawn in the order of depth meets at a pixel only as a whole; what pixels of
-        // windows held before has no record.
-        let alone = !(kind.sorted || kind.windows)
+        // In depth order, a pixel is only complete with all of its splats; pixels of windows have
+        // no record of what they held before.
+        let by_splat = !(kind.sorted || kind.windows)
             || self.splats.is_none()
             || !OF_ALL_SPLATS.contains(&unit);
-        alone
-            && self.wants_any(&[unit])
+        by_splat
+            && self.includes_any(&[unit])
             && (whole || unit != "pipeline")
             && (self.splats.is_some() || stream.name != "fragment.start")
     }
 
-    fn wants_any(&self, units: &[&str]) -> bool {
+    fn includes_any(&self, units: &[&str]) -> bool {
         self.units.is_empty() || self.units.iter().any(|unit| units.contains(&unit.as_str()))
     }
 
-    /// The records that a sample has.
-    fn kept(&self, source: &Source) -> Vec<u32> {
+    /// The records that are in the sample.
+    fn kept(&self, source: &RecordSource) -> Vec<u32> {
         let unit = source.name.split('.').next().unwrap_or_default();
         let mut words = Vec::new();
         let sampled = |record: &u32| {
@@ -568,8 +566,8 @@ impl Window {
 
     fn samples(&self, unit: &str, key: &Key) -> bool {
         let one_in = self.sample.unwrap_or(1);
-        // Fragments depend on those before them at their pixel: whole pixels are taken. Everything
-        // before that, by splats.
+        // Fragments depend on earlier ones of their pixel, so whole pixels are sampled; earlier
+        // stages are sampled by splat.
         let by_pixel = ["fragment", "shade", "resolve"].contains(&unit);
         let number = if by_pixel {
             u64::from(key.y) << 16 | u64::from(key.x)
@@ -580,15 +578,15 @@ impl Window {
     }
 }
 
-/// A whole frame, of which a window shows a part.
-struct Whole<'a> {
+/// A whole frame, of which a window selects a part.
+struct WholeFrame<'a> {
     machine: &'a Elaborated,
     frame: &'a Frame,
 }
 
-impl Whole<'_> {
-    /// The frame to draw, what the scene calls its splats, and the frame of those before the
-    /// window.
+impl WholeFrame<'_> {
+    /// The frame to draw, the indices of its splats in the scene, and the frame of the splats
+    /// before the window.
     fn part(&self, window: &Window, rectangle: Rectangle) -> (Frame, Vec<u32>, Frame) {
         let mut splats: Vec<u32> = (0..self.frame.splats.len() as u32).collect();
         if window.pixels.is_some() {
@@ -607,7 +605,7 @@ impl Whole<'_> {
         (self.of(&splats), splats.clone(), self.of(&splats[..before]))
     }
 
-    /// The frame of these splats alone.
+    /// The frame with these splats only.
     fn of(&self, splats: &[u32]) -> Frame {
         let mut frame = Frame {
             splats: Vec::new(),
@@ -634,11 +632,11 @@ impl Whole<'_> {
         frame
     }
 
-    /// The splats whose boxes meet a rectangle.
+    /// The splats whose boxes overlap a rectangle.
     fn touching(&self, [left, top, right, bottom]: Rectangle) -> Vec<u32> {
         let mut observer = Observations::new(self.machine, self.frame, 0);
         pipeline::set_up_observed(self.machine, self.frame, &mut observer);
-        let meets = |splat: &&observer::SetUp| {
+        let meets = |splat: &&observer::SetUpTransfer| {
             let [
                 backface,
                 faint,
@@ -683,14 +681,14 @@ fn held(
         .collect()
 }
 
-/// The folder that is being written.
-struct Folder<'a> {
+/// Writes the files of a trace.
+struct TraceWriter<'a> {
     folder: &'a Path,
     machine: &'a Elaborated,
     frame: &'a Frame,
 }
 
-impl Folder<'_> {
+impl TraceWriter<'_> {
     fn text(&self, name: &str, text: &str) -> Result<()> {
         write_beside(&self.folder.join(name), |file| {
             file.write_all(text.as_bytes()).map_err(|e| e.to_string())
@@ -698,7 +696,7 @@ impl Folder<'_> {
     }
 
     /// Writes lines; returns their digest.
-    fn lines(&self, name: &str, layout: &Layout, lines: &[Vec<i64>]) -> Result<String> {
+    fn lines(&self, name: &str, layout: &RecordLayout, lines: &[Vec<i64>]) -> Result<String> {
         let mut text = Vec::new();
         lines
             .iter()
@@ -713,7 +711,7 @@ impl Folder<'_> {
         let records = transfers::constants(&self.machine.machine, self.frame);
         let described = ports::constants(self.machine, Kind::of(self.frame));
         let of = |(stream, (_, records)): (&Stream, &(&str, Vec<Vec<i64>>))| {
-            let layout = Layout::new(stream);
+            let layout = RecordLayout::new(stream);
             let file = format!("{}.hex", stream.name);
             let sha256 = self.lines(&file, &layout, records)?;
             Ok(json!({
@@ -780,13 +778,13 @@ impl Folder<'_> {
         )
     }
 
-    /// Writes constants, tables, streams and coverage; returns what the manifest says of them.
+    /// Writes constants, tables, streams and coverage; returns their manifest entries.
     fn contents(
         &self,
         window: &Window,
-        sources: &[Source],
+        sources: &[RecordSource],
         coverage: &Coverage,
-        tags: &[Tag],
+        tags: &[CaseTag],
     ) -> Result<Value> {
         let job_error = |e: std::io::Error| {
             Error::job(format!("{}: cannot be written: {e}", self.folder.display()))
@@ -796,7 +794,7 @@ impl Folder<'_> {
         let kind = Kind::of(self.frame);
         let streams: Vec<Stream> = ports::streams(self.machine, kind)
             .into_iter()
-            .filter(|stream| window.wants(kind, stream))
+            .filter(|stream| window.includes(kind, stream))
             .collect();
         let kept: Option<Vec<Vec<u32>>> = window.sample.map(|_| {
             sources
@@ -826,17 +824,16 @@ impl Folder<'_> {
         }))
     }
 
-    /// Writes a stream and its keys, or those of its records that are kept; returns what the
-    /// manifest says of it.
+    /// Writes a stream and its keys, or the sampled records of it; returns its manifest entry.
     fn stream(
         &self,
         stream: &Stream,
-        source: &Source,
+        source: &RecordSource,
         kept: Option<&[u32]>,
         parents: Option<&[u32]>,
     ) -> Result<Value> {
-        let layout = Layout::new(stream);
-        let keys = Layout::of_naturals(&Key::PARTS.map(|(_, bits)| bits));
+        let layout = RecordLayout::new(stream);
+        let keys = RecordLayout::of_naturals(&Key::PARTS.map(|(_, bits)| bits));
         let unit = stream.unit().unwrap_or_default();
         let (file, key_file) = (
             format!("{}.hex", stream.name),

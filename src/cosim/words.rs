@@ -1,8 +1,8 @@
-//! Words: all intermediate words that a unit makes of one record, signal by signal, in the order in
-//! which they are rounded.
+//! Words: all intermediate words of a unit for one record, signal by signal, in the order in which
+//! they are rounded.
 //!
 //! ```text
-//! record ─►( unit )─► every fit: signal, word, what was lost
+//! record ─►( unit )─► every quantisation: signal, word, loss
 //! ```
 //! Laws: `the_words_of_a_record_are_those_that_the_machine_rounds`,
 //! `a_difference_comes_with_the_words_of_its_record` (tests/live.rs, tests/diff.rs).
@@ -20,21 +20,21 @@ use std::any::Any;
 use std::fmt;
 use std::path::Path;
 
-/// A word that a unit made on the way.
+/// An intermediate word of a unit.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Word {
-    /// As `raster.offset`.
+    /// Such as `raster.offset`.
     pub signal: String,
     /// The word.
     pub word: i64,
-    /// What its bits stand for.
+    /// Its format.
     pub format: Format,
-    /// What was lost: `inexact`, `saturated_low` and so on.
+    /// Losses: `inexact`, `saturated_low` and so on.
     pub events: Vec<&'static str>,
 }
 
 impl Word {
-    /// Its bits.
+    /// Its bits in hexadecimal.
     pub fn hex(&self) -> String {
         let width = self.format.width() as u32;
         let mask = if width < 64 {
@@ -58,7 +58,7 @@ impl Word {
         }
     }
 
-    /// For programs.
+    /// The word as JSON.
     pub fn json(&self) -> Value {
         json!({"signal": self.signal, "hex": self.hex(), "word": self.word, "value": self.value(), "events": self.events})
     }
@@ -75,13 +75,13 @@ impl fmt::Display for Word {
     }
 }
 
-/// Notes every fit.
+/// Logs every quantisation.
 #[derive(Clone, Debug, Default)]
-struct Noted(Vec<(usize, i64, Format, u8)>);
+struct WordLog(Vec<(usize, i64, Format, u8)>);
 
-impl Observer<'static> for Noted {
+impl Observer<'static> for WordLog {
     fn fork(&self) -> Box<dyn Observer<'static>> {
-        Box::new(Noted::default())
+        Box::new(WordLog::default())
     }
 
     fn hand_over(self: Box<Self>) -> Box<dyn Any + Send> {
@@ -89,7 +89,7 @@ impl Observer<'static> for Noted {
     }
 
     fn take_over(&mut self, seen: Box<dyn Any + Send>) {
-        if let Ok(fork) = seen.downcast::<Noted>() {
+        if let Ok(fork) = seen.downcast::<WordLog>() {
             self.0.extend(fork.0);
         }
     }
@@ -104,7 +104,7 @@ impl Observer<'static> for Noted {
     }
 }
 
-impl Noted {
+impl WordLog {
     fn words(self, constants: &Constants) -> Vec<Word> {
         let word = |(signal, word, format, flags): (usize, i64, Format, u8)| Word {
             signal: constants.signal(signal),
@@ -116,7 +116,7 @@ impl Noted {
     }
 }
 
-/// Gives a unit a record; what it gives for that, and every word on the way.
+/// Passes a record to a unit; returns the output records and every intermediate word.
 ///
 /// # Errors
 /// As [`Unit::step`].
@@ -125,10 +125,10 @@ pub fn step(
     words: &[i64],
     shade: &mut Shade,
 ) -> std::result::Result<(Vec<Record>, Vec<Word>), Refused> {
-    let mut noted = Noted::default();
+    let mut noted = WordLog::default();
     let out = unit.step_observed(words, shade, &mut noted)?;
     if unit.name == unit::RASTER {
-        // A box is seeded for each tile that it meets, with the same words.
+        // The box is seeded once per tile that it overlaps, with the same words.
         let half = (1..noted.0.len()).find(|&size| {
             noted.0.len().is_multiple_of(size)
                 && noted.0.chunks(size).all(|part| *part == noted.0[..size])
@@ -138,40 +138,40 @@ pub fn step(
     Ok((out, noted.words(unit.constants())))
 }
 
-/// Records that make a unit give one again.
+/// Input records that make a unit produce a record again.
 #[derive(Clone, Debug, Default)]
-pub struct Replayed {
+pub struct ReplayInputs {
     /// The unit's name.
     pub unit: String,
-    /// What it takes; the last makes the record.
+    /// Input records; the last one produces the record.
     pub inputs: Vec<Record>,
-    /// What shade said on the way; left out, the model says it.
+    /// Answers of shade; if empty, the model computes them.
     pub answers: Vec<Record>,
-    /// The record that comes of it.
+    /// The record that is produced.
     pub made: Record,
-    /// Nothing was in the unit before.
+    /// The unit was empty before.
     pub begins_empty: bool,
 }
 
-impl Replayed {
-    /// No record is made from others.
+impl ReplayInputs {
+    /// A record that is not made from others.
     pub fn nothing(unit: String) -> Self {
-        Replayed {
+        ReplayInputs {
             unit,
             begins_empty: true,
-            ..Replayed::default()
+            ..ReplayInputs::default()
         }
     }
 }
 
-/// All words that a unit made on the way to a record of a trace.
+/// All intermediate words of a unit for a record of a trace.
 ///
 /// # Errors
-/// Why they cannot be had, in a sentence.
+/// Why they cannot be computed, in a sentence.
 pub fn of_record(
     folder: &Path,
     manifest: &Value,
-    replayed: Replayed,
+    replayed: ReplayInputs,
 ) -> std::result::Result<Vec<Word>, String> {
     let Some((last, before)) = replayed.inputs.split_last() else {
         return Ok(Vec::new());
@@ -183,8 +183,8 @@ pub fn of_record(
     let mut unit = Unit::new(&constants, &replayed.unit).map_err(|error| error.to_string())?;
     let mut answers = replayed.answers.into_iter();
     let mut shade = |request: &[i64]| {
-        let said = answers.next().and_then(|words| words.try_into().ok());
-        said.unwrap_or_else(|| constants.light(request))
+        let answer = answers.next().and_then(|words| words.try_into().ok());
+        answer.unwrap_or_else(|| constants.light(request))
     };
     for words in before {
         unit.step(words, &mut shade)
@@ -193,14 +193,14 @@ pub fn of_record(
     let (mut out, mut words) =
         step(&mut unit, last, &mut shade).map_err(|refused| refused.to_string())?;
     if unit.name == unit::SORT {
-        let mut noted = Noted::default();
+        let mut noted = WordLog::default();
         out = unit
             .end_observed(&mut shade, &mut noted)
             .map_err(|refused| refused.to_string())?
             .out;
         words = noted.words(&constants);
     }
-    // A scene or a machine that was changed since makes other records.
+    // A scene or a machine that has changed produces other records.
     if out.contains(&replayed.made) {
         Ok(words)
     } else {
@@ -230,7 +230,7 @@ fn constants(folder: &Path, manifest: &Value) -> Result<Constants> {
     ) {
         (Some(true), _) => Scene::load(&own, &overrides)?,
         (_, Some(source)) => Scene::load_frame(source, &overrides, frame)?,
-        _ => return Err(Error::input("the manifest names no scene")),
+        _ => return Err(Error::input("the manifest does not name a scene")),
     };
     let machine = machines::load(folder.join("machine.json"), &[])?;
     Constants::new(&scene, &machine)

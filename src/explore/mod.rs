@@ -1,4 +1,4 @@
-//! Explore: many machines or many scenes.
+//! Explore: runs many machines or many scenes.
 
 pub mod pareto;
 pub mod search;

@@ -1,15 +1,15 @@
-//! Pareto: of many points, those that no other one beats in everything.
+//! Pareto: finds the points that no other point dominates.
 //!
 //! Law: `the_front_holds_what_nothing_dominates_and_nothing_else`.
 
-/// Which of these points, as [cost, worth], are on the front: none costs no more and is worth no
-/// less, and is better in one of the two. By rising cost; equal points are all on it. Points that
-/// are not numbers are on none.
+/// Indices of the points, given as [cost, worth], on the front: no other point costs no more and is
+/// worth no less while being better in one of the two. Sorted by cost; equal points are all
+/// included. Points with NaN are excluded.
 pub fn front(points: &[[f64; 2]]) -> Vec<usize> {
     let mut order: Vec<usize> = (0..points.len())
         .filter(|i| points[*i].iter().all(|value| !value.is_nan()))
         .collect();
-    // There is one zero.
+    // −0 equals 0.
     let order_of = |a: f64, b: f64| (a + 0.0).total_cmp(&(b + 0.0));
     order.sort_by(|a, b| {
         order_of(points[*a][0], points[*b][0])
@@ -38,7 +38,7 @@ mod tests {
     }
 
     proptest! {
-        /// Small whole numbers, so that many are equal in one or both.
+        /// Small integers, so that many are equal in one or both.
         #[test]
         fn the_front_holds_what_nothing_dominates_and_nothing_else(points in prop::collection::vec((0i32..12, -6i32..6), 0..60)) {
             let points: Vec<[f64; 2]> = points.into_iter().map(|(cost, worth)| [f64::from(cost), f64::from(worth)]).collect();
@@ -52,7 +52,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_on_no_front() {
+    fn a_point_with_nan_is_on_no_front() {
         let points = [
             [f64::NAN, 9.0],
             [1.0, f64::NAN],

@@ -1,13 +1,13 @@
-//! Search: the narrowest machine that meets a target on a scene, and on cameras that it was not
-//! made for.
+//! Search: finds the cheapest machine that meets a target on scenes, and verifies it on cameras
+//! that were not searched.
 //!
 //! ```text
 //! scenes ─► ranges ─► integer bits cut ─► fraction bits, tables ─( min+1, max−1, annealing )─► machine ─► unseen views
 //!             ▲                                                                                              │ one fails
-//!             └──────────────────────────── that view is looked at from now on ◄─────────────────────────────┘
+//!             └──────────────────────────── that view is added to the search ◄───────────────────────────────┘
 //! ```
-//! Every machine that is drawn is a row of a journal, as in `sweep`: a search that is cut off goes
-//! on where it was, and `chart` draws what it met. What it finds depends on the seed alone.
+//! Each drawn machine is a row of a journal, as in `sweep`: an interrupted search is resumed, and
+//! `chart` draws its machines. The result depends only on the inputs and the seed.
 //!
 //! Laws (tests/search.rs): `a_machine_is_found_that_meets_the_target_elsewhere_too`,
 //! `it_is_close_to_the_best_of_all`, `a_search_that_is_killed_goes_on`.
@@ -23,7 +23,7 @@ pub mod over_timing;
 use crate::accuracy::distance;
 use crate::error::{Error, Result};
 use crate::explore::sweep::columns;
-use crate::explore::sweep::table::{Column, Journal, Kind, Row, named};
+use crate::explore::sweep::table::{CellKind, Column, Journal, Row, named};
 use crate::explore::sweep::write_plan;
 use crate::golden;
 use crate::hardware::quantise::quantise;
@@ -40,10 +40,10 @@ use crate::scene::digest::{digest, digest_of};
 use crate::scene::{Camera, Scene};
 pub use claims::Claim;
 use claims::Decided;
-use crew::{Foresight, Measured};
+use crew::{Measurement, Prefetch};
 use descent::{Problem, Settled};
 pub use domain::{Domain, Member};
-use knobs::{Knob, Part};
+use knobs::{Knob, KnobPart};
 use rtl_model::Machine;
 use rtl_model::num::Format;
 use rtl_model::pipeline::Elaborated;
@@ -56,61 +56,61 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// Options of a search.
+/// Options of a search over words.
 #[derive(Clone, Debug)]
-pub struct Options {
+pub struct SearchOptions {
     /// Target.
     pub target: Target,
-    /// Unseen cameras that must hold too.
+    /// Number of unseen cameras on which the target must hold too.
     pub views: usize,
-    /// Every view counts as the worst of so many cameras less than a pixel apart: a flip is luck.
+    /// Each view counts as the worst of N cameras less than a pixel apart, because single flips are
+    /// random.
     pub robust: usize,
-    /// Another seed, another annealing.
+    /// Seed of annealing.
     pub seed: u64,
-    /// Machines that annealing draws.
+    /// Number of machines drawn by annealing.
     pub tries: u64,
-    /// Only these units, words or sizes; all where empty.
+    /// Only these units, words or sizes; all if empty.
     pub only: Vec<String>,
     /// Prices of bits.
     pub prices: Prices,
-    /// Show how far it is.
+    /// Show progress.
     pub progress: bool,
 }
 
-/// Rounds, each with another view, before it is given up.
+/// Most rounds; each adds one view.
 const ROUNDS: usize = 12;
-/// Cameras beside the views that ranges are read from, a scene: a word that overflows on another
-/// camera spoils its whole picture.
+/// Extra cameras per scene for ranges: a word that overflows on one camera corrupts the whole
+/// picture.
 const RANGE_VIEWS: usize = 16;
-/// The first of them; unseen views come long before.
+/// Index of the first of them, far above those of unseen views.
 const FIRST_RANGE_VIEW: usize = 1_000_000;
-/// Views that fail and raise no aim: they are searched on from then on, and later ones raise the
-/// aim too.
+/// The first views that fail are only added to the search. Later ones raise the aim too.
 const PATIENCE: usize = 3;
-/// By how much a view that fails makes the aim higher, squared error, at most: 3 dB.
+/// Most by which a failing view raises the aim, as a factor on the squared error: 3 dB.
 const MOST_STRICTER: f64 = 2.0;
 
-const COLUMNS: [(&str, Kind); 14] = [
-    ("point", Kind::Whole),
-    ("key", Kind::Text),
-    ("scene", Kind::Text),
-    ("changes", Kind::Text),
-    ("method", Kind::Text),
-    ("misfit", Kind::Text),
-    ("psnr_db", Kind::Number),
-    ("max_error", Kind::Number),
-    ("golden_vs_ideal_psnr_db", Kind::Number),
-    ("fixed_vs_ideal_psnr_db", Kind::Number),
-    ("fixed_vs_ideal_max_error", Kind::Number),
-    ("saturated", Kind::Whole),
-    ("area", Kind::Number),
-    ("host_seconds", Kind::Number),
+const COLUMNS: [(&str, CellKind); 14] = [
+    ("point", CellKind::Whole),
+    ("key", CellKind::Text),
+    ("scene", CellKind::Text),
+    ("changes", CellKind::Text),
+    ("method", CellKind::Text),
+    ("misfit", CellKind::Text),
+    ("psnr_db", CellKind::Number),
+    ("max_error", CellKind::Number),
+    ("golden_vs_ideal_psnr_db", CellKind::Number),
+    ("fixed_vs_ideal_psnr_db", CellKind::Number),
+    ("fixed_vs_ideal_max_error", CellKind::Number),
+    ("saturated", CellKind::Whole),
+    ("area", CellKind::Number),
+    ("host_seconds", CellKind::Number),
 ];
 
-/// Columns of a search in lockstep, behind those.
-const LOCKSTEP_COLUMNS: [(&str, Kind); 2] = [
-    (columns::LOCKSTEP_PSNR_DB, Kind::Number),
-    (columns::LOCKSTEP_MAX_ERROR, Kind::Number),
+/// Additional columns of a search in lockstep.
+const LOCKSTEP_COLUMNS: [(&str, CellKind); 2] = [
+    (columns::LOCKSTEP_PSNR_DB, CellKind::Number),
+    (columns::LOCKSTEP_MAX_ERROR, CellKind::Number),
 ];
 
 fn columns_of(target: &Target) -> Vec<Column> {
@@ -122,16 +122,16 @@ fn columns_of(target: &Target) -> Vec<Column> {
     named(&[&COLUMNS, more].concat())
 }
 
-/// A scene as one camera sees it.
+/// A scene from one camera.
 #[derive(Serialize, Deserialize)]
 struct View {
-    /// Which domain it is of.
+    /// Index of the domain.
     of: usize,
     name: String,
     scene: Scene,
     golden: Picture,
     ideal: Picture,
-    /// The method's error, which no word changes.
+    /// Error of the method, which does not depend on words.
     golden_vs_ideal_psnr_db: Option<f64>,
     digest: String,
 }
@@ -152,36 +152,37 @@ impl View {
         }
     }
 
-    /// Without the scene.
+    /// The name without the scene.
     fn short_name(&self) -> &str {
         self.name.rsplit(" from ").next().unwrap_or_default()
     }
 }
 
-/// Distance of a machine from the target.
+/// Errors of a machine: the worst over the views.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Found {
-    /// Least, fixed − golden; none where pictures are equal.
+pub struct SearchErrors {
+    /// Least PSNR, fixed − golden; null if the pictures are equal.
     pub psnr_db: Option<f64>,
-    /// Greatest, fixed − golden.
+    /// Greatest error, fixed − golden.
     pub max_error: f64,
-    /// Least, fixed − ideal; none where pictures are equal.
+    /// Least PSNR, fixed − ideal; null if the pictures are equal.
     pub fixed_vs_ideal_psnr_db: Option<f64>,
-    /// Greatest, fixed − ideal.
+    /// Greatest error, fixed − ideal.
     pub fixed_vs_ideal_max_error: f64,
-    /// Words that left their range; none where nobody looked.
+    /// Number of words that left their range; null if not counted.
     pub saturated: Option<u64>,
-    /// Against golden that the machine's decisions lead; none where nobody looked.
+    /// Error in lockstep, against golden with every decision forced to the machine's; null if not
+    /// measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub lockstep: Option<InLockstep>,
 }
 
-/// Rounding alone, without flips.
+/// Error from rounding only, without flips.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct InLockstep {
-    /// Least; none where pictures are equal.
+    /// Least PSNR; null if the pictures are equal.
     pub psnr_db: Option<f64>,
-    /// Greatest.
+    /// Greatest error.
     pub max_error: f64,
 }
 
@@ -194,9 +195,9 @@ impl InLockstep {
     }
 }
 
-impl Found {
-    fn and(self, other: Found) -> Found {
-        Found {
+impl SearchErrors {
+    fn and(self, other: SearchErrors) -> SearchErrors {
+        SearchErrors {
             fixed_vs_ideal_psnr_db: least(
                 self.fixed_vs_ideal_psnr_db,
                 other.fixed_vs_ideal_psnr_db,
@@ -211,7 +212,7 @@ impl Found {
         }
     }
 
-    /// Decibels as a target measures them; none where pictures are equal.
+    /// PSNR by the metric of the target; None if the pictures are equal.
     fn psnr_db_of(&self, target: &Target) -> Option<f64> {
         match (target.metric, target.against) {
             (Metric::Lockstep, _) => self
@@ -241,7 +242,7 @@ fn decibels(psnr_db: Option<f64>) -> String {
     }
 }
 
-/// The lesser of two PSNRs; none is that of equal pictures.
+/// The lower of two PSNRs; None stands for equal pictures.
 fn least(a: Option<f64>, b: Option<f64>) -> Option<f64> {
     match (a, b) {
         (Some(a), Some(b)) => Some(a.min(b)),
@@ -249,7 +250,7 @@ fn least(a: Option<f64>, b: Option<f64>) -> Option<f64> {
     }
 }
 
-/// The method's error on the worst of some views.
+/// Error of the method on the worst view.
 fn method_psnr_db(views: &[View]) -> Option<f64> {
     views
         .iter()
@@ -257,29 +258,33 @@ fn method_psnr_db(views: &[View]) -> Option<f64> {
         .fold(None, least)
 }
 
-/// How far a machine is off on all of some views.
+/// Errors of a machine over some views.
 fn found_on<'v>(
     views: impl IntoIterator<Item = &'v View>,
-    drawn: impl Fn(&View) -> Result<Found>,
-) -> Result<Found> {
+    drawn: impl Fn(&View) -> Result<SearchErrors>,
+) -> Result<SearchErrors> {
     Ok(worst_of(
         &views
             .into_iter()
             .map(drawn)
-            .collect::<Result<Vec<Found>>>()?,
+            .collect::<Result<Vec<SearchErrors>>>()?,
     ))
 }
 
 /// The worst of each figure.
-fn worst_of(found: &[Found]) -> Found {
-    found.iter().copied().reduce(Found::and).unwrap_or_default()
+fn worst_of(found: &[SearchErrors]) -> SearchErrors {
+    found
+        .iter()
+        .copied()
+        .reduce(SearchErrors::and)
+        .unwrap_or_default()
 }
 
 impl Target {
-    /// Says where a machine misses the target as it is.
+    /// Returns an error that states by how much the unchanged machine misses the target.
     fn check_reach(
         &self,
-        found: &Found,
+        found: &SearchErrors,
         views: &[View],
         machine: &str,
     ) -> std::result::Result<(), String> {
@@ -311,14 +316,15 @@ impl Target {
         ))
     }
 
-    /// The view with the greatest load, the first of equals; none of none.
-    fn deciding(&self, found: &[Found]) -> Option<usize> {
+    /// Index of the view with the greatest load, the first one if several are equal; None without
+    /// views.
+    fn deciding(&self, found: &[SearchErrors]) -> Option<usize> {
         let load = |nth: &usize| self.load(&found[*nth]);
         (0..found.len()).max_by(|a, b| load(a).total_cmp(&load(b)).then(b.cmp(a)))
     }
 
-    /// Part of what is allowed, squared: at most 1 is well.
-    fn load(&self, found: &Found) -> f64 {
+    /// Squared error as a part of the allowed squared error: at most 1 meets the target.
+    fn load(&self, found: &SearchErrors) -> f64 {
         let (psnr_db, error) = (found.psnr_db_of(self), found.max_error_of(self));
         let by_psnr = self
             .psnr_db
@@ -336,125 +342,123 @@ impl Target {
     }
 }
 
-/// A step of the way.
+/// One step of the search.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
-pub struct Step {
+pub struct SearchStep {
     /// Method.
     pub method: String,
-    /// Area that came of it, LUT equivalents.
+    /// Area after the step, LUT equivalents.
     pub area: f64,
     #[serde(flatten)]
-    found: Found,
-    /// Different machines asked for until then, each drawn once.
+    found: SearchErrors,
+    /// Different machines requested so far, each drawn once.
     pub drawn: u64,
 }
 
-/// Findings.
+/// Result of a search.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Outcome {
+pub struct SearchOutcome {
     /// The scenes.
     pub scenes: Vec<String>,
     /// Target that was given.
     pub target: Target,
-    /// The machine that was narrowed.
+    /// The machine from which the search started.
     pub base: String,
-    /// The way.
-    pub path: Vec<Step>,
+    /// Steps of the search.
+    pub path: Vec<SearchStep>,
     /// Unseen views.
     pub views: Vec<Unseen>,
-    /// Views that failed, and were looked at from then on.
+    /// Views that failed and were added to the search.
     pub learnt: Vec<String>,
-    /// Cameras that were searched on: the scenes' own, then those of `learnt`.
+    /// Searched cameras: those of the scenes, then those of `learnt`.
     pub cameras: Vec<Searched>,
-    /// Words that are critical for the target: with a step less some view that was searched on
-    /// misses it. The worst first.
+    /// Words that are critical for the target: with one step less, a searched view misses it. The
+    /// worst first.
     pub tight: Vec<CriticalWord>,
-    /// Figures that are stated, and the cameras that decide them.
+    /// Stated figures, and the cameras that decide them.
     pub claims: Vec<Claim>,
-    /// What unseen views cost.
+    /// Cost of the unseen views.
     pub margin: Margin,
-    /// Steps that were measured on the machine that was found, all of which miss the aim.
-    pub checked: Checked,
-    /// The machine.
+    /// Steps that were measured on the final machine; each of them misses the aim.
+    pub checked: CheckedSteps,
+    /// The machine that was found.
     pub machine: Machine,
-    /// For what it was searched, as its file says.
+    /// Target and scenes of the search, as in the machine's file.
     pub searched: SearchRecord,
     /// Files that were written.
     #[serde(skip)]
     pub files: Vec<PathBuf>,
 }
 
-/// What unseen views cost: the machine that was found, against the narrowest one that meets the
-/// target on the views that were searched on at first.
+/// Cost of unseen views: the final machine, compared with the narrowest one that meets the target
+/// on the first views.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Margin {
-    /// Decibels above the target that every view that was searched on had to reach; 0 where the aim
-    /// is the target.
+    /// Decibels above the target that each searched view had to reach; 0 if the aim is the target.
     pub aim_db: f64,
-    /// Least decibels of the machine on the views that were searched on at first; none where
-    /// pictures are equal.
+    /// Least PSNR of the final machine on the first views, dB; null if the pictures are equal.
     pub first_psnr_db: Option<f64>,
-    /// Those decibels above the target's; none where the target has none, or pictures are equal.
+    /// `first_psnr_db` minus the target; null if the target has no PSNR, or the pictures are equal.
     pub db: Option<f64>,
-    /// Area of the narrowest machine that meets the target on those views, LUT equivalents.
+    /// Area of the narrowest machine that meets the target on the first views, LUT equivalents.
     pub target_alone_area: f64,
-    /// Area that the found machine takes more, LUT equivalents.
+    /// Additional area of the final machine, LUT equivalents.
     pub area: f64,
-    /// Words that got integer bits back because they saturated on a view that failed.
+    /// Words that got integer bits back because they saturated on a failing view.
     pub widened: Vec<String>,
 }
 
-/// Steps that cannot be taken from the machine that was found.
+/// Steps that cannot be taken from the final machine.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, JsonSchema)]
-pub struct Checked {
-    /// Words and sizes of which a step less was drawn: each misses the aim.
+pub struct CheckedSteps {
+    /// Words and sizes that were drawn with one step less: each misses the aim.
     pub alone: usize,
     /// Joint steps of words that are not critical for the target: each misses the aim.
     pub together: usize,
-    /// Words and sizes of which a step less takes more area.
+    /// Words and sizes for which one step less takes more area.
     pub costly: usize,
 }
 
-/// A view that was not searched on.
+/// An unseen view.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Unseen {
-    /// Which domain it is of.
+    /// Index of the domain.
     #[serde(skip)]
     of: usize,
     /// Scene and number.
     pub name: String,
-    /// Where its eye is.
+    /// Position of the eye.
     pub eye: [f64; 3],
-    /// The whole camera, as a scene file has it.
+    /// The whole camera, as in a scene file.
     pub camera: Camera,
     #[serde(flatten)]
-    found: Found,
+    found: SearchErrors,
 }
 
-/// A view that was searched on.
+/// A searched view.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Searched {
     /// Scene, or scene and number.
     pub name: String,
-    /// The whole camera, as a scene file has it.
+    /// The whole camera, as in a scene file.
     pub camera: Camera,
 }
 
 /// A step that cannot be taken.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct CriticalWord {
-    /// Where.
+    /// Path of the field.
     pub path: String,
     /// Value.
     pub value: Value,
-    /// What a step takes away.
-    pub part: Part,
-    /// Decibels with a step less, against what the target names; none where the pictures are equal
-    /// or it cannot be built.
+    /// The part that a step reduces.
+    pub part: KnobPart,
+    /// PSNR with one step less, dB, against the reference of the target; null if the pictures are
+    /// equal or the machine cannot be built.
     pub psnr_db: Option<f64>,
 }
 
-/// Searches on scenes from all around, each from the distance of its own camera.
+/// Searches scenes; unseen cameras are around the scene, at the distance of its own camera.
 ///
 /// # Errors
 /// As [`run_on`].
@@ -462,21 +466,25 @@ pub fn run(
     scenes: &[Scene],
     machine: &Machine,
     folder: &Path,
-    options: &Options,
-) -> Result<Outcome> {
+    options: &SearchOptions,
+) -> Result<SearchOutcome> {
     let domains: Vec<Domain> = scenes.iter().cloned().map(Domain::around).collect();
     run_on(&domains, machine, folder, options)
 }
 
-/// What is searched on at first, with the cameras beside each.
-fn first_views(domains: &[Domain], machine: &Machine, options: &Options) -> Result<Vec<View>> {
+/// The views that are searched first, each with its nearby cameras.
+fn first_views(
+    domains: &[Domain],
+    machine: &Machine,
+    options: &SearchOptions,
+) -> Result<Vec<View>> {
     let mut views = Vec::new();
     for (of, domain) in domains.iter().enumerate() {
         for member in domain.first() {
             quantise(&member.scene, machine)?;
             views.extend(
                 member
-                    .and_beside(options.robust)
+                    .and_nearby(options.robust)
                     .into_iter()
                     .map(|member| View::new(of, member, machine)),
             );
@@ -485,15 +493,15 @@ fn first_views(domains: &[Domain], machine: &Machine, options: &Options) -> Resu
     Ok(views)
 }
 
-/// Refuses a target that the machine as it is misses on what is searched on at first.
+/// Refuses a target that the unchanged machine misses on the first views.
 ///
 /// # Errors
-/// [`Error::Input`] where it does.
-pub fn check(domains: &[Domain], machine: &Machine, options: &Options) -> Result<()> {
+/// [`Error::Input`] if it misses the target.
+pub fn check(domains: &[Domain], machine: &Machine, options: &SearchOptions) -> Result<()> {
     checked(domains, machine, options).map(drop)
 }
 
-fn checked(domains: &[Domain], machine: &Machine, options: &Options) -> Result<Vec<View>> {
+fn checked(domains: &[Domain], machine: &Machine, options: &SearchOptions) -> Result<Vec<View>> {
     let elaborated = fixed::elaborate(machine)?;
     let views = first_views(domains, machine, options)?;
     let found = found_on(&views, |view| drawn(&elaborated, view, &options.target))?;
@@ -504,18 +512,17 @@ fn checked(domains: &[Domain], machine: &Machine, options: &Options) -> Result<V
     Ok(views)
 }
 
-/// Searches.
+/// Runs the search.
 ///
 /// # Errors
-/// [`Error::Input`] where the target cannot be met by the machine as it is, or the folder is of
-/// something else; [`Error::Job`] where what is found cannot be written, or holds on no unseen
-/// view.
+/// [`Error::Input`] if the unchanged machine misses the target, or the folder belongs to something
+/// else; [`Error::Job`] if results cannot be written, or the target holds on no unseen view.
 pub fn run_on(
     domains: &[Domain],
     machine: &Machine,
     folder: &Path,
-    options: &Options,
-) -> Result<Outcome> {
+    options: &SearchOptions,
+) -> Result<SearchOutcome> {
     let knobs = knobs::all(machine, &options.only);
     if let Some(name) = options.only.iter().find(|name| {
         !knobs
@@ -527,7 +534,7 @@ pub fn run_on(
             machine.name
         )));
     }
-    // Before anything is written.
+    // Fails before anything is written.
     let views = checked(domains, machine, options)?;
     let _open = Folder::open(folder)?;
     let mut journal = Journal::open(folder, "", columns_of(&options.target))?;
@@ -537,7 +544,7 @@ pub fn run_on(
         folder,
         &json!({"splatsim": env!("CARGO_PKG_VERSION"), "search": options.target, "scenes": names, "machine": machine}),
     )?;
-    let mut search = Search::new(machine, knobs, domains, views, journal, options);
+    let mut search = WordSearch::new(machine, knobs, domains, views, journal, options);
     let first_views = search.views.len();
     let none = vec![0; search.knobs.len()];
     search.check_reach()?;
@@ -548,8 +555,8 @@ pub fn run_on(
     let mut target_alone_area = None;
     loop {
         let best = search.round(steps.as_deref(), &mut path)?;
-        // Integer bits take long: unseen views come before them, but for the first round, which
-        // tells what the target alone takes.
+        // Integer bits take long. Unseen views are checked first, except in the first round, which
+        // gives the area for the target only.
         let early = match target_alone_area {
             Some(_) => search.verified(&best, &mut next_view)?.1,
             None => None,
@@ -572,7 +579,7 @@ pub fn run_on(
                     let margin =
                         search.margin(&last, &searched[..first_views], [target_alone_area, area]);
                     let claims = search.claims(&searched, &held);
-                    let checked = Checked {
+                    let checked = CheckedSteps {
                         alone,
                         together,
                         costly,
@@ -600,7 +607,7 @@ pub fn run_on(
         let (name, from) = (worst.name.clone(), worst.short_name().to_owned());
         let stricter = search.stricter;
         let mut widened = false;
-        // What fails only after the last steps is mended by searching on the view too.
+        // A view that fails only after the last steps is added to the search.
         if is_early {
             let load;
             (widened, load) = search.widened(&tried, &views, options.target.load(&found))?;
@@ -617,7 +624,7 @@ pub fn run_on(
             _ => format!("{from} fails"),
         };
         learnt.push(name);
-        path.push(Step {
+        path.push(SearchStep {
             method,
             found,
             ..step
@@ -626,46 +633,45 @@ pub fn run_on(
     }
 }
 
-/// Views with what was found there, and the worst that fails with the cameras beside it.
-type Verdict = (Vec<Unseen>, Option<(Found, Vec<View>)>);
+/// Unseen views with their errors, and the worst failing one with its nearby cameras.
+type Verdict = (Vec<Unseen>, Option<(SearchErrors, Vec<View>)>);
 
-/// What is known.
-struct Search<'a> {
+/// State of a search.
+struct WordSearch<'a> {
     domains: &'a [Domain],
-    options: &'a Options,
+    options: &'a SearchOptions,
     base: Machine,
-    /// The base with integer bits cut.
+    /// The base with fewer integer bits.
     cut: Machine,
     fields: Value,
     knobs: Vec<Knob>,
-    /// Integer bits, whose steps stand after those of the knobs, and whether they may be taken: at
-    /// last.
+    /// Integer bits. Their steps follow those of the knobs, and are taken only in the last steps.
     integers: Vec<Knob>,
     is_last: bool,
     views: Vec<View>,
     journal: Journal,
-    /// Rows by their keys.
+    /// Points of the rows by key.
     known: HashMap<String, u64>,
     areas: HashMap<Vec<u32>, Option<f64>>,
     method: &'static str,
-    /// Machines that were asked for, drawn now or before.
-    asked_for: HashSet<String>,
-    foresight: Foresight,
-    /// The error allowed, squared, is so many times less than the target's.
+    /// Requested machines, whether drawn now or earlier.
+    requested: HashSet<String>,
+    prefetch: Prefetch,
+    /// Factor by which the allowed squared error is less than the target's.
     stricter: f64,
-    /// Integer bits that a word needs at least, because it saturated on a view that failed.
+    /// Least integer bits of words that saturated on a failing view.
     least_int_bits: BTreeMap<String, i32>,
     progress: Progress,
 }
 
-impl<'a> Search<'a> {
+impl<'a> WordSearch<'a> {
     fn new(
         machine: &Machine,
         knobs: Vec<Knob>,
         domains: &'a [Domain],
         views: Vec<View>,
         journal: Journal,
-        options: &'a Options,
+        options: &'a SearchOptions,
     ) -> Self {
         let known = journal
             .rows()
@@ -673,7 +679,7 @@ impl<'a> Search<'a> {
             .collect();
         let progress = Progress::of_messages(options.progress);
         let (base, cut, fields) = (machine.clone(), machine.clone(), machines::value(machine));
-        Search {
+        WordSearch {
             domains,
             options,
             base,
@@ -687,29 +693,28 @@ impl<'a> Search<'a> {
             known,
             areas: HashMap::new(),
             method: "",
-            asked_for: HashSet::new(),
-            foresight: Foresight::new(),
+            requested: HashSet::new(),
+            prefetch: Prefetch::new(),
             stricter: 1.0,
             least_int_bits: BTreeMap::new(),
             progress,
         }
     }
 
-    /// One more view to look at, with the cameras beside it.
+    /// Adds a view with its nearby cameras.
     fn learn(&mut self, views: Vec<View>) {
         self.views.extend(views);
         self.areas.clear();
     }
 
-    /// Whether the base meets the target on all views; there it makes the aim no higher than it can
-    /// reach itself.
+    /// Checks that the base meets the target on all views. Limits the aim to what the base reaches.
     fn check_reach(&mut self) -> Result<()> {
         self.cut = self.base.clone();
         self.take_fields();
         let found = self.found(&vec![0; self.knobs.len()])?;
         let load = self.options.target.load(&found);
-        // On the scenes themselves it was tried before; what a view shows later is the job's fault,
-        // not the input's.
+        // The scenes were checked before. A failure on a later view is an error of the job, not of
+        // the input.
         self.options
             .target
             .check_reach(&found, &self.views, &self.base.name)
@@ -718,7 +723,7 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
-    /// Those whose steps may be taken at last.
+    /// All knobs, including those of the last steps.
     fn all_knobs(&self) -> impl Iterator<Item = &Knob> {
         self.knobs.iter().chain(&self.integers)
     }
@@ -735,7 +740,7 @@ impl<'a> Search<'a> {
         Some(Cost::new(&machine.elaborate().ok()?, &self.options.prices).area)
     }
 
-    /// What differs from the base, as `sweep` writes it.
+    /// Differences from the base, as `sweep` writes them.
     fn changes(&self, machine: &Machine) -> String {
         let [base, now] = [&self.base, machine].map(machines::value);
         let mut changes = Vec::new();
@@ -743,7 +748,7 @@ impl<'a> Search<'a> {
         changes.join(" ")
     }
 
-    /// A machine, and the key of its row; none where it cannot be built.
+    /// A machine and the key of its row; None if it cannot be built.
     fn keyed(&self, steps: &[u32]) -> Option<(String, Machine, Elaborated)> {
         let machine = self.machine(steps)?;
         let elaborated = machine.elaborate().ok()?;
@@ -762,8 +767,8 @@ impl<'a> Search<'a> {
         Some((digest(all.to_string().as_bytes()), machine, elaborated))
     }
 
-    /// What a row says of how far its machine is off.
-    fn known(&self, key: &str) -> Option<Found> {
+    /// Errors of a machine according to its row.
+    fn known(&self, key: &str) -> Option<SearchErrors> {
         let row = self
             .known
             .get(key)
@@ -771,9 +776,9 @@ impl<'a> Search<'a> {
         let saturated = row[11].as_u64();
         let is_hopeless = !row[5].is_null();
         Some(if is_hopeless {
-            HOPELESS
+            UNUSABLE
         } else {
-            Found {
+            SearchErrors {
                 psnr_db: row[6].as_f64(),
                 max_error: row[7].as_f64().unwrap_or(0.0),
                 fixed_vs_ideal_psnr_db: row[9].as_f64(),
@@ -787,23 +792,23 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// How far a machine is off on all views; drawn if it never was.
-    fn found(&mut self, steps: &[u32]) -> Result<Found> {
+    /// Errors of a machine on all views; draws it if it has no row.
+    fn found(&mut self, steps: &[u32]) -> Result<SearchErrors> {
         let Some((key, machine, elaborated)) = self.keyed(steps) else {
-            return Ok(HOPELESS);
+            return Ok(UNUSABLE);
         };
-        self.asked_for.insert(key.clone());
+        self.requested.insert(key.clone());
         if let Some(found) = self.known(&key) {
             return Ok(found);
         }
-        let Measured { found, seconds } = self.foresight.taken(
+        let Measurement { found, seconds } = self.prefetch.taken(
             &self.views,
             &self.options.target,
             (&key, &machine),
             &elaborated,
         )?;
         let misfit = found.as_ref().err().cloned();
-        let found = found.unwrap_or(HOPELESS);
+        let found = found.unwrap_or(UNUSABLE);
         let area = Cost::new(&elaborated, &self.options.prices).area;
         let point = self
             .journal
@@ -842,37 +847,37 @@ impl<'a> Search<'a> {
         }
         self.journal.push(point, row)?;
         self.known.insert(key, point);
-        let told = format!(
+        let message = format!(
             "{}: {} machines drawn, this one {} LUT equivalents, {} dB",
             self.method,
-            self.asked_for.len(),
+            self.requested.len(),
             thousands(area as u64),
             decibels(found.psnr_db_of(&self.options.target))
         );
-        self.progress.set_message(told);
+        self.progress.set_message(message);
         Ok(found)
     }
 
-    /// The part of what is allowed, squared, that a machine takes.
-    fn load_of(&self, found: &Found) -> f64 {
-        if *found == HOPELESS {
+    /// Squared error of a machine as a part of the allowed squared error.
+    fn load_of(&self, found: &SearchErrors) -> f64 {
+        if *found == UNUSABLE {
             f64::INFINITY
         } else {
             self.options.target.load(found) * self.stricter
         }
     }
 
-    fn step(&mut self, method: &str, steps: &[u32]) -> Result<Step> {
+    fn step(&mut self, method: &str, steps: &[u32]) -> Result<SearchStep> {
         let area = self.area(steps).unwrap_or(f64::INFINITY);
-        Ok(Step {
+        Ok(SearchStep {
             method: method.to_owned(),
             area,
             found: self.found(steps)?,
-            drawn: self.asked_for.len() as u64,
+            drawn: self.requested.len() as u64,
         })
     }
 
-    /// Cuts integer bits down to what the views need, and cameras all around.
+    /// Reduces integer bits to those that the views and the cameras around need.
     fn cut(&mut self) -> Result<()> {
         let elaborated = fixed::elaborate(&self.base)?;
         let mut needed: HashMap<String, i32> = HashMap::new();
@@ -911,21 +916,21 @@ impl<'a> Search<'a> {
         self.take_fields();
         let words = machines::words(&self.base)
             .into_iter()
-            .filter(|(path, _)| knobs::is_asked(path, &self.options.only));
+            .filter(|(path, _)| knobs::is_selected(path, &self.options.only));
         let less = |(path, format): (String, Format)| {
             let int_bits = (*needed.get(&path)?).max(2 - format.frac_bits);
             (int_bits < format.int_bits)
                 .then(|| (path, Value::from(Format { int_bits, ..format }.to_string())))
         };
-        // Not all can be: a table's span is its index' range.
+        // Not all can be reduced: the span of a table is the range of its index.
         let mut changes: Vec<(String, Value)> = words.filter_map(less).collect();
         changes.retain(|change| self.try_cut(change).is_some());
         let none = vec![0; self.knobs.len()];
         if self.load(&none)? <= 1.0 {
             return Ok(());
         }
-        // Some word holds what no picture shows: a constant of the scene, or a wrap that would not
-        // have mattered. Which?
+        // A word holds values that do not show in pictures: a constant of the scene, or a harmless
+        // wrap. Finds it word by word.
         self.cut = self.base.clone();
         self.take_fields();
         for change in changes {
@@ -940,7 +945,7 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
-    /// Cuts one word, if the machine can be built then; what it was before.
+    /// Reduces one word if the machine can then be built; returns the machine before.
     fn try_cut(&mut self, change: &(String, Value)) -> Option<Machine> {
         let machine = machines::with(&self.cut, std::slice::from_ref(change), "")
             .ok()
@@ -950,7 +955,7 @@ impl<'a> Search<'a> {
         Some(before)
     }
 
-    /// The machine that steps are taken from is another one.
+    /// Updates the fields from which steps are taken.
     fn take_fields(&mut self) {
         self.fields = machines::value(&self.cut);
         let only = &self.options.only;
@@ -959,9 +964,9 @@ impl<'a> Search<'a> {
         self.areas.clear();
     }
 
-    /// From the ranges to a machine that meets the target on all views. Fraction bits begin where
-    /// the round before ended.
-    fn round(&mut self, before: Option<&[u32]>, path: &mut Vec<Step>) -> Result<Vec<u32>> {
+    /// One round: from the ranges to a machine that meets the target on all views. Fraction bits
+    /// start from the previous round.
+    fn round(&mut self, before: Option<&[u32]>, path: &mut Vec<SearchStep>) -> Result<Vec<u32>> {
         let none = vec![0; self.knobs.len()];
         self.method = "ranges";
         self.cut()?;
@@ -988,7 +993,7 @@ impl<'a> Search<'a> {
         self.method = "max−1";
         let is_back_well = self.load(&back)? <= 1.0;
         let Some(well) = well else {
-            // A round for another view.
+            // A round for an additional view.
             let down = descent::taken_away(self, if is_back_well { &back } else { &none })?;
             path.push(self.step("max−1", &down)?);
             return Ok(down);
@@ -1006,8 +1011,8 @@ impl<'a> Search<'a> {
         descent::taken_away(self, &cold)
     }
 
-    /// Steps that are left one by one, and together, integer bits among them.
-    fn last_steps(&mut self, from: &[u32], path: &mut Vec<Step>) -> Result<Settled> {
+    /// Takes single and joint steps until none is left, including integer bits.
+    fn last_steps(&mut self, from: &[u32], path: &mut Vec<SearchStep>) -> Result<Settled> {
         self.method = "last steps";
         self.is_last = true;
         let from: Vec<u32> = from
@@ -1022,8 +1027,8 @@ impl<'a> Search<'a> {
         Ok(settled)
     }
 
-    /// Gives integer bits to the words that saturate on views that failed, where that makes the
-    /// views better; whether it does, and the load of the views then.
+    /// Gives integer bits back to words that saturate on failing views, if that improves the views.
+    /// Returns whether it does, and the new load.
     fn widened(&mut self, steps: &[u32], views: &[View], load: f64) -> Result<(bool, f64)> {
         let Some(machine) = self.machine(steps) else {
             return Ok((false, load));
@@ -1072,9 +1077,9 @@ impl<'a> Search<'a> {
             return Ok((false, load));
         };
         let found =
-            found_on(views, |view| drawn(&built, view, &self.options.target)).unwrap_or(HOPELESS);
+            found_on(views, |view| drawn(&built, view, &self.options.target)).unwrap_or(UNUSABLE);
         let then = self.options.target.load(&found);
-        // Also where a load is no number.
+        // Also if a load is NaN.
         if then.partial_cmp(&load) != Some(Ordering::Less) {
             return Ok((false, load));
         }
@@ -1087,8 +1092,8 @@ impl<'a> Search<'a> {
         10.0 * libm::log10(self.stricter)
     }
 
-    /// How far a machine is off on each view that was searched on.
-    fn drawn_again(&self, steps: &[u32]) -> Result<Vec<Found>> {
+    /// Errors of a machine on each searched view.
+    fn drawn_again(&self, steps: &[u32]) -> Result<Vec<SearchErrors>> {
         let machine = self.machine(steps).unwrap_or_else(|| self.base.clone());
         let elaborated = fixed::elaborate(&machine)?;
         self.views
@@ -1097,15 +1102,15 @@ impl<'a> Search<'a> {
             .collect()
     }
 
-    /// What unseen views cost; areas are those of the target alone and of what was found.
-    fn margin(&self, steps: &[u32], on_first: &[Found], [alone, found]: [f64; 2]) -> Margin {
+    /// Cost of the unseen views; `areas` are those for the target only, and of the final machine.
+    fn margin(&self, steps: &[u32], on_first: &[SearchErrors], [alone, found]: [f64; 2]) -> Margin {
         let target = &self.options.target;
         let formats: HashMap<String, Format> = self
             .machine(steps)
             .iter()
             .flat_map(machines::words)
             .collect();
-        // The last steps may have taken some of them again.
+        // The last steps may have removed some of them again.
         let is_kept = |(word, bits): &(&String, &i32)| {
             formats
                 .get(*word)
@@ -1129,7 +1134,7 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// How the machine does on the next unseen views, and the worst that fails.
+    /// Draws the next unseen views; returns their errors and the worst that fails.
     fn verified(&mut self, steps: &[u32], next: &mut usize) -> Result<Verdict> {
         let from = *next;
         *next += self.options.views;
@@ -1140,13 +1145,13 @@ impl<'a> Search<'a> {
         let target = &self.options.target;
         let mut held: Vec<Unseen> = Vec::new();
         let mut taken: Vec<(usize, Camera)> = Vec::new();
-        let mut worst: Option<(f64, (Found, Vec<View>))> = None;
+        let mut worst: Option<(f64, (SearchErrors, Vec<View>))> = None;
         for (of, domain) in self.domains.iter().enumerate() {
             for nth in from..from + self.options.views {
                 let member = domain.nth(nth)?;
                 let (name, camera) = (member.name.clone(), member.scene.camera);
                 let searched = self.views.iter().map(|view| (view.of, view.scene.camera));
-                // A short list comes round again.
+                // A short list of cameras repeats.
                 if searched
                     .chain(taken.iter().copied())
                     .any(|seen| seen == (of, camera))
@@ -1154,20 +1159,20 @@ impl<'a> Search<'a> {
                     continue;
                 }
                 let views: Vec<View> = member
-                    .and_beside(self.options.robust)
+                    .and_nearby(self.options.robust)
                     .into_iter()
                     .map(|member| View::new(of, member, &machine))
                     .collect();
-                let each: Vec<Found> = views
+                let each: Vec<SearchErrors> = views
                     .iter()
-                    .map(|view| drawn(&elaborated, view, target).unwrap_or(HOPELESS))
+                    .map(|view| drawn(&elaborated, view, target).unwrap_or(UNUSABLE))
                     .collect();
                 let found = worst_of(&each);
                 let load = target.load(&found);
                 self.progress
                     .set_message(format!("{name}: {} dB", decibels(found.psnr_db_of(target))));
                 taken.push((of, camera));
-                // The camera that decides is recorded, with what is found there.
+                // The deciding one of the nearby cameras is recorded, with its errors.
                 let decides = target.deciding(&each).unwrap_or(0);
                 let (name, camera) = (views[decides].name.clone(), views[decides].scene.camera);
                 held.push(Unseen {
@@ -1188,12 +1193,12 @@ impl<'a> Search<'a> {
     fn outcome(
         &mut self,
         scenes: Vec<String>,
-        path: Vec<Step>,
+        path: Vec<SearchStep>,
         views: Vec<Unseen>,
         learnt: Vec<String>,
         steps: &[u32],
-        (margin, claims, checked): (Margin, Vec<Claim>, Checked),
-    ) -> Result<Outcome> {
+        (margin, claims, checked): (Margin, Vec<Claim>, CheckedSteps),
+    ) -> Result<SearchOutcome> {
         let mut tight = Vec::new();
         let lesser = |knob: usize| {
             let mut next = steps.to_vec();
@@ -1208,10 +1213,10 @@ impl<'a> Search<'a> {
             .machine(steps)
             .map_or(Value::Null, |machine| machines::value(&machine));
         let all: Vec<Vec<u32>> = open.iter().copied().map(lesser).collect();
-        self.foresee(&all)?;
+        self.prefetch(&all)?;
         for knob in open {
             let found = self.found(&lesser(knob))?;
-            if found == HOPELESS || self.options.target.load(&found) <= 1.0 {
+            if found == UNUSABLE || self.options.target.load(&found) <= 1.0 {
                 continue;
             }
             let knob = &knobs[knob];
@@ -1255,7 +1260,7 @@ impl<'a> Search<'a> {
             target,
             scenes: self.scene_records(&views),
         };
-        Ok(Outcome {
+        Ok(SearchOutcome {
             scenes,
             target,
             base,
@@ -1273,7 +1278,7 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// Views that the search was decided on: those that were searched on, then the unseen ones.
+    /// Views that decided the search: the searched ones, then the unseen ones.
     fn decided<'o>(&'o self, unseen: &'o [Unseen]) -> Vec<Decided<'o>> {
         let searched = self.views.iter().map(|view| Decided {
             name: &view.name,
@@ -1289,11 +1294,11 @@ impl<'a> Search<'a> {
             .collect()
     }
 
-    /// The worst of the views that were searched on, and the worst of the unseen ones.
-    fn claims(&self, searched: &[Found], views: &[Unseen]) -> Vec<Claim> {
+    /// Figures of the worst searched view and of the worst unseen view.
+    fn claims(&self, searched: &[SearchErrors], views: &[Unseen]) -> Vec<Claim> {
         let target = &self.options.target;
-        let unseen: Vec<Found> = views.iter().map(|view| view.found).collect();
-        let worst = |found: &[Found], from: usize| {
+        let unseen: Vec<SearchErrors> = views.iter().map(|view| view.found).collect();
+        let worst = |found: &[SearchErrors], from: usize| {
             let nth = target.deciding(found)?;
             let figure = match target.psnr_db {
                 Some(_) => format!(
@@ -1316,7 +1321,7 @@ impl<'a> Search<'a> {
         claims::claims(self.domains, &self.decided(views), figures)
     }
 
-    /// Each scene with the cameras that were searched on, then those of unseen views.
+    /// Each scene with the searched cameras, then those of unseen views.
     fn scene_records(&self, unseen: &[Unseen]) -> Vec<SceneRecord> {
         let record = |(of, domain): (usize, &Domain)| {
             let searched = self
@@ -1338,7 +1343,7 @@ impl<'a> Search<'a> {
         self.domains.iter().enumerate().map(record).collect()
     }
 
-    fn write(self, outcome: Outcome, folder: &Path) -> Result<Outcome> {
+    fn write(self, outcome: SearchOutcome, folder: &Path) -> Result<SearchOutcome> {
         let cameras = claims::write_cameras(folder, self.domains, &self.decided(&outcome.views))?;
         drop(self.progress);
         let mut files = self.journal.write(folder, "search")?;
@@ -1357,11 +1362,11 @@ impl<'a> Search<'a> {
             })?;
             files.insert(0, path);
         }
-        Ok(Outcome { files, ..outcome })
+        Ok(SearchOutcome { files, ..outcome })
     }
 }
 
-impl Problem for Search<'_> {
+impl Problem for WordSearch<'_> {
     fn most(&self) -> Vec<u32> {
         let integers = self.integers.iter().filter(|_| self.is_last);
         self.knobs
@@ -1389,7 +1394,7 @@ impl Problem for Search<'_> {
 
     fn load_without_margin(&mut self, steps: &[u32]) -> Result<f64> {
         let found = self.found(steps)?;
-        Ok(if found == HOPELESS {
+        Ok(if found == UNUSABLE {
             f64::INFINITY
         } else {
             self.options.target.load(&found)
@@ -1397,10 +1402,10 @@ impl Problem for Search<'_> {
     }
 
     fn width(&self) -> usize {
-        self.foresight.width()
+        self.prefetch.width()
     }
 
-    fn foresee(&mut self, steps: &[Vec<u32>]) -> Result<()> {
+    fn prefetch(&mut self, steps: &[Vec<u32>]) -> Result<()> {
         if self.width() == 1 {
             return Ok(());
         }
@@ -1410,18 +1415,18 @@ impl Problem for Search<'_> {
                 machines.push((key, machine));
             }
         }
-        self.foresight
+        self.prefetch
             .measure(&self.views, &self.options.target, &machines)
     }
 
-    fn foreseen(&self, steps: &[u32]) -> Option<f64> {
+    fn prefetched(&self, steps: &[u32]) -> Option<f64> {
         let Some((key, ..)) = self.keyed(steps) else {
             return Some(f64::INFINITY);
         };
         let measured = || {
-            self.foresight
+            self.prefetch
                 .get(&key)
-                .map(|measured| measured.found.clone().unwrap_or(HOPELESS))
+                .map(|measured| measured.found.clone().unwrap_or(UNUSABLE))
         };
         self.known(&key)
             .or_else(measured)
@@ -1429,8 +1434,8 @@ impl Problem for Search<'_> {
     }
 }
 
-/// Of a machine that cannot be built, or cannot hold the scene.
-const HOPELESS: Found = Found {
+/// Errors of a machine that cannot be built, or cannot hold the scene.
+const UNUSABLE: SearchErrors = SearchErrors {
     psnr_db: Some(f64::NEG_INFINITY),
     max_error: f64::INFINITY,
     fixed_vs_ideal_psnr_db: Some(f64::NEG_INFINITY),
@@ -1440,7 +1445,7 @@ const HOPELESS: Found = Found {
 };
 
 /// Draws a view and compares.
-fn drawn(elaborated: &Elaborated, view: &View, target: &Target) -> Result<Found> {
+fn drawn(elaborated: &Elaborated, view: &View, target: &Target) -> Result<SearchErrors> {
     let evaluation = Evaluation::on(&view.scene, elaborated)?;
     let (picture, saturated) = if target.no_saturation {
         let observed = evaluation.observe();
@@ -1461,7 +1466,7 @@ fn drawn(elaborated: &Elaborated, view: &View, target: &Target) -> Result<Found>
             view.name
         )));
     }
-    Ok(Found {
+    Ok(SearchErrors {
         psnr_db: apart.psnr_db,
         max_error: apart.max_error,
         fixed_vs_ideal_psnr_db: whole.psnr_db,
@@ -1484,7 +1489,7 @@ fn differences(base: &Value, now: &Value, path: &str, changes: &mut Vec<String>)
                 } else {
                     format!("{path}.{name}")
                 };
-                // A word that has a rounding is named without `.format`, as in a plan.
+                // As in a plan, a word with a rounding is named without `.format`.
                 let below = if name == "format" {
                     path.to_owned()
                 } else {
@@ -1501,11 +1506,11 @@ fn differences(base: &Value, now: &Value, path: &str, changes: &mut Vec<String>)
     }
 }
 
-/// CriticalWord steps that are told.
-const TOLD: usize = 8;
+/// Most critical words in the summary.
+const MOST_CRITICAL: usize = 8;
 
-impl Outcome {
-    /// The way and what it led to, at most 80 columns wide.
+impl SearchOutcome {
+    /// Steps and result, at most 80 columns wide.
     pub fn summary(&self) -> String {
         let (first, last) = (&self.path[0], &self.path[self.path.len() - 1]);
         let is_led = self.target.metric == Metric::Lockstep;
@@ -1524,7 +1529,7 @@ impl Outcome {
             "max error",
             "drawn",
         ]);
-        for Step {
+        for SearchStep {
             method,
             area,
             found,
@@ -1581,12 +1586,12 @@ impl Outcome {
         let _ = write!(text, "\n{}", wrapped(&views));
         let _ = write!(text, "\n{}", wrapped(&self.margin_text()));
         let _ = write!(text, "\n{}", wrapped(&self.checked_text()));
-        let tight = self.tight.iter().take(TOLD).map(|tight| {
+        let tight = self.tight.iter().take(MOST_CRITICAL).map(|tight| {
             let value = tight
                 .value
                 .as_str()
                 .map_or_else(|| tight.value.to_string(), str::to_owned);
-            let bit = if tight.part == Part::IntegerBit {
+            let bit = if tight.part == KnobPart::IntegerBit {
                 "integer bit: "
             } else {
                 ""
@@ -1602,8 +1607,10 @@ impl Outcome {
         let tight: Vec<String> = tight.collect();
         if !tight.is_empty() {
             let critical = match self.tight.len() {
-                count if count > TOLD => {
-                    format!("{TOLD} of {count} critical word lengths (search.json lists all)")
+                count if count > MOST_CRITICAL => {
+                    format!(
+                        "{MOST_CRITICAL} of {count} critical word lengths (search.json lists all)"
+                    )
                 }
                 _ => "critical word lengths".to_owned(),
             };
@@ -1619,7 +1626,7 @@ impl Outcome {
         text
     }
 
-    /// What unseen views cost, a sentence or two.
+    /// Cost of unseen views in one or two sentences.
     fn margin_text(&self) -> String {
         let Margin {
             aim_db,
@@ -1666,9 +1673,9 @@ impl Outcome {
         text
     }
 
-    /// How it was made sure that no word can lose a bit.
+    /// Which further steps were measured, in one sentence.
     fn checked_text(&self) -> String {
-        let Checked {
+        let CheckedSteps {
             alone,
             together,
             costly,

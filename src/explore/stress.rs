@@ -1,16 +1,16 @@
-//! Stress: the stability catalogue. Small scenes, each with one parameter driven into trouble, on
-//! every machine.
+//! Stress: runs the stability catalogue: small scenes, each with one parameter driven to its limit,
+//! on every machine.
 //!
 //! ```text
 //! case, value ─► scene ─┬─► ideal, golden ─┐
 //!                       └─► machine ───────┴─► lockstep ─► where the method fails, where the arithmetic fails,
-//!                                                          and whether every failure is told
+//!                                                          and whether every failure is reported
 //! ```
-//! *The method fails* where golden − ideal exceeds 8/255 anywhere. *The arithmetic fails* where
-//! fixed − led does, or where the bound exceeds 1, and so says nothing, on more than 1 % of the
-//! covered pixels. Flips are decisions, not arithmetic: they are counted apart. A failure is
-//! *silent* where fixed − golden exceeds 8/255 and neither a flip at that pixel nor its bound tells
-//! of it.
+//! *The method fails* if golden − ideal exceeds 8/255 anywhere. *The arithmetic fails* if fixed −
+//! led does, or if the bound exceeds 1, and is thus useless, on more than 1 % of the covered
+//! pixels. Flips are decisions, not arithmetic, and are counted separately. A failure is *silent*
+//! if fixed − golden exceeds 8/255 and is reported neither by a flip at that pixel nor by its
+//! bound.
 //!
 //! Laws (tests/stress.rs): `no_failure_is_silent`, `no_pixel_exceeds_its_bound`,
 //! `every_flip_is_explained`.
@@ -20,8 +20,8 @@ mod pictures;
 mod point;
 
 pub use crate::accuracy::flicker::Pictures;
-pub use cases::{CASES, Case, FOCAL_PX, Variant};
-pub use point::{Beyond, Bounded, Found, Outcome};
+pub use cases::{CASES, Case, CaseVariant, FOCAL_PX};
+pub use point::{Beyond, BoundedErrors, PointFindings, PointOutcome};
 
 use crate::accuracy::Flips;
 use crate::error::{Error, Result, in_order};
@@ -36,12 +36,12 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
 
-/// From here on a difference is a failure.
+/// A difference of at least this is a failure.
 pub const FAILS: f64 = 8.0 / 255.0;
-/// Share of the covered pixels that may have a bound over 1.
+/// Largest share of the covered pixels with a bound above 1.
 pub const SHARE_FAILS: f64 = 0.01;
 
-/// Findings of the catalogue.
+/// Results of the catalogue.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Catalogue {
     /// Version of this program.
@@ -57,13 +57,13 @@ pub struct Catalogue {
 pub struct CaseReport {
     /// Its name.
     pub name: &'static str,
-    /// Trouble that the case makes.
+    /// Difficulty of the case.
     pub trouble: &'static str,
     /// Parameter that is driven.
     pub parameter: &'static str,
     /// Its unit.
     pub unit: &'static str,
-    /// One report a machine.
+    /// One report per machine.
     pub machines: Vec<MachineReport>,
 }
 
@@ -84,14 +84,14 @@ pub struct MachineReport {
     pub points: Vec<Point>,
 }
 
-/// One value.
+/// One value of the parameter.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Point {
     /// The parameter.
     pub value: f64,
-    /// Outcome.
+    /// Result.
     #[serde(flatten)]
-    pub outcome: Outcome,
+    pub outcome: PointOutcome,
 }
 
 /// Failure of the arithmetic.
@@ -100,13 +100,13 @@ pub struct Point {
 pub enum Failure {
     /// fixed − led exceeds 8/255.
     Error,
-    /// The bound says nothing on more than 1 % of the covered pixels.
+    /// The bound exceeds 1 on more than 1 % of the covered pixels.
     Bound,
     /// The machine refuses the scene.
     Refused,
 }
 
-/// What the gallery shows of a case.
+/// A picture of a case for the gallery.
 #[derive(Clone, Debug)]
 struct Exhibit {
     case: &'static Case,
@@ -115,10 +115,10 @@ struct Exhibit {
     pictures: Pictures,
 }
 
-/// The case of a name.
+/// The case of this name.
 ///
 /// # Errors
-/// [`Error::Input`] naming the nearest one, if one is near.
+/// [`Error::Input`] with the nearest name, if one is near.
 pub fn find(name: &str) -> Result<&'static Case> {
     let names = CASES.each_ref().map(|case| case.name);
     let nearest = validate::nearest(name, &names)
@@ -135,11 +135,10 @@ pub fn find(name: &str) -> Result<&'static Case> {
         .ok_or_else(input_error)
 }
 
-/// Runs cases on the named machines that can draw them, on their own variants and on whatever other
-/// machines are given.
+/// Runs cases on the named machines that can draw them, on their own variants and on `others`.
 ///
 /// # Errors
-/// [`Error::Input`] where a machine cannot be built.
+/// [`Error::Input`] if a machine cannot be built.
 pub fn run(cases: &[&'static Case], others: &[Machine]) -> Result<Catalogue> {
     for machine in others {
         crate::hardware::fixed::elaborate(machine)?;
@@ -204,7 +203,7 @@ pub fn run(cases: &[&'static Case], others: &[Machine]) -> Result<Catalogue> {
     Ok(catalogue)
 }
 
-/// The named machines that draw a scene; a case's variant changes the first.
+/// The named machines that can draw a scene; a case's variant changes the first.
 fn names(scene: &Scene) -> Vec<&'static str> {
     if scene.ellipsoids.is_some() {
         vec![machines::usual(scene)]
@@ -213,7 +212,7 @@ fn names(scene: &Scene) -> Vec<&'static str> {
     }
 }
 
-/// The named machines that draw surfaces.
+/// The named machines that can draw surfaces.
 fn surface_names() -> impl Iterator<Item = &'static str> {
     Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES)
 }
@@ -223,7 +222,7 @@ fn run_point(
     case: &Case,
     value: f64,
     others: &[Machine],
-) -> Result<Vec<(String, point::Measured)>> {
+) -> Result<Vec<(String, point::PointMeasurement)>> {
     let scene = (case.scene)(value);
     let ideal = golden::ideal(&scene).picture;
     let before = cases::before(case, value).map(|scene| (golden::ideal(&scene).picture, scene));
@@ -247,15 +246,15 @@ fn run_point(
 }
 
 impl Point {
-    /// Findings where the machine drew.
-    pub fn found(&self) -> Option<&Found> {
+    /// Results, if the machine drew.
+    pub fn found(&self) -> Option<&PointFindings> {
         match &self.outcome {
-            Outcome::Drawn(found) => Some(found),
-            Outcome::Refused(_) => None,
+            PointOutcome::Drawn(found) => Some(found),
+            PointOutcome::Refused(_) => None,
         }
     }
 
-    /// Failure of the arithmetic here, if it fails.
+    /// Failure of the arithmetic, if it fails.
     pub fn failure(&self) -> Option<Failure> {
         match self.found() {
             None => Some(Failure::Refused),
@@ -268,7 +267,7 @@ impl Point {
 
 impl MachineReport {
     fn new(machine: String, points: Vec<Point>) -> Self {
-        let first = |fails: &dyn Fn(&Found) -> bool| {
+        let first = |fails: &dyn Fn(&PointFindings) -> bool| {
             points
                 .iter()
                 .find(|point| point.found().is_some_and(fails))
@@ -287,20 +286,20 @@ impl MachineReport {
         }
     }
 
-    fn found(&self) -> impl Iterator<Item = &Found> {
+    fn found(&self) -> impl Iterator<Item = &PointFindings> {
         self.points.iter().filter_map(Point::found)
     }
 
-    fn most(&self, of: impl Fn(&Found) -> f64) -> f64 {
+    fn most(&self, of: impl Fn(&PointFindings) -> f64) -> f64 {
         self.found().map(of).fold(0.0, f64::max)
     }
 
-    fn total(&self, of: impl Fn(&Found) -> u64) -> u64 {
+    fn total(&self, of: impl Fn(&PointFindings) -> u64) -> u64 {
         self.found().map(of).sum()
     }
 }
 
-/// A parameter's value as people write it.
+/// A parameter's value in short form.
 fn short(value: f64) -> String {
     let small = value != 0.0 && !(1e-3..1e4).contains(&value.abs());
     if small {
@@ -310,12 +309,12 @@ fn short(value: f64) -> String {
     }
 }
 
-/// A value at which something fails, or that none does.
+/// A value at which something fails, or a dash.
 fn first(value: Option<f64>) -> String {
     value.map_or_else(|| "–".into(), short)
 }
 
-/// A machine's name as far as the table has room for it.
+/// A machine's name, shortened for the table.
 fn cut(name: &str) -> String {
     const ROOM: usize = 10;
     if name.chars().count() <= ROOM {
@@ -326,17 +325,17 @@ fn cut(name: &str) -> String {
 }
 
 impl Catalogue {
-    /// Everything that should be 0, over all points.
+    /// Number of faults over all points: 0 in a sound simulator.
     pub fn faults(&self) -> u64 {
         self.machines()
-            .map(|(_, machine)| machine.total(Found::faults))
+            .map(|(_, machine)| machine.total(PointFindings::faults))
             .sum()
     }
 
-    /// The worst of what should not be, in one sentence: exit status 1.
+    /// The first fault in one sentence, for exit status 1.
     ///
     /// # Errors
-    /// [`Error::Job`] where a pixel exceeds its bound, a flip has no explanation or a failure is
+    /// [`Error::Job`] if a pixel exceeds its bound, a flip has no explanation or a failure is
     /// silent.
     pub fn check(&self) -> Result<()> {
         let faulty = |(case, machine): (&CaseReport, &MachineReport)| {
@@ -354,7 +353,7 @@ impl Catalogue {
                 found.lockstep.flips.unexplained,
                 found.beyond.silent,
                 if found.not_finite() > 0 {
-                    format!(", {} pixels are no number", found.not_finite())
+                    format!(", {} pixels are NaN", found.not_finite())
                 } else {
                     String::new()
                 }
@@ -421,7 +420,7 @@ impl Catalogue {
             .machines()
             .map(|(_, machine)| machine.points.len())
             .sum();
-        let total = |of: fn(&Found) -> u64| {
+        let total = |of: fn(&PointFindings) -> u64| {
             self.machines()
                 .map(|(_, machine)| machine.total(of))
                 .sum::<u64>()
@@ -435,10 +434,10 @@ impl Catalogue {
         )
     }
 
-    /// Writes tables and pictures into a folder; returns what was written.
+    /// Writes tables and pictures into a folder; returns the files.
     ///
     /// # Errors
-    /// [`Error::Job`] where a file cannot be written; none is left half-written.
+    /// [`Error::Job`] if a file cannot be written; no file is left incomplete.
     pub fn write(&self, folder: &Path) -> Result<Vec<PathBuf>> {
         let csv = |path: &Path| {
             write_beside(path, |file| {
@@ -467,7 +466,7 @@ impl Catalogue {
         Ok(written)
     }
 
-    /// One line a point.
+    /// One line per point.
     fn csv(&self) -> String {
         let columns = columns();
         let mut text = columns.join(",") + "\n";
@@ -479,12 +478,12 @@ impl Catalogue {
                     point.value.to_string(),
                 ];
                 cells.extend(match &point.outcome {
-                    Outcome::Refused(sentence) => {
+                    PointOutcome::Refused(sentence) => {
                         let mut cells = vec![String::new(); columns.len() - 4];
                         cells.push(format!("\"{}\"", sentence.replace('"', "\"\"")));
                         cells
                     }
-                    Outcome::Drawn(found) => found.cells(),
+                    PointOutcome::Drawn(found) => found.cells(),
                 });
                 text += &(cells.join(",") + "\n");
             }
@@ -500,7 +499,7 @@ arithmetic  first value at which fixed − led exceeds 8/255 (e), or its bound
             refuses the scene (r)
 flips       first value at which a flipped decision makes more than 8/255
 error       greatest |fixed − led|
-bound > 1   greatest share of the covered pixels whose bound says nothing
+bound > 1   greatest share of the covered pixels whose bound exceeds 1
 flipped     decisions that golden takes otherwise, over all values";
 
 /// Columns of the CSV file.
@@ -542,7 +541,7 @@ fn columns() -> Vec<String> {
         .collect()
 }
 
-impl Found {
+impl PointFindings {
     fn cells(&self) -> Vec<String> {
         let number = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
         let (l, f) = (&self.lockstep, &self.lockstep.flips);

@@ -1,15 +1,15 @@
-//! Sweep: many machines over one or many scenes, a row each; what they have in common is done once.
+//! Sweep: runs many machines on one or many scenes, one row each; common work is done once.
 //!
 //! ```text
 //! plan ─► points ─┬─ scene A ─► stage ─► rows ─┬─► journal ─► sweep.csv, sweep.parquet
 //!                 └─ scene B ─► …              │
-//!                    drawn elsewhere ─► batch ─┘
+//!                    other processes ─► batch ─┘
 //! ```
-//! A point has a key: a digest of all that determines its row. A folder knows its rows by their
-//! keys, so that a sweep that was cut off goes on, and that no row comes from anything else than
-//! the plan says.
+//! Each point has a key: a digest of everything that determines its row. Rows in a folder are
+//! identified by their keys. A sweep that was stopped can thus be resumed, and a row from another
+//! plan is refused.
 //!
-//! `plan.json` in the folder says what the rows are of.
+//! `plan.json` in the folder describes the rows.
 //!
 //! Laws (tests/sweep.rs): `a_row_says_what_a_run_says`, `a_sweep_that_is_killed_goes_on`,
 //! `parts_are_the_whole`.
@@ -38,18 +38,18 @@ use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use table::{Journal, Row, Table};
 
-/// Most rows of other parts whose keys are held against the plan: there may be a million.
-const HELD_OF_OTHERS: usize = 1000;
+/// Most rows of other shards whose keys are checked: there may be a million.
+const MOST_CHECKED_OF_OTHERS: usize = 1000;
 
-/// Most points, if nobody asks for more.
+/// Most points by default.
 pub const MOST_POINTS: u64 = 100_000;
 
-/// Part `index` of `of`, from 1 on: every `of`-th machine.
+/// Part `index` of `of`, counted from 1: every `of`-th machine.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Shard {
-    /// Which.
+    /// Index of the part.
     pub index: u64,
-    /// Of how many.
+    /// Number of parts.
     pub of: u64,
 }
 
@@ -69,34 +69,34 @@ impl std::str::FromStr for Shard {
 
 /// Options of a sweep.
 #[derive(Clone, Copy, Debug)]
-pub struct Options {
-    /// A part of it.
+pub struct SweepOptions {
+    /// A part of the plan.
     pub shard: Option<Shard>,
-    /// At most so many points.
+    /// Most points.
     pub most: u64,
     /// Prices of bits.
     pub prices: Prices,
-    /// Show how far it is.
+    /// Show progress.
     pub progress: bool,
 }
 
-/// Outcome of a plan.
+/// Result of a sweep.
 #[derive(Debug)]
-pub struct Outcome {
-    /// Points of the plan, of this part, and those that were drawn now.
+pub struct SweepOutcome {
+    /// Number of points of the plan, of this part, and of those drawn now.
     pub counts: [u64; 3],
     /// Files that were written.
     pub files: Vec<PathBuf>,
     table: Table,
-    /// What loses a decibel first, if bits were taken away.
+    /// The word that loses a decibel first, if the plan reduces bits.
     loss: Option<String>,
 }
 
-/// Carries a plan out; what the folder has already is not done again.
+/// Runs a plan; rows that the folder has are not drawn again.
 ///
 /// # Errors
-/// [`Error::Input`] where plan or folder are wrong, [`Error::Job`] where a row cannot be written.
-pub fn run(points: &Points, folder: &Path, options: &Options) -> Result<Outcome> {
+/// [`Error::Input`] if plan or folder are wrong, [`Error::Job`] if a row cannot be written.
+pub fn run(points: &Points, folder: &Path, options: &SweepOptions) -> Result<SweepOutcome> {
     let mut sweep = Sweep::open(points.clone(), folder, options, Folder::shared)?;
     for nth in 0..points.plan.scenes.len() {
         let missing = sweep.missing(nth);
@@ -108,13 +108,14 @@ pub fn run(points: &Points, folder: &Path, options: &Options) -> Result<Outcome>
     sweep.finish()
 }
 
-/// A plan that is carried out into a folder: what is there, what is missing, whoever draws it.
+/// A plan that is run into a folder, in this process or in others: existing rows and missing
+/// points.
 pub struct Sweep {
     points: Points,
-    options: Options,
+    options: SweepOptions,
     scenes: Scenes,
     folder: PathBuf,
-    /// Locked as long as it is carried out.
+    /// Keeps the folder locked.
     _open: Folder,
     journal: Journal,
     progress: Progress,
@@ -122,16 +123,16 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// Opens a folder, by [`Folder::shared`] where others draw parts of the same plan into it, and
-    /// holds what it has against the plan.
+    /// Opens a folder, by [`Folder::shared`] if other processes draw parts of the same plan into
+    /// it, and checks its rows against the plan.
     ///
     /// # Errors
-    /// [`Error::Input`] where plan or folder are wrong, [`Error::Job`] where nothing can be
+    /// [`Error::Input`] if plan or folder are wrong, [`Error::Job`] if the folder cannot be
     /// written.
     pub fn open(
         points: Points,
         folder: &Path,
-        options: &Options,
+        options: &SweepOptions,
         lock: fn(&Path) -> Result<Folder>,
     ) -> Result<Self> {
         let count = points.count();
@@ -151,8 +152,8 @@ impl Sweep {
         let mut journal = Journal::open(folder, &part, columns::all(points.columns()))?;
         check_keys(&points, &scenes.heads, &journal, folder, options)?;
         journal.keep();
-        let told = json!({"splatsim": env!("CARGO_PKG_VERSION"), "plan": points.plan, "machine": points.base, "prices": options.prices});
-        write_plan(folder, &told)?;
+        let description = json!({"splatsim": env!("CARGO_PKG_VERSION"), "plan": points.plan, "machine": points.base, "prices": options.prices});
+        write_plan(folder, &description)?;
         let left = options
             .mine(count)
             .filter(|number| journal.get(*number).is_none())
@@ -180,7 +181,7 @@ impl Sweep {
         self.options.prices
     }
 
-    /// Points of this part on the scene of a number that the folder does not have.
+    /// Points of this part on scene `nth` that the folder does not have.
     pub fn missing(&self, nth: usize) -> Vec<u64> {
         self.options
             .mine(self.points.count())
@@ -190,18 +191,18 @@ impl Sweep {
             .collect()
     }
 
-    /// The scene of a number.
+    /// Scene `nth`.
     ///
     /// # Errors
-    /// [`Error::Input`] where it cannot be read any more.
+    /// [`Error::Input`] if it can no longer be read.
     pub fn scene(&mut self, nth: usize) -> Result<Scene> {
         self.scenes.take(&self.points, nth)
     }
 
-    /// Another row: in the folder before this returns.
+    /// Adds a row, and writes it before returning.
     ///
     /// # Errors
-    /// [`Error::Job`] where it cannot be written, or nobody wants it any more.
+    /// [`Error::Job`] if it cannot be written, or the sweep was cancelled.
     pub fn push(&mut self, number: u64, row: Row) -> Result<()> {
         self.journal.push(number, row)?;
         self.drawn += 1;
@@ -209,12 +210,11 @@ impl Sweep {
         Ok(())
     }
 
-    /// Rows that somebody else has drawn, as [`table::packed`] gives them: in the folder, as a file
-    /// of its own, before this returns.
+    /// Adds rows from another process, as [`table::packed`] returns them, and writes them as a
+    /// separate file before returning.
     ///
     /// # Errors
-    /// [`Error::Job`] where they are not those of `numbers`, were drawn before, or cannot be
-    /// written.
+    /// [`Error::Job`] if they are not those of `numbers`, exist already, or cannot be written.
     pub fn push_batch(&mut self, numbers: &[u64], batch: &[u8]) -> Result<()> {
         self.journal.push_batch(&self.folder, numbers, batch)?;
         self.drawn += numbers.len() as u64;
@@ -222,14 +222,14 @@ impl Sweep {
         Ok(())
     }
 
-    /// Writes the table of all rows that are there.
+    /// Writes the table of all existing rows.
     ///
     /// # Errors
-    /// [`Error::Job`] where it cannot be written.
-    pub fn finish(mut self) -> Result<Outcome> {
+    /// [`Error::Job`] if it cannot be written.
+    pub fn finish(mut self) -> Result<SweepOutcome> {
         drop(self.progress);
-        // Others may have drawn their parts meanwhile. Whoever ends last reads what all have drawn;
-        // until then a table stays as it is.
+        // Other processes may draw their parts at the same time. The last one to finish reads all
+        // rows; until then an existing table is not changed.
         let is_last = self.journal.ends(&self.folder)?;
         if is_last {
             self.journal.read_others(&self.folder)?;
@@ -250,7 +250,7 @@ impl Sweep {
         let count = self.points.count();
         let mine = self.options.mine(count).count() as u64;
         let table = self.journal.table();
-        Ok(Outcome {
+        Ok(SweepOutcome {
             counts: [count, mine, self.drawn],
             files,
             loss: loss::first(&table, &self.points.base),
@@ -259,31 +259,35 @@ impl Sweep {
     }
 }
 
-/// Refuses a folder whose rows were drawn from something else: all of this part, and of other parts
-/// some.
+/// Refuses a folder whose rows are of another plan: checks all rows of this part, and some of other
+/// parts.
 fn check_keys(
     points: &Points,
     scenes: &[Head],
     journal: &Journal,
     folder: &Path,
-    options: &Options,
+    options: &SweepOptions,
 ) -> Result<()> {
     if let Some(last) = journal
         .points()
         .next_back()
         .filter(|last| *last >= points.count())
     {
-        let told = format!(
+        let message = format!(
             "{} has point {last}, and the plan {} points: it is of another plan",
             folder.display(),
             points.count()
         );
-        return Err(Error::input(told));
+        return Err(Error::input(message));
     }
     let mine: BTreeSet<u64> = options.mine(points.count()).collect();
     let (mut known, others): (Vec<u64>, Vec<u64>) =
         journal.points().partition(|number| mine.contains(number));
-    known.extend(others.iter().step_by(others.len() / HELD_OF_OTHERS + 1));
+    known.extend(
+        others
+            .iter()
+            .step_by(others.len() / MOST_CHECKED_OF_OTHERS + 1),
+    );
     let check = |number: &u64| {
         let point = Point::new(
             points,
@@ -294,15 +298,15 @@ fn check_keys(
         if journal.get(*number).and_then(|row| row[1].as_str()) == Some(&point.key) {
             return Ok(());
         }
-        let told = format!(
+        let message = format!(
             "{}: point {number} was drawn from something else than now",
             folder.display()
         );
         Err(Error::input(format!(
-            "{told}: scene, machine, prices or splatsim have changed; choose another folder"
+            "{message}: scene, machine, prices or splatsim have changed; choose another folder"
         )))
     };
-    // The first of those that are refused, whichever thread finds one first.
+    // Of the refused rows the first, independent of thread timing.
     known
         .par_iter()
         .map(check)
@@ -310,7 +314,7 @@ fn check_keys(
         .unwrap_or(Ok(()))
 }
 
-impl Options {
+impl SweepOptions {
     /// Numbers of this part's points.
     fn mine(&self, count: u64) -> impl Iterator<Item = u64> + use<> {
         let shard = self.shard;
@@ -319,15 +323,15 @@ impl Options {
     }
 }
 
-/// Scenes of a plan, each of which can be loaded.
+/// Scenes of a plan; all of them were loaded once.
 struct Scenes {
     heads: Vec<Head>,
-    /// The last one that was loaded, and which it is: most plans have one, which is loaded once.
+    /// The last loaded scene and its index: most plans have only one.
     last: Option<(usize, Scene)>,
 }
 
 impl Scenes {
-    /// Loads every scene, before anything is written; they need not fit into memory together.
+    /// Loads every scene before anything is written. They need not fit into memory together.
     fn check(points: &Points) -> Result<Self> {
         let mut scenes = Scenes {
             heads: Vec::new(),
@@ -350,18 +354,18 @@ impl Scenes {
     }
 }
 
-/// Says in a folder what its rows are of: of what machine, with `machine`.
+/// Writes what the rows of a folder are of; `machine` is their base machine.
 ///
 /// # Errors
-/// [`Error::Job`] where it cannot be written.
-pub fn write_plan(folder: &Path, told: &Value) -> Result<()> {
+/// [`Error::Job`] if it cannot be written.
+pub fn write_plan(folder: &Path, description: &Value) -> Result<()> {
     write_beside(&folder.join("plan.json"), |file| {
-        serde_json::to_writer_pretty(file, told).map_err(|e| e.to_string())
+        serde_json::to_writer_pretty(file, description).map_err(|e| e.to_string())
     })
 }
 
-impl Outcome {
-    /// Summary: the points that were drawn, the best and the worst, at most 80 columns wide.
+impl SweepOutcome {
+    /// Number of points, the best and the worst; at most 80 columns wide.
     pub fn summary(&self) -> String {
         let [count, mine, drawn] = self.counts;
         let rows = self.table.rows.len() as u64;
@@ -379,12 +383,12 @@ impl Outcome {
             let _ = write!(text, "; the table has {} of them", thousands(rows));
         }
         let is_built = |row: &&Row| self.table.text(row, columns::MISFIT).is_empty();
-        let misfits = self.table.rows.iter().filter(|row| !is_built(row)).count() as u64;
-        if misfits > 0 {
+        let unbuildable = self.table.rows.iter().filter(|row| !is_built(row)).count() as u64;
+        if unbuildable > 0 {
             let _ = write!(
                 text,
-                "; {} cannot be built, the column `misfit` says why",
-                thousands(misfits)
+                "; {} cannot be built, the column `misfit` has the reasons",
+                thousands(unbuildable)
             );
         }
         let mut text = wrapped(&text) + "\n";
@@ -394,7 +398,7 @@ impl Outcome {
             let heads = ["fixed − ideal", "fixed − golden", "on covered", "frames/s"].join("  ");
             let _ = write!(text, "\n{:10} {heads}  {:>9}", "dB", "area");
         }
-        let mut told = |what: &str, row: Option<&Row>| {
+        let mut add_row = |what: &str, row: Option<&Row>| {
             let Some(row) = row else { return };
             let db = |name: &str| {
                 Some(number(row, name))
@@ -407,7 +411,7 @@ impl Outcome {
                 columns::PSNR_COVERED_DB,
             ]
             .map(db);
-            // What is drawn in partial precision is no machine, and has neither.
+            // Mixed precision is not a machine, and has neither.
             let rate = self
                 .table
                 .number(row, columns::FRAMES_PER_SECOND)
@@ -444,7 +448,7 @@ impl Outcome {
             ("least area", least),
             ("fastest", fastest),
         ] {
-            told(what, row);
+            add_row(what, row);
         }
         if let Some(note) = given::note(self.table.columns.iter().map(|(name, _)| name.as_str())) {
             let _ = write!(text, "\n{}", wrapped(&note));

@@ -9,7 +9,7 @@
 use crate::error::{Error, Result};
 use crate::golden::{octahedral, window_density};
 use crate::output::text::listed;
-use crate::scene::tree::cut::{self, Budget, Order};
+use crate::scene::tree::cut::{self, Budget, DrawOrder};
 use crate::scene::{
     Amplitude, Filter, Light, Material, Mirror, Orientation, Scene, Sheet, Splat, View,
 };
@@ -71,16 +71,16 @@ impl Walk {
             node: visit.node,
             parent: visit.parent,
             found: match visit.found {
-                cut::Found::Opened => Found::Opened,
-                cut::Found::Drawn => Found::Drawn,
-                cut::Found::Away => Found::Away,
-                cut::Found::Outside => Found::Outside,
+                cut::VisitResult::Opened => Found::Opened,
+                cut::VisitResult::Drawn => Found::Drawn,
+                cut::VisitResult::Away => Found::Away,
+                cut::VisitResult::Outside => Found::Outside,
             },
         };
         Walk {
             visits: detail.cut.visits.iter().map(visit).collect(),
             ahead: detail.rules.ahead as u32,
-            listed: if detail.rules.order == Order::CoarseToFine {
+            listed: if detail.rules.order == DrawOrder::CoarseToFine {
                 detail.cut.drawn.clone()
             } else {
                 Vec::new()

@@ -13,7 +13,7 @@ use crate::hardware::fixed;
 use crate::hardware::quantise::quantise;
 use crate::output::text::thousands;
 use crate::scene::Scene;
-use crate::scene::tree::cut::{Budget, Detail, Found, Limits, Rules};
+use crate::scene::tree::cut::{Budget, CutLimits, Detail, DetailRules, VisitResult};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::timing;
 use schemars::JsonSchema;
@@ -55,7 +55,7 @@ impl DetailReport {
     /// Figures of a cut, on a machine with `node_bytes` bytes per node.
     pub fn new(detail: &Detail, node_bytes: u32) -> Self {
         let (tree, cut) = (&detail.tree, &detail.cut);
-        let found = |found: Found| {
+        let found = |found: VisitResult| {
             cut.visits
                 .iter()
                 .filter(|visit| visit.found == found)
@@ -69,9 +69,9 @@ impl DetailReport {
             pixels: detail.rules.pixels,
             coarsest_px: cut.coarsest_px.min(f64::MAX),
             read,
-            drawn: found(Found::Drawn),
-            away: found(Found::Away),
-            outside: found(Found::Outside),
+            drawn: found(VisitResult::Drawn),
+            away: found(VisitResult::Away),
+            outside: found(VisitResult::Outside),
             deepest_stack: cut.deepest as u64,
             node_bytes: node_bytes.into(),
             read_bytes: read * u64::from(node_bytes),
@@ -126,14 +126,14 @@ pub fn within_budget<'a>(scene: &'a Scene, machine: &Elaborated) -> Result<Cow<'
         return Ok(Cow::Borrowed(scene));
     }
     // Both budgets become limits of the cut, so that the machine is no longer needed.
-    let rules = Rules {
+    let rules = DetailRules {
         budget: Budget {
             splats,
             ..Budget::default()
         },
         ..detail.rules
     };
-    let cut = |limits: Limits| {
+    let cut = |limits: CutLimits| {
         let detail = Detail {
             rules,
             ..detail.clone()
@@ -156,13 +156,13 @@ pub fn within_budget<'a>(scene: &'a Scene, machine: &Elaborated) -> Result<Cow<'
         return too_little("bytes", machine.timing.node_bytes.into(), bytes);
     }
     let within = |opened: u64| {
-        cut(Limits {
+        cut(CutLimits {
             nodes,
             opened: Some(opened),
         })
     };
     let Some(budget) = cycles else {
-        return Ok(Cow::Owned(cut(Limits {
+        return Ok(Cow::Owned(cut(CutLimits {
             nodes,
             opened: None,
         })));
@@ -179,7 +179,7 @@ pub fn within_budget<'a>(scene: &'a Scene, machine: &Elaborated) -> Result<Cow<'
     }
     // Frames are drawn and timed. The last one within the budget is kept, also if cycles do not
     // grow with every node.
-    let finest = cut(Limits {
+    let finest = cut(CutLimits {
         nodes,
         opened: None,
     });
@@ -188,7 +188,7 @@ pub fn within_budget<'a>(scene: &'a Scene, machine: &Elaborated) -> Result<Cow<'
             .cut
             .visits
             .iter()
-            .filter(|visit| visit.found == Found::Opened)
+            .filter(|visit| visit.found == VisitResult::Opened)
             .count()
     });
     if taken(&finest)? <= budget {

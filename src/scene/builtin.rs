@@ -1,7 +1,8 @@
-//! Built-in clouds: makes splats from formulas, any number of them, the same ones on every machine.
+//! Built-in clouds: generates splats from formulas, any number of them, identical on every
+//! computer.
 //!
-//! Each has a scene file of its own beside this one, with a good view of it: what its name alone
-//! stands for. Every cloud has exactly as many splats as it is asked for, and σ is the spacing of
+//! Each cloud has its own scene file in the folder `builtin`, with a good view; the name alone
+//! selects that scene. A cloud has exactly the requested number of splats, and σ is the spacing of
 //! its samples.
 
 use super::{Material, Splat};
@@ -11,7 +12,7 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use std::f64::consts::{PI, TAU};
 
-/// The clouds that splatsim makes itself.
+/// The built-in clouds.
 #[derive(Deserialize, JsonSchema, Clone, Copy, Debug, PartialEq)]
 #[serde(rename_all = "kebab-case")]
 pub enum Builtin {
@@ -26,7 +27,7 @@ pub enum Builtin {
     Terrain,
 }
 
-/// Built-in scenes of other things than clouds: volumes and Gaussians.
+/// Built-in scenes that are not clouds: volumes and Gaussians.
 const MEDIA: [(&str, &str); 4] = [
     (
         "marschner-lobb",
@@ -37,7 +38,7 @@ const MEDIA: [(&str, &str); 4] = [
     ("bouquet", include_str!("builtin/bouquet.json")),
 ];
 
-/// The scene that a name alone stands for.
+/// The scene of a name without further fields.
 pub(super) fn scene(name: &str) -> Option<&'static str> {
     let cloud = Builtin::ALL
         .into_iter()
@@ -59,10 +60,11 @@ pub fn names() -> impl Iterator<Item = &'static str> {
         .chain(MEDIA.into_iter().map(|(name, _)| name))
 }
 
-/// In which order splats reach the machine: neighbours after each other, or shuffled.
+/// Order of the splats: neighbours in sequence, or shuffled.
 #[derive(Deserialize, JsonSchema, Default, Clone, Copy, PartialEq)]
 #[serde(rename_all = "lowercase")]
-pub(super) enum Order {
+#[schemars(rename = "Order")]
+pub(super) enum SplatOrder {
     #[default]
     Surface,
     Random,
@@ -70,7 +72,8 @@ pub(super) enum Order {
 
 const UNLIT: u32 = 0;
 const LIT: u32 = 1;
-/// Phyllotaxis: each sample is turned by this part of a circle (modulo 1) against the one before.
+/// Phyllotaxis: each sample is rotated by this part of a circle (modulo 1) relative to the one
+/// before.
 const GOLDEN: f64 = 1.618_033_988_749_895;
 
 impl Builtin {
@@ -92,7 +95,7 @@ impl Builtin {
         }
     }
 
-    /// The scene that the name alone stands for.
+    /// The scene of the name without further fields.
     pub(super) fn scene(self) -> &'static str {
         match self {
             Builtin::GlassSpheres => include_str!("builtin/glass-spheres.json"),
@@ -102,7 +105,7 @@ impl Builtin {
         }
     }
 
-    /// What its splats' material indices mean.
+    /// The materials of its splats, by index.
     pub(super) fn materials(self) -> Vec<Material> {
         let lit = |ambient, diffuse, specular, shininess| Material::BlinnPhong {
             ambient,
@@ -118,7 +121,7 @@ impl Builtin {
         }
     }
 
-    /// `count` splats, or as many as close its surface at 512×512, in surface order.
+    /// `count` splats in surface order; by default the number that closes its surface at 512×512.
     pub(crate) fn splats(self, count: Option<usize>) -> Vec<Splat> {
         match self {
             Builtin::GlassSpheres => glass_spheres(count.unwrap_or(280_000)),
@@ -129,8 +132,7 @@ impl Builtin {
     }
 }
 
-/// Shuffles by Fisher and Yates, with splitmix64 as the source: a given seed means one order for
-/// ever.
+/// Shuffles by Fisher and Yates with splitmix64: a seed always gives the same order.
 pub(super) fn shuffle(splats: &mut [Splat], seed: u64) {
     let mut state = seed;
     for i in (1..splats.len()).rev() {
@@ -146,7 +148,7 @@ fn mix(z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// The i-th of `parts` shares of `count` things: shares differ by at most 1 and sum to `count`.
+/// Part i of `parts` parts of `count`: they differ by at most 1 and sum to `count`.
 fn share(count: usize, parts: usize, i: usize) -> usize {
     let upto = |i: usize| (count as u128 * i as u128 / parts as u128) as usize;
     upto(i + 1) - upto(i)
@@ -154,8 +156,8 @@ fn share(count: usize, parts: usize, i: usize) -> usize {
 
 // ---- glass-spheres ----
 
-/// Four sevenths of the splats are floor (a square grid, so a few less), the rest 3 : 2 : 1
-/// spheres.
+/// Four sevenths of the splats are floor (a square grid, so slightly fewer), the rest spheres in
+/// the ratio 3 : 2 : 1.
 fn glass_spheres(count: usize) -> Vec<Splat> {
     let side = (count * 4 / 7).isqrt();
     let round = count - side * side;
@@ -232,15 +234,15 @@ fn sphere(
 
 // ---- checkerboard ----
 
-/// Near and far edge of the plane, in heights of the eye; at a depth d it is d wide.
+/// Near and far edge of the plane, in heights of the eye; at depth d it is d wide.
 const NEAR_EDGE: f64 = 1.2;
 const FAR_EDGE: f64 = 200.0;
 
-/// Rows from near to far. Spacing grows with the root of depth: splats are many pixels wide near
-/// the eye and far less than one at the horizon, yet never wider than half a check, or the pattern
-/// itself would be undersampled.
+/// Rows from near to far. Spacing grows with the square root of depth: splats are many pixels wide
+/// near the eye and much less than one at the horizon. They are never wider than half a check;
+/// otherwise the pattern itself would be undersampled.
 fn checkerboard(count: usize) -> Vec<Splat> {
-    // With spacing c·√d, a strip of depth dd holds d·dd/(c²d) splats: as many in each unit of
+    // With spacing c·√d, a strip of depth dd has d·dd/(c²d) splats: the same number per unit of
     // depth.
     let c = ((FAR_EDGE - NEAR_EDGE) / count as f64).sqrt();
     let rows = ((2.0 * (FAR_EDGE.sqrt() - NEAR_EDGE.sqrt()) / c).round() as usize).clamp(1, count);
@@ -281,10 +283,10 @@ fn plane_splat(x: f64, z: f64, radius: f64) -> Splat {
 
 // ---- torus-knot ----
 
-/// Less than half the distance at which the knot passes itself.
+/// Less than half the smallest distance between two parts of the knot.
 const TUBE: f64 = 0.4;
-/// Pieces in which the knot's length is measured; halving them moves no splat by a thousandth of
-/// its radius.
+/// Segments for measuring the knot's length; halving them moves no splat by a thousandth of its
+/// radius.
 const PIECES: usize = 4096;
 
 /// A phyllotaxis on the tube around a (2, 3) torus knot.
@@ -314,7 +316,7 @@ fn torus_knot(count: usize) -> Vec<Splat> {
     (0..count).map(splat).collect()
 }
 
-/// Length of the knot from its start to each of the pieces' ends.
+/// Length of the knot from its start to the end of each segment.
 fn knot_lengths() -> Vec<f64> {
     let point = |i: usize| knot_frame(TAU * i as f64 / PIECES as f64).0;
     let mut lengths = vec![0.0];
@@ -339,15 +341,14 @@ fn knot_frame(angle: f64) -> (DVec3, DVec3, DVec3) {
         -3.0 * s3 * s2 + 2.0 * from_axis * c2,
         3.0 * c3,
     );
-    // Outwards from the torus that the knot lies on: never along the knot.
+    // Outwards from the torus that the knot is on: never along the knot.
     let across = DVec3::new(c3 * c2, c3 * s2, s3);
     (centre, across, tangent.normalize().cross(across))
 }
 
 // ---- terrain ----
 
-/// Half the side of the square that the terrain covers; its highest peaks are about as high as a
-/// quarter of it.
+/// Half the side of the terrain's square; the highest peaks are about a quarter of the side.
 const HALF_SIDE: f64 = 4.0;
 
 /// Rows of a near-square grid, z from far to near, x from left to right.
@@ -373,7 +374,7 @@ fn terrain_splat(at: DVec2, spacing: f64) -> Splat {
     Splat {
         position: DVec3::new(at.x, y, at.y),
         normal,
-        // A cell of the grid covers more area where it is steep.
+        // On steep ground a cell of the grid covers more area.
         radius: spacing / normal.y.sqrt(),
         rgb: ground(y, normal.y, noise(at * 9.0, 77)),
         opacity: 1.0,
@@ -381,7 +382,7 @@ fn terrain_splat(at: DVec2, spacing: f64) -> Splat {
     }
 }
 
-/// Ridges on large hills, and ever smaller ridges on those; water level is 0.
+/// Ridges on large hills, and smaller and smaller ridges on those; water level is 0.
 fn height(at: DVec2) -> f64 {
     let octave = |i: u32| {
         let scale = f64::from(1u32 << i);
@@ -392,8 +393,8 @@ fn height(at: DVec2) -> f64 {
     (hills * (0..7).map(octave).sum::<f64>() * 1.1 - 0.25).max(0.0)
 }
 
-/// Linear light of water, grass, rock and snow, by height, steepness (the normal's y) and a bit of
-/// chance.
+/// Linear light of water, grass, rock and snow, by height, steepness (the normal's y) and a random
+/// number.
 fn ground(height: f64, up: f64, chance: f64) -> [f64; 3] {
     const WATER: DVec3 = DVec3::new(0.02, 0.09, 0.16);
     const GRASS: DVec3 = DVec3::new(0.09, 0.17, 0.03);
@@ -411,13 +412,13 @@ fn ground(height: f64, up: f64, chance: f64) -> [f64; 3] {
         .to_array()
 }
 
-/// 0 below 0, 1 above 1, and between them without a kink.
+/// 0 below 0, 1 above 1, smooth between.
 fn smooth(t: f64) -> f64 {
     let t = t.clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
-/// Value noise in [0, 1): hashed values at whole coordinates, smooth between them.
+/// Value noise in [0, 1): hashed values at integer coordinates, smooth between them.
 fn noise(at: DVec2, seed: u64) -> f64 {
     let cell = at.floor();
     let part = at - cell;

@@ -1,46 +1,45 @@
-//! Camera: chooses the eye that a scene does not name, so that its splats fill the picture.
+//! Camera: chooses the eye if a scene has none, so that the splats fill the picture.
 //!
 //! ```text
-//! positions ─► box of all but 0.5 % on each side of each axis ─► ball of all ────────────────────────────────────┐
-//! positions, opacity, radius ─► box of all but 2 % of what is seen ─► ball of what is seen, if less than half of it ─┴─► eye, target
+//! positions ─► box of all but 0.5 % on each side of each axis ─► ball of all ──────────────────────────────────────┐
+//! positions, opacity, radius ─► box of all but 2 % of visible weight ─► ball of visible weight, if less than half ─┴─► eye, target
 //! ```
-//! The second ball is for scenes with a few splats far away that are faint or small: it counts only
-//! where those that it leaves out are, in the mean, less than half as visible as all are. Splats
-//! that are all alike never lead to it.
+//! The second ball is for scenes with a few faint or small splats far away. It is used only if the
+//! splats outside it have, on average, less than half the visible weight of all. Equal splats never
+//! lead to it.
 
 use super::{Camera, Image, Splat, neighbours};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Deserializer, Serialize, Serializer, ser::SerializeStruct};
 
-/// Where the eye is, seen from the splats: in front, a little to the right and above (y is up).
+/// Direction of the eye from the splats: in front, slightly to the right and above (y is up).
 const FROM: DVec3 = DVec3::new(0.35, 0.3, 1.0);
-/// Room left around the splats, as a factor on their distance.
+/// Margin around the splats, as a factor on their distance.
 const MARGIN: f64 = 1.05;
-/// Stray points of a scan lie outside this share of its points, on each side of each axis.
+/// Stray points of a scan are outside this share of its points, on each side of each axis.
 const STRAYS: f64 = 0.005;
-/// What is seen lies within all but this share of the weight of splats, on each side of each axis,
-/// and so far from its middle.
+/// All but this share of the splats' weight is inside the visible box, on each side of each axis,
+/// and within the usual reach of its centre.
 const UNSEEN: f64 = 0.02;
-/// Farther than this many times that, a splat is outside.
+/// Farther than this many usual reaches, a splat is outside.
 const REACH: f64 = 1.5;
-/// A ball of what is seen counts where it is less than this part of that of all.
+/// The ball of visible weight is used if it is less than this part of the ball of all.
 const SMALLER: f64 = 0.5;
-/// What lies outside must have less than this part of the mean weight.
+/// Splats outside must have less than this part of the mean weight.
 const FAINTER: f64 = 0.5;
-/// Splats by which boxes are measured, at most twice as many: enough for a share of 2 %, and sorted
-/// in no time.
+/// Splats sampled for boxes, at most twice as many: enough for a share of 2 %, and quickly sorted.
 const MEASURED: usize = 1 << 17;
-/// A splat is visible to about this many radii.
+/// Extent to which a splat is visible, radii.
 const VISIBLE_RADII: f64 = 2.0;
 
-/// A ball around the splats, but for strays.
+/// A ball around the splats without strays.
 pub(super) struct Ball {
     pub centre: DVec3,
     pub radius: f64,
 }
 
-/// Weight of each splat: its opacity, times its area where it is smaller than the median. None
-/// where all weigh the same.
+/// Weight of each splat: opacity times area, the area limited to the median. None if all weights
+/// are equal.
 fn weights(splats: &[Splat]) -> Option<Vec<f64>> {
     let median = neighbours::median(splats.iter().map(|splat| splat.radius).collect())?;
     let weight = |splat: &Splat| {
@@ -58,7 +57,7 @@ fn weights(splats: &[Splat]) -> Option<Vec<f64>> {
         .then_some(weights)
 }
 
-/// The first value, in ascending order, before which more than a share of the weight lies.
+/// The first value, in ascending order, before which more than this share of the weight is.
 fn quantile(ascending: impl Iterator<Item = (f64, f64)>, most: f64) -> f64 {
     let (mut passed, mut last) = (0.0, 0.0);
     for (value, weight) in ascending {
@@ -71,7 +70,7 @@ fn quantile(ascending: impl Iterator<Item = (f64, f64)>, most: f64) -> f64 {
 }
 
 impl Ball {
-    /// The ball around what is seen of the splats: of all, or of those that are not far away and
+    /// The ball around the visible splats: all of them, or those that are not both far away and
     /// faint or small.
     pub fn around(splats: &[Splat]) -> Ball {
         let all = Ball::of_all(splats);
@@ -80,8 +79,9 @@ impl Ball {
             .unwrap_or(all)
     }
 
-    /// The ball about the middle of the box that holds all but a share of what is seen, and what
-    /// reaches little farther; none where that is not what the others are fainter or smaller than.
+    /// The ball around the centre of the box with all but a share of the visible weight, including
+    /// splats slightly outside the box. None if the splats outside are not fainter or smaller than
+    /// the others.
     fn of_seen(splats: &[Splat]) -> Option<Ball> {
         let weights = weights(splats)?;
         let all: f64 = weights.iter().sum();
@@ -118,7 +118,7 @@ impl Ball {
 
     /// A ball that an eye can see.
     fn sound(centre: DVec3, radius: f64) -> Ball {
-        // Below that, the eye's own coordinates could not tell it from the centre.
+        // A smaller ball would be at the rounding of the eye's own coordinates.
         let least = if radius > 0.0 {
             centre.length() * 1e-6
         } else {
@@ -130,8 +130,8 @@ impl Ball {
         }
     }
 
-    /// The ball about the middle of the box that holds all but the strays, as large as what is in
-    /// that box. Splats without a radius (0) count as points; the ball never has radius 0.
+    /// The ball around the centre of the box without strays, as large as the contents of that box.
+    /// Splats without a radius (0) count as points; the ball never has radius 0.
     fn of_all(splats: &[Splat]) -> Ball {
         let span = |axis: usize| {
             let mut values: Vec<f64> = splats.iter().map(|s| s.position[axis]).collect();
@@ -151,8 +151,8 @@ impl Ball {
         Ball::sound(centre, inside.map(reach).fold(0.0, f64::max))
     }
 
-    /// From the ball's centre to an eye that sees all of it, in a picture of `aspect` = width /
-    /// height.
+    /// Vector from the ball's centre to an eye that sees all of it, in a picture of `aspect` =
+    /// width / height.
     pub fn way_to_eye(&self, fov_y_degrees: f64, aspect: f64) -> DVec3 {
         let tan_y = libm::tan(fov_y_degrees.to_radians() / 2.0);
         let tan = tan_y.min(tan_y * aspect);
@@ -161,8 +161,8 @@ impl Ball {
     }
 }
 
-/// As a scene file has it: fields that are left out are not written. To a format whose fields have
-/// no names every field is written.
+/// As in a scene file: fields that are left out are not written. Formats without field names get
+/// every field.
 impl Serialize for Camera {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         let &Camera {
@@ -197,22 +197,23 @@ impl Serialize for Camera {
     }
 }
 
-/// A vector as a scene file has it.
+/// A vector as in a scene file.
 pub(super) fn from_array<'de, D: Deserializer<'de>>(deserializer: D) -> Result<DVec3, D::Error> {
     <[f64; 3]>::deserialize(deserializer).map(DVec3::from_array)
 }
 
-/// Nearer than this the eye and its target are one point: squares of such distances vanish in f64.
+/// Least distance of eye and target: squares of smaller distances underflow in f64.
 const NEAREST_TARGET: f64 = 1e-100;
-/// Sine of the least angle between the view and up; below it rounding would turn the picture.
+/// Sine of the least angle between view direction and up; below it rounding would rotate the
+/// picture.
 const LEAST_SINE: f64 = 1e-9;
 
 impl Camera {
-    /// Says what is wrong with eye, target and up, if anything is. `begin` begins the sentence,
-    /// `own` the names of the fields.
+    /// Returns a sentence if eye, target or up are invalid. `begin` starts the sentence; `own` is
+    /// the prefix of the field names.
     pub(super) fn check(&self, begin: &str, own: &str) -> Result<(), String> {
         let distance = (self.target - self.eye).length();
-        // Also where the distance is no number.
+        // Also if the distance is NaN.
         if distance.is_nan() || distance < NEAREST_TARGET {
             return Err(format!(
                 "{begin}{own}eye and {own}target are the same point; they must differ"
@@ -231,7 +232,7 @@ impl Camera {
 }
 
 impl Camera {
-    /// How many splats have their centres outside of the picture, or too near.
+    /// Number of splats whose centres are outside the picture, or too near.
     pub(super) fn misses(&self, image: &Image, splats: &[Splat]) -> usize {
         let view = self.view(image);
         let is_seen = |splat: &&Splat| {
@@ -246,14 +247,14 @@ impl Camera {
     }
 }
 
-/// Turn from one camera to the next, degrees: the golden angle, by which no two come close.
+/// Angle between consecutive cameras, degrees: the golden angle keeps all of them apart.
 const TURN_DEGREES: f64 = 137.507_764;
-/// How far cameras rise and sink, degrees.
+/// Greatest change of elevation, degrees.
 const RISE_DEGREES: f64 = 20.0;
 
 impl Camera {
-    /// The n-th camera around the same target, as far from it: turned about `up` and risen or sunk
-    /// a little. The 0th is this one.
+    /// Camera number `nth` around the same target, at the same distance: rotated about `up`, and
+    /// slightly raised or lowered. Number 0 is this one.
     pub fn turned(&self, nth: usize) -> Camera {
         if nth == 0 {
             return *self;
@@ -272,10 +273,9 @@ impl Camera {
         }
     }
 
-    /// The same from a distance that is such a part of its own, with the near plane at the same
-    /// part of it.
+    /// The camera at `distance` times its own distance, with the near plane scaled too.
     pub fn scaled(&self, distance: f64) -> Camera {
-        // Where it stays, not a bit changes.
+        // An unchanged distance must not change any bit.
         if distance == 1.0 {
             return *self;
         }
@@ -286,15 +286,15 @@ impl Camera {
         }
     }
 
-    /// The n-th camera beside it, in whose picture the target's surroundings lie less than half a
-    /// pixel to the side, and up or down. The 0th is this one.
+    /// Nearby camera number `nth`: the target's surroundings shift by less than half a pixel in x
+    /// and y. Number 0 is this one.
     pub fn nudged(&self, nth: usize, image: &Image) -> Camera {
         if nth == 0 {
             return *self;
         }
         let view = self.view(image);
         let distance = (self.target - self.eye).length();
-        // Evenly spread over the pixel: multiples of the plastic number's inverse and of its
+        // Evenly spread over the pixel: multiples of the inverse of the plastic number and of its
         // square.
         let [x, y] = [
             (0.754_877_666_247, view.focal_px[0]),

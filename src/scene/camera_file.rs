@@ -1,6 +1,6 @@
 //! Camera file: reads the cameras of other programs: nerfstudio's `transforms.json` and
-//! `camera_path.json`, COLMAP's text and binary files, and the `cameras.json` that programs which
-//! train Gaussians write.
+//! `camera_path.json`, COLMAP's text and binary files, and the `cameras.json` of programs that
+//! train Gaussians.
 //!
 //! ```text
 //! nerfstudio  camera → world, x right, y up, z back        ─┐
@@ -27,34 +27,34 @@ use schemars::schema_for;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// Off by less than this, pixels are square and an axis is in the middle, pixels.
+/// Tolerance, pixels, for square pixels and a centred axis.
 const MOST_OFF_PX: f64 = 0.01;
-/// How far a matrix may be off a rotation.
+/// Greatest deviation of a matrix from a rotation.
 const MOST_OFF_ROTATION: f64 = 1e-3;
-/// Longest side of a picture that a file may speak of, pixels.
+/// Longest side of a picture in a file, pixels.
 const LONGEST_SIDE: u32 = 1_000_000;
 
-/// The second half of a sentence about a file.
+/// The error is the second half of a sentence that begins with the file's name.
 type Parsed<T> = std::result::Result<T, String>;
 
-/// Cameras as a file has them.
+/// Cameras of a file.
 #[derive(Clone, Debug)]
 pub struct CameraFile {
-    /// The file's, for sentences.
+    /// Name of the file for messages.
     pub(super) name: String,
-    /// Width and height of most pictures, where the file says so: all are drawn at this size.
+    /// Width and height of most pictures, if the file has them: all are drawn at this size.
     pub(super) size: Option<(usize, usize)>,
-    /// What the file leaves open and what was taken, for the summary.
+    /// Assumptions about missing data, for the summary.
     pub(super) notes: Vec<String>,
     poses: Vec<Pose>,
-    /// Cameras as a search recorded them, in the place of poses: taken as they are.
+    /// Cameras recorded by a search, used unchanged instead of poses.
     own: Vec<Camera>,
 }
 
 /// One camera.
 #[derive(Clone, Debug)]
 struct Pose {
-    /// File of the picture that was taken from it, as the file of cameras has it.
+    /// Name of the picture from this camera, as in the file.
     picture: Option<String>,
     eye: DVec3,
     /// Unit vectors, world space.
@@ -63,12 +63,12 @@ struct Pose {
     lens: Lens,
 }
 
-/// What a file says of a lens.
+/// Lens data of a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Lens {
     Known(Intrinsics),
-    /// Full horizontal angle of view, radians, where a file has no picture's size: the scene's
-    /// picture decides.
+    /// Full horizontal angle of view, radians, if a file has no picture size: it applies to the
+    /// scene's picture.
     HorizontalAngle(f64),
 }
 
@@ -81,7 +81,7 @@ struct Intrinsics {
 }
 
 impl Intrinsics {
-    /// With the principal point in the middle where the file does not say.
+    /// The principal point is the centre by default.
     fn new(size: [u32; 2], focal_px: [f64; 2], centre_px: [Option<f64>; 2]) -> Parsed<Self> {
         let [fx, fy] = focal_px;
         if !(fx > 0.0 && fy > 0.0 && fx.is_finite() && fy.is_finite()) {
@@ -108,8 +108,8 @@ impl Intrinsics {
         2.0 * libm::atan(f64::from(self.size[1]) / 2.0 / self.focal_px[1])
     }
 
-    /// A camera with this lens: its angle of view alone where pixels are square and its axis is in
-    /// the middle, to a hundredth of a pixel.
+    /// A camera with this lens. If pixels are square and the axis is central, to a hundredth of a
+    /// pixel, it has only an angle of view.
     fn seen(&self, camera: Camera) -> Camera {
         let ([fx, fy], [cx, cy]) = (self.focal_px, self.centre_px);
         let [width, height] = self.size.map(f64::from);
@@ -131,8 +131,8 @@ impl Intrinsics {
 }
 
 impl Pose {
-    /// Full vertical angle of view in a picture of the scene, radians. A picture that the file has
-    /// at another size is scaled by its height.
+    /// Full vertical angle of view in a picture of the scene, radians. A picture of another size is
+    /// scaled by its height.
     fn vertical_angle(&self, image: &Image) -> f64 {
         match &self.lens {
             Lens::Known(intrinsics) => intrinsics.vertical_angle(),
@@ -143,8 +143,8 @@ impl Pose {
     }
 }
 
-/// Files that a folder may hold, those that are looked for first in front. COLMAP's two files count
-/// as one, by their first.
+/// Files in a folder, in the order in which they are searched for. COLMAP's two files count as one,
+/// by the first.
 const IN_FOLDER: [&str; 6] = [
     "transforms.json",
     "cameras.txt",
@@ -153,7 +153,7 @@ const IN_FOLDER: [&str; 6] = [
     "camera_path.json",
     "transforms_train.json",
 ];
-/// Where in a folder they may lie: COLMAP's projects keep them deeper.
+/// Subfolders that are searched: COLMAP's projects have their files there.
 const FOLDERS: [&str; 3] = ["", "sparse/0", "sparse"];
 
 impl CameraFile {
@@ -161,8 +161,8 @@ impl CameraFile {
     /// `images` as `.txt` or `.bin`, `cameras.json` or `camera_path.json`.
     ///
     /// # Errors
-    /// [`Error::Input`], a sentence: which file and line or frame, what is wrong there, what would
-    /// be right.
+    /// [`Error::Input`], a sentence with the file, the line or frame, the problem and the correct
+    /// form.
     pub fn read(path: &Path) -> Result<Self> {
         let mut notes = Vec::new();
         let path = &if path.is_dir() {
@@ -233,8 +233,8 @@ impl CameraFile {
         })
     }
 
-    /// The name of each camera's picture, as the file has it: a path, or a name that may have no
-    /// ending. None where the file has none.
+    /// The name of each camera's picture, as in the file: a path, or a name that may lack its
+    /// extension. None if the file has none.
     pub(super) fn pictures(&self) -> Vec<Option<&str>> {
         self.poses
             .iter()
@@ -242,8 +242,8 @@ impl CameraFile {
             .collect()
     }
 
-    /// One camera per frame. Targets lie as far as the middle of the splats, and the near plane as
-    /// it does where a scene leaves it out.
+    /// One camera per frame. Targets are at the distance of the splats' centre, and the near plane
+    /// at its default unless the scene has one.
     pub(super) fn cameras(&self, image: &Image, splats: &[Splat]) -> Result<Vec<Camera>> {
         if !self.own.is_empty() {
             return Ok(self.own.clone());
@@ -280,7 +280,7 @@ impl CameraFile {
     }
 }
 
-/// Cameras as a search records them: a list of names and cameras.
+/// Cameras recorded by a search: a list of names and cameras.
 fn recorded(cameras: &Value) -> Parsed<Vec<Camera>> {
     let cameras = cameras.as_array().filter(|cameras| !cameras.is_empty());
     let cameras =
@@ -297,13 +297,13 @@ fn recorded(cameras: &Value) -> Parsed<Vec<Camera>> {
         let value = recorded
             .get("camera")
             .ok_or_else(|| format!("{begin} is missing"))?;
-        validate::check(value, &schema).map_err(|misfit| format!("{begin}: {misfit}"))?;
+        validate::check(value, &schema).map_err(|violation| format!("{begin}: {violation}"))?;
         let camera: Camera =
             serde_json::from_value(value.clone()).map_err(|error| format!("{begin}: {error}"))?;
         if camera.picture_px.is_none() && (camera.focal_px.is_some() || camera.centre_px.is_some())
         {
             return Err(format!(
-                "{begin}: has focal_px or centre_px, and no picture_px that they refer to"
+                "{begin}: has focal_px or centre_px without picture_px"
             ));
         }
         check_position(camera.eye)?;
@@ -312,12 +312,12 @@ fn recorded(cameras: &Value) -> Parsed<Vec<Camera>> {
     cameras.iter().enumerate().map(camera).collect()
 }
 
-/// The file as sentences call it.
+/// The file's name in messages.
 fn named(path: &Path) -> String {
     format!("--cameras {}", path.display())
 }
 
-/// The file of cameras in a folder; a note where there are others.
+/// The file of cameras in a folder; a note if there are others.
 fn found_in(folder: &Path, notes: &mut Vec<String>) -> Result<PathBuf> {
     for inside in FOLDERS.map(|inside| folder.join(inside)) {
         let there: Vec<&str> = IN_FOLDER
@@ -327,7 +327,7 @@ fn found_in(folder: &Path, notes: &mut Vec<String>) -> Result<PathBuf> {
         if let [first, others @ ..] = there.as_slice() {
             if !others.is_empty() {
                 notes.push(format!(
-                    "is read, and not the {} in the same folder",
+                    "is read, not the {} in the same folder",
                     others.join(", ")
                 ));
             }
@@ -341,7 +341,7 @@ fn found_in(folder: &Path, notes: &mut Vec<String>) -> Result<PathBuf> {
     )))
 }
 
-/// The content decides which program wrote it.
+/// Detects from the content which program wrote it.
 fn of_json(value: &Value, notes: &mut Vec<String>) -> Parsed<Vec<Pose>> {
     if let Some(cameras) = value.as_array() {
         trained::poses(cameras)
@@ -350,13 +350,13 @@ fn of_json(value: &Value, notes: &mut Vec<String>) -> Parsed<Vec<Pose>> {
     } else if let Some(frames) = value.get("frames") {
         nerfstudio::transforms(value, frames)
     } else {
-        Err("has no list `frames` as a transforms.json, no list `camera_path` as a camera_path.json, and is no list of cameras as a \
+        Err("has no list `frames` as a transforms.json, no list `camera_path` as a camera_path.json, and is not a list of cameras as a \
              cameras.json"
             .into())
     }
 }
 
-/// The size that most pictures have, the first of those that as many have.
+/// The size of most pictures; the first of these if several are equally frequent.
 fn common_size(poses: &[Pose], notes: &mut Vec<String>) -> Option<(usize, usize)> {
     let mut sizes: Vec<([u32; 2], usize)> = Vec::new();
     for pose in poses {
@@ -386,12 +386,12 @@ fn check_position(eye: DVec3) -> Parsed<()> {
         Ok(())
     } else {
         Err(format!(
-            "its position is {eye}; it must lie within ±{FARTHEST:e}"
+            "its position is {eye}; it must be within ±{FARTHEST:e}"
         ))
     }
 }
 
-/// Refuses axes that are not at right angles, of unit length and right-handed.
+/// Refuses axes that are not orthonormal and right-handed.
 fn check_rotation(axes: &DMat3, field: &str) -> Parsed<()> {
     let off = (axes.transpose() * *axes - DMat3::IDENTITY)
         .to_cols_array()
@@ -401,7 +401,7 @@ fn check_rotation(axes: &DMat3, field: &str) -> Parsed<()> {
         return Ok(());
     }
     Err(format!(
-        "{field} is no rotation: its columns must be unit vectors at right angles, right-handed"
+        "{field} is not a rotation: its columns must be unit vectors at right angles, right-handed"
     ))
 }
 
@@ -415,18 +415,18 @@ fn side(pixels: f64, name: &str) -> Parsed<u32> {
     ))
 }
 
-/// A field that may be left out.
+/// An optional field.
 fn number(object: &Value, name: &str) -> Parsed<Option<f64>> {
     match object.get(name) {
         None | Some(Value::Null) => Ok(None),
         Some(value) => value
             .as_f64()
             .map(Some)
-            .ok_or(format!("{name} is no number")),
+            .ok_or(format!("{name} is not a number")),
     }
 }
 
-/// Rows of so many numbers.
+/// Rows of N numbers.
 fn rows<const N: usize>(value: &Value) -> Option<Vec<[f64; N]>> {
     let row = |row: &Value| -> Option<[f64; N]> {
         let numbers: Option<Vec<f64>> = row.as_array()?.iter().map(Value::as_f64).collect();

@@ -1,40 +1,41 @@
-//! Cells: turns samples on an irregular grid, or at points, into splats with kernels of their own
+//! Cells: converts samples on an irregular grid, or at points, to splats with individual kernels
 //! (EWA §6).
 //!
 //! ```text
-//! places ─►[ steps to the neighbours ]─► J, a cell ─►[ principal axes ]─► σ, axes, scales
+//! positions ─►[ steps to the neighbours ]─► J, a cell ─►[ principal axes ]─► σ, axes, scales
 //! values ─►[ transfer ]─►(× gradient's factor)─► optical depth of a layer ─►(× |det J| over that of a ball)─► opacity
 //! ```
-//! A sample stands for a cell that three steps span, the columns of J; its kernel has the variance
-//! radius²·J·Jᵀ, and stands for the volume |det J|. On a grid a step is half of the way from the
-//! neighbour before to the one behind, and at the border the way to the one that is there: of a
-//! curvilinear grid this is its Jacobian. A point has a step as long as its spacing in all
-//! directions, or J·Jᵀ = V/radius² where its variance V is given. An evenly spaced grid so has the
-//! kernels of a volume (`an_even_grid_is_the_volume_that_it_is`).
+//! A sample represents a cell spanned by three steps, the columns of J. Its kernel has the variance
+//! radius²·J·Jᵀ, and represents the volume |det J|. On a grid a step is half the vector from the
+//! previous to the next neighbour, and at the border the vector to the only neighbour: for a
+//! curvilinear grid J is thus the Jacobian. A point has a step as long as its spacing in all
+//! directions, or J·Jᵀ = V/radius² if its variance V is given. An even grid thus has the kernels of
+//! a volume (`an_even_grid_is_the_volume_that_it_is`).
 //!
-//! Extinction is that of [`super::voxels`]: a transfer function's opacity is that of a layer, here
-//! as thick as it is said to be, or as the median of the samples' shortest steps.
+//! Extinction as in [`super::voxels`]: a transfer function's opacity is that of a layer. Its
+//! thickness is given, or the median of the samples' shortest steps.
 
-use super::neighbours::{self, Surroundings};
+use super::neighbours::{self, PointSurroundings};
 use super::placement::Placement;
-use super::volume::{Irregular, Places};
+use super::volume::{Irregular, SamplePlaces};
 use super::voxels::{Classification, ranks};
 use super::{Orientation, Splat, View};
 use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Axes thinner than this many times the thickest are as thick as that: no word tells them from 0.
+/// Axes thinner than this part of the thickest get this thickness: no word can distinguish them
+/// from 0.
 const THINNEST: f64 = 1e-6;
-/// Points lie in a plane where the determinant of their squares is less than this part of the
-/// trace's cube.
+/// Points are in a plane if the determinant of their squares is less than this part of the cube of
+/// the trace.
 const FLAT: f64 = 1e-9;
 
-/// A field with what lies around each sample.
+/// A field with the neighbours of each sample.
 pub struct Cells<'a> {
     field: &'a Irregular,
-    /// Of scattered points.
-    around: Vec<Surroundings>,
+    /// Scattered points only.
+    around: Vec<PointSurroundings>,
     /// σ in steps.
     radius: f64,
 }
@@ -43,20 +44,19 @@ pub struct Cells<'a> {
 pub struct Sampled {
     /// In the order of the samples.
     pub splats: Vec<Splat>,
-    /// One for each.
+    /// One for each splat.
     pub orientations: Vec<Orientation>,
-    /// Indices on the grid and the grid's coordinates, where it is rectilinear: its slices are
-    /// sheets.
+    /// Indices on the grid and the grid's coordinates, if it is rectilinear: its slices are sheets.
     pub slices: Option<Slices>,
 }
 
 /// Slices of a rectilinear grid.
 #[derive(Clone, Debug)]
 pub struct Slices {
-    /// Of each splat.
+    /// Index of each splat on the grid.
     at: Vec<[u32; 3]>,
     coordinates: [Vec<f64>; 3],
-    /// Where the grid was brought since.
+    /// Placement applied since.
     place: Placement,
 }
 
@@ -64,13 +64,13 @@ pub struct Slices {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Cell {
     steps: DMat3,
-    /// Unit vectors, right-handed, and how long the cell is along them.
+    /// Unit vectors, right-handed, and the lengths of the cell along them.
     axes: DMat3,
     lengths: DVec3,
 }
 
 impl Cell {
-    /// Of three steps.
+    /// The cell of three steps.
     pub(super) fn new(steps: DMat3) -> Self {
         let (axes, lengths) = principal_axes(steps);
         Cell {
@@ -80,7 +80,7 @@ impl Cell {
         }
     }
 
-    /// Its principal axes, as long as it is along them.
+    /// Its principal axes, as long as the cell along them.
     pub(super) fn principal(&self) -> [DVec3; 3] {
         [
             self.axes.x_axis * self.lengths.x,
@@ -97,7 +97,7 @@ impl Cell {
         self.volume() > 0.0 && self.volume().is_finite() && self.axes.is_finite()
     }
 
-    /// Gradient of a field that grows by these amounts along the steps.
+    /// Gradient of a field that grows by `growth` along the steps.
     fn gradient(&self, growth: DVec3) -> DVec3 {
         let gradient = self.steps.transpose().inverse() * growth;
         if gradient.is_finite() {
@@ -108,22 +108,22 @@ impl Cell {
     }
 }
 
-/// Principal axes, unit vectors, right-handed, and lengths of what three steps span: one-sided
-/// rotations (Hestenes 1958) make them orthogonal, and what they span together stays as it is. No
-/// axis is finite that has the length 0.
+/// Principal axes (unit vectors, right-handed) and lengths of the cell spanned by three steps.
+/// One-sided rotations (Hestenes 1958) make the steps orthogonal without changing J·Jᵀ. An axis of
+/// length 0 is not finite.
 pub(super) fn principal_axes(steps: DMat3) -> (DMat3, DVec3) {
     let largest = steps
         .to_cols_array()
         .iter()
         .fold(0.0_f64, |largest, entry| largest.max(entry.abs()));
-    // Scaled to about 1: squares can neither overflow nor vanish.
+    // Scaled to about 1: squares neither overflow nor underflow.
     let scale = if largest > 0.0 && largest.is_finite() {
         largest
     } else {
         1.0
     };
     let mut columns = [steps.x_axis, steps.y_axis, steps.z_axis].map(|column| column / scale);
-    // Convergence is quadratic: six sweeps reach rounding from anywhere.
+    // Convergence is quadratic: six sweeps reach the rounding from any matrix.
     for (p, q) in [(0, 1), (0, 2), (1, 2)].into_iter().cycle().take(18) {
         let (a, b) = (columns[p], columns[q]);
         let off = a.dot(b);
@@ -136,7 +136,7 @@ pub(super) fn principal_axes(steps: DMat3) -> (DMat3, DVec3) {
     }
     let lengths = columns.map(DVec3::length);
     let [x, y, z] = [0, 1, 2].map(|i| columns[i] / lengths[i]);
-    // A kernel looks the same from both ends.
+    // A kernel is symmetric.
     let z = if x.cross(y).dot(z) < 0.0 { -z } else { z };
     (
         DMat3::from_cols(x, y, z),
@@ -144,8 +144,8 @@ pub(super) fn principal_axes(steps: DMat3) -> (DMat3, DVec3) {
     )
 }
 
-/// Steps of a grid that has a single sample along some axes: there at right angles to the others,
-/// and as long as they are in the mean.
+/// Completes the steps of a grid with a single sample along some axes: there they are orthogonal to
+/// the others, with their mean length.
 fn completed(steps: [Option<DVec3>; 3], lone: f64) -> DMat3 {
     let mut steps = steps;
     if steps == [None; 3] {
@@ -170,7 +170,7 @@ fn completed(steps: [Option<DVec3>; 3], lone: f64) -> DMat3 {
     DMat3::from_cols(x, y, z)
 }
 
-/// A matrix L with L·Lᵀ = V, of a positive definite V: xx, yy, zz, xy, yz, xz.
+/// A matrix L with L·Lᵀ = V, for a positive definite V: xx, yy, zz, xy, yz, xz.
 fn root([xx, yy, zz, xy, yz, xz]: [f64; 6]) -> DMat3 {
     let a = xx.sqrt();
     let (b, d) = (xy / a, xz / a);
@@ -185,10 +185,10 @@ fn root([xx, yy, zz, xy, yz, xz]: [f64; 6]) -> DMat3 {
 }
 
 impl<'a> Cells<'a> {
-    /// Of kernels of this σ, in steps.
+    /// For kernels of this σ, in steps.
     pub fn new(field: &'a Irregular, radius: f64) -> Self {
         let around = match &field.places {
-            Places::Scattered(points, _) => neighbours::surroundings(points),
+            SamplePlaces::Scattered(points, _) => neighbours::surroundings(points),
             _ => Vec::new(),
         };
         Cells {
@@ -200,9 +200,9 @@ impl<'a> Cells<'a> {
 
     fn size(&self) -> [usize; 3] {
         match &self.field.places {
-            Places::Rectilinear(coordinates) => coordinates.each_ref().map(Vec::len),
-            Places::Curvilinear(size, _) => *size,
-            Places::Scattered(points, _) => [points.len(), 1, 1],
+            SamplePlaces::Rectilinear(coordinates) => coordinates.each_ref().map(Vec::len),
+            SamplePlaces::Curvilinear(size, _) => *size,
+            SamplePlaces::Scattered(points, _) => [points.len(), 1, 1],
         }
     }
 
@@ -226,17 +226,19 @@ impl<'a> Cells<'a> {
 
     fn position(&self, index: usize) -> DVec3 {
         match &self.field.places {
-            Places::Rectilinear(coordinates) => {
+            SamplePlaces::Rectilinear(coordinates) => {
                 let at = self.at(index);
                 DVec3::from_array([0, 1, 2].map(|axis| coordinates[axis][at[axis]]))
             }
-            Places::Curvilinear(_, points) | Places::Scattered(points, _) => points[index],
+            SamplePlaces::Curvilinear(_, points) | SamplePlaces::Scattered(points, _) => {
+                points[index]
+            }
         }
     }
 
-    /// The neighbours along an axis of a grid: the sample itself at its border; none where it is
-    /// alone.
-    fn beside(&self, index: usize, axis: usize) -> Option<([usize; 2], f64)> {
+    /// The neighbours along an axis of a grid: the sample itself at its border; None if the axis
+    /// has a single sample.
+    fn neighbours(&self, index: usize, axis: usize) -> Option<([usize; 2], f64)> {
         let at = self.at(index);
         let (low, high) = (
             at[axis].saturating_sub(1),
@@ -252,13 +254,15 @@ impl<'a> Cells<'a> {
 
     fn cell(&self, index: usize) -> Cell {
         let steps = match &self.field.places {
-            Places::Scattered(_, Some(variances)) => root(variances[index]) * (1.0 / self.radius),
-            Places::Scattered(_, None) => {
+            SamplePlaces::Scattered(_, Some(variances)) => {
+                root(variances[index]) * (1.0 / self.radius)
+            }
+            SamplePlaces::Scattered(_, None) => {
                 DMat3::from_diagonal(DVec3::splat(self.around[index].spacing))
             }
             _ => {
                 let step = |axis| {
-                    self.beside(index, axis).map(|([low, high], ways)| {
+                    self.neighbours(index, axis).map(|([low, high], ways)| {
                         (self.position(high) - self.position(low)) / ways
                     })
                 };
@@ -271,22 +275,24 @@ impl<'a> Cells<'a> {
         Cell::new(steps)
     }
 
-    /// Of a grid by differences along it; of points the one that their nearest ask for with the
-    /// least squares.
+    /// Gradient: for a grid by differences along it; for points by least squares over the nearest
+    /// ones.
     fn gradient(&self, index: usize, cell: &Cell) -> DVec3 {
-        let Places::Scattered(points, _) = &self.field.places else {
-            let beside = [0, 1, 2].map(|axis| self.beside(index, axis));
-            if beside
+        let SamplePlaces::Scattered(points, _) = &self.field.places else {
+            let neighbours = [0, 1, 2].map(|axis| self.neighbours(index, axis));
+            if neighbours
                 .iter()
                 .flatten()
                 .flat_map(|(ends, _)| ends)
                 .any(|end| self.value(*end).is_nan())
             {
-                return self
-                    .one_sided_gradient(index, beside.map(|beside| beside.map(|(ends, _)| ends)));
+                return self.one_sided_gradient(
+                    index,
+                    neighbours.map(|neighbours| neighbours.map(|(ends, _)| ends)),
+                );
             }
             let growth = |axis: usize| {
-                beside[axis].map_or(0.0, |([low, high], ways)| {
+                neighbours[axis].map_or(0.0, |([low, high], ways)| {
                     (self.value(high) - self.value(low)) / ways
                 })
             };
@@ -305,7 +311,7 @@ impl<'a> Cells<'a> {
             squares += DMat3::from_cols(way * way.x, way * way.y, way * way.z);
             growth += way * (self.value(other) - self.value(index));
         }
-        // Points in a plane know nothing of the way across.
+        // Points in a plane have no gradient across it.
         let trace = squares.x_axis.x + squares.y_axis.y + squares.z_axis.z;
         if squares.determinant() <= FLAT * trace.powi(3) {
             return DVec3::ZERO;
@@ -318,10 +324,10 @@ impl<'a> Cells<'a> {
         }
     }
 
-    /// That of a grid beside samples that are NaN, in the place of which the sample itself stands.
-    fn one_sided_gradient(&self, index: usize, beside: [Option<[usize; 2]>; 3]) -> DVec3 {
+    /// Gradient of a grid next to NaN samples, which are replaced by the sample itself.
+    fn one_sided_gradient(&self, index: usize, neighbours: [Option<[usize; 2]>; 3]) -> DVec3 {
         let known = |to: usize| if self.value(to).is_nan() { index } else { to };
-        let ends = beside.map(|ends| {
+        let ends = neighbours.map(|ends| {
             ends.map(|ends| ends.map(known))
                 .filter(|[low, high]| low != high)
         });
@@ -340,8 +346,8 @@ impl<'a> Cells<'a> {
         self.field.values.len()
     }
 
-    /// Median of the samples' shortest steps; none where no sample has a cell.
-    pub fn usual_layer(&self) -> Option<f64> {
+    /// Median of the samples' shortest steps; None if no sample has a cell.
+    pub fn default_layer(&self) -> Option<f64> {
         let shortest = |index| {
             Some(self.cell(index))
                 .filter(Cell::has_volume)
@@ -355,8 +361,8 @@ impl<'a> Cells<'a> {
         )
     }
 
-    /// Every sample that is seen, and how many would be but for a cell of no volume. A layer is
-    /// `layer` world units thick.
+    /// Every visible sample, and the number of samples that are left out only because their cell
+    /// has no volume. A layer is `layer` world units thick.
     pub fn samples(&self, classification: &Classification, layer: f64) -> (Sampled, usize) {
         let sample = |index: usize| {
             let (rgb, depth) = classification.colour(self.value(index));
@@ -373,7 +379,7 @@ impl<'a> Cells<'a> {
                 cell.lengths.max_element(),
                 self.radius * cell.lengths.max_element(),
             );
-            // Optical depth of a layer to that through a ball of radius σ.
+            // Optical depth of a layer relative to that through a ball of radius σ.
             let through = cell.volume() / (layer * TAU * sigma * sigma);
             let splat = Splat {
                 position: self.position(index),
@@ -402,7 +408,7 @@ impl<'a> Cells<'a> {
             at.push(self.at(index).map(|index| index as u32));
         }
         let slices = match &self.field.places {
-            Places::Rectilinear(coordinates) => Some(Slices {
+            SamplePlaces::Rectilinear(coordinates) => Some(Slices {
                 at,
                 coordinates: coordinates.clone(),
                 place: Placement::NONE,
@@ -421,13 +427,13 @@ impl<'a> Cells<'a> {
 }
 
 impl Slices {
-    /// Brings the grid to another place.
+    /// Moves the grid to another place.
     pub fn put(&mut self, place: &Placement) {
         self.place = place.after(&self.place);
     }
 
-    /// The splats' order in a view, by their numbers: slice after slice along the axis nearest to
-    /// where it looks, as of a volume; and the sheet of each in that order.
+    /// Sorts the splats for a view: slice by slice along the axis nearest to the view direction, as
+    /// for a volume. Returns their numbers and the sheet of each in that order.
     pub fn ordered(&self, view: &View, back_to_front: bool) -> (Vec<u32>, Vec<u32>) {
         let back = self.place.turn.conjugate();
         let (forward, eye) = (

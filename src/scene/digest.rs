@@ -1,5 +1,6 @@
-//! Digest: names a text, or all that is drawn of a scene, by its SHA-256.
+//! Digest: computes the SHA-256 of a text, or of everything in a scene that is drawn.
 
+use super::tree::cut::DetailRules;
 use super::{Camera, Ellipsoids, Filter, Kernel, Orientation, Scene, Sheet, Sheets, Splat};
 use crate::output::text::hex;
 use sha2::{Digest, Sha256};
@@ -9,11 +10,11 @@ pub fn digest(text: &[u8]) -> String {
     hex(&Sha256::digest(text)[..12])
 }
 
-/// A digest of all that is drawn of a scene.
+/// A digest of everything in a scene that is drawn.
 pub fn digest_of(scene: &Scene) -> String {
-    // Every field by its name, here and below: one that is new must be dealt with.
+    // Destructured by field, here and below, so that a new field cannot be forgotten.
     let Scene {
-        // What it is called, and what readers found odd, draws nothing.
+        // Name and notes are not drawn.
         name: _,
         notes: _,
         splats,
@@ -26,7 +27,7 @@ pub fn digest_of(scene: &Scene) -> String {
         lights,
         materials,
         environment,
-        // What is drawn of a tree are splats; the whole is what `ideal` draws.
+        // The splats are the cut of a tree; `ideal` draws the whole tree.
         detail,
     } = scene;
     let mut sha = Sha256::new();
@@ -44,7 +45,7 @@ pub fn digest_of(scene: &Scene) -> String {
     if *compensate_opacity {
         kernel += "compensated";
     }
-    // The papers' own is said by no word: scenes keep their digests.
+    // The default filter is not written: scenes keep their digests.
     if *filter != Filter::Ewa {
         kernel += &format!("{filter:?}");
     }
@@ -77,7 +78,7 @@ pub fn digest_of(scene: &Scene) -> String {
     }) = ellipsoids
     {
         sha.update(format!("{amplitude:?}{preshaded}{sorted}"));
-        // It changes no picture, but what is read.
+        // Harmonics do not change the picture, but the memory traffic.
         if *harmonics > 0 {
             sha.update([*harmonics]);
         }
@@ -138,7 +139,16 @@ pub fn digest_of(scene: &Scene) -> String {
             .iter()
             .for_each(|node| add_splat(&node.splat));
         let visits = &detail.cut.visits;
-        sha.update(format!("{:?}", detail.rules));
+        let DetailRules {
+            pixels,
+            order,
+            culls,
+            ahead,
+            budget,
+        } = detail.rules;
+        sha.update(format!(
+            "Rules {{ pixels: {pixels:?}, order: {order:?}, culls: {culls:?}, ahead: {ahead:?}, budget: {budget:?} }}"
+        ));
         visits
             .iter()
             .for_each(|visit| sha.update(visit.node.to_le_bytes()));
@@ -146,8 +156,8 @@ pub fn digest_of(scene: &Scene) -> String {
     hex(&sha.finalize())
 }
 
-/// A digest of where a scene's splats are and how large: the same whatever camera, size or light
-/// they are drawn with, and in whatever order, for a camera may set order, normals and colours.
+/// A digest of the positions and sizes of a scene's splats. It does not depend on camera, size,
+/// light or order, because a camera may change order, normals and colours.
 pub fn digest_of_places(scene: &Scene) -> String {
     let number = |number: u64, value: f64| mixed(number ^ value.to_bits());
     let of_one = |splat: &Splat| {
@@ -158,7 +168,7 @@ pub fn digest_of_places(scene: &Scene) -> String {
             .chain([splat.radius])
             .fold(0, number)
     };
-    // Of a tree all leaves, whatever of it a camera draws.
+    // For a tree: all leaves, independent of the cut.
     let leaves = scene.detail.as_ref().map(|detail| detail.tree.splats());
     let splats = leaves.as_ref().unwrap_or(&scene.splats);
     let sums = splats
@@ -177,7 +187,7 @@ pub fn digest_of_places(scene: &Scene) -> String {
     )
 }
 
-/// SplitMix64: what a number is turned into.
+/// SplitMix64 of a number.
 pub fn mixed(number: u64) -> u64 {
     let mut z = number.wrapping_add(0x9e37_79b9_7f4a_7c15);
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);

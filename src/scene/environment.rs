@@ -1,8 +1,8 @@
-//! Environment: light from all around, read of a picture or made here, and what a direction sees of
-//! it.
+//! Environment: light from all directions, from a picture or built-in, and its value for a
+//! direction.
 //!
 //! A picture is latitude-longitude: twice as wide as high, its upper edge straight up (+y), its
-//! middle column towards −z, +x a quarter to the right of it.
+//! middle column towards −z, +x a quarter of the width to the right of it.
 
 use crate::output::colour::srgb_decode;
 use glam::DVec3;
@@ -19,7 +19,7 @@ const MOST_BYTES: u64 = 1 << 30;
 /// Brightest light of a texel: what half floats hold.
 const BRIGHTEST: f32 = 65504.0;
 
-/// Surroundings that splatsim makes itself.
+/// Built-in surroundings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum BuiltinEnvironment {
@@ -27,30 +27,31 @@ pub enum BuiltinEnvironment {
     Sky,
 }
 
-/// Light from all around.
+/// Light from all directions.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Environment {
-    /// Texels a row.
+    /// Texels per row.
     width: usize,
     /// Rows.
     height: usize,
     /// Linear light, row by row, row 0 straight up.
     texels: Vec<[f32; 3]>,
-    /// What materials do with it: one for each of the scene's.
+    /// Reflection of each material of the scene.
     pub mirrors: Vec<Mirror>,
 }
 
-/// What a material does with its surroundings.
+/// Reflection of the surroundings by a material.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mirror {
-    /// Share of what leaves it that is mirrored, 0 to 1; the rest is its own colour.
+    /// Share of the outgoing light that is reflected, 0 to 1; the rest is the material's own
+    /// colour.
     pub reflect: f64,
-    /// Colour of the mirror: a factor on what it mirrors, each in [0, 1].
+    /// Factor on the reflected light, each channel in [0, 1].
     pub tint: [f64; 3],
 }
 
 impl Mirror {
-    /// Mirrors nothing.
+    /// No reflection.
     pub const NONE: Mirror = Mirror {
         reflect: 0.0,
         tint: [1.0; 3],
@@ -58,7 +59,7 @@ impl Mirror {
 }
 
 impl Environment {
-    /// Of texels row by row, twice as many columns as rows.
+    /// From texels row by row, twice as many columns as rows.
     ///
     /// # Errors
     /// The second half of a sentence that begins with the picture's name.
@@ -86,7 +87,7 @@ impl Environment {
         })
     }
 
-    /// Made here.
+    /// Built-in surroundings.
     pub fn builtin(which: BuiltinEnvironment) -> Self {
         let BuiltinEnvironment::Sky = which;
         let (width, height) = (512, 256);
@@ -116,7 +117,7 @@ impl Environment {
         let format = image::guess_format(bytes)
             .ok()
             .filter(known)
-            .ok_or("is no PNG, Radiance or EXR picture")?;
+            .ok_or("is not a PNG, Radiance or EXR picture")?;
         let cannot = |error: image::ImageError| format!("cannot be decoded: {error}");
         let reader = || {
             let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
@@ -129,7 +130,7 @@ impl Environment {
             reader.limits(limits);
             reader
         };
-        // By the header alone, before anything is made room for.
+        // The header is checked before memory is allocated.
         let (width, height) = reader().into_dimensions().map_err(cannot)?;
         if width.max(height) > LONGEST_SIDE
             || u64::from(width) * u64::from(height) * 24 > MOST_BYTES
@@ -173,7 +174,7 @@ impl Environment {
         Environment::new(width, height, texels)
     }
 
-    /// Light from a direction of any length but 0: between the four nearest texels.
+    /// Light from a direction of any length except 0, interpolated between the four nearest texels.
     pub fn light(&self, direction: DVec3) -> [f64; 3] {
         let [across, down] = place(direction);
         let (x, y) = (
@@ -196,17 +197,17 @@ impl Environment {
         std::array::from_fn(|i| upper[i] + (lower[i] - upper[i]) * (y - above))
     }
 
-    /// Whether a material of the scene mirrors anything.
+    /// Whether a material of the scene reflects anything.
     pub fn is_seen(&self) -> bool {
         self.mirrors.iter().any(|mirror| mirror.reflect > 0.0)
     }
 
-    /// Rows, and so half as many as columns.
+    /// Number of rows; there are twice as many columns.
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// All that is to be known of it, in bytes.
+    /// Its whole content as bytes.
     pub(super) fn bytes(&self) -> impl Iterator<Item = u8> {
         let size = [self.width as u64, self.height as u64]
             .into_iter()
@@ -226,17 +227,17 @@ impl Environment {
     }
 }
 
-/// Where a direction lies in the picture, from its upper left corner, 0 to 1.
+/// Position of a direction in the picture, from its upper left corner, 0 to 1.
 fn place(direction: DVec3) -> [f64; 2] {
     let unit = direction.normalize();
-    // Towards −z is the middle, +x to the right of it.
+    // −z is at the centre, +x to the right of it.
     [
         0.5 + libm::atan2(unit.x, -unit.z) / TAU,
         libm::acos(unit.y.clamp(-1.0, 1.0)) / PI,
     ]
 }
 
-/// The direction that lies there.
+/// The direction at a position in the picture.
 fn direction([across, down]: [f64; 2]) -> DVec3 {
     let (turn, from_top) = ((across - 0.5) * TAU, down * PI);
     let ring = libm::sin(from_top);
@@ -259,7 +260,7 @@ fn sky(direction: DVec3) -> [f64; 3] {
         return mix(near_ground, far_ground, libm::sqrt(-up));
     }
     let sun = DVec3::new(0.5, 0.6, 0.6).normalize().dot(direction);
-    // A disc of some 12 degrees with a soft rim, and a glow.
+    // A disc of about 12 degrees with a soft rim, and a glow.
     let disc = ((sun - 0.994) / 0.003).clamp(0.0, 1.0);
     let glow = 0.4 * libm::pow(sun.max(0.0), 32.0);
     let sky = mix(horizon, zenith, libm::sqrt(up));

@@ -1,4 +1,4 @@
-//! Built-in fields: volumes made from formulas.
+//! Built-in fields: volumes from formulas.
 
 use super::volume::Volume;
 use glam::DVec3;
@@ -7,21 +7,22 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
-/// The fields that splatsim makes itself, over a cube of edge 2 about the origin.
+/// The built-in fields, over a cube of edge 2 around the origin.
 #[derive(Deserialize, JsonSchema, Clone, Copy, Debug, PartialEq)]
 #[serde(rename_all = "kebab-case")]
-pub enum Field {
-    /// Waves near the limit of what a grid can hold (Marschner and Lobb, *An Evaluation of
+#[schemars(rename = "Field")]
+pub enum BuiltinFieldName {
+    /// Waves near the sampling limit of a grid (Marschner and Lobb, *An Evaluation of
     /// Reconstruction Filters*, 1994), in [0, 1].
     MarschnerLobb,
-    /// Four shells around each other, of values 0.25, 0.5, 0.75 and 1 on ground 0.
+    /// Four shells around each other, with values 0.25, 0.5, 0.75 and 1; 0 elsewhere.
     NestedShells,
     /// Clouds of soft balls, in [0, 1].
     FuzzyClouds,
 }
 
-impl Field {
-    /// The field at so many points along each axis.
+impl BuiltinFieldName {
+    /// The field with this number of points along each axis.
     pub fn volume(self, samples: usize) -> Volume {
         let step = 2.0 / (samples - 1) as f64;
         let place = |i: usize| i as f64 * step - 1.0;
@@ -45,9 +46,9 @@ impl Field {
 
     fn at(self, p: DVec3) -> f64 {
         match self {
-            Field::MarschnerLobb => marschner_lobb(p),
-            Field::NestedShells => nested_shells(p),
-            Field::FuzzyClouds => fuzzy_clouds(p),
+            BuiltinFieldName::MarschnerLobb => marschner_lobb(p),
+            BuiltinFieldName::NestedShells => nested_shells(p),
+            BuiltinFieldName::FuzzyClouds => fuzzy_clouds(p),
         }
     }
 }
@@ -59,8 +60,8 @@ fn marschner_lobb(p: DVec3) -> f64 {
     (1.0 - sin(FRAC_PI_2 * p.z) + depth * (1.0 + waves)) / (2.0 * (1.0 + depth))
 }
 
-/// Shells of radius 0.2, 0.4, 0.6 and 0.8, soft by 0.025; an eighth is cut away so that one sees
-/// in.
+/// Shells of radius 0.2, 0.4, 0.6 and 0.8 with soft edges of 0.025; an octant is cut away to show
+/// the inside.
 fn nested_shells(p: DVec3) -> f64 {
     if p.x > 0.0 && p.y > 0.0 && p.z > 0.0 {
         return 0.0;

@@ -1,12 +1,12 @@
-//! Formats: the one list of files that scenes and meshes are read from, and how each is recognised.
+//! Formats: lists the file formats of scenes and meshes, and detects the format of a file.
 //!
 //! ```text
-//! first bytes ─► [Content::of] ─► format ──┬─► reader, where the place can draw it
-//! name's end  ─► where bytes tell nothing ─┘   else a sentence: what the file is, and what makes of it what is read
+//! first bytes ─► [Content::of] ─► format ──┬─► reader, if the context can use it
+//! extension   ─► if bytes are ambiguous ───┘   else a sentence: the format, and a program that converts it
 //! ```
-//! The content decides: a file whose bytes begin as another format's is read as that, and a note
-//! says that its name contradicts it. A format is added by its reader, a line here, and what its
-//! bytes begin with: what a scene may name, and what an error says can be read, follow from it.
+//! The content decides: a file is read as the format of its first bytes, and a note reports a
+//! contradicting name. A new format needs a reader, a line here and its first bytes; the list of
+//! formats for scenes and for error messages follows.
 
 use super::gaussians::{self, Gaussians};
 use super::ply::{self, Cloud};
@@ -25,30 +25,30 @@ pub(super) enum Splats {
     Tree(Tree),
 }
 
-/// Reader of a file's bytes; the error is the second half of a sentence that begins with the file's
+/// Reader of a file's bytes. The error is the second half of a sentence that begins with the file's
 /// name.
 #[derive(Clone, Copy)]
 pub(super) enum Reader {
-    /// A file may name others, which are in that folder.
+    /// The file may name others in this folder.
     Splats(fn(&[u8], &Path) -> Parsed<Splats>),
-    /// A header may name a second file, which lies in that folder.
+    /// A header may name a second file in this folder.
     Volume(fn(&[u8], &Path) -> Parsed<Volume>),
-    /// A regular grid of which a scene may ask for an array by name.
+    /// A regular grid; the scene may select an array by name.
     Image(fn(&[u8], &Arrays) -> Parsed<Volume>),
-    /// A scene may ask for arrays by name.
+    /// The scene may select arrays by name.
     Irregular(fn(&[u8], &Arrays) -> Parsed<Irregular>),
 }
 
-/// Contents that a format can have.
+/// Kinds of content of a format.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Kind {
+enum ContentKind {
     Points,
     Gaussians,
     Volume,
     Mesh,
 }
 
-/// Formats that bytes or a name's end can tell.
+/// Formats that are detected from bytes or from the extension.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Content {
     Ply,
@@ -66,18 +66,18 @@ pub(super) enum Content {
     Vtp,
     Obj,
     Stl,
-    /// A scene, or anything else in JSON.
+    /// A scene, or any other JSON.
     Json,
     Foreign(Foreign),
 }
 
-/// Formats that are not read, and the free programs that convert them.
+/// Formats that are not read, with free programs that convert them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Foreign {
-    /// Gaussians in pictures within a ZIP, or in the format of one viewer.
+    /// Gaussians as pictures in a ZIP, or in the format of a single viewer.
     Sog,
     Ksplat,
-    /// A ZIP of anything.
+    /// Any other ZIP.
     Zip,
     Las,
     Pcd,
@@ -89,7 +89,7 @@ pub(super) enum Foreign {
     Nifti2,
     NiftiPair,
     Hdf5,
-    /// Meshes that other programs read.
+    /// Meshes of other programs.
     Mesh,
     Picture,
 }
@@ -97,14 +97,14 @@ pub(super) enum Foreign {
 struct Format {
     content: Content,
     ends: &'static [&'static str],
-    kinds: &'static [Kind],
+    kinds: &'static [ContentKind],
     reader: Option<Reader>,
 }
 
 const fn format(
     content: Content,
     ends: &'static [&'static str],
-    kinds: &'static [Kind],
+    kinds: &'static [ContentKind],
     reader: Option<Reader>,
 ) -> Format {
     Format {
@@ -119,13 +119,17 @@ const FORMATS: &[Format] = &[
     format(
         Content::Ply,
         &[".ply"],
-        &[Kind::Points, Kind::Gaussians, Kind::Mesh],
+        &[
+            ContentKind::Points,
+            ContentKind::Gaussians,
+            ContentKind::Mesh,
+        ],
         Some(Reader::Splats(|bytes, _| points_or_gaussians(bytes))),
     ),
     format(
         Content::Tree,
         &[".tree"],
-        &[Kind::Points],
+        &[ContentKind::Points],
         Some(Reader::Splats(|bytes, _| {
             tree::file::parse(bytes).map(Splats::Tree)
         })),
@@ -133,7 +137,7 @@ const FORMATS: &[Format] = &[
     format(
         Content::Splat,
         &[".splat"],
-        &[Kind::Gaussians],
+        &[ContentKind::Gaussians],
         Some(Reader::Splats(|bytes, _| {
             gaussians::splat::parse(bytes).map(Splats::Gaussians)
         })),
@@ -141,7 +145,7 @@ const FORMATS: &[Format] = &[
     format(
         Content::Spz,
         &[".spz"],
-        &[Kind::Gaussians],
+        &[ContentKind::Gaussians],
         Some(Reader::Splats(|bytes, _| {
             gaussians::spz::parse(bytes).map(Splats::Gaussians)
         })),
@@ -149,7 +153,7 @@ const FORMATS: &[Format] = &[
     format(
         Content::Gltf,
         &[".gltf", ".glb"],
-        &[Kind::Gaussians, Kind::Mesh],
+        &[ContentKind::Gaussians, ContentKind::Mesh],
         Some(Reader::Splats(|bytes, folder| {
             gaussians::gltf::parse(bytes, folder).map(Splats::Gaussians)
         })),
@@ -157,53 +161,53 @@ const FORMATS: &[Format] = &[
     format(
         Content::Nrrd,
         &[".nrrd", ".nhdr"],
-        &[Kind::Volume],
+        &[ContentKind::Volume],
         Some(Reader::Volume(volume::nrrd::read)),
     ),
     format(
         Content::MetaImage,
         &[".mhd", ".mha"],
-        &[Kind::Volume],
+        &[ContentKind::Volume],
         Some(Reader::Volume(volume::metaimage::read)),
     ),
     format(
         Content::Nifti,
         &[".nii", ".nii.gz"],
-        &[Kind::Volume],
+        &[ContentKind::Volume],
         Some(Reader::Volume(|bytes, _| volume::nifti::read(bytes))),
     ),
     format(
         Content::Vti,
         &[".vti"],
-        &[Kind::Volume],
+        &[ContentKind::Volume],
         Some(Reader::Image(volume::vti::read)),
     ),
     format(
         Content::Vtr,
         &[".vtr"],
-        &[Kind::Volume],
+        &[ContentKind::Volume],
         Some(Reader::Irregular(volume::irregular::read_rectilinear)),
     ),
     format(
         Content::Vts,
         &[".vts"],
-        &[Kind::Volume],
+        &[ContentKind::Volume],
         Some(Reader::Irregular(volume::irregular::read_curvilinear)),
     ),
     format(
         Content::Vtu,
         &[".vtu"],
-        &[Kind::Volume],
+        &[ContentKind::Volume],
         Some(Reader::Irregular(volume::irregular::read_unstructured)),
     ),
     format(
         Content::Vtp,
         &[".vtp"],
-        &[Kind::Volume],
+        &[ContentKind::Volume],
         Some(Reader::Irregular(volume::irregular::read_poly_data)),
     ),
-    format(Content::Obj, &[".obj"], &[Kind::Mesh], None),
-    format(Content::Stl, &[".stl"], &[Kind::Mesh], None),
+    format(Content::Obj, &[".obj"], &[ContentKind::Mesh], None),
+    format(Content::Stl, &[".stl"], &[ContentKind::Mesh], None),
     format(Content::Json, &[".json"], &[], None),
     format(Content::Foreign(Foreign::Sog), &[".sog"], &[], None),
     format(
@@ -252,7 +256,7 @@ const FORMATS: &[Format] = &[
     ),
 ];
 
-/// A PLY's header says which it has.
+/// The header of a PLY file determines which of them it has.
 fn points_or_gaussians(bytes: &[u8]) -> Parsed<Splats> {
     if gaussians::is_trained_ply(bytes) {
         return gaussians::parse_ply(bytes).map(Splats::Gaussians);
@@ -260,13 +264,13 @@ fn points_or_gaussians(bytes: &[u8]) -> Parsed<Splats> {
     ply::parse(bytes).map(Splats::Points)
 }
 
-/// Bytes of a file that its format is told by.
+/// Bytes of a file that are used for detection.
 const HEAD: u64 = 1 << 16;
-/// Bytes of what is left once gzip is taken off.
+/// Bytes used after unpacking gzip.
 const UNPACKED_HEAD: u64 = 1024;
 
 impl Content {
-    /// Format that a file's bytes tell, and else the end of its name, in either case of letters.
+    /// The format by a file's bytes, or else by its extension in either case.
     fn of_file(path: &Path) -> Option<Content> {
         Content::by_bytes(path).or_else(|| Content::by_name(path))
     }
@@ -284,7 +288,7 @@ impl Content {
     }
 
     fn by_bytes(path: &Path) -> Option<Content> {
-        // What is no regular file may never end, or wait.
+        // Files that are not regular may never end, or block.
         let metadata = std::fs::metadata(path)
             .ok()
             .filter(std::fs::Metadata::is_file)?;
@@ -297,11 +301,11 @@ impl Content {
         Content::of(&head, metadata.len())
     }
 
-    /// Format that the first bytes of a file of that length tell; none where they may be any's.
+    /// The format by the first bytes of a file of this length; None if they are ambiguous.
     pub(super) fn of(head: &[u8], length: u64) -> Option<Content> {
         if head.starts_with(&[0x1f, 0x8b]) {
             let mut inside = Vec::new();
-            // A head that ends within a block of gzip still gives what is before it.
+            // A head that ends inside a gzip block still gives the bytes before it.
             let _ = GzDecoder::new(head)
                 .take(UNPACKED_HEAD)
                 .read_to_end(&mut inside);
@@ -351,15 +355,15 @@ impl Content {
         })
     }
 
-    /// Binary STL has no magic, but a number of triangles that its length must fit.
+    /// Binary STL has no magic number, but its length must fit its number of triangles.
     fn of_binary_stl(head: &[u8], length: u64) -> Option<Content> {
         let count = u32::from_le_bytes(*head.get(80..84)?.first_chunk()?);
         (count > 0 && length == 84 + 50 * u64::from(count)).then_some(Content::Stl)
     }
 
-    /// Formats of text, whose words may be in either case and have blanks before them.
+    /// Formats of text: keywords in either case, with blanks before them.
     fn of_text(head: &[u8]) -> Option<Content> {
-        // Samples behind a header need not be text, so only its beginning must be.
+        // Samples after a header need not be text, so only the beginning is checked.
         let text = String::from_utf8_lossy(head);
         let text = text.trim_start_matches('\u{feff}').trim_start();
         let lower = text
@@ -371,7 +375,7 @@ impl Content {
                 && !lower[word.len()..].starts_with(|c: char| c.is_ascii_alphanumeric())
         };
         if lower.starts_with('{') {
-            // Both may come late in a long file: then its name decides.
+            // In a long file both may come late: then its name decides.
             let has = |key: &str| text.contains(&format!("\"{key}\""));
             return if has("asset") {
                 Some(Content::Gltf)
@@ -414,7 +418,7 @@ impl Content {
         is_obj(&lower).then_some(Content::Obj)
     }
 
-    /// Name of the format, for a sentence, with its article.
+    /// Name of the format with its article.
     fn name(self) -> &'static str {
         match self {
             Content::Ply => "a PLY file",
@@ -462,11 +466,11 @@ impl Foreign {
         }
     }
 
-    /// A free program that makes of it what is read.
+    /// A free program that converts it to a format that is read.
     fn advice(self) -> &'static str {
         match self {
             Foreign::Sog | Foreign::Ksplat => "splat-transform writes it as .ply",
-            Foreign::Zip => "unpack it; of an .sog, splat-transform makes a .ply",
+            Foreign::Zip => "unpack it; splat-transform converts .sog to .ply",
             Foreign::Las => {
                 "PDAL (`pdal translate IN OUT.ply`) writes it as .ply, las2txt of LAStools as text"
             }
@@ -478,22 +482,22 @@ impl Foreign {
             Foreign::NiftiPair => "a NIfTI-1 volume must be a single .nii or .nii.gz",
             Foreign::Hdf5 => "h5py and nibabel write its arrays as .nii",
             Foreign::Mesh => {
-                "MeshLab or Blender writes it as .ply, .obj or .glb, of which `splatsim sample` makes points"
+                "MeshLab or Blender writes it as .ply, .obj or .glb, from which `splatsim sample` makes points"
             }
-            Foreign::Picture => "a picture is no scene",
+            Foreign::Picture => "a picture is not a scene",
         }
     }
 }
 
-/// Whether lines of text are those of an OBJ, by their first words; some line is a vertex of three
-/// numbers or more.
+/// Whether lines of text are an OBJ file, by their first words; at least one line must be a vertex
+/// of three numbers or more.
 fn is_obj(lower: &str) -> bool {
     const WORDS: [&str; 20] = [
         "v", "vt", "vn", "vp", "f", "fo", "l", "p", "o", "g", "s", "mg", "usemtl", "mtllib",
         "usemap", "maplib", "lod", "cstype", "deg", "end",
     ];
     let mut has_vertex = false;
-    // The last line may be cut.
+    // The last line may be incomplete.
     for line in lower.lines().take(200) {
         let mut words = line.split_ascii_whitespace();
         let Some(word) = words.next().filter(|word| !word.starts_with('#')) else {
@@ -510,24 +514,24 @@ fn is_obj(lower: &str) -> bool {
     has_vertex
 }
 
-/// Reader of a file, by its content, and where that tells nothing by the end of its name; none
-/// where it is of no format that is drawn.
+/// The reader of a file, by its content, or by its extension if the content is ambiguous; None if
+/// its format cannot be drawn.
 pub(super) fn reader(path: &Path) -> Option<Reader> {
     Content::of_file(path).and_then(Content::format)?.reader
 }
 
-/// Content of a mesh's bytes, and where they tell nothing by the end of the file's name.
+/// The format of a mesh, by its bytes, or by the file's extension if they are ambiguous.
 pub(super) fn mesh(bytes: &[u8], path: &Path) -> Option<Content> {
     let head = &bytes[..bytes.len().min(HEAD as usize)];
     Content::of(head, bytes.len() as u64).or_else(|| Content::by_name(path))
 }
 
-/// Whether a file holds a scene, or other JSON, whatever its name.
+/// Whether a file has a scene, or other JSON, independent of its name.
 pub(super) fn is_json(path: &Path) -> bool {
     Content::of_file(path) == Some(Content::Json)
 }
 
-/// A note where a file's content is of another format than its name says.
+/// A note if the content of a file contradicts its name.
 pub(super) fn contradiction(path: &Path) -> Option<String> {
     let named = Content::by_name(path)?;
     let held = Content::by_bytes(path)?;
@@ -540,8 +544,8 @@ pub(super) fn contradiction(path: &Path) -> Option<String> {
     })
 }
 
-/// Why a file is not read where splats are; the second half of a sentence that begins with the
-/// file's name.
+/// Why a file cannot be read as splats: the second half of a sentence that begins with the file's
+/// name.
 pub(super) fn no_splats(path: &Path) -> String {
     let [points, gaussians, volumes, _] = names();
     let read = format!(
@@ -550,8 +554,8 @@ pub(super) fn no_splats(path: &Path) -> String {
     refusal(Content::of_file(path), path, "holds no splats", &read)
 }
 
-/// Why a file is not read where a volume is; the second half of a sentence that begins with the
-/// file's name.
+/// Why a file cannot be read as a volume: the second half of a sentence that begins with the file's
+/// name.
 pub(super) fn no_volume(path: &Path) -> String {
     let [.., volumes, _] = names();
     refusal(
@@ -562,8 +566,8 @@ pub(super) fn no_volume(path: &Path) -> String {
     )
 }
 
-/// Why a file is not read where a mesh is; the second half of a sentence that begins with the
-/// file's name.
+/// Why a file cannot be read as a mesh: the second half of a sentence that begins with the file's
+/// name.
 pub(super) fn no_mesh(content: Option<Content>, path: &Path) -> String {
     let [.., meshes] = names();
     refusal(
@@ -579,7 +583,7 @@ fn refusal(content: Option<Content>, path: &Path, why: &str, read: &str) -> Stri
     match content {
         None => format!("is of no known kind; {read}"),
         Some(Content::Foreign(foreign)) => {
-            // What is in a ZIP, its name tells.
+            // The name distinguishes kinds of ZIP.
             let foreign = if named == Some(Content::Foreign(Foreign::Sog)) {
                 Foreign::Sog
             } else {
@@ -599,9 +603,9 @@ fn refusal(content: Option<Content>, path: &Path, why: &str, read: &str) -> Stri
             };
             let is_mesh = content
                 .format()
-                .is_some_and(|format| format.kinds == [Kind::Mesh]);
+                .is_some_and(|format| format.kinds == [ContentKind::Mesh]);
             let why = if is_mesh {
-                "is a mesh; `splatsim sample` makes points of it"
+                "is a mesh; `splatsim sample` makes points from it"
             } else {
                 why
             };
@@ -610,9 +614,15 @@ fn refusal(content: Option<Content>, path: &Path, why: &str, read: &str) -> Stri
     }
 }
 
-/// Ends of the names of points, of Gaussians, of volumes and of meshes, for a sentence.
+/// Extensions of points, of Gaussians, of volumes and of meshes, for a sentence.
 pub(super) fn names() -> [String; 4] {
-    [Kind::Points, Kind::Gaussians, Kind::Volume, Kind::Mesh].map(|kind| {
+    [
+        ContentKind::Points,
+        ContentKind::Gaussians,
+        ContentKind::Volume,
+        ContentKind::Mesh,
+    ]
+    .map(|kind| {
         let of_kind = FORMATS.iter().filter(|format| format.kinds.contains(&kind));
         of_kind
             .flat_map(|format| format.ends)

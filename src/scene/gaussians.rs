@@ -1,16 +1,16 @@
-//! Gaussians: reads trained 3D Gaussians from a file, each with its activations applied.
+//! Gaussians: reads trained 3D Gaussians from a file and applies their activations.
 //! ```text
 //! .ply, floats          log scale, logit opacity ─► [float_ply]  ─┐
 //! .ply, SuperSplat's    chunks of 256, 16 bytes each ─► [packed_ply] ─┤
 //! .splat                32 bytes each ───────────────► [splat]     ─┼─► [Intake] ─► Gaussians
 //! .spz                  packed, up to 65 bytes each ─► [spz]       ─┤
-//! .gltf, .glb           an accessor for each number ─► [gltf]      ─┘
+//! .gltf, .glb           one accessor per parameter ─► [gltf]      ─┘
 //! ```
-//! - Axes are as in the file: right, down, forward as cameras have them in what training programs
-//!   write and in `.splat`; right, up, back in `.spz` and glTF, which is half a turn about x
+//! - Axes are as in the file: right, down, forward as for cameras in files of training programs and
+//!   in `.splat`; right, up, back in `.spz` and glTF, which are rotated by half a turn about x
 //!   (`three_formats_of_the_same_three_gaussians_agree`).
-//! - What no program can draw is left out and counted in a note: see `FLAWS`.
-//! - Nothing is reserved that the file's length does not vouch for.
+//! - Gaussians that cannot be drawn are left out and counted in a note: see `FLAWS`.
+//! - Memory is reserved only up to what the file's length supports.
 
 mod bouquet;
 mod float_ply;
@@ -28,8 +28,7 @@ use glam::{DQuat, DVec3, DVec4};
 
 type Parsed<T> = Result<T, String>;
 
-/// One trained Gaussian as its file has it, with its activations applied. Its colour is
-/// [`Gaussians::harmonics`].
+/// One trained Gaussian with its activations applied. Its colour is in [`Gaussians::harmonics`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gaussian {
     /// Centre, world units.
@@ -49,33 +48,31 @@ pub struct Gaussians {
     pub all: Vec<Gaussian>,
     /// Degree of the spherical harmonics, 0 to 3.
     pub degree: usize,
-    /// The file says that they were trained to get fainter as the low-pass filter widens them (Yu
-    /// et al. 2024, Mip-Splatting).
+    /// The file states that its opacities are compensated for the low-pass filter (Yu et al. 2024,
+    /// Mip-Splatting).
     pub compensated: bool,
-    /// Notes of what was left out or looks odd, one sentence each.
+    /// Notes on omissions and oddities, one sentence each.
     pub notes: Vec<String>,
-    /// Of all Gaussians, one after another: `(degree + 1)²` coefficients each, as f32, which no
-    /// format exceeds.
+    /// `(degree + 1)²` coefficients for each Gaussian in turn, as f32, which is the precision of
+    /// all formats.
     harmonics: Vec<[f32; 3]>,
 }
 
-/// Thinner Gaussians become as thick as this; squares and products of scales then fit f64.
+/// Thinner Gaussians get this thickness; squares and products of scales then fit f64.
 pub const SMALLEST_SCALE: f64 = super::LEAST_RADIUS;
 
 impl Gaussians {
-    /// Coefficients of red, green and blue of one of [`Gaussians::all`], for [`colour`]: 1, 4, 9 or
-    /// 16 by degree.
+    /// Coefficients of red, green and blue of a Gaussian, for [`colour`]: 1, 4, 9 or 16 by degree.
     ///
     /// # Panics
-    /// Where `index` is not one of a Gaussian.
+    /// If `index` is out of range.
     pub fn harmonics(&self, index: usize) -> &[[f32; 3]] {
         let each = coefficients(self.degree);
         &self.harmonics[index * each..][..each]
     }
 }
 
-/// Whether the bytes are a PLY file whose header is one of trained Gaussians; [`parse_ply`] reads
-/// those.
+/// Whether the bytes are a PLY file of trained Gaussians, by its header; [`parse_ply`] reads those.
 pub(super) fn is_trained_ply(bytes: &[u8]) -> bool {
     ply::read_header(bytes)
         .is_ok_and(|(header, _)| packed_ply::is_packed(&header) || float_ply::is_trained(&header))
@@ -92,7 +89,7 @@ pub(super) fn parse_ply(bytes: &[u8]) -> Parsed<Gaussians> {
     let compensated = header
         .comments
         .iter()
-        .any(|comment| asks_for_compensation(comment));
+        .any(|comment| requests_compensation(comment));
     parsed.map(|gaussians| Gaussians {
         compensated,
         ..gaussians
@@ -100,7 +97,7 @@ pub(super) fn parse_ply(bytes: &[u8]) -> Parsed<Gaussians> {
 }
 
 /// Whether a comment is `SplatRenderMode: mip`, in any case, with or without the blank.
-fn asks_for_compensation(comment: &str) -> bool {
+fn requests_compensation(comment: &str) -> bool {
     let (name, mode) = comment.split_once(':').unwrap_or_default();
     name.trim().eq_ignore_ascii_case("SplatRenderMode") && mode.trim().eq_ignore_ascii_case("mip")
 }
@@ -110,16 +107,16 @@ fn coefficients(degree: usize) -> usize {
     (degree + 1) * (degree + 1)
 }
 
-/// Why a Gaussian is left out, in the words of the note.
+/// Why a Gaussian is left out, as in the note.
 const FLAWS: [&str; 5] = [
     "no finite position",
     "a rotation that is zero or not finite",
     "a scale that is negative or not finite",
-    "an opacity that is no number",
+    "an opacity that is NaN",
     "a colour that is not finite",
 ];
 
-/// Collects Gaussians as files have them and leaves out those that cannot be drawn.
+/// Collects Gaussians, and leaves out those that cannot be drawn.
 struct Intake {
     gaussians: Gaussians,
     count: usize,
@@ -127,7 +124,7 @@ struct Intake {
 }
 
 impl Intake {
-    /// Room for as many Gaussians as the file's length vouches for.
+    /// Reserves memory up to what the file's length supports.
     fn new(degree: usize, room: usize, notes: Vec<String>) -> Self {
         let harmonics = Vec::with_capacity(room.saturating_mul(coefficients(degree)));
         Intake {
@@ -143,8 +140,7 @@ impl Intake {
         }
     }
 
-    /// Takes one Gaussian, whose rotation may have any length, and its `(degree + 1)²`
-    /// coefficients.
+    /// Adds a Gaussian, whose rotation may have any length, with its `(degree + 1)²` coefficients.
     fn push(&mut self, raw: Gaussian, harmonics: impl IntoIterator<Item = [f32; 3]>) {
         let Gaussians {
             all,
@@ -207,7 +203,7 @@ impl Intake {
     }
 }
 
-/// The quaternion at length 1; none where it is zero or not finite.
+/// The unit quaternion; None if the quaternion is zero or not finite.
 fn unit(rotation: DQuat) -> Option<DQuat> {
     let longest = DVec4::from(rotation).abs().max_element();
     // Divided first: squares of very long or very short quaternions do not fit f64.
@@ -219,7 +215,7 @@ fn sigmoid(logit: f64) -> f64 {
     1.0 / (1.0 + libm::exp(-logit))
 }
 
-/// The scales whose logarithms a file has.
+/// Scales from the logarithms in a file.
 fn exp(log_scale: DVec3) -> DVec3 {
     log_scale.map(libm::exp)
 }
@@ -229,7 +225,7 @@ fn part(code: u8) -> f64 {
     f64::from(code) / 255.0
 }
 
-/// The constant coefficients of a colour that is the same from all sides.
+/// The constant coefficients of a colour that is the same from all directions.
 fn harmonics_of(rgb: [f64; 3]) -> [f32; 3] {
     rgb.map(|c| ((c - 0.5) / harmonics::CONSTANT) as f32)
 }

@@ -1,17 +1,17 @@
-//! GlTF: opens a glTF 2.0 file, as JSON with its buffers beside it or in it, or as GLB, for the
-//! readers of meshes and of Gaussians.
+//! GlTF: opens a glTF 2.0 file, as JSON with buffers inside or in separate files, or as GLB, for
+//! the readers of meshes and of Gaussians.
 //!
 //! ```text
-//! bytes ─► [JSON] ─► attributes that the crate does not know, extensions that are required ─► [gltf] ─► document, validated
-//!                                                                  buffers, accessors, nodes, every range checked ◄─┘
+//! bytes ─► [JSON] ─► attributes unknown to the crate, required extensions ─► [gltf] ─► document, validated
+//!                                                   buffers, accessors, nodes, every range checked ◄─┘
 //! ```
-//! The crate `gltf` reads and validates the JSON; buffers, accessors and the tree of nodes are read
-//! here, every range checked, because that crate's readers panic past a buffer's end and follow
-//! cycles for ever.
+//! The crate `gltf` reads and validates the JSON. Buffers, accessors and the tree of nodes are read
+//! here with all ranges checked, because the crate's readers panic past a buffer's end and do not
+//! terminate on cycles.
 //!
-//! Attributes whose names begin with an underscore are an application's own (glTF 2.0, 3.7.2.1),
-//! others with a colon an extension's; that crate takes neither. `KHR_mesh_quantization` allows
-//! types of components that are read in any case.
+//! Attributes whose names begin with an underscore belong to an application (glTF 2.0, 3.7.2.1),
+//! those with a colon to an extension; the crate accepts neither. `KHR_mesh_quantization` allows
+//! component types that are always read.
 
 use crate::output::text::clipped;
 use ::gltf::accessor::{DataType, Dimensions};
@@ -30,9 +30,9 @@ type Parsed<T> = Result<T, String>;
 
 /// Bytes of a GLB's header.
 const GLB_HEADER: usize = 12;
-/// The extension of Gaussians, and what the names of its attributes begin with.
+/// The extension of Gaussians, and the prefix of its attributes.
 const GAUSSIANS: &str = "KHR_gaussian_splatting";
-/// Extensions that may be required: they are read, or say nothing of shapes and base colours.
+/// Extensions that may be required: they are read, or do not affect shapes and base colours.
 const READ: [&str; 5] = [
     GAUSSIANS,
     "KHR_mesh_quantization",
@@ -48,11 +48,11 @@ pub(super) struct File {
     pub notes: Vec<String>,
     buffers: Vec<Vec<u8>>,
     folder: PathBuf,
-    /// What the crate does not read, by mesh and primitive.
+    /// Attributes that the crate does not read, by mesh and primitive.
     own: HashMap<(usize, usize), Own>,
 }
 
-/// Attributes of a primitive that are an application's or an extension's own, and the object of the
+/// Attributes of a primitive that belong to an application or an extension, and the object of the
 /// extension of Gaussians.
 #[derive(Default)]
 pub(super) struct Own {
@@ -70,13 +70,13 @@ impl Own {
 
 fn unsound(fault: impl std::fmt::Display) -> String {
     format!(
-        "is no sound glTF 2.0: {}",
+        "is not valid glTF 2.0: {}",
         clipped_sentence(&fault.to_string())
     )
 }
 
 impl File {
-    /// Reads a file and those that it names; the error is the second half of a sentence that begins
+    /// Reads a file and those that it names. The error is the second half of a sentence that begins
     /// with the file's name.
     pub fn parse(bytes: &[u8], folder: &Path) -> Parsed<File> {
         let (json, blob) = if bytes.starts_with(b"glTF") {
@@ -122,7 +122,7 @@ impl File {
         Ok(file)
     }
 
-    /// What the crate does not read of a primitive of a mesh.
+    /// Attributes of a primitive that the crate does not read.
     pub fn own(&self, mesh: usize, primitive: usize) -> Option<&Own> {
         self.own.get(&(mesh, primitive))
     }
@@ -139,7 +139,7 @@ impl File {
         self.own(mesh, primitive).is_some_and(has_any)
     }
 
-    /// Rows of the accessor of this number, as many as `count`, of this kind.
+    /// Rows of the accessor with this number; there must be `count` of this kind.
     pub fn numbered<const N: usize>(
         &self,
         number: usize,
@@ -153,7 +153,7 @@ impl File {
             .ok_or_else(|| unsound(format!("there is no accessor {number}")))?;
         if accessor.dimensions() != kind {
             return Err(format!(
-                "accessor {number} has rows of another number of components than its attribute"
+                "accessor {number} has another number of components than its attribute"
             ));
         }
         if accessor.count() != count {
@@ -165,8 +165,9 @@ impl File {
         self.rows(&accessor)
     }
 
-    /// Nodes of the default scene, else of the first, else all, from the roots on, each with its
-    /// transform: that of its ancestors times its own. A node that is met twice makes them no tree.
+    /// Nodes of the default scene, else of the first, else all, starting from the roots, each with
+    /// its transform: that of its ancestors times its own. A node that is reached twice is an
+    /// error.
     pub fn nodes(&self) -> Parsed<Vec<(Node<'_>, DMat4)>> {
         let document = &self.document;
         let scene = document
@@ -199,7 +200,7 @@ impl File {
         while let Some((node, above)) = open.pop() {
             if std::mem::replace(&mut met[node.index()], true) {
                 return Err(format!(
-                    "node {} is met twice, so its nodes are no tree",
+                    "node {} is reached twice, so its nodes are not a tree",
                     node.index()
                 ));
             }
@@ -240,16 +241,16 @@ impl File {
         Ok(())
     }
 
-    /// Bytes behind a URI: data in it, or a file beside the mesh.
+    /// Data of a URI: inside it, or from a file in the mesh's folder.
     pub fn resource(&self, uri: &str) -> Parsed<Vec<u8>> {
         let Some(data) = uri.strip_prefix("data:") else {
             if uri.contains("://") {
                 return Err(format!(
-                    "`{}` lies elsewhere; only files beside the mesh are read",
+                    "`{}` is elsewhere; only files in the mesh's folder are read",
                     clipped(uri)
                 ));
             }
-            return super::mesh::beside(&self.folder, &percent_decoded(uri)?);
+            return super::mesh::read_inside(&self.folder, &percent_decoded(uri)?);
         };
         let (_, encoded) = data
             .split_once(";base64,")
@@ -275,7 +276,7 @@ impl File {
         Ok(&buffer[view.offset()..end])
     }
 
-    /// Rows of an accessor, N numbers each; integers are scaled to [0, 1] or [−1, 1] where the file
+    /// Rows of an accessor, N numbers each; integers are scaled to [0, 1] or [−1, 1] if the file
     /// says so.
     pub fn rows<const N: usize>(&self, accessor: &Accessor) -> Parsed<Vec<[f64; N]>> {
         let number = accessor.index();
@@ -336,8 +337,7 @@ impl File {
         Ok(rows)
     }
 
-    /// Rows of a vertex's attribute, as many as there are vertices; none where there are none of
-    /// this kind.
+    /// Rows of a vertex attribute, one per vertex; None if there is no such attribute.
     pub fn attribute<const N: usize>(
         &self,
         primitive: &Primitive,
@@ -363,8 +363,8 @@ impl File {
     }
 }
 
-/// Takes the required extensions out of the JSON: those that are read or harmless; the others are
-/// refused by name.
+/// Removes required extensions from the JSON if they are read or harmless; the others are refused
+/// by name.
 fn take_extensions(json: &mut Value) -> Parsed<Vec<String>> {
     let Some(required) = json
         .as_object_mut()
@@ -374,7 +374,7 @@ fn take_extensions(json: &mut Value) -> Parsed<Vec<String>> {
     };
     let names = required
         .as_array()
-        .ok_or_else(|| unsound("`extensionsRequired` is no array"))?;
+        .ok_or_else(|| unsound("`extensionsRequired` is not an array"))?;
     let names: Vec<&str> = names
         .iter()
         .map(|name| name.as_str().unwrap_or("?"))
@@ -402,8 +402,8 @@ fn take_extensions(json: &mut Value) -> Parsed<Vec<String>> {
         .collect())
 }
 
-/// Takes attributes that are an application's or an extension's own, and the objects of the
-/// extension of Gaussians, out of the JSON.
+/// Removes attributes of applications and extensions, and the objects of the extension of
+/// Gaussians, from the JSON.
 fn take_attributes(json: &mut Value) -> Parsed<HashMap<(usize, usize), Own>> {
     let mut all = HashMap::new();
     let meshes = json.get_mut("meshes").and_then(Value::as_array_mut);
@@ -445,7 +445,7 @@ fn take_attributes(json: &mut Value) -> Parsed<HashMap<(usize, usize), Own>> {
     Ok(all)
 }
 
-/// Positions name accessors that exist: the crate looks them up before it validates them.
+/// Checks that the accessors of positions exist: the crate uses them before it validates them.
 fn check_positions(root: &Root) -> Parsed<()> {
     let primitives = root.meshes.iter().flat_map(|mesh| &mesh.primitives);
     let positions = primitives.filter_map(|primitive| {
@@ -458,37 +458,34 @@ fn check_positions(root: &Root) -> Parsed<()> {
         .find(|&index| index >= root.accessors.len())
     {
         Some(index) => Err(format!(
-            "is no sound glTF 2.0: positions name accessor {index} of {}",
+            "is not valid glTF 2.0: positions name accessor {index} of {}",
             root.accessors.len()
         )),
         None => Ok(()),
     }
 }
 
-/// A GLB says its length, which must be that of a header at least (the crate subtracts it) and lie
-/// in the file.
+/// Checks the length in a GLB header: at least that of the header (the crate subtracts it), and at
+/// most the file's.
 fn check_length(bytes: &[u8]) -> Parsed<()> {
     let length = bytes
         .get(8..GLB_HEADER)
         .map(|length| u32::from_le_bytes(length.try_into().expect("four bytes")) as usize);
     match length {
         Some(length) if (GLB_HEADER..=bytes.len()).contains(&length) => Ok(()),
-        Some(length) => Err(format!(
-            "says that it has {length} bytes, and has {}",
-            bytes.len()
-        )),
+        Some(length) => Err(format!("declares {length} bytes, and has {}", bytes.len())),
         None => Err("ends inside its header".into()),
     }
 }
 
-/// The beginning of a message, which may list every fault of a large file.
+/// The beginning of a message, which may list every error of a large file.
 fn clipped_sentence(text: &str) -> String {
     let line: String = text.chars().take(200).collect();
     line.replace(char::is_control, " ")
 }
 
-/// The bytes of `count` rows, the last one without what lies between rows; none where they end past
-/// the view or rows overlap.
+/// The bytes of `count` rows, without the gap after the last; None if they end past the view or
+/// rows overlap.
 fn span(view: &[u8], offset: usize, count: usize, stride: usize, size: usize) -> Option<&[u8]> {
     if count == 0 {
         return Some(&[]);
@@ -517,7 +514,7 @@ fn component(kind: DataType, scaled: bool, bytes: &[u8]) -> f64 {
     }
 }
 
-/// A URI's path with `%20` and its like decoded.
+/// A URI's path with `%20` and the like decoded.
 fn percent_decoded(uri: &str) -> Parsed<String> {
     let mut bytes = Vec::with_capacity(uri.len());
     let mut rest = uri.as_bytes();
@@ -536,5 +533,5 @@ fn percent_decoded(uri: &str) -> Parsed<String> {
             _ => bytes.push(*first),
         }
     }
-    String::from_utf8(bytes).map_err(|_| format!("`{}` is no UTF-8", clipped(uri)))
+    String::from_utf8(bytes).map_err(|_| format!("`{}` is not UTF-8", clipped(uri)))
 }

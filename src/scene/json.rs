@@ -1,8 +1,8 @@
 //! JSON: reads a scene file (docs/book/scenes.md) and fills in what it leaves out.
 //!
-//! The types below are the file format: the JSON Schema is derived from them, and a file is held
-//! against that schema before it is read into them. What a schema cannot say (directions that are
-//! zero, indices out of range) comes after.
+//! The types below are the file format: the JSON Schema is derived from them, and a file is checked
+//! against the schema before it is read into them. Rules that a schema cannot express (directions
+//! of length 0, indices out of range) are checked afterwards.
 
 use super::cells::{Cells, Sampled, Slices};
 use super::gaussians::{Gaussian, Gaussians};
@@ -14,7 +14,7 @@ use super::{
 };
 use super::{Environment, Mirror, environment::BuiltinEnvironment};
 use super::{
-    builtin::{self, Builtin, Order},
+    builtin::{self, Builtin, SplatOrder},
     camera::Ball,
     camera_file::CameraFile,
     fields,
@@ -25,7 +25,7 @@ use super::{
     ply,
     tree::{
         MOST_CHILDREN, Tree,
-        cut::{Budget, Detail, Order as DrawOrder, Rules},
+        cut::{Budget, Detail, DetailRules, DrawOrder},
     },
     unit, volume,
 };
@@ -42,43 +42,41 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// ε, left out, is this many times the median radius: served well on three scans
+/// The default of ε is this many times the median radius: it suits three scans
 /// (docs/book/algorithm.md §2).
 const Z_THRESHOLD_OF_RADIUS: f64 = 4.0;
-/// The near plane, left out, lies at this share of the way from the eye to its target.
+/// The default near plane is at this part of the distance from the eye to its target.
 pub(super) const NEAR_OF_DISTANCE: f64 = 1e-3;
-/// Most pixels of a picture along a side, and in all: what a desktop computer still holds a few
-/// times over.
+/// Longest side of a picture, pixels; like [`MOST_PIXELS`], a limit that a desktop computer can
+/// hold a few times.
 const LONGEST_SIDE: usize = 16384;
-/// Pixels of the largest picture.
+/// Most pixels of a picture.
 pub const MOST_PIXELS: usize = 1 << 25;
-/// Least radius of a volume's kernels, in steps of the grid: through the middle of one that stands
-/// for a whole cell of opacity 1 the optical depth is 1/(2πr²), here 1.6·10¹¹, and beyond that a
-/// volume is points in empty space.
+/// Least radius of a volume's kernels, in steps of the grid. The optical depth through the centre
+/// of a kernel that represents a whole cell of opacity 1 is 1/(2πr²), here 1.6·10¹¹; with thinner
+/// kernels a volume is points in empty space.
 const LEAST_STEPS: f64 = 1e-6;
 
-/// No Gaussian is more opaque than this where a scene says nothing else.
+/// Default limit of a Gaussian's opacity.
 const MOST_WEIGHT: f64 = 0.99;
-/// How many times flatter discs are than wide where ellipsoids are drawn beside them: as far as a
-/// scene may flatten any.
+/// Flatness of discs that are drawn together with ellipsoids: the greatest that a scene may choose.
 const FLATTEST: f64 = 1e6;
 
-/// A scene: splats, and how they are looked at. All numbers in world units, linear light and
-/// degrees.
+/// A scene: splats, and how they are viewed. All numbers in world units, linear light and degrees.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(title = "splatsim scene")]
 struct SceneFields {
-    /// Where the splats come from.
+    /// Source of the splats.
     splats: Source,
-    /// The eye; what is left out is chosen so that the splats fill the picture. In its place may
-    /// stand `cameras` or `camera_path`.
+    /// The eye. Missing fields are chosen so that the splats fill the picture. `cameras` or
+    /// `camera_path` may be used instead.
     camera: Option<CameraFields>,
-    /// A camera a frame: a sequence. What else a scene leaves out, as normals and the light, is
-    /// chosen for the first.
+    /// One camera per frame: a sequence. Other defaults of a scene, such as normals and the light,
+    /// are chosen for the first camera.
     #[schemars(length(min = 1, max = MOST_FRAMES))]
     cameras: Option<Vec<CameraFields>>,
-    /// The same by a path.
+    /// A sequence along a path.
     camera_path: Option<PathFields>,
     /// The picture.
     #[serde(default)]
@@ -89,22 +87,22 @@ struct SceneFields {
     /// Rules by which fragments become surfaces.
     #[serde(default)]
     surface: SurfaceFields,
-    /// How a volume's slices, or Gaussians, become pictures.
+    /// Compositing of a volume's slices, or of Gaussians.
     #[serde(default)]
     sheets: SheetFields,
-    /// Draws a cut of a tree of the splats instead of all of them; left out, all. Of discs.
+    /// Draws a cut of a tree of the splats instead of all splats, which is the default. Discs only.
     level_of_detail: Option<DetailFields>,
-    /// Directional lights; left out: one white light from behind the eye.
+    /// Directional lights; default: one white light from behind the eye.
     lights: Option<Vec<LightFields>>,
-    /// What splats' `material` counts in; left out: the built-in sources' own, for others one
-    /// Blinn-Phong.
+    /// Materials that splats' `material` refers to; default: those of the built-in sources,
+    /// otherwise one Blinn-Phong.
     #[schemars(length(min = 1))]
     materials: Option<Vec<MaterialFields>>,
-    /// Light from all around, which materials with `reflect` mirror.
+    /// Light from all directions, reflected by materials with `reflect`.
     environment: Option<EnvironmentFields>,
 }
 
-/// A picture of all directions, or surroundings that splatsim makes itself.
+/// A picture of all directions, or built-in surroundings.
 #[derive(Deserialize, JsonSchema)]
 #[serde(untagged)]
 enum EnvironmentFields {
@@ -112,7 +110,7 @@ enum EnvironmentFields {
     File(EnvironmentFile),
 }
 
-/// Surroundings that splatsim makes itself.
+/// Built-in surroundings.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct BuiltinSurroundings {
@@ -123,7 +121,7 @@ struct BuiltinSurroundings {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct EnvironmentFile {
-    /// Path of the picture, relative to the scene file. Up is y, its middle lies towards −z.
+    /// Path of the picture, relative to the scene file. Up is y; its centre is towards −z.
     file: PathBuf,
     /// Factor on all light.
     #[serde(default = "one")]
@@ -136,7 +134,7 @@ struct EnvironmentFile {
 #[derive(Deserialize, JsonSchema)]
 #[serde(untagged)]
 enum Source {
-    // First, because they are tried in this order and there may be millions of this one.
+    // First, because variants are tried in this order and there may be millions of splats.
     Splat(SplatFields),
     File(FileSource),
     Builtin(BuiltinSource),
@@ -145,12 +143,12 @@ enum Source {
     #[serde(deserialize_with = "placed")]
     Placed(PlacedSource),
     Several(Vec<Source>),
-    /// Splats that no text holds.
+    /// Splats that are not in the text.
     #[serde(skip)]
     Given(Vec<Splat>),
 }
 
-/// Of an object alone: an array would be tried as its fields one by one, and so twice at every
+/// Accepts objects only: an array would be tried as its fields one by one, and thus twice at every
 /// depth of arrays.
 fn placed<'de, D: serde::Deserializer<'de>>(
     from: D,
@@ -167,38 +165,38 @@ struct PlacedSource {
     place: PlaceFields,
 }
 
-/// Another place: made larger about the origin, then turned about it, then moved.
+/// A placement: scaled about the origin, then rotated about it, then moved.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct PlaceFields {
     /// Factor on all positions and radii.
     #[schemars(range(min = 1e-30, max = 1e30))]
     scale: f64,
-    /// What it is turned about, of any length but 0.
+    /// Axis of rotation, of any length except 0.
     #[schemars(inner(range(min = -1e30, max = 1e30)))]
     axis: [f64; 3],
-    /// How far, counter-clockwise seen from where the axis points to.
+    /// Angle, counter-clockwise as seen from the tip of the axis.
     #[schemars(range(min = -360, max = 360))]
     degrees: f64,
-    /// How far it is moved.
+    /// Translation.
     #[serde(rename = "move")]
     #[schemars(inner(range(min = -1e30, max = 1e30)))]
     way: [f64; 3],
 }
 
-/// Points, trained Gaussians or a volume, by the end of the file's name.
+/// Points, trained Gaussians or a volume, by the content of the file.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct FileSource {
-    /// Path of the file, relative to the scene file. Of trained Gaussians: rotations are
-    /// quaternions, real part first (`rot_0` is w), of any length but 0; `f_rest` has all
-    /// coefficients of red, then of green, then of blue.
+    /// Path of the file, relative to the scene file. Trained Gaussians: rotations are quaternions,
+    /// real part first (`rot_0` is w), of any length except 0; `f_rest` has all coefficients of
+    /// red, then of green, then of blue.
     file: PathBuf,
     /// Index into `materials`.
     #[serde(default)]
     #[schemars(range(max = u32::MAX))]
     material: u32,
-    /// Factor on all radii, be they the file's or fitted.
+    /// Factor on all radii, from the file or fitted.
     #[serde(default = "one")]
     #[schemars(range(min = 1e-30, max = 1e30))]
     radius_scale: f64,
@@ -208,41 +206,42 @@ struct FileSource {
     opacity: f64,
 }
 
-/// A scalar field on a grid or at points, seen through a transfer function or along an isosurface.
+/// A scalar field on a grid or at points, drawn through a transfer function or as an isosurface.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct VolumeSource {
     volume: VolumeFile,
-    /// Which of a file's arrays at points has the samples; left out: the one that the file names,
-    /// else the first of one component. Of `.vti`, `.vtr`, `.vts`, `.vtu` and `.vtp`.
+    /// Name of the array of samples in a file of points; default: the one that the file names, else
+    /// the first of one component. For `.vti`, `.vtr`, `.vts`, `.vtu` and `.vtp`.
     array: Option<String>,
-    /// Which array has the variance of each point's kernel, world units²: of 1 component, the same
-    /// in all directions, of 3, along x, y and z, or of 6, xx, yy, zz, xy, yz and xz. Left out:
-    /// from the distance to the 6 nearest points. Of `.vtu` and `.vtp`.
+    /// Name of the array with the variance of each point's kernel, world units²: 1 component (the
+    /// same in all directions), 3 (along x, y and z) or 6 (xx, yy, zz, xy, yz and xz). Default:
+    /// from the distance to the 6 nearest points. For `.vtu` and `.vtp`.
     variance: Option<String>,
-    /// How thick the layer is that `opacity` is of, world units; left out: the shortest step of the
-    /// grid, or where steps differ the median of each sample's shortest.
+    /// Thickness of the layer that `opacity` refers to, world units; default: the shortest step of
+    /// the grid, or, if steps differ, the median of the samples' shortest steps.
     #[schemars(range(min = 1e-30, max = 1e30))]
     layer: Option<f64>,
     /// Colour and opacity by value, in ascending order; between two values colour and optical
-    /// depth, −ln(1 − opacity), are linear. Left out: a white ramp.
+    /// depth, −ln(1 − opacity), are linear. Default: a white ramp.
     #[schemars(length(min = 1))]
     transfer: Option<Vec<TransferFields>>,
-    /// Factor on optical depth by gradient magnitude, in ascending order; left out: 1.
+    /// Factor on optical depth by gradient magnitude, in ascending order; default: 1.
     #[serde(default)]
     gradient: Vec<GradientFields>,
     /// Standard deviation of the kernel along each axis, in steps of the grid along it, or in the
-    /// mean distance to the nearest points. Thinner than the least, no light would meet one. With
-    /// `variance`, which says how wide kernels are, what part of a step that is.
+    /// mean distance to the nearest points. With kernels thinner than the least, a volume is
+    /// invisible. With `variance`, which gives the width of kernels, a standard deviation is this
+    /// part of a step.
     #[serde(default = "kernel_steps")]
     #[schemars(range(min = 1e-6, max = 100))]
     radius: f64,
-    /// Draws the surface where the field has this value, instead of what the transfer function
-    /// shows. Not read of `.vtr`, `.vts`, `.vtu` and `.vtp`.
+    /// Draws the surface at which the field has this value, instead of using the transfer function.
+    /// Not for `.vtr`, `.vts`, `.vtu` and `.vtp`.
     #[schemars(range(min = -1e30, max = 1e30))]
     isovalue: Option<f64>,
-    /// How many times flatter kernels are along the gradient; infinitely flat they are discs. For
-    /// `isovalue`.
+    /// Factor by which kernels are flatter along the gradient; with an infinite factor they are
+    /// discs. For `isovalue`.
     #[serde(default = "flat")]
     #[schemars(range(min = 1, max = 1e6))]
     flatten: f64,
@@ -252,7 +251,7 @@ struct VolumeSource {
     material: u32,
 }
 
-/// Gaussians that splatsim makes itself.
+/// Built-in Gaussians.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct GaussianSource {
@@ -265,7 +264,7 @@ struct GaussianSource {
 #[derive(Deserialize, JsonSchema, Clone, Copy)]
 #[serde(rename_all = "kebab-case")]
 enum BuiltinGaussians {
-    /// Flowers: petals are flat, stems are needles, and a haze lies behind them.
+    /// Flowers: flat petals, thin stems, and a haze behind them.
     Bouquet,
 }
 
@@ -279,18 +278,18 @@ enum VolumeFile {
     Raw(RawDescription),
 }
 
-/// A field that splatsim makes itself.
+/// A built-in field.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct BuiltinField {
-    builtin: fields::Field,
+    builtin: fields::BuiltinFieldName,
     /// Samples along each axis.
     #[serde(default = "field_samples")]
     #[schemars(range(min = 2, max = 512))]
     samples: usize,
 }
 
-/// A value of the field, and how it looks.
+/// A value of the field with its colour and opacity.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct TransferFields {
@@ -300,13 +299,13 @@ struct TransferFields {
     #[serde(default = "white")]
     #[schemars(inner(range(min = 0, max = 1)))]
     rgb: [f64; 3],
-    /// Of a layer as thick as the shortest step of the grid, or `layer`: what part of the light
-    /// behind it does not come through. 1 counts as 1 − 2⁻¹⁶.
+    /// Part of the light behind a layer that does not pass through it. The layer has the thickness
+    /// of the grid's shortest step, or `layer`. 1 counts as 1 − 2⁻¹⁶.
     #[schemars(range(min = 0, max = 1))]
     opacity: f64,
 }
 
-/// A gradient magnitude, in values a world unit, and a factor on optical depth.
+/// A gradient magnitude, in values per world unit, and a factor on optical depth.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct GradientFields {
@@ -316,7 +315,7 @@ struct GradientFields {
     factor: f64,
 }
 
-/// In which order sheets are blended.
+/// Order in which sheets are blended.
 #[derive(Deserialize, JsonSchema, Clone, Copy, PartialEq)]
 #[serde(rename_all = "kebab-case")]
 enum SheetOrder {
@@ -324,7 +323,7 @@ enum SheetOrder {
     BackToFront,
 }
 
-/// What opacity an optical depth has: itself, as far as 1; or 1 − e^(−x).
+/// Opacity of an optical depth x: x, limited to 1; or 1 − e^(−x).
 #[derive(Deserialize, JsonSchema, Clone, Copy)]
 #[serde(rename_all = "kebab-case")]
 enum OpacityLaw {
@@ -335,35 +334,36 @@ enum OpacityLaw {
 #[derive(Deserialize, JsonSchema, Default)]
 #[serde(deny_unknown_fields, default)]
 struct SheetFields {
-    /// Left out: front-to-back. Gaussians know no other.
+    /// Default: front-to-back, which is the only order for Gaussians.
     order: Option<SheetOrder>,
-    /// Left out: exponential. For volumes.
+    /// Default: exponential. For volumes.
     opacity: Option<OpacityLaw>,
-    /// A pixel that lets through less than this takes nothing more; left out: 1/1024 for volumes,
-    /// 1e-4 for Gaussians.
+    /// A pixel whose transmittance is below this accepts no more; default: 1/1024 for volumes, 1e-4
+    /// for Gaussians.
     #[schemars(range(min = 0), extend("exclusiveMaximum" = 1))]
     stop: Option<f64>,
-    /// What makes a pixel stop is blended still; left out: so for volumes, not for Gaussians.
+    /// Whether the contribution that stops a pixel is blended; default: true for volumes, false for
+    /// Gaussians.
     keep_last: Option<bool>,
-    /// Lesser weights make no fragment; left out: 0 for volumes, 1/255 for Gaussians.
+    /// Smaller weights make no fragment; default: 0 for volumes, 1/255 for Gaussians.
     #[schemars(range(min = 0, max = 1))]
     least_weight: Option<f64>,
-    /// No Gaussian is more opaque than this; left out: 0.99.
+    /// Upper limit of a Gaussian's weight; default: 0.99.
     #[schemars(range(max = 1), extend("exclusiveMinimum" = 0))]
     most_weight: Option<f64>,
 }
 
-/// A cloud that splatsim makes itself.
+/// A built-in cloud.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct BuiltinSource {
     builtin: Builtin,
-    /// How many splats; left out: enough for a closed surface at 512×512.
+    /// Number of splats; default: enough for a closed surface at 512×512.
     #[schemars(range(min = 1, max = 67_108_864))]
     count: Option<usize>,
     #[serde(default)]
-    order: Order,
-    /// Which of the random orders.
+    order: SplatOrder,
+    /// Seed of the random order.
     #[serde(default)]
     seed: u64,
 }
@@ -374,11 +374,11 @@ struct BuiltinSource {
 struct SplatFields {
     #[schemars(inner(range(min = -1e30, max = 1e30)))]
     position: [f64; 3],
-    /// Of any length but 0; left out: fitted to the nearest splats of the same array.
+    /// Of any length except 0; default: fitted to the nearest splats of the same array.
     #[schemars(inner(range(min = -1e30, max = 1e30)))]
     normal: Option<[f64; 3]>,
-    /// Standard deviation of the kernel; left out: mean distance to the 6 nearest splats of the
-    /// same array.
+    /// Standard deviation of the kernel; default: mean distance to the 6 nearest splats of the same
+    /// array.
     #[schemars(range(min = 1e-30, max = 1e30))]
     radius: Option<f64>,
     /// Linear light.
@@ -399,31 +399,31 @@ struct SplatFields {
 pub(super) struct CameraFields {
     #[schemars(inner(range(min = -1e30, max = 1e30)))]
     eye: Option<[f64; 3]>,
-    /// What lands on the middle of the picture.
+    /// Point at the centre of the picture.
     #[schemars(inner(range(min = -1e30, max = 1e30)))]
     target: Option<[f64; 3]>,
-    /// What is up in the picture; left out: y (for Gaussians −y), or z where the eye looks along y.
+    /// Up direction in the picture; default: y (for Gaussians −y), or z if the eye looks along y.
     #[schemars(inner(range(min = -1e30, max = 1e30)))]
     up: Option<[f64; 3]>,
-    /// Full vertical angle of view; left out, 45, or what `focal_px` means. Narrower than the
-    /// least, the picture's coordinates leave f64.
+    /// Full vertical angle of view; default: 45, or the equivalent of `focal_px`. With narrower
+    /// angles than the least, coordinates in the picture exceed f64.
     #[schemars(range(min = 1e-6), extend("exclusiveMaximum" = 180))]
     fov_y_degrees: Option<f64>,
-    /// Focal lengths along x and y, pixels of a picture of `picture_px`. Two different ones are
-    /// pixels that are not square.
+    /// Focal lengths along x and y, in pixels of a picture of `picture_px`. If they differ, pixels
+    /// are not square.
     #[schemars(inner(range(min = 1e-3, max = 1e9)))]
     focal_px: Option<[f64; 2]>,
-    /// Principal point: where the axis of the camera meets a picture of `picture_px`, pixels from
-    /// its top left corner (x to the right, y down; the centre of the first pixel is 0.5, 0.5).
-    /// Left out, the middle.
+    /// Principal point: intersection of the camera's axis with a picture of `picture_px`, pixels
+    /// from its top left corner (x to the right, y down; the centre of the first pixel is 0.5,
+    /// 0.5). Default: the centre.
     #[schemars(inner(range(min = -1e6, max = 1e6)))]
     centre_px: Option<[f64; 2]>,
-    /// Width and height that `focal_px` and `centre_px` refer to; left out, `image`. In a picture
-    /// of another size (`--size`) both are scaled by its height, about its middle.
+    /// Width and height that `focal_px` and `centre_px` refer to; default: those of `image`. In a
+    /// picture of another size (`--size`) both are scaled by its height, about its centre.
     #[schemars(inner(range(min = 1, max = 1e6)))]
     picture_px: Option<[f64; 2]>,
-    /// Splats whose centres lie at or nearer than this depth are not drawn, Gaussians too; left
-    /// out: a thousandth of the way to the target.
+    /// Splats whose centres are at or nearer than this depth are not drawn, including Gaussians;
+    /// default: a thousandth of the distance to the target.
     #[schemars(range(max = 1e30), extend("exclusiveMinimum" = 0))]
     near: Option<f64>,
 }
@@ -436,39 +436,39 @@ pub(super) enum PathFields {
     Pan(PanFields),
 }
 
-/// A camera for every frame between those of some.
+/// A camera for every frame, interpolated between key frames.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct KeyedFields {
-    /// In the order of their frames. Before the first and after the last the camera rests.
+    /// In the order of their frames. The camera rests before the first and after the last.
     #[schemars(length(min = 1, max = MOST_FRAMES))]
     pub keys: Vec<KeyFields>,
-    /// How many frames; left out: up to the last key's.
+    /// Number of frames; default: up to the last key's.
     #[schemars(range(min = 1, max = MOST_FRAMES))]
     pub frames: Option<usize>,
-    /// What lies between two keys.
+    /// Interpolation between two keys.
     #[serde(default)]
     pub interpolation: Interpolation,
 }
 
-/// What lies between two keys: of eye, target, up and angle of view; the near plane is always
+/// Interpolation between two keys of eye, target, up and angle of view; the near plane is always
 /// linear.
 #[derive(Deserialize, JsonSchema, Clone, Copy, Default, PartialEq)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Interpolation {
-    /// Cubic Hermite curves with Catmull and Rom's slopes, (next − last)/(their frames apart): no
-    /// jolt at a key.
+    /// Cubic Hermite curves with the slopes of Catmull and Rom, (next − last)/(frames between
+    /// them): smooth at keys.
     #[default]
     Smooth,
     /// Straight lines.
     Linear,
 }
 
-/// A camera at a frame, as `camera` otherwise.
+/// The camera at a frame, otherwise like `camera`.
 #[derive(Deserialize, JsonSchema, Clone)]
 #[serde(deny_unknown_fields)]
 pub(super) struct KeyFields {
-    /// The frame, above the key's before.
+    /// The frame, greater than that of the previous key.
     #[schemars(range(max = LAST_FRAME))]
     pub at: usize,
     #[schemars(inner(range(min = -1e30, max = 1e30)))]
@@ -477,7 +477,7 @@ pub(super) struct KeyFields {
     target: Option<[f64; 3]>,
     #[schemars(inner(range(min = -1e30, max = 1e30)))]
     up: Option<[f64; 3]>,
-    #[serde(default = "usual_fov")]
+    #[serde(default = "default_fov")]
     #[schemars(range(min = 1e-6), extend("exclusiveMaximum" = 180))]
     fov_y_degrees: f64,
     #[schemars(range(max = 1e30), extend("exclusiveMinimum" = 0))]
@@ -505,17 +505,18 @@ impl KeyFields {
     }
 }
 
-/// A pan to the right: the eye stays, and the picture moves to the left by as much in every frame.
+/// A pan to the right: the eye is fixed, and the picture moves to the left by the same amount per
+/// frame.
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub(super) struct PanFields {
-    /// How far the middle of the first picture moves in a frame, pixels.
+    /// Movement of the centre of the first picture, pixels per frame.
     #[schemars(range(min = -1e4, max = 1e4))]
     pub pan_pixels: f64,
-    /// How many frames.
+    /// Number of frames.
     #[schemars(range(min = 1, max = MOST_FRAMES))]
     pub frames: usize,
-    /// That of the first frame.
+    /// Camera of the first frame.
     #[serde(default)]
     camera: CameraFields,
 }
@@ -535,29 +536,30 @@ struct ImageFields {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct KernelFields {
-    /// Fragments exist where the radial index is below this; left out: 2 for surfaces, 4 for
-    /// volumes, 2·ln 255 = 11.0825 for Gaussians, where an opaque one weighs 1/255.
+    /// Fragments exist if the radial index is below this; default: 2 for surfaces, 4 for volumes,
+    /// 2·ln 255 = 11.0825 for Gaussians, at which the weight of an opaque one is 1/255.
     #[schemars(range(max = 100), extend("exclusiveMinimum" = 0))]
     cutoff: Option<f64>,
-    /// Variance of the low-pass filter, pixel²; left out: 1, for Gaussians 0.3, which makes none of
-    /// them fainter: opacity is at the peak.
+    /// Variance of the low-pass filter, pixel²; default: 1, for Gaussians 0.3, without making them
+    /// fainter: their opacity is that of the peak.
     #[schemars(range(min = 0, max = 1e6))]
     low_pass: Option<f64>,
-    /// Whether a Gaussian is made fainter by as much as the low-pass filter widens it: its peak is
-    /// opacity · √(det V_r/det V), which Gaussians trained with Mip-Splatting's filter expect.
-    /// Discs and volumes always have that factor. Left out, what the file of the Gaussians says
-    /// (`comment SplatRenderMode: mip` of a PLY, the flag of a `.spz`), else false.
+    /// Whether a Gaussian is made fainter in proportion to its widening by the low-pass filter: its
+    /// peak is then opacity · √(det V_r/det V), as required by Gaussians trained with
+    /// Mip-Splatting's filter. Discs and volumes always have that factor. Default: as in the file
+    /// of the Gaussians (`comment SplatRenderMode: mip` of a PLY, the flag of a `.spz`), else
+    /// false.
     compensate_opacity: Option<bool>,
-    /// How a volume's kernels are filtered.
+    /// Filtering of a volume's kernels.
     low_pass_by: LowPass,
-    /// What is drawn of a splat; others than the papers' are for comparison.
+    /// Filter of a splat; filters other than the papers' are for comparison.
     filter: FilterField,
-    /// Splats whose centres lie farther to the side than this, in half pictures, are not drawn;
-    /// left out: 1.5, for Gaussians 100.
+    /// Splats whose centres are farther to the side than this, in half pictures, are not drawn;
+    /// default: 1.5, for Gaussians 100.
     #[schemars(range(max = 100), extend("exclusiveMinimum" = 0))]
     guard: Option<f64>,
-    /// Farther to the side than this, in half pictures, an ellipsoid is projected as if it were
-    /// there.
+    /// An ellipsoid farther to the side than this, in half pictures, is projected as if it were at
+    /// this limit.
     #[schemars(range(max = 100), extend("exclusiveMinimum" = 0))]
     jacobian: f64,
 }
@@ -565,15 +567,15 @@ struct KernelFields {
 #[derive(Deserialize, JsonSchema, Clone, Copy, PartialEq)]
 #[serde(rename_all = "kebab-case")]
 enum FilterField {
-    /// The projected ellipse with the low-pass filter: the papers' own.
+    /// The projected ellipse with the low-pass filter, as in the papers.
     Ewa,
     /// The ellipse without the filter: as if `low_pass` were 0.
     Elliptical,
-    /// A circle as wide as the ellipse's major axis, with the filter. Of discs; `golden` and
-    /// `ideal` alone draw it, in the example `filters`.
+    /// A circle with the radius of the ellipse's major axis, with the filter. Discs only; it is
+    /// drawn only by `golden` and `ideal`, in the example `filters`.
     Circular,
-    /// Heckbert's source-space EWA: the filter is brought onto the splat's plane along each pixel's
-    /// ray. Of discs; drawn as `circular` is.
+    /// Heckbert's source-space EWA: the filter is mapped to the splat's plane along each pixel's
+    /// ray. Discs only; drawn like `circular`.
     SourceEwa,
 }
 
@@ -582,7 +584,7 @@ enum FilterField {
 enum LowPass {
     /// Each footprint is convolved with the filter (EWA §6.2).
     Convolution,
-    /// Each kernel is enlarged, the same in all directions, until its thinnest axis is as wide as
+    /// Each kernel is enlarged, equally in all directions, until its thinnest axis is as wide as
     /// the filter (Swan et al. 1997).
     Scaling,
 }
@@ -590,7 +592,8 @@ enum LowPass {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct SurfaceFields {
-    /// Contributions nearer than this in depth belong together; left out: 4 × the median radius.
+    /// Contributions with a smaller difference in depth belong together; default: 4 × the median
+    /// radius.
     #[schemars(range(max = 1e30), extend("exclusiveMinimum" = 0))]
     z_threshold: Option<f64>,
     /// Weight sum from which a pixel counts as fully covered.
@@ -603,7 +606,7 @@ struct SurfaceFields {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct LightFields {
-    /// From the surface to the light, world space, of any length but 0.
+    /// From the surface towards the light, world space, of any length except 0.
     #[schemars(inner(range(min = -1e30, max = 1e30)))]
     direction: [f64; 3],
     /// Linear light; may be brighter than 1.
@@ -615,7 +618,7 @@ struct LightFields {
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct MaterialFields {
-    /// The colour as it is; the other fields then mean nothing.
+    /// The colour without lighting; the other fields are then ignored.
     unlit: bool,
     #[schemars(range(min = 0, max = 1e6))]
     ambient: f64,
@@ -625,37 +628,36 @@ struct MaterialFields {
     specular: f64,
     #[schemars(range(min = 0, max = 1e6))]
     shininess: f64,
-    /// Share of what leaves the surface that is its surroundings, mirrored; of unlit materials too.
-    /// Needs `environment`.
+    /// Reflected part of the light that leaves the surface; also for unlit materials. Requires
+    /// `environment`.
     #[schemars(range(min = 0, max = 1))]
     reflect: f64,
-    /// Factor on what is mirrored.
+    /// Factor on the reflected light.
     #[schemars(inner(range(min = 0, max = 1)))]
     tint: [f64; 3],
 }
 
-/// How much of a tree of splats is drawn (docs/book/level-of-detail.md).
+/// Selection from a tree of splats (docs/book/level-of-detail.md).
 #[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 struct DetailFields {
-    /// The coarsest nodes are drawn whose spheres are no larger on the screen, pixels across; 0
-    /// draws every splat.
+    /// The coarsest nodes are drawn whose spheres have at most this diameter on the screen, pixels;
+    /// 0 draws every splat.
     #[schemars(range(min = 0, max = 1e6))]
     pixels: f64,
-    /// In which order; left out: `walk`, or with a budget `coarse-to-fine`.
+    /// Order of drawing; default: `walk`, or with a budget `coarse-to-fine`.
     order: Option<DetailOrder>,
-    /// Leaves out nodes outside of the picture, and where `cull_backfaces` is true those whose
-    /// normals all face away.
+    /// Leaves out nodes outside the picture and, if `cull_backfaces` is true, those whose normals
+    /// all face away.
     cull: bool,
-    /// Nodes whose children a walker asks for at a time.
+    /// Number of nodes whose children the traversal unit requests at a time.
     #[schemars(range(min = 1, max = 1024))]
     ahead: usize,
-    /// Most children of a node where the tree is built from splats; a tree that is read has its
-    /// own.
+    /// Most children per node if the tree is built from splats; a tree file has its own number.
     #[schemars(range(min = 2, max = MOST_CHILDREN))]
     children: usize,
-    /// What the frame may take: the largest nodes become their children first, and none for which
-    /// there is no room.
+    /// Limits per frame: the largest nodes are replaced by their children first, until there is no
+    /// room for the next.
     budget: BudgetFields,
 }
 
@@ -675,20 +677,20 @@ impl Default for DetailFields {
 #[derive(Deserialize, JsonSchema, Clone, Copy, PartialEq)]
 #[serde(rename_all = "kebab-case")]
 enum DetailOrder {
-    /// As the walk comes to them.
+    /// In the order of the traversal.
     Walk,
     /// The largest on the screen first.
     CoarseToFine,
 }
 
-/// What a frame may take; what is left out has no limit.
+/// Limits per frame; by default there is none.
 #[derive(Deserialize, JsonSchema, Default)]
 #[serde(deny_unknown_fields, default)]
 struct BudgetFields {
     /// Splats that are drawn.
     #[schemars(range(min = 1))]
     splats: Option<u64>,
-    /// Bytes of nodes that are read from memory, by the machine's words.
+    /// Bytes of nodes that are read from memory, in the machine's formats.
     #[schemars(range(min = 1))]
     bytes: Option<u64>,
     /// Cycles of the frame on the machine.
@@ -697,7 +699,7 @@ struct BudgetFields {
 }
 
 impl DetailFields {
-    fn rules(&self) -> Rules {
+    fn rules(&self) -> DetailRules {
         let BudgetFields {
             splats,
             bytes,
@@ -708,7 +710,7 @@ impl DetailFields {
         } else {
             DrawOrder::Walk
         };
-        Rules {
+        DetailRules {
             pixels: self.pixels,
             order: match self.order {
                 Some(DetailOrder::Walk) => DrawOrder::Walk,
@@ -730,7 +732,7 @@ fn one() -> f64 {
     1.0
 }
 
-fn usual_fov() -> f64 {
+fn default_fov() -> f64 {
     45.0
 }
 
@@ -822,47 +824,46 @@ pub fn schema() -> Value {
     schemars::schema_for!(SceneFields).to_value()
 }
 
-/// A scene as one of its frames shows it.
-pub(super) struct Seen {
+/// One frame of a scene.
+pub(super) struct LoadedFrame {
     pub scene: Scene,
-    /// A camera a frame.
+    /// One camera per frame.
     pub cameras: Vec<Camera>,
-    /// Whether cameras were given, be it one: then it is a sequence.
+    /// Whether cameras were given, even a single one: then it is a sequence.
     pub is_sequence: bool,
-    /// Whether frames differ in nothing but the camera: splats of volumes and Gaussians are ordered
-    /// and coloured for the eye.
+    /// Whether frames differ only in the camera. Splats of volumes and Gaussians depend on the eye
+    /// in order and colour.
     pub shares_splats: bool,
 }
 
-/// Which frame is seen, and by cameras of which file instead of the scene's own.
+/// Selection of a frame, and a file of cameras that replaces the scene's own.
 #[derive(Clone, Copy)]
-pub(super) struct Which<'a> {
+pub(super) struct FrameChoice<'a> {
     pub frame: usize,
     pub cameras: Option<&'a CameraFile>,
 }
 
-/// Reads a scene file's text. Files that it names lie relative to `folder`; `name` begins every
-/// error.
+/// Reads a scene file's text. Paths in it are relative to `folder`; `name` begins every error.
 pub(super) fn read(
     text: &str,
     name: &str,
     folder: &Path,
     overrides: &Overrides,
-    which: Which,
-) -> Result<Seen> {
+    which: FrameChoice,
+) -> Result<LoadedFrame> {
     build(fields(text, name)?, name, folder, overrides, which)
 }
 
-/// The same with these splats instead of the text's own, which may be any. A normal or a radius of
-/// 0 is fitted.
+/// Reads a scene file's text, with these splats instead of its own. A normal or a radius of 0 is
+/// fitted.
 pub(super) fn read_with(
     splats: Vec<Splat>,
     text: &str,
     name: &str,
     folder: &Path,
     overrides: &Overrides,
-    which: Which,
-) -> Result<Seen> {
+    which: FrameChoice,
+) -> Result<LoadedFrame> {
     let mut fields = fields(text, name)?;
     fields.splats = Source::Given(splats);
     build(fields, name, folder, overrides, which)
@@ -871,17 +872,17 @@ pub(super) fn read_with(
 fn fields(text: &str, name: &str) -> Result<SceneFields> {
     let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
     let value = strict_json::parse(text).map_err(input_error)?;
-    validate::check(&value, &schema()).map_err(|misfit| input_error(misfit.to_string()))?;
+    validate::check(&value, &schema()).map_err(|violation| input_error(violation.to_string()))?;
     serde_json::from_value(value).map_err(|e| input_error(e.to_string()))
 }
 
-/// Makes the scene of a file of splats alone, all else left out; `name` begins every error.
+/// Makes the scene of a file of splats, with defaults for all else; `name` begins every error.
 pub(super) fn of_file(
     file: &Path,
     name: &str,
     overrides: &Overrides,
-    which: Which,
-) -> Result<Seen> {
+    which: FrameChoice,
+) -> Result<LoadedFrame> {
     let fields = SceneFields {
         splats: Source::File(FileSource {
             file: file.to_owned(),
@@ -909,8 +910,8 @@ fn build(
     name: &str,
     folder: &Path,
     overrides: &Overrides,
-    which: Which,
-) -> Result<Seen> {
+    which: FrameChoice,
+) -> Result<LoadedFrame> {
     let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
     let environment = environment(&fields, folder).map_err(input_error)?;
     let image = image(&fields.image, name, overrides, which.cameras)?;
@@ -922,13 +923,13 @@ fn build(
         return Err(input_error(gathered.nothing().into()));
     }
     let kind = gathered.kind();
-    if kind == Kind::Mixed {
+    if kind == SceneKind::Mixed {
         let count = gathered.splats.len() as u64;
         memory::check(count, "splats", memory::GAUSSIAN_BYTES)
             .map_err(|sentence| input_error(format!("splats: {sentence}")))?;
     }
-    // Training programs have y down, as their cameras do.
-    let up = if kind == Kind::Gaussians {
+    // Training programs use y down, as for their cameras.
+    let up = if kind == SceneKind::Gaussians {
         DVec3::NEG_Y
     } else {
         DVec3::Y
@@ -941,7 +942,7 @@ fn build(
     };
     let Some(&camera) = cameras.get(which.frame) else {
         let right = if cameras.len() == 1 {
-            "0 alone is right".into()
+            "only 0 is right".into()
         } else {
             format!("0 to {} are right", cameras.len() - 1)
         };
@@ -950,7 +951,7 @@ fn build(
             which.frame
         )));
     };
-    // Whatever else depends on the eye is the first one's: the world stays as it is while the eye
+    // Everything else that depends on the eye uses the first one: the world is fixed while the eye
     // moves.
     if which.cameras.is_none() && fields.frames_itself() {
         let (missed, all) = (
@@ -958,7 +959,9 @@ fn build(
             gathered.splats.len(),
         );
         if missed > 0 {
-            gathered.notes.push(format!("{missed} of {all} splats lie outside of the frame that was chosen; `camera` shows them"));
+            gathered.notes.push(format!(
+                "{missed} of {all} splats are outside the chosen view; set `camera` to show them"
+            ));
         }
     }
     gathered
@@ -967,13 +970,13 @@ fn build(
     gathered.complete(cameras[0].eye);
     let lights = lights(fields.lights, &cameras[0]).map_err(input_error)?;
     let surface = surface(&fields.surface, &gathered.splats);
-    if [Kind::Volume, Kind::Mixed].contains(&kind) && surface.coverage_threshold > 1.0 {
+    if [SceneKind::Volume, SceneKind::Mixed].contains(&kind) && surface.coverage_threshold > 1.0 {
         return Err(input_error(format!(
             "surface.coverage_threshold is {}; a volume's splats are lit with weight 1, so at most 1 is right",
             surface.coverage_threshold
         )));
     }
-    if fields.kernel.low_pass_by == LowPass::Scaling && kind != Kind::Volume {
+    if fields.kernel.low_pass_by == LowPass::Scaling && kind != SceneKind::Volume {
         return Err(input_error(
             "kernel.low_pass_by is \"scaling\", and only the kernels of a volume are scaled".into(),
         ));
@@ -987,7 +990,7 @@ fn build(
         return Err(input_error("kernel.filter is \"elliptical\", which has no low-pass filter, and kernel.low_pass is not 0".into()));
     }
     if fields.kernel.compensate_opacity == Some(true)
-        && ![Kind::Gaussians, Kind::Mixed].contains(&kind)
+        && ![SceneKind::Gaussians, SceneKind::Mixed].contains(&kind)
     {
         return Err(input_error(
             "kernel.compensate_opacity is true, and discs and volumes have that factor already; it is for Gaussians".into(),
@@ -1004,7 +1007,7 @@ fn build(
             "kernel.filter is \"{name}\", which is of discs, and these splats are none"
         )));
     }
-    if surface.cull_backfaces && kind != Kind::Surfaces {
+    if surface.cull_backfaces && kind != SceneKind::Surfaces {
         return Err(input_error(
             "surface.cull_backfaces is true, and neither voxels nor Gaussians have a back".into(),
         ));
@@ -1019,7 +1022,7 @@ fn build(
         }
         Some(fields) => Some(gathered.detail(fields).map_err(input_error)?),
     };
-    let compensate_opacity = kind == Kind::Gaussians
+    let compensate_opacity = kind == SceneKind::Gaussians
         && fields
             .kernel
             .compensate_opacity
@@ -1031,7 +1034,7 @@ fn build(
         media,
         ..
     } = gathered;
-    // What is written of a scene may be a comment of one line.
+    // A scene's name may become a comment of one line.
     let name = one_line(
         &Path::new(name)
             .file_name()
@@ -1058,9 +1061,9 @@ fn build(
         notes,
     };
     match kind {
-        Kind::Mixed => mixed(media, &fields.sheets, &mut scene),
-        Kind::Surfaces => surfaces(media, &mut scene),
-        Kind::Volume | Kind::Gaussians => media
+        SceneKind::Mixed => mixed(media, &fields.sheets, &mut scene),
+        SceneKind::Surfaces => surfaces(media, &mut scene),
+        SceneKind::Volume | SceneKind::Gaussians => media
             .into_iter()
             .for_each(|part| part.medium.complete(&fields.sheets, &mut scene)),
     }
@@ -1070,9 +1073,9 @@ fn build(
     let scene = scene.cut();
     let is_sequence =
         which.cameras.is_some() || fields.cameras.is_some() || fields.camera_path.is_some();
-    // Of a tree each camera has a cut of its own.
-    let shares_splats = kind == Kind::Surfaces && scene.detail.is_none();
-    Ok(Seen {
+    // With a tree, each camera has its own cut.
+    let shares_splats = kind == SceneKind::Surfaces && scene.detail.is_none();
+    Ok(LoadedFrame {
         scene,
         cameras,
         is_sequence,
@@ -1080,7 +1083,7 @@ fn build(
     })
 }
 
-/// Surroundings, and what the materials do with them; none where no material mirrors anything.
+/// Surroundings and the materials' reflections of them; None if no material reflects.
 fn environment(
     fields: &SceneFields,
     folder: &Path,
@@ -1111,9 +1114,9 @@ fn environment(
     Ok(shiny.map(|_| Arc::new(environment)))
 }
 
-/// What a scene's defaults depend on.
+/// Kind of a scene, which determines defaults.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Kind {
+enum SceneKind {
     Surfaces,
     Volume,
     Gaussians,
@@ -1121,12 +1124,12 @@ enum Kind {
     Mixed,
 }
 
-fn kernel(fields: &KernelFields, kind: Kind) -> Kernel {
+fn kernel(fields: &KernelFields, kind: SceneKind) -> Kernel {
     let (cutoff, low_pass, guard) = match kind {
-        Kind::Surfaces => (2.0, 1.0, 1.5),
-        Kind::Volume | Kind::Mixed => (4.0, 1.0, 1.5),
-        // Programs that train draw what lies far to the side as well.
-        Kind::Gaussians => (gaussian_cutoff(), 0.3, 100.0),
+        SceneKind::Surfaces => (2.0, 1.0, 1.5),
+        SceneKind::Volume | SceneKind::Mixed => (4.0, 1.0, 1.5),
+        // Training programs also draw splats far to the side.
+        SceneKind::Gaussians => (gaussian_cutoff(), 0.3, 100.0),
     };
     Kernel {
         cutoff: fields.cutoff.unwrap_or(cutoff),
@@ -1148,27 +1151,27 @@ fn kernel(fields: &KernelFields, kind: Kind) -> Kernel {
 
 // ---- volumes and Gaussians ----
 
-/// What more than discs a scene is of.
+/// Splats other than discs.
 enum Medium {
-    /// Splats are voxels, in the order of the samples until the view is known.
+    /// Voxels, in the order of the samples until the view is known.
     Volume(Voxels),
-    /// Splats are samples with kernels of their own, in the order of the samples; of a rectilinear
-    /// grid with its slices.
+    /// Samples with individual kernels, in the order of the samples; for a rectilinear grid with
+    /// its slices.
     Cells(Vec<Orientation>, Option<Slices>),
-    /// Splats lie on a surface and are flat; and the area that each stands for, world units².
+    /// Flat splats on a surface, and the area that each represents, world units².
     Isosurface(Vec<Orientation>, f64),
-    /// Splats are trained; colours wait for the eye. All are turned by this since they were read.
+    /// Trained Gaussians, whose colours depend on the eye, and their rotation since they were read.
     Gaussians(Gaussians, DQuat),
 }
 
-/// Some of a scene's splats that are more than discs.
-struct Part {
+/// A range of a scene's splats that are not discs.
+struct MediumPart {
     splats: Range<usize>,
     medium: Medium,
 }
 
 impl SheetFields {
-    /// Of what emits.
+    /// Sheets of a medium that emits and absorbs.
     fn of_volume(&self, of: Sheet, back_to_front: bool) -> Sheets {
         Sheets {
             of,
@@ -1186,7 +1189,7 @@ impl SheetFields {
 }
 
 impl Medium {
-    /// Brings it to another place, without its splats.
+    /// Moves it to another place, without its splats.
     fn put(&mut self, place: &Placement) {
         match self {
             Medium::Volume(voxels) => voxels.put(place),
@@ -1222,7 +1225,7 @@ impl Medium {
             Medium::Cells(orientations, slices) => {
                 let sorted = slices.is_none();
                 let (mut orientations, numbers, back_to_front) = match slices {
-                    // A sample by itself is a sheet, as a Gaussian is.
+                    // Each sample is its own sheet, like a Gaussian.
                     None => (
                         orientations,
                         (0..scene.splats.len() as u32).collect(),
@@ -1296,7 +1299,7 @@ impl Medium {
     }
 }
 
-/// Colour of a Gaussian that was turned, seen along a way from the eye.
+/// Colour of a rotated Gaussian, seen along `way` from the eye.
 fn seen_colour(gaussians: &Gaussians, index: usize, turn: DQuat, way: DVec3) -> [f64; 3] {
     gaussians::colour(
         gaussians.harmonics(index),
@@ -1305,7 +1308,7 @@ fn seen_colour(gaussians: &Gaussians, index: usize, turn: DQuat, way: DVec3) -> 
 }
 
 fn of_gaussian(gaussian: &Gaussian, turn: DQuat) -> Orientation {
-    // A turn by nothing is no product: old scenes keep their last bits.
+    // Without rotation there is no product: old scenes keep their last bits.
     let rotation = if turn == DQuat::IDENTITY {
         gaussian.rotation
     } else {
@@ -1317,7 +1320,7 @@ fn of_gaussian(gaussian: &Gaussian, turn: DQuat) -> Orientation {
     }
 }
 
-/// A disc as an ellipsoid that is `flatten` times thinner along its normal.
+/// A disc as an ellipsoid, `flatten` times thinner along its normal.
 fn of_disc(normal: DVec3, flatten: f64) -> Orientation {
     Orientation {
         rotation: DQuat::from_rotation_arc(DVec3::Z, normal),
@@ -1325,8 +1328,8 @@ fn of_disc(normal: DVec3, flatten: f64) -> Orientation {
     }
 }
 
-/// Surfaces alone: where one is of flattened kernels, all are.
-fn surfaces(media: Vec<Part>, scene: &mut Scene) {
+/// Surfaces only: if one has flattened kernels, all have.
+fn surfaces(media: Vec<MediumPart>, scene: &mut Scene) {
     if media.is_empty() {
         return;
     }
@@ -1335,7 +1338,7 @@ fn surfaces(media: Vec<Part>, scene: &mut Scene) {
         .iter()
         .map(|splat| of_disc(splat.normal, FLATTEST))
         .collect();
-    for Part { splats, medium } in media {
+    for MediumPart { splats, medium } in media {
         if let Medium::Isosurface(orientations, _) = medium {
             all[splats].copy_from_slice(&orientations);
         }
@@ -1343,16 +1346,16 @@ fn surfaces(media: Vec<Part>, scene: &mut Scene) {
     Medium::Isosurface(all, 0.0).complete(&SheetFields::default(), scene);
 }
 
-/// Everything in one frame: each splat is a sheet of its own, sorted by depth, that emits and
-/// absorbs as a volume's do (EWA Fig. 16).
+/// Everything in one frame: each splat is its own sheet, sorted by depth, that emits and absorbs
+/// like those of a volume (EWA Fig. 16).
 ///
-/// A surface is a thin layer of that depth: its kernels, flattened, share the optical depth of its
-/// opacity, by the area that each stands for; a disc of σ stands for σ². A Gaussian is as deep
-/// along the way to the eye as its peak is opaque, and sends the light that its colour is on a
-/// screen.
-fn mixed(media: Vec<Part>, fields: &SheetFields, scene: &mut Scene) {
+/// A surface is a thin layer of that optical depth: its flattened kernels share the optical depth
+/// of its opacity, in proportion to the area that each represents; a disc of σ represents σ². The
+/// optical depth of a Gaussian along the ray is that of its peak's opacity. It emits the light that
+/// its colour has on a screen.
+fn mixed(media: Vec<MediumPart>, fields: &SheetFields, scene: &mut Scene) {
     let cutoff = scene.kernel.cutoff;
-    // Peak of a flattened kernel seen from the front, which stands for a part of σ².
+    // Peak of a flattened kernel, seen from the front, that represents `part` of σ².
     let layer = |opacity: f64, part: f64| depth_of_layer(opacity, cutoff) * part / TAU;
     let mut all: Vec<Orientation> = scene
         .splats
@@ -1362,7 +1365,7 @@ fn mixed(media: Vec<Part>, fields: &SheetFields, scene: &mut Scene) {
     let mut is_disc = vec![true; scene.splats.len()];
     let eye = scene.camera.eye;
     let unlit = scene.materials.len() as u32;
-    for Part {
+    for MediumPart {
         splats: range,
         medium,
     } in media
@@ -1386,8 +1389,8 @@ fn mixed(media: Vec<Part>, fields: &SheetFields, scene: &mut Scene) {
                     );
                     splat.rgb = seen_colour(&gaussians, index, turn, way).map(srgb_decode);
                     splat.material = unlit;
-                    // Of a ball the depth through its middle is the opacity; an ellipsoid has
-                    // 1/(Πsᵢ·√Σ(dᵢ/sᵢ)²) of that along d.
+                    // A ball has its depth through its centre; an ellipsoid has 1/(Πsᵢ·√Σ(dᵢ/sᵢ)²)
+                    // of that along d.
                     let along = of.rotation.conjugate() * unit(way).unwrap_or(DVec3::Z) / of.scales;
                     let depth = -libm::log1p(
                         -splat
@@ -1415,7 +1418,7 @@ fn mixed(media: Vec<Part>, fields: &SheetFields, scene: &mut Scene) {
     scene.sheets = Some(fields.of_volume(Sheet::Slice(numbers), false));
 }
 
-/// Points that must ascend.
+/// Checks that values ascend.
 fn ascending(
     values: impl Iterator<Item = f64> + Clone,
     path: &str,
@@ -1424,7 +1427,7 @@ fn ascending(
     let pairs = values.clone().zip(values.skip(1)).enumerate();
     match pairs.into_iter().find(|(_, (a, b))| a >= b) {
         Some((i, (a, b))) => Err(format!(
-            "{path}[{}].{field} is {b}, which does not lie above the {a} before it",
+            "{path}[{}].{field} is {b}, which is not above the {a} before it",
             i + 1
         )),
         None => Ok(()),
@@ -1433,22 +1436,22 @@ fn ascending(
 
 // ---- splats ----
 
-/// The splats of all sources, while they are being read.
+/// The splats of all sources, while they are read.
 struct Gathered<'a> {
     name: &'a str,
     folder: &'a Path,
     splats: Vec<Splat>,
-    /// Ends of the clouds whose splats are each other's neighbours, and the factor on their radii.
+    /// Ends of the clouds within which splats are neighbours, and the factor on their radii.
     clouds: Vec<(usize, f64)>,
     materials: Vec<Material>,
     materials_are_given: bool,
-    /// What is more than discs, in the order of the splats.
-    media: Vec<Part>,
-    /// Where a volume's kernels end.
+    /// Splats that are not discs, in the order of the splats.
+    media: Vec<MediumPart>,
+    /// Cutoff of a volume's kernels.
     volume_cutoff: f64,
-    /// Whether samples were left out that have a cell of no volume.
+    /// Whether samples were left out because their cell has no volume.
     lacks_cells: bool,
-    /// A tree that was read: of all splats, if no other source or factor changed them.
+    /// A tree that was read, if it has all splats, and no other source or factor changed them.
     tree: Option<Tree>,
     notes: Vec<String>,
 }
@@ -1461,7 +1464,7 @@ impl<'a> Gathered<'a> {
             None => vec![material(&MaterialFields::default())],
         };
         let materials_are_given = fields.materials.is_some();
-        let volume_cutoff = kernel(&fields.kernel, Kind::Volume).cutoff;
+        let volume_cutoff = kernel(&fields.kernel, SceneKind::Volume).cutoff;
         Gathered {
             name,
             folder,
@@ -1496,37 +1499,37 @@ impl<'a> Gathered<'a> {
         }
     }
 
-    fn kind(&self) -> Kind {
+    fn kind(&self) -> SceneKind {
         match self.media.as_slice() {
             parts
                 if parts
                     .iter()
                     .all(|part| matches!(part.medium, Medium::Isosurface(..))) =>
             {
-                Kind::Surfaces
+                SceneKind::Surfaces
             }
             [part] if part.splats == (0..self.splats.len()) => match part.medium {
-                Medium::Volume(_) | Medium::Cells(..) => Kind::Volume,
-                Medium::Gaussians(..) => Kind::Gaussians,
-                Medium::Isosurface(..) => Kind::Surfaces,
+                Medium::Volume(_) | Medium::Cells(..) => SceneKind::Volume,
+                Medium::Gaussians(..) => SceneKind::Gaussians,
+                Medium::Isosurface(..) => SceneKind::Surfaces,
             },
-            _ => Kind::Mixed,
+            _ => SceneKind::Mixed,
         }
     }
 
-    /// Whether splats are sheets of their own, drawn by depth, that may also be drawn as a volume.
+    /// Whether splats are their own sheets, sorted by depth, and may also be drawn as a volume.
     fn comes_by_depth(&self) -> bool {
-        self.kind() == Kind::Mixed
+        self.kind() == SceneKind::Mixed
             || matches!(
                 self.media.as_slice(),
-                [Part {
+                [MediumPart {
                     medium: Medium::Cells(_, None),
                     ..
                 }]
             )
     }
 
-    /// What is wrong where there are no splats.
+    /// Why there are no splats.
     fn nothing(&self) -> &'static str {
         if self.lacks_cells {
             return "shows nothing of the volume; samples that its transfer function shows have a cell of no volume";
@@ -1536,18 +1539,18 @@ impl<'a> Gathered<'a> {
                 "shows nothing of the volume; a transfer function must give some of its values an opacity above 0"
             }
             Some(Medium::Isosurface(..)) => {
-                "has no surface of this isovalue; it must lie between the least and the greatest value of the volume"
+                "has no surface of this isovalue; it must be between the least and the greatest value of the volume"
             }
             _ => "holds no splats; a scene needs at least one",
         }
     }
 
-    /// Adds splats that are more than discs.
+    /// Adds splats other than discs.
     fn add_medium(&mut self, splats: Vec<Splat>, medium: Medium) {
         self.end_cloud(1.0);
         let start = self.splats.len();
         self.splats.extend(splats);
-        self.media.push(Part {
+        self.media.push(MediumPart {
             splats: start..self.splats.len(),
             medium,
         });
@@ -1587,7 +1590,7 @@ impl<'a> Gathered<'a> {
             return Ok(());
         }
         Err(self.input_error(format!(
-            "{path}.place brings splats beyond what a scene holds: positions lie within ±{:e}, radii from {LEAST_RADIUS:e}",
+            "{path}.place moves splats out of range: positions must be within ±{:e}, radii from {LEAST_RADIUS:e}",
             ply::FARTHEST
         )))
     }
@@ -1611,7 +1614,7 @@ impl<'a> Gathered<'a> {
                     "variance"
                 };
                 return Err(self.input_error(format!(
-                    "{path}.{field} names an array of a file of VTK's, and this is none"
+                    "{path}.{field} names an array of a VTK file, and this is another format"
                 )));
             }
             VolumeFile::Raw(raw) => (
@@ -1704,7 +1707,7 @@ impl<'a> Gathered<'a> {
         };
         let memory = |count: u64, what: &str, bytes_each: u64| {
             let held = self.splats.len() as u64;
-            // Beside others every splat has an orientation of its own.
+            // With other media, every splat has its own orientation.
             let (count, what, bytes_each) = if held > 0 {
                 (count + held, "splats", memory::GAUSSIAN_BYTES)
             } else {
@@ -1752,8 +1755,11 @@ impl<'a> Gathered<'a> {
                     memory::GAUSSIAN_BYTES,
                 )?;
                 let cells = Cells::new(field, source.radius);
-                // Where no sample has a cell, none is seen either.
-                let layer = source.layer.or_else(|| cells.usual_layer()).unwrap_or(1.0);
+                // If no sample has a cell, none is visible either.
+                let layer = source
+                    .layer
+                    .or_else(|| cells.default_layer())
+                    .unwrap_or(1.0);
                 let (
                     Sampled {
                         splats,
@@ -1802,7 +1808,7 @@ impl<'a> Gathered<'a> {
         );
     }
 
-    /// Gaussians whose radii and opacities are that much greater.
+    /// Gaussians with radii and opacities scaled by these factors.
     fn take_gaussians(&mut self, gaussians: Gaussians, [radius_scale, opacity]: [f64; 2]) {
         let splat = |gaussian: &Gaussian| Splat {
             position: gaussian.position,
@@ -1817,20 +1823,19 @@ impl<'a> Gathered<'a> {
         self.add_medium(splats, Medium::Gaussians(gaussians, DQuat::IDENTITY));
     }
 
-    /// Whether the file of the Gaussians says that their opacities are compensated; a note says so.
+    /// Whether the file of the Gaussians has compensated opacities; adds a note.
     fn compensates(&mut self) -> bool {
-        let asks = self.media.iter().any(
+        let compensates = self.media.iter().any(
             |part| matches!(&part.medium, Medium::Gaussians(gaussians, _) if gaussians.compensated),
         );
-        if asks {
-            let says = "opacities are compensated for the low-pass filter, as the file asks (`kernel.compensate_opacity`: false draws them without)";
-            self.notes.push(says.into());
+        if compensates {
+            let note = "opacities are compensated for the low-pass filter, as the file requires (`kernel.compensate_opacity`: false turns it off)";
+            self.notes.push(note.into());
         }
-        asks
+        compensates
     }
 
-    /// Splats that follow each other in an array are one cloud; every other source is one of its
-    /// own.
+    /// Consecutive splats of an array are one cloud; every other source is its own cloud.
     fn add_several(&mut self, sources: &[Source], path: &str) -> Result<()> {
         for (i, source) in sources.iter().enumerate() {
             if !matches!(source, Source::Splat(_)) {
@@ -1903,7 +1908,7 @@ impl<'a> Gathered<'a> {
             self.materials.extend(source.builtin.materials());
         }
         let mut splats = source.builtin.splats(source.count);
-        if source.order == Order::Random {
+        if source.order == SplatOrder::Random {
             builtin::shuffle(&mut splats, source.seed);
         }
         self.splats.extend(splats.into_iter().map(|splat| Splat {
@@ -1981,7 +1986,7 @@ impl<'a> Gathered<'a> {
         Ok(())
     }
 
-    /// A tree of all splats: the one that was read, where it is of just these.
+    /// A tree of all splats: the one that was read, if it has exactly these.
     fn detail(&mut self, fields: &DetailFields) -> std::result::Result<Detail, String> {
         memory::check(
             self.splats.len() as u64,
@@ -2018,11 +2023,11 @@ impl<'a> Gathered<'a> {
         self.clouds.push((self.splats.len(), radius_scale));
     }
 
-    /// Fills in what files leave out of their splats, cloud by cloud.
+    /// Fills in missing normals and radii, cloud by cloud.
     fn complete(&mut self, eye: DVec3) {
         self.end_cloud(1.0);
         let mut start = 0;
-        // Both in the order of the splats; what is more than discs is a cloud of its own.
+        // Both are in the order of the splats; other media are clouds of their own.
         let mut media = self
             .media
             .iter()
@@ -2043,7 +2048,7 @@ impl<'a> Gathered<'a> {
 }
 
 impl VolumeSource {
-    /// A file alone, all else left out.
+    /// A single file, with defaults for all else.
     fn of(source: &FileSource) -> Self {
         VolumeSource {
             volume: VolumeFile::Path(source.file.clone()),
@@ -2061,14 +2066,14 @@ impl VolumeSource {
 }
 
 impl Source {
-    /// Says what the splats that are asked for by number would take, before any are made.
+    /// Refuses splats requested by number that do not fit into memory, before any are made.
     fn check_memory(&self) -> std::result::Result<(), String> {
         let what = if matches!(self, Source::Gaussians(_)) {
             "Gaussians"
         } else {
             "splats"
         };
-        // Where any has an orientation, all have one.
+        // If one splat has an orientation, all have one.
         let bytes_each = if self.is_medium() {
             memory::GAUSSIAN_BYTES
         } else {
@@ -2078,7 +2083,7 @@ impl Source {
             .map_err(|sentence| format!("splats: {sentence}"))
     }
 
-    /// Whether anything of it is known to be more than discs before files are read.
+    /// Whether it is known before reading files that some splats are not discs.
     fn is_medium(&self) -> bool {
         match self {
             Source::Gaussians(_) | Source::Volume(_) => true,
@@ -2088,14 +2093,14 @@ impl Source {
         }
     }
 
-    /// How many splats are asked for by number.
+    /// Number of splats requested by number.
     fn promised(&self) -> u64 {
         match self {
             Source::Builtin(source) => source.count.unwrap_or(0) as u64,
             Source::Gaussians(source) => source.count as u64,
             Source::Several(sources) => sources.iter().map(Source::promised).sum(),
             Source::Placed(source) => source.splats.promised(),
-            // A file vouches for its own by its length.
+            // For files the length is checked instead.
             Source::File(_) | Source::Splat(_) | Source::Given(_) | Source::Volume(_) => 0,
         }
     }
@@ -2116,7 +2121,7 @@ impl Source {
 
 // ---- the view ----
 
-/// A direction of any length but 0, made a unit vector.
+/// The unit vector of a direction of any length except 0.
 fn direction(vector: [f64; 3], path: &str) -> std::result::Result<DVec3, String> {
     unit(DVec3::from_array(vector))
         .ok_or_else(|| format!("{path} is zero; it must point somewhere"))
@@ -2158,7 +2163,7 @@ fn image(
 }
 
 impl SceneFields {
-    /// At most one of the three ways to say what sees the scene.
+    /// Checks that at most one of the three kinds of cameras is given.
     fn check_cameras(&self) -> std::result::Result<(), String> {
         let given = [
             ("camera", self.camera.is_some()),
@@ -2183,7 +2188,7 @@ impl SceneFields {
         }
     }
 
-    /// Whether the one camera's place is left to be chosen.
+    /// Whether the position of the single camera is to be chosen.
     fn frames_itself(&self) -> bool {
         self.cameras.is_none()
             && self.camera_path.is_none()
@@ -2193,7 +2198,7 @@ impl SceneFields {
                 .is_none_or(|camera| camera.eye.is_none())
     }
 
-    /// A camera a frame.
+    /// One camera per frame.
     fn seen_by(
         &self,
         up: DVec3,
@@ -2233,11 +2238,11 @@ impl SceneFields {
     }
 }
 
-/// How far two angles of view may differ that mean the same, as a part of one.
+/// Tolerance for two equal angles of view, as a part of one.
 const SAME_ANGLE: f64 = 1e-6;
 
-/// Completes a camera; `whose` begins every complaint. A picture of the scene is an `image`, which
-/// may be larger or smaller than the `picture` that the scene file has.
+/// Completes a camera; `whose` begins every error. The scene is drawn at the size of `image`, which
+/// may differ from `picture`, the size in the scene file.
 fn camera(
     fields: &CameraFields,
     whose: &str,
@@ -2254,7 +2259,7 @@ fn camera(
     let has_lens = focal_px.is_some() || centre_px.is_some();
     if picture_px.is_some() && !has_lens {
         return Err(format!(
-            "{whose}.picture_px is the size that focal_px and centre_px refer to, and neither is given"
+            "{whose}.picture_px is given without focal_px or centre_px"
         ));
     }
     let picture_px = has_lens.then(|| picture_px.unwrap_or(picture));
@@ -2265,11 +2270,11 @@ fn camera(
         && (angle / meant - 1.0).abs() > SAME_ANGLE
     {
         return Err(format!(
-            "{whose} has fov_y_degrees {angle} and a focal_px that means {meant}; one of both is enough"
+            "{whose} has fov_y_degrees {angle} and a focal_px equivalent to {meant}; give only one of them"
         ));
     }
-    let fov_y_degrees = meant.or(fields.fov_y_degrees).unwrap_or_else(usual_fov);
-    // Tangents of half the angles of view, across to down.
+    let fov_y_degrees = meant.or(fields.fov_y_degrees).unwrap_or_else(default_fov);
+    // Tangents of half the angles of view: horizontal to vertical.
     let aspect = match (focal_px, picture_px) {
         (Some([fx, fy]), Some([width, height])) => width * fy / (fx * height),
         _ => image.width as f64 / image.height as f64,

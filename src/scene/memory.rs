@@ -1,25 +1,25 @@
-//! Memory: says what a scene would take before it is made, and a frame before it is drawn; an
-//! allocation that fails ends a process without a sentence of its own.
+//! Memory: estimates the memory of a scene before it is made, and of a frame before it is drawn,
+//! because a failed allocation ends the process without a message.
 
 use super::{Image, Scene, Splat};
 use crate::error::Error;
 use crate::input::memory::free;
 use crate::output::text::{gigabytes, thousands};
 
-/// Bytes that a disc, or a voxel, takes in a `run` at its height: pictures, words, records and
-/// golden's own (200,000 to 800,000 discs of `terrain` on 16×16 pixels, release build).
+/// Peak bytes of a `run` per disc or voxel: pictures, words, records and golden's own data (200,000
+/// to 800,000 discs of `terrain` on 16×16 pixels, release build).
 pub(super) const DISC_BYTES: u64 = 1_130;
-/// Bytes of a splat's nodes while a tree is built: itself and at most as many above it, with their
+/// Bytes per splat while a tree is built: its own node and at most one more above it, with their
 /// sums.
 pub(super) const NODE_BYTES: u64 = 1_100;
-/// Bytes of a Gaussian, with an orientation and harmonics of degree 0 (`bouquet`).
+/// Bytes per Gaussian with an orientation and harmonics of degree 0 (`bouquet`).
 pub(super) const GAUSSIAN_BYTES: u64 = 1_660;
 
-/// Bytes of a pixel in a `run`: pictures, what is measured of them, and the frame's words. Files
-/// are encoded from copies.
+/// Bytes of a `run` per pixel: pictures, error measures and the frame's words. Files are encoded
+/// from copies.
 const PIXEL_BYTES: u64 = 220;
 
-/// Bytes that a `run` of a scene takes besides the scene itself.
+/// Bytes of a `run` in addition to the scene itself.
 pub(crate) fn of_frame(scene: &Scene) -> u64 {
     let pixels = scene.image.width as u64 * scene.image.height as u64;
     let splat_bytes = if scene.ellipsoids.is_some() {
@@ -33,23 +33,23 @@ pub(crate) fn of_frame(scene: &Scene) -> u64 {
         .saturating_add(rest.saturating_mul(scene.splats.len() as u64))
 }
 
-/// Refuses a frame for which there is no room.
+/// Refuses a frame that does not fit into memory.
 ///
 /// # Errors
-/// [`Error::Input`] with what it takes and what is free.
+/// [`Error::Input`] with the needed and the free memory.
 pub(crate) fn check_frame(scene: &Scene) -> Result<(), Error> {
     let Image { width, height, .. } = scene.image;
-    let told = |sentence: String| {
+    let too_large = |sentence: String| {
         let splats = thousands(scene.splats.len() as u64);
         Error::input(format!(
             "{}: a frame of {width}×{height} pixels and {splats} splats is too large here: {sentence}",
             scene.name
         ))
     };
-    crate::input::memory::check(of_frame(scene)).map_err(told)
+    crate::input::memory::check(of_frame(scene)).map_err(too_large)
 }
 
-/// Refuses more than is free, in the second half of a sentence.
+/// Refuses more than the free memory; the error is the second half of a sentence.
 pub(crate) fn check(count: u64, what: &str, bytes_each: u64) -> Result<(), String> {
     free().map_or(Ok(()), |free| check_against(free, count, what, bytes_each))
 }

@@ -1,13 +1,12 @@
-//! Mesh: reads triangles and their materials from a file, complete and checked, for what makes
-//! points of them.
+//! Mesh: reads triangles and their materials from a file, complete and checked, for sampling into
+//! points.
 //!
-//! A value of [`Mesh`] has no holes left in its data: every corner has a normal and a colour, every
-//! triangle an area and a material that exists. Holes in its surface are no fault. Triangles
-//! without an area are left out and counted.
+//! The data of a [`Mesh`] are complete: every corner has a normal and a colour, every triangle has
+//! an area and an existing material. Holes in its surface are allowed. Triangles without area are
+//! left out and counted.
 //!
-//! Readers: Wavefront OBJ with its MTL, PLY with faces, glTF 2.0 and GLB, STL. Each turns bytes,
-//! and files beside them, into `Raw` triangles; a file never names another outside of its own
-//! folder.
+//! Readers: Wavefront OBJ with its MTL, PLY with faces, glTF 2.0 and GLB, STL. Each converts bytes,
+//! and files in the mesh's folder, to `Raw` triangles. Paths out of that folder are refused.
 
 mod gltf;
 mod obj;
@@ -29,22 +28,22 @@ use std::path::{Component, Path, PathBuf};
 
 type Parsed<T> = std::result::Result<T, String>;
 
-/// Coordinates past this are taken for "no value", as in clouds ([`super::ply`]).
+/// Coordinates beyond this count as missing, as in clouds ([`super::ply`]).
 use super::ply::FARTHEST;
 
-/// Bytes that a triangle takes at most while it is read and sampled: two copies of [`Raw`], one of
+/// Most bytes per triangle while it is read and sampled: two copies of [`Raw`], one of
 /// [`Triangle`], sums of areas.
 const TRIANGLE_BYTES: u64 = 1_000;
-/// Bytes that a texel takes at most: decoded, as bytes, and in a pyramid.
+/// Most bytes per texel: decoded, as bytes, and in a pyramid.
 const TEXEL_BYTES: u64 = 24;
-/// Colour of what has none, linear light: that of points without a colour.
+/// Default colour, linear light, as for points without a colour.
 const GREY: [f32; 4] = [0.5, 0.5, 0.5, 1.0];
-/// Area over the square of the longest side below which a triangle has none: past it rounding of
-/// f64 decides where its normal points.
+/// Area over the square of the longest side below which a triangle counts as flat: the direction of
+/// its normal would be determined by f64 rounding.
 const LEAST_SHAPE: f64 = 1e-14;
-/// Cosine between a face and the mean of the faces around a corner from which the corner has that
-/// mean's normal (40°): sharper edges stay sharp. Two faces at a right angle are 45° from their
-/// mean, a cube's three 55°.
+/// Cosine between a face and the mean of the faces around a corner, above which the corner gets the
+/// mean normal (40°): sharper edges stay sharp. Two faces at a right angle are 45° from their mean,
+/// the three of a cube 55°.
 const SMOOTH_COSINE: f64 = 0.766;
 
 /// A surface of triangles with their colours.
@@ -52,17 +51,17 @@ const SMOOTH_COSINE: f64 = 0.766;
 pub struct Mesh {
     /// Never empty; in the file's order.
     pub triangles: Vec<Triangle>,
-    /// What triangles' `material` counts in, never empty.
+    /// Materials that triangles refer to; never empty.
     pub materials: Vec<Material>,
-    /// What materials' `texture` counts in.
+    /// Textures that materials refer to.
     pub textures: Vec<Texture>,
-    /// Triangles that had no area and were left out.
+    /// Triangles without area, which were left out.
     pub degenerate: usize,
-    /// Notes of what was left out or looks odd, one sentence each.
+    /// Notes on omissions and oddities, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// Three corners, of an area above 0.
+/// Three corners with an area above 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Triangle {
     /// World space.
@@ -71,7 +70,7 @@ pub struct Triangle {
     pub normals: [[f32; 3]; 3],
     /// Texture coordinates; (0, 0) is the picture's upper left corner, (1, 1) the lower right one.
     pub uv: Option<[[f32; 2]; 3]>,
-    /// Linear light and opacity, factors of the material's.
+    /// Linear light and opacity, factors on the material's.
     pub rgba: [[f32; 4]; 3],
     /// Index into [`Mesh::materials`].
     pub material: u32,
@@ -95,14 +94,14 @@ impl Triangle {
 pub struct Material {
     /// Linear light and opacity, each in [0, 1].
     pub rgba: [f32; 4],
-    /// Index into [`Mesh::textures`]: a picture whose colours and opacities are factors.
+    /// Index into [`Mesh::textures`]: a picture that multiplies colours and opacities.
     pub texture: Option<usize>,
-    /// What becomes of opacity.
+    /// Use of opacity.
     pub alpha: Alpha,
 }
 
 impl Material {
-    /// The material of what has none.
+    /// The default material.
     fn none() -> Material {
         Material {
             rgba: [1.0; 4],
@@ -112,14 +111,14 @@ impl Material {
     }
 }
 
-/// What becomes of the product of all opacities.
+/// Use of the product of all opacities.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Alpha {
     /// It is the opacity.
     Blend,
-    /// It counts for nothing; the opacity is this.
+    /// It is ignored; the opacity is this.
     Opaque(f32),
-    /// From this on opaque, below transparent.
+    /// At or above this opaque, below transparent.
     Mask(f32),
 }
 
@@ -134,7 +133,7 @@ impl Alpha {
     }
 }
 
-/// A triangle as a file has it.
+/// A triangle of a file.
 #[derive(Clone, Copy, Debug)]
 struct Raw {
     corners: [DVec3; 3],
@@ -142,11 +141,11 @@ struct Raw {
     uv: Option<[[f32; 2]; 3]>,
     rgba: [[f32; 4]; 3],
     material: u32,
-    /// Where the file leaves normals out they are those of the face, not smoothed.
+    /// Whether missing normals are those of the face, not smoothed.
     flat: bool,
 }
 
-/// What a reader finds.
+/// Results of a reader.
 #[derive(Debug, Default)]
 struct Contents {
     triangles: Vec<Raw>,
@@ -155,7 +154,7 @@ struct Contents {
     notes: Vec<String>,
 }
 
-/// A reader is given the folder of the file too.
+/// The second argument is the folder of the file.
 type Reader = fn(&[u8], &Path) -> Parsed<Contents>;
 
 fn reader(content: Option<Content>) -> Option<Reader> {
@@ -168,7 +167,7 @@ fn reader(content: Option<Content>) -> Option<Reader> {
     }
 }
 
-/// The square from 0 to 1 of the plane z = 0, a picture upright on it: the one mesh that needs no
+/// The square from 0 to 1 of the plane z = 0, with an upright picture: the only mesh without a
 /// file.
 const PLANE: &str =
     "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n";
@@ -181,11 +180,11 @@ impl Mesh {
         contents.expect("a square is sound")
     }
 
-    /// Reads a mesh, by its content, and where that tells nothing by the end of the file's name;
-    /// `plane`, where there is no such file, is [`Mesh::plane`].
+    /// Reads a mesh, by its content, or by its extension if the content is ambiguous. `plane` is
+    /// [`Mesh::plane`] if there is no such file.
     ///
     /// # Errors
-    /// [`Error::Input`], one sentence: which file, which line or part of it, what is wrong with it.
+    /// [`Error::Input`], a sentence with the file, the line or part, and the problem.
     pub fn load(path: impl AsRef<OsStr>) -> Result<Mesh> {
         let path = Path::new(path.as_ref());
         let name = path.to_string_lossy();
@@ -204,7 +203,7 @@ impl Mesh {
 }
 
 impl Contents {
-    /// Says that this many triangles more are to come, before there is room for them.
+    /// Checks that there is memory for this many more triangles.
     fn reserve(&self, more: usize) -> Parsed<()> {
         memory::check(
             (self.triangles.len() as u64).saturating_add(more as u64),
@@ -213,7 +212,7 @@ impl Contents {
         )
     }
 
-    /// Says that a picture of this file is to come, before there is room for it.
+    /// Checks that there is memory for this picture.
     fn reserve_picture(&self, bytes: &[u8]) -> Parsed<()> {
         let held = self
             .textures
@@ -244,7 +243,7 @@ impl Contents {
         }
         if let Some(number) = self.triangles.iter().position(|t| !is_finite(t)) {
             return Err(format!(
-                "triangle {number} of {all} has a texture coordinate or a colour that is no finite number"
+                "triangle {number} of {all} has a texture coordinate or a colour that is not finite"
             ));
         }
         self.triangles
@@ -287,13 +286,12 @@ fn is_finite(raw: &Raw) -> bool {
 fn has_area([a, b, c]: &[DVec3; 3]) -> bool {
     let (u, v, w) = (b - a, c - a, c - b);
     let longest = u.length().max(v.length()).max(w.length());
-    // Divided first, so that no square vanishes or overflows.
+    // Divided first, so that no square underflows or overflows.
     longest > 0.0 && (u / longest).cross(v / longest).length() > LEAST_SHAPE
 }
 
-/// Mean normals of the faces around each corner, weighted by their angles there, for triangles
-/// without normals: however a face is cut into triangles, it weighs the same (Thürmer and Wüthrich
-/// 1998).
+/// Mean normals of the faces around each corner, weighted by their angles, for triangles without
+/// normals. The weight of a face does not depend on its triangulation (Thürmer and Wüthrich 1998).
 struct Smooth(HashMap<[u64; 3], DVec3>);
 
 impl Smooth {
@@ -355,18 +353,18 @@ fn angle(a: DVec3, b: DVec3) -> f64 {
         .map_or(0.0, |(a, b)| libm::acos(a.dot(b).clamp(-1.0, 1.0)))
 }
 
-/// A position as something that can be compared; 0 and −0 are one place.
+/// A position as a comparable key; 0 and −0 are equal.
 fn place(corner: DVec3) -> [u64; 3] {
     corner.to_array().map(|c| (c + 0.0).to_bits())
 }
 
-/// Bytes of a file that another names, in the same folder or below it.
-pub(super) fn beside(folder: &Path, name: &str) -> Parsed<Vec<u8>> {
+/// Bytes of a file that another one names, in the same folder or below.
+pub(super) fn read_inside(folder: &Path, name: &str) -> Parsed<Vec<u8>> {
     let path = inside(folder, name)?;
     input::read(&path).map_err(|e| format!("`{}` cannot be read: {e}", clipped(name)))
 }
 
-/// Path of a file that another names; only one in the same folder or below it will do.
+/// Path of a file that another one names; it must be in the same folder or below.
 fn inside(folder: &Path, name: &str) -> Parsed<PathBuf> {
     let relative = PathBuf::from(name.replace('\\', "/"));
     if relative
@@ -377,7 +375,7 @@ fn inside(folder: &Path, name: &str) -> Parsed<PathBuf> {
         return Ok(folder.join(relative));
     }
     Err(format!(
-        "`{}` leads out of the mesh's folder; put the file beside the mesh and name it alone",
+        "`{}` leads out of the mesh's folder; put the file into that folder and use its name without a path",
         clipped(name)
     ))
 }

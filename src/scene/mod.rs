@@ -1,8 +1,7 @@
-//! Scene: everything that is to be drawn and how it is looked at, complete and checked, in f64 and
-//! world units.
+//! Scene: everything that is drawn and how it is viewed, complete and checked, in f64 and world
+//! units.
 //!
-//! A value of [`Scene`] has no holes left: readers fill in what a file leaves out
-//! (docs/book/scenes.md).
+//! A [`Scene`] is complete: readers fill in what a file leaves out (docs/book/scenes.md).
 
 mod builtin;
 mod camera;
@@ -40,7 +39,7 @@ pub use sequence::Sequence;
 use crate::error::{Error, Result};
 use crate::input;
 use glam::{DMat3, DQuat, DVec3};
-use json::{Seen, Which};
+use json::{FrameChoice, LoadedFrame};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use std::ffi::OsStr;
@@ -48,12 +47,12 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// Least radius, world units. Positions and radii end at 10³⁰, so a radius is never less than 10⁻⁶¹
-/// of a distance: its fourth power, which a footprint's determinant is, still is a normal number of
-/// f64 (2.2·10⁻³⁰⁸), where squares of less would vanish and make 0/0.
+/// of a distance. Its fourth power, which is in a footprint's determinant, is then still a normal
+/// number of f64 (2.2·10⁻³⁰⁸); squares of less would underflow and give 0/0.
 pub const LEAST_RADIUS: f64 = 1e-30;
 
-/// Radial index at which an opaque Gaussian weighs 1/255, the least that a screen of 8 bits shows:
-/// e^(−r/2) = 1/255 at r = 2·ln 255.
+/// Radial index at which the weight of an opaque Gaussian is 1/255, the least that an 8-bit screen
+/// shows: e^(−r/2) = 1/255 at r = 2·ln 255.
 pub fn gaussian_cutoff() -> f64 {
     2.0 * libm::log(255.0)
 }
@@ -68,15 +67,15 @@ pub struct Splat {
     /// Standard deviation σ of the reconstruction kernel in the tangent plane, world units, at
     /// least [`LEAST_RADIUS`].
     pub radius: f64,
-    /// Linear light, each in [0, 1]; of Gaussians whatever their file means, ≥ 0.
+    /// Linear light, each in [0, 1]; for Gaussians in the encoding of their file, ≥ 0.
     pub rgb: [f64; 3],
-    /// α in [0, 1]; of volumes the optical depth through the kernel's middle, ≥ 0.
+    /// α in [0, 1]; for volumes the optical depth through the kernel's centre, ≥ 0.
     pub opacity: f64,
     /// Index into [`Scene::materials`].
     pub material: u32,
 }
 
-/// Where the eye is and what it sees (docs/book/algorithm.md §1), as a scene file has it.
+/// Position of the eye and its view (docs/book/algorithm.md §1), as in a scene file.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Camera {
@@ -84,34 +83,34 @@ pub struct Camera {
     #[serde(deserialize_with = "camera::from_array")]
     #[schemars(with = "[f64; 3]")]
     pub eye: DVec3,
-    /// World position that lands on the middle of the picture.
+    /// World position at the centre of the picture.
     #[serde(deserialize_with = "camera::from_array")]
     #[schemars(with = "[f64; 3]")]
     pub target: DVec3,
-    /// Direction that is up in the picture; not parallel to `target − eye`.
+    /// Up direction in the picture; not parallel to `target − eye`.
     #[serde(deserialize_with = "camera::from_array")]
     #[schemars(with = "[f64; 3]")]
     pub up: DVec3,
-    /// Full vertical angle of view, degrees, in (0, 180). Where `focal_px` is given, the angle that
-    /// it means.
+    /// Full vertical angle of view, degrees, in (0, 180). If `focal_px` is given, the equivalent
+    /// angle.
     pub fov_y_degrees: f64,
     /// Splats at or nearer than this depth are culled, world units, > 0.
     pub near: f64,
-    /// Focal lengths along x and y, pixels of a picture of `picture_px`; left out, both follow from
-    /// `fov_y_degrees`.
+    /// Focal lengths along x and y, in pixels of a picture of `picture_px`; default: both follow
+    /// from `fov_y_degrees`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub focal_px: Option<[f64; 2]>,
-    /// Principal point: where the axis of the camera meets a picture of `picture_px`, pixels from
-    /// its top left corner; left out, its middle.
+    /// Principal point: intersection of the camera's axis with a picture of `picture_px`, pixels
+    /// from its top left corner; default: its centre.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub centre_px: Option<[f64; 2]>,
     /// Width and height that `focal_px` and `centre_px` refer to: in a picture of another size both
-    /// are scaled by its height. Left out, those of the picture.
+    /// are scaled by its height. Default: those of the picture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub picture_px: Option<[f64; 2]>,
 }
 
-/// The picture to make.
+/// The picture to draw.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Image {
     /// Pixels, 1 to 16384.
@@ -120,47 +119,47 @@ pub struct Image {
     pub height: usize,
     /// Linear RGB and straight alpha, each in [0, 1].
     pub background: [f64; 4],
-    /// Colours are not linear light but what a screen is sent: those of trained Gaussians, which
-    /// are blended as they are.
+    /// Colours are not linear light but screen codes: those of trained Gaussians, which are blended
+    /// in that encoding.
     pub encoded: bool,
 }
 
 /// The footprint's constants.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Kernel {
-    /// Fragments exist where the radial index is below this, > 0.
+    /// Fragments exist if the radial index is below this, > 0.
     pub cutoff: f64,
     /// Variance of the low-pass filter, pixel², ≥ 0.
     pub low_pass: f64,
-    /// Splats whose centre lies farther to the side than this, in half pictures, are culled: the
-    /// affine approximation has no meaning there. Above 0.
+    /// Splats whose centre is farther to the side than this, in half pictures, are culled: the
+    /// affine approximation is invalid there. Above 0.
     pub guard: f64,
-    /// No slope a or b beyond this, in half pictures, counts in an ellipsoid's Jacobian. Above 0.
+    /// Slopes a and b in an ellipsoid's Jacobian are clamped to this, in half pictures. Above 0.
     pub jacobian: f64,
-    /// What is drawn of a splat: for comparison, other filters than the papers'.
+    /// Filter of a splat; filters other than the papers' are for comparison.
     pub filter: Filter,
-    /// Opacities of Gaussians are made smaller by as much as the low-pass filter widens them.
+    /// Opacities of Gaussians are reduced in proportion to their widening by the low-pass filter.
     pub compensate_opacity: bool,
 }
 
-/// How a splat is filtered (SS Fig. 8). Splats without a low-pass filter are [`Filter::Ewa`] with a
+/// Filter of a splat (SS Fig. 8). Splats without a low-pass filter are [`Filter::Ewa`] with a
 /// variance of 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Filter {
     /// The projected ellipse, convolved with the low-pass filter in the picture: the affine
     /// approximation at the splat's centre.
     Ewa,
-    /// A circle as wide as that ellipse's major axis. Of discs; no machine has it.
+    /// A circle with the radius of that ellipse's major axis. Discs only; no machine has it.
     Circular,
-    /// Heckbert's: the pixel's low-pass filter brought onto the splat's plane, where the pixel's
-    /// own ray meets it, and convolved there with the splat. Of discs; no machine has it.
+    /// Heckbert's: the pixel's low-pass filter is mapped to the splat's plane at the intersection
+    /// with the pixel's ray, and convolved there with the splat. Discs only; no machine has it.
     SourceEwa,
 }
 
 /// Meaning of an ellipsoid's amplitude.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Amplitude {
-    /// That of the disc which its first two axes span (SS §5): for kernels flattened along the
+    /// That of the disc spanned by its first two axes (SS §5): for kernels flattened along the
     /// third, which is the normal.
     Disc,
     /// Opacity times the kernel's integral along the ray, relative to that of a ball of radius σ
@@ -184,21 +183,21 @@ pub struct Orientation {
 /// docs/book/algorithm-resolve.md §9).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Ellipsoids {
-    /// One for each splat, or a single one that all have.
+    /// One for each splat, or a single one for all.
     pub orientations: Vec<Orientation>,
     /// Meaning of amplitudes.
     pub amplitude: Amplitude,
-    /// Splats are lit one by one before they are drawn (EWA §6.1), instead of fragments after.
+    /// Splats are lit before they are drawn (EWA §6.1), instead of fragments after.
     pub preshaded: bool,
-    /// Drawn in the order of depth, nearest first, those of equal depth in input order.
+    /// Drawn in the order of depth, nearest first; equal depths in input order.
     pub sorted: bool,
-    /// Degree of the spherical harmonics that splats have in the place of colours, 0 to 3; their
-    /// rgb is what those are for this camera.
+    /// Degree of the spherical harmonics that splats have instead of colours, 0 to 3; their rgb is
+    /// evaluated for this camera.
     pub harmonics: u8,
 }
 
 impl Ellipsoids {
-    /// Of the splat with this number.
+    /// Orientation of a splat by its number.
     pub fn orientation(&self, splat: usize) -> &Orientation {
         &self.orientations[if self.orientations.len() == 1 {
             0
@@ -211,7 +210,7 @@ impl Ellipsoids {
 /// Opacity of an optical depth x.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Opacity {
-    /// x, as far as 1: e^(−x) ≈ 1 − x (EWA (6)).
+    /// x, limited to 1: e^(−x) ≈ 1 − x (EWA (6)).
     Linear,
     /// 1 − e^(−x).
     Exponential,
@@ -229,38 +228,38 @@ impl Opacity {
     }
 }
 
-/// Which splats are one sheet.
+/// Assignment of splats to sheets.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Sheet {
-    /// Those with the same number, which follow each other: a slice of a volume.
+    /// Consecutive splats with the same number: a slice of a volume.
     Slice(Vec<u32>),
-    /// Every splat is a sheet of its own: a Gaussian.
+    /// Each splat is its own sheet: a Gaussian.
     Splat,
 }
 
 /// Grouping of splats by sheets instead of surfaces (EWA §7.1).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Sheets {
-    /// Which splats are one sheet.
+    /// Assignment of splats to sheets.
     pub of: Sheet,
     /// The deepest sheet comes first.
     pub back_to_front: bool,
     /// Opacity of a sheet.
     pub opacity: Opacity,
-    /// A pixel that lets through less than this takes nothing more, in [0, 1); 0 never.
+    /// A pixel whose transmittance is below this accepts no more, in [0, 1); 0 turns this off.
     pub stop: f64,
-    /// Blends the sheet still that makes a pixel stop.
+    /// The sheet that stops a pixel is still blended.
     pub keeps_last: bool,
-    /// Lesser weights make no fragment, in [0, 1].
+    /// Smaller weights make no fragment, in [0, 1].
     pub least_weight: f64,
-    /// Where each splat is a sheet, no weight counts for more, in (0, 1].
+    /// Upper limit of weights if each splat is a sheet, in (0, 1].
     pub most_weight: f64,
 }
 
 /// Rules by which fragments become surfaces.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Surface {
-    /// ε: contributions nearer than this in depth belong together, world units, > 0.
+    /// ε: contributions with a smaller difference in depth belong together, world units, > 0.
     pub z_threshold: f64,
     /// τ: weight sum from which a pixel counts as fully covered, > 0.
     pub coverage_threshold: f64,
@@ -280,11 +279,11 @@ pub struct Light {
 /// Reflectance of a surface (docs/book/algorithm-resolve.md §7).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Material {
-    /// The colour as it is.
+    /// The colour without lighting.
     Unlit,
     /// Blinn-Phong with the viewer at infinity.
     BlinnPhong {
-        /// Share of the colour that needs no light, ≥ 0.
+        /// Part of the colour that is independent of lights, ≥ 0.
         ambient: f64,
         /// Lambert factor, ≥ 0.
         diffuse: f64,
@@ -300,7 +299,7 @@ pub enum Material {
 pub struct Scene {
     /// Name in reports: file name or built-in name.
     pub name: String,
-    /// In input order, which is the order the machine sees.
+    /// In input order, which is the machine's order.
     pub splats: Vec<Splat>,
     /// The eye.
     pub camera: Camera,
@@ -308,45 +307,45 @@ pub struct Scene {
     pub image: Image,
     /// The footprint.
     pub kernel: Kernel,
-    /// Axes and rules of ellipsoids; none where they are discs.
+    /// Axes and rules of ellipsoids; None for discs.
     pub ellipsoids: Option<Ellipsoids>,
-    /// Grouping by sheets; none where it is by depth.
+    /// Grouping by sheets; None if fragments are grouped by depth.
     pub sheets: Option<Sheets>,
     /// Surface reconstruction.
     pub surface: Surface,
-    /// May be empty: then only ambient light.
+    /// May be empty: then there is only ambient light.
     pub lights: Vec<Light>,
     /// Never empty; every splat's index is in range.
     pub materials: Vec<Material>,
-    /// Light from all around, which materials mirror; none where none does.
+    /// Light from all directions, reflected by materials; None if no material reflects.
     pub environment: Option<Arc<Environment>>,
-    /// Tree that the splats are a cut of; none where they are all there are.
+    /// Tree that the splats are a cut of; None without a tree.
     pub detail: Option<tree::cut::Detail>,
-    /// Notes of what a reader left out or found odd, one sentence each, for the summary.
+    /// Notes of a reader on omissions and oddities, one sentence each, for the summary.
     pub notes: Vec<String>,
 }
 
-/// Values of the command line that go before a scene's own.
+/// Values of the command line that override a scene's own.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Overrides {
     /// Width and height of the picture, pixels.
     pub size: Option<(usize, usize)>,
 }
 
-/// The viewing transform in numbers: what camera and image make of world space.
+/// The viewing transform: numbers that follow from camera and image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
     /// World → camera directions: rows are right, down, forward (x right, y down, z forward).
     pub rotation: DMat3,
     /// World position of the eye.
     pub eye: DVec3,
-    /// Pixels per unit of `t_x/t_z` and of `t_y/t_z` (docs/book/algorithm.md §1): `s`, where both
-    /// are equal.
+    /// Pixels per unit of `t_x/t_z` and of `t_y/t_z` (docs/book/algorithm.md §1): both are `s` if
+    /// equal.
     pub focal_px: [f64; 2],
     /// Half the picture's width and height, pixels.
     pub half_px: [f64; 2],
-    /// Principal point, pixels from the picture's top left corner: `half_px` unless the camera says
-    /// otherwise.
+    /// Principal point, pixels from the picture's top left corner: `half_px` unless the camera has
+    /// another.
     pub centre_px: [f64; 2],
 }
 
@@ -356,20 +355,20 @@ impl View {
         self.focal_px[0].max(self.focal_px[1])
     }
 
-    /// Slope `t_x/t_z`, or `t_y/t_z`, of a ray so many half pictures from the principal point,
-    /// where half a picture reaches to the side that is farther from that point.
+    /// Slope `t_x/t_z` or `t_y/t_z` of a ray N half pictures from the principal point; a half
+    /// picture reaches to the farther side of the picture.
     pub fn slope(&self, axis: usize, half_pictures: f64) -> f64 {
         let [centre, size] = [self.centre_px[axis], 2.0 * self.half_px[axis]];
         half_pictures * centre.max(size - centre) / self.focal_px[axis]
     }
 
-    /// Principal point from the picture's middle, pixels.
+    /// Offset of the principal point from the picture's centre, pixels.
     pub fn off_middle_px(&self) -> [f64; 2] {
         [0, 1].map(|axis| self.centre_px[axis] - self.half_px[axis])
     }
 
     /// Squares and product of both focal lengths, xx, xy and yy, relative to the square of the
-    /// larger; none where pixels are square.
+    /// larger; None if pixels are square.
     pub fn aspect(&self) -> Option<[f64; 3]> {
         let [x, y] = self
             .focal_px
@@ -377,35 +376,35 @@ impl View {
         (x != y).then_some([x * x, x * y, y * y])
     }
 
-    /// Slopes `t_x/t_z` and `t_y/t_z` of the ray through a point of the picture, pixels from its
-    /// top left corner.
+    /// Slopes `t_x/t_z` and `t_y/t_z` of the ray through a point of the picture, given in pixels
+    /// from its top left corner.
     pub fn slopes(&self, at_px: [f64; 2]) -> [f64; 2] {
         [0, 1].map(|axis| (at_px[axis] - self.centre_px[axis]) / self.focal_px[axis])
     }
 }
 
 impl Scene {
-    /// Reads a scene: the path of a `.json` scene file or of a file of splats, or, where there is
-    /// no such file, the name of a built-in scene. Of a sequence it is the first frame, and a note
-    /// says so.
+    /// Reads a scene: the path of a `.json` scene file or of a file of splats or, if there is no
+    /// such file, the name of a built-in scene. For a sequence it is the first frame, and a note
+    /// reports this.
     ///
     /// # Errors
-    /// [`Error::Input`], one sentence: which file, which field or row, what is wrong with it, what
-    /// would be right.
+    /// [`Error::Input`], a sentence with the file, the field or row, the problem and the correct
+    /// form.
     pub fn load(name_or_path: impl AsRef<OsStr>, overrides: &Overrides) -> Result<Scene> {
         Scene::load_frame(name_or_path, overrides, 0)
     }
 
-    /// Reads one frame of a sequence; what is none has the frame 0 alone.
+    /// Reads one frame of a sequence; other scenes have only frame 0.
     ///
     /// # Errors
-    /// As [`Scene::load`]; also where there is no such frame.
+    /// As [`Scene::load`]; also if there is no such frame.
     pub fn load_frame(
         name_or_path: impl AsRef<OsStr>,
         overrides: &Overrides,
         frame: usize,
     ) -> Result<Scene> {
-        let Seen {
+        let LoadedFrame {
             mut scene,
             cameras,
             is_sequence,
@@ -413,7 +412,7 @@ impl Scene {
         } = Scene::seen(
             name_or_path.as_ref(),
             overrides,
-            Which {
+            FrameChoice {
                 frame,
                 cameras: None,
             },
@@ -427,8 +426,8 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Reads the text of a scene file; files that it names lie relative to `folder`, and `name`
-    /// begins every error. Of a sequence it is `frame`.
+    /// Reads the text of a scene file. Paths in it are relative to `folder`; `name` begins every
+    /// error. For a sequence it is frame `frame`.
     ///
     /// # Errors
     /// As [`Scene::load`].
@@ -444,7 +443,7 @@ impl Scene {
             name,
             folder,
             overrides,
-            Which {
+            FrameChoice {
                 frame,
                 cameras: None,
             },
@@ -452,8 +451,8 @@ impl Scene {
         .scene)
     }
 
-    /// The same, of these splats instead of the text's: a normal or a radius of 0 is fitted to the
-    /// nearest, as where a file leaves it out.
+    /// Reads the text of a scene file with these splats instead of its own. A normal or a radius of
+    /// 0 is fitted to the nearest splats, like missing ones.
     ///
     /// # Errors
     /// As [`Scene::load`]; also the first number of a splat that is out of range.
@@ -471,7 +470,7 @@ impl Scene {
             name,
             folder,
             overrides,
-            Which {
+            FrameChoice {
                 frame,
                 cameras: None,
             },
@@ -479,7 +478,11 @@ impl Scene {
         .scene)
     }
 
-    fn seen(name_or_path: &OsStr, overrides: &Overrides, which: Which) -> Result<Seen> {
+    fn seen(
+        name_or_path: &OsStr,
+        overrides: &Overrides,
+        which: FrameChoice,
+    ) -> Result<LoadedFrame> {
         let path = Path::new(name_or_path);
         let name = &*path.to_string_lossy();
         if let (Some(text), false) = (builtin::scene(name), path.is_file()) {
@@ -508,8 +511,7 @@ impl Scene {
         Err(input_error(formats::no_splats(path)))
     }
 
-    /// Text of a `.json` scene or of a built-in one, as [`Scene::load`] finds it; none where there
-    /// is none.
+    /// Text of a `.json` scene or of a built-in one, as for [`Scene::load`]; None if there is none.
     pub fn text(name_or_path: impl AsRef<OsStr>) -> Option<String> {
         let path = Path::new(name_or_path.as_ref());
         if let (Some(text), false) = (path.to_str().and_then(builtin::scene), path.is_file()) {
@@ -518,15 +520,15 @@ impl Scene {
         formats::is_json(path).then(|| input::read_text(path).ok())?
     }
 
-    /// The least weight that makes a fragment; 0 where any does.
+    /// The least weight that makes a fragment; 0 if all do.
     pub fn least_weight(&self) -> f64 {
         self.sheets
             .as_ref()
             .map_or(0.0, |sheets| sheets.least_weight)
     }
 
-    /// The least opacity whose weights count, where a splat's greatest weight is its opacity and
-    /// not every weight counts.
+    /// The least opacity with weights that count, if a splat's greatest weight is its opacity and
+    /// small weights are dropped.
     pub fn least_opacity(&self) -> Option<f64> {
         let is_peak = self
             .ellipsoids
@@ -549,8 +551,8 @@ impl Scene {
         self.camera.view(&self.image)
     }
 
-    /// Appends a material that mirrors nothing. `environment.mirrors` has one entry per material,
-    /// so both lists grow together.
+    /// Appends a material without reflection. `environment.mirrors` has one entry per material, so
+    /// both lists grow together.
     fn add_material(&mut self, material: Material) {
         self.materials.push(material);
         if let Some(environment) = &mut self.environment {
@@ -560,14 +562,14 @@ impl Scene {
 }
 
 impl Camera {
-    /// What it makes of world space in a picture.
+    /// The viewing transform of this camera for a picture.
     pub fn view(&self, image: &Image) -> View {
         let forward = (self.target - self.eye).normalize();
         let right = forward.cross(self.up).normalize();
         let down = forward.cross(right);
         let size_px = [image.width as f64, image.height as f64];
         let half_px = size_px.map(|side| side / 2.0);
-        // By its height, as where the vertical angle of view is given: pixels keep their shape.
+        // Scaled by the height, as for a vertical angle of view: pixels keep their shape.
         let picture_px = self.picture_px.unwrap_or(size_px);
         let scale = size_px[1] / picture_px[1];
         View {
@@ -595,7 +597,7 @@ fn no_such_file(name: &str) -> String {
     )
 }
 
-/// The vector's direction, however long it is; none where it is zero or not finite.
+/// The unit vector; None if the vector is zero or not finite.
 fn unit(vector: DVec3) -> Option<DVec3> {
     let longest = vector.abs().max_element();
     // Divided first: squares of very long or very short vectors do not fit f64.

@@ -1,16 +1,14 @@
-//! Neighbours: gives a splat the radius and the normal that its file does not have, from the points
-//! around it.
+//! Neighbours: fits missing radii and normals of splats to the points around them.
 //!
 //! - Radius: the mean distance to the 6 nearest neighbours (EWA §6.3), at most 4 × the median of
-//!   these means, or one stray point of a scan would cover a fifth of the picture. Points at one
-//!   and the same place are each other's neighbours at distance 0; where all 6 are, the radius is
-//!   the median of those that have one. Where no point has one (a single point, say) it is
-//!   [`lone_radius`].
+//!   these means; otherwise one stray point of a scan could cover a fifth of the picture. Points at
+//!   the same place are neighbours at distance 0; if all 6 are, the radius is the median of the
+//!   nonzero ones. If there are none (a single point, for example) it is [`lone_radius`].
 //! - Normal: the direction of least variance of the point and its 6 nearest neighbours at other
-//!   places, turned towards the eye. Where that leaves a choice (points on a line, a lone point),
-//!   it faces the eye as much as it can.
+//!   places, oriented towards the eye. If that is ambiguous (points on a line, a single point), it
+//!   is as close to the direction of the eye as possible.
 //!
-//! Both depend on nothing but the points and the eye: the number of threads cannot show.
+//! Both depend only on the points and the eye, not on the number of threads.
 
 use super::{Splat, unit};
 use glam::{DMat3, DVec3};
@@ -18,23 +16,23 @@ use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use rayon::prelude::*;
 use std::num::NonZero;
 
-/// How many neighbours make a radius and a normal.
+/// Neighbours for a radius and a normal.
 const NEIGHBOURS: usize = 6;
-/// The number of no point.
+/// Index that stands for no point.
 pub(super) const NONE: u32 = u32::MAX;
-/// A fitted radius is at most this many times the median one.
+/// Most of a fitted radius, as a multiple of the median.
 const LARGEST_OF_MEDIAN: f64 = 4.0;
-/// Variances further apart than this (as a ratio) count as "none" beside the larger: rounding of
-/// f64, squared, with room.
+/// Variances with a greater ratio than this count as 0 relative to the larger one: squared f64
+/// rounding with a margin.
 const NO_VARIANCE: f64 = 1e-12;
 
-/// Radius of a point that has nothing around it: 1, or a millionth of its distance from the origin
-/// if that is more, so that the point's own coordinates can still tell its two sides apart.
+/// Radius of a point without neighbours: 1, or a millionth of its distance from the origin if that
+/// is more, so that the radius is not lost in the rounding of the coordinates.
 pub(super) fn lone_radius(position: DVec3) -> f64 {
     (position.length() * 1e-6).max(1.0)
 }
 
-/// Fills in radii and normals that are zero.
+/// Fits radii and normals that are zero.
 pub(super) fn fit(splats: &mut [Splat], eye: DVec3) {
     if splats
         .iter()
@@ -42,7 +40,7 @@ pub(super) fn fit(splats: &mut [Splat], eye: DVec3) {
     {
         return;
     }
-    let places = Places::of(splats.len(), |i| splats[i].position);
+    let places = DistinctPlaces::of(splats.len(), |i| splats[i].position);
     let fits = places.fit();
     let radius = Spacings::of(&places, &fits, |fit| fit.spacing);
     splats
@@ -60,21 +58,20 @@ pub(super) fn fit(splats: &mut [Splat], eye: DVec3) {
         });
 }
 
-/// What lies around a point.
+/// Neighbourhood of a point.
 #[derive(Clone, Debug)]
-pub(super) struct Surroundings {
-    /// Mean distance to [`Surroundings::nearest`], within the bounds of a fitted radius; above 0.
-    /// Copies of a point are none of its neighbours here: samples at one place would have next to
-    /// no volume.
+pub(super) struct PointSurroundings {
+    /// Mean distance to [`PointSurroundings::nearest`], within the bounds of a fitted radius; above
+    /// 0. Copies of the point are not counted: samples at one place would have almost no volume.
     pub spacing: f64,
-    /// The nearest points at other places, by number: one of each place, and [`NONE`] where there
-    /// are fewer.
+    /// Indices of the nearest points at other places: one per place, and [`NONE`] if there are
+    /// fewer.
     pub nearest: [u32; NEIGHBOURS],
 }
 
-/// What lies around each of the points, which are finite.
-pub(super) fn surroundings(points: &[DVec3]) -> Vec<Surroundings> {
-    let places = Places::of(points.len(), |i| points[i]);
+/// Neighbourhood of each of the points, which must be finite.
+pub(super) fn surroundings(points: &[DVec3]) -> Vec<PointSurroundings> {
+    let places = DistinctPlaces::of(points.len(), |i| points[i]);
     let fits = places.fit();
     let radius = Spacings::of(&places, &fits, |fit| fit.apart);
     let mut first = vec![NONE; places.points.len()];
@@ -85,7 +82,7 @@ pub(super) fn surroundings(points: &[DVec3]) -> Vec<Surroundings> {
         .for_each(|(&place, i)| first[place as usize] = first[place as usize].min(i));
     let of_point = |(point, &place): (&DVec3, &u32)| {
         let fit = &fits[place as usize];
-        Surroundings {
+        PointSurroundings {
             spacing: radius.at(fit.apart, *point),
             nearest: fit
                 .nearest
@@ -106,7 +103,11 @@ struct Spacings {
 }
 
 impl Spacings {
-    fn of(places: &Places, fits: &[Fit], spacing: impl Fn(&Fit) -> f64 + Sync) -> Spacings {
+    fn of(
+        places: &DistinctPlaces,
+        fits: &[NeighbourFit],
+        spacing: impl Fn(&NeighbourFit) -> f64 + Sync,
+    ) -> Spacings {
         let spacings = places
             .place_of_splat
             .par_iter()
@@ -137,7 +138,7 @@ impl Spacings {
     }
 }
 
-/// The middle of the values, or the mean of the two middle ones; none of none.
+/// The median, or the mean of the two middle values; None if there are no values.
 pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
     if values.is_empty() {
         return None;
@@ -153,17 +154,17 @@ pub(super) fn median(mut values: Vec<f64>) -> Option<f64> {
     Some((lower + upper) / 2.0)
 }
 
-/// A curve through a cube, along which what is near follows each other (Morton's Z): who asks for
-/// the neighbours of one point after the other finds them in the host's cache.
+/// A curve through a cube that keeps near points close together (Morton's Z): queries in its order
+/// hit the host's cache.
 struct Curve {
     least: DVec3,
-    /// Steps of the curve, 2^21 along each axis, in a unit of length.
+    /// Steps of the curve per unit of length; there are 2^21 along each axis.
     steps: f64,
 }
 
 impl Curve {
     fn new(least: DVec3, most: DVec3) -> Curve {
-        // The cloud may be a point, or larger than a number is.
+        // The cloud may be a single point, or larger than the range of a number.
         let steps = ((1 << 21) - 1) as f64 / (most - least).max_element();
         Curve {
             least,
@@ -171,7 +172,7 @@ impl Curve {
         }
     }
 
-    /// Where a point lies along it: the bits of its three steps in turn.
+    /// Position of a point on the curve: the interleaved bits of its three coordinates.
     fn place(&self, point: DVec3) -> u64 {
         let spread = |step: f64| {
             let mut bits = step as u64;
@@ -191,31 +192,31 @@ impl Curve {
     }
 }
 
-/// The cloud with equal positions made one: a k-d tree cannot split a pile of points, and would
-/// search all of it for each.
-struct Places {
+/// The distinct positions of a cloud. A k-d tree cannot split equal positions, and would search all
+/// of them for each query.
+struct DistinctPlaces {
     /// Each position once, in the order of a [`Curve`].
     points: Vec<[f64; 3]>,
-    /// How many splats are there.
+    /// Number of splats at each.
     copies: Vec<u32>,
     place_of_splat: Vec<u32>,
 }
 
-/// What the points around a place say about it.
-struct Fit {
-    /// Mean distance to the nearest splats, 0 if all of them are at this place.
+/// Neighbourhood of a place.
+struct NeighbourFit {
+    /// Mean distance to the nearest splats; 0 if all of them are at this place.
     spacing: f64,
     /// Mean distance to the nearest other places, each counted once; 0 if there are none.
     apart: f64,
     /// Distance to the last of these.
     reach: f64,
-    /// These places, and [`NONE`] where there are fewer.
+    /// Indices of these places; [`NONE`] if there are fewer.
     nearest: [u32; NEIGHBOURS],
 }
 
-impl Places {
-    fn of(count: usize, position: impl Fn(usize) -> DVec3 + Sync) -> Places {
-        // Minus zero is the same place as zero.
+impl DistinctPlaces {
+    fn of(count: usize, position: impl Fn(usize) -> DVec3 + Sync) -> DistinctPlaces {
+        // −0 is the same place as 0.
         let position = |i: u32| position(i as usize) + DVec3::ZERO;
         let numbers = || (0..count as u32).into_par_iter();
         let least = numbers()
@@ -256,14 +257,14 @@ impl Places {
             place_of_splat[i as usize] = copies.len() as u32 - 1;
         }
         points.truncate(copies.len());
-        Places {
+        DistinctPlaces {
             points,
             copies,
             place_of_splat,
         }
     }
 
-    fn fit(&self) -> Vec<Fit> {
+    fn fit(&self) -> Vec<NeighbourFit> {
         let tree = ImmutableKdTree::<f64, 3>::new_from_slice(&self.points)
             .expect("the points are finite and fewer than 2^32");
         let found = NonZero::new(NEIGHBOURS + 1).expect("more than 0");
@@ -285,7 +286,7 @@ impl Places {
             let (nearest_ones, distances) = (&nearest[..count], &distances[..count]);
             let apart = distances.iter().sum::<f64>() / count.max(1) as f64;
             let reach = distances.last().copied().unwrap_or(0.0);
-            Fit {
+            NeighbourFit {
                 spacing: self.spacing(place, nearest_ones, distances),
                 apart,
                 reach,
@@ -308,11 +309,10 @@ impl Places {
     }
 
     /// Covariance of a place and the nearest others, up to a factor.
-    fn variance(&self, place: usize, fit: &Fit) -> DMat3 {
+    fn variance(&self, place: usize, fit: &NeighbourFit) -> DMat3 {
         let others = fit.nearest.iter().filter(|other| **other != NONE);
         let here = DVec3::from_array(self.points[place]);
-        // Offsets from the place itself, scaled to about 1: squares can neither overflow nor
-        // vanish.
+        // Offsets from the place itself, scaled to about 1: squares neither overflow nor underflow.
         let offsets = || {
             others
                 .clone()
@@ -327,8 +327,8 @@ impl Places {
     }
 }
 
-/// The unit vector along which a symmetric matrix is least, on the side of `towards`; where several
-/// are equally good, the one nearest to it.
+/// The unit vector of least variance, on the side of `towards`; if several are equal, the nearest
+/// to `towards`.
 fn least_variance(variance: &DMat3, towards: DVec3) -> DVec3 {
     let towards = unit(towards).unwrap_or(DVec3::Z);
     let [least, middle, most] = eigen(variance);
@@ -351,7 +351,7 @@ fn least_variance(variance: &DMat3, towards: DVec3) -> DVec3 {
 fn eigen(matrix: &DMat3) -> [(f64, DVec3); 3] {
     let mut m = matrix.to_cols_array_2d();
     let mut vectors = [DVec3::X, DVec3::Y, DVec3::Z];
-    // Convergence is quadratic: five sweeps reach rounding from anywhere.
+    // Convergence is quadratic: five sweeps reach the rounding from any matrix.
     for _ in 0..6 {
         let most = (0..3).map(|i| m[i][i].abs()).fold(0.0, f64::max);
         if [m[0][1], m[0][2], m[1][2]]
@@ -369,7 +369,7 @@ fn eigen(matrix: &DMat3) -> [(f64, DVec3); 3] {
     pairs
 }
 
-/// Rotates in the plane of axes p and q, so that m[p][q] is zero.
+/// Rotates in the plane of axes p and q so that m[p][q] is zero.
 fn rotate(m: &mut [[f64; 3]; 3], vectors: &mut [DVec3; 3], p: usize, q: usize) {
     let off = m[p][q];
     if off == 0.0 {

@@ -1,7 +1,7 @@
-//! Path: the camera of every frame between key frames, and of a slow pan.
+//! Path: computes the camera of every frame between key frames, or of a slow pan.
 //!
 //! ```text
-//! keys (frame, camera) ─► smooth: cubic Hermite by Catmull and Rom's slopes ─┬─► a camera a frame, each checked
+//! keys (frame, camera) ─► smooth: cubic Hermite by Catmull and Rom's slopes ─┬─► one camera per frame, checked
 //!                      └► linear ────────────────────────────────────────────┘
 //! ```
 
@@ -9,11 +9,11 @@ use super::json::{Interpolation, KeyedFields, PanFields};
 use super::{Camera, Image};
 use glam::DVec3;
 
-/// Frames of a sequence, at most: their pictures' names have four digits.
+/// Most frames of a sequence: names of their pictures have four digits.
 pub const MOST_FRAMES: usize = 10_000;
-/// The last of as many, from 0 on.
+/// The last frame of the longest sequence, counted from 0.
 pub(super) const LAST_FRAME: usize = MOST_FRAMES - 1;
-/// Least angle of view, degrees, as a scene file may have it.
+/// Least angle of view of a scene file, degrees.
 const LEAST_FOV_DEGREES: f64 = 1e-6;
 
 /// Eye, target, up and angle of view.
@@ -26,12 +26,12 @@ fn numbers(camera: &Camera) -> Numbers {
 }
 
 impl KeyedFields {
-    /// Keys follow each other.
+    /// Checks that the frames of keys ascend.
     pub fn check(&self) -> Result<(), String> {
         let pairs = self.keys.iter().zip(&self.keys[1..]).enumerate();
         match pairs.into_iter().find(|(_, (a, b))| a.at >= b.at) {
             Some((i, (a, b))) => Err(format!(
-                "camera_path.keys[{}].at is {}, which does not lie above the {} before it",
+                "camera_path.keys[{}].at is {}, which is not above the {} before it",
                 i + 1,
                 b.at,
                 a.at
@@ -43,8 +43,8 @@ impl KeyedFields {
     /// The camera of every frame.
     ///
     /// # Errors
-    /// A sentence where one between two keys sees nothing: eye on target, up along the view, an
-    /// angle beyond its range.
+    /// A sentence if a camera between two keys is invalid: eye at the target, up along the view, or
+    /// an angle out of range.
     pub fn cameras(&self, keys: &[(usize, Camera)]) -> Result<Vec<Camera>, String> {
         let last = keys[keys.len() - 1].0;
         (0..self.frames.unwrap_or(last + 1))
@@ -92,14 +92,14 @@ impl KeyedFields {
         if !(LEAST_FOV_DEGREES..180.0).contains(&fov_y_degrees) {
             return Err(format!(
                 "{begin}fov_y_degrees is {fov_y_degrees:.3}, and must be at least {LEAST_FOV_DEGREES:e} and less than 180; \
-                 keys nearer to each other, or linear interpolation, keep it there"
+                 use keys nearer to each other, or linear interpolation"
             ));
         }
         Ok(camera)
     }
 }
 
-/// Change a frame at a key: from the key before to the one after; at an end from that to its
+/// Change per frame at a key: from the key before to the one after; at an end from that to its
 /// neighbour.
 fn slope(keys: &[(usize, Camera)], at: usize) -> Numbers {
     let (before, after) = (at.saturating_sub(1), (at + 1).min(keys.len() - 1));
@@ -107,7 +107,7 @@ fn slope(keys: &[(usize, Camera)], at: usize) -> Numbers {
     std::array::from_fn(|i| (to[i] - from[i]) / (keys[after].0 - keys[before].0) as f64)
 }
 
-/// The cubic with these ends and these slopes at them, over [0, 1].
+/// The cubic with these end values and slopes, over [0, 1].
 fn hermite([from, to]: [f64; 2], [leaves, arrives]: [f64; 2], part: f64) -> f64 {
     let (square, cube) = (part * part, part * part * part);
     from + (3.0 * square - 2.0 * cube) * (to - from)
@@ -116,8 +116,8 @@ fn hermite([from, to]: [f64; 2], [leaves, arrives]: [f64; 2], part: f64) -> f64 
 }
 
 impl Camera {
-    /// Turned to the right about the eye, so that what was in the middle of the picture lies as
-    /// many pixels to the left of it.
+    /// Rotated to the right about the eye, so that the centre of the picture moves `pixels` to the
+    /// left.
     pub fn panned(&self, image: &Image, pixels: f64) -> Camera {
         let view = self.view(image);
         let [right, down, forward] = [
@@ -125,9 +125,9 @@ impl Camera {
             view.rotation.row(1),
             view.rotation.row(2),
         ];
-        // The tangent of the angle that the view turns by.
+        // The tangent of the angle of rotation.
         let ahead = (forward + right * (pixels / view.focal_px[0])).normalize();
-        // The picture's own up: with another the view would roll as it turns.
+        // The picture's own up: with another one the view would roll.
         Camera {
             target: self.eye + ahead * (self.target - self.eye).length(),
             up: -down,
@@ -137,11 +137,11 @@ impl Camera {
 }
 
 impl PanFields {
-    /// The camera of every frame: in frame k, what was in the middle of the first picture lies k ·
-    /// `pan_pixels` farther to the left.
+    /// The camera of every frame: in frame k the centre of the first picture is k · `pan_pixels` to
+    /// the left.
     ///
     /// # Errors
-    /// A sentence where a frame has no camera, as [`KeyedFields::cameras`].
+    /// A sentence if a frame has no valid camera, as for [`KeyedFields::cameras`].
     pub fn cameras(&self, first: &Camera, image: &Image) -> Result<Vec<Camera>, String> {
         let camera = |frame: usize| {
             let camera = first.panned(image, frame as f64 * self.pan_pixels);

@@ -1,12 +1,12 @@
-//! Placement: brings splats to another place: made larger about the origin, then turned about it,
-//! then moved.
+//! Placement: moves splats to another place: scales them about the origin, rotates them about it,
+//! then translates them.
 //!
-//! Opacities stay: what is made larger lets as much light through as before.
+//! Opacities do not change: a scaled object transmits as much light as before.
 
 use super::{Orientation, Splat};
 use glam::{DQuat, DVec3};
 
-/// From a source's own coordinates to the scene's.
+/// Maps a source's own coordinates to the scene's.
 #[derive(Clone, Copy, Debug)]
 pub struct Placement {
     /// Above 0.
@@ -18,36 +18,36 @@ pub struct Placement {
 }
 
 impl Placement {
-    /// Where nothing is changed.
+    /// The identity.
     pub const NONE: Placement = Placement {
         scale: 1.0,
         turn: DQuat::IDENTITY,
         way: DVec3::ZERO,
     };
 
-    /// A place, brought there.
+    /// Transforms a position.
     pub fn point(&self, point: DVec3) -> DVec3 {
         self.vector(point) + self.way
     }
 
-    /// A way, from one place to another.
+    /// Transforms a vector between two positions.
     pub fn vector(&self, way: DVec3) -> DVec3 {
         self.turn * (way * self.scale)
     }
 
-    /// A splat; what it has not got yet, a radius or a normal of 0, stays so.
+    /// Transforms a splat; a missing radius or normal (0) is not changed.
     pub fn put(&self, splat: &mut Splat) {
         splat.position = self.point(splat.position);
         splat.normal = super::unit(self.turn * splat.normal).unwrap_or(DVec3::ZERO);
         splat.radius *= self.scale;
     }
 
-    /// Axes of a kernel.
+    /// Rotates the axes of a kernel.
     pub fn turn(&self, orientation: &mut Orientation) {
         orientation.rotation = (self.turn * orientation.rotation).normalize();
     }
 
-    /// This one after another.
+    /// This placement after another one.
     pub fn after(&self, first: &Placement) -> Placement {
         Placement {
             scale: self.scale * first.scale,

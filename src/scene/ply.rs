@@ -1,19 +1,19 @@
-//! PLY: reads a cloud of points from a file, in whichever of the format's many ways it was written;
-//! its header and rows also serve the readers of trained Gaussians.
+//! PLY: reads a cloud of points from a file in any of the format's variants. Its header and rows
+//! are also used by the readers of trained Gaussians.
 //!
-//! A reader of our own, because `serde-ply` loses files that people have: headers with the line
-//! ends of old Macs (Rhino still writes them), text without a final line end; and its errors name
-//! neither row nor line. Values go straight into the splats, and nothing is reserved that the
-//! file's length does not vouch for, so a header cannot ask for memory.
+//! An own reader, because `serde-ply` fails on existing files: headers with the line ends of old
+//! Macs (Rhino still writes them), text without a final newline. Its errors have neither row nor
+//! line. Values are stored directly in splats. Memory is reserved only up to what the file's length
+//! supports, so a header cannot demand memory.
 //!
-//! - Text is read by lines, one row a line; blank lines and unknown header lines are skipped, too
-//!   few or too many values refused.
-//! - Colours are sRGB codes of whatever type, and are decoded, unless a comment says that they are
-//!   linear light ([`colours`]).
-//! - Vertices without a finite position (or past ±1e30, as some scanners mark holes) are left out
-//!   and counted in a note.
-//! - Faces serve only to find normals where the file has none; a face that names a vertex out of
-//!   range is left out and counted.
+//! - Text is read by lines, one row per line. Blank lines and unknown header lines are skipped; too
+//!   few or too many values are refused.
+//! - Colours of any type are sRGB codes and are decoded, unless a comment declares linear light
+//!   ([`colours`]).
+//! - Vertices without a finite position (or beyond ±1e30, which some scanners use for holes) are
+//!   left out and counted in a note.
+//! - Faces are only used for normals if the file has none; a face with a vertex index out of range
+//!   is left out and counted.
 
 mod colours;
 mod faces;
@@ -27,25 +27,25 @@ use rayon::prelude::*;
 use rayon::slice::ChunksExact;
 use std::ops::Range;
 
-/// Points of a file. A normal of zero and a radius of zero say "not in the file".
+/// Points of a file. A normal or a radius of zero means that the file has none.
 #[derive(Debug)]
 pub(super) struct Cloud {
     pub splats: Vec<Splat>,
-    /// Notes of what was left out or looks odd, one sentence each.
+    /// Notes on omissions and oddities, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// Coordinates past this are taken for "no value"; squares and products of smaller ones stay finite
-/// in f64.
+/// Coordinates beyond this count as missing; squares and products of smaller ones are finite in
+/// f64.
 pub(super) const FARTHEST: f64 = 1e30;
 
-/// Lines of a header; real ones have a hundred. Names are compared with all before them, which must
-/// stay quick.
+/// Most lines of a header; real ones have a hundred. Each name is compared with all names before
+/// it, which must be quick.
 const LONGEST_HEADER: usize = 10_000;
 
 pub(super) type Parsed<T> = Result<T, String>;
 
-/// Reads the bytes of a PLY file; the error is the second half of a sentence that begins with the
+/// Reads the bytes of a PLY file. The error is the second half of a sentence that begins with the
 /// file's name.
 pub(super) fn parse(bytes: &[u8]) -> Parsed<Cloud> {
     let (header, mut body) = read_header(bytes)?;
@@ -54,7 +54,7 @@ pub(super) fn parse(bytes: &[u8]) -> Parsed<Cloud> {
         .iter()
         .find(|e| e.name == "vertex")
         .ok_or("has no element `vertex`, so there are no points in it")?;
-    let layout = Layout::of(vertices)?;
+    let layout = VertexLayout::of(vertices)?;
     let mut notes = header.notes.clone();
     if vertices.properties.iter().any(|p| p.name == "f_dc_0") {
         notes.push("looks like trained 3D Gaussians, but has no scales and rotations: shown as plain points".into());
@@ -84,23 +84,23 @@ pub(super) fn parse(bytes: &[u8]) -> Parsed<Cloud> {
 /// Vertices and triangles of a file, for [`super::mesh`].
 #[derive(Debug)]
 pub(super) struct Faced {
-    /// As those of a [`Cloud`], with whatever positions they have.
+    /// As those of a [`Cloud`], with any positions.
     pub vertices: Vec<Splat>,
     /// Texture coordinates of vertices, from the picture's upper left corner.
     pub uv: Option<Vec<[f32; 2]>>,
     pub has_normals: bool,
     /// Whether vertices have colours.
     pub has_colours: bool,
-    /// All vertices are in range.
+    /// All vertex indices are in range.
     pub triangles: Vec<Triangle>,
-    /// Triangles that name vertices which do not exist.
+    /// Number of triangles with vertex indices out of range.
     pub refused: usize,
-    /// Names of pictures, by number.
+    /// Names of pictures by index.
     pub pictures: Vec<String>,
     pub notes: Vec<String>,
 }
 
-/// A triangle of a face, and what the face says of it.
+/// A triangle of a face, with the attributes of the face.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Triangle {
     /// Indices of vertices.
@@ -109,11 +109,11 @@ pub(super) struct Triangle {
     pub uv: Option<[[f32; 2]; 3]>,
     /// Linear light and opacity of the corners.
     pub rgba: Option<[[f32; 4]; 3]>,
-    /// Index into [`Faced::pictures`]; none where the face has no picture.
+    /// Index into [`Faced::pictures`]; None if the face has no picture.
     pub picture: Option<u32>,
 }
 
-/// Reads the bytes of a PLY file as a mesh; the error is the second half of a sentence that begins
+/// Reads the bytes of a PLY file as a mesh. The error is the second half of a sentence that begins
 /// with the file's name.
 pub(super) fn parse_faced(bytes: &[u8]) -> Parsed<Faced> {
     let (header, mut body) = read_header(bytes)?;
@@ -122,7 +122,7 @@ pub(super) fn parse_faced(bytes: &[u8]) -> Parsed<Faced> {
         .iter()
         .find(|e| e.name == "vertex")
         .ok_or("has no element `vertex`, so there are no corners in it")?;
-    let layout = Layout::of(vertices)?;
+    let layout = VertexLayout::of(vertices)?;
     let has_uv = layout.is_filled[TEXTURE..].iter().all(|&filled| filled);
     let (mut splats, mut uv, mut faces) = (Vec::new(), Vec::new(), Faces::new(vertices.count));
     for element in &header.elements {
@@ -160,7 +160,7 @@ pub(super) fn parse_faced(bytes: &[u8]) -> Parsed<Faced> {
     })
 }
 
-/// Rows of a picture count down, coordinates of a PLY up.
+/// Rows of a picture point down, coordinates of a PLY up.
 fn from_upper_left([u, v]: [f64; 2]) -> [f32; 2] {
     [u as f32, (1.0 - v) as f32]
 }
@@ -168,7 +168,7 @@ fn from_upper_left([u, v]: [f64; 2]) -> [f32; 2] {
 // ---- header ----
 
 #[derive(Clone, Copy, PartialEq, Debug)]
-enum Encoding {
+enum PlyEncoding {
     Text,
     LittleEndian,
     BigEndian,
@@ -186,32 +186,32 @@ enum Scalar {
     F64,
 }
 
-enum Kind {
+enum PropertyKind {
     Scalar(Scalar),
     List { count: Scalar, item: Scalar },
 }
 
 struct Property {
     name: String,
-    kind: Kind,
+    kind: PropertyKind,
 }
 
-/// One table of the file, as the header has it.
+/// One table of the file, as in the header.
 pub(super) struct Element {
     pub name: String,
     pub count: usize,
     properties: Vec<Property>,
 }
 
-/// The tables of a file in their order, and what looks odd about the header.
+/// The tables of a file in order, and notes on the header.
 pub(super) struct Header {
     pub elements: Vec<Element>,
-    /// What stands behind `comment`, line by line.
+    /// Text after `comment`, line by line.
     pub comments: Vec<String>,
     pub notes: Vec<String>,
 }
 
-/// Each type under both of its names.
+/// Each type with both of its names.
 const TYPES: [(Scalar, &str, &str); 8] = [
     (Scalar::I8, "char", "int8"),
     (Scalar::U8, "uchar", "uint8"),
@@ -231,7 +231,7 @@ impl Scalar {
         let names = || TYPES.map(|(_, old, _)| old).join(", ");
         found
             .map(|(kind, ..)| *kind)
-            .ok_or_else(|| format!("`{}` is no PLY type; types are {}", clip(name), names()))
+            .ok_or_else(|| format!("`{}` is not a PLY type; types are {}", clip(name), names()))
     }
 
     fn name(self) -> &'static str {
@@ -264,11 +264,11 @@ impl Scalar {
         value.fract() == 0.0 && (low..=high).contains(&value)
     }
 
-    fn read(self, bytes: &[u8], encoding: Encoding) -> f64 {
+    fn read(self, bytes: &[u8], encoding: PlyEncoding) -> f64 {
         let mut low_first = [0; 8];
         let raw = &mut low_first[..bytes.len()];
         raw.copy_from_slice(bytes);
-        if encoding == Encoding::BigEndian {
+        if encoding == PlyEncoding::BigEndian {
             raw.reverse();
         }
         let word = u64::from_le_bytes(low_first);
@@ -289,12 +289,12 @@ impl Element {
         self.properties.iter().map(|p| p.name.as_str())
     }
 
-    /// For each property its place among `names`; all of them must be there as single numbers.
+    /// For each property its index in `names`; all names must exist as single numbers.
     pub(super) fn slots(&self, names: &[String]) -> Parsed<Vec<Option<usize>>> {
         let is_number = |name: &&String| {
             self.properties
                 .iter()
-                .any(|p| p.name == **name && matches!(p.kind, Kind::Scalar(_)))
+                .any(|p| p.name == **name && matches!(p.kind, PropertyKind::Scalar(_)))
         };
         match names.iter().find(|name| !is_number(name)) {
             Some(missing) => Err(format!(
@@ -308,7 +308,8 @@ impl Element {
         }
     }
 
-    /// Rows to be read: rows without properties take no room, however many the header promises.
+    /// Number of rows to read: rows without properties take no memory, for any number in the
+    /// header.
     fn rows(&self) -> usize {
         if self.properties.is_empty() {
             0
@@ -317,30 +318,30 @@ impl Element {
         }
     }
 
-    /// The shortest a row can be, in bytes: what bounds the rows that a file of a given length can
-    /// hold.
-    fn shortest_row(&self, encoding: Encoding) -> usize {
+    /// The shortest possible row in bytes: it limits the number of rows in a file of a given
+    /// length.
+    fn shortest_row(&self, encoding: PlyEncoding) -> usize {
         let shortest = |p: &Property| match (&p.kind, encoding) {
-            (_, Encoding::Text) => 2,
-            (Kind::Scalar(t), _) | (Kind::List { count: t, .. }, _) => t.bytes(),
+            (_, PlyEncoding::Text) => 2,
+            (PropertyKind::Scalar(t), _) | (PropertyKind::List { count: t, .. }, _) => t.bytes(),
         };
         self.properties.iter().map(shortest).sum::<usize>().max(1)
     }
 }
 
-/// Header and text rows, cut at the line end that the first line has.
-struct Lines<'a> {
+/// Header and text rows, split at the line end of the first line.
+struct PlyLines<'a> {
     rest: &'a [u8],
     end: u8,
     number: usize,
 }
 
-impl<'a> Lines<'a> {
+impl<'a> PlyLines<'a> {
     fn new(bytes: &'a [u8]) -> Self {
         let end_of_first = bytes.iter().position(|&b| b == b'\r' || b == b'\n');
         let mac =
             end_of_first.is_some_and(|i| bytes[i] == b'\r' && bytes.get(i + 1) != Some(&b'\n'));
-        Lines {
+        PlyLines {
             rest: bytes,
             end: if mac { b'\r' } else { b'\n' },
             number: 0,
@@ -348,7 +349,7 @@ impl<'a> Lines<'a> {
     }
 }
 
-impl<'a> Iterator for Lines<'a> {
+impl<'a> Iterator for PlyLines<'a> {
     type Item = &'a [u8];
 
     fn next(&mut self) -> Option<&'a [u8]> {
@@ -367,11 +368,11 @@ impl<'a> Iterator for Lines<'a> {
     }
 }
 
-/// Reads the header; the error is the second half of a sentence that begins with the file's name.
+/// Reads the header. The error is the second half of a sentence that begins with the file's name.
 pub(super) fn read_header(bytes: &[u8]) -> Parsed<(Header, Body<'_>)> {
-    let mut lines = Lines::new(bytes);
+    let mut lines = PlyLines::new(bytes);
     if lines.next() != Some(b"ply") {
-        return Err("is no PLY file: its first line is not `ply`".into());
+        return Err("is not a PLY file: its first line is not `ply`".into());
     }
     let mut header = Header {
         elements: Vec::new(),
@@ -405,7 +406,7 @@ pub(super) fn read_header(bytes: &[u8]) -> Parsed<(Header, Body<'_>)> {
                 .property(rest)
                 .map_err(|e| at_line(lines.number, e))?,
             [word, ..] => header.notes.push(format!(
-                "line {}: `{}` is no PLY keyword; the line was skipped",
+                "line {}: `{}` is not a PLY keyword; the line was skipped",
                 lines.number,
                 clip(word)
             )),
@@ -419,11 +420,11 @@ fn at_line(number: usize, sentence: String) -> String {
     format!("line {number}: {sentence}")
 }
 
-fn format(words: &[&str]) -> Parsed<Encoding> {
+fn format(words: &[&str]) -> Parsed<PlyEncoding> {
     match words {
-        ["ascii", "1.0"] => Ok(Encoding::Text),
-        ["binary_little_endian", "1.0"] => Ok(Encoding::LittleEndian),
-        ["binary_big_endian", "1.0"] => Ok(Encoding::BigEndian),
+        ["ascii", "1.0"] => Ok(PlyEncoding::Text),
+        ["binary_little_endian", "1.0"] => Ok(PlyEncoding::LittleEndian),
+        ["binary_big_endian", "1.0"] => Ok(PlyEncoding::BigEndian),
         _ => Err(format!(
             "format `{}` is unknown; it must be ascii, binary_little_endian or binary_big_endian, followed by 1.0",
             clip(&words.join(" "))
@@ -435,10 +436,10 @@ impl Header {
     fn has_linear_colours(&self) -> bool {
         self.comments
             .iter()
-            .any(|comment| colours::says_linear(comment))
+            .any(|comment| colours::is_linear(comment))
     }
 
-    /// Names behind `TextureFile` in comments, as MeshLab writes them; they may have blanks.
+    /// Names after `TextureFile` in comments, as written by MeshLab; they may have blanks.
     fn pictures(&self) -> Vec<String> {
         let name = |comment: &String| {
             let (word, name) = comment.split_once(|c: char| c.is_ascii_whitespace())?;
@@ -454,7 +455,7 @@ impl Header {
         };
         let count = count
             .parse()
-            .map_err(|_| format!("`{}` is no count of elements", clip(count)))?;
+            .map_err(|_| format!("`{}` is not a count of elements", clip(count)))?;
         if self.elements.iter().any(|e| e.name == *name) {
             return Err(format!("element `{}` is there twice", clip(name)));
         }
@@ -470,24 +471,24 @@ impl Header {
         let (name, kind) = match words {
             ["list", count, item, name] => (
                 name,
-                Kind::List {
+                PropertyKind::List {
                     count: Scalar::named(count)?,
                     item: Scalar::named(item)?,
                 },
             ),
-            [kind, name] => (name, Kind::Scalar(Scalar::named(kind)?)),
+            [kind, name] => (name, PropertyKind::Scalar(Scalar::named(kind)?)),
             _ => return Err(
                 "a property line must read `property TYPE NAME` or `property list TYPE TYPE NAME`"
                     .into(),
             ),
         };
-        if matches!(kind, Kind::List { count, .. } if count.is_float()) {
+        if matches!(kind, PropertyKind::List { count, .. } if count.is_float()) {
             return Err("the length of a list must be of an integer type".into());
         }
         let element = self
             .elements
             .last_mut()
-            .ok_or("a property stands before the first element")?;
+            .ok_or("a property is before the first element")?;
         if element.properties.iter().any(|p| p.name == *name) {
             return Err(format!("property `{}` is there twice", clip(name)));
         }
@@ -502,23 +503,23 @@ impl Header {
 // ---- rows ----
 
 /// A number's type, and its bytes in a row.
-type Field = (Scalar, Range<usize>);
+type RowField = (Scalar, Range<usize>);
 
-/// Rows behind the header: those of each element, in the header's order.
+/// Rows after the header: those of each element, in the header's order.
 pub(super) struct Body<'a> {
-    lines: Lines<'a>,
-    encoding: Encoding,
+    lines: PlyLines<'a>,
+    encoding: PlyEncoding,
 }
 
 impl<'a> Body<'a> {
-    /// How many of the element's rows there can be at most: what may be reserved for them.
+    /// Most rows of the element that the file can have: a limit for reserved memory.
     pub(super) fn room(&self, element: &Element) -> usize {
         element
             .count
             .min(self.lines.rest.len() / element.shortest_row(self.encoding))
     }
 
-    /// Reads all rows of the next element and hands each row's numbers to `each`, every property's
+    /// Reads all rows of the next element, and passes each row's numbers to `each`, every property
     /// in its slot of `values`.
     pub(super) fn rows(
         &mut self,
@@ -538,23 +539,23 @@ impl<'a> Body<'a> {
         Ok(())
     }
 
-    /// All rows of the next element, and where in a row each property lies: where they are as long
-    /// as each other, so that threads can share them. None of text, of lists, and where the file
+    /// All rows of the next element, and the position of each property in a row, if all rows have
+    /// the same length, so that threads can share them. None for text, for lists, and if the file
     /// ends too early.
-    fn equal_rows(&mut self, element: &Element) -> Option<(ChunksExact<'a, u8>, Vec<Field>)> {
-        if self.encoding == Encoding::Text {
+    fn equal_rows(&mut self, element: &Element) -> Option<(ChunksExact<'a, u8>, Vec<RowField>)> {
+        if self.encoding == PlyEncoding::Text {
             return None;
         }
         let mut row = 0;
         let field = |property: &Property| match property.kind {
-            Kind::Scalar(kind) => {
+            PropertyKind::Scalar(kind) => {
                 let first = row;
                 row += kind.bytes();
                 Some((kind, first..row))
             }
-            Kind::List { .. } => None,
+            PropertyKind::List { .. } => None,
         };
-        let fields: Vec<Field> = element
+        let fields: Vec<RowField> = element
             .properties
             .iter()
             .map(field)
@@ -567,7 +568,7 @@ impl<'a> Body<'a> {
         Some((rows.par_chunks_exact(row.max(1)), fields))
     }
 
-    /// Hands each value of the next row to `value`, with the number of its property; a list's
+    /// Passes each value of the next row to `value`, with the index of its property; a list's
     /// values one by one.
     fn row(
         &mut self,
@@ -576,7 +577,7 @@ impl<'a> Body<'a> {
         value: impl FnMut(usize, f64),
     ) -> Parsed<()> {
         let read = match self.encoding {
-            Encoding::Text => self.text_row(element, value),
+            PlyEncoding::Text => self.text_row(element, value),
             encoding => read_values(
                 element,
                 |kind| take(&mut self.lines.rest, kind, encoding),
@@ -584,7 +585,7 @@ impl<'a> Body<'a> {
             ),
         };
         read.map_err(|e| {
-            let line = if self.encoding == Encoding::Text {
+            let line = if self.encoding == PlyEncoding::Text {
                 format!(" (line {})", self.lines.number)
             } else {
                 String::new()
@@ -597,10 +598,10 @@ impl<'a> Body<'a> {
         })
     }
 
-    /// Refuses lines of text that no element has, where only these elements are left; other
-    /// encodings end in anything.
+    /// Refuses surplus lines of text after the last element; other encodings may have trailing
+    /// data.
     pub(super) fn finish<'e>(&mut self, left: impl Iterator<Item = &'e Element>) -> Parsed<()> {
-        if self.encoding != Encoding::Text {
+        if self.encoding != PlyEncoding::Text {
             return Ok(());
         }
         let promised = left.map(Element::rows).fold(0, usize::saturating_add);
@@ -658,8 +659,8 @@ fn read_values(
 ) -> Parsed<()> {
     for (i, property) in element.properties.iter().enumerate() {
         match property.kind {
-            Kind::Scalar(kind) => value(i, next(kind)?),
-            Kind::List { count, item } => {
+            PropertyKind::Scalar(kind) => value(i, next(kind)?),
+            PropertyKind::List { count, item } => {
                 let length = next(count)?;
                 if length < 0.0 {
                     return Err(format!(
@@ -676,7 +677,7 @@ fn read_values(
     Ok(())
 }
 
-fn take(rest: &mut &[u8], kind: Scalar, encoding: Encoding) -> Parsed<f64> {
+fn take(rest: &mut &[u8], kind: Scalar, encoding: PlyEncoding) -> Parsed<f64> {
     let (bytes, after) = rest.split_at_checked(kind.bytes()).ok_or(ENDS_EARLY)?;
     *rest = after;
     Ok(kind.read(bytes, encoding))
@@ -685,16 +686,16 @@ fn take(rest: &mut &[u8], kind: Scalar, encoding: Encoding) -> Parsed<f64> {
 fn number(word: &[u8], kind: Scalar) -> Parsed<f64> {
     let text = std::str::from_utf8(word).unwrap_or("");
     let parsed = match kind {
-        // Rounded once, to what a binary file would hold.
+        // Rounded once, to the value of a binary file.
         Scalar::F32 => text.parse::<f32>().map(f64::from),
         _ => text.parse(),
     };
     match parsed {
         Ok(value) if kind.holds(value) => Ok(value),
-        // What C libraries print for a value that is none: `-nan(ind)`, `1.#QNAN`, `nan(0x8000)`.
+        // Forms of NaN in C libraries: `-nan(ind)`, `1.#QNAN`, `nan(0x8000)`.
         Err(_) if kind.is_float() && (text.contains("nan") || text.contains(".#")) => Ok(f64::NAN),
         _ => Err(format!(
-            "`{}` is no value of type {}",
+            "`{}` is not a value of type {}",
             clip(&String::from_utf8_lossy(word)),
             kind.name()
         )),
@@ -703,8 +704,7 @@ fn number(word: &[u8], kind: Scalar) -> Parsed<f64> {
 
 // ---- vertices ----
 
-/// Where a vertex's values go, under all names that mean the same; names of colours are those of
-/// [`colours`].
+/// Slots of a vertex's values, with all names of each; names of colours are in [`colours`].
 const SLOTS: [&[&str]; 13] = [
     &["x"],
     &["y"],
@@ -724,20 +724,20 @@ const NORMAL: usize = 3;
 const COLOUR: usize = 6;
 const ALPHA: usize = 9;
 const RADIUS: usize = 10;
-/// Texture coordinates, which only meshes use.
+/// Texture coordinates, used only by meshes.
 const TEXTURE: usize = 11;
-/// Colour of what has none, linear light.
+/// Default colour, linear light.
 const GREY: f64 = 0.5;
 
-/// Which property of the vertices fills which slot.
-struct Layout {
+/// Slot of each property of the vertices.
+struct VertexLayout {
     slot_of_property: Vec<Option<usize>>,
     is_filled: [bool; SLOTS.len()],
     colours: Columns,
 }
 
-impl Layout {
-    fn of(vertices: &Element) -> Parsed<Layout> {
+impl VertexLayout {
+    fn of(vertices: &Element) -> Parsed<VertexLayout> {
         let mut is_filled = [false; SLOTS.len()];
         let colours = Columns::of(vertices);
         let slot_of_property = vertices
@@ -745,7 +745,7 @@ impl Layout {
             .iter()
             .enumerate()
             .map(|(place, property)| {
-                let Kind::Scalar(_) = property.kind else {
+                let PropertyKind::Scalar(_) = property.kind else {
                     return None;
                 };
                 let channel = colours
@@ -771,7 +771,7 @@ impl Layout {
                 SLOTS[missing][0]
             ));
         }
-        Ok(Layout {
+        Ok(VertexLayout {
             slot_of_property,
             is_filled,
             colours,
@@ -782,7 +782,7 @@ impl Layout {
         self.is_filled[NORMAL..COLOUR].iter().all(|&filled| filled)
     }
 
-    /// A splat whose colour and opacity are still the file's numbers.
+    /// A splat whose colour and opacity are still in the file's encoding.
     fn splat(&self, values: &[f64]) -> Splat {
         let vector = |slot| DVec3::from_slice(&values[slot..slot + 3]);
         Splat {
@@ -799,7 +799,7 @@ impl Layout {
         }
     }
 
-    /// Makes linear light and opacities of all splats' numbers; what was assumed is a note.
+    /// Converts colours and opacities of all splats to linear light; assumptions become notes.
     fn decode(&self, splats: &mut [Splat], header: &Header) -> Vec<String> {
         let rgb = |extent: Extent, splat: &Splat| {
             splat
@@ -865,14 +865,14 @@ fn extent(
         .reduce(|| Extent::of(kind), Extent::and)
 }
 
-fn read_vertices(body: &mut Body, element: &Element, layout: &Layout) -> Parsed<Vec<Splat>> {
+fn read_vertices(body: &mut Body, element: &Element, layout: &VertexLayout) -> Parsed<Vec<Splat>> {
     if let Some((rows, fields)) = body.equal_rows(element) {
         let encoding = body.encoding;
         let slotted = fields
             .iter()
             .zip(&layout.slot_of_property)
             .filter_map(|(field, slot)| slot.map(|slot| (field, slot)));
-        let slotted: Vec<(&Field, usize)> = slotted.collect();
+        let slotted: Vec<(&RowField, usize)> = slotted.collect();
         let splat = |row: &[u8]| {
             let mut values = [0.0; SLOTS.len()];
             slotted.iter().for_each(|((kind, bytes), slot)| {

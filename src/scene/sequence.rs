@@ -1,16 +1,15 @@
-//! Sequence: a scene seen by one camera after the other.
+//! Sequence: a scene viewed by one camera after another.
 //!
-//! The world stays as it is while the eye moves: what a scene leaves out (normals, their signs, the
-//! light) is chosen for the first camera. Surfaces are loaded once, and frames differ in the camera
-//! alone. Volumes and Gaussians are ordered and coloured for the eye: they are read anew for each
-//! frame.
+//! The world is fixed while the eye moves: missing data (normals, their signs, the light) are
+//! chosen for the first camera. Surfaces are loaded once, and frames differ only in the camera.
+//! Volumes and Gaussians depend on the eye in order and colour: they are read again for each frame.
 
-use super::json::{Seen, Which};
+use super::json::{FrameChoice, LoadedFrame};
 use super::{Camera, CameraFile, Overrides, Scene};
 use crate::error::Result;
 use std::ffi::{OsStr, OsString};
 
-/// A scene and its cameras, one a frame.
+/// A scene and its cameras, one per frame.
 #[derive(Clone, Debug)]
 pub struct Sequence {
     name_or_path: OsString,
@@ -19,13 +18,12 @@ pub struct Sequence {
     cameras: Vec<Camera>,
     is_sequence: bool,
     shares_splats: bool,
-    /// As the frame that was asked for last shows it.
+    /// The frame that was requested last.
     scene: Scene,
 }
 
 impl Sequence {
-    /// Reads a scene as [`Scene::load`] does, and all its cameras; or those of a file in their
-    /// place.
+    /// Reads a scene like [`Scene::load`], with all its cameras, or with those of a file.
     ///
     /// # Errors
     /// [`crate::error::Error::Input`] as [`Scene::load`].
@@ -35,11 +33,11 @@ impl Sequence {
         file: Option<CameraFile>,
     ) -> Result<Self> {
         let name_or_path = name_or_path.as_ref().to_owned();
-        let which = Which {
+        let which = FrameChoice {
             frame: 0,
             cameras: file.as_ref(),
         };
-        let Seen {
+        let LoadedFrame {
             scene,
             cameras,
             is_sequence,
@@ -56,8 +54,8 @@ impl Sequence {
         })
     }
 
-    /// Whether it was written as one, be it of one frame: with `cameras`, a `camera_path` or a file
-    /// of cameras.
+    /// Whether it was defined as a sequence, even of one frame: with `cameras`, a `camera_path` or
+    /// a file of cameras.
     pub fn is_sequence(&self) -> bool {
         self.is_sequence
     }
@@ -67,8 +65,7 @@ impl Sequence {
         &self.cameras
     }
 
-    /// The name of the picture that each camera took, as a file of cameras has it; none where
-    /// nothing has it.
+    /// The name of the picture of each camera, as in a file of cameras; None if there is none.
     pub fn pictures(&self) -> Vec<Option<&str>> {
         let named = self
             .file
@@ -82,26 +79,25 @@ impl Sequence {
         }
     }
 
-    /// Whether frames differ in the camera alone, as those of surfaces do.
+    /// Whether frames differ only in the camera, like those of surfaces.
     pub fn shares_splats(&self) -> bool {
         self.shares_splats
     }
 
-    /// The scene as the frame that was asked for last shows it: at first the first.
+    /// The frame that was requested last; initially the first.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
 
-    /// That scene alone.
+    /// That scene.
     pub fn into_scene(self) -> Scene {
         self.scene
     }
 
-    /// The scene as a frame shows it.
+    /// The scene in a frame.
     ///
     /// # Errors
-    /// [`crate::error::Error::Input`] where there is no such frame, or where a file cannot be read
-    /// a second time.
+    /// [`crate::error::Error::Input`] if there is no such frame, or if a file cannot be read again.
     pub fn frame(&mut self, frame: usize) -> Result<&Scene> {
         match self.cameras.get(frame) {
             Some(camera) if self.shares_splats => self.scene.camera = *camera,
@@ -110,7 +106,7 @@ impl Sequence {
                 self.scene = Scene::seen(
                     &self.name_or_path,
                     &self.overrides,
-                    Which {
+                    FrameChoice {
                         frame,
                         cameras: self.file.as_ref(),
                     },

@@ -1,7 +1,7 @@
-//! Strict JSON: reads a text in which no object has a field twice; of two values one would be lost
-//! without a word.
+//! Strict JSON: reads a text and refuses objects with duplicate fields, of which one value would be
+//! lost silently.
 //!
-//! A byte-order mark, as editors put it at the start of a file, is no part of the text.
+//! A byte-order mark, which editors put at the start of a file, is ignored.
 
 use crate::input;
 use crate::output::text::clipped;
@@ -10,13 +10,13 @@ use serde_json::{Map, Number, Value};
 use std::fmt;
 use std::path::Path;
 
-/// Reads a file as [`parse`] reads a text.
+/// Reads a file like [`parse`].
 pub(crate) fn read(path: &Path) -> Result<Value, String> {
     parse(&input::read_text(path).map_err(|e| format!("cannot be read: {e}"))?)
 }
 
-/// Reads a text, with or without a byte-order mark; the error is the second half of a sentence that
-/// begins with the file's name, and says line and column.
+/// Reads a text, with or without a byte-order mark. The error is the second half of a sentence that
+/// begins with the file's name, and has line and column.
 pub(crate) fn parse(text: &str) -> Result<Value, String> {
     let mut deserializer = serde_json::Deserializer::from_str(input::without_mark(text));
     let value = Unique
@@ -31,7 +31,7 @@ pub(crate) fn parse(text: &str) -> Result<Value, String> {
     })
 }
 
-/// A value whose objects have each field once.
+/// A value without duplicate fields.
 #[derive(Clone, Copy)]
 struct Unique;
 
@@ -116,7 +116,7 @@ mod tests {
     }
 
     #[test]
-    fn a_byte_order_mark_is_no_part_of_a_text() {
+    fn a_byte_order_mark_is_ignored() {
         let text = "{\"é\": [1, \"\u{1f600}\"]}";
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("x.json");
@@ -139,7 +139,7 @@ mod tests {
                 serde_json::from_str::<Value>(text).unwrap()
             );
         }
-        // One mark alone is none of the text, and what is cut or of another encoding is told of.
+        // A second mark is an error; truncated text and other encodings are reported.
         assert!(
             parse("\u{feff}\u{feff}1")
                 .unwrap_err()
@@ -159,7 +159,7 @@ mod tests {
     }
 
     #[test]
-    fn a_field_that_is_there_twice_is_refused_with_its_place() {
+    fn a_duplicate_field_is_refused_with_its_place() {
         let sentence = parse("{\"a\": 1,\n \"b\": {\"c\": 1, \"c\": 1}}").unwrap_err();
         assert!(
             sentence.starts_with("the field `c` is there twice at line 2 column "),

@@ -1,22 +1,20 @@
-//! Validate: holds a JSON value against a JSON Schema and says in one sentence where it does not
-//! fit.
+//! Validate: checks a JSON value against a JSON Schema, and reports the first violation in one
+//! sentence.
 //!
-//! The schema is derived from the very types that the value is read into, so that what we publish,
-//! what we check and what we read cannot drift apart. Understood are the keywords that such schemas
-//! use; all others are annotations.
+//! The schema is derived from the types that the value is read into, so published schema, check and
+//! reader agree. Only the keywords of such schemas are implemented; all others are annotations.
 
 use crate::output::text::clipped;
 use serde_json::{Map, Value};
 
-/// Where a value does not fit: the path of the field, as in `lights[0].rgb`, and what is wrong
-/// there.
+/// A violation: the path of the field, as in `lights[0].rgb`, and what is wrong.
 #[derive(Debug)]
-pub(crate) struct Misfit {
+pub(crate) struct Violation {
     path: String,
     wrong: String,
 }
 
-impl std::fmt::Display for Misfit {
+impl std::fmt::Display for Violation {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
         match self.path.trim_start_matches('.') {
             "" => write!(f, "{}", self.wrong),
@@ -25,23 +23,23 @@ impl std::fmt::Display for Misfit {
     }
 }
 
-impl Misfit {
-    fn here(wrong: impl Into<String>) -> Misfit {
-        Misfit {
+impl Violation {
+    fn here(wrong: impl Into<String>) -> Violation {
+        Violation {
             path: String::new(),
             wrong: wrong.into(),
         }
     }
 
-    fn inside(mut self, step: String) -> Misfit {
+    fn inside(mut self, step: String) -> Violation {
         self.path.insert_str(0, &step);
         self
     }
 }
 
-type Fits = Result<(), Misfit>;
+type Fits = Result<(), Violation>;
 
-/// Holds `value` against `schema`.
+/// Checks `value` against `schema`.
 pub(crate) fn check(value: &Value, schema: &Value) -> Fits {
     Law { root: schema }.check(value, schema)
 }
@@ -88,36 +86,36 @@ impl<'s> Law<'s> {
                 () if count > most => format!("at most {most}"),
                 () => format!("at least {least}"),
             };
-            return Err(Misfit::here(format!(
+            return Err(Violation::here(format!(
                 "has {count} entries; it must have {right}"
             )));
         }
         items.iter().enumerate().try_for_each(|(i, item)| {
             self.check(item, &schema["items"])
-                .map_err(|misfit| misfit.inside(format!("[{i}]")))
+                .map_err(|violation| violation.inside(format!("[{i}]")))
         })
     }
 
     fn check_fields(&self, fields: &Map<String, Value>, schema: &'s Value) -> Fits {
         if schema.get("properties").is_none() && types(schema).is_empty() {
-            // Any value at all.
+            // Any value is allowed.
             return Ok(());
         }
         let known = field_names(schema);
         check_known(fields, &known)?;
         if let Some(missing) = required(schema).find(|name| !fields.contains_key(*name)) {
-            return Err(Misfit::here(format!("lacks the field `{missing}`")));
+            return Err(Violation::here(format!("lacks the field `{missing}`")));
         }
         fields.iter().try_for_each(|(name, value)| {
             self.check(value, &schema["properties"][name])
-                .map_err(|misfit| misfit.inside(format!(".{name}")))
+                .map_err(|violation| violation.inside(format!(".{name}")))
         })
     }
 
-    /// Of several schemas, the one that the value's kind and fields point to has the say.
+    /// Of several schemas, the one that matches the value's kind and fields is used.
     fn check_options(&self, value: &Value, options: &'s [Value]) -> Fits {
         let options: Vec<&Value> = options.iter().map(|option| self.resolve(option)).collect();
-        // A field that is null is as one that is left out.
+        // A null field counts as left out.
         if value.is_null() && options.iter().any(|option| option["type"] == "null") {
             return Ok(());
         }
@@ -170,7 +168,7 @@ impl<'s> Law<'s> {
             .flat_map(|option| required(option))
             .map(|name| format!("`{name}`"))
             .collect();
-        Err(Misfit::here(format!(
+        Err(Violation::here(format!(
             "must have one of the fields {}",
             needed.join(", ")
         )))
@@ -220,7 +218,7 @@ fn check_type(value: &Value, schema: &Value) -> Fits {
     }
 }
 
-fn wrong_type(value: &Value, mut types: Vec<&str>) -> Misfit {
+fn wrong_type(value: &Value, mut types: Vec<&str>) -> Violation {
     types.retain(|name| *name != "null");
     types.dedup();
     let wanted: Vec<&str> = types.into_iter().map(with_article).collect();
@@ -229,7 +227,7 @@ fn wrong_type(value: &Value, mut types: Vec<&str>) -> Misfit {
     } else {
         with_article(type_name(value)).into()
     };
-    Misfit::here(format!("is {found}; it must be {}", wanted.join(" or ")))
+    Violation::here(format!("is {found}; it must be {}", wanted.join(" or ")))
 }
 
 fn type_name(value: &Value) -> &'static str {
@@ -274,14 +272,14 @@ fn check_range(value: f64, schema: &Value) -> Fits {
         .iter()
         .map(|(word, limit, _)| format!("{word} {}", short(*limit)))
         .collect();
-    Err(Misfit::here(format!(
+    Err(Violation::here(format!(
         "is {}; it must be {}",
         short(value),
         right.join(" and ")
     )))
 }
 
-/// A number as people write it: no row of zeros.
+/// A number in short form, without rows of zeros.
 fn short(value: f64) -> String {
     if value != 0.0 && !(1e-4..1e10).contains(&value.abs()) {
         format!("{value:e}")
@@ -304,7 +302,7 @@ fn check_word(text: &str, words: &[&str]) -> Fits {
     if words.contains(&text) {
         return Ok(());
     }
-    Err(Misfit::here(format!(
+    Err(Violation::here(format!(
         "is `{}`; it must be one of {}{}",
         clipped(text),
         list(words),
@@ -318,8 +316,8 @@ fn check_known(fields: &Map<String, Value>, known: &[&str]) -> Fits {
         Some(stray) => {
             let nearest = nearest(stray, known)
                 .map_or(String::new(), |name| format!("; the nearest is `{name}`"));
-            Err(Misfit::here(format!(
-                "is no known field{nearest} (known are {})",
+            Err(Violation::here(format!(
+                "is not a known field{nearest} (known are {})",
                 list(known)
             ))
             .inside(format!(".{}", clipped(stray))))
@@ -337,18 +335,18 @@ fn list(words: &[&str]) -> String {
     distinct.join(", ")
 }
 
-/// How much a word must be like another one to be meant by it, by Jaro and Winkler: 1 is the same.
-/// Words with a letter missing, wrong or swapped lie above 0.85, unrelated ones mostly below 0.7
-/// (`nono` and `precision-in-lockstep`: 0.52); `wait` and `weight` have 0.78.
+/// Least similarity of a word to the one that may be meant, by Jaro and Winkler: 1 is equal. Words
+/// with a missing, wrong or swapped letter are above 0.85, unrelated ones mostly below 0.7 (`nono`
+/// and `precision-in-lockstep`: 0.52); `wait` and `weight` have 0.78.
 const LIKE: f64 = 0.76;
 
-/// The known word most like `text`, if it may well have been meant.
+/// The known word most similar to `text`, if it is similar enough.
 pub(crate) fn nearest<'a>(text: &str, known: &[&'a str]) -> Option<&'a str> {
-    // A text so much longer is none of them, and may have megabytes.
+    // A text that is much longer matches none, and may have megabytes.
     if text.len() > 4 * known.iter().map(|word| word.len()).max().unwrap_or(0) {
         return None;
     }
-    // Of short words a swap of letters leaves little that agrees, though it is one slip.
+    // In short words a swap of letters leaves little agreement, although it is a single error.
     let one_slip = |word: &str| text.len() > 2 && strsim::osa_distance(text, word) == 1;
     let likeness =
         |word: &str| strsim::jaro_winkler(text, word).max(if one_slip(word) { LIKE } else { 0.0 });
@@ -359,7 +357,7 @@ pub(crate) fn nearest<'a>(text: &str, known: &[&'a str]) -> Option<&'a str> {
     best.filter(|word| likeness(word) >= LIKE)
 }
 
-/// That word for the end of a sentence, in brackets; nothing where none is meant.
+/// That word in brackets, for the end of a sentence; empty if there is none.
 pub(crate) fn in_brackets(text: &str, known: &[&str]) -> String {
     nearest(text, known).map_or(String::new(), |name| format!(" (nearest: `{name}`)"))
 }

@@ -1,9 +1,9 @@
 //! Volume: reads a scalar field on a grid from NRRD, MetaImage, NIfTI-1, VTK's XML or plain
 //! samples; or at points, from VTK's XML.
 //!
-//! Readers of our own, because the files come in few, simple layouts and every fault must end in a
-//! sentence. Nothing is reserved that the file's length does not vouch for, so a header cannot ask
-//! for memory. Medical formats are brought into one world, right-anterior-superior ([`world`]).
+//! Own readers, because the files have few, simple layouts, and every error must end in a sentence.
+//! Memory is reserved only up to what the file's length supports, so a header cannot demand memory.
+//! Medical formats are converted to one coordinate system, right-anterior-superior ([`world`]).
 
 mod decode;
 pub(super) mod irregular;
@@ -19,9 +19,10 @@ mod world;
 use super::formats::{self, Reader};
 pub use decode::{ByteOrder, SampleType};
 use decode::{
-    Layout, Parsed, check_grid, clip, diagonal, in_data_file, positive, read_beside, read_file,
+    Parsed, SampleLayout, check_grid, clip, diagonal, in_data_file, positive, read_beside,
+    read_file,
 };
-pub use irregular::{Arrays, Irregular, Places};
+pub use irregular::{Arrays, Irregular, SamplePlaces};
 use std::path::Path;
 
 /// A scalar field on an evenly spaced grid.
@@ -34,10 +35,10 @@ pub struct Volume {
     pub axes: [[f64; 3]; 3],
     /// World position of the first sample.
     pub origin: [f64; 3],
-    /// The samples, x fastest; finite, or NaN where there is none.
+    /// The samples, x fastest; finite, or NaN for a missing sample.
     pub values: Vec<f32>,
-    /// What a reader assumed or turned, for the summary; each is the second half of a sentence that
-    /// begins with the file's name.
+    /// Assumptions and conversions of the reader, for the summary; each is the second half of a
+    /// sentence that begins with the file's name.
     pub notes: Vec<String>,
 }
 
@@ -45,7 +46,7 @@ pub struct Volume {
 pub enum Samples {
     /// On an evenly spaced grid.
     Even(Volume),
-    /// On any other, or at points.
+    /// On another grid, or at points.
     Uneven(Irregular),
 }
 
@@ -58,7 +59,7 @@ impl Samples {
         }
     }
 
-    /// What the reader assumed, each note the second half of a sentence.
+    /// Notes of the reader, each the second half of a sentence.
     pub fn notes(&self) -> &[String] {
         match self {
             Samples::Even(volume) => &volume.notes,
@@ -96,7 +97,7 @@ fn unit_spacing() -> [f64; 3] {
     [1.0; 3]
 }
 
-/// Reads a field in the format that the extension names. Arrays have names in VTK's formats alone.
+/// Reads a field in the format of the extension. Only VTK's formats have names of arrays.
 ///
 /// # Errors
 /// As [`read`].
@@ -120,11 +121,11 @@ pub fn read_samples(path: &Path, arrays: &Arrays) -> Result<Samples, String> {
     })
 }
 
-/// Reads a volume in the format that the extension names; of named arrays the one that the file
-/// itself names, or the first.
+/// Reads a volume in the format of the extension; of named arrays the one that the file selects, or
+/// the first.
 ///
 /// # Errors
-/// One sentence that does not name `path` itself, but names a second file if that is at fault.
+/// One sentence that does not contain `path`, but names a second file if the error is there.
 pub fn read(path: &Path) -> Result<Volume, String> {
     if let Some(Reader::Volume(parse)) = formats::reader(path) {
         return parse(&read_file(path)?, path.parent().unwrap_or(Path::new("")));
@@ -142,10 +143,10 @@ pub fn read(path: &Path) -> Result<Volume, String> {
 /// Reads plain samples; bytes after the last sample are ignored.
 ///
 /// # Errors
-/// One sentence: which field of the description is wrong, or what is wrong with the file of
-/// samples, by its name.
+/// One sentence: the wrong field of the description, or the error in the file of samples, with its
+/// name.
 pub fn read_raw(description: &RawDescription, folder: &Path) -> Result<Volume, String> {
-    let layout = Layout::new(
+    let layout = SampleLayout::new(
         description.size,
         description.sample_type,
         description.endian,
@@ -174,7 +175,7 @@ fn skip_bytes<'a>(bytes: &'a [u8], skip: u64, field: &str) -> Parsed<&'a [u8]> {
         .and_then(|skip| bytes.get(skip..));
     rest.ok_or_else(|| {
         format!(
-            "`{field}` passes over {} bytes, but there are only {}",
+            "`{field}` skips {} bytes, but there are only {}",
             clip(&skip.to_string()),
             bytes.len()
         )

@@ -1,20 +1,20 @@
-//! Voxels: turns a scalar field into splats, by a transfer function or along an isosurface (EWA §6,
+//! Voxels: converts a scalar field to splats, by a transfer function or as an isosurface (EWA §6,
 //! docs/book/algorithm-resolve.md §9).
 //!
 //! ```text
-//! samples ─►[ transfer: value → rgb, opacity ]─►(× gradient's factor)─► what is seen at all ─►[ slices along the view ]─► sheets
+//! samples ─►[ transfer: value → rgb, opacity ]─►(× gradient's factor)─► visible voxels ─►[ slices along the view ]─► sheets
 //!       └─►[ isovalue: moved along the gradient to the surface, flattened there ]─► surface splats
 //! ```
-//! A voxel that is not seen never becomes a splat. A transfer function's opacity α is that of a
-//! layer one step thick, a step being the shortest spacing: its optical depth is −ln(1 − α), and
-//! extinction g is that over the step. A kernel of standard deviations σᵢ that stands for one cell
-//! of volume V_c has, through its middle, the optical depth g·V_c/(2πσ²) of a ball of the largest
-//! σ: that is the splat's opacity, and setup does the rest. A footprint ends where the radial index
-//! reaches the cutoff c and lacks e^(−c/2) of what the whole one has: what is left is made that
-//! much deeper.
+//! An invisible voxel does not become a splat. A transfer function's opacity α is that of a layer
+//! one step thick, where a step is the shortest spacing: its optical depth is −ln(1 − α), and the
+//! extinction g is that divided by the step. A kernel of standard deviations σᵢ represents one cell
+//! of volume V_c. Its optical depth through the centre is g·V_c/(2πσ²), that of a ball with the
+//! largest σ: this is the splat's opacity, which setup converts to the view. A footprint ends at
+//! the cutoff c of the radial index and lacks e^(−c/2) of the whole one; the depth is increased to
+//! compensate.
 //!
 //! A grid may be sheared: its kernels have the principal axes of the cell that its three steps
-//! span, as those of [`super::cells`] have, and its slices are the planes of two of its axes.
+//! span, as in [`super::cells`], and its slices are the planes of two of its axes.
 //!
 //! Law: `a_slab_is_as_opaque_as_it_says` (tests/regressions_promises.rs).
 
@@ -26,30 +26,31 @@ use glam::{DMat3, DQuat, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Colour and optical depth of a value; between two values linear, beyond the first and the last as
-/// there.
+/// Colour and optical depth of a value; linear between two values, constant beyond the first and
+/// the last.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TransferPoint {
-    /// Of the field.
+    /// Value of the field.
     pub value: f64,
     /// Linear light.
     pub rgb: [f64; 3],
-    /// Of a layer one step thick, as its kernels must have it ([`depth_of_layer`]).
+    /// Of a layer one step thick, corrected for the cutoff of its kernels ([`depth_of_layer`]).
     pub depth: f64,
 }
 
-/// Opacities beyond this count as this: an opaque layer would be infinitely deep, and no frame word
-/// of 16 bits tells the two apart.
+/// Greatest opacity: an opaque layer would have infinite depth, and no frame word of 16 bits can
+/// distinguish the two.
 pub(super) const MOST_OPACITY: f64 = 1.0 - 1.0 / 65536.0;
 
-/// Optical depth that a layer's kernels need in all, so that the layer has this opacity where they
-/// end at a cutoff.
+/// Total optical depth of a layer's kernels with which the layer has this opacity if they end at a
+/// cutoff.
 pub fn depth_of_layer(opacity: f64, cutoff: f64) -> f64 {
     let left = -libm::expm1(-cutoff / 2.0);
     -libm::log1p(-opacity.min(MOST_OPACITY)) / left
 }
 
-/// Opacity at the upper end of the usual ramp: with the usual cutoff of 4 an optical depth of 0.2.
+/// Opacity at the upper end of the default ramp: with the default cutoff of 4 an optical depth of
+/// 0.2.
 const USUAL_OPACITY: f64 = 0.158_805_979_395_819_03;
 
 /// Classification of a field into splats.
@@ -65,10 +66,10 @@ pub struct Classification {
     pub material: u32,
 }
 
-/// Which samples of a grid became splats: what is needed to bring those into the order of a view.
+/// The samples of a grid that became splats: needed to sort those for a view.
 #[derive(Clone, Debug)]
 pub struct Voxels {
-    /// The sample that each splat was.
+    /// The sample of each splat.
     at: Vec<[u32; 3]>,
     axes: Axes,
     origin: DVec3,
@@ -78,17 +79,16 @@ fn vector(of: [f64; 3]) -> DVec3 {
     DVec3::from_array(of)
 }
 
-/// Cosine of the largest angle off a right one that counts as right: headers write as few digits.
+/// Cosine of the greatest deviation that counts as a right angle: headers round their numbers.
 const RIGHT_ANGLE: f64 = 1e-3;
 
 /// The three steps of a grid.
 #[derive(Clone, Copy, Debug)]
 struct Axes {
     steps: [DVec3; 3],
-    /// At right angles to the planes of the other two: the steps themselves where all are at right
-    /// angles.
+    /// Normals of the planes of the other two; the steps themselves if all are at right angles.
     normals: [DVec3; 3],
-    /// The box that a cell is.
+    /// Principal axes of a cell.
     principal: [DVec3; 3],
 }
 
@@ -112,26 +112,26 @@ impl Axes {
         }
     }
 
-    /// How long a cell is along its principal axes.
+    /// Lengths of a cell along its principal axes.
     fn lengths(&self) -> [f64; 3] {
         self.principal.map(DVec3::length)
     }
 
-    /// A place's index along an axis, of a place seen from the first sample.
+    /// Index along an axis of a position relative to the first sample.
     fn index(&self, axis: usize, way: DVec3) -> f64 {
         way.dot(self.normals[axis]) / self.normals[axis].dot(self.steps[axis])
     }
 }
 
 /// A field with its geometry.
-struct Field<'a> {
+struct FieldGeometry<'a> {
     volume: &'a Volume,
     axes: Axes,
 }
 
-impl<'a> Field<'a> {
+impl<'a> FieldGeometry<'a> {
     fn new(volume: &'a Volume) -> Self {
-        Field {
+        FieldGeometry {
             volume,
             axes: Axes::new(volume.axes.map(vector)),
         }
@@ -148,7 +148,7 @@ impl<'a> Field<'a> {
         })
     }
 
-    /// Central differences, one-sided at the border and beside a sample that is NaN.
+    /// Central differences; one-sided at the border and next to a NaN sample.
     fn gradient(&self, at: [usize; 3]) -> DVec3 {
         let along = |axis: usize| {
             let step = |to: usize| {
@@ -180,12 +180,12 @@ impl<'a> Field<'a> {
         self.steps().into_iter().fold(0.0, f64::max)
     }
 
-    /// The surface's normal and how far away it lies along that from a sample; none where other
-    /// samples are nearer to it.
+    /// The surface's normal and its distance along that from a sample; None if other samples are
+    /// nearer to it.
     fn surface(&self, at: [usize; 3], isovalue: f64) -> Option<(DVec3, f64)> {
         let gradient = self.gradient(at);
         let away = (isovalue - self.value(at)) / gradient.length();
-        // Samples on both sides find the same surface: those within half a step of it close it.
+        // Samples on both sides find the same surface: those within half a step close it.
         if away.is_nan() || away.abs() > 0.5 * self.longest_step() {
             return None;
         }
@@ -199,7 +199,7 @@ impl<'a> Field<'a> {
     }
 }
 
-/// Between points in ascending order; beyond the ends, the ends.
+/// Linear between points in ascending order; constant beyond the ends.
 fn piecewise<const N: usize>(points: impl Iterator<Item = (f64, [f64; N])>, at: f64) -> [f64; N] {
     let mut before: Option<(f64, [f64; N])> = None;
     for (place, point) in points {
@@ -232,7 +232,7 @@ impl Classification {
         vec![at(0.25, 0.0), at(1.0, USUAL_OPACITY)]
     }
 
-    /// Colour and depth of a value; NaN, which says that there is none, is not seen.
+    /// Colour and depth of a value; NaN, a missing sample, is invisible.
     pub(super) fn colour(&self, value: f64) -> ([f64; 3], f64) {
         if value.is_nan() {
             return ([0.0; 3], 0.0);
@@ -255,7 +255,7 @@ impl Classification {
         )[0]
     }
 
-    /// Counts the samples that the transfer function shows, a gradient apart.
+    /// Counts the samples that the transfer function shows, without the gradient's factor.
     pub fn seen(&self, values: &[f32]) -> u64 {
         values
             .par_iter()
@@ -265,7 +265,7 @@ impl Classification {
 
     /// Counts the splats of an isosurface.
     pub fn on_surface(volume: &Volume, isovalue: f64) -> u64 {
-        let field = Field::new(volume);
+        let field = FieldGeometry::new(volume);
         let of_slice = |z| {
             field
                 .slice(z)
@@ -277,21 +277,21 @@ impl Classification {
 
     /// The largest standard deviation of a kernel, world units.
     pub fn sigma(&self, volume: &Volume) -> f64 {
-        self.radius * Field::new(volume).longest_step()
+        self.radius * FieldGeometry::new(volume).longest_step()
     }
 
-    /// Every voxel that is seen, in the order of the samples. A layer is `layer` world units thick,
-    /// or the shortest step.
+    /// Every visible voxel, in the order of the samples. A layer is `layer` world units thick, or
+    /// the shortest step.
     pub fn voxels(&self, volume: &Volume, layer: Option<f64>) -> (Vec<Splat>, Voxels) {
-        let field = Field::new(volume);
+        let field = FieldGeometry::new(volume);
         let steps = field.steps();
         let step = layer.unwrap_or(steps.into_iter().fold(f64::INFINITY, f64::min));
         let sigma = self.sigma(volume);
-        // Optical depth of a layer to that through a ball of radius σ.
+        // Optical depth of a layer relative to that through a ball of radius σ.
         let through = steps.iter().product::<f64>() / (step * TAU * sigma * sigma);
         let voxel = |at: [usize; 3]| {
             let (rgb, depth) = self.colour(field.value(at));
-            // Most of a volume is air.
+            // Most of a volume is transparent.
             if depth <= 0.0 {
                 return None;
             }
@@ -322,8 +322,8 @@ impl Classification {
         )
     }
 
-    /// Splats on the surface where the field has this value, their axes, and the area that each
-    /// stands for: σ is `radius` of the longest step, and `flatten` times less along the gradient
+    /// Splats on the surface at which the field has this value, their axes, and the area that each
+    /// represents: σ is `radius` of the longest step, and `flatten` times less along the gradient
     /// (EWA §6.4).
     pub fn isosurface(
         &self,
@@ -331,7 +331,7 @@ impl Classification {
         isovalue: f64,
         flatten: f64,
     ) -> (Vec<Splat>, Vec<Orientation>, f64) {
-        let field = Field::new(volume);
+        let field = FieldGeometry::new(volume);
         let longest = field.longest_step();
         let rgb = self.colour(isovalue).0;
         let splat = |at: [usize; 3]| {
@@ -358,7 +358,8 @@ impl Classification {
             .map(|z| field.slice(z).filter_map(splat).collect())
             .collect();
         let (splats, orientations) = slices.into_iter().flatten().unzip();
-        // Those within half of the longest step on both sides: a layer so thick of cells.
+        // Samples within half of the longest step on both sides: a layer of cells of that
+        // thickness.
         (
             splats,
             orientations,
@@ -367,7 +368,7 @@ impl Classification {
     }
 }
 
-/// The place of each slice in the order of distances from the eye, nearest first, or last.
+/// The rank of each slice by distance from the eye, nearest first or last.
 pub(super) fn ranks(slices: u32, distance: impl Fn(u32) -> f64, back_to_front: bool) -> Vec<u32> {
     let mut order: Vec<u32> = (0..slices).collect();
     order.sort_by(|a, b| distance(*a).total_cmp(&distance(*b)));
@@ -383,17 +384,17 @@ pub(super) fn ranks(slices: u32, distance: impl Fn(u32) -> f64, back_to_front: b
 }
 
 impl Voxels {
-    /// Brings the grid to another place.
+    /// Moves the grid to another place.
     pub(super) fn put(&mut self, place: &Placement) {
         self.axes = Axes::new(self.axes.steps.map(|axis| place.vector(axis)));
         self.origin = place.point(self.origin);
     }
 
-    /// The kernel that all of them have.
+    /// The kernel of all voxels.
     pub(super) fn orientation(&self) -> Orientation {
         let longest = self.axes.lengths().into_iter().fold(0.0, f64::max);
         let [x, y, z] = self.axes.principal.map(DVec3::normalize);
-        // A kernel looks the same from both ends: a mirrored grid has the kernel of the other.
+        // A kernel is symmetric: a mirrored grid has the same kernel.
         let z = if x.cross(y).dot(z) < 0.0 { -z } else { z };
         Orientation {
             rotation: DQuat::from_mat3(&DMat3::from_cols(x, y, z)),
@@ -401,8 +402,8 @@ impl Voxels {
         }
     }
 
-    /// Brings the splats into the order of a view: slice after slice along the axis nearest to
-    /// where it looks, those nearest to the eye first, or last. A slice's number is its sheet.
+    /// Sorts the splats for a view: slice by slice along the axis nearest to the view direction,
+    /// those nearest to the eye first, or last. The number of a slice is its sheet.
     pub fn ordered(
         self,
         splats: Vec<Splat>,
@@ -435,7 +436,7 @@ impl Voxels {
 }
 
 impl Ellipsoids {
-    /// Splats that emit: all with the same kernel, or each with its own.
+    /// Ellipsoids of a medium that emits: all with the same kernel, or each with its own.
     pub(super) fn of_volume(orientations: Vec<Orientation>, sorted: bool) -> Self {
         Ellipsoids {
             orientations,
@@ -448,9 +449,9 @@ impl Ellipsoids {
 }
 
 impl Scene {
-    /// Enlarges kernels, the same in all directions, until the thinnest axis of each is as wide on
-    /// the screen as the low-pass filter, and takes the filter away (Swan et al., *An Anti-Aliasing
-    /// Technique for Splatting*, 1997). What a kernel emits in all stays the same.
+    /// Enlarges kernels, equally in all directions, until the thinnest axis of each is as wide on
+    /// the screen as the low-pass filter, and removes the filter (Swan et al., *An Anti-Aliasing
+    /// Technique for Splatting*, 1997). The total emission of a kernel does not change.
     pub(super) fn scale_kernels(&mut self) {
         let (view, filter) = (self.view(), self.kernel.low_pass.sqrt());
         let Some(ellipsoids) = &self.ellipsoids else {
@@ -462,7 +463,7 @@ impl Scene {
                 * splat.radius
                 * ellipsoids.orientation(index).scales.min_element()
                 / depth;
-            // What lies behind the eye is not drawn.
+            // Splats behind the eye are not drawn.
             let factor = if thinnest_px > 0.0 {
                 (filter / thinnest_px).max(1.0)
             } else {

@@ -15,7 +15,7 @@ use splatsim::output::chart::{Axis, Chart, Mark, Panel, Series, write_png};
 use splatsim::output::picture::Picture;
 use splatsim::run::evaluation::Evaluation;
 use splatsim::scene::tree::Tree;
-use splatsim::scene::tree::cut::{Budget, Detail, Order, Rules};
+use splatsim::scene::tree::cut::{Budget, Detail, DetailRules, DrawOrder};
 use splatsim::scene::{Overrides, Scene};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -39,10 +39,10 @@ struct FrameCosts {
 fn row(
     scene: &Scene,
     tree: &Arc<Tree>,
-    (pixels, order): (f64, Order),
+    (pixels, order): (f64, DrawOrder),
     whole: &Picture,
 ) -> Result<FrameCosts> {
-    let rules = Rules {
+    let rules = DetailRules {
         pixels,
         order,
         culls: true,
@@ -120,7 +120,7 @@ fn main() -> Result<()> {
     let mut rows = Vec::new();
     for pixels in PIXELS {
         let row_of = |order| row(&scene, &tree, (pixels, order), &whole);
-        let (walk, listed) = (row_of(Order::Walk)?, row_of(Order::CoarseToFine)?);
+        let (walk, listed) = (row_of(DrawOrder::Walk)?, row_of(DrawOrder::CoarseToFine)?);
         println!(
             "| {pixels} | {} | {} | {} | {} | {:.1} | {:.1} |",
             walk.splats, walk.read, walk.cycles, listed.cycles, walk.megabytes, walk.db
@@ -142,7 +142,7 @@ fn main() -> Result<()> {
         let whole = ideal(&scene).picture;
         let mut cells = Vec::new();
         for (pixels, (_, points)) in FROM_AFAR.iter().zip(&mut afar) {
-            let row = row(&scene, &tree, (*pixels, Order::Walk), &whole)?;
+            let row = row(&scene, &tree, (*pixels, DrawOrder::Walk), &whole)?;
             cells.push(format!("{:.1}, {}", row.db, row.splats));
             points.push([distance, row.db]);
         }

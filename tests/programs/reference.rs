@@ -67,13 +67,13 @@ pub fn pages() -> Vec<Page> {
             "search.md",
             "Search",
             SEARCH,
-            &of::<splatsim::explore::search::Outcome>(),
+            &of::<splatsim::explore::search::SearchOutcome>(),
         ),
         page(
             "search-over-timing.md",
             "Search over timing",
             OVER_TIMING,
-            &of::<splatsim::explore::search::over_timing::Outcome>(),
+            &of::<splatsim::explore::search::over_timing::TimingOutcome>(),
         ),
     ])
 }

@@ -5,7 +5,7 @@ use crate::handles::{Machine, Scene, freed, handle, held, is_shared, locked, sen
 use crate::text::{Told, guarded, hand_out, sound, string};
 use self_cell::self_cell;
 use splatsim::cosim::live::{Constants, Port, Record};
-use splatsim::cosim::scoreboard::{Scoreboard, Side};
+use splatsim::cosim::scoreboard::{PortSide, Scoreboard};
 use std::ffi::{c_char, c_int};
 use std::sync::Mutex;
 
@@ -33,10 +33,10 @@ pub const SPLATSIM_ANSWER: c_int = 3;
 /// Port: what fragment holds in the end.
 pub const SPLATSIM_HELD: c_int = 4;
 
-fn side(port: c_int) -> Told<Side> {
+fn side(port: c_int) -> Told<PortSide> {
     let side = usize::try_from(port)
         .ok()
-        .and_then(|port| Side::ALL.get(port).copied());
+        .and_then(|port| PortSide::ALL.get(port).copied());
     side.ok_or_else(|| {
         format!("there is no port {port}: 0 is in, 1 out, 2 request, 3 answer, 4 held")
     })
@@ -238,7 +238,7 @@ pub unsafe extern "C" fn splatsim_unit_step_bits(
 
 fn step(board: &mut Scoreboard, words: &[i64]) -> Told<isize> {
     board.step(words).map_err(|refused| refused.to_string())?;
-    Ok(board.waiting(Side::Out) as isize)
+    Ok(board.waiting(PortSide::Out) as isize)
 }
 
 /// Ends a frame: fragment gives what it holds, sort what it has sorted, and both are empty. The
@@ -253,7 +253,7 @@ pub unsafe extern "C" fn splatsim_unit_end(unit: *mut Unit) -> isize {
         // SAFETY: the caller's.
         unsafe { held(unit, "unit") }?.with(|board| {
             board.end().map_err(|refused| refused.to_string())?;
-            Ok((board.waiting(Side::Out) + board.waiting(Side::Held)) as isize)
+            Ok((board.waiting(PortSide::Out) + board.waiting(PortSide::Held)) as isize)
         })
     })
 }

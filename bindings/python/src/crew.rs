@@ -5,7 +5,7 @@ use crate::work::{SplatsimError, done, sentence};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use splatsim::error::{Error, Result};
-use splatsim::explore::search::crew::{self, Sight};
+use splatsim::explore::search::crew::{self, PackedView};
 use std::sync::Arc;
 
 /// A crew that is an object of Python's: `width()`, `learn(view)` and `measure(machines, target)`.
@@ -47,7 +47,7 @@ impl crew::Crew for Asked {
 /// A view in a member's hands.
 #[pyclass(frozen, module = "splatsim._native")]
 #[derive(Clone)]
-pub(crate) struct View(Arc<Sight>);
+pub(crate) struct View(Arc<PackedView>);
 
 #[pymethods]
 impl View {
@@ -56,7 +56,7 @@ impl View {
     fn new(py: Python<'_>, view: &[u8]) -> PyResult<Self> {
         let view = view.to_vec();
         done(py, None, move || {
-            Ok(View(Arc::new(Sight::unpacked(&view)?)))
+            Ok(View(Arc::new(PackedView::unpacked(&view)?)))
         })
     }
 }
@@ -70,7 +70,7 @@ pub(crate) fn measure(
     target: String,
     threads: usize,
 ) -> PyResult<String> {
-    let views: Vec<Arc<Sight>> = views.iter().map(|view| Arc::clone(&view.get().0)).collect();
+    let views: Vec<Arc<PackedView>> = views.iter().map(|view| Arc::clone(&view.get().0)).collect();
     done(py, None, move || {
         on_threads(threads, || {
             crew::measured(views.iter().map(Arc::as_ref), &machine, &target)

@@ -47,7 +47,7 @@ pub(crate) fn sweep(
         .transpose()?;
     done(py, progress, move || {
         let points = plan(&name, text.as_deref())?;
-        let options = sweeping::Options {
+        let options = sweeping::SweepOptions {
             shard,
             most,
             prices: Prices::load_or_default(prices.as_deref())?,
@@ -105,7 +105,7 @@ pub(crate) fn search(
     };
     let outcome = done(py, progress, move || {
         let prices = Prices::load_or_default(prices.as_deref())?;
-        let options = searching::Options {
+        let options = searching::SearchOptions {
             target,
             views,
             robust: 1,

@@ -8,7 +8,7 @@ use pyo3::types::PyBytes;
 use rayon::ThreadPoolBuilder;
 use splatsim::error::{Error, Result};
 use splatsim::explore::sweep::plan::Points;
-use splatsim::explore::sweep::{self, Options, stage, table};
+use splatsim::explore::sweep::{self, SweepOptions, stage, table};
 use splatsim::output::files::Folder;
 use splatsim::performance::cost::Prices;
 use splatsim::scene::parcel;
@@ -52,7 +52,7 @@ impl Sweep {
     ) -> PyResult<Self> {
         done(py, None, move || {
             let points = plan(&name, text.as_deref())?;
-            let options = Options {
+            let options = SweepOptions {
                 shard: None,
                 most,
                 prices: Prices::load_or_default(prices.as_deref())?,

@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use self_cell::self_cell;
 use splatsim::cosim::live::{Constants, Record};
-use splatsim::cosim::scoreboard::{Scoreboard, Side};
+use splatsim::cosim::scoreboard::{PortSide, Scoreboard};
 use splatsim::error::Error;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -30,15 +30,15 @@ fn with<T>(cell: &Mutex<Cell>, work: impl FnOnce(&mut Scoreboard) -> T) -> T {
 }
 
 /// A port by its name, which the unit must have.
-fn side(board: &Scoreboard, port: &str) -> PyResult<Side> {
+fn side(board: &Scoreboard, port: &str) -> PyResult<PortSide> {
     const NAMES: [&str; 5] = ["in", "out", "request", "answer", "held"];
     let found = NAMES
         .iter()
         .position(|name| *name == port)
-        .map(|at| Side::ALL[at]);
+        .map(|at| PortSide::ALL[at]);
     let own: Vec<&str> = NAMES
         .into_iter()
-        .zip(Side::ALL)
+        .zip(PortSide::ALL)
         .filter(|(_, side)| board.port(*side).is_some())
         .map(|(name, _)| name)
         .collect();
@@ -178,7 +178,8 @@ impl Unit {
                     board.step(words).map_err(|fault| {
                         Error::input(format!("{name}.in: record {number}: {fault}"))
                     })?;
-                    let given: Vec<Record> = std::iter::from_fn(|| board.next(Side::Out)).collect();
+                    let given: Vec<Record> =
+                        std::iter::from_fn(|| board.next(PortSide::Out)).collect();
                     counts.push(vec![given.len() as i64]);
                     out.extend(given);
                 }

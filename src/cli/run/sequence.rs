@@ -1,7 +1,7 @@
-//! Sequence: a run of all frames of a scene.
+//! Sequence: runs all frames of a scene.
 
-use super::{Checked, Typed};
-use crate::cli::arguments::Within;
+use super::{CheckFlag, RunArgs};
+use crate::cli::arguments::SearchedMachine;
 use crate::error::{Error, Result};
 use crate::hardware::fixed;
 use crate::output::files::{Folder, are_one};
@@ -13,38 +13,43 @@ use crate::run::sequence::{self, Output};
 use crate::scene::Sequence;
 use rtl_model::Machine;
 
-/// A run of a sequence that can be done.
-pub(in crate::cli) struct Job {
+/// Checked arguments of a run of all frames.
+pub(in crate::cli) struct SequenceJob {
     sequence: Sequence,
     machine: Machine,
-    /// How the scene lies outside of what the machine was searched for, and that in a sentence.
+    /// How the scene differs from those that the machine was searched on, as a list and as a
+    /// sentence.
     outside: (Option<Vec<String>>, Option<String>),
-    /// Of each frame.
+    /// One per frame.
     photographs: Option<Photographs>,
     load_seconds: f64,
     output: Output,
-    /// The folder, while it is written into.
+    /// Keeps the folder locked while it is written.
     open: Option<Folder>,
     quiet: bool,
 }
 
-impl Typed {
-    pub(super) fn check_sequence(self, mut sequence: Sequence, load_seconds: f64) -> Result<Job> {
+impl RunArgs {
+    pub(super) fn check_sequence(
+        self,
+        mut sequence: Sequence,
+        load_seconds: f64,
+    ) -> Result<SequenceJob> {
         self.check_of_one_frame(&sequence)?;
         self.y4m.as_deref().map_or(Ok(()), Video::may_be_written)?;
-        let Within {
+        let SearchedMachine {
             machine,
             mut outside,
             mut warning,
-        } = self.common.machine_within(sequence.scene())?;
+        } = self.common.searched_machine(sequence.scene())?;
         fixed::elaborate(&machine)?;
         sequence::check(&mut sequence, &machine)?;
-        // Each camera may lie elsewhere.
+        // The scene may differ from those of the search at any camera.
         for frame in (0..sequence.cameras().len())
             .filter(|_| outside.is_some())
             .collect::<Vec<_>>()
         {
-            let of_frame = self.common.machine_within(sequence.frame(frame)?)?;
+            let of_frame = self.common.searched_machine(sequence.frame(frame)?)?;
             let fresh = of_frame.outside.into_iter().flatten();
             outside = outside.map(|mut all| {
                 fresh.for_each(|what| {
@@ -79,7 +84,7 @@ impl Typed {
             exr: self.exr,
             video: self.y4m,
         };
-        Ok(Job {
+        Ok(SequenceJob {
             sequence,
             machine,
             outside: (outside, warning),
@@ -91,24 +96,24 @@ impl Typed {
         })
     }
 
-    /// What is asked of one frame alone cannot be asked of all.
+    /// Refuses flags that are for one frame.
     fn check_of_one_frame(&self, sequence: &Sequence) -> Result<()> {
-        let asked = [
+        let single_frame_flags = [
             ("--preview", self.preview),
             ("--requests", self.requests),
             ("--record", self.record.is_some()),
             ("--attribute", self.attribute),
             ("--timing", !self.timing.is_empty()),
             ("--what-if", self.answers),
-            ("--check", self.check != Checked::Full),
+            ("--check", self.check != CheckFlag::Full),
             ("--unit-costs", self.prices.is_some()),
             ("--ranges", self.ranges),
         ];
-        match asked.into_iter().find(|(_, is_asked)| *is_asked) {
+        match single_frame_flags.into_iter().find(|(_, is_set)| *is_set) {
             Some((flag, _)) => {
                 let (name, frames) = (&sequence.scene().name, sequence.cameras().len());
                 Err(Error::input(format!(
-                    "{flag}: {name} is a sequence of {frames}, and this is of one frame: choose it with --frame N"
+                    "{flag}: {name} is a sequence of {frames}, and this flag is for one frame: choose it with --frame N"
                 )))
             }
             None => Ok(()),
@@ -116,7 +121,7 @@ impl Typed {
     }
 }
 
-impl Job {
+impl SequenceJob {
     pub fn run(mut self) -> Result<String> {
         let (outside, warning) = self.outside;
         if let Some(sentence) = &warning {

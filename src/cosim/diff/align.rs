@@ -1,31 +1,31 @@
 //! Align: pairs a device's records with those of a trace, and counts missing, surplus, moved and
-//! different ones apart.
+//! different ones separately.
 //!
 //! ```text
 //! records with a name (tag, x, y) ─► groups of equal names ─► an edit script for each group ─► those out of order: moved
 //! records without one             ─► one edit script
 //! ```
-//! An edit script pairs records in order. Where two records differ, the nearest place at which both
-//! sides are in step again is looked for in a window of [`WINDOW`] records, then among runs of
-//! records that each side has once. Between the two places the cheapest pairing counts. Of several
-//! descriptions of one fault the shortest is used.
+//! An edit script pairs records in order. Where two records differ, a window of [`WINDOW`] records
+//! is searched for the nearest place at which both sides are in step again, then runs of records
+//! that each side has once. Between the two places the cheapest pairing is used. If a fault has
+//! several descriptions, the shortest is used.
 //!
-//! Laws: `runs_of_missing_and_surplus_records_are_counted_apart`,
+//! Laws: `runs_of_missing_and_surplus_records_are_counted_separately`,
 //! `a_moved_record_is_not_a_different_one` (tests/diff.rs); `a_script_explains_all_records`
 //! (below).
 
 use std::collections::HashMap;
 
-/// One difference. Numbers count from 0.
+/// One difference. Indices count from 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mismatch {
-    /// An expected record has another content.
+    /// An expected record has other contents.
     Different { record: usize, line: usize },
-    /// An expected record is not there.
+    /// An expected record is absent.
     Missing { record: usize },
-    /// No expected record is left for a line; `before` is the expected record that follows it.
+    /// A line without an expected record; `before` is the expected record that follows it.
     Surplus { line: usize, before: usize },
-    /// An expected record is at another place; `swapped` where it only changed places with the next
+    /// An expected record is at another place; `swapped` if it was only exchanged with the next
     /// one.
     Moved {
         record: usize,
@@ -35,7 +35,7 @@ pub enum Mismatch {
 }
 
 impl Mismatch {
-    /// The expected record at which it is.
+    /// Index of the expected record.
     pub fn record(&self) -> usize {
         match *self {
             Mismatch::Different { record, .. }
@@ -45,7 +45,7 @@ impl Mismatch {
         }
     }
 
-    /// The same with other numbers of records and lines.
+    /// The mismatch with indices mapped to those of the whole stream.
     fn renumbered(
         self,
         record_of: impl Fn(usize) -> usize,
@@ -77,33 +77,33 @@ impl Mismatch {
     }
 }
 
-/// A record's identifiers; 0 where a stream has none of that name.
+/// A record's identifiers; 0 for one that the stream lacks.
 pub type Name = [i64; 3];
 
-/// Whether the order of records counts.
+/// Whether the order of records matters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sequence {
-    /// It does.
+    /// It matters.
     Total,
-    /// Only among records of one name.
+    /// It matters only among records of one name.
     ByName,
 }
 
-/// Records whose place may be another by so many records, and still be the same one.
+/// Distance up to which a record at another place is `Moved`.
 const NEAR: usize = 8;
-/// Records of both sides among which two are looked for that are in step again.
+/// Records of each side that are searched for a place at which both are in step again.
 const WINDOW: usize = 64;
-/// Records in a row that make a place of a side recognisable.
+/// Equal records in a row that identify a place.
 const RUN: usize = 8;
-/// Bits of information in equal records that make two places one: more than there are places in a
+/// Information in equal records that identifies a place: more than the number of places in a
 /// window.
 const SURE_BITS: u32 = 36;
-/// Records that are looked at for it.
+/// Most equal records that are examined.
 const MOST_EQUAL: usize = 1 << 10;
-/// Cells of a table of costs.
+/// Most cells of a cost table.
 const MOST_CELLS: usize = 1 << 16;
 
-/// Both sides' records as numbers: equal numbers, equal records.
+/// Records of both sides as numbers; equal records have equal numbers.
 #[derive(Clone, Debug)]
 pub struct Numbered {
     pub expected: Vec<u32>,
@@ -123,13 +123,13 @@ impl Numbered {
         Numbered { expected: all, got }
     }
 
-    /// Differences of records without a name.
+    /// Differences of records without names.
     pub fn in_order(&self) -> Vec<Mismatch> {
         let script = script(&self.expected, &self.got);
         shorter(script, self.by_place())
     }
 
-    /// Every record against the one at its place, where both sides have as many.
+    /// Compares records index by index, if both sides have the same number.
     fn by_place(&self) -> Option<Vec<Mismatch>> {
         (self.expected.len() == self.got.len()).then(|| {
             let pairs = self.expected.iter().zip(&self.got).enumerate();
@@ -167,7 +167,7 @@ impl Numbered {
         )
     }
 
-    /// Records that one side has more often than the other, whatever their order.
+    /// Records that one side has more often than the other, in any order.
     pub fn as_a_set(&self) -> Vec<Mismatch> {
         let mut places: HashMap<u32, Vec<usize>> = HashMap::new();
         for (line, &number) in self.got.iter().enumerate().rev() {
@@ -193,7 +193,7 @@ impl Numbered {
     }
 }
 
-/// Of two descriptions the shorter, the first if they are as long.
+/// The shorter of two descriptions; the first if they are equally long.
 fn shorter(first: Vec<Mismatch>, second: Option<Vec<Mismatch>>) -> Vec<Mismatch> {
     match second {
         Some(second) if second.len() < first.len() => second,
@@ -201,7 +201,7 @@ fn shorter(first: Vec<Mismatch>, second: Option<Vec<Mismatch>>) -> Vec<Mismatch>
     }
 }
 
-/// For each name, its records and its lines.
+/// Indices of the records and lines of each name.
 fn groups(expected: &[Name], got: &[Name]) -> Vec<(Vec<u32>, Vec<u32>)> {
     let sorted = |names: &[Name]| {
         let mut places: Vec<u32> = (0..names.len() as u32).collect();
@@ -227,7 +227,7 @@ fn groups(expected: &[Name], got: &[Name]) -> Vec<(Vec<u32>, Vec<u32>)> {
     all
 }
 
-/// Pairs of records and lines, and what has no partner.
+/// Pairs of records and lines, and those without a partner.
 #[derive(Default)]
 struct Paired {
     pairs: Vec<(u32, u32)>,
@@ -235,18 +235,18 @@ struct Paired {
 }
 
 impl Paired {
-    /// Takes the records and lines of one name.
+    /// Adds the records and lines of one name.
     fn take(&mut self, records: &[u32], lines: &[u32], ours: &[u32], theirs: &[u32], all: usize) {
         let steps = steps(ours, theirs);
         self.pairs
             .extend(steps.iter().filter_map(|step| match *step {
-                Step::Pair(record, line) => Some((records[record], lines[line])),
+                EditStep::Pair(record, line) => Some((records[record], lines[line])),
                 _ => None,
             }));
         let before = |before: usize| match (records.get(before), records.last()) {
             (Some(&record), _) => record as usize,
             (None, Some(&last)) => last as usize + 1,
-            // Nothing has this name: the place among all is as good as any.
+            // No expected record has this name: its index in the file is used.
             (None, None) => lines.first().map_or(all, |&line| (line as usize).min(all)),
         };
         let found = mismatches(&steps, ours, theirs);
@@ -260,7 +260,7 @@ impl Paired {
         self.found.extend(found.into_iter().map(numbered));
     }
 
-    /// Adds pairs that are out of order, and puts surplus lines where they are.
+    /// Marks pairs that are out of order as moved, and sorts surplus lines in.
     fn in_sequence(mut self, records: usize, lines: usize) -> Vec<Mismatch> {
         self.pairs.sort_unstable();
         let in_order = longest_increasing(&self.pairs);
@@ -268,7 +268,7 @@ impl Paired {
         self.pairs
             .iter()
             .for_each(|&(record, line)| line_of[record as usize] = line as usize);
-        // For each line the expected record behind it.
+        // For each line, the expected record after it.
         let mut next = vec![records; lines + 1];
         for (&(record, line), in_order) in self.pairs.iter().zip(&in_order).rev() {
             if *in_order {
@@ -316,9 +316,9 @@ impl Paired {
     }
 }
 
-/// Which pairs, sorted by their records, belong to a longest run of rising lines.
+/// Which pairs, sorted by record, belong to a longest run of increasing lines.
 fn longest_increasing(pairs: &[(u32, u32)]) -> Vec<bool> {
-    // The last pair of a run of each length, and each pair's predecessor.
+    // For each length, the last pair of a run; for each pair, its predecessor.
     let (mut ends, mut before): (Vec<usize>, Vec<usize>) =
         (Vec::new(), vec![usize::MAX; pairs.len()]);
     for (place, &(_, line)) in pairs.iter().enumerate() {
@@ -343,36 +343,36 @@ fn longest_increasing(pairs: &[(u32, u32)]) -> Vec<bool> {
     chosen
 }
 
-/// Step of an edit script.
+/// One step of an edit script.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Step {
+enum EditStep {
     Pair(usize, usize),
     Missing(usize),
     Surplus(usize),
 }
 
-/// The differences of two sequences.
+/// Differences of two sequences.
 fn script(expected: &[u32], got: &[u32]) -> Vec<Mismatch> {
     mismatches(&steps(expected, got), expected, got)
 }
 
-/// What the steps of a script say, with records that are only at another place nearby.
-fn mismatches(steps: &[Step], expected: &[u32], got: &[u32]) -> Vec<Mismatch> {
+/// Converts steps to mismatches. A record that is missing and surplus nearby is `Moved`.
+fn mismatches(steps: &[EditStep], expected: &[u32], got: &[u32]) -> Vec<Mismatch> {
     let (mut missing, mut surplus, mut found) = (Vec::new(), Vec::new(), Vec::new());
     let mut before = 0;
     for step in steps {
         match *step {
-            Step::Pair(record, line) => {
+            EditStep::Pair(record, line) => {
                 before = record + 1;
                 if expected[record] != got[line] {
                     found.push(Mismatch::Different { record, line });
                 }
             }
-            Step::Missing(record) => {
+            EditStep::Missing(record) => {
                 before = record + 1;
                 missing.push(record);
             }
-            Step::Surplus(line) => surplus.push((line, before)),
+            EditStep::Surplus(line) => surplus.push((line, before)),
         }
     }
     for (line, before) in surplus {
@@ -385,7 +385,7 @@ fn mismatches(steps: &[Step], expected: &[u32], got: &[u32]) -> Vec<Mismatch> {
         found.push(match at {
             Some(at) => {
                 let record = missing.remove(near + at);
-                // One place on: it stands behind the next record, or before the last one.
+                // Exchanged with the next record or with the previous one.
                 match (before as i64) - (record as i64) {
                     2 => Mismatch::Moved {
                         record,
@@ -417,8 +417,8 @@ fn mismatches(steps: &[Step], expected: &[u32], got: &[u32]) -> Vec<Mismatch> {
 }
 
 /// Pairs two sequences in order.
-fn steps(expected: &[u32], got: &[u32]) -> Vec<Step> {
-    let mut script = Script {
+fn steps(expected: &[u32], got: &[u32]) -> Vec<EditStep> {
+    let mut script = EditScript {
         expected,
         got,
         at: [0, 0],
@@ -437,32 +437,31 @@ fn steps(expected: &[u32], got: &[u32]) -> Vec<Step> {
     }
     let [record, line] = script.at;
     let mut steps = script.steps;
-    steps.extend((record..expected.len()).map(Step::Missing));
-    steps.extend((line..got.len()).map(Step::Surplus));
+    steps.extend((record..expected.len()).map(EditStep::Missing));
+    steps.extend((line..got.len()).map(EditStep::Surplus));
     steps
 }
 
-struct Script<'a> {
+struct EditScript<'a> {
     expected: &'a [u32],
     got: &'a [u32],
-    /// Records and lines that are explained.
+    /// Number of records and lines that are paired or skipped so far.
     at: [usize; 2],
-    steps: Vec<Step>,
-    /// Information in each expected record, by its number: the rarer it is, the more.
+    steps: Vec<EditStep>,
+    /// Information of each expected record in bits, by its number: rare records have more.
     bits: Option<HashMap<u32, u32>>,
-    /// Places of runs that both sides have once: line and record, by lines.
+    /// Runs that both sides have once: line and record, sorted by line.
     anchors: Option<(Vec<(usize, usize)>, usize)>,
-    /// Where a window without a place in step began.
+    /// Start of the last window in which the sides were not in step.
     searched: Option<[usize; 2]>,
 }
 
-/// What it costs to skip so many records and lines: each that is different, and one gap whose
-/// length counts little.
+/// Cost of skipping `records` and `lines`: 8 per pair, plus one gap, whose length adds little.
 fn cost(records: usize, lines: usize) -> usize {
     8 * records.min(lines) + gap(records.abs_diff(lines))
 }
 
-/// What it costs that a side has so many in a row which the other has not.
+/// Cost of a run of `length` that only one side has.
 fn gap(length: usize) -> usize {
     if length == 0 { 0 } else { 16 + length }
 }
@@ -480,10 +479,10 @@ fn information(records: &[u32]) -> HashMap<u32, u32> {
         .collect()
 }
 
-/// What it costs beside what is skipped that two sequences go on from here, if they are in step:
-/// they agree for long enough to tell their place, or to the end of one, and what the other has
-/// left is a gap. After one or two records that are different a few equal ones will do, but any
-/// place that can be told is cheaper.
+/// Cost of continuing from here, in addition to the cost of the skip, if the sequences are in step:
+/// they agree long enough to identify the place, or to the end of one sequence, and the rest of the
+/// other is a gap. After one or two different records a few equal ones are enough, but an
+/// identified place is always cheaper.
 fn in_step(
     bits: &HashMap<u32, u32>,
     expected: &[u32],
@@ -508,15 +507,14 @@ fn in_step(
     }
 }
 
-impl Script<'_> {
+impl EditScript<'_> {
     fn pair(&mut self) {
         let [record, line] = self.at;
-        self.steps.push(Step::Pair(record, line));
+        self.steps.push(EditStep::Pair(record, line));
         self.at = [record + 1, line + 1];
     }
 
-    /// Goes on to where both sides are in step again, or past one pair where that is not to be
-    /// found.
+    /// Skips to the next place at which both sides are in step, or past one pair if there is none.
     fn step_over(&mut self) {
         let [record, line] = self.at;
         let (expected, got) = (&self.expected[record..], &self.got[line..]);
@@ -524,11 +522,12 @@ impl Script<'_> {
             expected.len() > 1 && got.len() > 1 && expected[0] == got[1] && expected[1] == got[0];
         let bits = self.bits.get_or_insert_with(|| information(self.expected));
         if is_swap && in_step(bits, &expected[2..], &got[2..], [2, 2]).is_some() {
-            // As a script has it: the first is not here, the second is, and then the first comes.
+            // The edit script: the first is missing here, the second is equal, then the first is
+            // surplus.
             self.steps.extend([
-                Step::Missing(record),
-                Step::Pair(record + 1, line),
-                Step::Surplus(line + 1),
+                EditStep::Missing(record),
+                EditStep::Pair(record + 1, line),
+                EditStep::Surplus(line + 1),
             ]);
             self.at = [record + 2, line + 2];
             return;
@@ -539,12 +538,13 @@ impl Script<'_> {
         }
     }
 
-    /// The cheapest place of the window at which both sides are in step.
+    /// The cheapest place in the window at which both sides are in step.
     fn nearest(&mut self) -> Option<[usize; 2]> {
         let [record, line] = self.at;
         let (expected, got) = (&self.expected[record..], &self.got[line..]);
         let bits = self.bits.get_or_insert_with(|| information(self.expected));
-        // A window that began one pair earlier had all places but the last row and column.
+        // A window that started one pair earlier contained all places except the last row and
+        // column.
         let is_next = self.searched == Some([record.wrapping_sub(1), line.wrapping_sub(1)])
             && record > 0
             && line > 0;
@@ -577,7 +577,7 @@ impl Script<'_> {
         best.map(|(_, skipped)| skipped)
     }
 
-    /// The cheapest of the next places whose runs of records both sides have once.
+    /// The cheapest of the next places with a run of records that both sides have once.
     fn anchored(&mut self) -> Option<[usize; 2]> {
         let [record, line] = self.at;
         let (anchors, next) = self
@@ -596,26 +596,26 @@ impl Script<'_> {
             .min_by_key(|&[records, lines]| cost(records, lines))
     }
 
-    /// Explains so many records and lines as cheaply as can be.
+    /// Explains `records` and `lines` at the least cost.
     fn skip(&mut self, [records, lines]: [usize; 2]) {
         let [record, line] = self.at;
         self.at = [record + records, line + lines];
         if (records + 1).saturating_mul(lines + 1) > MOST_CELLS {
             let pairs = records.min(lines);
             self.steps
-                .extend((0..pairs).map(|place| Step::Pair(record + place, line + place)));
+                .extend((0..pairs).map(|place| EditStep::Pair(record + place, line + place)));
             self.steps
-                .extend((pairs..records).map(|place| Step::Missing(record + place)));
+                .extend((pairs..records).map(|place| EditStep::Missing(record + place)));
             self.steps
-                .extend((pairs..lines).map(|place| Step::Surplus(line + place)));
+                .extend((pairs..lines).map(|place| EditStep::Surplus(line + place)));
             return;
         }
         let (expected, got) = (
             &self.expected[record..record + records],
             &self.got[line..line + lines],
         );
-        // From each place to the end: twice as much for a record that is missing or surplus, less
-        // for one that is different.
+        // Costs from each place to the end: 2 for a missing, a surplus or a different record. A
+        // different pair is thus cheaper than a missing and a surplus record.
         let width = lines + 1;
         let mut costs = vec![0u32; (records + 1) * width];
         let pair = |i: usize, j: usize| if expected[i] == got[j] { 0 } else { 2 };
@@ -638,21 +638,21 @@ impl Script<'_> {
         while i < records || j < lines {
             let here = costs[i * width + j];
             if i < records && j < lines && here == costs[(i + 1) * width + j + 1] + pair(i, j) {
-                self.steps.push(Step::Pair(record + i, line + j));
+                self.steps.push(EditStep::Pair(record + i, line + j));
                 (i, j) = (i + 1, j + 1);
             } else if i < records && here == costs[(i + 1) * width + j] + 2 {
-                self.steps.push(Step::Missing(record + i));
+                self.steps.push(EditStep::Missing(record + i));
                 i += 1;
             } else {
-                self.steps.push(Step::Surplus(line + j));
+                self.steps.push(EditStep::Surplus(line + j));
                 j += 1;
             }
         }
     }
 }
 
-/// Places at which both sides have the same run of [`RUN`] records, and each side has it once: line
-/// and record, by lines.
+/// Places at which both sides have the same run of [`RUN`] records, each side once: line and
+/// record, sorted by line.
 fn anchors(expected: &[u32], got: &[u32]) -> Vec<(usize, usize)> {
     let once = |side: &[u32]| {
         let mut runs: HashMap<[u32; RUN], Option<usize>> = HashMap::new();
@@ -679,18 +679,18 @@ mod tests {
     use proptest::prelude::*;
 
     proptest! {
-        /// Every record and every line is used once, in order, and nothing is called different that
-        /// is equal.
+        /// Every record and line is used once, in order, and no equal pair is reported as
+        /// different.
         #[test]
         fn a_script_explains_all_records(expected in prop::collection::vec(0u32..6, 0..200), got in prop::collection::vec(0u32..6, 0..200)) {
             let steps = steps(&expected, &got);
             let records: Vec<usize> = steps.iter().filter_map(|step| match step {
-                Step::Pair(record, _) | Step::Missing(record) => Some(*record),
-                Step::Surplus(_) => None,
+                EditStep::Pair(record, _) | EditStep::Missing(record) => Some(*record),
+                EditStep::Surplus(_) => None,
             }).collect();
             let lines: Vec<usize> = steps.iter().filter_map(|step| match step {
-                Step::Pair(_, line) | Step::Surplus(line) => Some(*line),
-                Step::Missing(_) => None,
+                EditStep::Pair(_, line) | EditStep::Surplus(line) => Some(*line),
+                EditStep::Missing(_) => None,
             }).collect();
             prop_assert_eq!(records, (0..expected.len()).collect::<Vec<_>>());
             prop_assert_eq!(lines, (0..got.len()).collect::<Vec<_>>());

@@ -1,23 +1,23 @@
-//! Lines: the records of a file, as a simulator or `trace` wrote it, each line checked.
+//! Lines: reads the records of a file, as a simulator or `trace` wrote it, and checks each line.
 //!
-//! Comments and addresses of Verilog's `$writememh` are taken: `// 0x00000000`, `@0`, `/* … */`. An
-//! address must be that of the next record.
+//! Comments and addresses of Verilog's `$writememh` are accepted: `// 0x00000000`, `@0`, `/* … */`.
+//! An address must be that of the next record.
 
 use super::Zeros;
-use crate::cosim::trace::{Layout, Malformed, without_comment};
+use crate::cosim::trace::{Malformed, RecordLayout, without_comment};
 use crate::error::{Error, Result};
 use std::path::Path;
 
 /// The records of a file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Lines {
-    /// A record each.
+pub struct RecordLines {
+    /// Records, one per line.
     pub records: Vec<Vec<i64>>,
-    /// Its line, from 1.
+    /// Line of each record, from 1.
     pub numbers: Vec<u32>,
 }
 
-/// A file's text.
+/// Text of a file.
 pub fn read(path: &Path) -> Result<String> {
     let bytes = crate::input::read(path)
         .map_err(|e| Error::input(format!("{}: cannot be read: {e}", path.display())))?;
@@ -29,9 +29,14 @@ pub fn read(path: &Path) -> Result<String> {
     })
 }
 
-/// The records of a file, every line of which must be one, or a comment.
-pub fn records(path: &Path, text: &str, layout: &Layout, zeros: Zeros) -> Result<Lines> {
-    let mut lines = Lines::default();
+/// Reads the records of a file. Each line must be a record or a comment.
+pub fn records(
+    path: &Path,
+    text: &str,
+    layout: &RecordLayout,
+    zeros: Zeros,
+) -> Result<RecordLines> {
+    let mut lines = RecordLines::default();
     let mut is_inside = false;
     for (number, line) in (1u32..).zip(text.lines()) {
         let fault =
@@ -50,7 +55,7 @@ pub fn records(path: &Path, text: &str, layout: &Layout, zeros: Zeros) -> Result
         }
         let mut words = layout
             .read(&line)
-            .map_err(|malformed| fault(said(malformed, layout)))?;
+            .map_err(|malformed| fault(message(malformed, layout)))?;
         if zeros == Zeros::Ignored {
             layout.mask(&mut words);
         }
@@ -60,7 +65,7 @@ pub fn records(path: &Path, text: &str, layout: &Layout, zeros: Zeros) -> Result
     Ok(lines)
 }
 
-fn said(malformed: Malformed, layout: &Layout) -> String {
+fn message(malformed: Malformed, layout: &RecordLayout) -> String {
     match malformed {
         Malformed::Digits(0, needed) => format!("is empty; {needed} digits are needed"),
         Malformed::Digits(found, needed) => {

@@ -1,82 +1,82 @@
-//! Order: in which sequence a device's records may come, and how it is found.
+//! Order: finds the order of a device's records.
 //!
-//! A trace has records splat after splat. A binned design gives those of a tile together, splat
-//! after splat within each. Where a file is not in the order of the trace, the orders of square
-//! tiles are tried: the tiles as the device visited them where records have their pixel, else row
-//! by row, with the pixels that the trace's keys have. Where the device's `raster.out` is compared
-//! too, records behind it come as those did. A file is in another order only if that leaves far
-//! fewer differences; a sentence says which order was taken.
+//! A trace has records splat after splat. A binned design gives the records of a tile together,
+//! splat after splat within each. If a file is not in the order of the trace, orders of square
+//! tiles are tried: in the order in which the device visited the tiles if records have their pixel,
+//! else row by row, with pixels from the trace's keys. If the device's `raster.out` is compared
+//! too, the order of later streams follows it. Another order is used only if it leaves far fewer
+//! differences; a sentence of the report names it.
 
 use super::align::{Mismatch, Name, Numbered, Sequence};
 use super::{Sides, X, Y, part};
 use crate::error::Result;
 use std::collections::HashMap;
 
-/// Order that is required of streams whose records have one order in the trace.
+/// Required order of streams that have a total order in the trace.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Order {
-    /// The trace's, or that of tiles where the file is in it.
+pub enum RequiredOrder {
+    /// The trace's order, or tile order if the file is in it.
     #[default]
     Auto,
-    /// The trace's.
+    /// The order of the trace.
     Trace,
-    /// That of tiles: each tile's records together.
+    /// Tile order: the records of a tile together.
     Tiles,
-    /// None: records are compared by tag and pixel, or as a set where they have neither.
+    /// Any order: records are compared by tag and pixel, or as a set if they have neither.
     Any,
 }
 
 /// Order in which records were compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Used {
+pub enum UsedOrder {
     Trace,
     PerPixel,
-    /// That of square tiles of so many pixels a side.
+    /// Square tiles of this side, pixels.
     Tiles(i64),
-    /// As the device's `raster.out`.
+    /// The order of the device's `raster.out`.
     Raster,
     ByName,
     Set,
 }
 
-impl Used {
-    /// Its name for programs.
+impl UsedOrder {
+    /// Its name in JSON.
     pub fn name(self) -> &'static str {
         match self {
-            Used::Trace => "trace",
-            Used::PerPixel => "per-pixel",
-            Used::Tiles(_) => "tiles",
-            Used::Raster => "raster.out",
-            Used::ByName => "any",
-            Used::Set => "set",
+            UsedOrder::Trace => "trace",
+            UsedOrder::PerPixel => "per-pixel",
+            UsedOrder::Tiles(_) => "tiles",
+            UsedOrder::Raster => "raster.out",
+            UsedOrder::ByName => "any",
+            UsedOrder::Set => "set",
         }
     }
 
-    /// A sentence where it is not the trace's own order.
+    /// A sentence, unless it is the order of the trace.
     pub fn note(self) -> Option<String> {
         match self {
-            Used::Trace | Used::PerPixel => None,
-            Used::Tiles(side) => Some(format!("compared tile by tile, {side}×{side} pixels each, as a binned design gives them (--order trace compares in the trace's order)")),
-            Used::Raster => Some("compared in the order of the raster.out that was given (--order trace compares in the trace's order)".into()),
-            Used::ByName => Some("compared by tag and pixel, in any order".into()),
-            Used::Set => Some("compared as a set, for its records have neither tag nor pixel: give the device's raster.out too, and they are compared one by one".into()),
+            UsedOrder::Trace | UsedOrder::PerPixel => None,
+            UsedOrder::Tiles(side) => Some(format!("compared tile by tile, {side}×{side} pixels each, as a binned design gives them (--order trace compares in the trace's order)")),
+            UsedOrder::Raster => Some("compared in the order of the given raster.out (--order trace compares in the trace's order)".into()),
+            UsedOrder::ByName => Some("compared by tag and pixel, in any order".into()),
+            UsedOrder::Set => Some("compared as a set, because its records have neither tag nor pixel: with the device's raster.out too, they are compared one by one".into()),
         }
     }
 }
 
-/// For each line of a device, the expected record that it is.
+/// For each line of a device, its expected record.
 pub type Permutation = Vec<u32>;
 
-/// Differences, by expected records.
+/// Differences, sorted by expected record.
 pub struct Ordered {
     pub found: Vec<Mismatch>,
-    pub order: Used,
-    /// Where nothing is different, and the order another than the trace's.
+    pub order: UsedOrder,
+    /// Set if nothing differs, and the order is not the trace's.
     pub permutation: Option<Permutation>,
 }
 
 impl Ordered {
-    fn of(found: Vec<Mismatch>, order: Used) -> Self {
+    fn of(found: Vec<Mismatch>, order: UsedOrder) -> Self {
         Ordered {
             found,
             order,
@@ -84,7 +84,7 @@ impl Ordered {
         }
     }
 
-    /// Differences of the first one's kind that follow it without a gap, itself among them.
+    /// Number of adjacent differences of the first one's kind, including it.
     pub fn run(&self) -> usize {
         let goes_on = |pair: &&[Mismatch]| match (pair[0], pair[1]) {
             (Mismatch::Missing { record }, Mismatch::Missing { record: next }) => {
@@ -99,21 +99,25 @@ impl Ordered {
     }
 }
 
-/// Sides of tiles that are tried, pixels.
+/// Sides of the tiles that are tried, pixels.
 const SIDES_PX: [i64; 5] = [16, 8, 32, 4, 64];
-/// Fewer differences than this are no reason to take another order.
+/// Fewer differences do not justify another order.
 const FEW: usize = 4;
 
 impl Sides<'_> {
-    /// Compares in the order that is required, or that the file is in.
-    pub(super) fn ordered(&self, order: Order, rastered: Option<&Permutation>) -> Result<Ordered> {
+    /// Compares in the required order, or in the order of the file.
+    pub(super) fn ordered(
+        &self,
+        order: RequiredOrder,
+        rastered: Option<&Permutation>,
+    ) -> Result<Ordered> {
         let (expected, got) = (self.expected, &self.got.records[..]);
         let numbered = Numbered::new(expected, got);
         let names = self.stream.names(expected).zip(self.stream.names(got));
         if let (true, Some((ours, theirs))) = (self.stream.per_pixel, &names) {
             return Ok(Ordered::of(
                 numbered.by_name(ours, theirs, Sequence::ByName),
-                Used::PerPixel,
+                UsedOrder::PerPixel,
             ));
         }
         let compare = |numbered: &Numbered, names: Option<(&[Name], &[Name])>| match names {
@@ -121,17 +125,19 @@ impl Sides<'_> {
             None => numbered.in_order(),
         };
         if numbered.expected == numbered.got {
-            return Ok(Ordered::of(Vec::new(), Used::Trace));
+            return Ok(Ordered::of(Vec::new(), UsedOrder::Trace));
         }
-        if order == Order::Any {
+        if order == RequiredOrder::Any {
             let ordered = match &names {
                 Some((ours, theirs)) => Ordered::of(
                     numbered.by_name(ours, theirs, Sequence::ByName),
-                    Used::ByName,
+                    UsedOrder::ByName,
                 ),
                 None => match rastered.filter(|order| order.len() == expected.len()) {
-                    Some(rastered) => self.permuted(&numbered, rastered, Used::Raster, compare),
-                    None => Ordered::of(numbered.as_a_set(), Used::Set),
+                    Some(rastered) => {
+                        self.permuted(&numbered, rastered, UsedOrder::Raster, compare)
+                    }
+                    None => Ordered::of(numbered.as_a_set(), UsedOrder::Set),
                 },
             };
             return Ok(self.with_permutation(ordered, names));
@@ -144,10 +150,10 @@ impl Sides<'_> {
                         .as_ref()
                         .map(|(ours, theirs)| (&ours[..], &theirs[..])),
                 ),
-                Used::Trace,
+                UsedOrder::Trace,
             )
         };
-        let candidate = if order == Order::Trace {
+        let candidate = if order == RequiredOrder::Trace {
             None
         } else {
             self.candidate(&numbered, rastered)?
@@ -156,7 +162,7 @@ impl Sides<'_> {
             return Ok(in_trace_order());
         };
         let other = self.permuted(&numbered, &permutation, used, compare);
-        if order == Order::Tiles || other.found.is_empty() {
+        if order == RequiredOrder::Tiles || other.found.is_empty() {
             return Ok(self.with_permutation(other, names));
         }
         let first = in_trace_order();
@@ -165,13 +171,13 @@ impl Sides<'_> {
         Ok(if is_far_better { other } else { first })
     }
 
-    /// Compares with the expected records in another order; differences are told by their numbers
-    /// in the trace.
+    /// Compares with the expected records in another order. Differences have the indices of the
+    /// trace.
     fn permuted(
         &self,
         numbered: &Numbered,
         order: &[u32],
-        used: Used,
+        used: UsedOrder,
         compare: impl Fn(&Numbered, Option<(&[Name], &[Name])>) -> Vec<Mismatch>,
     ) -> Ordered {
         let all = self.expected.len();
@@ -210,7 +216,7 @@ impl Sides<'_> {
                 line,
                 before: in_trace(before),
             },
-            // The next one of a tile is seldom the next one of the trace.
+            // The next record of a tile is seldom the next one of the trace.
             Mismatch::Moved {
                 record,
                 line,
@@ -242,12 +248,12 @@ impl Sides<'_> {
         ordered
     }
 
-    /// Another order that the device's file is in, if it looks so.
+    /// Another order that the device's file seems to be in.
     fn candidate(
         &self,
         numbered: &Numbered,
         rastered: Option<&Permutation>,
-    ) -> Result<Option<(Permutation, Used)>> {
+    ) -> Result<Option<(Permutation, UsedOrder)>> {
         let keys = self.trace.keys(self.stream)?;
         let pixels: Option<Vec<[i64; 2]>> = keys
             .iter()
@@ -260,7 +266,7 @@ impl Sides<'_> {
             rastered.filter(|order| order.len() == pixels.len()),
             self.stream.names(self.expected),
         ) {
-            return Ok(Some((rastered.clone(), Used::Raster)));
+            return Ok(Some((rastered.clone(), UsedOrder::Raster)));
         }
         let [_, x, y] = self.stream.naming();
         let their_pixels: Option<Vec<[i64; 2]>> = x.zip(y).map(|(x, y)| {
@@ -273,7 +279,7 @@ impl Sides<'_> {
         let mut best: Option<(usize, Permutation, i64)> = None;
         for side in SIDES_PX {
             let tile = |[x, y]: [i64; 2]| [y / side, x / side];
-            // Tiles as the device visited them; those that it did not, behind them.
+            // Tiles in the order in which the device visited them; the others after them.
             let mut ranks: HashMap<[i64; 2], usize> = HashMap::new();
             for pixel in their_pixels.iter().flatten() {
                 let next = ranks.len();
@@ -300,12 +306,12 @@ impl Sides<'_> {
         let in_trace_order = likeness(numbered.expected.iter().copied(), &numbered.got);
         Ok(best
             .filter(|(score, ..)| *score > in_trace_order)
-            .map(|(_, order, side)| (order, Used::Tiles(side))))
+            .map(|(_, order, side)| (order, UsedOrder::Tiles(side))))
     }
 }
 
-/// Records that are equal at the beginning, at the end, and place by place where both sides have as
-/// many.
+/// Number of equal records at the start, at the end, and index by index if both sides have the same
+/// number.
 fn likeness(
     expected: impl DoubleEndedIterator<Item = u32> + ExactSizeIterator + Clone,
     got: &[u32],

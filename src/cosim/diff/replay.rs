@@ -1,4 +1,4 @@
-//! Replay: the command that makes a record of a trace again.
+//! Replay: composes the command that produces a record of a trace again.
 
 use super::{SPLAT, X, Y, part};
 use crate::output::text::quoted_for_shell;
@@ -6,10 +6,10 @@ use serde_json::Value;
 use std::fmt::Write;
 use std::path::Path;
 
-/// Units whose records depend on all splats that meet at a pixel.
+/// Units whose records depend on all splats of a pixel.
 const OF_PIXELS: [&str; 3] = ["fragment", "shade", "resolve"];
 
-/// A command that traces a unit's record with this key again, and as little else as can be.
+/// A command that traces the unit's record with this key again, and as few others as possible.
 pub fn command(folder: &Path, manifest: &Value, unit: &str, key: &[i64]) -> String {
     let (scene, window) = (&manifest["scene"], &manifest["window"]);
     let path = |file: &str| quoted_for_shell(&folder.join(file).to_string_lossy());
@@ -31,7 +31,7 @@ pub fn command(folder: &Path, manifest: &Value, unit: &str, key: &[i64]) -> Stri
         let _ = write!(command, " --frame {frame}");
     }
     if let Some(cases) = window["stimulus"].as_u64() {
-        // Random cases depend on which units they are made for, and in which order.
+        // Random cases depend on the units and on their order.
         let units: Vec<&str> = window["units"]
             .as_array()
             .into_iter()
@@ -52,7 +52,7 @@ pub fn command(folder: &Path, manifest: &Value, unit: &str, key: &[i64]) -> Stri
     // A part of a frame has no records of the whole pipeline.
     if unit != "pipeline" {
         match splat {
-            // What a sort makes of one splat depends on the others.
+            // The output of sort for one splat depends on the others.
             Some(splat) if !OF_PIXELS.contains(&unit) && unit != "sort" => {
                 let _ = write!(command, " --splats {splat}..{}", splat + 1);
             }

@@ -1,5 +1,5 @@
-//! Coverage: which cases a trace's records met, and how often: every rounding and limit of every
-//! signal, and what units decide by.
+//! Coverage: counts the cases that a trace's records met: each rounding and limit of each signal,
+//! and each decision of the units.
 
 use rtl_model::num::{Fit, Rounding};
 use rtl_model::pipeline::Elaborated;
@@ -9,9 +9,9 @@ use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// What can happen to a word that loses bits: nothing; less than half of its last place, half, more
-/// than half; its limits.
-const FITS: [&str; 6] = [
+/// Cases of a word that is quantised: exact; the lost part is below, at or above half an LSB;
+/// saturated at a limit.
+const WORD_CASES: [&str; 6] = [
     "exact",
     "below half",
     "tie",
@@ -23,17 +23,17 @@ const FITS: [&str; 6] = [
 /// Count of each case.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Coverage {
-    /// Names of signals, and how often each met which of [`FITS`].
+    /// Names of signals, and the count of each of [`WORD_CASES`].
     signals: Vec<(String, [u64; 6])>,
-    /// Whether some exact result of a signal had places to lose, and was rounded by more than a
-    /// cut: else there is nothing to meet there.
+    /// Whether exact results of a signal had bits below the LSB and were rounded other than by
+    /// truncation. Otherwise these cases cannot occur.
     loses: Vec<bool>,
-    /// What units decide by.
+    /// Decisions of units.
     cases: BTreeMap<(&'static str, String), u64>,
 }
 
 impl Coverage {
-    /// Nothing met yet.
+    /// All counts 0.
     pub fn new(machine: &Elaborated) -> Self {
         let signals: Vec<_> = machine
             .signals
@@ -52,16 +52,16 @@ impl Coverage {
         *self.cases.entry((unit, case.to_owned())).or_default() += 1;
     }
 
-    /// Counts a case where it holds; else it is known, and maybe never met.
+    /// Counts a case if `holds`; otherwise adds the case with its count unchanged.
     pub fn count_if(&mut self, holds: bool, unit: &'static str, case: &str) {
         *self.cases.entry((unit, case.to_owned())).or_default() += u64::from(holds);
     }
 
-    /// Every case that can be told apart: its unit or signal, what it is, how often it was met.
+    /// Every case: its unit or signal, its name, its count.
     pub fn rows(&self) -> Vec<(String, String, u64)> {
         let mut rows = Vec::new();
         for ((signal, met), loses) in self.signals.iter().zip(&self.loses) {
-            let possible = FITS
+            let possible = WORD_CASES
                 .iter()
                 .zip(met)
                 .enumerate()
@@ -87,13 +87,13 @@ impl Coverage {
         text
     }
 
-    /// Cases that were met, and all of them.
+    /// Number of cases that occurred, and of all cases.
     pub fn counts(&self) -> [usize; 2] {
         let rows = self.rows();
         [rows.iter().filter(|row| row.2 > 0).count(), rows.len()]
     }
 
-    /// Takes over what another part met.
+    /// Adds the counts of another part.
     pub fn merge(&mut self, other: Coverage) {
         if self.signals.is_empty() {
             *self = other;
@@ -114,7 +114,7 @@ impl Coverage {
         }
     }
 
-    /// Nothing met yet, of the same machine.
+    /// All counts 0, for the same machine.
     pub fn of_another_part(&self) -> Coverage {
         Coverage {
             signals: self
@@ -127,7 +127,7 @@ impl Coverage {
         }
     }
 
-    /// Notes what becomes of an exact result.
+    /// Counts the quantisation of an exact result.
     pub fn fitted(&mut self, fit: &Fit, exact: i64, more: i64) {
         let places = (fit.places() + more).clamp(0, 63) as u32;
         let loss = fit.loss(exact, more);

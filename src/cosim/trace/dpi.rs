@@ -1,13 +1,13 @@
-//! DPI: the live model for SystemVerilog: a function a unit, and modules that hold a device's
-//! streams against it.
+//! DPI: writes the live model for SystemVerilog: one function per unit, and modules that compare a
+//! device's streams with it.
 
 use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::ports::{self, Kind, Stream};
 use rtl_model::records::unit;
 use std::fmt::Write;
 
-/// The package `splatsim_dpi`, and its modules. Functions are those of the C library, where a
-/// `size_t` has 64 bits.
+/// The package `splatsim_dpi` and its modules. Functions are those of the C library; `size_t` must
+/// have 64 bits.
 pub fn dpi(machine: &Elaborated, kind: Kind) -> String {
     let streams = ports::streams(machine, kind);
     let widest = streams
@@ -18,7 +18,7 @@ pub fn dpi(machine: &Elaborated, kind: Kind) -> String {
         .unwrap_or(1);
     let mut text = format!(
         "// Live model of the units, over DPI-C, written by splatsim {}: link the simulation with the C library (bindings/c).\n\
-         // A unit keeps what it gave until it is taken (…_next) or compared.\n\
+         // Output records of a unit are queued until they are read (…_next) or compared.\n\
          `timescale 1ns / 1ps\n`default_nettype none\n/* verilator lint_off DECLFILENAME */\n/* verilator lint_off UNUSEDPARAM */\n\
          package splatsim_dpi;\n  \
            // 32-bit words of the widest record.\n  localparam int WORDS = {};\n",
@@ -36,10 +36,10 @@ pub fn dpi(machine: &Elaborated, kind: Kind) -> String {
             let upper = name.to_uppercase();
             let _ = write!(
                 text,
-                "\n  // Gives {name} a record of {name}.in; how many records of {name}.out wait then.\n  \
+                "\n  // Passes a record of {name}.in to {name}; returns the number of pending records of {name}.out.\n  \
                    function automatic longint {name}(chandle model, bit [machine_pkg::{upper}_IN_W-1:0] record);\n    \
                      return step(model, record_t'(record));\n  endfunction\n\n  \
-                   // The next of these; 0 where there is none.\n  \
+                   // The oldest pending record of {name}.out; returns 0 if there is none.\n  \
                    function automatic bit {name}_next(chandle model, output bit [machine_pkg::{upper}_OUT_W-1:0] record);\n    \
                      record_t next;\n    bit there;\n    there = take(model, OUT, next);\n    record = ($bits(record))'(next);\n    return there;\n  \
                    endfunction\n",
@@ -78,7 +78,7 @@ const PACKAGE: &str = r#"  typedef bit [32*WORDS-1:0] record_t;
   import "DPI-C" function int splatsim_unit_constant_bits(input chandle model, input string name, input longint unsigned number,
     output record_t words, input longint unsigned count);
 
-  // A unit by its name. A machine and a scene are names or files; the picture has so many columns and rows, or, of 0, the scene's own.
+  // Opens a unit by its name. A machine and a scene are names or files; width and height 0 mean the size of the scene.
   function automatic chandle open(string name, string machine, string scene, int unsigned width, int unsigned height,
       longint unsigned seed);
     chandle of_machine, of_scene, model;
@@ -93,7 +93,7 @@ const PACKAGE: &str = r#"  typedef bit [32*WORDS-1:0] record_t;
     return model;
   endfunction
 
-  // Gives a unit a record; how many wait at OUT then.
+  // Passes a record to a unit; returns the number of pending records at OUT.
   function automatic longint step(chandle model, record_t record);
     longint waiting;
     waiting = splatsim_unit_step_bits(model, record, 64'(WORDS));
@@ -101,7 +101,7 @@ const PACKAGE: &str = r#"  typedef bit [32*WORDS-1:0] record_t;
     return waiting;
   endfunction
 
-  // Takes the record that has waited longest; 0 where none waits.
+  // Removes the oldest pending record; returns 0 if there is none.
   function automatic bit take(chandle model, int side, output record_t record);
     int there;
     there = splatsim_unit_next_bits(model, side, record, 64'(WORDS));
@@ -110,7 +110,7 @@ const PACKAGE: &str = r#"  typedef bit [32*WORDS-1:0] record_t;
     return there == 1;
   endfunction
 
-  // Whether a device's record is what the model gave; says so where it is not.
+  // Whether a device's record equals the model's; prints a message if it does not.
   function automatic bit is_equal(chandle model, int side, record_t record);
     int differs;
     differs = splatsim_unit_compare_bits(model, side, record, 64'(WORDS));
@@ -118,14 +118,14 @@ const PACKAGE: &str = r#"  typedef bit [32*WORDS-1:0] record_t;
     return differs == 0;
   endfunction
 
-  // A record that the unit may be given: corners and thresholds on purpose, then random ones, for ever.
+  // A valid input record: corners and thresholds first, then random ones, without end.
   function automatic record_t random(chandle model);
     record_t record;
     if (splatsim_unit_random_bits(model, record, 64'(WORDS)) != 0) $fatal(1, "%s", splatsim_last_error());
     return record;
   endfunction
 
-  // What is constant in a frame: record `number` of "frame", "light", "material" or "reflection".
+  // A constant of the frame: record `number` of "frame", "light", "material" or "reflection".
   function automatic record_t constant(chandle model, string name, int unsigned number);
     record_t record;
     if (splatsim_unit_constant_bits(model, name, 64'(number), record, 64'(WORDS)) != 1) $fatal(1, "%s: no record %0d", name, number);
@@ -135,8 +135,8 @@ const PACKAGE: &str = r#"  typedef bit [32*WORDS-1:0] record_t;
 
 const MODULES: &str = r#"endpackage
 
-// Holds a device's streams against the live model of its unit: s is what it takes, m what it gives; of fragment q is what it asks shade, h
-// what it holds in the end. Streams that a unit has not are left out, and never valid. Bits that are X or Z count as different, whatever they mean.
+// Compares a device's streams with the live model of its unit: s is its input, m its output; for fragment, q are its requests to shade, h
+// its fragments at the end of a frame. Streams that the unit lacks are left unconnected. X and Z bits count as differences, even in unused fields.
 module splatsim_scoreboard #(
   parameter string UNIT = "gauss",           // the unit's name
   parameter string MACHINE = "machine.json", // a name or a file
@@ -148,8 +148,8 @@ module splatsim_scoreboard #(
   parameter int Q_W = 1,
   parameter int H_W = 1
 ) (
-  input wire clk,                  // everything happens at its rising edge
-  input wire rst,                  // nothing does
+  input wire clk,                  // rising edge
+  input wire rst,                  // inactive while 1
   input wire s_valid,              // a record is offered
   input wire s_ready,              // and taken
   input wire [S_W-1:0] s_data,     // the record
@@ -159,13 +159,13 @@ module splatsim_scoreboard #(
   input wire q_valid,              // as s
   input wire q_ready,
   input wire [Q_W-1:0] q_data,
-  input wire drain,                // no record comes any more until it falls: the frame ends
+  input wire drain,                // 1 ends the frame: no record follows until it is 0 again
   input wire h_valid,              // as s
   input wire h_ready,
   input wire [H_W-1:0] h_data,
-  output longint compared,         // records of the device that were compared
-  output longint different,        // those that were not the model's, or X or Z in part
-  output longint waiting           // records of the model that the device has not given
+  output longint compared,         // number of records compared
+  output longint different,        // number that differ from the model's, or have X or Z bits
+  output longint waiting           // number of the model's records still pending
 );
   chandle model;
   bit has_ended;
@@ -183,33 +183,33 @@ module splatsim_scoreboard #(
     if (!is_equal || is_unknown) different = different + 1;
   endfunction
 
-  // Whether a stream has a bit that is X or Z where it counts; says so.
+  // Whether a stream has an X or Z bit; prints a message if it does.
   function automatic bit unknown(string stream, string what, bit is_so);
     if (is_so) $display("splatsim: at %0d ns: %s.%s: %s is X or Z in part", $time, UNIT, stream, what);
     return is_so;
   endfunction
 
-  // Whoever asks shade has an answer that nobody compares.
+  // Answers of shade are not compared: remove the one of this request.
   function automatic void forget_answer();
     splatsim_dpi::record_t answer;
     void'(splatsim_dpi::take(model, splatsim_dpi::ANSWER, answer));
   endfunction
 
-  // A program: what it counts, the same cycle reads.
+  // Blocking assignments: counters are read in the same cycle.
   // verilator lint_off BLKSEQ
   always @(posedge clk) begin
     if (!rst) begin
-      // Where one side is 0 nothing happens, whatever the other is.
+      // If one of valid and ready is 0 there is no transfer, even if the other is X.
       if (unknown("s", "a handshake", $isunknown(s_valid && s_ready))) different = different + 1;
       if (unknown("m", "a handshake", $isunknown(m_valid && m_ready))) different = different + 1;
       if (unknown("q", "a handshake", $isunknown(q_valid && q_ready))) different = different + 1;
       if (unknown("h", "a handshake", $isunknown(h_valid && h_ready))) different = different + 1;
-      // The model knows 0 and 1 only: what is neither is not given to it.
+      // The model has no X or Z: such records are not passed to it.
       if (s_valid && s_ready) begin
         if (unknown("s", "a record", $isunknown(s_data))) different = different + 1;
         else waiting = splatsim_dpi::step(model, splatsim_dpi::record_t'(s_data));
       end
-      // By itself: simulators may call both sides of an &&.
+      // A separate statement: simulators may evaluate both sides of an &&.
       if (drain && !s_valid && !has_ended) begin
         waiting = splatsim_dpi::splatsim_unit_end(model);
         if (waiting < 0) $fatal(1, "%s", splatsim_dpi::splatsim_last_error());

@@ -1,5 +1,4 @@
-//! Headers: a machine's formats and records as SystemVerilog, C and Markdown, so that nobody slices
-//! bits by hand.
+//! Headers: writes a machine's formats and records as SystemVerilog, C and Markdown.
 
 use super::observer::outcomes;
 use rtl_model::frame::Frame;
@@ -10,13 +9,14 @@ use rtl_model::pipeline::ports::{self, Field, Kind, Order, Stream};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-/// `project.reciprocal.mantissa` as a name of constants.
+/// `project.reciprocal.mantissa` as the name of a constant.
 fn constant(name: &str) -> String {
     name.to_uppercase().replace('.', "_")
 }
 
-/// Every word of a machine by its path: those of the description and those of function units; those
-/// for ellipsoids alone by their unit's name, if that is what is drawn.
+/// Every word of a machine by its path: those of the description and of the function units. Words
+/// that only ellipsoids use begin with their unit's name; they are included if ellipsoids are
+/// drawn.
 fn words(machine: &Elaborated, kind: Kind) -> BTreeMap<String, Word> {
     let mut words: BTreeMap<String, Word> = machine
         .signals
@@ -29,7 +29,7 @@ fn words(machine: &Elaborated, kind: Kind) -> BTreeMap<String, Word> {
             if let Ok(word) = serde_json::from_value(value.clone()) {
                 words.insert(format!("{unit}.{name}"), word);
             } else if kind != Kind::default() && name != "window" {
-                // Words of windows are signals, each of them.
+                // Words of windows are nested: each is a signal.
                 let nested = value.as_object().into_iter().flatten();
                 let own = nested.filter_map(|(name, value)| {
                     Some((name, serde_json::from_value(value.clone()).ok()?))
@@ -41,7 +41,7 @@ fn words(machine: &Elaborated, kind: Kind) -> BTreeMap<String, Word> {
     words
 }
 
-/// Numbers that are no formats: tables, rules, timing.
+/// Numbers other than formats: tables, rules, timing.
 fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
     let mut all = Vec::new();
     let functions = machine
@@ -125,7 +125,7 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
         .filter(|_| frame.ellipsoids.is_some())
         .and_then(|words| words.reach_bits)
         .unwrap_or(0);
-    // An ellipsoid's opacity is compared with a register of the frame.
+    // The opacity of an ellipsoid is compared with a register of the frame.
     let constants = ports::constants(machine, Kind::of(frame));
     let least_opacity = constants[0]
         .fields
@@ -134,7 +134,7 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
     let [opacity_w, least_opacity_lsb] = least_opacity.map_or([0; 2], |at| {
         [constants[0].fields[at].width(), constants[0].places()[at]]
     });
-    // Registers of pixels that are not square, or those that serve in their place.
+    // Registers for pixels that are not square, or their substitutes.
     let lsb = |name: &str| {
         constants[0]
             .fields
@@ -235,21 +235,18 @@ fn numbers(machine: &Elaborated, frame: &Frame) -> Vec<(String, i64)> {
     all
 }
 
-/// Numbers that stand for names: a type each in the package, an entry each among the manifest's
-/// `enums`.
-struct Codes {
+/// Codes with names: one type each in the package, one entry each in the manifest's `enums`.
+struct EnumCodes {
     name: &'static str,
-    /// The fields and numbers that they are codes of.
+    /// The fields and numbers that have these codes.
     of: &'static [&'static str],
-    /// Bits of the field; none where it is a number of the package, or what ends in this among
-    /// them.
+    /// Bits of the field; None for numbers of the package, or for those with this ending.
     bits: Option<u32>,
-    /// In the order of their numbers, from 0 on.
+    /// In the order of their codes, from 0.
     names: Vec<&'static str>,
 }
 
-/// What a rule of merging is called. A new one belongs into [`codes`] too, at the place of its
-/// number.
+/// Name of a merge rule. A new rule must be added to [`codes`] too, at the index of its code.
 fn rule(merge: Merge) -> &'static str {
     match merge {
         Merge::NearestPair => "nearest-pair",
@@ -259,10 +256,10 @@ fn rule(merge: Merge) -> &'static str {
     }
 }
 
-/// The reciprocal of windows among the function units.
+/// Path of the reciprocal of windows among the function units.
 const RECIPROCAL_OF_WINDOWS: &str = "fragment.window.reciprocal";
 
-fn codes(kind: Kind) -> Vec<Codes> {
+fn codes(kind: Kind) -> Vec<EnumCodes> {
     let merges = [
         Merge::NearestPair,
         Merge::FarthestPair,
@@ -272,25 +269,25 @@ fn codes(kind: Kind) -> Vec<Codes> {
     .map(rule);
     let merges = &merges[..if kind.windows { merges.len() } else { 3 }];
     let mut all = vec![
-        Codes {
+        EnumCodes {
             name: "outcome",
             of: &["fragment.out.outcome"],
             bits: Some(ports::outcome_bits(kind) as u32),
             names: outcomes(kind).to_vec(),
         },
-        Codes {
+        EnumCodes {
             name: "merge",
             of: &["FRAGMENT_MERGE"],
             bits: None,
             names: merges.to_vec(),
         },
-        Codes {
+        EnumCodes {
             name: "round",
             of: &["_ROUND"],
             bits: None,
             names: vec!["truncate", "nearest", "nearest-even"],
         },
-        Codes {
+        EnumCodes {
             name: "overflow",
             of: &["_WRAP"],
             bits: None,
@@ -298,7 +295,7 @@ fn codes(kind: Kind) -> Vec<Codes> {
         },
     ];
     if kind.windows {
-        all.push(Codes {
+        all.push(EnumCodes {
             name: "group",
             of: &["FRAGMENT_GROUP"],
             bits: None,
@@ -306,7 +303,7 @@ fn codes(kind: Kind) -> Vec<Codes> {
         });
     }
     if kind.ellipsoids {
-        all.push(Codes {
+        all.push(EnumCodes {
             name: "amplitude",
             of: &["frame.amplitude"],
             bits: Some(2),
@@ -316,8 +313,8 @@ fn codes(kind: Kind) -> Vec<Codes> {
     all
 }
 
-impl Codes {
-    /// The constants, each with its number: `MERGE_NEAREST_PAIR`.
+impl EnumCodes {
+    /// The constants and their codes: `MERGE_NEAREST_PAIR`.
     fn constants(&self) -> impl Iterator<Item = (String, usize)> {
         let prefix = self.name.to_uppercase();
         self.names.iter().enumerate().map(move |(number, name)| {
@@ -359,9 +356,9 @@ pub fn enums(kind: Kind) -> serde_json::Value {
     serde_json::Value::Object(entry.collect())
 }
 
-/// The package `machine_pkg`, for one machine and one frame's number of lights and materials.
+/// The package `machine_pkg`, for one machine and the number of lights and materials of a frame.
 pub fn package(machine: &Elaborated, frame: &Frame) -> String {
-    // Read once, before the twins, which are others where materials mirror.
+    // Read once, before the RTL implementations, which differ if materials are reflective.
     let mirrors = match ports::asks_for_pixel(&machine.machine, Kind::of(frame)) {
         true => "`define MACHINE_MIRRORS\n`define MACHINE_MIRRORS_ALONG_RAYS\n",
         false if frame.surroundings.is_some() => "`define MACHINE_MIRRORS\n",
@@ -437,7 +434,7 @@ pub fn package(machine: &Elaborated, frame: &Frame) -> String {
         lighting.materials.len() as u32,
     );
     text.push_str(
-        "\n  // All lights, all materials, and what each material makes of each light: one beside the other, the first in the low bits.\n",
+        "\n  // All lights, all materials, and the reflection of each light by each material: concatenated, the first in the low bits.\n",
     );
     let constants = ports::constants(machine, kind);
     for (port, stream, count) in [
@@ -455,7 +452,7 @@ pub fn package(machine: &Elaborated, frame: &Frame) -> String {
     text
 }
 
-/// The records as packed structs, to be included where they are used.
+/// The records as packed structs, to be included.
 pub fn structs(machine: &Elaborated, kind: Kind) -> String {
     let mut text = String::from(
         "// Records as packed structs, first field in the most significant bits: `include it inside a module.\n",
@@ -484,8 +481,8 @@ pub fn structs(machine: &Elaborated, kind: Kind) -> String {
     text
 }
 
-/// The records as a C header: places and widths as constants, a struct a record, and a table of its
-/// fields.
+/// The records as a C header: positions and widths as constants, one struct per record, and a table
+/// of its fields.
 pub fn c_header(machine: &Elaborated, kind: Kind) -> String {
     let mut text = String::from(
         "/* Records of a trace: bit places, structs and tables of fields. value = word * 2^-fraction_bits */\n\
@@ -565,7 +562,7 @@ pub fn words_and_numbers(machine: &Elaborated, frame: &Frame) -> serde_json::Val
     })
 }
 
-/// The name of a rounding or an overflow as files write it.
+/// Name of a rounding or an overflow, as in files.
 fn name(value: impl serde::Serialize) -> String {
     serde_json::to_value(value)
         .ok()
@@ -573,7 +570,7 @@ fn name(value: impl serde::Serialize) -> String {
         .unwrap_or_default()
 }
 
-/// The records of the constants and of these streams as tables for people.
+/// Tables of the records of the constants and of these streams, in Markdown.
 pub fn tables(machine: &Elaborated, kind: Kind, written: &[&str]) -> String {
     let mut text = String::new();
     let streams = ports::streams(machine, kind);
@@ -614,7 +611,7 @@ pub fn tables(machine: &Elaborated, kind: Kind, written: &[&str]) -> String {
     text
 }
 
-/// Words that a stream has no field for, and numbers that units need beside their records.
+/// Words without a field in a stream, and numbers that units need in addition to their records.
 pub fn formats(machine: &Elaborated, frame: &Frame) -> String {
     let mut text = String::from("\n| word | format | rounds | overflows |\n|---|---|---|---|\n");
     for (path, word) in words(machine, Kind::of(frame)) {
@@ -644,7 +641,7 @@ pub fn formats(machine: &Elaborated, frame: &Frame) -> String {
     text
 }
 
-/// Fields of a stream as the manifest has them.
+/// Manifest entries of a stream's fields.
 pub fn fields(stream: &Stream, kind: Kind) -> Vec<serde_json::Value> {
     let codes = codes(kind);
     let described = stream.fields.iter().zip(stream.places()).map(|(field, place)| {
@@ -669,8 +666,8 @@ pub fn fields(stream: &Stream, kind: Kind) -> Vec<serde_json::Value> {
     described.collect()
 }
 
-/// The package as a core of FuseSoC: the tables lie where the twins look for them, beside the
-/// program that runs.
+/// The package as a FuseSoC core. The tables are in the folder in which the RTL implementations
+/// read them: the working directory of the simulation.
 pub fn fusesoc(roms: &[&str]) -> String {
     let roms: String = roms
         .iter()
@@ -694,7 +691,7 @@ pub fn fusesoc(roms: &[&str]) -> String {
     )
 }
 
-/// The package as one of Bender.
+/// The package for Bender.
 pub const BENDER: &str = "package:\n  name: machine_pkg\n\n\
     export_include_dirs: [.]\n\n\
     sources:\n  - include_dirs: [.]\n    files:\n      - machine_pkg.sv\n";

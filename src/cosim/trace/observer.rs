@@ -1,5 +1,5 @@
-//! Observer: notes every transfer while the machine draws, as the units make them; order is brought
-//! in afterwards.
+//! Observer: logs every transfer while the machine draws, in the order of the units; it is sorted
+//! afterwards.
 
 use super::coverage::Coverage;
 use rtl_model::elaboration::unit;
@@ -14,27 +14,27 @@ use rtl_model::units::resolve::Layer;
 use rtl_model::units::shade;
 use std::any::Any;
 
-/// Events of a record's words; the bits of `flags` in a key.
+/// Events of a record's words: the bits of `flags` in a key.
 pub mod flag {
     use rtl_model::num::Fit;
     use rtl_model::units::fragment::Decision;
 
-    /// A word lost bits below its last place.
+    /// A word lost bits below its LSB.
     pub const INEXACT: u8 = 1;
-    /// A word met its lower limit.
+    /// A word saturated at its lower limit.
     pub const SATURATED_LOW: u8 = 2;
-    /// A word met its upper limit.
+    /// A word saturated at its upper limit.
     pub const SATURATED_HIGH: u8 = 4;
     /// A word wrapped.
     pub const WRAPPED: u8 = 8;
-    /// The record ends here: a culled splat, a weight of 0 or, of sheets, below the least.
+    /// The record ends here: a culled splat, a weight of 0 or, for sheets, below the least.
     pub const CUT_OFF: u8 = 16;
-    /// The contribution made two fragments merge.
+    /// The contribution caused two fragments to merge.
     pub const MERGED: u8 = 32;
-    /// The contribution made a fragment vanish.
+    /// The contribution caused the eviction of a fragment.
     pub const EVICTED: u8 = 64;
 
-    /// Their names, from the last bit up.
+    /// Their names, from the LSB up.
     pub const NAMES: [&str; 7] = [
         "inexact",
         "saturated_low",
@@ -45,8 +45,7 @@ pub mod flag {
         "evicted",
     ];
 
-    /// What is lost when an exact result, with `more` fraction bits than was elaborated, becomes a
-    /// word.
+    /// Flags of the quantisation of an exact result with `more` fraction bits than elaborated.
     pub fn of(fit: &Fit, exact: i64, more: i64) -> u8 {
         let loss = fit.loss(exact, more);
         let losses = [
@@ -61,7 +60,7 @@ pub mod flag {
             .fold(0, |flags, (_, flag)| flags | flag)
     }
 
-    /// What a decision of `fragment` does to fragments.
+    /// Flags of a decision of `fragment`.
     pub fn of_decision(decision: Decision) -> u8 {
         match decision {
             Decision::Merged(..) | Decision::Summed(..) | Decision::Closed(..) => MERGED,
@@ -81,24 +80,24 @@ pub mod flag {
     }
 }
 
-/// A splat that went through setup.
+/// The transfers of a splat through `project` and `ellipse`.
 #[derive(Clone, Copy, Debug)]
-pub struct SetUp {
+pub struct SetUpTransfer {
     pub splat: u32,
     pub project: [i64; PROJECTED],
     pub ellipse: [i64; SET_UP],
     pub flags: u8,
 }
 
-impl SetUp {
+impl SetUpTransfer {
     /// Whether `project` did not cull it.
     pub fn leaves_project(&self) -> bool {
         self.project[..PROJECT_FLAGS] == [0; PROJECT_FLAGS]
     }
 }
 
-/// Where in the picture, and of which splat: in the order of a machine that takes splat after
-/// splat, and its box row by row.
+/// Sort key of a splat at a pixel, in the order of a machine that draws splat after splat, and each
+/// box row by row.
 pub fn key(splat: u32, x: u32, y: u32) -> u64 {
     u64::from(splat) << 28 | u64::from(y) << 14 | u64::from(x)
 }
@@ -112,55 +111,55 @@ pub fn parts(key: u64) -> [u32; 3] {
     ]
 }
 
-/// Nothing was decided: the weight is too small.
+/// No decision: the weight is too small.
 pub const NO_OUTCOME: u8 = u8::MAX;
 
-/// A fragment from raster to its slot.
+/// The transfers of a fragment from raster to its slot.
 #[derive(Clone, Copy, Debug)]
-pub struct Arrival {
+pub struct FragmentTransfer {
     pub key: u64,
     pub radial: i64,
     pub depth: i64,
     pub weight: u32,
-    /// As `fragment.out` has it, or [`NO_OUTCOME`].
+    /// Code as in `fragment.out`, or [`NO_OUTCOME`].
     pub outcome: u8,
     pub slot: u8,
-    /// Of windows.
+    /// Windows only.
     pub place: u8,
     pub gauss_flags: u8,
     pub fragment_flags: u8,
 }
 
-/// A fragment that went through shade.
+/// The transfers of a fragment through shade.
 #[derive(Clone, Copy, Debug)]
 pub struct Shaded {
-    /// That of the contribution that made it merge, or of its pixel (splat 0).
+    /// Key of the contribution that caused the merge; or of the pixel, with splat 0.
     pub key: u64,
-    /// Which of those with this key.
+    /// Index among those with this key.
     pub nth: u8,
     pub input: shade::Input,
     pub output: shade::Output,
     pub flags: u8,
 }
 
-/// A splat that was lit before it was drawn.
+/// A splat that is lit before it is drawn.
 #[derive(Clone, Copy, Debug)]
 pub struct Emitted {
     pub splat: u32,
-    /// Fragment that went through shade.
+    /// Its transfers through shade.
     pub shaded: Shaded,
     /// Its colour from then on.
     pub rgb: [i32; 3],
-    /// Events of the words that shade was asked with, and of the light that came back.
+    /// Flags of the words of the request to shade, and of the answer.
     pub flags: [u8; 2],
 }
 
-/// Fragments that a pixel holds in the end.
+/// Fragments that a pixel holds at the end of a frame.
 #[derive(Clone, Debug)]
-pub struct Held {
+pub struct HeldFragments {
     pub key: u64,
     pub slots: Vec<Slot>,
-    /// The light of each slot; that of all sheets together.
+    /// The light of each slot; for sheets, of all together.
     pub layers: Vec<Layer>,
     pub frame: [i64; 4],
     pub flags: u8,
@@ -169,50 +168,49 @@ pub struct Held {
 /// All transfers of a frame.
 #[derive(Clone, Debug, Default)]
 pub struct Observations {
-    /// Splats before this one are drawn, but not noted.
+    /// Splats before this one are drawn, but not logged.
     pub first_splat: u32,
-    pub set_up: Vec<SetUp>,
-    /// Splat by splat, if they are lit before they are drawn.
+    pub set_up: Vec<SetUpTransfer>,
+    /// If splats are lit before they are drawn: one per splat.
     pub emitted: Vec<Emitted>,
-    /// If they are sorted: of each that is drawn, its place among those that are drawn, by their
-    /// numbers.
+    /// If splats are sorted: for each drawn splat, by its number, its index in drawing order.
     pub order: Vec<u32>,
-    /// Raster's flags, by splat and tile.
+    /// Flags of raster, by splat and tile.
     pub walked: Vec<(u32, u8)>,
-    pub arrivals: Vec<Arrival>,
-    /// Those that merged.
+    pub arrivals: Vec<FragmentTransfer>,
+    /// Shaded for a merge.
     pub merged: Vec<Shaded>,
-    /// Those that were left.
+    /// Shaded at the end of the frame.
     pub resolved: Vec<Shaded>,
-    pub held: Vec<Held>,
-    /// Which roundings and limits were met.
+    pub held: Vec<HeldFragments>,
+    /// Roundings and limits that occurred.
     pub coverage: Coverage,
-    /// Lesser weights make no fragment.
+    /// Smaller weights make no fragment.
     least_weight: i64,
     /// Reasons for which `project` culls.
     project_cases: &'static [&'static str],
-    /// Words of this signal reach nobody.
+    /// Words of this signal are not used.
     unread: Option<usize>,
     /// Words of this signal cross no port.
     unseen: Option<usize>,
-    /// What may become of a contribution.
+    /// Possible outcomes of a contribution.
     outcomes: &'static [&'static str],
     /// Number of a full pixel's last slot.
     deepest: u8,
-    /// What was observed since the last transfer.
+    /// Flags since the last transfer.
     observed: u8,
-    /// What was observed before shade began.
+    /// Flags from before the request to shade.
     before_shade: u8,
     /// Splats are being set up.
     setting_up: bool,
-    /// Which contribution is being taken in, and how many fragments it has had shaded.
+    /// Key of the current contribution, and the number of fragments that it has had shaded.
     taking: Option<(u64, u8)>,
-    /// Shaded for the pixel that is being resolved, or the splat that is being set up.
+    /// Shaded for the pixel that is being resolved, or for the splat that is being set up.
     lit: Vec<Shaded>,
 }
 
 impl Observations {
-    /// One that notes a frame's splats from this one on.
+    /// Logs a frame's splats from `first_splat` on.
     pub fn new(machine: &Elaborated, frame: &Frame, first_splat: u32) -> Self {
         Observations {
             first_splat,
@@ -227,7 +225,7 @@ impl Observations {
         }
     }
 
-    /// Calls splats in keys by these numbers.
+    /// Maps the splats in keys to these numbers.
     pub fn number(&mut self, numbers: &[u32]) {
         let renumbered = |all: u64| {
             let [splat, x, y] = parts(all);
@@ -241,7 +239,7 @@ impl Observations {
             .for_each(|shaded| shaded.key = renumbered(shaded.key));
     }
 
-    /// Brings everything into the order of the splats, pixels row by row.
+    /// Sorts everything by splat, pixels row by row.
     pub fn sort(&mut self) {
         use rayon::prelude::*;
         self.arrivals
@@ -259,15 +257,15 @@ impl Observations {
         });
     }
 
-    /// Counts what units decided.
+    /// Counts the decisions of units.
     pub fn decisions(&self, coverage: &mut Coverage) {
         for splat in &self.set_up {
             let [near, outside, transparent, ..] = splat.project;
             let [backface, faint, missing, ..] = splat.ellipse;
-            let told = [near, outside, transparent]
+            let reasons = [near, outside, transparent]
                 .into_iter()
                 .zip(self.project_cases);
-            told.for_each(|(flag, case)| coverage.count_if(flag != 0, "project", case));
+            reasons.for_each(|(flag, case)| coverage.count_if(flag != 0, "project", case));
             let cases = [
                 (backface, "ellipse", "backface"),
                 (faint, "ellipse", "faint"),
@@ -299,7 +297,7 @@ impl Observations {
     }
 }
 
-/// Words of this signal reach nothing.
+/// The signal whose words are not used, if there is one.
 pub fn unread(machine: &Elaborated, frame: &Frame) -> Option<usize> {
     frame
         .sheets
@@ -307,7 +305,7 @@ pub fn unread(machine: &Elaborated, frame: &Frame) -> Option<usize> {
         .map(|_| machine.fragment.depth_fit().signal)
 }
 
-/// Words of this signal cross no port.
+/// The signal whose words cross no port, if there is one.
 pub fn unseen(machine: &Elaborated) -> Option<usize> {
     machine
         .signals
@@ -328,8 +326,8 @@ pub fn least_weight(frame: &Frame) -> i64 {
         .map_or(1, |sheets| sheets.least_weight.max(1))
 }
 
-/// Outcomes of contributions, in the order of their numbers in `fragment.out`: first those that
-/// have nothing to do with windows.
+/// Outcomes of contributions, in the order of their codes in `fragment.out`: first those that are
+/// not specific to windows.
 const OUTCOMES: [&str; 12] = [
     "accumulated",
     "inserted",
@@ -350,8 +348,8 @@ pub fn outcomes(kind: Kind) -> &'static [&'static str] {
     &OUTCOMES[..if kind.windows { OUTCOMES.len() } else { 6 }]
 }
 
-/// A decision as `fragment.out` has it: outcome, slot, and of windows the place. `deepest` is the
-/// number of a full pixel's last slot.
+/// A decision as in `fragment.out`: outcome, slot and, for windows, place. `deepest` is the number
+/// of a full pixel's last slot.
 pub fn outcome(decision: Decision, deepest: u8) -> [u8; 3] {
     match decision {
         Decision::Accumulated(slot) => [0, slot, 0],
@@ -420,7 +418,7 @@ impl probe::Observer<'static> for Observations {
         let flags = self.flush();
         self.setting_up = true;
         if splat >= self.first_splat {
-            self.set_up.push(SetUp {
+            self.set_up.push(SetUpTransfer {
                 splat,
                 project,
                 ellipse,
@@ -430,7 +428,7 @@ impl probe::Observer<'static> for Observations {
     }
 
     fn sorted(&mut self, order: Vec<u32>) {
-        // What was observed of the keys is nobody's.
+        // Flags of the sort keys belong to no record.
         self.flush();
         self.order = order;
     }
@@ -467,7 +465,7 @@ impl probe::Observer<'static> for Observations {
                 weight,
                 ..
             } = *weighed;
-            let arrival = Arrival {
+            let arrival = FragmentTransfer {
                 key,
                 radial,
                 depth,
@@ -533,7 +531,7 @@ impl probe::Observer<'static> for Observations {
         let key = key(0, x, y);
         self.resolved
             .extend(self.lit.drain(..).map(|shaded| Shaded { key, ..shaded }));
-        self.held.push(Held {
+        self.held.push(HeldFragments {
             key,
             slots: slots.to_vec(),
             layers: layers.to_vec(),

@@ -1,35 +1,34 @@
-//! Record: words side by side as one hexadecimal number of constant width, and back.
+//! Record: converts words to one hexadecimal number of constant width, and back.
 //!
-//! The first field is in the most significant bits; what a number of whole digits has more than the
-//! record is 0 and on top.
+//! The first field is in the most significant bits. Bits that fill up the top digit are 0.
 
 use rtl_model::pipeline::ports::Stream;
 
 /// Layout of a stream's records.
 #[derive(Clone, Debug)]
-pub struct Layout {
+pub struct RecordLayout {
     /// Bits of each field, from the top.
     widths: Vec<u32>,
     signed: Vec<bool>,
-    /// For each field, the flags that make it 0, by their places among the fields.
+    /// For each field, the indices of the flag fields that make it unused, and 0.
     unless: Vec<Vec<usize>>,
     /// Bits of a record.
     pub width: u32,
 }
 
-/// Fault of a line that should be a record.
+/// Why a line is not a record.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Malformed {
-    /// So many digits instead of so many.
+    /// Number of digits found, and required.
     Digits(usize, usize),
-    /// This is no hexadecimal digit.
+    /// Not a hexadecimal digit.
     Digit(char),
     /// Bits above the record's width are set.
     TooWide,
 }
 
-/// A line without Verilog's comments and the blanks around it; none where nothing else is in it.
-/// `is_inside` tells whether a `/*` is open.
+/// A line without Verilog's comments and surrounding blanks; None if nothing else is on it.
+/// `is_inside` is true inside an open `/*`.
 pub fn without_comment(line: &str, is_inside: &mut bool) -> Option<String> {
     let (mut rest, mut kept, mut has_comment) = (line, String::new(), *is_inside);
     while !rest.is_empty() {
@@ -56,11 +55,11 @@ pub fn without_comment(line: &str, is_inside: &mut bool) -> Option<String> {
 
 const DIGITS: &[u8; 16] = b"0123456789abcdef";
 
-impl Layout {
+impl RecordLayout {
     /// The layout of a stream.
     pub fn new(stream: &Stream) -> Self {
         let place = |name: &str| stream.fields.iter().position(|field| field.name == name);
-        Layout {
+        RecordLayout {
             widths: stream.fields.iter().map(|field| field.width()).collect(),
             signed: stream
                 .fields
@@ -76,10 +75,10 @@ impl Layout {
         }
     }
 
-    /// The layout of fields with these widths, some of them signed, some of them 0 where another,
-    /// by its place, is not.
+    /// A layout of fields with these widths and signs. Some are 0 if another field, given by its
+    /// index, is not 0.
     pub fn of(widths: Vec<u32>, signed: Vec<bool>, unless: Vec<Vec<usize>>) -> Self {
-        Layout {
+        RecordLayout {
             width: widths.iter().sum(),
             widths,
             signed,
@@ -87,9 +86,9 @@ impl Layout {
         }
     }
 
-    /// The layout of natural numbers of these widths.
+    /// The layout of unsigned fields of these widths.
     pub fn of_naturals(widths: &[u32]) -> Self {
-        Layout::of(
+        RecordLayout::of(
             widths.to_vec(),
             vec![false; widths.len()],
             vec![Vec::new(); widths.len()],
@@ -101,7 +100,7 @@ impl Layout {
         self.width.div_ceil(4) as usize
     }
 
-    /// Sets to 0 what means nothing in this record.
+    /// Sets unused fields of this record to 0.
     pub fn mask(&self, words: &mut [i64]) {
         for (field, flags) in self.unless.iter().enumerate() {
             if flags.iter().any(|flag| words[*flag] != 0) {
@@ -110,10 +109,10 @@ impl Layout {
         }
     }
 
-    /// Appends a record's digits and the end of its line.
+    /// Appends a record's digits and a newline.
     pub fn write(&self, words: &[i64], text: &mut Vec<u8>) {
         debug_assert_eq!(words.len(), self.widths.len(), "as many words as fields");
-        // A word of 63 bits beside three that wait.
+        // At most a word of 63 bits and three bits left over.
         let (mut held, mut bits) = (0u128, self.digits() as u32 * 4 - self.width);
         for (&word, &width) in words.iter().zip(&self.widths) {
             held = held << width | u128::from(word as u64 & ((1 << width) - 1));
@@ -130,7 +129,7 @@ impl Layout {
     /// The words of a line.
     ///
     /// # Errors
-    /// What is wrong with it.
+    /// Why the line is not a record.
     pub fn read(&self, line: &str) -> Result<Vec<i64>, Malformed> {
         if let Some(odd) = line.chars().find(|c| !c.is_ascii_hexdigit()) {
             return Err(Malformed::Digit(odd));
@@ -177,7 +176,7 @@ mod tests {
     proptest! {
         #[test]
         fn a_record_is_read_as_it_was_written(fields in prop::collection::vec((1u32..=63, any::<bool>(), any::<i64>()), 1..20)) {
-            let layout = Layout {
+            let layout = RecordLayout {
                 widths: fields.iter().map(|field| field.0).collect(),
                 signed: fields.iter().map(|field| field.1).collect(),
                 unless: vec![Vec::new(); fields.len()],
@@ -190,7 +189,7 @@ mod tests {
             let mut text = Vec::new();
             layout.write(&words, &mut text);
             let line = String::from_utf8(text).unwrap();
-            // An oracle that puts bits in a row and cuts them in fours.
+            // Oracle: concatenates the bits and cuts them into fours.
             let bits: String = fields.iter().zip(&words)
                 .flat_map(|(&(width, ..), word)| (0..width).rev().map(move |bit| if word >> bit & 1 == 1 { '1' } else { '0' }))
                 .collect();
@@ -222,8 +221,8 @@ mod tests {
     }
 
     #[test]
-    fn a_malformed_line_is_told_apart() {
-        let layout = Layout::of_naturals(&[3, 2]);
+    fn each_kind_of_malformed_line_is_distinguished() {
+        let layout = RecordLayout::of_naturals(&[3, 2]);
         assert_eq!(layout.read("1f"), Ok(vec![7, 3]));
         assert_eq!(layout.read("3f"), Err(Malformed::TooWide));
         assert_eq!(layout.read("f"), Err(Malformed::Digits(1, 2)));

@@ -1,6 +1,6 @@
 //! Roms: the contents of a machine's tables, as records.
 
-use super::record::Layout;
+use super::record::RecordLayout;
 use rtl_model::frame::Frame;
 use rtl_model::machine::FunctionUnit;
 use rtl_model::pipeline::Elaborated;
@@ -12,56 +12,56 @@ pub struct Rom {
     /// Names of its fields.
     pub fields: &'static [&'static str],
     /// Layout of a line.
-    pub layout: Layout,
+    pub layout: RecordLayout,
     /// Its lines, address by address.
     pub lines: Vec<Vec<i64>>,
 }
 
 impl Rom {
-    /// Where it lies in the folder.
+    /// Its path in the trace's folder.
     pub fn file(&self) -> String {
         format!("rom/{}.hex", self.name)
     }
 }
 
-/// The ROM of a function unit's first guesses.
-fn first_guesses(name: &str, shape: FunctionUnit, guesses: Vec<i64>) -> Rom {
+/// The ROM with the initial values of a function unit.
+fn initial_values(name: &str, shape: FunctionUnit, values: Vec<i64>) -> Rom {
     Rom {
         name: name.to_owned(),
         fields: &["value"],
-        layout: Layout::of_naturals(&[shape.bits + 1]),
-        lines: guesses.into_iter().map(|guess| vec![guess]).collect(),
+        layout: RecordLayout::of_naturals(&[shape.bits + 1]),
+        lines: values.into_iter().map(|guess| vec![guess]).collect(),
     }
 }
 
-/// A value of so many bits and the step to the next one, which has a sign.
+/// An unsigned value and a signed step to the next one.
 const LINE: &[&str] = &["value", "step"];
 
-/// All ROMs of a machine; those of highlights hold one table a material, one after the other.
+/// All ROMs of a machine; those of highlights hold one table per material, in sequence.
 pub fn roms(machine: &Elaborated, frame: &Frame) -> Vec<Rom> {
     let reciprocals = machine
         .reciprocals()
-        .map(|(name, unit)| first_guesses(name, unit.shape(), unit.guesses()));
+        .map(|(name, unit)| initial_values(name, unit.shape(), unit.guesses()));
     let roots = machine
         .roots()
-        .map(|(name, unit)| first_guesses(name, unit.shape(), unit.guesses()));
+        .map(|(name, unit)| initial_values(name, unit.shape(), unit.guesses()));
     let mut all: Vec<Rom> = reciprocals.into_iter().chain(roots).collect();
     if let (Some(_), Some(unit)) = (&frame.ellipsoids, machine.compensation_root()) {
-        all.push(first_guesses(
+        all.push(initial_values(
             "ellipse.compensation_root",
             unit.shape(),
             unit.guesses(),
         ));
     }
     if let (Some(_), Some(unit)) = (&frame.ellipsoids, machine.ray_root()) {
-        all.push(first_guesses(
+        all.push(initial_values(
             "ellipse.ray_root",
             unit.shape(),
             unit.guesses(),
         ));
     }
     if let (Some(_), Some(unit)) = (&frame.window, machine.fragment.window_reciprocal()) {
-        all.push(first_guesses(
+        all.push(initial_values(
             "fragment.window.reciprocal",
             unit.shape(),
             unit.guesses(),
@@ -72,13 +72,13 @@ pub fn roms(machine: &Elaborated, frame: &Frame) -> Vec<Rom> {
         &frame.ellipsoids,
         m.ellipse.ellipsoid.and_then(|words| words.reach_bits),
     ) {
-        // Where boxes have the frame's cutoff it is there all the same.
+        // The ROM exists even if boxes use the cutoff of the frame.
         let words = if ellipsoids.kernel.reach.is_empty() {
             vec![frame.view.cutoff; 1 << bits]
         } else {
             ellipsoids.kernel.reach.clone()
         };
-        let layout = Layout::of_naturals(&[m.raster.cutoff.format.width() as u32]);
+        let layout = RecordLayout::of_naturals(&[m.raster.cutoff.format.width() as u32]);
         let lines = words.into_iter().map(|word| vec![word]).collect();
         all.push(Rom {
             name: "ellipse.reach".into(),
@@ -87,7 +87,7 @@ pub fn roms(machine: &Elaborated, frame: &Frame) -> Vec<Rom> {
             lines,
         });
     }
-    let line = |width: i32| Layout::of_naturals(&[width as u32, width as u32 + 1]);
+    let line = |width: i32| RecordLayout::of_naturals(&[width as u32, width as u32 + 1]);
     let lines_of = |table: &rtl_model::functions::Table| {
         table
             .lines()
@@ -120,12 +120,12 @@ pub fn roms(machine: &Elaborated, frame: &Frame) -> Vec<Rom> {
     if let (Some(surroundings), Some(unit), Some(words)) =
         (&frame.surroundings, machine.shade.reflect(), &m.reflect)
     {
-        all.push(first_guesses(
+        all.push(initial_values(
             "reflect.reciprocal",
             unit.reciprocal().shape(),
             unit.reciprocal().guesses(),
         ));
-        let layout = Layout::of_naturals(&[words.light.format.width() as u32; 3]);
+        let layout = RecordLayout::of_naturals(&[words.light.format.width() as u32; 3]);
         let lines = surroundings
             .texels
             .iter()
@@ -153,7 +153,7 @@ pub fn roms(machine: &Elaborated, frame: &Frame) -> Vec<Rom> {
         }
     }
     if let (Some(sheets), Some(words)) = (&frame.sheets, &m.fragment.sheets) {
-        // Where it is not used its ROM is there all the same.
+        // The ROM exists even if it is not used.
         let empty = || vec![vec![0, 0]; 1 << words.table.index_bits];
         let lines = machine
             .fragment

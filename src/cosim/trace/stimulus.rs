@@ -1,9 +1,9 @@
-//! Stimulus: made-up cases for each unit alone: corner values of every field, thresholds and ties
-//! on purpose, then seeded random ones.
+//! Stimulus: makes cases for each unit: corner values of every field, thresholds and ties, then
+//! seeded random ones.
 //!
-//! A scene's own transfers seldom meet a limit, a tie or a threshold, where hardware goes wrong
-//! first. Here each unit is driven by itself, so what it is given need not be what another unit
-//! could make.
+//! A scene's own transfers seldom meet a limit, a tie or a threshold, where errors in hardware are
+//! most likely. Here each unit is driven separately, so its inputs need not be possible outputs of
+//! another unit.
 
 mod ellipsoids;
 mod windows;
@@ -23,40 +23,40 @@ use rtl_model::units::resolve::Layer;
 use rtl_model::units::shade;
 use std::any::Any;
 
-/// The records of one stream, made up.
+/// Made-up records of one stream.
 #[derive(Clone, Debug, Default)]
-pub struct Made {
+pub struct MadeStream {
     /// The stream's name.
     pub name: &'static str,
     /// Its records and their keys.
     pub records: Vec<(Vec<i64>, Key)>,
 }
 
-/// Cases of one kind: from which record of a unit's input on, and how many.
+/// Cases of one kind: a range of records of a unit's input.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Tag {
-    /// The stream that they are driven into.
+pub struct CaseTag {
+    /// Name of the input stream.
     pub stream: &'static str,
-    /// Purpose.
+    /// Name of the kind.
     pub tag: String,
-    /// The first record.
+    /// Index of the first record.
     pub first: usize,
     /// Number of records.
     pub records: usize,
 }
 
-/// Everything that was made up.
+/// All made-up records.
 #[derive(Clone, Debug, Default)]
 pub struct Stimulus {
     /// Every stream.
-    pub made: Vec<Made>,
+    pub made: Vec<MadeStream>,
     /// Purpose of the cases.
-    pub tags: Vec<Tag>,
+    pub tags: Vec<CaseTag>,
     /// Coverage of the cases.
     pub coverage: Coverage,
 }
 
-/// Numbers that look random, the same for the same seed (SplitMix64).
+/// Pseudo-random numbers from a seed (SplitMix64).
 #[derive(Clone, Debug)]
 struct Random(u64);
 
@@ -66,7 +66,7 @@ impl Random {
         super::mixed(0, self.0)
     }
 
-    /// 0 to the one before `end`.
+    /// 0 to `end` − 1.
     fn below(&mut self, end: i64) -> i64 {
         (self.next() % end.max(1) as u64) as i64
     }
@@ -79,7 +79,7 @@ impl Random {
         all[self.below(all.len() as i64) as usize]
     }
 
-    /// Any word: as often a small one as a great one.
+    /// Any word: small magnitudes are as likely as large ones.
     fn word(&mut self, format: Format) -> i64 {
         let bits = self.below(i64::from(format.magnitude_bits()) + 1);
         let magnitude = self.below(1 << bits);
@@ -96,7 +96,7 @@ impl Random {
     }
 }
 
-/// A word with so many more fraction bits, or fewer.
+/// A word with `places` more fraction bits, or fewer.
 fn moved(word: i64, places: i32) -> i64 {
     if places >= 0 {
         word << places.min(62)
@@ -105,7 +105,7 @@ fn moved(word: i64, places: i32) -> i64 {
     }
 }
 
-/// The words of a format where something may change.
+/// The words of a format at which behaviour may change.
 fn corners(format: Format) -> Vec<i64> {
     let one = if (0..format.magnitude_bits()).contains(&format.frac_bits) {
         format.one()
@@ -134,22 +134,22 @@ fn corners(format: Format) -> Vec<i64> {
     corners
 }
 
-/// Contributions beside the cases: pixels are many, and have to be full.
+/// Contributions besides the corner cases: many, so that pixels become full.
 const CONTRIBUTIONS: usize = 4096;
 
-/// Makes so many random cases for each unit that is wanted, behind those that are made on purpose.
+/// Makes corner cases and N random cases for each traced unit.
 pub fn stimulus(
     machine: &Elaborated,
     frame: &Frame,
     cases: u32,
     seed: u64,
-    wants: impl Fn(&[&str]) -> bool,
+    includes: impl Fn(&[&str]) -> bool,
 ) -> Stimulus {
     let streams = ports::streams(machine, Kind::of(frame));
     let made = streams
         .iter()
         .filter(|stream| stream.unit() != Some("pipeline"))
-        .map(|stream| Made {
+        .map(|stream| MadeStream {
             name: stream.name,
             records: Vec::new(),
         });
@@ -159,12 +159,12 @@ pub fn stimulus(
         frame,
         streams,
         random: Random(seed),
-        // A stream that nothing is made for is there all the same, and empty.
+        // A stream without cases exists all the same, and is empty.
         out: Stimulus {
             made,
             ..Stimulus::default()
         },
-        seen: Seen {
+        seen: StimulusObserver {
             coverage: Coverage::new(machine),
             unread: unread(machine, frame),
             unseen: unseen(machine),
@@ -188,7 +188,7 @@ pub fn stimulus(
     ];
     makers
         .iter()
-        .filter(|(units, _)| wants(units))
+        .filter(|(units, _)| includes(units))
         .for_each(|(_, make)| make(&mut maker));
     let Maker { out, seen, .. } = maker;
     Stimulus {
@@ -197,7 +197,7 @@ pub fn stimulus(
     }
 }
 
-/// The records of one unit's input alone.
+/// Made-up input records of one unit.
 pub fn made_up(
     machine: &Elaborated,
     frame: &Frame,
@@ -213,7 +213,7 @@ pub fn made_up(
     let mut records: Vec<Vec<i64>> = input.map_or_else(Vec::new, |made| {
         made.records.into_iter().map(|(words, _)| words).collect()
     });
-    // Random ones first: those that fill a pixel up are the same every time.
+    // Random ones first: the cases that fill a pixel up do not depend on the seed.
     if unit == unit::FRAGMENT {
         let random = cases as usize
             + if frame.window.is_some() {
@@ -236,30 +236,30 @@ struct Maker<'a> {
     streams: Vec<Stream>,
     random: Random,
     out: Stimulus,
-    seen: Seen,
+    seen: StimulusObserver,
     cases: usize,
 }
 
-/// Cases that were met, and what happened to the words of a record.
-struct Seen {
+/// Counts cases, and collects the flags of a record's words.
+struct StimulusObserver {
     coverage: Coverage,
-    /// Words of this signal reach nothing.
+    /// Words of this signal are not used.
     unread: Option<usize>,
     /// Words of this signal cross no port.
     unseen: Option<usize>,
     flags: u8,
 }
 
-impl Seen {
-    /// What happened to words since the last record.
+impl StimulusObserver {
+    /// Flags since the last record.
     fn flush(&mut self) -> u8 {
         std::mem::take(&mut self.flags)
     }
 }
 
-impl Observer<'static> for Seen {
+impl Observer<'static> for StimulusObserver {
     fn fork(&self) -> Box<dyn Observer<'static>> {
-        Box::new(Seen {
+        Box::new(StimulusObserver {
             coverage: self.coverage.of_another_part(),
             unread: self.unread,
             unseen: self.unseen,
@@ -272,7 +272,7 @@ impl Observer<'static> for Seen {
     }
 
     fn take_over(&mut self, seen: Box<dyn Any + Send>) {
-        if let Ok(fork) = seen.downcast::<Seen>() {
+        if let Ok(fork) = seen.downcast::<StimulusObserver>() {
             self.coverage.merge(fork.coverage);
             self.flags |= fork.flags;
         }
@@ -293,7 +293,7 @@ impl Observer<'static> for Seen {
     }
 }
 
-/// A key of a case that has no place in a picture.
+/// Key of a case without a place in a picture.
 fn key(parent: usize) -> Key {
     Key {
         splat: NONE,
@@ -315,7 +315,7 @@ fn pixel_key([x, y]: [i64; 2], parent: usize) -> Key {
 
 const UNKNOWN: usize = NONE as usize;
 
-/// Whether the camera sees a place.
+/// Whether a position is in the camera's view.
 fn is_seen(machine: &Elaborated, frame: &Frame, place: [i64; 3]) -> bool {
     let opaque = machine.machine.splat.opacity.format.max();
     unit_replay::project(
@@ -328,7 +328,7 @@ fn is_seen(machine: &Elaborated, frame: &Frame, place: [i64; 3]) -> bool {
         == [0, 0]
 }
 
-/// Words of a point in a record of `ellipse.in`.
+/// Indices of a point's words in a record of `ellipse.in`.
 const POINT: usize = 8;
 
 impl Maker<'_> {
@@ -343,12 +343,13 @@ impl Maker<'_> {
         })
     }
 
-    fn asks_for_pixel(&self) -> bool {
+    fn requests_have_pixel(&self) -> bool {
         asks_for_pixel(&self.machine.machine, Kind::of(self.frame))
     }
 
     fn push(&mut self, name: &'static str, words: Vec<i64>, key: Key) -> usize {
-        let Some(Made { records, .. }) = self.out.made.iter_mut().find(|made| made.name == name)
+        let Some(MadeStream { records, .. }) =
+            self.out.made.iter_mut().find(|made| made.name == name)
         else {
             return UNKNOWN;
         };
@@ -356,7 +357,7 @@ impl Maker<'_> {
         records.len() - 1
     }
 
-    /// Adds what happened to the words of a record.
+    /// Adds flags to a record.
     fn flag(&mut self, name: &'static str, record: usize, flags: u8) {
         let made = self.out.made.iter_mut().find(|made| made.name == name);
         if let Some((_, key)) = made.and_then(|made| made.records.get_mut(record)) {
@@ -364,7 +365,7 @@ impl Maker<'_> {
         }
     }
 
-    /// What has been made since so many records are cases of one kind.
+    /// Names the records since `first` as one kind of cases; returns the next index.
     fn tag(&mut self, stream: &'static str, tag: &str, first: usize) -> usize {
         let end = self
             .out
@@ -373,7 +374,7 @@ impl Maker<'_> {
             .find(|made| made.name == stream)
             .map_or(0, |made| made.records.len());
         if end > first {
-            self.out.tags.push(Tag {
+            self.out.tags.push(CaseTag {
                 stream,
                 tag: tag.to_owned(),
                 first,
@@ -383,7 +384,7 @@ impl Maker<'_> {
         end
     }
 
-    /// Every corner of every field with random words beside it, then random words alone.
+    /// Every corner of every field, the other fields random; then random words in all fields.
     fn words(&mut self, formats: &[Format]) -> Vec<(String, Vec<Vec<i64>>)> {
         let random = &mut self.random;
         let mut any = |fixed: Option<(usize, i64)>| -> Vec<i64> {
@@ -403,22 +404,22 @@ impl Maker<'_> {
         vec![("corners".into(), at_corners), ("random".into(), anywhere)]
     }
 
-    /// `project`, and `ellipse` behind it.
+    /// Cases of `project`, and of `ellipse` after it.
     fn splats(&mut self) {
         let (mut first, mut first_disc) = (0, 0);
         let mut formats = self.formats("project.in")[..3].to_vec();
-        // Of `ellipse.in` what is the splat's, not its point's.
+        // The fields of `ellipse.in` that belong to the splat, and not to its point.
         let own = self.formats("ellipse.in");
         formats.extend(&own[..own.len() - POINT]);
         let near_eye = self.near_eye();
         let mut kinds = self.words(&formats);
-        // Random places mostly lie outside of the view: as many cases in front of the eye.
+        // Most random positions are outside the view: adds as many cases inside it.
         let mut seen = self.words(&formats).pop().unwrap_or_default().1;
         for words in &mut seen {
             let place = near_eye[self.random.below(near_eye.len() as i64) as usize];
             words[..3].copy_from_slice(&place);
         }
-        // Discs seen from the side, and normals of no length.
+        // Discs seen edge-on, and normals of length 0.
         for words in seen.iter_mut().step_by(8) {
             words[3..6].fill(0);
             words[6] = formats[6].max();
@@ -433,7 +434,7 @@ impl Maker<'_> {
         for (kind, records) in kinds {
             for words in records {
                 let (position, own) = ([words[0], words[1], words[2]], &words[3..]);
-                // An ellipsoid's last word is its opacity.
+                // The last word of an ellipsoid is its opacity.
                 let opacity = if self.frame.ellipsoids.is_some() {
                     own.last().copied()
                 } else {
@@ -482,7 +483,7 @@ impl Maker<'_> {
                 let [a, b] = self.at_limits([a, b]);
                 let point: [i64; POINT] =
                     [forward, exponent, inverse, inverse_exponent, a, b, x, y];
-                // Both units' records have what happened in both.
+                // Records of both units have the flags of both.
                 let later = self.set_up([own, &point].concat(), output, flags);
                 self.flag("project.out", output, later);
             }
@@ -491,7 +492,7 @@ impl Maker<'_> {
         }
     }
 
-    /// `ellipse`, by itself; what happened to its words.
+    /// One case of `ellipse`; returns the flags of its words.
     fn set_up(&mut self, words: Vec<i64>, parent: usize, before: u8) -> u8 {
         let input = self.push("ellipse.in", words.clone(), key(parent));
         let size_px = [self.frame.width, self.frame.height];
@@ -527,8 +528,7 @@ impl Maker<'_> {
         flags
     }
 
-    /// Places on both sides of where the camera no longer sees them, as near to each other as words
-    /// can be.
+    /// Positions on both sides of the edges of the view, one LSB apart.
     fn edges_of_view(&mut self, seen: &[[i64; 3]], formats: &[Format]) -> Vec<Vec<i64>> {
         let (machine, frame) = (self.machine, self.frame);
         let is_seen = |place: [i64; 3]| is_seen(machine, frame, place);
@@ -568,7 +568,7 @@ impl Maker<'_> {
         edges.into_iter().map(with_disc).collect()
     }
 
-    /// Places that the camera sees, from a grid of all places; all of them if it sees none.
+    /// Positions in view, from a grid of all positions; all of them if none is in view.
     fn near_eye(&self) -> Vec<[i64; 3]> {
         let format = self.machine.machine.splat.position.format;
         let step = (format.max() / 12).max(1);
@@ -642,7 +642,7 @@ impl Maker<'_> {
         }
     }
 
-    /// A footprint whose centre lies in its box, as most do.
+    /// Moves the centre of a footprint into its box, as for most splats.
     fn put_in_box(&mut self, input: &mut [i64; 13]) {
         let format = self.machine.machine.project.pixel.format;
         for (axis, size) in [self.frame.width, self.frame.height]
@@ -650,7 +650,7 @@ impl Maker<'_> {
             .enumerate()
         {
             let [first, last] = [input[9 + 2 * axis], input[10 + 2 * axis]];
-            // From the picture's middle, in half pixels, and then somewhere within the pixel.
+            // In half pixels from the centre of the picture, then anywhere in the pixel.
             let halves = 2 * (first + self.random.below(last - first + 1)) + 1 - i64::from(size);
             let one = format.one();
             let word = moved(halves, format.frac_bits - 1) + self.random.below(one) - one / 2;
@@ -709,7 +709,7 @@ impl Maker<'_> {
         let index = m.gauss.radial_index.format;
         let places = radial.frac_bits - index.frac_bits;
         let least = least_weight(self.frame);
-        // Both ends and the middle of every step of the table, and beside them; one in more where
+        // Both ends and the middle of every step of the table, and their neighbours; a subset if
         // the table is large.
         let steps = 1i64 << m.gauss.table.index_bits.min(9);
         let step = ((index.max() + 1) / steps).max(1);
@@ -786,7 +786,7 @@ impl Maker<'_> {
         }
     }
 
-    /// Contributions that lie on purpose at, just within and just beyond ε of what their pixel
+    /// Contributions at, one LSB within and one LSB beyond ε of the fragments that their pixel
     /// holds.
     fn fragments(&mut self) {
         let m = &self.machine.machine;
@@ -826,7 +826,8 @@ impl Maker<'_> {
             if !self.random.one_in(16) {
                 words[3] = exact.clamp(formats[3].min(), formats[3].max());
             }
-            // Half of all surfaces are opaque, and heavy, so that something is hidden now and then.
+            // Half of all surfaces are opaque and have a large weight, so that some fragments are
+            // hidden.
             if self.random.one_in(2) {
                 words[2] = formats[2].max();
                 words[7] = m.splat.opacity.format.one();
@@ -847,7 +848,7 @@ impl Maker<'_> {
         }
     }
 
-    /// As many of the greatest contributions at one place as its sums can hold, and two more.
+    /// The greatest contributions at one place: as many as its sums can hold, and two more.
     fn fill_up(&mut self, unit: &mut Fragments, formats: &[Format]) {
         let f = &self.machine.machine.fragment;
         let exact = formats[3].max() / 2;
@@ -878,7 +879,7 @@ impl Maker<'_> {
         }
     }
 
-    /// The very weight that brings an opaque fragment to τ, or one beside it.
+    /// The weight that brings an opaque fragment exactly to τ, or one LSB from it.
     fn up_to_threshold(&mut self, held: &[Slot], words: &mut [i64], places: i32) {
         let m = &self.machine.machine;
         let threshold = self.frame.coverage_threshold;
@@ -900,20 +901,24 @@ impl Maker<'_> {
     fn contribution(&mut self, unit: &mut Fragments, pixel: usize, held: &[Slot], words: Vec<i64>) {
         let at = [words[0], words[1]];
         let input = self.push("fragment.in", words.clone(), pixel_key(at, UNKNOWN));
-        let mut asked: Vec<(Slot, Premultiplied)> = Vec::new();
+        let mut requests: Vec<(Slot, Premultiplied)> = Vec::new();
         let (random, machine) = (&mut self.random, self.machine);
         let decision = unit.take(
             words.try_into().unwrap_or_default(),
             |slot| {
                 let answer = answer(random, machine);
-                asked.push((*slot, answer));
+                requests.push((*slot, answer));
                 answer
             },
             &mut self.seen,
         );
         let flags = self.seen.flush();
-        for (slot, answer) in asked {
-            let place = if self.asks_for_pixel() { &at[..] } else { &[] };
+        for (slot, answer) in requests {
+            let place = if self.requests_have_pixel() {
+                &at[..]
+            } else {
+                &[]
+            };
             let request = self.push(
                 "fragment.request",
                 [place, &slot.sums[..], &[slot.material.into()]].concat(),
@@ -957,13 +962,13 @@ impl Maker<'_> {
         );
     }
 
-    /// A depth at, or beside, the reach of a fragment that is there, in the middle of two, or
+    /// A depth at the reach of a held fragment or one LSB from it, in the middle of two, or
     /// anywhere.
     fn depth(&mut self, held: &[Slot], threshold: i64) -> i64 {
         let format = self.machine.machine.fragment.depth.format;
         let random = &mut self.random;
         if held.is_empty() || random.one_in(4) {
-            // Not farther apart than some tens of ε, or two never meet.
+            // At most some tens of ε apart; otherwise two contributions would never merge.
             let middle = format.max() / 2;
             let spread = (threshold * 24).max(4).min(format.max());
             return if random.one_in(8) {
@@ -1041,7 +1046,7 @@ impl Maker<'_> {
             } else {
                 Premultiplied::default()
             };
-            // What a pixel holds in the end has no flags, as in a scene's trace.
+            // Records of held fragments have no flags, as in a scene's trace.
             self.seen.flush();
             words.extend(lit.colour);
             words.push(lit.opacity);
@@ -1057,7 +1062,7 @@ impl Maker<'_> {
     }
 
     fn shade(&mut self) {
-        let by_pixel = self.asks_for_pixel();
+        let by_pixel = self.requests_have_pixel();
         let formats = self
             .formats("shade.in")
             .split_off(if by_pixel { 2 } else { 0 });
@@ -1078,8 +1083,7 @@ impl Maker<'_> {
             words[0] = weights[i % weights.len()].clamp(0, formats[0].max());
         }
         kinds.push(("thresholds and powers of two".into(), at_threshold));
-        // Sums that belong together: no colour is brighter than its weight, and normals are as
-        // long.
+        // Consistent sums: no colour is brighter than its weight, and normals are no longer.
         let mut likely = self.words(&formats[..8]).pop().unwrap_or_default().1;
         for words in &mut likely {
             for field in 1..5 {
@@ -1152,7 +1156,7 @@ impl Maker<'_> {
             let layers: Vec<Layer> = (0..count)
                 .map(|_| {
                     let Premultiplied { colour, opacity } = answer(&mut self.random, self.machine);
-                    // No unit makes more than 1, but the word holds it.
+                    // Units do not make more than 1, but the word can hold it.
                     let opacity = if self.random.one_in(8) {
                         self.random
                             .word(self.machine.machine.shade.premultiplied.format)
@@ -1207,8 +1211,8 @@ impl Maker<'_> {
     }
 }
 
-/// Light that a fragment may have: opaque, at the opacity limit and beside it, clear, a power of
-/// two off 1 (two of them make ties), or anything; no brighter than 1.
+/// Light of a fragment: opaque, at the opacity limit and one LSB from it, transparent, a power of
+/// two from 1 (two of them make ties), or anything; colours are at most 1.
 fn answer(random: &mut Random, machine: &Elaborated) -> Premultiplied {
     let m = &machine.machine;
     let (format, limit) = (m.shade.premultiplied.format, m.fragment.opaque_permille);

@@ -1,13 +1,14 @@
-//! Transfers: what was watched, as the records of each port, with the keys that tell where each
-//! comes from.
+//! Transfers: converts the log of a frame to the records of each port, with keys for their origin.
 
 mod constants;
 mod slots;
 
 pub use constants::constants;
 
-use super::observer::{Arrival, Emitted, Held, Observations, SetUp, Shaded, flag, key, parts};
-use super::stimulus::Made;
+use super::observer::{
+    Emitted, FragmentTransfer, HeldFragments, Observations, SetUpTransfer, Shaded, flag, key, parts,
+};
+use super::stimulus::MadeStream;
 use rtl_model::frame::{Each, Frame};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::ports::{Kind, asks_for_pixel, project_out_words};
@@ -16,23 +17,23 @@ use rtl_model::units::fragment::Slot;
 use rtl_model::units::fragment::window::WindowRegisters;
 use slots::{light, light_of, pixel_words, slot_words, sums_of};
 
-/// Of a key's parts: there is none.
+/// Value of a key's part that the record lacks.
 pub const NONE: u32 = u32::MAX;
 
-/// Where a record comes from.
+/// Origin of a record.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Key {
-    /// Its splat, by its place in the scene, or [`NONE`].
+    /// Index of its splat in the scene, or [`NONE`].
     pub splat: u32,
-    /// Its pixel, or 0xffff.
+    /// Its column, or 0xffff.
     pub x: u32,
-    /// Its pixel, or 0xffff.
+    /// Its row, or 0xffff.
     pub y: u32,
     /// Its slot, or 0xff.
     pub slot: u32,
-    /// The record that it was made from, by its place in the stream before, or [`NONE`].
+    /// Index in the parent stream of the record that it was made from, or [`NONE`].
     pub parent: u32,
-    /// Events of its words ([`flag`]).
+    /// Flags of its words ([`flag`]).
     pub flags: u8,
 }
 
@@ -47,7 +48,7 @@ impl Key {
         ("flags", 8),
     ];
 
-    /// Its parts.
+    /// Values of the parts.
     pub fn words(&self) -> [i64; 6] {
         [
             self.splat.into(),
@@ -82,22 +83,22 @@ impl Key {
     }
 }
 
-/// Appends the words of a record; its key.
+/// Appends the words of a record; returns its key.
 type At<'a> = Box<dyn Fn(usize, &mut Vec<i64>) -> Key + Sync + 'a>;
 
 /// The records of one port.
-pub struct Source<'a> {
+pub struct RecordSource<'a> {
     /// The stream's name.
     pub name: &'static str,
-    /// Count.
+    /// Number of records.
     pub records: usize,
-    /// The words and the key of one.
+    /// The words and the key of one record.
     pub at: At<'a>,
 }
 
-impl<'a> Source<'a> {
+impl<'a> RecordSource<'a> {
     /// Made-up records.
-    pub fn of(made: &'a Made) -> Source<'a> {
+    pub fn of(made: &'a MadeStream) -> RecordSource<'a> {
         source(made.name, made.records.len(), move |i, words| {
             words.extend(&made.records[i].0);
             made.records[i].1
@@ -105,44 +106,44 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Pixels from the first column and row to those before the last two.
+/// Left, top, right and bottom; right and bottom are excluded.
 pub type Rectangle = [u32; 4];
 
-/// A window's transfers, in order.
+/// The transfers in a window, in order.
 pub struct Transfers<'a> {
     pub machine: &'a Elaborated,
-    /// Subject of the drawing.
+    /// The frame that was drawn.
     pub frame: &'a Frame,
-    /// Numbers of the frame's splats in the scene.
+    /// Indices of the frame's splats in the scene.
     pub splats: &'a [u32],
     pub observer: Observations,
-    /// What records depend on.
+    /// Features of the frame that change the records.
     kind: Kind,
-    /// Of windows.
+    /// Windows only.
     windows: Option<WindowRegisters>,
-    /// Pixels that held something before, with their slots.
+    /// Pixels that held fragments before the window, with their slots.
     pub start: Vec<([u32; 2], Vec<Slot>)>,
-    /// Of `start` the places of each record: the pixel's and the slot's.
+    /// For each record of `start`: indices of the pixel and of the slot.
     start_records: Vec<(u32, u8)>,
-    /// Places in `observer.set_up` of what left `project`, and of what left `ellipse`; and the
-    /// latter in the order in which it is drawn.
+    /// Indices in `observer.set_up` of the splats that left `project`, and of those that left
+    /// `ellipse`; the latter also in drawing order.
     projected: Vec<u32>,
     left: Vec<u32>,
     drawn: Vec<u32>,
-    /// Places in `observer.arrivals` of what lies in the rectangle, and of what of that has a
+    /// Indices in `observer.arrivals` of the fragments in the rectangle, and of those that have a
     /// weight.
     weighed: Vec<u32>,
     taken: Vec<u32>,
     /// For each splat of the frame, its record in `raster.in`.
     raster_records: Vec<u32>,
-    /// Those in the rectangle.
+    /// Shaded for a merge in the rectangle.
     merged: Vec<Shaded>,
     resolved: Vec<Shaded>,
-    /// Every pixel of the rectangle, with its place in `observer.held`.
+    /// Every pixel of the rectangle, with its index in `observer.held`.
     pixels: Vec<([u32; 2], Option<u32>)>,
-    /// Pixel by pixel, and front to back: the place among `pixels` and the slot.
+    /// Front to back, pixel by pixel: index in `pixels`, and slot.
     layers: Vec<(u32, u8)>,
-    /// For each of `pixels` its first record in `resolve.in`.
+    /// For each of `pixels`, its first record in `resolve.in`.
     first_layers: Vec<u32>,
 }
 
@@ -154,7 +155,7 @@ fn places<T>(all: &[T], keep: impl Fn(&T) -> bool) -> Vec<u32> {
         .collect()
 }
 
-/// The record that one is made from.
+/// Index of the record that one is made from.
 fn nth(records: &[u32], place: u32) -> u32 {
     records
         .binary_search(&place)
@@ -162,7 +163,7 @@ fn nth(records: &[u32], place: u32) -> u32 {
 }
 
 impl<'a> Transfers<'a> {
-    /// Brings what was watched into order.
+    /// Sorts the log of a frame.
     pub fn new(
         machine: &'a Elaborated,
         frame: &'a Frame,
@@ -177,7 +178,7 @@ impl<'a> Transfers<'a> {
             let [_, x, y] = parts(key);
             (left..right).contains(&x) && (top..bottom).contains(&y)
         };
-        let projected = places(&observer.set_up, SetUp::leaves_project);
+        let projected = places(&observer.set_up, SetUpTransfer::leaves_project);
         let left_setup = |&place: &u32| observer.set_up[place as usize].ellipse[..3] == [0, 0, 0];
         let in_order: Vec<u32> = projected.iter().copied().filter(left_setup).collect();
         let drawn = if kind.sorted {
@@ -233,7 +234,7 @@ impl<'a> Transfers<'a> {
                 (&held.slots[..], held.layers.len())
             });
             let mut order: Vec<u8> = (0..count as u8).collect();
-            // Layers of windows are in order.
+            // Layers of windows are already in order.
             if !kind.windows {
                 order.sort_by_key(|&slot| slots[usize::from(slot)].depth);
             }
@@ -241,7 +242,7 @@ impl<'a> Transfers<'a> {
             first_layers.push(records);
             records += count.max(1) as u32;
         }
-        // Sheets have a record a pixel.
+        // Sheets have one record per pixel.
         let slots_of = |(pixel, (_, slots)): (u32, &([u32; 2], Vec<Slot>))| {
             let count = if kind.sheets {
                 slots.len().min(1)
@@ -274,8 +275,8 @@ impl<'a> Transfers<'a> {
         }
     }
 
-    /// Every stream's records, in the order of the diagram.
-    pub fn sources(&self) -> Vec<Source<'_>> {
+    /// The records of every stream, in the order of the diagram.
+    pub fn sources(&self) -> Vec<RecordSource<'_>> {
         let (set_up, w) = (&self.observer.set_up, &self.observer);
         let splat = |place: usize| self.splats[set_up[place].splat as usize];
         let frame_splat = move |place: usize| &self.frame.splats[set_up[place].splat as usize];
@@ -496,7 +497,7 @@ impl<'a> Transfers<'a> {
         });
         all.extend([
             source("shade.in", self.shaded_records(), move |i, words| {
-                self.asked(self.shaded(i), words);
+                self.request(self.shaded(i), words);
                 self.of_shaded(i, NONE, 0)
             }),
             source("shade.out", self.shaded_records(), move |i, words| {
@@ -534,16 +535,16 @@ impl<'a> Transfers<'a> {
         all
     }
 
-    /// What shade is asked of a fragment: where, if it looks along rays, and its sums.
-    fn asked(&self, shaded: &Shaded, words: &mut Vec<i64>) {
+    /// Words of a request to shade: the pixel, if it looks along rays, and the sums.
+    fn request(&self, shaded: &Shaded, words: &mut Vec<i64>) {
         if asks_for_pixel(&self.machine.machine, self.kind) {
             words.extend(shaded.input.pixel);
         }
         sums_of(shaded, words);
     }
 
-    /// What setup has for ellipsoids alone: what is lit before it is drawn, and the sort.
-    fn of_setup(&self) -> Vec<Source<'_>> {
+    /// Records of setup for ellipsoids: splats that are lit before they are drawn, and the sort.
+    fn of_setup(&self) -> Vec<RecordSource<'_>> {
         let w = &self.observer;
         let emitted = |i: usize| -> &Emitted { &w.emitted[i] };
         let splat = |place: u32| self.splats[w.set_up[place as usize].splat as usize];
@@ -554,7 +555,7 @@ impl<'a> Transfers<'a> {
                 w.emitted.len(),
                 move |i, words| {
                     sums_of(&emitted(i).shaded, words);
-                    // One for each that left setup, in the same order.
+                    // One for each splat that left setup, in the same order.
                     Key::of_splat(
                         splat(self.left[i]),
                         nth(&self.projected, self.left[i]),
@@ -592,8 +593,8 @@ impl<'a> Transfers<'a> {
         all
     }
 
-    /// What `fragment` asks and holds where it groups by sheets.
-    fn of_sheets(&self) -> Vec<Source<'_>> {
+    /// Requests and held fragments of `fragment` in sheets.
+    fn of_sheets(&self) -> Vec<RecordSource<'_>> {
         let start = source(
             "fragment.start",
             self.start_records.len(),
@@ -614,11 +615,11 @@ impl<'a> Transfers<'a> {
         vec![start, held]
     }
 
-    /// What `fragment` asks and holds where it groups by windows: in the end it has them shaded,
-    /// pixel by pixel.
-    fn of_windows(&self) -> Vec<Source<'_>> {
+    /// Requests and held fragments of `fragment` in windows, which are shaded pixel by pixel at the
+    /// end of a frame.
+    fn of_windows(&self) -> Vec<RecordSource<'_>> {
         let emitted = self.observer.emitted.len();
-        let asked = self.merged.len() + self.resolved.len();
+        let request_count = self.merged.len() + self.resolved.len();
         let key = move |i: usize, parent: u32, flags: u8| match self.merged.get(i) {
             Some(shaded) => self.of_merge(
                 shaded,
@@ -635,11 +636,11 @@ impl<'a> Transfers<'a> {
             }
         };
         vec![
-            source("fragment.request", asked, move |i, words| {
+            source("fragment.request", request_count, move |i, words| {
                 sums_of(self.shaded(emitted + i), words);
                 key(i, NONE, 0)
             }),
-            source("fragment.answer", asked, move |i, words| {
+            source("fragment.answer", request_count, move |i, words| {
                 light_of(self.shaded(emitted + i), words);
                 key(i, i as u32, self.shaded(emitted + i).flags)
             }),
@@ -662,11 +663,11 @@ impl<'a> Transfers<'a> {
         ]
     }
 
-    /// What `fragment` asks and holds where it groups by depth.
-    fn of_slots(&self) -> Vec<Source<'_>> {
+    /// Requests and held fragments of `fragment` if it groups by depth.
+    fn of_slots(&self) -> Vec<RecordSource<'_>> {
         vec![
             source("fragment.request", self.merged.len(), move |i, words| {
-                self.asked(&self.merged[i], words);
+                self.request(&self.merged[i], words);
                 self.of_merge(&self.merged[i], self.contribution(self.merged[i].key), 0)
             }),
             source("fragment.answer", self.merged.len(), move |i, words| {
@@ -700,7 +701,7 @@ impl<'a> Transfers<'a> {
     /// The splat of the frame, column and row of a key.
     fn parts(&self, key: u64) -> [u32; 3] {
         let [number, x, y] = parts(key);
-        // Sorted splats are numbered as they are drawn.
+        // Sorted splats are numbered in drawing order.
         let splat = if self.kind.sorted {
             self.observer.set_up[self.drawn[number as usize] as usize].splat
         } else {
@@ -709,15 +710,14 @@ impl<'a> Transfers<'a> {
         [splat, x, y]
     }
 
-    /// Fragments that a pixel holds in the end.
-    fn held(&self, pixel: u32) -> Option<&Held> {
+    /// Fragments that a pixel holds at the end.
+    fn held(&self, pixel: u32) -> Option<&HeldFragments> {
         self.pixels[pixel as usize]
             .1
             .map(|place| &self.observer.held[place as usize])
     }
 
-    /// A splat's own axes and scales, if splats are ellipsoids; 0 where they have those of the
-    /// frame.
+    /// A splat's axes and scales if it is an ellipsoid; 0 if it has those of the frame.
     fn orientation(&self, splat: u32, words: &mut Vec<i64>) {
         let Some(ellipsoids) = &self.frame.ellipsoids else {
             return;
@@ -751,7 +751,7 @@ impl<'a> Transfers<'a> {
         i64::from(number) & ((1 << rtl_model::records::SHEET_BITS) - 1)
     }
 
-    /// A splat's colour, as it is drawn: windows sum up the one that it has.
+    /// A splat's colour as drawn: windows accumulate the unlit colour.
     fn rgb(&self, splat: u32) -> [i32; 3] {
         if self.kind.windows {
             self.frame.splats[splat as usize].rgb
@@ -760,7 +760,7 @@ impl<'a> Transfers<'a> {
         }
     }
 
-    /// A splat's own light, or its colour where it is not lit before it is drawn.
+    /// A splat's own light, or its colour if it is not lit before it is drawn.
     fn light(&self, splat: u32) -> [i32; 3] {
         let lit = self
             .observer
@@ -771,7 +771,7 @@ impl<'a> Transfers<'a> {
         })
     }
 
-    fn amplitude(&self, arrival: &Arrival) -> i64 {
+    fn amplitude(&self, arrival: &FragmentTransfer) -> i64 {
         self.set_up_of(self.parts(arrival.key)[0])[9]
     }
 
@@ -780,13 +780,13 @@ impl<'a> Transfers<'a> {
         [words[3], words[4], words[5]]
     }
 
-    /// What `ellipse` made of a splat that has fragments.
+    /// Output of `ellipse` for a splat that has fragments.
     fn set_up_of(&self, splat: u32) -> &[i64] {
         let record = self.raster_records[splat as usize] as usize;
         &self.observer.set_up[self.drawn[record] as usize].ellipse
     }
 
-    fn of_arrival(&self, arrival: &Arrival, parent: u32, flags: u8) -> Key {
+    fn of_arrival(&self, arrival: &FragmentTransfer, parent: u32, flags: u8) -> Key {
         let [index, x, y] = self.parts(arrival.key);
         Key {
             splat: self.splats[index as usize],
@@ -810,7 +810,7 @@ impl<'a> Transfers<'a> {
         }
     }
 
-    /// The record in `fragment.in` of a contribution.
+    /// Index in `fragment.in` of a contribution.
     fn contribution(&self, key: u64) -> u32 {
         let record = self
             .taken
@@ -818,7 +818,7 @@ impl<'a> Transfers<'a> {
         record.map_or(NONE, |record| record as u32)
     }
 
-    /// What is shaded for setup, for merges, and in the end.
+    /// Number of fragments shaded for setup, for merges, and at the end.
     fn shaded_records(&self) -> usize {
         self.observer.emitted.len() + self.merged.len() + self.resolved.len()
     }
@@ -840,7 +840,7 @@ impl<'a> Transfers<'a> {
         }
         let shaded = self.shaded(i);
         if i < before + self.merged.len() {
-            // Where splats are lit first, `shade.in` is made from those.
+            // If splats are lit first, records of `shade.in` are made from those requests.
             let request = if before == 0 { i as u32 } else { NONE };
             return self.of_merge(shaded, if parent == NONE { request } else { parent }, flags);
         }
@@ -877,8 +877,8 @@ fn source<'a>(
     name: &'static str,
     records: usize,
     at: impl Fn(usize, &mut Vec<i64>) -> Key + Sync + 'a,
-) -> Source<'a> {
-    Source {
+) -> RecordSource<'a> {
+    RecordSource {
         name,
         records,
         at: Box::new(at),

@@ -1,22 +1,22 @@
-//! Waves: when each unit took its items, as the timing model has it, for wave viewers: VCD and FST.
+//! Waves: writes the cycles in which each unit takes its items, from the timing model, as VCD and
+//! FST.
 //!
-//! A cycle is a nanosecond. In each unit's scope `taken` is 1 in a cycle in which it takes an item
-//! (valid and ready), and `item` counts them. The words of what it takes are there too, with binary
-//! points in their ranges: `[4:-11]` has eleven fraction bits. A stamp has a scope for each of the
-//! rasteriser's lanes, by columns, then rows; one of a single lane has its words in the unit's.
-//! Words are unknown (x) where a lane has no pixel, and where the trace's window has no such
-//! record.
+//! One cycle is 1 ns. In each unit's scope `taken` is 1 in a cycle in which the unit takes an item
+//! (valid and ready), and `item` counts the items. The words of the item are there too, with binary
+//! points in their ranges: `[4:-11]` has eleven fraction bits. A stamp has one scope per lane of
+//! the rasteriser, by columns, then rows; with a single lane the words are in the unit's scope.
+//! Words are unknown (x) if a lane has no pixel, or if the record is outside the trace's window.
 
 mod items;
 
-use super::record::Layout;
-use super::transfers::Source;
+use super::record::RecordLayout;
+use super::transfers::RecordSource;
 use crate::error::{Error, Result};
 use crate::output::files::{Unfinished, write_beside};
 use fst_writer::{
     FstFileType, FstInfo, FstScopeType, FstSignalType, FstVarDirection, FstVarType, open_fst,
 };
-use items::{Shown, Walk, stream_of};
+use items::{FrameWalk, Shown, stream_of};
 use rtl_model::pipeline::Elaborated;
 use rtl_model::pipeline::ports::{self, Kind, Stream};
 use rtl_model::timing::UnitCycles;
@@ -25,37 +25,37 @@ use std::path::Path;
 use vcd::{IdCode, ReferenceIndex, TimescaleUnit, Value, VarType};
 
 /// A wire of a unit, or of one of its lanes.
-struct Wire {
+struct WaveWire {
     unit: &'static str,
     lane: Option<u32>,
     name: String,
     width: u32,
-    /// The first and the last bit's power of two, where it is a word.
+    /// For a word: powers of two of the MSB and the LSB.
     range: Option<[i32; 2]>,
 }
 
-/// The wires of a record, side by side.
-struct Port<'a> {
+/// The wires of a record.
+struct RecordWires<'a> {
     first: usize,
     wires: usize,
-    source: &'a Source<'a>,
-    layout: Layout,
+    source: &'a RecordSource<'a>,
+    layout: RecordLayout,
 }
 
-/// What a wire, or a port's wires, become.
+/// New value of a wire, or of all wires of a record.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Change {
+enum WireChange {
     Word(usize, i64),
-    /// A port's record; none where it is unknown.
+    /// A record; None if it is unknown.
     Record(usize, Option<u32>),
 }
 
-/// Wires, and what becomes of them in which cycle.
+/// Wires and their changes by cycle.
 #[derive(Default)]
 pub struct Waves<'a> {
-    wires: Vec<Wire>,
-    ports: Vec<Port<'a>>,
-    changes: Vec<(u64, Change)>,
+    wires: Vec<WaveWire>,
+    ports: Vec<RecordWires<'a>>,
+    changes: Vec<(u64, WireChange)>,
     start: u64,
     end: u64,
 }
@@ -68,10 +68,10 @@ pub struct Timed<'a> {
     pub machine: &'a Elaborated,
     pub kind: Kind,
     pub work: &'a Work,
-    /// What the trace calls the frame's splats.
+    /// Indices of the frame's splats in the trace.
     pub splats: &'a [u32],
     pub units: &'a [UnitCycles],
-    pub sources: &'a [Source<'a>],
+    pub sources: &'a [RecordSource<'a>],
 }
 
 impl<'a> Waves<'a> {
@@ -86,7 +86,7 @@ impl<'a> Waves<'a> {
             sources,
         } = *timed;
         let streams = ports::streams(machine, kind);
-        let mut shown = Walk::new(machine, work, splats, units, sources, [first, end]).shown();
+        let mut shown = FrameWalk::new(machine, work, splats, units, sources, [first, end]).shown();
         let mut waves = Waves {
             start: first,
             end,
@@ -112,23 +112,23 @@ impl<'a> Waves<'a> {
                 shown,
             );
         }
-        // Those of a cycle stay in their order.
+        // A stable sort: changes in one cycle keep their order.
         waves.changes.sort_by_key(|(cycle, _)| *cycle);
         waves
     }
 
-    /// Whether no unit takes anything in these cycles.
+    /// Whether no unit takes an item in these cycles.
     pub fn is_empty(&self) -> bool {
         !self
             .changes
             .iter()
-            .any(|(_, change)| matches!(change, Change::Word(_, 1)))
+            .any(|(_, change)| matches!(change, WireChange::Word(_, 1)))
     }
 
-    /// When a unit takes items.
+    /// Adds the cycles in which a unit takes items.
     fn taken(&mut self, unit: &UnitCycles, [first, end]: [u64; 2]) {
         let taken = self.wires.len();
-        let wire = |name: &str, width| Wire {
+        let wire = |name: &str, width| WaveWire {
             unit: unit.name,
             lane: None,
             name: name.to_owned(),
@@ -137,26 +137,26 @@ impl<'a> Waves<'a> {
         };
         self.wires
             .extend([wire("taken", 1), wire("item", ITEM_BITS)]);
-        self.changes.push((first, Change::Word(taken, 0)));
+        self.changes.push((first, WireChange::Word(taken, 0)));
         let items = unit.log.partition_point(|cycle| *cycle < first)
             ..unit.log.partition_point(|cycle| *cycle < end);
         for item in items {
             let now = unit.log[item];
-            // Taken in the cycle before, too: it stays 1.
+            // Also taken in the previous cycle: it stays 1.
             self.changes
-                .pop_if(|last| *last == (now, Change::Word(taken, 0)));
+                .pop_if(|last| *last == (now, WireChange::Word(taken, 0)));
             self.changes
-                .push((now, Change::Word(taken + 1, item as i64)));
-            self.changes.push((now, Change::Word(taken, 1)));
-            self.changes.push((now + 1, Change::Word(taken, 0)));
+                .push((now, WireChange::Word(taken + 1, item as i64)));
+            self.changes.push((now, WireChange::Word(taken, 1)));
+            self.changes.push((now + 1, WireChange::Word(taken, 0)));
         }
     }
 
-    /// The words of what it takes, in so many lanes.
+    /// Adds the words of a unit's items, in N lanes.
     fn words(
         &mut self,
         unit: &'static str,
-        (stream, source): (&Stream, &'a Source<'a>),
+        (stream, source): (&Stream, &'a RecordSource<'a>),
         lanes: u32,
         shown: Vec<Shown>,
     ) {
@@ -166,7 +166,7 @@ impl<'a> Waves<'a> {
             self.wires.extend(stream.fields.iter().map(|field| {
                 let format = field.word.format;
                 let range = Some([format.int_bits - 1, -format.frac_bits]);
-                Wire {
+                WaveWire {
                     unit,
                     lane: (lanes > 1).then_some(lane),
                     name: field.name.clone(),
@@ -174,21 +174,20 @@ impl<'a> Waves<'a> {
                     range,
                 }
             }));
-            self.ports.push(Port {
+            self.ports.push(RecordWires {
                 first,
                 wires: stream.fields.len(),
                 source,
-                layout: Layout::new(stream),
+                layout: RecordLayout::new(stream),
             });
         }
-        self.changes.extend(
-            shown
-                .into_iter()
-                .map(|(cycle, lane, record)| (cycle, Change::Record(port + lane as usize, record))),
-        );
+        self.changes
+            .extend(shown.into_iter().map(|(cycle, lane, record)| {
+                (cycle, WireChange::Record(port + lane as usize, record))
+            }));
     }
 
-    /// Every change of a wire: cycle, wire, word; none where the word is unknown.
+    /// Visits every change of a wire: cycle, wire, word; None if the word is unknown.
     fn each<E>(
         &self,
         mut changed: impl FnMut(u64, usize, Option<i64>) -> std::result::Result<(), E>,
@@ -205,9 +204,9 @@ impl<'a> Waves<'a> {
                 }
             };
             match *change {
-                Change::Word(wire, word) => become_word(wire, Some(word))?,
-                Change::Record(port, record) => {
-                    let Port {
+                WireChange::Word(wire, word) => become_word(wire, Some(word))?,
+                WireChange::Record(port, record) => {
+                    let RecordWires {
                         first,
                         wires,
                         source,
@@ -230,7 +229,7 @@ impl<'a> Waves<'a> {
     /// Writes both files.
     ///
     /// # Errors
-    /// [`Error::Job`] where one cannot be written.
+    /// [`Error::Job`] if one cannot be written.
     pub fn write(&self, folder: &Path) -> Result<()> {
         write_beside(&folder.join("waves.vcd"), |file| {
             self.vcd(file).map_err(|e| e.to_string())
@@ -244,7 +243,7 @@ impl<'a> Waves<'a> {
         written.map_err(|e| Error::job(format!("{}: cannot be written: {e}", path.display())))
     }
 
-    /// Wires scope by scope, each with its place: a unit's own, then those of its lanes.
+    /// Wires scope by scope, each with its index: a unit's own, then those of its lanes.
     fn scopes(&self) -> impl Iterator<Item = (&'static str, Option<u32>, Vec<usize>)> {
         let mut scopes: Vec<(&'static str, Option<u32>, Vec<usize>)> = Vec::new();
         for (place, wire) in self.wires.iter().enumerate() {
@@ -320,7 +319,7 @@ impl<'a> Waves<'a> {
             start_time: self.start,
             timescale_exponent: -9,
             version: format!("splatsim {}", env!("CARGO_PKG_VERSION")),
-            // The same trace is the same bytes on any day.
+            // No date: the same trace always gives the same bytes.
             date: String::new(),
             file_type: FstFileType::Verilog,
         };

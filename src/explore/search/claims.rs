@@ -1,11 +1,10 @@
-//! Claims: the figures that a search states, each with the camera that decides it, so that `run`
-//! shows it again.
+//! Claims: the stated figures of a search, each with the camera that decides it, so that `run` can
+//! reproduce it.
 //!
 //! ```text
 //! cameras that decided ─► cameras.json, one file per scene and size ─► run SCENE --cameras cameras.json --frame N ─► the same figure
 //! ```
-//! Frame 0 of each file is the scene's own camera, because lights that a scene leaves out follow
-//! it.
+//! Frame 0 of each file is the scene's own camera, because default lights follow it.
 //!
 //! Law (tests/search.rs): `each_claimed_figure_is_shown_again_by_the_command_that_is_printed`.
 
@@ -25,7 +24,7 @@ pub struct Claim {
     pub figure: String,
     /// View that decides it.
     pub view: String,
-    /// Scene and size, by the order in which they were given.
+    /// Scene and size, in the order of the command line.
     pub scene: usize,
     /// File of cameras in the folder of the search.
     pub cameras: String,
@@ -36,12 +35,12 @@ pub struct Claim {
 /// A view and its camera.
 pub(super) struct Decided<'a> {
     pub name: &'a str,
-    /// Which domain it is of.
+    /// Index of the domain.
     pub of: usize,
     pub camera: &'a Camera,
 }
 
-/// The file of a domain's cameras.
+/// Name of the camera file of a domain.
 fn file(of: usize, domains: usize) -> String {
     if domains == 1 {
         "cameras.json".into()
@@ -50,7 +49,7 @@ fn file(of: usize, domains: usize) -> String {
     }
 }
 
-/// The domain whose view has this name.
+/// Index of the domain whose view has this name.
 pub(super) fn domain_of(domains: &[Domain], name: &str) -> usize {
     let is_of = |domain: &Domain| {
         name.strip_prefix(&domain.label)
@@ -59,7 +58,7 @@ pub(super) fn domain_of(domains: &[Domain], name: &str) -> usize {
     domains.iter().position(is_of).unwrap_or(0)
 }
 
-/// Claims on some of the views that decided: a figure and the view's place among them.
+/// Claims for some deciding views: a figure and the index of its view.
 pub(super) fn claims(
     domains: &[Domain],
     decided: &[Decided<'_>],
@@ -79,10 +78,10 @@ pub(super) fn claims(
     figures.into_iter().map(claim).collect()
 }
 
-/// Writes the cameras of every domain, its own in front.
+/// Writes the cameras of every domain, its own first.
 ///
 /// # Errors
-/// [`crate::error::Error::Job`] where a file cannot be written.
+/// [`crate::error::Error::Job`] if a file cannot be written.
 pub(super) fn write_cameras(
     folder: &Path,
     domains: &[Domain],

@@ -1,14 +1,14 @@
-//! Crew: measures machines of a search in other processes, several at once; what is found and
-//! written is what one process finds and writes.
+//! Crew: measures machines of a search in several worker processes. Results and files are the same
+//! as with one process.
 //!
 //! ```text
-//! views ─► every member, once ─┐
-//! machines that may be asked for next ─► members ─► measured, by keys ─► the search asks ─► row
+//! views ─► every worker, once ──────────────┐
+//! machines that may be requested next ─► workers ─► results, by key ─► request of the search ─► row
 //! ```
-//! A search asks for one machine after the other, and each answer decides what it asks next. A crew
-//! is given guesses at what that may be: they cost time where they are wrong, and change nothing.
+//! A search requests one machine after another, and each result decides the next request. Workers
+//! measure likely next machines in advance. A wrong guess only costs time.
 
-use super::{Found, View, drawn, found_on};
+use super::{SearchErrors, View, drawn, found_on};
 use crate::error::{Error, Result};
 use crate::hardware::fixed;
 use crate::hardware::searched::Target;
@@ -19,22 +19,21 @@ use serde::{Deserialize, Serialize};
 use std::cell::RefCell;
 use std::collections::HashMap;
 
-/// Whoever measures machines.
+/// Worker processes that measure machines.
 pub trait Crew {
-    /// Machines that keep all members busy.
+    /// Number of machines that keep all workers busy.
     fn width(&self) -> usize;
 
-    /// One more view, as bytes for [`Sight::unpacked`], that machines are measured on from now on.
+    /// Adds a view, as bytes for [`PackedView::unpacked`], for all later measurements.
     ///
     /// # Errors
-    /// Where nobody can be told.
+    /// If no worker can be reached.
     fn learn(&mut self, view: Vec<u8>) -> Result<()>;
 
-    /// Measures machines on all views that were learnt, each by [`measured`], which takes a machine
-    /// and the target as texts.
+    /// Measures machines on all views, each by [`measured`]. Machines and target are JSON.
     ///
     /// # Errors
-    /// Where members fail, or nobody wants it any more.
+    /// If workers fail, or the search was cancelled.
     fn measure(&mut self, machines: &[String], target: &str) -> Result<Vec<String>>;
 }
 
@@ -42,7 +41,7 @@ thread_local! {
     static CREW: RefCell<Option<Box<dyn Crew>>> = const { RefCell::new(None) };
 }
 
-/// Does `work`, a search, with a crew.
+/// Runs `work`, a search, with worker processes.
 pub fn on_crew<T>(crew: Box<dyn Crew>, work: impl FnOnce() -> T) -> T {
     CREW.set(Some(crew));
     let done = work();
@@ -50,39 +49,39 @@ pub fn on_crew<T>(crew: Box<dyn Crew>, work: impl FnOnce() -> T) -> T {
     done
 }
 
-/// What a machine does on all views, or why it does nothing there.
+/// Errors of a machine on all views, or why there are none.
 #[derive(Clone, Debug, Serialize, Deserialize)]
-pub(super) struct Measured {
-    pub found: std::result::Result<Found, String>,
+pub(super) struct Measurement {
+    pub found: std::result::Result<SearchErrors, String>,
     pub seconds: f64,
 }
 
-impl Measured {
-    /// Draws, here.
+impl Measurement {
+    /// Draws in this process.
     pub fn on<'v>(
         views: impl IntoIterator<Item = &'v View>,
         elaborated: &Elaborated,
         target: &Target,
     ) -> Self {
         let (found, seconds) = timed(|| found_on(views, |view| drawn(elaborated, view, target)));
-        Measured {
+        Measurement {
             found: found.map_err(|error| error.to_string()),
             seconds,
         }
     }
 }
 
-/// A view in a member's hands.
-pub struct Sight(View);
+/// A view as a worker receives it.
+pub struct PackedView(View);
 
-impl Sight {
-    /// The view of some bytes.
+impl PackedView {
+    /// Unpacks a view.
     ///
     /// # Errors
-    /// [`Error::Input`] where they are damaged, or of another version.
+    /// [`Error::Input`] if the bytes are damaged, or of another version.
     pub fn unpacked(bytes: &[u8]) -> Result<Self> {
         postcard::from_bytes(bytes)
-            .map(Sight)
+            .map(PackedView)
             .map_err(|_| Error::input("the packed view is damaged, or of another version"))
     }
 }
@@ -90,9 +89,9 @@ impl Sight {
 /// Measures a machine on views; all texts are JSON.
 ///
 /// # Errors
-/// [`Error::Input`] where a text is none of this version.
+/// [`Error::Input`] if a text is not of this version.
 pub fn measured<'v>(
-    sights: impl IntoIterator<Item = &'v Sight>,
+    views: impl IntoIterator<Item = &'v PackedView>,
     machine: &str,
     target: &str,
 ) -> Result<String> {
@@ -104,8 +103,8 @@ pub fn measured<'v>(
     let machine: Machine = serde_json::from_str(machine).map_err(other)?;
     let target: Target = serde_json::from_str(target).map_err(other)?;
     let elaborated = fixed::elaborate(&machine)?;
-    text(&Measured::on(
-        sights.into_iter().map(|Sight(view)| view),
+    text(&Measurement::on(
+        views.into_iter().map(|PackedView(view)| view),
         &elaborated,
         &target,
     ))
@@ -115,35 +114,35 @@ fn text(value: &impl Serialize) -> Result<String> {
     serde_json::to_string(value).map_err(|error| Error::job(error.to_string()))
 }
 
-/// What a search's crew has measured, and what nobody has asked for yet.
+/// Measurements in advance by worker processes, not yet requested by the search.
 #[derive(Default)]
-pub(super) struct Foresight {
+pub(super) struct Prefetch {
     crew: Option<Box<dyn Crew>>,
-    /// Views that it knows.
+    /// Number of views that the workers have.
     learnt: usize,
-    measured: HashMap<String, Measured>,
+    measured: HashMap<String, Measurement>,
 }
 
-impl Foresight {
-    /// With this thread's crew, if it has one.
+impl Prefetch {
+    /// With this thread's worker processes, if there are any.
     pub fn new() -> Self {
-        Foresight {
+        Prefetch {
             crew: CREW.take(),
-            ..Foresight::default()
+            ..Prefetch::default()
         }
     }
 
-    /// Machines that are worth being measured at once.
+    /// Number of machines that should be measured at once.
     pub fn width(&self) -> usize {
         self.crew.as_ref().map_or(1, |crew| crew.width().max(1))
     }
 
-    /// What is known of the machine of a key.
-    pub fn get(&self, key: &str) -> Option<&Measured> {
+    /// The measurement of a machine by its key.
+    pub fn get(&self, key: &str) -> Option<&Measurement> {
         self.measured.get(key)
     }
 
-    /// Has machines measured that are not known yet, by their keys.
+    /// Measures machines, given by their keys, that were not measured yet.
     pub fn measure(
         &mut self,
         views: &[View],
@@ -177,28 +176,31 @@ impl Foresight {
             )));
         }
         for ((key, _), answer) in unknown.into_iter().zip(&answers) {
-            let measured = serde_json::from_str(answer)
-                .map_err(|error| Error::job(format!("a machine's measures are none: {error}")))?;
+            let measured = serde_json::from_str(answer).map_err(|error| {
+                Error::job(format!(
+                    "the measurement of a machine is malformed: {error}"
+                ))
+            })?;
             self.measured.insert(key.clone(), measured);
         }
         Ok(())
     }
 
-    /// What was measured of the machine of a key, by the crew, or here where there is none.
+    /// Removes and returns the measurement of a machine; measures it now if there is none.
     pub fn taken(
         &mut self,
         views: &[View],
         target: &Target,
         (key, machine): (&str, &Machine),
         elaborated: &Elaborated,
-    ) -> Result<Measured> {
+    ) -> Result<Measurement> {
         if self.crew.is_none() {
-            return Ok(Measured::on(views, elaborated, target));
+            return Ok(Measurement::on(views, elaborated, target));
         }
         self.measure(views, target, &[(key.to_owned(), machine.clone())])?;
         Ok(self
             .measured
             .remove(key)
-            .unwrap_or_else(|| Measured::on(views, elaborated, target)))
+            .unwrap_or_else(|| Measurement::on(views, elaborated, target)))
     }
 }

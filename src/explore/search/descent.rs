@@ -1,14 +1,14 @@
-//! Descent: the least area at which a load stays below 1, over whole numbers of steps taken away
+//! Descent: finds the least area at which a load stays at most 1, over the number of steps taken
 //! from each knob.
 //!
 //! ```text
-//! each knob alone, as far as it goes ─► all that far, less d ─┬─ d too small: steps given back, best relief for its area  (min+1)
-//!                                                            ├─ d large enough: steps taken, most area for its harm     (max−1)
-//!                                                            └─ from the better one: random exchanges, ever colder      (annealing)
+//! limit of each knob alone ─► all at their limits, less d ─┬─ d too small: steps given back, best relief per area  (min+1)
+//!                                                          ├─ d large enough: steps taken, most area per harm      (max−1)
+//!                                                          └─ from the better one: random exchanges, cooling       (annealing)
 //! ```
-//! Both greedy ways are lazy: what a step does is measured again only when it comes up, for it
-//! changes little in between. Sources: Cantin, Savaria, Lavoie, *A comparison of automatic word
-//! length optimization procedures* (ISCAS 2002), for min+1 and max−1.
+//! Both greedy searches are lazy: the effect of a step is only measured again when the step comes
+//! up, because it changes little in between. Source of min+1 and max−1: Cantin, Savaria, Lavoie, *A
+//! comparison of automatic word length optimization procedures* (ISCAS 2002).
 //!
 //! Laws: `what_is_found_is_close_to_the_best_there_is`, `no_single_step_is_left`.
 
@@ -17,23 +17,22 @@ use crate::scene::digest::mixed;
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// Problem that a descent searches.
+/// A problem for a descent.
 pub trait Problem {
-    /// Steps that each knob has.
+    /// Number of steps of each knob.
     fn most(&self) -> Vec<u32>;
 
-    /// What it takes; none where it cannot be built.
+    /// Area; None if the machine cannot be built.
     fn area(&mut self, steps: &[u32]) -> Option<f64>;
 
-    /// What it does, as a part of what is allowed: the error, squared, over the greatest error
-    /// allowed, squared. At most 1 is well. Infinite where it cannot be built.
+    /// Squared error as a part of the greatest allowed squared error. At most 1 meets the target;
+    /// infinite if the machine cannot be built.
     ///
     /// # Errors
-    /// Where it cannot be kept what was found.
+    /// If a result cannot be stored.
     fn load(&mut self, steps: &[u32]) -> Result<f64>;
 
-    /// The load without the margin that [`Problem::load`] adds to what is wanted; the same where
-    /// there is no margin.
+    /// The load without the margin that [`Problem::load`] includes; equal if there is no margin.
     ///
     /// # Errors
     /// As [`Problem::load`].
@@ -41,34 +40,35 @@ pub trait Problem {
         self.load(steps)
     }
 
-    /// Loads that can be measured at once: 1 where nothing is gained by that.
+    /// Number of loads that can be measured at once; 1 if there is no gain.
     fn width(&self) -> usize {
         1
     }
 
-    /// Measures loads that may be asked for, at once. Nothing that is found depends on it.
+    /// Measures loads in advance. Results do not depend on it.
     ///
     /// # Errors
-    /// Where whoever measures fails.
-    fn foresee(&mut self, _steps: &[Vec<u32>]) -> Result<()> {
+    /// If a measurement fails.
+    fn prefetch(&mut self, _steps: &[Vec<u32>]) -> Result<()> {
         Ok(())
     }
 
-    /// A load that was measured or asked for before.
-    fn foreseen(&self, _steps: &[u32]) -> Option<f64> {
+    /// A load that was measured before.
+    fn prefetched(&self, _steps: &[u32]) -> Option<f64> {
         None
     }
 }
 
-/// Stands for a load without limit.
-const ENDLESS: f64 = 1e12;
-/// Harm below this is none.
+/// Replaces an infinite load.
+const LARGEST_LOAD: f64 = 1e12;
+/// Less harm than this counts as none.
 const LEAST_HARM: f64 = 1e-3;
-/// Of the area: a rise that annealing takes in two of five cases, at first and at last.
+/// Rise as a part of the area that annealing accepts in two of five cases, at the start and at the
+/// end.
 const HOT: f64 = 0.004;
 const COLD: f64 = 0.0001;
-/// Exchanges that are thought of for each that is tried.
-const THOUGHTS: u64 = 40;
+/// Candidate exchanges per exchange that is measured.
+const CANDIDATES: u64 = 40;
 
 fn with(steps: &[u32], knob: usize, value: u32) -> Vec<u32> {
     let mut steps = steps.to_vec();
@@ -77,56 +77,55 @@ fn with(steps: &[u32], knob: usize, value: u32) -> Vec<u32> {
 }
 
 fn load(problem: &mut impl Problem, steps: &[u32]) -> Result<f64> {
-    Ok(problem.load(steps)?.min(ENDLESS))
+    Ok(problem.load(steps)?.min(LARGEST_LOAD))
 }
 
-/// A load; where it was never measured, others that may be asked for after it are measured beside
-/// it.
+/// A load. If it was not measured before, loads that may be requested after it are measured too.
 fn load_ahead<P: Problem>(
     problem: &mut P,
     steps: &[u32],
     others: impl FnOnce(&mut P, usize) -> Vec<Vec<u32>>,
 ) -> Result<f64> {
     let width = problem.width();
-    if width > 1 && problem.foreseen(steps).is_none() {
+    if width > 1 && problem.prefetched(steps).is_none() {
         let mut all = others(problem, width - 1);
         all.insert(0, steps.to_vec());
-        problem.foresee(&all)?;
+        problem.prefetch(&all)?;
     }
     problem.load(steps)
 }
 
-/// Measures what halving will ask for, all knobs side by side.
-fn foresee_limits(problem: &mut impl Problem, none: &[u32]) -> Result<()> {
+/// Measures the loads that bisection will request, for all knobs in parallel.
+fn prefetch_limits(problem: &mut impl Problem, none: &[u32]) -> Result<()> {
     let mut halves: Vec<[u32; 2]> = problem.most().iter().map(|most| [0, most + 1]).collect();
     let middle = |[well, ill]: &[u32; 2]| (ill - well > 1).then(|| u32::midpoint(*well, *ill));
     while problem.width() > 1 {
-        let asked: Vec<(usize, u32)> = halves
+        let requests: Vec<(usize, u32)> = halves
             .iter()
             .enumerate()
             .filter_map(|(knob, half)| Some((knob, middle(half)?)))
             .collect();
-        if asked.is_empty() {
+        if requests.is_empty() {
             break;
         }
-        let steps: Vec<Vec<u32>> = asked
+        let steps: Vec<Vec<u32>> = requests
             .iter()
             .map(|(knob, middle)| with(none, *knob, *middle))
             .collect();
-        problem.foresee(&steps)?;
-        for ((knob, middle), steps) in asked.iter().zip(&steps) {
-            let is_well = problem.foreseen(steps).is_some_and(|load| load <= 1.0);
+        problem.prefetch(&steps)?;
+        for ((knob, middle), steps) in requests.iter().zip(&steps) {
+            let is_well = problem.prefetched(steps).is_some_and(|load| load <= 1.0);
             halves[*knob][usize::from(!is_well)] = *middle;
         }
     }
     Ok(())
 }
 
-/// Steps that each knob can go alone, all others as they are.
+/// Most steps of each knob while the others have none.
 pub fn limits(problem: &mut impl Problem) -> Result<Vec<u32>> {
     let most = problem.most();
     let none = vec![0; most.len()];
-    foresee_limits(problem, &none)?;
+    prefetch_limits(problem, &none)?;
     let mut limits = none.clone();
     for knob in 0..most.len() {
         let [mut well, mut ill] = [0, most[knob] + 1];
@@ -143,8 +142,8 @@ pub fn limits(problem: &mut impl Problem) -> Result<Vec<u32>> {
     Ok(limits)
 }
 
-/// All knobs as far as they go alone, less the fewest steps with which all is well; and less one
-/// step fewer.
+/// All knobs at their limits, less the fewest steps at which the target is met; and the same with
+/// one step fewer.
 pub fn starts(problem: &mut impl Problem, limits: &[u32]) -> Result<(Vec<u32>, Vec<u32>)> {
     let mut ill = limits.to_vec();
     for back in 0.. {
@@ -167,29 +166,29 @@ pub fn starts(problem: &mut impl Problem, limits: &[u32]) -> Result<(Vec<u32>, V
     Ok((limits.to_vec(), ill))
 }
 
-/// A step that is thought of, and how good it seemed when it was last measured.
-struct Thought {
+/// A candidate step, and its rating when it was last measured.
+struct Candidate {
     score: f64,
     knob: usize,
-    /// The state that it was measured at.
+    /// Number of the state in which it was measured.
     at: u64,
 }
 
-impl PartialEq for Thought {
+impl PartialEq for Candidate {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other) == Ordering::Equal
     }
 }
 
-impl Eq for Thought {}
+impl Eq for Candidate {}
 
-impl PartialOrd for Thought {
+impl PartialOrd for Candidate {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl Ord for Thought {
+impl Ord for Candidate {
     fn cmp(&self, other: &Self) -> Ordering {
         self.score
             .total_cmp(&other.score)
@@ -197,10 +196,10 @@ impl Ord for Thought {
     }
 }
 
-/// A step of every knob, each as good as can be until it is measured.
-fn unmeasured(knobs: usize) -> BinaryHeap<Thought> {
+/// One step of each knob, with the best possible rating until it is measured.
+fn unmeasured(knobs: usize) -> BinaryHeap<Candidate> {
     (0..knobs)
-        .map(|knob| Thought {
+        .map(|knob| Candidate {
             score: f64::INFINITY,
             knob,
             at: 0,
@@ -208,35 +207,35 @@ fn unmeasured(knobs: usize) -> BinaryHeap<Thought> {
         .collect()
 }
 
-/// The steps that come up next, as far as is known now: each one `more` or less of a knob.
-fn next_thoughts(
-    thoughts: &BinaryHeap<Thought>,
+/// The candidates that come up next, as known so far: one step more or less of a knob.
+fn next_candidates(
+    candidates: &BinaryHeap<Candidate>,
     steps: &[u32],
     most: &[u32],
     more: i32,
     count: usize,
 ) -> Vec<Vec<u32>> {
-    let mut best: Vec<&Thought> = thoughts.iter().collect();
+    let mut best: Vec<&Candidate> = candidates.iter().collect();
     best.sort_by(|a, b| b.cmp(a));
-    let step = |thought: &Thought| {
-        let value = steps[thought.knob]
+    let step = |candidate: &Candidate| {
+        let value = steps[candidate.knob]
             .checked_add_signed(more)
-            .filter(|value| *value <= most[thought.knob])?;
-        Some(with(steps, thought.knob, value))
+            .filter(|value| *value <= most[candidate.knob])?;
+        Some(with(steps, candidate.knob, value))
     };
     best.into_iter().filter_map(step).take(count).collect()
 }
 
-/// From where all is not well: gives steps back, one after the other, until it is.
+/// From a state that misses the target: gives steps back, one by one, until it is met.
 pub fn given_back(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> {
     let most = problem.most();
     let mut steps = from.to_vec();
     let mut now = load(problem, &steps)?;
     let mut state = 1;
-    let mut thoughts = unmeasured(steps.len());
+    let mut candidates = unmeasured(steps.len());
     while now > 1.0 {
-        let Some(thought) = thoughts.pop() else {
-            // Nothing helps alone: all give one back.
+        let Some(candidate) = candidates.pop() else {
+            // No single step helps: all knobs give one back.
             if steps.iter().all(|step| *step == 0) {
                 break;
             }
@@ -245,32 +244,32 @@ pub fn given_back(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> 
                 .for_each(|step| *step = step.saturating_sub(1));
             now = load(problem, &steps)?;
             state += 1;
-            thoughts = unmeasured(steps.len());
+            candidates = unmeasured(steps.len());
             continue;
         };
-        let knob = thought.knob;
+        let knob = candidate.knob;
         if steps[knob] == 0 {
             continue;
         }
         let next = with(&steps, knob, steps[knob] - 1);
-        if thought.at == state {
+        if candidate.at == state {
             now = load(problem, &next)?;
             steps = next;
             state += 1;
-            thoughts.push(Thought { at: 0, ..thought });
+            candidates.push(Candidate { at: 0, ..candidate });
             continue;
         }
         let then = load_ahead(problem, &next, |_, width| {
-            next_thoughts(&thoughts, &steps, &most, -1, width)
+            next_candidates(&candidates, &steps, &most, -1, width)
         })?;
-        let relief = now - then.min(ENDLESS);
+        let relief = now - then.min(LARGEST_LOAD);
         if relief > 0.0 {
             let price = match (problem.area(&steps), problem.area(&next)) {
                 (Some(before), Some(after)) => (after - before).max(f64::MIN_POSITIVE),
-                // What cannot be built has no price; whatever makes it better is welcome.
+                // A machine that cannot be built has no area; any improvement is taken.
                 _ => 1.0,
             };
-            thoughts.push(Thought {
+            candidates.push(Candidate {
                 score: relief / price,
                 knob,
                 at: state,
@@ -280,16 +279,16 @@ pub fn given_back(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> 
     Ok(steps)
 }
 
-/// From where all is well: takes steps away, one after the other, while it stays so. One that did
-/// not do is not tried again: what else is taken away meanwhile makes nothing better, but for luck.
+/// From a state that meets the target: takes steps, one by one, while it does. A step that failed
+/// is not tried again, because further steps do not reduce the error, except by chance.
 pub fn taken_away(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> {
     let most = problem.most();
     let mut steps = from.to_vec();
     let mut now = load(problem, &steps)?;
     let mut state = 1;
-    let mut thoughts = unmeasured(steps.len());
-    while let Some(thought) = thoughts.pop() {
-        let knob = thought.knob;
+    let mut candidates = unmeasured(steps.len());
+    while let Some(candidate) = candidates.pop() {
+        let knob = candidate.knob;
         if steps[knob] == most[knob] {
             continue;
         }
@@ -301,19 +300,19 @@ pub fn taken_away(problem: &mut impl Problem, from: &[u32]) -> Result<Vec<u32>> 
             continue;
         }
         let then = load_ahead(problem, &next, |_, width| {
-            next_thoughts(&thoughts, &steps, &most, 1, width)
+            next_candidates(&candidates, &steps, &most, 1, width)
         })?
-        .min(ENDLESS);
+        .min(LARGEST_LOAD);
         if then > 1.0 {
             continue;
         }
-        if thought.at == state {
+        if candidate.at == state {
             (steps, now) = (next, then);
             state += 1;
-            thoughts.push(Thought { at: 0, ..thought });
+            candidates.push(Candidate { at: 0, ..candidate });
         } else {
             let harm = (then - now).max(LEAST_HARM);
-            thoughts.push(Thought {
+            candidates.push(Candidate {
                 score: (before - after) / harm,
                 knob,
                 at: state,
@@ -332,13 +331,13 @@ pub struct Settled {
     pub alone: usize,
     /// Joint steps that were measured and fail.
     pub together: usize,
-    /// Single steps that were not measured, because they take more area.
+    /// Single steps that take more area, and were not measured.
     pub costly: usize,
 }
 
-/// From where all is well: takes every step that leaves it well and takes no more area, until every
-/// single step fails and every joint step of those knobs fails that have a step to spare without
-/// the margin.
+/// From a state that meets the target: takes every step that still meets it and takes no more area,
+/// until each single step fails, and each joint step fails of the knobs that could take a step
+/// without the margin.
 pub fn settled(problem: &mut impl Problem, from: &[u32]) -> Result<Settled> {
     let most = problem.most();
     let mut steps = from.to_vec();
@@ -360,7 +359,7 @@ pub fn settled(problem: &mut impl Problem, from: &[u32]) -> Result<Settled> {
             };
             let mut is_well = load_ahead(problem, &next, others)? <= 1.0;
             let mut next = next;
-            // Where one step can go, more may.
+            // If one step can be taken, more may follow.
             while is_well {
                 steps = next;
                 next = with(&steps, *knob, steps[*knob] + 1);
@@ -398,7 +397,7 @@ fn is_no_larger(problem: &mut impl Problem, steps: &[u32], next: &[u32]) -> bool
     matches!((problem.area(steps), problem.area(next)), (Some(area), Some(after)) if after <= area)
 }
 
-/// Knobs that have a step left which takes no more area, those that save most in front.
+/// Knobs with a remaining step that takes no more area, sorted by saving.
 fn open_steps(problem: &mut impl Problem, steps: &[u32], most: &[u32]) -> Vec<usize> {
     let Some(area) = problem.area(steps) else {
         return Vec::new();
@@ -416,8 +415,8 @@ fn open_steps(problem: &mut impl Problem, steps: &[u32], most: &[u32]) -> Vec<us
     open.into_iter().map(|(_, knob)| knob).collect()
 }
 
-/// Joint steps of the knobs whose step fails for the margin only: all of them, then half as many,
-/// and so on, the least harmful kept longest.
+/// Joint steps of the knobs whose step fails only because of the margin: all of them, then half as
+/// many, and so on; the least harmful are kept longest.
 fn joint_steps(problem: &mut impl Problem, steps: &[u32], open: &[usize]) -> Result<Vec<Vec<u32>>> {
     let mut spare: Vec<(f64, usize)> = Vec::new();
     for knob in open {
@@ -437,26 +436,26 @@ fn joint_steps(problem: &mut impl Problem, steps: &[u32], open: &[usize]) -> Res
     Ok(counts.map(joint).collect())
 }
 
-/// A walk of random exchanges, ever colder.
+/// Simulated annealing by random exchanges.
 #[derive(Clone)]
-struct Walk {
+struct Annealing {
     steps: Vec<u32>,
     area: f64,
-    /// The area that it began at.
+    /// Area at the start.
     first: f64,
     drawn: u64,
-    thought: u64,
+    candidate: u64,
     tried: u64,
     tries: u64,
 }
 
-impl Walk {
+impl Annealing {
     fn below(&mut self, count: u64) -> u64 {
         self.drawn = self.drawn.wrapping_add(1);
         mixed(mixed(self.drawn)) % count.max(1)
     }
 
-    /// Steps that are a few exchanges away.
+    /// A state a few exchanges away.
     fn exchanged(&mut self, most: &[u32]) -> Vec<u32> {
         let mut next = self.steps.clone();
         for _ in 0..1 + self.below(2) {
@@ -470,15 +469,15 @@ impl Walk {
         next
     }
 
-    /// The steps that are tried next, and their area.
+    /// The next state to measure, and its area.
     fn next(&mut self, problem: &mut impl Problem, most: &[u32]) -> Option<(Vec<u32>, f64)> {
-        while self.tried < self.tries && self.thought < self.tries * THOUGHTS {
+        while self.tried < self.tries && self.candidate < self.tries * CANDIDATES {
             let [by_tries, by_thoughts] = [
                 self.tried as f64 / self.tries as f64,
-                self.thought as f64 / (self.tries * THOUGHTS) as f64,
+                self.candidate as f64 / (self.tries * CANDIDATES) as f64,
             ];
             let heat = self.first * HOT * libm::pow(COLD / HOT, by_tries.max(by_thoughts));
-            self.thought += 1;
+            self.candidate += 1;
             let next = self.exchanged(most);
             let chance = self.below(1 << 32) as f64 / (1u64 << 32) as f64;
             let Some(area) = problem.area(&next).filter(|_| next != self.steps) else {
@@ -494,8 +493,8 @@ impl Walk {
     }
 }
 
-/// From where all is well: exchanges steps at random, ever colder; the best that was met. `tries`
-/// loads are asked for.
+/// From a state that meets the target: simulated annealing; returns the best state. Requests
+/// `tries` loads.
 pub fn annealed(
     problem: &mut impl Problem,
     from: &[u32],
@@ -509,19 +508,19 @@ pub fn annealed(
     else {
         return Ok(from.to_vec());
     };
-    let mut walk = Walk {
+    let mut annealing = Annealing {
         steps: from.to_vec(),
         area: first,
         first,
         drawn: seed,
-        thought: 0,
+        candidate: 0,
         tried: 0,
         tries,
     };
     let (mut best, mut best_area) = (from.to_vec(), first);
-    while let Some((next, next_area)) = walk.next(problem, &most) {
-        // As if none of them were taken.
-        let ahead = walk.clone();
+    while let Some((next, next_area)) = annealing.next(problem, &most) {
+        // As if none of them were accepted.
+        let ahead = annealing.clone();
         let load = load_ahead(problem, &next, |problem, width| {
             let mut ahead = ahead;
             std::iter::from_fn(|| Some(ahead.next(problem, &most)?.0))
@@ -529,9 +528,9 @@ pub fn annealed(
                 .collect()
         })?;
         if load <= 1.0 {
-            (walk.steps, walk.area) = (next, next_area);
-            if walk.area < best_area {
-                (best, best_area) = (walk.steps.clone(), walk.area);
+            (annealing.steps, annealing.area) = (next, next_area);
+            if annealing.area < best_area {
+                (best, best_area) = (annealing.steps.clone(), annealing.area);
             }
         }
     }
@@ -544,8 +543,8 @@ mod tests {
     use proptest::prelude::*;
     use std::collections::HashMap;
 
-    /// Errors that add up, each four times as great a step; area that falls by a word's price a
-    /// step.
+    /// Errors that add up, each four times as large per step; the area falls by the unit cost of a
+    /// word per step.
     #[derive(Clone, Debug)]
     struct Sum {
         noise: Vec<f64>,
@@ -631,7 +630,7 @@ mod tests {
             let found = taken_away(&mut sum, &cold).unwrap();
             prop_assert!([&well, &back, &down, &cold, &found].iter().all(|steps| sum.allowed(steps) <= 1.0));
             let (best, found) = (least(&sum), sum.takes(&found));
-            prop_assert!(found <= 1.05 * best, "{found} where {best} is the least");
+            prop_assert!(found <= 1.05 * best, "{found} where the least is {best}");
             prop_assert!(sum.takes(&down) <= 1.25 * best && sum.takes(&back) <= 1.4 * best, "{} {} {best}", sum.takes(&down), sum.takes(&back));
         }
 
@@ -644,7 +643,7 @@ mod tests {
         }
     }
 
-    /// Two knobs: a step of each fails by the margin, both together do not.
+    /// Two knobs: a single step of each fails because of the margin, a joint step does not.
     struct Lucky;
 
     impl Problem for Lucky {
@@ -691,17 +690,17 @@ mod tests {
         }
     }
 
-    /// The same, measured some at a time: what was asked for, and how often nothing was known of
-    /// it.
-    struct Crewed {
+    /// The same problem with measurement in advance. Counts requests, and those that were not
+    /// measured in advance.
+    struct Prefetching {
         sum: Sum,
         width: usize,
         known: HashMap<Vec<u32>, f64>,
-        asked: Vec<Vec<u32>>,
+        requests: Vec<Vec<u32>>,
         surprises: usize,
     }
 
-    impl Problem for Crewed {
+    impl Problem for Prefetching {
         fn most(&self) -> Vec<u32> {
             self.sum.most()
         }
@@ -711,7 +710,7 @@ mod tests {
         }
 
         fn load(&mut self, steps: &[u32]) -> Result<f64> {
-            self.asked.push(steps.to_vec());
+            self.requests.push(steps.to_vec());
             self.surprises += usize::from(!self.known.contains_key(steps));
             self.sum.load(steps)
         }
@@ -720,7 +719,7 @@ mod tests {
             self.width
         }
 
-        fn foresee(&mut self, steps: &[Vec<u32>]) -> Result<()> {
+        fn prefetch(&mut self, steps: &[Vec<u32>]) -> Result<()> {
             self.known.extend(
                 steps
                     .iter()
@@ -729,7 +728,7 @@ mod tests {
             Ok(())
         }
 
-        fn foreseen(&self, steps: &[u32]) -> Option<f64> {
+        fn prefetched(&self, steps: &[u32]) -> Option<f64> {
             self.known.get(steps).copied()
         }
     }
@@ -737,24 +736,24 @@ mod tests {
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(32))]
         #[test]
-        fn who_measures_ahead_asks_for_the_same(sum in sums(), seed in any::<u64>()) {
+        fn measuring_ahead_changes_no_request(sum in sums(), seed in any::<u64>()) {
             let way = |width: usize| {
-                let mut problem = Crewed { sum: sum.clone(), width, known: HashMap::new(), asked: Vec::new(), surprises: 0 };
+                let mut problem = Prefetching { sum: sum.clone(), width, known: HashMap::new(), requests: Vec::new(), surprises: 0 };
                 let limits = limits(&mut problem).unwrap();
                 let (well, ill) = starts(&mut problem, &limits).unwrap();
                 let back = given_back(&mut problem, &ill).unwrap();
                 let down = taken_away(&mut problem, &well).unwrap();
                 let cold = annealed(&mut problem, &down, seed, 50).unwrap();
                 let last = taken_away(&mut problem, &cold).unwrap();
-                (vec![limits, well, ill, back, down, cold, last], problem.asked, problem.surprises)
+                (vec![limits, well, ill, back, down, cold, last], problem.requests, problem.surprises)
             };
-            let (found, asked, _) = way(1);
+            let (found, requests, _) = way(1);
             let (found_ahead, asked_ahead, surprises) = way(4);
             prop_assert_eq!(found, found_ahead);
-            prop_assert_eq!(&asked, &asked_ahead);
-            // But for the first of a way, and of what is taken, all is known before it is asked
-            // for.
-            prop_assert!(surprises <= 4 + asked.len() / 3, "{surprises} of {}", asked.len());
+            prop_assert_eq!(&requests, &asked_ahead);
+            // Except for the first request of each phase, and after accepted steps, loads are known
+            // in advance.
+            prop_assert!(surprises <= 4 + requests.len() / 3, "{surprises} of {}", requests.len());
         }
     }
 
@@ -770,7 +769,7 @@ mod tests {
         assert_eq!(
             limits(&mut sum).unwrap(),
             [0, 0, 0, 0],
-            "what is not well at first goes nowhere"
+            "no step is taken from a state that misses the target"
         );
         sum.noise = vec![1e-9, 0.3, 0.2, 1e-3];
         // Others leave half of what is allowed.

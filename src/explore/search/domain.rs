@@ -1,11 +1,12 @@
-//! Domain: the views on which a machine must hold: cameras of a scene, distances, one size.
+//! Domain: the views on which a machine must meet the target: cameras of a scene, distances, one
+//! size.
 //!
 //! ```text
 //! the scene's camera, turned about its target ─┐
-//! cameras of a list, none twice in a row ──────┴─► nearer or farther ─► a view
+//! cameras of a list, no repeats in a row ──────┴─► nearer or farther ─► a view
 //! ```
-//! What is searched on at first is the first camera, from both ends of the distances; what must
-//! hold unseen is of the whole domain.
+//! The first searched views are of the first camera, at both ends of the range of distances. Unseen
+//! views are from the whole domain.
 //!
 //! Law (tests/search.rs): `a_machine_holds_on_the_whole_domain`.
 
@@ -17,27 +18,27 @@ use std::ffi::OsStr;
 /// Views of a scene at one size.
 #[derive(Clone, Debug)]
 pub struct Domain {
-    /// What it is called: the scene's name, with the size where there are several.
+    /// The scene's name, with the size if there are several.
     pub label: String,
     scene: Scene,
-    /// Where cameras are a list.
+    /// Set if cameras come from a list.
     list: Option<Sequence>,
-    /// Nearest and farthest, as a part of each camera's distance from its target.
+    /// Range of distances, as factors on each camera's distance from its target.
     distance: [f64; 2],
 }
 
 /// A view of a domain.
 #[derive(Clone, Debug)]
 pub struct Member {
-    /// The domain's label, and where it is seen from.
+    /// The domain's label, and the camera.
     pub name: String,
-    /// The scene as it is seen.
+    /// The scene from this camera.
     pub scene: Scene,
 }
 
-/// Golden ratio, by whose multiples cameras of a list follow each other far apart.
+/// Golden ratio: its multiples spread the cameras of a list.
 const GOLDEN: f64 = 0.618_033_988_75;
-/// The inverse of the plastic number, by whose multiples distances do, whatever cameras do.
+/// Inverse of the plastic number: its multiples spread distances, independently of cameras.
 const PLASTIC: f64 = 0.754_877_666_247;
 
 fn part(nth: usize, step: f64) -> f64 {
@@ -45,7 +46,7 @@ fn part(nth: usize, step: f64) -> f64 {
 }
 
 impl Domain {
-    /// The scene's own camera and those around its target, as far from it.
+    /// The scene's own camera and those around its target, at the same distance.
     pub fn around(scene: Scene) -> Self {
         Domain {
             label: scene.name.clone(),
@@ -64,12 +65,12 @@ impl Domain {
         }
     }
 
-    /// The same from these distances, as parts of each camera's own.
+    /// Sets the range of distances, as factors.
     pub fn from_distances(self, distance: [f64; 2]) -> Self {
         Domain { distance, ..self }
     }
 
-    /// Tells domains of one scene apart by their sizes.
+    /// Adds the size to the labels of domains that share a scene.
     pub fn label_all(domains: &mut [Domain]) {
         let names: Vec<String> = domains
             .iter()
@@ -87,7 +88,7 @@ impl Domain {
         }
     }
 
-    /// The scene as its first camera sees it.
+    /// The scene from its first camera.
     pub fn scene(&self) -> &Scene {
         &self.scene
     }
@@ -98,7 +99,7 @@ impl Domain {
             .map_or(std::slice::from_ref(&self.scene.camera), Sequence::cameras)
     }
 
-    /// What is searched on at first.
+    /// The views that are searched first.
     pub fn first(&self) -> Vec<Member> {
         let [nearest, farthest] = self.distance;
         let ends = if nearest == farthest {
@@ -106,25 +107,25 @@ impl Domain {
         } else {
             vec![nearest, farthest]
         };
-        let told = |at: f64| {
+        let name_at = |at: f64| {
             if at == 1.0 {
                 self.label.clone()
             } else {
-                format!("{} from {}", self.label, told_distance(at))
+                format!("{} from {}", self.label, distance_label(at))
             }
         };
         ends.into_iter()
             .map(|at| Member {
-                name: told(at),
+                name: name_at(at),
                 scene: seen(&self.scene, self.scene.camera.scaled(at)),
             })
             .collect()
     }
 
-    /// The n-th of the views that nobody asked for, from 1 on.
+    /// Unseen view number `nth`, from 1.
     ///
     /// # Errors
-    /// [`crate::error::Error::Input`] where a file cannot be read a second time.
+    /// [`crate::error::Error::Input`] if a file cannot be read again.
     pub fn nth(&self, nth: usize) -> Result<Member> {
         let [nearest, farthest] = self.distance;
         let at = if nearest == farthest {
@@ -150,7 +151,7 @@ impl Domain {
         let from = if at == 1.0 {
             from
         } else {
-            format!("{from}, {}", told_distance(at))
+            format!("{from}, {}", distance_label(at))
         };
         Ok(Member {
             name: format!("{} from {from}", self.label),
@@ -158,14 +159,14 @@ impl Domain {
         })
     }
 
-    /// Cameras of the list as they are tried, the first the first.
+    /// Cameras of the list in the order in which they are tried; the first stays first.
     fn order(&self) -> Vec<usize> {
         let mut order: Vec<usize> = (0..self.cameras().len()).collect();
         order.sort_by(|a, b| part(*a, GOLDEN).total_cmp(&part(*b, GOLDEN)));
         order
     }
 
-    /// What a machine's file says of it, with the cameras that were tried.
+    /// Entry for a machine's file, with the cameras that were tried.
     pub fn record(&self, tried: Vec<Camera>) -> SceneRecord {
         let is_usual = self.list.is_none() && self.distance == [1.0; 2];
         let domain = DomainRecord {
@@ -179,7 +180,7 @@ impl Domain {
         }
     }
 
-    /// As a command names it, with `--frame` or without.
+    /// Loads a domain by the name of its scene, with or without `--frame`.
     ///
     /// # Errors
     /// As [`Sequence::load`].
@@ -211,15 +212,15 @@ fn seen(scene: &Scene, camera: Camera) -> Scene {
     }
 }
 
-fn told_distance(at: f64) -> String {
+fn distance_label(at: f64) -> String {
     format!("at {at:.2}")
 }
 
 impl Member {
-    /// This view and those beside it, less than a pixel apart, as many as asked for.
-    pub fn and_beside(self, count: usize) -> Vec<Member> {
+    /// This view and its nearby cameras, less than a pixel apart; `count` in total.
+    pub fn and_nearby(self, count: usize) -> Vec<Member> {
         let Member { name, scene } = self;
-        let beside = |nth: usize| {
+        let nearby = |nth: usize| {
             let name = if nth == 0 {
                 name.clone()
             } else {
@@ -230,6 +231,6 @@ impl Member {
                 scene: seen(&scene, scene.camera.nudged(nth, &scene.image)),
             }
         };
-        (0..count.max(1)).map(beside).collect()
+        (0..count.max(1)).map(nearby).collect()
     }
 }

@@ -1,5 +1,5 @@
-//! Knobs: what a search may take away from a machine, a step at a time: bits of words, and the
-//! sizes of tables and function units.
+//! Knobs: the parts of a machine that a search can reduce step by step: bits of words, and sizes of
+//! tables and function units.
 
 use crate::hardware::machines;
 use rtl_model::Machine;
@@ -8,35 +8,34 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 
-/// Fields of tables and function units that are numbers of bits or of steps, and the least that
-/// each may be.
+/// Fields of tables and function units that count bits or steps, and their least values.
 const SIZES: [(&str, i64); 4] = [
     ("bits", 4),
     ("newton_steps", 0),
     ("table_bits", 2),
     ("index_bits", 2),
 ];
-/// Bits that a word keeps at least.
+/// Least bits of a word.
 const LEAST_WIDTH: i32 = 1;
 
-/// One of them.
+/// A part that can be reduced.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Knob {
-    /// Where it is in the machine.
+    /// Path in the machine.
     pub path: String,
-    /// What it takes away.
-    pub part: Part,
-    /// Steps that can be taken away.
+    /// Kind of the part.
+    pub part: KnobPart,
+    /// Steps that can be taken.
     pub most: u32,
 }
 
-/// A part of a word, or a size.
+/// Kind of a part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum Part {
+pub enum KnobPart {
     /// A bit after the binary point.
     FractionBit,
-    /// A bit before it.
+    /// A bit before the binary point.
     IntegerBit,
     /// A bit or a step of a table or a function unit.
     Size,
@@ -44,25 +43,25 @@ pub enum Part {
 
 /// Fraction bits and sizes of a machine, or those whose path begins with one of `only`.
 pub fn all(machine: &Machine, only: &[String]) -> Vec<Knob> {
-    let mut knobs = of_words(machine, Part::FractionBit);
+    let mut knobs = of_words(machine, KnobPart::FractionBit);
     sizes(&machines::value(machine), "", &mut knobs);
-    knobs.retain(|knob| is_asked(&knob.path, only));
+    knobs.retain(|knob| is_selected(&knob.path, only));
     knobs
 }
 
 /// Integer bits of a machine, or those whose path begins with one of `only`.
 pub fn integers(machine: &Machine, only: &[String]) -> Vec<Knob> {
-    let mut knobs = of_words(machine, Part::IntegerBit);
-    knobs.retain(|knob| is_asked(&knob.path, only));
+    let mut knobs = of_words(machine, KnobPart::IntegerBit);
+    knobs.retain(|knob| is_selected(&knob.path, only));
     knobs
 }
 
-/// Whether a path begins with one of `only`, or there are none.
-pub fn is_asked(path: &str, only: &[String]) -> bool {
+/// Whether a path begins with one of `only`, or `only` is empty.
+pub fn is_selected(path: &str, only: &[String]) -> bool {
     only.is_empty() || only.iter().any(|name| machines::is_below(path, name))
 }
 
-fn of_words(machine: &Machine, part: Part) -> Vec<Knob> {
+fn of_words(machine: &Machine, part: KnobPart) -> Vec<Knob> {
     let knob = |(path, format): (String, Format)| Knob {
         path,
         part,
@@ -73,13 +72,13 @@ fn of_words(machine: &Machine, part: Part) -> Vec<Knob> {
 
 fn sizes(value: &Value, path: &str, knobs: &mut Vec<Knob>) {
     let Value::Object(fields) = value else { return };
-    // Timing has no accuracy.
+    // Timing does not change accuracy.
     for (name, field) in fields.iter().filter(|(name, _)| *name != "timing") {
         let below = format!("{path}{name}");
         match (SIZES.iter().find(|(size, _)| size == name), field.as_i64()) {
             (Some((_, least)), Some(top)) => knobs.push(Knob {
                 path: below,
-                part: Part::Size,
+                part: KnobPart::Size,
                 most: (top - least).max(0) as u32,
             }),
             _ => sizes(field, &format!("{below}."), knobs),
@@ -88,7 +87,7 @@ fn sizes(value: &Value, path: &str, knobs: &mut Vec<Knob>) {
 }
 
 impl Knob {
-    /// The field's value; of a word, its format, which may stand in a field of its own.
+    /// The field's value. For a word: its format, which may be in a field of its own.
     pub fn value(&self, fields: &Value) -> Value {
         let field = fields
             .pointer(&machines::pointer(&self.path))
@@ -96,7 +95,7 @@ impl Knob {
         field.get("format").unwrap_or(field).clone()
     }
 
-    /// Takes so many steps away from the field, which machines have.
+    /// Takes `steps` steps from the field, which the machine must have.
     pub fn take(&self, fields: &mut Value, steps: u32) {
         let Some(field) = fields.pointer_mut(&machines::pointer(&self.path)) else {
             return;
@@ -111,13 +110,13 @@ impl Knob {
             self.part,
             field.as_str().and_then(|text| text.parse::<Format>().ok()),
         ) {
-            (Part::FractionBit, Some(format)) => Format {
+            (KnobPart::FractionBit, Some(format)) => Format {
                 frac_bits: format.frac_bits - bits,
                 ..format
             }
             .to_string()
             .into(),
-            (Part::IntegerBit, Some(format)) => Format {
+            (KnobPart::IntegerBit, Some(format)) => Format {
                 int_bits: format.int_bits - bits,
                 ..format
             }

@@ -1,15 +1,15 @@
-//! Over fragment: which rule, and how many layers, does a scene need? Every rule with 1 to 8 layers
-//! is drawn by `golden`, and the cheapest that reaches the target is found, for each scene and for
-//! all; of equally cheap ones the fastest.
+//! Over fragment: finds the cheapest merge rule and number of layers for a target. `golden` draws
+//! each rule with 1 to 8 layers. The result is given for each scene and for all; of equally cheap
+//! ones the fastest.
 //!
 //! ```text
 //! scenes ─► ideal ─┐
-//! rules × layers ─► golden ─► golden − ideal ─► the least area, or bytes a pixel, at the target
-//!               └─► machine ─► frames/s, told beside it
+//! rules × layers ─► golden ─► golden − ideal ─► the least area, or bytes per pixel, at the target
+//!               └─► machine ─► frames/s, for information
 //! ```
-//! What the method reaches depends on no word, but a scene must fit the words. What it costs is of
-//! the base's words, or of the named machine's where it has none for a rule. `search` without
-//! `--over` then finds the words.
+//! The error of the method does not depend on words, but a scene must fit the words. Costs are for
+//! the base's words, or for those of the named machine if the base has none for a rule. `search`
+//! without `--over` then finds the words.
 //!
 //! Law (tests/search.rs): `the_cheapest_rule_is_found`.
 
@@ -38,31 +38,31 @@ use serde_json::json;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// What is to be least.
+/// Quantity to minimise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum By {
+pub enum LeastOf {
     /// LUT equivalents of the whole machine.
     Area,
-    /// Bytes of a pixel's fragments.
+    /// Bytes per pixel for its fragments.
     Bytes,
 }
 
-/// Size of a panel of the chart.
+/// Size of a panel of the chart, pixels.
 const CELL_PX: [u32; 2] = [480, 400];
 
-/// A rule that is tried.
+/// A merge rule.
 #[derive(Clone, Copy, Debug)]
-struct Rule {
+struct MergeRule {
     name: &'static str,
     group: Group,
     merge: Merge,
-    /// `fragment.window.join_permille`, where there are windows.
+    /// `fragment.window.join_permille`, for windows.
     join_permille: u32,
 }
 
-const fn rule(name: &'static str, group: Group, merge: Merge, join_permille: u32) -> Rule {
-    Rule {
+const fn rule(name: &'static str, group: Group, merge: Merge, join_permille: u32) -> MergeRule {
+    MergeRule {
         name,
         group,
         merge,
@@ -70,7 +70,7 @@ const fn rule(name: &'static str, group: Group, merge: Merge, join_permille: u32
     }
 }
 
-const RULES: [Rule; 5] = [
+const RULES: [MergeRule; 5] = [
     rule("nearest-pair", Group::First, Merge::NearestPair, 0),
     rule("farthest-pair", Group::First, Merge::FarthestPair, 0),
     rule("interval", Group::Interval, Merge::Window, 0),
@@ -78,40 +78,41 @@ const RULES: [Rule; 5] = [
     rule("window-join-0.1", Group::Window, Merge::Window, 100),
 ];
 
-/// A rule with so many layers.
+/// A rule with a number of layers.
 #[derive(Clone, Debug, Serialize)]
 pub struct Choice {
     /// Its name.
     pub rule: &'static str,
-    /// Layers a pixel.
+    /// Layers per pixel.
     pub layers: u32,
-    /// Bytes of a pixel's fragments.
+    /// Bytes per pixel for its fragments.
     pub pixel_bytes: u32,
-    /// LUT equivalents of the machine with it.
+    /// Area of the machine with this rule, LUT equivalents.
     pub area: f64,
-    /// LUT equivalents of its units `fragment` and `shade`, which rules have two of or one.
+    /// Area of its units `fragment` and `shade`, LUT equivalents. Some rules have two of each,
+    /// others one.
     pub fragment_and_shade_area: f64,
-    /// golden − ideal of each scene, dB; none where they are equal.
+    /// PSNR golden − ideal of each scene, dB; null if the pictures are equal.
     pub psnr_db: Vec<Option<f64>>,
     /// Whether each scene reaches the target.
     pub reaches: Vec<bool>,
-    /// Fragments that `golden` composites at overflows, of each scene.
+    /// Fragments that `golden` composites at overflows, per scene.
     pub merged: Vec<u64>,
-    /// Pairs that it adds up there.
+    /// Pairs that `golden` sums there, per scene.
     pub summed: Vec<u64>,
-    /// Frames a second that the machine draws of each scene.
+    /// Frames per second of the machine, per scene.
     pub frames_per_second: Vec<f64>,
 }
 
 impl Choice {
-    fn costs(&self, by: By) -> f64 {
+    fn costs(&self, by: LeastOf) -> f64 {
         match by {
-            By::Area => self.area,
-            By::Bytes => self.pixel_bytes.into(),
+            LeastOf::Area => self.area,
+            LeastOf::Bytes => self.pixel_bytes.into(),
         }
     }
 
-    /// Frames a second of the scene that takes longest.
+    /// Frames per second of the slowest scene.
     fn slowest(&self) -> f64 {
         self.frames_per_second
             .iter()
@@ -120,23 +121,24 @@ impl Choice {
     }
 }
 
-/// What was found.
+/// Result of the search.
 #[derive(Debug)]
-pub struct Outcome {
+pub struct FragmentOutcome {
     scenes: Vec<String>,
     target_db: f64,
-    by: By,
+    by: LeastOf,
     choices: Vec<Choice>,
-    /// The cheapest for each scene, and for all; none where no choice reaches the target.
+    /// Index of the cheapest choice for each scene, and for all; None if no choice reaches the
+    /// target.
     found: Vec<Option<usize>>,
     found_for_all: Option<usize>,
     /// Files written.
     pub files: Vec<PathBuf>,
 }
 
-/// The machine with another fragment: its own words where it has such, else those of the named
-/// machine that has.
-fn with_rule(base: &Machine, rule: Rule, layers: u32) -> Option<Machine> {
+/// The machine with another fragment unit: with its own words if it has them, else with those of
+/// the named machine for the rule.
+fn with_rule(base: &Machine, rule: MergeRule, layers: u32) -> Option<Machine> {
     let is_first = |machine: &Machine| machine.fragment.group == Group::First;
     let named = Machine::named(if rule.group == Group::First {
         "reference"
@@ -160,42 +162,42 @@ fn with_rule(base: &Machine, rule: Rule, layers: u32) -> Option<Machine> {
     if let Some(window) = &mut machine.fragment.window {
         window.join_permille = rule.join_permille;
     }
-    // As long as the fragment's own machine takes, whatever the base's rule was.
+    // The overflow cycles of the new fragment unit, whatever the base's rule was.
     machine.timing.fragment.merge = from.timing.fragment.merge.max(overflow_cycles(&machine));
     Some(machine)
 }
 
-/// Frames a second of the machine, by a replay of what it draws.
+/// Frames per second of the machine, by replaying the frame.
 fn replayed(evaluation: &Evaluation) -> f64 {
     let (_, _, work) = fixed::draw_measured(&evaluation.machine, &evaluation.quantised);
     let machine = &evaluation.machine.timing;
     frames_per_second(machine, &timing::replay(machine, &work, Detail::Total))
 }
 
-/// Tries all rules, and writes `machine.json`, the cheapest for all scenes, `choices.json` and a
-/// chart, `rules.png`.
+/// Tries all rules, and writes `machine.json` (the cheapest for all scenes), `choices.json` and the
+/// chart `rules.png`.
 ///
 /// # Errors
-/// [`Error::Input`] where a scene is of sheets, whose rule is their order, or a machine cannot be
-/// built or cannot hold a scene: nothing is written then. [`Error::Job`] where no rule reaches the
-/// target on all scenes: the table is in `choices.json` all the same.
+/// [`Error::Input`] if a scene is of sheets, whose merge rule is fixed, or a machine cannot be
+/// built or cannot hold a scene: nothing is written then. [`Error::Job`] if no rule reaches the
+/// target on all scenes: `choices.json` is still written.
 pub fn run(
     scenes: &[Scene],
     base: &Machine,
     folder: &Path,
     target_db: f64,
-    by: By,
+    by: LeastOf,
     prices: &Prices,
     show: bool,
-) -> Result<Outcome> {
+) -> Result<FragmentOutcome> {
     if let Some(scene) = scenes.iter().find(|scene| scene.sheets.is_some()) {
         return Err(Error::input(format!(
             "{}: sheets are blended one after the other, and have no rule to search for",
             scene.name
         )));
     }
-    // First, for nothing may be written where a scene does not fit. How many layers there are
-    // changes no word.
+    // First: nothing may be written if a scene does not fit. The number of layers does not change
+    // words.
     for machine in RULES
         .into_iter()
         .filter_map(|rule| with_rule(base, rule, 1))
@@ -242,7 +244,7 @@ pub fn run(
             let evaluation = Evaluation::on(scene, &elaborated)?;
             let (golden, frames) = rayon::join(|| evaluation.golden(), || replayed(&evaluation));
             let apart = distance(&golden.picture, ideal);
-            // What is no number reaches nothing.
+            // NaN does not reach the target.
             let db = if apart.not_finite > 0 {
                 Some(f64::NEG_INFINITY)
             } else {
@@ -278,7 +280,7 @@ pub fn run(
         .collect();
     let found_for_all = cheapest(&|choice| choice.reaches.iter().all(|reaches| *reaches));
     let names: Vec<String> = scenes.iter().map(|scene| scene.name.clone()).collect();
-    let mut outcome = Outcome {
+    let mut outcome = FragmentOutcome {
         scenes: names,
         target_db,
         by,
@@ -288,10 +290,10 @@ pub fn run(
         files: Vec::new(),
     };
     let path = folder.join("choices.json");
-    let told = json!({"scenes": outcome.scenes, "target_psnr_db": target_db, "by": by, "choices": outcome.choices,
+    let message = json!({"scenes": outcome.scenes, "target_psnr_db": target_db, "by": by, "choices": outcome.choices,
         "found": outcome.found, "found_for_all": found_for_all});
     write_beside(&path, |file| {
-        serde_json::to_writer_pretty(file, &told).map_err(|e| e.to_string())
+        serde_json::to_writer_pretty(file, &message).map_err(|e| e.to_string())
     })?;
     outcome.files.push(path);
     let path = folder.join("rules.png");
@@ -319,7 +321,7 @@ pub fn run(
     Ok(outcome)
 }
 
-impl Outcome {
+impl FragmentOutcome {
     fn cost(&self, nth: usize) -> String {
         let choice = &self.choices[nth];
         let Choice {
@@ -336,7 +338,7 @@ impl Outcome {
         )
     }
 
-    /// The best that there is, where no choice reaches the target on all scenes.
+    /// The nearest choice, if no choice reaches the target on all scenes.
     fn without_end(&self) -> String {
         let worst = |choice: &Choice| {
             choice
@@ -360,9 +362,9 @@ impl Outcome {
         )
     }
 
-    /// All choices, and the cheapest, at most 80 columns wide where scenes are few.
+    /// All choices and the cheapest; at most 80 columns wide for few scenes.
     pub fn summary(&self) -> String {
-        let what = if self.by == By::Area {
+        let what = if self.by == LeastOf::Area {
             "area"
         } else {
             "bytes a pixel"
@@ -429,8 +431,8 @@ impl Outcome {
         text
     }
 
-    /// golden − ideal of each scene against what layers and rules cost: a row of four panels a
-    /// scene.
+    /// golden − ideal of each scene against the costs of layers and rules: one row of four panels
+    /// per scene.
     fn write_chart(&self, path: &Path) -> Result<()> {
         let panels: Vec<Panel> = (0..self.scenes.len())
             .flat_map(|scene| self.panels(scene))
@@ -441,9 +443,9 @@ impl Outcome {
 
     fn panels(&self, scene: usize) -> [Panel; 4] {
         type Figure = fn(&Choice, usize) -> f64;
-        // A logarithm needs one merge at least.
+        // A logarithmic axis needs at least one merge.
         let axes: [(Axis, Figure); 4] = [
-            (Axis::linear("bytes a pixel"), |choice, _| {
+            (Axis::linear("bytes per pixel"), |choice, _| {
                 choice.pixel_bytes.into()
             }),
             (Axis::log("merges, at least 1"), |choice, scene| {
@@ -463,7 +465,7 @@ impl Outcome {
                     .iter()
                     .filter(move |choice| choice.rule == name)
             };
-            // A picture that equals ideal has no place.
+            // A picture that equals ideal has no point.
             let point = |choice: &Choice| {
                 Some([
                     figure(choice, scene),

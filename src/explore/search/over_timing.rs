@@ -1,14 +1,14 @@
-//! Over timing: the cheapest microarchitecture that draws so many frames a second.
+//! Over timing: finds the cheapest microarchitecture that draws N frames per second.
 //!
 //! ```text
 //! scenes ─► drawn once each ─► work ──┐
-//! fields ─► machine ─► built? ─► replay ─► frames/s, cost ─► grown until it is fast enough ─► cheaper, by one field, then by two
+//! fields ─► machine ─► valid? ─► replay ─► frames/s, cost ─► grown until it is fast enough ─► cheaper, by one field, then by two
 //!                                                                  ▲                                          │
-//!                                                                  └──── a view that is too slow counts too ◄─┘
+//!                                                                  └──── a view that is too slow is added   ◄─┘
 //! ```
-//! Words stay as they are, so that no picture changes: a scene is drawn once, and every machine
-//! replays what was recorded. A machine whose unit cannot keep its clock is not built, and is no
-//! candidate. Every machine that was tried is a row of a journal, as in `sweep`.
+//! Words are not changed, so pictures do not change: a scene is drawn once, and every machine
+//! replays the recorded work. A machine with a unit that misses its clock is not a candidate. Every
+//! machine that was tried is a row of a journal, as in `sweep`.
 //!
 //! Laws (tests/search.rs): `the_cheapest_machine_that_is_fast_enough_is_found`,
 //! `a_machine_that_cannot_be_fast_enough_says_what_is_nearest`.
@@ -20,7 +20,7 @@ use super::claims::{self, Claim, Decided};
 use super::{Domain, Member};
 use crate::error::{Error, Result};
 use crate::explore::sweep::columns;
-use crate::explore::sweep::table::Kind;
+use crate::explore::sweep::table::CellKind;
 use crate::explore::sweep::write_plan;
 use crate::hardware::quantise::quantise;
 use crate::hardware::searched::{SearchRecord, Target};
@@ -32,8 +32,8 @@ use crate::performance::cycles::frames_per_second;
 use crate::run::evaluation::Evaluation;
 use crate::scene::digest::digest_of;
 use crate::scene::{Camera, Scene};
-use climb::{Search, State};
-pub use fields::{Bought, Field, read};
+use climb::{Climb, State};
+pub use fields::{GivenMemory, SearchedField, read};
 use rtl_model::Machine;
 use rtl_model::timing::{self, Detail};
 use rtl_model::work::Work;
@@ -44,62 +44,62 @@ use std::borrow::Cow;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// What is to be least.
+/// Quantity to minimise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Minimise {
-    /// Area of the machine, in the unit of the prices.
+    /// Area of the machine, in the unit of the cost model.
     Area,
-    /// Gate equivalents of the machine, what is stored at what its bits are priced.
+    /// Gate equivalents of the machine; stored bits at their cost in gates.
     Gates,
-    /// Joules a frame, of the scene that takes most.
+    /// Joules per frame, of the scene with the most.
     Energy,
-    /// Cycles a frame, of the scene that takes most, at the machine's own clock.
+    /// Cycles per frame, of the scene with the most, at the machine's own clock.
     Cycles,
 }
 
 /// Options of a search over timing.
 #[derive(Clone, Debug)]
-pub struct Options {
-    /// Frames a second that every scene must reach.
+pub struct TimingOptions {
+    /// Frames per second that every scene must reach.
     pub min_fps: f64,
-    /// What is to be least.
+    /// Quantity to minimise.
     pub minimise: Minimise,
-    /// Fields and values; the usual ones where empty.
-    pub fields: Vec<Field>,
-    /// Memory that is bought; that of the machine where nothing is said.
-    pub memory: Option<Bought>,
-    /// Unseen cameras of each scene that must be fast enough too.
+    /// Fields and values; the default ones if empty.
+    pub fields: Vec<SearchedField>,
+    /// The memory, which is given; None for that of the machine.
+    pub memory: Option<GivenMemory>,
+    /// Number of unseen cameras of each scene that must be fast enough too.
     pub views: usize,
-    /// What a bit costs.
+    /// Unit costs of bits.
     pub prices: Prices,
-    /// Show how far it is.
+    /// Show progress.
     pub progress: bool,
 }
 
-/// What a machine takes, the most of all scenes and views.
+/// Figures of a machine: the worst over all scenes and views.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
-pub struct Measured {
-    /// Frames a second of the slowest.
+pub struct TimingFigures {
+    /// Frames per second of the slowest.
     pub frames_per_second: f64,
-    /// Area in the unit of the prices.
+    /// Area in the unit of the cost model.
     pub area: f64,
     /// Gate equivalents.
     pub gates: f64,
-    /// Joules a frame.
+    /// Joules per frame.
     pub energy: f64,
-    /// Cycles a frame.
+    /// Cycles per frame.
     pub cycles: u64,
 }
 
 impl Minimise {
-    /// Whether it is known of a machine that has drawn nothing.
+    /// Whether the quantity is known without a replay.
     fn is_known_at_once(self) -> bool {
         matches!(self, Minimise::Area | Minimise::Gates)
     }
 }
 
-impl Measured {
+impl TimingFigures {
     fn of(&self, minimise: Minimise) -> f64 {
         match minimise {
             Minimise::Area => self.area,
@@ -109,9 +109,9 @@ impl Measured {
         }
     }
 
-    /// Of two frames on one machine.
-    fn and(self, other: Measured) -> Measured {
-        Measured {
+    /// The worst of two frames on one machine.
+    fn and(self, other: TimingFigures) -> TimingFigures {
+        TimingFigures {
             frames_per_second: self.frames_per_second.min(other.frames_per_second),
             area: self.area,
             gates: self.gates,
@@ -121,7 +121,7 @@ impl Measured {
     }
 }
 
-/// A frame that machines replay.
+/// A frame with its recorded work.
 struct Recorded {
     name: String,
     camera: Camera,
@@ -143,118 +143,121 @@ impl Recorded {
     }
 }
 
-/// A step of the way.
+/// One step of the search.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
-pub struct Step {
-    /// What was done.
+pub struct TimingStep {
+    /// Method.
     pub method: String,
     #[serde(flatten)]
-    found: Measured,
-    /// Different machines tried until then.
+    found: TimingFigures,
+    /// Different machines tried so far.
     pub tried: u64,
 }
 
-/// A view that was not searched on.
+/// An unseen view.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Unseen {
-    /// Which domain it is of.
+    /// Index of the domain.
     #[serde(skip)]
     of: usize,
     /// Scene and number.
     pub name: String,
-    /// The whole camera, as a scene file has it.
+    /// The whole camera, as in a scene file.
     pub camera: Camera,
-    /// Frames a second.
+    /// Frames per second.
     pub frames_per_second: f64,
 }
 
-/// A view that the search was decided on.
+/// A view that decided the search.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Deciding {
-    /// Which domain it is of.
+    /// Index of the domain.
     #[serde(skip)]
     of: usize,
     /// Scene, or scene and number.
     pub name: String,
-    /// The whole camera, as a scene file has it.
+    /// The whole camera, as in a scene file.
     pub camera: Camera,
-    /// Frames a second of the machine that was found.
+    /// Frames per second of the machine that was found.
     pub frames_per_second: f64,
 }
 
-/// What was found.
+/// Result of a search.
 #[derive(Debug, Serialize, JsonSchema)]
-pub struct Outcome {
+pub struct TimingOutcome {
     /// The scenes.
     pub scenes: Vec<String>,
-    /// Frames a second that every one must reach.
+    /// Frames per second that every scene must reach.
     pub min_fps: f64,
-    /// What was to be least.
+    /// Quantity to minimise.
     pub minimise: Minimise,
-    /// The machine that it began with.
+    /// The machine from which the search started.
     pub base: String,
-    /// What might be changed.
-    pub fields: Vec<Field>,
-    /// The way.
-    pub path: Vec<Step>,
-    /// Unseen views and their frames a second.
+    /// Fields that may be changed.
+    pub fields: Vec<SearchedField>,
+    /// Steps of the search.
+    pub path: Vec<TimingStep>,
+    /// Unseen views and their frames per second.
     pub views: Vec<Unseen>,
-    /// Views that were too slow, and counted from then on.
+    /// Views that were too slow and were added to the search.
     pub learnt: Vec<String>,
-    /// Views that decided the search: those that were replayed, those that every machine is looked
-    /// at on first, and those that were too slow.
+    /// Views that decided the search: the replayed ones, those on which every machine is checked
+    /// first, and those that were too slow.
     pub cameras: Vec<Deciding>,
-    /// Figures that are stated, and the cameras that decide them.
+    /// Stated figures, and the cameras that decide them.
     pub claims: Vec<Claim>,
     /// Fields that differ from the base's, as PATH=VALUE.
     pub changes: Vec<String>,
     /// What limits the slowest scene.
     pub limited_by: String,
-    /// The machine.
+    /// The machine that was found.
     pub machine: Machine,
     /// Files that were written.
     #[serde(skip)]
     pub files: Vec<PathBuf>,
 }
 
-/// Rounds, each with another view, before it is given up.
+/// Most rounds; each adds one view.
 const ROUNDS: usize = 12;
-/// The first of the cameras that the slowest is looked for among; unseen views come long before.
+/// Index of the first camera among which the slowest is chosen, far above those of unseen views.
 const FIRST_LOOK: usize = 1_000_000;
-/// By so much more than a view needs the aim is raised, and so high at most, as a part.
+/// Margin by which the aim exceeds the need of a view, and its upper limit, as a part.
 const MARGIN: f64 = 0.002;
 const MOST_ABOVE: f64 = 1.25;
 
-const COLUMNS: [(&str, Kind); 10] = [
-    (columns::POINT, Kind::Whole),
-    (columns::KEY, Kind::Text),
-    (columns::SCENE, Kind::Text),
-    (columns::CHANGES, Kind::Text),
-    (columns::MISFIT, Kind::Text),
-    (columns::FRAMES_PER_SECOND, Kind::Number),
-    (columns::AREA, Kind::Number),
-    (columns::ENERGY_J, Kind::Number),
-    (columns::CYCLES, Kind::Whole),
-    (columns::GATES, Kind::Number),
+const COLUMNS: [(&str, CellKind); 10] = [
+    (columns::POINT, CellKind::Whole),
+    (columns::KEY, CellKind::Text),
+    (columns::SCENE, CellKind::Text),
+    (columns::CHANGES, CellKind::Text),
+    (columns::MISFIT, CellKind::Text),
+    (columns::FRAMES_PER_SECOND, CellKind::Number),
+    (columns::AREA, CellKind::Number),
+    (columns::ENERGY_J, CellKind::Number),
+    (columns::CYCLES, CellKind::Whole),
+    (columns::GATES, CellKind::Number),
 ];
 
-/// The fields that are searched; of those that nobody named the clock stays, where cycles are
-/// counted.
-fn fields_of(base: &Machine, options: &Options) -> Vec<Field> {
+/// The searched fields. If none are given and cycles are minimised, the clock is not changed.
+fn fields_of(base: &Machine, options: &TimingOptions) -> Vec<SearchedField> {
     if !options.fields.is_empty() {
         return options.fields.clone();
     }
-    let is_told =
-        |field: &Field| options.minimise != Minimise::Cycles || field.field != fields::CLOCK;
-    fields::usual(base).into_iter().filter(is_told).collect()
+    let is_told = |field: &SearchedField| {
+        options.minimise != Minimise::Cycles || field.field != fields::CLOCK
+    };
+    fields::default_fields(base)
+        .into_iter()
+        .filter(is_told)
+        .collect()
 }
 
-/// Refuses scenes that another timing draws otherwise.
+/// Refuses scenes whose picture depends on timing.
 fn check_scenes<'a>(scenes: impl Iterator<Item = &'a Scene>, base: &Machine) -> Result<()> {
     for scene in scenes {
         let budget = scene.detail.as_ref().map(|detail| detail.rules.budget);
         if budget.is_some_and(|budget| budget.bytes.or(budget.cycles).is_some()) {
-            let why = "has a budget of bytes or cycles, so that another machine draws other splats";
+            let why = "has a budget of bytes or cycles, so its splats depend on the machine";
             return Err(Error::input(format!("--min-fps: {} {why}", scene.name)));
         }
         quantise(scene, base)?;
@@ -262,20 +265,19 @@ fn check_scenes<'a>(scenes: impl Iterator<Item = &'a Scene>, base: &Machine) -> 
     Ok(())
 }
 
-/// Searches, and writes `machine.json`, `search.json`, `search.csv` and `search.parquet`. What the
-/// machine was searched for before, by its words, is in `searched`, and goes into its file.
+/// Runs the search, and writes `machine.json`, `search.json`, `search.csv` and `search.parquet`.
+/// `searched` is the record of an earlier search over words; it is written into the machine's file.
 ///
 /// # Errors
-/// [`Error::Input`] where a scene does not fit the machine, or a field or value is none of it:
-/// nothing is written then. [`Error::Job`] where nothing that was tried is fast enough: rows of
-/// what was tried are left.
+/// [`Error::Input`] if a scene does not fit the machine, or a field or value is invalid: nothing is
+/// written then. [`Error::Job`] if no machine that was tried is fast enough: the rows are kept.
 pub fn run(
     domains: &[Domain],
     base: &Machine,
     searched: Option<&SearchRecord>,
     folder: &Path,
-    options: &Options,
-) -> Result<Outcome> {
+    options: &TimingOptions,
+) -> Result<TimingOutcome> {
     let fields = fields_of(base, options);
     let knobs = fields::knobs(base, &fields)?;
     fixed::elaborate(base)?;
@@ -284,7 +286,7 @@ pub fn run(
     around(domains, options.views)
         .try_for_each(|member| check_scenes([&member?.scene].into_iter(), base))?;
     let _open = Folder::open(folder)?;
-    let mut search = Search::new(options, base, knobs, folder)?;
+    let mut search = Climb::new(options, base, knobs, folder)?;
     let names: Vec<String> = domains.iter().map(|domain| domain.label.clone()).collect();
     let aim = json!({"min_fps": options.min_fps, "minimise": options.minimise, "fields": fields, "prices": options.prices});
     write_plan(
@@ -311,7 +313,7 @@ pub fn run(
         best = match search.round(&best, &mut path)? {
             Some(best) => best,
             None if search.aim > options.min_fps => {
-                // An aim for one view stood for others; now they stand for themselves.
+                // The raised aim stood for other views; now these are searched themselves.
                 search.aim = options.min_fps;
                 slow_frames.drain(..).for_each(|frame| search.learn(frame));
                 continue;
@@ -321,8 +323,8 @@ pub fn run(
         let slow = unseen(&mut search, domains, &members, &best, next_view, options)?;
         next_view += options.views;
         let (fps, frame, member) = match slow {
-            Seen::Fast(views, looked) => break (views, looked),
-            Seen::Slow(fps, frame, member) => (fps, *frame, member),
+            UnseenResult::Fast(views, looked) => break (views, looked),
+            UnseenResult::Slow(fps, frame, member) => (fps, *frame, member),
         };
         if rounds + 1 == ROUNDS {
             return Err(Error::job(format!(
@@ -339,8 +341,7 @@ pub fn run(
             learnt.push(frame.name.clone());
         }
         rounds += 1;
-        // What was replayed stays known where the aim alone is higher; a view that is too slow
-        // beyond that is looked at itself.
+        // A higher aim keeps the replays; only beyond its limit is a slow view itself added.
         let aim = search.aim * (1.0 + MARGIN) * options.min_fps / fps;
         if aim <= options.min_fps * MOST_ABOVE {
             search.aim = aim;
@@ -348,7 +349,7 @@ pub fn run(
         } else {
             search.learn(frame);
         }
-        // It must hold from now on.
+        // It must be fast enough from now on.
         members.push(*member);
         search.step(&mut path, &method, &best)?;
     };
@@ -411,7 +412,7 @@ pub fn run(
         searched,
     };
     let (min_fps, minimise, base) = (options.min_fps, options.minimise, base.name.clone());
-    let outcome = Outcome {
+    let outcome = TimingOutcome {
         scenes: names,
         min_fps,
         minimise,
@@ -437,10 +438,10 @@ pub fn run(
         })?;
         files.insert(0, path);
     }
-    Ok(Outcome { files, ..outcome })
+    Ok(TimingOutcome { files, ..outcome })
 }
 
-/// What the file of a machine says whose words nobody searched.
+/// The record of a machine whose words were not searched.
 fn record(
     domains: &[Domain],
     (decided, views): (&[Deciding], &[Unseen]),
@@ -478,16 +479,16 @@ fn record(
     }
 }
 
-/// Views among which the slowest is looked for, beside the first.
+/// Views among which the slowest is chosen, in addition to the first.
 fn around(domains: &[Domain], views: usize) -> impl Iterator<Item = Result<Member>> {
     domains
         .iter()
         .flat_map(move |domain| (0..views).map(move |nth| domain.nth(FIRST_LOOK + nth)))
 }
 
-/// The frame that is searched on: of so many views the slowest on the base, of equals the first.
+/// The searched frame: of N views the slowest on the base, the first one if several are equal.
 fn slowest<'m>(
-    search: &mut Search,
+    search: &mut Climb,
     views: impl Iterator<Item = Result<Cow<'m, Member>>>,
     count: usize,
     base: &Machine,
@@ -495,8 +496,8 @@ fn slowest<'m>(
     let mut slowest: Option<(u64, Cow<'m, Member>, Option<Recorded>)> = None;
     for (nth, member) in views.enumerate() {
         let member = member?;
-        search.say_view("recording view", nth + 1, count, &member.name);
-        let (found, frame) = search.look_at(base, "", &member)?;
+        search.report_view("recording view", nth + 1, count, &member.name);
+        let (found, frame) = search.measure_view(base, "", &member)?;
         if slowest
             .as_ref()
             .is_none_or(|(most, ..)| found.cycles > *most)
@@ -508,33 +509,33 @@ fn slowest<'m>(
     frame.map_or_else(|| Recorded::new(&member, base), Ok)
 }
 
-/// What unseen views say.
-enum Seen {
-    /// All are fast enough: the unseen ones, and those that every machine is looked at on first.
+/// Result of the unseen views.
+enum UnseenResult {
+    /// All are fast enough: the unseen ones, and those on which every machine is checked first.
     Fast(Vec<Unseen>, Vec<Deciding>),
-    /// One is not, the slowest, with so many frames a second.
+    /// The slowest is too slow; its frames per second.
     Slow(f64, Box<Recorded>, Box<Member>),
 }
 
-/// Frames/s of what is looked at first, and of unseen views.
+/// Frames per second of the views that are checked first, and of unseen views.
 fn unseen(
-    search: &mut Search,
+    search: &mut Climb,
     domains: &[Domain],
     members: &[Member],
     state: &State,
     first: usize,
-    options: &Options,
-) -> Result<Seen> {
+    options: &TimingOptions,
+) -> Result<UnseenResult> {
     let machine = search.machine(state)?;
     let changes = search.changes(state).join(" ");
     let mut views: Vec<Unseen> = Vec::new();
     let mut slowest: Option<(f64, Option<Recorded>, Box<Member>)> = None;
     let most = members.len() + domains.len() * options.views;
     let mut count = 0;
-    let mut look = |search: &mut Search, member: &Member| -> Result<f64> {
+    let mut look = |search: &mut Climb, member: &Member| -> Result<f64> {
         count += 1;
-        search.say_view("unseen view", count, most, &member.name);
-        let (found, frame) = search.look_at(&machine, &changes, member)?;
+        search.report_view("unseen view", count, most, &member.name);
+        let (found, frame) = search.measure_view(&machine, &changes, member)?;
         let fps = found.frames_per_second;
         if fps < options.min_fps && slowest.as_ref().is_none_or(|(least, ..)| fps < *least) {
             slowest = Some((fps, frame, Box::new(member.clone())));
@@ -565,7 +566,7 @@ fn unseen(
         for nth in first..first + options.views {
             let member = domain.nth(nth)?;
             let camera = member.scene.camera;
-            // A short list comes round again.
+            // A short list of cameras repeats.
             let is_known =
                 is_searched(&member) || members.iter().any(|other| other.name == member.name);
             if is_known
@@ -585,14 +586,14 @@ fn unseen(
         }
     }
     let Some((fps, frame, member)) = slowest else {
-        return Ok(Seen::Fast(views, looked));
+        return Ok(UnseenResult::Fast(views, looked));
     };
     let frame = frame.map_or_else(|| Recorded::new(&member, &machine), Ok)?;
-    Ok(Seen::Slow(fps, Box::new(frame), member))
+    Ok(UnseenResult::Slow(fps, Box::new(frame), member))
 }
 
-impl Outcome {
-    /// The way and what it led to, at most 80 columns wide.
+impl TimingOutcome {
+    /// Steps and result, at most 80 columns wide.
     pub fn summary(&self) -> String {
         let what = match self.minimise {
             Minimise::Area => "area",
@@ -606,13 +607,13 @@ impl Outcome {
             self.base,
             self.min_fps
         );
-        // Of two ways to tell how large it is, that which counts.
-        let (size, size_of): (_, fn(&Measured) -> f64) = match self.minimise {
+        // Of area and gates, the one that is minimised.
+        let (size, size_of): (_, fn(&TimingFigures) -> f64) = match self.minimise {
             Minimise::Gates => ("gates", |found| found.gates),
             _ => ("area", |found| found.area),
         };
         let mut table = plain_table(&["", size, "frames/s", "energy mJ", "cycles", "tried"]);
-        for Step {
+        for TimingStep {
             method,
             found,
             tried,

@@ -1,7 +1,7 @@
-//! Cases: the table of the catalogue. Each row drives one parameter of a small scene into trouble.
+//! Cases: the table of the catalogue. Each row drives one parameter of a small scene to its limit.
 //!
-//! Scenes look along +z from the origin, x to the right and y down, with [`FOCAL_PX`] pixels to a
-//! unit at depth 1. Values run from harmless to bad, so that the first one that fails is the limit.
+//! Scenes look along +z from the origin, x to the right and y down, with [`FOCAL_PX`] pixels per
+//! unit at depth 1. Values run from harmless to bad, so the first one that fails is the limit.
 
 mod ellipsoids;
 
@@ -17,49 +17,49 @@ use std::f64::consts::SQRT_2;
 pub struct Case {
     /// Name.
     pub name: &'static str,
-    /// Trouble that the case makes, a line.
+    /// Difficulty of the case, one line.
     pub trouble: &'static str,
     /// Parameter that is driven.
     pub parameter: &'static str,
-    /// Its unit; empty where it is a number.
+    /// Its unit; empty for a number.
     pub unit: &'static str,
     /// Its values.
     pub values: &'static [f64],
-    /// Whether a chart shows them by powers of ten.
+    /// Whether the chart has a logarithmic axis.
     pub log: bool,
     /// The value and the machine that the gallery shows.
     pub telling: (f64, &'static str),
     /// The scene at a value.
     pub scene: fn(f64) -> Scene,
-    /// A machine of the case's own, beside the named ones.
-    pub variant: Option<Variant>,
+    /// A machine of this case, in addition to the named ones.
+    pub variant: Option<CaseVariant>,
 }
 
-/// `reference`, or the machine for the scene's ellipsoids, with something changed.
+/// `reference`, or the machine for the scene's ellipsoids, with changes.
 #[derive(Clone, Copy, Debug)]
-pub struct Variant {
+pub struct CaseVariant {
     /// Name.
     pub name: &'static str,
     /// The changes at a value, as `--set` takes them.
     pub settings: fn(f64) -> Vec<String>,
 }
 
-/// Focal length: pixels to a unit at depth 1.
+/// Focal length: pixels per unit at depth 1.
 pub const FOCAL_PX: f64 = 48.0;
-/// Depth at which most surfaces stand.
+/// Depth of most surfaces.
 const DEPTH: f64 = 2.0;
 /// One pixel at that depth, world units.
 const PX: f64 = DEPTH / FOCAL_PX;
 /// Side of most pictures, pixels.
 const SIDE: usize = 48;
 
-/// The case that is a sequence, each value against the one before.
+/// The case that is a sequence: each value is compared with the one before.
 const SLOW_PAN: &str = "slow-pan";
-/// Pixels a frame.
+/// Pixels per frame.
 const PAN_STEP_PX: f64 = 1.0 / 16.0;
-/// Splats of the check scene there.
+/// Splats of the check scene in that case.
 const PAN_SPLATS: usize = 6000;
-/// ε there: the check scene's, wider as its splats are.
+/// ε in that case: the check scene's, scaled with the splats.
 const PAN_Z_THRESHOLD: f64 = 0.2;
 
 const RED: [f64; 3] = [0.9, 0.15, 0.1];
@@ -111,7 +111,7 @@ const SURFACES: [Case; 32] = [
     },
     Case {
         name: "turned",
-        trouble: "the same ellipse turned in the picture: what an axis hides a diagonal shows",
+        trouble: "the same ellipse turned in the picture: errors hidden along an axis show along a diagonal",
         parameter: "turned by",
         unit: "degrees",
         values: &[0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0, 120.0, 135.0, 150.0],
@@ -151,21 +151,21 @@ const SURFACES: [Case; 32] = [
         log: true,
         telling: (1.0, "12-bit"),
         scene: huge,
-        variant: Some(Variant {
+        variant: Some(CaseVariant {
             name: "12-bit",
             settings: |_| differences(12),
         }),
     },
     Case {
         name: "guard-bits",
-        trouble: "the same splat, one frame wide, with ever fewer bits in its differences",
+        trouble: "the same splat, one frame wide, with fewer and fewer bits in its differences",
         parameter: "fraction bits of first and second difference",
         unit: "",
         values: &[24.0, 22.0, 20.0, 18.0, 16.0, 14.0, 12.0, 10.0, 8.0],
         log: false,
         telling: (14.0, "fewer bits"),
         scene: |_| huge(1.0),
-        variant: Some(Variant {
+        variant: Some(CaseVariant {
             name: "fewer bits",
             settings: |bits| differences(bits as i32),
         }),
@@ -179,7 +179,7 @@ const SURFACES: [Case; 32] = [
         log: true,
         telling: (12.0, "6-bit r"),
         scene: wrap,
-        variant: Some(Variant {
+        variant: Some(CaseVariant {
             name: "6-bit r",
             settings: |_| vec![r#"raster.radial={"format":"I6F27","overflow":"wrap"}"#.into()],
         }),
@@ -193,7 +193,7 @@ const SURFACES: [Case; 32] = [
         log: true,
         telling: (1.0, "12-bit"),
         scene: negative_r,
-        variant: Some(Variant {
+        variant: Some(CaseVariant {
             name: "12-bit",
             settings: |_| differences(12),
         }),
@@ -218,7 +218,7 @@ const SURFACES: [Case; 32] = [
         log: false,
         telling: (20.0, "wide table"),
         scene: rim,
-        variant: Some(Variant {
+        variant: Some(CaseVariant {
             name: "wide table",
             settings: |_| vec!["gauss.radial_index=U5F13".into()],
         }),
@@ -232,14 +232,14 @@ const SURFACES: [Case; 32] = [
         log: false,
         telling: (7.0, "fewer bits"),
         scene: |_| overlapping_discs(),
-        variant: Some(Variant {
+        variant: Some(CaseVariant {
             name: "fewer bits",
             settings: |bits| vec![format!("raster.offset=I7F{}", bits - 7.0)],
         }),
     },
     Case {
         name: "crowd",
-        trouble: "ever more contributions on the same pixels: the sums saturate",
+        trouble: "more and more contributions on the same pixels: the sums saturate",
         parameter: "contributions on a pixel",
         unit: "",
         values: &[1.0, 10.0, 100.0, 300.0, 1e3, 3e3, 1e4, 1e5],
@@ -250,7 +250,7 @@ const SURFACES: [Case; 32] = [
     },
     Case {
         name: "near-plane",
-        trouble: "splats on both sides of the near plane, ever closer to it",
+        trouble: "splats on both sides of the near plane, closer and closer to it",
         parameter: "distance to the near plane",
         unit: "of its depth",
         values: &[0.5, 0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8],
@@ -393,14 +393,14 @@ const SURFACES: [Case; 32] = [
         log: true,
         telling: (0.1, "not turned"),
         scene: cancel,
-        variant: Some(Variant {
+        variant: Some(CaseVariant {
             name: "not turned",
             settings: |_| vec!["fragment.turn_normals=false".into()],
         }),
     },
     Case {
         name: "faint-merge",
-        trouble: "many layers of almost nothing: what a merge keeps in a slot has fixed places",
+        trouble: "many layers of almost nothing: the words of a merged slot are in fixed point",
         parameter: "opacity",
         unit: "",
         values: &[0.5, 0.1, 0.03, 0.01, 3e-3, 1e-3, 3e-4],
@@ -411,7 +411,7 @@ const SURFACES: [Case; 32] = [
     },
     Case {
         name: "nested-shells",
-        trouble: "translucent spheres around each other in random order, each with gaps: what is closed is never complete",
+        trouble: "translucent spheres around each other in random order, each with gaps: a closed slot is never complete",
         parameter: "spheres",
         unit: "",
         values: &[1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0],
@@ -422,7 +422,7 @@ const SURFACES: [Case; 32] = [
     },
     Case {
         name: "noisy-scan",
-        trouble: "a translucent scan whose depths scatter: how many windows of ε a surface falls into decides its opacity",
+        trouble: "a translucent scan whose depths scatter: the number of windows of ε in a surface determines its opacity",
         parameter: "scatter",
         unit: "ε",
         values: &[0.01, 0.1, 0.3, 0.5, 1.0, 2.0, 4.0, 8.0],
@@ -433,7 +433,7 @@ const SURFACES: [Case; 32] = [
     },
     Case {
         name: "lone-splats",
-        trouble: "translucent discs of which each is a surface: nothing to gather, and late ones belong to nothing",
+        trouble: "translucent discs of which each is a surface: nothing to gather, and late ones belong to no cluster",
         parameter: "discs on a pixel",
         unit: "",
         values: &[1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 16.0, 32.0],
@@ -455,7 +455,7 @@ const SURFACES: [Case; 32] = [
     },
     Case {
         name: SLOW_PAN,
-        trouble: "the check scene, a sixteenth of a pixel farther in each frame: what is still flickers",
+        trouble: "the check scene, a sixteenth of a pixel farther in each frame: still objects flicker",
         parameter: "turned to the right by",
         unit: "px",
         values: &[0.0, 0.0625, 0.125, 0.1875, 0.25, 0.3125],
@@ -466,7 +466,7 @@ const SURFACES: [Case; 32] = [
     },
 ];
 
-/// First and second differences with so many fraction bits.
+/// First and second differences with this number of fraction bits.
 fn differences(bits: i32) -> Vec<String> {
     vec![
         format!("raster.first=I16F{bits}"),
@@ -534,12 +534,12 @@ fn square(splats: Vec<Splat>) -> Scene {
     picture(SIDE, SIDE, splats)
 }
 
-/// Where a ray through pixel position (x, y), from the picture's middle, is at a depth.
+/// The point at a depth on the ray through pixel position (x, y), relative to the picture's centre.
 fn at(x: f64, y: f64, depth: f64) -> DVec3 {
     DVec3::new(x * depth / FOCAL_PX, y * depth / FOCAL_PX, depth)
 }
 
-/// Opaque, unlit, facing the screen.
+/// An opaque, unlit disc that faces the screen.
 fn disc(position: DVec3, radius: f64, rgb: [f64; 3]) -> Splat {
     Splat {
         position,
@@ -568,8 +568,8 @@ fn needle([x, y]: [f64; 2], aspect: f64, degrees: f64, rgb: [f64; 3]) -> Splat {
     }
 }
 
-/// A plane of `count` × `count` discs around a point, their radius the spacing, coloured in squares
-/// of four.
+/// A plane of `count` × `count` discs around a point, with the spacing as radius, coloured in
+/// squares of four.
 fn plane(
     centre: DVec3,
     [right, down]: [DVec3; 2],
@@ -579,7 +579,7 @@ fn plane(
 ) -> Vec<Splat> {
     let normal = right.cross(down).normalize();
     let normal = if normal.z > 0.0 { -normal } else { normal };
-    // A little off the middle: in a symmetric grid many pixels would lie exactly on the cutoff.
+    // Slightly off centre: in a symmetric grid many pixels would be exactly at the cutoff.
     let place = |i: usize| (i as f64 - (count as f64 - 1.0) / 2.0 + 0.043) * spacing;
     let cell = |i: usize| {
         let (column, row) = (i % count, i / count);
@@ -592,7 +592,7 @@ fn plane(
     (0..count * count).map(cell).collect()
 }
 
-/// Axes of a plane that leans by so many degrees, its lower edge away from the eye.
+/// Axes of a plane tilted by this many degrees, its lower edge away from the eye.
 fn leaning(degrees: f64) -> [DVec3; 2] {
     let lean = degrees.to_radians();
     [DVec3::X, DVec3::new(0.0, cos(lean), sin(lean))]
@@ -605,8 +605,8 @@ fn with_opacity(mut splats: Vec<Splat>, opacity: f64) -> Vec<Splat> {
     splats
 }
 
-/// The same splats in an order without a pattern, always the same one (Fisher and Yates, with a
-/// linear congruential generator).
+/// The same splats in a fixed random order (Fisher and Yates, with a linear congruential
+/// generator).
 fn shuffled(mut splats: Vec<Splat>) -> Vec<Splat> {
     let mut state = 1_u64;
     for last in (1..splats.len()).rev() {
@@ -621,14 +621,14 @@ fn shuffled(mut splats: Vec<Splat>) -> Vec<Splat> {
     splats
 }
 
-/// What a footprint of this width needs as its radius, pixels.
+/// Radius of a footprint of this width, pixels.
 fn radius_of_width(width_px: f64) -> f64 {
     width_px / (2.0 * SQRT_2)
 }
 
 // ---- The scenes ----
 
-/// Six by six discs, each turned about another axis from facing its own ray.
+/// Six by six discs, each turned away from its own ray about another axis.
 fn grazing(short_of_edge_on: f64) -> Scene {
     let turn = (90.0 - short_of_edge_on).to_radians();
     let cell = |i: usize| {
@@ -638,7 +638,7 @@ fn grazing(short_of_edge_on: f64) -> Scene {
         let across = DVec3::new(cos(azimuth), sin(azimuth), 0.0)
             .reject_from_normalized(ray)
             .normalize();
-        // Seen edge-on exactly: f64's cosine of 90° is not 0.
+        // Exactly edge-on: f64's cosine of 90° is not 0.
         let facing = if short_of_edge_on == 0.0 {
             0.0
         } else {
@@ -662,7 +662,7 @@ fn needles(aspect: f64) -> Scene {
         .collect();
     let reach = splats[0].radius * SQRT_2;
     let mut scene = square(splats);
-    // One surface, however far the discs reach: what is tested is their footprint.
+    // One surface at any radius: the case tests footprints.
     (scene.surface.z_threshold, scene.surface.coverage_threshold) = (DEPTH + 2.0 * reach, 0.1);
     scene
 }
@@ -692,8 +692,8 @@ fn low_pass_off(low_pass: f64) -> Scene {
     scene
 }
 
-/// As dense as ever, each splat ever smaller; the coverage threshold goes with them, so that the
-/// picture would stay the same.
+/// Constant density with smaller and smaller splats. The coverage threshold is scaled too, so that
+/// the picture stays the same in exact arithmetic.
 fn sub_pixel(radius_px: f64) -> Scene {
     let mut splats = plane(
         DVec3::new(0.0, 0.0, DEPTH),
@@ -749,7 +749,7 @@ fn negative_r(frames: f64) -> Scene {
     scene
 }
 
-/// Discs on pixel centres, of a size at which the fourth pixel to each side has `r = 4 − short`.
+/// Discs on pixel centres, with a size at which the fourth pixel to each side has `r = 4 − short`.
 fn table_end(short: f64) -> Scene {
     let variance = 16.0 / (4.0 - short);
     let place = |i: usize| (i as f64 - 2.0) * 9.0 + 0.5;
@@ -765,8 +765,8 @@ fn table_end(short: f64) -> Scene {
     scene
 }
 
-/// Three discs whose colours only their weights tell apart; the coverage threshold is next to
-/// nothing.
+/// Three discs whose colours are distinguished only by their weights; the coverage threshold is
+/// almost 0.
 fn rim(cutoff: f64) -> Scene {
     let place = |x: f64, y: f64, rgb| disc(at(x, y, DEPTH), 2.5 * PX, rgb);
     let mut scene = square(vec![
@@ -800,7 +800,7 @@ fn crowd(count: f64) -> Scene {
     scene
 }
 
-/// Two rows of discs: green ones beyond the near plane, red ones before it, and a wall behind.
+/// Two rows of discs: green ones beyond the near plane, red ones in front of it, and a wall behind.
 fn near_plane(distance: f64) -> Scene {
     let near = 1.0;
     let mut splats = plane(
@@ -821,7 +821,7 @@ fn near_plane(distance: f64) -> Scene {
     scene
 }
 
-/// Two half-transparent surfaces at depth 1, two thresholds apart, and a wall as far away as said.
+/// Two half-transparent surfaces at depth 1, two thresholds apart, and a wall at depth `farthest`.
 fn depth_range(farthest: f64) -> Scene {
     let sheet = |depth: f64, pixels: f64, colours| {
         plane(
@@ -838,7 +838,7 @@ fn depth_range(farthest: f64) -> Scene {
     square(splats)
 }
 
-/// Two half-transparent surfaces, one of them leaning and lit.
+/// Two half-transparent surfaces, one of them tilted and lit.
 fn two_sheets() -> Vec<Splat> {
     let mut splats = plane(
         DVec3::new(0.0, 0.1, DEPTH),
@@ -944,7 +944,7 @@ fn intersecting(degrees: f64) -> Scene {
     square(shuffled(splats))
 }
 
-/// Sheets of little opacity, one behind the other, in an order without a pattern.
+/// Sheets of low opacity, one behind another, in random order.
 fn stacked(sheets: usize, opacity: f64) -> Scene {
     let sheet = |i: usize| {
         let depth = DEPTH + 0.1 * i as f64;
@@ -971,7 +971,7 @@ fn faint_merge(opacity: f64) -> Scene {
     stacked(16, opacity)
 }
 
-/// Half of each sphere faces away; a disc reaches its neighbours, no farther.
+/// Half of each sphere faces away; a disc just reaches its neighbours.
 fn nested_shells(spheres: f64) -> Scene {
     let golden_angle = std::f64::consts::PI * (1.0 + sqrt(5.0));
     let sphere = |i: usize| {
@@ -999,7 +999,7 @@ fn nested_shells(spheres: f64) -> Scene {
     scene
 }
 
-/// Two leaning sheets, far more than ε from each other, each splat off its place along the ray.
+/// Two tilted sheets, much more than ε apart; each splat is displaced along its ray.
 fn noisy_scan(scatter: f64) -> Scene {
     let z_threshold = 0.05;
     let sheet = |depth: f64, colours| {
@@ -1013,7 +1013,7 @@ fn noisy_scan(scatter: f64) -> Scene {
     };
     let mut splats = sheet(DEPTH + 1.0, [BLUE, PALE]);
     splats.extend(sheet(DEPTH, [RED, GREEN]));
-    // Places in the shuffled list are as good as chance, and the same everywhere.
+    // The index in the shuffled list serves as a fixed random number.
     let mut splats = shuffled(with_opacity(splats, 0.5));
     let count = splats.len() as f64;
     for (i, splat) in splats.iter_mut().enumerate() {
@@ -1026,8 +1026,7 @@ fn noisy_scan(scatter: f64) -> Scene {
     scene
 }
 
-/// Discs that face every way, each at a depth of its own.
-/// A pan over the check scene, of fewer and wider splats, as far to the right as this.
+/// A pan over the check scene, with fewer and wider splats, turned right by this many pixels.
 fn slow_pan(pixels: f64) -> Scene {
     let side = 2 * SIDE;
     let image = Image {
@@ -1063,14 +1062,14 @@ fn slow_pan(pixels: f64) -> Scene {
     scene
 }
 
-/// The frame before, of a case that is a sequence.
+/// The previous frame, if the case is a sequence.
 pub fn before(case: &Case, pixels: f64) -> Option<Scene> {
     (case.name == SLOW_PAN && pixels > 0.0).then(|| slow_pan(pixels - PAN_STEP_PX))
 }
 
 fn lone_splats(on_a_pixel: f64) -> Scene {
     let (radius, step) = (3.0 * PX, 0.618_033_988_749_895);
-    // Turned every way, and partly outside, a disc covers 24 pixels of the picture.
+    // With all orientations, and partly outside, a disc covers 24 pixels of the picture on average.
     let count = (on_a_pixel * (SIDE * SIDE) as f64 / 24.0).ceil() as usize;
     let splat = |i: usize| {
         let part = |of: f64| (i as f64 * of).fract();
@@ -1108,7 +1107,7 @@ fn parallel(tilt: f64) -> Scene {
         [RED, PALE],
     );
     splats.iter_mut().for_each(|splat| splat.material = LIT);
-    // Exactly so, whatever f64 makes of an angle of 0.
+    // Exactly parallel: the computed axes have rounding errors at angle 0.
     splats
         .iter_mut()
         .filter(|_| tilt == 0.0)
@@ -1138,8 +1137,7 @@ fn opacity(opacity: f64) -> Scene {
     square(splats)
 }
 
-/// Pairs of discs at one place whose normals are almost opposite; what is left of their sum is what
-/// lights them.
+/// Pairs of discs at one place whose normals are almost opposite; they are lit by the sum of both.
 fn cancel(short_of_opposite: f64) -> Scene {
     let half = short_of_opposite.to_radians() / 2.0;
     let mut splats = Vec::new();
@@ -1171,7 +1169,7 @@ fn highlight(shininess: f64) -> Scene {
     let (count, size) = (1500, 0.75);
     let golden_angle = std::f64::consts::PI * (1.0 + sqrt(5.0));
     let point = |i: usize| {
-        // The half that faces the eye.
+        // The half facing the eye.
         let (z, turn) = (-(i as f64 + 0.5) / count as f64, golden_angle * i as f64);
         let ring = sqrt(1.0 - z * z);
         let normal = DVec3::new(ring * cos(turn), ring * sin(turn), z);

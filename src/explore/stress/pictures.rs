@@ -1,8 +1,8 @@
-//! Pictures: the catalogue as a grid of charts, and as a gallery.
+//! Pictures: draws the catalogue as a grid of charts, and as a gallery.
 
 use super::{
-    CASES, Case, CaseReport, Catalogue, Exhibit, Failure, Found, MachineReport, Point, SHARE_FAILS,
-    short, surface_names,
+    CASES, Case, CaseReport, Catalogue, Exhibit, Failure, MachineReport, Point, PointFindings,
+    SHARE_FAILS, short, surface_names,
 };
 use crate::error::Result;
 use crate::output::chart::{Axis, Chart, Mark, Panel, PictureTile, Series, TextLines, write_png};
@@ -13,18 +13,18 @@ use std::path::Path;
 /// Columns of the chart's grid and size of a cell.
 const CHART_COLUMNS: usize = 4;
 const CHART_CELL_PX: [u32; 2] = [470, 320];
-/// The gallery: two exhibits a row.
+/// The gallery: two exhibits per row.
 const GALLERY_COLUMNS: usize = 2;
 const GALLERY_CELL_PX: [u32; 2] = [152, 170];
-/// Characters of a line in a cell of the gallery.
+/// Characters per line in a cell of the gallery.
 const GALLERY_CHARS: usize = 22;
-/// Errors below this are drawn as this; nothing in a picture shows them.
+/// Lower limit of drawn errors; smaller ones are not visible in a picture.
 const FLOOR: f64 = 1e-6;
-/// Where bounds are drawn that say nothing.
+/// Position of bounds above 1.
 const CEILING: f64 = 2.0;
-/// How much brighter an error is shown.
+/// Gain of error pictures.
 const ENLARGED: f64 = 16.0;
-/// Colour numbers: the method, and machines in their order.
+/// Colour indices: the method, and machines in their order.
 const METHOD: usize = 6;
 const MACHINES: [usize; 6] = [0, 2, 1, 5, 3, 4];
 
@@ -32,7 +32,7 @@ fn colour(machine: usize) -> usize {
     MACHINES[machine % MACHINES.len()]
 }
 
-/// Where a value lies: 0 is put one decade below the least other one of a logarithmic axis.
+/// Position of a value: 0 is one decade below the least other value of a logarithmic axis.
 fn place(case: &Case, value: f64) -> f64 {
     if !case.log || value > 0.0 {
         return value;
@@ -45,7 +45,7 @@ fn place(case: &Case, value: f64) -> f64 {
         / 10.0
 }
 
-/// One panel a case, and one that says how to read them.
+/// One panel per case, and one that explains them.
 pub fn write_chart(catalogue: &Catalogue, path: &Path) -> Result<()> {
     let key = key();
     let panels: Vec<Panel> = catalogue.cases.iter().map(panel).collect();
@@ -63,7 +63,7 @@ fn key() -> TextLines {
         ),
         (
             Some((Mark::Dashed, METHOD)),
-            "that of window, whose rule is another".to_owned(),
+            "that of window, which has another rule".to_owned(),
         ),
     ];
     let names = surface_names().chain(["the case's own variant of reference"]);
@@ -81,7 +81,7 @@ fn key() -> TextLines {
     let rest = [
         (
             Some((Mark::Dashed, colour(0))),
-            "its bound; at the top where it says nothing",
+            "its bound; at the top if above 1",
         ),
         (
             Some((Mark::Dots, colour(0))),
@@ -91,7 +91,7 @@ fn key() -> TextLines {
             None,
             "all: the greatest of a picture, linear light in [0, 1];",
         ),
-        (None, "what is below 1e-6 is drawn there"),
+        (None, "values below 1e-6 are drawn at 1e-6"),
         (None, "upright: first value at which the method fails"),
         (
             None,
@@ -114,7 +114,7 @@ fn key() -> TextLines {
 }
 
 fn panel(report: &CaseReport) -> Panel {
-    // Every report is of a case of the table.
+    // Every report belongs to a case of the table.
     let case = CASES
         .iter()
         .find(|case| case.name == report.name)
@@ -147,7 +147,7 @@ fn panel(report: &CaseReport) -> Panel {
                 colour,
             }
         };
-        // Machines with the same rules have the same method.
+        // Machines with the same rules have the same error of method.
         if i == 0 || Machine::WINDOW_NAMES.contains(&machine.machine.as_str()) {
             series.push(line(
                 if i == 0 { Mark::Line } else { Mark::Dashed },
@@ -169,7 +169,7 @@ fn panel(report: &CaseReport) -> Panel {
             Some(point.found()?.fixed_vs_golden.max_error)
         }));
         series.push(line(Mark::Dashed, colour(i), &|point| {
-            Some(told_bound(point.found()?))
+            Some(drawn_bound(point.found()?))
         }));
         series.push(line(Mark::Line, colour(i), &|point| {
             Some(point.found()?.lockstep.max_error)
@@ -194,8 +194,8 @@ fn panel(report: &CaseReport) -> Panel {
     }
 }
 
-/// The bound where it says something, else the top of the chart.
-fn told_bound(found: &Found) -> f64 {
+/// The bound if it is at most 1, else the top of the chart.
+fn drawn_bound(found: &PointFindings) -> f64 {
     let bound = &found.lockstep;
     if bound.share_over_1 > SHARE_FAILS {
         CEILING
@@ -217,7 +217,7 @@ fn limit(case: &Case, machine: &MachineReport, colour: usize) -> Option<(f64, St
     ))
 }
 
-/// Limits at one place share a line, and its words.
+/// Limits at the same value share a line and a label.
 fn joined(limits: Vec<(f64, String, usize)>) -> Vec<(f64, String, usize)> {
     let mut joined: Vec<(f64, String, usize)> = Vec::new();
     for (at, word, colour) in limits {
@@ -229,7 +229,7 @@ fn joined(limits: Vec<(f64, String, usize)>) -> Vec<(f64, String, usize)> {
     joined
 }
 
-/// One row an exhibit: what it is, ideal, golden, fixed, error.
+/// One row per exhibit: description, ideal, golden, fixed, error.
 pub fn write_gallery(exhibits: &[Exhibit], path: &Path) -> Result<()> {
     let rows: Vec<(TextLines, [PictureTile; 4])> = exhibits
         .iter()
@@ -286,7 +286,7 @@ fn error(fixed: &Picture, golden: &Picture) -> Picture {
     }
 }
 
-/// A text in lines that a cell of the gallery holds.
+/// Breaks a text into lines that fit a cell of the gallery.
 fn broken(text: &str) -> Vec<String> {
     let mut lines = vec![String::new()];
     for word in text.split(' ') {

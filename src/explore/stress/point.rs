@@ -1,4 +1,4 @@
-//! Point: one case at one value on one machine, and whether all that is wrong there is told.
+//! Point: runs one case at one value on one machine, and checks that every failure is reported.
 
 use super::FAILS;
 use crate::accuracy::flicker;
@@ -13,60 +13,60 @@ use rtl_model::Machine;
 use schemars::JsonSchema;
 use serde::Serialize;
 
-/// One value on one machine: drawn and compared, or refused in a sentence.
+/// One value on one machine: results, or why the machine refuses the scene.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Outcome {
-    /// The machine cannot hold the scene, and says why.
+pub enum PointOutcome {
+    /// The machine cannot hold the scene; the reason.
     Refused(String),
-    /// It drew.
-    Drawn(Box<Found>),
+    /// Results.
+    Drawn(Box<PointFindings>),
 }
 
-/// Findings where the machine drew.
+/// Results of a machine that drew.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
-pub struct Found {
-    /// Pixels that a splat touches, in `fixed` or in `golden`.
+pub struct PointFindings {
+    /// Pixels touched by a splat, in `fixed` or in `golden`.
     pub covered_pixels: u64,
-    /// The method's error.
+    /// Error of the method.
     pub golden_vs_ideal: Distance,
-    /// The arithmetic's error, flips included.
+    /// Error of the arithmetic, including flips.
     pub fixed_vs_golden: Distance,
-    /// The arithmetic's error alone, and its bound.
-    pub lockstep: Bounded,
-    /// Where fixed and `golden` differ by more than 8/255.
+    /// Error of the arithmetic without flips, and its bound.
+    pub lockstep: BoundedErrors,
+    /// Pixels at which fixed and `golden` differ by more than 8/255.
     pub beyond: Beyond,
-    /// Change of the errors against the frame before, of a case that is a sequence.
+    /// Change of the errors since the previous frame; only for a case that is a sequence.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub flicker: Option<Flicker>,
-    /// Splats that the machine did not draw.
+    /// Splats that were not drawn.
     pub culled: CulledReport,
-    /// Results outside of their word's range that were saturated, without the declared clamps.
+    /// Results outside their word's range that were saturated, not counting the declared clamps.
     pub saturated: u64,
     /// Results that wrapped.
     pub wrapped: u64,
-    /// The signals that did.
+    /// Signals that saturated or wrapped.
     pub overflowed: Vec<String>,
 }
 
-/// Lockstep in a few numbers.
+/// Lockstep: errors and bounds in a few numbers.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
-pub struct Bounded {
+pub struct BoundedErrors {
     /// Greatest |fixed − led|.
     pub max_error: f64,
-    /// Greatest bound of a covered pixel among those that are at most 1; none where there is no
-    /// such pixel.
+    /// Greatest bound of a covered pixel among those that are at most 1; null if there is no such
+    /// pixel.
     pub max_bound: Option<f64>,
-    /// Share of the covered pixels whose bound exceeds 1, where it says nothing.
+    /// Share of the covered pixels whose bound exceeds 1, and is thus useless.
     pub share_over_1: f64,
     /// Pixels that exceed their bound.
     pub violations: u64,
-    /// Decisions that `golden` would have taken otherwise.
+    /// Decisions that `golden` would have taken differently.
     pub flips: Flips,
 }
 
-/// Pixels where fixed and `golden` differ by more than 8/255, each counted by the first thing that
-/// tells so.
+/// Pixels at which fixed and `golden` differ by more than 8/255, each counted by the first report
+/// of it.
 #[derive(Clone, Copy, Debug, Default, Serialize, JsonSchema)]
 pub struct Beyond {
     /// All of them.
@@ -77,24 +77,24 @@ pub struct Beyond {
     pub within_bound: u64,
     /// The bound there exceeds 1.
     pub bound_over_1: u64,
-    /// Nothing. None should be.
+    /// No report. Should be 0.
     pub silent: u64,
 }
 
-/// Measurements at a point, without the pictures of a refused one.
-pub struct Measured {
-    pub outcome: Outcome,
+/// Results of a point, with pictures unless the machine refused the scene.
+pub struct PointMeasurement {
+    pub outcome: PointOutcome,
     pub pictures: Option<Pictures>,
 }
 
-/// Draws a scene on a machine and in exact arithmetic, and compares; also with the frame before,
-/// and its ideal picture, if there is one.
+/// Draws a scene on a machine and in exact arithmetic, and compares. Also compares with the
+/// previous frame and its ideal picture, if given.
 pub fn measure(
     scene: &Scene,
     ideal: &Picture,
     machine: &Machine,
     before: Option<&(Picture, Scene)>,
-) -> Measured {
+) -> PointMeasurement {
     let before = before
         .map(|(ideal, scene)| {
             Ok::<_, crate::error::Error>((ideal, Evaluation::new(scene, machine)?))
@@ -102,8 +102,8 @@ pub fn measure(
         .transpose();
     match Evaluation::new(scene, machine).and_then(|evaluation| Ok((evaluation, before?))) {
         Ok((evaluation, before)) => draw(ideal, &evaluation, before.as_ref()),
-        Err(error) => Measured {
-            outcome: Outcome::Refused(error.to_string()),
+        Err(error) => PointMeasurement {
+            outcome: PointOutcome::Refused(error.to_string()),
             pictures: None,
         },
     }
@@ -113,7 +113,7 @@ fn draw(
     ideal: &Picture,
     evaluation: &Evaluation,
     before: Option<&(&Picture, Evaluation)>,
-) -> Measured {
+) -> PointMeasurement {
     let observed = evaluation.observe();
     let golden = evaluation.golden().picture;
     let led = evaluation.lockstep();
@@ -140,7 +140,7 @@ fn draw(
         flicker::FlickerSums::new([&fixed, &golden, *ideal], pictures.all()).flicker()
     });
     let Pictures { golden, fixed, .. } = &pictures;
-    let found = Found {
+    let found = PointFindings {
         covered_pixels: covered(fixed, golden).count() as u64,
         golden_vs_ideal: distance(golden, ideal),
         fixed_vs_golden: distance(fixed, golden),
@@ -152,29 +152,29 @@ fn draw(
         wrapped,
         overflowed: signals,
     };
-    Measured {
-        outcome: Outcome::Drawn(Box::new(found)),
+    PointMeasurement {
+        outcome: PointOutcome::Drawn(Box::new(found)),
         pictures: Some(pictures),
     }
 }
 
-/// Pixels that a splat touches in either picture.
+/// Pixels touched by a splat in either picture.
 fn covered<'a>(a: &'a Picture, b: &'a Picture) -> impl Iterator<Item = usize> + 'a {
     (0..a.covered.len()).filter(|&pixel| a.covered[pixel] || b.covered[pixel])
 }
 
-fn bounded(led: &Lockstep, covered: impl Iterator<Item = usize>) -> Bounded {
+fn bounded(led: &Lockstep, covered: impl Iterator<Item = usize>) -> BoundedErrors {
     let (mut all, mut over_1, mut max_bound) = (0_u64, 0_u64, None);
     for bound in covered.map(|pixel| led.bound[pixel]) {
         all += 1;
-        // A bound that is no number says as little as an infinite one.
+        // A bound of NaN is as useless as an infinite one.
         if bound > 1.0 || bound.is_nan() {
             over_1 += 1;
         } else {
             max_bound = Some(max_bound.map_or(bound, |most: f64| most.max(bound)));
         }
     }
-    Bounded {
+    BoundedErrors {
         max_error: led.error.iter().copied().fold(0.0, f64::max),
         max_bound,
         share_over_1: over_1 as f64 / all.max(1) as f64,
@@ -193,7 +193,7 @@ fn beyond(fixed: &Picture, golden: &Picture, led: &Lockstep) -> Beyond {
         beyond.pixels += 1;
         let is_number = is_finite(fixed, pixel) && is_finite(golden, pixel);
         let count = if !is_number {
-            // Nothing excuses it.
+            // No report covers it.
             &mut beyond.silent
         } else if led.flipped[pixel] != 0 {
             &mut beyond.flipped
@@ -209,9 +209,8 @@ fn beyond(fixed: &Picture, golden: &Picture, led: &Lockstep) -> Beyond {
     beyond
 }
 
-impl Found {
-    /// Everything here that should be 0: pixels beyond their bound, unexplained flips, silent
-    /// failures, pixels that are no number.
+impl PointFindings {
+    /// Number of faults: pixels beyond their bound, unexplained flips, silent failures, NaN pixels.
     pub fn faults(&self) -> u64 {
         self.lockstep.violations
             + self.lockstep.flips.unexplained
@@ -219,7 +218,7 @@ impl Found {
             + self.not_finite()
     }
 
-    /// Pixels that have no finite number in some picture.
+    /// Pixels that are NaN or infinite in some picture.
     pub fn not_finite(&self) -> u64 {
         self.golden_vs_ideal
             .not_finite
@@ -245,7 +244,7 @@ mod tests {
         }
     }
 
-    fn told(bound: f64, flipped: u16) -> Lockstep {
+    fn lockstep(bound: f64, flipped: u16) -> Lockstep {
         let flips = Flips::default();
         Lockstep {
             tiles: CheckedTiles::All,
@@ -259,10 +258,10 @@ mod tests {
     }
 
     #[test]
-    fn a_large_error_is_silent_where_neither_flip_nor_bound_tells_of_it() {
+    fn a_large_error_without_flip_or_bound_is_silent() {
         let (fixed, golden) = (grey(&[0.5]), grey(&[0.6]));
         let counts = |bound, flipped| {
-            let b = beyond(&fixed, &golden, &told(bound, flipped));
+            let b = beyond(&fixed, &golden, &lockstep(bound, flipped));
             assert_eq!(
                 b.pixels,
                 b.flipped + b.within_bound + b.bound_over_1 + b.silent
@@ -276,32 +275,41 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_a_silent_failure_whatever_tells_of_it() {
+    fn a_nan_is_a_silent_failure_despite_flips_and_bounds() {
         for wrong in [f64::NAN, f64::INFINITY] {
             for (fixed, golden) in [(wrong, 0.5), (0.5, wrong), (wrong, wrong)] {
-                for told in [told(0.0, 0), told(f64::INFINITY, 0), told(0.0, 4)] {
-                    let found = beyond(&grey(&[fixed]), &grey(&[golden]), &told);
+                for led in [
+                    lockstep(0.0, 0),
+                    lockstep(f64::INFINITY, 0),
+                    lockstep(0.0, 4),
+                ] {
+                    let found = beyond(&grey(&[fixed]), &grey(&[golden]), &led);
                     assert_eq!((found.pixels, found.silent), (1, 1), "{fixed} {golden}");
                 }
             }
         }
-        let mut led = told(0.0, 0);
+        let mut led = lockstep(0.0, 0);
         led.bound = vec![f64::NAN, 0.25];
         let b = bounded(&led, [0, 1].into_iter());
         assert_eq!((b.max_bound, b.share_over_1), (Some(0.25), 0.5));
     }
 
     #[test]
-    fn a_small_error_needs_no_excuse() {
+    fn a_small_error_is_not_counted() {
         assert_eq!(
-            beyond(&grey(&[0.5]), &grey(&[0.5 + 7.9 / 255.0]), &told(0.0, 0)).pixels,
+            beyond(
+                &grey(&[0.5]),
+                &grey(&[0.5 + 7.9 / 255.0]),
+                &lockstep(0.0, 0)
+            )
+            .pixels,
             0
         );
     }
 
     #[test]
-    fn bounds_over_1_are_counted_apart() {
-        let mut led = told(0.0, 0);
+    fn bounds_over_1_are_counted_separately() {
+        let mut led = lockstep(0.0, 0);
         led.bound = vec![0.25, 3.0, f64::INFINITY, 0.125];
         let b = bounded(&led, [0, 1, 3].into_iter());
         assert_eq!((b.max_bound, b.share_over_1), (Some(0.25), 1.0 / 3.0));

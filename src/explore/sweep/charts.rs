@@ -1,11 +1,11 @@
-//! Charts: what the rows of a folder say, as pictures and on one page.
+//! Charts: draws the rows of a folder as pictures, and writes them on one page.
 //!
 //! ```text
-//! points.jsonl, plan.json ─► [figures that these rows can fill] ─┬─► NAME.png, NAME.svg
-//!                                                                └─► charts.html, with the table
+//! points.jsonl, plan.json ─► [figures for which the rows have data] ─┬─► NAME.png, NAME.svg
+//!                                                                    └─► charts.html, with the table
 //! ```
-//! A figure is drawn where its numbers vary, and left out where they do not. All but `host-speed`
-//! is the same on every computer.
+//! A figure is drawn if its numbers vary, and left out otherwise. All except `host-speed` are the
+//! same on every computer.
 //!
 //! Laws (tests/chart.rs): `the_front_of_a_folder_is_named`, `figures_are_of_what_varies`.
 
@@ -27,33 +27,33 @@ use std::fmt::Write as _;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
-/// A drawing with its name and what it says.
-pub struct Figure {
-    /// Of its files.
+/// A drawing with its name and caption.
+pub struct ChartFigure {
+    /// Stem of its files.
     pub name: &'static str,
-    /// Above it, on the page.
+    /// Title on the page.
     pub title: String,
-    /// Below that: how to read it.
-    pub says: String,
+    /// Caption: how to read the figure.
+    pub caption: String,
     charts: Vec<Box<dyn Chart>>,
     columns: usize,
     cell_px: [u32; 2],
 }
 
-/// Changes of some rows, each with how many have it.
+/// Changes of some rows, each with the number of rows that have it.
 struct Shared<'a> {
     counts: BTreeMap<(&'a str, &'a str), usize>,
     rows: usize,
 }
 
 impl Shared<'_> {
-    /// Whether several rows have it, and all.
+    /// Whether there are several rows, and all of them have the change.
     fn is_common(&self, change: (&str, &str)) -> bool {
         self.rows > 1 && self.counts.get(&change) == Some(&self.rows)
     }
 }
 
-/// A folder's rows, and the machine that they change.
+/// Rows of a folder, and their base machine.
 pub struct Rows {
     table: Table,
     base: Machine,
@@ -62,7 +62,7 @@ pub struct Rows {
     /// The base machine's words.
     words: BTreeMap<String, Format>,
     /// Of a search.
-    sought: Option<Sought>,
+    search: Option<SearchTarget>,
 }
 
 /// Charts of a folder of rows.
@@ -72,49 +72,49 @@ pub struct Charts {
     fronts: String,
 }
 
-/// Names beside the points of a front, at most.
+/// Most labels per front.
 const NAMES: usize = 10;
-/// Letters of such a name, of one in a table, of what says how many more changes there are, of one
-/// in a legend, and of a scene's name, at most.
+/// Most characters of such a label, of one in a table, of the count of omitted changes, of one in a
+/// legend, and of a scene's name.
 const LETTERS: usize = 44;
-const TOLD_LETTERS: usize = 140;
+const TABLE_LETTERS: usize = 140;
 const MORE_LETTERS: usize = 9;
 const LEGEND_LETTERS: usize = 28;
 const SCENE_LETTERS: usize = 36;
-/// Values from which on a word has a curve of its own.
+/// Least number of values for which a word has its own curve.
 const CURVE: usize = 5;
-/// Bars of a field, and panels of a figure, at most.
+/// Most bars of a field, and panels of a figure.
 const MOST_BARS: usize = 40;
 const MOST_PANELS: usize = 24;
 
-/// What accuracy is compared with: a column, and what it shows.
+/// Columns that accuracy is plotted against, with their labels.
 const AREA: [&str; 2] = [columns::AREA, "area, thousand LUT equivalents"];
 const SPEED: [&str; 2] = [columns::FRAMES_PER_SECOND, "frames/s of the machine"];
 
-/// A way to measure how far pictures are off.
+/// A measure of error.
 struct Measure {
     column: &'static str,
-    /// Of an axis.
+    /// Label of an axis.
     label: &'static str,
-    /// Above a panel.
+    /// Title of a panel.
     title: &'static str,
-    /// What makes it.
-    says: &'static str,
+    /// Part of a caption.
+    caption: &'static str,
 }
 
-/// The whole error first, then what it is made of.
+/// The total error first, then its components.
 const MEASURES: [Measure; 3] = [
     Measure {
         column: columns::FIXED_VS_IDEAL_PSNR_DB,
         label: "fixed − ideal, dB",
         title: "the whole error",
-        says: "is the whole error, over all pixels: how far the machine's picture is from what the method could make",
+        caption: "is the whole error, over all pixels: arithmetic and method",
     },
     Measure {
         column: columns::PSNR_DB,
         label: "fixed − golden, dB",
         title: "the error of arithmetic",
-        says: "is the arithmetic's part, which words make",
+        caption: "is the error of the arithmetic, which depends on words",
     },
     METHOD,
 ];
@@ -122,20 +122,21 @@ const METHOD: Measure = Measure {
     column: columns::GOLDEN_VS_IDEAL_PSNR_DB,
     label: "golden − ideal, dB",
     title: "the error of method",
-    says: "is the method's part, which layers and rules make",
+    caption: "is the error of the method, which depends on layers and rules",
 };
 
-/// What a search was after, and what it found.
-struct Sought {
+/// Target and result of a search.
+struct SearchTarget {
     psnr_db: Option<f64>,
-    /// The column that the target is of.
+    /// Column of the target.
     column: &'static str,
-    /// Area, PSNR and greatest error, fixed − golden, of what it ended with; none before it ended.
+    /// Area, PSNR and greatest error, fixed − golden, of the result; None before the end of the
+    /// search.
     found: [Option<f64>; 3],
 }
 
-impl Sought {
-    /// Of a folder whose plan has a target.
+impl SearchTarget {
+    /// Reads the target and result in a folder.
     fn read(folder: &Path, target: &serde_json::Value) -> Self {
         let text = input::read_text(&folder.join("search.json")).unwrap_or_default();
         let search: serde_json::Value = serde_json::from_str(&text).unwrap_or_default();
@@ -147,7 +148,7 @@ impl Sought {
             (_, Some("ideal")) => columns::FIXED_VS_IDEAL_PSNR_DB,
             _ => columns::PSNR_DB,
         };
-        Sought {
+        SearchTarget {
             psnr_db: target["psnr_db"].as_f64(),
             column,
             found,
@@ -155,11 +156,11 @@ impl Sought {
     }
 }
 
-/// Draws all that the rows of a folder can show into that folder.
+/// Draws all figures of a folder into it.
 ///
 /// # Errors
-/// [`Error::Input`] where it has no rows or they were changed, [`Error::Job`] where a file cannot
-/// be written.
+/// [`Error::Input`] if it has no rows or they were changed, [`Error::Job`] if a file cannot be
+/// written.
 pub fn write(folder: &Path) -> Result<Charts> {
     let rows = Rows::read(folder)?;
     let figures = rows.figures();
@@ -190,17 +191,17 @@ pub fn write(folder: &Path) -> Result<Charts> {
 }
 
 impl Charts {
-    /// The machines that no other one beats, at most 80 columns wide.
+    /// The machines that no other one beats; at most 80 columns wide.
     pub fn summary(&self) -> &str {
         &self.fronts
     }
 }
 
 impl Rows {
-    /// The rows of a folder, of machines that could be built, and what `plan.json` says of them.
+    /// Reads a folder: the rows of machines that could be built, and `plan.json`.
     ///
     /// # Errors
-    /// [`Error::Input`] where a file is missing or was changed.
+    /// [`Error::Input`] if a file is missing or was changed.
     pub fn read(folder: &Path) -> Result<Self> {
         let table = Table::read(folder)?;
         let path = folder.join("plan.json");
@@ -214,15 +215,15 @@ impl Rows {
             &format!("{}: machine", path.display()),
         )?;
         let words = machines::words(&base).into_iter().collect();
-        let sought = plan
+        let search = plan
             .get("search")
-            .map(|target| Sought::read(folder, target));
+            .map(|target| SearchTarget::read(folder, target));
         Ok(Rows {
             table,
             fields: machines::value(&base),
             base,
             words,
-            sought,
+            search,
         })
     }
 
@@ -250,7 +251,7 @@ impl Rows {
         })
     }
 
-    /// What a row changes, as field and value; what it leaves as it is does not count.
+    /// Changed fields and values of a row, without those equal to the base.
     fn changes<'a>(&self, row: &'a Row) -> Vec<(&'a str, &'a str)> {
         let at = self.table.at(columns::CHANGES);
         let text = at.and_then(|at| row[at].as_str()).unwrap_or_default();
@@ -271,7 +272,7 @@ impl Rows {
             .collect()
     }
 
-    /// Integer and fraction bits that a change gives a word.
+    /// Additional integer and fraction bits of a word by a change.
     fn more_bits(&self, field: &str, value: &str) -> Option<[i32; 2]> {
         let (base, format) = (self.words.get(field)?, value.parse::<Format>().ok()?);
         Some([
@@ -280,7 +281,7 @@ impl Rows {
         ])
     }
 
-    /// What a change does, shortly: bits more or less of a word, the value of all else.
+    /// A change in short form: additional bits of a word, or the value of another field.
     fn change(&self, (field, value): (&str, &str)) -> String {
         let bits = |bits: i32, of: &str| {
             if bits == 0 {
@@ -297,7 +298,7 @@ impl Rows {
         }
     }
 
-    /// How many of these rows have each change.
+    /// Number of these rows that have each change.
     fn shared<'a>(&self, rows: &[&'a Row]) -> Shared<'a> {
         let mut counts = BTreeMap::new();
         for change in rows.iter().flat_map(|row| self.changes(row)) {
@@ -309,8 +310,8 @@ impl Rows {
         }
     }
 
-    /// A machine by what was changed but for what all others have too, the rarest change first, in
-    /// so many letters.
+    /// A machine's name: its changes without those that all rows share, the rarest first, in at
+    /// most `letters` characters.
     fn name(&self, row: &Row, shared: &Shared, letters: usize) -> String {
         let changes = self.changes(row);
         let mut own: Vec<(&str, &str)> = changes
@@ -322,29 +323,30 @@ impl Rows {
         match (&changes[..], &own[..]) {
             ([], _) => self.base.name.clone(),
             (_, []) => "no more".into(),
-            _ => self.told(&own, letters),
+            _ => self.change_list(&own, letters),
         }
     }
 
-    /// As many changes as have room in so many letters, one at least, and how many more there are.
-    fn told(&self, changes: &[(&str, &str)], letters: usize) -> String {
-        let mut told = String::new();
+    /// As many changes as fit in `letters` characters, at least one, and the number of the others.
+    fn change_list(&self, changes: &[(&str, &str)], letters: usize) -> String {
+        let mut change_list = String::new();
         for (nth, change) in changes.iter().enumerate() {
             let (change, left) = (self.change(*change), changes.len() - nth);
             let room = if left > 1 { MORE_LETTERS } else { 0 };
-            if nth > 0 && told.chars().count() + change.chars().count() + 2 + room > letters {
-                return format!("{told}, {left} more");
+            if nth > 0 && change_list.chars().count() + change.chars().count() + 2 + room > letters
+            {
+                return format!("{change_list}, {left} more");
             }
-            told = if nth == 0 {
+            change_list = if nth == 0 {
                 change
             } else {
-                format!("{told}, {change}")
+                format!("{change_list}, {change}")
             };
         }
-        told
+        change_list
     }
 
-    fn figures(&self) -> Vec<Figure> {
+    fn figures(&self) -> Vec<ChartFigure> {
         let found = [
             self.accuracy(
                 "accuracy-area",
@@ -370,12 +372,12 @@ impl Rows {
         found.into_iter().flatten().collect()
     }
 
-    /// A row's two numbers, and the same as cost and worth.
+    /// Two numbers of a row, as cost and worth.
     fn pair(&self, row: &Row, [x, y]: [&str; 2]) -> Option<[f64; 2]> {
         Some([self.number(row, x)?, self.number(row, y)?])
     }
 
-    /// Points of a scene and those of them on the front.
+    /// Points of a scene, and which of them are on the front.
     fn front<'a>(
         &'a self,
         scene: &'a str,
@@ -394,14 +396,14 @@ impl Rows {
         (points, front)
     }
 
-    /// Accuracy against a cost: the whole error, and beside it those that it is made of.
+    /// Accuracy against a cost: the total error, and its components next to it.
     fn accuracy(
         &self,
         name: &'static str,
         [x, x_label]: [&str; 2],
         sign: f64,
-        says: &str,
-    ) -> Option<Figure> {
+        caption: &str,
+    ) -> Option<ChartFigure> {
         let all_scenes = self.scenes();
         let varies_in = |scene: &str, column: &str| {
             varies(
@@ -442,17 +444,17 @@ impl Rows {
             if measure.column == columns::FIXED_VS_IDEAL_PSNR_DB
                 && !measures.iter().any(|other| other.column == METHOD.column)
             {
-                // One for all machines: what words alone cannot exceed by much.
+                // One limit for all machines: words can hardly exceed it.
                 let method = self
                     .of(scene)
                     .find_map(|row| self.number(row, METHOD.column));
                 lines.extend(method.map(|db| (format!("golden − ideal, {db:.1} dB"), ends(db), 6)));
             }
-            if let Some(Sought {
+            if let Some(SearchTarget {
                 psnr_db: Some(db),
                 column,
                 ..
-            }) = &self.sought
+            }) = &self.search
                 && *column == measure.column
             {
                 lines.push((format!("target, {db} dB"), ends(*db), 4));
@@ -472,23 +474,23 @@ impl Rows {
             .collect();
         let parts: Vec<String> = measures
             .iter()
-            .map(|measure| format!("{}, {}", measure.label, measure.says))
+            .map(|measure| format!("{}, {}", measure.label, measure.caption))
             .collect();
-        let says = format!(
-            "{says} Each dot is a machine; those with a ring are beaten by none, all others cost more, are worse, or both; names leave out what all with a ring have. {}.",
+        let caption = format!(
+            "{caption} Each dot is a machine; those with a ring are beaten by none, all others cost more, are worse, or both; names leave out what all with a ring have. {}.",
             parts.join("; ")
         );
         let title = format!(
             "Accuracy against {}",
             x_label.split(',').next().unwrap_or_default()
         );
-        figure(name, title, &says, charts, [760, 520]).map(|figure| Figure {
+        figure(name, title, &caption, charts, [760, 520]).map(|figure| ChartFigure {
             columns: measures.len(),
             ..figure
         })
     }
 
-    fn speed_area(&self) -> Option<Figure> {
+    fn speed_area(&self) -> Option<ChartFigure> {
         let [x, x_label] = AREA;
         let [y, y_label] = SPEED;
         let does_vary = |scene: &&&str| {
@@ -503,18 +505,18 @@ impl Rows {
         };
         let charts: Vec<Box<dyn Chart>> =
             self.scenes().iter().filter(does_vary).map(panel).collect();
-        let says = "What speed costs. Better is up and to the left.";
+        let caption = "What speed costs. Better is up and to the left.";
         figure(
             "speed-area",
             "Frames/s of the machine against area".into(),
-            says,
+            caption,
             charts,
             [760, 520],
         )
     }
 
-    /// Two figures of every machine on a scene, with the front, and of a search where it began and
-    /// ended.
+    /// Two figures of every machine on a scene, with the front; for a search also its start and
+    /// result.
     fn scatter(&self, scene: &str, [x, x_label, y, y_label]: [&str; 4], signs: [f64; 2]) -> Panel {
         let (points, front) = self.front(scene, [x, y], signs);
         let unit = |name: &str| if name == columns::AREA { 1e-3 } else { 1.0 };
@@ -534,7 +536,7 @@ impl Rows {
                 )
             })
             .collect();
-        // Equal machines have one name.
+        // Equal machines share one label.
         notes.dedup_by(|a, b| a.0 == b.0);
         let base = points
             .iter()
@@ -559,10 +561,10 @@ impl Rows {
                 1,
             ),
         ];
-        if let Some(sought) = &self.sought {
+        if let Some(search) = &self.search {
             let found = points
                 .iter()
-                .position(|(row, _)| self.is_found(row, sought));
+                .position(|(row, _)| self.is_found(row, search));
             all.extend(base.map(|base| series("start", vec![places[base]], Mark::Crosses, 2)));
             all.extend(found.map(|found| series("found", vec![places[found]], Mark::Triangles, 3)));
         }
@@ -576,7 +578,7 @@ impl Rows {
         }
     }
 
-    /// What all machines of a front have changed, for the end of a half sentence.
+    /// The changes that all machines of a front share, as the end of a sentence.
     fn all_with(&self, shared: &Shared, letters: usize) -> String {
         let common: Vec<(&str, &str)> = shared
             .counts
@@ -587,19 +589,19 @@ impl Rows {
         if common.is_empty() {
             String::new()
         } else {
-            format!("; all with {}", self.told(&common, letters))
+            format!("; all with {}", self.change_list(&common, letters))
         }
     }
 
-    /// Whether a row is of the machine that a search ended with.
-    fn is_found(&self, row: &Row, sought: &Sought) -> bool {
-        let [area, psnr_db, max_error] = sought.found;
+    /// Whether a row is of the resulting machine of a search.
+    fn is_found(&self, row: &Row, search: &SearchTarget) -> bool {
+        let [area, psnr_db, max_error] = search.found;
         let names = [columns::AREA, columns::PSNR_DB, columns::MAX_ERROR];
         area.is_some() && names.map(|name| self.number(row, name)) == [area, psnr_db, max_error]
     }
 
-    /// Rows of a scene that change one word alone: field, more bits, row; the base machine with no
-    /// field.
+    /// Rows of a scene that change only one word: field, additional bits, row; the base machine
+    /// without field.
     fn one_word<'a>(&'a self, scene: &'a str) -> Vec<(&'a str, [i32; 2], &'a Row)> {
         let one = |row: &'a Row| {
             let changes = self.changes(row);
@@ -612,8 +614,8 @@ impl Rows {
         self.of(scene).filter_map(one).collect()
     }
 
-    /// Every word with a few values: decibels by bits.
-    fn sensitivity(&self) -> Option<Figure> {
+    /// Words with a few values: PSNR by bits.
+    fn sensitivity(&self) -> Option<ChartFigure> {
         let mut charts: Vec<Box<dyn Chart>> = Vec::new();
         let mut height = 0;
         for scene in self.scenes() {
@@ -700,36 +702,36 @@ impl Rows {
                     .unwrap_or(0);
                 let legend = ["with flips".to_owned(), "in lockstep".to_owned()][..many].to_vec();
                 let title = format!(
-                    "{scene}: dB a bit, from {} to {} bits",
+                    "{scene}: dB per bit, from {} to {} bits",
                     signed(coarse),
                     signed(fine)
                 );
                 charts.push(Box::new(Bars {
                     shape: Shape::Bars,
                     title,
-                    axis: Axis::linear("dB a bit"),
+                    axis: Axis::linear("dB per bit"),
                     legend,
                     rows,
                 }));
             }
             height = height.max(150 + 15 * words.len() as u32);
         }
-        let says = "What one word's fraction bits do, all others as they are; the most sensitive on top. Where its rounding rules, a bit is worth 6 dB; where another word's rounding or flipped decisions rule, nothing.";
+        let caption = "PSNR by the fraction bits of one word, all others unchanged; the most sensitive on top. If the rounding of this word dominates, a bit is worth 6 dB; if the rounding of another word or flipped decisions dominate, it is worth nothing.";
         figure(
             "sensitivity",
             "PSNR by fraction bits, word by word".into(),
-            says,
+            caption,
             charts,
             [640, height],
         )
-        .map(|figure| Figure {
+        .map(|figure| ChartFigure {
             columns: 3,
             ..figure
         })
     }
 
-    /// Words with many values: a curve each.
-    fn curves(&self) -> Option<Figure> {
+    /// Words with many values: one curve each.
+    fn curves(&self) -> Option<ChartFigure> {
         let mut charts: Vec<Box<dyn Chart>> = Vec::new();
         for scene in self.scenes() {
             let all = self.one_word(scene);
@@ -760,11 +762,11 @@ impl Rows {
                 }
             }
         }
-        let says = "One word made narrower and wider. Along the slope its rounding rules: 6 dB a bit, as the dashed line. On the plateau another word or flipped decisions rule; in lockstep, without flips, it lies higher. Over the cliff its range runs out.";
+        let caption = "One word made narrower and wider. On the slope its rounding dominates: 6 dB per bit, as the dashed line. On the plateau another word or flipped decisions dominate; it is higher in lockstep, which has no flips. Beyond the cliff the range of the word is too small.";
         figure(
             "curves",
             "PSNR by bits of one word".into(),
-            says,
+            caption,
             charts,
             [600, 420],
         )
@@ -832,7 +834,7 @@ impl Rows {
                 at(last)
             };
             all.push(Series {
-                name: "6 dB a bit".into(),
+                name: "6 dB per bit".into(),
                 points: vec![low, high],
                 mark: Mark::Dashed,
                 colour: 6,
@@ -847,8 +849,8 @@ impl Rows {
         }
     }
 
-    /// Words with several values: how often still pixels jump by bits, and by decibels.
-    fn flicker(&self) -> Option<Figure> {
+    /// Words with several values: share of still pixels that jump, by bits and by PSNR.
+    fn flicker(&self) -> Option<ChartFigure> {
         let mut charts: Vec<Box<dyn Chart>> = Vec::new();
         for scene in self.scenes() {
             let all = self.one_word(scene);
@@ -867,7 +869,7 @@ impl Rows {
                     .map(|(_, [_, frac], row)| (*frac, *row))
                     .collect();
                 rows.sort_by_key(|(bits, _)| *bits);
-                // On a scale of powers nothing can be shown of no jump at all.
+                // A logarithmic axis has no 0.
                 let percent = |row: &Row| {
                     self.number(row, columns::FLICKER_JUMPS)
                         .map(|jumps| 100.0 * jumps)
@@ -910,18 +912,18 @@ impl Rows {
                 }
             }
         }
-        let says = "How many of the pixels that should not change from frame to frame change by more than 4/255, fixed − golden. Words of equal decibels may flicker differently: what moves a splat does so in one frame, what rounds its weight errs in all frames alike.";
+        let caption = "How many of the pixels that should not change from frame to frame change by more than 4/255, fixed − golden. Words of equal PSNR may flicker differently: a rounding of the position moves a splat in one frame, a rounding of its weight is the same in all frames.";
         figure(
             "flicker",
             "Flicker by bits of one word".into(),
-            says,
+            caption,
             charts,
             [600, 420],
         )
     }
 
-    /// Layers and rules for merging: the method's error, and merges.
-    fn layers(&self) -> Option<Figure> {
+    /// Layers and merge rules: the error of the method, and merges.
+    fn layers(&self) -> Option<ChartFigure> {
         let mut charts: Vec<Box<dyn Chart>> = Vec::new();
         for scene in self.scenes() {
             let mut by_rule: BTreeMap<String, BTreeMap<u64, &Row>> = BTreeMap::new();
@@ -965,7 +967,7 @@ impl Rows {
                 let series = by_rule.iter().enumerate().map(series).collect();
                 Panel {
                     title: format!("{scene}: {title}"),
-                    x: Axis::linear("layers: fragments a pixel"),
+                    x: Axis::linear("layers: fragments per pixel"),
                     y,
                     series,
                     ..Panel::default()
@@ -982,23 +984,22 @@ impl Rows {
                 Axis::linear("merged contributions, thousands"),
             )));
         }
-        let says = "What another layer, or another rule for merging, buys: no word makes the picture better than this.";
+        let caption = "Gain of another layer, or of another merge rule: words cannot make the picture better than this.";
         figure(
             "layers",
             "Layers and rules for merging".into(),
-            says,
+            caption,
             charts,
             [600, 420],
         )
     }
 
-    /// Clocks: what the smallest machine of each costs in gates, and what it buys in latency and
-    /// frames a second.
-    fn clock(&self) -> Option<Figure> {
+    /// Clocks: gates of the smallest machine of each, its latency and frames per second.
+    fn clock(&self) -> Option<ChartFigure> {
         const FIELD: &str = "timing.clock_hz";
         let mut charts: Vec<Box<dyn Chart>> = Vec::new();
         for scene in self.scenes() {
-            // Nothing else is changed but how many stages there are.
+            // Only the number of stages is changed.
             let is_of = |field: &str| {
                 field == FIELD || field.starts_with("timing.") && field.ends_with(".latency")
             };
@@ -1052,11 +1053,11 @@ impl Rows {
                 }));
             }
         }
-        let says = "What a faster clock costs and buys: at each clock the machine of the fewest gates that differs in clock and latencies alone. Up to the knee a stage more takes little, and buys much; beyond it registers of stages grow, and what they take themselves of each cycle eats up what they buy.";
+        let caption = "Cost and gain of a faster clock: at each clock the machine with the fewest gates that differs only in clock and latencies. Up to the knee another stage costs little and gains much. Beyond it the pipeline registers grow, and their delay in each cycle cancels the gain.";
         figure(
             "clock",
             "Gates and latency by clock".into(),
-            says,
+            caption,
             charts,
             [600, 420],
         )
@@ -1071,8 +1072,8 @@ impl Rows {
         machines::with(&self.base, &changes, "")
     }
 
-    /// Every field of the timing: cycles, and what each unit does in them.
-    fn cycles(&self) -> Option<Figure> {
+    /// Every field of the timing: cycles, and the state of each unit in them.
+    fn cycles(&self) -> Option<ChartFigure> {
         let mut charts: Vec<Box<dyn Chart>> = Vec::new();
         let mut most = 0;
         for scene in self.scenes() {
@@ -1125,7 +1126,7 @@ impl Rows {
                 }
                 let row = |(value, cycles, row): &(String, f64, &Row)| {
                     let counts = counts(row);
-                    // Of several side by side, those of one.
+                    // Of several parallel units, the average of one.
                     let all: f64 = counts.iter().sum();
                     let limits = if self.table.text(row, columns::BOTTLENECK) == unit {
                         " (limits)"
@@ -1148,18 +1149,18 @@ impl Rows {
                 }));
             }
         }
-        let says = "A picture a unit: what it does in the frame's cycles. Each bar is a value of a field with the fewest cycles that any machine with it takes, all else at its best; its parts are work (busy), wait for an item (starved), for room behind it or for itself (blocked), for memory. The unit that limits a frame is marked.";
+        let caption = "One panel per unit: its states in the cycles of a frame. Each bar is the fastest machine with one value of a field; its parts are work (busy), no input (starved), no room at the output or a hazard of its own (blocked), and stalls for memory. The unit that limits a frame is marked.";
         figure(
             "cycles",
             "Cycles and stalls by microarchitecture".into(),
-            says,
+            caption,
             charts,
             [640, 150 + 22 * most as u32],
         )
     }
 
-    /// How fast the three renderers are on this computer, and how good.
-    fn host_speed(&self) -> Option<Figure> {
+    /// Speed of the three renderers on this computer, and their errors.
+    fn host_speed(&self) -> Option<ChartFigure> {
         let mut charts: Vec<Box<dyn Chart>> = Vec::new();
         for scene in self.scenes() {
             let points = |seconds: &str, column: &str| {
@@ -1181,7 +1182,7 @@ impl Rows {
             let Some(ideal) = ideal.filter(|_| !fixed.is_empty() && !golden.is_empty()) else {
                 continue;
             };
-            // Nothing is better than ideal: it is drawn above all others.
+            // Ideal has no error: it is drawn above all others.
             let top = fixed
                 .iter()
                 .chain(&golden)
@@ -1213,17 +1214,17 @@ impl Rows {
                 ..Panel::default()
             }));
         }
-        let says = "How many frames a second each renderer draws on the computer that made the rows, and how close it comes to the ideal picture. Times differ from run to run.";
+        let caption = "How many frames a second each renderer draws on the computer that made the rows, and how close it comes to the ideal picture. Times differ from run to run.";
         figure(
             "host-speed",
             "Accuracy against speed of the simulator".into(),
-            says,
+            caption,
             charts,
             [640, 420],
         )
     }
 
-    /// Every front that there is, scene by scene, as tables; of equal machines one.
+    /// Every front, scene by scene, as tables; of equal machines only one.
     fn fronts(&self) -> String {
         let mut texts = Vec::new();
         for scene in self.scenes() {
@@ -1234,7 +1235,7 @@ impl Rows {
                     .collect();
                 (0..2).all(|axis| varies(pairs.iter().map(|pair| pair[axis])))
             };
-            // The whole error, if it was looked at and varies, else the arithmetic's.
+            // The total error, if it was measured and varies, else that of the arithmetic.
             let of_error = |cost: &'static str| {
                 MEASURES
                     .iter()
@@ -1299,10 +1300,10 @@ impl Rows {
             let _ = write!(
                 text,
                 "\n{line}\n{}",
-                wrapped(&format!("    {}", self.name(row, &shared, TOLD_LETTERS)))
+                wrapped(&format!("    {}", self.name(row, &shared, TABLE_LETTERS)))
             );
         }
-        let told = |name: &str| {
+        let change_list = |name: &str| {
             let error = MEASURES
                 .iter()
                 .find(|measure| measure.column == name)
@@ -1327,9 +1328,9 @@ impl Rows {
             } else {
                 format!("{} are", distinct.len())
             },
-            told(names[0]),
-            told(names[1]),
-            self.all_with(&shared, TOLD_LETTERS)
+            change_list(names[0]),
+            change_list(names[1]),
+            self.all_with(&shared, TABLE_LETTERS)
         );
         format!("{}\n{text}", wrapped(&head))
     }
@@ -1338,24 +1339,23 @@ impl Rows {
 fn figure(
     name: &'static str,
     title: String,
-    says: &str,
+    caption: &str,
     mut charts: Vec<Box<dyn Chart>>,
     cell_px: [u32; 2],
-) -> Option<Figure> {
+) -> Option<ChartFigure> {
     charts.truncate(MOST_PANELS);
     let columns = if charts.len() > 1 { 2 } else { 1 };
-    (!charts.is_empty()).then(|| Figure {
+    (!charts.is_empty()).then(|| ChartFigure {
         name,
         title,
-        says: says.into(),
+        caption: caption.into(),
         charts,
         columns,
         cell_px,
     })
 }
 
-/// Which of the points of a line to name, at most so many: the ends, and others as far apart as can
-/// be along it.
+/// Points of a line to label, at most `most`: the ends, and others evenly spaced along it.
 fn spread(line: &[[f64; 2]], most: usize) -> Vec<usize> {
     if line.len() <= most {
         return (0..line.len()).collect();
@@ -1378,7 +1378,7 @@ fn spread(line: &[[f64; 2]], most: usize) -> Vec<usize> {
     let whole = along[along.len() - 1];
     let mut named: Vec<usize> = Vec::new();
     for (i, at) in along.iter().enumerate() {
-        // The next one that is due lies here or before.
+        // The next due label is at this point or before it.
         if named.len() < most && *at >= whole * named.len() as f64 / (most - 1) as f64 - 1e-12 {
             named.push(i);
         }
@@ -1391,7 +1391,7 @@ fn spread(line: &[[f64; 2]], most: usize) -> Vec<usize> {
     named
 }
 
-/// The least and the greatest.
+/// Least and greatest value.
 fn extent(values: impl Iterator<Item = f64>) -> (f64, f64) {
     values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), value| {
         (low.min(value), high.max(value))
@@ -1403,7 +1403,7 @@ fn varies(values: impl Iterator<Item = f64>) -> bool {
     low < high
 }
 
-/// A scene's name, short enough for a title; those of a search name every view.
+/// A scene's name, shortened for a title; those of a search contain the view.
 fn cut(scene: &str) -> String {
     let first: String = scene.chars().take(SCENE_LETTERS).collect();
     if first.len() < scene.len() {
@@ -1422,7 +1422,7 @@ fn signed(bits: i32) -> String {
     }
 }
 
-/// The last two steps of a path.
+/// The last two parts of a path.
 fn short(field: &str) -> &str {
     field
         .rmatch_indices('.')

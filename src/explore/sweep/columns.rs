@@ -1,10 +1,10 @@
-//! Columns: every figure of a sweep's point, each listed once: its name, what its cells hold, and
-//! where it comes from.
+//! Columns: lists every figure of a point of a sweep once: its name, the kind of its cells, and its
+//! source.
 //!
-//! A new column is a line here. Its constant is how charts and summaries name it, so that a
-//! mistyped column does not compile.
+//! A new column is one line here. Charts and summaries use its constant, so a mistyped column does
+//! not compile.
 
-use super::table::{Column, Kind, Row, named};
+use super::table::{CellKind, Column, Row, named};
 use crate::accuracy::flicker::Flicker;
 use crate::accuracy::ranges::Overflows;
 use crate::accuracy::{Metrics, Summary};
@@ -15,20 +15,20 @@ use rtl_model::timing::{Account, Cycles};
 use rtl_model::units::fragment::Outcomes;
 use serde_json::{Value, json};
 
-/// All that is known of a point. What was not looked at is none, and its cells are empty.
+/// Results of a point. Results that were not measured are None, and their cells are empty.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Findings {
     /// Why the machine cannot be built or cannot hold the scene.
     pub misfit: Option<String>,
     pub errors: Option<Errors>,
-    pub frame: Option<Frame>,
+    pub frame: Option<FrameFindings>,
     pub lockstep: Option<Summary>,
     pub flicker: Option<Flicker>,
-    pub replay: Option<Replay>,
+    pub replay: Option<ReplayFindings>,
     pub host_seconds: f64,
 }
 
-/// How far the picture is off.
+/// Errors of the picture.
 #[derive(Clone, Debug)]
 pub(super) struct Errors {
     pub fixed_vs_golden: Metrics,
@@ -37,46 +37,46 @@ pub(super) struct Errors {
     pub golden_seconds: f64,
 }
 
-/// What the machine did.
+/// Counts of the frame.
 #[derive(Clone, Debug)]
-pub(super) struct Frame {
+pub(super) struct FrameFindings {
     pub overflows: Overflows,
     pub outcomes: Outcomes,
     pub fixed_seconds: f64,
     pub ideal_seconds: f64,
 }
 
-/// How long it takes, and what it is built of.
+/// Cycles and costs of the machine.
 #[derive(Clone, Debug)]
-pub(super) struct Replay {
+pub(super) struct ReplayFindings {
     pub cycles: CyclesReport,
     pub cost: CostReport,
     pub machine: MachineReport,
     pub units: Cycles,
-    /// From a splat to a pixel's word through units that wait for nothing.
+    /// From a splat to a pixel's word, through units without stalls.
     pub latency_ns: f64,
 }
 
 /// A figure of a point.
-struct Figure {
+struct ColumnFigure {
     name: &'static str,
-    kind: Kind,
+    kind: CellKind,
     cell: fn(&Findings) -> Value,
 }
 
 macro_rules! figures {
     ($($constant:ident = $name:literal, $kind:ident, $cell:expr;)*) => {
         $(#[doc = concat!("`", $name, "`")] pub const $constant: &str = $name;)*
-        const FIGURES: &[Figure] = &[$(Figure { name: $name, kind: Kind::$kind, cell: $cell }),*];
+        const FIGURES: &[ColumnFigure] = &[$(ColumnFigure { name: $name, kind: CellKind::$kind, cell: $cell }),*];
     };
 }
 
-/// Of what may not have been looked at.
+/// The cell of a result that may not have been measured.
 fn of<T>(part: &Option<T>, cell: impl FnOnce(&T) -> Value) -> Value {
     part.as_ref().map_or(Value::Null, cell)
 }
 
-// A PSNR is empty also where pictures are equal.
+// A PSNR is also empty if the pictures are equal.
 figures! {
     MISFIT = "misfit", Text, |f| json!(f.misfit);
     PSNR_DB = "psnr_db", Number, |f| of(&f.errors, |e| json!(e.fixed_vs_golden.psnr_db));
@@ -122,11 +122,11 @@ figures! {
 macro_rules! seconds {
     ($($constant:ident = $name:literal, $cell:expr;)*) => {
         $(#[doc = concat!("`", $name, "`")] pub const $constant: &str = $name;)*
-        const SECONDS: &[Figure] = &[$(Figure { name: $name, kind: Kind::Number, cell: $cell }),*];
+        const SECONDS: &[ColumnFigure] = &[$(ColumnFigure { name: $name, kind: CellKind::Number, cell: $cell }),*];
     };
 }
 
-// Of this computer: a point with all that was done for it, and a frame of each renderer.
+// On this computer: for a point in total, and for a frame of each renderer.
 seconds! {
     HOST_SECONDS = "host_seconds", |f| json!(f.host_seconds);
     HOST_FIXED_SECONDS = "host_fixed_seconds", |f| of(&f.frame, |frame| json!(frame.fixed_seconds));
@@ -138,37 +138,37 @@ seconds! {
 pub const POINT: &str = "point";
 /// `key`: a digest of all that determines a row.
 pub const KEY: &str = "key";
-/// `scene`: what was drawn.
+/// `scene`: name of the scene.
 pub const SCENE: &str = "scene";
 /// `changes`: how the machine differs from the plan's.
 pub const CHANGES: &str = "changes";
 
 /// Columns before the plan's own fields.
-const HEAD: [(&str, Kind); 4] = [
-    (POINT, Kind::Whole),
-    (KEY, Kind::Text),
-    (SCENE, Kind::Text),
-    (CHANGES, Kind::Text),
+const HEAD: [(&str, CellKind); 4] = [
+    (POINT, CellKind::Whole),
+    (KEY, CellKind::Text),
+    (SCENE, CellKind::Text),
+    (CHANGES, CellKind::Text),
 ];
 
-/// Units with an account of their cycles each, those of several side by side together; empty where
-/// a machine has none.
+/// Units with an account of their cycles each; parallel units are added up. Empty if a machine
+/// lacks the unit.
 pub use rtl_model::timing::UNITS;
 
 /// States of a unit in a cycle.
 pub const ACCOUNTS: [&str; 4] = ["busy", "starved", "blocked", "memory"];
 
-/// The column of a unit's account.
+/// Name of the column of a unit's account.
 pub fn account(unit: &str, account: &str) -> String {
     format!("{unit}_{account}")
 }
 
-/// All columns of a plan with these of its own.
+/// All columns of a plan; `own` are those of its fields.
 pub(super) fn all(own: Vec<Column>) -> Vec<Column> {
     let accounts = UNITS
         .iter()
-        .flat_map(|unit| ACCOUNTS.map(|name| (account(unit, name), Kind::Whole)));
-    let figure = |figure: &Figure| (figure.name.to_owned(), figure.kind);
+        .flat_map(|unit| ACCOUNTS.map(|name| (account(unit, name), CellKind::Whole)));
+    let figure = |figure: &ColumnFigure| (figure.name.to_owned(), figure.kind);
     named(&HEAD)
         .into_iter()
         .chain(own)
@@ -178,7 +178,7 @@ pub(super) fn all(own: Vec<Column>) -> Vec<Column> {
         .collect()
 }
 
-/// The cells that follow the plan's own fields.
+/// The cells after the plan's own fields.
 pub(super) fn cells(findings: &Findings) -> Row {
     let accounts = UNITS.iter().flat_map(|unit| {
         findings
@@ -186,7 +186,7 @@ pub(super) fn cells(findings: &Findings) -> Row {
             .as_ref()
             .map_or([const { Value::Null }; 4], |replay| replay.accounts(unit))
     });
-    let cell = |figure: &Figure| (figure.cell)(findings);
+    let cell = |figure: &ColumnFigure| (figure.cell)(findings);
     FIGURES
         .iter()
         .map(cell)
@@ -195,7 +195,7 @@ pub(super) fn cells(findings: &Findings) -> Row {
         .collect()
 }
 
-impl Replay {
+impl ReplayFindings {
     fn blocks_18(&self) -> u64 {
         self.cost
             .cost
@@ -205,8 +205,7 @@ impl Replay {
             .sum()
     }
 
-    /// Cycles of a unit, and of those of its kind, by [`ACCOUNTS`]; none where the machine has no
-    /// such unit.
+    /// Cycles of a unit, and of those of its kind, by [`ACCOUNTS`]; None if the machine lacks it.
     fn accounts(&self, unit: &str) -> [Value; 4] {
         let same = || self.units.units.iter().filter(|other| other.name == unit);
         let of = |count: fn(&Account) -> u64| {

@@ -1,4 +1,4 @@
-//! Loss: the word, or the words together, that lose a decibel first when bits are taken away.
+//! Loss: finds the word, or set of words, that loses a decibel first when bits are removed.
 
 use super::columns;
 use super::table::{Row, Table};
@@ -6,19 +6,19 @@ use crate::hardware::machines;
 use rtl_model::Machine;
 use rtl_model::num::Format;
 
-/// What counts as lost, dB.
+/// Threshold of a loss, dB.
 const LOST_DB: f64 = 1.0;
 
-/// Words with fewer fraction bits and otherwise as they are.
+/// A row that only reduces fraction bits.
 #[derive(Clone, Debug, PartialEq)]
-struct Less {
+struct Reduction {
     words: Vec<String>,
-    /// The most that one of them has less.
+    /// The greatest reduction of one word.
     bits: i32,
 }
 
-/// A sentence about the row that loses a decibel with the fewest bits less, of equals the one that
-/// loses most; none where no row only takes bits away, or none has all of them.
+/// A sentence about the row that loses a decibel with the least reduction; of equal ones the one
+/// that loses most. None if no row only reduces bits, or none reduces all of its words.
 pub(super) fn first(table: &Table, base: &Machine) -> Option<String> {
     let words = machines::words(base);
     let column = [columns::LOCKSTEP_PSNR_DB, columns::PSNR_DB]
@@ -30,17 +30,17 @@ pub(super) fn first(table: &Table, base: &Machine) -> Option<String> {
                 .any(|row| table.number(row, name).is_some())
         })?;
     let is_built = |row: &&Row| table.text(row, columns::MISFIT).is_empty();
-    let rows: Vec<(&Row, Less)> = (table.rows.iter().filter(is_built))
+    let rows: Vec<(&Row, Reduction)> = (table.rows.iter().filter(is_built))
         .filter_map(|row| Some((row, less(table.text(row, columns::CHANGES), &words)?)))
         .collect();
-    // Equal pictures have no decibels: they lose nothing, and whatever follows them loses all.
+    // Equal pictures have no PSNR: they count as infinite.
     let db = |row: &Row| table.number(row, column).unwrap_or(f64::INFINITY);
     let whole = |scene: &str| {
         rows.iter()
             .find(|(row, less)| less.bits == 0 && table.text(row, columns::SCENE) == scene)
             .map(|(row, _)| db(row))
     };
-    let lost = |(row, less): &(&Row, Less)| {
+    let lost = |(row, less): &(&Row, Reduction)| {
         let before = whole(table.text(row, columns::SCENE))?;
         let loss = if before == db(row) {
             0.0
@@ -68,9 +68,9 @@ pub(super) fn first(table: &Table, base: &Machine) -> Option<String> {
         "in lockstep"
     };
     match first {
-        Some((_, before, after, Less { words, bits }, scene)) => {
+        Some((_, before, after, Reduction { words, bits }, scene)) => {
             let s = if *bits == 1 { "" } else { "s" };
-            let told = |db: f64| {
+            let text = |db: f64| {
                 if db.is_finite() {
                     format!("{db:.1}")
                 } else {
@@ -79,8 +79,8 @@ pub(super) fn first(table: &Table, base: &Machine) -> Option<String> {
             };
             let how = format!(
                 "{} → {} dB, {metric}, on {scene}",
-                told(*before),
-                told(*after)
+                text(*before),
+                text(*after)
             );
             Some(format!(
                 "first to lose {LOST_DB:.0} dB: {} with {bits} bit{s} less, {how}",
@@ -92,9 +92,9 @@ pub(super) fn first(table: &Table, base: &Machine) -> Option<String> {
     }
 }
 
-/// What a row's changes take away; none where they do anything else.
-fn less(changes: &str, words: &[(String, Format)]) -> Option<Less> {
-    let mut all = Less {
+/// Words and bits that a row's changes remove; None if they change anything else.
+fn less(changes: &str, words: &[(String, Format)]) -> Option<Reduction> {
+    let mut all = Reduction {
         words: Vec::new(),
         bits: 0,
     };

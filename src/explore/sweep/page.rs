@@ -1,6 +1,6 @@
-//! Page: figures and rows as one HTML file that needs nothing else, no network either.
+//! Page: writes figures and rows as one self-contained HTML file that works without a network.
 
-use super::charts::Figure;
+use super::charts::ChartFigure;
 use super::table::Table;
 use crate::output::text::json_in_html;
 use serde_json::{Value, json};
@@ -17,8 +17,7 @@ td.n { text-align: right } th:after { content: ' ↕'; color: #bbb } th.up:after
 input { font: inherit; width: 24em }
 ";
 
-/// Sorts by a click on a head, keeps rows that hold the words that are typed, shows the first of
-/// them.
+/// Sorts by a click on a head, filters rows by typed words, shows the first rows.
 const SCRIPT: &str = "
 const MOST = 500, { columns, rows } = JSON.parse(document.getElementById('rows').textContent);
 const head = document.querySelector('thead tr'), body = document.querySelector('tbody');
@@ -53,9 +52,8 @@ words.oninput = show;
 show();
 ";
 
-/// The page. Columns that are the same in all rows are told once; keys and host times are left to
-/// the files.
-pub fn html(table: &Table, base: &str, figures: &[(&Figure, String)]) -> String {
+/// The page. Columns with one value in all rows are listed once; keys and host times are omitted.
+pub fn html(table: &Table, base: &str, figures: &[(&ChartFigure, String)]) -> String {
     let is_shown = |name: &str| name != "key" && !name.starts_with("host_");
     let all = || {
         table
@@ -89,8 +87,11 @@ pub fn html(table: &Table, base: &str, figures: &[(&Figure, String)]) -> String 
         "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<title>splatsim: {name}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>Machines made from {name}</h1>\n"
     );
     for (
-        Figure {
-            name, title, says, ..
+        ChartFigure {
+            name,
+            title,
+            caption,
+            ..
         },
         svg,
     ) in figures
@@ -99,7 +100,7 @@ pub fn html(table: &Table, base: &str, figures: &[(&Figure, String)]) -> String 
             page,
             "<h2 id=\"{name}\">{}</h2>\n<p>{}</p>\n{svg}\n",
             escaped(title),
-            escaped(says)
+            escaped(caption)
         );
     }
     let _ = write!(

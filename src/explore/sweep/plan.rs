@@ -1,11 +1,11 @@
-//! Plan: which machines are tried on which scenes.
+//! Plan: selects the machines and scenes of a sweep.
 //!
 //! ```text
 //! axes ─►( grid, one at a time, sample )─► changes of the base machine ─┐
 //! scenes ───────────────────────────────────────────────────────────────┴─► points, numbered
 //! ```
 
-use super::table::{Column, Kind};
+use super::table::{CellKind, Column};
 use crate::accuracy::partial::UNITS;
 use crate::error::{Error, Result};
 use crate::hardware::machines;
@@ -22,35 +22,34 @@ use std::collections::HashMap;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
-/// Plan of a sweep, as its file has it.
+/// Plan of a sweep, as in its file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Plan {
-    /// Built-in names, or files beside the plan.
+    /// Built-in names, or files relative to the plan.
     pub scenes: Vec<String>,
     /// Columns and rows of all pictures, instead of the scenes' own.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub size: Option<[usize; 2]>,
-    /// The machine that is changed: a name, or a file beside the plan.
+    /// The base machine: a name, or a file relative to the plan.
     #[serde(default = "reference")]
     pub machine: String,
     /// Axes: the fields that are changed.
     pub axes: Vec<Axis>,
     /// Combination of the axes.
     #[serde(default)]
-    pub order: Order,
+    pub order: PlanOrder,
     /// Points of a sample.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub points: Option<u64>,
-    /// Another seed, another sample.
+    /// Seed of the sample.
     #[serde(default)]
     pub seed: u64,
-    /// Hold each machine to its golden twin in lockstep too, which takes most of a point's time.
+    /// Also compare each machine with golden in lockstep, which takes most of a point's time.
     #[serde(default = "yes")]
     pub lockstep: bool,
     /// Draw this many frames of scenes with several cameras, from the first on, and measure how
-    /// errors change from frame to frame. All other figures are those of the first frame. Only for
-    /// surfaces.
+    /// errors change from frame to frame. All other figures are of the first frame. Surfaces only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 2, max = 32))]
     pub flicker: Option<usize>,
@@ -64,30 +63,29 @@ fn yes() -> bool {
     true
 }
 
-/// A field, or several together, and what it is to be: values, a range, or other bits.
+/// A field, or several together, and its values: a list, a range, or additional bits.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Axis {
     /// A field of the machine, as `gauss.weight` or `timing.raster.lanes`; `*` is every word that
-    /// can be so, one at a time; `exact` lists units and words that are f64 instead, as
-    /// `["raster", "splat.rgb"]`: of such a machine only errors are known.
+    /// the values suit, one at a time; `exact` takes lists of units and words that are computed in
+    /// f64, as `["raster", "splat.rgb"]`: for such a machine only errors are measured.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub field: String,
-    /// Instead of one field, several that change together, such as
-    /// `["ellipse.conic", "ellipse.conic_cross"]`. Each gets the value, or as many additional bits
-    /// as the value says.
+    /// Instead of one field, several that change together, such as `["ellipse.conic",
+    /// "ellipse.conic_cross"]`. Each gets the value, or the additional bits.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub fields: Vec<String>,
-    /// These values.
+    /// List of values.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub values: Option<Vec<Value>>,
-    /// Whole numbers: first, last, step.
+    /// Integers: first, last, step.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub range: Option<[i64; 3]>,
-    /// So many fraction bits more than the base machine's; fewer where negative. Of words.
+    /// Fraction bits in addition to the base machine's; fewer if negative. Words only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub add_frac_bits: Option<Vec<i32>>,
-    /// So many integer bits more than the base machine's; fewer where negative. Of words; beside
+    /// Integer bits in addition to the base machine's; fewer if negative. Words only; with
     /// `add_frac_bits`, one after the other.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub add_int_bits: Option<Vec<i32>>,
@@ -96,28 +94,29 @@ pub struct Axis {
 /// Combination of the axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub enum Order {
-    /// Every value with every other axis' values.
+#[schemars(rename = "Order")]
+pub enum PlanOrder {
+    /// Every combination of values.
     #[default]
     Grid,
-    /// The base machine; then every value of every axis, all others as in the base.
+    /// The base machine; then every value of every axis, with all others as in the base.
     OneAtATime,
-    /// So many `points` that each axis' values come equally often (a Latin hypercube).
+    /// `points` points in which each value of an axis occurs equally often (a Latin hypercube).
     Sample,
 }
 
 /// A change of the base machine.
-pub type Change = (String, Value);
+pub type MachineChange = (String, Value);
 
-/// The field that is none of the machine.
+/// The field that is not of the machine.
 const EXACT: &str = "exact";
 
-/// A machine with these changes, but for those that make it exact.
+/// The base machine with these changes, except those of `exact`.
 ///
 /// # Errors
 /// As [`machines::with`].
-pub fn machine_of(base: &Machine, changes: &[Change], name: &str) -> Result<Machine> {
-    let own: Vec<Change> = changes
+pub fn machine_of(base: &Machine, changes: &[MachineChange], name: &str) -> Result<Machine> {
+    let own: Vec<MachineChange> = changes
         .iter()
         .filter(|(field, _)| field != EXACT)
         .cloned()
@@ -125,8 +124,8 @@ pub fn machine_of(base: &Machine, changes: &[Change], name: &str) -> Result<Mach
     machines::with(base, &own, name)
 }
 
-/// Units and words that changes make exact.
-pub fn exact_of(changes: &[Change]) -> Vec<String> {
+/// Units and words that changes compute in f64.
+pub fn exact_of(changes: &[MachineChange]) -> Vec<String> {
     let lists = changes
         .iter()
         .filter(|(field, _)| field == EXACT)
@@ -137,12 +136,12 @@ pub fn exact_of(changes: &[Change]) -> Vec<String> {
         .collect()
 }
 
-/// Refuses what names no units or words.
+/// Refuses anything except names of units and words.
 fn check_exact(value: &Value, words: &[(String, Format)]) -> Result<()> {
     let input_error = |what: String| Error::input(format!("axes: {EXACT}: {what}"));
     let names = value.as_array().ok_or_else(|| {
         input_error(format!(
-            "{value} is no list, as [\"raster\", \"splat.rgb\"] is"
+            "{value} is not a list, as [\"raster\", \"splat.rgb\"] is"
         ))
     })?;
     let is_known = |name: &str| UNITS.contains(&name) || words.iter().any(|(word, _)| word == name);
@@ -157,7 +156,7 @@ fn check_exact(value: &Value, words: &[(String, Format)]) -> Result<()> {
                 .collect();
             let nearest = validate::in_brackets(name.as_str().unwrap_or_default(), &known);
             Err(input_error(format!(
-                "{name} is no unit and no word; units are {}{nearest}",
+                "{name} is neither a unit nor a word; units are {}{nearest}",
                 UNITS.join(", ")
             )))
         }
@@ -165,25 +164,24 @@ fn check_exact(value: &Value, words: &[(String, Format)]) -> Result<()> {
     }
 }
 
-/// A plan that can be carried out.
+/// A checked plan.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Points {
     /// The plan.
     pub plan: Plan,
-    /// The machine that is changed.
+    /// The base machine.
     pub base: Machine,
-    /// Where relative paths begin.
+    /// Folder for relative paths.
     folder: PathBuf,
-    /// What is tried, in the order of the plan, on each scene: of each axis its steps.
-    axes: Vec<Vec<Vec<Change>>>,
-    /// Machines a scene.
+    /// Steps of each axis, in the order of the plan.
+    axes: Vec<Vec<Vec<MachineChange>>>,
+    /// Number of machines per scene.
     machines: u64,
-    /// Of each scene the cameras whose frames are compared with those before them; none where that
-    /// is not asked for.
+    /// For each scene the cameras of the compared frames; None without `flicker`.
     cameras: Vec<Vec<Camera>>,
 }
 
-/// Plans that need no file.
+/// Built-in plans.
 pub const READY: [(&str, &str); 6] = [
     (
         "precision",
@@ -225,14 +223,14 @@ pub const READY: [(&str, &str); 6] = [
     ),
 ];
 
-/// Most values of an axis: each is tried on the machine before anything is drawn.
+/// Most values per axis: each is tried on the machine before anything is drawn.
 const MOST_VALUES: usize = 10_000;
 
 impl Points {
-    /// Reads a plan: the name of a ready one, or a file.
+    /// Reads a plan: the name of a built-in one, or a file.
     ///
     /// # Errors
-    /// [`Error::Input`] naming the file, the field and what is wrong there.
+    /// [`Error::Input`] with the file, the field and the problem.
     pub fn load(name_or_path: impl AsRef<OsStr>) -> Result<Self> {
         let path = Path::new(name_or_path.as_ref());
         let name = &*path.to_string_lossy();
@@ -246,7 +244,7 @@ impl Points {
                 let names = READY.map(|(name, _)| name);
                 let nearest = validate::in_brackets(name, &names);
                 let sentence = format!(
-                    "no such file, and no ready plan either; ready are {}{nearest}",
+                    "no such file or built-in plan; built-in are {}{nearest}",
                     names.join(", ")
                 );
                 return Err(input_error(sentence));
@@ -258,15 +256,15 @@ impl Points {
         Points::from_text(&text, name, path.parent().unwrap_or(Path::new("")))
     }
 
-    /// Reads a plan's text; files that it names lie beside each other in `folder`, and `name`
-    /// begins every error.
+    /// Reads a plan's text. Its files are relative to `folder`, and `name` begins every error.
     ///
     /// # Errors
     /// As [`Points::load`].
     pub fn from_text(text: &str, name: &str, folder: &Path) -> Result<Self> {
         let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
         let value = strict_json::parse(text).map_err(input_error)?;
-        validate::check(&value, &schema()).map_err(|misfit| input_error(misfit.to_string()))?;
+        validate::check(&value, &schema())
+            .map_err(|violation| input_error(violation.to_string()))?;
         let plan: Plan = serde_path_to_error::deserialize(&value)
             .map_err(|e| input_error(format!("{}: {}", e.path(), e.inner())))?;
         let folder = folder.to_owned();
@@ -280,7 +278,7 @@ impl Points {
         if plan.scenes.is_empty() {
             return Err(Error::input("scenes is empty: at least one is needed"));
         }
-        let base = machines::load(beside(&folder, &plan.machine), &[])?;
+        let base = machines::load(relative(&folder, &plan.machine), &[])?;
         let words = machines::words(&base);
         let mut axes = Vec::new();
         for (nth, axis) in plan.axes.iter().enumerate() {
@@ -290,7 +288,7 @@ impl Points {
                 axes.push(axis.steps(&named, &words).map_err(input_error)?);
                 continue;
             }
-            if plan.order != Order::OneAtATime {
+            if plan.order != PlanOrder::OneAtATime {
                 return Err(input_error("`*` needs \"order\": \"one-at-a-time\"".into()));
             }
             for (field, _) in &words {
@@ -299,7 +297,7 @@ impl Points {
                     ..axis.clone()
                 };
                 let mut steps = axis.steps(&[field], &words).map_err(input_error)?;
-                // Some words have no bit more to give, or none less.
+                // Words without another bit to add or remove are skipped.
                 steps.retain(|changes| machines::with(&base, changes, "").is_ok());
                 axes.push(steps);
             }
@@ -322,14 +320,14 @@ impl Points {
         }
         let counts = axes.iter().map(|steps| steps.len() as u64);
         let machines = match plan.order {
-            Order::Grid => counts.fold(1, u64::saturating_mul),
-            Order::OneAtATime => 1 + counts.sum::<u64>(),
-            Order::Sample => plan
+            PlanOrder::Grid => counts.fold(1, u64::saturating_mul),
+            PlanOrder::OneAtATime => 1 + counts.sum::<u64>(),
+            PlanOrder::Sample => plan
                 .points
                 .filter(|points| *points > 0)
                 .ok_or_else(|| Error::input("a sample needs `points`, one at least"))?,
         };
-        if plan.order != Order::Sample && plan.points.is_some() {
+        if plan.order != PlanOrder::Sample && plan.points.is_some() {
             return Err(Error::input("points belongs to \"order\": \"sample\""));
         }
         let mut points = Points {
@@ -370,32 +368,31 @@ impl Points {
         }
     }
 
-    /// The cameras of a scene that flicker is told of; none where it is not.
+    /// The cameras of a scene for `flicker`; empty without it.
     pub fn cameras(&self, nth: usize) -> &[Camera] {
         self.cameras.get(nth).map_or(&[], Vec::as_slice)
     }
 
-    /// Count.
+    /// Number of points.
     pub fn count(&self) -> u64 {
         self.machines.saturating_mul(self.plan.scenes.len() as u64)
     }
 
-    /// Which scene a point is on, and what it changes.
-    pub fn point(&self, number: u64) -> (usize, Vec<Change>) {
+    /// Index of a point's scene, and its changes.
+    pub fn point(&self, number: u64) -> (usize, Vec<MachineChange>) {
         (
             (number / self.machines) as usize,
             self.changes(number % self.machines),
         )
     }
 
-    /// Points in the order of the plan, those that may share a frame, for they differ in timing
-    /// alone, together.
+    /// Groups points in the order of the plan: those that differ only in timing share a frame.
     pub fn together(&self, numbers: &[u64]) -> Vec<Vec<u64>> {
         let mut groups: Vec<Vec<u64>> = Vec::new();
         let mut places = HashMap::new();
         for number in numbers {
             let (scene, changes) = self.point(*number);
-            let drawn: Vec<Change> = changes
+            let drawn: Vec<MachineChange> = changes
                 .into_iter()
                 .filter(|(field, _)| machines::changes_picture(field))
                 .collect();
@@ -410,21 +407,21 @@ impl Points {
         groups
     }
 
-    fn changes(&self, number: u64) -> Vec<Change> {
+    fn changes(&self, number: u64) -> Vec<MachineChange> {
         let step = |axis: usize, nth: u64| self.axes[axis][nth as usize].clone();
         let count = |axis: usize| self.axes[axis].len() as u64;
         match self.plan.order {
-            Order::Grid => {
+            PlanOrder::Grid => {
                 // The last axis changes fastest.
                 let mut left = number;
-                let mut steps: Vec<Vec<Change>> = Vec::new();
+                let mut steps: Vec<Vec<MachineChange>> = Vec::new();
                 for axis in (0..self.axes.len()).rev() {
                     steps.push(step(axis, left % count(axis)));
                     left /= count(axis);
                 }
                 steps.into_iter().rev().flatten().collect()
             }
-            Order::OneAtATime => {
+            PlanOrder::OneAtATime => {
                 let Some(mut left) = number.checked_sub(1) else {
                     return Vec::new();
                 };
@@ -436,7 +433,7 @@ impl Points {
                 }
                 Vec::new()
             }
-            Order::Sample => {
+            PlanOrder::Sample => {
                 let place = |axis: usize| {
                     shuffled(
                         number,
@@ -457,7 +454,7 @@ impl Points {
         }
     }
 
-    /// Fields that an axis names, in the order of the plan; `*` is none.
+    /// Fields of the axes, in the order of the plan; `*` is not a field.
     pub fn fields(&self) -> Vec<String> {
         self.plan
             .axes
@@ -468,7 +465,8 @@ impl Points {
             .collect()
     }
 
-    /// The columns of these fields: of numbers where all values are, the base machine's too.
+    /// The columns of these fields; numeric if all values are numbers, including the base
+    /// machine's.
     pub fn columns(&self) -> Vec<Column> {
         let base = machines::value(&self.base);
         let kind = |field: &String| {
@@ -484,20 +482,20 @@ impl Points {
                 .filter(|value| !value.is_null());
             numbers.map(kind_of).reduce(|a, b| match (a, b) {
                 (a, b) if a == b => a,
-                (Kind::Text, _) | (_, Kind::Text) => Kind::Text,
-                _ => Kind::Number,
+                (CellKind::Text, _) | (_, CellKind::Text) => CellKind::Text,
+                _ => CellKind::Number,
             })
         };
         self.fields()
             .into_iter()
-            .map(|field| (field.clone(), kind(&field).unwrap_or(Kind::Text)))
+            .map(|field| (field.clone(), kind(&field).unwrap_or(CellKind::Text)))
             .collect()
     }
 
     /// Loads a scene of the plan.
     ///
     /// # Errors
-    /// [`Error::Input`] as [`Scene::load`].
+    /// [`Error::Input`] as for [`Scene::load`].
     pub fn scene(&self, nth: usize) -> Result<Scene> {
         let (name, overrides) = self.named(nth);
         let scene = Scene::load(name, &overrides)?;
@@ -505,29 +503,29 @@ impl Points {
         Ok(scene)
     }
 
-    /// What a scene is loaded by.
+    /// Path and overrides by which a scene is loaded.
     fn named(&self, nth: usize) -> (PathBuf, Overrides) {
         let size = self.plan.size.map(|[width, height]| (width, height));
         (
-            beside(&self.folder, &self.plan.scenes[nth]),
+            relative(&self.folder, &self.plan.scenes[nth]),
             Overrides { size },
         )
     }
 }
 
-/// The column that a value fits into.
-fn kind_of(value: &Value) -> Kind {
+/// Kind of the column for a value.
+fn kind_of(value: &Value) -> CellKind {
     match machines::whole(value.clone()) {
-        value if value.is_i64() => Kind::Whole,
-        value if value.is_number() => Kind::Number,
-        _ => Kind::Text,
+        value if value.is_i64() => CellKind::Whole,
+        value if value.is_number() => CellKind::Number,
+        _ => CellKind::Text,
     }
 }
 
-/// A name, or a file that lies beside the plan.
-fn beside(folder: &Path, name: &str) -> PathBuf {
+/// A name, or a file relative to the plan.
+fn relative(folder: &Path, name: &str) -> PathBuf {
     let path = folder.join(name);
-    // A folder of that name is where somebody put what came out.
+    // A folder of that name may contain results.
     if path.is_file() { path } else { name.into() }
 }
 
@@ -537,7 +535,7 @@ pub fn schema() -> Value {
 }
 
 impl Axis {
-    /// Its field, or its fields.
+    /// Its field or fields.
     fn named(&self) -> std::result::Result<Vec<&String>, String> {
         match (self.field.as_str(), self.fields.as_slice()) {
             ("", []) => Err("needs a `field`, or `fields` that change together".into()),
@@ -557,12 +555,12 @@ impl Axis {
         }
     }
 
-    /// What is changed, step by step: all of its fields in each.
+    /// The steps of an axis: each changes all of its fields.
     fn steps(
         &self,
         named: &[&String],
         words: &[(String, Format)],
-    ) -> std::result::Result<Vec<Vec<Change>>, String> {
+    ) -> std::result::Result<Vec<Vec<MachineChange>>, String> {
         let of_each: Vec<Vec<Value>> = named
             .iter()
             .map(|field| {
@@ -618,7 +616,7 @@ impl Axis {
                     let nearest = validate::in_brackets(&self.field, &known);
                     let field = clipped(&self.field);
                     return Err(format!(
-                        "{field} is no word, which add_frac_bits and add_int_bits need{nearest}"
+                        "{field} is not a word, which add_frac_bits and add_int_bits need{nearest}"
                     ));
                 };
                 let [finer, wider] = [&self.add_frac_bits, &self.add_int_bits]
@@ -651,8 +649,8 @@ impl Axis {
     }
 }
 
-/// Where a number of 0 to `count` − 1 comes to lie when all are shuffled: a permutation by four
-/// Feistel rounds, walked until it is in range.
+/// Index of `number` in a random permutation of 0 to `count` − 1: four Feistel rounds, repeated
+/// until the result is in range.
 fn shuffled(number: u64, count: u64, seed: u64) -> u64 {
     let half = (64 - (count.max(2) - 1).leading_zeros()).div_ceil(2);
     let mask = (1u64 << half) - 1;

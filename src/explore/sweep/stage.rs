@@ -1,21 +1,20 @@
-//! Stage: draws points of a plan on one scene, and keeps what they have in common; no folder, no
-//! order, any thread.
+//! Stage: draws points of a plan on one scene, and keeps common results; independent of folder,
+//! order and thread.
 //!
 //! ```text
 //! scene ─► ideal, once ─┐
 //! rules ─► golden, kept ┼─► frame, work, errors, kept ─┬─ timing ─► cycles, energy ─► row
 //! formats ─► machine ───┘                              └─ timing ─► …
 //! ```
-//! Frames are drawn side by side, as many as there are threads. Where a machine does the same work
-//! as an earlier one, on the same microarchitecture, that one's cycles are its own.
+//! Frames are drawn in parallel, one per thread. If a machine does the same work as an earlier one
+//! on the same microarchitecture, its cycles are reused.
 //!
-//! A row depends on the plan, the scene, prices and the version alone, which its key is a digest
-//! of: whoever draws it, where and beside what others, draws the same, but for the seconds of
-//! `host_`.
+//! A row depends only on the plan, the scene, unit costs and the version, and its key is a digest
+//! of these. It is the same in any process and order, except for the seconds of `host_`.
 
-use super::columns::{self, Errors, Findings, Frame, Replay};
-use super::plan::{self, Change, Points};
-use super::table::{Column, Kind, Row};
+use super::columns::{self, Errors, Findings, FrameFindings, ReplayFindings};
+use super::plan::{self, MachineChange, Points};
+use super::table::{CellKind, Column, Row};
 use crate::accuracy::flicker::{Flicker, FlickerSums};
 use crate::accuracy::{distance, metrics, partial};
 use crate::error::{Error, Result};
@@ -41,17 +40,17 @@ use serde_json::{Value, json};
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-/// What a point is told of its scene.
+/// Facts about the scene that a point needs.
 #[derive(Clone, Debug)]
 pub(super) struct Head {
-    /// Of all that is drawn.
+    /// Digest of everything that is drawn.
     pub digest: String,
-    /// Whether a tree is walked, for which every machine pays.
+    /// Whether a tree is traversed; it adds hardware to every machine.
     pub has_tree: bool,
 }
 
 impl Head {
-    /// That of a scene.
+    /// The head of a scene.
     pub fn of(scene: &Scene) -> Self {
         Head {
             digest: digest_of(scene),
@@ -63,17 +62,17 @@ impl Head {
 /// A machine of the plan on a scene.
 pub(super) struct Point {
     number: u64,
-    changes: Vec<Change>,
+    changes: Vec<MachineChange>,
     machine: Machine,
-    /// A digest of all that determines the row.
+    /// A digest of everything that determines the row.
     pub key: String,
 }
 
 impl Point {
-    /// The point of a number.
+    /// The point with this number.
     ///
     /// # Errors
-    /// [`Error::Input`] where there is no such machine.
+    /// [`Error::Input`] if there is no such machine.
     pub fn new(points: &Points, prices: &Prices, scene: &Head, number: u64) -> Result<Self> {
         let (nth, changes) = points.point(number);
         let mut machine = plan::machine_of(&points.base, &changes, &format!("point {number}"))?;
@@ -101,7 +100,7 @@ impl Point {
         })
     }
 
-    /// All that a frame depends on: the machine but for its timing, and what of it is exact.
+    /// Everything that a frame depends on: the machine without its timing, and its exact parts.
     fn formats(&self, points: &Points) -> String {
         let machine = Machine {
             timing: points.base.timing,
@@ -111,7 +110,7 @@ impl Point {
     }
 }
 
-/// What all points on a scene have in common. Threads may draw on it side by side.
+/// Common results of all points on a scene. Threads may draw on it in parallel.
 pub struct Stage {
     points: Points,
     prices: Prices,
@@ -119,48 +118,48 @@ pub struct Stage {
     scene: Scene,
     head: Head,
     ideal: Picture,
-    /// The frames that follow, where flicker is told.
+    /// The following frames, for flicker.
     film: Vec<Picture>,
     ideal_seconds: f64,
-    goldens: Kept<Rules, Golden>,
+    goldens: Kept<Rules, GoldenPicture>,
     frames: Kept<String, Framed>,
     replays: Replays,
 }
 
-/// A frame, or why its machine cannot draw.
-type Framed = std::result::Result<Drawn, String>;
+/// A frame, or why its machine cannot draw it.
+type Framed = std::result::Result<DrawnFrame, String>;
 
-/// Points whose machines differ in timing alone, of which the first are done.
+/// Points that differ only in timing, with the rows of the first ones.
 struct Begun<'a> {
     rows: Vec<(u64, Row)>,
     frame: Arc<Framed>,
-    /// What a point pays for it.
+    /// Seconds of the frame per point.
     seconds: f64,
     rest: &'a [Point],
 }
 
-/// What golden makes by some rules.
-struct Golden {
+/// Golden with certain rules.
+struct GoldenPicture {
     picture: Picture,
-    /// The frames that follow, where flicker is told.
+    /// The following frames, for flicker.
     film: Vec<Picture>,
     /// Against ideal.
     psnr_db: Option<f64>,
     seconds: f64,
 }
 
-/// Golden pictures that are kept.
+/// Number of golden pictures that are kept.
 const GOLDENS: usize = 16;
-/// Frames that are kept: their work takes more memory than a picture.
+/// Number of frames that are kept: their work takes more memory than a picture.
 const FRAMES: usize = 2;
-/// Points of one frame, for each thread, whose rows come together, at first and at most: a sweep
-/// that is killed loses no more.
+/// Points of one frame per thread whose rows are written together, first and at most: the loss if
+/// the sweep is killed.
 const REPLAYED_TOGETHER: [usize; 2] = [4, 32];
-/// Seconds after which rows should come, and the next line of progress say more.
+/// Target interval between writes of rows and lines of progress, seconds.
 const ROWS_EVERY: f64 = 5.0;
 
 impl Stage {
-    /// The plan's scene of a number, as [`Points::scene`] loads it; draws `ideal`.
+    /// Scene `nth` of the plan, as [`Points::scene`] loads it. Draws `ideal`.
     pub fn new(points: &Points, prices: &Prices, nth: usize, scene: Scene) -> Self {
         let (ideal, ideal_seconds) = timed(|| golden::ideal(&scene).picture);
         let head = Head::of(&scene);
@@ -193,12 +192,12 @@ impl Stage {
         columns::all(self.points.columns())
     }
 
-    /// Draws points of this scene, and hands each one's row to `each`, in the same order at any
-    /// number of threads. Those that differ in timing alone share a frame; where there are many,
-    /// some come while the others are not replayed yet.
+    /// Draws points of this scene and passes each row to `each`, in the same order for any number
+    /// of threads. Points that differ only in timing share a frame; the rows of large groups are
+    /// passed in several parts.
     ///
     /// # Errors
-    /// [`Error::Input`] where a point is none of this scene; what `each` says.
+    /// [`Error::Input`] if a point is not of this scene; errors of `each`.
     pub fn draw(
         &self,
         numbers: &[u64],
@@ -248,7 +247,7 @@ impl Stage {
             }
         };
         if let [group] = groups {
-            // Others may draw the rest of it.
+            // Other threads may draw the rest of it.
             let frame = || {
                 self.frames.get(&group[0].formats(&self.points), || {
                     self.frame(&group[0], &golden(group))
@@ -256,7 +255,7 @@ impl Stage {
             };
             return vec![begin(group, &frame)];
         }
-        // Whoever draws side by side waits for nothing that another makes: that may be itself.
+        // A thread must not block on golden here: it might be making it itself.
         let groups: Vec<_> = groups.iter().map(|group| (group, golden(group))).collect();
         groups
             .par_iter()
@@ -264,7 +263,7 @@ impl Stage {
             .collect()
     }
 
-    /// Points whose machines differ in timing alone, together.
+    /// Groups points that differ only in timing.
     fn groups(&self, numbers: &[u64]) -> Result<Vec<Vec<Point>>> {
         let mut groups: Vec<Vec<Point>> = Vec::new();
         let mut places = BTreeMap::new();
@@ -287,13 +286,13 @@ impl Stage {
         Ok(groups)
     }
 
-    /// Golden by the rules of a machine, or why that cannot be built.
-    fn golden_of(&self, machine: &Machine) -> std::result::Result<Arc<Golden>, String> {
+    /// Golden with the rules of a machine, or why they cannot be used.
+    fn golden_of(&self, machine: &Machine) -> std::result::Result<Arc<GoldenPicture>, String> {
         let elaborated = fixed::elaborate(machine).map_err(|error| error.to_string())?;
         Ok(self.golden(&fixed::rules(&elaborated.machine)))
     }
 
-    fn golden(&self, rules: &Rules) -> Arc<Golden> {
+    fn golden(&self, rules: &Rules) -> Arc<GoldenPicture> {
         self.goldens.get(rules, || {
             let (picture, seconds) = timed(|| golden::render(&self.scene, rules).picture);
             let psnr_db = distance(&picture, &self.ideal).psnr_db;
@@ -301,7 +300,7 @@ impl Stage {
                 golden::render(seen, rules).picture
             })
             .collect();
-            Golden {
+            GoldenPicture {
                 picture,
                 film,
                 psnr_db,
@@ -310,8 +309,7 @@ impl Stage {
         })
     }
 
-    /// The rows of points whose machines differ in timing alone; each pays so many seconds for
-    /// their frame.
+    /// The rows of points that differ only in timing, with the seconds of their frame per point.
     fn rows(&self, group: &[Point], frame: &Framed, frame_seconds: f64) -> Vec<(u64, Row)> {
         let (found, seconds) = timed(|| match frame {
             Ok(drawn) => drawn.on(
@@ -347,7 +345,7 @@ impl Stage {
                     .map(|(_, value)| value);
                 match changed.or_else(|| base.pointer(&machines::pointer(field))) {
                     None => Value::Null,
-                    Some(value) if *kind == Kind::Text => json!(text(value)),
+                    Some(value) if *kind == CellKind::Text => json!(text(value)),
                     Some(number) => machines::whole(number.clone()),
                 }
             });
@@ -368,8 +366,12 @@ impl Stage {
         group.iter().zip(found).map(row).collect()
     }
 
-    /// All of a point that does not depend on timing; or why its machine cannot draw.
-    fn frame(&self, point: &Point, golden: &std::result::Result<Arc<Golden>, String>) -> Framed {
+    /// The results of a point that do not depend on timing; or why its machine cannot draw.
+    fn frame(
+        &self,
+        point: &Point,
+        golden: &std::result::Result<Arc<GoldenPicture>, String>,
+    ) -> Framed {
         let golden = golden.as_ref().map_err(String::clone)?;
         let exact = plan::exact_of(&point.changes);
         if exact.is_empty() {
@@ -379,11 +381,15 @@ impl Stage {
         }
     }
 
-    fn drawn(&self, machine: &Machine, golden: &Golden) -> std::result::Result<Drawn, String> {
+    fn drawn(
+        &self,
+        machine: &Machine,
+        golden: &GoldenPicture,
+    ) -> std::result::Result<DrawnFrame, String> {
         let evaluation =
             Evaluation::new(&self.scene, machine).map_err(|error| error.to_string())?;
         let (observed, fixed_seconds) = timed(|| evaluation.observe());
-        let frame = Frame {
+        let frame = FrameFindings {
             overflows: observed.overflows(),
             outcomes: observed.drawing.outcomes,
             fixed_seconds,
@@ -400,7 +406,7 @@ impl Stage {
                 Evaluation::on(seen, &evaluation.machine).map_err(|error| error.to_string())?;
             Ok(evaluation.picture(&evaluation.draw()))
         })?;
-        Ok(Drawn {
+        Ok(DrawnFrame {
             found: Findings {
                 errors,
                 frame: Some(frame),
@@ -412,14 +418,14 @@ impl Stage {
         })
     }
 
-    /// The same in partial precision, some units or words in f64: errors alone, for no hardware
-    /// does that.
+    /// The same in mixed precision, with some units or words in f64: only errors, because such
+    /// hardware does not exist.
     fn partial(
         &self,
         machine: &Machine,
-        golden: &Golden,
+        golden: &GoldenPicture,
         exact: &[String],
-    ) -> std::result::Result<Drawn, String> {
+    ) -> std::result::Result<DrawnFrame, String> {
         let evaluation =
             Evaluation::new(&self.scene, machine).map_err(|error| error.to_string())?;
         let is_exact = |word: &str| exact.iter().any(|name| machines::is_below(word, name));
@@ -439,7 +445,7 @@ impl Stage {
                 &Evaluation::on(seen, &evaluation.machine).map_err(|error| error.to_string())?,
             ))
         })?;
-        Ok(Drawn {
+        Ok(DrawnFrame {
             found: Findings {
                 errors,
                 flicker,
@@ -449,12 +455,12 @@ impl Stage {
         })
     }
 
-    /// How errors change from frame to frame, where that is asked for; a sentence where a frame
-    /// cannot be drawn.
+    /// Changes of the errors from frame to frame, if requested; a sentence if a frame cannot be
+    /// drawn.
     fn flicker(
         &self,
         first: Picture,
-        golden: &Golden,
+        golden: &GoldenPicture,
         draw: impl Fn(&Scene) -> std::result::Result<Picture, String>,
     ) -> std::result::Result<Option<Flicker>, String> {
         let cameras = self.points.cameras(self.nth);
@@ -480,8 +486,12 @@ impl Stage {
         Ok(Some(all.flicker()))
     }
 
-    /// How far a picture is off; a sentence where a pixel of any of them has no finite number.
-    fn errors(&self, picture: &Picture, golden: &Golden) -> std::result::Result<Errors, String> {
+    /// Errors of a picture; a sentence if a pixel of a picture is NaN or infinite.
+    fn errors(
+        &self,
+        picture: &Picture,
+        golden: &GoldenPicture,
+    ) -> std::result::Result<Errors, String> {
         let of_ideal = distance(picture, &self.ideal);
         let fixed_vs_golden = metrics(picture, &golden.picture);
         let not_finite = fixed_vs_golden.not_finite.max(of_ideal.not_finite);
@@ -499,8 +509,7 @@ impl Stage {
     }
 }
 
-/// What is made of a scene as each camera but the first sees it, one after the other, as they are
-/// asked for.
+/// Draws a scene from each camera except the first, lazily.
 fn frames<T>(
     scene: &Scene,
     cameras: &[Camera],
@@ -515,15 +524,15 @@ fn frames<T>(
     })
 }
 
-/// A frame, all but its time.
-struct Drawn {
+/// A frame without its time.
+struct DrawnFrame {
     found: Findings,
-    /// None where it was drawn in partial precision.
+    /// None in mixed precision.
     work: Option<Arc<Work>>,
 }
 
-impl Drawn {
-    /// With the time that it takes on each machine.
+impl DrawnFrame {
+    /// The frame with its time on each machine.
     fn on(
         &self,
         machines: &[&Machine],
@@ -548,7 +557,7 @@ impl Drawn {
             let (units, cycles) = replayed
                 .next()
                 .expect("each machine that can be built was replayed");
-            let replay = Replay {
+            let replay = ReplayFindings {
                 cycles,
                 cost: CostReport::new(&elaborated, &units, prices),
                 machine: MachineReport::new(&elaborated),
@@ -564,31 +573,30 @@ impl Drawn {
     }
 }
 
-/// Replays that are kept, for machines that do the same work: the first, which the others mostly
-/// differ from in a field, and the last few.
+/// Replays that are kept for machines with the same work: the first, from which the others mostly
+/// differ in one field, and the last few.
 #[derive(Default)]
-struct Replays(Mutex<Vec<Arc<Replayed>>>);
+struct Replays(Mutex<Vec<Arc<ReplayedWork>>>);
 
 /// Work on a microarchitecture, and its cycles.
-struct Replayed {
+struct ReplayedWork {
     timing: Microarchitecture,
     work: Arc<Work>,
     cycles: (Cycles, CyclesReport),
 }
 
-/// Most of them.
+/// Most replays that are kept.
 const REPLAYS: usize = 4;
 
 impl Replays {
-    /// Cycles of this work on each machine, and what limits them, for which it is replayed a few
-    /// times more.
+    /// Cycles of this work on each machine, and the bottleneck, which takes a few more replays.
     fn of(&self, timings: &[&Microarchitecture], work: &Arc<Work>) -> Vec<(Cycles, CyclesReport)> {
         let known = self
             .0
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
             .clone();
-        let is_same = |known: &Replayed, timing: &Microarchitecture| {
+        let is_same = |known: &ReplayedWork, timing: &Microarchitecture| {
             known.timing.keeps_time_as(timing) && known.work == *work
         };
         let known_of = |timing: &Microarchitecture| {
@@ -600,7 +608,7 @@ impl Replays {
         let mut all: Vec<Option<(Cycles, CyclesReport)>> =
             timings.iter().map(|timing| known_of(timing)).collect();
 
-        // Of several that keep the same time the first is replayed.
+        // Of several with the same timing only the first is replayed.
         let mut new: Vec<usize> = Vec::new();
         let mut same_as = vec![None; timings.len()];
         for nth in (0..timings.len()).filter(|nth| all[*nth].is_none()) {
@@ -623,7 +631,7 @@ impl Replays {
             if known.len() == REPLAYS {
                 known.remove(1);
             }
-            known.push(Arc::new(Replayed {
+            known.push(Arc::new(ReplayedWork {
                 timing: timing.clone(),
                 work: Arc::clone(work),
                 cycles: cycles.clone(),
@@ -638,14 +646,14 @@ impl Replays {
     }
 }
 
-/// The values that were asked for last: each made once, however many threads ask for it.
+/// The most recently used values; each is made once, even if several threads request it.
 struct Kept<K, V> {
     most: usize,
-    /// The last one first.
+    /// The most recent first.
     values: Mutex<VecDeque<(K, Slot<V>)>>,
 }
 
-/// A value that is being made, or is there.
+/// A value that exists or is being made.
 type Slot<V> = Arc<OnceLock<Arc<V>>>;
 
 impl<K: PartialEq + Clone, V> Kept<K, V> {

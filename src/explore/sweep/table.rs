@@ -1,14 +1,13 @@
-//! Table: rows as they come, in a journal that outlives the process; all of them, as CSV and
+//! Table: stores rows in a journal that survives the process, and writes all of them as CSV and
 //! Parquet.
 //!
 //! ```text
-//! points.jsonl          a line of columns, then a row a line: [digest, [cells]]   appended, a whole line or none counts
-//! points-2-of-5.jsonl   the same of a part
-//! points/17.parquet     rows that others have drawn, the first of point 17         written beside, then renamed
-//! sweep.csv, sweep.parquet   every row known, by its point                         written beside, then renamed
+//! points.jsonl          one line of columns, then one line per row: [digest, [cells]]   appended; incomplete lines are ignored
+//! points-2-of-5.jsonl   the same for one part
+//! points/17.parquet     rows from other processes, the first of point 17         written as a temporary file, then renamed
+//! sweep.csv, sweep.parquet   every row, sorted by point                         written as a temporary file, then renamed
 //! ```
-//! A line that the end of the process cut short is written again; one that somebody changed is an
-//! error.
+//! An incomplete last line is removed; a line that was changed is an error.
 
 mod batch;
 
@@ -25,22 +24,22 @@ use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// Kind of a column's cells; any cell may be empty.
+/// Kind of a column's cells; cells may be empty.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum CellKind {
     /// Text.
     Text,
-    /// A whole number.
+    /// An integer.
     Whole,
     /// A number.
     Number,
 }
 
 /// A column's name and kind.
-pub type Column = (String, Kind);
+pub type Column = (String, CellKind);
 
 /// Columns by name and kind.
-pub fn named(columns: &[(&str, Kind)]) -> Vec<Column> {
+pub fn named(columns: &[(&str, CellKind)]) -> Vec<Column> {
     columns
         .iter()
         .map(|(name, kind)| ((*name).to_owned(), *kind))
@@ -50,33 +49,32 @@ pub fn named(columns: &[(&str, Kind)]) -> Vec<Column> {
 /// A row's cells, in the order of the columns: text, numbers or null.
 pub type Row = Vec<Value>;
 
-/// Rows by their points, and what their cells are.
+/// Rows, and the columns of their cells.
 #[derive(Clone, Debug, Default)]
 pub struct Table {
     /// Columns of the cells.
     pub columns: Vec<Column>,
-    /// By rising point.
+    /// Sorted by point.
     pub rows: Vec<Row>,
 }
 
 impl Table {
-    /// All rows of a folder.
+    /// Reads all rows of a folder.
     ///
     /// # Errors
-    /// [`Error::Input`] where it has none, or where one was changed.
+    /// [`Error::Input`] if it has none, or if one was changed.
     pub fn read(folder: &Path) -> Result<Self> {
         let cannot =
             |e: std::io::Error| Error::input(format!("{}: cannot be read: {e}", folder.display()));
         let paths = journals(folder).map_err(cannot)?;
         let input_error = |what: &str| Error::input(format!("{}: {what}", folder.display()));
         let first = paths.first().ok_or_else(|| {
-            input_error("has no points.jsonl: it is no folder of `sweep` or `search`")
+            input_error("has no points.jsonl: it is not a folder of `sweep` or `search`")
         })?;
         let text = input::read_text(first).map_err(cannot)?;
         let header = text.lines().next().unwrap_or_default();
-        let columns = columns(header).ok_or_else(|| {
-            Error::input(format!("{}: line 1: names no columns", first.display()))
-        })?;
+        let columns = columns(header)
+            .ok_or_else(|| Error::input(format!("{}: line 1: has no columns", first.display())))?;
         let mut rows = BTreeMap::new();
         for path in &paths {
             let text = input::read(path).map_err(cannot)?;
@@ -93,12 +91,12 @@ impl Table {
         }
     }
 
-    /// Where a column is.
+    /// Index of a column.
     pub fn at(&self, name: &str) -> Option<usize> {
         self.columns.iter().position(|(other, _)| other == name)
     }
 
-    /// A cell that is a number.
+    /// The value of a numeric cell.
     pub fn number(&self, row: &Row, name: &str) -> Option<f64> {
         row[self.at(name)?].as_f64()
     }
@@ -112,7 +110,7 @@ impl Table {
         }
     }
 
-    /// A cell that is text; empty where it is not.
+    /// The text of a cell; empty if it is not text.
     pub fn text<'a>(&self, row: &'a Row, name: &str) -> &'a str {
         self.at(name)
             .and_then(|at| row[at].as_str())
@@ -120,7 +118,7 @@ impl Table {
     }
 }
 
-/// The lines that were written to their end.
+/// The complete lines.
 fn whole_lines(text: &[u8]) -> &[u8] {
     &text[..text
         .iter()
@@ -128,20 +126,20 @@ fn whole_lines(text: &[u8]) -> &[u8] {
         .map_or(0, |end| end + 1)]
 }
 
-/// The rows of a folder: those that are there, and those that come.
+/// The existing rows of a folder, and new ones.
 #[derive(Debug)]
 pub struct Journal {
     columns: Vec<Column>,
     file: File,
     /// By point.
     rows: BTreeMap<u64, Row>,
-    /// Where there was none before, and nothing came into it yet.
+    /// Path of the journal if it is new and still empty.
     unused: Option<PathBuf>,
 }
 
 impl Drop for Journal {
     fn drop(&mut self) {
-        // Whoever only found out that nothing could be drawn leaves nothing behind.
+        // A journal without rows is removed.
         self.unused
             .take()
             .into_iter()
@@ -150,11 +148,11 @@ impl Drop for Journal {
 }
 
 impl Journal {
-    /// Opens a folder's journal of a part, and reads those of all others.
+    /// Opens the journal of a part, and reads those of all other parts.
     ///
     /// # Errors
-    /// [`Error::Input`] where a journal there is of other columns, was changed, or is being written
-    /// by somebody else.
+    /// [`Error::Input`] if a journal has other columns, was changed, or is being written by another
+    /// process.
     pub fn open(folder: &Path, part: &str, columns: Vec<Column>) -> Result<Self> {
         let own = folder.join(format!("points{part}.jsonl"));
         let cannot = |path: &Path, e: std::io::Error| {
@@ -182,7 +180,7 @@ impl Journal {
             let whole = whole_lines(&text);
             read(&path, whole, &header, &mut journal.rows)?;
             if path == own && whole.len() < text.len() {
-                // The last line was cut short.
+                // Removes an incomplete last line.
                 journal
                     .file
                     .set_len(whole.len() as u64)
@@ -200,13 +198,13 @@ impl Journal {
         Ok(journal)
     }
 
-    /// Lets go of its file, into which nothing more comes; says whether nobody writes into another.
+    /// Releases its file; returns whether no other process is writing.
     ///
     /// # Errors
-    /// [`Error::Input`] where the folder cannot be read.
+    /// [`Error::Input`] if the folder cannot be read.
     pub fn ends(&self, folder: &Path) -> Result<bool> {
-        // Before it looks, as all others do: so that of several that end at once the last sees no
-        // other.
+        // All processes unlock before they check, so that of several that end together the last one
+        // finds no other.
         let _ = self.file.unlock();
         let all = journals(folder)
             .map_err(|e| Error::input(format!("{}: cannot be read: {e}", folder.display())))?;
@@ -217,10 +215,10 @@ impl Journal {
         Ok(!all.iter().any(is_written))
     }
 
-    /// Reads what others have written by now.
+    /// Reads the rows that other processes have written.
     ///
     /// # Errors
-    /// [`Error::Input`] where it is of other columns, or was changed.
+    /// [`Error::Input`] if a journal has other columns, or was changed.
     pub fn read_others(&mut self, folder: &Path) -> Result<()> {
         let cannot = |path: &Path, e: std::io::Error| {
             Error::input(format!("{}: cannot be read: {e}", path.display()))
@@ -233,7 +231,7 @@ impl Journal {
         batch::read_all(folder, &self.columns, &mut self.rows)
     }
 
-    /// Keeps the journal's file, though it has no row yet.
+    /// Keeps the journal's file even if it has no rows.
     pub fn keep(&mut self) {
         self.unused = None;
     }
@@ -248,7 +246,7 @@ impl Journal {
         self.rows.keys().copied()
     }
 
-    /// All rows, by their points.
+    /// All rows, sorted by point.
     pub fn rows(&self) -> impl DoubleEndedIterator<Item = &Row> {
         self.rows.values()
     }
@@ -261,10 +259,10 @@ impl Journal {
         }
     }
 
-    /// Another row: in the file before this returns.
+    /// Adds a row, and writes it before returning.
     ///
     /// # Errors
-    /// [`Error::Job`] where it cannot be written, or nobody wants it any more.
+    /// [`Error::Job`] if it cannot be written, or the sweep was cancelled.
     pub fn push(&mut self, point: u64, row: Row) -> Result<()> {
         check_not_stopped()?;
         let cells = Value::from(row.clone()).to_string();
@@ -276,12 +274,12 @@ impl Journal {
         Ok(())
     }
 
-    /// Rows that somebody else has drawn, of these points: in a file of their own before this
-    /// returns.
+    /// Adds rows of these points from another process, and writes them as a separate file before
+    /// returning.
     ///
     /// # Errors
-    /// [`Error::Job`] where they are of other points, are there already, or cannot be written; or
-    /// nobody wants them any more.
+    /// [`Error::Job`] if they are of other points, exist already, or cannot be written; or the
+    /// sweep was cancelled.
     pub fn push_batch(&mut self, folder: &Path, points: &[u64], bytes: &[u8]) -> Result<()> {
         check_not_stopped()?;
         let rows = batch::unpacked(bytes, &self.columns)
@@ -289,9 +287,7 @@ impl Journal {
         let are_asked_for =
             rows.iter().map(|(point, _)| point).eq(points) && points.is_sorted_by(|a, b| a < b);
         if !are_asked_for || points.iter().any(|point| self.rows.contains_key(point)) {
-            return Err(Error::job(
-                "a batch of rows is of other points than were asked for",
-            ));
+            return Err(Error::job("a batch of rows is not of the requested points"));
         }
         if let Some(first) = points.first() {
             batch::write(folder, *first, bytes)?;
@@ -303,7 +299,7 @@ impl Journal {
     /// Writes all rows as `stem`.csv and as Parquet.
     ///
     /// # Errors
-    /// [`Error::Job`] where they cannot be written.
+    /// [`Error::Job`] if they cannot be written.
     pub fn write(&self, folder: &Path, stem: &str) -> Result<Vec<PathBuf>> {
         let [csv, parquet] =
             ["csv", "parquet"].map(|extension| folder.join(stem).with_extension(extension));
@@ -319,7 +315,7 @@ impl Journal {
         Ok(vec![csv, parquet])
     }
 
-    /// As CSV (RFC 4180, but lines end in a line feed).
+    /// The rows as CSV (RFC 4180, but lines end in a line feed).
     pub fn csv(&self) -> String {
         let quoted = |text: &str| {
             if text.contains([',', '"', '\n']) {
@@ -365,7 +361,7 @@ fn columns(header: &str) -> Option<Vec<Column>> {
     let names: Vec<String> = serde_json::from_str(header).ok()?;
     let column = |text: &String| {
         let (name, kind) = text.rsplit_once(": ")?;
-        let kind = [Kind::Text, Kind::Whole, Kind::Number]
+        let kind = [CellKind::Text, CellKind::Whole, CellKind::Number]
             .into_iter()
             .find(|other| format!("{other:?}") == kind)?;
         Some((name.to_owned(), kind))
@@ -373,7 +369,7 @@ fn columns(header: &str) -> Option<Vec<Column>> {
     names.iter().map(column).collect()
 }
 
-/// Every journal of a folder, in the order of their names.
+/// Every journal of a folder, sorted by name.
 fn journals(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     let mut paths: Vec<PathBuf> = fs::read_dir(folder)?
         .map(|entry| Ok(entry?.path()))
@@ -415,12 +411,13 @@ fn read(path: &Path, text: &[u8], header: &str, rows: &mut BTreeMap<u64, Row>) -
                 "is not as it was written: take the line out, and its point will be drawn again",
             )
         };
-        let (said, row): (String, Value) = serde_json::from_slice(line).map_err(|_| changed())?;
+        let (stored_digest, row): (String, Value) =
+            serde_json::from_slice(line).map_err(|_| changed())?;
         let Value::Array(row) = row else {
             return Err(changed());
         };
         let point = row.first().and_then(Value::as_u64).ok_or_else(changed)?;
-        if said != digest(Value::from(row.clone()).to_string().as_bytes())
+        if stored_digest != digest(Value::from(row.clone()).to_string().as_bytes())
             || row.len() != header_cells
         {
             return Err(changed());

@@ -47,7 +47,7 @@ fn glass_spheres_is_the_scene_of_the_specification() {
 }
 
 #[test]
-fn every_cloud_has_as_many_splats_as_asked_for_and_they_are_sound() {
+fn every_cloud_has_the_requested_number_of_valid_splats() {
     for builtin in Builtin::ALL {
         for count in (1..40).chain([399, 1000, 12_345]) {
             let splats = builtin.splats(Some(count));
@@ -68,7 +68,7 @@ fn every_cloud_has_as_many_splats_as_asked_for_and_they_are_sound() {
     }
 }
 
-/// The radius is the spacing of the samples: a ball of that radius around a splat holds a few
+/// The radius is the spacing of the samples: a ball of that radius around a splat contains a few
 /// others, not dozens.
 #[test]
 fn radii_are_the_spacing_of_the_samples() {
@@ -98,7 +98,7 @@ fn no_splat_of_the_checkerboard_is_wider_than_half_a_check() {
 }
 
 #[test]
-fn shuffling_keeps_every_splat_and_is_the_same_for_ever() {
+fn shuffling_keeps_every_splat_and_depends_only_on_the_seed() {
     let splats = glass_spheres(1000);
     let mut shuffled = splats.clone();
     shuffle(&mut shuffled, 1);
@@ -133,7 +133,7 @@ fn splitmix64_is_the_published_one() {
 }
 
 #[test]
-fn every_name_alone_is_a_scene_that_sees_its_splats() {
+fn every_name_is_a_scene_with_its_splats_in_view() {
     for builtin in Builtin::ALL {
         let scene = Scene::load(
             builtin.name(),

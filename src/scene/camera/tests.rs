@@ -1,9 +1,9 @@
-use crate::scene::json::Which;
+use crate::scene::json::FrameChoice;
 use crate::scene::{Overrides, Scene, json};
 use serde_json::{Value, json};
 use std::path::Path;
 
-const ALONE: Which = Which {
+const ALONE: FrameChoice = FrameChoice {
     frame: 0,
     cameras: None,
 };
@@ -28,8 +28,7 @@ fn cube(n: usize) -> Value {
         .collect()
 }
 
-/// Share of the picture, from its middle to its edge, that the farthest splat reaches in x and in
-/// y.
+/// Part of the picture, from its centre to its edge, reached by the farthest splat in x and y.
 fn reach(scene: &Scene) -> [f64; 2] {
     let view = scene.view();
     let mut reach = [0f64; 2];
@@ -74,12 +73,12 @@ fn strays_do_not_push_the_eye_away() {
     assert!(with_strays(2) < 1.1 * with_strays(0));
     assert!(
         with_strays(50) > 100.0 * with_strays(0),
-        "a tenth of the cloud is no stray"
+        "a tenth of the cloud is not a stray"
     );
 }
 
-/// A bare cloud of Gaussians, of which some lie far away: faint, or small, or large and faint, in
-/// every direction.
+/// A cloud of Gaussians, some of which are far away: faint, or small, or large and faint, in every
+/// direction.
 #[test]
 fn faint_and_small_splats_far_away_do_not_push_the_eye_away() {
     let camera = |far: &dyn Fn(usize) -> Option<Value>, opacity: f64| {
@@ -113,11 +112,11 @@ fn faint_and_small_splats_far_away_do_not_push_the_eye_away() {
         assert!(
             notes
                 .iter()
-                .any(|note| note.starts_with("12 of 137 splats lie outside of the frame")),
+                .any(|note| note.starts_with("12 of 137 splats are outside the chosen view")),
             "{what}: {notes:?}"
         );
     }
-    // As opaque and as large as the others they are part of the scene.
+    // With the opacity and size of the others they are part of the scene.
     let far = |many: usize| {
         move |i: usize| {
             (i < many).then(|| json!({"position": way(i), "radius": 0.1, "opacity": 0.9}))
@@ -130,7 +129,7 @@ fn faint_and_small_splats_far_away_do_not_push_the_eye_away() {
     );
 }
 
-/// Where nothing lies far away, opacities and sizes change nothing.
+/// Without splats far away, opacities and sizes have no effect.
 #[test]
 fn opacities_of_an_ordinary_scene_leave_its_eye_where_it_is() {
     let at = |weigh: &dyn Fn(usize) -> f64| {
@@ -174,7 +173,7 @@ fn one_splat_points_in_one_place_lines_and_planes_are_seen() {
 }
 
 #[test]
-fn what_a_camera_leaves_out_is_filled_in_piece_by_piece() {
+fn each_field_that_a_camera_lacks_is_filled_in_separately() {
     let read = |camera: Value| {
         let text = json!({"splats": cube(3), "camera": camera}).to_string();
         json::read(
@@ -203,7 +202,7 @@ fn what_a_camera_leaves_out_is_filled_in_piece_by_piece() {
 }
 
 #[test]
-fn turned_cameras_look_at_the_same_target_from_as_far_and_never_twice_from_one_side() {
+fn turned_cameras_keep_target_and_distance_and_differ_in_direction() {
     let camera = scene_of(cube(2), (64, 64)).camera;
     assert_eq!(camera.turned(0), camera);
     let ways: Vec<_> = (0..40)
@@ -229,7 +228,7 @@ fn turned_cameras_look_at_the_same_target_from_as_far_and_never_twice_from_one_s
     assert!((1..20).all(|nth| nearly_above.turned(nth).eye.is_finite()));
 }
 
-/// Where a point lands, pixels from the top left corner.
+/// Pixel position of a point, from the top left corner.
 fn lands(scene: &Scene, point: [f64; 3]) -> [f64; 2] {
     let view = scene.view();
     let t = view.rotation * (glam::DVec3::from_array(point) - view.eye);
@@ -253,7 +252,7 @@ fn seen_through(camera: Value, size: Option<(usize, usize)>) -> Result<Scene, St
     .map_err(|error| error.to_string())
 }
 
-/// x = f_x·X/Z + c_x with the eye at z = 5 that looks along −z; y goes down.
+/// x = f_x·X/Z + c_x with the eye at z = 5, looking along −z; y points down.
 #[test]
 fn a_lens_has_two_focal_lengths_and_a_principal_point() {
     let lens = json!({"focal_px": [120, 80], "centre_px": [90, 62.5]});
@@ -262,14 +261,14 @@ fn a_lens_has_two_focal_lengths_and_a_principal_point() {
         lands(&scene, [1.0, 0.5, 1.0]),
         [90.0 + 120.0 / 4.0, 62.5 - 80.0 * 0.5 / 4.0]
     );
-    // Three times as high: what lies off the middle lies three times as far from it, whatever the
+    // Three times the height: offsets from the centre are three times as large, independent of the
     // width.
     let larger = seen_through(lens.clone(), Some((400, 300))).unwrap();
     assert_eq!(
         lands(&larger, [1.0, 0.5, 1.0]),
         [200.0 + 3.0 * 20.0, 3.0 * 52.5]
     );
-    // Lengths that refer to another picture than the scene's.
+    // Lengths in pixels of another picture size.
     let mut of_another = lens;
     of_another["picture_px"] = json!([400, 200]);
     assert_eq!(
@@ -278,7 +277,7 @@ fn a_lens_has_two_focal_lengths_and_a_principal_point() {
     );
     let angle = 2.0 * (50.0f64 / 80.0).atan().to_degrees();
     assert!((scene.camera.fov_y_degrees - angle).abs() < 1e-12);
-    // The angle and the lengths that it means are one camera.
+    // The angle and the equivalent lengths give the same camera.
     let [by_angle, by_lengths] = [
         json!({"fov_y_degrees": angle}),
         json!({"focal_px": [80, 80], "fov_y_degrees": angle}),
@@ -295,11 +294,11 @@ fn a_lens_that_contradicts_itself_is_refused() {
     for (camera, sentence) in [
         (
             json!({"focal_px": [80, 80], "fov_y_degrees": 45}),
-            "camera has fov_y_degrees 45 and a focal_px that means 64.0",
+            "camera has fov_y_degrees 45 and a focal_px equivalent to 64.0",
         ),
         (
             json!({"picture_px": [80, 80]}),
-            "camera.picture_px is the size that focal_px and centre_px refer to, and neither is given",
+            "camera.picture_px is given without focal_px or centre_px",
         ),
         (json!({"focal_px": [0, 80]}), "camera.focal_px"),
         (json!({"focal_px": [80]}), "camera.focal_px"),

@@ -1,5 +1,5 @@
 //! Colmap: reads COLMAP's cameras and images, as text or binary; world → camera, x right, y down, z
-//! forward. In the order of the pictures' names. Points are not needed.
+//! forward. Sorted by the pictures' names. Points are not needed.
 
 use super::{Intrinsics, LONGEST_SIDE, Lens, Parsed, Pose, check_position, named};
 use crate::error::{Error, Result};
@@ -9,8 +9,7 @@ use glam::{DQuat, DVec3};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// A model of lenses: its name, and how many numbers it has. In the order of the numbers that
-/// binary files have for them.
+/// Lens models with their numbers of parameters, in the order of their codes in binary files.
 const MODELS: [(&str, usize); 12] = [
     ("SIMPLE_PINHOLE", 3),
     ("PINHOLE", 4),
@@ -26,7 +25,7 @@ const MODELS: [(&str, usize); 12] = [
     ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
 ];
 
-/// Intrinsics by identity, and the place in the file where they are.
+/// Intrinsics by camera id.
 type Lenses = BTreeMap<u32, Intrinsics>;
 /// A line or a record, and what is wrong with it.
 type Wrong = (String, String);
@@ -58,14 +57,14 @@ fn lens(model: &str, numbers: &[f64], size: [u32; 2]) -> Parsed<Intrinsics> {
         }
         _ => {
             return Err(format!(
-                "the model {} cannot be drawn; PINHOLE can, of undistorted pictures",
+                "the model {} cannot be drawn; use PINHOLE, with undistorted pictures",
                 clipped(model)
             ));
         }
     };
     if let Some(amount) = distortion.iter().find(|amount| **amount != 0.0) {
         return Err(format!(
-            "a lens that distorts cannot be drawn ({amount}); `colmap image_undistorter` makes pictures and cameras of one that does not"
+            "a lens that distorts cannot be drawn ({amount}); `colmap image_undistorter` makes pictures and cameras without distortion"
         ));
     }
     Intrinsics::new(size, focal, centre.map(Some))
@@ -82,7 +81,7 @@ fn pose(turn: [f64; 4], shift: [f64; 3], lens: u32, known: &Lenses, lenses: &str
     if !(length > 1e-100 && length.is_finite()) {
         return Err("its quaternion is zero or too large; it must turn".into());
     }
-    // World → camera: what lies at the eye comes to 0.
+    // World → camera: the eye maps to 0.
     let back = (turn / length).conjugate();
     let eye = back * -DVec3::from_array(shift);
     check_position(eye)?;
@@ -119,7 +118,7 @@ fn unreadable(path: &Path) -> impl Fn(std::io::Error) -> Error {
 
 // ---- text ----
 
-/// `cameras.txt` and `images.txt` in a folder; the name of the second for sentences.
+/// `cameras.txt` and `images.txt` in a folder; also returns the name of the second for messages.
 pub(super) fn read_text(folder: &Path) -> Result<(String, Vec<Pose>)> {
     let [lenses, images] = ["cameras.txt", "images.txt"].map(|file| folder.join(file));
     let text = input::read_text(&lenses).map_err(unreadable(&lenses))?;
@@ -129,7 +128,7 @@ pub(super) fn read_text(folder: &Path) -> Result<(String, Vec<Pose>)> {
     Ok((named(&images), in_order(poses)))
 }
 
-/// Lines that say something, each with its place.
+/// Lines without comments and blank lines, each with its number.
 fn lines(text: &str) -> impl Iterator<Item = (String, &str)> {
     let text = text.trim_start_matches('\u{feff}');
     let lines = text
@@ -145,13 +144,13 @@ fn finite(word: &str) -> Parsed<f64> {
     word.parse()
         .ok()
         .filter(|number: &f64| number.is_finite())
-        .ok_or(format!("`{}` is no finite number", clipped(word)))
+        .ok_or(format!("`{}` is not a finite number", clipped(word)))
 }
 
 fn identity(word: &str) -> Parsed<u32> {
     word.parse().map_err(|_| {
         format!(
-            "`{}` is no identity; a whole number from 0 to {} is right",
+            "`{}` is not an identity; a whole number from 0 to {} is right",
             clipped(word),
             u32::MAX
         )
@@ -163,7 +162,7 @@ fn text_lenses(text: &str) -> std::result::Result<Lenses, Wrong> {
     for (place, line) in lines(text).filter(|(_, line)| !line.is_empty()) {
         let (id, lens) = text_lens(line).map_err(|sentence| (place.clone(), sentence))?;
         if known.insert(id, lens).is_some() {
-            return Err((place, format!("camera {id} is there a second time")));
+            return Err((place, format!("camera {id} is defined twice")));
         }
     }
     Ok(known)
@@ -187,7 +186,7 @@ fn text_lens(line: &str) -> Parsed<(u32, Intrinsics)> {
             .ok()
             .filter(|side| (1..=LONGEST_SIDE).contains(side));
         side.ok_or(format!(
-            "`{}` is no width or height; a whole number of pixels from 1 to 10⁶ is right",
+            "`{}` is not a width or height; a whole number of pixels from 1 to 10⁶ is right",
             clipped(word)
         ))
     };
@@ -195,7 +194,7 @@ fn text_lens(line: &str) -> Parsed<(u32, Intrinsics)> {
     Ok((identity(id)?, lens(model, &numbers, size)?))
 }
 
-/// Whether a line is of a picture's points, three numbers each, or of none.
+/// Whether a line has a picture's points, three numbers each, or none.
 fn is_of_points(line: &str) -> bool {
     let count = line
         .split_whitespace()
@@ -203,8 +202,8 @@ fn is_of_points(line: &str) -> bool {
     count.is_some_and(|count| count.is_multiple_of(3))
 }
 
-/// `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME`, and then a line of the picture's points, which
-/// may be missing.
+/// `IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME`, followed by a line of the picture's points,
+/// which may be missing.
 fn text_poses(text: &str, known: &Lenses) -> std::result::Result<Vec<(String, Pose)>, Wrong> {
     let mut poses = Vec::new();
     let mut lines = lines(text).peekable();
@@ -233,7 +232,7 @@ fn text_pose(line: &str, known: &Lenses) -> Parsed<(String, Pose)> {
         known,
         "cameras.txt",
     )?;
-    // A name may have spaces.
+    // Names may contain spaces.
     let behind = |rest: &str| {
         rest.trim_start()
             .split_once(char::is_whitespace)
@@ -248,7 +247,7 @@ fn text_pose(line: &str, known: &Lenses) -> Parsed<(String, Pose)> {
 
 // ---- binary ----
 
-/// `cameras.bin` and `images.bin` in a folder; the name of the second for sentences.
+/// `cameras.bin` and `images.bin` in a folder; also returns the name of the second for messages.
 pub(super) fn read_binary(folder: &Path) -> Result<(String, Vec<Pose>)> {
     let [lenses, images] = ["cameras.bin", "images.bin"].map(|file| folder.join(file));
     let bytes = input::read(&lenses).map_err(unreadable(&lenses))?;
@@ -258,7 +257,7 @@ pub(super) fn read_binary(folder: &Path) -> Result<(String, Vec<Pose>)> {
     Ok((named(&images), in_order(poses)))
 }
 
-/// What is left of a file of numbers with the lowest byte first.
+/// The rest of a file of little-endian numbers.
 struct Bytes<'a>(&'a [u8]);
 
 impl<'a> Bytes<'a> {
@@ -296,7 +295,7 @@ impl<'a> Bytes<'a> {
         }
     }
 
-    /// Text up to a byte of 0.
+    /// Text up to a zero byte.
     fn text(&mut self) -> Parsed<String> {
         let length = self
             .0
@@ -309,8 +308,7 @@ impl<'a> Bytes<'a> {
     }
 }
 
-/// All records of a file, of which the header says how many there are; nothing is reserved for
-/// them.
+/// All records of a file. The header has their number; no memory is reserved by it.
 fn records<T>(
     bytes: &[u8],
     what: &str,
@@ -366,7 +364,7 @@ fn binary_lenses(bytes: &[u8]) -> std::result::Result<Lenses, Wrong> {
     let mut known = Lenses::new();
     for (id, lens) in records(bytes, "camera", one)? {
         if known.insert(id, lens).is_some() {
-            return Err((format!("camera {id}"), "it is there a second time".into()));
+            return Err((format!("camera {id}"), "it is defined twice".into()));
         }
     }
     Ok(known)
@@ -384,7 +382,7 @@ fn binary_poses(bytes: &[u8], known: &Lenses) -> std::result::Result<Vec<(String
         let shift = [rest.finite()?, rest.finite()?, rest.finite()?];
         let pose = pose(turn, shift, rest.u32()?, known, "cameras.bin")?;
         let name = rest.text()?;
-        // Two numbers and an identity for each point.
+        // Two numbers and an id per point.
         let points = rest.u64()?;
         let bytes = usize::try_from(points)
             .ok()

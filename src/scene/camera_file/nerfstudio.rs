@@ -1,4 +1,4 @@
-//! Nerfstudio: reads `transforms.json`, the cameras of pictures, and `camera_path.json`, those of a
+//! Nerfstudio: reads `transforms.json`, cameras of pictures, and `camera_path.json`, cameras of a
 //! video; camera → world, x right, y up, z back.
 
 use super::{Intrinsics, Lens, Parsed, Pose, check_position, check_rotation, number, rows, side};
@@ -6,7 +6,7 @@ use crate::output::text::clipped;
 use glam::{DMat3, DVec3};
 use serde_json::Value;
 
-/// What distorts.
+/// Parameters of distortion.
 const DISTORTIONS: [&str; 8] = ["k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"];
 const UNDISTORTED: &str =
     "a lens that distorts cannot be drawn; cameras of undistorted pictures can";
@@ -15,7 +15,7 @@ const UNDISTORTED: &str =
 pub(super) fn transforms(all: &Value, frames: &Value) -> Parsed<Vec<Pose>> {
     let frames = frames
         .as_array()
-        .ok_or("has no list `frames`: it is no transforms.json")?;
+        .ok_or("has no list `frames`: it is not a transforms.json")?;
     let pose = |(i, frame): (usize, &Value)| {
         let whose = format!("frames[{i}]");
         let lens = Fields { all, frame }.lens();
@@ -28,7 +28,7 @@ pub(super) fn transforms(all: &Value, frames: &Value) -> Parsed<Vec<Pose>> {
     frames.iter().enumerate().map(pose).collect()
 }
 
-/// A frame's fields, which go before those of all.
+/// Fields of a frame, which override those of the file.
 struct Fields<'a> {
     all: &'a Value,
     frame: &'a Value,
@@ -54,7 +54,7 @@ impl Fields<'_> {
         let model = self
             .get("camera_model")
             .map_or(Some("PINHOLE"), Value::as_str)
-            .ok_or("camera_model is no text")?;
+            .ok_or("camera_model is not a text")?;
         if !["PINHOLE", "SIMPLE_PINHOLE", "OPENCV"].contains(&model) {
             return Err(format!(
                 "camera_model is {}; only PINHOLE, SIMPLE_PINHOLE and OPENCV without distortion can be drawn",
@@ -111,15 +111,15 @@ impl Fields<'_> {
             .ok_or("has neither fl_x nor camera_angle_x")?;
         if !(angle > 0.0 && angle < std::f64::consts::PI) {
             return Err(format!(
-                "camera_angle_x is {angle}; it must lie between 0 and π"
+                "camera_angle_x is {angle}; it must be between 0 and π"
             ));
         }
         let vertical = self.number("camera_angle_y")?;
         if vertical.is_some_and(|angle| !(angle > 0.0 && angle < std::f64::consts::PI)) {
-            return Err("camera_angle_y must lie between 0 and π".into());
+            return Err("camera_angle_y must be between 0 and π".into());
         }
         let Some(size) = size else {
-            // Without sides neither the middle is known, nor the shape of a pixel.
+            // Without the sides, neither the centre nor the shape of a pixel is known.
             let name = [
                 ("cx", centre[0]),
                 ("cy", centre[1]),
@@ -142,11 +142,11 @@ impl Fields<'_> {
 pub(super) fn path(all: &Value, path: &Value, notes: &mut Vec<String>) -> Parsed<Vec<Pose>> {
     let path = path
         .as_array()
-        .ok_or("camera_path is no list: it is no camera_path.json")?;
+        .ok_or("camera_path is not a list: it is not a camera_path.json")?;
     let kind = all
         .get("camera_type")
         .map_or(Some("perspective"), Value::as_str)
-        .ok_or("camera_type is no text")?;
+        .ok_or("camera_type is not a text")?;
     if kind != "perspective" {
         return Err(format!(
             "camera_type is {}; only perspective can be drawn",
@@ -168,12 +168,12 @@ pub(super) fn path(all: &Value, path: &Value, notes: &mut Vec<String>) -> Parsed
     let pose = |(i, camera): (usize, &Value)| {
         let whose = format!("camera_path[{i}]");
         let pose = || {
-            // The vertical angle, as three.js has it; `aspect` is that of the editor's window and
-            // not of the video.
+            // The vertical angle as in three.js; `aspect` is that of the editor's window, not of
+            // the video.
             let fov = number(camera, "fov")?.ok_or("has no fov")?;
             if !(fov > 0.0 && fov < 180.0) {
                 return Err(format!(
-                    "fov is {fov}; it must lie between 0 and 180 degrees"
+                    "fov is {fov}; it must be between 0 and 180 degrees"
                 ));
             }
             let focal = f64::from(size[1]) / 2.0 / libm::tan(fov.to_radians() / 2.0);
@@ -185,8 +185,8 @@ pub(super) fn path(all: &Value, path: &Value, notes: &mut Vec<String>) -> Parsed
     path.iter().enumerate().map(pose).collect()
 }
 
-/// A camera from its matrix: rows of four numbers, the last of which may be left out, or all of
-/// them in one list.
+/// A camera from its matrix: rows of four numbers, the last row optional, or all numbers in one
+/// list.
 fn looking(matrix: &Value, field: &str, lens: Lens) -> Parsed<Pose> {
     let flat = || -> Option<Vec<[f64; 4]>> {
         let numbers: Vec<f64> = matrix
@@ -210,7 +210,7 @@ fn looking(matrix: &Value, field: &str, lens: Lens) -> Parsed<Pose> {
         .is_some_and(|last| *last != [0.0, 0.0, 0.0, 1.0])
     {
         return Err(format!(
-            "{field} is no rotation and a position: its last row must be 0 0 0 1"
+            "{field} is not a rotation and a position: its last row must be 0 0 0 1"
         ));
     }
     let column = |i: usize| DVec3::new(rows[0][i], rows[1][i], rows[2][i]);

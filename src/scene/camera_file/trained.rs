@@ -1,6 +1,6 @@
-//! Trained: reads the `cameras.json` that programs which train Gaussians write beside their points:
-//! a list of cameras with `width`, `height`, `fx`, `fy`, `position` and `rotation`, camera → world,
-//! x right, y down, z forward.
+//! Trained: reads the `cameras.json` that programs which train Gaussians write next to their
+//! points: a list of cameras with `width`, `height`, `fx`, `fy`, `position` and `rotation`, camera
+//! → world, x right, y down, z forward.
 
 use super::{Intrinsics, Lens, Parsed, Pose, check_position, check_rotation, number, rows, side};
 use glam::{DMat3, DVec3};
@@ -25,7 +25,7 @@ fn pose(camera: &Value) -> Parsed<Pose> {
         side(need("height")?, "height")?,
     ];
     let focal = [need("fx")?, need("fy")?];
-    // Programs that keep the principal point write it under these names.
+    // Names of the principal point, in programs that write it.
     let centre = [number(camera, "cx")?, number(camera, "cy")?];
     let lens = Lens::Known(Intrinsics::new(size, focal, centre)?);
     let position: Option<Vec<f64>> = camera["position"]

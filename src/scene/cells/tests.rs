@@ -20,8 +20,8 @@ prop_compose! {
 }
 
 proptest! {
-    /// The axes are a rotation, and with their lengths squared make J·Jᵀ again; the volume is |det
-    /// J|. At any scale.
+    /// The axes are a rotation, and with their squared lengths give J·Jᵀ; the volume is |det J|. At
+    /// any scale.
     #[test]
     fn principal_axes_span_what_the_steps_span(x in vector(), y in vector(), z in vector(), power in -90_i32..90, thin in 0_i32..9) {
         let steps = DMat3::from_cols(x, y, z * 10.0_f64.powi(-thin));
@@ -33,8 +33,8 @@ proptest! {
         let lengths = cell.lengths / scale;
         let again = axes * DMat3::from_diagonal(lengths * lengths) * axes.transpose();
         prop_assert!(apart(again, covariance(steps)) < 1e-12);
-        // Both round by parts of the box with these sides: where steps nearly lie in a plane that
-        // is much more than the volume.
+        // Both have rounding errors relative to the box with these sides: if the steps are almost
+        // in a plane, that is much more than the volume.
         let (volume, sides) = (steps.determinant().abs(), x.length() * y.length() * steps.z_axis.length());
         prop_assert!((cell.volume() / scale.powi(3) - volume).abs() <= 1e-14 * sides, "{volume:e} of {sides:e}");
     }
@@ -68,7 +68,7 @@ fn steps_in_a_plane_have_no_volume() {
         assert!(!Cell::new(steps).has_volume(), "{steps}");
     }
     let field = Irregular {
-        places: Places::Curvilinear(
+        places: SamplePlaces::Curvilinear(
             [2, 2, 2],
             (0..8)
                 .map(|i| DVec3::new(f64::from(i % 2), f64::from(i / 2 % 2), 0.0))
@@ -78,7 +78,7 @@ fn steps_in_a_plane_have_no_volume() {
         notes: Vec::new(),
     };
     let cells = Cells::new(&field, 0.7);
-    assert_eq!(cells.usual_layer(), None);
+    assert_eq!(cells.default_layer(), None);
     let transfer = Classification::usual(&[0.0, 1.0], 4.0);
     let classification = Classification {
         transfer,
@@ -90,7 +90,7 @@ fn steps_in_a_plane_have_no_volume() {
     assert_eq!((sampled.splats.len(), flat), (0, 8));
 }
 
-/// A linear field has its gradient everywhere: on a sheared grid, and among points at random.
+/// A linear field has its gradient everywhere: on a sheared grid, and at random points.
 #[test]
 fn a_linear_field_has_its_gradient() {
     let slope = DVec3::new(2.0, -1.0, 0.5);
@@ -105,7 +105,7 @@ fn a_linear_field_has_its_gradient() {
         let wobble = |k: f64| 0.3 * libm::sin(k * i as f64);
         DVec3::new(x + wobble(12.9), y + wobble(78.2), z + wobble(37.7))
     };
-    let of = |places: Places, position: &dyn Fn(usize) -> DVec3| {
+    let of = |places: SamplePlaces, position: &dyn Fn(usize) -> DVec3| {
         let values = (0..60).map(|i| slope.dot(position(i)) as f32).collect();
         Irregular {
             places,
@@ -113,8 +113,7 @@ fn a_linear_field_has_its_gradient() {
             notes: Vec::new(),
         }
     };
-    // So it has beside a sample that is NaN, one at a corner: the others keep a neighbour along
-    // each axis.
+    // Also next to a NaN sample at a corner: the others keep a neighbour along each axis.
     let hole = |field: Irregular| {
         let values = field
             .values
@@ -126,11 +125,11 @@ fn a_linear_field_has_its_gradient() {
     };
     let fields = [
         of(
-            Places::Curvilinear(size, (0..60).map(sheared).collect()),
+            SamplePlaces::Curvilinear(size, (0..60).map(sheared).collect()),
             &sheared,
         ),
         of(
-            Places::Scattered((0..60).map(wobbly).collect(), None),
+            SamplePlaces::Scattered((0..60).map(wobbly).collect(), None),
             &wobbly,
         ),
     ];

@@ -31,7 +31,7 @@ fn a_place_is_that_of_its_direction() {
 }
 
 #[test]
-fn texels_are_met_at_their_middles_and_rows_are_closed() {
+fn texels_have_their_value_at_their_centres_and_rows_are_closed() {
     let texels: Vec<[f32; 3]> = (0..32).map(|i| [i as f32, 0.0, 1.0]).collect();
     let all = Environment::new(8, 4, texels).unwrap();
     for row in 0..4 {
@@ -46,7 +46,7 @@ fn texels_are_met_at_their_middles_and_rows_are_closed() {
             );
         }
     }
-    // Between the last texel of a row and its first.
+    // Between the last texel of a row and the first.
     assert!((all.light(direction([0.0, 0.375]))[0] - 11.5).abs() < 1e-9);
     assert!((all.light(DVec3::Y)[0] - 3.5).abs() < 4.0);
 }

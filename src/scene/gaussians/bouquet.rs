@@ -1,5 +1,5 @@
-//! Bouquet: flowers of Gaussians, made from formulas; petals are flat, stems are needles, and a
-//! haze lies behind them.
+//! Bouquet: generates flowers of Gaussians from formulas: flat petals, thin stems, and a haze
+//! behind them.
 
 use super::{Gaussian, Gaussians, Intake, harmonics_of};
 use glam::{DMat3, DQuat, DVec3};
@@ -10,13 +10,13 @@ use std::f64::consts::{PI, TAU};
 const STALKS: usize = 13;
 /// Petals of a blossom.
 const PETALS: usize = 8;
-/// Of sixteen Gaussians so many are stalk, and so many haze; the rest are petals.
+/// Of sixteen Gaussians, this many are stalk and this many haze; the rest are petals.
 const STALK_SHARE: usize = 4;
 const HAZE_SHARE: usize = 1;
-/// Turns one place against the one before, in parts of a circle: no two come close.
+/// Rotation from one place to the next, as a part of a circle: no two come close.
 const GOLDEN: f64 = 0.618_033_988_749_895;
 
-/// So many Gaussians.
+/// A bouquet of `count` Gaussians.
 pub fn bouquet(count: usize) -> Gaussians {
     let mut intake = Intake::new(0, count, Vec::new());
     for i in 0..count {
@@ -31,12 +31,12 @@ pub fn bouquet(count: usize) -> Gaussians {
     intake.gaussians
 }
 
-/// Part of a circle, of a number.
+/// Fractional part of a multiple of `step`.
 fn part(number: usize, step: f64) -> f64 {
     (number as f64 * step).fract()
 }
 
-/// Where a stalk is, from the ground (0) to its blossom (1).
+/// A point on a stalk, from the ground (0) to its blossom (1).
 fn along(stalk: usize, height: f64) -> DVec3 {
     let turn = TAU * part(stalk, GOLDEN);
     let out = 0.15 + 0.75 * (stalk as f64 / STALKS as f64).sqrt();
@@ -77,7 +77,7 @@ fn petal(i: usize, count: usize) -> (Gaussian, [f64; 3]) {
     let up = (centre - along(stalk, 0.97)).normalize();
     let side = up.any_orthonormal_vector();
     let out = part(i, GOLDEN * GOLDEN * 7.0).sqrt();
-    // Petals are as wide as they can be at two thirds of their length.
+    // Petals are widest at two thirds of their length.
     let wide = 0.85 * sin(PI * out.powi(2)).max(0.15);
     let turn = TAU * (petal as f64 + wide * (part(i, GOLDEN) - 0.5)) / PETALS as f64;
     let radial = side * cos(turn) + up.cross(side) * sin(turn);

@@ -1,15 +1,16 @@
-//! Float PLY: reads Gaussians as training programs write them, one named number for each parameter
+//! Float PLY: reads Gaussians in the format of training programs: one named number per parameter
 //! (Kerbl et al. 2023).
 //!
-//! Scales are logarithms, opacities logits, quaternions w x y z of any length. `f_rest_*` has all
-//! coefficients of red, then of green, then of blue; their number tells the degree. Without
-//! `scale_2` they are 2D Gaussians (Huang et al. 2024): discs, whose third standard deviation is 0.
+//! Scales are logarithms, opacities are logits, quaternions are w x y z of any length. `f_rest_*`
+//! has all coefficients of red, then of green, then of blue; their number determines the degree.
+//! Without `scale_2` they are 2D Gaussians (Huang et al. 2024): discs, whose third standard
+//! deviation is 0.
 
 use super::{Gaussian, Gaussians, Intake, Parsed, coefficients, exp, sigmoid};
 use crate::scene::ply::{Body, Element, Header};
 use glam::{DQuat, DVec3};
 
-/// Numbers that every Gaussian has, in the order in which they are used; those of the harmonics
+/// Parameters of every Gaussian, in the order in which they are used. Those of the harmonics
 /// follow, then the third scale, which 2D Gaussians lack.
 const NAMES: [&str; 13] = [
     "x", "y", "z", "rot_1", "rot_2", "rot_3", "rot_0", "scale_0", "scale_1", "opacity", "f_dc_0",
@@ -21,7 +22,7 @@ const SCALE: usize = 7;
 const OPACITY: usize = 9;
 const HARMONICS: usize = 10;
 
-/// Whether the vertices have the parameters that only trained Gaussians have.
+/// Whether the vertices have the parameters of trained Gaussians.
 pub(super) fn is_trained(header: &Header) -> bool {
     let has = |element: &Element| {
         ["scale_0", "rot_0"]
@@ -95,7 +96,7 @@ fn read(header: &Header, vertices: &Element, body: &mut Body) -> Parsed<Gaussian
     intake.finish()
 }
 
-/// The degree whose coefficients, but for the constant ones, are as many as the element's.
+/// The degree, from the number of non-constant coefficients in the element.
 pub(super) fn degree(element: &Element) -> Parsed<usize> {
     let count = element
         .names()
@@ -106,7 +107,7 @@ pub(super) fn degree(element: &Element) -> Parsed<usize> {
         .ok_or_else(|| format!("has {count} numbers `f_rest_*`; spherical harmonics of degree 0, 1, 2 and 3 have 0, 9, 24 and 45"))
 }
 
-/// Names of all but the constant coefficients, red, green and blue of one after those of another.
+/// Names of all coefficients except the constant ones: red, green and blue of each in turn.
 pub(super) fn rest_names(degree: usize) -> Vec<String> {
     let per_channel = coefficients(degree) - 1;
     (0..per_channel)

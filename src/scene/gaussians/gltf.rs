@@ -1,14 +1,13 @@
 //! GlTF: reads Gaussians from glTF 2.0 with the extension `KHR_gaussian_splatting` (Khronos, kernel
 //! `ellipse`).
 //! ```text
-//! POSITION, ROTATION (x y z w), SCALE (linear), OPACITY, SH_DEGREE_l_COEF_n ─► by the node's transform ─► half a turn about x ─► Gaussians
+//! POSITION, ROTATION (x y z w), SCALE (linear), OPACITY, SH_DEGREE_l_COEF_n ─► transform of the node ─► half a turn about x ─► Gaussians
 //! ```
-//! - Numbers may be of any type that the extension allows; integers are scaled where the file says
-//!   so.
-//! - Axes are right, up, back, as in `.spz`, and turned in the same way.
-//! - A node turns, moves and scales; one that shears or mirrors has no harmonics that could follow,
-//!   and is refused.
-//! - Harmonics follow the turn exactly: their products with turned ones are integrated over a
+//! - Numbers may be of any type that the extension allows; integers are scaled if the file says so.
+//! - Axes are right, up, back, as in `.spz`, and rotated in the same way.
+//! - A node may rotate, move and scale. Nodes that shear or mirror are refused, because harmonics
+//!   cannot follow.
+//! - Harmonics follow the rotation exactly: their products with rotated ones are integrated over a
 //!   sphere ([`Turned`]).
 
 use super::{Gaussian, Gaussians, Intake, Parsed, coefficients, harmonics};
@@ -20,9 +19,9 @@ use glam::{DMat3, DMat4, DQuat, DVec3};
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
-/// Cosine between two columns of a transform that rounding may leave of a right angle.
+/// Tolerance for right angles: cosine between two columns of a transform.
 const SKEW: f64 = 1e-4;
-/// The thinnest axis that a scaling node is taken to turn, of the thickest.
+/// Under a scaling node, axes thinner than this part of the thickest get this thickness.
 const THINNEST: f64 = 1e-9;
 
 /// Reads the bytes of a glTF or GLB file and the files that it names.
@@ -36,7 +35,7 @@ pub(in crate::scene) fn parse(bytes: &[u8], folder: &Path) -> Parsed<Gaussians> 
             match file.own(mesh.index(), primitive.index()) {
                 Some(own) if file.is_gaussians(mesh.index(), primitive.index()) => {
                     sets.push(
-                        Set::read(&file, &primitive, own, transform)
+                        GaussianSet::read(&file, &primitive, own, transform)
                             .map_err(|e| format!("node {}: {e}", node.index()))?,
                     );
                 }
@@ -46,13 +45,13 @@ pub(in crate::scene) fn parse(bytes: &[u8], folder: &Path) -> Parsed<Gaussians> 
     }
     if sets.is_empty() {
         return Err(
-            "holds no Gaussians (KHR_gaussian_splatting); of a mesh `splatsim sample` makes points"
+            "holds no Gaussians (KHR_gaussian_splatting); `splatsim sample` makes points from a mesh"
                 .into(),
         );
     }
     if others > 0 {
         notes.push(format!(
-            "{others} sets of triangles, lines or points are no Gaussians and were left out"
+            "{others} sets of triangles, lines or points are not Gaussians and were left out"
         ));
     }
     let degree = sets.iter().map(|set| set.degree).max().unwrap_or(0);
@@ -73,36 +72,36 @@ pub(in crate::scene) fn parse(bytes: &[u8], folder: &Path) -> Parsed<Gaussians> 
 }
 
 /// Gaussians of one primitive under one node.
-struct Set {
+struct GaussianSet {
     positions: Vec<[f64; 3]>,
     rotations: Vec<[f64; 4]>,
     scales: Vec<[f64; 3]>,
     opacities: Vec<[f64; 1]>,
-    /// Of each coefficient the rows of all Gaussians.
+    /// For each coefficient the rows of all Gaussians.
     harmonics: Vec<Vec<[f64; 3]>>,
     degree: usize,
-    place: Place,
+    place: NodeTransform,
     notes: Vec<String>,
 }
 
 /// A node's transform after half a turn about x.
-struct Place {
+struct NodeTransform {
     all: DMat4,
     linear: DMat3,
-    /// Its scale, where it is the same along all axes.
+    /// Its scale, if it is the same along all axes.
     scale: Option<f64>,
     turn: DQuat,
 }
 
-impl Place {
-    fn of(transform: DMat4) -> Parsed<Place> {
+impl NodeTransform {
+    fn of(transform: DMat4) -> Parsed<NodeTransform> {
         let all = DMat4::from_rotation_x(PI) * transform;
         let linear = DMat3::from_mat4(all);
         let columns = [linear.x_axis, linear.y_axis, linear.z_axis];
         let lengths = columns.map(DVec3::length);
         let [x, y, z] = [0, 1, 2].map(|i| columns[i] / lengths[i]);
         let skew = x.dot(y).abs().max(y.dot(z).abs()).max(z.dot(x).abs());
-        // NaN is no right angle either.
+        // A skew of NaN is refused too.
         let is_turn = skew <= SKEW && x.cross(y).dot(z) > 0.0;
         if !is_turn || !all.is_finite() {
             return Err("its transform shears, mirrors or flattens; Gaussians can be turned, moved and scaled".into());
@@ -111,7 +110,7 @@ impl Place {
         let is_even = lengths
             .iter()
             .all(|length| (longest - length) <= 1e-6 * longest);
-        Ok(Place {
+        Ok(NodeTransform {
             all,
             linear,
             scale: is_even.then_some(longest),
@@ -119,7 +118,7 @@ impl Place {
         })
     }
 
-    /// Rotation and scales of what becomes of a Gaussian's axes.
+    /// Rotation and scales of a transformed Gaussian.
     fn axes(&self, rotation: DQuat, scale: DVec3) -> (DQuat, DVec3) {
         if let Some(factor) = self.scale {
             return (self.turn * rotation, scale * factor);
@@ -131,13 +130,13 @@ impl Place {
     }
 }
 
-impl Set {
+impl GaussianSet {
     fn read(
         file: &File,
         primitive: &::gltf::Primitive,
         own: &Own,
         transform: DMat4,
-    ) -> Parsed<Set> {
+    ) -> Parsed<GaussianSet> {
         let positions = primitive
             .get(&Semantic::Positions)
             .filter(|accessor| accessor.dimensions() == Dimensions::Vec3);
@@ -161,19 +160,19 @@ impl Set {
             }
             degree = l;
         }
-        Ok(Set {
+        Ok(GaussianSet {
             positions: file.rows(&positions)?,
             rotations: file.numbered(need("ROTATION")?, count, Dimensions::Vec4)?,
             scales: file.numbered(need("SCALE")?, count, Dimensions::Vec3)?,
             opacities: file.numbered(need("OPACITY")?, count, Dimensions::Scalar)?,
             harmonics: all,
             degree,
-            place: Place::of(transform)?,
+            place: NodeTransform::of(transform)?,
             notes: notes(own),
         })
     }
 
-    /// Hands all Gaussians over, with harmonics of this degree.
+    /// Passes all Gaussians on, with harmonics of this degree.
     fn give(&self, degree: usize, intake: &mut Intake) {
         let turned = Turned::by(self.place.turn, self.degree);
         let clamped = |opacity: f64| {
@@ -186,7 +185,7 @@ impl Set {
         for i in 0..self.positions.len() {
             let rotation = super::unit(DQuat::from_array(self.rotations[i]));
             let scale = DVec3::from_array(self.scales[i]);
-            // What has no rotation or no scale is left out and counted.
+            // Gaussians without rotation or scale are left out and counted.
             let (rotation, scale) =
                 match rotation.filter(|_| scale.is_finite() && scale.min_element() >= 0.0) {
                     Some(rotation) if scale.max_element() > 0.0 => self.place.axes(rotation, scale),
@@ -210,16 +209,16 @@ impl Set {
     }
 }
 
-/// What the extension's object says that is not drawn.
+/// Notes on properties of the extension that are not drawn.
 fn notes(own: &Own) -> Vec<String> {
-    let says = |field: &str| {
+    let property = |field: &str| {
         own.gaussians
             .as_ref()
             .and_then(|object| object.get(field)?.as_str())
     };
     let mut notes = Vec::new();
-    if says("colorSpace").is_some_and(|space| space != "srgb_rec709_display") {
-        let space = crate::output::text::clipped(says("colorSpace").unwrap_or_default());
+    if property("colorSpace").is_some_and(|space| space != "srgb_rec709_display") {
+        let space = crate::output::text::clipped(property("colorSpace").unwrap_or_default());
         notes.push(format!("has the colour space {space}; its colours are blended as they are, and PNGs hold them unchanged"));
     }
     for (field, read) in [
@@ -227,7 +226,7 @@ fn notes(own: &Own) -> Vec<String> {
         ("projection", "perspective"),
         ("sortingMethod", "cameraDistance"),
     ] {
-        if let Some(other) = says(field).filter(|value| *value != read) {
+        if let Some(other) = property(field).filter(|value| *value != read) {
             notes.push(format!(
                 "has the {field} {}, which is not read; it is drawn as {read}",
                 crate::output::text::clipped(other)
@@ -237,14 +236,14 @@ fn notes(own: &Own) -> Vec<String> {
     notes
 }
 
-/// Harmonics that are turned, as sums of those that are not: `matrix[j][k]` is the mean of
+/// Rotation of harmonics, as sums over the original ones: `matrix[j][k]` is the mean of
 /// 4π·Y_j(d)·Y_k(R⁻¹d) over all directions d.
 struct Turned {
     matrix: Vec<Vec<f64>>,
 }
 
-/// Rows of directions from pole to pole, and directions in a row: with Gauss's four heights,
-/// products of two harmonics of degree 3 are integrated exactly.
+/// Heights of the rows of directions, and directions per row: with Gauss's four heights, products
+/// of two harmonics of degree 3 are integrated exactly.
 const HEIGHTS: [(f64, f64); 4] = [
     (-0.861_136_311_594_052_6, 0.347_854_845_137_453_85),
     (-0.339_981_043_584_856_26, 0.652_145_154_862_546_1),

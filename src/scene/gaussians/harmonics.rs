@@ -1,17 +1,17 @@
-//! Harmonics: turns a Gaussian's coefficients and the direction of sight into its colour, as the
-//! common programs do.
+//! Harmonics: computes a Gaussian's colour from its coefficients and the view direction, with the
+//! usual conventions.
 //!
 //! Real spherical harmonics of degree 0 to 3 with the Condon-Shortley phase, in the order of
 //! degree, then of order −l to l (Kerbl et al. 2023, `eval_sh` of their program).
 
 use glam::DVec3;
 
-/// `√(1/4π)`: what a constant function of the sphere is multiplied by.
+/// `√(1/4π)`: the constant harmonic.
 pub(super) const CONSTANT: f64 = 0.282_094_791_773_878_14;
 
-/// Colour seen along `direction` (unit, from the eye to the Gaussian's centre):
-/// `0.5 + Σ coefficient · harmonic`, at least 0. Of `harmonics`, 1, 4, 9 or 16 coefficients of red,
-/// green and blue.
+/// Colour seen along `direction` (unit, from the eye to the Gaussian's centre): `0.5 + Σ
+/// coefficient · harmonic`, at least 0. `harmonics` has 1, 4, 9 or 16 coefficients of red, green
+/// and blue.
 pub fn colour(harmonics: &[[f32; 3]], direction: DVec3) -> [f64; 3] {
     let basis = basis(direction);
     std::array::from_fn(|channel| {

@@ -1,20 +1,20 @@
 //! Packed PLY: reads Gaussians from the compressed `.ply` files of SuperSplat (PlayCanvas), 16
 //! bytes each.
 //! ```text
-//! packed_position, packed_scale   x: 11 bits   y: 10   z: 11   between the chunk's least and most
-//! packed_rotation                 which: 2   three others: 10 each, in ±√½; `which` of w x y z is largest
+//! packed_position, packed_scale   x: 11 bits   y: 10   z: 11   in the chunk's range
+//! packed_rotation                 index: 2   three others: 10 each, in ±√½; `index` is that of the largest of w x y z
 //! packed_color                    red: 8   green: 8   blue: 8   opacity: 8
 //! ```
-//! A chunk holds for 256 Gaussians. Scales are logarithms; colours are those seen from all sides,
-//! between the chunk's least and most where it has any; element `sh` has bytes for all other
-//! coefficients, as `f_rest_*` of a float PLY, in ±4.
+//! One chunk covers 256 Gaussians. Scales are logarithms. Colours are the same from all directions,
+//! in the chunk's range if it has one. The element `sh` has one byte for each other coefficient, in
+//! the order of `f_rest_*` of a float PLY, in ±4.
 
 use super::{Gaussian, Gaussians, Intake, Parsed, exp, float_ply, harmonics_of};
 use crate::scene::ply::{Body, Element, Header};
 use glam::{DQuat, DVec3};
 use std::f64::consts::SQRT_2;
 
-/// Gaussians that share a chunk.
+/// Gaussians per chunk.
 const CHUNK: usize = 256;
 
 const BOUNDS: [&str; 12] = [
@@ -39,7 +39,7 @@ const WORDS: [&str; 4] = [
     "packed_color",
 ];
 
-/// Least and most of a chunk's positions, log scales and colours.
+/// Ranges of a chunk's positions, log scales and colours.
 struct Chunk {
     position: [DVec3; 2],
     scale: [DVec3; 2],
@@ -128,7 +128,7 @@ fn read_chunks(body: &mut Body, element: &Element) -> Parsed<Vec<Chunk>> {
 
 fn read_words(body: &mut Body, element: &Element) -> Parsed<Vec<[u32; 4]>> {
     let mut words = Vec::with_capacity(body.room(element));
-    // By way of i64, words keep their bits even where the header calls them `int`.
+    // Through i64, words keep their bits even if the header declares them as `int`.
     body.rows(
         element,
         &element.slots(&owned(&WORDS))?,
@@ -138,7 +138,7 @@ fn read_words(body: &mut Body, element: &Element) -> Parsed<Vec<[u32; 4]>> {
     Ok(words)
 }
 
-/// All but the constant coefficients, as bytes: a file of degree 3 has 45 for each Gaussian.
+/// All coefficients except the constant ones, as bytes: 45 per Gaussian for degree 3.
 fn read_rest(body: &mut Body, element: &Element, degree: usize) -> Parsed<Vec<[u8; 3]>> {
     let names = float_ply::rest_names(degree);
     let mut rest = Vec::with_capacity(body.room(element).saturating_mul(names.len() / 3));
@@ -178,7 +178,7 @@ fn unpack([position, rotation, scale, colour]: [u32; 4], chunk: &Chunk) -> (Gaus
     )
 }
 
-/// `bits` bits of the word from bit `low` on, as a part of their largest value.
+/// `bits` bits of the word from bit `low` on, as a part of their greatest value.
 fn part(word: u32, low: u32, bits: u32) -> f64 {
     let most = (1 << bits) - 1;
     f64::from(word >> low & most) / f64::from(most)
@@ -204,7 +204,7 @@ fn unpack_rotation(word: u32) -> DQuat {
     DQuat::from_xyzw(x, y, z, w)
 }
 
-/// The middle of a byte's step in ±4; the first and the last byte are the ends themselves.
+/// The middle of a byte's interval in ±4; the first and the last byte are the limits.
 fn coefficient(code: u8) -> f32 {
     match code {
         0 => -4.0,

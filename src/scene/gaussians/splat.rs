@@ -1,9 +1,9 @@
-//! Splat: reads Gaussians from `.splat` files, 32 bytes each and nothing else (antimatter15's
-//! viewer).
+//! Splat: reads Gaussians from `.splat` files, which have only 32 bytes per Gaussian
+//! (antimatter15's viewer).
 //! ```text
 //! position: 3 × f32   scale: 3 × f32   red green blue opacity: 4 × u8   quaternion w x y z: 4 × u8, 128 is 0
 //! ```
-//! Little-endian. Scales are no logarithms, the colour is the one seen from all sides.
+//! Little-endian. Scales are linear; the colour is the same from all directions.
 
 use super::{Gaussian, Gaussians, Intake, Parsed, harmonics_of, part};
 use glam::{DQuat, DVec3};
@@ -14,7 +14,7 @@ pub(in crate::scene) fn parse(bytes: &[u8]) -> Parsed<Gaussians> {
     let (records, surplus) = bytes.as_chunks::<BYTES>();
     if !surplus.is_empty() {
         return Err(format!(
-            "has {} bytes; a .splat file has {BYTES} for each Gaussian, so it is cut short or no such file",
+            "has {} bytes; a .splat file has {BYTES} for each Gaussian, so it is truncated or another format",
             bytes.len()
         ));
     }

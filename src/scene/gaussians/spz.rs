@@ -1,6 +1,6 @@
-//! Spz: reads Gaussians from Niantic's `.spz` files: of versions 1 to 3 gzip, then a header of 16
-//! bytes, then one table after another; of version 4 a header of 32 bytes, then sizes of tables,
-//! then tables, each packed by Zstandard.
+//! Spz: reads Gaussians from Niantic's `.spz` files. Versions 1 to 3: gzip, with a header of 16
+//! bytes and one table after another. Version 4: a header of 32 bytes, then the sizes of the
+//! tables, then the tables, each packed by Zstandard.
 //! ```text
 //! magic `NGSP`: u32   version: u32   Gaussians: u32   degree: u8   fractional bits: u8   flags: u8   reserved: u8
 //! positions    3 × 24 bits, fixed point (version 1: 3 × f16)
@@ -13,9 +13,9 @@
 //! version 4    the header's last byte is the number of tables, then where their sizes begin: u32   reserved: 12 bytes
 //! sizes        bytes packed: u64   bytes unpacked: u64   of each table; a table without bytes is left out
 //! ```
-//! All little-endian. Files that are not compressed are read as well. Their axes are right, up,
-//! back; those of training programs' files right, down, forward: everything is given half a turn
-//! about x, so that a scene looks the same from either.
+//! All numbers are little-endian. Uncompressed files are read too. Axes are right, up, back; in
+//! files of training programs they are right, down, forward. Everything is rotated by half a turn
+//! about x, so that a scene looks the same from both.
 
 use super::{Gaussian, Gaussians, Intake, Parsed, coefficients, exp, part};
 use flate2::read::GzDecoder;
@@ -25,24 +25,24 @@ use std::f64::consts::FRAC_1_SQRT_2;
 use std::io::Read;
 
 const ANTIALIASED: u8 = 1;
-/// In version 4: something stands between the header and the sizes of tables.
+/// Version 4: there is data between the header and the sizes of the tables.
 const EXTENDED: u8 = 2;
-/// The version whose tables are packed one by one.
+/// The version whose tables are packed separately.
 const STREAMED: u32 = 4;
 /// Bytes of that version's header, and of the two sizes of a table.
 const HEADER_OF_TABLES: usize = 32;
 const SIZES: usize = 16;
 
-/// Files that would grow more than this, and past [`LONGEST`], are taken for ones made to fill the
-/// memory: positions and rotations of a trained scene hardly shrink and are a fifth of its bytes or
-/// more. gzip's own limit is 1032.
+/// Files that expand by more than this, and past [`LONGEST`], are considered malicious: positions
+/// and rotations of a trained scene hardly compress and are at least a fifth of its bytes. The
+/// limit of gzip itself is 1032.
 const MOST_COMPRESSED: u64 = 100;
 
-/// Bytes that any machine has room for, whatever the size of the file.
+/// Bytes that are accepted for a file of any size.
 const LONGEST: u64 = 1 << 26;
 
-/// What a header says; together with it, how long the rows of all tables are.
-struct Header {
+/// Fields of a header; they determine the row length of each table.
+struct SpzHeader {
     version: u32,
     count: u64,
     degree: usize,
@@ -63,11 +63,11 @@ pub(in crate::scene) fn parse(bytes: &[u8]) -> Parsed<Gaussians> {
     }
 }
 
-/// Reads what is left once gzip is taken off; more bytes than `most` are not believed.
+/// Reads unpacked data; refuses more bytes than `most`.
 fn unpack(mut stream: impl Read, most: u64) -> Parsed<Gaussians> {
-    let header = Header::read(&mut stream)?;
+    let header = SpzHeader::read(&mut stream)?;
     let length = header.length(most)?;
-    // Grows with what is there, not with what the header promises.
+    // Grows with the data, not with the header's numbers.
     let mut body = Vec::new();
     stream
         .by_ref()
@@ -92,10 +92,9 @@ fn unpack(mut stream: impl Read, most: u64) -> Parsed<Gaussians> {
     gaussians(&header, tables, surplus)
 }
 
-/// Reads a file of version 4, whose tables are packed one by one; more bytes than `most` are not
-/// believed.
+/// Reads a file of version 4, whose tables are packed separately; refuses more bytes than `most`.
 fn unpack_tables(bytes: &[u8], most: u64) -> Parsed<Gaussians> {
-    let header = Header::read(&mut &bytes[..])?;
+    let header = SpzHeader::read(&mut &bytes[..])?;
     header.length(most)?;
     let cut = || {
         format!(
@@ -151,9 +150,9 @@ fn unpack_tables(bytes: &[u8], most: u64) -> Parsed<Gaussians> {
                 bytes.len() - next
             )
         })?;
-        let bad = |e: String| format!("cannot be uncompressed, it is cut short or damaged: {e}");
+        let bad = |e: String| format!("cannot be uncompressed, it is truncated or damaged: {e}");
         let decoder = StreamingDecoder::new(&bytes[next..end]).map_err(|e| bad(e.to_string()))?;
-        // One byte more, to see that there is none.
+        // One byte more, to detect surplus data.
         decoder
             .take(length + 1)
             .read_to_end(table)
@@ -173,8 +172,8 @@ fn unpack_tables(bytes: &[u8], most: u64) -> Parsed<Gaussians> {
     )
 }
 
-/// Gaussians of tables that are as long as the header says.
-fn gaussians(header: &Header, tables: [&[u8]; 6], surplus: u64) -> Parsed<Gaussians> {
+/// Gaussians from tables of the lengths in the header.
+fn gaussians(header: &SpzHeader, tables: [&[u8]; 6], surplus: u64) -> Parsed<Gaussians> {
     let (count, row_bytes) = (header.count as usize, header.row_bytes());
     let mut notes = Vec::new();
     if header.version == STREAMED && header.flags & EXTENDED != 0 {
@@ -213,23 +212,23 @@ fn gaussians(header: &Header, tables: [&[u8]; 6], surplus: u64) -> Parsed<Gaussi
 /// Half a turn about x.
 const HALF_TURN: DVec3 = DVec3::new(1.0, -1.0, -1.0);
 
-/// What half a turn about x makes of each harmonic but the constant one: odd in y and z together,
-/// they change sign.
+/// Signs of the harmonics, except the constant one, under half a turn about x: those odd in y and z
+/// together change sign.
 const HARMONICS_TURNED: [f32; 15] = [
     -1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0,
 ];
 
-/// The same rotation between turned axes.
+/// The same rotation between rotated axes.
 fn half_turned(of: DQuat) -> DQuat {
     DQuat::from_xyzw(of.x, -of.y, -of.z, of.w)
 }
 
 fn damaged(error: std::io::Error) -> String {
-    format!("cannot be uncompressed, it is cut short or damaged: {error}")
+    format!("cannot be uncompressed, it is truncated or damaged: {error}")
 }
 
-impl Header {
-    fn read(stream: &mut impl Read) -> Parsed<Header> {
+impl SpzHeader {
+    fn read(stream: &mut impl Read) -> Parsed<SpzHeader> {
         let mut bytes = Vec::new();
         stream.take(16).read_to_end(&mut bytes).map_err(damaged)?;
         let &[
@@ -251,7 +250,7 @@ impl Header {
             _,
         ] = bytes.as_slice()
         else {
-            return Err("is no .spz file: it does not begin with the 16 bytes of a header of `NGSP`, under gzip or bare".into());
+            return Err("is not an .spz file: it does not begin with the 16 bytes of a header of `NGSP`, under gzip or bare".into());
         };
         let version = u32::from_le_bytes([v0, v1, v2, v3]);
         if !(1..=STREAMED).contains(&version) {
@@ -264,7 +263,7 @@ impl Header {
                 "has spherical harmonics of degree {degree}; degrees 0 to 3 can be read"
             ));
         }
-        Ok(Header {
+        Ok(SpzHeader {
             version,
             count: u32::from_le_bytes([n0, n1, n2, n3]).into(),
             degree: degree.into(),
@@ -278,14 +277,14 @@ impl Header {
         let length = self.count * self.row_bytes().iter().sum::<usize>() as u64;
         if length > most {
             return Err(format!(
-                "promises {} Gaussians, more than a file of its size can hold: they take {length} bytes, at most {most} are believed",
+                "promises {} Gaussians, more than a file of its size can hold: they take {length} bytes, at most {most} are accepted",
                 self.count
             ));
         }
         Ok(length)
     }
 
-    /// Of one Gaussian: position, opacity, colour, scales, rotation, harmonics.
+    /// Bytes per Gaussian: position, opacity, colour, scales, rotation, harmonics.
     fn row_bytes(&self) -> [usize; 6] {
         [
             if self.version == 1 { 6 } else { 9 },
@@ -299,7 +298,7 @@ impl Header {
 
     fn position(&self, row: &[u8]) -> DVec3 {
         let fixed = |low: u8, middle: u8, high: u8| {
-            // Shifted into the high bits first, so that the sign fills up from the left.
+            // Shifted to the high bits first, for sign extension.
             let code = i32::from_le_bytes([0, low, middle, high]) >> 8;
             libm::ldexp(code.into(), -i32::from(self.fractional_bits))
         };

@@ -35,7 +35,7 @@ fn read(path: &Path) -> Parsed<Gaussians> {
     }
 }
 
-/// What is read of a file with this extension and these bytes.
+/// Reads a file with this extension and these bytes.
 fn read_as(extension: &str, bytes: &[u8]) -> Parsed<Gaussians> {
     let file = tempfile::Builder::new()
         .suffix(extension)
@@ -59,7 +59,7 @@ fn near(a: DVec3, b: DVec3, most: f64) {
     assert!((a - b).abs().max_element() <= most, "{a} is not {b}");
 }
 
-/// Rotations are the same for q and −q.
+/// q and −q are the same rotation.
 #[track_caller]
 fn same_rotation(a: DQuat, b: DQuat, most: f64) {
     let angle = 2.0 * a.dot(b).abs().min(1.0).acos();
@@ -90,8 +90,8 @@ fn turned(all: &[[f32; 3]]) -> Vec<[f32; 3]> {
         .collect()
 }
 
-/// Axes are right, down, forward in the files of training programs, right, up, back in `.spz`,
-/// which is turned.
+/// Axes are right, down, forward in files of training programs; right, up, back in `.spz`, which is
+/// rotated.
 #[test]
 fn three_formats_of_the_same_three_gaussians_agree() {
     let [ply, splat, spz] = ["ply", "splat", "spz"]
@@ -116,7 +116,7 @@ fn three_formats_of_the_same_three_gaussians_agree() {
             (bytes.opacity - exact.opacity).abs() <= 1.0 / 255.0
                 && (fixed.opacity - exact.opacity).abs() <= 1.0 / 255.0
         );
-        // A viewer's files hold only colours that can be shown.
+        // A viewer's files have only displayable colours.
         let shown = |g: &Gaussians| colour(&g.harmonics(i)[..1], DVec3::Z).map(|c| c.min(1.0));
         (0..3).for_each(|c| assert!((shown(&splat)[c] - shown(&ply)[c]).abs() <= 1.0 / 255.0));
         same_harmonics(
@@ -135,7 +135,7 @@ fn three_formats_of_the_same_three_gaussians_agree() {
 }
 
 #[test]
-fn a_packed_file_is_its_expanded_twin() {
+fn a_packed_file_equals_the_expanded_one() {
     let [packed, expanded] = ["guitar.compressed.ply", "guitar_expanded.ply"]
         .map(|name| read(&stored("splats3d").join(name)).unwrap());
     assert_eq!(
@@ -156,7 +156,7 @@ fn a_packed_file_is_its_expanded_twin() {
 }
 
 #[test]
-fn gaussians_are_told_from_points_by_extension_and_header() {
+fn gaussians_are_distinguished_from_points_by_extension_and_header() {
     let cases = [
         ("splats3d/train_3points.ply", true),
         ("splats3d/train_3points.splat", true),
@@ -237,7 +237,8 @@ fn float_ply(format: &str, columns: &[(String, Vec<f32>)]) -> Vec<u8> {
     file
 }
 
-/// Columns of three Gaussians of a degree; every harmonic's value tells its channel and its place.
+/// Columns of three Gaussians of a degree; the value of each harmonic encodes its channel and
+/// index.
 fn columns(degree: usize) -> Vec<(String, Vec<f32>)> {
     let column = |name: &str, values: [f32; 3]| (name.to_owned(), values.to_vec());
     let mut columns = vec![
@@ -289,7 +290,7 @@ fn parameters_are_found_by_name_in_every_encoding_and_activated() {
         );
         assert_eq!(a.rotation, DQuat::IDENTITY);
         assert_eq!([a, b, c].map(|g| g.opacity), [0.5, 1.0, 0.0]);
-        // A third of a turn about (1, 1, 1) takes x to y.
+        // A third of a turn about (1, 1, 1) maps x to y.
         near(b.rotation * DVec3::X, DVec3::Y, 1e-15);
         assert_eq!(c.rotation, DQuat::from_xyzw(0.0, -1.0, 0.0, 0.0));
         assert_eq!(c.scale, DVec3::new(SMALLEST_SCALE, 1.0, 1.0));
@@ -319,7 +320,7 @@ fn gaussians_that_cannot_be_drawn_are_left_out_and_counted_by_reason() {
     for (i, (name, value)) in flawed.into_iter().enumerate() {
         table.iter_mut().find(|(own, _)| own == name).unwrap().1[i] = value;
     }
-    // Only the last is whole: its harmonics must not be taken for those of one left out.
+    // Only the last is complete: its harmonics must not be those of an omitted one.
     table
         .iter_mut()
         .filter(|(name, _)| name == "f_dc_0")
@@ -335,7 +336,7 @@ fn gaussians_that_cannot_be_drawn_are_left_out_and_counted_by_reason() {
             "1 of 7 Gaussians have no finite position and were left out",
             "1 of 7 Gaussians have a rotation that is zero or not finite and were left out",
             "2 of 7 Gaussians have a scale that is negative or not finite and were left out",
-            "1 of 7 Gaussians have an opacity that is no number and were left out",
+            "1 of 7 Gaussians have an opacity that is NaN and were left out",
             "1 of 7 Gaussians have a colour that is not finite and were left out",
         ]
     );
@@ -391,7 +392,8 @@ fn headers_that_lie_are_refused_at_once() {
         .unwrap_err()
         .to_string();
     assert!(
-        sentence.contains("is an OBJ file, which is a mesh; `splatsim sample` makes points of it")
+        sentence
+            .contains("is an OBJ file, which is a mesh; `splatsim sample` makes points from it")
             && sentence.contains("Gaussians (.ply, .splat, .spz, .gltf, .glb)"),
         "{sentence}"
     );
@@ -404,8 +406,8 @@ fn headers_that_lie_are_refused_at_once() {
 
 // ---- packed PLY ----
 
-/// A packed file of `count` equal Gaussians with harmonics of degree 1; the last chunk's positions
-/// are moved by 10.
+/// A packed file of `count` equal Gaussians with harmonics of degree 1; the positions of the last
+/// chunk are moved by 10.
 fn packed_ply(count: usize, chunks: usize) -> Vec<u8> {
     let floats: String = BOUNDS
         .map(|name| format!("property float {name}\n"))
@@ -476,7 +478,7 @@ fn packed_words_are_unpacked_between_the_bounds_of_their_chunk() {
         1e-12,
     );
     assert_eq!(gaussian.opacity, 0.2);
-    // x is the largest; of the others w is √½.
+    // x is the largest; w has √½ of the others.
     same_rotation(
         gaussian.rotation,
         DQuat::from_xyzw(0.5f64.sqrt(), 0.0, 0.0, 0.5f64.sqrt()),
@@ -551,7 +553,7 @@ fn splat_records_are_read_byte_for_byte() {
 
     assert_eq!(
         refused(".splat", &file[1..]),
-        "has 31 bytes; a .splat file has 32 for each Gaussian, so it is cut short or no such file"
+        "has 31 bytes; a .splat file has 32 for each Gaussian, so it is truncated or another format"
     );
     assert_eq!(refused(".splat", ""), "holds no Gaussians");
     file[28..].fill(128);
@@ -579,8 +581,8 @@ fn spz_header(version: u8, count: u32, degree: u8, flags: u8) -> Vec<u8> {
     .concat()
 }
 
-/// Two Gaussians of degree 1, in axes right, up, back: the first at (1, −2, 0.5) and turned half
-/// round x, the second at 0 and not turned.
+/// Two Gaussians of degree 1, with axes right, up, back: the first at (1, −2, 0.5) and rotated by
+/// half a turn about x, the second at 0 without rotation.
 fn spz(version: u8) -> Vec<u8> {
     let mut file = spz_header(version, 2, 1, 0);
     match version {
@@ -682,7 +684,7 @@ fn halves_are_the_numbers_that_ieee_754_says() {
 
 #[test]
 fn spz_files_that_lie_are_refused() {
-    let no_header = "is no .spz file: it does not begin with the 16 bytes of a header of `NGSP`, under gzip or bare";
+    let no_header = "is not an .spz file: it does not begin with the 16 bytes of a header of `NGSP`, under gzip or bare";
     assert_eq!(refused(".spz", ""), no_header);
     assert_eq!(refused(".spz", "NGSP"), no_header);
     assert_eq!(
@@ -708,24 +710,24 @@ fn spz_files_that_lie_are_refused() {
     );
     assert_eq!(
         refused(".spz", promise(u32::MAX)),
-        "promises 4294967295 Gaussians, more than a file of its size can hold: they take 279172874175 bytes, at most 67108864 are believed"
+        "promises 4294967295 Gaussians, more than a file of its size can hold: they take 279172874175 bytes, at most 67108864 are accepted"
     );
     let whole = gzip(&spz(3));
     assert!(
         refused(".spz", &whole[..whole.len() - 1])
-            .starts_with("cannot be uncompressed, it is cut short or damaged: ")
+            .starts_with("cannot be uncompressed, it is truncated or damaged: ")
     );
     let mut wrong_sum = whole;
     let at = wrong_sum.len() - 8;
     wrong_sum[at] ^= 1;
     assert!(
         refused(".spz", wrong_sum)
-            .starts_with("cannot be uncompressed, it is cut short or damaged: ")
+            .starts_with("cannot be uncompressed, it is truncated or damaged: ")
     );
 }
 
 #[test]
-fn what_an_spz_file_holds_besides_gaussians_is_noted() {
+fn surplus_data_of_an_spz_file_is_noted() {
     let mut file = spz(2);
     file[14] = 1;
     file.extend([1, 2, 3]);
@@ -799,7 +801,7 @@ fn colours_are_sums_of_spherical_harmonics() {
 
 // ---- damage ----
 
-/// One whole file of each format.
+/// One complete file of each format.
 fn whole_files() -> Vec<(&'static str, Vec<u8>)> {
     vec![
         (".ply", float_ply("ascii", &columns(1))),
@@ -824,7 +826,7 @@ fn parse_as(extension: &str, bytes: &[u8]) -> Parsed<Gaussians> {
 }
 
 #[test]
-fn a_file_cut_short_anywhere_is_refused() {
+fn a_file_truncated_anywhere_is_refused() {
     for (extension, file) in whole_files() {
         assert!(parse_as(extension, &file).is_ok());
         for end in 0..file.len() {
@@ -833,7 +835,7 @@ fn a_file_cut_short_anywhere_is_refused() {
                     sentence.len() < 300 && !sentence.contains('\n'),
                     "{sentence}"
                 ),
-                // Text may lose its last line end or digits, records may be fewer.
+                // Text may lose its last newline or digits; the last record may be missing.
                 Ok(_) => assert!(
                     extension == ".splat" && end % 32 == 0
                         || file.starts_with(b"ply\nformat ascii") && end + 5 > file.len()

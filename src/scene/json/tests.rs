@@ -26,7 +26,7 @@ fn read(text: &str, name: &str, folder: &Path, overrides: &Overrides) -> Result<
         name,
         folder,
         overrides,
-        Which {
+        FrameChoice {
             frame: 0,
             cameras: None,
         },
@@ -43,7 +43,7 @@ fn load(value: &Value) -> Result<Scene> {
     )
 }
 
-/// The example with the value at `pointer` (which is made if its parent is there) replaced.
+/// The example with the value at `pointer` replaced, or inserted if its parent exists.
 fn with(pointer: &str, value: Value) -> Value {
     let mut scene = example();
     let (parent, key) = pointer.rsplit_once('/').unwrap();
@@ -169,17 +169,17 @@ fn splats_of_one_array_are_neighbours_and_others_are_not() {
 }
 
 #[test]
-fn every_error_names_the_field_and_says_what_is_right() {
+fn every_error_has_the_field_and_the_correct_form() {
     let cases = [
         (
             "/camera/fov",
             json!(45),
-            "camera.fov is no known field; the nearest is `fov_y_degrees` (known are eye, target, up, fov_y_degrees, focal_px, centre_px, picture_px, near)",
+            "camera.fov is not a known field; the nearest is `fov_y_degrees` (known are eye, target, up, fov_y_degrees, focal_px, centre_px, picture_px, near)",
         ),
         (
             "/camra",
             json!({}),
-            "camra is no known field; the nearest is `camera` (known are splats, camera, cameras, camera_path, image, kernel, surface, sheets, level_of_detail, lights, materials, environment)",
+            "camra is not a known field; the nearest is `camera` (known are splats, camera, cameras, camera_path, image, kernel, surface, sheets, level_of_detail, lights, materials, environment)",
         ),
         (
             "/camera/fov_y_degrees",
@@ -254,7 +254,7 @@ fn every_error_names_the_field_and_says_what_is_right() {
         (
             "/lights/0/rbg",
             json!([0, 0, 0]),
-            "lights[0].rbg is no known field; the nearest is `rgb` (known are direction, rgb)",
+            "lights[0].rbg is not a known field; the nearest is `rgb` (known are direction, rgb)",
         ),
         (
             "/lights",
@@ -289,7 +289,7 @@ fn every_error_names_the_field_and_says_what_is_right() {
         (
             "/splats/1",
             json!({"positon": [1, 0, 0]}),
-            "splats[1].positon is no known field; the nearest is `position` (known are position, normal, radius, rgb, opacity, material, file, radius_scale, builtin, count, order, seed, volume, array, variance, layer, transfer, gradient, isovalue, flatten, gaussians, splats, place)",
+            "splats[1].positon is not a known field; the nearest is `position` (known are position, normal, radius, rgb, opacity, material, file, radius_scale, builtin, count, order, seed, volume, array, variance, layer, transfer, gradient, isovalue, flatten, gaussians, splats, place)",
         ),
         (
             "/splats/1",
@@ -314,7 +314,7 @@ fn every_error_names_the_field_and_says_what_is_right() {
         (
             "/splats/2/cuont",
             json!(3),
-            "splats[2].cuont is no known field; the nearest is `count` (known are builtin, count, order, seed)",
+            "splats[2].cuont is not a known field; the nearest is `count` (known are builtin, count, order, seed)",
         ),
         (
             "/splats/2/count",
@@ -371,7 +371,7 @@ fn text_that_is_no_json_is_refused_with_its_line() {
 }
 
 #[test]
-fn sizes_of_the_picture_are_held_to_their_limits() {
+fn sizes_of_the_picture_are_checked_against_their_limits() {
     let size = |width, height| {
         read(
             &example().to_string(),
@@ -408,7 +408,7 @@ fn sizes_of_the_picture_are_held_to_their_limits() {
 }
 
 #[test]
-fn the_schema_describes_every_field_that_the_reader_knows() {
+fn the_schema_has_every_field_of_the_reader() {
     let schema = schema();
     for field in [
         "splats",
@@ -479,7 +479,7 @@ fn any_json() -> impl Strategy<Value = Value> {
 }
 
 proptest! {
-    /// Schema and types agree: whatever the one lets through, the other reads; and no value makes
+    /// Schema and types agree: every value that passes the schema can be read; and no value makes
     /// the reader panic.
     #[test]
     fn what_fits_the_schema_is_read(which in any::<prop::sample::Index>(), value in any_json()) {
@@ -498,7 +498,7 @@ proptest! {
 }
 
 #[test]
-fn what_is_wrong_with_a_volume_or_with_gaussians_is_said() {
+fn errors_of_volumes_and_gaussians_have_the_field_and_the_reason() {
     let shells = json!({"builtin": "nested-shells", "samples": 8});
     let of = |source: Value| json!({"splats": source});
     let mut thresholds = of(json!({"volume": shells}));
@@ -526,7 +526,7 @@ fn what_is_wrong_with_a_volume_or_with_gaussians_is_said() {
             of(
                 json!({"splats": {"splats": {"volume": shells}, "place": {"scale": 1e20}}, "place": {"scale": 1e20}}),
             ),
-            "splats.place brings splats beyond what a scene holds: positions lie within ±1e30, radii from 1e-30",
+            "splats.place moves splats out of range: positions must be within ±1e30, radii from 1e-30",
         ),
         (
             of(json!([{"volume": shells}, {"splats": {"gaussians": "rose"}, "place": {}}])),
@@ -538,7 +538,7 @@ fn what_is_wrong_with_a_volume_or_with_gaussians_is_said() {
         ),
         (
             of(json!({"volume": shells, "transfer": falling})),
-            "splats.transfer[1].value is 1, which does not lie above the 2 before it",
+            "splats.transfer[1].value is 1, which is not above the 2 before it",
         ),
         (
             of(json!({"volume": shells, "transfer": [{"value": 2, "opacity": 0}]})),
@@ -546,7 +546,7 @@ fn what_is_wrong_with_a_volume_or_with_gaussians_is_said() {
         ),
         (
             of(json!({"volume": shells, "isovalue": 7})),
-            "has no surface of this isovalue; it must lie between the least and the greatest value of the volume",
+            "has no surface of this isovalue; it must be between the least and the greatest value of the volume",
         ),
         (
             thresholds,
@@ -609,7 +609,7 @@ fn given_splats_are_those_of_the_text() {
         )
     };
     assert_eq!(of(given.clone()).unwrap(), load(&value).unwrap());
-    for (wrong, says) in [
+    for (wrong, expected) in [
         (
             Splat {
                 position: DVec3::NAN,
@@ -639,6 +639,6 @@ fn given_splats_are_those_of_the_text() {
             "s.json: splats[1] uses material 1, but `materials` has only the indices 0 to 0",
         ),
     ] {
-        assert_eq!(of(vec![first, wrong]).unwrap_err().to_string(), says);
+        assert_eq!(of(vec![first, wrong]).unwrap_err().to_string(), expected);
     }
 }

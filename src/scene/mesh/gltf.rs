@@ -1,14 +1,15 @@
-//! GlTF: reads triangles from glTF 2.0, as JSON with its buffers beside it or in it, or as GLB.
+//! GlTF: reads triangles from glTF 2.0, as JSON with buffers inside or in separate files, or as
+//! GLB.
 //!
-//! Its JSON, buffers and accessors are those of [`crate::scene::gltf`].
+//! JSON, buffers and accessors are read by [`crate::scene::gltf`].
 //!
-//! - The default scene, else the first, else all nodes. A node's transform is that of its ancestors
-//!   times its own.
-//! - Colour is the base colour (of `KHR_materials_pbrSpecularGlossiness` the diffuse one) times its
-//!   picture times colours at vertices; metalness and roughness are not read.
+//! - The default scene is read, else the first, else all nodes. A node's transform is that of its
+//!   ancestors times its own.
+//! - Colour is the base colour (for `KHR_materials_pbrSpecularGlossiness` the diffuse one) times
+//!   its picture times vertex colours; metalness and roughness are not read.
 //! - Opacity follows `alphaMode`. A material that transmits (`KHR_materials_transmission`) keeps
-//!   what it reflects.
-//! - Points and lines are passed over, with a note; skins, morphs and animations are not read.
+//!   only its reflected part.
+//! - Points and lines are skipped with a note; skins, morphs and animations are not read.
 
 use super::{Alpha, Contents, Image, Material, Parsed, Raw, Texture, Wrap};
 use crate::scene::gltf::File;
@@ -22,11 +23,11 @@ use std::collections::HashMap;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Share of light that glass of index 1.5 reflects when seen from the front, ((1.5 − 1)/(1.5 +
-/// 1))²: what stays of a transmitting material.
+/// Share of light that glass of index 1.5 reflects, seen from the front, ((1.5 − 1)/(1.5 + 1))²:
+/// the opacity of a transmitting material.
 const REFLECTED: f32 = 0.04;
 
-/// Reads the bytes of a glTF or GLB file and the files that it names; the error is the second half
+/// Reads the bytes of a glTF or GLB file and the files that it names. The error is the second half
 /// of a sentence that begins with the file's name.
 pub(super) fn read(bytes: &[u8], folder: &Path) -> Parsed<Contents> {
     let file = File::parse(bytes, folder)?;
@@ -68,7 +69,7 @@ pub(super) fn read(bytes: &[u8], folder: &Path) -> Parsed<Contents> {
     Ok(contents)
 }
 
-/// A material's base colour and picture, or what older files have in their place.
+/// A material's base colour and picture, or their equivalents in older files.
 fn base<'a>(material: &::gltf::Material<'a>) -> ([f32; 4], Option<Info<'a>>) {
     if let Some(older) = material.pbr_specular_glossiness() {
         return (older.diffuse_factor(), older.diffuse_texture());
@@ -80,14 +81,14 @@ fn base<'a>(material: &::gltf::Material<'a>) -> ([f32; 4], Option<Info<'a>>) {
 struct Reading<'a> {
     file: &'a File,
     contents: Contents,
-    /// Index into the contents' textures by that of the file's.
+    /// Index into the contents' textures, by that of the file.
     textures: HashMap<usize, usize>,
-    /// Sets of points or lines, and of Gaussians.
+    /// Number of sets of points or lines, and of Gaussians.
     passed_over: usize,
     gaussians: usize,
 }
 
-/// A material's way from a vertex's texture coordinates to its picture's.
+/// Mapping from a vertex's texture coordinates to those of the picture.
 struct Mapping {
     set: u32,
     /// Offset, rotation and scale of `KHR_texture_transform`.
@@ -117,7 +118,7 @@ impl Reading<'_> {
                 alpha,
             });
         }
-        // That of triangles without one.
+        // The material of triangles without one.
         self.contents.materials.push(Material {
             alpha: Alpha::Opaque(1.0),
             ..Material::none()
@@ -210,7 +211,7 @@ impl Reading<'_> {
             .unwrap_or(self.file.document.materials().len()) as u32;
         let linear = DMat3::from_mat4(transform);
         let normal_map = linear.inverse().transpose();
-        // A mirror turns the order of corners, and with it the side that a face shows.
+        // A mirroring transform reverses the order of corners, and thus the front of a face.
         let mirrored = linear.determinant() < 0.0;
         let rgba = |i: usize| match (&colours, &colours_3) {
             (Some(rows), _) => rows[i].map(|c| c as f32),
@@ -286,7 +287,7 @@ impl Mapping {
         }
     }
 
-    /// Offset after rotation after scale (`KHR_texture_transform`; v grows down).
+    /// Offset after rotation after scale (`KHR_texture_transform`; v points down).
     fn apply(&self, uv: [f64; 2]) -> [f32; 2] {
         let scaled = DVec2::from_array(uv) * self.scale;
         let (cos, sin) = (self.turn.x, self.turn.y);

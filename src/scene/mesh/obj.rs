@@ -1,18 +1,18 @@
-//! OBJ: reads triangles from Wavefront's text, their materials from its MTL files, and those
-//! materials' pictures.
+//! OBJ: reads triangles from Wavefront's text, materials from MTL files, and their pictures.
 //!
-//! A reader of our own, because the crate `tobj` (4.0.5) panics at `Kd 0.5` and at relative indices
-//! before the first vertex, and its errors name no line. Tests hold this one to it on sound files.
+//! An own reader, because the crate `tobj` (4.0.5) panics at `Kd 0.5` and at relative indices
+//! before the first vertex, and its errors have no line numbers. Tests compare this reader with it
+//! on valid files.
 //!
-//! - Polygons become fans. Lines, points, curves, groups and smoothing groups are passed over.
-//! - A face may name vertices that stand below it; a relative index counts from where it stands.
-//! - `Kd` and colours after a vertex's position: `Kd` is linear light, as modellers export it;
-//!   colours at vertices are sRGB codes.
+//! - Polygons become fans. Lines, points, curves, groups and smoothing groups are skipped.
+//! - A face may refer to vertices further down; a relative index counts from the line of the face.
+//! - `Kd` is linear light, as modellers export it; colours after a vertex's position are sRGB
+//!   codes.
 //! - Opacity is `d`, or 1 − `Tr`, times that of the picture of `map_Kd`. Options of `map_Kd` are
-//!   passed over, with a note.
-//! - A material that no library has is grey, with a note; a library that is missing is an error.
+//!   skipped with a note.
+//! - A material that no library defines is grey, with a note; a missing library is an error.
 
-use super::{Alpha, Contents, GREY, Image, Material, Parsed, Raw, Texture, Wrap, beside};
+use super::{Alpha, Contents, GREY, Image, Material, Parsed, Raw, Texture, Wrap, read_inside};
 use crate::output::colour::srgb_decode;
 use crate::output::text::{clipped, listed};
 use glam::DVec3;
@@ -21,7 +21,7 @@ use std::path::Path;
 use std::str::SplitAsciiWhitespace;
 use std::sync::Arc;
 
-/// Indices of a face's corner: of a position, a texture coordinate and a normal.
+/// Indices of a face's corner: position, texture coordinate, normal.
 type Corner = [Option<usize>; 3];
 
 #[derive(Default)]
@@ -31,7 +31,7 @@ struct Obj {
     coordinates: Vec<[f32; 2]>,
     normals: Vec<DVec3>,
     faces: Vec<Face>,
-    /// Corners of all faces, one after another.
+    /// Corners of all faces in sequence.
     corners: Vec<Corner>,
     libraries: Vec<String>,
     /// Names of materials in the order of their first use.
@@ -41,13 +41,13 @@ struct Obj {
 
 struct Face {
     line: usize,
-    /// The first of its corners and their number.
+    /// Index of its first corner, and their number.
     corners: (usize, usize),
     /// Index into [`Obj::used`].
     material: Option<usize>,
 }
 
-/// Reads the bytes of an OBJ file and the files that it names; the error is the second half of a
+/// Reads the bytes of an OBJ file and the files that it names. The error is the second half of a
 /// sentence that begins with the file's name.
 pub(super) fn read(bytes: &[u8], folder: &Path) -> Parsed<Contents> {
     let obj = Obj::parse(bytes)?;
@@ -58,8 +58,8 @@ pub(super) fn read(bytes: &[u8], folder: &Path) -> Parsed<Contents> {
     obj.contents(library)
 }
 
-/// Lines without comments, those that end in `\` joined with the next; each with the number of its
-/// first line.
+/// Lines without comments; lines that end in `\` are joined with the next. Each has the number of
+/// its first line.
 fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, String)> {
     let mut numbered = bytes.split(|&byte| byte == b'\n').enumerate();
     std::iter::from_fn(move || {
@@ -78,18 +78,18 @@ fn lines(bytes: &[u8]) -> impl Iterator<Item = (usize, String)> {
     })
 }
 
-/// A line's first word, and what comes after it.
+/// A line's first word, and the rest.
 fn keyword(line: &str) -> (&str, &str) {
     let line = line.trim();
     line.split_once(|c: char| c.is_ascii_whitespace())
         .map_or((line, ""), |(word, rest)| (word, rest.trim()))
 }
 
-/// The next number; NaN is one, and is found out later.
+/// The next number; NaN is accepted here and refused later.
 fn number(words: &mut SplitAsciiWhitespace) -> Parsed<f64> {
     let word = words.next().ok_or("a number is missing at its end")?;
     word.parse()
-        .map_err(|_| format!("`{}` is no number", clipped(word)))
+        .map_err(|_| format!("`{}` is not a number", clipped(word)))
 }
 
 fn numbers<const N: usize>(words: &mut SplitAsciiWhitespace) -> Parsed<[f64; N]> {
@@ -129,12 +129,12 @@ impl Obj {
 
     fn vertex(&mut self, words: &mut SplitAsciiWhitespace) -> Parsed<()> {
         self.positions.push(DVec3::from_array(numbers(words)?));
-        // A single number more is a weight, which only curves have.
+        // A single additional number is a weight, which is only for curves.
         let rest: Vec<&str> = words.collect();
         if let [.., r, g, b] = rest.as_slice() {
             let code = |word: &str| {
                 word.parse()
-                    .map_err(|_| format!("`{}` is no number", clipped(word)))
+                    .map_err(|_| format!("`{}` is not a number", clipped(word)))
             };
             let rgb = [code(r)?, code(g)?, code(b)?];
             self.colours.insert(
@@ -147,12 +147,12 @@ impl Obj {
 
     fn coordinate(&mut self, words: &mut SplitAsciiWhitespace) -> Parsed<()> {
         let u = number(words)?;
-        // Of a picture of one row only u is written.
+        // For a picture of one row only u is written.
         let v = words.next().map_or(Ok(0.0), |word| {
             word.parse::<f64>()
-                .map_err(|_| format!("`{}` is no number", clipped(word)))
+                .map_err(|_| format!("`{}` is not a number", clipped(word)))
         })?;
-        // Rows of a picture count down, coordinates of an OBJ up.
+        // Rows of a picture point down, coordinates of an OBJ up.
         self.coordinates.push([u as f32, (1.0 - v) as f32]);
         Ok(())
     }
@@ -188,7 +188,7 @@ impl Obj {
     fn contents(self, library: Library) -> Parsed<Contents> {
         let mut contents = library.contents;
         contents.reserve(self.corners.len())?;
-        // The last material is that of faces without one.
+        // The last material is for faces without one.
         let found = self
             .used
             .iter()
@@ -267,7 +267,7 @@ impl Obj {
                 .then(|| corners.map(|[.., normal]| self.normals[normal.expect("all have one")])),
             uv: all(1)
                 .then(|| corners.map(|[_, uv, _]| self.coordinates[uv.expect("all have one")])),
-            // Grey is the colour of what has none: neither a material nor one of its own.
+            // Grey is for corners without material and colour.
             rgba: std::array::from_fn(|i| {
                 colour(i).unwrap_or(if is_known { [1.0; 4] } else { GREY })
             }),
@@ -287,13 +287,13 @@ fn corner(word: &str, counts: [usize; 3]) -> Parsed<Corner> {
     for (place, part) in word.split('/').enumerate() {
         let slot = corner
             .get_mut(place)
-            .ok_or_else(|| format!("`{}` is no corner of a face", clipped(word)))?;
+            .ok_or_else(|| format!("`{}` is not a corner of a face", clipped(word)))?;
         if !part.is_empty() {
             *slot = Some(index(part, counts[place])?);
         }
     }
     if corner[0].is_none() {
-        Err(format!("`{}` is no corner of a face", clipped(word)))
+        Err(format!("`{}` is not a corner of a face", clipped(word)))
     } else {
         Ok(corner)
     }
@@ -302,7 +302,7 @@ fn corner(word: &str, counts: [usize; 3]) -> Parsed<Corner> {
 fn index(word: &str, count: usize) -> Parsed<usize> {
     let wrong = || {
         format!(
-            "`{}` is no index; they begin with 1, and −1 is the last one so far",
+            "`{}` is not an index; they begin with 1, and −1 is the last one so far",
             clipped(word)
         )
     };
@@ -328,14 +328,14 @@ struct Library {
 impl Library {
     /// Reads the libraries of a `mtllib` line: one, whose name may have spaces, or several.
     fn add(&mut self, folder: &Path, names: &str) -> Parsed<()> {
-        let whole = beside(folder, names);
+        let whole = read_inside(folder, names);
         let parts: Vec<&str> = names.split_ascii_whitespace().collect();
         if parts.len() < 2 || whole.is_ok() {
             return self.read(folder, names, &whole?);
         }
         parts
             .iter()
-            .try_for_each(|name| self.read(folder, name, &beside(folder, name)?))
+            .try_for_each(|name| self.read(folder, name, &read_inside(folder, name)?))
     }
 
     fn read(&mut self, folder: &Path, name: &str, bytes: &[u8]) -> Parsed<()> {
@@ -404,7 +404,7 @@ impl Library {
             return Ok(texture);
         }
         let of_file = |e: String| format!("`{}` {e}", clipped(file));
-        let bytes = beside(folder, file)?;
+        let bytes = read_inside(folder, file)?;
         self.contents.reserve_picture(&bytes).map_err(of_file)?;
         let image = Image::decode(&bytes).map_err(of_file)?;
         self.contents.textures.push(Texture {
@@ -427,7 +427,7 @@ fn share(words: &mut SplitAsciiWhitespace) -> Parsed<f32> {
     }
 }
 
-/// What comes after options and their values: the file's name, which may have spaces.
+/// The file's name after options and their values; it may have spaces.
 fn after_options(text: &str) -> &str {
     let mut rest = text;
     while rest.starts_with('-') {
@@ -439,7 +439,7 @@ fn after_options(text: &str) -> &str {
         };
         for i in 0..most {
             let (word, next) = keyword(after);
-            // The second and third number may be left out.
+            // The second and third number are optional.
             if i > 0 && word.parse::<f64>().is_err() {
                 break;
             }

@@ -1,5 +1,4 @@
-//! Picture: decodes a texture's PNG or JPEG, within limits, and says which texel a coordinate
-//! meets.
+//! Picture: decodes a texture's PNG or JPEG, within limits, and maps coordinates to texels.
 
 use super::Parsed;
 use crate::output::colour::srgb_decode;
@@ -16,10 +15,10 @@ const MOST_BYTES: u64 = 1 << 30;
 static LINEAR: LazyLock<[f32; 256]> =
     LazyLock::new(|| std::array::from_fn(|code| srgb_decode(code as f64 / 255.0) as f32));
 
-/// A picture: 8 bits a channel, sRGB-encoded colours and straight, linear opacity.
+/// A picture: 8 bits per channel, sRGB-encoded colours and straight, linear opacity.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
-    /// Texels a row, at least 1.
+    /// Texels per row, at least 1.
     pub width: usize,
     /// Rows, at least 1.
     pub height: usize,
@@ -34,7 +33,7 @@ fn reader(bytes: &[u8]) -> Parsed<ImageReader<Cursor<&[u8]>>> {
         .filter(|format| matches!(format, ImageFormat::Png | ImageFormat::Jpeg));
     let mut reader = ImageReader::with_format(
         Cursor::new(bytes),
-        format.ok_or("is no PNG or JPEG picture")?,
+        format.ok_or("is not a PNG or JPEG picture")?,
     );
     let mut limits = Limits::default();
     (
@@ -51,7 +50,7 @@ fn cannot(error: ::image::ImageError) -> String {
 }
 
 impl Image {
-    /// How many texels a PNG or JPEG says that it has.
+    /// Number of texels in the header of a PNG or JPEG.
     ///
     /// # Errors
     /// The second half of a sentence that begins with the picture's name.
@@ -85,19 +84,19 @@ impl Image {
     }
 }
 
-/// What lies past a picture's border.
+/// Continuation of a picture beyond its border.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wrap {
-    /// The picture again.
+    /// Repeated.
     Repeat,
-    /// The picture mirrored, and again.
+    /// Repeated, every other copy mirrored.
     Mirror,
-    /// Its last texel.
+    /// The last texel.
     Clamp,
 }
 
 impl Wrap {
-    /// Index of the texel that stands at a place of a row of `count`.
+    /// Index of the texel at a place of a row of `count`.
     pub fn index(self, place: i64, count: usize) -> usize {
         let count = count as i64;
         let index = match self {
@@ -115,8 +114,8 @@ impl Wrap {
 /// A picture on a surface.
 #[derive(Clone, Debug)]
 pub struct Texture {
-    /// Its texels; materials may share them.
+    /// Its texels, which materials may share.
     pub image: Arc<Image>,
-    /// What lies past its border, across and down.
+    /// Continuation beyond its border, horizontal and vertical.
     pub wrap: [Wrap; 2],
 }

@@ -1,19 +1,19 @@
-//! PLY: makes triangles of a PLY file's faces; vertices, faces, colours and encodings are those of
-//! clouds ([`crate::scene::ply`]).
+//! PLY: converts a PLY file's faces to triangles; vertices, faces, colours and encodings are read
+//! as for clouds ([`crate::scene::ply`]).
 //!
-//! - Texture coordinates are a face's own (`texcoord`), else its vertices'. Pictures are the files
-//!   of `comment TextureFile`, as MeshLab writes them. Where a triangle has a picture, that is its
-//!   colour, and no other counts.
-//! - Other colours are a face's own where vertices have none, or all the same: MeshLab writes a
-//!   grey for vertices that have none.
+//! - Texture coordinates are those of faces (`texcoord`), else of vertices. Pictures are the files
+//!   of `comment TextureFile`, as written by MeshLab. The picture of a triangle replaces its other
+//!   colours.
+//! - Other colours are those of faces if vertices have none, or all the same: MeshLab writes a grey
+//!   for vertices without a colour.
 
-use super::{Alpha, Contents, GREY, Image, Material, Parsed, Raw, Texture, Wrap, beside};
+use super::{Alpha, Contents, GREY, Image, Material, Parsed, Raw, Texture, Wrap, read_inside};
 use crate::output::text::clipped;
 use crate::scene::ply;
 use std::path::Path;
 use std::sync::Arc;
 
-/// Reads the bytes of a PLY file and the pictures that it names; the error is the second half of a
+/// Reads the bytes of a PLY file and the pictures that it names. The error is the second half of a
 /// sentence that begins with the file's name.
 pub(super) fn read(bytes: &[u8], folder: &Path) -> Parsed<Contents> {
     let ply::Faced {
@@ -87,7 +87,7 @@ pub(super) fn read(bytes: &[u8], folder: &Path) -> Parsed<Contents> {
             normals: has_normals.then(|| vertex.map(|v| v.normal)),
             uv,
             rgba,
-            // The first material is that of triangles without a picture.
+            // The first material is for triangles without a picture.
             material: picture.map_or(0, |number| number + 1),
             flat: false,
         });
@@ -97,8 +97,7 @@ pub(super) fn read(bytes: &[u8], folder: &Path) -> Parsed<Contents> {
 }
 
 impl Contents {
-    /// One material without a picture, then one for each picture; those that no triangle has are
-    /// not read.
+    /// One material without a picture, then one per picture; unused pictures are not read.
     fn add_pictures(&mut self, names: &[String], folder: &Path) -> Parsed<()> {
         self.materials.push(Material::none());
         let mut is_used = vec![false; names.len()];
@@ -110,7 +109,7 @@ impl Contents {
             let mut material = Material::none();
             if is_used {
                 let of_file = |e: String| format!("`{}` {e}", clipped(name));
-                let bytes = beside(folder, name)?;
+                let bytes = read_inside(folder, name)?;
                 self.reserve_picture(&bytes).map_err(of_file)?;
                 let image = Arc::new(Image::decode(&bytes).map_err(of_file)?);
                 self.textures.push(Texture {

@@ -1,18 +1,18 @@
-//! STL: reads triangles without materials, from the binary form (80 bytes, a count, 50 bytes a
-//! triangle) or from text, whose words may be in either case. Normals in the file are left aside:
-//! many writers leave them 0, and the corners say them too.
+//! STL: reads triangles without materials, from the binary form (80 bytes, a count, 50 bytes per
+//! triangle) or from text with keywords in either case. Normals in the file are ignored: many
+//! programs write 0, and the corners determine them.
 
 use super::{Contents, GREY, Parsed, Raw};
 use crate::output::text::clipped;
 use glam::DVec3;
 
-/// Bytes before the first triangle, and of each.
+/// Bytes before the first triangle, and per triangle.
 const HEAD: usize = 84;
 const ROW: usize = 50;
-/// What some editors put before text in UTF-8.
+/// Prefix that some editors write before text in UTF-8.
 const BYTE_ORDER_MARK: &[u8] = b"\xef\xbb\xbf";
 
-/// Reads the bytes of an STL file; the error is the second half of a sentence that begins with the
+/// Reads the bytes of an STL file. The error is the second half of a sentence that begins with the
 /// file's name.
 pub(super) fn read(bytes: &[u8]) -> Parsed<Contents> {
     let promised = bytes
@@ -24,12 +24,12 @@ pub(super) fn read(bytes: &[u8]) -> Parsed<Contents> {
         .trim_ascii_start()
         .get(..5)
         .is_some_and(|word| word.eq_ignore_ascii_case(b"solid"));
-    // Binary files may begin with `solid` too; their length tells.
+    // Binary files may begin with `solid` too; their length decides.
     let fits = promised.is_some_and(|count| bytes.len() == HEAD + ROW * count);
     match promised {
         _ if is_text && !fits => text(bytes),
         Some(count) => binary(&bytes[HEAD..], count),
-        None => Err("is no STL file: it has neither the word `solid` nor the 84 bytes that a binary one begins with".into()),
+        None => Err("is not an STL file: it has neither the word `solid` nor the 84 bytes that a binary one begins with".into()),
     }
 }
 
@@ -48,7 +48,7 @@ fn binary(rows: &[u8], promised: usize) -> Parsed<Contents> {
     let held = rows.len() / ROW;
     if held < promised {
         return Err(format!(
-            "promises {promised} triangles, and there is room for {held} in it"
+            "promises {promised} triangles, and has room for {held}"
         ));
     }
     let mut contents = Contents::default();
@@ -70,10 +70,10 @@ fn binary(rows: &[u8], promised: usize) -> Parsed<Contents> {
 fn text(bytes: &[u8]) -> Parsed<Contents> {
     let mut contents = Contents::default();
     let mut corners = Vec::new();
-    // Old Macs end lines with the other of the two bytes alone.
+    // Old Macs use only the other of the two bytes as a line end.
     let end = if bytes.contains(&b'\n') { b'\n' } else { b'\r' };
     for (number, line) in bytes.split(|&byte| byte == end).enumerate() {
-        // Words may be in either case.
+        // Keywords may be in either case.
         let line = String::from_utf8_lossy(line).to_lowercase();
         let words: Vec<&str> = line.split_ascii_whitespace().take(5).collect();
         let at = |sentence: String| format!("line {}: {sentence}", number + 1);
@@ -84,7 +84,7 @@ fn text(bytes: &[u8]) -> Parsed<Contents> {
                 let three = <[DVec3; 3]>::try_from(corners.as_slice());
                 contents.triangles.push(raw(three.map_err(|_| {
                     at(format!(
-                        "a loop of {} vertices is no triangle",
+                        "a loop of {} vertices is not a triangle",
                         corners.len()
                     ))
                 })?));
@@ -105,7 +105,7 @@ fn vertex(words: [&str; 3]) -> Parsed<DVec3> {
     for (number, word) in numbers.iter_mut().zip(words) {
         *number = word
             .parse()
-            .map_err(|_| format!("`{}` is no number", clipped(word)))?;
+            .map_err(|_| format!("`{}` is not a number", clipped(word)))?;
     }
     Ok(DVec3::from_array(numbers))
 }

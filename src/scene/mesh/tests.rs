@@ -24,7 +24,7 @@ fn a_name_leads_to_a_file_beside_the_mesh_or_nowhere() {
 }
 
 #[test]
-fn what_is_thin_has_an_area_and_what_is_flat_has_none() {
+fn a_thin_triangle_has_an_area_and_a_flat_one_has_none() {
     let triangle = |height: f64, scale: f64| {
         [
             DVec3::ZERO,
@@ -44,7 +44,7 @@ fn what_is_thin_has_an_area_and_what_is_flat_has_none() {
 }
 
 #[test]
-fn a_texel_past_the_border_is_the_one_that_the_wrap_says() {
+fn a_texel_past_the_border_follows_the_wrap() {
     let row = |wrap: Wrap| {
         (-4..7)
             .map(|place| wrap.index(place, 3))
@@ -60,7 +60,7 @@ fn a_texel_past_the_border_is_the_one_that_the_wrap_says() {
     );
 }
 
-/// Two faces at a right angle stay sharp, two that are almost one are smoothed.
+/// Two faces at a right angle stay sharp; two that are almost parallel are smoothed.
 #[test]
 fn sharp_edges_stay_sharp() {
     let raw = |corners: [[f64; 3]; 3]| Raw {

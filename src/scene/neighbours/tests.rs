@@ -54,7 +54,7 @@ fn normals_turn_with_the_eye() {
 }
 
 #[test]
-fn a_stray_point_is_held_to_four_medians() {
+fn a_stray_point_has_a_radius_of_at_most_four_medians() {
     let mut splats = floor(10);
     splats.push(bare(DVec3::new(1e6, 0.0, 0.0)));
     let splats = fitted(splats, ABOVE);
@@ -85,7 +85,7 @@ fn a_point_at_the_eye_still_has_a_unit_normal() {
 }
 
 #[test]
-fn points_on_a_line_face_the_eye_as_far_as_they_can() {
+fn points_on_a_line_face_the_eye_as_closely_as_possible() {
     for n in [2, 3, 20] {
         let splats = fitted(
             cloud((0..n).map(|i| [i as f64, i as f64, 0.0])),
@@ -110,7 +110,7 @@ fn equal_points_are_quick_and_have_a_radius() {
             .iter()
             .all(|s| s.radius == 1.0 && s.normal.is_normalized())
     );
-    // Far more than it takes, and far less than looking at all pairs would.
+    // Much more than needed, and much less than for all pairs.
     assert!(
         start.elapsed() < Duration::from_secs(30),
         "{:?}",
@@ -132,7 +132,7 @@ fn a_pile_of_points_is_as_large_as_the_points_around_it() {
 }
 
 #[test]
-fn copies_of_a_point_change_nothing_of_its_surroundings() {
+fn copies_of_a_point_do_not_change_its_surroundings() {
     let points: Vec<DVec3> = floor(6)
         .iter()
         .map(|splat| splat.position + DVec3::Y * (splat.position.x * 0.3).sin())
@@ -166,8 +166,7 @@ fn minus_zero_is_the_same_place_as_zero() {
     assert_eq!((splats[0].radius, splats[1].radius), (1.5, 1.5));
 }
 
-/// Copies of a place are found side by side: what lies within one step of the curve is sorted by
-/// its coordinates.
+/// Copies of a place are adjacent: points within one step of the curve are sorted by coordinates.
 #[test]
 fn minus_zero_is_the_same_place_as_zero_with_others_between() {
     let points = |zero: f64| {
@@ -188,8 +187,8 @@ fn minus_zero_is_the_same_place_as_zero_with_others_between() {
 }
 
 #[test]
-fn the_number_of_threads_does_not_show() {
-    // So many that the tree, too, is built by several.
+fn results_do_not_depend_on_the_number_of_threads() {
+    // Enough points for a tree that is built by several threads.
     let splats = super::super::builtin::Builtin::Terrain.splats(Some(300_000));
     let with = |threads| {
         let pool = rayon::ThreadPoolBuilder::new()
@@ -231,7 +230,7 @@ fn very_large_and_very_small_clouds_have_finite_radii_and_unit_normals() {
     }
 }
 
-/// The mean distance to the 6 nearest others, by looking at all of them.
+/// The mean distance to the 6 nearest others, by exhaustive search.
 fn spacing_by_exhaustion(splats: &[Splat], i: usize) -> f64 {
     let others = splats.iter().enumerate().filter(|(j, _)| *j != i);
     let mut distances: Vec<f64> = others
@@ -243,7 +242,7 @@ fn spacing_by_exhaustion(splats: &[Splat], i: usize) -> f64 {
 }
 
 proptest! {
-    /// On a coarse lattice, so that piles, ties and planes abound.
+    /// On a coarse lattice, with many equal places, ties and planes.
     #[test]
     fn radii_are_those_of_an_exhaustive_search(points in prop::collection::vec(prop::array::uniform3(0..5i8), 2..90)) {
         let splats = fitted(cloud(points.iter().map(|p| p.map(f64::from))), ABOVE);

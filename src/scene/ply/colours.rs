@@ -1,38 +1,35 @@
-//! Colours: finds the colours of a PLY element, by their names, and makes linear light of their
-//! numbers.
+//! Colours: finds the colours of a PLY element by name, and converts them to linear light.
 //! ```text
 //! names of properties ─► [Columns]                               which property is red, green, blue, alpha
 //! type, greatest number, `comment colours are linear light` ─► [Meaning] ─► linear light, opacity
 //! ```
-//! Other programs (MeshLab, CloudCompare, Easy3D, VTK) mean what a screen is sent: sRGB codes,
-//! whatever the type. PLY does not say which number is full light. An integer of 8 bits is out
-//! of 255. Other types are out of the least of [`FULL`] that no colour exceeds, and a note says
-//! which that was where another could be meant.
+//! Other programs (MeshLab, CloudCompare, Easy3D, VTK) use screen codes: sRGB codes of any type.
+//! PLY does not define the number of full light. An 8-bit integer has full light at 255. For other
+//! types it is the least of [`FULL`] that no colour exceeds; a note reports it if it is ambiguous.
 
-use super::{Element, Kind, Scalar, clip};
+use super::{Element, PropertyKind, Scalar, clip};
 use crate::output::colour::srgb_decode;
 
-/// What stands before the names of a colour's channels, in the order of preference; letters count
-/// in either case.
+/// Prefixes of the names of a colour's channels, in the order of preference; case does not matter.
 const PREFIXES: [&str; 8] = [
     "", "diffuse_", "vertex_", "color_", "colour_", "col_", "rgb_", "scalar_",
 ];
 const CHANNELS: [[&str; 4]; 2] = [["red", "green", "blue", "alpha"], ["r", "g", "b", "a"]];
 
-/// Numbers that mean full light: of floats from 0 to 1, and of integers of 8, 16 and 32 bits, which
-/// floats may hold too.
+/// Numbers of full light: floats from 0 to 1, and integers of 8, 16 and 32 bits, which may also be
+/// stored as floats.
 const FULL: [f64; 4] = [1.0, 255.0, 65535.0, 4_294_967_295.0];
-/// How far floats may exceed full light, by sharpening or interpolation: as many times.
+/// Factor by which floats may exceed full light, after sharpening or interpolation.
 const OVERSHOOT: f64 = 2.0;
-/// Integers of more than 8 bits whose greatest is below this may be out of something else than
-/// 65535: of 10 bits or 12.
+/// Integers of more than 8 bits whose greatest is below this may have another full light than
+/// 65535: 10 bits or 12.
 const DIM: f64 = 4096.0;
-/// Where a header has this comment, at the end of a line, its colours are linear light, as those of
+/// If a header has this comment, at the end of a line, its colours are linear light, like those of
 /// `splatsim sample`.
 const LINEAR: [&str; 2] = ["colours are linear light", "colors are linear light"];
 
-/// Whether a comment says that colours are linear light.
-pub(super) fn says_linear(comment: &str) -> bool {
+/// Whether a comment declares linear light.
+pub(super) fn is_linear(comment: &str) -> bool {
     let comment = comment.to_ascii_lowercase();
     LINEAR
         .iter()
@@ -45,7 +42,7 @@ pub(super) struct Columns {
     /// Indices of properties, and their type.
     pub rgb: Option<([usize; 3], Scalar)>,
     pub alpha: Option<(usize, Scalar)>,
-    /// What looks like colours and is not read.
+    /// Notes on properties that look like colours and are not read.
     pub notes: Vec<String>,
 }
 
@@ -54,7 +51,7 @@ impl Columns {
         let names: Vec<String> = element.names().map(str::to_lowercase).collect();
         let scalar = |name: &str| {
             let place = names.iter().position(|own| own == name)?;
-            if let Kind::Scalar(kind) = element.properties[place].kind {
+            if let PropertyKind::Scalar(kind) = element.properties[place].kind {
                 Some((place, kind))
             } else {
                 None
@@ -66,7 +63,7 @@ impl Columns {
         let complete = families.filter_map(|family| {
             let [red, green, blue] = [0, 1, 2].map(|channel| scalar(&family[channel]));
             let (red, green, blue) = (red?, green?, blue?);
-            // Of several types a float tells most.
+            // For several types a float is the most general.
             let kind = [red.1, green.1, blue.1]
                 .into_iter()
                 .find(|kind| kind.is_float())
@@ -78,7 +75,7 @@ impl Columns {
         match complete.as_slice() {
             [] => {
                 columns.alpha = scalar("alpha");
-                // The properties of trained Gaussians, `f_dc_0`, have a note of their own.
+                // The properties of trained Gaussians, `f_dc_0`, have a separate note.
                 let is_colour = |name: &&str| {
                     let name = name.to_lowercase();
                     name.split(['_', '-', '.'])
@@ -106,19 +103,19 @@ impl Columns {
     }
 }
 
-/// Words in names of properties that some program writes for colours.
+/// Words in names of properties that some programs use for colours.
 const LIKE_COLOURS: [&str; 10] = [
     "red", "green", "blue", "rgb", "rgba", "color", "colour", "colors", "colours", "bgr",
 ];
 
-/// Least and greatest of an element's numbers, of those that can be meant.
+/// Least and greatest plausible number of an element.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Extent {
     least: f64,
     greatest: f64,
-    /// Numbers past this are no colours: for one of them all others would become black.
+    /// Numbers beyond this are not colours: a single one would make all others black.
     limit: f64,
-    /// How many of them there are.
+    /// Number of these.
     beyond: usize,
 }
 
@@ -163,13 +160,13 @@ impl Extent {
     }
 }
 
-/// Meaning of the numbers of colours, or of opacities.
+/// Encoding of the numbers of colours, or of opacities.
 pub(super) struct Meaning {
     /// The number of full light.
     full: f64,
     /// The numbers are sRGB codes.
     encoded: bool,
-    /// Added to numbers below 0: codes of 8 bits in a type that has a sign.
+    /// Added to numbers below 0: 8-bit codes in a signed type.
     wrap: f64,
     /// Linear light of the 256 codes of a byte: decoding them one by one would take longer than
     /// reading the file.
@@ -177,8 +174,7 @@ pub(super) struct Meaning {
 }
 
 impl Meaning {
-    /// Meaning of colours of this type and extent, in a header that says that colours are linear
-    /// light or does not.
+    /// Encoding of colours of this type and extent; `linear` if the header declares linear light.
     pub fn of_colours(kind: Scalar, extent: Extent, linear: bool) -> Meaning {
         let full = if linear && kind.is_float() {
             1.0
@@ -200,13 +196,13 @@ impl Meaning {
         }
     }
 
-    /// Meaning of opacities, which are linear whatever their type.
+    /// Encoding of opacities, which are linear for any type.
     pub fn of_opacities(
         kind: Scalar,
         extent: Extent,
         colours: Option<(Scalar, &Meaning)>,
     ) -> Meaning {
-        // A cloud may be nearly transparent: what its colours tell of the type counts too.
+        // A cloud may be nearly transparent: its colours also indicate the type.
         let same = colours
             .filter(|(other, _)| *other == kind && !kind.is_float())
             .map_or(0.0, |(_, meaning)| meaning.full);
@@ -218,7 +214,7 @@ impl Meaning {
         }
     }
 
-    /// Linear light; none of NaN.
+    /// Linear light; None for NaN.
     pub fn light(&self, value: f64) -> Option<f64> {
         let value = if value < 0.0 {
             value + self.wrap
@@ -240,7 +236,7 @@ impl Meaning {
         })
     }
 
-    /// Says what was assumed of an element's colours, where its file can mean something else too.
+    /// A sentence on the assumed encoding of an element's colours, if the file is ambiguous.
     pub fn note(&self, element: &str, kind: Scalar, extent: Extent) -> Option<String> {
         let Extent {
             least,
@@ -252,7 +248,7 @@ impl Meaning {
         let is_clear = match kind {
             Scalar::F32 | Scalar::F64 => false,
             Scalar::I8 if least < 0.0 => false,
-            // All but black, where 1 is not meant to be full light.
+            // All but black, if 1 is not full light.
             _ if greatest <= 1.0 => false,
             Scalar::I8 | Scalar::U8 => true,
             Scalar::U16 => greatest >= DIM,
@@ -284,7 +280,7 @@ impl Meaning {
     }
 }
 
-/// The number of full light, of numbers of this type and extent.
+/// The number of full light for numbers of this type and extent.
 fn full(kind: Scalar, extent: Extent) -> f64 {
     let holds = |full: f64| match kind {
         Scalar::I8 | Scalar::U8 => full == 255.0,
@@ -300,7 +296,7 @@ fn wrap(kind: Scalar) -> f64 {
     if kind == Scalar::I8 { 256.0 } else { 0.0 }
 }
 
-/// At most three digits behind the point.
+/// Rounded to at most three decimals.
 fn rounded(value: f64) -> f64 {
     (value * 1e3).round() / 1e3
 }

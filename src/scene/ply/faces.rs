@@ -1,14 +1,14 @@
-//! Faces: makes triangles of a PLY file's polygons and strips, with what faces say of their
-//! corners: texture coordinates, the number of a picture, colours, as MeshLab writes them.
+//! Faces: converts a PLY file's polygons and strips to triangles, with the attributes of their
+//! faces as written by MeshLab: texture coordinates, the index of a picture, colours.
 //! ```text
 //! vertex_indices      list of n vertices                    ─► a fan of n − 2 triangles
 //! texcoord            list of 2 n numbers, u v per corner, v counts up
-//! texnumber           which of the `comment TextureFile` lines, from 0; −1 none; left out: the first
+//! texnumber           index of the `comment TextureFile` line, from 0; −1 none; default: the first
 //! red green blue      of the whole face                     color    list of 3 n or 4 n numbers, of its corners
 //! ```
 
 use super::colours::{Columns, Extent, Meaning};
-use super::{Body, Element, Kind, Parsed, Property, Scalar, Triangle, from_upper_left};
+use super::{Body, Element, Parsed, Property, PropertyKind, Scalar, Triangle, from_upper_left};
 use crate::scene::{Splat, unit};
 
 /// Triangles of the file.
@@ -16,21 +16,21 @@ pub(super) struct Faces {
     vertices: usize,
     /// Indices of vertices.
     triangles: Vec<[u32; 3]>,
-    /// What the faces of these triangles say, where any says something: of a scan there is nothing
-    /// to keep.
-    said: Option<Vec<Triangle>>,
+    /// Attributes of the faces of these triangles, if any face has some: for a scan nothing is
+    /// stored.
+    attributes: Option<Vec<Triangle>>,
     total: usize,
     refused: usize,
-    /// Colours of triangles are numbers of this type and extent.
+    /// Type and extent of the colours of triangles.
     colours: Option<(Scalar, Extent)>,
     opacities: Option<(Scalar, Extent)>,
     notes: Vec<String>,
-    /// Faces whose lists have no number that fits their corners.
+    /// Number of faces whose lists do not match their corners.
     odd: usize,
 }
 
-/// Which properties of a face say what.
-struct Layout {
+/// Indices of the properties of a face.
+struct FaceLayout {
     corners: Option<usize>,
     texture: Option<usize>,
     picture: Option<usize>,
@@ -39,8 +39,8 @@ struct Layout {
     alpha: Option<(usize, Scalar)>,
 }
 
-impl Layout {
-    fn says_something(&self) -> bool {
+impl FaceLayout {
+    fn has_attributes(&self) -> bool {
         self.texture.is_some()
             || self.picture.is_some()
             || self.wedges.is_some()
@@ -48,7 +48,7 @@ impl Layout {
     }
 }
 
-/// Numbers of one face.
+/// Values of one face.
 #[derive(Default)]
 struct Face {
     corners: Vec<f64>,
@@ -58,9 +58,9 @@ struct Face {
     rgba: Option<[f64; 4]>,
 }
 
-/// What a triangle takes from its face, by the number of the corner there.
+/// Attributes of a triangle's face, by the index of the corner in it.
 #[derive(Default)]
-struct Said<'a> {
+struct FaceAttributes<'a> {
     texture: Option<&'a [[f64; 2]]>,
     picture: Option<u32>,
     wedges: Option<Vec<[f64; 4]>>,
@@ -69,7 +69,7 @@ struct Said<'a> {
 
 fn list<'e>(element: &'e Element, names: &[&str]) -> Option<(usize, Scalar)> {
     let item = |p: &'e Property| {
-        if let Kind::List { item, .. } = p.kind {
+        if let PropertyKind::List { item, .. } = p.kind {
             Some(item)
         } else {
             None
@@ -91,7 +91,7 @@ impl Faces {
         Faces {
             vertices,
             triangles: Vec::new(),
-            said: None,
+            attributes: None,
             total: 0,
             refused: 0,
             colours: None,
@@ -101,14 +101,13 @@ impl Faces {
         }
     }
 
-    /// Reads polygons and triangle strips alone; of any other element, nothing: its rows are only
-    /// passed over.
+    /// Reads polygons and triangle strips only; the rows of other elements are skipped.
     pub fn read(&mut self, body: &mut Body, element: &Element) -> Parsed<()> {
         let corners = list(element, &["vertex_indices", "vertex_index"]).map(|(place, _)| place);
         self.rows(
             body,
             element,
-            &Layout {
+            &FaceLayout {
                 corners,
                 texture: None,
                 picture: None,
@@ -119,37 +118,37 @@ impl Faces {
         )
     }
 
-    /// The same, with all that faces say.
+    /// Reads faces with all of their attributes.
     pub fn read_all(&mut self, body: &mut Body, element: &Element) -> Parsed<()> {
         if element.name != "face" {
             return self.read(body, element);
         }
         let Columns { rgb, alpha, notes } = Columns::of(element);
         let wedges = list(element, &["color", "colour", "wedge_color"]);
-        // Of those notes, none is of a list that is read after all.
+        // Drops notes about lists that are read after all.
         self.notes
             .extend(notes.into_iter().filter(|_| wedges.is_none()));
-        let layout = Layout {
+        let layout = FaceLayout {
             corners: list(element, &["vertex_indices", "vertex_index"]).map(|(place, _)| place),
             texture: list(element, &["texcoord", "texcoords", "texture_coordinates"])
                 .map(|(place, _)| place),
             picture: element
                 .properties
                 .iter()
-                .position(|p| p.name == "texnumber" && matches!(p.kind, Kind::Scalar(_))),
+                .position(|p| p.name == "texnumber" && matches!(p.kind, PropertyKind::Scalar(_))),
             wedges,
-            // Corners' own colours go before their face's.
+            // Colours of corners override those of their face.
             rgb: rgb.filter(|_| wedges.is_none()),
             alpha: alpha.filter(|_| rgb.is_some() && wedges.is_none()),
         };
-        if layout.says_something() {
+        if layout.has_attributes() {
             let bare = |&corners: &[u32; 3]| Triangle {
                 corners,
                 uv: None,
                 rgba: None,
                 picture: Some(0),
             };
-            self.said = Some(self.triangles.iter().map(bare).collect());
+            self.attributes = Some(self.triangles.iter().map(bare).collect());
         }
         let of_kind = |kind: Scalar| (kind, Extent::of(kind));
         let of_corners = wedges.map(|(_, kind)| of_kind(kind));
@@ -158,7 +157,7 @@ impl Faces {
         self.rows(body, element, &layout)
     }
 
-    fn rows(&mut self, body: &mut Body, element: &Element, layout: &Layout) -> Parsed<()> {
+    fn rows(&mut self, body: &mut Body, element: &Element, layout: &FaceLayout) -> Parsed<()> {
         let mut face = Face::default();
         for number in 0..element.rows() {
             face.clear();
@@ -179,15 +178,15 @@ impl Faces {
 
     fn add_polygon(&mut self, face: &Face) {
         let count = face.corners.len();
-        let said = face.said();
-        let is_odd = said.texture.is_none() && !face.texture.is_empty()
-            || said.wedges.is_none() && !face.wedges.is_empty();
+        let attributes = face.attributes();
+        let is_odd = attributes.texture.is_none() && !face.texture.is_empty()
+            || attributes.wedges.is_none() && !face.wedges.is_empty();
         self.odd += usize::from(is_odd);
         for i in 2..count {
             self.add(
                 [face.corners[0], face.corners[i - 1], face.corners[i]],
                 [0, i - 1, i],
-                &said,
+                &attributes,
             );
         }
     }
@@ -198,15 +197,15 @@ impl Faces {
             self.add(
                 [corner[turn], corner[1 - turn], corner[2]],
                 [0; 3],
-                &Said {
+                &FaceAttributes {
                     picture: Some(0),
-                    ..Said::default()
+                    ..FaceAttributes::default()
                 },
             );
         }
     }
 
-    fn add(&mut self, corners: [f64; 3], places: [usize; 3], said: &Said) {
+    fn add(&mut self, corners: [f64; 3], places: [usize; 3], attributes: &FaceAttributes) {
         self.total += 1;
         if !corners
             .iter()
@@ -215,11 +214,11 @@ impl Faces {
             self.refused += 1;
             return;
         }
-        let rgba = said
+        let rgba = attributes
             .wedges
             .as_ref()
             .map(|all| places.map(|place| all[place]))
-            .or(said.rgba.map(|rgba| [rgba; 3]));
+            .or(attributes.rgba.map(|rgba| [rgba; 3]));
         for rgba in rgba.iter().flatten() {
             self.colours = self.colours.map(|(kind, extent)| {
                 (
@@ -235,14 +234,14 @@ impl Faces {
         }
         let corners = corners.map(|c| c as u32);
         self.triangles.push(corners);
-        if let Some(all) = &mut self.said {
+        if let Some(all) = &mut self.attributes {
             all.push(Triangle {
                 corners,
-                uv: said
+                uv: attributes
                     .texture
                     .map(|all| places.map(|place| from_upper_left(all[place]))),
                 rgba: rgba.map(|rgba| rgba.map(|corner| corner.map(|value| value as f32))),
-                picture: said.picture,
+                picture: attributes.picture,
             });
         }
     }
@@ -256,10 +255,10 @@ impl Faces {
         })
     }
 
-    /// All triangles with their colours in linear light, how many name vertices that do not exist,
-    /// and notes.
+    /// All triangles with their colours in linear light, the number of triangles with invalid
+    /// vertices, and notes.
     pub fn finish(mut self, linear: bool) -> (Vec<Triangle>, usize, Vec<String>) {
-        // Where faces say nothing, all have the first picture.
+        // If faces have no attributes, all have the first picture.
         let bare = |&corners: &[u32; 3]| Triangle {
             corners,
             uv: None,
@@ -267,7 +266,7 @@ impl Faces {
             picture: Some(0),
         };
         let mut triangles = self
-            .said
+            .attributes
             .take()
             .unwrap_or_else(|| self.triangles.iter().map(bare).collect());
         if let Some((kind, extent)) = self.colours {
@@ -299,8 +298,8 @@ impl Faces {
         (triangles, self.refused, self.notes)
     }
 
-    /// Each vertex's normal: the mean of its triangles' normals, weighted by area; none where that
-    /// has no direction.
+    /// Normal of each vertex: the mean of its triangles' normals, weighted by area; None if that is
+    /// 0.
     pub fn give_normals(&self, splats: &mut [Splat]) {
         for triangle in &self.triangles {
             let [a, b, c] = triangle.map(|i| splats[i as usize].position);
@@ -325,8 +324,8 @@ impl Face {
         (self.picture, self.rgba) = (None, None);
     }
 
-    fn take(&mut self, layout: &Layout, property: usize, value: f64) {
-        let Layout {
+    fn take(&mut self, layout: &FaceLayout, property: usize, value: f64) {
+        let FaceLayout {
             corners,
             texture,
             picture,
@@ -350,8 +349,8 @@ impl Face {
         }
     }
 
-    /// What fits the corners.
-    fn said(&self) -> Said<'_> {
+    /// The values that match the corners.
+    fn attributes(&self) -> FaceAttributes<'_> {
         let count = self.corners.len();
         let wedges = match self.wedges.len() {
             length if count > 0 && length == 3 * count => Some(
@@ -365,11 +364,11 @@ impl Face {
             length if count > 0 && length == 4 * count => Some(self.wedges.as_chunks().0.to_vec()),
             _ => None,
         };
-        // A number below 0 stands for none.
+        // An index below 0 stands for no picture.
         let picture = self
             .picture
             .map_or(Some(0), |number| (number >= 0.0).then_some(number as u32));
-        Said {
+        FaceAttributes {
             texture: (self.texture.len() == 2 * count).then(|| self.texture.as_chunks().0),
             picture,
             wedges,

@@ -130,7 +130,7 @@ fn colours_are_codes_out_of_the_least_full_light_that_holds_them_all() {
         colour("double", "1000 65535 0"),
         [code(1000.0, 65535.0), 1.0, 0.0]
     );
-    // One number that no colour can be leaves the others as they are.
+    // A single implausible number does not change the others.
     assert_eq!(
         colour("float", "0.25 inf 1e30"),
         [code(0.25, 1.0), 1.0, 1.0]
@@ -329,8 +329,8 @@ fn headers_that_lie_are_refused_at_once() {
             usize::MAX
         )
     );
-    assert!(refused(binary("1e9")).contains("line 3: `1e9` is no count of elements"));
-    // Rows without properties take no room, however many the header names.
+    assert!(refused(binary("1e9")).contains("line 3: `1e9` is not a count of elements"));
+    // Rows without properties take no memory, for any number in the header.
     let empty_rows = binary("1").replace(
         "element vertex",
         "element nothing 18446744073709551615\nelement vertex",
@@ -354,8 +354,8 @@ fn headers_that_lie_are_refused_at_once() {
 #[test]
 fn every_refusal_says_where_and_what() {
     let cases = [
-        ("", "is no PLY file: its first line is not `ply`"),
-        ("plyx\n", "is no PLY file: its first line is not `ply`"),
+        ("", "is not a PLY file: its first line is not `ply`"),
+        ("plyx\n", "is not a PLY file: its first line is not `ply`"),
         (
             "ply\n",
             "ends inside its header: there is no line `end_header`",
@@ -374,11 +374,11 @@ fn every_refusal_says_where_and_what() {
         ),
         (
             "ply\nproperty float x\n",
-            "line 2: a property stands before the first element",
+            "line 2: a property is before the first element",
         ),
         (
             "ply\nelement vertex 1\nproperty flaot x\n",
-            "line 3: `flaot` is no PLY type; types are char, uchar, short, ushort, int, uint, float, double",
+            "line 3: `flaot` is not a PLY type; types are char, uchar, short, ushort, int, uint, float, double",
         ),
         (
             "ply\nelement vertex 1\nproperty list float int x\n",
@@ -406,12 +406,12 @@ fn every_refusal_says_where_and_what() {
     );
     assert_eq!(
         refused(text(XYZ, 1, "1 2 \u{7}three")),
-        "vertex 0 of 1 (line 8): `\\u{7}three` is no value of type float"
+        "vertex 0 of 1 (line 8): `\\u{7}three` is not a value of type float"
     );
     let bytes = XYZ.replace("float", "uchar");
     assert_eq!(
         refused(text(&bytes, 1, "1 2 256")),
-        "vertex 0 of 1 (line 8): `256` is no value of type uchar"
+        "vertex 0 of 1 (line 8): `256` is not a value of type uchar"
     );
     assert!(refused(text(&bytes, 1, &"9".repeat(1_000_000))).len() < 150);
 }
@@ -421,12 +421,12 @@ fn unknown_header_lines_are_skipped_with_a_note() {
     let file = text(XYZ, 1, "1 2 3").replace("end_header", "Created by hand\nend_header");
     assert_eq!(
         parse(file.as_bytes()).unwrap().notes,
-        ["line 7: `Created` is no PLY keyword; the line was skipped"]
+        ["line 7: `Created` is not a PLY keyword; the line was skipped"]
     );
 }
 
-/// Writes one value as a type would have it, in a given encoding.
-fn put(file: &mut Vec<u8>, value: f64, kind: Scalar, encoding: Encoding) {
+/// Writes one value in a type and an encoding.
+fn put(file: &mut Vec<u8>, value: f64, kind: Scalar, encoding: PlyEncoding) {
     let mut bytes = match kind {
         Scalar::I8 => (value as i8).to_le_bytes().to_vec(),
         Scalar::U8 => (value as u8).to_le_bytes().to_vec(),
@@ -438,9 +438,9 @@ fn put(file: &mut Vec<u8>, value: f64, kind: Scalar, encoding: Encoding) {
         Scalar::F64 => value.to_le_bytes().to_vec(),
     };
     match encoding {
-        Encoding::Text => file.extend(format!("{value} ").bytes()),
-        Encoding::LittleEndian => file.append(&mut bytes),
-        Encoding::BigEndian => {
+        PlyEncoding::Text => file.extend(format!("{value} ").bytes()),
+        PlyEncoding::LittleEndian => file.append(&mut bytes),
+        PlyEncoding::BigEndian => {
             bytes.reverse();
             file.append(&mut bytes);
         }
@@ -452,18 +452,17 @@ fn any_kind() -> impl Strategy<Value = Scalar> {
 }
 
 proptest! {
-    /// x, y, z and radius among other scalars and lists, in any order, of any types, in any
-    /// encoding.
+    /// x, y, z and radius among other scalars and lists, in any order, with any types and encoding.
     #[test]
     fn any_order_and_types_of_properties_are_read(
         kinds in prop::collection::vec(any_kind(), 8),
         lengths in prop::collection::vec(0..4u8, 8),
         order in Just((0..8usize).collect::<Vec<_>>()).prop_shuffle(),
         rows in prop::collection::vec(prop::array::uniform4(1..100u8), 1..5),
-        encoding in prop::sample::select(vec![Encoding::Text, Encoding::LittleEndian, Encoding::BigEndian]),
+        encoding in prop::sample::select(vec![PlyEncoding::Text, PlyEncoding::LittleEndian, PlyEncoding::BigEndian]),
     ) {
         const NAMES: [&str; 8] = ["x", "y", "z", "radius", "quality", "a", "b", "c"];
-        let named = match encoding { Encoding::Text => "ascii", Encoding::LittleEndian => "binary_little_endian", Encoding::BigEndian => "binary_big_endian" };
+        let named = match encoding { PlyEncoding::Text => "ascii", PlyEncoding::LittleEndian => "binary_little_endian", PlyEncoding::BigEndian => "binary_big_endian" };
         let mut file = format!("ply\nformat {named} 1.0\nelement vertex {}\n", rows.len());
         for &i in &order {
             let list = if i > 4 { "list uchar " } else { "" };
@@ -480,7 +479,7 @@ proptest! {
                     (0..lengths[i]).for_each(|n| put(&mut file, f64::from(n), kinds[i], encoding));
                 }
             }
-            if encoding == Encoding::Text {
+            if encoding == PlyEncoding::Text {
                 file.push(b'\n');
             }
         }
@@ -490,10 +489,10 @@ proptest! {
             prop_assert_eq!(splat.position.to_array(), [row[0], row[1], row[2]].map(f64::from));
             prop_assert_eq!(splat.radius, f64::from(row[3]));
         }
-        // Cut short anywhere, the file is refused, and never with a panic.
+        // A file that is truncated anywhere is refused without a panic.
         for end in 0..file.len() - 1 {
             if let Ok(cloud) = parse(&file[..end]) {
-                prop_assert!(encoding == Encoding::Text && cloud.splats.len() == rows.len());
+                prop_assert!(encoding == PlyEncoding::Text && cloud.splats.len() == rows.len());
             }
         }
     }

@@ -1,15 +1,15 @@
-//! Cut: what a view draws of a tree, the coarsest nodes that are small enough on the screen, and
-//! what a walker reads to find them.
+//! Cut: selects the coarsest nodes of a tree that are small enough on the screen, and the nodes
+//! that the traversal unit reads to find them.
 //!
 //! ```text
-//! root ─► [stack of children, some at a time] ─► each child: faces away, or lies outside? ─► small enough, or a leaf? ─┬─► drawn
-//!                       ▲                                                                                                └─► its children, pushed
-//!                       └─────────────────────────────────────────────────────────────────────────────────────────────────────────┘
+//! root ─► [stack of children, some at a time] ─► each child: faces away, or is outside? ─► small enough, or a leaf? ─┬─► drawn
+//!                       ▲                                                                                            └─► its children, pushed
+//!                       └───────────────────────────────────────────────────────────────────────────────────────────────────────────┘
 //! ```
-//! A node is as large as its sphere's diameter at the sphere's nearest point: `2·R·s/(z − R)`
-//! pixels, without end where that is at the near plane or before it. A budget lets the largest node
-//! become its children first, of equals the one with the lowest number, and ends before the first
-//! that it has no room for. What is culled draws nothing below it, on no machine and in no order.
+//! The size of a node is the diameter of its sphere at the sphere's nearest point: `2·R·s/(z − R)`
+//! pixels, infinite if that is at or in front of the near plane. A budget replaces the largest node
+//! by its children first (of equal ones that with the lowest number), and stops at the first for
+//! which there is no room. Descendants of a culled node are drawn by no machine and in no order.
 //!
 //! Laws (tests/tree.rs): `a_cut_covers_every_leaf_once`, `smaller_pixels_never_cut_coarser`,
 //! `budgets_are_kept_and_used`, `what_is_culled_has_no_contribution`,
@@ -21,59 +21,56 @@ use serde::{Deserialize, Serialize};
 use std::collections::BinaryHeap;
 use std::sync::Arc;
 
-/// Angles of a cone are taken as wider by this part of a turn's sine: words of a machine's normals
-/// are rounded.
+/// Cones are widened by this sine, because a machine's normals are rounded.
 const CONE_SLACK: f64 = 1.0 / 256.0;
-/// Pixels that footprints are taken as wider by.
+/// Margin of footprints, pixels.
 const SLACK_PX: f64 = 1.0;
 
 /// Order in which a cut is drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Order {
-    /// As the walk comes to them.
+pub enum DrawOrder {
+    /// In the order of the traversal.
     Walk,
-    /// The largest on the screen first, of equals the one with the lowest number.
+    /// The largest on the screen first, of equal ones that with the lowest number.
     CoarseToFine,
 }
 
-/// What a frame may take.
+/// Limits per frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Budget {
     /// Splats that are drawn.
     pub splats: Option<u64>,
-    /// Bytes of nodes that are read, by the machine's words.
+    /// Bytes of nodes that are read, in the machine's formats.
     pub bytes: Option<u64>,
     /// Cycles of the frame, on the machine.
     pub cycles: Option<u64>,
 }
 
-/// How much of a tree is drawn.
+/// Selection from a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Rules {
-    /// No node that is larger is drawn, unless it is a leaf, pixels.
+pub struct DetailRules {
+    /// Larger nodes are not drawn, except leaves, pixels.
     pub pixels: f64,
-    /// In which order.
-    pub order: Order,
-    /// Leaves out what lies outside of the picture, and where back faces are culled what faces
-    /// away.
+    /// Order of drawing.
+    pub order: DrawOrder,
+    /// Leaves out nodes outside the picture and, if back faces are culled, those that face away.
     pub culls: bool,
-    /// How many nodes' children are asked for at a time, before any of them is looked at; at
-    /// least 1.
+    /// Number of nodes whose children are requested before any of them is tested; at least 1.
     pub ahead: usize,
-    /// What the frame may take.
+    /// Limits per frame.
     pub budget: Budget,
 }
 
-/// What became of a node that was read.
+/// Result for a node that was read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Found {
+pub enum VisitResult {
     /// Too large: its children are read.
     Opened,
     /// It is drawn.
     Drawn,
-    /// All below it face away.
+    /// All its descendants face away.
     Away,
-    /// All below it lie outside of the picture, or before the near plane.
+    /// All its descendants are outside the picture, or in front of the near plane.
     Outside,
 }
 
@@ -82,48 +79,48 @@ pub enum Found {
 pub struct Visit {
     /// Its number.
     pub node: u32,
-    /// Place of its parent's visit; of the root its own.
+    /// Index of its parent's visit; for the root its own.
     pub parent: u32,
-    /// What became of it.
-    pub found: Found,
+    /// Result.
+    pub found: VisitResult,
 }
 
-/// What a view needs of a tree.
+/// Nodes of a tree that a view needs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cut {
     /// Every node that was read, in order.
     pub visits: Vec<Visit>,
     /// Nodes that are drawn, in order.
     pub drawn: Vec<u32>,
-    /// Largest node that is drawn and no leaf, pixels; 0 where there is none.
+    /// Largest node that is drawn and not a leaf, pixels; 0 if there is none.
     pub coarsest_px: f64,
-    /// Most nodes whose children waited to be read.
+    /// Most nodes whose children were pending.
     pub deepest: usize,
 }
 
-/// A tree, and what is drawn of it.
+/// A tree, and the part that is drawn.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Detail {
     /// The tree.
     pub tree: Arc<Tree>,
-    /// How much of it is drawn.
-    pub rules: Rules,
-    /// What that is in this view.
+    /// Selection rules.
+    pub rules: DetailRules,
+    /// The cut for this view.
     pub cut: Cut,
 }
 
-/// Further limits, for who knows what a node takes.
+/// Further limits, if the cost of a node is known.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Limits {
+pub struct CutLimits {
     /// Nodes that are read.
     pub nodes: Option<u64>,
-    /// Nodes that become their children.
+    /// Nodes that are replaced by their children.
     pub opened: Option<u64>,
 }
 
 impl Detail {
-    /// Of a tree, not cut yet.
-    pub fn new(tree: Arc<Tree>, rules: Rules) -> Self {
+    /// A tree without a cut.
+    pub fn new(tree: Arc<Tree>, rules: DetailRules) -> Self {
         Detail {
             tree,
             rules,
@@ -147,16 +144,16 @@ impl Detail {
 }
 
 impl Scene {
-    /// The scene with what its view needs of its tree, if it has one: after the camera or the
-    /// picture's size changed.
+    /// Recomputes the cut of the scene's tree, if it has one: after the camera or the picture's
+    /// size changed.
     #[must_use]
     pub fn cut(self) -> Scene {
-        self.cut_within(&Limits::default())
+        self.cut_within(&CutLimits::default())
     }
 
-    /// The same within further limits.
+    /// Recomputes the cut within further limits.
     #[must_use]
-    pub fn cut_within(mut self, limits: &Limits) -> Scene {
+    pub fn cut_within(mut self, limits: &CutLimits) -> Scene {
         let Some(mut detail) = self.detail.take() else {
             return self;
         };
@@ -166,7 +163,7 @@ impl Scene {
         self
     }
 
-    /// The scene with every splat and no tree: what a cut stands for.
+    /// The scene with all splats and no tree: what a cut approximates.
     #[must_use]
     pub fn full(&self) -> Option<Scene> {
         let detail = self.detail.as_ref()?;
@@ -181,15 +178,15 @@ impl Scene {
 /// A view of a tree.
 struct Eye<'a> {
     nodes: &'a [Node],
-    rules: Rules,
+    rules: DetailRules,
     view: View,
     near: f64,
     culls_backfaces: bool,
-    /// Greatest |x/z| and |y/z| of what is drawn.
+    /// Greatest |x/z| and |y/z| of drawn splats.
     guard: [f64; 2],
     root_cutoff: f64,
     low_pass: f64,
-    /// What is filtered on its own plane has no bound that is known here.
+    /// False for filters on the splat's plane: no bound of their footprint is known here.
     culls_outside: bool,
 }
 
@@ -219,8 +216,8 @@ impl<'a> Eye<'a> {
         }
     }
 
-    /// Whether its children are to be drawn instead: it is too large, or would be culled for its
-    /// own normal, though those below it look all ways.
+    /// Whether its children are drawn instead: it is too large, or would be culled by its own
+    /// normal although some descendants face the eye.
     fn is_coarse(&self, node: &Node) -> bool {
         let hides = || {
             self.culls_backfaces
@@ -230,15 +227,15 @@ impl<'a> Eye<'a> {
         !node.is_leaf() && (self.size_px(node) > self.rules.pixels || hides())
     }
 
-    /// Why nothing below it can be seen.
-    fn culled(&self, node: &Node) -> Option<Found> {
+    /// Reason for which all its descendants are culled.
+    fn culled(&self, node: &Node) -> Option<VisitResult> {
         if self.culls_outside && self.is_outside(node) {
-            return Some(Found::Outside);
+            return Some(VisitResult::Outside);
         }
-        (self.culls_backfaces && self.is_away(node)).then_some(Found::Away)
+        (self.culls_backfaces && self.is_away(node)).then_some(VisitResult::Away)
     }
 
-    /// Whether every splat with its centre in the sphere, and none wider than the widest, misses
+    /// Whether every splat with its centre in the sphere, and at most the widest radius, is outside
     /// the picture.
     fn is_outside(&self, node: &Node) -> bool {
         let t = self.view.rotation * (node.splat.position - self.view.eye);
@@ -249,15 +246,15 @@ impl<'a> Eye<'a> {
         if nearest <= self.near {
             return false;
         }
-        // An ellipse reaches √(cutoff·V) to a side, and no entry of V is more than k²·(1 + a² +
-        // b²) + v: the major axis of an EWA footprint.
+        // An ellipse extends by √(cutoff·V), and every entry of V is at most k²·(1 + a² + b²) + v:
+        // the major axis of an EWA footprint.
         let slope = |at: f64, guard: f64| ((at.abs() + node.sphere) / nearest).min(guard);
         let [a, b] = [slope(t.x, self.guard[0]), slope(t.y, self.guard[1])];
         let k = self.view.longest_focal_px() * node.widest / nearest;
         let reach =
             self.root_cutoff * (k * k * (1.0 + a * a + b * b) + self.low_pass).sqrt() + SLACK_PX;
         (0..2).any(|axis| {
-            // Planes through the eye along the picture's sides, so far out.
+            // Planes through the eye along the picture's sides, moved out by the footprint.
             let (focal, centre) = (self.view.focal_px[axis], self.view.centre_px[axis]);
             [
                 (-1.0, centre),
@@ -271,15 +268,15 @@ impl<'a> Eye<'a> {
         })
     }
 
-    /// Whether every normal of the cone points away from the eye, wherever in the sphere it is.
+    /// Whether every normal of the cone points away from the eye, for every position in the sphere.
     fn is_away(&self, node: &Node) -> bool {
         let way = node.splat.position - self.view.eye;
         let distance = way.length();
         if distance <= node.sphere || node.cone <= 0.0 {
             return false;
         }
-        // sin(θ + φ), with θ the cone's angle and φ that under which the eye sees the sphere's
-        // radius; both are below 90°.
+        // sin(θ + φ), with θ the cone's angle and φ the angle of the sphere's radius seen from the
+        // eye; both are below 90°.
         let (cos_cone, sin_sphere) = (node.cone, node.sphere / distance);
         let (sin_cone, cos_sphere) = (
             (1.0 - cos_cone * cos_cone).max(0.0).sqrt(),
@@ -291,22 +288,21 @@ impl<'a> Eye<'a> {
                 > sin_cone * cos_sphere + cos_cone * sin_sphere + CONE_SLACK
     }
 
-    fn cut(&self, limits: &Limits) -> Cut {
+    fn cut(&self, limits: &CutLimits) -> Cut {
         let budget = self.rules.budget;
-        let is_bounded = budget.splats.is_some() || *limits != Limits::default();
+        let is_bounded = budget.splats.is_some() || *limits != CutLimits::default();
         let opened = is_bounded.then(|| self.opened(limits));
         let opens = |number: u32, node: &Node| match &opened {
             Some(opened) => opened[number as usize],
             None => self.is_coarse(node),
         };
         let mut visits = Vec::new();
-        // Groups of children that are to be read, each with its parent's visit; the root is a group
-        // by itself.
+        // Groups of children to read, each with its parent's visit; the root is its own group.
         let mut stack = vec![(0u32, 1u32, 0u32)];
         let mut deepest = 0;
         while !stack.is_empty() {
             let popped = stack.split_off(stack.len().saturating_sub(self.rules.ahead.max(1)));
-            let (pushed, asked) = (stack.len(), popped.len());
+            let (pushed, requested) = (stack.len(), popped.len());
             let below = |(first, count, parent): (u32, u32, u32)| {
                 (first..first + count).map(move |number| (number, parent))
             };
@@ -316,9 +312,9 @@ impl<'a> Eye<'a> {
                     Some(culled) => culled,
                     None if opens(number, node) => {
                         stack.push((node.first, node.children, visits.len() as u32));
-                        Found::Opened
+                        VisitResult::Opened
                     }
-                    None => Found::Drawn,
+                    None => VisitResult::Drawn,
                 };
                 visits.push(Visit {
                     node: number,
@@ -328,16 +324,16 @@ impl<'a> Eye<'a> {
             }
             // The first child's children come next.
             stack[pushed..].reverse();
-            // Those that were asked for keep their places until their children are tested.
-            deepest = deepest.max(stack.len() + asked);
+            // Requested groups occupy the stack until their children are tested.
+            deepest = deepest.max(stack.len() + requested);
         }
         let mut drawn: Vec<u32> = visits
             .iter()
-            .filter(|visit| visit.found == Found::Drawn)
+            .filter(|visit| visit.found == VisitResult::Drawn)
             .map(|visit| visit.node)
             .collect();
         let size = |number: &u32| self.size_px(&self.nodes[*number as usize]);
-        if self.rules.order == Order::CoarseToFine {
+        if self.rules.order == DrawOrder::CoarseToFine {
             let mut sized: Vec<(f64, u32)> =
                 drawn.iter().map(|number| (size(number), *number)).collect();
             sized.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
@@ -355,21 +351,24 @@ impl<'a> Eye<'a> {
         }
     }
 
-    /// Which nodes become their children within the budget, the largest first.
-    fn opened(&self, limits: &Limits) -> Vec<bool> {
+    /// The nodes that are replaced by their children within the budget, the largest first.
+    fn opened(&self, limits: &CutLimits) -> Vec<bool> {
         let mut opened = vec![false; self.nodes.len()];
-        let waits = |number: u32| {
+        let pending = |number: u32| {
             let node = &self.nodes[number as usize];
-            self.is_coarse(node).then(|| Waiting {
+            self.is_coarse(node).then(|| PendingNode {
                 size_px: self.size_px(node),
                 number,
             })
         };
         let is_seen = |number: u32| self.culled(&self.nodes[number as usize]).is_none();
-        let mut heap: BinaryHeap<Waiting> =
-            is_seen(0).then(|| waits(0)).flatten().into_iter().collect();
+        let mut heap: BinaryHeap<PendingNode> = is_seen(0)
+            .then(|| pending(0))
+            .flatten()
+            .into_iter()
+            .collect();
         let (mut splats, mut read, mut count) = (u64::from(is_seen(0)), 1, 0);
-        while let Some(Waiting { number, .. }) = heap.pop() {
+        while let Some(PendingNode { number, .. }) = heap.pop() {
             let node = &self.nodes[number as usize];
             let seen: Vec<u32> = (node.first..node.first + node.children)
                 .filter(|child| is_seen(*child))
@@ -386,19 +385,19 @@ impl<'a> Eye<'a> {
                 break;
             }
             opened[number as usize] = true;
-            heap.extend(seen.into_iter().filter_map(waits));
+            heap.extend(seen.into_iter().filter_map(pending));
         }
         opened
     }
 }
 
-/// A node that may become its children.
-struct Waiting {
+/// A node that may be replaced by its children.
+struct PendingNode {
     size_px: f64,
     number: u32,
 }
 
-impl Ord for Waiting {
+impl Ord for PendingNode {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         self.size_px
             .total_cmp(&other.size_px)
@@ -406,16 +405,16 @@ impl Ord for Waiting {
     }
 }
 
-impl PartialOrd for Waiting {
+impl PartialOrd for PendingNode {
     fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
         Some(self.cmp(other))
     }
 }
 
-impl PartialEq for Waiting {
+impl PartialEq for PendingNode {
     fn eq(&self, other: &Self) -> bool {
         self.cmp(other).is_eq()
     }
 }
 
-impl Eq for Waiting {}
+impl Eq for PendingNode {}

@@ -1,12 +1,12 @@
-//! File: a tree of splats as bytes, and back (docs/book/level-of-detail.md has the layout).
+//! File: encodes a tree of splats as bytes, and back (docs/book/level-of-detail.md has the layout).
 //!
 //! ```text
 //! 64 bytes   magic (16), nodes (u64), leaves (u64), SHA-256 of all that follows (32)
 //! 128 bytes  each node: position, normal (3 f64 each), σ, rgb (3), α, sphere, widest, cone (f64 each); material, level, first, children (u32 each)
 //! ```
-//! All little-endian. What is read is held to everything that a walk relies on: children follow
-//! each other in the order of their parents, so that no node has two of them and none is below
-//! itself; each leaf's place is taken once; spheres and cones hold what lies below them.
+//! All numbers are little-endian. A file is checked for everything that a traversal relies on.
+//! Children are in the order of their parents, so that no node has two parents and none is below
+//! itself. Each leaf's index is used once. Spheres and cones contain their descendants.
 //!
 //! Laws (tests/tree.rs): `a_tree_that_is_read_is_the_one_that_was_written`,
 //! `no_damage_is_taken_for_a_tree`, `a_file_that_lies_is_refused`.
@@ -16,21 +16,21 @@ use super::{MOST_CHILDREN, Node, Tree};
 use glam::DVec3;
 use sha2::{Digest, Sha256};
 
-/// Beginning of a file of this kind.
+/// Beginning of a tree file.
 const MAGIC: &[u8; 16] = b"splatsim-tree-1\n";
 /// Bytes before the first node.
 const HEADER: usize = 64;
 /// Bytes of a node.
 const NODE: usize = 128;
-/// Most levels: one of halves has 27 of the most splats that are drawn.
+/// Most levels: a binary tree of the greatest number of splats has 27.
 const MOST_LEVELS: u32 = 64;
-/// How far off a unit vector may be, and a sphere or a cone, for whoever wrote them rounded too.
+/// Tolerance for unit vectors, spheres and cones, because other writers round too.
 const OFF: f64 = 1e-6;
 const ROUNDED: f64 = 1e-9;
 
 type Parsed<T> = Result<T, String>;
 
-/// Bytes of a file.
+/// Encodes a tree.
 pub fn bytes(tree: &Tree) -> Vec<u8> {
     let mut nodes = Vec::with_capacity(NODE * tree.nodes().len());
     for node in tree.nodes() {
@@ -68,16 +68,16 @@ pub fn bytes(tree: &Tree) -> Vec<u8> {
     .concat()
 }
 
-/// Reads what [`bytes()`] wrote; the error is the second half of a sentence that begins with the
-/// file's name.
+/// Decodes the bytes of [`bytes()`]. The error is the second half of a sentence that begins with
+/// the file's name.
 pub fn parse(bytes: &[u8]) -> Parsed<Tree> {
     let rest = bytes
         .strip_prefix(MAGIC)
-        .ok_or("is no tree of splats, as `splatsim tree` writes them")?;
+        .ok_or("is not a tree of splats, as `splatsim tree` writes them")?;
     let damaged = |what: String| format!("is damaged: {what}");
     if bytes.len() < HEADER {
         return Err(damaged(format!(
-            "it has {} bytes, and its header alone has {HEADER}",
+            "it has {} bytes, fewer than the {HEADER} of its header",
             bytes.len()
         )));
     }
@@ -89,12 +89,12 @@ pub fn parse(bytes: &[u8]) -> Parsed<Tree> {
         || count > u64::from(u32::MAX)
     {
         return Err(damaged(format!(
-            "it says that it has {count} nodes of {NODE} bytes, and {} bytes follow its header",
+            "its header declares {count} nodes of {NODE} bytes, and {} bytes follow",
             records.len()
         )));
     }
     if Sha256::digest(records)[..] != header[16..] {
-        return Err(damaged("its digest is another one".into()));
+        return Err(damaged("its digest differs".into()));
     }
     let nodes: Vec<Node> = records.chunks_exact(NODE).map(node).collect();
     check(&nodes, leaves).map_err(damaged)?;
@@ -127,7 +127,7 @@ fn node(record: &[u8]) -> Node {
     }
 }
 
-/// Holds nodes to what a walk relies on.
+/// Checks what a traversal relies on.
 fn check(nodes: &[Node], leaves: u64) -> Parsed<()> {
     let is = |holds: bool, number: usize, what: &str| {
         if holds {
@@ -147,12 +147,8 @@ fn check(nodes: &[Node], leaves: u64) -> Parsed<()> {
             number,
             "is the root, and its level is not 0",
         )?;
-        is(number == 0 || number < next, number, "is below none")?;
-        is(
-            node.level < MOST_LEVELS,
-            number,
-            "lies deeper than any tree is",
-        )?;
+        is(number == 0 || number < next, number, "has no parent")?;
+        is(node.level < MOST_LEVELS, number, "is deeper than any tree")?;
         if node.is_leaf() {
             let is_free = taken
                 .get_mut(node.first as usize)
@@ -160,7 +156,7 @@ fn check(nodes: &[Node], leaves: u64) -> Parsed<()> {
             is(
                 u64::from(node.first) < leaves && is_free,
                 number,
-                "is a leaf, and its place is taken, or there is no such place",
+                "is a leaf with a duplicate or invalid index",
             )?;
             found += 1;
             continue;
@@ -185,7 +181,7 @@ fn check(nodes: &[Node], leaves: u64) -> Parsed<()> {
             is(
                 nodes[child].widest <= node.widest,
                 number,
-                "has a wider splat below it than it says",
+                "has a wider splat below it than it declares",
             )?;
             parents[child] = number as u32;
         }
@@ -194,7 +190,7 @@ fn check(nodes: &[Node], leaves: u64) -> Parsed<()> {
     is(
         found == leaves,
         0,
-        "has another number of leaves below it than the header says",
+        "has another number of leaves below it than the header declares",
     )?;
     for (number, leaf) in nodes.iter().enumerate().filter(|(_, node)| node.is_leaf()) {
         let mut above = number;
@@ -210,16 +206,16 @@ fn check(nodes: &[Node], leaves: u64) -> Parsed<()> {
             is(
                 reach <= sphere * (1.0 + ROUNDED),
                 above,
-                "has a splat below it that leaves its sphere",
+                "has a splat below it outside its sphere",
             )?;
             is(
                 leaf.splat.normal.dot(splat.normal) >= cone - ROUNDED,
                 above,
-                "has a normal below it that leaves its cone",
+                "has a normal below it outside its cone",
             )?;
         }
     }
-    // What is drawn in their stead is culled as they are.
+    // Inner nodes are culled like their descendants.
     for (number, inner) in nodes.iter().enumerate().filter(|(_, node)| !node.is_leaf()) {
         let mut above = number;
         while above > 0 {
@@ -234,20 +230,20 @@ fn check(nodes: &[Node], leaves: u64) -> Parsed<()> {
             is(
                 reach <= sphere * (1.0 + ROUNDED),
                 above,
-                "has a node below it that leaves its sphere",
+                "has a node below it outside its sphere",
             )?;
             let is_within = *cone <= 0.0 || inner.splat.normal.dot(splat.normal) >= cone - ROUNDED;
             is(
                 is_within,
                 above,
-                "has a node below it whose normal leaves its cone",
+                "has a node below it whose normal is outside its cone",
             )?;
         }
     }
     Ok(())
 }
 
-/// Holds a node's numbers to their ranges; no comparison holds for what is no number.
+/// Checks the ranges of a node's numbers; comparisons with NaN are false.
 fn check_numbers(node: &Node) -> Parsed<()> {
     let Splat {
         position,
@@ -260,11 +256,11 @@ fn check_numbers(node: &Node) -> Parsed<()> {
     let is = |holds: bool, what: &str| if holds { Ok(()) } else { Err(what.to_owned()) };
     is(
         position.is_finite() && position.abs().max_element() <= FARTHEST,
-        "has a position that is no number, or beyond 1e30",
+        "has a position that is NaN, or beyond 1e30",
     )?;
     is(
         (normal.length() - 1.0).abs() <= OFF,
-        "has a normal that is no unit vector",
+        "has a normal that is not a unit vector",
     )?;
     is(
         (LEAST_RADIUS..=FARTHEST).contains(&radius),

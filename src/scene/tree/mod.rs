@@ -1,14 +1,14 @@
-//! Tree: a hierarchy of splats, each drawn from afar like all below it (SS §8; Rusinkiewicz and
-//! Levoy, *QSplat*, SIGGRAPH 2000).
+//! Tree: a hierarchy of splats, in which each node approximates its descendants from afar (SS §8;
+//! Rusinkiewicz and Levoy, *QSplat*, SIGGRAPH 2000).
 //!
 //! ```text
-//! splats ─►[ halves along the longest side, several at a time ]─► nodes, breadth first ─┬─► file (`file`)
-//!                                                                                      └─► cut (`cut`): what a view needs of them
+//! splats ─►[ halving along the longest side, in parallel ]─► nodes, breadth first ─┬─► file (`file`)
+//!                                                                                  └─► cut (`cut`): the nodes that a view needs
 //! ```
-//! Leaves are the splats as they are. An inner node's splat has of the leaves below it, weighted by
-//! σ², the area that each stands for: the mean position, normal, colour and opacity; and as σ²
-//! their areas' sum, as far as they face the way that it does, so that coverage stays what it was,
-//! or the second moment of their kernels in its plane where they lie farther apart than that.
+//! Leaves are the unchanged splats. An inner node's splat has the mean position, normal, colour and
+//! opacity of the leaves below it, weighted by σ², the area that each represents. Its σ² is the sum
+//! of their areas projected along its normal, so that coverage is preserved. If the leaves are
+//! farther apart than that, it is the second moment of their kernels in its plane.
 //!
 //! Laws (tests/tree.rs): `every_leaf_is_in_the_tree_once`,
 //! `spheres_and_cones_hold_what_lies_below`, `a_tree_is_the_same_at_any_number_of_threads`,
@@ -23,35 +23,35 @@ use serde::{Deserialize, Serialize};
 
 /// Most children of a node.
 pub const MOST_CHILDREN: usize = 64;
-/// Fewer splats are split by one thread.
+/// Smaller sets of splats are split by one thread.
 const SHARED_FROM: usize = 8192;
-/// Spheres are larger by this part than what they hold: their radii are rounded.
+/// Relative margin of spheres, because their radii are rounded.
 const MARGIN: f64 = 1e-9;
-/// Cosines of cones are less by this than those of what they hold.
+/// Margin of the cosines of cones.
 const CONE_MARGIN: f64 = 1e-9;
 
 /// A node.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Node {
-    /// What is drawn of it.
+    /// The splat that is drawn for it.
     pub splat: Splat,
-    /// Radius of a sphere around the splat's position, world units: it holds all discs below, of
-    /// one σ, and its own.
+    /// Radius of a sphere around the splat's position, world units: it contains all discs below,
+    /// with radius σ, and its own.
     pub sphere: f64,
-    /// The greatest σ below, its own among them, world units.
+    /// The greatest σ of its descendants and itself, world units.
     pub widest: f64,
-    /// Cosine of the greatest angle between its normal and one below, in [−1, 1].
+    /// Cosine of the greatest angle between its normal and that of a descendant, in [−1, 1].
     pub cone: f64,
     /// Steps from the root.
     pub level: u32,
-    /// Number of its first child; of a leaf its place among the splats that the tree was built of.
+    /// Number of its first child; for a leaf the index of its splat in the input.
     pub first: u32,
-    /// How many children it has, one after the other; none of a leaf.
+    /// Number of its consecutive children; 0 for a leaf.
     pub children: u32,
 }
 
 impl Node {
-    /// Whether it is a splat that the tree was built of.
+    /// Whether it is a splat of the input.
     pub fn is_leaf(&self) -> bool {
         self.children == 0
     }
@@ -62,8 +62,8 @@ impl Node {
     }
 }
 
-/// A tree of splats: the root first, then level by level; children of one node follow each other,
-/// in the order of their parents.
+/// A tree of splats: the root first, then level by level; children are consecutive, in the order of
+/// their parents.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Tree {
     nodes: Vec<Node>,
@@ -71,8 +71,8 @@ pub struct Tree {
 }
 
 impl Tree {
-    /// Builds a tree of splats with so many children a node, 2 to [`MOST_CHILDREN`]. None of no
-    /// splats.
+    /// Builds a tree of splats with `children` children per node, 2 to [`MOST_CHILDREN`]. None
+    /// without splats.
     pub fn new(splats: &[Splat], children: usize) -> Option<Tree> {
         if splats.is_empty() {
             return None;
@@ -88,12 +88,12 @@ impl Tree {
         &self.nodes
     }
 
-    /// How many of them are leaves.
+    /// Number of leaves.
     pub fn leaves(&self) -> usize {
         self.leaves
     }
 
-    /// The splats that it was built of, in their order.
+    /// The splats of the input, in their order.
     pub fn splats(&self) -> Vec<Splat> {
         let mut splats = vec![self.nodes[0].splat; self.leaves];
         self.nodes
@@ -103,7 +103,7 @@ impl Tree {
         splats
     }
 
-    /// Levels, the root's and the leaves' among them.
+    /// Number of levels, including those of the root and the leaves.
     pub fn levels(&self) -> usize {
         self.nodes.last().map_or(0, |node| node.level as usize + 1)
     }
@@ -118,13 +118,13 @@ impl Tree {
     }
 }
 
-/// A node while the tree grows: how many splats of the order lie below it.
+/// A node under construction: number of splats of the order below it.
 struct Grown {
     splats: usize,
     children: Vec<Grown>,
 }
 
-/// Splits splats, and reorders them so that those below a node follow each other.
+/// Splits splats, and reorders them so that the descendants of a node are consecutive.
 fn grown(splats: &[Splat], order: &mut [u32], children: usize) -> Grown {
     let count = order.len();
     if count == 1 {
@@ -139,7 +139,7 @@ fn grown(splats: &[Splat], order: &mut [u32], children: usize) -> Grown {
     }
 }
 
-/// So many parts of about as many splats each, by halving along the longest side.
+/// `count` parts with about the same number of splats each, by halving along the longest side.
 fn parts(splats: &[Splat], order: &mut [u32], count: usize, children: usize) -> Vec<Grown> {
     if count == 1 {
         return vec![grown(splats, order, children)];
@@ -159,8 +159,8 @@ fn parts(splats: &[Splat], order: &mut [u32], count: usize, children: usize) -> 
             longest
         }
     });
-    // Those at one place go by their number: halves are the same in whatever order they come, and
-    // no half is empty.
+    // Splats at one place are ordered by number: halves do not depend on the input order, and no
+    // half is empty.
     order.select_nth_unstable_by(at, |a, b| {
         position(a)[axis]
             .total_cmp(&position(b)[axis])
@@ -178,9 +178,9 @@ fn parts(splats: &[Splat], order: &mut [u32], count: usize, children: usize) -> 
     near
 }
 
-/// Numbers nodes level by level, and fills them from the leaves up.
+/// Numbers nodes level by level, and computes them from the leaves up.
 fn laid_out(splats: &[Splat], order: &[u32], root: &Grown) -> Tree {
-    // A node's place in the order, its level, and where its children begin.
+    // A node's start in the order, its level, and the start of its children.
     let mut queue: Vec<(&Grown, usize, u32, usize)> = vec![(root, 0, 0, 0)];
     let mut nth = 0;
     while nth < queue.len() {
@@ -203,12 +203,12 @@ fn laid_out(splats: &[Splat], order: &[u32], root: &Grown) -> Tree {
         children: 0,
     };
     let mut nodes = vec![leaf; queue.len()];
-    let mut sums = vec![Sums::default(); queue.len()];
+    let mut sums = vec![LeafSums::default(); queue.len()];
     for (nth, (grown, start, level, first)) in queue.iter().enumerate().rev() {
         if grown.children.is_empty() {
             let place = order[*start];
             let splat = splats[place as usize];
-            sums[nth] = Sums::of(&splat);
+            sums[nth] = LeafSums::of(&splat);
             nodes[nth] = Node {
                 splat,
                 sphere: splat.radius,
@@ -224,7 +224,7 @@ fn laid_out(splats: &[Splat], order: &[u32], root: &Grown) -> Tree {
         sums[nth] = sums[*first..*first + children]
             .iter()
             .copied()
-            .reduce(Sums::and)
+            .reduce(LeafSums::and)
             .unwrap_or_default();
         let below = order[*start..*start + grown.splats]
             .iter()
@@ -249,24 +249,24 @@ fn laid_out(splats: &[Splat], order: &[u32], root: &Grown) -> Tree {
 
 /// Sums over leaves, each weighted by σ².
 #[derive(Clone, Copy, Debug, Default)]
-struct Sums {
+struct LeafSums {
     area: f64,
     mean: DVec3,
-    /// Of positions about their mean, times the area.
+    /// Second moments of positions about their mean, times the area.
     moment: DMat3,
     /// Σσ⁴.
     kernels: f64,
     normal: DVec3,
     opacity: f64,
-    /// Weighted by opacity too, and not.
+    /// Weighted by opacity, and unweighted.
     rgb: [DVec3; 2],
 }
 
-impl Sums {
+impl LeafSums {
     fn of(splat: &Splat) -> Self {
         let area = splat.radius * splat.radius;
         let rgb = DVec3::from_array(splat.rgb) * area;
-        Sums {
+        LeafSums {
             area,
             mean: splat.position,
             moment: DMat3::ZERO,
@@ -277,14 +277,14 @@ impl Sums {
         }
     }
 
-    /// Of both, by the parallel axis theorem: no difference of large squares.
-    fn and(self, other: Sums) -> Sums {
+    /// Sums of both, by the parallel axis theorem, which avoids differences of large squares.
+    fn and(self, other: LeafSums) -> LeafSums {
         let area = self.area + other.area;
         let part = if area > 0.0 { other.area / area } else { 0.5 };
         let apart = other.mean - self.mean;
         let outer = DMat3::from_cols(apart * apart.x, apart * apart.y, apart * apart.z)
             * (self.area * part);
-        Sums {
+        LeafSums {
             area,
             mean: self.mean + apart * part,
             moment: self.moment + other.moment + outer,
@@ -296,20 +296,19 @@ impl Sums {
     }
 }
 
-/// A node above these leaves, of which the widest splat below has that σ; its place in the tree is
-/// not known yet.
-fn inner<'a>(sums: &Sums, below: impl Iterator<Item = &'a Splat> + Clone, widest: f64) -> Node {
+/// A node above these leaves, with `widest` as the greatest σ; its place in the tree is set later.
+fn inner<'a>(sums: &LeafSums, below: impl Iterator<Item = &'a Splat> + Clone, widest: f64) -> Node {
     let Some(first) = below.clone().next() else {
         unreachable!("an inner node has leaves below it")
     };
-    // Where normals cancel out, none is better than another.
+    // If normals cancel, any direction is as good.
     let length = sums.normal.length();
     let normal = if length > 1e-6 * sums.area {
         sums.normal / length
     } else {
         first.normal
     };
-    // A mean may round to a last place beyond what it is of.
+    // A mean may round to one ulp beyond the range of its values.
     let (low, high) = (below.clone().map(|splat| splat.position))
         .fold((first.position, first.position), |(low, high), position| {
             (low.min(position), high.max(position))
@@ -331,7 +330,7 @@ fn inner<'a>(sums: &Sums, below: impl Iterator<Item = &'a Splat> + Clone, widest
             None => areas.push((splat.material, area)),
         }
     }
-    // That of most of the area; of equals the first in the list.
+    // The material with the most area; of equal ones the first in the list.
     areas.sort_unstable_by_key(|(material, _)| *material);
     let material = areas
         .iter()
@@ -341,8 +340,8 @@ fn inner<'a>(sums: &Sums, below: impl Iterator<Item = &'a Splat> + Clone, widest
     let trace = sums.moment.x_axis.x + sums.moment.y_axis.y + sums.moment.z_axis.z;
     let in_plane = (trace - normal.dot(sums.moment * normal)).max(0.0) / 2.0;
     let second_moment = (in_plane + sums.kernels) / sums.area;
-    // What covers its sphere's square once covers enough: splats at one place are no larger for
-    // being many.
+    // Covering the square of its sphere once is enough: many splats at one place are not larger
+    // than one.
     let variance = facing.max(second_moment).min(2.0 * reach * reach);
     let radius = variance.sqrt().clamp(LEAST_RADIUS, FARTHEST);
     let opacity = (sums.opacity / sums.area * (facing / variance).min(1.0)).clamp(0.0, 1.0);

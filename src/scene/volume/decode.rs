@@ -1,5 +1,5 @@
-//! Decode: turns the bytes of a file into `f32` samples, finite or NaN, and the words of a header
-//! into numbers.
+//! Decode: converts the bytes of a file to `f32` samples, finite or NaN, and the words of a header
+//! to numbers.
 
 pub(super) use crate::scene::ply::clip;
 use flate2::bufread::{GzDecoder, ZlibDecoder};
@@ -61,12 +61,12 @@ pub enum ByteOrder {
 
 // ---- samples ----
 
-/// Samples that a volume may have: more would not fit beside their splats in any machine this runs
-/// on.
+/// Most samples of a volume: with their splats, more would not fit into the memory of supported
+/// computers.
 const MOST_SAMPLES: usize = 1 << 31;
 
-/// How many samples there are, and how each is stored.
-pub(super) struct Layout {
+/// Number of samples, and their encoding.
+pub(super) struct SampleLayout {
     pub size: [usize; 3],
     sample_type: SampleType,
     order: ByteOrder,
@@ -107,14 +107,14 @@ macro_rules! decoded {
     }};
 }
 
-impl Layout {
-    /// Checks the size, which stands in `field`.
+impl SampleLayout {
+    /// Checks the size, which is in `field`.
     pub fn new(
         size: [usize; 3],
         sample_type: SampleType,
         order: ByteOrder,
         field: &str,
-    ) -> Parsed<Layout> {
+    ) -> Parsed<SampleLayout> {
         let written = || size.map(|n| n.to_string()).join(" × ");
         if size.contains(&0) {
             return Err(format!(
@@ -132,7 +132,7 @@ impl Layout {
                 written()
             )
         })?;
-        Ok(Layout {
+        Ok(SampleLayout {
             size,
             sample_type,
             order,
@@ -140,28 +140,28 @@ impl Layout {
         })
     }
 
-    /// Bytes that the samples take, at most 2³⁴.
+    /// Bytes of the samples, at most 2³⁴.
     pub fn bytes(&self) -> usize {
         self.count.saturating_mul(self.sample_type.bytes())
     }
 
-    /// How many samples there are.
+    /// Number of samples.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// Bytes of a packed sample while it is read: unpacked into memory that grows, decoded, and
-    /// brought into places.
+    /// Peak bytes per packed sample while it is read: unpacked into growing memory, decoded, and
+    /// reordered.
     pub fn unpacked_bytes(&self) -> u64 {
         2 * self.sample_type.bytes() as u64 + 16
     }
 
-    /// Decodes the first samples of `bytes`; what follows them is ignored.
+    /// Decodes the first samples of `bytes`; trailing bytes are ignored.
     pub fn values(&self, bytes: &[u8]) -> Parsed<Vec<f32>> {
         self.known(decoded!(self, self.samples(bytes)?, f32))
     }
 
-    /// [`Layout::values`], as precise as the file has them: for positions.
+    /// [`SampleLayout::values`] in the file's precision: for positions.
     pub fn reals(&self, bytes: &[u8]) -> Parsed<Vec<f64>> {
         self.finite(decoded!(self, self.samples(bytes)?, f64))
     }
@@ -175,8 +175,7 @@ impl Layout {
         })
     }
 
-    /// Reads the first samples of a text of numbers with white space between them; what follows
-    /// them is ignored.
+    /// Reads the first samples of a text of numbers separated by white space; the rest is ignored.
     pub fn text_values(&self, text: &[u8]) -> Parsed<Vec<f32>> {
         self.known(
             self.text_reals(text)?
@@ -186,7 +185,7 @@ impl Layout {
         )
     }
 
-    /// Refuses a text of more numbers than there are samples.
+    /// Refuses a text of more numbers than samples.
     pub fn ends(&self, text: &[u8]) -> Parsed<()> {
         match text
             .split(u8::is_ascii_whitespace)
@@ -204,7 +203,7 @@ impl Layout {
         }
     }
 
-    /// [`Layout::text_values`], as precise as f64 has them, which need not be finite.
+    /// [`SampleLayout::text_values`] in f64 precision; values need not be finite.
     pub fn text_reals(&self, text: &[u8]) -> Parsed<Vec<f64>> {
         let words = text
             .split(u8::is_ascii_whitespace)
@@ -216,7 +215,7 @@ impl Layout {
                 .and_then(|word| word.parse::<f64>().ok());
             number.ok_or_else(|| {
                 format!(
-                    "sample {}: `{}` is no number",
+                    "sample {}: `{}` is not a number",
                     self.place(i),
                     clip(&String::from_utf8_lossy(word))
                 )
@@ -234,7 +233,7 @@ impl Layout {
         Ok(values)
     }
 
-    /// Hands the places back if all are finite.
+    /// Returns the places if all are finite.
     pub fn finite(&self, places: Vec<f64>) -> Parsed<Vec<f64>> {
         match places.iter().position(|place| !place.is_finite()) {
             None => Ok(places),
@@ -246,7 +245,7 @@ impl Layout {
         }
     }
 
-    /// Hands the values back if none is infinite; NaN says that there is no sample.
+    /// Returns the values if none is infinite; NaN stands for a missing sample.
     pub fn known(&self, values: Vec<f32>) -> Parsed<Vec<f32>> {
         match values.iter().position(|value| value.is_infinite()) {
             None => Ok(values),
@@ -258,7 +257,7 @@ impl Layout {
         }
     }
 
-    /// Index of a sample, as the user counts: (x, y, z) from zero.
+    /// Index of a sample for messages: (x, y, z) from zero.
     fn place(&self, i: usize) -> String {
         let [x, y, _] = self.size;
         format!("({}, {}, {})", i % x, i / x % y, i / x / y)
@@ -267,7 +266,7 @@ impl Layout {
 
 // ---- packed bytes ----
 
-/// The members of a gzip file, one after the other; what follows the last is ignored.
+/// The members of a gzip file in sequence; trailing bytes are ignored.
 struct Members<'a>(GzDecoder<&'a [u8]>);
 
 impl Read for Members<'_> {
@@ -296,7 +295,7 @@ pub(super) fn unpacker<'a>(packed: &'a [u8]) -> Box<dyn Read + 'a> {
     }
 }
 
-/// Passes over the next bytes, or as many as there are, and returns their number.
+/// Skips the next bytes, or as many as there are, and returns their number.
 pub(super) fn pass_over(source: &mut dyn Read, most: u64) -> Parsed<u64> {
     io::copy(&mut source.take(most), &mut io::sink()).map_err(broken)
 }
@@ -311,12 +310,12 @@ pub(super) fn take(source: &mut dyn Read, most: usize) -> Parsed<Vec<u8>> {
     Ok(bytes)
 }
 
-/// All the bytes that are left, which must not be more than `most`.
+/// All remaining bytes, which must not be more than `most`.
 pub(super) fn take_all(source: &mut dyn Read, most: usize) -> Parsed<Vec<u8>> {
     let bytes = take(source, most.saturating_add(1))?;
     if bytes.len() > most {
         return Err(format!(
-            "the compressed samples unpack to more than the {most} bytes that size and type ask for"
+            "the compressed samples unpack to more than the {most} bytes that size and type require"
         ));
     }
     Ok(bytes)
@@ -344,14 +343,14 @@ pub(super) fn read_beside(folder: &Path, name: &str, field: &str) -> Parsed<Vec<
     read_file(&folder.join(name)).map_err(|e| format!("the data file `{}` {e}", clip(name)))
 }
 
-/// Says that the second file is at fault.
+/// Adds the name of the second file, in which the error is.
 pub(super) fn in_data_file(name: &str, sentence: String) -> String {
     format!("data file `{}`: {sentence}", clip(name))
 }
 
 // ---- headers ----
 
-/// Cuts the next line off, without its end; `None` where nothing is left.
+/// Removes and returns the next line, without its end; `None` at the end.
 pub(super) fn next_line<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
     if rest.is_empty() {
         return None;
@@ -365,7 +364,7 @@ pub(super) fn next_line<'a>(rest: &mut &'a [u8]) -> Option<&'a [u8]> {
     Some(line.strip_suffix(b"\r").unwrap_or(line))
 }
 
-/// The fields of a text header that are of use here, each with its value.
+/// The relevant fields of a text header, with their values.
 pub(super) struct Fields(Vec<(&'static str, String)>);
 
 impl Fields {
@@ -373,7 +372,7 @@ impl Fields {
         Fields(Vec::new())
     }
 
-    /// Adds a field, which must not be there yet.
+    /// Adds a field, which must be new.
     pub fn add(&mut self, name: &'static str, value: String) -> Parsed<()> {
         if self.get(name).is_some() {
             return Err(format!("`{name}` is there twice"));
@@ -394,13 +393,13 @@ impl Fields {
             .ok_or_else(|| format!("there is no `{name}` in the header"))
     }
 
-    /// The first of the names that is there: one field may go by several.
+    /// The first of the names that exists: a field may have several names.
     pub fn first_of(&self, names: &[&'static str]) -> Option<(&'static str, &str)> {
         names.iter().find_map(|name| Some((*name, self.get(name)?)))
     }
 }
 
-/// One number, which `field` holds as text.
+/// One number, from the text of `field`.
 pub(super) fn number<T: FromStr>(text: &str, field: &str, kind: &str) -> Parsed<T> {
     text.trim()
         .parse()
@@ -441,7 +440,7 @@ pub(super) fn diagonal([x, y, z]: [f64; 3]) -> [[f64; 3]; 3] {
     [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]]
 }
 
-/// Refuses a spacing below zero, where the format has another way to turn an axis round.
+/// Refuses a negative spacing in formats with another way to mirror an axis.
 pub(super) fn positive(spacing: [f64; 3], field: &str) -> Parsed<()> {
     match spacing
         .iter()
@@ -454,19 +453,19 @@ pub(super) fn positive(spacing: [f64; 3], field: &str) -> Parsed<()> {
     }
 }
 
-/// Steps and positions past this (or below its inverse) are no world units; squares and products of
-/// others stay finite.
+/// Steps and positions beyond this (or below its inverse) are invalid; squares and products of
+/// others are finite.
 pub(super) const FARTHEST: f64 = 1e30;
 
 pub(super) fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// Least volume of a cell, as a part of that of a box with the same edges: thinner, a kernel is a
-/// disc.
+/// Least volume of a cell, as a part of that of a box with the same edges: in thinner cells,
+/// kernels would be discs.
 const FLATTEST_CELL: f64 = 1e-6;
 
-/// Whether the axes are of a sound length and span space. They may be sheared.
+/// Checks that the axes have a valid length and span space. They may be sheared.
 pub(super) fn check_grid(
     axes: &[[f64; 3]; 3],
     axes_field: &str,

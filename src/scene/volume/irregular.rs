@@ -1,49 +1,48 @@
-//! Irregular: reads a scalar field at places that need not lie evenly from VTK XML files:
-//! rectilinear grids (`.vtr`), curvilinear ones (`.vts`), and points (`.vtu`, `.vtp`), of which
-//! cells say nothing here.
+//! Irregular: reads a scalar field at arbitrary positions from VTK XML files: rectilinear grids
+//! (`.vtr`), curvilinear ones (`.vts`), and points (`.vtu`, `.vtp`), whose cells are ignored.
 //!
-//! Samples are those at points. Places keep the precision of the file.
+//! Samples are those at points. Positions keep the precision of the file.
 
-use super::decode::{Layout, Parsed, clip, number};
+use super::decode::{Parsed, SampleLayout, clip, number};
 use super::vtk::{File, components};
 use super::{ByteOrder, SampleType};
 use glam::DVec3;
 
-/// A scalar field at places of any order.
+/// A scalar field at arbitrary positions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Irregular {
-    /// Where the samples are.
-    pub places: Places,
-    /// The samples, x fastest on a grid; finite, or NaN where there is none; at least 1.
+    /// Positions of the samples.
+    pub places: SamplePlaces,
+    /// The samples, x fastest on a grid; finite, or NaN for a missing sample; at least 1.
     pub values: Vec<f32>,
-    /// What a reader assumed, for the summary, as those of [`super::Volume`].
+    /// Notes of the reader for the summary, as in [`super::Volume`].
     pub notes: Vec<String>,
 }
 
-/// Where samples are; all finite.
+/// Positions of samples; all finite.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Places {
-    /// Coordinates along x, y and z, each in ascending or descending order: a sample at each three
-    /// of them.
+pub enum SamplePlaces {
+    /// Coordinates along x, y and z, each in ascending or descending order: one sample at each
+    /// combination.
     Rectilinear([Vec<f64>; 3]),
-    /// Samples along each axis of a grid, and the place of each, x fastest.
+    /// Samples along each axis of a grid, and the position of each, x fastest.
     Curvilinear([usize; 3], Vec<DVec3>),
     /// Points, and the variance of the kernel of each, if the file has it: xx, yy, zz, xy, yz and
     /// xz, world units².
     Scattered(Vec<DVec3>, Option<Vec<[f64; 6]>>),
 }
 
-/// Names of arrays that a scene asks for.
+/// Names of arrays that a scene selects.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Arrays<'a> {
-    /// The samples; left out: those that the file itself names, else the first of one component.
+    /// The samples; None: those that the file selects, else the first of one component.
     pub values: Option<&'a str>,
     /// Variances of points.
     pub variance: Option<&'a str>,
 }
 
 impl Arrays<'_> {
-    /// Grids have their kernels from their spacing.
+    /// Refuses variances for grids, whose kernels follow from their spacing.
     pub(super) fn without_variance(&self, kind: &str) -> Parsed<()> {
         self.variance.map_or(Ok(()), |_| {
             Err(format!(
@@ -57,8 +56,8 @@ pub(in crate::scene) fn read_rectilinear(bytes: &[u8], arrays: &Arrays) -> Parse
     arrays.without_variance("rectilinear")?;
     let file = File::scan(bytes, "RectilinearGrid")?;
     let (size, _) = file.extent()?;
-    // Refuses a grid that is too large before anything is read of it.
-    Layout::new(size, SampleType::U8, ByteOrder::Little, "WholeExtent")?;
+    // Refuses a grid that is too large before anything is read.
+    SampleLayout::new(size, SampleType::U8, ByteOrder::Little, "WholeExtent")?;
     let of_axes: Vec<_> = file.arrays("Coordinates").collect();
     let [x, y, z] = of_axes.as_slice() else {
         return Err(format!(
@@ -87,7 +86,7 @@ pub(in crate::scene) fn read_rectilinear(bytes: &[u8], arrays: &Arrays) -> Parse
     let (array, note) = file.active_array(arrays.values)?;
     let values = file.values(array, size, "WholeExtent")?;
     Ok(Irregular {
-        places: Places::Rectilinear(coordinates),
+        places: SamplePlaces::Rectilinear(coordinates),
         values,
         notes: note.into_iter().collect(),
     })
@@ -97,12 +96,12 @@ pub(in crate::scene) fn read_curvilinear(bytes: &[u8], arrays: &Arrays) -> Parse
     arrays.without_variance("curvilinear")?;
     let file = File::scan(bytes, "StructuredGrid")?;
     let (size, _) = file.extent()?;
-    Layout::new(size, SampleType::U8, ByteOrder::Little, "WholeExtent")?;
+    SampleLayout::new(size, SampleType::U8, ByteOrder::Little, "WholeExtent")?;
     let points = read_points(&file, size.iter().product())?;
     let (array, note) = file.active_array(arrays.values)?;
     let values = file.values(array, size, "WholeExtent")?;
     Ok(Irregular {
-        places: Places::Curvilinear(size, points),
+        places: SamplePlaces::Curvilinear(size, points),
         values,
         notes: note.into_iter().collect(),
     })
@@ -124,7 +123,7 @@ fn read_scattered(bytes: &[u8], set: &str, arrays: &Arrays) -> Parsed<Irregular>
     }
     let count: usize = number(file.piece.need(FIELD)?, FIELD, "a whole number")?;
     let size = [count, 1, 1];
-    Layout::new(size, SampleType::U8, ByteOrder::Little, FIELD)?;
+    SampleLayout::new(size, SampleType::U8, ByteOrder::Little, FIELD)?;
     let points = read_points(&file, count)?;
     let (array, note) = file.active_array(arrays.values)?;
     let values = file.values(array, size, FIELD)?;
@@ -133,7 +132,7 @@ fn read_scattered(bytes: &[u8], set: &str, arrays: &Arrays) -> Parsed<Irregular>
         .map(|name| read_variances(&file, name, count))
         .transpose()?;
     Ok(Irregular {
-        places: Places::Scattered(points, variances),
+        places: SamplePlaces::Scattered(points, variances),
         values,
         notes: note.into_iter().collect(),
     })
@@ -161,7 +160,7 @@ fn read_points(file: &File, count: usize) -> Parsed<Vec<DVec3>> {
 }
 
 /// Variances of 1 component (the same in all directions), 3 (along x, y and z) or 6 (xx, yy, zz,
-/// xy, yz, xz, as VTK orders a symmetric tensor).
+/// xy, yz, xz, in VTK's order of a symmetric tensor).
 fn read_variances(file: &File, name: &str, count: usize) -> Parsed<Vec<[f64; 6]>> {
     let array = file.named_array(name)?;
     let each = match components(array) {
@@ -169,9 +168,9 @@ fn read_variances(file: &File, name: &str, count: usize) -> Parsed<Vec<[f64; 6]>
         "3" => 3,
         "6" => 6,
         other => {
-            let told = "a variance has 1 (the same in all directions), 3 (along x, y, z) or 6 (xx, yy, zz, xy, yz, xz)";
+            let right = "a variance has 1 (the same in all directions), 3 (along x, y, z) or 6 (xx, yy, zz, xy, yz, xz)";
             return Err(format!(
-                "array `{}`: `NumberOfComponents` is `{}`; {told}",
+                "array `{}`: `NumberOfComponents` is `{}`; {right}",
                 clip(name),
                 clip(other)
             ));
@@ -194,8 +193,7 @@ fn read_variances(file: &File, name: &str, count: usize) -> Parsed<Vec<[f64; 6]>
     }
 }
 
-/// Whether a symmetric matrix is positive definite, by its leading minors; of one scaled to
-/// about 1.
+/// Whether a symmetric matrix, scaled to about 1, is positive definite, by its leading minors.
 fn is_positive(&[xx, yy, zz, xy, yz, xz]: &[f64; 6]) -> bool {
     let largest = xx.max(yy).max(zz);
     if largest.is_nan() || largest < f64::MIN_POSITIVE {

@@ -1,19 +1,19 @@
 //! MetaImage: reads a volume from an `.mha` file, or from an `.mhd` header and its data file
 //! (docs.itk.org, "MetaIO").
 //!
-//! Coordinates are left-posterior-superior, as ITK defines them, and are turned into the one world.
-//! `AnatomicalOrientation` says again what `TransformMatrix` says and is not read. Keys that have
-//! no bearing on the samples are skipped: the format lets users add their own.
+//! Coordinates are left-posterior-superior, as defined by ITK, and are converted to the common
+//! system. `AnatomicalOrientation` repeats `TransformMatrix` and is not read. Keys that do not
+//! affect the samples are skipped: users may add their own.
 
 use super::decode::{
-    Fields, Layout, Parsed, check_grid, clip, diagonal, in_data_file, next_line, number, numbers,
-    positive, read_beside, take_all, triple, unpacker,
+    Fields, Parsed, SampleLayout, check_grid, clip, diagonal, in_data_file, next_line, number,
+    numbers, positive, read_beside, take_all, triple, unpacker,
 };
 use super::world::World;
 use super::{ByteOrder, SampleType, Volume, skip_bytes};
 use std::path::Path;
 
-/// `MET_LONG` has 32 bits in files, whatever the machine.
+/// `MET_LONG` has 32 bits in files, on every computer.
 const TYPES: [(SampleType, &str); 12] = [
     (SampleType::I8, "MET_CHAR"),
     (SampleType::U8, "MET_UCHAR"),
@@ -61,7 +61,7 @@ pub(in crate::scene) fn read(bytes: &[u8], folder: &Path) -> Parsed<Volume> {
         Some((key, _)) if yes(&header, key, false)? => ByteOrder::Big,
         _ => ByteOrder::Little,
     };
-    let layout = Layout::new(
+    let layout = SampleLayout::new(
         triple(header.need("DimSize")?, "DimSize")?,
         sample_type(&header)?,
         order,
@@ -91,7 +91,7 @@ pub(in crate::scene) fn read(bytes: &[u8], folder: &Path) -> Parsed<Volume> {
     })
 }
 
-/// The keys that are of use, and what follows `ElementDataFile`, which is the last.
+/// The relevant keys, and the data after `ElementDataFile`, which is the last.
 fn read_header(bytes: &[u8]) -> Parsed<(Fields, &[u8])> {
     let mut rest = bytes;
     let mut header = Fields::new();
@@ -102,7 +102,7 @@ fn read_header(bytes: &[u8]) -> Parsed<(Fields, &[u8])> {
         }
         let (key, value) = line
             .split_once('=')
-            .ok_or_else(|| format!("header line `{}` is no `key = value`", clip(&line)))?;
+            .ok_or_else(|| format!("header line `{}` is not `key = value`", clip(&line)))?;
         if let Some(key) = KEYS.iter().find(|known| **known == key.trim()) {
             header.add(key, value.trim().into())?;
             if *key == "ElementDataFile" {
@@ -175,14 +175,14 @@ fn read_grid(header: &Fields) -> Parsed<([[f64; 3]; 3], [f64; 3])> {
     Ok((axes, origin))
 }
 
-fn read_samples(data: &[u8], header: &Fields, layout: &Layout) -> Parsed<Vec<f32>> {
+fn read_samples(data: &[u8], header: &Fields, layout: &SampleLayout) -> Parsed<Vec<f32>> {
     let compressed = yes(header, "CompressedData", false)?;
     let skip: i64 = number(
         header.get("HeaderSize").unwrap_or("0"),
         "HeaderSize",
         "a whole number or -1",
     )?;
-    // −1: the samples are at the very end.
+    // −1: the samples are at the end of the file.
     let skip = match u64::try_from(skip) {
         Ok(skip) => skip,
         Err(_) if skip == -1 && !compressed => data.len().saturating_sub(layout.bytes()) as u64,

@@ -1,23 +1,23 @@
 //! Nifti: reads a volume from a single NIfTI-1 file, gzipped or not, in either byte order
 //! (nifti.nimh.nih.gov, `nifti1.h`).
 //!
-//! Axes are those of the sform if it is set, else of the qform; where the one is broken the next is
-//! tried, and the bare `pixdim`, which says nothing of the world, comes last. A note says what was
-//! left out. Units are not converted. Samples are scaled by `scl_slope` and `scl_inter`.
+//! Axes are those of the sform if it is set, else of the qform. If one is invalid the next is used;
+//! the last is the bare `pixdim`, which has no orientation. A note reports what was left out. Units
+//! are not converted. Samples are scaled by `scl_slope` and `scl_inter`.
 
 use super::decode::{
-    Layout, Parsed, check_grid, diagonal, dot, is_gzip, pass_over, positive, take, unpacker,
+    Parsed, SampleLayout, check_grid, diagonal, dot, is_gzip, pass_over, positive, take, unpacker,
 };
-use super::world::unsaid;
+use super::world::unoriented;
 use super::{ByteOrder, SampleType, Volume};
 use std::io::Read;
 
 const HEADER_BYTES: usize = 348;
 
-/// Samples start no earlier: after the header and four bytes that announce extensions.
+/// Least offset of samples: after the header and four bytes for extensions.
 const FIRST_OFFSET: f32 = 352.0;
 
-/// An offset in f32 is exact below this.
+/// Offsets below this are exact in f32.
 const LAST_OFFSET: f32 = 16_777_216.0;
 
 const TYPES: [(SampleType, i16); 10] = [
@@ -93,7 +93,7 @@ impl Header {
             {
                 Err("is a NIfTI-2 file by its `sizeof_hdr`; NIfTI-1 is read".into())
             }
-            _ => Err("is no NIfTI-1 file: `sizeof_hdr` is not 348 in either byte order".into()),
+            _ => Err("is not a NIfTI-1 file: `sizeof_hdr` is not 348 in either byte order".into()),
         }
     }
 
@@ -122,7 +122,7 @@ impl Header {
         [0, 4, 8].map(|i| self.f32(at + i).into())
     }
 
-    fn layout(&self) -> Parsed<Layout> {
+    fn layout(&self) -> Parsed<SampleLayout> {
         let dim: [i16; 8] = std::array::from_fn(|i| self.i16(40 + 2 * i));
         if !(3..=7).contains(&dim[0]) {
             return Err(format!(
@@ -150,7 +150,7 @@ impl Header {
         let known = || TYPES.map(|(_, code)| code.to_string()).join(", ");
         let sample_type = sample_type
             .ok_or_else(|| format!("`datatype` is {code}; {} (integers of 8 to 64 bits, 32-bit and 64-bit floats) are read", known()))?;
-        Layout::new(
+        SampleLayout::new(
             [1, 2, 3].map(|i| dim[i] as usize),
             sample_type,
             self.order,
@@ -158,7 +158,7 @@ impl Header {
         )
     }
 
-    /// Where the samples start.
+    /// Offset of the samples.
     fn offset(&self) -> Parsed<u64> {
         let offset = self.f32(108);
         match offset {
@@ -170,7 +170,7 @@ impl Header {
         }
     }
 
-    /// Axes and origin, and notes of what was left out of it.
+    /// Axes and origin, and notes on what was left out.
     fn grid(&self) -> Parsed<(Grid, Vec<String>)> {
         let sound = |(axes, origin): &Grid| check_grid(axes, "", origin, "").is_ok();
         let (sform, qform) = (self.sform(), self.qform());
@@ -194,14 +194,14 @@ impl Header {
                 positive(pixdim, "pixdim")?;
                 let grid = (diagonal(pixdim), [0.0; 3]);
                 check_grid(&grid.0, "pixdim", &grid.1, "")?;
-                notes.push(unsaid("has neither sform nor qform"));
+                notes.push(unoriented("has neither sform nor qform"));
                 grid
             }
         };
         Ok((grid, notes))
     }
 
-    /// Whether the grid's first or last corner lies half a shortest step apart in two grids.
+    /// Whether the first or last corner of two grids differs by half a shortest step.
     fn differ(&self, one: &Grid, other: &Grid) -> bool {
         let last = [0, 1, 2].map(|i| f64::from(self.i16(42 + 2 * i)) - 1.0);
         let shortest = one
@@ -236,7 +236,7 @@ impl Header {
     fn qform(&self) -> Option<Grid> {
         let [b, c, d] = self.triple(256);
         let squares = b * b + c * c + d * d;
-        // A turn by half a circle, whose squares may add up to a little more than 1.
+        // Rotation by half a turn: rounding may make the sum of squares slightly more than 1.
         let by = if squares > 1.0 {
             squares.sqrt().recip()
         } else {
@@ -274,8 +274,8 @@ impl Header {
         })
     }
 
-    /// Applies the scale of the header; a slope of zero says that there is none.
-    fn scaled(&self, mut values: Vec<f32>, layout: &Layout) -> Parsed<Vec<f32>> {
+    /// Applies the scale of the header; a slope of zero means no scale.
+    fn scaled(&self, mut values: Vec<f32>, layout: &SampleLayout) -> Parsed<Vec<f32>> {
         let (slope, inter) = (f64::from(self.f32(112)), f64::from(self.f32(116)));
         if slope == 0.0 || !slope.is_finite() {
             return Ok(values);

@@ -2,21 +2,21 @@
 //! (teem.sourceforge.net/nrrd/format.html, versions 1 to 5).
 //!
 //! - Axes of length 1 are dropped until three are left, those without a space direction first.
-//! - `space directions` win over `spacings`, these over the steps that `axis mins` and `axis maxs`
-//!   give.
-//! - `space` names the world, which is turned into the one ([`super::world`]); a header without it
-//!   is drawn as it is, with a note.
-//! - Unknown fields are refused, as the format demands; key/value pairs and comments are skipped.
+//! - `space directions` override `spacings`, which override the steps of `axis mins` and `axis
+//!   maxs`.
+//! - `space` names the coordinate system, which is converted to the common one ([`super::world`]);
+//!   a header without it is drawn unchanged, with a note.
+//! - Unknown fields are refused, as the format requires; key/value pairs and comments are skipped.
 
 use super::decode::{
-    Fields, Layout, Parsed, check_grid, clip, diagonal, in_data_file, next_line, number, numbers,
-    pass_over, read_beside, take_all, unpacker,
+    Fields, Parsed, SampleLayout, check_grid, clip, diagonal, in_data_file, next_line, number,
+    numbers, pass_over, read_beside, take_all, unpacker,
 };
-use super::world::{World, unsaid};
+use super::world::{World, unoriented};
 use super::{ByteOrder, SampleType, Volume, skip_bytes};
 use std::path::Path;
 
-/// Each type under all of its names, blanks and `_t` left out.
+/// Each type with all of its names, without blanks and `_t`.
 const TYPES: [(SampleType, &[&str]); 10] = [
     (SampleType::I8, &["signedchar", "int8"]),
     (SampleType::U8, &["uchar", "unsignedchar", "uint8"]),
@@ -59,7 +59,7 @@ const TYPES: [(SampleType, &[&str]); 10] = [
     (SampleType::F64, &["double"]),
 ];
 
-/// Fields that decide what is read.
+/// Fields that are read.
 const FIELDS: [&str; 16] = [
     "type",
     "dimension",
@@ -79,7 +79,7 @@ const FIELDS: [&str; 16] = [
     "centers",
 ];
 
-/// Other fields of the format, blanks left out.
+/// Other fields of the format, without blanks.
 const IGNORED: [&str; 14] = [
     "blocksize",
     "content",
@@ -101,7 +101,7 @@ const IGNORED: [&str; 14] = [
 const MOST_AXES: usize = 16;
 
 #[derive(Clone, Copy, PartialEq)]
-enum Encoding {
+enum NrrdEncoding {
     Raw,
     Gzip,
     Text,
@@ -120,7 +120,7 @@ pub(in crate::scene) fn read(bytes: &[u8], folder: &Path) -> Parsed<Volume> {
         3
     };
     let grid = three_axes(read_axes(&header, numbers)?)?;
-    let layout = Layout::new(
+    let layout = SampleLayout::new(
         grid.each_ref().map(|axis| axis.size),
         sample_type,
         order,
@@ -145,7 +145,7 @@ pub(in crate::scene) fn read(bytes: &[u8], folder: &Path) -> Parsed<Volume> {
     let (axes, origin) = space.map_or((axes, origin), |(world, _)| world.turned(axes, origin));
     let note = match space {
         Some((world, _)) => world.note(),
-        None => Some(unsaid("has no `space`")),
+        None => Some(unoriented("has no `space`")),
     };
     let values = match (header.get("data file"), attached) {
         (Some(name), _) => {
@@ -168,13 +168,13 @@ pub(in crate::scene) fn read(bytes: &[u8], folder: &Path) -> Parsed<Volume> {
     })
 }
 
-/// The fields, and what follows the empty line at their end.
+/// The fields, and the data after the empty line at their end.
 fn read_header(bytes: &[u8]) -> Parsed<(Fields, Option<&[u8]>)> {
     let mut rest = bytes;
     let magic = next_line(&mut rest).unwrap_or_default().trim_ascii_end();
     let version = magic
         .strip_prefix(b"NRRD")
-        .ok_or("is no NRRD file: its first line does not begin with `NRRD`")?;
+        .ok_or("is not an NRRD file: its first line does not begin with `NRRD`")?;
     if !matches!(
         version,
         b"0001" | b"0002" | b"0003" | b"0004" | b"0005" | b"00.01"
@@ -200,7 +200,7 @@ fn read_header(bytes: &[u8]) -> Parsed<(Fields, Option<&[u8]>)> {
 fn add_field(header: &mut Fields, line: &str) -> Parsed<()> {
     let (name, value) = line
         .split_once(':')
-        .ok_or_else(|| format!("header line `{}` is no `field: value`", clip(line)))?;
+        .ok_or_else(|| format!("header line `{}` is not `field: value`", clip(line)))?;
     if value.starts_with('=') {
         return Ok(());
     }
@@ -217,7 +217,10 @@ fn add_field(header: &mut Fields, line: &str) -> Parsed<()> {
         }
         Some(field) => header.add(field, value.trim().into()),
         None if IGNORED.contains(&name.as_str()) => Ok(()),
-        None => Err(format!("`{}` is no field of an NRRD header", clip(&name))),
+        None => Err(format!(
+            "`{}` is not a field of an NRRD header",
+            clip(&name)
+        )),
     }
 }
 
@@ -237,7 +240,7 @@ fn sample_type(header: &Fields) -> Parsed<SampleType> {
     })
 }
 
-/// The world that `space` names, and whether vectors have a fourth number, time.
+/// The coordinate system of `space`, and whether vectors have a fourth number, time.
 fn space(name: &str) -> Parsed<(World, bool)> {
     let known = || {
         format!(
@@ -249,13 +252,13 @@ fn space(name: &str) -> Parsed<(World, bool)> {
     World::of_nrrd(name).ok_or_else(known)
 }
 
-fn encoding(header: &Fields) -> Parsed<Encoding> {
+fn encoding(header: &Fields) -> Parsed<NrrdEncoding> {
     let name = header.need("encoding")?;
     match name.to_lowercase().as_str() {
-        "raw" => Ok(Encoding::Raw),
-        "gz" | "gzip" => Ok(Encoding::Gzip),
-        "txt" | "text" | "ascii" => Ok(Encoding::Text),
-        "hex" => Ok(Encoding::Hex),
+        "raw" => Ok(NrrdEncoding::Raw),
+        "gz" | "gzip" => Ok(NrrdEncoding::Gzip),
+        "txt" | "text" | "ascii" => Ok(NrrdEncoding::Text),
+        "hex" => Ok(NrrdEncoding::Hex),
         _ => Err(format!(
             "`encoding` is `{}`; raw, gzip, ascii and hex are read",
             clip(name)
@@ -263,7 +266,11 @@ fn encoding(header: &Fields) -> Parsed<Encoding> {
     }
 }
 
-fn byte_order(header: &Fields, encoding: Encoding, sample_type: SampleType) -> Parsed<ByteOrder> {
+fn byte_order(
+    header: &Fields,
+    encoding: NrrdEncoding,
+    sample_type: SampleType,
+) -> Parsed<ByteOrder> {
     match header.get("endian").map(str::to_lowercase).as_deref() {
         Some("little") => Ok(ByteOrder::Little),
         Some("big") => Ok(ByteOrder::Big),
@@ -271,7 +278,7 @@ fn byte_order(header: &Fields, encoding: Encoding, sample_type: SampleType) -> P
             "`endian` is `{}`; it must be little or big",
             clip(other)
         )),
-        None if encoding == Encoding::Text || sample_type.bytes() == 1 => Ok(ByteOrder::Little),
+        None if encoding == NrrdEncoding::Text || sample_type.bytes() == 1 => Ok(ByteOrder::Little),
         None => Err("there is no `endian` in the header; it must be little or big".into()),
     }
 }
@@ -284,7 +291,7 @@ struct Axis {
     direction: Option<[f64; 3]>,
     spacing: f64,
     min: f64,
-    /// Samples sit in the middle of cells, half a step from the axis's end.
+    /// Samples are at the centres of cells, half a step from the axis's end.
     in_cells: bool,
 }
 
@@ -335,7 +342,7 @@ fn read_axes(header: &Fields, numbers_each: usize) -> Parsed<Vec<Axis>> {
         } else {
             size.saturating_sub(1).max(1) as f64
         };
-        // NaN says "unknown" in `axis mins` and `axis maxs`.
+        // NaN means "unknown" in `axis mins` and `axis maxs`.
         let end = |ends: &Option<Vec<f64>>| {
             ends.as_ref()
                 .map(|ends| ends[i])
@@ -384,7 +391,7 @@ fn three_axes(mut axes: Vec<Axis>) -> Parsed<[Axis; 3]> {
     Ok(axes)
 }
 
-/// The part of a step that is in space; none where it is in time alone.
+/// The spatial part of a step; None if it is only in time.
 fn in_space(step: Option<[f64; 4]>) -> Parsed<Option<[f64; 3]>> {
     match step {
         Some([x, y, z, time]) if time != 0.0 && [x, y, z] != [0.0; 3] => Err(format!(
@@ -395,7 +402,7 @@ fn in_space(step: Option<[f64; 4]>) -> Parsed<Option<[f64; 3]>> {
     }
 }
 
-/// Vectors of 3 numbers in parentheses, or of 4, or `none` in place of one; of 3 the fourth is 0.
+/// Vectors of 3 or 4 numbers in parentheses, or `none`; for 3 numbers the fourth is 0.
 fn vectors(
     text: &str,
     count: usize,
@@ -460,26 +467,28 @@ fn only_vector(text: &str, numbers: usize) -> Parsed<[f64; 3]> {
 fn read_samples(
     mut data: &[u8],
     header: &Fields,
-    encoding: Encoding,
-    layout: &Layout,
+    encoding: NrrdEncoding,
+    layout: &SampleLayout,
 ) -> Parsed<Vec<f32>> {
     for _ in 0..number::<u64>(
         header.get("line skip").unwrap_or("0"),
         "line skip",
         "a whole number",
     )? {
-        next_line(&mut data).ok_or("`line skip` passes over more lines than there are")?;
+        next_line(&mut data).ok_or("`line skip` skips more lines than there are")?;
     }
     let skip: i64 = number(
         header.get("byte skip").unwrap_or("0"),
         "byte skip",
         "a whole number or -1",
     )?;
-    // −1: the samples are at the very end.
+    // −1: the samples are at the end of the file.
     let skip = match (u64::try_from(skip), encoding) {
         (Ok(skip), _) => skip,
-        (Err(_), Encoding::Raw) if skip == -1 => data.len().saturating_sub(layout.bytes()) as u64,
-        (Err(_), Encoding::Gzip) if skip == -1 => {
+        (Err(_), NrrdEncoding::Raw) if skip == -1 => {
+            data.len().saturating_sub(layout.bytes()) as u64
+        }
+        (Err(_), NrrdEncoding::Gzip) if skip == -1 => {
             pass_over(&mut unpacker(data), u64::MAX)?.saturating_sub(layout.bytes() as u64)
         }
         _ => {
@@ -489,13 +498,13 @@ fn read_samples(
         }
     };
     match encoding {
-        Encoding::Raw => layout.values(skip_bytes(data, skip, "byte skip")?),
-        Encoding::Text => layout.text_values(skip_bytes(data, skip, "byte skip")?),
-        Encoding::Hex => layout.values(&unhex(
+        NrrdEncoding::Raw => layout.values(skip_bytes(data, skip, "byte skip")?),
+        NrrdEncoding::Text => layout.text_values(skip_bytes(data, skip, "byte skip")?),
+        NrrdEncoding::Hex => layout.values(&unhex(
             skip_bytes(data, skip, "byte skip")?,
             layout.bytes(),
         )?),
-        Encoding::Gzip => {
+        NrrdEncoding::Gzip => {
             let mut source = unpacker(data);
             pass_over(&mut source, skip)?;
             layout.values(&take_all(&mut source, layout.bytes())?)
@@ -508,7 +517,7 @@ fn unhex(text: &[u8], most: usize) -> Parsed<Vec<u8>> {
     let digit = |byte: &u8| {
         (*byte as char)
             .to_digit(16)
-            .ok_or_else(|| format!("`{}` is no hexadecimal digit", byte.escape_ascii()))
+            .ok_or_else(|| format!("`{}` is not a hexadecimal digit", byte.escape_ascii()))
     };
     let mut digits = text
         .iter()

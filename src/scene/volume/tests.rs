@@ -1,4 +1,4 @@
-//! Volumes of every format, written into small files and read back.
+//! Tests: volumes of every format, written into small files and read back.
 
 use super::*;
 use base64::Engine;
@@ -19,16 +19,16 @@ fn is_volume(path: &Path) -> bool {
     )
 }
 
-/// The bytes of a file of that name in a folder.
+/// Reads bytes as the file of that name in a folder.
 fn parse(name: &str, bytes: &[u8], folder: &Path) -> Parsed<Volume> {
     match formats::reader(Path::new(name)) {
         Some(Reader::Volume(parse)) => parse(bytes, folder),
         Some(Reader::Image(parse)) => parse(bytes, &Arrays::default()),
-        _ => panic!("{name} is no volume"),
+        _ => panic!("{name} is not a volume"),
     }
 }
 
-/// The samples of the small volume; all types hold them.
+/// The samples of the small volume; all types can represent them.
 const SAMPLES: [u8; 12] = [0, 1, 2, 3, 100, 127, 6, 7, 8, 9, 10, 11];
 
 const TYPES: [SampleType; 10] = [
@@ -46,7 +46,7 @@ const TYPES: [SampleType; 10] = [
 
 const ORDERS: [ByteOrder; 2] = [ByteOrder::Little, ByteOrder::Big];
 
-/// The samples as bytes; signed and float types get a negative one in place of the 1.
+/// The samples as bytes; signed and float types have a negative one instead of the 1.
 fn encode(sample_type: SampleType, order: ByteOrder) -> Vec<u8> {
     let word = |(i, value): (usize, &u8)| {
         let signed = if i == 1 && is_signed(sample_type) {
@@ -125,7 +125,7 @@ fn joined(header: &str, data: &[u8]) -> Vec<u8> {
     [header.as_bytes(), data].concat()
 }
 
-/// The file is refused, and the sentence has all the words.
+/// The file is refused, and the sentence has all these words.
 #[track_caller]
 fn refused(result: Result<Volume, String>, words: &[&str]) {
     let sentence = result.expect_err("was read");
@@ -293,7 +293,7 @@ fn a_broken_description_of_plain_samples_ends_in_a_sentence() {
 // ---- paths ----
 
 #[test]
-fn volumes_are_told_by_their_extension() {
+fn volumes_are_recognised_by_their_extension() {
     for name in [
         "a.nrrd", "a.nhdr", "a.mhd", "a.mha", "a.nii", "a.nii.gz", "a.vti", "A.NII.GZ", "a.b.NRRD",
     ] {
@@ -456,8 +456,8 @@ fn nrrd_grids_are_read() {
     );
 }
 
-/// Signs by which the coordinates of each space come to point right, anterior and superior, from
-/// the names of its axes.
+/// Signs that convert the coordinates of each space to right, anterior and superior, from the names
+/// of its axes.
 #[test]
 fn every_spelling_of_an_nrrd_space_lands_in_one_world() {
     let grid = |space: &str, time: bool| {
@@ -549,7 +549,7 @@ fn an_nrrd_axis_of_time_is_dropped() {
         SampleType::U8,
     );
     assert_eq!(volume.axes, diagonal([1.0, 1.0, 2.0]));
-    // And not another axis of one sample.
+    // And not another axis with one sample.
     let first = header.replace("3 2 2 1", "1 3 4 1").replace(
         "(1,0,0,0) (0,1,0,0) (0,0,2,0) (0,0,0,3)",
         "(0,0,0,3) (1,0,0,0) (0,1,0,0) (0,0,2,0)",
@@ -585,7 +585,7 @@ fn nrrd_axes_of_length_one_are_dropped() {
 }
 
 #[test]
-fn nrrd_passes_over_lines_and_bytes() {
+fn nrrd_skips_lines_and_bytes() {
     check(
         nrrd(
             "line skip: 2\nbyte skip: 3\n",
@@ -683,7 +683,7 @@ fn a_broken_nrrd_ends_in_a_sentence() {
     refused(with("encoding: raw", "encoding: hex"), &["hexadecimal"]);
     refused(
         with("encoding: raw", "encoding: ascii"),
-        &["sample (0, 0, 0)", "no number"],
+        &["sample (0, 0, 0)", "not a number"],
     );
     refused(
         with("spacings: 1 1 1", "spacings: 1 0 1"),
@@ -729,7 +729,7 @@ fn a_broken_nrrd_ends_in_a_sentence() {
     );
     refused(
         with("spacings: 1 1 1", "spacing: 1 1 1"),
-        &["`spacing` is no field"],
+        &["`spacing` is not a field"],
     );
     refused(
         with("spacings: 1 1 1", "spacings: 1 1 1\nspacings: 1 1 1"),
@@ -1040,7 +1040,7 @@ impl Nifti {
     }
 }
 
-/// Reads a volume of 8-bit samples whose header was changed.
+/// Reads a volume of 8-bit samples with a modified header.
 fn nifti(change: impl Fn(&mut Nifti)) -> Result<Volume, String> {
     let mut nifti = Nifti::new(2, ByteOrder::Little);
     change(&mut nifti);
@@ -1143,7 +1143,7 @@ fn nifti_grids_are_read_from_sform_then_qform_then_pixdim() {
         grid(&|header| (sform(header, 1.0), qform(header, 1.0)).0),
         sheared
     );
-    // What is set and spans no space gives way.
+    // A transform that spans no space is replaced by the next one.
     let flat = |header: &mut Nifti| (sform(header, 0.0), header.floats(312, &[0.0; 3])).0;
     assert_eq!(
         grid(&|header| flat(header)),
@@ -1415,7 +1415,7 @@ fn vti_extents_may_start_anywhere_and_axes_may_be_turned() {
     );
 }
 
-/// Arrays of one component are drawn by name, and a note says which one is where the file leaves it
+/// Arrays of one component are selected by name; a note reports the selection if the file leaves it
 /// open.
 #[test]
 fn an_array_of_a_vti_is_drawn_by_its_name() {
@@ -1582,7 +1582,7 @@ fn a_broken_vti_block_ends_in_a_sentence() {
     check(with("", &plain(12), "raw", "0"), SampleType::U8);
     refused(
         with("", &plain(13), "raw", "0"),
-        &["said to hold 13 bytes", "take 12"],
+        &["declares 13 bytes", "take 12"],
     );
     refused(with("", &plain(u32::MAX), "raw", "0"), &["4294967295"]);
     refused(with("", &plain(12)[..15], "raw", "0"), &["11 bytes"]);
@@ -1637,7 +1637,7 @@ fn a_broken_vti_block_ends_in_a_sentence() {
     );
     refused(
         packed(&[u64::MAX, u64::MAX, 1, length], &data),
-        &["said to hold"],
+        &["declares"],
     );
     refused(
         packed(&[1, 12, 0, u64::MAX], &data),
@@ -1662,7 +1662,7 @@ fn a_broken_vti_block_ends_in_a_sentence() {
 
 // ---- mutations ----
 
-/// Small sound files, one of each kind.
+/// Small valid files, one of each kind.
 fn sound_files() -> Vec<(&'static str, Vec<u8>)> {
     let little = ByteOrder::Little;
     let bytes = encode(SampleType::I16, little);
@@ -1899,7 +1899,7 @@ fn every_real_nrrd_ends_in_a_volume_or_a_sentence() {
         "{:?}",
         nifti.axes
     );
-    // Its `byte skip` is commented out, so the NIfTI header would be taken for samples.
+    // Its `byte skip` is commented out, so the NIfTI header would be read as samples.
     refused(
         with("BallBinary30x30x30_nifti.nhdr"),
         &["BallBinary30x30x30.nii.gz", "more than the 54000 bytes"],

@@ -1,5 +1,5 @@
 //! Vti: reads a volume from a VTK XML image file: the array of `PointData` that a scene or its own
-//! `Scalars` attribute names, else the first of one component.
+//! `Scalars` attribute selects, else the first of one component.
 
 use super::decode::{Parsed, check_grid, numbers, positive, triple};
 use super::vtk::{File, Tag};
@@ -21,7 +21,7 @@ pub(in crate::scene) fn read(bytes: &[u8], arrays: &Arrays) -> Parsed<Volume> {
     })
 }
 
-/// Axes, and position of the sample whose index is `first`: the origin is where index 0 is.
+/// Axes, and the position of the sample with index `first`: index 0 is at the origin.
 fn read_grid(image: &Tag, first: [f64; 3]) -> Parsed<([[f64; 3]; 3], [f64; 3])> {
     let spacing = image
         .get("Spacing")

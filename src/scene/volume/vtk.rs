@@ -1,12 +1,12 @@
-//! Vtk: cuts a VTK XML file into tags, and its arrays into numbers (docs.vtk.org, "VTK XML File
-//! Formats").
+//! Vtk: splits a VTK XML file into tags, and converts its arrays to numbers (docs.vtk.org, "VTK XML
+//! File Formats").
 //!
-//! A scanner of our own for tags and attributes: a file with raw appended samples is not XML.
-//! Arrays are ascii, base64, or appended as base64 or raw, plain or packed by zlib, of any integer
-//! or float type and byte order; a file is in one piece. The crate `vtkio` panics at broken files
-//! and refuses some sound ones (docs/book/volumes-irregular.md).
+//! An own scanner for tags and attributes: a file with raw appended samples is not XML. Arrays are
+//! ASCII, base64, or appended as base64 or raw, plain or packed by zlib, with any integer or float
+//! type and byte order; a file has one piece. The crate `vtkio` panics on broken files and refuses
+//! some valid ones (docs/book/volumes-irregular.md).
 
-use super::decode::{FARTHEST, Layout, Parsed, clip, number, numbers, take_all, unpacker};
+use super::decode::{FARTHEST, Parsed, SampleLayout, clip, number, numbers, take_all, unpacker};
 use super::{ByteOrder, SampleType, skip_bytes};
 use crate::scene::memory;
 use std::borrow::Cow;
@@ -30,7 +30,7 @@ const TYPES: [(SampleType, &str); 10] = [
 pub(super) struct Tag<'a> {
     pub name: &'a str,
     attributes: Vec<(&'a str, &'a str)>,
-    /// What stands between this tag and the next.
+    /// Text between this tag and the next.
     text: &'a [u8],
 }
 
@@ -47,7 +47,7 @@ impl<'a> Tag<'a> {
             .ok_or_else(|| format!("<{}> has no attribute `{attribute}`", clip(self.name)))
     }
 
-    /// Takes what stands between `<` and `>`.
+    /// Parses the text between `<` and `>`.
     fn parse(inside: &'a [u8]) -> Parsed<Tag<'a>> {
         let inside = str::from_utf8(inside)
             .map_err(|_| "has a tag that is not UTF-8 text")?
@@ -87,7 +87,7 @@ fn find(bytes: &[u8], pattern: &[u8]) -> Option<usize> {
         .position(|window| window == pattern)
 }
 
-/// Cuts off the next tag; `None` where there is none left. Comments and declarations are skipped.
+/// Removes and returns the next tag; `None` at the end. Comments and declarations are skipped.
 fn next_tag<'a>(rest: &mut &'a [u8]) -> Parsed<Option<Tag<'a>>> {
     const ENDS: &str = "ends inside a tag";
     while let Some(start) = find(rest, b"<") {
@@ -119,7 +119,7 @@ fn next_tag<'a>(rest: &mut &'a [u8]) -> Parsed<Option<Tag<'a>>> {
 
 // ---- arrays ----
 
-/// How many components an array has, as it says.
+/// Number of components of an array, as text.
 pub(super) fn components<'a>(array: &Tag<'a>) -> &'a str {
     array.get("NumberOfComponents").unwrap_or("1").trim_ascii()
 }
@@ -141,17 +141,17 @@ fn sample_type(array: &Tag) -> Parsed<SampleType> {
 
 // ---- file ----
 
-/// A file of one data set, in one piece.
+/// A file of one data set in one piece.
 #[derive(Default)]
 pub(super) struct File<'a> {
     root: Tag<'a>,
-    /// The tag that is named as the file's type.
+    /// The tag of the file's type.
     pub set: Tag<'a>,
     pub piece: Tag<'a>,
     point_data: Tag<'a>,
-    /// Arrays by the tag that they are in: `PointData`, `Coordinates` or `Points`.
+    /// Arrays by the tag that contains them: `PointData`, `Coordinates` or `Points`.
     arrays: Vec<(&'static str, Tag<'a>)>,
-    /// The tag before the appended samples, and all that follows its underscore.
+    /// The tag of the appended samples, and everything after its underscore.
     appended: Option<(Tag<'a>, &'a [u8])>,
 }
 
@@ -159,7 +159,7 @@ pub(super) struct File<'a> {
 const SECTIONS: [&str; 3] = ["PointData", "Coordinates", "Points"];
 
 impl<'a> File<'a> {
-    /// Cuts a file up whose `type` is `set`, as a tag has the name.
+    /// Splits a file whose `type` is `set`, which is also the name of a tag.
     pub fn scan(bytes: &'a [u8], set: &str) -> Parsed<File<'a>> {
         let mut file = File::default();
         let mut section = None;
@@ -181,7 +181,7 @@ impl<'a> File<'a> {
                     file.appended = Some((tag, data));
                     break;
                 }
-                // What an array may have within it ends no list of arrays.
+                // Elements inside an array do not end the list of arrays.
                 "/DataArray" | "InformationKey" | "/InformationKey" | "Value" | "/Value" => {}
                 name => {
                     section = SECTIONS.into_iter().find(|section| *section == name);
@@ -192,7 +192,7 @@ impl<'a> File<'a> {
             }
         }
         if file.root.name.is_empty() {
-            return Err("is no VTK XML file: there is no <VTKFile> in it".into());
+            return Err("is not a VTK XML file: there is no <VTKFile> in it".into());
         }
         if file.root.need("type")? != set {
             return Err(format!(
@@ -203,8 +203,8 @@ impl<'a> File<'a> {
         Ok(file)
     }
 
-    /// Samples along each axis, from what `WholeExtent` says, and the index of the first; the piece
-    /// must have all of it.
+    /// Samples along each axis, from `WholeExtent`, and the index of the first; the piece must
+    /// cover all of it.
     pub fn extent(&self) -> Parsed<([usize; 3], [f64; 3])> {
         let (whole, extent) = (self.set.need("WholeExtent")?, self.piece.get("Extent"));
         let range: Vec<i32> = numbers(whole, 6, "WholeExtent")?;
@@ -217,7 +217,7 @@ impl<'a> File<'a> {
                 clip(whole)
             ));
         }
-        // An extent that ends before it starts has no samples; `Layout` refuses that.
+        // An extent that ends before it starts has no samples; `SampleLayout` refuses that.
         let size = [0, 2, 4].map(|i| {
             usize::try_from(i64::from(range[i + 1]) - i64::from(range[i]) + 1).unwrap_or(0)
         });
@@ -232,8 +232,8 @@ impl<'a> File<'a> {
             .map(|(_, array)| array)
     }
 
-    /// The array of samples: the one of this name, or else the one that `PointData` names, or else
-    /// the first of one component; then a note says so where there are others.
+    /// The array of samples: the one of this name, else the one that `PointData` selects, else the
+    /// first of one component; in the last case a note is added if there are others.
     pub fn active_array(&self, named: Option<&str>) -> Parsed<(&Tag<'a>, Option<String>)> {
         let mut note = None;
         let of_name = |name: &str| {
@@ -253,7 +253,7 @@ impl<'a> File<'a> {
                     .get("Scalars")
                     .filter(|name| !name.is_empty())
                 {
-                    // An empty list is told of as one.
+                    // An empty list has its own message.
                     Some(name) if first().is_some() => of_name(name).ok_or_else(|| {
                         format!("`Scalars` of <PointData>: {}", self.no_array(name))
                     })?,
@@ -276,7 +276,7 @@ impl<'a> File<'a> {
         }
     }
 
-    /// Names the array that is drawn where a scene may have meant another.
+    /// A note with the drawn array, if a scene may have meant another.
     fn others(&self, array: &Tag) -> Option<String> {
         let name = |array: &Tag| clip(array.get("Name").unwrap_or_default());
         let fit = self
@@ -330,8 +330,7 @@ impl<'a> File<'a> {
         }
     }
 
-    /// The samples of an array, of which there must be as many as `size` says: that stands in
-    /// `field`.
+    /// The samples of an array, which must match `size`, the value of `field`.
     pub fn values(&self, array: &Tag<'a>, size: [usize; 3], field: &str) -> Parsed<Vec<f32>> {
         self.read(
             array,
@@ -342,7 +341,7 @@ impl<'a> File<'a> {
         )
     }
 
-    /// The places that an array has: finite, and nearer than any place of a scene may be.
+    /// The positions in an array: finite, and within the range of a scene.
     pub fn places(&self, array: &Tag<'a>, size: [usize; 3], field: &str) -> Parsed<Vec<f64>> {
         let reals = self.read(
             array,
@@ -354,7 +353,7 @@ impl<'a> File<'a> {
         match reals.iter().find(|place| place.abs() > FARTHEST) {
             None => Ok(reals),
             Some(place) => Err(format!(
-                "`{field}` holds {place:e}; a place must lie within ±{FARTHEST:e}"
+                "`{field}` holds {place:e}; a place must be within ±{FARTHEST:e}"
             )),
         }
     }
@@ -364,11 +363,11 @@ impl<'a> File<'a> {
         array: &Tag<'a>,
         size: [usize; 3],
         field: &str,
-        of_bytes: impl Fn(&Layout, &[u8]) -> Parsed<Vec<T>>,
-        of_text: impl Fn(&Layout, &[u8]) -> Parsed<Vec<T>>,
+        of_bytes: impl Fn(&SampleLayout, &[u8]) -> Parsed<Vec<T>>,
+        of_text: impl Fn(&SampleLayout, &[u8]) -> Parsed<Vec<T>>,
     ) -> Parsed<Vec<T>> {
         let order = self.order()?;
-        let layout = Layout::new(size, sample_type(array)?, order, field)?;
+        let layout = SampleLayout::new(size, sample_type(array)?, order, field)?;
         let of_block = |block: &[u8]| of_bytes(&layout, &self.unblock(block, order, &layout)?);
         let values = match array.need("format")? {
             "ascii" => layout
@@ -389,7 +388,7 @@ impl<'a> File<'a> {
         })
     }
 
-    /// The block of an appended array and all that follows it.
+    /// The block of an appended array, and everything after it.
     fn appended(&self, array: &Tag) -> Parsed<Cow<'a, [u8]>> {
         let (tag, data) = self
             .appended
@@ -410,13 +409,13 @@ impl<'a> File<'a> {
         }
     }
 
-    /// The bytes of the samples in a block: after their length, or packed by zlib in parts whose
-    /// lengths come first.
+    /// The bytes of the samples in a block: after their length, or in parts packed by zlib, after
+    /// the lengths of the parts.
     fn unblock<'b>(
         &self,
         block: &'b [u8],
         order: ByteOrder,
-        layout: &Layout,
+        layout: &SampleLayout,
     ) -> Parsed<Cow<'b, [u8]>> {
         let want = layout.bytes();
         let word_bytes = match self.root.get("header_type") {
@@ -429,9 +428,8 @@ impl<'a> File<'a> {
                 ));
             }
         };
-        let wrong = |length: u64| {
-            format!("the block is said to hold {length} bytes, but the samples take {want}")
-        };
+        let wrong =
+            |length: u64| format!("the block declares {length} bytes, but the samples take {want}");
         let mut words = block.chunks_exact(word_bytes).map(|word| {
             let digit = |number: u64, byte: &u8| number << 8 | u64::from(*byte);
             if order == ByteOrder::Big {
@@ -451,7 +449,7 @@ impl<'a> File<'a> {
             }
             Some("vtkZLibDataCompressor") => {
                 let (parts, full, last) = (word()?, word()?, word()?);
-                // A last part of zero says that it is as long as the others.
+                // A last part of zero means that it is as long as the others.
                 let last = if last == 0 { full } else { last };
                 let length = parts
                     .saturating_sub(1)
@@ -460,7 +458,7 @@ impl<'a> File<'a> {
                 if parts == 0 || length != want as u64 {
                     return Err(wrong(if parts == 0 { 0 } else { length }));
                 }
-                // A byte of a file may unpack to a thousand.
+                // One byte of a file may unpack to a thousand.
                 memory::check(
                     layout.count() as u64,
                     "packed numbers",
@@ -501,11 +499,11 @@ impl<'a> File<'a> {
     }
 }
 
-/// Decodes base64 up to the first character that is none. Padding may stand inside: VTK packs
-/// lengths and samples apart.
+/// Decodes base64 up to the first other character. Padding may be inside: VTK encodes lengths and
+/// samples separately.
 fn base64(text: &[u8]) -> Vec<u8> {
     let mut bytes = Vec::with_capacity(text.len() / 4 * 3);
-    // The last two digits, and how many of the four have come.
+    // The bits of the current group of four digits, and the number of digits.
     let (mut group, mut digits) = (0, 0);
     for &character in text
         .iter()

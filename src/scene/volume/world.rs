@@ -1,16 +1,16 @@
-//! World: brings the grids of medical formats into one world, whose axes point right, anterior and
-//! superior (RAS).
+//! World: converts the grids of medical formats to one coordinate system, whose axes point right,
+//! anterior and superior (RAS).
 //!
-//! RAS is the world of NIfTI, and it is right-handed. ITK writes NRRD and MetaImage in
-//! left-posterior-superior (LPS) coordinates: there x and y are negated. What has no anatomical
-//! directions (VTK's files, plain samples) is drawn as it is.
+//! RAS is the coordinate system of NIfTI, and it is right-handed. ITK writes NRRD and MetaImage in
+//! left-posterior-superior (LPS) coordinates: there x and y are negated. Files without anatomical
+//! directions (VTK's files, plain samples) are drawn unchanged.
 
 /// Coordinates of a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct World {
-    /// As a sentence names it.
+    /// Its name in sentences.
     pub name: &'static str,
-    /// Which coordinates are negated on the way to the one world.
+    /// Coordinates that are negated in the conversion.
     negated: [bool; 3],
 }
 
@@ -20,7 +20,7 @@ impl World {
         negated: [true, true, false],
     };
 
-    /// Those that an NRRD header may name, with their short names.
+    /// Those of NRRD headers, with their short names.
     const OF_NRRD: [(World, &str); 6] = [
         (
             World {
@@ -51,7 +51,7 @@ impl World {
             },
             "",
         ),
-        // Which axis is negated is free; one must be, or the picture is a mirror image.
+        // Any one axis may be negated; one must be, or the picture is a mirror image.
         (
             World {
                 name: "3D-left-handed",
@@ -61,8 +61,8 @@ impl World {
         ),
     ];
 
-    /// The world that `space` of an NRRD header names, in any spelling that teem reads, and whether
-    /// its vectors have a fourth number, time.
+    /// The coordinate system in `space` of an NRRD header, in any spelling that teem reads, and
+    /// whether its vectors have a fourth number, time.
     pub fn of_nrrd(space: &str) -> Option<(World, bool)> {
         let bare = |name: &str| name.to_lowercase().replace(['-', ' '], "");
         let named = bare(space);
@@ -80,14 +80,14 @@ impl World {
         })
     }
 
-    /// Long names of all, for a sentence.
+    /// All long names, for a sentence.
     pub fn names() -> String {
         World::OF_NRRD.map(|(world, _)| world.name).join(", ")
     }
 
-    /// A grid in the one world.
+    /// Converts a grid to the common coordinate system.
     pub fn turned(&self, axes: [[f64; 3]; 3], origin: [f64; 3]) -> ([[f64; 3]; 3], [f64; 3]) {
-        // A difference: a zero keeps its sign.
+        // A difference: zeros keep their sign.
         let turn = |vector: [f64; 3]| {
             [0, 1, 2].map(|i| {
                 if self.negated[i] {
@@ -100,7 +100,7 @@ impl World {
         (axes.map(turn), turn(origin))
     }
 
-    /// What became of the coordinates; none where nothing did.
+    /// A note on the conversion; None if nothing changed.
     pub fn note(&self) -> Option<String> {
         let names = ["x", "y", "z"]
             .into_iter()
@@ -124,7 +124,7 @@ impl World {
     }
 }
 
-/// What is assumed of a file that does not say which way its axes point.
-pub(super) fn unsaid(what: &str) -> String {
+/// A note for a file without the directions of its axes.
+pub(super) fn unoriented(what: &str) -> String {
     format!("{what}: coordinates are drawn as they are, x to the right, y anterior, z superior")
 }

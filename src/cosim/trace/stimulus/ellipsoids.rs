@@ -1,5 +1,5 @@
-//! Ellipsoids: made-up cases of axes, of the sort, and of sheets: where a sheet changes, and where
-//! a pixel stops.
+//! Ellipsoids: made-up cases of axes, of the sort, and of sheets: changes of sheet, and pixels that
+//! stop.
 
 use super::super::observer::{flag, least_weight, outcome, outcomes};
 use super::{CONTRIBUTIONS, Key, Maker, UNKNOWN, key, pixel_key};
@@ -12,7 +12,7 @@ use rtl_model::units::fragment::sheets::Held;
 use rtl_model::units::fragment::{OPACITY, TILE_PX, WEIGHT};
 use std::collections::BTreeMap;
 
-/// Quaternions of whole numbers, and their lengths, which are whole too.
+/// Integer quaternions with integer lengths.
 const UNITS: [([i64; 4], i64); 6] = [
     ([1, 0, 0, 0], 1),
     ([1, 1, 1, 1], 2),
@@ -22,13 +22,13 @@ const UNITS: [([i64; 4], i64); 6] = [
     ([0, 3, 4, 0], 5),
 ];
 
-/// Contributions to a pixel, tile by tile.
-struct Tiles<'a> {
+/// Sheets of the pixels, tile by tile.
+struct SheetTiles<'a> {
     maker: Sheets<'a>,
     tiles: BTreeMap<[i64; 2], Sheets<'a>>,
 }
 
-impl<'a> Tiles<'a> {
+impl<'a> SheetTiles<'a> {
     fn of(&mut self, [x, y]: [i64; 2]) -> (&mut Sheets<'a>, usize) {
         let side = TILE_PX as i64;
         let tile = self
@@ -45,8 +45,8 @@ impl<'a> Tiles<'a> {
 }
 
 impl Maker<'_> {
-    /// Axes that belong together: rotations, with scales of which one is 1, among the splats whose
-    /// places are likely.
+    /// Consistent axes, which are rotations with one scale equal to 1, for the splats with likely
+    /// positions.
     pub(super) fn likely_axes(&mut self, splats: &mut [Vec<i64>]) {
         let Some(own) = &self.machine.machine.ellipse.ellipsoid else {
             return;
@@ -78,8 +78,8 @@ impl Maker<'_> {
         }
     }
 
-    /// Opacities beside the least that is drawn, and on both sides of where the table of cutoffs
-    /// has its next address, among the splats whose places are likely.
+    /// Opacities around the least that is drawn, and on both sides of each change of address in the
+    /// table of cutoffs, for the splats with likely positions.
     pub(super) fn at_reach(&mut self, splats: &mut [Vec<i64>]) {
         let Some(ellipsoids) = &self.frame.ellipsoids else {
             return;
@@ -102,7 +102,7 @@ impl Maker<'_> {
         }
     }
 
-    /// Slopes of a point, one time in eight brought to the limit of the Jacobian, or beside it.
+    /// Slopes of a point; one in eight is moved to the limit of the Jacobian or one LSB from it.
     pub(super) fn at_limits(&mut self, slope: [i64; 2]) -> [i64; 2] {
         let Some(ellipsoids) = &self.frame.ellipsoids else {
             return slope;
@@ -133,7 +133,7 @@ impl Maker<'_> {
         slope
     }
 
-    /// Amplitudes that give the least weight that counts, and those beside it.
+    /// Amplitudes that give the least weight that is drawn, and their neighbours.
     pub(super) fn near_least(&mut self) -> Vec<[i64; 2]> {
         let m = &self.machine.machine;
         let (amplitude, places) = (
@@ -177,12 +177,12 @@ impl Maker<'_> {
             } else {
                 depths[self.random.below(number) as usize]
             };
-            let beside = near + self.random.below(2 * one_key + 1) - one_key;
+            let nearby = near + self.random.below(2 * one_key + 1) - one_key;
             let any = self.random.word(depth);
             depths.push(if self.random.one_in(2) {
                 any
             } else {
-                beside.clamp(0, depth.max())
+                nearby.clamp(0, depth.max())
             });
         }
         for (tag, depth) in (0i64..).zip(&depths) {
@@ -198,15 +198,15 @@ impl Maker<'_> {
         self.tag("sort.in", "ties and random", 0);
     }
 
-    /// Contributions to the open sheet and to the next one, weights that make a pixel stop and
-    /// those that just do not.
+    /// Contributions to the open sheet and to the next one, weights that stop a pixel, and weights
+    /// one LSB less.
     pub(super) fn sheets(&mut self) {
         let frame = self.frame;
         let Some(registers) = &frame.sheets else {
             return;
         };
         let formats = self.formats("fragment.in");
-        let mut tiles = Tiles {
+        let mut tiles = SheetTiles {
             maker: Sheets::new(self.machine, registers),
             tiles: BTreeMap::new(),
         };
@@ -217,7 +217,7 @@ impl Maker<'_> {
             if !self.random.one_in(3) {
                 at = sides.map(|side| self.random.below(side));
             }
-            // What has stopped only shows that it has.
+            // A pixel that has stopped ignores everything: few cases are enough.
             for _ in 0..4 {
                 if tiles.held(at).is_some_and(|held| held.stopped) {
                     at = sides.map(|side| self.random.below(side));
@@ -248,7 +248,8 @@ impl Maker<'_> {
         }
     }
 
-    /// The number of the open sheet, one beside it, one that differs in its first bit, or any.
+    /// The number of the open sheet, one above or below it, one that differs in its first bit, or
+    /// any.
     fn sheet(&mut self, open: Option<i64>, format: Format) -> i64 {
         let random = &mut self.random;
         let Some(open) = open else {
@@ -264,8 +265,8 @@ impl Maker<'_> {
         sheet.clamp(0, format.max())
     }
 
-    /// Mostly a small weight, for a pixel that has stopped takes nothing more; now and then the
-    /// least, the most, or one beside it.
+    /// Mostly a small weight, because a pixel that has stopped accepts no more; sometimes the
+    /// least, the greatest, or a neighbour of these.
     fn weight(&mut self, format: Format) -> i64 {
         let Some(registers) = &self.frame.sheets else {
             return 1;
@@ -292,8 +293,8 @@ impl Maker<'_> {
         weight
     }
 
-    /// As many of the greatest contributions to one sheet as its sums can hold, and two more.
-    fn fill_sheet(&mut self, tiles: &mut Tiles, formats: &[Format]) {
+    /// The greatest contributions to one sheet: as many as its sums can hold, and two more.
+    fn fill_sheet(&mut self, tiles: &mut SheetTiles, formats: &[Format]) {
         let sum = self.machine.machine.fragment.weight_sum.format;
         let by = formats[2].frac_bits - sum.frac_bits;
         let held = if by >= 0 {
@@ -309,9 +310,9 @@ impl Maker<'_> {
         }
     }
 
-    /// The least weight that makes the pixel stop, or one less; of slices what comes before it, and
+    /// The least weight that stops the pixel, or one LSB less. For slices: the words before it, and
     /// a contribution to the next sheet.
-    fn up_to_stop(&mut self, tiles: &mut Tiles, words: &mut [i64], open: Option<i64>) {
+    fn up_to_stop(&mut self, tiles: &mut SheetTiles, words: &mut [i64], open: Option<i64>) {
         let Some(registers) = &self.frame.sheets else {
             return;
         };
@@ -364,7 +365,7 @@ impl Maker<'_> {
         }
     }
 
-    fn add_to_sheet(&mut self, tiles: &mut Tiles, words: Vec<i64>) {
+    fn add_to_sheet(&mut self, tiles: &mut SheetTiles, words: Vec<i64>) {
         let at = [words[0], words[1]];
         let input = self.push("fragment.in", words.clone(), pixel_key(at, UNKNOWN));
         let before = tiles.held(at);
@@ -430,7 +431,7 @@ impl Maker<'_> {
         }
     }
 
-    fn end_of_sheets(&mut self, tiles: &mut Tiles, at: [i64; 2]) {
+    fn end_of_sheets(&mut self, tiles: &mut SheetTiles, at: [i64; 2]) {
         let (tile, pixel) = tiles.of(at);
         let (Some(held), Some(lit)) = (tile.held(pixel), tile.lit(pixel, &mut self.seen)) else {
             return;

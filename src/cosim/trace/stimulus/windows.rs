@@ -1,5 +1,5 @@
-//! Windows: made-up cases of clusters: depths at, just within and just beyond what slots span and
-//! take, weights up to τ, and full pixels.
+//! Windows: made-up cases of clusters: depths at, one LSB within and one LSB beyond the range of
+//! slots, weights up to τ, and full pixels.
 
 use super::super::observer::{flag, outcome, outcomes};
 use super::{Maker, UNKNOWN, answer, pixel_key};
@@ -10,18 +10,18 @@ use rtl_model::records::WindowIn;
 use rtl_model::units::fragment::window::Cluster;
 use rtl_model::units::fragment::{Decision, Premultiplied, Slot, TILE_PX};
 
-/// Places of words in a record.
+/// Indices of words in a record.
 const WEIGHT: usize = 2;
 const DEPTH: usize = 3;
 const OPACITY: usize = 7;
 const MATERIAL: usize = 11;
 
-/// Contributions beside the cases.
+/// Contributions besides the corner cases.
 pub const CONTRIBUTIONS: usize = 1024;
 
 impl Maker<'_> {
-    /// Contributions that open, accumulate, come late, lie inside, and are one too many, on
-    /// purpose.
+    /// Contributions that open a cluster, accumulate, arrive late, lie inside, or exceed the number
+    /// of slots.
     pub(super) fn windows(&mut self) {
         let Some(mut unit) = Windows::new(self.machine, self.frame) else {
             return;
@@ -59,7 +59,7 @@ impl Maker<'_> {
             if !self.random.one_in(16) {
                 words[DEPTH] = exact.clamp(formats[DEPTH].min(), formats[DEPTH].max());
             }
-            // No opacity is more than 1; many splats are opaque.
+            // Opacities are at most 1; many splats are opaque.
             let one = m.splat.opacity.format.one();
             words[OPACITY] = if self.random.one_in(3) {
                 one
@@ -79,7 +79,7 @@ impl Maker<'_> {
         }
     }
 
-    /// As many of the greatest contributions at one place as its sums can hold, and two more.
+    /// The greatest contributions at one place: as many as its sums can hold, and two more.
     fn fill_cluster(&mut self, unit: &mut Windows, formats: &[Format]) {
         let f = &self.machine.machine.fragment;
         let by = formats[WEIGHT].frac_bits - f.weight_sum.format.frac_bits;
@@ -107,8 +107,8 @@ impl Maker<'_> {
         }
     }
 
-    /// Mostly about what covers a pixel, for a slot that is full takes nothing late; now and then
-    /// any.
+    /// Mostly about the coverage of a pixel, because a full slot accepts no late contribution;
+    /// sometimes any.
     fn weight_of_window(&mut self, format: Format) -> i64 {
         let sum = self.machine.machine.fragment.weight_sum.format;
         let covers = super::moved(
@@ -125,8 +125,8 @@ impl Maker<'_> {
         weight.clamp(1, format.max())
     }
 
-    /// A depth at, or beside, the end of what a slot or a side of one spans or reaches, between its
-    /// ends, or anywhere.
+    /// A depth at an end of the range of a slot, or of one of its sides, or one LSB from it,
+    /// between the ends, or anywhere.
     fn depth_of_window(&mut self, held: &[Cluster]) -> i64 {
         let format = self.machine.machine.fragment.depth.format;
         let threshold = self.frame.z_threshold;
@@ -138,7 +138,7 @@ impl Maker<'_> {
         let layers = i64::from(self.machine.machine.fragment.layers);
         let random = &mut self.random;
         if held.is_empty() || random.one_in(4) {
-            // Not farther apart than some ε, or nothing is ever summed.
+            // At most a few ε apart; otherwise nothing would be accumulated.
             let spread = (threshold * (2 + 2 * layers)).max(4).min(format.max());
             let near = format.max() / 2 - spread / 2 + random.below(spread);
             return if random.one_in(16) {
@@ -189,15 +189,15 @@ impl Maker<'_> {
         let at = [words[0], words[1]];
         let input = self.push("fragment.in", words.clone(), pixel_key(at, UNKNOWN));
         let (random, machine, coverage) = (&mut self.random, self.machine, &mut self.seen);
-        let mut asked = Vec::new();
+        let mut requests = Vec::new();
         let words: [i64; WindowIn::WORDS] = words.try_into().unwrap_or_default();
         let decision = unit.take(
             words,
-            |slot| told(slot, answer(random, machine), &mut asked),
+            |slot| logged(slot, answer(random, machine), &mut requests),
             coverage,
         );
         let flags = coverage.flush() | flag::of_decision(decision);
-        self.requests(asked, at, input);
+        self.requests(requests, at, input);
         let deepest = self.machine.machine.fragment.layers - 1;
         let [number, slot, place] = outcome(decision, deepest as u8);
         let name = outcomes(Kind::of(self.frame))[usize::from(number)];
@@ -226,9 +226,9 @@ impl Maker<'_> {
         );
     }
 
-    /// What shade was asked, and said.
-    fn requests(&mut self, asked: Vec<(Slot, Premultiplied)>, at: [i64; 2], input: usize) {
-        for (slot, answer) in asked {
+    /// Records of requests to shade and of its answers.
+    fn requests(&mut self, requests: Vec<(Slot, Premultiplied)>, at: [i64; 2], input: usize) {
+        for (slot, answer) in requests {
             let request = self.push(
                 "fragment.request",
                 [&slot.sums[..], &[slot.material.into()]].concat(),
@@ -245,11 +245,11 @@ impl Maker<'_> {
 
     fn end_of_windows(&mut self, unit: &mut Windows, at: [i64; 2]) {
         let (random, machine, coverage) = (&mut self.random, self.machine, &mut self.seen);
-        let mut asked = Vec::new();
+        let mut requests = Vec::new();
         let slots = unit.held(pixel(at)).len();
         let layers = unit.layers(
             pixel(at),
-            |slot| told(slot, answer(random, machine), &mut asked),
+            |slot| logged(slot, answer(random, machine), &mut requests),
             coverage,
         );
         coverage.flush();
@@ -257,7 +257,7 @@ impl Maker<'_> {
             "fragment",
             &format!("{slots} slots in the end, {} layers", layers.len()),
         );
-        self.requests(asked, at, UNKNOWN);
+        self.requests(requests, at, UNKNOWN);
         for layer in layers {
             let mut words = vec![at[0], at[1], layer.slot as i64, layer.depth];
             words.extend(layer.colour);
@@ -274,17 +274,17 @@ impl Maker<'_> {
     }
 }
 
-/// The pixel's place in its tile.
+/// Index of the pixel in its tile.
 fn pixel([x, y]: [i64; 2]) -> usize {
     y as usize * TILE_PX + x as usize
 }
 
-/// Notes what shade was asked, and says what it answered.
-fn told(
+/// Logs a request to shade with its answer; returns the answer.
+fn logged(
     slot: &Slot,
     answer: Premultiplied,
-    asked: &mut Vec<(Slot, Premultiplied)>,
+    requests: &mut Vec<(Slot, Premultiplied)>,
 ) -> Premultiplied {
-    asked.push((*slot, answer));
+    requests.push((*slot, answer));
     answer
 }

@@ -90,7 +90,7 @@ pub fn constants(machine: &Machine, frame: &Frame) -> Vec<(&'static str, Vec<Vec
     ]
 }
 
-/// What all ellipsoids have in common.
+/// Words of the constants of all ellipsoids.
 fn kernel(ellipsoids: &Ellipsoids) -> Vec<i64> {
     let kernel = &ellipsoids.kernel;
     let amplitude = match kernel.amplitude {
@@ -110,7 +110,7 @@ fn kernel(ellipsoids: &Ellipsoids) -> Vec<i64> {
     .concat()
 }
 
-/// What all sheets have in common.
+/// Words of the constants of all sheets.
 fn registers(sheets: &Sheets) -> Vec<i64> {
     let Sheets {
         each,

@@ -41,7 +41,7 @@ const _: () = assert!(
     "sums lie in the order of their record"
 );
 
-/// A pixel of sheets: what has been blended, and the open sheet.
+/// The pixel of a sheet: the blended part, and the open sheet.
 pub(super) fn pixel_words([x, y]: [u32; 2], slots: &[Slot], words: &mut Vec<i64>) {
     let held = Held::of(slots);
     let (sheet, open) = held.open.unwrap_or_default();

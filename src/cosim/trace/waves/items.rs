@@ -1,15 +1,15 @@
-//! Items: which records each unit took, item by item, from the recorded work and the trace's own
-//! keys.
+//! Items: finds the records that each unit took, item by item, from the recorded work and the keys
+//! of the trace.
 //!
 //! ```text
-//! work ─► splats ─► tiles, or the frame ─► stamps ─► what each unit takes, in its order ─┐
+//! work ─► splats ─► tiles, or the frame ─► stamps ─► items of each unit, in its order ───┐
 //! sources ─► records by splat and pixel ─────────────────────────────────────────────────┴─► (cycle, unit, lane, record)
 //! ```
-//! The walk is that of `rtl_model::timing`, said once more and slowly. It is compared with the
-//! timing's own log: a unit whose items are not as many as the walk has gets no words; nor do those
-//! of a binned machine that pass over pixels that have stopped.
+//! The walk repeats that of `rtl_model::timing` in a simple form. It is compared with the timing
+//! model's log: a unit gets no words if its number of items differs from the walk's. Neither do the
+//! units of a binned machine that skip pixels that have stopped.
 
-use super::super::transfers::{NONE, Source};
+use super::super::transfers::{NONE, RecordSource};
 use rtl_model::machine::timing::Organisation;
 use rtl_model::pipeline::Elaborated;
 use rtl_model::timing::UnitCycles;
@@ -17,7 +17,7 @@ use rtl_model::work::{Event, Fate, Footprint, Reader, TILE_PX, Work};
 use std::collections::HashMap;
 use std::ops::Range;
 
-/// Units whose items are splats, or entries of a list, and the stream that each is a record of.
+/// Units whose items are splats, or entries of a list, and the stream of their records.
 const OF_SPLATS: [(&str, &str); 6] = [
     ("fetch", "pipeline.in"),
     ("project", "project.in"),
@@ -27,22 +27,22 @@ const OF_SPLATS: [(&str, &str); 6] = [
     ("raster", "raster.in"),
 ];
 
-/// Units whose items are stamps, with a record for each pixel of one.
+/// Units whose items are stamps, with one record per pixel.
 const OF_STAMPS: [(&str, &str); 3] = [
     ("gauss", "gauss.in"),
     ("cache", "fragment.in"),
     ("fragment", "fragment.in"),
 ];
 
-/// Units whose items are fragments, or pixels that lie together, a record a cycle.
+/// Units whose items are fragments, or adjacent pixels, with one record per cycle.
 const OF_PIXELS: [(&str, &str); 3] = [
     ("shade", "shade.in"),
     ("resolve-shade", "shade.in"),
     ("resolve", "resolve.in"),
 ];
 
-/// The stream whose records a unit's items are, and whether there is one for each pixel of a stamp.
-/// The sort takes whole passes.
+/// The stream of a unit's records, and whether there is one per pixel of a stamp. The sort is not
+/// included: it takes whole passes.
 pub fn stream_of(unit: &str) -> Option<(&'static str, bool)> {
     let is_of = |(name, _): &&(&str, &'static str)| *name == unit;
     let one = OF_SPLATS
@@ -58,58 +58,58 @@ pub fn stream_of(unit: &str) -> Option<(&'static str, bool)> {
     })
 }
 
-/// A record that a unit has from a cycle on, in a lane; none where the trace has no such record.
+/// Start cycle, lane and record on the wires of a unit; None if the trace does not have the record.
 pub type Shown = (u64, u32, Option<u32>);
 
 /// A pixel of a stamp.
 #[derive(Clone, Copy)]
-struct Pixel {
+struct StampPixel {
     at: [u32; 2],
     lane: u32,
     is_faint: bool,
     shades: u8,
 }
 
-/// A unit with the items that it took so far.
-struct Taker<'a> {
+/// A unit and the items that it has taken so far.
+struct UnitItems<'a> {
     log: &'a [u64],
     items: usize,
     shown: Vec<Shown>,
 }
 
-/// Goes through a frame.
-pub struct Walk<'a> {
+/// Walks through a frame.
+pub struct FrameWalk<'a> {
     machine: &'a Elaborated,
     work: &'a Work,
-    /// What the trace calls the frame's splats.
+    /// Indices of the frame's splats in the trace.
     splats: &'a [u32],
     cycles: Range<u64>,
-    takers: HashMap<&'static str, Taker<'a>>,
+    takers: HashMap<&'static str, UnitItems<'a>>,
     by_splat: HashMap<&'static str, HashMap<u32, Range<u32>>>,
-    /// Of shade: fragments that are to merge, by splat and pixel; those that are resolved, by pixel
-    /// alone.
+    /// For shade: fragments shaded for a merge, by splat and pixel, and those shaded in resolve, by
+    /// pixel.
     lit: HashMap<(u32, [u32; 2]), Vec<u32>>,
     resolved: HashMap<[u32; 2], Range<u32>>,
-    sources: HashMap<&'static str, &'a Source<'a>>,
+    sources: HashMap<&'static str, &'a RecordSource<'a>>,
     readers: Vec<Reader<'a>>,
     tiles: Vec<usize>,
     held: Vec<[u8; 2]>,
 }
 
-impl<'a> Walk<'a> {
-    /// Through a frame of these splats; records of these cycles are wanted.
+impl<'a> FrameWalk<'a> {
+    /// Walks through a frame of these splats; records of these cycles are collected.
     pub fn new(
         machine: &'a Elaborated,
         work: &'a Work,
         splats: &'a [u32],
         units: &'a [UnitCycles],
-        sources: &'a [Source<'a>],
+        sources: &'a [RecordSource<'a>],
         [first, end]: [u64; 2],
     ) -> Self {
         let taker = |unit: &'a UnitCycles| {
             (
                 unit.name,
-                Taker {
+                UnitItems {
                     log: &unit.log,
                     items: 0,
                     shown: Vec::new(),
@@ -122,7 +122,7 @@ impl<'a> Walk<'a> {
             let [column, row] = tile.corner.map(|at| usize::from(at) / TILE_PX);
             tiles[row * columns + column] = index;
         }
-        let mut walk = Walk {
+        let mut walk = FrameWalk {
             machine,
             work,
             splats,
@@ -144,10 +144,10 @@ impl<'a> Walk<'a> {
         walk
     }
 
-    /// Where the records of each splat and pixel are.
+    /// Finds the records of each splat and pixel.
     fn index(&mut self) {
         let mut words = Vec::new();
-        let mut key = |source: &Source, record: usize| {
+        let mut key = |source: &RecordSource, record: usize| {
             words.clear();
             (source.at)(record, &mut words)
         };
@@ -190,17 +190,16 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// What each unit showed, for those whose items the walk knows.
+    /// Records on the wires of each unit whose items the walk reproduces.
     pub fn shown(mut self) -> HashMap<&'static str, Vec<Shown>> {
         match self.machine.timing.timing.organisation {
             Organisation::Immediate => self.immediate(),
             Organisation::Binned => self.binned(),
         }
-        // Which stamps a binned machine passes over follows from cycles, which this walk does not
-        // know.
+        // The stamps that a binned machine skips depend on cycles, which this walk does not model.
         let is_timed =
             self.work.stops() && self.machine.timing.timing.organisation == Organisation::Binned;
-        let is_known = |unit: &str, taker: &Taker| {
+        let is_known = |unit: &str, taker: &UnitItems| {
             taker.items == taker.log.len()
                 && !(is_timed && ["list", "raster", "gauss", "fragment"].contains(&unit))
         };
@@ -263,7 +262,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// A splat goes through setup; whether it has a footprint.
+    /// A splat passes setup; returns whether it has a footprint.
     fn set_up(&mut self, splat: usize) -> bool {
         let (fate, number) = (self.work.fates[splat], splat as u32);
         self.take_splat("fetch", number);
@@ -282,8 +281,7 @@ impl<'a> Walk<'a> {
         is_drawn
     }
 
-    /// A unit takes its next item; what it shows then is asked for only in the cycles that are
-    /// wanted.
+    /// A unit takes its next item; `show` is only called in the collected cycles.
     fn take(&mut self, unit: &str, show: impl FnOnce(u64, &mut Vec<Shown>)) {
         let Some(taker) = self.takers.get_mut(unit) else {
             return;
@@ -295,13 +293,13 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// An item that is a splat of the frame.
+    /// Takes an item that is a splat of the frame.
     fn take_splat(&mut self, unit: &'static str, splat: u32) {
         let record = self.records(unit, splat).map(|records| records.start);
         self.take(unit, |now, shown| shown.push((now, 0, record)));
     }
 
-    /// The records of a splat of the frame among a unit's.
+    /// The records of a splat of the frame in a unit's stream.
     fn records(&self, unit: &str, splat: u32) -> Option<Range<u32>> {
         let (stream, _) = stream_of(unit)?;
         self.by_splat
@@ -310,8 +308,8 @@ impl<'a> Walk<'a> {
             .cloned()
     }
 
-    /// Raster, gauss, fragment, and shade for merges: the part of a footprint in these pixels,
-    /// stamp by stamp.
+    /// Passes the part of a footprint in these pixels through raster, gauss, fragment and, for
+    /// merges, shade, stamp by stamp.
     fn footprint(&mut self, footprint: &Footprint, corner: [u32; 2], side: u32, is_cached: bool) {
         let (stamps, kept) = self.stamps(footprint, corner, side);
         for _ in 0..stamps {
@@ -319,9 +317,10 @@ impl<'a> Walk<'a> {
         }
         let splat = footprint.splat;
         for pixels in kept.chunk_by(|(one, _), (next, _)| one == next) {
-            let pixels: Vec<Pixel> = pixels.iter().map(|(_, pixel)| *pixel).collect();
+            let pixels: Vec<StampPixel> = pixels.iter().map(|(_, pixel)| *pixel).collect();
             self.take_stamp("gauss", splat, &pixels);
-            let taken: Vec<Pixel> = pixels.into_iter().filter(|pixel| !pixel.is_faint).collect();
+            let taken: Vec<StampPixel> =
+                pixels.into_iter().filter(|pixel| !pixel.is_faint).collect();
             if taken.is_empty() {
                 continue;
             }
@@ -346,8 +345,8 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// An item that is a stamp: lanes without a pixel have nothing to show.
-    fn take_stamp(&mut self, unit: &'static str, splat: u32, pixels: &[Pixel]) {
+    /// Takes an item that is a stamp; lanes without a pixel have no record.
+    fn take_stamp(&mut self, unit: &'static str, splat: u32, pixels: &[StampPixel]) {
         let [columns, rows] = self.machine.timing.timing.raster.lanes;
         let records = self.records(unit, splat).unwrap_or(0..0);
         let source = stream_of(unit).and_then(|(stream, _)| self.sources.get(stream).copied());
@@ -362,7 +361,7 @@ impl<'a> Walk<'a> {
                     .map_or([NONE; 2], |key| [key.y, key.x])
             };
             for pixel in pixels {
-                // Records of a splat lie row by row.
+                // The records of a splat are sorted row by row.
                 let (mut low, mut high) = (records.start, records.end);
                 let wanted = [pixel.at[1], pixel.at[0]];
                 while low < high {
@@ -379,14 +378,14 @@ impl<'a> Walk<'a> {
         });
     }
 
-    /// The stamps of the part of the next footprint that lies in these pixels, and what they keep,
-    /// stamp by stamp.
+    /// The stamps of the part of the next footprint in these pixels, and of those the pixels that
+    /// remain, stamp by stamp.
     fn stamps(
         &mut self,
         footprint: &Footprint,
         corner: [u32; 2],
         side: u32,
-    ) -> (u32, Vec<(u32, Pixel)>) {
+    ) -> (u32, Vec<(u32, StampPixel)>) {
         let lanes = self.machine.timing.timing.raster.lanes;
         let within = |[first, last]: [u16; 2], corner: u32| {
             [
@@ -435,7 +434,7 @@ impl<'a> Walk<'a> {
                         };
                         let at = [left + column, from + row as u32];
                         let [x, y] = [at[0] - columns[0], at[1] - rows[0]];
-                        let pixel = Pixel {
+                        let pixel = StampPixel {
                             at,
                             lane: x % lanes[0] + y % lanes[1] * lanes[0],
                             is_faint: happened().any(|event| *event == Event::Faint),
@@ -450,11 +449,11 @@ impl<'a> Walk<'a> {
         (across * down, kept)
     }
 
-    /// Resolve takes these columns and rows of the picture, a layer a cycle, and shade what is left
-    /// to it.
+    /// Resolve takes these columns and rows of the picture, one layer per cycle, and passes the
+    /// remaining fragments to shade.
     fn resolve(&mut self, columns: Range<u32>, rows: Range<u32>, shade: &'static str) {
         let t = &self.machine.timing;
-        // As it takes them where nobody waits.
+        // Cycles as without stalls.
         let (shade_interval, resolve_interval) =
             (u64::from(t.shade.interval), u64::from(t.resolve.interval));
         let (mut layers, mut lights) = (Vec::new(), Vec::new());
@@ -486,7 +485,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// An item of many records, each so many cycles after the item was taken.
+    /// Takes an item of several records, each with its delay in cycles after the item.
     fn take_many(&mut self, unit: &str, records: &[(u64, Option<u32>)]) {
         let Some(taker) = self.takers.get_mut(unit) else {
             return;

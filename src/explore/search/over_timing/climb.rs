@@ -1,16 +1,16 @@
-//! Climb: from a machine to the cheapest that is fast enough, by one field at a time, then by
+//! Climb: finds the cheapest machine that is fast enough, changing one field at a time, then
 //! several.
 //!
 //! ```text
-//! base ─( most gain for its cost )─► fast enough ─( most saved for its time )─► ─( most saved )─► ─( two or three fields at a time )─► the cheapest
+//! base ─( most gain per cost )─► fast enough ─( most saved per time )─► ─( most saved )─► ─( two or three fields at a time )─► the cheapest
 //! ```
-//! A replay is what takes time, so few are made. A machine's area and its gates are known without
-//! one: where these are what counts only machines of less are replayed. And what a change does is
-//! remembered: it orders the next step's changes, of which the best few are replayed, all of them
-//! only when none of those helps.
+//! Replays dominate the run time, so few are made. Area and gates of a machine are known without a
+//! replay: if one of them is minimised, only smaller machines are replayed. The effect of each
+//! change is remembered and orders the changes of the next step. Only the best few are replayed;
+//! the rest only if none of these helps.
 
-use super::fields::{Bought, Knob};
-use super::{COLUMNS, Measured, Member, Minimise, Options, Recorded, Step};
+use super::fields::{GivenMemory, Knob};
+use super::{COLUMNS, Member, Minimise, Recorded, TimingFigures, TimingOptions, TimingStep};
 use crate::error::{Error, Result, in_order};
 use crate::explore::sweep::table::{Journal, named};
 use crate::hardware::{fixed, machines};
@@ -27,67 +27,67 @@ use serde_json::{Value, json};
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
-/// Machines that are replayed side by side, after which the journal has them.
+/// Machines replayed in parallel before the journal is written.
 const BATCH: usize = 32;
-/// Of the changes that seem best so many are replayed at a time.
+/// Number of most promising changes replayed at a time.
 const FEW: usize = 8;
-/// Pairs and triples of changes whose size is looked at, those first that seem cheapest or fastest.
+/// Pairs and triples of changes whose size is computed, the cheapest or fastest ones first.
 const TOGETHER: usize = 512;
-/// Of them those that are replayed.
+/// Number of these that are replayed.
 const REPLAYED_TOGETHER: usize = 96;
-/// Of so many fields at a time changes are tried, though they seem too slow by such a part: what a
-/// field does depends on others. A FIFO makes up for a slow unit behind it, say.
+/// Number of fields changed together, and the factor by which the estimate may miss the aim:
+/// effects of fields depend on each other. A FIFO can compensate for a slow unit after it, for
+/// example.
 const SEVERAL: [(usize, f64); 3] = [(2, 1.05), (3, 1.05), (2, 1.3)];
-/// What makes a frame faster by less gains nothing, as a part.
+/// Least gain in speed that counts, as a part.
 const LEAST_GAIN: f64 = 1e-3;
 
-/// A machine of the search: the value of each field by its number.
+/// A machine: for each field the index of its value.
 pub(super) type State = Vec<usize>;
 
-/// A field and the number of its value.
-type Change = (usize, usize);
+/// Index of a field and of its new value.
+type FieldChange = (usize, usize);
 
-/// What was measured of a state; none where it cannot be built.
-type Taken = Option<Measured>;
+/// Figures of a state; None if the machine cannot be built.
+type StateFigures = Option<TimingFigures>;
 
-/// Frames a second and cost with a change, as a part of those without it, when it was last tried
-/// alone.
+/// Relative frames per second and cost of a single change, when it was last measured.
 #[derive(Clone, Copy, Debug)]
-struct Alone {
+struct SingleEffect {
     fps: f64,
     cost: f64,
 }
 
-/// A search under way.
-pub(super) struct Search<'a> {
-    options: &'a Options,
+/// State of a search.
+pub(super) struct Climb<'a> {
+    options: &'a TimingOptions,
     base: Machine,
-    bought: Bought,
+    bought: GivenMemory,
     knobs: Vec<Knob>,
     pub frames: Vec<Recorded>,
     journal: Journal,
-    /// Rows by their keys.
+    /// Points of the rows by key.
     known: HashMap<String, u64>,
-    /// Area or gates, whichever counts, by state; none where it cannot be built.
+    /// Area or gates, whichever is minimised, by state; None if the machine cannot be built.
     sizes: HashMap<State, Option<f64>>,
-    taken: HashMap<State, Taken>,
-    /// What changes did alone.
-    alone: HashMap<Change, Alone>,
-    /// Frames a second of the frames that are replayed: more than are asked for, where others are
-    /// slower than these.
+    figures: HashMap<State, StateFigures>,
+    /// Effects of single changes.
+    alone: HashMap<FieldChange, SingleEffect>,
+    /// Required frames per second of the replayed frames: more than the target if other views are
+    /// slower.
     pub aim: f64,
     pub tried: u64,
-    /// What came nearest where nothing was fast enough.
+    /// The nearest state if none is fast enough.
     nearest: State,
     progress: Progress,
 }
 
-/// What machines take for the most demanding of some frames, or why one cannot be built.
+/// Figures of a machine, the worst over some frames; or why it cannot be built.
 fn measured(
     machines: &[Machine],
     frames: &[Recorded],
     prices: &Prices,
-) -> Vec<std::result::Result<Measured, String>> {
+) -> Vec<std::result::Result<TimingFigures, String>> {
     let built: Vec<_> = machines
         .par_iter()
         .map(|machine| fixed::elaborate(machine).map_err(|e| e.to_string()))
@@ -100,7 +100,7 @@ fn measured(
         let built = built?;
         let of_frame = |cycles: Cycles| {
             let cost = CostReport::new(&built, &cycles, prices);
-            Measured {
+            TimingFigures {
                 frames_per_second: frames_per_second(&built.timing, &cycles),
                 area: cost.cost.area,
                 gates: cost.cost.gates.total,
@@ -112,7 +112,7 @@ fn measured(
             .iter_mut()
             .filter_map(Iterator::next)
             .map(of_frame)
-            .reduce(Measured::and)
+            .reduce(TimingFigures::and)
             .ok_or("there is no scene")?;
         let is_finite = [all.frames_per_second, all.area, all.gates, all.energy]
             .iter()
@@ -120,13 +120,13 @@ fn measured(
         if is_finite {
             Ok(all)
         } else {
-            Err("has a figure that is no number".into())
+            Err("has a figure that is NaN".into())
         }
     };
     built.into_iter().map(of_machine).collect()
 }
 
-/// The key of a machine's row: of all that determines it.
+/// The key of a machine's row: a digest of everything that determines it.
 fn key(machine: &Machine, digests: &[String], prices: &Prices) -> String {
     let nameless = Machine {
         name: String::new(),
@@ -139,19 +139,19 @@ fn key(machine: &Machine, digests: &[String], prices: &Prices) -> String {
     )
 }
 
-fn with(state: &State, changes: &[Change]) -> State {
+fn with(state: &State, changes: &[FieldChange]) -> State {
     let mut state = state.clone();
     changes.iter().for_each(|(knob, at)| state[*knob] = *at);
     state
 }
 
-impl<'a> Search<'a> {
-    /// Goes on where the folder's journal is.
+impl<'a> Climb<'a> {
+    /// Opens the journal of a folder, and resumes from it.
     ///
     /// # Errors
-    /// [`Error::Input`] where that is of something else.
+    /// [`Error::Input`] if it belongs to something else.
     pub fn new(
-        options: &'a Options,
+        options: &'a TimingOptions,
         base: &Machine,
         knobs: Vec<Knob>,
         folder: &Path,
@@ -162,16 +162,16 @@ impl<'a> Search<'a> {
             .rows()
             .filter_map(|row| Some((row[1].as_str()?.to_owned(), row[0].as_u64()?)))
             .collect();
-        Ok(Search {
+        Ok(Climb {
             options,
             base: base.clone(),
-            bought: options.memory.unwrap_or_else(|| Bought::of(base)),
+            bought: options.memory.unwrap_or_else(|| GivenMemory::of(base)),
             knobs,
             frames: Vec::new(),
             journal,
             known,
             sizes: HashMap::new(),
-            taken: HashMap::new(),
+            figures: HashMap::new(),
             alone: HashMap::new(),
             aim: options.min_fps,
             tried: 0,
@@ -185,19 +185,19 @@ impl<'a> Search<'a> {
         vec![0; self.knobs.len()]
     }
 
-    /// One more frame that must be fast enough.
+    /// Adds a frame that must be fast enough.
     pub fn learn(&mut self, frame: Recorded) {
         self.frames.push(frame);
-        self.taken.clear();
+        self.figures.clear();
         self.alone.clear();
     }
 
-    /// Ends it: writes its rows.
+    /// Ends the search: writes its rows.
     pub fn write(self, folder: &Path) -> Result<Vec<std::path::PathBuf>> {
         self.journal.write(folder, "search")
     }
 
-    /// Fields that a state changes, with what memory makes of another clock.
+    /// Fields that a state changes, with the memory fields that follow from another clock.
     fn settings(&self, state: &State) -> Vec<(String, Value)> {
         let of = |(knob, at): (&Knob, &usize)| (knob.field.clone(), knob.values[*at].clone());
         let mut settings: Vec<(String, Value)> = self
@@ -223,7 +223,7 @@ impl<'a> Search<'a> {
             .collect()
     }
 
-    /// Knows the sizes of states; nothing is replayed for them.
+    /// Computes the sizes of states without replays.
     fn with_size(&mut self, states: &[State]) -> Result<()> {
         let new: Vec<&State> = states
             .iter()
@@ -246,12 +246,12 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
-    /// Measures states that are not known yet, each once.
+    /// Measures each state that was not measured yet.
     fn measure_all(&mut self, states: &[State]) -> Result<()> {
         let mut seen = HashSet::new();
         let new: Vec<&State> = states
             .iter()
-            .filter(|state| !self.taken.contains_key(*state) && seen.insert(*state))
+            .filter(|state| !self.figures.contains_key(*state) && seen.insert(*state))
             .collect();
         let digests: Vec<String> = self
             .frames
@@ -282,23 +282,23 @@ impl<'a> Search<'a> {
                 {
                     self.keep(&key, &names, &self.changes(state).join(" "), found)?;
                 }
-                let taken = self.of_row(&key);
-                self.taken.insert((*state).clone(), taken);
+                let figures = self.of_row(&key);
+                self.figures.insert((*state).clone(), figures);
                 self.tried += 1;
             }
         }
         Ok(())
     }
 
-    /// What the row of a key says; none where there is none, or the machine cannot be built.
-    fn of_row(&self, key: &str) -> Taken {
+    /// Figures in the row of a key; None if there is no row, or the machine cannot be built.
+    fn of_row(&self, key: &str) -> StateFigures {
         let row = self
             .known
             .get(key)
             .and_then(|point| self.journal.get(*point))?;
         let number = |at: usize| row[at].as_f64();
         let (cycles, gates) = (row[8].as_u64()?, number(9)?);
-        Some(Measured {
+        Some(TimingFigures {
             frames_per_second: number(5)?,
             area: number(6)?,
             gates,
@@ -307,14 +307,14 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// What a machine with these changes takes for one view, from the journal or drawn now: then
-    /// with its frame.
-    pub fn look_at(
+    /// Figures of a machine with these changes on one view: from the journal, or drawn now and
+    /// returned with the frame.
+    pub fn measure_view(
         &mut self,
         machine: &Machine,
         changes: &str,
         member: &Member,
-    ) -> Result<(Measured, Option<Recorded>)> {
+    ) -> Result<(TimingFigures, Option<Recorded>)> {
         let key = key(machine, &[digest_of(&member.scene)], &self.options.prices);
         if let Some(known) = self.of_row(&key) {
             return Ok((known, None));
@@ -327,19 +327,19 @@ impl<'a> Search<'a> {
         Ok((found.map_err(Error::job)?, Some(frame)))
     }
 
-    /// Says which of some views is drawn.
-    pub fn say_view(&self, what: &str, nth: usize, count: usize, name: &str) {
+    /// Prints which view is drawn.
+    pub fn report_view(&self, what: &str, nth: usize, count: usize, name: &str) {
         self.progress
             .set_message(format!("{what} {nth} of {count}: {name}"));
     }
 
-    /// A row of the journal.
+    /// Adds a row to the journal.
     fn keep(
         &mut self,
         key: &str,
         scenes: &str,
         changes: &str,
-        found: std::result::Result<Measured, String>,
+        found: std::result::Result<TimingFigures, String>,
     ) -> Result<()> {
         let point = self
             .journal
@@ -348,7 +348,7 @@ impl<'a> Search<'a> {
             .and_then(|row| row[0].as_u64())
             .map_or(0, |last| last + 1);
         let (misfit, cells) = match found {
-            Ok(Measured {
+            Ok(TimingFigures {
                 frames_per_second,
                 area,
                 gates,
@@ -379,22 +379,22 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
-    pub fn taken(&mut self, state: &State) -> Result<Taken> {
+    pub fn figures(&mut self, state: &State) -> Result<StateFigures> {
         self.measure_all(std::slice::from_ref(state))?;
         Ok(self.known_of(state))
     }
 
-    fn known_of(&self, state: &State) -> Taken {
-        self.taken.get(state).copied().flatten()
+    fn known_of(&self, state: &State) -> StateFigures {
+        self.figures.get(state).copied().flatten()
     }
 
-    /// A step of the way, if the state can be built.
-    pub fn step(&mut self, path: &mut Vec<Step>, method: &str, state: &State) -> Result<()> {
-        let Some(found) = self.taken(state)? else {
+    /// Adds a step to the path, if the machine can be built.
+    pub fn step(&mut self, path: &mut Vec<TimingStep>, method: &str, state: &State) -> Result<()> {
+        let Some(found) = self.figures(state)? else {
             return Ok(());
         };
         self.say(method, &found);
-        path.push(Step {
+        path.push(TimingStep {
             method: method.to_owned(),
             found,
             tried: self.tried,
@@ -402,7 +402,7 @@ impl<'a> Search<'a> {
         Ok(())
     }
 
-    fn say(&self, method: &str, found: &Measured) {
+    fn say(&self, method: &str, found: &TimingFigures) {
         let (fps, area) = (found.frames_per_second, thousands(found.area as u64));
         self.progress.set_message(format!(
             "{method}: {fps:.1} frames/s, area {area}, {} machines tried",
@@ -410,7 +410,7 @@ impl<'a> Search<'a> {
         ));
     }
 
-    fn is_fast(&self, found: &Measured) -> bool {
+    fn is_fast(&self, found: &TimingFigures) -> bool {
         found.frames_per_second >= self.aim
     }
 
@@ -419,12 +419,12 @@ impl<'a> Search<'a> {
             .is_some_and(|found| self.is_fast(&found))
     }
 
-    fn cost(&self, found: &Measured) -> f64 {
+    fn cost(&self, found: &TimingFigures) -> f64 {
         found.of(self.options.minimise)
     }
 
     /// Every change of one field.
-    fn changes_of_one(&self, from: &State) -> Vec<Change> {
+    fn changes_of_one(&self, from: &State) -> Vec<FieldChange> {
         let of_knob = |(knob, of): (usize, &Knob)| {
             (0..of.values.len())
                 .filter(|at| *at != from[knob])
@@ -434,19 +434,23 @@ impl<'a> Search<'a> {
         self.knobs
             .iter()
             .enumerate()
-            .flat_map::<Vec<Change>, _>(of_knob)
+            .flat_map::<Vec<FieldChange>, _>(of_knob)
             .collect()
     }
 
-    /// Measures changes of a state, and remembers what they do; of those that can be built, what
-    /// each is measured.
-    fn look(&mut self, from: &State, changes: &[Change]) -> Result<Vec<(Change, Measured)>> {
+    /// Measures changes of a state and remembers their effects; returns the figures of those that
+    /// can be built.
+    fn measure_changes(
+        &mut self,
+        from: &State,
+        changes: &[FieldChange],
+    ) -> Result<Vec<(FieldChange, TimingFigures)>> {
         let states: Vec<State> = changes
             .iter()
             .map(|change| with(from, &[*change]))
             .collect();
         self.measure_all(&states)?;
-        let measured: Vec<(Change, Measured)> = changes
+        let measured: Vec<(FieldChange, TimingFigures)> = changes
             .iter()
             .zip(&states)
             .filter_map(|(change, state)| Some((*change, self.known_of(state)?)))
@@ -457,23 +461,24 @@ impl<'a> Search<'a> {
                     found.frames_per_second / now.frames_per_second,
                     self.cost(found) / self.cost(&now),
                 ];
-                self.alone.insert(*change, Alone { fps, cost });
+                self.alone.insert(*change, SingleEffect { fps, cost });
             }
         }
         Ok(measured)
     }
 
-    /// Changes of a state with what each would cost: exactly where that is area or gates, else as
-    /// it seemed when it was tried. Those that cannot be built, or were never tried, are left out.
+    /// Cost of each change of a state: exact if area or gates are minimised, else estimated from
+    /// its last effect. Changes that cannot be built or have no estimate are left out.
     fn with_cost(
         &mut self,
         from: &State,
-        now: &Measured,
-        changes: Vec<Change>,
-    ) -> Result<Vec<(f64, Change)>> {
+        now: &TimingFigures,
+        changes: Vec<FieldChange>,
+    ) -> Result<Vec<(f64, FieldChange)>> {
         if !self.options.minimise.is_known_at_once() {
-            let cost =
-                |change: Change| Some((self.alone.get(&change)?.cost * self.cost(now), change));
+            let cost = |change: FieldChange| {
+                Some((self.alone.get(&change)?.cost * self.cost(now), change))
+            };
             return Ok(changes.into_iter().filter_map(cost).collect());
         }
         let states: Vec<State> = changes
@@ -489,11 +494,11 @@ impl<'a> Search<'a> {
             .collect())
     }
 
-    /// Of some states that were measured the one with the least place; the first of equals.
+    /// The state with the least rank; the first one if several are equal.
     fn least(
         &self,
         states: impl IntoIterator<Item = State>,
-        place: impl Fn(&Measured) -> Option<f64>,
+        place: impl Fn(&TimingFigures) -> Option<f64>,
     ) -> Option<State> {
         let places = states
             .into_iter()
@@ -503,46 +508,46 @@ impl<'a> Search<'a> {
             .map(|(_, state)| state)
     }
 
-    /// What a change is worth that makes a frame faster: what it costs for its gain, the least the
-    /// best; none where it gains nothing.
-    fn price(fps_part: f64, paid: f64) -> Option<f64> {
+    /// Rating of a change that makes a frame faster: cost per gain, least is best. None if there is
+    /// no gain.
+    fn rating(fps_part: f64, paid: f64) -> Option<f64> {
         let gain = libm::log(fps_part);
         (gain > LEAST_GAIN).then_some(if paid <= 0.0 { -gain } else { paid / gain })
     }
 
-    /// Changes fields, one at a time and two where one does not help, until the machine is fast
-    /// enough; as far as it goes where it never is.
+    /// Changes fields, one at a time, or two if no single one helps, until the machine is fast
+    /// enough or nothing helps.
     fn grown(&mut self, from: &State) -> Result<State> {
         let mut state = from.clone();
         let mut has_looked = false;
-        while let Some(now) = self.taken(&state)? {
+        while let Some(now) = self.figures(&state)? {
             if self.is_fast(&now) {
                 break;
             }
             self.say("growing", &now);
             let mut changes = self.changes_of_one(&state);
             if has_looked {
-                let gains = |change: &Change| {
+                let gains = |change: &FieldChange| {
                     self.alone
                         .get(change)
                         .is_some_and(|alone| libm::log(alone.fps) > LEAST_GAIN)
                 };
                 changes.retain(gains);
                 let mut costs = self.with_cost(&state, &now, changes)?;
-                let price = |(cost, change): &(f64, Change)| {
-                    Self::price(self.alone[change].fps, cost - self.cost(&now))
+                let rating = |(cost, change): &(f64, FieldChange)| {
+                    Self::rating(self.alone[change].fps, cost - self.cost(&now))
                         .unwrap_or(f64::INFINITY)
                 };
-                costs.sort_by(|a, b| price(a).total_cmp(&price(b)));
+                costs.sort_by(|a, b| rating(a).total_cmp(&rating(b)));
                 changes = costs
                     .into_iter()
                     .take(FEW)
                     .map(|(_, change)| change)
                     .collect();
             }
-            let measured = self.look(&state, &changes)?;
-            let place = |found: &Measured| {
-                Self::price(
+            let measured = self.measure_changes(&state, &changes)?;
+            let place = |found: &TimingFigures| {
+                Self::rating(
                     found.frames_per_second / now.frames_per_second,
                     self.cost(found) - self.cost(&now),
                 )
@@ -571,8 +576,8 @@ impl<'a> Search<'a> {
         Ok(state)
     }
 
-    /// Two changes that make it faster where none does alone: the most.
-    fn faster_pair(&mut self, state: &State, now: &Measured) -> Result<Option<State>> {
+    /// The pair of changes with the most gain, if no single change helps.
+    fn faster_pair(&mut self, state: &State, now: &TimingFigures) -> Result<Option<State>> {
         let mut pairs = self.together(2, state, now, |alone| Some(-alone.fps));
         pairs.truncate(REPLAYED_TOGETHER);
         self.measure_all(&pairs)?;
@@ -582,41 +587,42 @@ impl<'a> Search<'a> {
         }))
     }
 
-    /// States that differ in so many fields, those first that are best by what each change did
-    /// alone: `place` orders them by that, or leaves them out.
+    /// States that differ in `fields` fields, sorted by the combined effects of the single changes.
+    /// `place` rates them, or leaves them out.
     fn together(
         &self,
         fields: usize,
         from: &State,
-        now: &Measured,
-        place: impl Fn(Alone) -> Option<f64>,
+        now: &TimingFigures,
+        place: impl Fn(SingleEffect) -> Option<f64>,
     ) -> Vec<State> {
-        // A change that cannot be built alone may be with another; nothing is known of it then.
-        let alone = |change: &Change| {
-            self.alone.get(change).copied().unwrap_or(Alone {
+        // A change that cannot be built alone may be possible with another one; its effect is then
+        // unknown.
+        let alone = |change: &FieldChange| {
+            self.alone.get(change).copied().unwrap_or(SingleEffect {
                 fps: 1.0,
                 cost: 1.0,
             })
         };
-        let changes: Vec<(Change, Alone)> = self
+        let changes: Vec<(FieldChange, SingleEffect)> = self
             .changes_of_one(from)
             .into_iter()
             .map(|change| (change, alone(&change)))
             .collect();
-        // Of each the number behind its last change, its changes, and what they make together.
+        // For each: next index after its last change, its changes, and their combined effect.
         let mut all = vec![(
             0,
             Vec::new(),
-            Alone {
+            SingleEffect {
                 fps: now.frames_per_second,
                 cost: self.cost(now),
             },
         )];
         for _ in 0..fields {
-            let one_more = |(behind, those, by_those): &(usize, Vec<Change>, Alone)| {
-                let is_other = |change: &Change| those.iter().all(|other| other.0 != change.0);
-                let with = |(number, (change, by_one)): (usize, &(Change, Alone))| {
-                    let both = Alone {
+            let one_more = |(behind, those, by_those): &(usize, Vec<FieldChange>, SingleEffect)| {
+                let is_other = |change: &FieldChange| those.iter().all(|other| other.0 != change.0);
+                let with = |(number, (change, by_one)): (usize, &(FieldChange, SingleEffect))| {
+                    let both = SingleEffect {
                         fps: by_those.fps * by_one.fps,
                         cost: by_those.cost * by_one.cost,
                     };
@@ -631,7 +637,7 @@ impl<'a> Search<'a> {
             };
             all = all.iter().flat_map(one_more).collect();
         }
-        let mut all: Vec<(f64, Vec<Change>)> = all
+        let mut all: Vec<(f64, Vec<FieldChange>)> = all
             .into_iter()
             .filter_map(|(_, those, alone)| Some((place(alone)?, those)))
             .collect();
@@ -642,36 +648,36 @@ impl<'a> Search<'a> {
             .collect()
     }
 
-    /// From a machine that is fast enough: changes what saves most for the time that it takes,
-    /// while it stays so; what makes it faster for nothing goes first, for that is time to spend.
-    /// What was no use once is not asked again.
+    /// From a machine that is fast enough: takes the change with the most saving per time while the
+    /// machine stays fast enough. Changes that also make it faster are taken first, because they
+    /// create slack. A change that failed is not tried again.
     fn cheaper(&mut self, from: &State) -> Result<State> {
         let mut state = from.clone();
-        let mut barred: HashSet<Change> = HashSet::new();
-        while let Some(now) = self.taken(&state)? {
+        let mut barred: HashSet<FieldChange> = HashSet::new();
+        while let Some(now) = self.figures(&state)? {
             self.say("cheaper", &now);
-            let changes: Vec<Change> = self
+            let changes: Vec<FieldChange> = self
                 .changes_of_one(&state)
                 .into_iter()
                 .filter(|change| !barred.contains(change))
                 .collect();
             if !self.options.minimise.is_known_at_once() {
-                let new: Vec<Change> = changes
+                let new: Vec<FieldChange> = changes
                     .iter()
                     .copied()
                     .filter(|change| !self.alone.contains_key(change))
                     .collect();
-                self.look(&state, &new)?;
+                self.measure_changes(&state, &new)?;
             }
             let mut costs = self.with_cost(&state, &now, changes)?;
             costs.retain(|(cost, _)| *cost <= self.cost(&now));
-            // What was never tried is tried now.
-            let new: Vec<Change> = costs
+            // Measures changes without a known effect.
+            let new: Vec<FieldChange> = costs
                 .iter()
                 .map(|(_, change)| *change)
                 .filter(|change| !self.alone.contains_key(change))
                 .collect();
-            self.look(&state, &new)?;
+            self.measure_changes(&state, &new)?;
             let own_cost = self.cost(&now);
             let worth = |fps_part: f64, cost: f64| {
                 let (gain, saved) = (libm::log(fps_part), own_cost - cost);
@@ -686,20 +692,20 @@ impl<'a> Search<'a> {
                 worth(self.alone[change].fps, *cost)
                     .total_cmp(&worth(self.alone[other].fps, *other_cost))
             });
-            let few: Vec<Change> = costs
+            let few: Vec<FieldChange> = costs
                 .into_iter()
                 .take(FEW)
                 .map(|(_, change)| change)
                 .collect();
-            let measured = self.look(&state, &few)?;
-            let is_known = |change: &Change| measured.iter().any(|(other, _)| other == change);
-            let is_faster = |found: &Measured| {
+            let measured = self.measure_changes(&state, &few)?;
+            let is_known = |change: &FieldChange| measured.iter().any(|(other, _)| other == change);
+            let is_faster = |found: &TimingFigures| {
                 found.frames_per_second > now.frames_per_second * (1.0 + LEAST_GAIN)
             };
-            let is_better = |found: &Measured| {
+            let is_better = |found: &TimingFigures| {
                 self.cost(found) < own_cost || self.cost(found) <= own_cost && is_faster(found)
             };
-            let is_barred = |found: &Measured| !self.is_fast(found) || !is_better(found);
+            let is_barred = |found: &TimingFigures| !self.is_fast(found) || !is_better(found);
             barred.extend(few.iter().filter(|change| !is_known(change)));
             barred.extend(
                 measured
@@ -707,7 +713,7 @@ impl<'a> Search<'a> {
                     .filter(|(_, found)| is_barred(found))
                     .map(|(change, _)| *change),
             );
-            let place = |found: &Measured| {
+            let place = |found: &TimingFigures| {
                 (!is_barred(found)).then(|| {
                     worth(
                         found.frames_per_second / now.frames_per_second,
@@ -727,12 +733,13 @@ impl<'a> Search<'a> {
         Ok(state)
     }
 
-    /// The cheapest of some states that is fast enough and costs less than `now`: the smallest are
-    /// replayed first, where size is what counts, the rest not at all; at most so many.
+    /// The cheapest state that is fast enough and costs less than `now`. If size is minimised, the
+    /// smallest are replayed first, and the search stops at the first success. At most `most`
+    /// states are replayed.
     fn cheapest(
         &mut self,
         mut states: Vec<State>,
-        now: &Measured,
+        now: &TimingFigures,
         most: usize,
     ) -> Result<Option<State>> {
         let by_size = self.options.minimise.is_known_at_once();
@@ -751,7 +758,7 @@ impl<'a> Search<'a> {
         states.truncate(most);
         for batch in states.chunks(if by_size { FEW } else { states.len().max(1) }) {
             self.measure_all(batch)?;
-            let place = |found: &Measured| {
+            let place = |found: &TimingFigures| {
                 (self.is_fast(found) && self.cost(found) < self.cost(now))
                     .then_some(self.cost(found))
             };
@@ -762,10 +769,11 @@ impl<'a> Search<'a> {
         Ok(None)
     }
 
-    /// From a machine that is fast enough: what saves most is changed, one field at a time.
+    /// From a machine that is fast enough: takes the change with the most saving, one field at a
+    /// time.
     fn last_steps(&mut self, from: &State) -> Result<State> {
         let mut state = from.clone();
-        while let Some(now) = self.taken(&state)? {
+        while let Some(now) = self.figures(&state)? {
             self.say("last steps", &now);
             let states = self
                 .changes_of_one(&state)
@@ -780,8 +788,8 @@ impl<'a> Search<'a> {
         Ok(state)
     }
 
-    /// The cheapest that is met from a machine on; none where none that was met is fast enough.
-    pub fn round(&mut self, from: &State, path: &mut Vec<Step>) -> Result<Option<State>> {
+    /// The cheapest machine reached from a state; None if none of them is fast enough.
+    pub fn round(&mut self, from: &State, path: &mut Vec<TimingStep>) -> Result<Option<State>> {
         let fast = self.grown(from)?;
         if !self.is_fast_state(&fast) {
             self.nearest = fast;
@@ -791,14 +799,14 @@ impl<'a> Search<'a> {
         let cheaper = self.cheaper(&fast)?;
         let mut best = self.last_steps(&cheaper)?;
         self.step(path, "one field at a time", &best)?;
-        while let Some(now) = self.taken(&best)? {
+        while let Some(now) = self.figures(&best)? {
             self.say("several fields", &now);
             let cost = self.cost(&now);
             let mut next = None;
             for (fields, doubt) in SEVERAL {
                 if next.is_none() {
                     let least_fps = self.aim / doubt;
-                    let place = |alone: Alone| {
+                    let place = |alone: SingleEffect| {
                         (alone.fps >= least_fps && alone.cost < cost).then_some(alone.cost)
                     };
                     let several = self.together(fields, &best, &now, place);
@@ -829,10 +837,10 @@ impl<'a> Search<'a> {
         }))
     }
 
-    /// Says what comes nearest.
+    /// A sentence about the nearest machine.
     pub fn out_of_reach(&mut self) -> Result<String> {
         let (min_fps, state) = (self.options.min_fps, &self.nearest.clone());
-        let Some(found) = self.taken(state)? else {
+        let Some(found) = self.figures(state)? else {
             return Ok("no machine of these fields and values can be built".into());
         };
         let changes = self.changes(state).join(" ");
@@ -843,12 +851,12 @@ impl<'a> Search<'a> {
         };
         let limited = self.limited_by(state)?;
         let (fps, area) = (found.frames_per_second, thousands(found.area as u64));
-        // As many digits as tell it from what is wanted.
+        // Enough digits to distinguish it from the target.
         let digits = (1..9)
             .find(|digits| {
                 format!("{fps:.digits$}")
                     .parse::<f64>()
-                    .is_ok_and(|told| told < min_fps)
+                    .is_ok_and(|shown| shown < min_fps)
             })
             .unwrap_or(9);
         let of = self

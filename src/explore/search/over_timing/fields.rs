@@ -1,8 +1,8 @@
-//! Fields: which fields of `timing` a search over timing may change, and to which values.
+//! Fields: lists the fields of `timing` that a search may change, and their values.
 //!
-//! Whatever makes a machine better here costs area, or the clock refuses it. What has no price is
-//! given: the technology, what memory is bought, how a cache compares its ways. Memory stays as
-//! fast in bytes a second and in nanoseconds whatever the clock is.
+//! Every improvement here costs area, or is limited by the clock. Fields without a cost are given:
+//! the technology, the memory, how a cache compares its ways. Memory keeps its bytes per second and
+//! its latency in nanoseconds at any clock.
 
 use crate::error::{Error, Result};
 use crate::hardware::{fixed, machines};
@@ -20,15 +20,14 @@ use std::path::Path;
 /// A field of the machine, and values that it may have.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Field {
-    /// As `timing.raster.lanes`.
+pub struct SearchedField {
+    /// Path, such as `timing.raster.lanes`.
     pub field: String,
-    /// Values that are tried besides the machine's own.
+    /// Values that are tried in addition to the machine's own.
     pub values: Vec<Value>,
 }
 
-/// What may be changed unless somebody says otherwise; of these a machine's schema decides which
-/// there are.
+/// Fields and values by default. Those that the machine's schema lacks are left out.
 const FIELDS: [(&str, &str); 39] = [
     (
         CLOCK,
@@ -89,15 +88,16 @@ const FIELDS: [(&str, &str); 39] = [
     ("timing.memory.outstanding", "[1, 2, 4, 8, 16, 32, 64]"),
 ];
 
-/// The fields that a machine has of those above, with their values.
-pub(super) fn usual(machine: &Machine) -> Vec<Field> {
+/// The default fields that a machine has, with their values.
+pub(super) fn default_fields(machine: &Machine) -> Vec<SearchedField> {
     let value = machines::value(machine);
     let unused: &[&str] = match machine.timing.organisation {
         Organisation::Binned => &["timing.cache"],
         Organisation::Immediate => &["timing.tile", "timing.engines", "timing.queue"],
     };
     let kind = machine.sort.map_or(SortKind::Radix, |sort| sort.kind);
-    // What a unit for colours, or a sorter, takes may be left out where there is one.
+    // The fields of a unit for colours, or of a sorter, may be absent even if the machine has the
+    // unit.
     let place = |unit: &str| match unit {
         "timing.colour" => "/colour".to_owned(),
         "timing.sort" if kind != SortKind::Radix => "/sort".to_owned(),
@@ -129,11 +129,11 @@ pub(super) fn usual(machine: &Machine) -> Vec<Field> {
         }
         values
     };
-    let fields = there.map(|(field, text)| Field {
+    let fields = there.map(|(field, text)| SearchedField {
         field: (*field).to_owned(),
         values: values(field, text),
     });
-    // A field that this machine's description does not know yet is left out.
+    // A field that is not in this machine's description is left out.
     fields
         .filter(|field| {
             field.values.iter().any(|value| {
@@ -143,7 +143,7 @@ pub(super) fn usual(machine: &Machine) -> Vec<Field> {
         .collect()
 }
 
-/// Products that take turns at the multipliers of a field; none of another field.
+/// Number of products that share the multipliers of a field; None for other fields.
 fn products(machine: &Machine, field: &str) -> Option<u32> {
     let unit = field.strip_suffix(".multipliers")?;
     if unit == "timing.colour" {
@@ -156,7 +156,7 @@ fn products(machine: &Machine, field: &str) -> Option<u32> {
                 .products,
         );
     }
-    // With one multiplier a splat holds the unit for as many cycles as it has products.
+    // With one multiplier a splat occupies the unit for as many cycles as it has products.
     let alone = [
         ("multipliers", json!(1)),
         ("latency", Value::Null),
@@ -171,7 +171,7 @@ fn products(machine: &Machine, field: &str) -> Option<u32> {
     }
 }
 
-/// Numbers of multipliers that products can share: of each interval the fewest.
+/// Numbers of multipliers for shared use: for each initiation interval the fewest.
 fn shared_by(products: u32) -> Vec<u32> {
     let mut counts: Vec<u32> = (1..=products)
         .map(|interval| products.div_ceil(interval))
@@ -181,16 +181,16 @@ fn shared_by(products: u32) -> Vec<u32> {
     counts
 }
 
-/// Fields and values from a file: a JSON array.
+/// Reads fields and values from a file: a JSON array.
 ///
 /// # Errors
-/// [`Error::Input`] where it cannot be read, or is something else.
-pub fn read(path: &Path) -> Result<Vec<Field>> {
+/// [`Error::Input`] if it cannot be read, or has another form.
+pub fn read(path: &Path) -> Result<Vec<SearchedField>> {
     let input_error = |what: String| Error::input(format!("{}: {what}", path.display()));
     let value = strict_json::read(path).map_err(input_error)?;
-    let fields: Vec<Field> = serde_path_to_error::deserialize(&value).map_err(|e| {
+    let fields: Vec<SearchedField> = serde_path_to_error::deserialize(&value).map_err(|e| {
         input_error(format!(
-            "is no list of fields and values, as [{{\"field\": \"timing.raster.fifo\", \"values\": [1, 2]}}]: {}",
+            "is not a list of fields and values, as [{{\"field\": \"timing.raster.fifo\", \"values\": [1, 2]}}]: {}",
             e.inner()
         ))
     })?;
@@ -201,11 +201,11 @@ pub fn read(path: &Path) -> Result<Vec<Field>> {
     Ok(fields)
 }
 
-fn check(fields: &[Field]) -> std::result::Result<(), String> {
-    for (nth, Field { field, values }) in fields.iter().enumerate() {
+fn check(fields: &[SearchedField]) -> std::result::Result<(), String> {
+    for (nth, SearchedField { field, values }) in fields.iter().enumerate() {
         if !field.starts_with("timing.") {
             return Err(format!(
-                "{field} is no field of timing; --target-psnr searches words"
+                "{field} is not a field of timing; --target-psnr searches words"
             ));
         }
         if let Some(why) = given::reason(field) {
@@ -223,21 +223,21 @@ fn check(fields: &[Field]) -> std::result::Result<(), String> {
     Ok(())
 }
 
-/// A field and its values, the machine's own the first.
+/// A field and its values, the machine's own first.
 #[derive(Clone, Debug)]
 pub(super) struct Knob {
     pub field: String,
     pub values: Vec<Value>,
 }
 
-/// A knob for each field.
+/// One knob per field.
 ///
 /// # Errors
-/// [`Error::Input`] where the machine has no such field, or the field no such value.
-pub(super) fn knobs(machine: &Machine, fields: &[Field]) -> Result<Vec<Knob>> {
+/// [`Error::Input`] if the machine lacks the field, or the value is invalid.
+pub(super) fn knobs(machine: &Machine, fields: &[SearchedField]) -> Result<Vec<Knob>> {
     check(fields).map_err(Error::input)?;
     let value = machines::value(machine);
-    let knob = |Field { field, values }: &Field| {
+    let knob = |SearchedField { field, values }: &SearchedField| {
         let own = value
             .pointer(&machines::pointer(field))
             .cloned()
@@ -258,24 +258,24 @@ pub(super) fn knobs(machine: &Machine, fields: &[Field]) -> Result<Vec<Knob>> {
     fields.iter().map(knob).collect()
 }
 
-/// Memory that is bought: as fast in bytes a second and in nanoseconds at any clock.
+/// The memory, which is given: it keeps its bytes per second and its nanoseconds at any clock.
 #[derive(Clone, Copy, Debug)]
-pub struct Bought {
+pub struct GivenMemory {
     clock_hz: u64,
     memory: Memory,
 }
 
-impl Bought {
-    /// Of a machine as it is described.
+impl GivenMemory {
+    /// The memory of a machine.
     pub fn of(machine: &Machine) -> Self {
-        Bought {
+        GivenMemory {
             clock_hz: machine.timing.clock_hz,
             memory: machine.timing.memory,
         }
     }
 
-    /// What a machine must say of it that has the clock of `changes`, where they have one. Bytes
-    /// and cycles are whole, and rounded to the worse.
+    /// Memory fields for the clock in `changes`, if there is one. Bytes and cycles are integers,
+    /// rounded to the worse.
     pub(super) fn fields_at(&self, changes: &[(String, Value)]) -> Vec<(String, Value)> {
         let clock = changes
             .iter()
@@ -291,9 +291,9 @@ impl Bought {
             + u128::from(m.bytes_per_cycle_permille.unwrap_or(0)))
             * own
             / clock;
-        // What is left out is the preset's at any clock, or nothing.
-        let filled = |name, said: u32, number| (said > 0).then_some((name, number));
-        let given = |name, said: Option<u32>| said.map(|cycles| (name, slower(cycles)));
+        // A field that is left out has the value of the preset at any clock, or none.
+        let filled = |name, value: u32, number| (value > 0).then_some((name, number));
+        let given = |name, value: Option<u32>| value.map(|cycles| (name, slower(cycles)));
         let fields = [
             filled("bytes_per_cycle", m.bytes_per_cycle, thousandths / 1000),
             m.bytes_per_cycle_permille
@@ -301,7 +301,7 @@ impl Bought {
             filled("hit_latency", m.hit_latency, slower(m.hit_latency)),
             filled("miss_latency", m.miss_latency, slower(m.miss_latency)),
             given("rank_switch_cycles", m.rank_switch_cycles),
-            // As often a second: rounded to the worse.
+            // The same rate per second, rounded to the worse.
             m.refresh_interval_cycles.map(|cycles| {
                 (
                     "refresh_interval_cycles",
@@ -313,7 +313,7 @@ impl Bought {
             given("row_cycles", m.row_cycles),
             given("four_rows_cycles", m.four_rows_cycles),
         ];
-        // What no field can say cannot be built either.
+        // A value outside the field's range cannot be built: the largest value is refused.
         let value = |number: u128| json!(u32::try_from(number).unwrap_or(u32::MAX));
         fields
             .into_iter()
@@ -327,12 +327,14 @@ impl Bought {
 mod tests {
     use super::*;
 
-    /// A machine has the sizes of its sorters searched, if it has any.
+    /// The sizes of sorters are searched if the machine has any.
     #[test]
     fn sorters_are_searched_where_there_are_some() {
         let of = |kind: &str| {
             let machine = machines::load("gaussian", &[format!("sort.kind={kind}")]).unwrap();
-            let fields = usual(&machine).into_iter().map(|field| field.field);
+            let fields = default_fields(&machine)
+                .into_iter()
+                .map(|field| field.field);
             fields
                 .filter_map(|field| field.strip_prefix("timing.sort.").map(str::to_owned))
                 .collect::<Vec<_>>()
@@ -350,9 +352,9 @@ mod tests {
     }
 
     #[test]
-    fn memory_stays_as_fast_whatever_the_clock() {
+    fn memory_is_equally_fast_at_any_clock() {
         let machine = Machine::named("reference").unwrap();
-        let bought = Bought::of(&machine);
+        let bought = GivenMemory::of(&machine);
         for clock_hz in [50_000_000_u64, 400_000_000, 550_000_000, 1_000_000_000] {
             let fields = bought.fields_at(&[(CLOCK.into(), json!(clock_hz))]);
             let [bytes, hit, miss] = [0, 1, 2].map(|nth| fields[nth].1.as_u64().unwrap());
@@ -375,17 +377,17 @@ mod tests {
         );
     }
 
-    /// Memory of a data sheet is that of the data sheet at any clock; what is said besides stays as
-    /// long in nanoseconds.
+    /// Memory of a preset follows its data sheet at any clock; additional fields keep their
+    /// nanoseconds.
     #[test]
-    fn memory_of_a_preset_stays_as_fast_whatever_the_clock() {
+    fn memory_of_a_preset_is_equally_fast_at_any_clock() {
         let settings = [
             "timing.memory.preset=lpddr4-3200-x4",
             "timing.memory.turnaround_cycles=20",
             "timing.memory.refresh_interval_cycles=1000",
         ];
         let machine = machines::load("reference", &settings.map(String::from)).unwrap();
-        let bought = Bought::of(&machine);
+        let bought = GivenMemory::of(&machine);
         for clock_hz in [100_000_000_u64, 1_000_000_000] {
             let changes = [(CLOCK.to_owned(), json!(clock_hz))];
             let fields: Vec<_> = changes
@@ -403,10 +405,10 @@ mod tests {
                 51_200_000_000_000 / clock_hz,
                 "{clock_hz}"
             );
-            let said = [memory.turnaround_cycles, memory.refresh_interval_cycles]
+            let value = [memory.turnaround_cycles, memory.refresh_interval_cycles]
                 .map(|cycles| u64::from(cycles.unwrap()));
             assert_eq!(
-                said,
+                value,
                 [20, 1000].map(|cycles| cycles * clock_hz / 400_000_000),
                 "{clock_hz}"
             );
@@ -421,7 +423,7 @@ mod tests {
     #[test]
     fn multipliers_are_searched_over_every_interval_with_the_fewest_of_each() {
         for machine in ["reference", "gaussian"].map(|name| Machine::named(name).unwrap()) {
-            let usual = usual(&machine);
+            let default_fields = default_fields(&machine);
             for unit in ["project", "ellipse"] {
                 let interval = |multipliers: u64| {
                     let change = (format!("timing.{unit}.multipliers"), json!(multipliers));
@@ -433,13 +435,13 @@ mod tests {
                         built.timing.ellipse.interval
                     }
                 };
-                let field = usual
+                let field = default_fields
                     .iter()
                     .find(|field| field.field == format!("timing.{unit}.multipliers"))
                     .unwrap();
                 let listed: Vec<u64> = field.values.iter().filter_map(Value::as_u64).collect();
-                // By trying every number: those with which a splat takes less time than with one
-                // multiplier less.
+                // By trying every number: those that take less time per splat than one multiplier
+                // less.
                 let changing: Vec<u64> = (1..=200)
                     .filter(|many| *many == 1 || interval(*many) < interval(*many - 1))
                     .collect();
@@ -461,7 +463,7 @@ mod tests {
         let sorting = machines::load("gaussian", &["sort.kind=hierarchical".into()]).unwrap();
         let of_some: Vec<String> = [&machine, &immediate, &sorting]
             .into_iter()
-            .flat_map(usual)
+            .flat_map(default_fields)
             .map(|field| field.field)
             .collect();
         for (field, text) in FIELDS {
@@ -473,7 +475,7 @@ mod tests {
             assert_eq!(given::reason(field), None, "{field}");
         }
         for machine in [&machine, &immediate, &sorting] {
-            knobs(machine, &usual(machine)).unwrap();
+            knobs(machine, &default_fields(machine)).unwrap();
         }
     }
 }

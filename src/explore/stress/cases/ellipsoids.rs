@@ -1,7 +1,7 @@
 //! Ellipsoids: the cases of volumes and Gaussians, on the machine for them.
 
 use super::{
-    BLUE, COLOURS, Case, DEPTH, FLAT, FOCAL_PX, GREEN, PALE, PX, RED, SIDE, Variant, at, disc,
+    BLUE, COLOURS, Case, CaseVariant, DEPTH, FLAT, FOCAL_PX, GREEN, PALE, PX, RED, SIDE, at, disc,
     leaning, picture, plane, shuffled,
 };
 use crate::scene::{
@@ -14,21 +14,21 @@ use glam::{DQuat, DVec3};
 pub const CASES: [Case; 7] = [
     Case {
         name: "thin-kernels",
-        trouble: "Gaussians long in one direction and thin in two: the determinant is what the low-pass filter leaves",
+        trouble: "Gaussians long in one direction and thin in two: the determinant depends only on the low-pass filter",
         parameter: "aspect",
         unit: "",
         values: &[1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 1e4, 1e6],
         log: true,
         telling: (30.0, "coarse"),
         scene: thin_gaussians,
-        variant: Some(Variant {
+        variant: Some(CaseVariant {
             name: "coarse",
             settings: |_| set(&["ellipse.variance=U5F10", "ellipse.variance_cross=I6F10"]),
         }),
     },
     Case {
         name: "beside",
-        trouble: "wide Gaussians beside the picture: the affine approximation has no meaning there, and the Jacobian is clamped",
+        trouble: "wide Gaussians outside the picture: the affine approximation is invalid there, and the Jacobian is clamped",
         parameter: "centre",
         unit: "half pictures",
         values: &[0.5, 1.0, 1.3, 2.0, 4.0, 8.0, 16.0, 50.0, 99.0],
@@ -39,42 +39,42 @@ pub const CASES: [Case; 7] = [
     },
     Case {
         name: "one-depth",
-        trouble: "Gaussians closer in depth than the key of the sort can tell: they stay in input order",
+        trouble: "Gaussians closer in depth than the LSB of the sort key: they stay in input order",
         parameter: "depth step",
         unit: "radii",
         values: &[1.0, 0.1, 0.01, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 0.0],
         log: true,
         telling: (1e-4, "12-bit key"),
         scene: one_depth,
-        variant: Some(Variant {
+        variant: Some(CaseVariant {
             name: "12-bit key",
             settings: |_| set(&["sort.key=U1F11"]),
         }),
     },
     Case {
         name: "faint-crowd",
-        trouble: "ever more and fainter Gaussians on one pixel: what each lets through is rounded, in the end to nothing",
+        trouble: "more and more, fainter Gaussians on one pixel: the transmittance of each is rounded, finally to nothing",
         parameter: "Gaussians",
         unit: "",
         values: &[3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4],
         log: true,
         telling: (300.0, "12-bit sums"),
         scene: faint_gaussians,
-        variant: Some(Variant {
+        variant: Some(CaseVariant {
             name: "12-bit sums",
             settings: |_| narrow_sums(),
         }),
     },
     Case {
         name: "extinction",
-        trouble: "voxels ever denser: the optical depth leaves its word and the table of α/x",
+        trouble: "voxels denser and denser: the optical depth leaves its word and the table of α/x",
         parameter: "optical depth of a voxel",
         unit: "",
         values: &[0.01, 0.1, 0.3, 1.0, 2.0, 4.0, 7.0, 10.0, 30.0],
         log: true,
         telling: (1.0, "8-step table"),
         scene: |depth| slab(8, depth),
-        variant: Some(Variant {
+        variant: Some(CaseVariant {
             name: "8-step table",
             settings: |_| {
                 set(&[
@@ -86,21 +86,21 @@ pub const CASES: [Case; 7] = [
     },
     Case {
         name: "slices",
-        trouble: "the same fog in ever more slices: a rounding at each, and slices of less than a place",
+        trouble: "the same fog in more and more slices: a rounding at each, and slices below one LSB",
         parameter: "slices",
         unit: "",
         values: &[1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3],
         log: true,
         telling: (300.0, "12-bit sums"),
         scene: |slices| slab(slices as usize, 2.0 / slices),
-        variant: Some(Variant {
+        variant: Some(CaseVariant {
             name: "12-bit sums",
             settings: |_| narrow_sums(),
         }),
     },
     Case {
         name: "flattened",
-        trouble: "kernels of a surface flattened until they are discs: one scale of three runs out of places",
+        trouble: "kernels of a surface flattened until they are discs: one scale of three runs out of bits",
         parameter: "flattened by",
         unit: "",
         values: &[1.0, 3.0, 10.0, 100.0, 1e3, 1e4, 1e6, 1e9],
@@ -115,12 +115,12 @@ fn set(settings: &[&str]) -> Vec<String> {
     settings.iter().map(|&setting| setting.to_owned()).collect()
 }
 
-/// Colour and opacity with twelve fraction bits.
+/// Settings for twelve fraction bits in colour and opacity.
 fn narrow_sums() -> Vec<String> {
     set(&["fragment.colour_sum=U5F12", "fragment.opacity_sum=U5F12"])
 }
 
-/// Discs as Gaussians with axes of their own, by the conventions of training programs.
+/// Discs as Gaussians with their own axes, by the conventions of training programs.
 fn gaussians(all: Vec<(Splat, Orientation)>) -> Scene {
     let (splats, orientations) = all.into_iter().unzip();
     Scene {
@@ -152,7 +152,7 @@ fn gaussians(all: Vec<(Splat, Orientation)>) -> Scene {
     }
 }
 
-/// A rotation without a pattern.
+/// A pseudo-random rotation.
 fn turned(nth: usize) -> DQuat {
     let nth = nth as f64;
     DQuat::from_euler(glam::EulerRot::XYZ, 0.7 * nth, 1.9 * nth, 2.3 * nth)
@@ -255,7 +255,7 @@ fn faint_gaussians(count: f64) -> Scene {
     scene
 }
 
-/// A block of voxels of this optical depth each, so many slices deep, the nearest first.
+/// A block of voxels of this optical depth each, with N slices, the nearest first.
 fn slab(slices: usize, optical_depth: f64) -> Scene {
     let (across, spacing) = (9, 3.0 * PX);
     let (mut splats, mut numbers) = (Vec::new(), Vec::new());
@@ -331,7 +331,7 @@ fn flattened(by: f64) -> Scene {
     let orientations = splats.iter().map(flat).collect();
     let scene = picture(SIDE, SIDE, splats);
     Scene {
-        // The leaning plane's neighbours lie two pixels apart in the picture and six in depth.
+        // Neighbours in the tilted plane are two pixels apart in the picture and six in depth.
         surface: Surface {
             z_threshold: 12.0 * PX,
             ..scene.surface

@@ -2,7 +2,7 @@ use super::*;
 use serde_json::json;
 
 fn points(plan: Value) -> Result<Points> {
-    validate::check(&plan, &schema()).map_err(|misfit| Error::input(misfit.to_string()))?;
+    validate::check(&plan, &schema()).map_err(|violation| Error::input(violation.to_string()))?;
     Points::new(serde_json::from_value(plan).unwrap(), PathBuf::new())
 }
 
@@ -14,14 +14,14 @@ fn refused(plan: Value) -> String {
 }
 
 fn changes(points: &Points) -> Vec<String> {
-    let told = |(field, value): &Change| format!("{field}={value}");
+    let text = |(field, value): &MachineChange| format!("{field}={value}");
     (0..points.count())
         .map(|number| {
             points
                 .point(number)
                 .1
                 .iter()
-                .map(told)
+                .map(text)
                 .collect::<Vec<_>>()
                 .join(" ")
         })
@@ -90,7 +90,7 @@ fn a_sample_takes_every_value_equally_often() {
     }
     assert_eq!(one, changes(&plan(1)));
     assert_ne!(one, changes(&plan(2)));
-    // All pairs can come: the axes are not shuffled alike.
+    // All pairs can occur: the axes are shuffled differently.
     let pairs: std::collections::BTreeSet<&String> = one.iter().collect();
     assert!(pairs.len() > 30, "{}", pairs.len());
 }
@@ -140,13 +140,15 @@ fn a_plan_that_cannot_be_is_refused_in_a_sentence() {
         axis(json!({"field": "fragment.layers", "range": [i64::MIN, i64::MAX, 1]}))
             .contains("10000 is the most")
     );
-    assert!(axis(json!({"field": "fragment.layers", "add_frac_bits": [1]})).contains("is no word"));
+    assert!(
+        axis(json!({"field": "fragment.layers", "add_frac_bits": [1]})).contains("is not a word")
+    );
     assert!(axis(json!({"field": "*", "add_frac_bits": [1]})).contains("one-at-a-time"));
     assert!(
         axis(json!({"field": "exact", "values": [["rasta"]]}))
-            .contains("\"rasta\" is no unit and no word; units are splat, ")
+            .contains("\"rasta\" is neither a unit nor a word; units are splat, ")
     );
-    assert!(axis(json!({"field": "exact", "values": ["raster"]})).contains("is no list"));
+    assert!(axis(json!({"field": "exact", "values": ["raster"]})).contains("is not a list"));
     let twice = json!([{"field": "fragment.layers", "values": [1]}, {"field": "fragment.layers", "values": [2]}]);
     assert_eq!(refused(plan(twice)), "axes has fragment.layers twice");
     assert!(refused(json!({"scenes": [], "axes": []})).contains("scenes is empty"));

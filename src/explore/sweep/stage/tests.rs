@@ -1,8 +1,8 @@
-//! What is drawn together is what is drawn alone; what cannot be compared is said to be so.
+//! Tests: points drawn together equal those drawn separately; pictures with NaN give an error.
 
 use super::*;
 
-/// A plan on few splats, which lie beside it.
+/// A plan on few splats, in its own folder.
 struct Planned {
     points: Points,
     _folder: tempfile::TempDir,
@@ -34,7 +34,7 @@ impl Planned {
     }
 }
 
-/// Rows of a stage, without what the host took.
+/// Rows of a stage, without host times.
 fn rows(stage: &Stage, numbers: &[u64]) -> Vec<(u64, Row)> {
     let columns = stage.columns();
     let mut rows = Vec::new();
@@ -51,7 +51,7 @@ fn rows(stage: &Stage, numbers: &[u64]) -> Vec<(u64, Row)> {
 }
 
 #[test]
-fn points_that_are_drawn_together_are_those_that_are_drawn_alone() {
+fn points_drawn_together_equal_those_drawn_separately() {
     let words = [
         "shade.light",
         "gauss.weight",
@@ -67,8 +67,8 @@ fn points_that_are_drawn_together_are_those_that_are_drawn_alone() {
         json!({"field": "project.camera", "values": ["U2F8"]}),
     ];
     let axes: Vec<Value> = words.into_iter().chain(others).collect();
-    // Of these six of one frame are replayed abreast.
-    let abreast = [
+    // These six of one frame are replayed in one batch.
+    let batched = [
         json!({"field": "timing.organisation", "values": ["binned"]}),
         json!({"field": "timing.raster.fifo", "values": [1, 5, 9]}),
         json!({"field": "timing.shade.latency", "values": [4, 40]}),
@@ -79,7 +79,7 @@ fn points_that_are_drawn_together_are_those_that_are_drawn_alone() {
         ("torus-knot", "one-at-a-time", &axes[..]),
         ("terrain", "sample", &axes[..8]),
         ("glass-spheres", "sample", &axes[..]),
-        ("torus-knot", "grid", &abreast[..]),
+        ("torus-knot", "grid", &batched[..]),
     ] {
         let mut rest = json!({"order": order, "axes": axes});
         if order == "sample" {
@@ -108,8 +108,7 @@ fn points_that_are_drawn_together_are_those_that_are_drawn_alone() {
     assert!(misfits > 2);
 }
 
-/// A sweep that is killed while it replays many machines keeps the rows of those that it is done
-/// with.
+/// A sweep that is killed while it replays many machines keeps the rows that are finished.
 #[test]
 fn rows_of_one_frame_come_before_all_of_it_is_replayed() {
     let [first, most] = REPLAYED_TOGETHER;
@@ -155,7 +154,7 @@ fn rows_of_one_frame_come_before_all_of_it_is_replayed() {
         together[0] == first && together.len() > 3 && together.iter().all(|rows| *rows <= most),
         "{together:?}"
     );
-    // Others come together where there are more threads.
+    // With more threads other rows are written together.
     assert_eq!(
         pool(1).install(|| rows(&planned.stage(), &numbers)),
         pool(2).install(|| rows(&planned.stage(), &numbers))
@@ -193,14 +192,14 @@ fn work_that_was_replayed_is_not_replayed_again_on_the_same_microarchitecture() 
     for fifo in 10..20 {
         assert_eq!(found(&[&format!("timing.raster.fifo={fifo}")]), 4);
     }
-    // The first is still there, and does not come again.
+    // The first is still kept, and is not repeated.
     let first = Arc::clone(&stage.replays.0.lock().unwrap()[0]);
     assert_eq!(found(&[]), 4);
     assert!(Arc::ptr_eq(&first, &stage.replays.0.lock().unwrap()[0]));
 }
 
 #[test]
-fn a_picture_with_what_is_no_number_makes_a_row_without_numbers() {
+fn a_picture_with_nan_makes_a_row_without_numbers() {
     let planned = Planned::new(
         "torus-knot",
         json!({"axes": [{"field": "gauss.weight", "values": ["U0F8"]}]}),
@@ -218,7 +217,7 @@ fn a_picture_with_what_is_no_number_makes_a_row_without_numbers() {
         let mut picture = stage.golden(&rules).picture.clone();
         picture.rgba[9][2] = wrong;
         stage.goldens = Kept::new(1);
-        stage.goldens.get(&rules, || Golden {
+        stage.goldens.get(&rules, || GoldenPicture {
             picture,
             film: Vec::new(),
             psnr_db: None,

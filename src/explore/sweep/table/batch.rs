@@ -1,13 +1,11 @@
-//! Batch: makes Parquet of rows and rows of Parquet, and keeps files of rows that others have
-//! drawn.
+//! Batch: converts rows to Parquet and back, and stores files of rows from other processes.
 //!
 //! ```text
 //! rows ─► Parquet, with a digest of all cells ─► points/FIRST.parquet ─► rows
 //! ```
-//! Each file has points that no other file has; its name is the first of them, so that none is ever
-//! written twice.
+//! No point is in two files. A file is named after its first point, so no file is written twice.
 
-use super::{Column, Kind, Row};
+use super::{CellKind, Column, Row};
 use crate::error::{Error, Result};
 use crate::input;
 use crate::output::files::write_beside;
@@ -37,14 +35,14 @@ const DIGEST: &str = "splatsim_digest";
 /// Rows as bytes of a Parquet file.
 ///
 /// # Errors
-/// [`Error::Job`] where they cannot be written so.
+/// [`Error::Job`] if they cannot be encoded.
 pub fn packed(columns: &[Column], rows: &BTreeMap<u64, Row>) -> Result<Vec<u8>> {
     let digest = digest_of(rows.values());
     parquet(columns, rows.values(), Some(digest))
         .map_err(|e| Error::job(format!("rows cannot be packed: {e}")))
 }
 
-/// The rows of such bytes, by their order there; else how they are wrong.
+/// The rows in these bytes, in their order; or what is wrong with them.
 pub(super) fn unpacked(
     bytes: &[u8],
     columns: &[Column],
@@ -62,14 +60,14 @@ pub(super) fn unpacked(
         return Err("has other columns: it is of another plan, or of another version".into());
     }
     let rows = rows(&file).map_err(damaged)?;
-    let said = file
+    let metadata = file
         .metadata()
         .file_metadata()
         .key_value_metadata()
         .into_iter()
         .flatten()
         .find(|pair| pair.key == DIGEST);
-    if said.and_then(|pair| pair.value.as_ref()) != Some(&digest_of(rows.iter())) {
+    if metadata.and_then(|pair| pair.value.as_ref()) != Some(&digest_of(rows.iter())) {
         return Err("is not as it was written".into());
     }
     let numbered = |row: Row| {
@@ -90,7 +88,7 @@ fn damaged(error: ParquetError) -> String {
 /// Every row of a folder's files.
 ///
 /// # Errors
-/// [`Error::Input`] where a file cannot be read or is damaged.
+/// [`Error::Input`] if a file cannot be read or is damaged.
 pub(super) fn read_all(
     folder: &Path,
     columns: &[Column],
@@ -109,7 +107,7 @@ pub(super) fn read_all(
     Ok(())
 }
 
-/// Writes a file of rows; the first is of this point.
+/// Writes a file of rows; `first` is the point of the first row.
 pub(super) fn write(folder: &Path, first: u64, bytes: &[u8]) -> Result<()> {
     let folder = folder.join(FOLDER);
     fs::create_dir_all(&folder)
@@ -119,15 +117,15 @@ pub(super) fn write(folder: &Path, first: u64, bytes: &[u8]) -> Result<()> {
     })
 }
 
-/// Removes what a process that was killed had begun to write; nobody else may be writing there.
+/// Removes incomplete files of killed processes; no other process may be writing there.
 pub(super) fn remove_parts(folder: &Path) {
-    // What cannot be removed is in nobody's way but other readers'.
+    // Errors are ignored: a leftover file does not affect rows.
     files(folder, "part")
         .iter()
         .for_each(|path| _ = fs::remove_file(path));
 }
 
-/// Those with an extension, in the order of their names.
+/// Files with an extension, sorted by name.
 fn files(folder: &Path, extension: &str) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder.join(FOLDER))
         .into_iter()
@@ -139,7 +137,7 @@ fn files(folder: &Path, extension: &str) -> Vec<PathBuf> {
     paths
 }
 
-/// Of every cell.
+/// Digest of every cell.
 fn digest_of<'a>(rows: impl Iterator<Item = &'a Row>) -> String {
     let lines: String = rows
         .map(|row| Value::from(row.clone()).to_string() + "\n")
@@ -188,7 +186,7 @@ fn column(group: &dyn RowGroupReader, nth: usize) -> Parquet<Vec<Value>> {
     })
 }
 
-/// A column's values, each where it is.
+/// A column's values by row.
 fn values<T: DataType>(mut reader: ColumnReaderImpl<T>, rows: usize) -> Parquet<Vec<Option<T::T>>> {
     let (mut there, mut values) = (Vec::new(), Vec::new());
     while there.len() < rows {
@@ -205,22 +203,22 @@ fn values<T: DataType>(mut reader: ColumnReaderImpl<T>, rows: usize) -> Parquet<
         .collect())
 }
 
-fn physical(kind: Kind) -> Physical {
+fn physical(kind: CellKind) -> Physical {
     match kind {
-        Kind::Text => Physical::BYTE_ARRAY,
-        Kind::Whole => Physical::INT64,
-        Kind::Number => Physical::DOUBLE,
+        CellKind::Text => Physical::BYTE_ARRAY,
+        CellKind::Whole => Physical::INT64,
+        CellKind::Number => Physical::DOUBLE,
     }
 }
 
-/// Rows as a Parquet file, with a digest of them where one is given.
+/// Rows as a Parquet file, with a digest if one is given.
 pub(super) fn parquet<'a>(
     columns: &[Column],
     rows: impl Iterator<Item = &'a Row>,
     digest: Option<String>,
 ) -> Parquet<Vec<u8>> {
     let field = |(name, kind): &Column| {
-        let text = (*kind == Kind::Text).then_some(LogicalType::String);
+        let text = (*kind == CellKind::Text).then_some(LogicalType::String);
         let field = Type::primitive_type_builder(name, physical(*kind))
             .with_repetition(Repetition::OPTIONAL);
         field.with_logical_type(text).build().map(Arc::new)
@@ -231,10 +229,10 @@ pub(super) fn parquet<'a>(
             .with_fields(fields)
             .build()?,
     );
-    let said = digest.map(|digest| vec![KeyValue::new(DIGEST.into(), digest)]);
+    let metadata = digest.map(|digest| vec![KeyValue::new(DIGEST.into(), digest)]);
     let properties = WriterProperties::builder().set_compression(Compression::UNCOMPRESSED);
-    // A batch has few rows: what would find some of them in a large file is most of it.
-    let properties = if said.is_some() {
+    // A batch has few rows: indices for partial reads would be most of the file.
+    let properties = if metadata.is_some() {
         properties
             .set_statistics_enabled(EnabledStatistics::None)
             .set_dictionary_enabled(false)
@@ -242,7 +240,7 @@ pub(super) fn parquet<'a>(
     } else {
         properties
     };
-    let properties = properties.set_key_value_metadata(said).build();
+    let properties = properties.set_key_value_metadata(metadata).build();
     let mut bytes = Vec::new();
     let mut file = SerializedFileWriter::new(&mut bytes, schema, Arc::new(properties))?;
     let mut group = file.next_row_group()?;
@@ -257,7 +255,7 @@ pub(super) fn parquet<'a>(
             .map(|cell| i16::from(!cell.is_null()))
             .collect();
         match kind {
-            Kind::Text => {
+            CellKind::Text => {
                 let words: Vec<ByteArray> = cells
                     .iter()
                     .filter_map(|cell| cell.as_str())
@@ -267,13 +265,13 @@ pub(super) fn parquet<'a>(
                     .typed::<ByteArrayType>()
                     .write_batch(&words, Some(&there), None)?;
             }
-            Kind::Whole => {
+            CellKind::Whole => {
                 let numbers: Vec<i64> = cells.iter().filter_map(|cell| cell.as_i64()).collect();
                 column
                     .typed::<Int64Type>()
                     .write_batch(&numbers, Some(&there), None)?;
             }
-            Kind::Number => {
+            CellKind::Number => {
                 let numbers: Vec<f64> = cells.iter().filter_map(|cell| cell.as_f64()).collect();
                 column
                     .typed::<DoubleType>()

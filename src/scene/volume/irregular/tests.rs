@@ -1,5 +1,5 @@
-//! Irregular grids and points of every kind and encoding, written into small files and read back;
-//! and broken ones.
+//! Tests: irregular grids and points of every kind and encoding, written into small files and read
+//! back; and broken files.
 
 use super::*;
 use crate::scene::cells::{Cells, Sampled};
@@ -11,20 +11,20 @@ use flate2::write::ZlibEncoder;
 use proptest::prelude::*;
 use std::io::Write;
 
-/// How an array is written.
+/// Encoding of an array.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Encoding {
+enum ArrayEncoding {
     Ascii,
     Binary,
     AppendedRaw,
     AppendedBase64,
 }
 
-use Encoding::{AppendedBase64, AppendedRaw, Ascii, Binary};
+use ArrayEncoding::{AppendedBase64, AppendedRaw, Ascii, Binary};
 
-/// A file while it is written: what stands in tags, and what is appended.
+/// A file while it is written: tags, and appended data.
 struct Writer {
-    encoding: Encoding,
+    encoding: ArrayEncoding,
     packed: bool,
     big: bool,
     appended: Vec<u8>,
@@ -142,7 +142,7 @@ fn points() -> Vec<f64> {
         .collect()
 }
 
-/// Extension, reader and sound file of each kind.
+/// Extension, reader and valid file of each kind.
 type Read = fn(&[u8], &Arrays) -> Parsed<Irregular>;
 const KINDS: [(&str, Read); 4] = [
     ("RectilinearGrid", read_rectilinear),
@@ -151,7 +151,7 @@ const KINDS: [(&str, Read); 4] = [
     ("PolyData", read_poly_data),
 ];
 
-fn written(set: &str, encoding: Encoding, packed: bool, big: bool) -> Vec<u8> {
+fn written(set: &str, encoding: ArrayEncoding, packed: bool, big: bool) -> Vec<u8> {
     let mut writer = Writer {
         encoding,
         packed,
@@ -210,13 +210,13 @@ fn every_kind_and_encoding_is_read_to_the_last_bit() {
         .flat_map(|kind| [Ascii, Binary, AppendedRaw, AppendedBase64].map(|e| (kind, e)))
     {
         for (packed, big) in [(false, false), (true, false), (false, true), (true, true)] {
-            let told = format!("{set} {encoding:?} {packed} {big}");
+            let case = format!("{set} {encoding:?} {packed} {big}");
             let field =
-                read(&written(set, encoding, packed, big), &Arrays::default()).expect(&told);
+                read(&written(set, encoding, packed, big), &Arrays::default()).expect(&case);
             assert_eq!(
                 field.values,
                 values().iter().map(|v| *v as f32).collect::<Vec<_>>(),
-                "{told}"
+                "{case}"
             );
             let all: Vec<DVec3> = points()
                 .as_chunks()
@@ -226,18 +226,20 @@ fn every_kind_and_encoding_is_read_to_the_last_bit() {
                 .map(DVec3::from_array)
                 .collect();
             let expected = match set {
-                "RectilinearGrid" => Places::Rectilinear([X.to_vec(), Y.to_vec(), Z.to_vec()]),
-                "StructuredGrid" => Places::Curvilinear(SIZE, all),
-                _ => Places::Scattered(all, None),
+                "RectilinearGrid" => {
+                    SamplePlaces::Rectilinear([X.to_vec(), Y.to_vec(), Z.to_vec()])
+                }
+                "StructuredGrid" => SamplePlaces::Curvilinear(SIZE, all),
+                _ => SamplePlaces::Scattered(all, None),
             };
-            assert_eq!(field.places, expected, "{told}");
+            assert_eq!(field.places, expected, "{case}");
         }
     }
 }
 
-/// ParaView says of vectors how long they are, within their array.
+/// ParaView adds the length of vectors inside their array.
 #[test]
-fn what_an_array_is_told_of_ends_no_list_of_arrays() {
+fn information_inside_an_array_does_not_end_the_list_of_arrays() {
     for (set, read) in KINDS {
         let text = String::from_utf8(written(set, Ascii, false, false)).unwrap();
         let key = "<InformationKey name=\"L2_NORM_RANGE\" location=\"vtkDataArray\" length=\"2\">\n<Value index=\"0\">\n0.5\n</Value>\n\
@@ -252,19 +254,19 @@ fn what_an_array_is_told_of_ends_no_list_of_arrays() {
             "<PointData Vectors=\"flow\">",
             "<PointData Scalars=\"\">",
         ] {
-            let told = text.replace(
+            let changed = text.replace(
                 "<PointData Scalars=\"mine\">",
                 &format!("{scalars}{vectors}"),
             );
-            let told = if set == "RectilinearGrid" {
-                told
+            let changed = if set == "RectilinearGrid" {
+                changed
             } else {
-                told.replace(
+                changed.replace(
                     "\n</DataArray></Points>",
                     &format!("\n{key}</DataArray></Points>"),
                 )
             };
-            let field = read(told.as_bytes(), &Arrays::default()).expect(set);
+            let field = read(changed.as_bytes(), &Arrays::default()).expect(set);
             assert_eq!(field.places, expected.places, "{set}");
             assert_eq!(
                 field.values.iter().all(|value| *value == 0.0),
@@ -275,9 +277,9 @@ fn what_an_array_is_told_of_ends_no_list_of_arrays() {
     }
 }
 
-/// A header may ask for as much as this machine has not; nothing is unpacked then.
+/// A header that requires more memory than available is refused before unpacking.
 #[test]
-fn a_small_file_cannot_ask_for_more_memory_than_there_is() {
+fn a_small_file_cannot_demand_more_memory_than_there_is() {
     let count: u64 = 700_000_000;
     let lengths: Vec<u8> = [1, 3 * 8 * count, 0, 11]
         .into_iter()
@@ -345,7 +347,7 @@ fn arrays_are_found_by_their_names() {
                 refused(variances, &["`variance` is of points"])
             }
             _ => {
-                let Places::Scattered(_, Some(variances)) = variances.unwrap().places else {
+                let SamplePlaces::Scattered(_, Some(variances)) = variances.unwrap().places else {
                     panic!("{set}")
                 };
                 assert_eq!(variances[3], [3.5, 3.5, 3.5, 0.0, 0.0, 0.0]);
@@ -388,7 +390,7 @@ fn variances_have_one_three_or_six_components_and_are_positive() {
         )?
         .places
         {
-            Places::Scattered(_, Some(variances)) => Ok(variances[0]),
+            SamplePlaces::Scattered(_, Some(variances)) => Ok(variances[0]),
             other => panic!("{other:?}"),
         }
     };
@@ -431,7 +433,7 @@ fn refused(result: Parsed<Irregular>, words: &[&str]) {
     );
 }
 
-/// The ascii file of a kind with one word changed, read.
+/// The ASCII file of a kind with one word changed, read.
 fn with(set: &str, from: &str, to: &str) -> Parsed<Irregular> {
     let text = String::from_utf8(written(set, Ascii, false, false)).unwrap();
     assert!(text.contains(from), "{from}");
@@ -462,7 +464,7 @@ fn a_broken_file_ends_in_a_sentence() {
         );
         assert!(with(set, "-2.5", "NaN").unwrap().values[0].is_nan());
         refused(with(set, "-2.5", "1e39"), &["inf", "32-bit"]);
-        refused(with(set, "-2.5", "x"), &["`x` is no number"]);
+        refused(with(set, "-2.5", "x"), &["`x` is not a number"]);
         refused(with(set, "8.5", ""), &["11 numbers"]);
         refused(
             with(set, "8.5", "8.5 9.5"),
@@ -549,7 +551,7 @@ fn a_broken_file_ends_in_a_sentence() {
     }
 }
 
-/// Whatever places a field has, its samples are splats of finite numbers.
+/// The samples of a field give splats of finite numbers, for any positions.
 fn check_samples(field: &Irregular) {
     let point = |value, depth| TransferPoint {
         value,
@@ -564,7 +566,7 @@ fn check_samples(field: &Irregular) {
         material: 0,
     };
     let cells = Cells::new(field, classification.radius);
-    let layer = cells.usual_layer().unwrap_or(1.0);
+    let layer = cells.default_layer().unwrap_or(1.0);
     let (
         Sampled {
             splats,
@@ -600,7 +602,7 @@ fn check_samples(field: &Irregular) {
 }
 
 proptest! {
-    /// Whatever a few bytes of a file become, it is read or ends in a sentence.
+    /// A file with a few changed bytes is read, or gives a sentence.
     #[test]
     fn changed_bytes_never_panic(
         kind in 0..4_usize,
