@@ -174,8 +174,8 @@ fn operand(name: &OsStr, settings: &[(&'static str, String)]) -> Result<Operand>
 impl CompareJob {
     pub fn run(self) -> Result<String> {
         let frame = self.frame.as_ref().map(|drawn| match drawn {
-            SharedWorkload::Scene(scene) => Workload::Scene(scene),
-            SharedWorkload::Recording(recording) => Workload::Recording(recording),
+            SharedFrame::Scene(scene) => Workload::Scene(scene),
+            SharedFrame::Recording(recording) => Workload::Recording(recording),
         });
         let side = |one: Operand| match (one, &frame) {
             (Operand::Frame(side), _) => Ok(*side),
