@@ -1,6 +1,6 @@
-//! Merges: the host shades the fragments of a tile that merge eight side by side, as soon as there
-//! are as many, and none before. Until then a slot is closed and has no colour yet: nobody asks for
-//! it before the pixel overflows again, or the tile is resolved.
+//! Merges: the host shades the merging fragments of a tile in batches of eight, once eight are
+//! queued. Until then a slot is closed and its colour is pending. It is not read before the pixel
+//! overflows again, or the tile is resolved.
 //!
 //! Laws: `every_machine_that_elaborates_draws_every_frame`, `merges_that_wait_are_those_at_once`.
 
@@ -15,18 +15,18 @@ use crate::units::fragment::{Fragment, Merging};
 use crate::units::shade;
 use std::cell::Cell;
 
-/// Merges of a tile that wait to be shaded.
+/// Queued merges of a tile, to be shaded.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Waiting {
     len: usize,
     pairs: [Pair; LANES],
-    /// Their pixels, bit by bit.
+    /// Bit mask of their pixels.
     pixels: [u64; 4],
-    /// Fragments among them that are not shaded.
+    /// Number of their fragments that are not shaded.
     unshaded: usize,
 }
 
-/// One of them.
+/// One queued merge.
 #[derive(Clone, Copy, Debug, Default)]
 struct Pair {
     at: (u8, usize),
@@ -34,7 +34,7 @@ struct Pair {
     fragments: [Slot; 2],
 }
 
-/// How the fragments of a tile merge.
+/// Shades and merges the fragments of a tile.
 pub struct Merges<'a, H> {
     pub host: H,
     pub shared: Shared<'a>,
@@ -43,12 +43,12 @@ pub struct Merges<'a, H> {
 }
 
 impl<H: Host> Merges<'_, H> {
-    /// Whether they may wait: not where somebody watches what is shaded when.
+    /// Whether merges may be queued: not where a probe observes the order of shading.
     fn may_wait<P: Probe>(&self) -> bool {
         !P::WORDS && !P::DECISIONS && !P::WORK && !P::TRANSFERS && self.shared.is_lit_by_eight
     }
 
-    /// Comes to an end with all that wait.
+    /// Shades and merges all queued pairs.
     pub fn end<A: Accumulator, P: Probe>(&mut self, tile: &mut Tile<A>, probe: &mut P) {
         if self.waiting.len > 0 {
             self.shade(&self.shared.machine.fragment, tile, probe);
@@ -90,7 +90,7 @@ impl<H: Host> Merges<'_, H> {
                 probe: &mut *probe,
             });
         }
-        // Asked for in the order in which they were put in.
+        // Results are read in the order in which the fragments were queued.
         let next = Cell::new(0);
         let light = |_: &Slot, _: &mut Tap<P>| {
             let shade::Output { colour, opacity } = outputs[next.replace(next.get() + 1) % LANES];
@@ -153,7 +153,7 @@ impl<A: Accumulator, H: Host, P: Probe> Merging<A, P> for Merges<'_, H> {
         waiting.len += 1;
         waiting.pixels[usize::from(pixel) / 64] |= 1 << (pixel % 64);
         waiting.unshaded += pair.iter().filter(|fragment| !fragment.shaded).count();
-        // There is room for one pair more.
+        // The queue keeps room for one more pair.
         if waiting.len == LANES || waiting.unshaded > LANES - 2 {
             self.shade(unit, tile, probe);
         }

@@ -1,6 +1,6 @@
 use super::*;
 
-/// Everything that a machine can be given to draw.
+/// All kinds of frames that a machine can draw.
 fn kinds(machine: &Elaborated) -> Vec<Kind> {
     let m = &machine.machine;
     let can = [
@@ -11,7 +11,7 @@ fn kinds(machine: &Elaborated) -> Vec<Kind> {
     ];
     let all = (0..16u8).map(|bits| [0, 1, 2, 3].map(|bit| bits >> bit & 1 == 1));
     let kinds = all.filter(|kind| kind.iter().zip(can).all(|(wanted, can)| can || !wanted));
-    // A machine that groups by windows does so whatever it draws, and has all splats lit before.
+    // A machine that groups by windows always does so, and has all splats lit before.
     let windows = m.fragment.window.is_some();
     let kind = |[ellipsoids, preshaded, sorted, sheets]: [bool; 4]| Kind {
         ellipsoids,
@@ -24,7 +24,7 @@ fn kinds(machine: &Elaborated) -> Vec<Kind> {
     kinds.map(kind).collect()
 }
 
-/// All streams of all machines, and which of them a frame has.
+/// All streams of all machines, for all kinds of frames.
 fn all() -> Vec<Stream> {
     let of = |machine: &Elaborated| {
         let kinds = kinds(machine).into_iter();

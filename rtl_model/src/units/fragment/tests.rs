@@ -1,5 +1,5 @@
-//! Fragment: against a small model written from docs/book/algorithm.md §6, and against itself in
-//! all its fast forms.
+//! Fragment: checked against a small model written from docs/book/algorithm.md §6, and between all
+//! of its host implementations.
 
 use super::*;
 use crate::kernels::Path;
@@ -18,14 +18,14 @@ struct Arrival {
     material: u32,
 }
 
-/// The rules and formats that a model needs, and the frame's registers.
+/// Rules and formats for the model, and the frame's registers.
 #[derive(Clone, Debug)]
 struct Rules {
     machine: Machine,
     registers: FragmentRegisters,
 }
 
-/// Stands in for the unit shade: any function of a fragment's sums that stays between 0 and 1.
+/// Replaces the unit shade by an arbitrary function of a fragment's sums between 0 and 1.
 fn trivial_shade(one: i64, sums: &Sums, material: u32) -> Premultiplied {
     let channel = |i: usize| (sums[COLOUR + i] + i64::from(material) * 37) % (one + 1);
     Premultiplied {
@@ -34,7 +34,7 @@ fn trivial_shade(one: i64, sums: &Sums, material: u32) -> Premultiplied {
     }
 }
 
-/// An exact quotient `value / 2^places` in a word.
+/// Exact quotient `value / 2^places` in a word.
 fn put(word: Word, value: i128, places: i32) -> i64 {
     let format = word.format;
     let (value, divisor) = if places > 0 {
@@ -59,7 +59,7 @@ fn put(word: Word, value: i128, places: i32) -> i64 {
     }
 }
 
-/// One pixel, as docs/book/algorithm.md §6 tells it.
+/// One pixel, as specified in docs/book/algorithm.md §6.
 struct Model<'a> {
     rules: &'a Rules,
     slots: Vec<Slot>,
@@ -107,7 +107,7 @@ impl Model<'_> {
             .iter()
             .enumerate()
             .filter(|(_, slot)| !slot.shaded && near(slot) < self.rules.registers.z_threshold);
-        // `min_by_key` takes the first of equals: the lowest slot.
+        // `min_by_key` returns the first among equals: the lowest slot.
         if let Some(at) = candidates
             .min_by_key(|(_, slot)| near(slot))
             .map(|(at, _)| at)
@@ -188,7 +188,7 @@ impl Model<'_> {
             && opacity << (limit_bits + weight_bits) >= (limit * weight) << opacity_bits
     }
 
-    /// Colour and opacity as a slot holds and as the blender reads them: C_f + C_b(1 − α_f).
+    /// Colour and opacity as a slot holds them and the blender reads them: C_f + C_b(1 − α_f).
     fn light(&self, slot: &Slot) -> [i128; 4] {
         let machine = &self.rules.machine;
         let lit = machine.shade.premultiplied;
@@ -236,7 +236,7 @@ impl Model<'_> {
     }
 }
 
-/// Every contribution's decision, and what the pixel holds after each.
+/// Every contribution's decision, and the pixel's slots after each.
 type Story = Vec<(Decision, Vec<Slot>)>;
 
 fn model(rules: &Rules, arrivals: &[Arrival]) -> Story {
@@ -295,7 +295,7 @@ fn machine<const SIMPLE_FITS: bool, A: Accumulator, P: Probe>(
         .collect()
 }
 
-/// The unit in each form that its formats allow.
+/// Pixel traces of every host implementation that the formats allow.
 fn stories(rules: &Rules, arrivals: &[Arrival]) -> Vec<Story> {
     let elaborated = rules.machine.elaborate().unwrap();
     let ranges = &mut Ranges::new(elaborated.signals.len());
@@ -321,7 +321,7 @@ fn stories(rules: &Rules, arrivals: &[Arrival]) -> Vec<Story> {
     all
 }
 
-/// A named machine or one with wider, wrapping or oddly rounded sums; any rule.
+/// A named machine, or one with wider, wrapping or unusually rounded sums; any rule.
 fn rules() -> impl Strategy<Value = Rules> {
     let rule = prop::sample::select(vec![
         Merge::NearestPair,
@@ -368,7 +368,7 @@ fn rules() -> impl Strategy<Value = Rules> {
     )
 }
 
-/// Contributions whose depths meet often: few values, some an ε apart and one more or less.
+/// Contributions with few different depths, so that many are equal or about ε apart.
 fn arrivals(rules: &Rules) -> impl Strategy<Value = Vec<Arrival>> + use<> {
     let machine = rules.machine.clone();
     let near = rules.registers.z_threshold;
@@ -377,7 +377,7 @@ fn arrivals(rules: &Rules) -> impl Strategy<Value = Vec<Arrival>> + use<> {
         let s = &machine.splat;
         let unsigned = |word: Word, any: u32| {
             let one = word.format.one();
-            // Opaque white half of the time.
+            // Half of them are opaque white.
             if any & 1 == 0 {
                 one as i32
             } else {
@@ -420,7 +420,7 @@ fn cases() -> impl Strategy<Value = (Rules, Vec<Arrival>)> {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
-    /// Decisions and slots, after every contribution, in every form of the unit.
+    /// Decisions and slots, after every contribution, in every host implementation.
     #[test]
     fn the_unit_is_the_algorithm((rules, arrivals) in cases()) {
         let expected = model(&rules, &arrivals);
@@ -458,7 +458,7 @@ proptest! {
     }
 }
 
-/// Reference, one rule, ε = 10 unless said otherwise.
+/// The reference machine with one rule, ε = 10 unless stated otherwise.
 fn reference(layers: u32, merge: Merge, evict_hidden: bool) -> Rules {
     let mut machine = Machine::named("reference").unwrap();
     machine.fragment = crate::machine::Fragment {
@@ -546,8 +546,8 @@ fn of_equal_gaps_the_pair_nearer_to_the_eye_merges() {
 
 #[test]
 fn a_contribution_comes_after_its_equals() {
-    // A shaded fragment at 100 matches nothing, so another at 100 has to stand behind it: the front
-    // one's material stays.
+    // A shaded fragment at 100 matches nothing, so another contribution at 100 goes behind it: the
+    // front one's material stays.
     let rules = reference(1, Merge::FarthestPair, true);
     let arrivals = [
         at(100, false),
@@ -579,12 +579,12 @@ fn what_lies_behind_an_opaque_fragment_is_evicted() {
         story(&[at(100, true), at(300, false), at(200, false)]),
         Decision::Evicted(false)
     );
-    // The new one is itself what hides.
+    // The new fragment itself hides the others.
     assert_eq!(
         story(&[at(200, false), at(300, false), at(100, true)]),
         Decision::Evicted(false)
     );
-    // Nothing lies behind it.
+    // Nothing is behind it.
     assert_eq!(
         story(&[at(100, false), at(300, true), at(200, false)]),
         Decision::Merged(1, 2)
@@ -600,8 +600,8 @@ fn what_lies_behind_an_opaque_fragment_is_evicted() {
     );
 }
 
-/// What the short form is told is what the wide one is: depths that raster lets through, and a
-/// little beyond 0.
+/// The short form returns what the wide form returns: for the depths that raster produces, and
+/// for some below 0.
 #[test]
 fn words_of_32_bits_hold_depths_as_wide_ones_do() {
     for name in ["reference", "lean", "volume", "gaussian"] {

@@ -1,4 +1,4 @@
-//! Sheets: against a small model in real numbers, and the rules one by one.
+//! Sheets: checked against a small model in real numbers; then each rule by itself.
 
 use super::*;
 use crate::frame;
@@ -12,7 +12,7 @@ const WEIGHT_PLACES: f64 = 1048576.0;
 /// Sheet, weight, rgb.
 type Arrival = (u32, f64, [f64; 3]);
 
-/// The words of α/x for a law, over [0, 8), linear between.
+/// Words of α/x for a law, over [0, 8), with linear interpolation.
 fn ratio(law: fn(f64) -> f64) -> Vec<i64> {
     (0..=1024)
         .map(|i| (law(f64::from(i) / 128.0) * WEIGHT_PLACES).round() as i64)
@@ -40,7 +40,7 @@ fn rules() -> frame::Sheets {
     }
 }
 
-/// Result that the unit makes of contributions to one pixel: each decision, and the composite.
+/// Decision of the unit on each contribution to one pixel, and the composite.
 fn drawn(sheets: &frame::Sheets, arrivals: &[Arrival]) -> (Vec<Decision>, [f64; 4]) {
     let machine = Machine::named("volume").unwrap().elaborate().unwrap();
     let (unit, mut tile, probe) = (&machine.fragment, Box::<Tile<i64>>::default(), &mut NoProbe);
@@ -66,7 +66,7 @@ fn drawn(sheets: &frame::Sheets, arrivals: &[Arrival]) -> (Vec<Decision>, [f64; 
     (decisions, [r, g, b, composite.opacity as f64 / places])
 }
 
-/// Sheets that follow each other, blended front to back.
+/// Consecutive sheets, blended front to back.
 fn model(law: fn(f64) -> f64, arrivals: &[Arrival]) -> [f64; 4] {
     let mut front = [0.0; 4];
     for sheet in arrivals.chunk_by(|a, b| a.0 == b.0) {
@@ -120,7 +120,7 @@ proptest! {
         prop_assert!(close(front, back, 1e-4), "{front:?} {back:?}");
     }
 
-    /// Each by itself is a sheet, where sheets are added up to no more than one weight.
+    /// With at most one weight per sheet, every splat is a sheet.
     #[test]
     fn a_splat_is_a_sheet_of_its_own(arrivals in arrivals()) {
         let each = frame::Sheets { each: Each::Splat, ratio: Vec::new(), ..rules() };
@@ -199,7 +199,7 @@ fn a_pixel_stops_where_it_lets_too_little_through() {
         close(composite, [0.625, 0.0, 0.25, 0.875], 1e-5),
         "{composite:?}"
     );
-    // A slice is blended when the next one comes, which then is too late.
+    // A slice is blended when the next one begins, which is then too late.
     let slices = frame::Sheets {
         each: Each::Slice,
         ratio: ratio(linear),
