@@ -4,7 +4,7 @@
 //! transmittance, sums ─►[ layer ]─┐ once for each layer of the deepest pixel ─►[ frame ]─► frame words
 //!          └──────────────────────┘
 //! ```
-//! Law: `pixels_side_by_side_blend_as_each_alone`.
+//! Law: `pixels_of_a_batch_blend_as_single_pixels`.
 
 use crate::graph::{Batch, ROWS, Run};
 use crate::kernels::host::Host;
@@ -101,7 +101,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn pixels_side_by_side_blend_as_each_alone(
+        fn pixels_of_a_batch_blend_as_single_pixels(
             name in prop::sample::select(Machine::NAMES.to_vec()),
             pixels in prop::collection::vec(prop::collection::vec(prop::array::uniform4(0u32..=1 << 16), 0..5), 1..=64),
             background in prop::array::uniform4(0u32..=1 << 16),

@@ -5,7 +5,7 @@
 //! batch of the graphs takes 1.8 times as many instructions per splat. Names and order are those of
 //! the graphs.
 //!
-//! Law: `discs_are_set_up_as_their_graphs_say`.
+//! Law: `discs_are_set_up_as_by_their_graphs`.
 
 use super::set_up::Made;
 use crate::elaboration::Signal;

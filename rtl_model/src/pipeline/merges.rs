@@ -2,7 +2,7 @@
 //! queued. Until then a slot is closed and its colour is pending. It is not read before the pixel
 //! overflows again, or the tile is resolved.
 //!
-//! Laws: `every_machine_that_elaborates_draws_every_frame`, `merges_that_wait_are_those_at_once`.
+//! Laws: `every_machine_that_elaborates_draws_every_frame`, `queued_merges_equal_immediate_ones`.
 
 use super::fill::{Part, Shared};
 use super::shading::{ShadeEight, input_of, shade_for_merge};

@@ -8,7 +8,7 @@
 //! depends only on the order of its own contributions, which is the order of the splats. Tiles and
 //! blocks of splats are distributed over threads.
 //!
-//! Law: `threads_and_watchers_change_no_bit`.
+//! Law: `threads_and_probes_change_no_bit`.
 
 mod blend;
 mod discs;

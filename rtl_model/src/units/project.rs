@@ -19,7 +19,7 @@
 //! saturates. *Transparent* where an ellipsoid's opacity is below the least opacity whose weights
 //! count.
 //!
-//! Law: `a_projected_point_is_within_its_last_places`.
+//! Law: `a_projected_point_is_within_its_ulps`.
 
 use crate::elaboration::Elaboration;
 use crate::elaboration::latency::Path;

@@ -1,4 +1,4 @@
-//! Which machines can be built, and what is said about those that cannot.
+//! Which machines elaborate, and which errors are reported for the others?
 
 use crate::mutation::{mutated, mutations, named, with_field, with_format};
 use proptest::prelude::*;
@@ -46,17 +46,17 @@ fn a_named_machine_reads_back_from_its_json() {
     }
 }
 
-/// A machine that draws splats in their order, and so cuts no box to a tile.
+/// A machine that draws splats in submission order, and so cuts no box to a tile.
 fn immediate(name: &str) -> Elaborated {
     let mut machine = Machine::named(name).unwrap();
     machine.timing.organisation = Organisation::Immediate;
     machine.elaborate().unwrap()
 }
 
-/// Signed operands carry their sign; an unsigned one of n bits goes into a signed multiplier of n +
-/// 1, which is not counted here.
+/// Signed operands carry their sign. An unsigned operand of n bits needs a signed multiplier of n +
+/// 1 bits, which is not counted here.
 #[test]
-fn no_multiplier_is_wider_than_promised() {
+fn no_multiplier_is_wider_than_specified() {
     for (name, most) in [("reference", 27), ("lean", 18), ("tiny", 18)] {
         for part in built(name).parts {
             let Operator::Multiplier(operand_bits) = part.operator else {
@@ -71,7 +71,7 @@ fn no_multiplier_is_wider_than_promised() {
     }
 }
 
-/// Slopes below 1, which are added to 1 and to the normal: sums are as wide as their widest term.
+/// Slopes below 1 are added to 1 and to the normal: sums are as wide as their widest term.
 #[test]
 fn a_sum_is_as_wide_as_its_widest_term() {
     let slope = with_format(
@@ -91,7 +91,7 @@ fn a_sum_is_as_wide_as_its_widest_term() {
     );
 }
 
-/// Products a cycle, unit by unit, of the units of which the simulator cannot count its own.
+/// Products per cycle, unit by unit, for units whose products the simulator cannot count itself.
 #[test]
 fn every_multiplier_is_declared() {
     let count = |machine: &Elaborated, unit: &str| {
@@ -105,35 +105,36 @@ fn every_multiplier_is_declared() {
     let reference = built("reference");
     // The conic along and across, squares, depth.
     assert_eq!(count(&immediate("reference"), "raster"), 2 + 2 + 2 + 2);
-    // To a tile, down and along: pairs of steps; r by its first difference of 43 bits and its
-    // second of 29, two first differences by their second, z by its slope of 27; all in pieces of
-    // 14 bits.
+    // To a tile, down and along: pairs of steps; r times its first difference of 43 bits and its
+    // second of 29, two first differences times their second, z times its slope of 27; all in
+    // pieces of 14 bits.
     assert_eq!(
         count(&reference, "raster"),
         2 + 2 + 2 + 2 + 2 * (1 + 4 + 3 + 2 * 3 + 2)
     );
-    // Line between table words, amplitude.
+    // Interpolation between table words, amplitude.
     assert_eq!(count(&reference, "gauss"), 2);
-    // Seven attributes, one of them alone besides; four channels of two fragments that merge. The
-    // opacity limit is a product with a constant: sums.
+    // Seven attributes, one of which is needed alone too; four channels of two merging fragments.
+    // The opacity limit is a product with a constant: adders.
     assert_eq!(count(&reference, "fragment"), 7 + 1 + 4);
-    // 1/W in a step; four shares, three squares; 1/|n| in a step; the normal; two cosines; light,
-    // colour, gloss; coverage, opacity, three channels; a line between the words of the highlight.
+    // 1/W with one step; four shares, three squares; 1/|n| with one step; the normal; two cosines;
+    // light, colour, gloss; coverage, opacity, three channels; interpolation between the words of
+    // the highlight.
     assert_eq!(
         count(&reference, "shade"),
         2 + 4 + 3 + 3 + 3 + 2 * 3 + 3 * 3 + 2 + 3 + 1
     );
-    // Three channels and what goes through, of a layer and of the background.
+    // Three channels and the transmittance, for a layer and for the background.
     assert_eq!(count(&reference, "resolve"), 4 + 4);
-    // The tables of the tiny machine have no lines, its function units no steps.
+    // The tables of the tiny machine do not interpolate, and its function units have no steps.
     let tiny = built("tiny");
     assert_eq!(count(&tiny, "gauss"), 1);
     assert_eq!(
         count(&reference, "project") - count(&tiny, "project"),
         2 * 2
     );
-    // And it draws square pixels alone: no three products with an aspect, no second step and scale
-    // of depth.
+    // It draws only square pixels: no three products with an aspect, no second step and scale of
+    // depth.
     assert_eq!(
         count(&reference, "ellipse") - count(&tiny, "ellipse"),
         2 * 3 + 2 * 3 + 2 + 3 + 2
@@ -172,7 +173,7 @@ fn misfits(machine: &Machine) -> Vec<String> {
     machine.elaborate().err().unwrap_or_default()
 }
 
-/// The signal that a misfit names and the format that it says would fit.
+/// Signal that an elaboration error names, and the format that it suggests.
 fn suggestion(misfit: &str) -> Option<(String, Format)> {
     let signal = misfit.split_whitespace().next()?;
     let (before, _) = misfit
@@ -185,7 +186,7 @@ fn suggestion(misfit: &str) -> Option<(String, Format)> {
 }
 
 #[test]
-fn a_misfit_names_the_signal_and_what_would_fit() {
+fn an_elaboration_error_names_the_signal_and_a_format_that_fits() {
     let reference = Machine::named("reference").unwrap();
     let format = |text: &str| text.parse::<Format>().unwrap();
     for (signal, wrong, sentence) in [
@@ -239,7 +240,7 @@ fn a_misfit_names_the_signal_and_what_would_fit() {
 }
 
 #[test]
-fn rules_that_contradict_each_other_are_misfits() {
+fn contradicting_rules_are_elaboration_errors() {
     let reference = Machine::named("reference").unwrap();
     for (field, value, sentence) in [
         (
@@ -297,7 +298,7 @@ fn rules_that_contradict_each_other_are_misfits() {
 }
 
 #[test]
-fn all_misfits_are_reported_at_once() {
+fn all_elaboration_errors_are_reported_together() {
     let mut machine = Machine::named("lean").unwrap();
     for (signal, format) in [
         ("shade.opacity", "U0F14"),
@@ -354,16 +355,16 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(1500) })]
 
     #[test]
-    fn elaboration_never_panics_and_speaks_in_sentences(name in named(), changes in mutations(1..40)) {
+    fn elaboration_never_panics_and_reports_sentences(name in named(), changes in mutations(1..40)) {
         let machine = changes.iter().fold(Machine::named(name).unwrap(), |machine, change| mutated(&machine, change));
         for misfit in misfits(&machine) {
             prop_assert!(misfit.len() > 20 && !misfit.contains('\n') && misfit.contains('.'), "{misfit}");
         }
     }
 
-    /// Whoever does what a misfit says does not see that misfit again.
+    /// After the suggestion of an elaboration error is applied, that error is gone.
     #[test]
-    fn a_suggested_format_removes_its_misfit(name in named(), changes in mutations(1..6)) {
+    fn a_suggested_format_removes_its_elaboration_error(name in named(), changes in mutations(1..6)) {
         let machine = changes.iter().fold(Machine::named(name).unwrap(), |machine, change| mutated(&machine, change));
         for misfit in misfits(&machine) {
             prop_assert!(suggestion(&misfit).is_some() || !misfit.contains(" would "), "{misfit}");

@@ -68,7 +68,7 @@ fn records_have_the_widths_of_their_fields() {
 }
 
 #[test]
-fn fields_have_names_of_their_own_and_depend_on_fields_before_them() {
+fn field_names_are_unique_and_depend_on_earlier_fields() {
     for stream in all() {
         for (i, field) in stream.fields.iter().enumerate() {
             let before: Vec<&str> = stream.fields[..i]
@@ -92,7 +92,7 @@ fn fields_have_names_of_their_own_and_depend_on_fields_before_them() {
 }
 
 #[test]
-fn what_discs_have_is_there_for_ellipsoids_too_but_what_sheets_replace() {
+fn ellipsoids_have_the_fields_of_discs_except_those_that_sheets_replace() {
     for machine in machines() {
         let names = |kind| -> Vec<String> {
             let all = constants(&machine, kind)
@@ -125,7 +125,7 @@ fn what_discs_have_is_there_for_ellipsoids_too_but_what_sheets_replace() {
 }
 
 #[test]
-fn what_setup_makes_has_the_fields_of_its_records() {
+fn results_of_setup_have_the_fields_of_their_records() {
     for machine in machines() {
         let width = |name: &str| {
             streams(&machine, Kind::default())

@@ -91,7 +91,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
     #[test]
-    fn discs_are_set_up_as_their_graphs_say(
+    fn discs_are_set_up_as_by_their_graphs(
         name in prop::sample::select(Machine::NAMES.to_vec()),
         seeds in prop::collection::vec(prop::array::uniform7(any::<u64>()), 1..=BATCH),
         registers in prop::array::uniform32(any::<u64>()),

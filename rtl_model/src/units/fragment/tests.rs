@@ -525,7 +525,7 @@ fn equal_distances_go_to_the_lowest_slot() {
 }
 
 #[test]
-fn of_equal_gaps_the_pair_nearer_to_the_eye_merges() {
+fn among_equal_gaps_the_pair_nearer_to_the_eye_merges() {
     let rules = reference(3, Merge::NearestPair, false);
     assert_eq!(
         decisions(&rules, &[300, 100, 200, 400])[3],
@@ -563,7 +563,7 @@ fn a_contribution_comes_after_its_equals() {
 }
 
 #[test]
-fn what_lies_behind_an_opaque_fragment_is_evicted() {
+fn a_fragment_behind_an_opaque_one_is_evicted() {
     let rules = reference(2, Merge::FarthestPair, true);
     let story = |arrivals: &[Arrival]| {
         machine::<true, i32, _>(&rules, arrivals, 0, &mut NoProbe)

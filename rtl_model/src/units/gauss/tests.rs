@@ -103,7 +103,7 @@ fn the_middle_of_a_splat_has_its_amplitude() {
 
 /// A falloff is never clamped, so its fit needs no limits.
 #[test]
-fn no_falloff_lies_beyond_its_word() {
+fn a_falloff_never_exceeds_its_word() {
     for name in Machine::NAMES {
         let (machine, gauss) = gauss(name);
         for radial_index in 0..=machine.gauss.radial_index.format.max() {

@@ -39,7 +39,7 @@ proptest! {
     /// a = t_x/t_z has the errors of both parts over t_z, the reciprocal's relative error, and half
     /// an ulp of `slope`. `pixel` has s times that, and half an ulp of its own.
     #[test]
-    fn a_projected_point_is_within_its_last_places(
+    fn a_projected_point_is_within_its_ulps(
         name in prop::sample::select(Machine::NAMES.to_vec()),
         position in prop::array::uniform3(-0.45..0.45), eye in prop::array::uniform3(-1.0..1.0), angle in -3.0..3.0,
         focal in prop::array::uniform2(100.0..1000.0), centre in prop::array::uniform2(-100.0..100.0),

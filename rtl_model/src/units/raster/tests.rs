@@ -514,7 +514,7 @@ fn drawn_short(
 /// r of a conic that is not an ellipse falls below 0: along a row 8.5 below its centre from −13.6
 /// to −14.4, and back. With a cutoff of 2 a word can hold down to −14.
 #[test]
-fn r_that_dips_between_corners_is_held_or_said_not_to_be() {
+fn r_that_dips_between_corners_is_held_or_refused() {
     for rows in [Rows::Differenced, Rows::Seeded] {
         let machine = machine("reference", rows);
         let raster = unit(&machine);

@@ -67,7 +67,7 @@ proptest! {
     /// Checked against front to back in exact arithmetic. Each layer's transmittance may add half
     /// an ulp of error, and the frame word half of its own.
     #[test]
-    fn a_blend_is_within_half_a_place_a_layer(name in names(), parts in parts(), background in prop::array::uniform4(0.0..=1.0)) {
+    fn a_blend_is_within_half_an_ulp_per_layer(name in names(), parts in parts(), background in prop::array::uniform4(0.0..=1.0)) {
         let (machine, resolve) = unit(name);
         let layers: Vec<Layer> = parts.iter().map(|parts| layer(&machine, *parts)).collect();
         let (p, frame) = (machine.shade.premultiplied.format, machine.resolve.frame.format);

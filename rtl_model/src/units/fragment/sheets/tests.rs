@@ -162,7 +162,7 @@ fn decisions_have_their_names() {
 }
 
 #[test]
-fn a_weight_is_held_to_its_limit() {
+fn a_weight_is_clamped_to_its_limit() {
     let each = frame::Sheets {
         each: Each::Splat,
         ratio: Vec::new(),
