@@ -852,7 +852,7 @@ fn what_is_no_recording_is_not_written_over() {
     let before = std::fs::read(&scene).unwrap();
     assert!(
         refused(&small_run(&scene, &["--record", &scene]))
-            .contains("is there already and is no recording")
+            .contains("it exists and is not a recording")
     );
     assert!(std::fs::read(&scene).unwrap() == before);
     let record = folder.path().join("disc.work");

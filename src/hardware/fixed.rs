@@ -16,11 +16,11 @@ use rtl_model::{Drawing, pipeline};
 /// # Errors
 /// [`Error::Input`] with every elaboration error, in one sentence.
 pub fn elaborate(machine: &Machine) -> Result<Elaborated> {
-    machine.elaborate().map_err(|misfits| {
+    machine.elaborate().map_err(|errors| {
         Error::input(format!(
             "machine {} cannot be built: {}",
             machine.name,
-            listed(&misfits)
+            listed(&errors)
         ))
     })
 }

@@ -342,7 +342,7 @@ fn described(value: Value, whose: &str, usual_name: &str) -> Result<(Value, Opti
 /// Reads a search record; the error is a sentence.
 fn read_record(value: Value) -> std::result::Result<SearchRecord, String> {
     validate::check(&value, &schemars::schema_for!(SearchRecord).to_value())
-        .map_err(|misfit| format!("searched: {misfit}"))?;
+        .map_err(|error| format!("searched: {error}"))?;
     serde_path_to_error::deserialize(&value)
         .map_err(|e| format!("searched: {}: {}", e.path(), e.inner()))
 }
@@ -351,7 +351,7 @@ fn checked(value: &Value, whose: &str) -> Result<Machine> {
     // A sweep checks thousands of machines.
     static SCHEMA: LazyLock<Value> = LazyLock::new(schema_of_machine);
     let input_error = |sentence: String| Error::input(format!("{whose}: {sentence}"));
-    validate::check(value, &SCHEMA).map_err(|misfit| input_error(misfit.to_string()))?;
+    validate::check(value, &SCHEMA).map_err(|error| input_error(error.to_string()))?;
     let machine: Machine = serde_path_to_error::deserialize(value)
         .map_err(|e| input_error(format!("{}: {}", e.path(), e.inner())))?;
     // The name is copied into line comments of generated files.

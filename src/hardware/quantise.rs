@@ -106,10 +106,10 @@ pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
         } else {
             "source-ewa"
         };
-        let says =
+        let reason =
             "which golden and ideal draw for comparison (the example `filters`): no machine has it";
         return Err(Error::input(format!(
-            "machine {} cannot draw {}: kernel.filter is \"{filter}\", {says}",
+            "machine {} cannot draw {}: kernel.filter is \"{filter}\", {reason}",
             machine.name, scene.name
         )));
     }
@@ -120,7 +120,7 @@ pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
         ..full
     });
     let scale = fit_scale(all.as_ref().unwrap_or(scene), &view, machine);
-    let mut registers = Registers {
+    let mut registers = RegisterLoader {
         machine,
         errors: Vec::new(),
         notes: Vec::new(),
@@ -180,7 +180,7 @@ pub fn lacks_tile_bits(machine: &Machine, size: [usize; 2]) -> Option<String> {
     let tiles: usize = size.map(|pixels| pixels.div_ceil(TILE_PX)).iter().product();
     let needed = tiles.next_power_of_two().ilog2();
     (needed > bits).then(|| {
-        format!("sort.tile_bits is {bits}, and the picture has {tiles} tiles of {TILE_PX}×{TILE_PX} pixels: {needed} would tell them apart")
+        format!("sort.tile_bits is {bits}, and the picture has {tiles} tiles of {TILE_PX}×{TILE_PX} pixels: {needed} bits are needed")
     })
 }
 
@@ -246,7 +246,7 @@ fn places_to_spare(word: Word, needed: f64) -> i32 {
     }
 }
 
-/// A real number as a word: rounded as the word says, saturated.
+/// A real number as a word: rounded by the word's mode, saturated.
 pub(crate) fn quantised(word: Word, value: f64) -> i64 {
     let scaled = value * power_of_two(word.format.frac_bits);
     let rounded = match word.round {
@@ -287,7 +287,7 @@ fn splats(scene: &Scene, machine: &Machine, scale: &Scale) -> Vec<frame::Splat> 
 }
 
 /// Loads registers and collects errors.
-struct Registers<'a> {
+struct RegisterLoader<'a> {
     machine: &'a Machine,
     errors: Vec<RegisterError>,
     notes: Vec<String>,
@@ -318,7 +318,7 @@ impl RegisterError {
     }
 }
 
-impl Registers<'_> {
+impl RegisterLoader<'_> {
     fn refuse(&mut self, sentence: String) {
         self.errors.push(RegisterError {
             register: String::new(),
@@ -446,7 +446,9 @@ impl Registers<'_> {
         let walk = self.machine.timing.walk;
         let (stack, deepest) = (walk.unwrap_or_default().stack, detail.cut.deepest);
         if deepest > stack as usize {
-            self.refuse(format!("timing.walk.stack is {stack}, but {deepest} nodes wait on it for their children to be read"));
+            self.refuse(format!(
+                "timing.walk.stack is {stack}, but the walk stores up to {deepest} nodes on it"
+            ));
         }
         if walk.is_none() {
             self.notes.push("the machine has no `timing.walk`: the tree is walked by the default one, which is not in its area".into());

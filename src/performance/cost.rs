@@ -1,9 +1,9 @@
 //! Cost: estimates the area of a machine and the energy of a frame, for comparing machines.
 //!
 //! ```text
-//! parts of the elaborated machine ─►( × copies, lanes )─► bits of every kind ─►( × prices )─► area, LUT equivalents
-//!                                                                                        └──► gates, NAND2; SRAM, kbit
-//! items of every unit, traffic    ─►( × parts )──────────────────────────────►( × prices )─► energy, joules a frame
+//! parts of the elaborated machine ─►( × copies, lanes )─► bits of every kind ─►( × unit costs )─► area, LUT equivalents
+//!                                                                                            └──► gates, NAND2; SRAM, kbit
+//! items of every unit, traffic    ─►( × parts )──────────────────────────────►( × unit costs )─► energy, joules per frame
 //! ```
 //! Unit costs are a table that can be replaced (`--prices FILE`). The default ones:
 //! - *Area* in six-input LUTs of a Xilinx 7, as Yosys 0.23 maps the RTL implementations of the
@@ -151,7 +151,7 @@ impl Prices {
             |sentence: String| Error::input(format!("{}: {sentence}", path.display()));
         let value = strict_json::read(path).map_err(input_error)?;
         validate::check(&value, &schemars::schema_for!(Prices).to_value())
-            .map_err(|misfit| input_error(misfit.to_string()))?;
+            .map_err(|error| input_error(error.to_string()))?;
         serde_json::from_value(value).map_err(|e| input_error(e.to_string()))
     }
 }
@@ -198,7 +198,7 @@ impl Bits {
         }
     }
 
-    fn price(&self, of: &PerBit, rom: u64) -> f64 {
+    fn weighted(&self, of: &PerBit, rom: u64) -> f64 {
         let Bits {
             multiplier,
             adder,
@@ -215,7 +215,7 @@ impl Bits {
         ];
         kinds
             .into_iter()
-            .map(|(bits, price)| bits as f64 * price)
+            .map(|(bits, cost)| bits as f64 * cost)
             .sum()
     }
 }
@@ -279,7 +279,7 @@ impl Cost {
                 let gates = logic + bits.register as f64 * prices.gates.register;
                 UnitCost {
                     name,
-                    area: bits.price(&prices.area, bits.rom),
+                    area: bits.weighted(&prices.area, bits.rom),
                     gates,
                     bits,
                 }
@@ -596,7 +596,7 @@ impl Energy {
                 } else {
                     1.0
                 };
-                items(part.unit) / instances * at_work * bits.price(of, bits.rom_word)
+                items(part.unit) / instances * at_work * bits.weighted(of, bits.rom_word)
             })
             .sum();
         // An item passes through every stage.

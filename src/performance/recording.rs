@@ -109,7 +109,7 @@ impl Recording {
             read.is_ok() && (begins.is_empty() || [MAGIC, MAGIC_WITH_KEYS].contains(&&begins[..]))
         };
         if path.exists() && !(path.is_file() && is_recording()) {
-            return input_error("it is there already and is no recording");
+            return input_error("it exists and is not a recording");
         }
         probe(folder.unwrap_or(Path::new("."))).or_else(|error| input_error(&error.to_string()))
     }
@@ -163,20 +163,20 @@ impl Recording {
         let rest = bytes
             .strip_prefix(if has_keys { MAGIC_WITH_KEYS } else { MAGIC })
             .ok_or_else(|| {
-                input_error("is no record of a frame's work, as `run --record` writes them")
+                input_error("is not a record of a frame's work, as `run --record` writes it")
             })?;
         let damaged = |what: &str| input_error(&format!("is damaged: {what}"));
         let (mut parts, mut left): (FileContents, &[u8]) = postcard::take_from_bytes(rest)
-            .map_err(|_| damaged("it ends too soon, or holds no such values"))?;
+            .map_err(|_| damaged("it is truncated or has invalid values"))?;
         if has_keys {
             (parts.work.keys, left) =
-                postcard::take_from_bytes(left).map_err(|_| damaged("its keys end too soon"))?;
+                postcard::take_from_bytes(left).map_err(|_| damaged("its keys are truncated"))?;
         }
         if !left.is_empty() {
-            return Err(damaged("something follows its end"));
+            return Err(damaged("it has data after its end"));
         }
         let machine =
-            serde_json::from_str(&parts.machine).map_err(|_| damaged("its machine is no JSON"))?;
+            serde_json::from_str(&parts.machine).map_err(|_| damaged("its machine is not JSON"))?;
         let machine = machines::from_value(&machine, &format!("{}: its machine", path.display()))?;
         let [width, height] = [parts.work.width, parts.work.height].map(|side| side as usize);
         if width.saturating_mul(height) > MOST_PIXELS {
@@ -186,7 +186,7 @@ impl Recording {
         }
         parts.work.check().map_err(|what| damaged(&what))?;
         holds_keys(&machine, &parts.work)
-            .map_err(|_| damaged("its machine has buckets, and it has no keys"))?;
+            .map_err(|_| damaged("its machine has buckets, but it has no keys"))?;
         Ok(Recording {
             scene: parts.scene,
             machine,
@@ -289,7 +289,7 @@ fn holds_keys(machine: &Machine, work: &Work) -> std::result::Result<(), String>
         .sort
         .is_some_and(|sort| sort.kind == SortKind::Hierarchical);
     if has_buckets && work.keys.len() != work.order.len() {
-        return Err("the record has no keys of its splats, and buckets depend on them: record the frame with sort.kind=hierarchical".into());
+        return Err("the record lacks the keys of its splats, which buckets depend on: record the frame with sort.kind=hierarchical".into());
     }
     Ok(())
 }

@@ -184,7 +184,7 @@ pub(super) fn holds_stack(walk: Option<Walk>, deepest: u64) -> std::result::Resu
     let stack = walk.unwrap_or_default().stack;
     if deepest > stack.into() {
         return Err(format!(
-            "timing.walk.stack is {stack}, but {deepest} nodes of the frame wait on it; {deepest} would do"
+            "timing.walk.stack is {stack}, but the frame's walk stores up to {deepest} nodes on it: {deepest} would do"
         ));
     }
     Ok(())
@@ -196,12 +196,12 @@ pub struct Timings {
     /// The field; several are separated by commas.
     pub path: String,
     /// One row per value; with several fields one per combination, the last field changing fastest.
-    pub rows: Vec<Row>,
+    pub rows: Vec<TimingRow>,
 }
 
 /// A frame's time with one value.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
-pub struct Row {
+pub struct TimingRow {
     /// The value; with several fields one each, separated by commas.
     pub value: String,
     /// The values one by one, in the order of the fields.
@@ -225,7 +225,7 @@ impl Timings {
             .zip(&replayed)
             .collect();
         let values = variants.machines.iter().map(|(values, _)| values.clone());
-        let row = |(values, cycles): (Vec<String>, CyclesReport)| Row {
+        let row = |(values, cycles): (Vec<String>, CyclesReport)| TimingRow {
             value: values.join(", "),
             values,
             cycles,
@@ -254,7 +254,7 @@ impl Timings {
             .iter()
             .map(|row| row.cycles.frames_per_second)
             .fold(0.0, f64::max);
-        for Row { values, cycles, .. } in &self.rows {
+        for TimingRow { values, cycles, .. } in &self.rows {
             let figures = [
                 thousands(cycles.total),
                 format!("{:.1}", cycles.frames_per_second),

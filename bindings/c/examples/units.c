@@ -131,9 +131,9 @@ static int refusals(splatsim_machine *machine, const splatsim_scene *scene) {
   uint32_t half = 0;
   int failures = 0;
   char name[16];
-#define EXPECT(call, says)                                                        \
+#define EXPECT(call, text)                                                        \
   do {                                                                            \
-    if (!(call) || strstr(splatsim_last_error(), says) == NULL) {                 \
+    if (!(call) || strstr(splatsim_last_error(), text) == NULL) {                 \
       fprintf(stderr, "%s: not refused: %s\n", #call, splatsim_last_error());     \
       failures++;                                                                 \
     }                                                                             \

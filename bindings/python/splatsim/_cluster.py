@@ -329,11 +329,11 @@ def _taken(groups: deque[list[int]], size: int) -> list[int]:
     return sorted(batch)
 
 
-def carry_out(own: _native.Sweep, client: Any, tell: Progress | None) -> None:
+def carry_out(own: _native.Sweep, client: Any, progress: Progress | None) -> None:
     """Draws the missing points of a folder's sweep on the workers of a client."""
     crew = Crew(client)
     try:
-        _Drawing(own, crew, tell).all()
+        _Drawing(own, crew, progress).all()
     finally:
         crew.cancel()
 
@@ -341,8 +341,8 @@ def carry_out(own: _native.Sweep, client: Any, tell: Progress | None) -> None:
 class _Drawing:
     """A sweep while its points are drawn."""
 
-    def __init__(self, own: _native.Sweep, crew: Crew, tell: Progress | None) -> None:
-        self._own, self._crew, self._tell = own, crew, tell
+    def __init__(self, own: _native.Sweep, crew: Crew, progress: Progress | None) -> None:
+        self._own, self._crew, self._progress = own, crew, progress
         scenes, _ = own.counts()
         self._missing = [own.missing(nth) for nth in range(scenes)]
         self._left = sum(len(group) for groups in self._missing for group in groups)
@@ -374,9 +374,9 @@ class _Drawing:
             self._done += len(numbers)
             self._pace.landed(len(numbers), seconds)
         now = time.monotonic()
-        if self._tell is not None and (now - self._reported > PROGRESS_EVERY_SECONDS or self._done == self._left):
+        if self._progress is not None and (now - self._reported > PROGRESS_EVERY_SECONDS or self._done == self._left):
             self._reported = now
-            self._tell(float(self._done), float(self._left), self._crew.status())
+            self._progress(float(self._done), float(self._left), self._crew.status())
 
 
 class _Measuring:

@@ -189,13 +189,13 @@ PLAN = {
 def test_a_sweep_is_the_command_line_s(splatsim_run, tmp_path):
     plan = {**PLAN, "scenes": [few(tmp_path)]}
     (tmp_path / "plan.json").write_text(json.dumps(plan))
-    told = []
-    rows = splatsim.sweep(plan, tmp_path / "ours", progress=lambda *state: told.append(state))
+    states = []
+    rows = splatsim.sweep(plan, tmp_path / "ours", progress=lambda *state: states.append(state))
     splatsim_run("sweep", "plan.json", "--out", "theirs")
     theirs = parquet.read_table(tmp_path / "theirs/sweep.parquet")
     own = [name for name in theirs.column_names if not name.startswith("host_")]
     assert len(own) > 20 and rows.table.select(own).equals(theirs.select(own))
-    assert told[-1][:2] == (4, 4)
+    assert states[-1][:2] == (4, 4)
     again = splatsim.sweep(plan, tmp_path / "ours").table
     assert again.equals(rows.table), "what is there is not drawn again"
     assert splatsim.sweep(plan).table.select(own).equals(theirs.select(own)), "without a folder"

@@ -24,7 +24,7 @@ const PARTS_FRAC_BITS: i32 = NORMALISED_FRAC_BITS + 1;
 
 /// Function units.
 #[derive(Clone, Debug)]
-struct Units {
+struct FunctionUnits {
     reciprocal: Reciprocal,
     root: ReciprocalRoot,
     extent_root: ReciprocalRoot,
@@ -34,7 +34,7 @@ struct Units {
 /// Constants of both units for the host.
 #[derive(Clone, Debug)]
 pub struct Discs {
-    units: Units,
+    units: FunctionUnits,
     relative: Fit,
     camera: Fit,
     depth: Fit,
@@ -68,12 +68,12 @@ pub struct Discs {
     slope_scale: Fit,
     depth_slope: Fit,
     depth_range: Fit,
-    places: Places,
+    places: Alignment,
 }
 
 /// Left shifts that align the terms of sums, and their fraction bits.
 #[derive(Clone, Copy, Debug)]
-struct Places {
+struct Alignment {
     /// Position, eye; and their common fraction bits.
     position: [u32; 2],
     difference: i64,
@@ -139,7 +139,7 @@ impl Discs {
         else {
             unreachable!("ellipse has these")
         };
-        let units = Units {
+        let units = FunctionUnits {
             reciprocal: reciprocal.clone(),
             root: root.clone(),
             extent_root: extent_root.clone(),
@@ -179,7 +179,7 @@ impl Discs {
             slope_scale: nth("depth_step", 1),
             depth_slope: of_disc("depth_slope"),
             depth_range: of_disc("depth_range"),
-            places: Places {
+            places: Alignment {
                 position: align([position, eye]),
                 difference: i64::from(position.max(eye)),
                 slope: f(p.slope) as u32,

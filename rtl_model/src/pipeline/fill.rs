@@ -19,7 +19,7 @@ use crate::records::{
 use crate::units::fragment::sheets::{SheetInput, SheetRegisters, has_stopped};
 use crate::units::fragment::window::{self, Cluster, Clusters, WindowRegisters};
 use crate::units::fragment::{self, FragmentRegisters};
-use crate::units::raster::short::{Shape, ShortRows, ShortWalks};
+use crate::units::raster::short::{BlockShape, ShortRows, ShortWalks};
 use crate::units::{raster, shade};
 use crate::work::Bins;
 use rayon::prelude::*;
@@ -104,7 +104,7 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
             is_short,
             is_lit_by_eight,
         };
-        let part = Part {
+        let part = TileEntries {
             splats: bins.of(index),
             corner: [
                 (index % bins.columns * TILE_PX) as u16,
@@ -231,7 +231,7 @@ pub(super) struct Shared<'a> {
 
 /// A drawn splat. The words that fragment reads fill one cache line of the host.
 #[repr(C, align(64))]
-struct Drawn<'a> {
+struct DrawnSplat<'a> {
     attributes: Attributes,
     material: u32,
     /// Index in a bin.
@@ -239,7 +239,7 @@ struct Drawn<'a> {
     record: &'a SetupRecord,
 }
 
-impl<'a> Drawn<'a> {
+impl<'a> DrawnSplat<'a> {
     #[inline(always)]
     fn new(setup: &Setup, frame: &Frame, record: &'a SetupRecord, entry: u32) -> Self {
         let own = &frame.splats[record.splat as usize];
@@ -251,7 +251,7 @@ impl<'a> Drawn<'a> {
             light = emission.light;
         }
         let [r, g, b] = light;
-        Drawn {
+        DrawnSplat {
             attributes: [1, r, g, b, own.opacity, n, m, o],
             material: own.material,
             entry,
@@ -261,7 +261,7 @@ impl<'a> Drawn<'a> {
 }
 
 /// Raster and gauss, as used by a tile.
-struct Units {
+struct HostUnits {
     raster: raster::Raster,
     gauss: Weigh,
 }
@@ -279,7 +279,7 @@ struct Short<'a, W: Words> {
 impl<'a, W: Words> Short<'a, W> {
     #[inline(always)]
     fn new(
-        units: &'a Units,
+        units: &'a HostUnits,
         Shared {
             machine,
             frame,
@@ -318,12 +318,12 @@ impl Blends {
 
 /// A tile, and the entries that touch it.
 #[derive(Clone, Copy)]
-pub(super) struct Part<'a> {
+pub(super) struct TileEntries<'a> {
     splats: &'a [u32],
     corner: [u16; 2],
 }
 
-impl Part<'_> {
+impl TileEntries<'_> {
     /// Column and row in the picture of one of the tile's pixels.
     pub fn pixel(&self, pixel: u8) -> [u32; 2] {
         let pixel = u32::from(pixel);
@@ -337,7 +337,7 @@ impl Part<'_> {
 struct FillTile<'a, const SIMPLE_FITS: bool, H, L, P> {
     host: H,
     shared: Shared<'a>,
-    part: Part<'a>,
+    part: TileEntries<'a>,
     tile: &'a mut Tile<L>,
     queue: &'a mut Queue,
     resolve: &'a mut Blender,
@@ -348,7 +348,7 @@ struct FillTile<'a, const SIMPLE_FITS: bool, H, L, P> {
 
 /// Draws a tile once more, for another probe.
 #[inline(never)]
-fn resample_tile(shared: Shared, part: Part, probe: &mut Ranges) {
+fn resample_tile(shared: Shared, part: TileEntries, probe: &mut Ranges) {
     let mut clusters = shared.windows.map(|_| Clusters::default());
     let (tile, queue, clusters) = (&mut Box::default(), &mut Box::default(), clusters.as_mut());
     let resolve = &mut Blender::new(&shared.machine.resolve);
@@ -382,7 +382,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> Kernel
         let mut rows = ShortRows::default();
         // Local copies, so that the compiler keeps the constants in registers.
         let Elaborated { raster, gauss, .. } = self.shared.machine;
-        let units = &Units {
+        let units = &HostUnits {
             raster: raster.clone(),
             gauss: gauss.kernel().clone(),
         };
@@ -428,7 +428,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
     #[inline(always)]
     fn splats<V: Lanes>(
         &mut self,
-        units: &Units,
+        units: &HostUnits,
         splats: &[u32],
         records: &[&SetupRecord],
         (span, rows): (&mut raster::Span, &mut ShortRows),
@@ -453,8 +453,8 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
             None
         };
         let mut wide_walks = None;
-        let drawn: [Drawn; LANES] = std::array::from_fn(|lane| {
-            Drawn::new(
+        let drawn: [DrawnSplat; LANES] = std::array::from_fn(|lane| {
+            DrawnSplat::new(
                 setup,
                 frame,
                 record[lane],
@@ -517,7 +517,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
     #[inline(always)]
     fn weigh<W: Words>(
         &mut self,
-        units: &Units,
+        units: &HostUnits,
         short: &Short<W>,
         walks: &ShortWalks,
         lane: usize,
@@ -534,7 +534,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
             W::splat(amplitude.into()),
             W::splat((lane as i64) << TILE_AREA.ilog2()),
         );
-        for shape in Shape::of(walks.columns(lane)) {
+        for shape in BlockShape::of(walks.columns(lane)) {
             let mut blocks = units.raster.blocks(walks, lane, rows, shape);
             loop {
                 let [radial, depth] = units.raster.short_fragments(walks, lane, &blocks, cutoff);
@@ -553,7 +553,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
 
     /// Fragment: all queued fragments.
     #[inline(always)]
-    fn add_up<V: Lanes>(&mut self, drawn: &[Drawn; LANES], outcomes: &mut Outcomes) {
+    fn add_up<V: Lanes>(&mut self, drawn: &[DrawnSplat; LANES], outcomes: &mut Outcomes) {
         let Shared {
             machine,
             registers,
@@ -602,7 +602,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
                 pixel,
                 lane,
             } = queue.get(nth);
-            let Drawn {
+            let DrawnSplat {
                 attributes,
                 material,
                 ..
@@ -627,8 +627,8 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
     #[inline(always)]
     fn contribute<V: Lanes>(
         &mut self,
-        units: &Units,
-        drawn: &Drawn,
+        units: &HostUnits,
+        drawn: &DrawnSplat,
         (walks, lane): (&raster::Walks, usize),
         span: &raster::Span,
         first: usize,
@@ -996,7 +996,7 @@ struct ToSheet<'a, 'p, const SIMPLE_FITS: bool, L, P> {
     tile: &'a mut Tile<L>,
     pixel: u8,
     weight: i64,
-    drawn: &'a Drawn<'a>,
+    drawn: &'a DrawnSplat<'a>,
     registers: &'a SheetRegisters<'a>,
     tap: &'a mut Tap<'p, P>,
 }

@@ -4,7 +4,7 @@
 //!
 //! Laws: `every_machine_that_elaborates_draws_every_frame`, `queued_merges_equal_immediate_ones`.
 
-use super::fill::{Part, Shared};
+use super::fill::{Shared, TileEntries};
 use super::shading::{ShadeEight, input_of, shade_for_merge};
 use crate::kernels::host::Host;
 use crate::kernels::{Accumulator, NO_MATCH, PackedSlot, Tile};
@@ -19,7 +19,7 @@ use std::cell::Cell;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Waiting {
     len: usize,
-    pairs: [Pair; LANES],
+    pairs: [QueuedMerge; LANES],
     /// Bit mask of their pixels.
     pixels: [u64; 4],
     /// Number of their fragments that are not shaded.
@@ -28,7 +28,7 @@ pub struct Waiting {
 
 /// One queued merge.
 #[derive(Clone, Copy, Debug, Default)]
-struct Pair {
+struct QueuedMerge {
     at: (u8, usize),
     /// Front and back.
     fragments: [Slot; 2],
@@ -38,7 +38,7 @@ struct Pair {
 pub struct Merges<'a, H> {
     pub host: H,
     pub shared: Shared<'a>,
-    pub part: Part<'a>,
+    pub part: TileEntries<'a>,
     pub waiting: &'a mut Waiting,
 }
 
@@ -96,7 +96,7 @@ impl<H: Host> Merges<'_, H> {
             let shade::Output { colour, opacity } = outputs[next.replace(next.get() + 1) % LANES];
             Premultiplied { colour, opacity }
         };
-        for Pair {
+        for QueuedMerge {
             at: (pixel, slot),
             fragments: [front, back],
         } in pairs
@@ -146,7 +146,7 @@ impl<A: Accumulator, H: Host, P: Probe> Merging<A, P> for Merges<'_, H> {
             },
         );
         let waiting = &mut *self.waiting;
-        waiting.pairs[waiting.len % LANES] = Pair {
+        waiting.pairs[waiting.len % LANES] = QueuedMerge {
             at,
             fragments: *pair,
         };

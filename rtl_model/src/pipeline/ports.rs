@@ -469,14 +469,14 @@ pub fn streams(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
         ]);
     } else {
         streams.extend([
-            asked("fragment.request", m, kind),
+            shade_request("fragment.request", m, kind),
             premultiplied(Stream::new("fragment.answer"), m),
             start(m),
             lit(slot("fragment.held", m).unless(6, &["shaded"]), m).per_pixel(),
         ]);
     }
     streams.extend([
-        asked("shade.in", m, kind),
+        shade_request("shade.in", m, kind),
         premultiplied(Stream::new("shade.out"), m),
         premultiplied(
             Stream::new("resolve.in")
@@ -821,7 +821,7 @@ fn sums(stream: Stream, m: &Machine) -> Stream {
 }
 
 /// A request to shade: the pixel, if shade needs its ray, and the fragment's sums.
-fn asked(name: &'static str, m: &Machine, kind: Kind) -> Stream {
+fn shade_request(name: &'static str, m: &Machine, kind: Kind) -> Stream {
     let stream = Stream::new(name);
     sums(
         if asks_for_pixel(m, kind) {

@@ -58,28 +58,28 @@ pub struct FragmentRegisters {
 
 /// Rule for one more fragment at a full pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Full {
+enum FullRule {
     /// The nearer of the two fragments stays.
     Replace,
     /// Two fragments are merged.
-    Merge(Pair),
+    Merge(MergePair),
 }
 
 /// Which two fragments are merged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Pair {
+enum MergePair {
     Nearest,
     Farthest,
 }
 
-impl From<Merge> for Full {
+impl From<Merge> for FullRule {
     fn from(merge: Merge) -> Self {
         match merge {
-            Merge::NearestPair => Full::Merge(Pair::Nearest),
-            Merge::FarthestPair => Full::Merge(Pair::Farthest),
-            Merge::Replace => Full::Replace,
+            Merge::NearestPair => FullRule::Merge(MergePair::Nearest),
+            Merge::FarthestPair => FullRule::Merge(MergePair::Farthest),
+            Merge::Replace => FullRule::Replace,
             // Windows have their own rule and never use this one.
-            Merge::Window => Full::Merge(Pair::Farthest),
+            Merge::Window => FullRule::Merge(MergePair::Farthest),
         }
     }
 }
@@ -257,7 +257,7 @@ fn signed_digits(number: i128) -> u32 {
 #[derive(Clone, Debug)]
 pub struct Fragment {
     layers: usize,
-    full: Full,
+    full: FullRule,
     evict_hidden: bool,
     nearest_depth: bool,
     depth: Fit,
@@ -289,7 +289,7 @@ impl Fragment {
     pub fn new(e: &mut Elaboration, machine: &Machine, depth: Exact) -> Self {
         let m = &machine.fragment;
         let layers = e.within(UNIT, "layers", m.layers, 1, MAX_LAYERS as u32) as usize;
-        e.require(Full::from(m.merge) != Full::Replace || m.layers == 1, || {
+        e.require(FullRule::from(m.merge) != FullRule::Replace || m.layers == 1, || {
             format!("fragment.merge is replace, a z-buffer, with {} layers: it needs fragment.layers 1", m.layers)
         });
         e.require((m.merge == Merge::Window) == (m.group != Group::First), || {
@@ -504,9 +504,9 @@ impl Fragment {
         let written = |e: &mut Elaboration, slots: u32, more: u32| {
             e.copies(slots, |e| e.choice(UNIT, 3 + more, slot))
         };
-        match Full::from(m.merge) {
+        match FullRule::from(m.merge) {
             // The pair may be anywhere; slots behind it move up by one place.
-            Full::Merge(Pair::Nearest) => {
+            FullRule::Merge(MergePair::Nearest) => {
                 e.adders(UNIT, layers, depth);
                 e.copies(layers - 1, |e| e.limit(UNIT, depth));
                 e.choice(UNIT, layers, slot);
@@ -514,7 +514,7 @@ impl Fragment {
                 written(e, layers - 1, 1);
             }
             // The pair is fixed by wiring.
-            Full::Merge(Pair::Farthest) | Full::Replace => written(e, layers, 0),
+            FullRule::Merge(MergePair::Farthest) | FullRule::Replace => written(e, layers, 0),
         }
     }
 
@@ -662,8 +662,8 @@ impl Fragment {
         probe: &mut P,
     ) -> Decision {
         let pair = match self.full {
-            Full::Replace => return replace(tile, pixel, fresh),
-            Full::Merge(pair) => pair,
+            FullRule::Replace => return replace(tile, pixel, fresh),
+            FullRule::Merge(pair) => pair,
         };
         merging.settle(self, tile, pixel, probe);
         // After the first overflow the slots stay in depth order.
@@ -717,13 +717,13 @@ impl Fragment {
     }
 
     /// The nearer of the two to merge, in a stack in depth order.
-    fn front_of_pair(&self, pair: Pair, depth: impl Fn(usize) -> i32) -> usize {
+    fn front_of_pair(&self, pair: MergePair, depth: impl Fn(usize) -> i32) -> usize {
         match pair {
             // The first among equal gaps: the pair nearer to the eye.
-            Pair::Nearest => (0..self.layers)
+            MergePair::Nearest => (0..self.layers)
                 .min_by_key(|&i| depth(i + 1) - depth(i))
                 .unwrap_or(0),
-            Pair::Farthest => self.layers - 1,
+            MergePair::Farthest => self.layers - 1,
         }
     }
 

@@ -2,9 +2,9 @@
 //! (forward differencing, docs/book/algorithm.md §4).
 //!
 //! ```text
-//! conic ─►[ seed ]─► radial ─►(+)─►(+)─► …   r at each pixel centre; first += second, radial += first: two adds a pixel
+//! conic ─►[ seed ]─► radial ─►(+)─►(+)─► …   r at each pixel centre; first += second, radial += first: two adds per pixel
 //! pixel ─►    │      first  ─►(+)─┘
-//!             └────► depth  ─►(+)─► …        z of the tangent plane: one add a pixel; clamped to t_z ± depth_range
+//!             └────► depth  ─►(+)─► …        z of the tangent plane: one add per pixel; clamped to t_z ± depth_range
 //! ```
 //! Each row is seeded again, or rows are differenced as pixels are (`rows`). Adds are exact, so the
 //! only errors are those of the seed and of the increments: e₀ + n·e₁ + n(n−1)/2·e₂ after n pixels.
@@ -134,7 +134,7 @@ struct Splats<L> {
 
 /// Where eight boxes meet a square.
 #[derive(Clone, Copy, Debug)]
-struct Parts<L> {
+struct BoxParts<L> {
     /// Columns and rows of each box before its part in the square.
     on: [L; 2],
     /// Columns and rows of the part.
@@ -145,7 +145,7 @@ struct Parts<L> {
 
 /// Registers of eight splats at the first pixels of their parts, with the increments per row.
 #[derive(Clone, Copy, Debug)]
-struct Entered<L> {
+struct EnteredBoxes<L> {
     seed: Seed<L>,
     by_row: L,
     by_row_twice: L,
@@ -317,7 +317,7 @@ pub struct Raster {
     depth: Fit,
     radial_register: Register,
     depth_register: Register,
-    places: Places,
+    places: Alignment,
     /// Limit of z below which z and all its partial sums fit in 31 bits at every place; 0 where
     /// there is no clamp.
     short_depth: i64,
@@ -325,7 +325,7 @@ pub struct Raster {
 
 /// Left shifts that align words.
 #[derive(Clone, Copy, Debug)]
-struct Places {
+struct Alignment {
     /// Fraction bits of positions, and of offsets.
     pixel: u32,
     offset: u32,
@@ -493,7 +493,7 @@ impl Raster {
             depth,
             radial_register: Register::new(m.radial),
             depth_register: Register::new(m.depth),
-            places: Places {
+            places: Alignment {
                 pixel: f(pixel).max(1) as u32,
                 offset: f(m.offset) as u32,
                 cutoff: places(f(m.radial), f(m.cutoff)),
@@ -585,7 +585,7 @@ impl Raster {
         tap: &mut Tap<P>,
     ) -> Walks {
         let splats = Splats::<L>::of(inputs);
-        let parts = Parts::<L>::of(square, inputs, &splats);
+        let parts = BoxParts::<L>::of(square, inputs, &splats);
         let [nearest, deepest] = self.clamps(inputs, &splats);
         let mut walks = Walks {
             top: (splats.first_row + parts.on[1]).to_array(),
@@ -600,7 +600,7 @@ impl Raster {
             ..Walks::default()
         };
         if self.rows == Rows::Differenced {
-            let Entered {
+            let EnteredBoxes {
                 seed,
                 by_row,
                 by_row_twice,
@@ -639,7 +639,7 @@ impl Raster {
         by_column_twice: L,
         [columns_on, rows_on]: [L; 2],
         tap: &mut Tap<P>,
-    ) -> Entered<L> {
+    ) -> EnteredBoxes<L> {
         let at = self.offsets(size_px, splats, splats.first_row, tap);
         let seed = self.seed(splats, at, tap);
         let [_, xy, yy] = splats.conic;
@@ -654,7 +654,7 @@ impl Raster {
             by_column: seed.by_column.wrapping_add(by_both.times(rows_on)),
             depth: seed.depth.wrapping_add(depth_by[1].times(rows_on)),
         };
-        Entered {
+        EnteredBoxes {
             seed: below.skip(by_column_twice, depth_by[0], columns_on),
             by_row: by_row
                 .wrapping_add(by_row_twice.times(rows_on))
@@ -1035,7 +1035,7 @@ impl<L: Lanes> Splats<L> {
     }
 }
 
-impl<L: Lanes> Parts<L> {
+impl<L: Lanes> BoxParts<L> {
     /// Parts of boxes in the square with this first pixel. Each box must touch the square.
     #[inline(always)]
     fn of(square: [u16; 2], inputs: &[&Input; LANES], splats: &Splats<L>) -> Self {
@@ -1046,7 +1046,7 @@ impl<L: Lanes> Parts<L> {
             word!(inputs.columns[1]).min(x + last),
             word!(inputs.rows[1]).min(y + last),
         ];
-        Parts {
+        BoxParts {
             on: [from[0] - splats.first_column, from[1] - splats.first_row],
             size: two!(axis => to[axis] - from[axis] + L::splat(1)),
             first_pixel: (from[1] - y).left(SIDE_PX.ilog2()) + from[0] - x,

@@ -14,7 +14,7 @@ fn built(name: &str) -> Elaborated {
     Machine::named(name)
         .unwrap()
         .elaborate()
-        .unwrap_or_else(|misfits| panic!("{name}: {misfits:#?}"))
+        .unwrap_or_else(|errors| panic!("{name}: {errors:#?}"))
 }
 
 #[test]
@@ -80,11 +80,11 @@ fn a_sum_is_as_wide_as_its_widest_term() {
         Format::signed(-2, 20),
     );
     assert!(slope.elaborate().is_ok());
-    let misfits = with_format(&slope, "ellipse.tilt", Format::signed(-5, 31))
+    let errors = with_format(&slope, "ellipse.tilt", Format::signed(-5, 31))
         .elaborate()
         .unwrap_err();
     assert_eq!(
-        misfits,
+        errors,
         [
             "ellipse.shape is made from an exact result of 65 bits, but 62 can be held: 3 bits must go from its operands"
         ]
@@ -169,16 +169,16 @@ fn no_lean_accumulator_is_wider_than_24_bits() {
     }
 }
 
-fn misfits(machine: &Machine) -> Vec<String> {
+fn elaboration_errors(machine: &Machine) -> Vec<String> {
     machine.elaborate().err().unwrap_or_default()
 }
 
 /// Signal that an elaboration error names, and the format that it suggests.
-fn suggestion(misfit: &str) -> Option<(String, Format)> {
-    let signal = misfit.split_whitespace().next()?;
-    let (before, _) = misfit
+fn suggestion(error: &str) -> Option<(String, Format)> {
+    let signal = error.split_whitespace().next()?;
+    let (before, _) = error
         .split_once(" would fit")
-        .or_else(|| misfit.split_once(" would hold all of it"))?;
+        .or_else(|| error.split_once(" would hold all of it"))?;
     Some((
         signal.to_owned(),
         before.split_whitespace().last()?.parse().ok()?,
@@ -231,9 +231,9 @@ fn an_elaboration_error_names_the_signal_and_a_format_that_fits() {
             "raster.depth is I4F20, coarser than the steps ellipse.depth_slope I3F24 that it adds: I4F24 would fit",
         ),
     ] {
-        let found = misfits(&with_format(&reference, signal, format(wrong)));
+        let found = elaboration_errors(&with_format(&reference, signal, format(wrong)));
         assert!(
-            found.iter().any(|misfit| misfit == sentence),
+            found.iter().any(|error| error == sentence),
             "{signal} {wrong}: {found:#?}"
         );
     }
@@ -289,9 +289,9 @@ fn contradicting_rules_are_elaboration_errors() {
             "fragment.depth wraps, but only the raster's registers and the fragment's sums may: let it saturate",
         ),
     ] {
-        let found = misfits(&with_field(&reference, field, value));
+        let found = elaboration_errors(&with_field(&reference, field, value));
         assert!(
-            found.iter().any(|misfit| misfit == sentence),
+            found.iter().any(|error| error == sentence),
             "{field}: {found:#?}"
         );
     }
@@ -309,7 +309,7 @@ fn all_elaboration_errors_are_reported_together() {
         machine = with_format(&machine, signal, format.parse().unwrap());
     }
     machine.fragment.layers = 11;
-    let found = misfits(&machine);
+    let found = elaboration_errors(&machine);
     for signal in [
         "shade.opacity",
         "splat.rgb",
@@ -318,7 +318,7 @@ fn all_elaboration_errors_are_reported_together() {
         "fragment.layers",
     ] {
         assert!(
-            found.iter().any(|misfit| misfit.starts_with(signal)),
+            found.iter().any(|error| error.starts_with(signal)),
             "{signal}: {found:#?}"
         );
     }
@@ -357,8 +357,8 @@ proptest! {
     #[test]
     fn elaboration_never_panics_and_reports_sentences(name in named(), changes in mutations(1..40)) {
         let machine = changes.iter().fold(Machine::named(name).unwrap(), |machine, change| mutated(&machine, change));
-        for misfit in misfits(&machine) {
-            prop_assert!(misfit.len() > 20 && !misfit.contains('\n') && misfit.contains('.'), "{misfit}");
+        for error in elaboration_errors(&machine) {
+            prop_assert!(error.len() > 20 && !error.contains('\n') && error.contains('.'), "{error}");
         }
     }
 
@@ -366,12 +366,12 @@ proptest! {
     #[test]
     fn a_suggested_format_removes_its_elaboration_error(name in named(), changes in mutations(1..6)) {
         let machine = changes.iter().fold(Machine::named(name).unwrap(), |machine, change| mutated(&machine, change));
-        for misfit in misfits(&machine) {
-            prop_assert!(suggestion(&misfit).is_some() || !misfit.contains(" would "), "{misfit}");
-            if let Some((signal, format)) = suggestion(&misfit) {
-                let again = misfits(&with_format(&machine, &signal, format));
+        for error in elaboration_errors(&machine) {
+            prop_assert!(suggestion(&error).is_some() || !error.contains(" would "), "{error}");
+            if let Some((signal, format)) = suggestion(&error) {
+                let again = elaboration_errors(&with_format(&machine, &signal, format));
                 let complaint = |text: &str| text.split(": ").next().unwrap_or_default().replace(char::is_numeric, "");
-                prop_assert!(!again.iter().any(|other| complaint(other) == complaint(&misfit)), "{misfit}\nthen {again:#?}");
+                prop_assert!(!again.iter().any(|other| complaint(other) == complaint(&error)), "{error}\nthen {again:#?}");
             }
         }
     }

@@ -513,7 +513,7 @@ fn gathered_writes_are_stored_on_chip() {
 
 #[test]
 fn explicit_defaults_change_nothing() {
-    let said = Memory {
+    let explicit = Memory {
         channels: Some(1),
         ranks: Some(1),
         interleave_bytes: Some(64),
@@ -547,12 +547,12 @@ fn explicit_defaults_change_nothing() {
                 8,
             )
         };
-        assert_eq!(of(said), of(plain()));
+        assert_eq!(of(explicit), of(plain()));
         // With one channel the general path takes as long as the short one.
         assert_eq!(
             of(Memory {
                 refresh_interval_cycles: Some(1 << 20),
-                ..said
+                ..explicit
             }),
             of(plain())
         );

@@ -155,20 +155,20 @@ fn impossible_microarchitectures_are_refused_all_at_once_in_sentences() {
     ];
     let mut all = reference();
     for (field, value, sentence) in wrong {
-        let misfits = with(&reference(), field, value.clone())
+        let errors = with(&reference(), field, value.clone())
             .elaborate()
             .unwrap_err();
-        assert_eq!(misfits, [sentence]);
+        assert_eq!(errors, [sentence]);
         all = with(&all, field, value);
     }
     all.timing.clock_hz = 0;
-    let misfits = all.elaborate().unwrap_err();
+    let errors = all.elaborate().unwrap_err();
     assert!(
-        misfits.len() >= 9
-            && misfits
+        errors.len() >= 9
+            && errors
                 .iter()
-                .any(|misfit| misfit.starts_with("timing.clock_hz is 0")),
-        "{misfits:#?}"
+                .any(|error| error.starts_with("timing.clock_hz is 0")),
+        "{errors:#?}"
     );
 }
 
@@ -179,9 +179,9 @@ fn only_a_binned_machine_has_several_engines() {
     (machine.timing.engines, machine.timing.queue) = (Some(2), Queue::Longest);
     assert!(machine.elaborate().is_ok());
     machine.timing.organisation = Organisation::Immediate;
-    let misfits = machine.elaborate().unwrap_err();
+    let errors = machine.elaborate().unwrap_err();
     assert_eq!(
-        misfits,
+        errors,
         [
             "timing.engines is 2, but an immediate machine has no tiles to share: binned would do",
             "timing.queue is longest, but an immediate machine has no tiles: order would do"
@@ -204,9 +204,9 @@ fn a_machine_cannot_be_faster_than_its_operators() {
     };
     let refused = |change: &dyn Fn(&mut Machine)| built(change).unwrap_err();
     // In open 180 nm cells a layer takes resolve 5.8 ns and its register half a nanosecond.
-    let misfits = refused(&|m| m.timing.technology = Technology::Nm180);
+    let errors = refused(&|m| m.timing.technology = Technology::Nm180);
     assert_eq!(
-        misfits,
+        errors,
         [
             "timing.clock_hz is 400000000, but a layer takes resolve 59.5 FO4, and has one cycle: at most 156 MHz in 180 nm"
         ]
@@ -215,10 +215,10 @@ fn a_machine_cannot_be_faster_than_its_operators() {
         built(&|m| (m.timing.technology, m.timing.clock_hz) = (Technology::Nm180, 156_000_000))
             .is_ok()
     );
-    let misfits = refused(&|m| m.timing.clock_hz = 2_500_000_000);
+    let errors = refused(&|m| m.timing.clock_hz = 2_500_000_000);
     assert!(
-        misfits.len() == 1 && misfits[0].ends_with("at most 1536 MHz in 28 nm"),
-        "{misfits:?}"
+        errors.len() == 1 && errors[0].ends_with("at most 1536 MHz in 28 nm"),
+        "{errors:?}"
     );
     // A pixel is not taken again before it has passed the whole critical path.
     let hazard_of_one = |clock_hz| {
@@ -385,7 +385,7 @@ proptest! {
         let machine: Machine = serde_json::from_value(value).unwrap();
         match machine.elaborate() {
             Ok(elaborated) => accounts_for_all(&replay(&elaborated.timing, &work(), Detail::Histograms)),
-            Err(misfits) => prop_assert!(misfits.iter().all(|misfit| misfit.contains("timing") && misfit.len() < 200), "{:#?}", misfits),
+            Err(errors) => prop_assert!(errors.iter().all(|error| error.contains("timing") && error.len() < 200), "{:#?}", errors),
         }
     }
 }

@@ -16,7 +16,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ops::Range;
 
 /// A line in the cache.
-struct Way {
+struct CacheLine {
     line: usize,
     used: u64,
     /// The stamps that looked it up.
@@ -34,8 +34,8 @@ struct HeldUp {
 }
 
 /// State of the cache.
-struct Lines {
-    sets: Vec<Vec<Way>>,
+struct CacheState {
+    sets: Vec<Vec<CacheLine>>,
     ways: usize,
     line_bytes: u64,
     clock: u64,
@@ -49,7 +49,7 @@ struct Lines {
     lookups: [u64; 2],
 }
 
-impl Lines {
+impl CacheState {
     /// Looks a line up for a stamp. Returns whether the look-up ends in this cycle, and the read on
     /// which the stamp depends.
     fn look_up(&mut self, now: u64, line: usize, stamp: usize) -> Option<Option<Done>> {
@@ -106,7 +106,7 @@ impl Lines {
             });
             done
         });
-        set.push(Way {
+        set.push(CacheLine {
             line,
             used: self.clock,
             users: vec![stamp],
@@ -169,7 +169,7 @@ struct Machine<'a> {
     expected: usize,
     fill: Fill,
     cache: Unit,
-    lines: Lines,
+    lines: CacheState,
     looking: Option<Looking>,
     looked_up: Link<(Stamp, Vec<Done>)>,
     merge: Merge,
@@ -207,7 +207,7 @@ impl<'a> Machine<'a> {
             expected,
             fill: Fill::new(timing),
             cache: Unit::new("cache", 1),
-            lines: Lines {
+            lines: CacheState {
                 sets: (0..t.cache.lines / t.cache.ways)
                     .map(|_| Vec::new())
                     .collect(),

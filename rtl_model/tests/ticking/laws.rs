@@ -169,10 +169,10 @@ fn a_stopped_pixel_takes_no_cycles() {
     }
 }
 
-type Field = fn(&mut Timing) -> &mut u32;
+type TimingField = fn(&mut Timing) -> &mut u32;
 
 /// Numbers of a machine that can be raised.
-const RAISES: [(&str, Field); 11] = [
+const RAISES: [(&str, TimingField); 11] = [
     ("fetch.fifo", |timing| &mut timing.fetch.fifo),
     ("project.fifo", |timing| &mut timing.project.fifo),
     ("project.units", |timing| &mut timing.project.units),

@@ -86,7 +86,7 @@ pub struct Traffic {
 }
 
 /// A request. It is done when the last of its parts is.
-struct Request {
+struct PendingRequest {
     parts: Cell<u64>,
     here: Cell<u64>,
     done: Done,
@@ -102,7 +102,7 @@ struct PartialRequest {
     /// Thousandths of bytes of the current row that are still to be moved, and the latency; `None`
     /// before it starts.
     begun: Option<(u64, u64)>,
-    request: Rc<Request>,
+    request: Rc<PendingRequest>,
 }
 
 #[derive(Default)]
@@ -191,7 +191,7 @@ impl Memory {
             at = end;
         }
         let many = parts.iter().flatten().count() as u64;
-        let request = Rc::new(Request {
+        let request = Rc::new(PendingRequest {
             parts: Cell::new(many),
             here: Cell::new(0),
             done: done.clone(),

@@ -28,16 +28,16 @@ pub fn keyed(tile: u64) -> u64 {
 }
 
 /// Writes consecutive entries to memory, in full bursts.
-struct Stream {
+struct WriteStream {
     base: u64,
     bytes: u64,
     burst: u64,
     gone: u64,
 }
 
-impl Stream {
+impl WriteStream {
     fn new(base: u64, burst: u64) -> Self {
-        Stream {
+        WriteStream {
             base,
             bytes: 0,
             burst,
@@ -222,13 +222,13 @@ impl Sorters {
 
     fn plan(&self, tile: u64, keys: &[u32], sorter: u64) -> VecDeque<Piece> {
         let mut pieces = VecDeque::new();
-        let mut numbers = Stream::new(LISTS + LIST_BYTES * tile, self.burst);
+        let mut numbers = WriteStream::new(LISTS + LIST_BYTES * tile, self.burst);
         let limit = self.sorter.buffer_entries as usize;
         match self.sorter.bucket_bits {
             Some(bits) if keys.len() > limit => {
                 let place = |bucket: u64| KEYED + 3 * PLACES + OF_SORTER * sorter + APART * bucket;
-                let mut buckets: Vec<Stream> = (0..1 << bits)
-                    .map(|bucket| Stream::new(place(bucket), self.burst))
+                let mut buckets: Vec<WriteStream> = (0..1 << bits)
+                    .map(|bucket| WriteStream::new(place(bucket), self.burst))
                     .collect();
                 let mut loaded = keyed(tile);
                 for (nth, some) in keys.chunks(limit / 2).enumerate() {
@@ -246,7 +246,7 @@ impl Sorters {
                     pieces.push_back(streaming(loaded..to, some.len(), is_last, stores));
                     loaded = to;
                 }
-                let full: Vec<Stream> = buckets
+                let full: Vec<WriteStream> = buckets
                     .into_iter()
                     .filter(|bucket| bucket.bytes > 0)
                     .collect();
@@ -281,7 +281,7 @@ impl Sorters {
         tile: u64,
         base: u64,
         entries: usize,
-        numbers: &mut Stream,
+        numbers: &mut WriteStream,
         is_end: bool,
         pieces: &mut VecDeque<Piece>,
     ) {
@@ -295,7 +295,7 @@ impl Sorters {
             rounds += 1;
         }
         let place = |round: u64| KEYED + (1 + round % 2) * PLACES + APART * tile;
-        let mut chunks = Stream::new(place(0), self.burst);
+        let mut chunks = WriteStream::new(place(0), self.burst);
         let mut loaded = base;
         for (nth, size) in sizes.iter().enumerate() {
             let is_last = nth + 1 == sizes.len();
@@ -327,7 +327,7 @@ impl Sorters {
             loaded = to;
         }
         for round in 0..rounds {
-            let mut merged = Stream::new(place(round + 1), self.burst);
+            let mut merged = WriteStream::new(place(round + 1), self.burst);
             let mut first = 0;
             while first < entries {
                 let some = (limit / 2).min(entries - first);

@@ -30,7 +30,7 @@ use serde::{Deserialize, Serialize};
 /// Energy in a technology, as a fraction of the unit costs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Scale {
+pub struct EnergyScale {
     /// Dynamic energy.
     #[schemars(range(min = 0))]
     pub dynamic: f64,
@@ -45,39 +45,39 @@ pub struct Scale {
 pub struct Scales {
     /// 180 nm.
     #[serde(rename = "180nm")]
-    pub nm180: Scale,
+    pub nm180: EnergyScale,
     /// 65 nm.
     #[serde(rename = "65nm")]
-    pub nm65: Scale,
+    pub nm65: EnergyScale,
     /// 28 nm.
     #[serde(rename = "28nm")]
-    pub nm28: Scale,
+    pub nm28: EnergyScale,
     /// 7 nm.
     #[serde(rename = "7nm")]
-    pub nm7: Scale,
+    pub nm7: EnergyScale,
     /// An FPGA.
-    pub fpga: Scale,
+    pub fpga: EnergyScale,
 }
 
 /// See the head of this file.
 pub const DEFAULT: Scales = Scales {
-    nm180: Scale {
+    nm180: EnergyScale {
         dynamic: 68.0,
         leakage: 0.4,
     },
-    nm65: Scale {
+    nm65: EnergyScale {
         dynamic: 2.4,
         leakage: 1.8,
     },
-    nm28: Scale {
+    nm28: EnergyScale {
         dynamic: 0.52,
         leakage: 0.62,
     },
-    nm7: Scale {
+    nm7: EnergyScale {
         dynamic: 0.068,
         leakage: 0.12,
     },
-    fpga: Scale {
+    fpga: EnergyScale {
         dynamic: 7.3,
         leakage: 22.0,
     },
@@ -86,7 +86,7 @@ pub const DEFAULT: Scales = Scales {
 impl Scales {
     /// Unit costs without scales: the same in every technology, as for a file without `scales`.
     pub fn none() -> Self {
-        let one = Scale {
+        let one = EnergyScale {
             dynamic: 1.0,
             leakage: 1.0,
         };
@@ -100,7 +100,7 @@ impl Scales {
     }
 
     /// Scale of a technology.
-    pub fn of(&self, technology: Technology) -> Scale {
+    pub fn of(&self, technology: Technology) -> EnergyScale {
         match technology {
             Technology::Nm180 => self.nm180,
             Technology::Nm65 => self.nm65,

@@ -1,4 +1,4 @@
-use super::technology::Scale;
+use super::technology::EnergyScale;
 use super::*;
 use crate::hardware::{fixed, machines};
 use rtl_model::timing::{self, Detail};
@@ -52,7 +52,7 @@ fn the_parts_of_a_raster_grow_as_synthesis_says() {
         {
             lane.add(part.operator, part.copies.into());
         }
-        lane.price(
+        lane.weighted(
             &PerBit {
                 register: 0.0,
                 ..DEFAULT.area
@@ -341,7 +341,7 @@ fn a_technology_and_a_clock_show_in_energy() {
         )
     };
     let [old, new] = ["180nm", "7nm"].map(|technology| in_technology(technology, "5e6"));
-    let Scale { dynamic, leakage } = DEFAULT.technology.nm180;
+    let EnergyScale { dynamic, leakage } = DEFAULT.technology.nm180;
     assert!(
         close(
             old.units / new.units,
@@ -526,7 +526,7 @@ fn an_older_file_of_unit_costs_without_gates_is_valid() {
     let mut value = serde_json::to_value(DEFAULT).unwrap();
     value.as_object_mut().unwrap().remove("gates");
     assert_eq!(load(&value).unwrap(), DEFAULT);
-    // What it says is taken, whole.
+    // Its values are used unchanged.
     value["gates"] = serde_json::to_value(PerBit {
         adder: 1.0,
         ..DEFAULT.gates

@@ -43,7 +43,7 @@ const BEHIND_FRONT: usize = NORMAL + 1;
 const BEFORE_BACK: usize = NORMAL + 2;
 
 /// T is 2^−n for this n, 0 to 8; `None` for T = 0.
-type Seen = Option<u32>;
+type Visibility = Option<u32>;
 /// T below 2^−8 counts as 0.
 const LEAST_SEEN: u32 = 8;
 
@@ -151,7 +151,7 @@ pub struct Window {
     /// Nearest depth of its window.
     pub start: i64,
     /// T: fraction of it that is seen through the windows before it.
-    pub seen: Seen,
+    pub seen: Visibility,
 }
 
 /// Parts of the unit that only windows use.
@@ -283,7 +283,7 @@ impl Windows {
         let m = &machine.fragment;
         if m.group == Group::First {
             e.require(m.window.is_none(), || {
-                "fragment.window has words of windows, but fragment.group is first: say interval or window, or leave them out".into()
+                "fragment.window has words of windows, but fragment.group is first: use interval or window, or leave them out".into()
             });
             return None;
         }
@@ -673,7 +673,7 @@ impl Rule<'_> {
     }
 
     /// Bit length of `one` less that of `part`: about −log2(part/one). `None` for an invisible part.
-    fn places_below(&self, part: i64, one: i64) -> Seen {
+    fn places_below(&self, part: i64, one: i64) -> Visibility {
         let below = one.leading_zeros() as i32 - part.leading_zeros() as i32;
         let places = (-below).max(0) as u32;
         (part > 0 && places <= LEAST_SEEN).then_some(places)

@@ -9,7 +9,7 @@
 //!
 //! Law: `words_of_32_bits_walk_as_wide_ones_do`.
 
-use super::{Entered, Input, Parts, Raster, Rows, SIDE_PX, Splats, first_bits, magnitude};
+use super::{BoxParts, EnteredBoxes, Input, Raster, Rows, SIDE_PX, Splats, first_bits, magnitude};
 use crate::num::register::Held;
 use crate::num::{LANES, Lanes, Words, two};
 use crate::probe::{Probe, Tap};
@@ -49,7 +49,7 @@ pub struct ShortRows {
 
 /// Arrangement of eight pixels that are tested together.
 #[derive(Debug)]
-pub struct Shape {
+pub struct BlockShape {
     rows: usize,
     first_column: usize,
     column: [i32; LANES],
@@ -64,10 +64,10 @@ pub struct Shape {
     place: [i32; LANES],
 }
 
-impl Shape {
+impl BlockShape {
     const fn new(rows: usize, first_column: usize) -> Self {
         let (mut shape, mut lane) = (
-            Shape {
+            BlockShape {
                 rows,
                 first_column,
                 column: [0; LANES],
@@ -95,8 +95,12 @@ impl Shape {
 
     /// Shapes that cover a part with this many columns.
     #[inline(always)]
-    pub fn of(columns: usize) -> &'static [Shape] {
-        static SHAPES: [Shape; 3] = [Shape::new(2, 0), Shape::new(1, 0), Shape::new(1, LANES)];
+    pub fn of(columns: usize) -> &'static [BlockShape] {
+        static SHAPES: [BlockShape; 3] = [
+            BlockShape::new(2, 0),
+            BlockShape::new(1, 0),
+            BlockShape::new(1, LANES),
+        ];
         match columns {
             0..=4 => &SHAPES[..1],
             5..=8 => &SHAPES[1..2],
@@ -115,7 +119,7 @@ impl Shape {
 /// A part of a box, eight pixels at a time, starting at its first rows.
 #[derive(Clone, Copy, Debug)]
 pub struct Blocks<'a, W> {
-    shape: &'static Shape,
+    shape: &'static BlockShape,
     /// Seeds of the rows, where each row has one.
     seeds: Option<&'a ShortRows>,
     row: usize,
@@ -214,7 +218,7 @@ impl Raster {
         tap: &mut Tap<P>,
     ) -> (ShortWalks, u8) {
         let splats = Splats::<L>::of(inputs);
-        let parts = Parts::<L>::of(square, inputs, &splats);
+        let parts = BoxParts::<L>::of(square, inputs, &splats);
         let [nearest, deepest] = self.clamps(inputs, &splats);
         let by_column_twice = self.second(splats.conic[0], tap);
         let bend = self.radial_register.read_lanes(by_column_twice);
@@ -239,7 +243,7 @@ impl Raster {
         if self.rows == Rows::Seeded {
             return (walks, u8::MAX);
         }
-        let Entered {
+        let EnteredBoxes {
             seed,
             by_row,
             by_row_twice,
@@ -360,7 +364,7 @@ impl Raster {
         walks: &ShortWalks,
         lane: usize,
         rows: &'a ShortRows,
-        shape: &'static Shape,
+        shape: &'static BlockShape,
     ) -> Blocks<'a, W> {
         let columns = W::from_array(shape.column);
         // No closure: see `three`.

@@ -29,7 +29,7 @@ fn word(word: Word, value: f64) -> i32 {
 /// A splat: centre in pixels of the picture, standard deviations along the axes of a rotated
 /// ellipse, depth plane, box.
 #[derive(Clone, Copy, Debug)]
-struct Shape {
+struct TestSplat {
     centre: [f64; 2],
     deviation: [f64; 2],
     turn: f64,
@@ -40,7 +40,7 @@ struct Shape {
 
 /// Splats whose differences stay within every named machine's words: 2·|Q d| + Q, at most
 /// 2·(width + height + 1)/σ², is below 120.
-fn shapes() -> impl Strategy<Value = Shape> {
+fn test_splats() -> impl Strategy<Value = TestSplat> {
     let centre = [0.0..512.0, 0.0..384.0];
     let slopes = prop::array::uniform2(-0.01..0.01);
     let sides = prop::array::uniform2(prop_oneof![Just(1u16), 2u16..120]);
@@ -68,7 +68,7 @@ fn shapes() -> impl Strategy<Value = Shape> {
                     (centre[axis] - before[axis] * f64::from(size[axis]))
                         .clamp(0.0, f64::from(limit)) as u16
                 });
-                Shape {
+                TestSplat {
                     centre,
                     deviation,
                     turn,
@@ -80,7 +80,7 @@ fn shapes() -> impl Strategy<Value = Shape> {
         )
 }
 
-impl Shape {
+impl TestSplat {
     fn input(&self, machine: &Machine) -> Input {
         let (e, p) = (&machine.ellipse, &machine.project);
         let [a, b] = self
@@ -281,7 +281,7 @@ proptest! {
     /// From any column the registers equal those reached by stepping from the box's first column,
     /// and both equal the closed form.
     #[test]
-    fn stepping_equals_the_closed_form(name in names(), differenced in any::<bool>(), shape in shapes(), skip in any::<prop::sample::Index>()) {
+    fn stepping_equals_the_closed_form(name in names(), differenced in any::<bool>(), shape in test_splats(), skip in any::<prop::sample::Index>()) {
         let machine = machine(name, if differenced { Rows::Differenced } else { Rows::Seeded });
         let (raster, input) = (unit(&machine), shape.input(&machine));
         let [first, last] = input.columns;
@@ -305,7 +305,7 @@ proptest! {
     /// each other. In a narrow register they may differ by whole wraps, which never affect the
     /// footprint.
     #[test]
-    fn seeded_and_differenced_rows_agree_within_their_guard_bits(name in names(), shape in shapes()) {
+    fn seeded_and_differenced_rows_agree_within_their_guard_bits(name in names(), shape in test_splats()) {
         for rows in [Rows::Seeded, Rows::Differenced] {
             let machine = machine(name, rows);
             let (raster, input) = (unit(&machine), shape.input(&machine));
@@ -327,7 +327,7 @@ proptest! {
 
     /// r for exact offset words: the error of differencing alone.
     #[test]
-    fn the_registers_stay_within_the_error_of_their_steps(name in names(), differenced in any::<bool>(), shape in shapes()) {
+    fn the_registers_stay_within_the_error_of_their_steps(name in names(), differenced in any::<bool>(), shape in test_splats()) {
         let machine = machine(name, if differenced { Rows::Differenced } else { Rows::Seeded });
         let (raster, input) = (unit(&machine), shape.input(&machine));
         let [left, top] = [input.columns[0], input.rows[0]];
@@ -358,7 +358,7 @@ proptest! {
 
     /// A fragment at every pixel whose register is below the cutoff, nowhere else, in order.
     #[test]
-    fn a_fragment_exists_where_the_radial_index_is_below_the_cutoff(name in names(), shape in shapes(), cutoff in 0.1..8.0) {
+    fn a_fragment_exists_where_the_radial_index_is_below_the_cutoff(name in names(), shape in test_splats(), cutoff in 0.1..8.0) {
         let machine = machine(name, Rows::Seeded);
         let (raster, input) = (unit(&machine), shape.input(&machine));
         let [from, last] = input.columns;
@@ -375,7 +375,7 @@ proptest! {
 
     /// Each pixel of a box is in exactly one square of 16 × 16, with its own number.
     #[test]
-    fn squares_share_out_a_box(name in names(), differenced in any::<bool>(), shape in shapes()) {
+    fn squares_share_out_a_box(name in names(), differenced in any::<bool>(), shape in test_splats()) {
         let machine = machine(name, if differenced { Rows::Differenced } else { Rows::Seeded });
         let (raster, input) = (unit(&machine), shape.input(&machine));
         let squares = |[first, last]: [u16; 2]| (first / 16 * 16..=last).step_by(16);
@@ -395,7 +395,7 @@ proptest! {
     /// The plane of docs/book/algorithm.md §3, in ulps of the depth register: half an ulp for the
     /// seed, plus the offset's half ulp times the slope.
     #[test]
-    fn depth_is_the_tangent_plane_between_its_clamps(name in names(), shape in shapes()) {
+    fn depth_is_the_tangent_plane_between_its_clamps(name in names(), shape in test_splats()) {
         let machine = machine(name, Rows::Seeded);
         let (raster, input) = (unit(&machine), shape.input(&machine));
         let [e, p, depth] = [machine.ellipse.depth_slope, machine.project.depth, machine.raster.depth].map(|word| word.format);
@@ -425,14 +425,14 @@ proptest! {
     /// z is steep, r grows too much, or its register wraps.
     #[test]
     fn words_of_32_bits_walk_as_wide_ones_do(
-        name in names(), differenced in any::<bool>(), shape in shapes(), steep in prop::array::uniform2(-40.0..40.0), is_steep in any::<bool>(),
+        name in names(), differenced in any::<bool>(), shape in test_splats(), steep in prop::array::uniform2(-40.0..40.0), is_steep in any::<bool>(),
         narrower in 0..20i32, deeper in 0..3i32,
     ) {
         let mut machine = machine(name, if differenced { Rows::Differenced } else { Rows::Seeded });
         let radial = &mut machine.raster.radial.format;
         radial.int_bits = (radial.int_bits - narrower).max(machine.raster.cutoff.format.int_bits + 1);
         let raster = unit(&machine);
-        let shape = if is_steep { Shape { depth_slope: steep, ..shape } } else { shape };
+        let shape = if is_steep { TestSplat { depth_slope: steep, ..shape } } else { shape };
         let input = shape.input(&machine);
         let cutoff = raster.cutoff(1 << (machine.raster.cutoff.format.frac_bits + deeper));
         let square = [input.columns[0] / 16 * 16, input.rows[0] / 16 * 16];
@@ -492,7 +492,7 @@ fn drawn_short(
         return None;
     }
     let mut all = Vec::new();
-    for shape in super::short::Shape::of(walks.columns(LANE)) {
+    for shape in super::short::BlockShape::of(walks.columns(LANE)) {
         let mut blocks = raster.blocks::<PlainWords>(&walks, LANE, &rows, shape);
         loop {
             let words = raster.short_fragments(&walks, LANE, &blocks, raster.short_cutoff(cutoff));
@@ -553,7 +553,7 @@ fn most_splats_are_walked_in_words_of_32_bits() {
             let machine = machine(name, rows);
             let raster = unit(&machine);
             let cutoff = raster.cutoff(1 << (machine.raster.cutoff.format.frac_bits + 1));
-            let shape = Shape {
+            let shape = TestSplat {
                 centre: [200.3, 150.8],
                 deviation: [4.0, 3.0],
                 turn: 0.7,
@@ -565,7 +565,7 @@ fn most_splats_are_walked_in_words_of_32_bits() {
                 drawn_short(&raster, &shape.input(&machine), [192, 144], cutoff).is_some(),
                 "{name}, {rows:?}"
             );
-            let steep = Shape {
+            let steep = TestSplat {
                 depth_slope: [4.0, -7.9],
                 ..shape
             };
@@ -602,7 +602,7 @@ fn a_wrap_is_harmless_inside_the_footprint() {
     machine.raster.radial.format = Format::signed(4, 28);
     machine.raster.cutoff.format = Format::unsigned(3, 16);
     let raster = unit(&machine);
-    let shape = Shape {
+    let shape = TestSplat {
         centre: [200.3, 150.8],
         deviation: [9.0, 2.0],
         turn: 0.7,

@@ -14,7 +14,7 @@ use super::Resolve;
 use crate::real::Real;
 
 /// Inputs of both graphs.
-fn beside<R: Real>([a, b, c, d]: [R; 4], [e, f, g, h]: [R; 4]) -> [R; 8] {
+fn inputs<R: Real>([a, b, c, d]: [R; 4], [e, f, g, h]: [R; 4]) -> [R; 8] {
     [a, b, c, d, e, f, g, h]
 }
 
@@ -30,10 +30,10 @@ impl Resolve {
         for layer in layers {
             state = self
                 .layer
-                .real(&self.asked[0], beside(state, *layer), |_, x| x);
+                .real(&self.asked[0], inputs(state, *layer), |_, x| x);
         }
         self.frame
-            .real(&self.asked[1], beside(state, background), |_, x| x)
+            .real(&self.asked[1], inputs(state, background), |_, x| x)
     }
 }
 

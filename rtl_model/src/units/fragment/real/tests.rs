@@ -144,7 +144,7 @@ fn the_bound_of_accumulating_is_tight() {
 
 /// Two fragments, each shaded just now or read from a slot: the machine's words, the exact numbers,
 /// and the bounds.
-struct Side {
+struct MergeOperand {
     slot: Slot,
     shaded: Premultiplied,
     exact: [f64; 4],
@@ -152,7 +152,7 @@ struct Side {
 }
 
 impl Pixel {
-    fn side(&self, rng: &mut Rng) -> Side {
+    fn side(&self, rng: &mut Rng) -> MergeOperand {
         let opacity = rng.channel();
         let [r, g, b] = [0; 3].map(|_| rng.channel() * opacity);
         let (exact, is_old) = ([r, g, b, opacity], rng.below(2) == 0);
@@ -169,7 +169,7 @@ impl Pixel {
         }
         sums[WEIGHT] = 1;
         let near = [r.1, g.1, b.1, a.1];
-        Side {
+        MergeOperand {
             slot: Slot {
                 sums,
                 shaded: is_old,
