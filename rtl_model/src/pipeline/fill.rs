@@ -483,7 +483,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
                     lane += 1;
                 }
                 if lane > first {
-                    self.add_up::<V>(&drawn, outcomes);
+                    self.accumulate_queued::<V>(&drawn, outcomes);
                     continue;
                 }
             }
@@ -553,7 +553,11 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
 
     /// Fragment: all queued fragments.
     #[inline(always)]
-    fn add_up<V: Lanes>(&mut self, drawn: &[DrawnSplat; LANES], outcomes: &mut Outcomes) {
+    fn accumulate_queued<V: Lanes>(
+        &mut self,
+        drawn: &[DrawnSplat; LANES],
+        outcomes: &mut Outcomes,
+    ) {
         let Shared {
             machine,
             registers,

@@ -23,9 +23,9 @@ use crate::machine::{FragmentDepth, Group, Machine, Merge};
 use crate::num::{Exact, Fit, Lanes, Word, Words, fit, three};
 use crate::probe::{Probe, Tap};
 use crate::records::{SHEET_BITS, unit};
-use sheets::Sheets;
+use sheets::SheetDatapath;
 use std::cmp::Ordering;
-use window::Windows;
+use window::WindowDatapath;
 
 pub use crate::records::{
     Attributes, COLOUR, Contribution, Decision, MAX_LAYERS, NORMAL, OPACITY, Outcomes,
@@ -278,8 +278,8 @@ pub struct Fragment {
     read: [Fit; 2],
     blend: [Fit; 2],
     premultiplied_frac_bits: u32,
-    sheets: Option<Sheets>,
-    windows: Option<Windows>,
+    sheets: Option<SheetDatapath>,
+    windows: Option<WindowDatapath>,
     /// Fraction bits of a contribution's weight.
     weight_frac_bits: u32,
 }
@@ -440,8 +440,8 @@ impl Fragment {
                 e.fit(UNIT, "opacity_sum", m.opacity_sum, over),
             ],
             premultiplied_frac_bits: premultiplied.format.frac_bits as u32,
-            sheets: Sheets::new(e, machine),
-            windows: Windows::new(e, machine),
+            sheets: SheetDatapath::new(e, machine),
+            windows: WindowDatapath::new(e, machine),
             weight_frac_bits: machine.gauss.weight.format.frac_bits.max(0) as u32,
         };
         let simple = fragment.is_simple();

@@ -706,13 +706,13 @@ impl Raster {
         }
         let by_row_twice = L::splat(w.by_row_twice[lane]);
         for eight in 0..eights(columns) {
-            let mut radial: L = side_by_side(
+            let mut radial: L = eight_columns(
                 w.seed.radial[lane],
                 w.seed.by_column[lane],
                 w.by_column_twice[lane],
                 eight,
             );
-            let mut by_row: L = side_by_side(w.by_row[lane], w.by_both[lane], 0, eight);
+            let mut by_row: L = eight_columns(w.by_row[lane], w.by_both[lane], 0, eight);
             let inside = first_bits(columns - eight * LANES);
             for row in 0..rows {
                 span.keep([row, eight], radial, L::splat(cutoff), inside);
@@ -771,7 +771,7 @@ impl Raster {
                 }
                 span.depth[row] = seed.depth[row % LANES];
                 for eight in 0..eights(columns) {
-                    let radial = side_by_side(radial, by_column, by_column_twice, eight);
+                    let radial = eight_columns(radial, by_column, by_column_twice, eight);
                     let inside = first_bits(columns - eight * LANES);
                     span.keep([row, eight], radial, L::splat(cutoff), inside);
                 }
@@ -1086,7 +1086,7 @@ fn after<L: Lanes>(value: L, first: L, second: L, steps: L) -> L {
 
 /// A twice differenced register at the first or second eight columns from this one.
 #[inline(always)]
-fn side_by_side<L: Lanes>(value: Held, first: Held, second: Held, eight: usize) -> L {
+fn eight_columns<L: Lanes>(value: Held, first: Held, second: Held, eight: usize) -> L {
     let [columns, pairs] = [L::from_array(COLUMNS[eight]), L::from_array(PAIRS[eight])];
     L::splat(value)
         .wrapping_add(L::splat(first).times(columns))

@@ -22,8 +22,8 @@
 
 use super::memory::{Done, LIST_BYTES, LISTS, Memory, RECORDS, Requests, WORDS};
 use super::parts::{
-    Act, Fill, HELD, Link, Merge, SetupUnits, TexelShade, Ticked, Unit, light, places, resolve,
-    resolve_cycles, resolve_texels, run, stamps_of, texels_looked_up, turn,
+    Act, Fill, HELD, Link, Merge, SetupUnits, TexelShade, Ticked, TickedUnit, light, places,
+    resolve, resolve_cycles, resolve_texels, run, stamps_of, texels_looked_up, turn,
 };
 use super::scene::Scene;
 use super::sorters::{self, Sorters};
@@ -83,7 +83,7 @@ fn queue(timing: &Microarchitecture, tiles: &[ListedTile]) -> VecDeque<usize> {
     all.into()
 }
 
-struct Machine<'a> {
+struct BinnedMachine<'a> {
     timing: &'a Microarchitecture,
     scene: &'a Scene,
     memory: Memory,
@@ -93,7 +93,7 @@ struct Machine<'a> {
     /// For each splat the tiles that it touches; the number of splats that touch any.
     touched: Vec<Vec<usize>>,
     drawn: usize,
-    bin: Unit,
+    bin: TickedUnit,
     writes: Requests,
     record_bytes: u64,
     list_bytes: Vec<u64>,
@@ -103,7 +103,7 @@ struct Machine<'a> {
     flushed: bool,
     listed_all: bool,
     sorted: bool,
-    sort: Unit,
+    sort: TickedUnit,
     /// Passes begun, start of the last one, bytes that it has moved, and the part in flight, to be
     /// read or written.
     passes: u32,
@@ -134,7 +134,7 @@ struct Engine {
     /// Entries of the tile that list has not taken, and the entry that raster processes.
     next: Range<usize>,
     looked_at: usize,
-    list: Unit,
+    list: TickedUnit,
     reads: Requests,
     /// Burst of the list that holds the last entry; entries whose records are read after a burst;
     /// each entry's record.
@@ -144,8 +144,8 @@ struct Engine {
     listed: Link<usize>,
     fill: Fill,
     merge: Merge,
-    resolve: Vec<Unit>,
-    lit: Unit,
+    resolve: Vec<TickedUnit>,
+    lit: TickedUnit,
     to_light: VecDeque<(u64, u64, Option<usize>)>,
     /// Reflecting shade unit of resolve; and the tile for whose light resolve stalls: its index, when
     /// it was taken, how long it takes, and when it is done without stalls.
@@ -161,7 +161,7 @@ impl Engine {
             resolved: Vec::new(),
             next: 0..0,
             looked_at: 0,
-            list: Unit::new("list", 1),
+            list: TickedUnit::new("list", 1),
             reads: Requests::new(t.memory.outstanding),
             burst: Done::default(),
             waiting: VecDeque::new(),
@@ -174,8 +174,8 @@ impl Engine {
             })),
             fill: Fill::new(timing).leaving_out((scene.width * scene.height) as usize),
             merge: Merge::new(timing, scene),
-            resolve: Unit::each("resolve", timing.resolve.units),
-            lit: Unit::new("resolve-shade", timing.shade.units),
+            resolve: TickedUnit::each("resolve", timing.resolve.units),
+            lit: TickedUnit::new("resolve-shade", timing.shade.units),
             to_light: VecDeque::new(),
             mirror: TexelShade::new(timing, scene),
             unwritten: None,
@@ -200,9 +200,9 @@ impl Engine {
     }
 
     /// Its units in the order of the diagram, with the numbers that they have among all engines.
-    fn units(self, timing: &Microarchitecture, nth: u32) -> Vec<Unit> {
+    fn units(self, timing: &Microarchitecture, nth: u32) -> Vec<TickedUnit> {
         let (fragment, shade) = self.merge.units();
-        let numbered = |units: Vec<Unit>, each: u32| {
+        let numbered = |units: Vec<TickedUnit>, each: u32| {
             units
                 .into_iter()
                 .map(|unit| unit.of_engine(nth, each))
@@ -225,7 +225,7 @@ impl Engine {
     }
 }
 
-impl<'a> Machine<'a> {
+impl<'a> BinnedMachine<'a> {
     fn new(timing: &'a Microarchitecture, scene: &'a Scene) -> Self {
         let t = &timing.timing;
         let side = t.tile.side_px as usize;
@@ -311,7 +311,7 @@ impl<'a> Machine<'a> {
         let sorters = timing.sort.filter(|_| !scene.order.is_empty());
         let sorters =
             sorters.and_then(|shape| Sorters::new(shape, t.memory.burst_bytes.into(), lists));
-        Machine {
+        BinnedMachine {
             sorters,
             timing,
             scene,
@@ -320,7 +320,7 @@ impl<'a> Machine<'a> {
             setup: SetupUnits::new(timing, scene),
             drawn: touched.iter().filter(|tiles| !tiles.is_empty()).count(),
             touched,
-            bin: Unit::new("bin", 1),
+            bin: TickedUnit::new("bin", 1),
             writes: Requests::new(t.memory.outstanding),
             record_bytes: 0,
             list_bytes: vec![0; across * down],
@@ -328,7 +328,7 @@ impl<'a> Machine<'a> {
             flushed: false,
             listed_all: false,
             sorted: false,
-            sort: Unit::new("sort", 1),
+            sort: TickedUnit::new("sort", 1),
             passes: 0,
             begun: 0,
             moved: 0,
@@ -958,13 +958,13 @@ impl<'a> Machine<'a> {
 
 /// Draws a scene, cycle by cycle.
 pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
-    let mut machine = Machine::new(timing, scene);
-    let total = run(&mut machine, Machine::tick, Machine::is_done);
+    let mut machine = BinnedMachine::new(timing, scene);
+    let total = run(&mut machine, BinnedMachine::tick, BinnedMachine::is_done);
     let sort = match &machine.sorters {
         Some(sorters) => sorters.units.clone(),
         None => Vec::from_iter(machine.sorts().then(|| machine.sort.clone())),
     };
-    let Machine {
+    let BinnedMachine {
         memory,
         setup,
         bin,
@@ -987,7 +987,7 @@ pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
         |[all, had], [more, more_had]| [all + more, had + more_had],
     );
     let (setup, shade) = setup.units();
-    let mut second: Vec<Unit> = engines
+    let mut second: Vec<TickedUnit> = engines
         .into_iter()
         .zip(0..)
         .flat_map(|(engine, nth)| engine.units(timing, nth))
@@ -1001,7 +1001,7 @@ pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
         second[at] = shade;
         second.retain(|unit| unit.name != "shade" || unit.others == 0);
     }
-    let place = |unit: &Unit| {
+    let place = |unit: &TickedUnit| {
         [
             "list",
             "raster",

@@ -6,7 +6,7 @@
 
 use super::memory::{Done, LINES, Memory, Requests, WORDS};
 use super::parts::{
-    Act, Fill, HELD, Link, Merge, SetupUnits, Stamp, Ticked, Unit, light, places, resolve,
+    Act, Fill, HELD, Link, Merge, SetupUnits, Stamp, Ticked, TickedUnit, light, places, resolve,
     resolve_cycles, resolve_texels, run, stamps_of, texels_looked_up, turn,
 };
 use super::scene::Scene;
@@ -159,7 +159,7 @@ struct Looking {
 }
 
 /// The machine.
-struct Machine<'a> {
+struct ImmediateMachine<'a> {
     timing: &'a Microarchitecture,
     scene: &'a Scene,
     memory: Memory,
@@ -168,7 +168,7 @@ struct Machine<'a> {
     /// Number of stamps that will reach the fragment unit.
     expected: usize,
     fill: Fill,
-    cache: Unit,
+    cache: TickedUnit,
     lines: CacheState,
     looking: Option<Looking>,
     looked_up: Link<(Stamp, Vec<Done>)>,
@@ -177,7 +177,7 @@ struct Machine<'a> {
     written: Vec<Option<u64>>,
     taken: usize,
     all_written: u64,
-    resolve: Vec<Unit>,
+    resolve: Vec<TickedUnit>,
     /// Line for whose light resolve stalls: when it will be written without further stalls.
     unwritten: Option<(u64, Range<u64>)>,
     /// Cycle in which resolve took it, and its duration without stalls.
@@ -193,12 +193,12 @@ struct Machine<'a> {
 /// A whole splat.
 const ALL: [[usize; 2]; 2] = [[0; 2], [usize::MAX; 2]];
 
-impl<'a> Machine<'a> {
+impl<'a> ImmediateMachine<'a> {
     fn new(timing: &'a Microarchitecture, scene: &'a Scene) -> Self {
         let t = &timing.timing;
         let stamps = (0..scene.splats.len()).flat_map(|splat| stamps_of(timing, scene, splat, ALL));
         let expected = stamps.filter(|stamp| !stamp.pixels.is_empty()).count();
-        Machine {
+        ImmediateMachine {
             timing,
             scene,
             memory: Memory::new(t.memory),
@@ -206,7 +206,7 @@ impl<'a> Machine<'a> {
             setup: SetupUnits::new(timing, scene),
             expected,
             fill: Fill::new(timing),
-            cache: Unit::new("cache", 1),
+            cache: TickedUnit::new("cache", 1),
             lines: CacheState {
                 sets: (0..t.cache.lines / t.cache.ways)
                     .map(|_| Vec::new())
@@ -227,7 +227,7 @@ impl<'a> Machine<'a> {
             written: vec![None; expected],
             taken: 0,
             all_written: 0,
-            resolve: Unit::each("resolve", timing.resolve.units),
+            resolve: TickedUnit::each("resolve", timing.resolve.units),
             unwritten: None,
             resolve_begun: [0; 2],
             line_reads: None,
@@ -477,9 +477,13 @@ impl<'a> Machine<'a> {
 
 /// Draws a scene, cycle by cycle.
 pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
-    let mut machine = Machine::new(timing, scene);
-    let total = run(&mut machine, Machine::tick, Machine::is_done);
-    let Machine {
+    let mut machine = ImmediateMachine::new(timing, scene);
+    let total = run(
+        &mut machine,
+        ImmediateMachine::tick,
+        ImmediateMachine::is_done,
+    );
+    let ImmediateMachine {
         memory,
         setup,
         fill,

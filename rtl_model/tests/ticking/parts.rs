@@ -20,7 +20,7 @@ pub struct UnitInstance {
 
 /// A unit.
 #[derive(Clone, Debug)]
-pub struct Unit {
+pub struct TickedUnit {
     pub name: &'static str,
     /// Number of units of the same name before its first instance.
     pub others: u32,
@@ -34,7 +34,7 @@ pub struct Unit {
 #[derive(Clone, Debug)]
 pub struct Ticked {
     pub total: u64,
-    pub units: Vec<Unit>,
+    pub units: Vec<TickedUnit>,
     pub lookups: [u64; 2],
     /// Look-ups and hits of the caches of the map of surroundings.
     pub texels: [u64; 2],
@@ -53,9 +53,9 @@ pub enum Act {
     Take(u64),
 }
 
-impl Unit {
+impl TickedUnit {
     pub fn new(name: &'static str, instances: u32) -> Self {
-        Unit {
+        TickedUnit {
             name,
             others: 0,
             instances: vec![UnitInstance::default(); instances as usize],
@@ -65,18 +65,18 @@ impl Unit {
     }
 
     /// `count` units of one instance each.
-    pub fn each(name: &'static str, count: u32) -> Vec<Unit> {
+    pub fn each(name: &'static str, count: u32) -> Vec<TickedUnit> {
         (0..count)
-            .map(|others| Unit {
+            .map(|others| TickedUnit {
                 others,
-                ..Unit::new(name, 1)
+                ..TickedUnit::new(name, 1)
             })
             .collect()
     }
 
     /// Unit of an engine; every engine has `each` of them.
     pub fn of_engine(self, engine: u32, each: u32) -> Self {
-        Unit {
+        TickedUnit {
             others: engine * each + self.others,
             ..self
         }
@@ -84,7 +84,7 @@ impl Unit {
 
     /// Finally takes the occupancy counts of its FIFO.
     pub fn before<T>(self, link: Link<T>) -> Self {
-        Unit {
+        TickedUnit {
             occupancy: link.occupancy,
             ..self
         }
@@ -309,7 +309,7 @@ pub fn run<M>(machine: &mut M, tick: fn(&mut M), is_done: fn(&mut M) -> bool) ->
 pub fn turn<M>(
     machine: &mut M,
     now: u64,
-    unit: impl Fn(&mut M) -> &mut Unit,
+    unit: impl Fn(&mut M) -> &mut TickedUnit,
     mut act: impl FnMut(&mut M) -> Act,
 ) {
     let mut reason = Act::Starve;
@@ -408,16 +408,16 @@ pub struct SetupUnits<'a> {
     timing: &'a Microarchitecture,
     scene: &'a Scene,
     now: u64,
-    fetch: Unit,
+    fetch: TickedUnit,
     requests: Requests,
     records: Link<usize>,
-    project: Unit,
+    project: TickedUnit,
     projected: Link<usize>,
-    ellipse: Unit,
+    ellipse: TickedUnit,
     ellipses: Link<usize>,
-    colour: Unit,
+    colour: TickedUnit,
     coloured: Link<usize>,
-    shade: Unit,
+    shade: TickedUnit,
     lit: Link<usize>,
     pub texels: Option<Texels>,
     /// Read of the whole map, for a machine that stores all of it on chip.
@@ -430,16 +430,16 @@ impl<'a> SetupUnits<'a> {
             timing,
             scene,
             now: 0,
-            fetch: Unit::new("fetch", 1),
+            fetch: TickedUnit::new("fetch", 1),
             requests: Requests::new(timing.timing.memory.outstanding),
             records: Link::new(places(timing.fetch)),
-            project: Unit::new("project", timing.project.units),
+            project: TickedUnit::new("project", timing.project.units),
             projected: Link::new(places(timing.project)),
-            ellipse: Unit::new("ellipse", timing.ellipse.units),
+            ellipse: TickedUnit::new("ellipse", timing.ellipse.units),
             ellipses: Link::new(places(timing.ellipse)),
-            colour: Unit::new("colour", colour_pace(timing, scene).units),
+            colour: TickedUnit::new("colour", colour_pace(timing, scene).units),
             coloured: Link::new(places(colour_pace(timing, scene))),
-            shade: Unit::new(
+            shade: TickedUnit::new(
                 if timing.lights_setup {
                     "setup-shade"
                 } else {
@@ -668,7 +668,7 @@ impl<'a> SetupUnits<'a> {
 
     /// Fetch, project and ellipse; colour, if splats have harmonics, and setup's own shade; and
     /// separately the shade unit, if it is the only one.
-    pub fn units(self) -> (Vec<Unit>, Option<Unit>) {
+    pub fn units(self) -> (Vec<TickedUnit>, Option<TickedUnit>) {
         let colours = self.colours();
         let mut units = vec![
             self.fetch.before(self.records),
@@ -688,7 +688,7 @@ impl<'a> SetupUnits<'a> {
 /// Raster and gauss.
 pub struct Fill {
     latencies: [u64; 2],
-    pub raster: Unit,
+    pub raster: TickedUnit,
     /// Remaining stamps of the current footprint, and whether any of it was taken.
     pub left: VecDeque<Stamp>,
     pub begun: bool,
@@ -701,7 +701,7 @@ pub struct Fill {
     /// Stamps with a weight since the last reset: those that kept a pixel, and those that did not.
     pub decided: [usize; 2],
     stamps: Link<Stamp>,
-    pub gauss: Unit,
+    pub gauss: TickedUnit,
     pub weighted: Link<Stamp>,
 }
 
@@ -709,7 +709,7 @@ impl Fill {
     pub fn new(timing: &Microarchitecture) -> Self {
         Fill {
             latencies: [timing.raster.latency.into(), timing.gauss.latency.into()],
-            raster: Unit::new("raster", 1),
+            raster: TickedUnit::new("raster", 1),
             left: VecDeque::new(),
             begun: false,
             stopped: Vec::new(),
@@ -717,7 +717,7 @@ impl Fill {
             numbered: 0,
             decided: [0; 2],
             stamps: Link::new(places(timing.raster)),
-            gauss: Unit::new("gauss", 1),
+            gauss: TickedUnit::new("gauss", 1),
             weighted: Link::new(places(timing.gauss)),
         }
     }
@@ -834,7 +834,7 @@ impl Fill {
         ]
     }
 
-    pub fn units(self) -> Vec<Unit> {
+    pub fn units(self) -> Vec<TickedUnit> {
         vec![
             self.raster.before(self.stamps),
             self.gauss.before(self.weighted),
@@ -855,7 +855,7 @@ struct Merging {
 /// A fragment unit, with the merges in flight, oldest first, and the cycle in which the oldest
 /// ends, known once it is lit.
 struct FragmentUnit {
-    unit: Unit,
+    unit: TickedUnit,
     merging: VecDeque<Merging>,
     through: Option<u64>,
 }
@@ -872,7 +872,7 @@ pub struct Merge {
     units: Vec<FragmentUnit>,
     /// Cycle from which each pixel can be taken again.
     pixel_free: Vec<u64>,
-    pub shade: Unit,
+    pub shade: TickedUnit,
     /// Reflecting shade unit: fragments are then shaded one by one. Such a machine has one of each
     /// unit.
     pub mirror: Option<TexelShade>,
@@ -962,7 +962,7 @@ pub const HELD: u64 = 1 << 40;
 
 impl Merge {
     pub fn new(timing: &Microarchitecture, scene: &Scene) -> Self {
-        let units = Unit::each("fragment", timing.fragment.units).into_iter();
+        let units = TickedUnit::each("fragment", timing.fragment.units).into_iter();
         Merge {
             fragment_latency: timing.fragment.latency.into(),
             shade_pace: timing.shade,
@@ -979,7 +979,7 @@ impl Merge {
                 })
                 .collect(),
             pixel_free: vec![0; (scene.width * scene.height) as usize],
-            shade: Unit::new("shade", timing.shade.units),
+            shade: TickedUnit::new("shade", timing.shade.units),
             to_shade: VecDeque::new(),
             mirror: TexelShade::new(timing, scene),
             waiting: BTreeMap::new(),
@@ -1192,7 +1192,7 @@ impl Merge {
         !self.waiting.is_empty()
     }
 
-    pub fn units(self) -> (Vec<Unit>, Unit) {
+    pub fn units(self) -> (Vec<TickedUnit>, TickedUnit) {
         (
             self.units.into_iter().map(|of| of.unit).collect(),
             self.shade,
@@ -1249,7 +1249,7 @@ pub fn resolve_cycles(
 }
 
 /// Ticks all resolve units. They take their work at the same time.
-pub fn resolve(units: &mut [Unit], now: u64, reason: Act, cycles: &[u64]) -> bool {
+pub fn resolve(units: &mut [TickedUnit], now: u64, reason: Act, cycles: &[u64]) -> bool {
     let taken = matches!(reason, Act::Take(_)) && units.iter().all(|unit| unit.is_free(now));
     if taken {
         units

@@ -8,7 +8,7 @@
 //! written.
 
 use super::memory::{Done, LIST_BYTES, LISTS, Memory, Requests};
-use super::parts::Unit;
+use super::parts::TickedUnit;
 use rtl_model::elaboration::microarchitecture::SortShape;
 use rtl_model::elaboration::sorter::SorterShape;
 use rtl_model::timing::{Client, Direction};
@@ -89,7 +89,7 @@ pub struct Sorters {
     sorter: SorterShape,
     burst: u64,
     sorters: Vec<Sorter>,
-    pub units: Vec<Unit>,
+    pub units: Vec<TickedUnit>,
     lists: VecDeque<(u64, Vec<u32>)>,
     begun: bool,
 }
@@ -109,7 +109,7 @@ impl Sorters {
             sorter,
             burst,
             sorters: (0..sorter.units).map(|_| one()).collect(),
-            units: Unit::each("sort", sorter.units),
+            units: TickedUnit::each("sort", sorter.units),
             lists: lists.into(),
             begun: false,
         })

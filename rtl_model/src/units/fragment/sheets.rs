@@ -32,7 +32,7 @@ use crate::records::unit;
 
 /// Parts of the unit that only sheets use.
 #[derive(Clone, Debug)]
-pub(super) struct Sheets {
+pub(super) struct SheetDatapath {
     index: Fit,
     ratio: Fit,
     shape: crate::machine::TableShape,
@@ -63,7 +63,7 @@ pub struct SheetRegisters<'a> {
     pub ratio: Option<Table>,
 }
 
-impl Sheets {
+impl SheetDatapath {
     pub(super) fn new(e: &mut Elaboration, machine: &Machine) -> Option<Self> {
         let (m, premultiplied) = (&machine.fragment, machine.shade.premultiplied);
         let words = m.sheets.as_ref()?;
@@ -97,7 +97,7 @@ impl Sheets {
         let mut fit = |from: Exact| e.fit(unit::SHADE, "premultiplied", premultiplied, from);
         let closed = scaled.map(&mut fit);
         let plain = [m.weight_sum, m.colour_sum].map(|sum| fit(sum.into()));
-        Some(Sheets {
+        Some(SheetDatapath {
             closed,
             plain,
             index: e.fit(UNIT, "depth_index", words.depth_index, m.weight_sum.into()),
@@ -145,7 +145,7 @@ pub fn has_stopped<A: Accumulator>(tile: &Tile<A>, pixel: u8) -> bool {
 impl Fragment {
     /// A frame's registers for sheets.
     pub fn sheets<'a>(&self, sheets: &'a frame::Sheets) -> SheetRegisters<'a> {
-        let table = |own: &Sheets| {
+        let table = |own: &SheetDatapath| {
             Table::new(
                 own.ratio,
                 own.shape.index_bits,

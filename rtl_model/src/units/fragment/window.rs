@@ -156,7 +156,7 @@ pub struct Window {
 
 /// Parts of the unit that only windows use.
 #[derive(Clone, Debug)]
-pub(super) struct Windows {
+pub(super) struct WindowDatapath {
     interval: bool,
     late: bool,
     inside: bool,
@@ -278,7 +278,7 @@ pub fn overflow_cycles(machine: &Machine) -> u32 {
     overflow_path(machine).registered_at(&machine.timing)
 }
 
-impl Windows {
+impl WindowDatapath {
     pub(super) fn new(e: &mut Elaboration, machine: &Machine) -> Option<Self> {
         let m = &machine.fragment;
         if m.group == Group::First {
@@ -461,7 +461,7 @@ impl Windows {
         table::interpolator(e, UNIT, hidden_shape, words.hidden, hidden_bits);
         let coloured = e.copies(3, |e| e.times(UNIT, light, shaded));
         let depth_align = align([words.depth_sum.format.frac_bits, product.frac_bits]);
-        Some(Windows {
+        Some(WindowDatapath {
             interval: m.group == Group::Interval,
             late: words.late,
             inside: words.inside,
@@ -526,7 +526,7 @@ impl Windows {
 #[derive(Clone, Copy)]
 struct Rule<'a> {
     fragment: &'a Fragment,
-    own: &'a Windows,
+    own: &'a WindowDatapath,
     registers: &'a WindowRegisters,
 }
 

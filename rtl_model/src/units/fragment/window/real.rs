@@ -11,7 +11,7 @@
 //!
 //! Law of the whole: `no_pixel_of_a_machine_of_windows_exceeds_its_bound` (tests/windows.rs).
 
-use super::{Fragment, WindowRegisters, Windows};
+use super::{Fragment, WindowDatapath, WindowRegisters};
 use crate::functions::Table;
 use crate::machine::Interpolation;
 use crate::num::Fit;
@@ -93,7 +93,7 @@ fn errors(table: &Table, range: f64, function: fn(f64) -> f64) -> Vec<f64> {
     (0..steps).map(error).collect()
 }
 
-impl Windows {
+impl WindowDatapath {
     /// A quotient of non-negative numbers, at most 1.
     fn real_quotient<R: Real>(&self, numerator: R, denominator: R, share: &Fit) -> R {
         let zero = numerator.beside(0.0);
@@ -113,7 +113,7 @@ impl Windows {
 }
 
 impl Fragment {
-    fn real_windows(&self) -> &Windows {
+    fn real_windows(&self) -> &WindowDatapath {
         self.windows
             .as_ref()
             .expect("fragments that are grouped by windows")
