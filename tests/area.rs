@@ -309,7 +309,7 @@ fn with_least_latencies(name: &str, settings: &[&str]) -> rtl_model::Machine {
         .map(|setting| (*setting).to_owned())
         .collect();
     let machine = machines::load(name, &settings).unwrap();
-    let ways = splatsim::performance::clock::ways(&fixed::elaborate(&machine).unwrap());
+    let ways = splatsim::performance::clock::critical_paths(&fixed::elaborate(&machine).unwrap());
     let units = [
         "project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve",
     ];

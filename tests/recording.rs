@@ -256,11 +256,11 @@ fn a_replay_has_the_cycles_of_the_run_with_any_kind_of_sort() {
     for (set, sentence) in [
         (
             "sort.kind=hierarchical",
-            "the record has no keys of its splats, and buckets depend on them: record the frame with sort.kind=hierarchical",
+            "the record lacks the keys of its splats, which buckets depend on: record the frame with sort.kind=hierarchical",
         ),
         (
             "sort.tile_bits=1",
-            "sort.tile_bits is 1, and the picture has 4 tiles of 16×16 pixels: 2 would tell them apart",
+            "sort.tile_bits is 1, and the picture has 4 tiles of 16×16 pixels: 2 bits are needed",
         ),
         (
             "sort.key=U1F12",
@@ -285,7 +285,7 @@ fn a_replay_has_the_cycles_of_the_run_with_any_kind_of_sort() {
     );
     let told = String::from_utf8_lossy(&refused.stderr).into_owned();
     assert!(
-        refused.status.code() == Some(2) && told.contains("2 would tell them apart"),
+        refused.status.code() == Some(2) && told.contains("2 bits are needed"),
         "{told}"
     );
     // Keys that end too early, keys of another order, and keys that were not written by a run.
@@ -293,7 +293,7 @@ fn a_replay_has_the_cycles_of_the_run_with_any_kind_of_sort() {
     assert!(
         refusal(&whole[..whole.len() - 1])
             .unwrap()
-            .contains("its keys end too soon")
+            .contains("its keys are truncated")
     );
     let splats = Recording::read(with_keys.as_ref())
         .unwrap()
@@ -309,7 +309,7 @@ fn a_replay_has_the_cycles_of_the_run_with_any_kind_of_sort() {
     assert!(
         refusal(&bytes(without))
             .unwrap()
-            .contains("its machine has buckets, and it has no keys")
+            .contains("its machine has buckets, but it has no keys")
     );
 }
 
@@ -343,7 +343,7 @@ fn no_damage_is_taken_for_a_record() {
     assert!(
         refusal(&more)
             .unwrap()
-            .contains("something follows its end")
+            .contains("it has data after its end")
     );
     let mut rng = 1_u64;
     let mut roll = |below: usize| {
@@ -442,7 +442,7 @@ fn files_without_a_record_and_changes_of_the_picture_are_refused() {
     };
     told(
         &["replay", path("other").to_str().unwrap()],
-        "is no record of a frame's work",
+        "is not a record of a frame's work",
     );
     told(
         &["replay", path("nowhere").to_str().unwrap()],

@@ -853,7 +853,7 @@ fn files_other_than_recordings_are_not_overwritten() {
     let before = std::fs::read(&scene).unwrap();
     assert!(
         refused(&small_run(&scene, &["--record", &scene]))
-            .contains("is there already and is no recording")
+            .contains("it exists and is not a recording")
     );
     assert!(std::fs::read(&scene).unwrap() == before);
     let record = folder.path().join("disc.work");

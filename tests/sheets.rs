@@ -400,8 +400,8 @@ fn a_scene_that_a_machine_cannot_draw_is_refused() {
     });
     let bouquet = changed("bouquet", |scene| scene["splats"]["count"] = json!(100));
     for (scene, machine, told) in [
-        (&shells, "reference", "discs alone"),
-        (&bouquet, "lean", "discs alone"),
+        (&shells, "reference", "only discs"),
+        (&bouquet, "lean", "only discs"),
         (&bouquet, "volume", "no `sort`"),
     ] {
         let error = quantise::quantise(scene, &Machine::named(machine).unwrap())

@@ -1108,7 +1108,7 @@ fn a_walker_costs_area_where_a_machine_has_one_and_holds_no_more_than_its_stack(
         .to_string();
     assert!(
         refused.contains(&format!(
-            "timing.walk.stack is {}, but {deepest} nodes wait on it",
+            "timing.walk.stack is {}, but the walk stores up to {deepest} nodes on it",
             deepest - 1
         )),
         "{refused}"

@@ -3,15 +3,15 @@
 #SBATCH --cpus-per-task=1
 #SBATCH --requeue
 #SBATCH --open-mode=append
-# A sweep as an array of Slurm, a part of its points a task; all write into one folder that every node sees:
+# A sweep as a Slurm array, one part of its points per task. All tasks write into one folder on a shared file system:
 #
 #     parts=$(sbatch --parsable --array=1-64 bindings/slurm/sweep.sh plan.json rows)
 #     sbatch --dependency=afterany:$parts --wrap 'splatsim sweep plan.json --out rows'
 #
-# The second job draws what a task that failed has left, and writes the table of all rows. A task that was killed goes on where it was:
-# `scontrol requeue JOB_TASK`, or the same two lines again. To draw a few parts anew, say of how many they are:
+# The second job draws the points that failed tasks have left, and writes the table of all rows. A killed task continues after
+# `scontrol requeue JOB_TASK`, or after the same two lines again. To draw a few parts again, give the total number of parts:
 # `sbatch --array=3,17 bindings/slurm/sweep.sh plan.json rows 64`.
-# SPLATSIM names the program, where it is none of PATH.
+# SPLATSIM is the program, if it is not in PATH.
 set -eu
 if [ "$#" -lt 2 ] || [ -z "${SLURM_ARRAY_TASK_ID:-}" ]; then
     echo "usage: sbatch --array=1-PARTS $0 PLAN FOLDER [PARTS]" >&2

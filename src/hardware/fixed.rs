@@ -1,4 +1,4 @@
-//! Fixed: draws a scene on the machine and brings the frame back to real numbers.
+//! Fixed: draws a scene on the machine and converts the frame back to real numbers.
 
 use crate::error::{Error, Result};
 use crate::golden;
@@ -11,21 +11,21 @@ use rtl_model::probe::Ranges;
 use rtl_model::work::Work;
 use rtl_model::{Drawing, pipeline};
 
-/// A machine that can draw, or every reason why it cannot, in one sentence.
+/// Elaborates a machine.
 ///
 /// # Errors
-/// [`Error::Input`] naming every misfit.
+/// [`Error::Input`] with every elaboration error, in one sentence.
 pub fn elaborate(machine: &Machine) -> Result<Elaborated> {
-    machine.elaborate().map_err(|misfits| {
+    machine.elaborate().map_err(|errors| {
         Error::input(format!(
             "machine {} cannot be built: {}",
             machine.name,
-            listed(&misfits)
+            listed(&errors)
         ))
     })
 }
 
-/// Draws, with nobody watching.
+/// Draws without a probe.
 pub fn draw(machine: &Elaborated, quantised: &Quantised) -> Drawing {
     pipeline::draw_unobserved(machine, &quantised.frame)
 }
@@ -55,7 +55,7 @@ pub fn picture(machine: &Elaborated, drawing: &Drawing) -> Picture {
     }
 }
 
-/// The machine's rules for fragments, for its golden twin.
+/// The machine's fragment rules, for the golden renderer.
 pub fn rules(machine: &Machine) -> golden::Rules {
     let fragment = &machine.fragment;
     golden::Rules {

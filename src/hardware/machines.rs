@@ -1,5 +1,5 @@
-//! Machines: finds a machine by name or file, changes it as asked, and publishes the schema that it
-//! is held against.
+//! Machines: finds a machine by name or file, applies changes, and publishes the schema that it is
+//! checked against.
 
 use crate::error::{Error, Result};
 use crate::hardware::searched::SearchRecord;
@@ -15,39 +15,39 @@ use std::ffi::OsStr;
 use std::path::Path;
 use std::sync::LazyLock;
 
-/// Steps of the longest path that a description could have a use for, a few times over; values much
-/// deeper would exhaust the stack.
+/// Limit on the steps of a path, a few times what any field of a machine needs. Much deeper values
+/// would exhaust the stack.
 const MOST_STEPS: usize = 16;
 
-/// A machine as its file has it: all of it, and for what it was searched.
+/// A machine file: the machine, and its search record.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct File {
     /// The machine.
     #[serde(flatten)]
     pub machine: Machine,
-    /// For what it was searched; none of one that nobody searched.
+    /// Target and scenes of the search; absent for a machine that was not searched.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub searched: Option<SearchRecord>,
 }
 
-/// What a machine file may have besides the machine: nothing that is drawn depends on it.
+/// Fields of a machine file outside the machine. No drawing depends on them.
 #[derive(JsonSchema)]
-#[expect(dead_code, reason = "read for its schema alone")]
+#[expect(dead_code, reason = "only its schema is used")]
 struct Besides {
-    /// For what it was searched: `search` writes it, and `run` warns where the machine is used
-    /// outside of that.
+    /// Target and scenes of the search: `search` writes it, and `run` warns where the machine is
+    /// used outside of them.
     searched: Option<SearchRecord>,
 }
 
 impl File {
-    /// As it draws a scene: who walks a tree pays for the walker.
+    /// The machine for drawing a scene: a walker is added if the scene has a tree.
     pub fn on(mut self, scene: &Scene) -> Self {
         pay(&mut self.machine, scene.detail.is_some());
         self
     }
 
-    /// How a scene lies outside of what the machine was searched for; none where nobody searched
-    /// it. `is_changed`: a setting changed what is drawn.
+    /// How a scene differs from those that the machine was searched for; `None` for a machine
+    /// without a search record. `is_changed`: a setting changed the picture.
     pub fn outside(&self, scene: &Scene, is_changed: bool) -> Option<Vec<String>> {
         let mut outside = self.searched.as_ref()?.outside(scene);
         outside.extend(is_changed.then(|| "a word that --set changed".to_owned()));
@@ -55,25 +55,24 @@ impl File {
     }
 }
 
-/// Gives a machine that has no walker the default one where it is to walk a tree, so that the
-/// walker is in its area.
+/// Adds the default walker to a machine without one that walks a tree, so that its area is counted.
 pub fn pay(machine: &mut Machine, is_walked: bool) {
     if is_walked {
         machine.timing.walk.get_or_insert_default();
     }
 }
 
-/// Loads the machine called `spec` (a name, or the path of a JSON file), with `--set PATH=VALUE`
-/// changes applied in order.
+/// Loads the machine `spec` (a name, or the path of a JSON file), and applies `--set PATH=VALUE`
+/// changes in order.
 ///
 /// # Errors
-/// [`Error::Input`], one sentence naming the file or the setting, the field, what is wrong and what
-/// would be right.
+/// [`Error::Input`], one sentence naming the file or the setting, the field, the fault, and a valid
+/// value.
 pub fn load(spec: impl AsRef<OsStr>, settings: &[String]) -> Result<Machine> {
     load_file(spec, settings).map(|file| file.machine)
 }
 
-/// The same, with what its file says besides, which no setting changes.
+/// Loads a machine with its search record, which settings do not change.
 ///
 /// # Errors
 /// As [`load`].
@@ -94,7 +93,7 @@ pub fn load_file(spec: impl AsRef<OsStr>, settings: &[String]) -> Result<File> {
     Ok(File { machine, searched })
 }
 
-/// Whether a setting changes what is drawn, and not time alone.
+/// Whether a setting changes the picture, not only time.
 pub fn changes_picture(setting: &str) -> bool {
     !is_below(
         setting.split('=').next().unwrap_or_default().trim(),
@@ -102,7 +101,7 @@ pub fn changes_picture(setting: &str) -> bool {
     )
 }
 
-/// A flag and what follows it, for the beginning of an error.
+/// A flag and its argument, for the beginning of an error.
 pub fn flag(flag: &str, setting: &str) -> String {
     const LONGEST: usize = 200;
     format!(
@@ -115,7 +114,7 @@ pub fn flag(flag: &str, setting: &str) -> String {
     )
 }
 
-/// The name of the machine that draws a scene where none is asked for.
+/// Name of the default machine for a scene.
 pub fn usual(scene: &Scene) -> &'static str {
     match (&scene.ellipsoids, &scene.sheets) {
         (Some(ellipsoids), _) if ellipsoids.sorted => "gaussian",
@@ -135,7 +134,7 @@ pub fn changed(machine: &Machine, setting: &str, flag: &str) -> Result<Machine> 
 /// A machine with fields changed, each as PATH and a JSON value.
 ///
 /// # Errors
-/// [`Error::Input`], beginning with `whose`, where it has no such field or the field no such value.
+/// [`Error::Input`], beginning with `whose`, for an unknown field or an invalid value.
 pub fn with(machine: &Machine, changes: &[(String, Value)], whose: &str) -> Result<Machine> {
     let mut value = value(machine);
     for (path, leaf) in changes {
@@ -148,7 +147,7 @@ pub fn with(machine: &Machine, changes: &[(String, Value)], whose: &str) -> Resu
 /// A machine that is part of a file.
 ///
 /// # Errors
-/// [`Error::Input`], beginning with `whose`, where it is none.
+/// [`Error::Input`], beginning with `whose`, where the value is not a machine.
 pub fn from_value(value: &Value, whose: &str) -> Result<Machine> {
     checked(value, whose)
 }
@@ -181,13 +180,13 @@ pub fn pointer(path: &str) -> String {
     format!("/{}", path.replace('.', "/"))
 }
 
-/// Lays one change over a machine's fields, unchecked; the path is one of a machine.
+/// Sets one field of a machine, unchecked. The path must be one of a machine.
 pub fn lay(fields: &mut Value, path: &str, leaf: Value) {
     lay_over(fields, nested(path, whole(leaf)));
 }
 
-/// Lays changes over a machine's fields: a preset of memory replaces what was said before it of the
-/// fields that it fills.
+/// Sets fields of a machine. A preset of memory replaces earlier values of the fields that it
+/// fills.
 fn lay_over(fields: &mut Value, changes: Value) {
     let has_preset = changes
         .pointer("/timing/memory/preset")
@@ -201,7 +200,7 @@ fn lay_over(fields: &mut Value, changes: Value) {
     merge(fields, changes);
 }
 
-/// Refuses a path that no machine can have, before a value as deep is made of it.
+/// Refuses a path with too many steps, before a value of that depth is made.
 fn check_depth(path: &str, whose: &str) -> Result<()> {
     let steps = path.split('.').count();
     if steps <= MOST_STEPS {
@@ -214,9 +213,10 @@ fn check_depth(path: &str, whose: &str) -> Result<()> {
     Err(Error::input(sentence))
 }
 
-/// The value with whole numbers where it has some with a point or an exponent, as 1e9.
+/// The value with integers in place of integral numbers that are written with a point or an
+/// exponent, such as 1e9.
 pub(crate) fn whole(value: Value) -> Value {
-    // Up to here, every whole number is one of f64.
+    // Every integer up to this one is exact in f64.
     const LARGEST: f64 = 9_007_199_254_740_992.0;
     match value {
         Value::Number(number) => {
@@ -236,7 +236,7 @@ pub(crate) fn whole(value: Value) -> Value {
     }
 }
 
-/// Whether a path is another one, or leads there and further: `gauss.weight` is below `gauss`.
+/// Whether `path` is `name` or a field of it: `gauss.weight` is below `gauss`.
 pub fn is_below(path: &str, name: &str) -> bool {
     path.strip_prefix(name)
         .is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
@@ -282,7 +282,7 @@ pub fn value(machine: &Machine) -> Value {
     serde_json::to_value(machine).unwrap_or_default()
 }
 
-/// A machine file's fields, and for what the machine was searched.
+/// Fields of a machine file, and its search record.
 fn read(path: &Path) -> Result<(Value, Option<SearchRecord>)> {
     let name = &*path.to_string_lossy();
     let input_error = |sentence: String| Error::input(format!("{name}: {sentence}"));
@@ -302,8 +302,8 @@ fn read(path: &Path) -> Result<(Value, Option<SearchRecord>)> {
     )
 }
 
-/// A machine as a file's value describes it, perhaps by its difference from a base: `whose` begins
-/// every error, `usual_name` is its name where a base has another.
+/// A machine from a file's value, which may be a difference from a base. `whose` begins every
+/// error; `usual_name` is its name where it has a base and no name.
 ///
 /// # Errors
 /// As [`load`].
@@ -339,22 +339,22 @@ fn described(value: Value, whose: &str, usual_name: &str) -> Result<(Value, Opti
     Ok((value, searched))
 }
 
-/// For what a machine was searched; a sentence where that is none.
+/// Reads a search record; the error is a sentence.
 fn read_record(value: Value) -> std::result::Result<SearchRecord, String> {
     validate::check(&value, &schemars::schema_for!(SearchRecord).to_value())
-        .map_err(|misfit| format!("searched: {misfit}"))?;
+        .map_err(|error| format!("searched: {error}"))?;
     serde_path_to_error::deserialize(&value)
         .map_err(|e| format!("searched: {}: {}", e.path(), e.inner()))
 }
 
 fn checked(value: &Value, whose: &str) -> Result<Machine> {
-    // A sweep asks a thousand times.
+    // A sweep checks thousands of machines.
     static SCHEMA: LazyLock<Value> = LazyLock::new(schema_of_machine);
     let input_error = |sentence: String| Error::input(format!("{whose}: {sentence}"));
-    validate::check(value, &SCHEMA).map_err(|misfit| input_error(misfit.to_string()))?;
+    validate::check(value, &SCHEMA).map_err(|error| input_error(error.to_string()))?;
     let machine: Machine = serde_path_to_error::deserialize(value)
         .map_err(|e| input_error(format!("{}: {}", e.path(), e.inner())))?;
-    // It goes into comments of generated files, which end with their line.
+    // The name is copied into line comments of generated files.
     if machine.name.contains(is_unprintable) {
         return Err(input_error(format!(
             "name is `{}`; it must have no line breaks or other control characters",
@@ -364,15 +364,15 @@ fn checked(value: &Value, whose: &str) -> Result<Machine> {
     Ok(machine)
 }
 
-/// Path and value of `a.b=c`; what is not JSON is text.
+/// Path and value of `a.b=c`; a value that is not JSON is text.
 fn parse_setting(setting: &str) -> Option<(&str, Value)> {
     let (path, text) = setting.split_once('=')?;
     let leaf = strict_json::parse(text).unwrap_or_else(|_| Value::from(text));
     (!path.is_empty()).then_some((path, leaf))
 }
 
-/// Lays `change` over `value`, object by object. A word in short form opens up where a part of it
-/// is changed; one in long form keeps its rounding where its format alone is.
+/// Merges `change` into `value`, object by object. A word in short form is expanded where a part of
+/// it changes. A word in long form keeps its rounding where only its format changes.
 fn merge(value: &mut Value, change: Value) {
     match change {
         Value::String(format) if value.get("format").is_some() => value["format"] = format.into(),

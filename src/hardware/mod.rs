@@ -1,4 +1,4 @@
-//! Hardware: machine files, scenes as words, and the frame that comes back.
+//! Hardware: machine files, scenes as words, and the machine's frame.
 
 pub mod fixed;
 pub mod machines;

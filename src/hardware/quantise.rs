@@ -1,10 +1,10 @@
-//! Quantise: the one door from real numbers to bits.
+//! Quantise: the only place where real numbers become bits.
 //!
 //! ```text
 //! scene (f64, world units) ─►[ × 2^exponent, − offset ]─► machine units ─►[ round, saturate ]─► frame (words)
 //! ```
-//! One power of two and one offset bring a scene to the machine's position format, as large as
-//! every word allows; they are reported. `golden` and `ideal` never see what comes out of here.
+//! One power of two and one offset map a scene to the machine's position format, as large as every
+//! word allows. Both are reported. `golden` and `ideal` never use these words.
 
 use crate::error::{Error, Result};
 use crate::golden::{octahedral, window_density};
@@ -45,27 +45,26 @@ impl Scale {
 pub struct Quantised {
     /// Input of the machine.
     pub frame: Frame,
-    /// Scale by which it came about.
+    /// Scale from world units.
     pub scale: Scale,
-    /// Notes of what could not be represented as asked, one sentence each.
+    /// Notes on settings that could not be represented, one sentence each.
     pub notes: Vec<String>,
-    /// Texels of the surroundings before they became words; none where nothing is mirrored.
+    /// Texels of the surroundings before quantisation; empty without reflection.
     pub texels: Vec<[f64; 3]>,
-    /// How the splats are found in a tree, if they are.
-    pub walk: Option<Walk>,
+    /// Walk that finds the splats in a tree, if there is one.
+    pub walk: Option<TreeWalk>,
 }
 
-/// How a machine finds the splats of a frame in a tree: for timing, which is told by
-/// [`Walk::record`].
+/// Walk of a frame's tree of splats, for timing ([`TreeWalk::record`]).
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Walk {
+pub struct TreeWalk {
     visits: Vec<Visit>,
     ahead: u32,
-    /// Empty where splats are drawn as the walk comes to them.
+    /// Empty where splats are drawn in the order of the walk.
     listed: Vec<u32>,
 }
 
-impl Walk {
+impl TreeWalk {
     fn new(detail: &cut::Detail) -> Self {
         let visit = |visit: &cut::Visit| Visit {
             node: visit.node,
@@ -77,7 +76,7 @@ impl Walk {
                 cut::VisitResult::Outside => Found::Outside,
             },
         };
-        Walk {
+        TreeWalk {
             visits: detail.cut.visits.iter().map(visit).collect(),
             ahead: detail.rules.ahead as u32,
             listed: if detail.rules.order == DrawOrder::CoarseToFine {
@@ -88,18 +87,18 @@ impl Walk {
         }
     }
 
-    /// Adds it to the record of the frame.
+    /// Adds the walk to the record of the frame.
     pub fn record(&self, work: &mut Work) {
         (work.walk, work.ahead, work.listed) =
             (self.visits.clone(), self.ahead, self.listed.clone());
     }
 }
 
-/// Brings a scene to a machine.
+/// Quantises a scene for a machine.
 ///
 /// # Errors
-/// [`Error::Input`] where a register cannot hold a constant of the scene: every such register, and
-/// what would hold it.
+/// [`Error::Input`] where registers cannot hold constants of the scene, with every such register
+/// and a format that would hold them.
 pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
     if scene.kernel.filter != Filter::Ewa {
         let filter = if scene.kernel.filter == Filter::Circular {
@@ -107,23 +106,23 @@ pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
         } else {
             "source-ewa"
         };
-        let says =
+        let reason =
             "which golden and ideal draw for comparison (the example `filters`): no machine has it";
         return Err(Error::input(format!(
-            "machine {} cannot draw {}: kernel.filter is \"{filter}\", {says}",
+            "machine {} cannot draw {}: kernel.filter is \"{filter}\", {reason}",
             machine.name, scene.name
         )));
     }
     let view = scene.view();
-    // Every leaf has room, whatever is drawn.
+    // The scale covers every leaf, drawn or not.
     let all = scene.full().map(|full| Scene {
         splats: [full.splats, scene.splats.clone()].concat(),
         ..full
     });
     let scale = fit_scale(all.as_ref().unwrap_or(scene), &view, machine);
-    let mut registers = Registers {
+    let mut registers = RegisterLoader {
         machine,
-        misfits: Vec::new(),
+        errors: Vec::new(),
         notes: Vec::new(),
         texels: Vec::new(),
     };
@@ -152,7 +151,7 @@ pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
         window: registers.window(scene, &scale),
         surroundings: registers.surroundings(scene, &view),
     };
-    if registers.misfits.is_empty() {
+    if registers.errors.is_empty() {
         return Ok(Quantised {
             frame,
             scale,
@@ -161,31 +160,31 @@ pub fn quantise(scene: &Scene, machine: &Machine) -> Result<Quantised> {
             walk,
         });
     }
-    let misfits: Vec<String> = registers
-        .misfits
+    let errors: Vec<String> = registers
+        .errors
         .into_iter()
-        .map(Misfit::sentence)
+        .map(RegisterError::sentence)
         .collect();
     Err(Error::input(format!(
         "machine {} cannot draw {}: {}",
         machine.name,
         scene.name,
-        listed(&misfits)
+        listed(&errors)
     )))
 }
 
-/// What the key of a machine's sort cannot tell apart in a picture of this size: tiles of 16×16
-/// pixels, which are the smallest.
+/// Note on a sort key with too few tile bits for a picture of this size, in tiles of 16×16 pixels,
+/// the smallest.
 pub fn lacks_tile_bits(machine: &Machine, size: [usize; 2]) -> Option<String> {
     let bits = machine.sort.and_then(|sort| sort.tile_bits)?;
     let tiles: usize = size.map(|pixels| pixels.div_ceil(TILE_PX)).iter().product();
     let needed = tiles.next_power_of_two().ilog2();
     (needed > bits).then(|| {
-        format!("sort.tile_bits is {bits}, and the picture has {tiles} tiles of {TILE_PX}×{TILE_PX} pixels: {needed} would tell them apart")
+        format!("sort.tile_bits is {bits}, and the picture has {tiles} tiles of {TILE_PX}×{TILE_PX} pixels: {needed} bits are needed")
     })
 }
 
-/// The greatest power of two at which everything fits, around the middle of the splats.
+/// The greatest power of two with which every value is in range, around the middle of the splats.
 fn fit_scale(scene: &Scene, view: &View, machine: &Machine) -> Scale {
     let (low, high) = scene.splats.iter().fold(
         (DVec3::INFINITY, DVec3::NEG_INFINITY),
@@ -197,7 +196,7 @@ fn fit_scale(scene: &Scene, view: &View, machine: &Machine) -> Scale {
         low + (high - low) / 2.0
     };
     let root_cutoff = scene.kernel.cutoff.sqrt();
-    let mut need = Need::default();
+    let mut need = Extents::default();
     for splat in &scene.splats {
         let depth = (view.rotation * (splat.position - view.eye)).z;
         need.position = need
@@ -229,7 +228,7 @@ fn fit_scale(scene: &Scene, view: &View, machine: &Machine) -> Scale {
 
 /// Greatest magnitudes in world units.
 #[derive(Default)]
-struct Need {
+struct Extents {
     position: f64,
     radius: f64,
     depth: f64,
@@ -247,7 +246,7 @@ fn places_to_spare(word: Word, needed: f64) -> i32 {
     }
 }
 
-/// A real number as a word: rounded as the word says, saturated.
+/// A real number as a word: rounded by the word's mode, saturated.
 pub(crate) fn quantised(word: Word, value: f64) -> i64 {
     let scaled = value * power_of_two(word.format.frac_bits);
     let rounded = match word.round {
@@ -287,26 +286,26 @@ fn splats(scene: &Scene, machine: &Machine, scale: &Scale) -> Vec<frame::Splat> 
     scene.splats.par_iter().map(splat).collect()
 }
 
-/// Loads registers and gathers what does not fit.
-struct Registers<'a> {
+/// Loads registers and collects errors.
+struct RegisterLoader<'a> {
     machine: &'a Machine,
-    misfits: Vec<Misfit>,
+    errors: Vec<RegisterError>,
     notes: Vec<String>,
     texels: Vec<[f64; 3]>,
 }
 
-/// Why a scene cannot be drawn: a register that cannot hold what lies farthest off of some values,
-/// or a rule of no register.
-struct Misfit {
-    /// Empty where it is none.
+/// Reason why a scene cannot be drawn: a register with its worst value out of range, or a rule
+/// without a register.
+struct RegisterError {
+    /// Empty for a rule.
     register: String,
     farthest: f64,
     sentence: String,
-    /// Values beside that one which it cannot hold either.
+    /// Number of other values that the register cannot hold.
     others: usize,
 }
 
-impl Misfit {
+impl RegisterError {
     fn sentence(self) -> String {
         if self.others == 0 {
             self.sentence
@@ -319,9 +318,9 @@ impl Misfit {
     }
 }
 
-impl Registers<'_> {
+impl RegisterLoader<'_> {
     fn refuse(&mut self, sentence: String) {
-        self.misfits.push(Misfit {
+        self.errors.push(RegisterError {
             register: String::new(),
             farthest: 0.0,
             sentence,
@@ -329,29 +328,29 @@ impl Registers<'_> {
         });
     }
 
-    /// Names a register once, however many values it cannot hold.
+    /// Reports a register once, for any number of values out of range.
     fn overflow(&mut self, register: &str, value: f64, sentence: String) {
         match self
-            .misfits
+            .errors
             .iter_mut()
-            .find(|misfit| misfit.register == register)
+            .find(|error| error.register == register)
         {
-            None => self.misfits.push(Misfit {
+            None => self.errors.push(RegisterError {
                 register: register.to_owned(),
                 farthest: value.abs(),
                 sentence,
                 others: 0,
             }),
-            Some(misfit) => {
-                misfit.others += 1;
-                if value.abs() > misfit.farthest {
-                    (misfit.farthest, misfit.sentence) = (value.abs(), sentence);
+            Some(error) => {
+                error.others += 1;
+                if value.abs() > error.farthest {
+                    (error.farthest, error.sentence) = (value.abs(), sentence);
                 }
             }
         }
     }
 
-    /// A constant that must fit.
+    /// A constant that must be in range.
     fn hold(&mut self, name: &str, word: Word, value: f64) -> i64 {
         let format = word.format;
         let (least, most) = (format.value(format.min()), format.value(format.max()));
@@ -379,7 +378,7 @@ impl Registers<'_> {
             self.machine.raster,
         );
         let eye = (view.eye - DVec3::from_array(scale.offset)) * scale.factor();
-        // Beyond what the slope's word holds nothing could be drawn: there the guard band ends.
+        // Beyond the range of the slope's word nothing could be drawn: the guard band ends there.
         let focal_px = view.longest_focal_px();
         frame::View {
             rotation: std::array::from_fn(|row| {
@@ -408,14 +407,14 @@ impl Registers<'_> {
         }
     }
 
-    /// Registers of pixels that are not square.
+    /// Registers for pixels that are not square.
     fn aspect(&mut self, view: &View) -> Option<frame::Aspect> {
         let (focal_px, squares) = (view.focal_px, view.aspect()?);
         let (p, e) = (self.machine.project, self.machine.ellipse);
         let Some(word) = e.aspect else {
             let [x, y] = focal_px;
             self.refuse(format!(
-                "it draws square pixels alone, and the camera's focal lengths are {x} and {y} pixels: `--set ellipse.aspect=U1F{}` gives it \
+                "it draws only square pixels, and the camera's focal lengths are {x} and {y} pixels: `--set ellipse.aspect=U1F{}` gives it \
                  the registers",
                 e.size_squared.format.width().clamp(1, 26)
             ));
@@ -428,7 +427,7 @@ impl Registers<'_> {
         })
     }
 
-    /// The cutoff, which the table must reach too.
+    /// The cutoff, which must also be in the range of the table.
     fn cutoff(&mut self, word: Word, cutoff: f64) -> i64 {
         let reach = self.machine.gauss.radial_index;
         let most = f64::from(reach.format.int_bits).exp2();
@@ -438,21 +437,23 @@ impl Registers<'_> {
         self.hold("raster.cutoff", word, cutoff).max(1)
     }
 
-    fn walk(&mut self, scene: &Scene) -> Option<Walk> {
+    fn walk(&mut self, scene: &Scene) -> Option<TreeWalk> {
         let detail = scene.detail.as_ref()?;
         let Budget { bytes, cycles, .. } = detail.rules.budget;
         if bytes.or(cycles).is_some() {
-            self.refuse("level_of_detail.budget has bytes or cycles, which `run` and sweeps find a cut for, and this does not".into());
+            self.refuse("level_of_detail.budget is in bytes or cycles; only `run` and sweeps search a cut for it".into());
         }
         let walk = self.machine.timing.walk;
         let (stack, deepest) = (walk.unwrap_or_default().stack, detail.cut.deepest);
         if deepest > stack as usize {
-            self.refuse(format!("timing.walk.stack is {stack}, but {deepest} nodes wait on it for their children to be read"));
+            self.refuse(format!(
+                "timing.walk.stack is {stack}, but the walk stores up to {deepest} nodes on it"
+            ));
         }
         if walk.is_none() {
             self.notes.push("the machine has no `timing.walk`: the tree is walked by the default one, which is not in its area".into());
         }
-        Some(Walk::new(detail))
+        Some(TreeWalk::new(detail))
     }
 
     fn ellipsoids(&mut self, scene: &Scene, view: &View) -> Option<frame::Ellipsoids> {
@@ -460,7 +461,7 @@ impl Registers<'_> {
         let machine = self.machine;
         let Some(words) = &machine.ellipse.ellipsoid else {
             self.refuse(
-                "it draws discs alone, and these splats are ellipsoids: `--machine volume` or `--machine gaussian` draws them".into(),
+                "it draws only discs, and these splats are ellipsoids: `--machine volume` or `--machine gaussian` draws them".into(),
             );
             return None;
         };
@@ -534,7 +535,7 @@ impl Registers<'_> {
         })
     }
 
-    /// Degree of the harmonics that the machine reads and makes colours of; 0 where it is given
+    /// Degree of the harmonics from which the machine computes colours; 0 where its input has
     /// colours.
     fn harmonics(&mut self, degree: u8) -> u8 {
         let Some(colour) = self.machine.colour.filter(|_| degree > 0) else {
@@ -547,7 +548,7 @@ impl Registers<'_> {
             ));
         }
         self.notes.push(format!(
-            "colours are worked out of harmonics of degree {degree} in f64: the unit `colour` has bytes, cycles and a price, and no formats yet"
+            "colours are computed from harmonics of degree {degree} in f64: the unit `colour` has bytes, cycles and a unit cost, but no formats yet"
         ));
         degree
     }
@@ -557,7 +558,7 @@ impl Registers<'_> {
         let machine = self.machine;
         let Some(words) = &machine.fragment.sheets else {
             self.refuse(
-                "it groups by depth alone, and these splats are grouped by sheets: `--machine volume` or `--machine gaussian` does".into(),
+                "it groups only by depth, and these splats are grouped by sheets: `--machine volume` or `--machine gaussian` does".into(),
             );
             return None;
         };
@@ -583,7 +584,7 @@ impl Registers<'_> {
         })
     }
 
-    /// Registers of windows; none where the machine groups by depth or the scene by sheets.
+    /// Registers of windows; `None` where the machine groups by depth or the scene by sheets.
     fn window(&mut self, scene: &Scene, scale: &Scale) -> Option<frame::Window> {
         let fragment = &self.machine.fragment;
         let words = fragment
@@ -613,7 +614,7 @@ impl Registers<'_> {
         if z_threshold == 0 {
             let last_place = word.format.value(1) / scale.factor();
             self.notes.push(format!(
-                "the z threshold {} is below the last place of fragment.depth, {last_place}: that place is used",
+                "the z threshold {} is below the LSB of fragment.depth, {last_place}: that is used instead",
                 scene.surface.z_threshold
             ));
         }
@@ -647,7 +648,7 @@ impl Registers<'_> {
         }
     }
 
-    /// Surroundings; none where nothing is mirrored.
+    /// Surroundings; `None` where nothing reflects.
     fn surroundings(&mut self, scene: &Scene, view: &View) -> Option<frame::Surroundings> {
         let environment = scene
             .environment
@@ -656,7 +657,7 @@ impl Registers<'_> {
         let machine = self.machine;
         let Some(words) = &machine.reflect else {
             self.refuse(
-                "it has no `reflect`, and materials of the scene mirror their surroundings (the book's chapter Reflection has a machine that does)"
+                "it has no `reflect`, and materials of the scene reflect their surroundings (see the book's chapter Reflection for a machine that can)"
                     .into(),
             );
             return None;
@@ -668,7 +669,7 @@ impl Registers<'_> {
                 .is_some_and(|ellipsoids| ellipsoids.preshaded);
         if words.sight == Sight::Ray && is_lit_first {
             self.refuse(
-                "its reflect.sight is `ray`, and splats that are lit before they are drawn have no pixel yet: `axis` mirrors them".into(),
+                "its reflect.sight is `ray`, but splats that are lit before they are drawn have no pixel: use `axis`".into(),
             );
         }
         let word = words.reflectance;
@@ -678,7 +679,7 @@ impl Registers<'_> {
                 .tint
                 .map(|tint| quantised(word, mirror.reflect * tint)),
         };
-        // No map that elaborates has more.
+        // Elaborated maps are not larger.
         let texels = octahedral(environment, view.rotation, words.index_bits.clamp(1, 8));
         let most = words.light.format.value(words.light.format.max());
         let beyond = texels
@@ -731,7 +732,7 @@ impl Registers<'_> {
     }
 }
 
-/// A function over all that an argument's word spans, at the middles or at the ends of the table's
+/// A function over the range of an argument's word, at the middles or at the ends of the table's
 /// steps.
 fn table_words(
     shape: TableShape,
@@ -739,7 +740,7 @@ fn table_words(
     result: Word,
     function: impl Fn(f64) -> f64,
 ) -> Vec<i64> {
-    // No table that elaborates has more.
+    // Elaborated tables are not larger.
     let steps = 1usize << shape.index_bits.min(12);
     let range = f64::from(argument.format.int_bits).exp2();
     let (count, shift) = match shape.interpolation {
@@ -751,13 +752,12 @@ fn table_words(
         .collect()
 }
 
-/// How much farther than its weights count a box reaches, as a part of the radial index: what words
-/// of the conic and of the differencing registers may be off by there. A pixel that they bring
-/// nearer than it is still lies in the box.
+/// Extra reach of a box, as a fraction of the radial index, for errors of the conic's words and the
+/// differencing registers. A pixel that they draw nearer than it is then still is in the box.
 const REACH_MARGIN: f64 = 1.0 / 32.0;
 
-/// Cutoffs by opacity, for boxes: of each step over [0, 1], 1 included, as far as the weights of
-/// its greatest opacity count, rounded up; and none more than the frame's.
+/// Cutoffs by opacity, for boxes. Each step over [0, 1], including 1, reaches as far as the weights
+/// of its greatest opacity count, rounded up, but not beyond the frame's cutoff.
 fn reach_words(machine: &Machine, reach: &Reach, bits: u32, least: i64, scene: &Scene) -> Vec<i64> {
     let (opacity, word, radial) = (
         machine.splat.opacity.format,
@@ -776,7 +776,7 @@ fn reach_words(machine: &Machine, reach: &Reach, bits: u32, least: i64, scene: &
         let Some(farthest) = reach.farthest(greatest, least) else {
             return 1;
         };
-        // The radial index was rounded, by less than a place.
+        // The radial index was rounded by less than one ulp.
         let cutoff = radial.value(farthest + 1) * (1.0 + REACH_MARGIN);
         ((cutoff * f64::from(word.format.frac_bits).exp2()).ceil() as i64).clamp(1, frame)
     };

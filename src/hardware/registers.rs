@@ -1,8 +1,7 @@
-//! Registers: what the machine is given, word by word, beside the exact numbers that the words
-//! stand for.
+//! Registers: the machine's input words, each with the exact number that it represents.
 //!
 //! ```text
-//! exact number ─┬─►[ hold ]─► what is known of both (lockstep), or one of the two (mixed)
+//! exact number ─┬─►[ hold ]─► a bound on both (lockstep), or one of the two (mixed precision)
 //! held word ────┘
 //! ```
 //! Every word has the name of its field in the machine's description.
@@ -28,7 +27,7 @@ use rtl_model::units::shade::real::{Light, Lighting, Material};
 use rtl_model::units::shade::reflect::real::{Mirror, Surroundings};
 use std::f64::consts::TAU;
 
-/// The words that the machine is given: the splat's record, and what a frame loads.
+/// Input words of the machine: the splat's record, and the registers of a frame.
 pub const INPUTS: [&str; 30] = [
     "splat.position",
     "splat.normal",
@@ -62,17 +61,17 @@ pub const INPUTS: [&str; 30] = [
     "resolve.frame",
 ];
 
-/// Makes one wire of an exact number and the word in its place.
+/// Makes one wire from an exact number and its word.
 pub trait Hold {
     /// A number on a wire.
     type Real: Real;
-    /// The word with this name is held in place of a number.
+    /// Wire for the word with this name.
     fn hold(&self, name: &'static str, value: f64, word: Word, held: i64) -> Self::Real;
-    /// The same where it is a mantissa and a power of two.
+    /// Wire for a mantissa and a power of two.
     fn hold_scaled(&self, name: &'static str, value: f64, word: Word, held: Scaled) -> Self::Real;
 }
 
-/// The exact number, and how far the word is from it.
+/// The exact number, with a bound on its distance from the word.
 pub struct Bounded;
 
 impl Hold for Bounded {
@@ -87,7 +86,7 @@ impl Hold for Bounded {
     }
 }
 
-/// The word where it is among the chosen, else the exact number.
+/// The word for the chosen inputs, else the exact number.
 pub struct Chosen<'a> {
     /// Names of words.
     pub inputs: &'a [&'static str],
@@ -124,37 +123,37 @@ impl<'a> Hold for Chosen<'a> {
     }
 }
 
-/// A scene and the words that a machine has for it.
+/// A scene and its words on a machine.
 #[derive(Clone, Copy, Debug)]
 pub struct Registers<'a> {
     /// Exact.
     pub scene: &'a Scene,
     /// Exact.
     pub eye: &'a View,
-    /// Whose words they are.
+    /// Machine of the words.
     pub machine: &'a Elaborated,
-    /// The words.
+    /// Words.
     pub quantised: &'a Quantised,
 }
 
-/// The registers of sheets, and what their table stands for.
+/// Registers of sheets, and the function in their table.
 pub struct SheetWords<'a, R> {
     /// Exact.
     pub sheets: &'a Sheets,
-    /// As the machine has them.
+    /// Words of the machine.
     pub registers: fragment::sheets::SheetRegisters<'a>,
     /// α/x.
     pub ratio: Ratio,
-    /// A pixel that lets through less takes nothing more.
+    /// A pixel that lets less through accepts no more contributions.
     pub stop: R,
-    /// Where each splat is a sheet, no weight counts for more.
+    /// Limit of a weight, where each splat is a sheet.
     pub most_weight: R,
-    /// Lesser weights make no fragment.
+    /// Smaller weights make no fragment.
     pub least_weight: R,
 }
 
 impl<'a, R> SheetWords<'a, R> {
-    /// None where fragments are grouped by depth.
+    /// `None` where fragments are grouped by depth.
     pub fn new<H: Hold<Real = R>>(
         hold: &H,
         scene: &'a Scene,
@@ -170,7 +169,7 @@ impl<'a, R> SheetWords<'a, R> {
             sheets,
             registers: machine.fragment.sheets(held),
             ratio: match sheets.opacity {
-                // 1/x beyond 1, of which the second derivative is 2/x³.
+                // 1/x beyond 1, whose second derivative is 2/x³.
                 Opacity::Linear => Ratio {
                     exact: |depth| Opacity::Linear.over_depth(depth),
                     curves: [1.0, 2.0],
@@ -192,18 +191,18 @@ impl<'a, R> SheetWords<'a, R> {
     }
 }
 
-/// The registers of windows, and what their tables stand for.
+/// Registers of windows, and the functions in their tables.
 pub struct WindowWords<R> {
-    /// As the machine has them.
+    /// Words of the machine.
     pub registers: WindowRegisters,
-    /// The functions of their tables.
+    /// Functions in their tables.
     pub tables: Tables,
-    /// What a contribution joins stays narrower than this, machine units.
+    /// Limit of a cluster's width for a contribution to join it, machine units.
     pub reach: R,
 }
 
 impl<R> WindowWords<R> {
-    /// None where fragments are not grouped by intervals or windows.
+    /// `None` where fragments are not grouped by intervals or windows.
     pub fn new<H: Hold<Real = R>>(
         hold: &H,
         scene: &Scene,
@@ -378,7 +377,7 @@ impl Registers<'_> {
         }
     }
 
-    /// Ellipsoid of a splat; none where splats are discs.
+    /// Ellipsoid of a splat; `None` where splats are discs.
     pub fn ellipsoid<H: Hold>(&self, hold: &H, index: usize) -> Option<Ellipsoid<H::Real>> {
         let (exact, frame) = (
             self.scene.ellipsoids.as_ref()?,
@@ -434,7 +433,7 @@ impl Registers<'_> {
         })
     }
 
-    /// The cutoff of a splat's box: that of the frame, or less where its opacity says so.
+    /// Cutoff of a splat's box: that of the frame, or less for a low opacity.
     fn box_cutoff<H: Hold>(&self, hold: &H, kernel: &frame::Kernel, index: usize) -> H::Real {
         let (exact, word) = (self.scene.kernel.cutoff, self.machine.machine.raster.cutoff);
         let held = self.machine.box_cutoff(
@@ -454,7 +453,7 @@ impl Registers<'_> {
         hold.hold("raster.cutoff", own, word, held)
     }
 
-    /// The least opacity that is drawn; none where any is.
+    /// Least opacity that is drawn; `None` where every opacity is.
     pub fn least_opacity<H: Hold>(&self, hold: &H) -> Option<H::Real> {
         let (exact, ellipsoids) = (
             self.scene.least_opacity()?,
@@ -545,7 +544,7 @@ impl Registers<'_> {
         }
     }
 
-    /// Surroundings; none where nothing is mirrored.
+    /// Surroundings; `None` where nothing reflects.
     fn surroundings<H: Hold>(&self, hold: &H) -> Option<Surroundings<H::Real>> {
         let (environment, held) = (
             self.scene.environment.as_ref()?,
@@ -600,7 +599,7 @@ impl Registers<'_> {
         )
     }
 
-    /// The opacity from which a fragment hides what lies behind it; `exact` as the rules have it.
+    /// Opacity from which a fragment hides everything behind it; `exact` is the value of the rules.
     pub fn opaque<H: Hold>(&self, hold: &H, exact: f64) -> H::Real {
         let word = self.machine.machine.fragment.opaque;
         let held =

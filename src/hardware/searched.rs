@@ -1,8 +1,7 @@
-//! Searched: for what a machine was searched, as its file has it; and whether a scene lies outside
-//! of that.
+//! Searched: the search record of a machine, and the test whether a scene is outside of it.
 //!
-//! A machine that `search` narrowed holds its target on the scenes, sizes and distances that it was
-//! drawn on. Elsewhere words may saturate.
+//! A machine narrowed by `search` meets its target on the scenes, sizes and distances of the
+//! search. Elsewhere words may saturate.
 //!
 //! Law: `a_machine_that_was_searched_warns_outside_of_that` (tests/search.rs).
 
@@ -11,20 +10,20 @@ use crate::scene::{Camera, Scene};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// What fixed is compared with.
+/// Picture that fixed is compared with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Against {
-    /// Exact arithmetic by the machine's own rules: the arithmetic's error, which is what words
-    /// make.
+    /// Exact arithmetic by the machine's own rules: measures the error of the arithmetic, caused by
+    /// the words.
     #[default]
     Golden,
-    /// The method without a limit: the whole error, of arithmetic and method.
+    /// The method without limits: measures the whole error, of arithmetic and method.
     Ideal,
 }
 
 impl Against {
-    /// As a difference of pictures.
+    /// Name of the picture difference.
     pub fn difference(self) -> &'static str {
         match self {
             Against::Golden => "fixed − golden",
@@ -33,15 +32,15 @@ impl Against {
     }
 }
 
-/// How decibels, or the greatest error, are measured.
+/// Which picture decibels, or the greatest error, are measured on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Metric {
-    /// Of the two pictures as they are, flips and all.
+    /// On the two pictures as they are, including flips.
     #[default]
     Psnr,
-    /// Of the machine's picture and golden's that the machine's own decisions lead: rounding alone,
-    /// no flips.
+    /// In lockstep: the reference with every decision forced to the machine's. Measures rounding
+    /// only, without flips.
     Lockstep,
 }
 
@@ -51,7 +50,7 @@ impl Metric {
     }
 }
 
-/// What a machine must reach, on every scene and view.
+/// Target of a search, on every scene and view.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Target {
@@ -59,9 +58,9 @@ pub struct Target {
     pub psnr_db: Option<f64>,
     /// Greatest error of any pixel.
     pub max_error: Option<f64>,
-    /// No word leaves its range, except declared clamps.
+    /// No word leaves its range, except at declared clamps.
     pub no_saturation: bool,
-    /// What both are measured against.
+    /// Reference of both measurements.
     #[serde(default)]
     pub against: Against,
     /// How both are measured; left out where flips count.
@@ -72,51 +71,51 @@ pub struct Target {
     pub frames_per_second: Option<f64>,
 }
 
-/// For what a machine was searched: there it meets the target, and nothing is known of it
-/// elsewhere.
+/// Record of a search: the target that the machine meets, and the scenes on which it does.
+/// Elsewhere nothing is known.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SearchRecord {
-    /// What it meets.
+    /// Target that the machine meets.
     pub target: Target,
-    /// On what.
+    /// Scenes on which it does.
     pub scenes: Vec<SceneRecord>,
 }
 
-/// A scene that a machine was searched on.
+/// A scene of a search.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SceneRecord {
     /// File or built-in name.
     pub name: String,
-    /// Digest of where its splats are and how large.
+    /// Digest of the positions and sizes of its splats.
     pub splats: String,
-    /// Pixels a row.
+    /// Pixels per row.
     pub width: usize,
     /// Rows.
     pub height: usize,
     /// The least and the greatest distance from eye to target among the cameras, world units.
     pub distance: [f64; 2],
-    /// Cameras that were searched on, then those that it held on unseen.
+    /// Cameras of the search, then unseen cameras on which the target was checked.
     pub cameras: Vec<Camera>,
-    /// Where those were taken from; left out where from all around the first, as far as it.
+    /// Domain of the unseen cameras; left out for all around the first, at its distance.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub domain: Option<DomainRecord>,
 }
 
-/// All cameras that a machine was searched for: some of them it was tried on.
+/// Domain of cameras of a search; the machine was tried on some of them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DomainRecord {
-    /// Of a list, or the scene's own.
+    /// Cameras of a list, or the scene's own.
     pub cameras: Vec<Camera>,
-    /// And all around their targets.
+    /// Whether all directions around their targets are included.
     pub around: bool,
-    /// The nearest and the farthest, as a part of the distance of each.
+    /// Nearest and farthest distance, as a fraction of each camera's distance.
     pub distance: [f64; 2],
 }
 
-/// By such a part distances may differ, and eyes and targets lie apart, as a part of the distance.
+/// Tolerance for distances, eyes and targets, as a fraction of the distance.
 const SAME: f64 = 0.01;
 
 fn distance(camera: &Camera) -> f64 {
@@ -124,7 +123,7 @@ fn distance(camera: &Camera) -> f64 {
 }
 
 impl SceneRecord {
-    /// Of a scene and the cameras that it was drawn from.
+    /// Record of a scene and the cameras of its search.
     pub fn new(scene: &Scene, cameras: Vec<Camera>) -> Self {
         let least = cameras.iter().map(distance).fold(f64::INFINITY, f64::min);
         let most = cameras.iter().map(distance).fold(0.0, f64::max);
@@ -139,7 +138,7 @@ impl SceneRecord {
         }
     }
 
-    /// How a scene with the same splats lies outside.
+    /// How a scene with the same splats differs.
     fn outside(&self, scene: &Scene) -> Vec<String> {
         let mut outside = Vec::new();
         let (width, height) = (scene.image.width, scene.image.height);
@@ -153,8 +152,8 @@ impl SceneRecord {
         outside
     }
 
-    /// How a camera lies outside. From its distance a record of several holds all around, as their
-    /// unseen ones showed.
+    /// How a camera differs. A record of several cameras covers all directions at its distances, as
+    /// the unseen cameras showed.
     fn camera_outside(&self, camera: &Camera) -> Option<String> {
         if let Some(domain) = &self.domain {
             return domain.outside(camera);
@@ -165,19 +164,21 @@ impl SceneRecord {
         };
         let [least, most] = self.distance;
         if now < least * (1.0 - SAME) || now > most * (1.0 + SAME) {
-            let told = if is_near(least, most) {
+            let recorded = if is_near(least, most) {
                 format!("{least:.3}")
             } else {
                 format!("{least:.3} to {most:.3}")
             };
-            return Some(format!("an eye {now:.3} from its target instead of {told}"));
+            return Some(format!(
+                "an eye {now:.3} from its target instead of {recorded}"
+            ));
         }
         let is_same = (camera.eye - alike.eye).length() <= SAME * distance(alike);
         (self.cameras.len() == 1 && !is_same).then(|| "an eye that looks from another side".into())
     }
 }
 
-/// Of a camera that is none of those that were searched.
+/// Text for a camera that matches none of the search.
 const ANOTHER: &str = "a camera with another target, angle of view or lens";
 
 fn is_near(a: f64, b: f64) -> bool {
@@ -192,7 +193,7 @@ fn sees_alike(camera: &Camera, other: &Camera) -> bool {
 }
 
 impl DomainRecord {
-    /// How a camera lies outside, beside the one that it is nearest to.
+    /// How a camera differs from the nearest one in the domain.
     fn outside(&self, camera: &Camera) -> Option<String> {
         let [nearest, farthest] = self.distance;
         let now = distance(camera);
@@ -216,7 +217,7 @@ impl DomainRecord {
 }
 
 impl SearchRecord {
-    /// How a scene lies outside of what was searched, in half sentences; none where it lies inside.
+    /// How a scene differs from those of the search, in phrases; empty if it does not.
     pub fn outside(&self, scene: &Scene) -> Vec<String> {
         let splats = digest_of_places(scene);
         let of_scene = self
@@ -224,7 +225,7 @@ impl SearchRecord {
             .iter()
             .filter(|record| record.splats == splats)
             .map(|record| record.outside(scene));
-        // A scene may be there more than once, in several sizes.
+        // A scene may be recorded several times, in several sizes.
         let nearest = of_scene.min_by_key(Vec::len);
         nearest.unwrap_or_else(|| {
             vec![format!(
@@ -235,7 +236,7 @@ impl SearchRecord {
         })
     }
 
-    /// The scenes, one after another.
+    /// Names of the scenes, as a list.
     pub fn scene_names(&self) -> String {
         let mut names: Vec<&str> = self
             .scenes
@@ -253,7 +254,7 @@ impl SearchRecord {
 }
 
 impl Target {
-    /// The difference of pictures that it measures.
+    /// The picture difference that it measures.
     pub fn difference(&self) -> String {
         let metric = if self.metric == Metric::Lockstep {
             " in lockstep"
@@ -263,7 +264,7 @@ impl Target {
         format!("{}{metric}", self.against.difference())
     }
 
-    /// What is wanted, in words.
+    /// Conditions of the target, in words.
     pub fn aims(&self) -> Vec<String> {
         let against = self.difference();
         let mut aims = Vec::new();
@@ -273,7 +274,7 @@ impl Target {
         );
         aims.extend(
             self.max_error
-                .map(|most| format!("nowhere more than {most} off, {against}")),
+                .map(|most| format!("no pixel more than {most} off, {against}")),
         );
         aims.extend(self.no_saturation.then(|| "no saturation".to_owned()));
         aims.extend(

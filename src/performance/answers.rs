@@ -1,11 +1,11 @@
-//! Answers: what would make the frame faster? Fields of `timing`, each changed alone, on the frame
-//! that was drawn (docs/book/timing-explore.md).
+//! Answers: what-if analysis of a frame. Which fields of `timing`, each changed alone, make the
+//! drawn frame faster (docs/book/timing-explore.md)?
 //!
 //! ```text
-//! timing, nothing left out ─► every field twice as much, or half ─► can it be built? ─► replay ─► frames/s, area, energy ─► the best
+//! timing with all defaults filled in ─► every field doubled, or halved ─► elaborates? ─► replay ─► frames/s, area, energy ─► the best
 //! ```
-//! Each answer is the replay of the recorded work on a machine that differs in one field: the very
-//! numbers of `run --set FIELD=VALUE`.
+//! Each result is a replay of the recorded work on a machine that differs in one field. It has the
+//! same numbers as `run --set FIELD=VALUE`.
 //!
 //! Laws: `no_field_of_timing_is_forgotten`; tests/compare.rs:
 //! `an_answer_is_what_the_run_with_it_says`.
@@ -27,63 +27,62 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::{Value, json};
 
-/// Answers that are told, at most.
+/// Greatest number of results that are reported.
 const MOST: usize = 5;
 
 /// Every order of tiles.
 const QUEUES: [Queue; 2] = [Queue::Order, Queue::Longest];
 
-/// What the mark behind a field means.
-const GIVEN: &str = "* given: memory, or a cache's ways and look-up, has no price, so that area and energy do not count what it costs";
+/// Legend of the mark behind a field.
+const GIVEN: &str = "* given: memory, or a cache's ways and look-up, has no unit cost, so area and energy do not include it";
 
-/// The least gain that is told, as a part of the frames a second.
+/// Least gain that is reported, as a fraction of the frame rate.
 const LEAST_GAIN: f64 = 0.001;
 
-/// What was tried, and what was best.
+/// What-if results: number of tried changes, and the best.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Answers {
     /// Machines that the frame was replayed on.
     pub tried: u64,
-    /// Machines that cannot be built: the clock leaves no time, say.
+    /// Machines that do not elaborate, for example because the clock is too fast.
     pub refused: u64,
-    /// The best change of each field whose cost is counted, the best five of those; the most frames
-    /// a second first.
+    /// Best change of each field whose cost is counted; at most five, highest frame rate first.
     pub best: Vec<Answer>,
-    /// The best change of each field without a price, likewise: a gain here is of another memory,
-    /// say, and its area and energy are not whole.
+    /// Best change of each field without a unit cost, likewise. Such a gain comes from another
+    /// memory, for example, and its area and energy are incomplete.
     pub given: Vec<Answer>,
 }
 
-/// A field with another value.
+/// One field with another value.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Answer {
-    /// The field, as `--set` takes it.
+    /// The field, as in `--set`.
     pub field: String,
-    /// Value that the machine has, or that follows where it is left out.
+    /// Value of the machine, or the default if it is left out.
     pub from: Value,
     /// The other value.
     pub to: Value,
     /// Cycles of the frame with it.
     pub cycles: u64,
-    /// Frames a second with it.
+    /// Frames per second with it.
     pub frames_per_second: f64,
-    /// Frames a second more, as a part of those without it.
+    /// Gain in frames per second, as a fraction of the rate without it.
     pub faster: f64,
     /// Bytes to and from memory with it.
     pub bytes: u64,
     /// LUT equivalents with it.
     pub area: f64,
-    /// Area more, as a part of that without it.
+    /// Additional area, as a fraction of the area without it.
     pub larger: f64,
-    /// Joules a frame with it.
+    /// Joules per frame with it.
     pub energy: f64,
-    /// Why its cost is not counted; left out where it is.
+    /// Why its cost is not counted; left out where it is counted.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub given: Option<&'static str>,
 }
 
 impl Answers {
-    /// Of a machine that took these cycles for this work.
+    /// Results for a machine that took these cycles for this work.
     pub fn new(machine: &Elaborated, work: &Work, cycles: &Cycles, prices: &Prices) -> Self {
         let all = candidates(machine);
         let before = CostReport::new(machine, cycles, prices).cost.area;
@@ -125,7 +124,7 @@ impl Answers {
             .map(answer)
             .collect();
         let tried = answers.len() as u64;
-        // Stable: of equals the first in the description.
+        // The sort is stable: among equals, the first in the description comes first.
         answers.sort_by(|one, other| {
             one.cycles
                 .cmp(&other.cycles)
@@ -133,16 +132,16 @@ impl Answers {
         });
         let [mut best, mut given] = [const { Vec::<Answer>::new() }; 2];
         for answer in answers {
-            let told = if answer.given.is_some() {
+            let reported = if answer.given.is_some() {
                 &mut given
             } else {
                 &mut best
             };
-            if told.len() < MOST
+            if reported.len() < MOST
                 && answer.faster >= LEAST_GAIN
-                && told.iter().all(|better| better.field != answer.field)
+                && reported.iter().all(|better| better.field != answer.field)
             {
-                told.push(answer);
+                reported.push(answer);
             }
         }
         Answers {
@@ -153,7 +152,7 @@ impl Answers {
         }
     }
 
-    /// At most 80 columns.
+    /// The table, at most 80 columns wide.
     pub fn table(&self) -> String {
         let count = |count: u64, one: &str, many: &str| {
             format!("{count} {}", if count == 1 { one } else { many })
@@ -230,7 +229,7 @@ fn percent(part: f64) -> String {
     }
 }
 
-/// A field that may be changed.
+/// A change to try.
 struct Candidate {
     field: String,
     from: Value,
@@ -238,7 +237,7 @@ struct Candidate {
 }
 
 impl Candidate {
-    /// The machine with it; none where it cannot be built.
+    /// The machine with the change; `None` where it does not elaborate.
     fn built(&self, machine: &Machine) -> Option<Elaborated> {
         let other =
             machines::with(machine, &[(self.field.clone(), self.to.clone())], "answers").ok()?;
@@ -246,42 +245,42 @@ impl Candidate {
     }
 }
 
-/// What is done with a field of timing.
+/// Kind of change tried on a field of timing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Way {
-    /// More may be faster: twice as much.
+enum Trial {
+    /// More may be faster: doubled.
     More,
-    /// Fewer may be faster: half, or the least that could be.
+    /// Less may be faster: halved, or the minimum.
     Less,
-    /// Nobody knows: twice as much, and half.
+    /// Either may be faster: doubled, and halved.
     Both,
-    /// It has another value.
+    /// Every other value.
     Other,
-    /// Another clock, technology or memory chip, not another design.
+    /// Not tried: another clock, technology or memory chip is not another design.
     Given,
 }
 
-/// What is done with the fields of this name, whatever unit has them; none of a name that is new.
-fn way(name: &str) -> Option<Way> {
+/// Kind of change for a field name, in any unit; `None` for an unknown name.
+fn trial(name: &str) -> Option<Trial> {
     Some(match name {
         "fifo" | "units" | "multipliers" | "buffers" | "lines" | "ways" | "misses"
         | "bytes_per_cycle" | "outstanding" | "lanes" | "engines" | "merges_in_flight"
-        | "channels" | "write_batch" | "buffer_entries" | "network" => Way::More,
-        "latency" | "interval" | "hazard" | "merge" => Way::Less,
-        "side_px" | "line_px" | "burst_bytes" | "bucket_bits" => Way::Both,
-        "queue" => Way::Other,
+        | "channels" | "write_batch" | "buffer_entries" | "network" => Trial::More,
+        "latency" | "interval" | "hazard" | "merge" => Trial::Less,
+        "side_px" | "line_px" | "burst_bytes" | "bucket_bits" => Trial::Both,
+        "queue" => Trial::Other,
         "clock_hz" | "technology" | "organisation" | "ideal" | "hit_latency" | "miss_latency"
-        | "row_bytes" | "banks" => Way::Given,
+        | "row_bytes" | "banks" => Trial::Given,
         "preset"
         | "bytes_per_cycle_permille"
         | "interleave_bytes"
         | "ranks"
-        | "rank_switch_cycles" => Way::Given,
+        | "rank_switch_cycles" => Trial::Given,
         "refresh_interval_cycles"
         | "refresh_cycles"
         | "turnaround_cycles"
         | "row_cycles"
-        | "four_rows_cycles" => Way::Given,
+        | "four_rows_cycles" => Trial::Given,
         _ => return None,
     })
 }
@@ -294,7 +293,7 @@ fn candidates(machine: &Elaborated) -> Vec<Candidate> {
         Organisation::Binned => &["cache"],
         Organisation::Immediate => &["tile", "engines", "queue"],
     };
-    let ways = clock::ways(machine);
+    let paths = clock::critical_paths(machine);
     let mut all = Vec::new();
     for (unit, fields) in timing
         .as_object()
@@ -302,7 +301,7 @@ fn candidates(machine: &Elaborated) -> Vec<Candidate> {
         .flatten()
         .filter(|(unit, _)| !unused.contains(&unit.as_str()))
     {
-        // What is no unit's is a field by itself.
+        // A field outside the units is handled alone.
         let own = [(unit, fields)]
             .into_iter()
             .filter(|(_, value)| !value.is_object());
@@ -313,14 +312,14 @@ fn candidates(machine: &Elaborated) -> Vec<Candidate> {
                 format!("timing.{name}")
             };
             let least = match name.as_str() {
-                "latency" => ways
+                "latency" => paths
                     .iter()
-                    .find(|way| way.name == unit)
-                    .map_or(1, |way| way.least),
+                    .find(|path| path.name == unit)
+                    .map_or(1, |path| path.least),
                 "merge" => 0,
                 _ => 1,
             };
-            let values = others(way(name).unwrap_or(Way::Given), from, u64::from(least));
+            let values = others(trial(name).unwrap_or(Trial::Given), from, u64::from(least));
             all.extend(values.into_iter().map(|to| Candidate {
                 field: field.clone(),
                 from: from.clone(),
@@ -331,8 +330,8 @@ fn candidates(machine: &Elaborated) -> Vec<Candidate> {
     all
 }
 
-/// Other values of a number, or of one number of a pair after the other.
-fn others(way: Way, from: &Value, least: u64) -> Vec<Value> {
+/// Other values of a number, or of each number of a pair.
+fn others(trial: Trial, from: &Value, least: u64) -> Vec<Value> {
     if let Some(pair) = from.as_array() {
         let with = &|at: usize, value: Value| {
             let mut pair = pair.clone();
@@ -341,13 +340,13 @@ fn others(way: Way, from: &Value, least: u64) -> Vec<Value> {
         };
         return (0..pair.len())
             .flat_map(|at| {
-                others(way, &pair[at], least)
+                others(trial, &pair[at], least)
                     .into_iter()
                     .map(move |value| with(at, value))
             })
             .collect();
     }
-    if way == Way::Other {
+    if trial == Trial::Other {
         return QUEUES
             .into_iter()
             .map(|queue| json!(queue))
@@ -358,19 +357,19 @@ fn others(way: Way, from: &Value, least: u64) -> Vec<Value> {
         return Vec::new();
     };
     let (twice, half) = (number.saturating_mul(2), (number / 2).max(least));
-    let mut values = match way {
-        Way::More => vec![twice],
-        Way::Less => vec![half, least],
-        Way::Both => vec![twice, half],
-        Way::Other | Way::Given => Vec::new(),
+    let mut values = match trial {
+        Trial::More => vec![twice],
+        Trial::Less => vec![half, least],
+        Trial::Both => vec![twice, half],
+        Trial::Other | Trial::Given => Vec::new(),
     };
-    values.retain(|value| *value != number && (way != Way::Less || *value < number));
+    values.retain(|value| *value != number && (trial != Trial::Less || *value < number));
     values.dedup();
     values.into_iter().map(Value::from).collect()
 }
 
-/// The timing of a machine with nothing left out but multipliers, of which every product then has
-/// its own.
+/// The timing of a machine with all defaults filled in, except multipliers: by default every
+/// product has its own.
 fn filled(machine: &Elaborated) -> Timing {
     let built = &machine.timing;
     let mut timing = built.timing;
@@ -443,23 +442,26 @@ mod tests {
                 .all(|name| names.contains(&(*name).to_owned())),
             "{names:?}"
         );
-        let new: Vec<&String> = names.iter().filter(|name| way(name).is_none()).collect();
+        let new: Vec<&String> = names.iter().filter(|name| trial(name).is_none()).collect();
         assert!(
             names.len() > 30 && new.is_empty(),
-            "{new:?}: say what is tried of it"
+            "{new:?}: its kind of change is missing"
         );
     }
 
     #[test]
     fn a_number_is_doubled_or_halved_and_a_pair_one_by_one() {
-        let told = |way, from: Value, least| Value::Array(others(way, &from, least));
-        assert_eq!(told(Way::More, json!(4), 1), json!([8]));
-        assert_eq!(told(Way::More, json!([4, 1]), 1), json!([[8, 1], [4, 2]]));
-        assert_eq!(told(Way::Less, json!(37), 3), json!([18, 3]));
-        assert_eq!(told(Way::Less, json!(6), 4), json!([4]));
-        assert_eq!(told(Way::Less, json!(6), 6), json!([]));
-        assert_eq!(told(Way::Less, json!(1), 0), json!([0]));
-        assert_eq!(told(Way::Both, json!(16), 1), json!([32, 8]));
-        assert_eq!(told(Way::Given, json!(16), 1), json!([]));
+        let values = |trial, from: Value, least| Value::Array(others(trial, &from, least));
+        assert_eq!(values(Trial::More, json!(4), 1), json!([8]));
+        assert_eq!(
+            values(Trial::More, json!([4, 1]), 1),
+            json!([[8, 1], [4, 2]])
+        );
+        assert_eq!(values(Trial::Less, json!(37), 3), json!([18, 3]));
+        assert_eq!(values(Trial::Less, json!(6), 4), json!([4]));
+        assert_eq!(values(Trial::Less, json!(6), 6), json!([]));
+        assert_eq!(values(Trial::Less, json!(1), 0), json!([0]));
+        assert_eq!(values(Trial::Both, json!(16), 1), json!([32, 8]));
+        assert_eq!(values(Trial::Given, json!(16), 1), json!([]));
     }
 }

@@ -1,6 +1,6 @@
-//! Clock: the longest way through each unit of a machine, and the clock that its latency allows.
+//! Clock: the critical path of each unit of a machine, and the clock that its latency allows.
 //!
-//! Law: `at_the_clock_of_the_table_the_machine_is_built_and_a_little_above_it_is_refused`.
+//! Law: `a_machine_elaborates_at_the_clock_of_the_table_and_not_above_it`.
 
 use crate::output::text::{aligned, plain_table, thousands, wrapped};
 use rtl_model::elaboration::latency::{self, Path};
@@ -8,26 +8,26 @@ use rtl_model::machine::Merge;
 use rtl_model::pipeline::Elaborated;
 use rtl_model::units::fragment::window;
 
-/// A unit by its way and the cycles that it takes.
+/// Critical path of a unit, and its cycles.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Way {
-    /// The unit, or the part of it.
+pub struct CriticalPath {
+    /// The unit, or a part of it.
     pub name: &'static str,
-    /// Longest way, FO4.
+    /// Delay of the path, FO4.
     pub fo4: f64,
     /// Cycles of the machine.
     pub cycles: u32,
     /// Least cycles at its clock.
     pub least: u32,
-    /// Highest clock with these cycles, Hz; none where any will do.
+    /// Highest clock with these cycles, Hz; `None` where there is no limit.
     pub highest_hz: Option<u64>,
 }
 
-/// Every way that has cycles, in the order of the diagram.
-pub fn ways(machine: &Elaborated) -> Vec<Way> {
+/// Every critical path with cycles, in the order of the diagram.
+pub fn critical_paths(machine: &Elaborated) -> Vec<CriticalPath> {
     let t = &machine.timing;
     let timing = &t.timing;
-    let way = |name, path: Path, cycles: u32| Way {
+    let critical = |name, path: Path, cycles: u32| CriticalPath {
         name,
         fo4: f64::from(path.delay) / 10.0,
         cycles,
@@ -37,19 +37,21 @@ pub fn ways(machine: &Elaborated) -> Vec<Way> {
         highest_hz: path.highest_clock(timing.technology, cycles),
     };
     let [raster, fragment, layer] = t.paths.one_cycle.map(|(_, _, path)| path);
-    // A pixel that is taken again sooner than its decision is out.
+    // A pixel that is taken again before its decision is written.
     let pixel = (t.hazard < t.fragment.latency)
-        .then(|| way("fragment, a pixel", t.paths.fragment, t.hazard));
+        .then(|| critical("fragment, a pixel", t.paths.fragment, t.hazard));
     let f = &machine.machine.fragment;
     let merges = f.sheets.is_none() && f.merge != Merge::Replace && timing.fragment.merge > 0;
-    let merge = merges.then(|| way("fragment, a merge", t.paths.over, timing.fragment.merge));
-    // Windows are formed step by step.
-    let merge = merge.map(|way| Way {
-        least: way.least.max(window::overflow_cycles(&machine.machine)),
-        ..way
+    let merge = merges.then(|| critical("fragment, a merge", t.paths.over, timing.fragment.merge));
+    // Windows are formed in sequential steps.
+    let merge = merge.map(|critical| CriticalPath {
+        least: critical
+            .least
+            .max(window::overflow_cycles(&machine.machine)),
+        ..critical
     });
     let colour = t.colour.last().map(|of| {
-        way(
+        critical(
             "colour",
             t.paths.colour[t.colour.len().clamp(1, 3) - 1].path,
             of.pace.latency,
@@ -58,12 +60,12 @@ pub fn ways(machine: &Elaborated) -> Vec<Way> {
     let sorter = t
         .sort
         .and_then(|sort| sort.sorter)
-        .map(|sorter| way("sort, an entry", sorter.merge_path(), 1));
+        .map(|sorter| critical("sort, an entry", sorter.merge_path(), 1));
     [
         ("project", t.paths.project, t.project.latency),
         ("ellipse", t.paths.ellipse, t.ellipse.latency),
     ]
-    .map(|(name, path, cycles)| way(name, path, cycles))
+    .map(|(name, path, cycles)| critical(name, path, cycles))
     .into_iter()
     .chain(colour)
     .chain(sorter)
@@ -75,7 +77,7 @@ pub fn ways(machine: &Elaborated) -> Vec<Way> {
             ("fragment", t.paths.fragment, t.fragment.latency),
             ("fragment, a stamp", fragment, 1),
         ]
-        .map(|(name, path, cycles)| way(name, path, cycles)),
+        .map(|(name, path, cycles)| critical(name, path, cycles)),
     )
     .chain(pixel)
     .chain(merge)
@@ -85,13 +87,13 @@ pub fn ways(machine: &Elaborated) -> Vec<Way> {
             ("resolve", t.paths.resolve, t.resolve.latency),
             ("resolve, a layer", layer, 1),
         ]
-        .map(|(name, path, cycles)| way(name, path, cycles)),
+        .map(|(name, path, cycles)| critical(name, path, cycles)),
     )
     .collect()
 }
 
-/// From a splat to a word of its pixels, nanoseconds: the latencies of all units, one after the
-/// other, where nothing waits.
+/// Latency from a splat to a word of its pixels, nanoseconds: the sum of all units' latencies,
+/// without stalls.
 pub fn latency_ns(machine: &Elaborated) -> f64 {
     let t = &machine.timing;
     let colour = t.colour.last().map(|of| of.pace.latency);
@@ -107,23 +109,23 @@ pub fn latency_ns(machine: &Elaborated) -> f64 {
 pub fn table(machine: &Elaborated) -> String {
     let timing = &machine.timing.timing;
     let mut table = plain_table(&["", "way, FO4", "cycles", "at least", "up to MHz"]);
-    let ways = ways(machine);
-    for way in &ways {
-        let highest = way
+    let critical_paths = critical_paths(machine);
+    for critical in &critical_paths {
+        let highest = critical
             .highest_hz
             .map_or("any".into(), |hz| thousands(hz / 1_000_000));
         table.add_row([
-            way.name.to_owned(),
-            format!("{:.1}", way.fo4),
-            way.cycles.to_string(),
-            way.least.to_string(),
+            critical.name.to_owned(),
+            format!("{:.1}", critical.fo4),
+            critical.cycles.to_string(),
+            critical.least.to_string(),
             highest,
         ]);
     }
     let megahertz = timing.clock_hz as f64 / 1e6;
-    let highest = ways
+    let highest = critical_paths
         .iter()
-        .filter_map(|way| way.highest_hz.map(|hz| (hz, way.name)))
+        .filter_map(|critical| critical.highest_hz.map(|hz| (hz, critical.name)))
         .min();
     let period = timing
         .technology
@@ -137,7 +139,7 @@ pub fn table(machine: &Elaborated) -> String {
             thousands(hz / 1_000_000)
         ),
         _ => format!(
-            "{megahertz} MHz with {}: nothing takes time",
+            "{megahertz} MHz with {}: operators have no delay",
             timing.technology.name()
         ),
     };
@@ -150,39 +152,49 @@ mod tests {
     use crate::hardware::{fixed, machines};
     use rtl_model::machine::timing::Technology;
 
-    /// So that no gain over a named machine is a latency that its clock does not ask for.
+    /// The default latencies are the least for the clock, so that a shorter latency is never a
+    /// gain.
     #[test]
-    fn a_named_machine_has_the_latencies_that_its_clock_asks_for() {
+    fn a_named_machine_has_the_latencies_that_its_clock_requires() {
         for name in rtl_model::Machine::names() {
             let machine = machines::load(name, &[]).unwrap();
             let built = fixed::elaborate(&machine).unwrap();
-            for way in ways(&built) {
-                // Products that share multipliers take turns.
+            for critical in critical_paths(&built) {
+                // Products that share multipliers take several cycles.
                 let multipliers = machine.timing.colour.unwrap_or_default().multipliers;
-                let shared = built.timing.colour.last().filter(|_| way.name == "colour");
+                let shared = built
+                    .timing
+                    .colour
+                    .last()
+                    .filter(|_| critical.name == "colour");
                 let turns = shared.map_or(1, |of| of.products.div_ceil(multipliers));
-                assert_eq!(way.cycles, way.least.max(turns), "{} of {name}", way.name);
+                assert_eq!(
+                    critical.cycles,
+                    critical.least.max(turns),
+                    "{} of {name}",
+                    critical.name
+                );
             }
-            // Ideal gates take no time: there each operator has its registers.
+            // Ideal gates have no delay: each operator still has its registers.
             let ideal = machines::load(name, &["timing.technology=ideal".into()]).unwrap();
             assert!(
-                ways(&fixed::elaborate(&ideal).unwrap())
+                critical_paths(&fixed::elaborate(&ideal).unwrap())
                     .iter()
-                    .any(|way| way.cycles > 10),
+                    .any(|critical| critical.cycles > 10),
                 "{name}"
             );
         }
     }
 
     #[test]
-    fn at_the_clock_of_the_table_the_machine_is_built_and_a_little_above_it_is_refused() {
+    fn a_machine_elaborates_at_the_clock_of_the_table_and_not_above_it() {
         for name in ["reference", "lean", "tiny", "window", "volume"] {
             for technology in [Technology::Nm65, Technology::Nm28, Technology::Nm7] {
                 let mut machine = machines::load(name, &[]).unwrap();
                 (machine.timing.technology, machine.timing.clock_hz) = (technology, 50_000_000);
                 let built = fixed::elaborate(&machine).unwrap();
                 let t = &built.timing;
-                // All said, so that a faster clock cannot ask for more.
+                // All latencies are given, so that they do not change with the clock.
                 machine.timing.project.latency = Some(t.project.latency);
                 machine.timing.ellipse.latency = Some(t.ellipse.latency);
                 machine.timing.raster.latency = Some(t.raster.latency);
@@ -190,48 +202,55 @@ mod tests {
                 machine.timing.fragment.latency = Some(t.fragment.latency);
                 machine.timing.shade.latency = Some(t.shade.latency);
                 machine.timing.resolve.latency = Some(t.resolve.latency);
-                let of_those = |way: &Way| way.highest_hz.filter(|_| way.name != "colour");
-                let highest = ways(&built).iter().filter_map(of_those).min().unwrap();
+                let highest_of = |critical: &CriticalPath| {
+                    critical.highest_hz.filter(|_| critical.name != "colour")
+                };
+                let highest = critical_paths(&built)
+                    .iter()
+                    .filter_map(highest_of)
+                    .min()
+                    .unwrap();
                 machine.timing.clock_hz = highest - highest / 1000;
                 let built = machine.elaborate();
                 assert!(built.is_ok(), "{name} in {technology:?} at {highest}");
-                // The least cycles of the table are the least that will do.
-                for way in ways(&built.unwrap())
+                // The least cycles in the table are really the least.
+                for critical in critical_paths(&built.unwrap())
                     .iter()
-                    .filter(|way| ["project", "ellipse", "shade"].contains(&way.name))
+                    .filter(|critical| ["project", "ellipse", "shade"].contains(&critical.name))
                 {
                     let with = |cycles: u32| {
                         let mut machine = machine.clone();
                         let t = &mut machine.timing;
-                        match way.name {
+                        match critical.name {
                             "project" => t.project.latency = Some(cycles),
                             "ellipse" => t.ellipse.latency = Some(cycles),
                             _ => t.shade.latency = Some(cycles),
                         }
                         machine.elaborate().map(|_| ())
                     };
-                    assert_eq!(with(way.least), Ok(()));
-                    if way.least > 1 {
-                        let misfits = with(way.least - 1).unwrap_err();
+                    assert_eq!(with(critical.least), Ok(()));
+                    if critical.least > 1 {
+                        let errors = with(critical.least - 1).unwrap_err();
                         assert!(
-                            misfits.len() == 1
-                                && misfits[0].starts_with(&format!("timing.{}.latency", way.name)),
-                            "{misfits:?}"
+                            errors.len() == 1
+                                && errors[0]
+                                    .starts_with(&format!("timing.{}.latency", critical.name)),
+                            "{errors:?}"
                         );
                     }
                 }
                 machine.timing.clock_hz = highest + highest / 50;
-                let misfits = machine.elaborate().unwrap_err();
+                let errors = machine.elaborate().unwrap_err();
                 assert!(
-                    misfits.iter().all(|misfit| misfit.contains("FO4")),
-                    "{misfits:?}"
+                    errors.iter().all(|error| error.contains("FO4")),
+                    "{errors:?}"
                 );
             }
         }
     }
 
     #[test]
-    fn in_ideal_gates_any_clock_will_do() {
+    fn ideal_gates_allow_any_clock() {
         let settings = [
             "timing.technology=ideal",
             "timing.clock_hz=1e12",
@@ -240,10 +259,10 @@ mod tests {
         .map(str::to_owned);
         let built = fixed::elaborate(&machines::load("reference", &settings).unwrap()).unwrap();
         assert!(
-            ways(&built)
+            critical_paths(&built)
                 .iter()
-                .all(|way| way.highest_hz.is_none() && way.least == 1)
+                .all(|critical| critical.highest_hz.is_none() && critical.least == 1)
         );
-        assert!(table(&built).contains("nothing takes time"));
+        assert!(table(&built).contains("operators have no delay"));
     }
 }

@@ -1,27 +1,27 @@
-//! Cost: what a machine takes in area, and a frame in energy: proxies, for comparing machines.
+//! Cost: estimates the area of a machine and the energy of a frame, for comparing machines.
 //!
 //! ```text
-//! parts of the elaborated machine ─►( × copies, lanes )─► bits of every kind ─►( × prices )─► area, LUT equivalents
-//!                                                                                        └──► gates, NAND2; SRAM, kbit
-//! items of every unit, traffic    ─►( × parts )──────────────────────────────►( × prices )─► energy, joules a frame
+//! parts of the elaborated machine ─►( × copies, lanes )─► bits of every kind ─►( × unit costs )─► area, LUT equivalents
+//!                                                                                            └──► gates, NAND2; SRAM, kbit
+//! items of every unit, traffic    ─►( × parts )──────────────────────────────►( × unit costs )─► energy, joules per frame
 //! ```
-//! Prices are a table that can be replaced (`--unit-costs FILE`). The default ones:
-//! - *Area* in six-input LUTs of a Xilinx 7, as Yosys 0.23 maps the units' twins
-//!   (`sh tests/programs/area.sh`). Alone (`sh tests/programs/operators.sh`) a multiplier takes 1.8
-//!   to 2.1 for each bit of one times bits of the other, an adder 1 a bit, a comparator 0.67, a
-//!   multiplexer 1, 0.5 to 0.6 in a shifter, a table 0.02 to 0.03. In a unit products grow, by what
-//!   their sums carry, and adders shrink: what rounds a product, or is added to it, is a row of its
-//!   array. The prices are round numbers near the least squares over the units of `tiny` and
-//!   `lean`. Flip-flops are two to a LUT. FIFOs and memories as if of LUTs that keep 48 bits each.
+//! Unit costs are a table that can be replaced (`--unit-costs FILE`). The default ones:
+//! - *Area* in six-input LUTs of a Xilinx 7, as Yosys 0.23 maps the RTL implementations of the
+//!   units (`sh tests/programs/area.sh`). Alone (`sh tests/programs/operators.sh`) a multiplier
+//!   takes 1.8 to 2.1 per product of operand bits, an adder 1 per bit, a comparator 0.67, a
+//!   multiplexer 1, 0.5 to 0.6 in a shifter, a table 0.02 to 0.03. In a unit, multipliers are
+//!   larger by the carries of their sums, and adders smaller: an adder that rounds a product, or
+//!   adds to it, is a row of the multiplier's array. The unit costs are round numbers near the
+//!   least squares over the units of `tiny` and `lean`. Two flip-flops count as one LUT. FIFOs and
+//!   memories are assumed to be LUTs of 48 bits each.
 //! - *The fit*: over 34 units of five machines, three of them not fitted to, LUTs are 1.00 times
 //!   the model without registers in the geometric mean, 0.89 to 1.22 (docs/book/cost.md has the
-//!   table). Not compared: parts of ellipsoids and sheets, what lanes share, storage.
-//! - *Gates*: NAND2 of standard cells, by the laws of `gates.rs`.
+//!   table). Not compared: parts of ellipsoids and sheets, parts shared by lanes, storage.
+//! - *Gates*: NAND2 of standard cells, by the formulas of `gates.rs`.
 //! - *Energy* from Horowitz, "Computing's energy problem" (ISSCC 2014, 45 nm): an adder 0.1 pJ and
-//!   a multiplier 3.1 pJ for 32 bits, 64 bits from a small memory 10 pJ, from DRAM 1.3 nJ. What is
-//!   not in it is assumed: a multiplexer or register bit takes what an adder bit does, and what
-//!   stands still a hundredth of what an adder bit does, every 2.5 ns. Other technologies:
-//!   `technology.rs`.
+//!   a multiplier 3.1 pJ for 32 bits, 64 bits from a small memory 10 pJ, from DRAM 1.3 nJ. Other
+//!   values are assumed: a multiplexer or register bit takes as much as an adder bit, and leakage
+//!   is a hundredth of an adder bit every 2.5 ns. Other technologies: `technology.rs`.
 //!
 //! Law: `the_parts_of_a_raster_grow_as_synthesis_says`.
 
@@ -42,59 +42,59 @@ pub mod technology;
 
 use technology::Scales;
 
-/// Price of each kind of bit.
+/// Unit cost of each kind of bit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PerBit {
-    /// A multiplier, for each bit of one operand times bits of the other.
+    /// A multiplier, per product of operand bits.
     #[schemars(range(min = 0))]
     pub multiplier: f64,
     /// An adder or comparator.
     #[schemars(range(min = 0))]
     pub adder: f64,
-    /// A choice between two words.
+    /// A multiplexer of two words.
     #[schemars(range(min = 0))]
     pub multiplexer: f64,
     /// A word of the datapath.
     #[schemars(range(min = 0))]
     pub register: f64,
-    /// A table: of area each bit that it holds, of energy each bit that it gives.
+    /// A table: area per stored bit, energy per bit read.
     #[schemars(range(min = 0))]
     pub rom: f64,
     /// A FIFO.
     #[schemars(range(min = 0))]
     pub fifo: f64,
-    /// Tiles or cache: of area each bit, of energy each bit read or written.
+    /// Tiles or cache: area per bit, energy per bit read or written.
     #[schemars(range(min = 0))]
     pub memory: f64,
 }
 
-/// Prices; by default those of this file's head.
+/// Unit costs; by default those in the head of this file.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Prices {
-    /// LUT equivalents a bit.
+    /// LUT equivalents per bit.
     pub area: PerBit,
-    /// Gate equivalents a bit, NAND2 of standard cells: of a multiplier each bit but one of one
-    /// operand times bits but one of the other, and an AND for each that is left; what rounds takes
-    /// none.
+    /// Gate equivalents per bit, NAND2 of standard cells. A multiplier counts per product of
+    /// operand bits, with one bit less in each operand, and an AND for each remaining bit. Rounding
+    /// takes none.
     #[serde(default = "default_gates")]
     pub gates: PerBit,
-    /// Picojoules a bit that works, in 45 nm.
+    /// Picojoules per active bit, in 45 nm.
     pub energy_pj: PerBit,
-    /// Picojoules a byte to or from memory outside of the chip, whatever the technology.
+    /// Picojoules per byte to or from off-chip memory, in every technology.
     #[schemars(range(min = 0))]
     pub dram_pj_per_byte: f64,
-    /// Picojoules in 2.5 ns, a cycle at 400 MHz, for each LUT equivalent, at work or not, in 45 nm.
+    /// Picojoules per LUT equivalent in 2.5 ns, one cycle at 400 MHz, active or not, in 45 nm.
     #[schemars(range(min = 0))]
     pub static_pj_per_area: f64,
-    /// Energy in each technology, as a part of what is said here; where this is left out, it is the
-    /// same in all of them.
+    /// Energy in each technology, as a fraction of these values; if left out, it is the same in all
+    /// technologies.
     #[serde(default = "Scales::none")]
     pub technology: Scales,
 }
 
-/// Seconds of which `static_pj_per_area` tells.
+/// Period of `static_pj_per_area`, seconds.
 const STATIC_SECONDS: f64 = 2.5e-9;
 
 fn default_gates() -> PerBit {
@@ -134,7 +134,7 @@ impl Default for Prices {
 }
 
 impl Prices {
-    /// From a file, or those of this file's head.
+    /// Unit costs from a file, or the default ones.
     ///
     /// # Errors
     /// As [`Prices::load`].
@@ -142,16 +142,16 @@ impl Prices {
         path.map_or(Ok(DEFAULT), Prices::load)
     }
 
-    /// From a JSON file that has them all.
+    /// Unit costs from a JSON file with every field.
     ///
     /// # Errors
-    /// [`Error::Input`] where it cannot be read, or says something else.
+    /// [`Error::Input`] where it cannot be read or has other contents.
     pub fn load(path: &Path) -> Result<Self> {
         let input_error =
             |sentence: String| Error::input(format!("{}: {sentence}", path.display()));
         let value = strict_json::read(path).map_err(input_error)?;
         validate::check(&value, &schemars::schema_for!(Prices).to_value())
-            .map_err(|misfit| input_error(misfit.to_string()))?;
+            .map_err(|error| input_error(error.to_string()))?;
         serde_json::from_value(value).map_err(|e| input_error(e.to_string()))
     }
 }
@@ -161,7 +161,7 @@ impl Prices {
 pub struct Bits {
     /// Products of the widths of all multipliers.
     pub multiplier: u64,
-    /// 18×18 blocks that the multipliers take.
+    /// 18×18 blocks for the multipliers.
     pub blocks_18: u64,
     /// Adders and comparators.
     pub adder: u64,
@@ -171,7 +171,7 @@ pub struct Bits {
     pub register: u64,
     /// Tables.
     pub rom: u64,
-    /// Bits that a look-up of every table gives.
+    /// Bits of one word of every table.
     pub rom_word: u64,
 }
 
@@ -185,7 +185,7 @@ impl Bits {
             }
             Operator::Adder(width) | Operator::Rounder(width) => self.adder += copies * bits(width),
             Operator::Multiplexer(width) => self.multiplexer += copies * bits(width),
-            // As many choices of two as it takes.
+            // Multiplexers of two words each.
             Operator::Choice([words, width]) => {
                 self.multiplexer += copies * bits(words - 1) * bits(width)
             }
@@ -198,7 +198,7 @@ impl Bits {
         }
     }
 
-    fn price(&self, of: &PerBit, rom: u64) -> f64 {
+    fn weighted(&self, of: &PerBit, rom: u64) -> f64 {
         let Bits {
             multiplier,
             adder,
@@ -215,43 +215,43 @@ impl Bits {
         ];
         kinds
             .into_iter()
-            .map(|(bits, price)| bits as f64 * price)
+            .map(|(bits, cost)| bits as f64 * cost)
             .sum()
     }
 }
 
-/// A unit's part of the area.
+/// Area of a unit.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct UnitCost {
     /// Its name.
     pub name: &'static str,
-    /// LUT equivalents, of all that work side by side.
+    /// LUT equivalents of all its instances.
     pub area: f64,
-    /// Gate equivalents of the same: logic and flip-flops.
+    /// Gate equivalents of all its instances: logic and flip-flops.
     pub gates: f64,
-    /// Bits that it is built of.
+    /// Bits of its parts.
     #[serde(flatten)]
     pub bits: Bits,
 }
 
-/// Gate equivalents of a machine: of how many NAND2 of standard cells it has the area.
+/// Gate equivalents of a machine: its area in NAND2 of standard cells.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Gates {
-    /// Logic, flip-flops, and FIFOs and memory at what their bits are priced: one figure, for
+    /// Logic, flip-flops, and FIFOs and memory at the unit costs of their bits: one figure, for
     /// comparing machines.
     pub total: f64,
     /// Operators of all units.
     pub logic: f64,
     /// Words and stages of all units.
     pub flip_flops: f64,
-    /// FIFOs and memory on the chip, thousands of bits.
+    /// FIFOs and on-chip memory, thousands of bits.
     pub sram_kbit: f64,
 }
 
 /// Area of a machine.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Cost {
-    /// LUT equivalents: units, FIFOs, memory on the chip.
+    /// LUT equivalents: units, FIFOs, on-chip memory.
     pub area: f64,
     /// Gate equivalents, in standard cells.
     pub gates: Gates,
@@ -259,17 +259,17 @@ pub struct Cost {
     pub units: Vec<UnitCost>,
     /// Bits of all FIFOs.
     pub fifo_bits: u64,
-    /// Bits of tiles, or of the cache, and of the counts of the sort's digits, or of its buffers.
+    /// Bits of tiles, or of the cache, and of the counters of the sort's digits, or of its buffers.
     pub memory_bits: u64,
-    /// Bits of a pixel in the frame buffer.
+    /// Bits per pixel of the frame buffer.
     pub frame_bits_per_pixel: u64,
 }
 
 impl Cost {
-    /// Of a machine.
+    /// Cost of a machine.
     pub fn new(machine: &Elaborated, prices: &Prices) -> Self {
         let storage = machine.timing.storage;
-        // A machine that does not sort, or work colours out, has no part of that.
+        // A machine without a sorter or a colour unit has no such row.
         let is_there = |name: &&str| machine.parts.iter().any(|part| part.unit == *name);
         let units: Vec<UnitCost> = unit::BUILT
             .into_iter()
@@ -279,7 +279,7 @@ impl Cost {
                 let gates = logic + bits.register as f64 * prices.gates.register;
                 UnitCost {
                     name,
-                    area: bits.price(&prices.area, bits.rom),
+                    area: bits.weighted(&prices.area, bits.rom),
                     gates,
                     bits,
                 }
@@ -383,8 +383,8 @@ impl Cost {
     }
 }
 
-/// How many of a unit work side by side, and how many multipliers they share.
-fn side_by_side(machine: &Elaborated, unit: &str) -> (u64, Option<u64>) {
+/// Number of parallel instances of a unit, and number of multipliers that they share.
+fn instances_and_multipliers(machine: &Elaborated, unit: &str) -> (u64, Option<u64>) {
     let of = |setup: Setup| (u64::from(setup.units), setup.multipliers.map(u64::from));
     match unit {
         "project" => of(machine.timing.timing.project),
@@ -406,7 +406,7 @@ fn side_by_side(machine: &Elaborated, unit: &str) -> (u64, Option<u64>) {
     }
 }
 
-/// Copies in one unit of what each of its lanes has: fragment units share those of the rasteriser.
+/// Copies of a per-lane part in one unit. Fragment units share the lanes of the rasteriser.
 fn lanes(machine: &Elaborated, part: &Part) -> u64 {
     match part.unit {
         _ if !part.per_lane => 1,
@@ -422,7 +422,7 @@ fn lanes(machine: &Elaborated, part: &Part) -> u64 {
     }
 }
 
-/// Bits of the words of a unit.
+/// Register bits of a unit.
 fn registers(machine: &Elaborated, unit: &str) -> u64 {
     let parts = machine.parts.iter().filter(|part| part.unit == unit);
     let bits = |part: &Part| match part.operator {
@@ -434,9 +434,9 @@ fn registers(machine: &Elaborated, unit: &str) -> u64 {
     parts.map(bits).sum()
 }
 
-/// What units of a name are built of, and gate equivalents of their logic.
+/// Parts of the units with a name, and gate equivalents of their logic.
 fn built(machine: &Elaborated, name: &str, prices: &PerBit) -> (Bits, f64) {
-    let (units, shared) = side_by_side(machine, name);
+    let (units, shared) = instances_and_multipliers(machine, name);
     let parts = machine.parts.iter().filter(|part| part.unit == name);
     let (mut bits, mut logic) = (Bits::default(), 0.0);
     let mut add = |operator: Operator, copies: u64| {
@@ -451,20 +451,20 @@ fn built(machine: &Elaborated, name: &str, prices: &PerBit) -> (Bits, f64) {
             operator => add(operator, units * copies),
         }
     }
-    // Those that take several products in turn are as wide as the widest.
+    // A shared multiplier is as wide as the widest of its products.
     multipliers.sort_unstable_by(|one, other| other.cmp(one));
     let mut left = shared.unwrap_or(u64::MAX);
     for (a, b, copies) in multipliers {
         let own = copies.min(left);
         add(Operator::Multiplier([a, b]), units * own);
-        // Who takes turns at another's multiplier has its operands chosen there; that of colours is
-        // a price without a datapath.
+        // Each product on a shared multiplier needs a multiplexer for its operands. The unit of
+        // colours has unit costs without a datapath.
         if name != unit::COLOUR {
             add(Operator::Multiplexer(a + b), units * (copies - own));
         }
         left -= own;
     }
-    // Each word has a register, and each stage as many as are live in it.
+    // Each word has a register, and each stage registers for its live bits.
     let stages = machine
         .timing
         .pipelines
@@ -476,18 +476,18 @@ fn built(machine: &Elaborated, name: &str, prices: &PerBit) -> (Bits, f64) {
     (bits, logic)
 }
 
-/// A machine's area, and a frame's energy on it.
+/// Area of a machine, and energy of a frame on it.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct CostReport {
     /// Area.
     #[serde(flatten)]
     pub cost: Cost,
-    /// Energy, joules a frame.
+    /// Energy, joules per frame.
     pub energy: Energy,
 }
 
 impl CostReport {
-    /// Of a machine and the cycles that a frame took on it.
+    /// Report for a machine and the cycles of a frame on it.
     pub fn new(machine: &Elaborated, cycles: &Cycles, prices: &Prices) -> Self {
         let cost = Cost::new(machine, prices);
         CostReport {
@@ -528,21 +528,21 @@ impl CostReport {
 /// Energy of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
 pub struct Energy {
-    /// Joules: all that follow.
+    /// Joules: the sum of the following.
     pub total: f64,
     /// Units at work.
     pub units: f64,
     /// Tiles or cache, and FIFOs.
     pub storage: f64,
-    /// Bytes outside of the chip.
+    /// Bytes to and from off-chip memory.
     pub dram: f64,
     /// Leakage over the frame's time.
     pub leakage: f64,
 }
 
 impl Energy {
-    /// Of a frame that took these cycles on a machine of that cost. Every lane of a slot counts,
-    /// whether it keeps a pixel or not.
+    /// Energy of a frame that took these cycles on a machine of that cost. Every lane of a slot
+    /// counts, whether it keeps a pixel or not.
     pub fn new(machine: &Elaborated, cost: &Cost, cycles: &Cycles, prices: &Prices) -> Self {
         let counted = |name: &str| {
             cycles
@@ -553,7 +553,7 @@ impl Energy {
                 .sum::<u64>() as f64
         };
         let sorters = machine.timing.sorters();
-        // Entries of a sorter: one in each of its cycles.
+        // A sorter handles one entry per cycle.
         let sorted: f64 = cycles
             .units
             .iter()
@@ -562,14 +562,14 @@ impl Energy {
             .sum();
         let items = |name: &str| match name {
             unit::SORT if sorters > 0 => sorted,
-            // What is lit is what may be mirrored in.
+            // Each shaded fragment may be reflected.
             "shade" | "reflect" => {
                 counted("shade") + counted("resolve-shade") + counted("setup-shade")
             }
             name => counted(name),
         };
         let of = &prices.energy_pj;
-        // Harmonics of a lesser degree than the greatest take fewer products, and fewer bits wait.
+        // Harmonics of a degree below the greatest take fewer products and hold fewer bits.
         let (most, own) = (
             machine.timing.colour.last(),
             machine.timing.colour_of(cycles.harmonics),
@@ -584,8 +584,8 @@ impl Energy {
             .map(|part| {
                 let mut bits = Bits::default();
                 bits.add(part.operator, lanes(machine, part) * u64::from(part.copies));
-                // Parts are those of all shade units, or of all sorters, and an item goes through
-                // one.
+                // Parts are those of all shade units, or of all sorters; an item passes through one
+                // of them.
                 let instances = match part.unit {
                     "shade" | "reflect" => f64::from(machine.timing.shade_units),
                     unit::SORT => f64::from(sorters.max(1)),
@@ -596,10 +596,10 @@ impl Energy {
                 } else {
                     1.0
                 };
-                items(part.unit) / instances * at_work * bits.price(of, bits.rom_word)
+                items(part.unit) / instances * at_work * bits.weighted(of, bits.rom_word)
             })
             .sum();
-        // An item goes through every stage.
+        // An item passes through every stage.
         let stages: f64 = (machine.timing.pipelines.iter())
             .filter(|stages| stages.units > 0)
             .map(|stages| {
@@ -609,7 +609,7 @@ impl Energy {
                     } else {
                         1
                     });
-                // Coefficients that a frame does not have go along nowhere.
+                // Coefficients that a frame does not have are not carried.
                 let held = |pace: &Pace| {
                     u64::from(pace.latency.div_ceil(pace.interval)) * u64::from(idle_bits)
                 };

@@ -1,4 +1,4 @@
-//! Cycles: how long a machine takes for a frame, as part of `report.json`, as a table and as CSV.
+//! Cycles: the cycles of a machine for a frame, as part of `report.json`, as a table and as CSV.
 //!
 //! ```text
 //! recorded work ─►( rtl_model::timing )─► [cycles of every unit, traffic] ─┬─► report.json
@@ -23,9 +23,9 @@ use std::fmt::Write;
 pub struct CyclesReport {
     /// Cycles from the first request to the last word written.
     pub total: u64,
-    /// Cycles a second.
+    /// Cycles per second.
     pub clock_hz: u64,
-    /// Frames a second.
+    /// Frames per second.
     pub frames_per_second: f64,
     /// Bottleneck: the unit, or memory, without whose limit the frame takes the fewest cycles.
     pub bottleneck: &'static str,
@@ -37,17 +37,17 @@ pub struct CyclesReport {
     pub memory: MemoryReport,
     /// Stamps that the rasteriser tested, and those that kept a pixel.
     pub slots: [u64; 2],
-    /// Lines that the cache looked up, and those that it had; none where there is no cache.
+    /// Lines that the cache looked up, and hits among them; none where there is no cache.
     pub lookups: Option<[u64; 2]>,
-    /// Lines of the map of surroundings that its caches looked up, and those that they had; only
-    /// where it lies in memory.
+    /// Lines of the map of surroundings that its caches looked up, and hits among them; only where
+    /// the map is in memory.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub texels: Option<[u64; 2]>,
-    /// What a binned machine leaves out because pixels have stopped; only of frames in which pixels
-    /// stop.
+    /// Work that a binned machine skips because pixels have stopped; only for frames in which
+    /// pixels stop.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub early_termination: Option<EarlyTerminationReport>,
-    /// Tile after tile of a binned machine, which `tiles.csv` has.
+    /// Times of each tile of a binned machine, as in `tiles.csv`.
     #[serde(skip)]
     pub tiles: Option<Tiles>,
 }
@@ -55,14 +55,14 @@ pub struct CyclesReport {
 /// Limit of a frame: its name is [`CyclesReport::bottleneck`].
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct LimitReport {
-    /// `work`: a unit's own cycles; `hazard`: a pixel that is still under way in it; `memory`:
-    /// bytes move no faster.
+    /// `work`: a unit's own cycles; `hazard`: a pixel that is still in flight in it; `memory`: the
+    /// bandwidth.
     pub by: &'static str,
     /// Cycles of the frame with the unit infinitely fast, a hazard of one cycle, or ideal memory.
     pub cycles_without: u64,
 }
 
-/// What early termination saves, of what the machine would do if no pixel stopped.
+/// Savings by early termination, relative to the same machine without it.
 #[derive(Clone, Copy, Debug, Serialize, JsonSchema)]
 pub struct EarlyTerminationReport {
     /// Entries of tile lists that are not read.
@@ -78,7 +78,7 @@ pub struct EarlyTerminationReport {
 /// A unit's time.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct UnitReport {
-    /// Its name; of several side by side, with a number.
+    /// Name; for parallel units, with a number.
     pub name: String,
     /// Items taken.
     pub items: u64,
@@ -86,19 +86,19 @@ pub struct UnitReport {
     pub busy: u64,
     /// Cycles without one.
     pub starved: u64,
-    /// Cycles in which an item was here and could not be taken.
+    /// Cycles in which an item had arrived and could not be taken.
     pub blocked: u64,
-    /// Cycles in which it waited for memory.
+    /// Cycles in which it stalled on memory.
     pub memory: u64,
-    /// The unit that it had no item from.
+    /// The unit whose items were missing.
     pub starved_by: Option<&'static str>,
-    /// Units that blocked it, with cycles: `hazard` is a pixel still under way.
+    /// Units that blocked it, with cycles: `hazard` is a pixel still in flight.
     pub blocked_by: Vec<Blocker>,
+    /// Use over time.
     /// When it had items.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub over_time: Option<OverTime>,
-    /// `occupancy[n]`: how often n results waited behind it, or were on their way, when it took
-    /// one.
+    /// `occupancy[n]`: how often n results were queued behind it, or in flight, when it took one.
     pub occupancy: Vec<u64>,
 }
 
@@ -107,7 +107,7 @@ pub struct UnitReport {
 pub struct OverTime {
     /// Cycles of a window.
     pub window: u64,
-    /// Such cycles in each.
+    /// Cycles with an item, per window.
     pub busy: Vec<u64>,
 }
 
@@ -125,20 +125,20 @@ pub struct MemoryReport {
     pub busy: u64,
     /// Bytes that moved.
     pub bytes: u64,
-    /// Bytes a second, over the whole frame.
+    /// Bytes per second, over the whole frame.
     pub bytes_per_second: f64,
-    /// Bytes a second that could move; none of ideal memory.
+    /// Peak bytes per second; none for ideal memory.
     pub peak_bytes_per_second: Option<f64>,
-    /// Part of the requests that found their row open; none of ideal memory, or where there were
-    /// none.
+    /// Fraction of the requests that found their row open; none for ideal memory, or without
+    /// requests.
     pub row_hit_share: Option<f64>,
-    /// Traffic by client.
+    /// Traffic by requester.
     pub clients: Vec<ClientReport>,
     /// `read_latency_log2[n]`: reads of 2^n to 2^(n+1) − 1 cycles.
     pub read_latency_log2: Vec<u64>,
 }
 
-/// A client's traffic.
+/// A requester's traffic.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct ClientReport {
     /// Purpose of the traffic.
@@ -151,7 +151,7 @@ pub struct ClientReport {
     pub bytes_written: u64,
 }
 
-/// Frames a second of such a frame; 0 of one that takes no time.
+/// Frames per second; 0 for a frame of 0 cycles.
 pub fn frames_per_second(timing: &Microarchitecture, cycles: &Cycles) -> f64 {
     if cycles.total == 0 {
         0.0
@@ -176,7 +176,7 @@ impl CyclesReport {
             .collect()
     }
 
-    /// Report of a replay of which it is known what limits it.
+    /// Report of a replay with a known limit.
     fn limited(timing: &Microarchitecture, cycles: &Cycles, limit: Limit) -> Self {
         let clock_hz = timing.timing.clock_hz;
         let seconds = cycles.total as f64 / clock_hz as f64;
@@ -364,11 +364,11 @@ impl CyclesReport {
         text
     }
 
-    /// Why the frame is not limited by the unit that is busy for most cycles; none where it is.
+    /// Why the frame is not limited by the unit with the most busy cycles; `None` where it is.
     fn why_not_the_busiest(&self) -> Option<String> {
         let busiest = self.units.iter().max_by_key(|unit| unit.busy)?;
         let own = busiest.name.split('.').next().unwrap_or_default();
-        // What waits for light is busy with it.
+        // A unit whose fragments are being shaded counts as busy.
         if own == self.bottleneck || self.memory.busy >= busiest.busy && self.bottleneck == "memory"
         {
             return None;
@@ -396,7 +396,7 @@ impl CyclesReport {
         let panel = |(nth, unit, over_time): (usize, &UnitReport, &OverTime)| {
             let (name, whole) = (&unit.name, over_time.window as f64);
             let at = |window: usize| (window as u64 * over_time.window) as f64 / 1e6;
-            // As steps.
+            // Drawn as steps.
             let steps = |(window, busy): (usize, &u64)| {
                 [
                     [at(window), *busy as f64 * 100.0 / whole],
@@ -427,7 +427,7 @@ impl CyclesReport {
             .collect()
     }
 
-    /// What each unit does in the frame's cycles.
+    /// Shares of each unit's four counts in the frame's cycles.
     pub fn stacks(&self) -> Bars {
         let row = |unit: &UnitReport| {
             let counts = [unit.busy, unit.starved, unit.blocked, unit.memory];
@@ -449,7 +449,7 @@ impl CyclesReport {
         }
     }
 
-    /// One line a unit.
+    /// CSV with one line per unit.
     pub fn csv(&self) -> String {
         let mut text = String::from("unit,items,busy,starved,blocked,memory,total\n");
         for unit in &self.units {
@@ -471,8 +471,8 @@ impl CyclesReport {
         text
     }
 
-    /// One line a tile that a splat was listed for, in the order in which engines take them; none
-    /// of a machine without tiles.
+    /// CSV with one line per listed tile, in the order in which engines take them; `None` for a
+    /// machine without tiles.
     pub fn tiles_csv(&self) -> Option<String> {
         let Tiles {
             side_px,
@@ -539,16 +539,16 @@ pub enum Trace {
     Dramsim3,
 }
 
-/// A run of addresses that stays together in a trace.
+/// A range of addresses that stays contiguous in a trace.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Segment {
-    /// Where the model has it.
+    /// Its addresses in the model.
     model: std::ops::Range<u64>,
-    /// Where the trace has its first byte.
+    /// Its first address in the trace.
     base: u64,
 }
 
-/// What is kept where in the model: a region of 2^40 bytes each (`rtl_model::timing`, memory).
+/// Names of the model's address regions of 2^40 bytes each (`rtl_model::timing`, memory).
 const REGIONS: [&str; 7] = [
     "splats", "records", "lists", "lines", "words", "nodes", "map",
 ];
@@ -556,7 +556,7 @@ const REGION_LOG: u32 = 40;
 /// Gaps of fewer bytes stay in a trace.
 const GAP_BYTES: u64 = 1 << 16;
 
-/// The runs of addresses that are used, brought together row by row of memory.
+/// The used ranges of addresses, moved together row by row.
 fn address_map(requests: &[Request], row_bytes: u64) -> Vec<Segment> {
     let row = row_bytes.max(1);
     let mut used: Vec<std::ops::Range<u64>> = requests
@@ -593,10 +593,10 @@ impl Requests {
         ("requests.ramulator2", Trace::Ramulator2),
         ("requests.dramsim3", Trace::Dramsim3),
     ];
-    /// The file that says what the addresses and cycles are.
+    /// File that describes the addresses and cycles.
     pub const MAP: &'static str = "requests.json";
 
-    /// In the order of cycles; those of one cycle as they were made.
+    /// Requests in order of cycles; those of one cycle in order of issue.
     pub fn new(timing: &Microarchitecture, mut requests: Vec<Request>) -> Self {
         requests.sort_by_key(|request| request.cycle);
         let memory = &timing.timing.memory;
@@ -609,7 +609,7 @@ impl Requests {
         }
     }
 
-    /// Where the trace has a byte of the model's memory.
+    /// Address in the trace of a byte of the model's memory.
     fn mapped(&self, address: u64) -> u64 {
         let after = self
             .map
@@ -620,7 +620,7 @@ impl Requests {
         })
     }
 
-    /// Every burst as the trace has it.
+    /// Every burst, with addresses of the trace.
     pub fn in_trace(&self) -> impl Iterator<Item = Request> {
         self.requests.iter().flat_map(|request| {
             let first = self.mapped(request.address);
@@ -633,10 +633,10 @@ impl Requests {
         })
     }
 
-    /// Writes a trace, a burst a line.
+    /// Writes a trace, one burst per line.
     ///
     /// # Errors
-    /// Those of the file.
+    /// Errors of the file.
     pub fn write(&self, format: Trace, file: &mut impl std::io::Write) -> std::io::Result<()> {
         for Request {
             cycle,
@@ -655,8 +655,8 @@ impl Requests {
         Ok(())
     }
 
-    /// What the addresses and cycles are: the map, the unit of time, and the size of a device that
-    /// holds all addresses.
+    /// Description of addresses and cycles: the map, the unit of time, and the size of a device for
+    /// all addresses.
     pub fn map(&self) -> serde_json::Value {
         let bytes = self
             .map
@@ -781,7 +781,7 @@ mod tests {
         };
         let [finite, ideal] = [of(false), of(true)];
         assert!(ideal.memory.bytes > 0 && ideal.memory.bytes == finite.memory.bytes);
-        let told = |report: &CyclesReport| {
+        let figures = |report: &CyclesReport| {
             (
                 report.memory.busy > 0,
                 report.memory.peak_bytes_per_second.is_some(),
@@ -789,7 +789,7 @@ mod tests {
             )
         };
         assert_eq!(
-            [told(&finite), told(&ideal)],
+            [figures(&finite), figures(&ideal)],
             [(true, true, true), (false, false, false)]
         );
         assert!(
@@ -799,7 +799,7 @@ mod tests {
     }
 
     #[test]
-    fn requests_are_told_burst_by_burst_in_the_order_of_cycles() {
+    fn requests_are_written_burst_by_burst_in_the_order_of_cycles() {
         let timing = Machine::named("tiny").unwrap().elaborate().unwrap().timing;
         let request = |cycle, address, bytes, direction| Request {
             cycle,
@@ -814,20 +814,20 @@ mod tests {
                 request(3, 64, 64, Direction::Read),
             ],
         );
-        let told = |format| {
+        let trace = |format| {
             let mut text = Vec::new();
             requests.write(format, &mut text).unwrap();
             String::from_utf8(text).unwrap()
         };
         assert_eq!(
-            told(Trace::Dramsim3),
+            trace(Trace::Dramsim3),
             "0x40 READ 3\n0x100 WRITE 9\n0x140 WRITE 9\n"
         );
-        assert_eq!(told(Trace::Ramulator2), "LD 0x40\nST 0x100\nST 0x140\n");
+        assert_eq!(trace(Trace::Ramulator2), "LD 0x40\nST 0x100\nST 0x140\n");
     }
 
     #[test]
-    fn regions_that_lie_far_apart_are_brought_together_and_none_shares_a_row() {
+    fn distant_regions_are_moved_together_and_share_no_row() {
         let timing = Machine::named("tiny").unwrap().elaborate().unwrap().timing;
         let row = u64::from(timing.timing.memory.row_bytes);
         let request = |cycle, address, bytes| Request {
@@ -857,7 +857,7 @@ mod tests {
             .lines()
             .map(|line| u64::from_str_radix(line[2..].split(' ').next().unwrap(), 16).unwrap())
             .collect();
-        // A row each, one behind the other, each address at its place in the row.
+        // One row each, consecutive, each address at its place in the row.
         assert_eq!(
             addresses,
             [64, row + 128, 2 * row + 64, 3 * row, 4 * row + 64]

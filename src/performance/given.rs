@@ -1,16 +1,16 @@
-//! Given: what a machine is described with and nothing here has a price for. A suggestion marks a
-//! gain of these fields, and a search leaves them as they are.
+//! Given: fields of a machine that have no unit cost. What-if results mark a gain from these
+//! fields, and a search does not change them.
 //!
 //! Law (tests/area.rs): `no_field_of_timing_gains_for_nothing_unless_it_is_marked_as_given`.
 
 /// The clock of a machine.
 pub const CLOCK: &str = "timing.clock_hz";
 
-/// Fields without a price, and why.
+/// Fields without a unit cost, and why.
 pub const GIVEN: [(&str, &str); 22] = [
     (
         "timing.technology",
-        "a better one takes less energy, and what it costs to build in it has no price",
+        "a better one takes less energy, and manufacturing in it has no unit cost",
     ),
     ("timing.memory.ideal", MEMORY),
     ("timing.memory.bytes_per_cycle", MEMORY),
@@ -32,19 +32,19 @@ pub const GIVEN: [(&str, &str); 22] = [
     ("timing.memory.four_rows_cycles", MEMORY),
     (
         "timing.cache.ways",
-        "what compares the ways of a set has no price",
+        "comparing the ways of a set has no unit cost",
     ),
     (
         "timing.cache.latency",
-        "a look-up takes as long as its memory, which nothing here knows",
+        "its latency is that of a memory that is not modelled",
     ),
-    ("timing.walk.stack", "a tree's depth asks for it"),
+    ("timing.walk.stack", "it follows from a tree's depth"),
 ];
-const MEMORY: &str = "memory is bought, and has no price";
+const MEMORY: &str = "memory is bought and has no unit cost";
 const BY_CLOCK: &str =
-    "memory keeps its bytes per cycle, so another clock is another memory, which has no price";
+    "memory keeps its bytes per cycle, so another clock is another memory, which has no unit cost";
 
-/// Why a field is given; none where what it costs is counted.
+/// Why a field is given; `None` where its cost is counted.
 pub fn reason(field: &str) -> Option<&'static str> {
     GIVEN
         .iter()
@@ -52,7 +52,8 @@ pub fn reason(field: &str) -> Option<&'static str> {
         .map(|(_, why)| *why)
 }
 
-/// The same where nothing else changes: a clock by itself takes the bandwidth of memory along.
+/// Why a field changed alone is given: a change of only the clock also changes the bandwidth of
+/// memory.
 pub fn reason_alone(field: &str) -> Option<&'static str> {
     if field == CLOCK {
         Some(BY_CLOCK)
@@ -61,11 +62,11 @@ pub fn reason_alone(field: &str) -> Option<&'static str> {
     }
 }
 
-/// A line on the fields that are given among some; none where all have a price.
+/// A line about the given fields among `fields`; `None` if there are none.
 pub fn note<'a>(fields: impl IntoIterator<Item = &'a str>) -> Option<String> {
-    let told: Vec<String> = fields
+    let notes: Vec<String> = fields
         .into_iter()
         .filter_map(|field| Some(format!("{field} ({})", reason_alone(field)?)))
         .collect();
-    (!told.is_empty()).then(|| format!("given, at no cost: {}", told.join("; ")))
+    (!notes.is_empty()).then(|| format!("given, at no cost: {}", notes.join("; ")))
 }

@@ -1,10 +1,11 @@
-//! Recording: a frame's work in a file, so that its time can be asked for again without drawing it.
+//! Recording: a frame's work in a file, so that its time can be computed again without drawing it.
 //!
 //! ```text
-//! run --record FILE ─► "splatsim-work-5\n", machine and scene's name, what happened ─► replay FILE: any timing of the same machine
-//!                      "splatsim-work-6\n", the same, and the keys of splats that were sorted, where buckets depend on them
+//! run --record FILE ─► "splatsim-work-5\n", machine and scene's name, events ─► replay FILE: any
+//! timing of the same machine
+//!                      "splatsim-work-6\n", the same, and the keys of sorted splats, where buckets depend on them
 //! ```
-//! What happened depends on everything of a machine but its `timing`: only that can be changed.
+//! The events depend on all fields of a machine except `timing`: only `timing` can be changed.
 //!
 //! Laws (tests/recording.rs): `a_record_that_is_read_is_the_one_that_was_written`,
 //! `no_damage_is_taken_for_a_record`, `a_replay_takes_the_cycles_of_the_run`.
@@ -34,16 +35,16 @@ use std::path::{Path, PathBuf};
 
 /// Beginning of a file of this kind.
 const MAGIC: &[u8] = b"splatsim-work-5\n";
-/// The same with keys behind the rest.
+/// Beginning of a file with keys at its end.
 const MAGIC_WITH_KEYS: &[u8] = b"splatsim-work-6\n";
 
-/// Fields outside of `timing` that change no picture: how the order comes about, not which it is.
+/// Fields outside of `timing` that change no picture: how the order is computed, not which it is.
 const OF_SORT: [&str; 3] = ["sort.kind", "sort.tile_bits", "sort.digit_bits"];
 
 /// Columns and rows of the roofline.
 const ROOFLINE_PX: [u32; 2] = [860, 600];
 
-/// A frame's work, and whose it is.
+/// A frame's work, with its scene and machine.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
     /// The scene's name.
@@ -54,9 +55,9 @@ pub struct Recording {
     pub work: Work,
 }
 
-/// As it lies in the file.
+/// Contents of the file.
 #[derive(Serialize, Deserialize)]
-struct Parts {
+struct FileContents {
     scene: String,
     /// JSON.
     machine: String,
@@ -68,22 +69,23 @@ struct Parts {
 pub struct Replayed {
     /// The frame's time.
     pub cycles: CyclesReport,
-    /// With other values of a field.
+    /// Times with other values of fields.
     pub timings: Option<Timings>,
-    /// What would make it faster, if that was asked for.
+    /// What-if results, if requested.
     pub answers: Option<Answers>,
-    /// Requests to memory, if that was asked for.
+    /// Requests to memory, if requested.
     pub requests: Option<Requests>,
+    /// Area of the machine, and energy of the frame.
     /// Area of the machine, and energy of the frame.
     pub cost: CostReport,
 }
 
 impl Recording {
-    /// Makes sure that a file can be written, before any work is done for it.
+    /// Checks that a file can be written, before any work is done for it.
     ///
     /// # Errors
-    /// [`Error::Input`] where there is no such folder, where nothing can be written there, or where
-    /// what has that name is no recording.
+    /// [`Error::Input`] where its folder does not exist or is not writable, or where another kind
+    /// of file has that name.
     pub fn may_be_written(path: &Path) -> Result<()> {
         let input_error = |what: &str| {
             Err(Error::input(format!(
@@ -107,7 +109,7 @@ impl Recording {
             read.is_ok() && (begins.is_empty() || [MAGIC, MAGIC_WITH_KEYS].contains(&&begins[..]))
         };
         if path.exists() && !(path.is_file() && is_recording()) {
-            return input_error("it is there already and is no recording");
+            return input_error("it exists and is not a recording");
         }
         probe(folder.unwrap_or(Path::new("."))).or_else(|error| input_error(&error.to_string()))
     }
@@ -115,11 +117,11 @@ impl Recording {
     /// Writes it into a file.
     ///
     /// # Errors
-    /// [`Error::Job`] where it cannot be written; then nothing is.
+    /// [`Error::Job`] where it cannot be written; then no file is left.
     pub fn write(self, path: &Path) -> Result<()> {
         let machine =
             serde_json::to_string(&self.machine).map_err(|error| Error::job(error.to_string()))?;
-        let parts = Parts {
+        let parts = FileContents {
             scene: self.scene,
             machine,
             work: self.work,
@@ -132,7 +134,7 @@ impl Recording {
                 MAGIC_WITH_KEYS
             })
             .map_err(|error| error.to_string())?;
-            // Its own error says of a full disk that a buffer is full.
+            // On a full disk, postcard's own error reports a full buffer.
             let written = postcard::to_io(&parts, &mut *file).map(|_| ());
             let written = written.and_then(|()| {
                 if keys.is_empty() {
@@ -149,10 +151,10 @@ impl Recording {
         })
     }
 
-    /// Reads what [`write`](Self::write) wrote.
+    /// Reads a file written by [`write`](Self::write).
     ///
     /// # Errors
-    /// [`Error::Input`], one sentence, where the file is none of these or is damaged.
+    /// [`Error::Input`], one sentence, where the file is of another kind or damaged.
     pub fn read(path: &Path) -> Result<Self> {
         let input_error = |what: &str| Error::input(format!("{}: {what}", path.display()));
         let bytes =
@@ -161,20 +163,20 @@ impl Recording {
         let rest = bytes
             .strip_prefix(if has_keys { MAGIC_WITH_KEYS } else { MAGIC })
             .ok_or_else(|| {
-                input_error("is no record of a frame's work, as `run --record` writes them")
+                input_error("is not a record of a frame's work, as `run --record` writes it")
             })?;
         let damaged = |what: &str| input_error(&format!("is damaged: {what}"));
-        let (mut parts, mut left): (Parts, &[u8]) = postcard::take_from_bytes(rest)
-            .map_err(|_| damaged("it ends too soon, or holds no such values"))?;
+        let (mut parts, mut left): (FileContents, &[u8]) = postcard::take_from_bytes(rest)
+            .map_err(|_| damaged("it is truncated or has invalid values"))?;
         if has_keys {
             (parts.work.keys, left) =
-                postcard::take_from_bytes(left).map_err(|_| damaged("its keys end too soon"))?;
+                postcard::take_from_bytes(left).map_err(|_| damaged("its keys are truncated"))?;
         }
         if !left.is_empty() {
-            return Err(damaged("something follows its end"));
+            return Err(damaged("it has data after its end"));
         }
         let machine =
-            serde_json::from_str(&parts.machine).map_err(|_| damaged("its machine is no JSON"))?;
+            serde_json::from_str(&parts.machine).map_err(|_| damaged("its machine is not JSON"))?;
         let machine = machines::from_value(&machine, &format!("{}: its machine", path.display()))?;
         let [width, height] = [parts.work.width, parts.work.height].map(|side| side as usize);
         if width.saturating_mul(height) > MOST_PIXELS {
@@ -184,7 +186,7 @@ impl Recording {
         }
         parts.work.check().map_err(|what| damaged(&what))?;
         holds_keys(&machine, &parts.work)
-            .map_err(|_| damaged("its machine has buckets, and it has no keys"))?;
+            .map_err(|_| damaged("its machine has buckets, but it has no keys"))?;
         Ok(Recording {
             scene: parts.scene,
             machine,
@@ -218,21 +220,21 @@ impl Recording {
         Ok(())
     }
 
-    /// Whether the machine's walker, and with each of other values of its timing, has room for the
-    /// frame's walk.
+    /// Checks that the machine's walker, with its own timing and each other value of it, has enough
+    /// stack for the frame's walk.
     ///
     /// # Errors
-    /// [`Error::Input`] with the stack that would do.
+    /// [`Error::Input`] with the stack that is needed.
     pub fn hold_stack(&self, axes: &[Axes]) -> Result<()> {
         let deepest = self.work.deepest_stack();
         holds_stack(self.machine.timing.walk, deepest).map_err(Error::input)?;
         Variants::new(&self.machine, axes)?.map_or(Ok(()), |variants| variants.hold_stack(deepest))
     }
 
-    /// Asks for the frame's time; with prices also for what would make it faster.
+    /// Computes the frame's time; with `answers` also what-if results.
     ///
     /// # Errors
-    /// [`Error::Input`] where no machine can have such a timing.
+    /// [`Error::Input`] where a timing is invalid.
     pub fn replay(
         &self,
         axes: &[Axes],
@@ -247,7 +249,7 @@ impl Recording {
         )
     }
 
-    /// The same, with these prices for the cost and for what would be faster.
+    /// [`Recording::replay`] with other unit costs.
     ///
     /// # Errors
     /// As [`Recording::replay`].
@@ -281,20 +283,20 @@ impl Recording {
     }
 }
 
-/// Whether a record has what buckets depend on, for a machine that has any.
+/// Whether a record has the keys that a machine with buckets needs.
 fn holds_keys(machine: &Machine, work: &Work) -> std::result::Result<(), String> {
     let has_buckets = machine
         .sort
         .is_some_and(|sort| sort.kind == SortKind::Hierarchical);
     if has_buckets && work.keys.len() != work.order.len() {
-        return Err("the record has no keys of its splats, and buckets depend on them: record the frame with sort.kind=hierarchical".into());
+        return Err("the record lacks the keys of its splats, which buckets depend on: record the frame with sort.kind=hierarchical".into());
     }
     Ok(())
 }
 
 impl Replayed {
-    /// For a terminal, at most 80 columns wide. Who asks for other values of a field, or for what
-    /// would be faster, has seen the frame's own time when it was drawn.
+    /// Text for a terminal, at most 80 columns wide. With other values of fields or what-if
+    /// results, the frame's own time is left out: `run` has printed it.
     pub fn summary(&self, recording: &Recording) -> String {
         let Recording {
             scene,
@@ -308,17 +310,17 @@ impl Replayed {
             work.width,
             work.height
         ));
-        let asked = [
+        let tables = [
             self.timings.as_ref().map(Timings::table),
             self.answers.as_ref().map(Answers::table),
         ];
-        let asked: Vec<String> = asked.into_iter().flatten().collect();
-        let told = if asked.is_empty() {
+        let tables: Vec<String> = tables.into_iter().flatten().collect();
+        let text = if tables.is_empty() {
             format!("{}\n{}", self.cycles.summary(), self.cost.summary())
         } else {
-            asked.join("\n\n")
+            tables.join("\n\n")
         };
-        format!("{head}\n\n{told}")
+        format!("{head}\n\n{text}")
     }
 
     /// Writes tables and charts into a folder; returns what was written.
@@ -349,7 +351,7 @@ impl Replayed {
     }
 }
 
-/// What a frame's time is shown by: charts, a table, and requests to memory.
+/// Files on a frame's time: charts, a table, and requests to memory.
 pub fn files_of_cycles<'a>(
     cycles: &'a CyclesReport,
     timings: Option<&'a Timings>,

@@ -1,15 +1,15 @@
-//! Roofline: bytes a frame against its cycles, under what memory and the busiest units cannot be
-//! faster than (docs/book/timing-explore.md).
+//! Roofline: bytes per frame against its cycles, with the lower limits set by memory and the
+//! busiest units (docs/book/timing-explore.md).
 //!
 //! ```text
-//! cycles ▲        ╱ memory: bytes / bytes a cycle
-//!        │   ✕   ╱     the frame: how far above the lines, so much is lost to waiting
+//! cycles ▲ ╱ memory: bytes / bytes per cycle
+//!        │   ✕   ╱     the frame: its height above the lines is lost to stalls
 //!        │──────╱── fragment: the cycles that it is busy
 //!        │─────╱─── raster
 //!        └────────────► bytes
 //! ```
 //! The roofs of Williams, Waterman and Patterson ("Roofline", CACM 2009) upside down: cycles of one
-//! frame, not work a second, for all points are the same frame.
+//! frame, not work per second, because all points are the same frame.
 
 use crate::output::chart::{Axis, Mark, Panel, Series};
 use crate::output::text::thousands;
@@ -17,9 +17,9 @@ use crate::performance::answers::Answers;
 use crate::performance::cycles::CyclesReport;
 use crate::performance::timings::Timings;
 
-/// Units whose lines are drawn: the busiest.
+/// Number of lines of units: the busiest ones.
 const MOST_UNITS: usize = 4;
-/// Other machines that are named beside their points, at most.
+/// Greatest number of other machines with a name at their point.
 const MOST_NAMED: usize = 12;
 
 /// The chart of a frame, and of the same frame on other microarchitectures.
@@ -39,14 +39,14 @@ pub fn chart(cycles: &CyclesReport, timings: Option<&Timings>, answers: Option<&
             .collect()
     });
     let answered: Vec<([f64; 2], String)> = answers.map_or_else(Vec::new, |answers| {
-        let told = |field: &str| field.trim_start_matches("timing.").to_owned();
+        let short_name = |field: &str| field.trim_start_matches("timing.").to_owned();
         answers
             .best
             .iter()
             .map(|best| {
                 (
                     point(best.bytes, best.cycles),
-                    format!("{} {}", told(&best.field), best.to),
+                    format!("{} {}", short_name(&best.field), best.to),
                 )
             })
             .collect()
@@ -60,7 +60,7 @@ pub fn chart(cycles: &CyclesReport, timings: Option<&Timings>, answers: Option<&
             .fold(f64::INFINITY, f64::min)
     };
     let most = |at: usize| points().map(|point| point[at]).fold(0.0, f64::max);
-    // A frame without traffic, or without cycles, has no place on axes of powers.
+    // A frame without traffic or cycles has no place on logarithmic axes.
     let [x, y] = [[least(0) / 3.0, most(0) * 3.0], [least(1), most(1) * 1.6]]
         .map(|[low, high]| if low < high { [low, high] } else { [0.1, 10.0] });
 
@@ -78,7 +78,7 @@ pub fn chart(cycles: &CyclesReport, timings: Option<&Timings>, answers: Option<&
         });
     }
     let mut units: Vec<_> = cycles.units.iter().filter(|unit| unit.busy > 0).collect();
-    // Stable: of equals the first in the diagram.
+    // The sort is stable: among equals, the first in the diagram comes first.
     units.sort_by_key(|unit| std::cmp::Reverse(unit.busy));
     for (nth, unit) in units.into_iter().take(MOST_UNITS).enumerate() {
         let busy = unit.busy as f64 / 1e6;
@@ -152,14 +152,14 @@ mod tests {
         };
         let mut cycles =
             CyclesReport::new(&timing, &work, &replay(&timing, &work, Detail::Histograms));
-        // No splat keeps a unit busy.
+        // Without splats every unit is idle.
         cycles.units[0].busy = cycles.total / 2;
         let panel = chart(&cycles, None, None);
         (cycles, panel)
     }
 
     #[test]
-    fn no_frame_lies_below_a_roof_and_ideal_memory_has_none() {
+    fn no_frame_is_below_a_roof_and_ideal_memory_has_none() {
         let (cycles, panel) = drawn(false, 64);
         let [frame] = panel.series.last().unwrap().points[..] else {
             panic!()

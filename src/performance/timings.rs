@@ -23,10 +23,10 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use std::str::FromStr;
 
-/// Most machines that a frame is replayed on, and most values of one field.
+/// Greatest number of machines on which a frame is replayed, and of values of one field.
 const MOST: usize = 1000;
 
-/// A field of a machine's timing, and the values that it is to take.
+/// A field of a machine's timing, and its values.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Axes {
     path: String,
@@ -36,7 +36,7 @@ pub struct Axes {
 impl FromStr for Axes {
     type Err = String;
 
-    /// `timing.raster.fifo=1,2,4`: commas inside of brackets part nothing.
+    /// `timing.raster.fifo=1,2,4`: commas inside brackets do not separate values.
     fn from_str(text: &str) -> std::result::Result<Self, String> {
         let sentence =
             "write PATH=VALUE,VALUE,… of a field below timing, as in timing.raster.fifo=1,2,4";
@@ -67,7 +67,7 @@ impl FromStr for Axes {
     }
 }
 
-/// Fields, and a microarchitecture for each of their values with each of the others'.
+/// Fields, and a microarchitecture for each combination of their values.
 #[derive(Clone, Debug)]
 pub struct Variants {
     paths: Vec<String>,
@@ -76,11 +76,11 @@ pub struct Variants {
 }
 
 impl Variants {
-    /// Of a machine; none where no field is named.
+    /// Variants of a machine; `None` without a field.
     ///
     /// # Errors
-    /// [`Error::Input`] naming the first value that no machine can have, a field that is named
-    /// twice, or how many machines are too many.
+    /// [`Error::Input`] naming the first invalid value, a field that is named twice, or the number
+    /// of machines if there are too many.
     pub fn new(machine: &Machine, axes: &[Axes]) -> Result<Option<Self>> {
         let count = axes.iter().fold(1_usize, |count, axis| {
             count.saturating_mul(axis.values.len())
@@ -139,7 +139,7 @@ impl Variants {
             all = all.iter().map(with).collect::<Result<Vec<_>>>()?.concat();
         }
         let built = |(values, machine): (Vec<String>, Machine)| {
-            let told = || {
+            let setting = || {
                 let settings = paths
                     .iter()
                     .zip(&values)
@@ -147,7 +147,7 @@ impl Variants {
                 machines::flag("--timing", &settings.collect::<Vec<_>>().join(" --timing "))
             };
             let elaborated = fixed::elaborate(&machine)
-                .map_err(|error| Error::input(format!("{}: {error}", told())))?;
+                .map_err(|error| Error::input(format!("{}: {error}", setting())))?;
             Ok((values, elaborated.timing))
         };
         let machines = if axes.is_empty() {
@@ -158,10 +158,11 @@ impl Variants {
         Ok((!axes.is_empty()).then_some(Variants { paths, machines }))
     }
 
-    /// Whether each machine's walker has room for a frame of which so many nodes wait on its stack.
+    /// Checks that each machine's walker has enough stack for a frame with this greatest number of
+    /// nodes on it.
     ///
     /// # Errors
-    /// [`Error::Input`] naming the first one that has not, and the stack that would do.
+    /// [`Error::Input`] naming the first machine without, and the stack that is needed.
     pub fn hold_stack(&self, deepest: u64) -> Result<()> {
         self.machines.iter().try_for_each(|(values, machine)| {
             let settings = self
@@ -177,13 +178,13 @@ impl Variants {
     }
 }
 
-/// Whether a walker has room for a frame of which so many nodes wait on its stack; else a sentence
-/// with the stack that would do. A machine without one has the default walker.
+/// Checks that a walker has enough stack for this number of nodes; the error is a sentence with the
+/// stack that is needed. A machine without a walker has the default one.
 pub(super) fn holds_stack(walk: Option<Walk>, deepest: u64) -> std::result::Result<(), String> {
     let stack = walk.unwrap_or_default().stack;
     if deepest > stack.into() {
         return Err(format!(
-            "timing.walk.stack is {stack}, but {deepest} nodes of the frame wait on it; {deepest} would do"
+            "timing.walk.stack is {stack}, but the frame's walk stores up to {deepest} nodes on it: {deepest} would do"
         ));
     }
     Ok(())
@@ -192,17 +193,16 @@ pub(super) fn holds_stack(walk: Option<Walk>, deepest: u64) -> std::result::Resu
 /// Frame times by value.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Timings {
-    /// The field; several with commas between them.
+    /// The field; several are separated by commas.
     pub path: String,
-    /// Value by value; of several fields every value with every other's, those of the last field
-    /// next to each other.
-    pub rows: Vec<Row>,
+    /// One row per value; with several fields one per combination, the last field changing fastest.
+    pub rows: Vec<TimingRow>,
 }
 
 /// A frame's time with one value.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
-pub struct Row {
-    /// The value; of several fields one each, with commas between them.
+pub struct TimingRow {
+    /// The value; with several fields one each, separated by commas.
     pub value: String,
     /// The values one by one, in the order of the fields.
     pub values: Vec<String>,
@@ -211,7 +211,7 @@ pub struct Row {
 }
 
 impl Timings {
-    /// Replays a frame's work on all of them.
+    /// Replays a frame's work on all variants.
     pub fn new(variants: &Variants, work: &Work) -> Self {
         let replayed: Vec<Cycles> = variants
             .machines
@@ -225,7 +225,7 @@ impl Timings {
             .zip(&replayed)
             .collect();
         let values = variants.machines.iter().map(|(values, _)| values.clone());
-        let row = |(values, cycles): (Vec<String>, CyclesReport)| Row {
+        let row = |(values, cycles): (Vec<String>, CyclesReport)| TimingRow {
             value: values.join(", "),
             values,
             cycles,
@@ -239,7 +239,7 @@ impl Timings {
         }
     }
 
-    /// At most 80 columns.
+    /// The table, at most 80 columns wide.
     pub fn table(&self) -> String {
         let fields = self
             .path
@@ -254,7 +254,7 @@ impl Timings {
             .iter()
             .map(|row| row.cycles.frames_per_second)
             .fold(0.0, f64::max);
-        for Row { values, cycles, .. } in &self.rows {
+        for TimingRow { values, cycles, .. } in &self.rows {
             let figures = [
                 thousands(cycles.total),
                 format!("{:.1}", cycles.frames_per_second),
@@ -269,7 +269,7 @@ impl Timings {
         format!("{}{note}", aligned(table).trim_fmt())
     }
 
-    /// Frames a second by value.
+    /// Frames per second by value.
     pub fn chart(&self) -> Bars {
         let most = self
             .rows
@@ -295,7 +295,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn values_are_parted_by_commas_outside_of_brackets() {
+    fn values_are_separated_by_commas_outside_brackets() {
         let axes: Axes = "timing.raster.lanes=[1,1], [2,2],[4,1]".parse().unwrap();
         assert_eq!(
             (axes.path.as_str(), axes.values),

@@ -1,6 +1,6 @@
-/* Draws a scene, asks a unit of the machine for its answers, and holds records against it.
+/* Draws a scene, runs units of the machine on random records, and compares their output.
  *
- * units SCENE.json [UNIT...]: of these units, or of all; prints what it finds; 0 if all is as it should be. */
+ * units SCENE.json [UNIT...]: checks these units, or all; prints the results; returns 0 on success. */
 #include "splatsim.h"
 
 #include <stdio.h>
@@ -12,7 +12,7 @@ static int fail(const char *what) {
   return 1;
 }
 
-/* A picture and the report. */
+/* Draws a picture and the report. */
 static int draw(const splatsim_machine *machine, const splatsim_scene *scene) {
   splatsim_drawing *drawing = splatsim_draw(machine, scene);
   uint32_t width = 0, height = 0;
@@ -51,9 +51,9 @@ static int draw(const splatsim_machine *machine, const splatsim_scene *scene) {
   return failed;
 }
 
-/* Random records: answers as bits, and how many wait; then the frame of both ends, and what they hold is compared too. */
+/* Compares the output of two equal units as bits, and the numbers of queued records; then their output at the end of a frame. */
 static int bits_and_ends(splatsim_unit *unit, splatsim_unit *other, const char *name) {
-  /* Of resolve a pixel may not be complete: that is refused, and the layers are gone. */
+  /* In resolve a pixel may be incomplete: then the end is refused, and its layers are dropped. */
   const int may_refuse = strcmp(name, "resolve") == 0;
   const int ports[2] = {SPLATSIM_OUT, SPLATSIM_HELD};
   uint32_t bits[32];
@@ -79,7 +79,7 @@ static int bits_and_ends(splatsim_unit *unit, splatsim_unit *other, const char *
   return waiting != 0;
 }
 
-/* Random records: the answers of one unit are held against another of the same kind, as words and as bits; then a wrong one is. */
+/* Compares the output of two equal units on random records, as words and as bits; then a wrong record. */
 static int compare(const splatsim_machine *machine, const splatsim_scene *scene, const char *name) {
   splatsim_unit *unit = splatsim_unit_new(machine, scene, name, 1), *other = splatsim_unit_new(machine, scene, name, 1);
   int64_t in[32], out[32];
@@ -104,7 +104,7 @@ static int compare(const splatsim_machine *machine, const splatsim_scene *scene,
     }
   }
   if (bits_and_ends(unit, other, name) != 0) goto end;
-  /* A device that says something else: it is found out as soon as the field means anything. */
+  /* A device with a wrong record: detected as soon as the changed field has a meaning. */
   for (i = 0; i < 100 && differs == 0; i++) {
     if (splatsim_unit_random(unit, in, (size_t)fields_in) != 0) goto end;
     if (splatsim_unit_step(unit, in, (size_t)fields_in) < 0 || splatsim_unit_step(other, in, (size_t)fields_in) < 0) goto end;
@@ -123,7 +123,7 @@ end:
   return failed;
 }
 
-/* Whatever is wrong is told in a sentence. */
+/* Every error is reported in a sentence. */
 static int refusals(splatsim_machine *machine, const splatsim_scene *scene) {
   splatsim_unit *gauss = splatsim_unit_new(machine, scene, "gauss", 1);
   const int64_t far_out[2] = {-1, 1};
@@ -131,16 +131,16 @@ static int refusals(splatsim_machine *machine, const splatsim_scene *scene) {
   uint32_t half = 0;
   int failures = 0;
   char name[16];
-#define EXPECT(call, says)                                                        \
+#define EXPECT(call, text)                                                        \
   do {                                                                            \
-    if (!(call) || strstr(splatsim_last_error(), says) == NULL) {                 \
+    if (!(call) || strstr(splatsim_last_error(), text) == NULL) {                 \
       fprintf(stderr, "%s: not refused: %s\n", #call, splatsim_last_error());     \
       failures++;                                                                 \
     }                                                                             \
   } while (0)
   EXPECT(splatsim_machine_open(NULL) == NULL, "name_or_path is NULL");
   EXPECT(splatsim_machine_open("nowhere") == NULL, "nowhere");
-  EXPECT(splatsim_machine_from_json("{", 1) == NULL, "no JSON");
+  EXPECT(splatsim_machine_from_json("{", 1) == NULL, "not JSON");
   EXPECT(splatsim_machine_from_json(NULL, 1) == NULL, "json is NULL");
   EXPECT(splatsim_machine_from_json("{\"gauss\": 1}", 12) == NULL, "the machine");
   EXPECT(splatsim_machine_set(machine, "gauss.weight") == -1, "gauss.weight");
@@ -160,9 +160,9 @@ static int refusals(splatsim_machine *machine, const splatsim_scene *scene) {
   EXPECT(splatsim_unit_compare(gauss, SPLATSIM_OUT, words, 1) == 1, "one too many");
   EXPECT(splatsim_unit_step(gauss, words, 2) == 1 && splatsim_unit_compare(gauss, SPLATSIM_OUT, words, 2) == -1, "count is 2");
   EXPECT(splatsim_unit_compare_bits(gauss, SPLATSIM_OUT, &half, 0) == -1, "0 words");
-  EXPECT(splatsim_unit_next(gauss, SPLATSIM_OUT, (int64_t *)(void *)((char *)words + 1), 1) == -1, "no address");
-  EXPECT(splatsim_unit_step(gauss, words, (size_t)-1) == -1, "no memory");
-  /* Nothing of that has taken it. */
+  EXPECT(splatsim_unit_next(gauss, SPLATSIM_OUT, (int64_t *)(void *)((char *)words + 1), 1) == -1, "not aligned");
+  EXPECT(splatsim_unit_step(gauss, words, (size_t)-1) == -1, "more than memory");
+  /* The refused calls removed no record. */
   if (splatsim_unit_waiting(gauss, SPLATSIM_OUT) != 1 || splatsim_unit_next(gauss, SPLATSIM_OUT, words, 1) != 1) failures++;
   EXPECT(splatsim_unit_constant_bits(gauss, "lamp", 0, &half, 1) == -1, "lamp");
   EXPECT(splatsim_unit_constant_bits(gauss, "frame", 0, &half, 1) == -1, "count is 1");
@@ -196,7 +196,7 @@ int main(int argc, char **argv) {
     failures = fail("machine and scene");
     goto end;
   }
-  /* A machine by its text. */
+  /* A machine from its text. */
   length = splatsim_machine_json(machine, NULL, 0);
   json = length < 0 ? NULL : malloc((size_t)length + 1);
   if (json == NULL || splatsim_machine_json(machine, json, (size_t)length + 1) != length) {

@@ -1,4 +1,4 @@
-/* splatsim for C and C++. Made by cbindgen: `cargo test -p splatsim-c` says how to make it anew. */
+/* splatsim for C and C++. Made by cbindgen; SPLATSIM_WRITE_HEADER=1 cargo test -p splatsim-c writes it. */
 
 #ifndef SPLATSIM_H
 #define SPLATSIM_H
@@ -7,42 +7,42 @@
 #include <stdint.h>
 
 /*
- What the hardware draws.
+ Picture of the hardware.
  */
 #define SPLATSIM_FIXED 0
 
 /*
- The same rules in exact arithmetic.
+ Picture by the same rules in exact arithmetic.
  */
 #define SPLATSIM_GOLDEN 1
 
 /*
- Exact arithmetic without a limit of fragments.
+ Picture in exact arithmetic without a limit of fragments.
  */
 #define SPLATSIM_IDEAL 2
 
 /*
- Port: what a unit takes.
+ Port: input records of a unit.
  */
 #define SPLATSIM_IN 0
 
 /*
- Port: what it gives for that.
+ Port: output records of a unit.
  */
 #define SPLATSIM_OUT 1
 
 /*
- Port: what fragment asks shade.
+ Port: requests of fragment to shade.
  */
 #define SPLATSIM_REQUEST 2
 
 /*
- Port: what that says.
+ Port: responses of shade to fragment.
  */
 #define SPLATSIM_ANSWER 3
 
 /*
- Port: what fragment holds in the end.
+ Port: final contents of fragment's pixels.
  */
 #define SPLATSIM_HELD 4
 
@@ -62,7 +62,7 @@ typedef struct splatsim_machine splatsim_machine;
 typedef struct splatsim_scene splatsim_scene;
 
 /*
- A unit by itself, and the records that it gave and nobody has taken.
+ A unit by itself, and its output records that have not been read.
  */
 typedef struct splatsim_unit splatsim_unit;
 
@@ -71,7 +71,7 @@ extern "C" {
 #endif // __cplusplus
 
 /*
- A named machine, such as "reference", or that of a file. NULL where there is none.
+ Opens a named machine, such as "reference", or a machine file. NULL on failure.
 
  # Safety
  `name_or_path` is NULL or a string that ends in 0.
@@ -79,8 +79,8 @@ extern "C" {
 splatsim_machine *splatsim_machine_open(const char *name_or_path);
 
 /*
- The machine that a JSON text of `length` bytes describes, as a machine file does. NULL where it
- describes none.
+ Makes the machine of a JSON text of `length` bytes, as in a machine file. NULL if it is not a
+ machine.
 
  # Safety
  `json` is NULL or points to `length` bytes.
@@ -88,9 +88,9 @@ splatsim_machine *splatsim_machine_open(const char *name_or_path);
 splatsim_machine *splatsim_machine_from_json(const char *json, size_t length);
 
 /*
- Changes a field, as in "gauss.weight=U-2F12". 0, or -1 where the machine has no such field or
- cannot be built with it: it then stays as it was. Units and drawings that were made before keep
- the machine that they were made with.
+ Changes a field, as in "gauss.weight=U-2F12". 0, or -1 for an unknown field or an invalid value:
+ the machine is unchanged then. Existing units and drawings keep the machine that they were made
+ with.
 
  # Safety
  `machine` is NULL or a machine, `setting` NULL or a string that ends in 0.
@@ -98,8 +98,8 @@ splatsim_machine *splatsim_machine_from_json(const char *json, size_t length);
 int splatsim_machine_set(splatsim_machine *machine, const char *setting);
 
 /*
- Writes the machine as JSON, and a 0, into `text` if `capacity` is greater than the count that is
- returned: bytes without the 0. -1 on failure.
+ Writes the machine as JSON, with a terminating 0, into `text` if `capacity` is greater than the
+ returned count: bytes without the 0. -1 on failure.
 
  # Safety
  `machine` is NULL or a machine; `text` is NULL, with capacity 0, or has room for `capacity`
@@ -108,16 +108,17 @@ int splatsim_machine_set(splatsim_machine *machine, const char *setting);
 ptrdiff_t splatsim_machine_json(const splatsim_machine *machine, char *text, size_t capacity);
 
 /*
- Frees a machine; NULL is nothing.
+ Frees a machine; does nothing for NULL.
 
  # Safety
- `machine` is NULL or a machine, and used by nobody any more.
+ `machine` is NULL or a machine that is not used any more.
  */
 void splatsim_machine_free(splatsim_machine *machine);
 
 /*
- A scene's file, a cloud, a volume or a built-in name, such as "glass-spheres"; in a picture of
- so many columns and rows, or, where one is 0, of its own size. NULL where it cannot be read.
+ Opens a scene file, a cloud, a volume or a built-in scene, such as "glass-spheres". `width` and
+ `height` are the size of the picture; if one is 0, the scene's own size is used. NULL if it
+ cannot be read.
 
  # Safety
  `name_or_path` is NULL or a string that ends in 0.
@@ -125,18 +126,19 @@ void splatsim_machine_free(splatsim_machine *machine);
 splatsim_scene *splatsim_scene_open(const char *name_or_path, uint32_t width, uint32_t height);
 
 /*
- Frees a scene; NULL is nothing.
+ Frees a scene; does nothing for NULL.
 
  # Safety
- `scene` is NULL or a scene, and used by nobody any more.
+ `scene` is NULL or a scene that is not used any more.
  */
 void splatsim_scene_free(splatsim_scene *scene);
 
 /*
- Draws a scene on a machine and in exact arithmetic. NULL where the machine cannot hold it.
+ Draws a scene on a machine and in exact arithmetic. NULL if a register of the machine cannot
+ hold a value of the scene.
 
  # Safety
- Both are NULL or what their types say.
+ Both are NULL or of their types.
  */
 splatsim_drawing *splatsim_draw(const splatsim_machine *machine, const splatsim_scene *scene);
 
@@ -144,24 +146,24 @@ splatsim_drawing *splatsim_draw(const splatsim_machine *machine, const splatsim_
  Columns and rows of the pictures. 0, or -1 on failure.
 
  # Safety
- `drawing` is NULL or a drawing, `width` and `height` NULL or places for a number each.
+ `drawing` is NULL or a drawing, `width` and `height` NULL or writable.
  */
 int splatsim_drawing_size(const splatsim_drawing *drawing, uint32_t *width, uint32_t *height);
 
 /*
- Writes one of the pictures, SPLATSIM_FIXED and so on, into `rgba`: linear light, premultiplied,
- four numbers a pixel, row by row from the top. `count` must be 4 * width * height. 0, or -1 on
+ Writes one of the pictures, such as SPLATSIM_FIXED, into `rgba`: linear light, premultiplied,
+ four numbers per pixel, row by row from the top. `count` must be 4 * width * height. 0, or -1 on
  failure.
 
  # Safety
- `drawing` is NULL or a drawing, `rgba` NULL or a place for `count` numbers, which nobody else
- uses meanwhile.
+ `drawing` is NULL or a drawing, `rgba` NULL or writable for `count` numbers, without other users
+ during the call.
  */
 int splatsim_picture(const splatsim_drawing *drawing, int which, double *rgba, size_t count);
 
 /*
- Writes the report as JSON, as `report.json` has it, and a 0, into `text` if `capacity` is
- greater than the count that is returned: bytes without the 0. -1 on failure.
+ Writes the report as JSON, as in `report.json`, with a terminating 0, into `text` if `capacity`
+ is greater than the returned count: bytes without the 0. -1 on failure.
 
  # Safety
  `drawing` is NULL or a drawing; `text` is NULL, with capacity 0, or has room for `capacity`
@@ -170,15 +172,15 @@ int splatsim_picture(const splatsim_drawing *drawing, int which, double *rgba, s
 ptrdiff_t splatsim_report_json(const splatsim_drawing *drawing, char *text, size_t capacity);
 
 /*
- Frees a drawing; NULL is nothing.
+ Frees a drawing; does nothing for NULL.
 
  # Safety
- `drawing` is NULL or a drawing, and used by nobody any more.
+ `drawing` is NULL or a drawing that is not used any more.
  */
 void splatsim_drawing_free(splatsim_drawing *drawing);
 
 /*
- What went wrong last in this thread, in a sentence; empty if nothing has. It stays until the
+ The last error of this thread, in a sentence; empty if there was none. It is valid until the
  thread's next failure.
  */
 const char *splatsim_last_error(void);
@@ -189,12 +191,12 @@ const char *splatsim_last_error(void);
 const char *splatsim_version(void);
 
 /*
- The unit of a machine by its name, such as "raster", with registers, lights and materials of a
- scene. Random records depend on `seed`. NULL where there is no such unit. Machine and scene may
- be freed before it is.
+ Makes the unit of a machine with a name, such as "raster", with registers, lights and materials
+ of a scene. Random records depend on `seed`. NULL for an unknown unit. Machine and scene may be
+ freed before the unit.
 
  # Safety
- All are NULL or what their types say.
+ All are NULL or of their types.
  */
 splatsim_unit *splatsim_unit_new(const splatsim_machine *machine,
                                  const splatsim_scene *scene,
@@ -202,16 +204,16 @@ splatsim_unit *splatsim_unit_new(const splatsim_machine *machine,
                                  uint64_t seed);
 
 /*
- Frees a unit; NULL is nothing.
+ Frees a unit; does nothing for NULL.
 
  # Safety
- `unit` is NULL or a unit, and used by nobody any more.
+ `unit` is NULL or a unit that is not used any more.
  */
 void splatsim_unit_free(splatsim_unit *unit);
 
 /*
- Words of a record of a port, SPLATSIM_IN and so on: one for each field. -1 where the unit has no
- such port.
+ Words in a record of a port, such as SPLATSIM_IN: one per field. -1 if the unit does not have
+ the port.
 
  # Safety
  `unit` is NULL or a unit.
@@ -219,7 +221,7 @@ void splatsim_unit_free(splatsim_unit *unit);
 ptrdiff_t splatsim_unit_fields(const splatsim_unit *unit, int port);
 
 /*
- Bits of a record of a port. -1 where the unit has no such port.
+ Bits in a record of a port. -1 if the unit does not have the port.
 
  # Safety
  `unit` is NULL or a unit.
@@ -227,8 +229,8 @@ ptrdiff_t splatsim_unit_fields(const splatsim_unit *unit, int port);
 ptrdiff_t splatsim_unit_width(const splatsim_unit *unit, int port);
 
 /*
- Writes a field's name, and a 0, into `text` if `capacity` is greater than the count that is
- returned: bytes without the 0. -1 on failure.
+ Writes a field's name, with a terminating 0, into `text` if `capacity` is greater than the
+ returned count: bytes without the 0. -1 on failure.
 
  # Safety
  `unit` is NULL or a unit; `text` is NULL, with capacity 0, or has room for `capacity` bytes.
@@ -236,19 +238,20 @@ ptrdiff_t splatsim_unit_width(const splatsim_unit *unit, int port);
 ptrdiff_t splatsim_unit_field(const splatsim_unit *unit, int port, size_t field, char *text, size_t capacity);
 
 /*
- Gives the unit a record, a word for each field. What comes of it waits until it is taken
- (`splatsim_unit_next`) or compared, at every port: fragment's requests and answers too, which
- grow in number where nobody takes them. The number of records that wait at SPLATSIM_OUT, or -1
- where the unit was never given such a record: nothing has happened then.
+ Passes a record to the unit, one word per field. The output is queued at every port until it is
+ read (`splatsim_unit_next`) or compared. This includes fragment's requests and responses, whose
+ queues grow if they are not read. Returns the number of queued records at SPLATSIM_OUT, or -1
+ for an invalid record: the unit is unchanged then.
 
  # Safety
- `unit` is NULL or a unit, `words` NULL or a pointer to `count` words that were written, which
- nobody changes meanwhile.
+ `unit` is NULL or a unit, `words` NULL or a pointer to `count` initialised words that do not
+ change during the call.
  */
 ptrdiff_t splatsim_unit_step(splatsim_unit *unit, const int64_t *words, size_t count);
 
 /*
- The same with a record as a trace's line has it, in 32-bit words, the least significant first.
+ `splatsim_unit_step` for a record in 32-bit words, as in a line of a trace, the least
+ significant first.
 
  # Safety
  As `splatsim_unit_step`.
@@ -256,9 +259,9 @@ ptrdiff_t splatsim_unit_step(splatsim_unit *unit, const int64_t *words, size_t c
 ptrdiff_t splatsim_unit_step_bits(splatsim_unit *unit, const uint32_t *words, size_t count);
 
 /*
- Ends a frame: fragment gives what it holds, sort what it has sorted, and both are empty. The
- number of records that wait at SPLATSIM_OUT and SPLATSIM_HELD, or -1 where a pixel's last layer
- is missing.
+ Ends a frame: fragment outputs its pixels' contents, sort the sorted records, and both are
+ empty. Returns the number of queued records at SPLATSIM_OUT and SPLATSIM_HELD, or -1 if the last
+ layer of a pixel is missing.
 
  # Safety
  `unit` is NULL or a unit.
@@ -266,7 +269,7 @@ ptrdiff_t splatsim_unit_step_bits(splatsim_unit *unit, const uint32_t *words, si
 ptrdiff_t splatsim_unit_end(splatsim_unit *unit);
 
 /*
- Number of records that wait at a port. -1 on failure.
+ Number of queued records at a port. -1 on failure.
 
  # Safety
  `unit` is NULL or a unit.
@@ -274,17 +277,17 @@ ptrdiff_t splatsim_unit_end(splatsim_unit *unit);
 ptrdiff_t splatsim_unit_waiting(const splatsim_unit *unit, int port);
 
 /*
- Takes the record that has waited longest at a port. `count` must be its number of fields. 1, or
- 0 where none waits, or -1 on failure.
+ Removes the oldest queued record at a port. `count` must be its number of fields. 1, or 0 if the
+ queue is empty, or -1 on failure.
 
  # Safety
- `unit` is NULL or a unit, `words` NULL or a place for `count` words, which nobody else uses
- meanwhile.
+ `unit` is NULL or a unit, `words` NULL or writable for `count` words, without other users during
+ the call.
  */
 int splatsim_unit_next(splatsim_unit *unit, int port, int64_t *words, size_t count);
 
 /*
- The same as 32-bit words, the least significant first; 0 above the record.
+ `splatsim_unit_next` in 32-bit words, the least significant first; 0 above the record.
 
  # Safety
  As `splatsim_unit_next`.
@@ -292,19 +295,20 @@ int splatsim_unit_next(splatsim_unit *unit, int port, int64_t *words, size_t cou
 int splatsim_unit_next_bits(splatsim_unit *unit, int port, uint32_t *words, size_t count);
 
 /*
- Compares a device's record with the one that has waited longest at a port (where order counts at
- each pixel only, at its pixel), and takes that away. `count` must be its number of fields. What
- means nothing in a record is not compared. 0 where they are equal, 1 where they differ:
- `splatsim_last_error` says how; -1 on failure: nothing is taken then.
+ Compares a device's record with the oldest queued record at a port, and removes that. Where only
+ the order per pixel matters, it is the oldest record of the same pixel. `count` must be its
+ number of fields. Fields without meaning in a record are not compared. 0 if they are equal; 1 if
+ they differ: `splatsim_last_error` returns the difference; -1 on failure: nothing is removed
+ then.
 
  # Safety
- `unit` is NULL or a unit, `words` NULL or a pointer to `count` words that were written, which
- nobody changes meanwhile.
+ `unit` is NULL or a unit, `words` NULL or a pointer to `count` initialised words that do not
+ change during the call.
  */
 int splatsim_unit_compare(splatsim_unit *unit, int port, const int64_t *words, size_t count);
 
 /*
- The same with a record in 32-bit words, the least significant first.
+ `splatsim_unit_compare` for a record in 32-bit words, the least significant first.
 
  # Safety
  As `splatsim_unit_compare`.
@@ -312,17 +316,17 @@ int splatsim_unit_compare(splatsim_unit *unit, int port, const int64_t *words, s
 int splatsim_unit_compare_bits(splatsim_unit *unit, int port, const uint32_t *words, size_t count);
 
 /*
- Makes up a record that the unit may be given: corners and thresholds on purpose, then random
- ones, for ever. `count` must be its number of fields. 0, or -1 on failure.
+ Makes a valid random input record: first corner cases and thresholds, then random ones, without
+ end. `count` must be its number of fields. 0, or -1 on failure.
 
  # Safety
- `unit` is NULL or a unit, `words` NULL or a place for `count` words, which nobody else uses
- meanwhile.
+ `unit` is NULL or a unit, `words` NULL or writable for `count` words, without other users during
+ the call.
  */
 int splatsim_unit_random(splatsim_unit *unit, int64_t *words, size_t count);
 
 /*
- The same as 32-bit words, the least significant first; 0 above the record.
+ `splatsim_unit_random` in 32-bit words, the least significant first; 0 above the record.
 
  # Safety
  As `splatsim_unit_random`.
@@ -330,13 +334,13 @@ int splatsim_unit_random(splatsim_unit *unit, int64_t *words, size_t count);
 int splatsim_unit_random_bits(splatsim_unit *unit, uint32_t *words, size_t count);
 
 /*
- Record `number` of what is constant in a frame ("frame", "light", "material" or "reflection"),
- as 32-bit words, the least significant first; 0 above the record. 1, or 0 where there is none of
- this number, or -1 on failure.
+ Writes record `number` of a constant of a frame ("frame", "light", "material" or "reflection")
+ in 32-bit words, the least significant first; 0 above the record. 1, or 0 if there is no record
+ of this number, or -1 on failure.
 
  # Safety
- `unit` is NULL or a unit, `name` NULL or a string that ends in 0, `words` NULL or a place for
- `count` words, which nobody else uses meanwhile.
+ `unit` is NULL or a unit, `name` NULL or a string that ends in 0, `words` NULL or writable for
+ `count` words, without other users during the call.
  */
 int splatsim_unit_constant_bits(const splatsim_unit *unit,
                                 const char *name,

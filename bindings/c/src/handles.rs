@@ -1,6 +1,6 @@
-//! Handles: machines, scenes, and what comes of drawing one on the other.
+//! Handles: machines, scenes, and drawings.
 
-use crate::text::{Told, guarded, hand_out, sound, string};
+use crate::text::{CallResult, guarded, hand_out, sound, string};
 use splatsim::error::Error;
 use splatsim::hardware::{fixed, machines};
 use splatsim::output::picture::Picture;
@@ -28,19 +28,19 @@ const _: () = {
     is_shared::<Drawing>();
 };
 
-/// What the hardware draws.
+/// Picture of the hardware.
 pub const SPLATSIM_FIXED: c_int = 0;
-/// The same rules in exact arithmetic.
+/// Picture by the same rules in exact arithmetic.
 pub const SPLATSIM_GOLDEN: c_int = 1;
-/// Exact arithmetic without a limit of fragments.
+/// Picture in exact arithmetic without a limit of fragments.
 pub const SPLATSIM_IDEAL: c_int = 2;
 
-/// What a handle points to.
+/// Dereferences a handle.
 ///
 /// # Safety
-/// NULL, or a handle that was made here and not freed.
-pub(crate) unsafe fn held<'a, T>(handle: *const T, what: &str) -> Told<&'a T> {
-    // SAFETY: the caller's.
+/// NULL, or a handle of this library that was not freed.
+pub(crate) unsafe fn held<'a, T>(handle: *const T, what: &str) -> CallResult<&'a T> {
+    // SAFETY: guaranteed by the caller.
     unsafe { handle.as_ref() }.ok_or_else(|| format!("{what} is NULL"))
 }
 
@@ -51,10 +51,10 @@ pub(crate) fn handle<T>(made: T) -> *mut T {
 /// Frees a handle.
 ///
 /// # Safety
-/// As [`held`]; nobody uses it any more.
+/// As [`held`], and the handle is not used any more.
 pub(crate) unsafe fn freed<T>(handle: *mut T) {
     if !handle.is_null() {
-        // SAFETY: the caller's: it came from `handle`.
+        // SAFETY: guaranteed by the caller: it came from `handle`.
         guarded((), || {
             drop(unsafe { Box::from_raw(handle) });
             Ok(())
@@ -62,8 +62,7 @@ pub(crate) unsafe fn freed<T>(handle: *mut T) {
     }
 }
 
-/// What is behind a lock, even where another call failed while it had it: no call leaves anything
-/// half done that another could trip over.
+/// Locks a mutex, even after a call failed while holding it: a failed call leaves consistent data.
 pub(crate) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -78,21 +77,21 @@ impl Machine {
     }
 }
 
-/// A named machine, such as "reference", or that of a file. NULL where there is none.
+/// Opens a named machine, such as "reference", or a machine file. NULL on failure.
 ///
 /// # Safety
 /// `name_or_path` is NULL or a string that ends in 0.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_machine_open(name_or_path: *const c_char) -> *mut Machine {
     guarded(std::ptr::null_mut(), || {
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         let name = unsafe { string(name_or_path, "name_or_path") }?;
         checked(machines::load(name, &[]).map_err(sentence)?)
     })
 }
 
-/// The machine that a JSON text of `length` bytes describes, as a machine file does. NULL where it
-/// describes none.
+/// Makes the machine of a JSON text of `length` bytes, as in a machine file. NULL if it is not a
+/// machine.
 ///
 /// # Safety
 /// `json` is NULL or points to `length` bytes.
@@ -103,22 +102,22 @@ pub unsafe extern "C" fn splatsim_machine_from_json(
 ) -> *mut Machine {
     guarded(std::ptr::null_mut(), || {
         sound(json, length, "json")?;
-        // SAFETY: the caller's; it was checked.
+        // SAFETY: guaranteed by the caller; it was checked.
         let bytes = unsafe { std::slice::from_raw_parts(json.cast::<u8>(), length) };
         let value = serde_json::from_slice(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes))
-            .map_err(|e| format!("the machine is no JSON: {e}"))?;
+            .map_err(|e| format!("the machine is not JSON: {e}"))?;
         checked(machines::from_value(&value, "the machine").map_err(sentence)?)
     })
 }
 
-fn checked(machine: rtl_model::Machine) -> Told<*mut Machine> {
+fn checked(machine: rtl_model::Machine) -> CallResult<*mut Machine> {
     fixed::elaborate(&machine).map_err(sentence)?;
     Ok(handle(Machine(Mutex::new(machine))))
 }
 
-/// Changes a field, as in "gauss.weight=U-2F12". 0, or -1 where the machine has no such field or
-/// cannot be built with it: it then stays as it was. Units and drawings that were made before keep
-/// the machine that they were made with.
+/// Changes a field, as in "gauss.weight=U-2F12". 0, or -1 for an unknown field or an invalid value:
+/// the machine is unchanged then. Existing units and drawings keep the machine that they were made
+/// with.
 ///
 /// # Safety
 /// `machine` is NULL or a machine, `setting` NULL or a string that ends in 0.
@@ -128,7 +127,7 @@ pub unsafe extern "C" fn splatsim_machine_set(
     setting: *const c_char,
 ) -> c_int {
     guarded(-1, || {
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         let (machine, setting) =
             unsafe { (held(machine, "machine")?, string(setting, "setting")?) };
         let mut machine = locked(&machine.0);
@@ -139,8 +138,8 @@ pub unsafe extern "C" fn splatsim_machine_set(
     })
 }
 
-/// Writes the machine as JSON, and a 0, into `text` if `capacity` is greater than the count that is
-/// returned: bytes without the 0. -1 on failure.
+/// Writes the machine as JSON, with a terminating 0, into `text` if `capacity` is greater than the
+/// returned count: bytes without the 0. -1 on failure.
 ///
 /// # Safety
 /// `machine` is NULL or a machine; `text` is NULL, with capacity 0, or has room for `capacity`
@@ -152,26 +151,27 @@ pub unsafe extern "C" fn splatsim_machine_json(
     capacity: usize,
 ) -> isize {
     guarded(-1, || {
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         let machine = unsafe { held(machine, "machine") }?.now();
         let json = serde_json::to_string_pretty(&machine).map_err(|e| e.to_string())?;
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         unsafe { hand_out(&json, text, capacity) }
     })
 }
 
-/// Frees a machine; NULL is nothing.
+/// Frees a machine; does nothing for NULL.
 ///
 /// # Safety
-/// `machine` is NULL or a machine, and used by nobody any more.
+/// `machine` is NULL or a machine that is not used any more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_machine_free(machine: *mut Machine) {
-    // SAFETY: the caller's.
+    // SAFETY: guaranteed by the caller.
     unsafe { freed(machine) }
 }
 
-/// A scene's file, a cloud, a volume or a built-in name, such as "glass-spheres"; in a picture of
-/// so many columns and rows, or, where one is 0, of its own size. NULL where it cannot be read.
+/// Opens a scene file, a cloud, a volume or a built-in scene, such as "glass-spheres". `width` and
+/// `height` are the size of the picture; if one is 0, the scene's own size is used. NULL if it
+/// cannot be read.
 ///
 /// # Safety
 /// `name_or_path` is NULL or a string that ends in 0.
@@ -182,7 +182,7 @@ pub unsafe extern "C" fn splatsim_scene_open(
     height: u32,
 ) -> *mut Scene {
     guarded(std::ptr::null_mut(), || {
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         let name = unsafe { string(name_or_path, "name_or_path") }?;
         let size = (width != 0 && height != 0).then_some((width as usize, height as usize));
         Ok(handle(Scene(
@@ -191,27 +191,28 @@ pub unsafe extern "C" fn splatsim_scene_open(
     })
 }
 
-/// Frees a scene; NULL is nothing.
+/// Frees a scene; does nothing for NULL.
 ///
 /// # Safety
-/// `scene` is NULL or a scene, and used by nobody any more.
+/// `scene` is NULL or a scene that is not used any more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_scene_free(scene: *mut Scene) {
-    // SAFETY: the caller's.
+    // SAFETY: guaranteed by the caller.
     unsafe { freed(scene) }
 }
 
-/// Draws a scene on a machine and in exact arithmetic. NULL where the machine cannot hold it.
+/// Draws a scene on a machine and in exact arithmetic. NULL if a register of the machine cannot
+/// hold a value of the scene.
 ///
 /// # Safety
-/// Both are NULL or what their types say.
+/// Both are NULL or of their types.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_draw(
     machine: *const Machine,
     scene: *const Scene,
 ) -> *mut Drawing {
     guarded(std::ptr::null_mut(), || {
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         let (machine, scene) = unsafe { (held(machine, "machine")?.now(), held(scene, "scene")?) };
         let outcome = run::run(&scene.0, &machine, 0.0, &Options::default()).map_err(sentence)?;
         let report = serde_json::to_string_pretty(&outcome.report).map_err(|e| e.to_string())?;
@@ -222,7 +223,7 @@ pub unsafe extern "C" fn splatsim_draw(
 /// Columns and rows of the pictures. 0, or -1 on failure.
 ///
 /// # Safety
-/// `drawing` is NULL or a drawing, `width` and `height` NULL or places for a number each.
+/// `drawing` is NULL or a drawing, `width` and `height` NULL or writable.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_drawing_size(
     drawing: *const Drawing,
@@ -230,23 +231,23 @@ pub unsafe extern "C" fn splatsim_drawing_size(
     height: *mut u32,
 ) -> c_int {
     guarded(-1, || {
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         let picture = unsafe { &held(drawing, "drawing")?.outcome.fixed };
         sound(width, 1, "width")?;
         sound(height, 1, "height")?;
-        // SAFETY: the caller's; both were checked.
+        // SAFETY: guaranteed by the caller; both were checked.
         unsafe { (*width, *height) = (picture.width as u32, picture.height as u32) };
         Ok(0)
     })
 }
 
-/// Writes one of the pictures, SPLATSIM_FIXED and so on, into `rgba`: linear light, premultiplied,
-/// four numbers a pixel, row by row from the top. `count` must be 4 * width * height. 0, or -1 on
+/// Writes one of the pictures, such as SPLATSIM_FIXED, into `rgba`: linear light, premultiplied,
+/// four numbers per pixel, row by row from the top. `count` must be 4 * width * height. 0, or -1 on
 /// failure.
 ///
 /// # Safety
-/// `drawing` is NULL or a drawing, `rgba` NULL or a place for `count` numbers, which nobody else
-/// uses meanwhile.
+/// `drawing` is NULL or a drawing, `rgba` NULL or writable for `count` numbers, without other users
+/// during the call.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_picture(
     drawing: *const Drawing,
@@ -255,7 +256,7 @@ pub unsafe extern "C" fn splatsim_picture(
     count: usize,
 ) -> c_int {
     guarded(-1, || {
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         let outcome = unsafe { &held(drawing, "drawing")?.outcome };
         let Picture { rgba: pixels, .. } = match which {
             SPLATSIM_FIXED => &outcome.fixed,
@@ -271,18 +272,18 @@ pub unsafe extern "C" fn splatsim_picture(
         sound(rgba, count, "rgba")?;
         if count != pixels.len() {
             return Err(format!(
-                "rgba needs room for {} numbers, and count says {count}",
+                "rgba needs room for {} numbers, but count is {count}",
                 pixels.len()
             ));
         }
-        // SAFETY: the caller's; it was checked, and `count` compared.
+        // SAFETY: guaranteed by the caller; it was checked, and `count` compared.
         unsafe { std::ptr::copy_nonoverlapping(pixels.as_ptr(), rgba, count) };
         Ok(0)
     })
 }
 
-/// Writes the report as JSON, as `report.json` has it, and a 0, into `text` if `capacity` is
-/// greater than the count that is returned: bytes without the 0. -1 on failure.
+/// Writes the report as JSON, as in `report.json`, with a terminating 0, into `text` if `capacity`
+/// is greater than the returned count: bytes without the 0. -1 on failure.
 ///
 /// # Safety
 /// `drawing` is NULL or a drawing; `text` is NULL, with capacity 0, or has room for `capacity`
@@ -294,17 +295,17 @@ pub unsafe extern "C" fn splatsim_report_json(
     capacity: usize,
 ) -> isize {
     guarded(-1, || {
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         unsafe { hand_out(&held(drawing, "drawing")?.report, text, capacity) }
     })
 }
 
-/// Frees a drawing; NULL is nothing.
+/// Frees a drawing; does nothing for NULL.
 ///
 /// # Safety
-/// `drawing` is NULL or a drawing, and used by nobody any more.
+/// `drawing` is NULL or a drawing that is not used any more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_drawing_free(drawing: *mut Drawing) {
-    // SAFETY: the caller's.
+    // SAFETY: guaranteed by the caller.
     unsafe { freed(drawing) }
 }

@@ -1,15 +1,15 @@
-//! Units: one unit of a machine, words in and words out, and what it gave held against a device's
-//! records.
+//! Units: one unit of a machine, words in and words out, and comparison of its output with a
+//! device's records.
 
 use crate::handles::{Machine, Scene, freed, handle, held, is_shared, locked, sentence};
-use crate::text::{Told, guarded, hand_out, sound, string};
+use crate::text::{CallResult, guarded, hand_out, sound, string};
 use self_cell::self_cell;
 use splatsim::cosim::live::{Constants, Port, Record};
 use splatsim::cosim::scoreboard::{PortSide, Scoreboard};
 use std::ffi::{c_char, c_int};
 use std::sync::Mutex;
 
-/// A unit by itself, and the records that it gave and nobody has taken.
+/// A unit by itself, and its output records that have not been read.
 pub struct Unit(Mutex<Cell>);
 
 self_cell!(
@@ -22,18 +22,18 @@ self_cell!(
 
 const _: () = is_shared::<Unit>();
 
-/// Port: what a unit takes.
+/// Port: input records of a unit.
 pub const SPLATSIM_IN: c_int = 0;
-/// Port: what it gives for that.
+/// Port: output records of a unit.
 pub const SPLATSIM_OUT: c_int = 1;
-/// Port: what fragment asks shade.
+/// Port: requests of fragment to shade.
 pub const SPLATSIM_REQUEST: c_int = 2;
-/// Port: what that says.
+/// Port: responses of shade to fragment.
 pub const SPLATSIM_ANSWER: c_int = 3;
-/// Port: what fragment holds in the end.
+/// Port: final contents of fragment's pixels.
 pub const SPLATSIM_HELD: c_int = 4;
 
-fn side(port: c_int) -> Told<PortSide> {
+fn side(port: c_int) -> CallResult<PortSide> {
     let side = usize::try_from(port)
         .ok()
         .and_then(|port| PortSide::ALL.get(port).copied());
@@ -43,12 +43,15 @@ fn side(port: c_int) -> Told<PortSide> {
 }
 
 impl Unit {
-    pub(crate) fn with<T>(&self, work: impl FnOnce(&mut Scoreboard) -> Told<T>) -> Told<T> {
+    pub(crate) fn with<T>(
+        &self,
+        work: impl FnOnce(&mut Scoreboard) -> CallResult<T>,
+    ) -> CallResult<T> {
         locked(&self.0).with_dependent_mut(|_, board| work(board))
     }
 
-    /// What is constant in a frame: its port and its records.
-    fn registers(&self, name: &str) -> Told<(Port, Vec<Record>)> {
+    /// A constant of a frame: its port and its records.
+    fn registers(&self, name: &str) -> CallResult<(Port, Vec<Record>)> {
         let found = locked(&self.0).with_dependent(|constants, _| constants.registers(name));
         found.ok_or_else(|| {
             format!("{name} is not constant in a frame: frame, light, material and reflection are")
@@ -56,8 +59,8 @@ impl Unit {
     }
 }
 
-/// A port of a unit, which it must have.
-fn port_of<'a>(board: &'a Scoreboard, port: c_int) -> Told<&'a Port> {
+/// A port of a unit, if it has it.
+fn port_of<'a>(board: &'a Scoreboard, port: c_int) -> CallResult<&'a Port> {
     board
         .port(side(port)?)
         .ok_or_else(|| format!("{} has no port {port}", board.name()))
@@ -66,21 +69,21 @@ fn port_of<'a>(board: &'a Scoreboard, port: c_int) -> Told<&'a Port> {
 /// `count` numbers.
 ///
 /// # Safety
-/// `words` is NULL or points to so many that were written, which nobody changes meanwhile.
-unsafe fn given<'a, T>(words: *const T, count: usize) -> Told<&'a [T]> {
+/// `words` is NULL or points to `count` initialised numbers that do not change during the call.
+unsafe fn given<'a, T>(words: *const T, count: usize) -> CallResult<&'a [T]> {
     sound(words, count, "words")?;
-    // SAFETY: the caller's; NULL, the address and the size were checked.
+    // SAFETY: guaranteed by the caller; NULL, the address and the size were checked.
     Ok(unsafe { std::slice::from_raw_parts(words, count) })
 }
 
-/// Writes numbers to `words`, and 0 above them; as many as fit. What was there may never have been
-/// written: no slice is made of it.
+/// Writes numbers to `words`, as many as fit, and 0 after them. The memory may be uninitialised, so
+/// no slice is made of it.
 ///
 /// # Safety
-/// [`sound`] of them, and there is room for `count` numbers, which nobody else uses.
+/// [`sound`] holds, and there is room for `count` numbers, without other users.
 unsafe fn hand_over<T: Copy + Default>(from: &[T], words: *mut T, count: usize) {
     for place in 0..count {
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         unsafe {
             words
                 .add(place)
@@ -101,12 +104,12 @@ fn halves(port: &Port) -> usize {
     port.width().div_ceil(32) as usize
 }
 
-/// The unit of a machine by its name, such as "raster", with registers, lights and materials of a
-/// scene. Random records depend on `seed`. NULL where there is no such unit. Machine and scene may
-/// be freed before it is.
+/// Makes the unit of a machine with a name, such as "raster", with registers, lights and materials
+/// of a scene. Random records depend on `seed`. NULL for an unknown unit. Machine and scene may be
+/// freed before the unit.
 ///
 /// # Safety
-/// All are NULL or what their types say.
+/// All are NULL or of their types.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_unit_new(
     machine: *const Machine,
@@ -115,7 +118,7 @@ pub unsafe extern "C" fn splatsim_unit_new(
     seed: u64,
 ) -> *mut Unit {
     guarded(std::ptr::null_mut(), || {
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         let (machine, scene, name) = unsafe {
             (
                 held(machine, "machine")?.now(),
@@ -132,43 +135,43 @@ pub unsafe extern "C" fn splatsim_unit_new(
     })
 }
 
-/// Frees a unit; NULL is nothing.
+/// Frees a unit; does nothing for NULL.
 ///
 /// # Safety
-/// `unit` is NULL or a unit, and used by nobody any more.
+/// `unit` is NULL or a unit that is not used any more.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_unit_free(unit: *mut Unit) {
-    // SAFETY: the caller's.
+    // SAFETY: guaranteed by the caller.
     unsafe { freed(unit) }
 }
 
-/// Words of a record of a port, SPLATSIM_IN and so on: one for each field. -1 where the unit has no
-/// such port.
+/// Words in a record of a port, such as SPLATSIM_IN: one per field. -1 if the unit does not have
+/// the port.
 ///
 /// # Safety
 /// `unit` is NULL or a unit.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_unit_fields(unit: *const Unit, port: c_int) -> isize {
-    // SAFETY: the caller's.
+    // SAFETY: guaranteed by the caller.
     guarded(-1, || {
         unsafe { held(unit, "unit") }?.with(|board| Ok(port_of(board, port)?.fields() as isize))
     })
 }
 
-/// Bits of a record of a port. -1 where the unit has no such port.
+/// Bits in a record of a port. -1 if the unit does not have the port.
 ///
 /// # Safety
 /// `unit` is NULL or a unit.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_unit_width(unit: *const Unit, port: c_int) -> isize {
-    // SAFETY: the caller's.
+    // SAFETY: guaranteed by the caller.
     guarded(-1, || {
         unsafe { held(unit, "unit") }?.with(|board| Ok(port_of(board, port)?.width() as isize))
     })
 }
 
-/// Writes a field's name, and a 0, into `text` if `capacity` is greater than the count that is
-/// returned: bytes without the 0. -1 on failure.
+/// Writes a field's name, with a terminating 0, into `text` if `capacity` is greater than the
+/// returned count: bytes without the 0. -1 on failure.
 ///
 /// # Safety
 /// `unit` is NULL or a unit; `text` is NULL, with capacity 0, or has room for `capacity` bytes.
@@ -181,26 +184,26 @@ pub unsafe extern "C" fn splatsim_unit_field(
     capacity: usize,
 ) -> isize {
     guarded(-1, || {
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         let name = unsafe { held(unit, "unit") }?.with(|board| {
             let field = port_of(board, port)?.stream.fields.get(field);
             field
                 .map(|field| field.name.clone())
-                .ok_or_else(|| "there is no such field".into())
+                .ok_or_else(|| "unknown field".into())
         })?;
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         unsafe { hand_out(&name, text, capacity) }
     })
 }
 
-/// Gives the unit a record, a word for each field. What comes of it waits until it is taken
-/// (`splatsim_unit_next`) or compared, at every port: fragment's requests and answers too, which
-/// grow in number where nobody takes them. The number of records that wait at SPLATSIM_OUT, or -1
-/// where the unit was never given such a record: nothing has happened then.
+/// Passes a record to the unit, one word per field. The output is queued at every port until it is
+/// read (`splatsim_unit_next`) or compared. This includes fragment's requests and responses, whose
+/// queues grow if they are not read. Returns the number of queued records at SPLATSIM_OUT, or -1
+/// for an invalid record: the unit is unchanged then.
 ///
 /// # Safety
-/// `unit` is NULL or a unit, `words` NULL or a pointer to `count` words that were written, which
-/// nobody changes meanwhile.
+/// `unit` is NULL or a unit, `words` NULL or a pointer to `count` initialised words that do not
+/// change during the call.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_unit_step(
     unit: *mut Unit,
@@ -208,13 +211,14 @@ pub unsafe extern "C" fn splatsim_unit_step(
     count: usize,
 ) -> isize {
     guarded(-1, || {
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         let (unit, words) = unsafe { (held(unit, "unit")?, given(words, count)?) };
         unit.with(|board| step(board, words))
     })
 }
 
-/// The same with a record as a trace's line has it, in 32-bit words, the least significant first.
+/// `splatsim_unit_step` for a record in 32-bit words, as in a line of a trace, the least
+/// significant first.
 ///
 /// # Safety
 /// As `splatsim_unit_step`.
@@ -225,7 +229,7 @@ pub unsafe extern "C" fn splatsim_unit_step_bits(
     count: usize,
 ) -> isize {
     guarded(-1, || {
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         let (unit, words) = unsafe { (held(unit, "unit")?, given(words, count)?) };
         unit.with(|board| {
             let record = port_of(board, SPLATSIM_IN)?
@@ -236,21 +240,21 @@ pub unsafe extern "C" fn splatsim_unit_step_bits(
     })
 }
 
-fn step(board: &mut Scoreboard, words: &[i64]) -> Told<isize> {
+fn step(board: &mut Scoreboard, words: &[i64]) -> CallResult<isize> {
     board.step(words).map_err(|refused| refused.to_string())?;
     Ok(board.waiting(PortSide::Out) as isize)
 }
 
-/// Ends a frame: fragment gives what it holds, sort what it has sorted, and both are empty. The
-/// number of records that wait at SPLATSIM_OUT and SPLATSIM_HELD, or -1 where a pixel's last layer
-/// is missing.
+/// Ends a frame: fragment outputs its pixels' contents, sort the sorted records, and both are
+/// empty. Returns the number of queued records at SPLATSIM_OUT and SPLATSIM_HELD, or -1 if the last
+/// layer of a pixel is missing.
 ///
 /// # Safety
 /// `unit` is NULL or a unit.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_unit_end(unit: *mut Unit) -> isize {
     guarded(-1, || {
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         unsafe { held(unit, "unit") }?.with(|board| {
             board.end().map_err(|refused| refused.to_string())?;
             Ok((board.waiting(PortSide::Out) + board.waiting(PortSide::Held)) as isize)
@@ -258,24 +262,24 @@ pub unsafe extern "C" fn splatsim_unit_end(unit: *mut Unit) -> isize {
     })
 }
 
-/// Number of records that wait at a port. -1 on failure.
+/// Number of queued records at a port. -1 on failure.
 ///
 /// # Safety
 /// `unit` is NULL or a unit.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_unit_waiting(unit: *const Unit, port: c_int) -> isize {
-    // SAFETY: the caller's.
+    // SAFETY: guaranteed by the caller.
     guarded(-1, || {
         unsafe { held(unit, "unit") }?.with(|board| Ok(board.waiting(side(port)?) as isize))
     })
 }
 
-/// Takes the record that has waited longest at a port. `count` must be its number of fields. 1, or
-/// 0 where none waits, or -1 on failure.
+/// Removes the oldest queued record at a port. `count` must be its number of fields. 1, or 0 if the
+/// queue is empty, or -1 on failure.
 ///
 /// # Safety
-/// `unit` is NULL or a unit, `words` NULL or a place for `count` words, which nobody else uses
-/// meanwhile.
+/// `unit` is NULL or a unit, `words` NULL or writable for `count` words, without other users during
+/// the call.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_unit_next(
     unit: *mut Unit,
@@ -284,18 +288,18 @@ pub unsafe extern "C" fn splatsim_unit_next(
     count: usize,
 ) -> c_int {
     guarded(-1, || {
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         let unit = unsafe { held(unit, "unit") }?;
         sound(words, count, "words")?;
         unit.with(|board| {
             let fields = port_of(board, port)?.fields();
             if count != fields {
                 return Err(format!(
-                    "count is {count}, and the record has {fields} words"
+                    "count is {count}, but the record has {fields} words"
                 ));
             }
             let record = board.next(side(port)?);
-            // SAFETY: the caller's; it was checked.
+            // SAFETY: guaranteed by the caller; it was checked.
             record
                 .iter()
                 .for_each(|record| unsafe { hand_over(record, words, count) });
@@ -304,7 +308,7 @@ pub unsafe extern "C" fn splatsim_unit_next(
     })
 }
 
-/// The same as 32-bit words, the least significant first; 0 above the record.
+/// `splatsim_unit_next` in 32-bit words, the least significant first; 0 above the record.
 ///
 /// # Safety
 /// As `splatsim_unit_next`.
@@ -316,39 +320,40 @@ pub unsafe extern "C" fn splatsim_unit_next_bits(
     count: usize,
 ) -> c_int {
     guarded(-1, || {
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         let unit = unsafe { held(unit, "unit") }?;
         sound(words, count, "words")?;
         unit.with(|board| {
             fits(port_of(board, port)?, count)?;
             let record = board.next(side(port)?);
             let Some(record) = record else { return Ok(0) };
-            // SAFETY: the caller's; it was checked.
+            // SAFETY: guaranteed by the caller; it was checked.
             unsafe { hand_over(&packed(port_of(board, port)?, &record), words, count) };
             Ok(1)
         })
     })
 }
 
-fn fits(port: &Port, count: usize) -> Told<()> {
+fn fits(port: &Port, count: usize) -> CallResult<()> {
     let needed = halves(port);
     if count < needed {
         Err(format!(
-            "count is {count}, and the record has {needed} words of 32 bits"
+            "count is {count}, but the record has {needed} words of 32 bits"
         ))
     } else {
         Ok(())
     }
 }
 
-/// Compares a device's record with the one that has waited longest at a port (where order counts at
-/// each pixel only, at its pixel), and takes that away. `count` must be its number of fields. What
-/// means nothing in a record is not compared. 0 where they are equal, 1 where they differ:
-/// `splatsim_last_error` says how; -1 on failure: nothing is taken then.
+/// Compares a device's record with the oldest queued record at a port, and removes that. Where only
+/// the order per pixel matters, it is the oldest record of the same pixel. `count` must be its
+/// number of fields. Fields without meaning in a record are not compared. 0 if they are equal; 1 if
+/// they differ: `splatsim_last_error` returns the difference; -1 on failure: nothing is removed
+/// then.
 ///
 /// # Safety
-/// `unit` is NULL or a unit, `words` NULL or a pointer to `count` words that were written, which
-/// nobody changes meanwhile.
+/// `unit` is NULL or a unit, `words` NULL or a pointer to `count` initialised words that do not
+/// change during the call.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_unit_compare(
     unit: *mut Unit,
@@ -357,13 +362,13 @@ pub unsafe extern "C" fn splatsim_unit_compare(
     count: usize,
 ) -> c_int {
     guarded(-1, || {
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         let (unit, words) = unsafe { (held(unit, "unit")?, given(words, count)?) };
         let compared = unit.with(|board| {
             let fields = port_of(board, port)?.fields();
             if count != fields {
                 return Err(format!(
-                    "count is {count}, and the record has {fields} words"
+                    "count is {count}, but the record has {fields} words"
                 ));
             }
             Ok(board.compare(side(port)?, words))
@@ -372,7 +377,7 @@ pub unsafe extern "C" fn splatsim_unit_compare(
     })
 }
 
-/// The same with a record in 32-bit words, the least significant first.
+/// `splatsim_unit_compare` for a record in 32-bit words, the least significant first.
 ///
 /// # Safety
 /// As `splatsim_unit_compare`.
@@ -384,7 +389,7 @@ pub unsafe extern "C" fn splatsim_unit_compare_bits(
     count: usize,
 ) -> c_int {
     guarded(-1, || {
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         let (unit, words) = unsafe { (held(unit, "unit")?, given(words, count)?) };
         let compared = unit.with(|board| {
             let record = port_of(board, port)?
@@ -396,12 +401,12 @@ pub unsafe extern "C" fn splatsim_unit_compare_bits(
     })
 }
 
-/// Makes up a record that the unit may be given: corners and thresholds on purpose, then random
-/// ones, for ever. `count` must be its number of fields. 0, or -1 on failure.
+/// Makes a valid random input record: first corner cases and thresholds, then random ones, without
+/// end. `count` must be its number of fields. 0, or -1 on failure.
 ///
 /// # Safety
-/// `unit` is NULL or a unit, `words` NULL or a place for `count` words, which nobody else uses
-/// meanwhile.
+/// `unit` is NULL or a unit, `words` NULL or writable for `count` words, without other users during
+/// the call.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_unit_random(
     unit: *mut Unit,
@@ -409,25 +414,25 @@ pub unsafe extern "C" fn splatsim_unit_random(
     count: usize,
 ) -> c_int {
     guarded(-1, || {
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         let unit = unsafe { held(unit, "unit") }?;
         sound(words, count, "words")?;
         unit.with(|board| {
             let fields = port_of(board, SPLATSIM_IN)?.fields();
             if count != fields {
                 return Err(format!(
-                    "count is {count}, and the record has {fields} words"
+                    "count is {count}, but the record has {fields} words"
                 ));
             }
             let record = board.made_up();
-            // SAFETY: the caller's; it was checked.
+            // SAFETY: guaranteed by the caller; it was checked.
             unsafe { hand_over(&record, words, count) };
             Ok(0)
         })
     })
 }
 
-/// The same as 32-bit words, the least significant first; 0 above the record.
+/// `splatsim_unit_random` in 32-bit words, the least significant first; 0 above the record.
 ///
 /// # Safety
 /// As `splatsim_unit_random`.
@@ -438,26 +443,26 @@ pub unsafe extern "C" fn splatsim_unit_random_bits(
     count: usize,
 ) -> c_int {
     guarded(-1, || {
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         let unit = unsafe { held(unit, "unit") }?;
         sound(words, count, "words")?;
         unit.with(|board| {
             fits(port_of(board, SPLATSIM_IN)?, count)?;
             let record = board.made_up();
-            // SAFETY: the caller's; it was checked.
+            // SAFETY: guaranteed by the caller; it was checked.
             unsafe { hand_over(&packed(port_of(board, SPLATSIM_IN)?, &record), words, count) };
             Ok(0)
         })
     })
 }
 
-/// Record `number` of what is constant in a frame ("frame", "light", "material" or "reflection"),
-/// as 32-bit words, the least significant first; 0 above the record. 1, or 0 where there is none of
-/// this number, or -1 on failure.
+/// Writes record `number` of a constant of a frame ("frame", "light", "material" or "reflection")
+/// in 32-bit words, the least significant first; 0 above the record. 1, or 0 if there is no record
+/// of this number, or -1 on failure.
 ///
 /// # Safety
-/// `unit` is NULL or a unit, `name` NULL or a string that ends in 0, `words` NULL or a place for
-/// `count` words, which nobody else uses meanwhile.
+/// `unit` is NULL or a unit, `name` NULL or a string that ends in 0, `words` NULL or writable for
+/// `count` words, without other users during the call.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn splatsim_unit_constant_bits(
     unit: *const Unit,
@@ -467,7 +472,7 @@ pub unsafe extern "C" fn splatsim_unit_constant_bits(
     count: usize,
 ) -> c_int {
     guarded(-1, || {
-        // SAFETY: the caller's.
+        // SAFETY: guaranteed by the caller.
         let (unit, name) = unsafe { (held(unit, "unit")?, string(name, "name")?) };
         sound(words, count, "words")?;
         let (port, records) = unit.registers(name)?;
@@ -475,7 +480,7 @@ pub unsafe extern "C" fn splatsim_unit_constant_bits(
         let Some(record) = records.get(number) else {
             return Ok(0);
         };
-        // SAFETY: the caller's; it was checked.
+        // SAFETY: guaranteed by the caller; it was checked.
         unsafe { hand_over(&packed(&port, record), words, count) };
         Ok(1)
     })

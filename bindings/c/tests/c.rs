@@ -1,5 +1,5 @@
-//! Does the C library do what its header says: from C with gcc and clang, under AddressSanitizer
-//! and valgrind, from C++ and from a testbench?
+//! Does the C library behave as its header specifies: from C with gcc and clang, under
+//! AddressSanitizer and valgrind, from C++ and from a testbench?
 
 mod dpi;
 #[path = "../../../tests/tier/mod.rs"]
@@ -15,8 +15,8 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Whether a program is here; where it is not, says what is skipped, or fails in CI.
-fn have(program: &str) -> bool {
+/// Whether a program is installed. If not, prints what is skipped, or fails in CI.
+fn is_installed(program: &str) -> bool {
     if Command::new(program).arg("-V").output().is_ok() {
         return true;
     }
@@ -29,14 +29,14 @@ fn run(command: &mut Command) -> String {
     let output = command
         .output()
         .unwrap_or_else(|e| panic!("{command:?}: {e}"));
-    let told = [&output.stdout[..], &output.stderr[..]]
+    let printed = [&output.stdout[..], &output.stderr[..]]
         .map(String::from_utf8_lossy)
         .concat();
-    assert!(output.status.success(), "{command:?} failed:\n{told}");
-    told
+    assert!(output.status.success(), "{command:?} failed:\n{printed}");
+    printed
 }
 
-/// Where cargo put the libraries that it built with this test.
+/// Folder of the libraries that cargo built with this test.
 fn libraries() -> PathBuf {
     std::env::current_exe()
         .unwrap()
@@ -66,7 +66,7 @@ fn scene(folder: &Path) -> PathBuf {
     path
 }
 
-/// Compiles the example against the shared library, with these options besides; the program.
+/// Compiles the example against the shared library, with additional options; returns the program.
 fn compiled(compiler: &str, options: &[&str], folder: &Path) -> PathBuf {
     let program = folder.join(format!("units-{compiler}{}", options.concat()));
     run(Command::new(compiler)
@@ -90,14 +90,14 @@ fn compiled(compiler: &str, options: &[&str], folder: &Path) -> PathBuf {
     program
 }
 
-fn says_all_is_well(told: &str) {
+fn check_success(output: &str) {
     assert!(
-        told.lines().last().is_some_and(|line| line == "all well"),
-        "{told}"
+        output.lines().last().is_some_and(|line| line == "all well"),
+        "{output}"
     );
     assert!(
-        told.contains("gauss: ") && told.contains("the model's is"),
-        "{told}"
+        output.contains("gauss: ") && output.contains("the model's is"),
+        "{output}"
     );
 }
 
@@ -113,9 +113,12 @@ fn the_example_runs_with_gcc_under_its_sanitizers_and_with_clang() {
         ),
         ("clang", &[], &["gauss", "resolve"]),
     ];
-    for (compiler, options, units) in cases.into_iter().filter(|(compiler, ..)| have(compiler)) {
+    for (compiler, options, units) in cases
+        .into_iter()
+        .filter(|(compiler, ..)| is_installed(compiler))
+    {
         let program = compiled(compiler, options, folder.path());
-        says_all_is_well(&run(Command::new(program)
+        check_success(&run(Command::new(program)
             .arg(&scene)
             .args(units)
             .env("LD_LIBRARY_PATH", libraries())));
@@ -124,13 +127,13 @@ fn the_example_runs_with_gcc_under_its_sanitizers_and_with_clang() {
 
 #[test]
 fn valgrind_finds_nothing_in_the_example() {
-    if !have("gcc") || !have("valgrind") {
+    if !is_installed("gcc") || !is_installed("valgrind") {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
     let program = compiled("gcc", &[], folder.path());
-    // What threads of the pool keep for themselves until the end is no leak.
-    let told = run(Command::new("valgrind")
+    // Memory that threads of the pool keep until the end is not a leak.
+    let output = run(Command::new("valgrind")
         .args([
             "--quiet",
             "--error-exitcode=9",
@@ -143,12 +146,12 @@ fn valgrind_finds_nothing_in_the_example() {
         .args(["gauss", "raster", "resolve"])
         .env("LD_LIBRARY_PATH", libraries())
         .env("RAYON_NUM_THREADS", "2"));
-    says_all_is_well(&told);
+    check_success(&output);
 }
 
 #[test]
 fn the_example_runs_with_the_static_library() {
-    if !have("gcc") {
+    if !is_installed("gcc") {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
@@ -161,13 +164,13 @@ fn the_example_runs_with_the_static_library() {
         .arg(root().join("examples/units.c"))
         .arg(libraries().join("libsplatsim_c.a"))
         .args(["-lpthread", "-ldl", "-lm"]));
-    says_all_is_well(&run(Command::new(program)
+    check_success(&run(Command::new(program)
         .arg(scene(folder.path()))
         .args(["gauss", "fragment"])));
 }
 
 #[test]
-fn the_header_is_what_cbindgen_makes_and_is_cpp_too() {
+fn the_header_is_generated_by_cbindgen_and_compiles_as_cpp() {
     let config = cbindgen::Config::from_file(root().join("cbindgen.toml")).unwrap();
     let mut text = Vec::new();
     cbindgen::Builder::new()
@@ -184,9 +187,9 @@ fn the_header_is_what_cbindgen_makes_and_is_cpp_too() {
     let header = std::fs::read_to_string(&path).unwrap_or_default();
     assert!(
         header == text,
-        "include/splatsim.h is not what src/ says: SPLATSIM_WRITE_HEADER=1 cargo test -p splatsim-c writes it anew"
+        "include/splatsim.h does not match src/: SPLATSIM_WRITE_HEADER=1 cargo test -p splatsim-c writes it"
     );
-    if have("g++") {
+    if is_installed("g++") {
         run(Command::new("g++")
             .args([
                 "-fsyntax-only",

@@ -1,6 +1,6 @@
 """splatsim for Python: machines, scenes, pictures, reports, sweeps, and units record by record.
 
-All of it is the Rust code of the command line, and gives the same bits. A fault is an exception with the command line's sentence.
+It runs the Rust code of the command line and gives the same bits. An error is an exception with the command line's sentence.
 
     >>> import splatsim
     >>> machine = splatsim.Machine("tiny").set("gauss.weight", "U0F10")

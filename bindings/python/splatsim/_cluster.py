@@ -1,9 +1,9 @@
-"""Cluster: batches of points, and machines that a search asks for, on the workers of a Dask client.
+"""Cluster: draws batches of points, and measures machines of a search, on the workers of a Dask client.
 
-    plan, scenes ─► once a worker ─┐
-    batches of about a second ─────┴─► workers ─► rows ─► a file of the folder each
+    plan, scenes ─► once per worker ┐
+    batches of about a second ─────┴─► workers ─► rows ─► one file of the folder each
 
-The scheduler and any worker may die at any time: what was under way is asked for again. Only the client writes.
+The scheduler and any worker may die at any time: tasks in flight are submitted again. Only the client writes.
 """
 
 from __future__ import annotations
@@ -22,25 +22,26 @@ from splatsim import _native
 from splatsim._native import InputError, JobError, SplatsimError
 from splatsim._report import Progress
 
-#: What a batch is to take, seconds; with many workers longer, so that no more than 100 end in a second: each is work for scheduler and client.
+#: Target duration of a batch, seconds. It is longer with many workers, so that at most 100 batches end per second: each takes time of the
+#: scheduler and the client.
 BATCH_SECONDS = 1.0
 SECONDS_A_THREAD = 0.01
-#: Batches for each thread of the workers: one that is drawn, and one that waits.
+#: Batches per thread of the workers: one that is drawn, and one that is queued.
 BATCHES_A_THREAD = 2
-#: So many workers may die over one batch: what kills them all is the batch.
+#: Limit of worker deaths on one batch: beyond it the batch is the cause.
 MOST_DEATHS = 30
-#: Between two looks at what has landed, where nobody says that something has, and at how many threads there are.
+#: Interval between two polls for finished tasks without a notification, and for the number of threads.
 LOOK_EVERY_SECONDS = 0.1
 COUNT_EVERY_SECONDS = 2.0
-#: Between two calls of a progress callback.
-TELL_EVERY_SECONDS = 0.2
-#: As often as results may fail to come, one after the other.
+#: Interval between two calls of a progress callback.
+PROGRESS_EVERY_SECONDS = 0.2
+#: Limit of consecutive failures to fetch results.
 MOST_FAULTS = 50
 
 
 # --- On a worker ---
 
-#: Stages and views of this process, the last one last: scenes are unpacked once a worker, and frames that batches share drawn once.
+#: Stages and views of this process, most recent last: scenes are unpacked once per worker, and frames shared by batches are drawn once.
 _kept: OrderedDict[str, Any] = OrderedDict()
 _MOST_KEPT = 3
 _keeping = threading.Lock()
@@ -53,7 +54,7 @@ class _Slot:
 
 
 def _once(key: str, make: Callable[[], Any], most: int) -> Any:
-    """What `make` makes, once for all threads of this process."""
+    """The value of `make`, made once for all threads of this process."""
     with _keeping:
         slot = _kept.setdefault(key, _Slot())
         _kept.move_to_end(key)
@@ -67,7 +68,7 @@ def _once(key: str, make: Callable[[], Any], most: int) -> Any:
 
 @dataclass(frozen=True)
 class Shared:
-    """What many tasks need; it goes to each worker once."""
+    """Data that many tasks use; it is sent to each worker once."""
 
     key: str
     version: str
@@ -81,18 +82,18 @@ class Shared:
         return cls(digest.hexdigest(), _native.VERSION, parts)
 
     def check(self) -> None:
-        """Refuses another version's."""
+        """Refuses data of another version."""
         if self.version != _native.VERSION:
             raise InputError(f"a worker has splatsim {_native.VERSION}, and the client {self.version}: both must have the same")
 
 
 def keep_shared(shared: Shared) -> Shared:
-    """A task whose result is what tasks share: workers hand it on to each other."""
+    """A task whose result is shared data: workers pass it on to each other."""
     return shared
 
 
 def draw_points(shared: Shared, numbers: list[int]) -> tuple[bytes, float]:
-    """A task: rows of points as Parquet, and the seconds that they took."""
+    """A task: rows of points as Parquet, and the seconds taken."""
     shared.check()
     plan, number, scene = shared.parts
     stage = _once(shared.key, lambda: _native.Stage(plan, number, scene, 1), _MOST_KEPT)
@@ -102,7 +103,7 @@ def draw_points(shared: Shared, numbers: list[int]) -> tuple[bytes, float]:
 
 
 def measure_machines(*given: Any) -> list[str]:
-    """A task: what machines do on views, which are shared. The last two are the machines and the target."""
+    """A task: measurements of machines on views, which are shared. The last two arguments are the machines and the target."""
     *views, machines, target = given
     sights = [_sight(view, len(views) + _MOST_KEPT) for view in views]
     return [_native.measure(sights, machine, target, 1) for machine in machines]
@@ -120,7 +121,7 @@ def _sight(shared: Shared, most: int) -> _native.View:
 
 @dataclass
 class Task:
-    """A call that is to be made on any worker."""
+    """A call to run on any worker."""
 
     function: Callable[..., Any]
     shared: tuple[str, ...]
@@ -130,12 +131,12 @@ class Task:
 
 @contextmanager
 def client_of(client: Any) -> Iterator[Any]:
-    """A client: the caller's own, one for an address, or for True one of workers on this computer, each with one thread."""
+    """A client: the caller's own, a new one for an address, or for True one with workers on this computer, each with one thread."""
     try:
         import distributed
     except ImportError:
         raise InputError("client: distributed is not installed: pip install 'splatsim[cluster]'") from None
-    # It has no types.
+    # distributed has no types.
     dask: Any = distributed
     if client is True:
         with dask.LocalCluster(threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster, dask.Client(cluster) as own:
@@ -150,7 +151,7 @@ def client_of(client: Any) -> Iterator[Any]:
 
 
 class Crew:
-    """The workers of a client: tasks fly, and land once each, whoever dies meanwhile."""
+    """The workers of a client. Each task in flight lands exactly once, even if workers die."""
 
     def __init__(self, client: Any) -> None:
         self._client = client
@@ -162,7 +163,7 @@ class Crew:
         self._faults = 0
 
     def threads(self) -> int:
-        """Threads of all workers now; at least one, though there may be none yet."""
+        """Current number of threads of all workers; at least 1, even if there is none yet."""
         now = time.monotonic()
         if now - self._counted > COUNT_EVERY_SECONDS and self._client.status == "running":
             self._counted = now
@@ -170,31 +171,31 @@ class Crew:
                 counts = self._client.sync(self._client.scheduler.ncores, callback_timeout=5)
                 self._threads = sum(counts.values())
             except (OSError, TimeoutError):
-                pass  # The scheduler is dying; as many as there were.
+                pass  # The scheduler is dying; the last count is kept.
         return max(1, self._threads)
 
     def flying(self) -> int:
-        """Tasks under way."""
+        """Number of tasks in flight."""
         return len(self._flying)
 
-    def told(self) -> str:
-        """Who works, in words."""
+    def status(self) -> str:
+        """The workers, in words."""
         return f"{self._threads} threads of workers" if self._threads else "no worker yet"
 
     def forget_unused(self) -> None:
-        """Drops what no task under way needs."""
+        """Drops shared data that no task in flight uses."""
         used = {key for task in self._flying.values() for key in task.shared}
         for key in set(self._shared) - used:
             del self._shared[key]
             self._futures.pop(key, None)
 
     def share(self, shared: Shared) -> str:
-        """Something that tasks will need, by its key."""
+        """Registers shared data for tasks; returns its key."""
         self._shared.setdefault(shared.key, shared)
         return shared.key
 
     def start(self, task: Task) -> None:
-        """Asks for a task."""
+        """Submits a task."""
         futures = [self._future(key) for key in task.shared]
         future = self._client.submit(task.function, *futures, *task.arguments, pure=False)
         self._flying[future] = task
@@ -204,14 +205,14 @@ class Crew:
         future = self._futures.get(key)
         if future is None or future.status not in ("pending", "finished"):
             with warnings.catch_warnings():
-                # A large scene is large.
+                # Ignore the warning about large data: scenes are large.
                 warnings.simplefilter("ignore")
                 future = self._client.submit(keep_shared, self._shared[key], pure=False)
             self._futures[key] = future
         return future
 
     def landed(self) -> list[tuple[Task, Any]]:
-        """Tasks that are done, with their results; waits a little where there are none. What was lost flies again."""
+        """Finished tasks with their results; waits briefly if there are none. Lost tasks are submitted again."""
         self._landing.clear()
         over = [future for future in self._flying if future.done()]
         if not over:
@@ -229,10 +230,10 @@ class Crew:
         try:
             results = self._client.gather(futures)
         except Exception as fault:
-            # Who had them has died: they are drawn again, or have become errors, which the next look sees.
+            # Their worker has died: they are drawn again, or have become errors, which the next poll finds.
             self._faults += 1
             if self._faults > MOST_FAULTS:
-                raise JobError(f"results cannot be had of the workers: {_sentence(fault)}") from fault
+                raise JobError(f"results cannot be fetched from the workers: {_sentence(fault)}") from fault
             time.sleep(LOOK_EVERY_SECONDS * self._faults)
             return []
         self._faults = 0
@@ -250,10 +251,10 @@ class Crew:
         while self._client.status == "connecting":
             time.sleep(LOOK_EVERY_SECONDS)
         if self._client.status != "running":
-            raise JobError("the scheduler is gone: what is drawn is kept, and the same call goes on there with another client")
+            raise JobError("the scheduler is gone: finished rows are kept, and the same call with another client continues")
 
     def cancel(self) -> None:
-        """Wants nothing any more."""
+        """Cancels all tasks."""
         futures = [*self._flying, *self._futures.values()]
         self._flying.clear()
         self._futures.clear()
@@ -261,11 +262,11 @@ class Crew:
             try:
                 self._client.cancel(futures, force=True)
             except (OSError, TimeoutError):
-                pass  # Then nobody is there who could be told.
+                pass  # Then there is no scheduler left.
 
 
 def _fault_of(future: Any) -> BaseException | None:
-    """Why a task failed; none where it was lost with the scheduler."""
+    """Error of a failed task; None if it was lost with the scheduler."""
     if future.status != "error":
         return None
     try:
@@ -276,16 +277,16 @@ def _fault_of(future: Any) -> BaseException | None:
 
 
 def _check_fault(fault: BaseException, task: Task) -> None:
-    """Raises what another try cannot mend."""
+    """Raises errors that a retry cannot fix."""
     if isinstance(fault, SplatsimError):
         raise fault
     if isinstance(fault, ImportError | AttributeError):
         raise JobError(f"a worker cannot draw: {_sentence(fault)}; splatsim {_native.VERSION} must be installed there") from fault
-    # By its name: where it lies in distributed has changed before.
+    # By its name: its module in distributed has changed before.
     if type(fault).__name__ not in ("KilledWorker", "CancelledError", "FutureCancelledError", "NoValidWorkerError", "CommClosedError"):
         raise JobError(f"a worker has failed: {_sentence(fault)}") from fault
     if task.deaths >= MOST_DEATHS:
-        raise JobError(f"workers have died {task.deaths} times over the same points: {task.arguments}: have they memory enough?") from fault
+        raise JobError(f"workers have died {task.deaths} times over the same points: {task.arguments}: do they have enough memory?") from fault
 
 
 def _sentence(fault: BaseException) -> str:
@@ -293,14 +294,14 @@ def _sentence(fault: BaseException) -> str:
 
 
 class _Pace:
-    """How many points a batch has: as many as fill it by what was measured, and no more than twice as many as were."""
+    """Number of points per batch: as many as fill it at the measured speed, but at most twice the largest batch so far."""
 
     def __init__(self) -> None:
         self._each: float | None = None
         self._measured = 1
 
     def landed(self, points: int, seconds: float) -> None:
-        """What a batch took."""
+        """Records the duration of a batch."""
         each = seconds / points
         self._each = each if self._each is None else 0.7 * self._each + 0.3 * each
         self._measured = max(self._measured, points)
@@ -309,12 +310,12 @@ class _Pace:
         """Points of the next batch."""
         if not self._each:
             return self._measured
-        wanted = max(BATCH_SECONDS, threads * SECONDS_A_THREAD) / self._each
-        return max(1, min(int(wanted), 2 * self._measured))
+        target = max(BATCH_SECONDS, threads * SECONDS_A_THREAD) / self._each
+        return max(1, min(int(target), 2 * self._measured))
 
 
 def _taken(groups: deque[list[int]], size: int) -> list[int]:
-    """About so many points, from the end of each group: those that share a frame stay together where they fit into one batch."""
+    """About `size` points, from the end of each group. Points that share a frame stay together if they fit into one batch."""
     batch: list[int] = []
     while groups and len(batch) < size:
         left = size - len(batch)
@@ -328,11 +329,11 @@ def _taken(groups: deque[list[int]], size: int) -> list[int]:
     return sorted(batch)
 
 
-def carry_out(own: _native.Sweep, client: Any, tell: Progress | None) -> None:
-    """Draws what a folder's sweep is missing on the workers of a client."""
+def carry_out(own: _native.Sweep, client: Any, progress: Progress | None) -> None:
+    """Draws the missing points of a folder's sweep on the workers of a client."""
     crew = Crew(client)
     try:
-        _Drawing(own, crew, tell).all()
+        _Drawing(own, crew, progress).all()
     finally:
         crew.cancel()
 
@@ -340,16 +341,16 @@ def carry_out(own: _native.Sweep, client: Any, tell: Progress | None) -> None:
 class _Drawing:
     """A sweep while its points are drawn."""
 
-    def __init__(self, own: _native.Sweep, crew: Crew, tell: Progress | None) -> None:
-        self._own, self._crew, self._tell = own, crew, tell
+    def __init__(self, own: _native.Sweep, crew: Crew, progress: Progress | None) -> None:
+        self._own, self._crew, self._progress = own, crew, progress
         scenes, _ = own.counts()
         self._missing = [own.missing(nth) for nth in range(scenes)]
         self._left = sum(len(group) for groups in self._missing for group in groups)
-        self._done, self._told = 0, 0.0
+        self._done, self._reported = 0, 0.0
         self._pace = _Pace()
 
     def all(self) -> None:
-        """Draws all that is missing; the last batches of a scene fly while the next scene's begin."""
+        """Draws all missing points. The last batches of a scene overlap with the first of the next scene."""
         for nth, groups in enumerate(self._missing):
             if groups:
                 self._scene(nth, deque(group[::-1] for group in groups))
@@ -373,13 +374,13 @@ class _Drawing:
             self._done += len(numbers)
             self._pace.landed(len(numbers), seconds)
         now = time.monotonic()
-        if self._tell is not None and (now - self._told > TELL_EVERY_SECONDS or self._done == self._left):
-            self._told = now
-            self._tell(float(self._done), float(self._left), self._crew.told())
+        if self._progress is not None and (now - self._reported > PROGRESS_EVERY_SECONDS or self._done == self._left):
+            self._reported = now
+            self._progress(float(self._done), float(self._left), self._crew.status())
 
 
 class _Measuring:
-    """Has machines of a search measured; Rust calls it, from a thread of its own."""
+    """Measures machines of a search; called by Rust, from its own thread."""
 
     def __init__(self, crew: Crew) -> None:
         self._crew = crew
@@ -387,15 +388,15 @@ class _Measuring:
         self._is_over = threading.Event()
 
     def width(self) -> int:
-        """Machines that keep all workers busy."""
+        """Number of machines that keep all workers busy."""
         return self._crew.threads()
 
     def learn(self, view: bytes) -> None:
-        """Another view."""
+        """Adds a view."""
         self._views.append(self._crew.share(Shared.of(view)))
 
     def measure(self, machines: list[str], target: str) -> list[str]:
-        """What machines do on all views."""
+        """Measurements of machines on all views."""
         parts = min(len(machines), self._crew.threads())
         for part in range(parts):
             self._crew.start(Task(measure_machines, tuple(self._views), (machines[part::parts], target)))
@@ -408,13 +409,13 @@ class _Measuring:
         return [measured[machine] for machine in machines]
 
     def stop(self) -> None:
-        """Nobody wants it any more."""
+        """Stops the measurement."""
         self._is_over.set()
 
 
 @contextmanager
 def measuring(client: Any) -> Iterator[_Measuring]:
-    """A crew for a search, of a client's workers."""
+    """A crew of a client's workers for a search."""
     with client_of(client) as own:
         crew = Crew(own)
         measures = _Measuring(crew)

@@ -20,18 +20,18 @@ from splatsim._report import Node, Progress, shown
 
 
 class Rows:
-    """Rows of a sweep: a machine on a scene each."""
+    """Rows of a sweep: one per machine and scene."""
 
     def __init__(self, table: pa.Table, text: str, files: list[Path]) -> None:
         self.table, self.text, self.files = table, text, files
 
     def summary(self) -> str:
-        """What the command line prints."""
+        """Output of the command line."""
         return self.text
 
 
 class Found(Node):
-    """What a search found: `machine`, and the report as attributes."""
+    """Result of a search: `machine`, and the report as attributes."""
 
     def __init__(self, fields: dict[str, Any], table: pa.Table, text: str) -> None:
         super().__init__(fields)
@@ -39,11 +39,11 @@ class Found(Node):
 
     @property
     def found(self) -> Machine:
-        """The machine, and for what it was searched."""
+        """The machine, with its search record."""
         return Machine({**self._fields["machine"], "searched": self._fields["searched"]})
 
     def summary(self) -> str:
-        """What the command line prints."""
+        """Output of the command line."""
         return self.text
 
 
@@ -60,7 +60,7 @@ def _plan(plan: Named | Mapping[str, Any]) -> tuple[str, str | None]:
 
 
 def draw(plan: Named | Mapping[str, Any], points: Iterable[int], *, prices: Named | None = None) -> pa.Table:
-    """Draws these points of a plan, numbered as in a sweep's column `point`: their rows, without a folder."""
+    """Draws these points of a plan, numbered as in a sweep's column `point`; returns their rows, without a folder."""
     batches = _native.draw(*_plan(plan), sorted(set(points)), _optional(prices))
     return pa.concat_tables([pyarrow.parquet.read_table(pa.BufferReader(batch)) for batch in batches])
 
@@ -75,11 +75,11 @@ def sweep(
     prices: Named | None = None,
     progress: Progress | bool = False,
 ) -> Rows:
-    """Draws every machine of a plan, a row each: the command line's `sweep`.
+    """Draws every machine of a plan, one row each: the command line's `sweep`.
 
-    plan: a ready one's name, a file, or a dict as a file has it. folder: what it has already is not drawn again; left out, nothing is kept on
-    disk. client: a `distributed.Client` whose workers draw, a scheduler's address, or True for workers on this computer. shard: "2/5" draws
-    part 2 of 5 alone.
+    plan: the name of a built-in one, a file, or a dict as in a file. folder: its rows are not drawn again; without a folder, no file is kept.
+    client: a `distributed.Client` whose workers draw, a scheduler's address, or True for workers on this computer. shard: "2/5" draws only
+    part 2 of 5.
     """
     if client is not None and shard is not None:
         raise _native.InputError("shard: with a client its workers share the whole plan")
@@ -116,9 +116,9 @@ def search(
     prices: Named | None = None,
     progress: Progress | bool = False,
 ) -> Found:
-    """Finds the narrowest machine that meets a target on all scenes, and on cameras that it did not see: the command line's `search`.
+    """Finds the narrowest machine that meets a target on all scenes, and on unseen cameras: the command line's `search`.
 
-    client: as of `sweep`; its workers measure machines, and what is found is what one process finds.
+    client: as in `sweep`; its workers measure machines. The result is the same as of one process.
     """
     if target_psnr is None and max_error is None:
         raise _native.InputError("a search needs target_psnr or max_error")

@@ -19,7 +19,7 @@ from splatsim._report import Node, Progress, shown, table
 
 AnyScene = Scene | Named | Mapping[str, Any]
 AnyMachine = Machine | Named | Mapping[str, Any] | None
-#: Fields of timing, and values that each is to take.
+#: Fields of timing, and the values of each.
 Timing = Mapping[str, Sequence[Any]]
 
 
@@ -35,17 +35,17 @@ class Frame:
 
     @cached_property
     def fixed(self) -> NDArray[np.float64]:
-        """What the hardware draws: rows, columns, RGBA; linear light, premultiplied by alpha."""
+        """Picture of the hardware: rows, columns, RGBA; linear light, premultiplied by alpha."""
         return self._picture("fixed")
 
     @cached_property
     def golden(self) -> NDArray[np.float64]:
-        """The same rules in exact arithmetic."""
+        """Picture by the same rules in exact arithmetic."""
         return self._picture("golden")
 
     @cached_property
     def ideal(self) -> NDArray[np.float64]:
-        """Exact arithmetic without a limit of layers."""
+        """Picture in exact arithmetic without a limit of layers."""
         return self._picture("ideal")
 
     @cached_property
@@ -55,29 +55,29 @@ class Frame:
 
     @cached_property
     def report(self) -> Node:
-        """The report, as `report.json` has it."""
+        """The report, as in `report.json`."""
         return Node(json.loads(self._own.report()))
 
     @cached_property
     def signals(self) -> pa.Table:
-        """A row a signal: its range, and what left it."""
+        """One row per signal: its range, and the values outside of it."""
         return table(self.report.dict()["signals"])
 
     @cached_property
     def cycles(self) -> pa.Table:
-        """A row a unit: where its cycles went."""
+        """One row per unit: its cycles by cause."""
         return table(self.report.dict()["cycles"]["units"])
 
     def summary(self) -> str:
-        """What the command line prints."""
+        """Output of the command line."""
         return self._own.summary()
 
     def write(self, folder: Named, *, exr: bool = False) -> list[Path]:
-        """Writes what `run --out` writes; the files."""
+        """Writes the files of `run --out`; returns their paths."""
         return [Path(path) for path in self._own.write(os.fspath(folder), exr)]
 
     def record(self, path: Named | None = None) -> Recording:
-        """What happened in the frame, for `replay`; written into a file where one is named, as `run --record` does."""
+        """The recorded work of the frame, for `replay`; also written into a file if one is named, as by `run --record`."""
         native = self._own.recording()
         if path is not None:
             native.write(os.fspath(path))
@@ -85,18 +85,18 @@ class Frame:
 
 
 class Recording:
-    """What happened in a frame: time is asked of it without drawing again."""
+    """Recorded work of a frame: its time is computed without drawing again."""
 
     def __init__(self, recording: Named | _native.Recording) -> None:
         self._own = recording if isinstance(recording, _native.Recording) else _native.Recording.read(os.fspath(recording))
 
     def set(self, path: str, value: Any) -> Recording:
-        """With another field of the machine's timing."""
+        """The recording with a changed field of the machine's timing."""
         text = value if isinstance(value, str) else as_json(value, path)
         return Recording(self._own.changed(f"{path}={text}"))
 
     def replay(self, timing: Timing | None = None, *, answers: bool = False, prices: Named | None = None) -> Replayed:
-        """The frame's time; also with every value of fields of `timing`; with `answers`, also what would make it faster."""
+        """The frame's time; also for every value of the fields of `timing`; with `answers`, also the what-if results."""
         given = self._own.replay(_axes(timing), answers, None if prices is None else os.fspath(prices))
         cycles, timings, would_help = (json.loads(text) for text in given)
         return Replayed(cycles, timings, would_help)
@@ -112,19 +112,19 @@ class Replayed:
 
     @property
     def units(self) -> pa.Table:
-        """A row a unit: where its cycles went."""
+        """One row per unit: its cycles by cause."""
         return table(self.cycles.dict()["units"])
 
 
 class Story:
-    """One pixel's story; printed, it is a text."""
+    """A pixel trace; printed as text."""
 
     def __init__(self, text: str, numbers: dict[str, Any]) -> None:
         self.text, self.numbers = text, Node(numbers)
 
     @property
     def contributions(self) -> pa.Table:
-        """A row a contribution, on the machine and in golden."""
+        """One row per contribution, on the machine and in golden."""
         return table(self.numbers.dict()["contributions"])
 
     def __str__(self) -> str:
@@ -151,9 +151,9 @@ def run(
 ) -> Frame:
     """Draws a scene on a machine and in exact arithmetic, and compares: the command line's `run`.
 
-    machine: left out, the scene's usual one. check: what is held in lockstep, "sampled" one tile in eight. attribute: tell which words make
-    the error (draws 170 frames). answers: tell what would make it faster. requests: keep the requests to memory, which `write` then writes
-    too. timing: replay with every value, as {"timing.raster.fifo": [1, 2, 4]}. prices: a file of what a bit costs.
+    machine: the default is the scene's default machine. check: tiles checked in lockstep, "sampled" for one in eight. attribute: report which words
+    cause the error (draws 170 frames). answers: report what-if results. requests: keep the requests to memory; `write` then writes them too.
+    timing: replay with every value, as {"timing.raster.fifo": [1, 2, 4]}. prices: a file of unit costs.
     """
     native = of_scene(scene), of_machine(machine)
     folder = None if prices is None else os.fspath(prices)
@@ -169,11 +169,11 @@ class Drawn(Node):
 
     @property
     def rows(self) -> pa.Table:
-        """A row a frame."""
+        """One row per frame."""
         return table(self._fields["frames"])
 
     def summary(self) -> str:
-        """What the command line prints."""
+        """Output of the command line."""
         return self.text
 
 
@@ -190,7 +190,7 @@ def sequence(
 ) -> Drawn:
     """Draws every frame of a scene that has `cameras` or a `camera_path`: the command line's `run` of a sequence.
 
-    cameras: a file of cameras instead of the scene's. folder: where pictures and the report go. y4m: a video of what the hardware draws.
+    cameras: a file of cameras instead of the scene's. folder: for pictures and the report. y4m: a video of the hardware's pictures.
     """
     paths = [None if path is None else os.fspath(path) for path in (cameras, folder, y4m)]
     report, text = _native.sequence(os.fspath(scene), size, paths[0], of_machine(machine), paths[1], exr, paths[2], shown(progress))
@@ -204,7 +204,7 @@ def replay(recording: Recording | Named, timing: Timing | None = None, *, answer
 
 
 def explain(scene: AnyScene, x: int, y: int, machine: AnyMachine = None) -> Story:
-    """One pixel's whole story, the machine beside golden: the command line's `explain`."""
+    """Pixel trace of the machine and of golden: the command line's `explain`."""
     text, numbers = _native.explain(of_scene(scene), of_machine(machine), x, y)
     return Story(text, json.loads(numbers))
 
@@ -222,6 +222,6 @@ def trace(
     waves: tuple[int, int] | None = None,
     seed: int = 0,
 ) -> str:
-    """Writes what crosses the wires between units: the command line's `trace`. What that prints."""
+    """Writes the transfers between units: the command line's `trace`. Returns its output."""
     native = of_scene(scene), of_machine(machine)
     return _native.trace(*native, os.fspath(folder), list(units), splats, pixels, sample, stimulus, waves, seed)

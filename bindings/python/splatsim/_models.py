@@ -24,7 +24,7 @@ Columns = tuple[Numbers, Numbers, Numbers, Numbers, Numbers, Numbers]
 
 
 class Machine:
-    """A machine: a name, a file, or a dict as a machine file has it. It never changes; `set` gives another one."""
+    """A machine: a name, a file, or a dict as in a machine file. It is immutable; `set` returns another one."""
 
     _own: _native.Machine
 
@@ -43,12 +43,12 @@ class Machine:
         return made
 
     def set(self, path: str, value: Any) -> Machine:
-        """The machine with another field: `set("gauss.weight", "U-2F12")` is the command line's `--set gauss.weight=U-2F12`."""
+        """The machine with a changed field: `set("gauss.weight", "U-2F12")` is the command line's `--set gauss.weight=U-2F12`."""
         text = value if isinstance(value, str) else as_json(value, path)
         return Machine._of(self._own.changed(f"{path}={text}"))
 
     def with_settings(self, *settings: str) -> Machine:
-        """The same of texts such as "gauss.weight=U-2F12"."""
+        """The machine with changes such as "gauss.weight=U-2F12"."""
         native = self._own
         for setting in settings:
             native = native.changed(setting)
@@ -60,7 +60,7 @@ class Machine:
         return str(self.dict()["name"])
 
     def dict(self) -> Fields:
-        """As a machine file has it."""
+        """The fields of its machine file."""
         fields: Fields = json.loads(self._own.json())
         return fields
 
@@ -85,11 +85,11 @@ class Machine:
 
 
 class Scene:
-    """A scene: a file, a built-in name, or a dict as a scene file has it.
+    """A scene: a file, a built-in name, or a dict as in a scene file.
 
-    size: columns and rows instead of the scene's own. frame: of a sequence. folder: where files that a dict names lie. In a dict, `splats` may be
-    a dict of arrays: position (n, 3), and where given normal (n, 3), radius (n), rgb (n, 3, linear light), opacity (n), material (n); a normal
-    or a radius of 0 is fitted.
+    size: columns and rows instead of the scene's own. frame: number in a sequence. folder: folder of the files that a dict names. In a dict, `splats`
+    may be a dict of arrays: position (n, 3), and optionally normal (n, 3), radius (n), rgb (n, 3, linear light), opacity (n), material (n). A normal
+    or a radius of 0 is estimated from neighbours.
     """
 
     def __init__(
@@ -124,12 +124,12 @@ class Scene:
 
     @property
     def notes(self) -> list[str]:
-        """Sentences about what was left out or is odd."""
+        """Sentences about omitted or unusual data."""
         return self._own.notes
 
     @property
     def usual_machine(self) -> str:
-        """The machine that draws it where none is named."""
+        """Name of the default machine for the scene."""
         return self._own.usual_machine
 
     def __len__(self) -> int:
@@ -141,17 +141,17 @@ class Scene:
 
 
 def of_scene(scene: Scene | Named | Mapping[str, Any]) -> _native.Scene:
-    """What draws."""
+    """The native scene."""
     return (scene if isinstance(scene, Scene) else Scene(scene))._own
 
 
 def of_machine(machine: Machine | Named | Mapping[str, Any] | None) -> _native.Machine | None:
-    """What is drawn on; none where the scene's usual one is to do it."""
+    """The native machine; None for the scene's default machine."""
     return None if machine is None else Machine(machine)._own
 
 
 def as_json(value: Any, whose: str) -> str:
-    """JSON, also of NumPy's numbers and arrays."""
+    """JSON, also for NumPy's numbers and arrays."""
 
     def plain(odd: Any) -> Any:
         if isinstance(odd, np.ndarray | np.generic):
@@ -160,7 +160,7 @@ def as_json(value: Any, whose: str) -> str:
             return dict(odd)
         if isinstance(odd, os.PathLike):
             return os.fspath(odd)
-        raise TypeError(f"a {type(odd).__name__} is no JSON")
+        raise TypeError(f"a {type(odd).__name__} is not JSON")
 
     try:
         return json.dumps(value, default=plain, allow_nan=False)
@@ -168,7 +168,7 @@ def as_json(value: Any, whose: str) -> str:
         raise InputError(f"{whose}: {fault}") from None
 
 
-#: Numbers a splat, and what stands where none are given.
+#: Numbers per splat, and the default.
 _COLUMNS: dict[str, tuple[int, float]] = {
     "position": (3, 0.0),
     "normal": (3, 0.0),
@@ -192,12 +192,12 @@ def _columns(splats: Mapping[str, ArrayLike], name: str) -> Columns:
             return np.full(shape, usual, kind)
         given = np.asarray(splats[field])
         if given.shape != shape:
-            raise InputError(f"{name}: splats.{field} has the shape {given.shape}, and {shape} is right")
+            raise InputError(f"{name}: splats.{field} has the shape {given.shape} instead of {shape}")
         is_whole = np.issubdtype(given.dtype, np.integer)
         if field == "material" and (not is_whole or (count and not 0 <= given.min() <= given.max() < 2**32)):
             raise InputError(f"{name}: splats.material must be whole numbers from 0 to {2**32 - 1}")
         if not (is_whole or np.issubdtype(given.dtype, np.floating)):
-            raise InputError(f"{name}: splats.{field} is of {given.dtype}, and numbers are right")
+            raise InputError(f"{name}: splats.{field} is of {given.dtype}: it must be numbers")
         return np.ascontiguousarray(given, kind)
 
     return (column("position"), column("normal"), column("radius"), column("rgb"), column("opacity"), column("material"))

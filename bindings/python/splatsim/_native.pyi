@@ -1,4 +1,4 @@
-"""What Rust gives; its names and texts are for the modules beside this one."""
+"""Types of the native library; for the modules of this package only."""
 
 from collections.abc import Callable
 from typing import Any, TypeAlias, final
@@ -35,13 +35,13 @@ _Columns: TypeAlias = tuple[NDArray[Any], NDArray[Any], NDArray[Any], NDArray[An
 _Progress: TypeAlias = Callable[[float, float | None, str], object] | None
 
 class SplatsimError(ValueError):
-    """What is wrong, in a sentence."""
+    """An error, in a sentence."""
 
 class InputError(SplatsimError):
     """An argument or a file is wrong: the command line's exit status 2."""
 
 class JobError(SplatsimError):
-    """The work itself failed, as where a disk is full: the command line's exit status 1."""
+    """The work failed, for example on a full disk: the command line's exit status 1."""
 
 @final
 class Machine:

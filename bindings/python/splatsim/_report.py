@@ -1,4 +1,4 @@
-"""Reports: JSON objects as attributes, lists of them as Arrow tables; and what shows progress."""
+"""Reports: JSON objects as attributes, lists of them as Arrow tables; and progress bars."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Any
 
 import pyarrow as pa
 
-#: Called now and then with what is done, of how much where that is known, and a message.
+#: Called at intervals with the finished amount, the total if known, and a message.
 Progress = Callable[[float, float | None, str], object]
 
 
 class Node(Mapping[str, Any]):
-    """An object of a report: its fields are attributes, and items."""
+    """An object of a report: its fields are attributes and items."""
 
     def __init__(self, fields: dict[str, Any]) -> None:
         self._fields = fields
@@ -68,7 +68,7 @@ def _flat(fields: dict[str, Any], prefix: str) -> Iterator[tuple[str, Any]]:
 
 
 def shown(progress: Progress | bool) -> Progress | None:
-    """A callback; tqdm's bar for True, where there is tqdm."""
+    """A callback; for True tqdm's bar, if tqdm is installed."""
     if not isinstance(progress, bool):
         return progress
     if not progress:
@@ -79,9 +79,9 @@ def shown(progress: Progress | bool) -> Progress | None:
         return None
     bar = tqdm()
 
-    def tell(done: float, total: float | None, message: str) -> None:
+    def report(done: float, total: float | None, message: str) -> None:
         bar.total = total
         bar.n = done
         bar.set_postfix_str(message)
 
-    return tell
+    return report

@@ -16,7 +16,7 @@ Record = dict[str, int]
 
 
 class Answers(dict[str, NDArray[np.int64]]):
-    """An array a field of what a unit gave; `counts` says how many records it gave for each that it was given."""
+    """Output of a unit, one array per field; `counts` is the number of output records for each input record."""
 
     counts: NDArray[np.int64]
 
@@ -24,8 +24,8 @@ class Answers(dict[str, NDArray[np.int64]]):
 class Unit:
     """One unit of a machine by itself: records in, records out, each a dict of whole numbers by field.
 
-    machine: left out, the scene's usual one; settings: changes such as "gauss.weight=U-2F12"; size: columns and rows, or those of the scene;
-    seed: of `random`.
+    machine: the default is the scene's default machine; settings: changes such as "gauss.weight=U-2F12"; size: columns and rows, by default
+    those of the scene; seed: for `random`.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class Unit:
         return self._fields[port]
 
     def registers(self, name: str) -> list[Record]:
-        """The records of what is constant in a frame: frame, light, material, reflection."""
+        """The records of a constant of a frame: frame, light, material, reflection."""
         names, records = self._own.registers(name)
         return [dict(zip(names, words, strict=True)) for words in records]
 
@@ -62,37 +62,37 @@ class Unit:
         return [_within(record[name], -(2**63), 2**63 - 1, f"{self.name}.{port}: {name}") for name in names]
 
     def step(self, record: Mapping[str, int]) -> list[Record]:
-        """Gives the unit a record; the records that it gives for that."""
+        """Passes a record to the unit; returns its output records."""
         self.give(record)
         return self.take("out")
 
     def give(self, record: Mapping[str, int]) -> None:
-        """Gives the unit a record. What it gives for that waits, for `take` or `compare`."""
+        """Passes a record to the unit. Its output is queued for `take` or `compare`."""
         self._own.give(self._words("in", record))
 
     def take(self, port: str = "out") -> list[Record]:
-        """The records that wait at a port."""
+        """Removes and returns the queued records of a port."""
         names = self.fields(port)
         return [dict(zip(names, words, strict=True)) for words in self._own.take(port)]
 
     def end(self) -> None:
-        """Ends a frame: fragment gives what it holds (port "held"), sort what it has sorted."""
+        """Ends a frame: fragment outputs its pixels' contents (port "held"), sort the sorted records."""
         self._own.end()
 
     def waiting(self, port: str = "out") -> int:
-        """Number of records that wait at a port."""
+        """Number of queued records at a port."""
         return self._own.waiting(port)
 
     def compare(self, record: Mapping[str, int], port: str = "out") -> str | None:
-        """Takes the record that waits away; None if a device's is equal, else what is different, in a sentence."""
+        """Removes the oldest queued record; None if a device's record is equal, else the difference, in a sentence."""
         return self._own.compare(port, self._words(port, record))
 
     def random(self) -> Record:
-        """A record that the unit may be given: corners and thresholds on purpose, then random ones, for ever."""
+        """A valid random input record: first corner cases and thresholds, then random ones, without end."""
         return dict(zip(self.fields("in"), self._own.random(), strict=True))
 
     def map(self, **fields: ArrayLike) -> Answers:
-        """Gives the unit a record for each element of arrays of whole numbers, one array a field; the answers' fields as arrays."""
+        """Passes a record to the unit for each element of arrays of whole numbers, one array per field; returns the output fields as arrays."""
         names = self.fields("in")
         if set(fields) != set(names):
             odd = sorted(set(fields) ^ set(names))
@@ -109,15 +109,15 @@ class Unit:
     def _column(self, name: str, values: ArrayLike) -> NDArray[np.int64]:
         given = np.asarray(values)
         if not np.issubdtype(given.dtype, np.integer):
-            raise SplatsimError(f"{self.name}.in: {name} is of {given.dtype}, and whole numbers of at most 64 bits are right")
+            raise SplatsimError(f"{self.name}.in: {name} is of {given.dtype}: it must be whole numbers of at most 64 bits")
         if given.dtype == np.uint64 and given.size and given.max() > 2**63 - 1:
-            raise SplatsimError(f"{self.name}.in: {name} is {given.max()}, and at most {2**63 - 1} is possible")
+            raise SplatsimError(f"{self.name}.in: {name} is {given.max()}: it can be at most {2**63 - 1}")
         return given.astype(np.int64)
 
 
 def _within(number: int, least: int, greatest: int, what: str) -> int:
     if not least <= number <= greatest:
-        raise SplatsimError(f"{what} is {number}, and {least} to {greatest} are possible")
+        raise SplatsimError(f"{what} is {number}: it can be {least} to {greatest}")
     return number
 
 

@@ -5,7 +5,7 @@
     await bench.send_random(1000)
     await bench.finish()
 
-A stream is three signals, valid, ready and data, with a prefix: s for what a unit takes, m for what it gives.
+A stream is three signals, valid, ready and data, with a prefix: s for the input of a unit, m for its output.
 """
 
 import json
@@ -20,7 +20,7 @@ from cocotb.utils import get_sim_time
 
 from splatsim import Unit
 
-# Faults that a bench keeps: the first, which say more than those that follow from them.
+# Number of faults that a bench keeps: the first ones, because later ones often follow from them.
 FAULTS = 10
 
 
@@ -37,7 +37,7 @@ class Manifest:
         return [int(line, 16) for line in (self.folder / self.streams[name].file).read_text().split()]
 
     def side_by_side(self, name):
-        """All records of a constant beside each other, the first in the low bits: the twins' ports lights, materials, reflections."""
+        """All records of a constant, concatenated, the first in the low bits: for the RTL ports lights, materials, reflections."""
         width = self.streams[name].width
         return sum(number << (place * width) for place, number in enumerate(self.numbers(name)))
 
@@ -51,7 +51,7 @@ class Stream:
         self.enums = enums
 
     def pack(self, record):
-        """The number that a record is on the wires."""
+        """The number on the wires for a record."""
         return sum((record[field["name"]] & ((1 << field["width"]) - 1)) << field["lsb"] for field in self.fields)
 
     def unpack(self, number):
@@ -59,7 +59,7 @@ class Stream:
         return {field["name"]: _word(number >> field["lsb"], field) for field in self.fields}
 
     def coverage(self):
-        """Bins for each field, none of them met."""
+        """Empty bins for each field."""
         return Coverage(self)
 
 
@@ -69,7 +69,7 @@ def _word(bits, field):
 
 
 class Coverage:
-    """Which bins of a stream's fields were met: codes by name, flags, and of words least, below 0, 0, above 0 and greatest."""
+    """Coverage of the bins of a stream's fields: codes by name, flags, and for words least, below 0, 0, above 0 and greatest."""
 
     def __init__(self, stream):
         self.stream, self.met = stream, Counter()
@@ -83,7 +83,7 @@ class Coverage:
         return (["least", "below 0"] if field["signed"] else []) + ["0", "above 0", "greatest"]
 
     def sample(self, record):
-        """Notes a record."""
+        """Counts a record."""
         for field in self.stream.fields:
             word, width, signed = record[field["name"]], field["width"], field["signed"]
             if "enum" in field:
@@ -98,7 +98,7 @@ class Coverage:
             self.met.update((field["name"], name) for name in names)
 
     def missed(self):
-        """Bins that nothing met."""
+        """Bins that no record met."""
         return [bin for bin in self.bins if bin not in self.met]
 
     def __str__(self):
@@ -106,7 +106,7 @@ class Coverage:
 
 
 class Driver:
-    """Offers records, each until it is taken; in some of the cycles between, nothing."""
+    """Offers records, each until it is taken, with idle cycles between."""
 
     def __init__(self, dut, clock, prefix, stream, stalls=0.0, seed=1):
         self.valid, self.ready, self.data = (getattr(dut, f"{prefix}_{end}") for end in ("valid", "ready", "data"))
@@ -115,7 +115,7 @@ class Driver:
         self.data.value = 0
 
     async def send(self, record):
-        """Until it is taken."""
+        """Offers a record until it is taken."""
         while self.chance.random() < self.stalls:
             await RisingEdge(self.clock)
         self.data.value = self.stream.pack(record)
@@ -130,7 +130,7 @@ class Driver:
 
 
 class Monitor:
-    """Takes records, in some cycles none, and hands each to whoever listens. What is offered must stay until it is taken."""
+    """Takes records, except in stall cycles, and passes each to the listeners. An offer must stay until it is taken."""
 
     def __init__(self, dut, clock, prefix, stream, stalls=0.0, seed=2):
         self.valid, self.ready, self.data = (getattr(dut, f"{prefix}_{end}") for end in ("valid", "ready", "data"))
@@ -156,10 +156,10 @@ class Monitor:
 
 
 class Bench:
-    """A device with one stream in and one out beside the live model of a unit.
+    """A device with one input and one output stream, checked against the live model of a unit.
 
-    dut: with clk, rst, s and m, and the constants' ports where it has them; unit: its name; trace: a folder that `splatsim trace` wrote, with
-    machine.json and scene.json; stalls: share of cycles without an offer, and without a taker; seed: of stalls and random records.
+    dut: with clk, rst, s and m, and optional ports for the constants; unit: its name; trace: a folder written by `splatsim trace`, with
+    machine.json and scene.json; stalls: share of cycles without an offer, and without a taker; seed: for stalls and random records.
     """
 
     def __init__(self, dut, unit, trace, stalls=0.0, seed=1):
@@ -198,18 +198,18 @@ class Bench:
         self.dut.rst.value = 0
 
     async def send(self, record):
-        """Gives the model and the device a record."""
+        """Passes a record to the model and to the device."""
         self.model.give(record)
         self.coverage[0].sample(record)
         await self.driver.send(record)
 
     async def send_random(self, count):
-        """So many made-up records: corners and thresholds first."""
+        """Sends this many random records, corner cases and thresholds first."""
         for _ in range(count):
             await self.send(self.model.random())
 
     async def finish(self, patience=1000):
-        """Waits until all has come; fails where a record is different, missing or surplus."""
+        """Waits until all records have come; fails if one is different, missing or surplus."""
         idle, seen = 0, self.monitor.count
         while idle < (patience if self.model.waiting() else 20):
             await RisingEdge(self.dut.clk)

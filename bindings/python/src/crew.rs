@@ -1,4 +1,5 @@
-//! Crew: has machines of a search measured by whom Python asks, and measures them as a member.
+//! Crew: passes machines of a search to a Python object for measurement, and measures them on a
+//! worker.
 
 use crate::points::on_threads;
 use crate::work::{SplatsimError, done, sentence};
@@ -8,16 +9,17 @@ use splatsim::error::{Error, Result};
 use splatsim::explore::search::crew::{self, PackedView};
 use std::sync::Arc;
 
-/// A crew that is an object of Python's: `width()`, `learn(view)` and `measure(machines, target)`.
-pub(crate) struct Asked(pub Py<PyAny>);
+/// A crew that is a Python object with `width()`, `learn(view)` and `measure(machines, target)`.
+pub(crate) struct PythonCrew(pub Py<PyAny>);
 
-impl Asked {
+impl PythonCrew {
     fn call<T>(&self, call: impl FnOnce(&Bound<'_, PyAny>) -> PyResult<T>) -> Result<T> {
         Python::attach(|py| call(self.0.bind(py)).map_err(|raised| fault(py, &raised)))
     }
 }
 
-/// An exception of a callback as a fault of the job; of its own exceptions the sentence alone.
+/// Converts an exception of a callback to an error of the job. The package's own exceptions give
+/// only their sentence.
 fn fault(py: Python<'_>, raised: &PyErr) -> Error {
     if raised.is_instance_of::<SplatsimError>(py) {
         sentence(py, raised)
@@ -26,7 +28,7 @@ fn fault(py: Python<'_>, raised: &PyErr) -> Error {
     }
 }
 
-impl crew::Crew for Asked {
+impl crew::Crew for PythonCrew {
     fn width(&self) -> usize {
         self.call(|crew| crew.call_method0("width")?.extract())
             .unwrap_or(1)
@@ -44,14 +46,14 @@ impl crew::Crew for Asked {
     }
 }
 
-/// A view in a member's hands.
+/// A view on a worker.
 #[pyclass(frozen, module = "splatsim._native")]
 #[derive(Clone)]
 pub(crate) struct View(Arc<PackedView>);
 
 #[pymethods]
 impl View {
-    /// The view that a crew was told of.
+    /// A view from the bytes that a crew was given.
     #[new]
     fn new(py: Python<'_>, view: &[u8]) -> PyResult<Self> {
         let view = view.to_vec();

@@ -1,4 +1,4 @@
-//! Draw: a frame and all that is known of it; its recorded work; one pixel's story; a trace.
+//! Draw: a frame and its report; its recorded work; a pixel trace; a trace of the wires.
 
 use crate::models::{Machine, Scene};
 use crate::work::{done, json, raised, refused};
@@ -10,14 +10,14 @@ use splatsim::output::files::Folder;
 use splatsim::performance::cost::Prices;
 use splatsim::performance::recording;
 use splatsim::performance::timings::{Axes, Variants};
-use splatsim::run::explain::{explain as told, explained};
+use splatsim::run::explain::{explain as explanation, explained};
 use splatsim::run::{Check, Options, RunResult, run as drawn};
 use std::path::PathBuf;
 use std::sync::Arc;
 
 /// A drawn frame.
-#[pyclass(frozen, module = "splatsim._native")]
-pub(crate) struct Outcome {
+#[pyclass(frozen, name = "Outcome", module = "splatsim._native")]
+pub(crate) struct DrawnFrame {
     outcome: Arc<RunResult>,
     machine: rtl_model::Machine,
 }
@@ -48,7 +48,7 @@ pub(crate) fn run(
     timing: Vec<String>,
     prices: Option<PathBuf>,
     progress: Option<&Bound<'_, PyAny>>,
-) -> PyResult<Outcome> {
+) -> PyResult<DrawnFrame> {
     let (machine, outside_of_search) = Machine::of(machine, &scene.scene).map_err(raised)?;
     let axes = axes(&timing)?;
     let check = match check {
@@ -85,7 +85,7 @@ pub(crate) fn run(
             against: None,
         };
         let outcome = drawn(&scene, &machine, 0.0, &options)?;
-        Ok(Outcome {
+        Ok(DrawnFrame {
             outcome: Arc::new(outcome),
             machine,
         })
@@ -93,13 +93,13 @@ pub(crate) fn run(
 }
 
 #[pymethods]
-impl Outcome {
-    /// The report as `report.json` has it.
+impl DrawnFrame {
+    /// The report, as in `report.json`.
     fn report(&self) -> PyResult<String> {
         json(&self.outcome.report)
     }
 
-    /// What the command line prints.
+    /// Output of the command line.
     fn summary(&self) -> String {
         self.outcome.report.summary()
     }
@@ -110,7 +110,7 @@ impl Outcome {
         (self.outcome.fixed.width, self.outcome.fixed.height)
     }
 
-    /// A picture's f64, four a pixel, row by row from the top.
+    /// A picture as f64, four per pixel, row by row from the top.
     fn picture<'py>(&self, py: Python<'py>, which: &str) -> PyResult<Bound<'py, PyBytes>> {
         let RunResult {
             fixed,
@@ -139,7 +139,7 @@ impl Outcome {
         })
     }
 
-    /// Writes what `run --out` writes; the files.
+    /// Writes the files of `run --out`; returns their paths.
     fn write(&self, py: Python<'_>, folder: PathBuf, exr: bool) -> PyResult<Vec<PathBuf>> {
         let outcome = Arc::clone(&self.outcome);
         done(py, None, move || {
@@ -166,7 +166,7 @@ pub(crate) struct Recording(recording::Recording);
 
 #[pymethods]
 impl Recording {
-    /// Reads what `write` or `run --record` wrote.
+    /// Reads a file of `write` or `run --record`.
     #[staticmethod]
     fn read(path: PathBuf) -> PyResult<Self> {
         recording::Recording::read(&path)
@@ -181,15 +181,15 @@ impl Recording {
         done(py, None, move || own.write(&path))
     }
 
-    /// With a change such as `timing.raster.fifo=4`.
+    /// The recording with a change such as `timing.raster.fifo=4`.
     fn changed(&self, setting: &str) -> PyResult<Self> {
         let mut own = self.0.clone();
         own.set(setting).map_err(raised)?;
         Ok(Recording(own))
     }
 
-    /// The frame's time, with other timings, and what would make it faster: three texts, `null`
-    /// where nobody asked.
+    /// The frame's time, its time with other timings, and what-if results: three texts, `null`
+    /// where not requested.
     fn replay(
         &self,
         py: Python<'_>,
@@ -215,7 +215,7 @@ impl Recording {
     }
 }
 
-/// One pixel's story: as text, and as JSON.
+/// A pixel trace, as text and as JSON.
 #[pyfunction]
 pub(crate) fn explain(
     py: Python<'_>,
@@ -228,14 +228,14 @@ pub(crate) fn explain(
     let scene = Arc::clone(&scene.scene);
     let (text, numbers) = done(py, None, move || {
         Ok((
-            told(&scene, &machine, [x, y])?,
+            explanation(&scene, &machine, [x, y])?,
             explained(&scene, &machine, [x, y])?,
         ))
     })?;
     Ok((text, json(&numbers)?))
 }
 
-/// Writes a trace; what the command line prints of it.
+/// Writes a trace; returns the output of the command line.
 #[pyfunction]
 #[pyo3(signature = (scene, machine, folder, units, splats, pixels, sample, stimulus, waves, seed))]
 #[expect(clippy::too_many_arguments, reason = "as many as a trace has options")]
@@ -253,7 +253,7 @@ pub(crate) fn trace(
     seed: u64,
 ) -> PyResult<String> {
     if sample == Some(0) {
-        return Err(refused("sample is 0, and one in 1 is the most"));
+        return Err(refused("sample is 0: it must be at least 1"));
     }
     let (machine, _) = Machine::of(machine, &scene.scene).map_err(raised)?;
     let Scene {

@@ -1,6 +1,6 @@
 //! Explore: sweeps and searches.
 
-use crate::crew::Asked;
+use crate::crew::PythonCrew;
 use crate::models::{Machine, Scene};
 use crate::points::plan;
 use crate::work::{done, json, raised, refused};
@@ -15,17 +15,17 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Outcome of a sweep or a search.
-#[pyclass(frozen, get_all, module = "splatsim._native")]
-pub(crate) struct Job {
+#[pyclass(frozen, get_all, name = "Job", module = "splatsim._native")]
+pub(crate) struct Exploration {
     /// Files that were written.
     pub files: Vec<PathBuf>,
-    /// What the command line prints.
+    /// Output of the command line.
     pub summary: String,
-    /// The findings of a search; empty of a sweep, whose rows are in its files.
+    /// Report of a search; empty for a sweep, whose rows are in its files.
     pub json: String,
 }
 
-/// Carries a plan out.
+/// Runs a sweep.
 #[pyfunction]
 #[pyo3(signature = (name, text, folder, shard, most, prices, progress))]
 #[expect(clippy::too_many_arguments, reason = "as many as a sweep has options")]
@@ -38,7 +38,7 @@ pub(crate) fn sweep(
     most: u64,
     prices: Option<PathBuf>,
     progress: Option<&Bound<'_, PyAny>>,
-) -> PyResult<Job> {
+) -> PyResult<Exploration> {
     let shard = shard
         .map(|text| {
             text.parse()
@@ -54,7 +54,7 @@ pub(crate) fn sweep(
             progress: false,
         };
         let outcome = sweeping::run(&points, &folder, &options)?;
-        Ok(Job {
+        Ok(Exploration {
             summary: outcome.summary(),
             files: outcome.files,
             json: String::new(),
@@ -82,14 +82,14 @@ pub(crate) fn search(
     prices: Option<PathBuf>,
     crew: Option<Py<PyAny>>,
     progress: Option<&Bound<'_, PyAny>>,
-) -> PyResult<Job> {
+) -> PyResult<Exploration> {
     let scenes: Vec<Arc<splatsim::scene::Scene>> = scenes
         .iter()
         .map(|scene| Arc::clone(&scene.get().scene))
         .collect();
     let first = scenes
         .first()
-        .ok_or_else(|| refused("a search needs a scene, one at least"))?;
+        .ok_or_else(|| refused("a search needs at least one scene"))?;
     let (machine, _) = Machine::of(machine, first).map_err(raised)?;
     let against = if against_ideal {
         Against::Ideal
@@ -118,11 +118,11 @@ pub(crate) fn search(
         let scenes: Vec<_> = scenes.iter().map(|scene| (**scene).clone()).collect();
         let search = || searching::run(&scenes, &machine, &folder, &options);
         match crew {
-            Some(crew) => on_crew(Box::new(Asked(crew)), search),
+            Some(crew) => on_crew(Box::new(PythonCrew(crew)), search),
             None => search(),
         }
     })?;
-    Ok(Job {
+    Ok(Exploration {
         summary: outcome.summary(),
         json: json(&outcome)?,
         files: outcome.files,

@@ -1,9 +1,9 @@
-//! splatsim for Python: what `bindings/python/splatsim` stands on. Texts are JSON, arrays are
-//! buffers; names and types for people are there.
+//! splatsim for Python: the native part of `bindings/python/splatsim`. Texts are JSON, arrays are
+//! buffers; the public names and types are in the Python part.
 //!
-//! Work is done on a thread of its own while the interpreter's lock is free; the thread that waits
-//! for it hears Ctrl-C. A fault is an exception with the command line's sentence. No panic crosses:
-//! a thread that panics ends in an exception too.
+//! Work runs on its own thread with the interpreter's lock released; the calling thread handles
+//! Ctrl-C meanwhile. An error is an exception with the command line's sentence. A panic does not
+//! cross the boundary: a thread that panics ends in an exception too.
 
 mod crew;
 mod draw;
@@ -21,9 +21,9 @@ mod _native {
     #[pymodule_export]
     use crate::crew::{View, measure};
     #[pymodule_export]
-    use crate::draw::{Outcome, Recording, explain, run, trace};
+    use crate::draw::{DrawnFrame, Recording, explain, run, trace};
     #[pymodule_export]
-    use crate::explore::{Job, search, sweep};
+    use crate::explore::{Exploration, search, sweep};
     #[pymodule_export]
     use crate::models::{Machine, Scene};
     #[pymodule_export]

@@ -10,18 +10,18 @@ use std::ffi::OsString;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// A machine, and for what it was searched.
+/// A machine, with its search record.
 #[pyclass(frozen, module = "splatsim._native")]
 #[derive(Clone)]
 pub(crate) struct Machine {
     file: File,
-    /// Whether a setting changed what is drawn.
+    /// Whether a setting changed the picture.
     is_changed: bool,
 }
 
 #[pymethods]
 impl Machine {
-    /// That of a name or a file.
+    /// A machine by name or from a file.
     #[staticmethod]
     fn open(name_or_path: OsString) -> PyResult<Self> {
         let file = machines::load_file(name_or_path, &[]).map_err(raised)?;
@@ -31,7 +31,7 @@ impl Machine {
         })
     }
 
-    /// That of a text as a machine file has it; `whose` begins every error.
+    /// A machine from the text of a machine file; `whose` begins every error.
     #[staticmethod]
     fn parse(text: &str, whose: &str) -> PyResult<Self> {
         let value = serde_json::from_str(text.trim_start_matches('\u{feff}'))
@@ -43,7 +43,7 @@ impl Machine {
         })
     }
 
-    /// With a change such as `gauss.weight=U-2F12`.
+    /// The machine with a change such as `gauss.weight=U-2F12`.
     fn changed(&self, setting: &str) -> PyResult<Self> {
         let machine = machines::changed(
             &self.file.machine,
@@ -61,7 +61,7 @@ impl Machine {
         })
     }
 
-    /// As a machine file has it.
+    /// The machine as in a machine file.
     fn json(&self) -> PyResult<String> {
         json(&self.file)
     }
@@ -76,8 +76,8 @@ impl Machine {
 }
 
 impl Machine {
-    /// The one that was asked for, or the usual one, as it draws a scene; and how the scene lies
-    /// outside of what it was searched for.
+    /// The requested machine, or the default one, for drawing a scene; and how the scene differs
+    /// from those of its search.
     pub(crate) fn of(
         machine: Option<&Self>,
         scene: &scene::Scene,
@@ -97,15 +97,15 @@ impl Machine {
 #[derive(Clone)]
 pub(crate) struct Scene {
     pub scene: Arc<scene::Scene>,
-    /// The frame, where it is one of a sequence.
+    /// Number of the frame in a sequence.
     pub frame: Option<u64>,
-    /// The file that it was read from.
+    /// File that it was read from.
     pub file: Option<PathBuf>,
-    /// Its text, where a file of its own can stand for it.
+    /// Text of an equivalent scene file, if there is one.
     pub text: Option<String>,
 }
 
-/// Splats as columns of numbers: three a splat of position, normal and colour.
+/// Splats as columns of numbers: three per splat for position, normal and colour.
 type Columns = (
     PyBuffer<f64>,
     PyBuffer<f64>,
@@ -145,7 +145,7 @@ impl Scene {
         })
     }
 
-    /// The text of a scene file; files that it names lie in `folder`.
+    /// The scene from the text of a scene file; files that it names are in `folder`.
     #[staticmethod]
     fn parse(
         py: Python<'_>,
@@ -168,7 +168,7 @@ impl Scene {
         })
     }
 
-    /// The same of splats: read from the caller's arrays where they lie.
+    /// The scene with splats from the caller's arrays.
     #[staticmethod]
     fn of_splats(
         py: Python<'_>,
@@ -216,13 +216,13 @@ impl Scene {
         self.scene.splats.len()
     }
 
-    /// Sentences about what was left out or is odd.
+    /// Sentences about omitted or unusual data.
     #[getter]
     fn notes(&self) -> Vec<String> {
         self.scene.notes.clone()
     }
 
-    /// The name of the machine that draws it where none is asked for.
+    /// Name of the default machine for the scene.
     #[getter]
     fn usual_machine(&self) -> &'static str {
         machines::usual(&self.scene)
@@ -256,7 +256,7 @@ fn splats(
 fn column<T: Element>(py: Python<'_>, buffer: &PyBuffer<T>, count: usize) -> PyResult<Vec<T>> {
     if buffer.item_count() != count {
         return Err(refused(format!(
-            "splats: an array has {} numbers, and {count} are needed",
+            "splats: an array has {} numbers instead of {count}",
             buffer.item_count()
         )));
     }

@@ -1,7 +1,7 @@
-//! Points: carries a sweep out piece by piece: a folder that rows come into, and a stage that draws
-//! some, in this process or another.
+//! Points: runs a sweep in pieces: a folder that receives rows, and a stage that draws some, in
+//! this process or another.
 
-use crate::explore::Job;
+use crate::explore::Exploration;
 use crate::work::{done, json, refused};
 use pyo3::prelude::*;
 use pyo3::types::PyBytes;
@@ -16,7 +16,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// The plan of a text or a name.
+/// The plan from a text or a name.
 pub(crate) fn plan(name: &str, text: Option<&str>) -> Result<Points> {
     text.map_or_else(
         || Points::load(name),
@@ -24,7 +24,7 @@ pub(crate) fn plan(name: &str, text: Option<&str>) -> Result<Points> {
     )
 }
 
-/// Does `work` on so many threads.
+/// Runs `work` on this number of threads.
 pub(crate) fn on_threads<T: Send>(
     threads: usize,
     work: impl FnOnce() -> Result<T> + Send,
@@ -34,13 +34,13 @@ pub(crate) fn on_threads<T: Send>(
         .install(work)
 }
 
-/// A sweep whose rows others draw.
+/// A sweep whose rows are drawn elsewhere.
 #[pyclass(frozen, module = "splatsim._native")]
 pub(crate) struct Sweep(Arc<Mutex<Option<sweep::Sweep>>>);
 
 #[pymethods]
 impl Sweep {
-    /// Opens a folder, which nobody else may write into until it is closed.
+    /// Opens a folder and locks it against other writers until it is closed.
     #[staticmethod]
     fn open(
         py: Python<'_>,
@@ -63,21 +63,21 @@ impl Sweep {
         })
     }
 
-    /// Scenes of the plan, and all points.
+    /// Number of scenes of the plan, and of all points.
     fn counts(&self, py: Python<'_>) -> PyResult<(usize, u64)> {
         self.with(py, |own| {
             Ok((own.points().plan.scenes.len(), own.points().count()))
         })
     }
 
-    /// Points on a scene that the folder does not have; those that may share a frame together.
+    /// Points on a scene that are missing in the folder, grouped by frames that they may share.
     fn missing(&self, py: Python<'_>, scene: usize) -> PyResult<Vec<Vec<u64>>> {
         self.with(py, move |own| {
             Ok(own.points().together(&own.missing(scene)))
         })
     }
 
-    /// Plan and prices, for a stage.
+    /// Plan and unit costs, for a stage.
     fn plan(&self, py: Python<'_>) -> PyResult<String> {
         let (points, prices) = self.with(py, |own| Ok((own.points().clone(), own.prices())))?;
         json(&(points, prices))
@@ -89,24 +89,24 @@ impl Sweep {
         Ok(PyBytes::new(py, &bytes))
     }
 
-    /// Rows that a stage has drawn: in the folder before this returns.
+    /// Stores rows that a stage has drawn; they are in the folder when this returns.
     fn keep(&self, py: Python<'_>, numbers: Vec<u64>, batch: &[u8]) -> PyResult<()> {
         let batch = batch.to_vec();
         self.with(py, move |own| own.push_batch(&numbers, &batch))
     }
 
     /// Writes the table of all rows, and closes the folder.
-    fn finish(&self, py: Python<'_>) -> PyResult<Job> {
+    fn finish(&self, py: Python<'_>) -> PyResult<Exploration> {
         let own = self.own().take().ok_or_else(closed)?;
         let outcome = done(py, None, move || own.finish())?;
-        Ok(Job {
+        Ok(Exploration {
             summary: outcome.summary(),
             files: outcome.files,
             json: String::new(),
         })
     }
 
-    /// Closes the folder; what it has stays.
+    /// Closes the folder; its contents stay.
     fn close(&self) {
         self.own().take();
     }
@@ -117,7 +117,7 @@ impl Sweep {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Does something with it, without the interpreter's lock.
+    /// Runs `work` on the sweep, without the interpreter's lock.
     fn with<T: Send + 'static>(
         &self,
         py: Python<'_>,
@@ -144,7 +144,7 @@ pub(crate) struct Stage(Arc<stage::Stage>);
 
 #[pymethods]
 impl Stage {
-    /// Of a plan and a scene as a sweep gives them: the scene of this number.
+    /// A stage for a plan and one of its scenes, as a sweep returns them.
     #[new]
     fn new(
         py: Python<'_>,
@@ -157,7 +157,7 @@ impl Stage {
         done(py, None, move || {
             let (points, prices): (Points, Prices) =
                 serde_json::from_str(&plan).map_err(|error| {
-                    Error::input(format!("the plan is none of this version: {error}"))
+                    Error::input(format!("the plan is not of this version: {error}"))
                 })?;
             let scene = parcel::unpacked(&scene)?;
             on_threads(threads, || {
@@ -193,7 +193,7 @@ fn rows(stage: &stage::Stage, numbers: &[u64]) -> Result<Vec<u8>> {
     table::packed(&stage.columns(), &rows)
 }
 
-/// Points of a plan, without a folder: a Parquet file of their rows for each scene that has some.
+/// Draws points of a plan without a folder: a Parquet file of rows for each scene with points.
 #[pyfunction]
 #[pyo3(signature = (name, text, numbers, prices))]
 pub(crate) fn draw(
@@ -207,7 +207,7 @@ pub(crate) fn draw(
         let points = plan(&name, text.as_deref())?;
         let prices = Prices::load_or_default(prices.as_deref())?;
         if numbers.is_empty() {
-            return Err(Error::input(format!("{name}: no points are asked for")));
+            return Err(Error::input(format!("{name}: no points are given")));
         }
         if let Some(number) = numbers.iter().find(|number| **number >= points.count()) {
             return Err(Error::input(format!(

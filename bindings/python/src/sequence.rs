@@ -13,7 +13,7 @@ use splatsim::scene::{CameraFile, Overrides, Sequence};
 use std::ffi::OsString;
 use std::path::PathBuf;
 
-/// Draws all frames: the report, and what the command line prints.
+/// Draws all frames; returns the report and the output of the command line.
 #[pyfunction]
 #[pyo3(signature = (name, size, cameras, machine, folder, exr, video, progress))]
 #[expect(
@@ -46,7 +46,7 @@ pub(crate) fn sequence(
         let (drawing, mut outside) = Machine::of(machine.as_ref(), sequence.scene())?;
         fixed::elaborate(&drawing)?;
         running::check(&mut sequence, &drawing)?;
-        // Each camera may lie elsewhere.
+        // Each camera may be outside.
         for frame in (0..sequence.cameras().len())
             .filter(|_| outside.is_some())
             .collect::<Vec<_>>()

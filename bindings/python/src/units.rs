@@ -19,7 +19,7 @@ self_cell!(
     }
 );
 
-/// A unit by itself, and the records that it gave and nobody has taken.
+/// A unit by itself, and its output records that have not been read.
 #[pyclass(frozen, module = "splatsim._native")]
 pub(crate) struct Unit(Arc<Mutex<Cell>>);
 
@@ -29,7 +29,7 @@ fn with<T>(cell: &Mutex<Cell>, work: impl FnOnce(&mut Scoreboard) -> T) -> T {
         .with_dependent_mut(|_, board| work(board))
 }
 
-/// A port by its name, which the unit must have.
+/// A port of the unit by name.
 fn side(board: &Scoreboard, port: &str) -> PyResult<PortSide> {
     const NAMES: [&str; 5] = ["in", "out", "request", "answer", "held"];
     let found = NAMES
@@ -52,7 +52,7 @@ fn side(board: &Scoreboard, port: &str) -> PyResult<PortSide> {
     })
 }
 
-/// Words as i64, side by side.
+/// Words as consecutive i64.
 fn bytes<'py>(py: Python<'py>, records: &[Record]) -> PyResult<Bound<'py, PyBytes>> {
     let words = || records.iter().flatten();
     PyBytes::new_with(py, words().count() * size_of::<i64>(), |bytes| {
@@ -98,7 +98,7 @@ impl Unit {
         })
     }
 
-    /// What is constant in a frame, such as `light`: names of its fields, and its records.
+    /// A constant of a frame, such as `light`: names of its fields, and its records.
     fn registers(&self, name: &str) -> PyResult<(Vec<String>, Vec<Record>)> {
         let cell = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let found = cell.with_dependent(|constants, _| constants.registers(name));
@@ -117,7 +117,7 @@ impl Unit {
         ))
     }
 
-    /// Takes a record. What it gives waits.
+    /// Passes a record to the unit; its output is queued.
     fn give(&self, words: Record) -> PyResult<()> {
         with(&self.0, |board| {
             board
@@ -126,7 +126,7 @@ impl Unit {
         })
     }
 
-    /// Ends a frame. What it gives in the end waits.
+    /// Ends a frame; the final output is queued.
     fn end(&self) -> PyResult<()> {
         with(&self.0, |board| {
             board
@@ -135,12 +135,12 @@ impl Unit {
         })
     }
 
-    /// Number of records that wait.
+    /// Number of queued records.
     fn waiting(&self, port: &str) -> PyResult<usize> {
         with(&self.0, |board| Ok(board.waiting(side(board, port)?)))
     }
 
-    /// The records that wait.
+    /// Removes and returns the queued records.
     fn take(&self, port: &str) -> PyResult<Vec<Record>> {
         with(&self.0, |board| {
             let side = side(board, port)?;
@@ -148,7 +148,7 @@ impl Unit {
         })
     }
 
-    /// Takes the record that waits away; what a device's differs by.
+    /// Removes the oldest queued record; returns how a device's record differs from it.
     fn compare(&self, port: &str, words: Record) -> PyResult<Option<String>> {
         with(&self.0, |board| {
             let side = side(board, port)?;
@@ -156,12 +156,13 @@ impl Unit {
         })
     }
 
-    /// A record that the unit may be given.
+    /// A valid random input record.
     fn random(&self) -> Record {
         with(&self.0, |board| board.made_up())
     }
 
-    /// Takes records, side by side; how many it gave for each, and those.
+    /// Passes consecutive records to the unit; returns the number of output records for each, and
+    /// the output records.
     fn map<'py>(
         &self,
         py: Python<'py>,

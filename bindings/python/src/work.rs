@@ -1,4 +1,4 @@
-//! Work: a thread that works, one that waits and hears Ctrl-C, and faults as exceptions.
+//! Work: a worker thread, a calling thread that handles Ctrl-C, and errors as exceptions.
 
 use pyo3::create_exception;
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
@@ -14,7 +14,7 @@ create_exception!(
     splatsim,
     SplatsimError,
     PyValueError,
-    "What is wrong, in a sentence."
+    "An error, in a sentence."
 );
 create_exception!(
     splatsim,
@@ -26,16 +26,16 @@ create_exception!(
     splatsim,
     JobError,
     SplatsimError,
-    "The work itself failed, as where a disk is full: the command line's exit status 1."
+    "The work failed, for example on a full disk: the command line's exit status 1."
 );
 
-/// Between two looks for Ctrl-C.
-const LISTEN_EVERY: Duration = Duration::from_millis(50);
-/// Between two calls of a progress callback.
-const TELL_EVERY: Duration = Duration::from_millis(200);
-/// As much as a main thread has.
+/// Interval between two checks for Ctrl-C.
+const CHECK_EVERY: Duration = Duration::from_millis(50);
+/// Interval between two calls of a progress callback.
+const PROGRESS_EVERY: Duration = Duration::from_millis(200);
+/// Stack of a main thread.
 const STACK_BYTES: usize = 8 << 20;
-/// For how long a stopped job may finish the point that it is at.
+/// Time that a stopped job has to finish its current point.
 const LAST_POINT: Duration = Duration::from_millis(500);
 
 pub(crate) fn raised(error: Error) -> PyErr {
@@ -45,7 +45,7 @@ pub(crate) fn raised(error: Error) -> PyErr {
     }
 }
 
-/// The fault that an exception of [`raised`] says.
+/// The error for an exception of [`raised`].
 pub(crate) fn sentence(py: Python<'_>, raised: &PyErr) -> Error {
     let sentence = raised.value(py).to_string();
     if raised.is_instance_of::<InputError>(py) {
@@ -55,7 +55,7 @@ pub(crate) fn sentence(py: Python<'_>, raised: &PyErr) -> Error {
     }
 }
 
-/// An exception for what only a call from Python can get wrong.
+/// An exception for errors that are possible only from Python.
 pub(crate) fn refused(sentence: impl Into<String>) -> PyErr {
     raised(Error::input(sentence))
 }
@@ -64,8 +64,9 @@ pub(crate) fn json(value: &impl serde::Serialize) -> PyResult<String> {
     serde_json::to_string(value).map_err(|error| raised(Error::job(error.to_string())))
 }
 
-/// Does `work` on another thread, without the interpreter's lock. Where a signal or `progress`
-/// raises, that is raised at once; the work is told to stop, and what it has begun ends unseen.
+/// Runs `work` on another thread, without the interpreter's lock. If a signal handler or `progress`
+/// raises, the exception is raised immediately; the work is stopped and its unfinished result is
+/// dropped.
 pub(crate) fn done<T: Send + 'static>(
     py: Python<'_>,
     progress: Option<&Bound<'_, PyAny>>,
@@ -75,44 +76,43 @@ pub(crate) fn done<T: Send + 'static>(
     let (sender, result) = channel();
     let watched = Arc::clone(&watch);
     let thread = Builder::new().stack_size(STACK_BYTES).spawn(move || {
-        // Nobody listens any more where the other thread has raised.
+        // After an exception the receiver is gone.
         let _ = sender.send(watched_by(&watched, work));
     });
     thread.map_err(|error| raised(Error::job(format!("no thread can be started: {error}"))))?;
     let result = Mutex::new(result);
-    let mut told = Instant::now();
+    let mut reported = Instant::now();
     loop {
-        match py.detach(|| received(&result, LISTEN_EVERY)) {
+        match py.detach(|| received(&result, CHECK_EVERY)) {
             Ok(done) => {
-                progress.map_or(Ok(()), |progress| tell(progress, &watch))?;
+                progress.map_or(Ok(()), |progress| report_progress(progress, &watch))?;
                 return done.map_err(raised);
             }
             Err(RecvTimeoutError::Disconnected) => {
                 return Err(PyRuntimeError::new_err(
-                    "splatsim has failed: this is a fault of its own",
+                    "splatsim has failed: this is a bug",
                 ));
             }
             Err(RecvTimeoutError::Timeout) => {}
         }
         let heard = py.check_signals().and_then(|()| match progress {
-            Some(progress) if told.elapsed() >= TELL_EVERY => {
-                told = Instant::now();
-                tell(progress, &watch)
+            Some(progress) if reported.elapsed() >= PROGRESS_EVERY => {
+                reported = Instant::now();
+                report_progress(progress, &watch)
             }
             _ => Ok(()),
         });
         if let Err(raised) = heard {
             watch.stop();
-            // A journal is closed with the point that is being drawn, if that is soon; what comes
-            // of it nobody wants.
+            // A journal is closed with the current point, if that ends soon; the result is dropped.
             let _ = py.detach(|| received(&result, LAST_POINT));
             return Err(raised);
         }
     }
 }
 
-/// What a thread sends within some time. The lock is there for the interpreter's, beside which
-/// nothing of one thread alone may be used.
+/// Result of a thread, if it arrives within some time. The mutex is required because values used
+/// without the interpreter's lock must be `Sync`.
 fn received<T>(result: &Mutex<Receiver<T>>, within: Duration) -> Result<T, RecvTimeoutError> {
     result
         .lock()
@@ -120,8 +120,8 @@ fn received<T>(result: &Mutex<Receiver<T>>, within: Duration) -> Result<T, RecvT
         .recv_timeout(within)
 }
 
-/// Calls a callback with what is done, of how much where that is known, and a message.
-fn tell(progress: &Bound<'_, PyAny>, watch: &Watch) -> PyResult<()> {
+/// Calls a callback with the finished amount, the total if known, and a message.
+fn report_progress(progress: &Bound<'_, PyAny>, watch: &Watch) -> PyResult<()> {
     let (done, total, message) = watch.now();
     progress.call1((done, total, message)).map(drop)
 }

@@ -1,4 +1,4 @@
-"""Clusters of this computer for tests: a scheduler and workers that are processes of their own, and may be killed."""
+"""Local clusters for tests: the scheduler and the workers are separate processes, which can be killed."""
 
 import os
 import random
@@ -12,7 +12,7 @@ from pathlib import Path
 
 import splatsim
 
-#: Processes find the package that is tested; the scheduler forgives no worker its death, so that who asked has to ask again.
+#: Processes use the tested package. The scheduler tolerates no death of a worker, so that tasks must be submitted again.
 ENVIRONMENT = {
     **os.environ,
     "PYTHONPATH": str(Path(splatsim.__file__).parents[1]),
@@ -28,7 +28,7 @@ def free_port():
 
 
 class Cluster:
-    """A scheduler on a port, and workers, each a process without anybody who starts it again but this."""
+    """A scheduler on a port, and workers, as processes that only this class restarts."""
 
     def __init__(self, folder):
         self.folder, self.port = folder, free_port()
@@ -74,8 +74,8 @@ class Cluster:
         self.close()
 
 
-def now_and_then(seconds, act):
-    """Does something again and again on a thread of its own; the function that ends that."""
+def repeatedly(seconds, act):
+    """Calls a function repeatedly on another thread; returns a function that stops it."""
     is_over = threading.Event()
 
     def work():
@@ -95,5 +95,5 @@ def now_and_then(seconds, act):
 def wait_for(what, seconds=30):
     deadline = time.monotonic() + seconds
     while not what():
-        assert time.monotonic() < deadline, "it never came to be"
+        assert time.monotonic() < deadline, "the condition was never met"
         time.sleep(0.02)

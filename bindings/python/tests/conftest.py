@@ -1,4 +1,4 @@
-"""What tests share: the command line that the package is held against."""
+"""Fixtures: the command line that the package is compared with."""
 
 import os
 import subprocess
@@ -9,7 +9,7 @@ import pytest
 
 @pytest.fixture
 def splatsim_run(tmp_path):
-    """Runs the program of SPLATSIM_PROGRAM in an empty folder: exit status, what it prints, what it complains."""
+    """Runs the program of SPLATSIM_PROGRAM in an empty folder and checks its exit status; returns its output, or its error message."""
     program = os.environ.get("SPLATSIM_PROGRAM")
     if program is None:
         pytest.skip("SPLATSIM_PROGRAM names no program to compare with")

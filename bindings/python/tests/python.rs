@@ -1,5 +1,5 @@
-//! Is the Python package what the command line is? Its own tests, notebooks and types, on the
-//! library that cargo has just built.
+//! Does the Python package behave as the command line? Runs its own tests, notebooks and type
+//! checks on the library that cargo has just built.
 
 #[path = "../../../tests/tier/mod.rs"]
 #[allow(dead_code, reason = "others use the rest")]
@@ -8,7 +8,7 @@ mod tier;
 use std::path::Path;
 use std::process::Command;
 
-/// Python of `SPLATSIM_PYTHON`, else `python3`, if it has what the tests need; fails in CI where it
+/// Python of `SPLATSIM_PYTHON`, else `python3`, if it has the test requirements; fails in CI if it
 /// has not.
 fn python() -> Option<String> {
     let python = std::env::var("SPLATSIM_PYTHON").unwrap_or_else(|_| "python3".into());
@@ -30,14 +30,14 @@ fn run(command: &mut Command) {
     let output = command
         .output()
         .unwrap_or_else(|e| panic!("{command:?}: {e}"));
-    let told = [&output.stdout[..], &output.stderr[..]]
+    let output_text = [&output.stdout[..], &output.stderr[..]]
         .map(String::from_utf8_lossy)
         .concat();
-    println!("{told}");
-    assert!(output.status.success(), "{command:?}: {told}");
+    println!("{output_text}");
+    assert!(output.status.success(), "{command:?}: {output_text}");
 }
 
-/// Lays the package out as a wheel would.
+/// Installs the package as a wheel would.
 fn install(folder: &Path) {
     let package = folder.join("splatsim");
     std::fs::create_dir(&package).unwrap();
@@ -54,7 +54,7 @@ fn install(folder: &Path) {
 }
 
 #[test]
-fn the_package_is_what_the_command_line_is() {
+fn the_package_behaves_as_the_command_line() {
     if !tier::runs(tier::Tier::Ci) {
         return;
     }

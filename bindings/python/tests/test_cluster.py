@@ -1,4 +1,4 @@
-"""Does a cluster find what one process finds, row for row, whatever is killed meanwhile?"""
+"""Does a cluster give the rows of one process, even when processes are killed meanwhile?"""
 
 import asyncio
 import csv
@@ -12,14 +12,14 @@ import pyarrow.compute
 import pyarrow.dataset
 import pyarrow.parquet as parquet
 import pytest
-from clusters import ENVIRONMENT, Cluster, now_and_then, wait_for
+from clusters import ENVIRONMENT, Cluster, repeatedly, wait_for
 
 import splatsim
 from splatsim import _cluster
 
 distributed = pytest.importorskip("distributed")
 
-#: Two scenes, files beside the plan; machines that share frames, and some that cannot be built.
+#: Two scenes, files beside the plan; machines that share frames, and some that do not elaborate.
 SCENES = {"spheres.json": {"splats": {"builtin": "glass-spheres", "count": 300}}, "knot.json": {"splats": {"builtin": "torus-knot", "count": 300}}}
 PLAN = {
     "scenes": list(SCENES),
@@ -47,7 +47,7 @@ def plan(tmp_path):
 
 @pytest.fixture
 def one_by_one(monkeypatch):
-    """Batches of one point each, so that many are there to be lost."""
+    """Batches of one point each, so that many can be lost."""
     monkeypatch.setattr(_cluster, "BATCH_SECONDS", 0.0)
     monkeypatch.setattr(_cluster, "SECONDS_A_THREAD", 0.0)
 
@@ -59,18 +59,18 @@ def cluster(tmp_path_factory):
 
 
 def own(table):
-    """Without what differs from run to run."""
+    """The table without columns that differ between runs."""
     return table.select([name for name in table.column_names if not name.startswith("host_")])
 
 
 def text_of(path):
-    """The same of a table as text."""
+    """The same for a table as text."""
     with open(path, newline="") as file:
         return [{name: cell for name, cell in row.items() if not name.startswith("host_")} for row in csv.DictReader(file)]
 
 
 def check_is_whole(plan, folder, rows):
-    """The rows of one process, in memory, in the folder's tables, and each once in its files."""
+    """Checks that the rows equal those of one process, in memory and in the folder's tables, and are once in its files."""
     alone = splatsim.sweep(plan)
     assert own(rows.table).equals(own(alone.table)) and own(alone.table).num_columns > 20
     assert alone.table.num_rows == COUNT and alone.table["misfit"].null_count == COUNT // 2
@@ -80,16 +80,16 @@ def check_is_whole(plan, folder, rows):
     assert own(points.sort_by("point").cast(alone.table.schema)).equals(own(alone.table))
 
 
-def test_a_cluster_s_sweep_is_one_process_s(plan, cluster, tmp_path):
-    told = []
+def test_a_cluster_s_sweep_equals_one_process_s(plan, cluster, tmp_path):
+    states = []
     with distributed.Client(cluster.address) as client:
-        rows = splatsim.sweep(plan, tmp_path / "out", client=client, progress=lambda *state: told.append(state))
+        rows = splatsim.sweep(plan, tmp_path / "out", client=client, progress=lambda *state: states.append(state))
     check_is_whole(plan, tmp_path / "out", rows)
-    assert told[-1][:2] == (COUNT, COUNT)
+    assert states[-1][:2] == (COUNT, COUNT)
     files = {path: path.stat().st_mtime_ns for path in (tmp_path / "out/points").iterdir()}
-    # The text is the same too, and what is there is not drawn again, by no client and no process.
+    # The text is the same too, and finished rows are not drawn again by a client or a process.
     alone = splatsim.sweep(plan, tmp_path / "alone")
-    texts = [text_of(tmp_path / way / "sweep.csv") for way in ("out", "alone")]
+    texts = [text_of(tmp_path / folder / "sweep.csv") for folder in ("out", "alone")]
     assert texts[0] == texts[1] and len(texts[0]) == COUNT
     assert rows.summary().split("\n")[1:] == alone.summary().split("\n")[1:]
     assert splatsim.sweep(plan, tmp_path / "out").table.equals(rows.table)
@@ -101,19 +101,19 @@ def test_points_are_drawn_without_a_folder(plan):
     alone = splatsim.sweep(plan).table
     some = splatsim.draw(plan, [100, 3, 77])
     assert own(some).equals(own(alone.take([3, 77, 100])))
-    for points, says in [([COUNT], f"no point {COUNT}: the plan has {COUNT}"), ([], "no points are asked for")]:
-        with pytest.raises(splatsim.InputError, match=says):
+    for points, message in [([COUNT], f"no point {COUNT}: the plan has {COUNT}"), ([], "no points are given")]:
+        with pytest.raises(splatsim.InputError, match=message):
             splatsim.draw(plan, points)
 
 
-def test_workers_that_are_killed_lose_nothing(plan, cluster, tmp_path, one_by_one):
+def test_killed_workers_lose_nothing(plan, cluster, tmp_path, one_by_one):
     with distributed.Client(cluster.address) as client:
 
         def kill():
             if len(client.nthreads()) > 1:
                 cluster.kill_worker()
 
-        end = now_and_then(0.3, kill)
+        end = repeatedly(0.3, kill)
         try:
             rows = splatsim.sweep(plan, tmp_path / "out", client=client)
         finally:
@@ -122,7 +122,7 @@ def test_workers_that_are_killed_lose_nothing(plan, cluster, tmp_path, one_by_on
     check_is_whole(plan, tmp_path / "out", rows)
 
 
-def test_a_cluster_s_search_is_one_process_s(cluster, tmp_path):
+def test_a_cluster_s_search_equals_one_process_s(cluster, tmp_path):
     scene = splatsim.Scene(SCENES["spheres.json"], size=(24, 16))
     aim = {"target_psnr": 40, "only": ["gauss", "splat.rgb"], "views": 2, "tries": 20}
     alone = splatsim.search(scene, "reference", tmp_path / "alone", **aim)
@@ -132,7 +132,7 @@ def test_a_cluster_s_search_is_one_process_s(cluster, tmp_path):
     assert found.summary() == alone.summary()
 
 
-def test_what_cannot_be_a_client_is_refused(plan, cluster):
+def test_an_invalid_client_is_refused(plan, cluster):
     async def sweep():
         async with distributed.Client(cluster.address, asynchronous=True) as client:
             splatsim.sweep(plan, client=client)
@@ -144,7 +144,7 @@ def test_what_cannot_be_a_client_is_refused(plan, cluster):
         splatsim.sweep(plan, client=cluster.address, shard="1/2")
 
 
-def test_the_scheduler_that_is_killed_loses_nothing(plan, tmp_path, one_by_one):
+def test_a_killed_scheduler_loses_nothing(plan, tmp_path, one_by_one):
     points = tmp_path / "out/points"
     killed = []
 
@@ -173,17 +173,17 @@ splatsim.sweep(sys.argv[1], sys.argv[2], client=sys.argv[3])
 """
 
 
-def test_the_client_that_is_killed_goes_on_where_it_was(plan, cluster, tmp_path):
+def test_a_killed_client_continues_where_it_was(plan, cluster, tmp_path):
     points = tmp_path / "out/points"
     seen = {}
     for files in [3, 40]:
         client = subprocess.Popen([sys.executable, "-c", SWEEP, plan, tmp_path / "out", cluster.address], env=ENVIRONMENT)
         wait_for(lambda: client.poll() is not None or len(list(points.glob("*.parquet"))) >= files, 60)
-        assert client.poll() is None, "it was over before it was killed"
+        assert client.poll() is None, "the client ended before it was killed"
         client.send_signal(signal.SIGKILL)
         client.wait()
         now = {path: path.stat().st_mtime_ns for path in points.glob("*.parquet")}
-        assert seen.items() <= now.items() and seen != now, "what is there is not drawn again"
+        assert seen.items() <= now.items() and seen != now, "finished rows were drawn again"
         seen = now
     with distributed.Client(cluster.address) as client:
         rows = splatsim.sweep(plan, tmp_path / "out", client=client)
@@ -191,7 +191,7 @@ def test_the_client_that_is_killed_goes_on_where_it_was(plan, cluster, tmp_path)
     check_is_whole(plan, tmp_path / "out", rows)
 
 
-def test_a_batch_that_was_changed_is_refused(plan, cluster, tmp_path):
+def test_a_changed_batch_is_refused(plan, cluster, tmp_path):
     with distributed.Client(cluster.address) as client:
         splatsim.sweep(plan, tmp_path / "out", client=client)
         path = max((tmp_path / "out/points").iterdir(), key=lambda path: path.stat().st_size)

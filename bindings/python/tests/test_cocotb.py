@@ -1,4 +1,4 @@
-"""Do twins run in cocotb beside the live model?"""
+"""Do RTL implementations agree with the live model in cocotb?"""
 
 import os
 import shlex
@@ -12,7 +12,7 @@ import pytest
 TRACE = Path(__file__).resolve().parents[3] / "traces/knot"
 
 
-def test_twins_run_in_cocotb(tmp_path, monkeypatch):
+def test_rtl_units_agree_in_cocotb(tmp_path, monkeypatch):
     if "CI" not in os.environ:
         pytest.importorskip("cocotb")
         if shutil.which("vvp") is None:

@@ -1,4 +1,4 @@
-"""Is everything what the command line says, bit for bit?"""
+"""Are all results those of the command line, bit for bit?"""
 
 import json
 
@@ -20,7 +20,7 @@ SCENE = {
 
 
 def few(folder, scene="glass-spheres", count=3000):
-    """A scene that is made here, with so many splats: to load all of the usual ones would be most of a small run."""
+    """A scene with this many splats: loading the default number would dominate a small run."""
     path = folder / f"{scene}.json"
     path.write_text(json.dumps({"splats": {"builtin": scene, "count": count}}))
     return str(path)
@@ -49,8 +49,8 @@ def test_a_run_is_the_command_line_s(splatsim_run, tmp_path, scene, settings):
     seen = splatsim.Scene(scene, size=(48, 32))
     machine = splatsim.Machine(seen.usual_machine).with_settings(*settings)
     frame = splatsim.run(seen, machine, requests=True)
-    typed = [word for setting in settings for word in ("--set", setting)]
-    printed = splatsim_run("run", scene, *SIZE, *typed, "--requests", "--out", "theirs", "--record", "theirs.work")
+    options = [word for setting in settings for word in ("--set", setting)]
+    printed = splatsim_run("run", scene, *SIZE, *options, "--requests", "--out", "theirs", "--record", "theirs.work")
     frame.write(tmp_path / "ours", exr=False)
     assert files(tmp_path / "ours") == files(tmp_path / "theirs") and list(tmp_path.glob("ours/requests.*"))
     theirs = json.loads((tmp_path / "theirs/report.json").read_text())
@@ -61,7 +61,7 @@ def test_a_run_is_the_command_line_s(splatsim_run, tmp_path, scene, settings):
 
 
 @pytest.mark.parametrize("check", ["sampled", "none"])
-def test_as_much_is_held_in_lockstep_as_the_command_line_holds(splatsim_run, tmp_path, check):
+def test_the_lockstep_check_covers_what_the_command_line_s_does(splatsim_run, tmp_path, check):
     scene = few(tmp_path)
     frame = splatsim.run(splatsim.Scene(scene, size=(48, 32)), check=check)
     splatsim_run("run", scene, *SIZE, "--check", check, "--out", "theirs")
@@ -91,7 +91,7 @@ def test_dicts_arrays_and_files_are_the_same_scene(tmp_path, splatsim_run):
     pictures = [splatsim.run(scene, "tiny").fixed for scene in (from_file, from_dict, from_arrays)]
     assert np.array_equal(pictures[0], pictures[1]) and np.array_equal(pictures[0], pictures[2])
     assert pictures[0].std() > 0.01
-    # What is left out is fitted, and numbers of other kinds, turned arrays too, are taken.
+    # Missing arrays are estimated; numbers of other types and transposed arrays are accepted.
     fitted = {"position": np.asfortranarray(arrays["position"]), "rgb": np.full((64, 3), 0.5, np.float32)}
     left_out = [{"position": splat["position"]} for splat in SCENE["splats"]]
     ours, theirs = (splatsim.run(splatsim.Scene({**SCENE, "splats": splats}), "tiny").fixed for splats in (fitted, left_out))
@@ -99,7 +99,7 @@ def test_dicts_arrays_and_files_are_the_same_scene(tmp_path, splatsim_run):
 
 
 @pytest.mark.parametrize(
-    "ask, typed",
+    "call, arguments",
     [
         (lambda: splatsim.Machine("reverence"), ["--machine", "reverence"]),
         (lambda: splatsim.Machine().set("gauss.wait", "U1F1"), ["--set", "gauss.wait=U1F1"]),
@@ -113,10 +113,10 @@ def test_dicts_arrays_and_files_are_the_same_scene(tmp_path, splatsim_run):
         (lambda: splatsim.Scene("glass-spheres", frame=3), ["--frame", "3"]),
     ],
 )
-def test_faults_have_the_command_line_s_sentences(splatsim_run, ask, typed):
+def test_faults_have_the_command_line_s_sentences(splatsim_run, call, arguments):
     with pytest.raises(splatsim.InputError) as fault:
-        ask()
-    assert str(fault.value) == splatsim_run("run", *typed, status=2)
+        call()
+    assert str(fault.value) == splatsim_run("run", *arguments, status=2)
 
 
 def test_a_file_s_faults_are_a_dict_s(splatsim_run, tmp_path):
@@ -145,7 +145,7 @@ def test_a_replay_is_the_command_line_s(splatsim_run, tmp_path):
     assert len(rows) == 2 and rows[0].cycles.total >= rows[1].cycles.total > 0
 
 
-def test_a_story_is_the_command_line_s(splatsim_run, tmp_path):
+def test_a_pixel_trace_is_the_command_line_s(splatsim_run, tmp_path):
     scene = few(tmp_path)
     story = splatsim.explain(splatsim.Scene(scene, size=(48, 32)), 24, 16, "reference")
     assert str(story).strip() == splatsim_run("explain", scene, *SIZE, "--pixel", "24,16").strip()
@@ -163,7 +163,7 @@ def test_a_sequence_is_the_command_line_s(splatsim_run, tmp_path):
     assert files(tmp_path / "ours") == files(tmp_path / "theirs")
     assert (tmp_path / "ours.y4m").read_bytes() == (tmp_path / "theirs.y4m").read_bytes()
     theirs = json.loads((tmp_path / "theirs/report.json").read_text())
-    # The path that was typed names the scene.
+    # The scene has the name of the given path.
     theirs["scene"]["name"] = drawn.scene.name
     assert without_host(drawn.dict()) == without_host(theirs) and drawn.rows.num_rows == 3
     with pytest.raises(splatsim.InputError, match="has one camera"):
@@ -189,13 +189,13 @@ PLAN = {
 def test_a_sweep_is_the_command_line_s(splatsim_run, tmp_path):
     plan = {**PLAN, "scenes": [few(tmp_path)]}
     (tmp_path / "plan.json").write_text(json.dumps(plan))
-    told = []
-    rows = splatsim.sweep(plan, tmp_path / "ours", progress=lambda *state: told.append(state))
+    states = []
+    rows = splatsim.sweep(plan, tmp_path / "ours", progress=lambda *state: states.append(state))
     splatsim_run("sweep", "plan.json", "--out", "theirs")
     theirs = parquet.read_table(tmp_path / "theirs/sweep.parquet")
     own = [name for name in theirs.column_names if not name.startswith("host_")]
     assert len(own) > 20 and rows.table.select(own).equals(theirs.select(own))
-    assert told[-1][:2] == (4, 4)
+    assert states[-1][:2] == (4, 4)
     again = splatsim.sweep(plan, tmp_path / "ours").table
     assert again.equals(rows.table), "what is there is not drawn again"
     assert splatsim.sweep(plan).table.select(own).equals(theirs.select(own)), "without a folder"
@@ -205,11 +205,11 @@ def test_a_search_is_the_command_line_s(splatsim_run, tmp_path):
     (tmp_path / "scene.json").write_text(json.dumps({"splats": {"builtin": "glass-spheres", "count": 3000}}))
     scene = splatsim.Scene(tmp_path / "scene.json", size=(24, 16))
     found = splatsim.search(scene, "reference", target_psnr=40, only=["gauss.weight"], views=1, tries=5)
-    typed = ["--machine", "reference", "--target-psnr", 40, "--only", "gauss.weight", "--views", 1, "--tries", 5]
-    splatsim_run("search", "scene.json", "--size", "24x16", *typed, "--out", "theirs")
+    options = ["--machine", "reference", "--target-psnr", 40, "--only", "gauss.weight", "--views", 1, "--tries", 5]
+    splatsim_run("search", "scene.json", "--size", "24x16", *options, "--out", "theirs")
     machine = json.loads((tmp_path / "theirs/machine.json").read_text())
     assert found.found.dict() == machine
     assert found.table.num_rows == parquet.read_table(tmp_path / "theirs/search.parquet").num_rows
-    # Another scene lies outside of what it was searched for, and the report says so.
+    # Another scene is outside of the search, and the report contains a warning.
     elsewhere = splatsim.run(splatsim.Scene("torus-knot", size=(24, 16)), found.found)
     assert elsewhere.report.machine.outside_of_search

@@ -1,4 +1,4 @@
-"""Do the notebooks run, and the examples of the docstrings?"""
+"""Do the notebooks and the examples of the docstrings run?"""
 
 import doctest
 import os
@@ -30,6 +30,6 @@ def test_all_three_are_there():
     assert len(NOTEBOOKS) == 3
 
 
-def test_examples_of_docstrings_say_what_they_do():
+def test_examples_of_docstrings_give_their_results():
     failed, tried = doctest.testmod(splatsim)
     assert tried >= 6 and failed == 0

@@ -1,4 +1,4 @@
-"""What the package has of its own: arrays of records, tables, threads, Ctrl-C, progress."""
+"""Features of the package only: arrays of records, tables, threads, Ctrl-C, progress."""
 
 import os
 import signal
@@ -37,7 +37,7 @@ def test_arrays_of_records_are_records():
 
 
 @pytest.mark.parametrize(
-    "fields, says",
+    "fields, message",
     [
         ({"radial": [0, -1], "amplitude": [1, 1]}, "gauss.in: record 1: field radial: -1, and 0 to"),
         ({"radial": [0.5], "amplitude": [1]}, "radial is of float64"),
@@ -46,13 +46,13 @@ def test_arrays_of_records_are_records():
         ({"radial": [1]}, "gauss.in: amplitude: a record has radial, amplitude"),
     ],
 )
-def test_arrays_that_are_no_records_are_refused(fields, says):
-    with pytest.raises(splatsim.SplatsimError, match=says):
+def test_invalid_arrays_of_records_are_refused(fields, message):
+    with pytest.raises(splatsim.SplatsimError, match=message):
         splatsim.Unit("gauss", "reference", SMALL).map(**fields)
 
 
 @pytest.mark.parametrize(
-    "splats, says",
+    "splats, message",
     [
         ({"position": np.zeros((2, 2))}, "splats.position has the shape"),
         ({"position": np.zeros((2, 3)), "radius": np.ones(3)}, "splats.radius has the shape"),
@@ -68,13 +68,13 @@ def test_arrays_that_are_no_records_are_refused(fields, says):
         ({"position": np.zeros((0, 3))}, "holds no splats"),
     ],
 )
-def test_arrays_that_are_no_splats_are_refused(splats, says):
-    with pytest.raises(splatsim.InputError, match=says):
+def test_invalid_arrays_of_splats_are_refused(splats, message):
+    with pytest.raises(splatsim.InputError, match=message):
         splatsim.Scene({"splats": splats})
 
 
-def test_what_is_no_json_is_refused():
-    with pytest.raises(splatsim.InputError, match="a set is no JSON"):
+def test_a_value_that_is_not_json_is_refused():
+    with pytest.raises(splatsim.InputError, match="a set is not JSON"):
         splatsim.Machine({"base": {1, 2}})
     with pytest.raises(splatsim.InputError, match="Out of range float"):
         splatsim.Scene({"splats": [{"position": [0, 0, float("nan")]}]})
@@ -108,7 +108,7 @@ def test_control_c_stops_within_a_second(tmp_path):
     plan = {"scenes": ["glass-spheres"], "size": [128, 96], "axes": [{"field": "gauss.weight", "add_frac_bits": list(range(-12, 3))}]}
     folder = tmp_path / "sweep"
     sent = []
-    # A shell that runs this in the background may have it ignored.
+    # A shell that runs this in the background may ignore the signal.
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def interrupt():
@@ -124,7 +124,7 @@ def test_control_c_stops_within_a_second(tmp_path):
         splatsim.sweep(plan, folder)
     assert time.monotonic() - sent[0] < 1
     thread.join()
-    # The row that was being drawn is not written, and no other is drawn unseen.
+    # The unfinished row is not written, and no other row is drawn in the background.
     time.sleep(1)
     [journal] = folder.glob("points*.jsonl")
     rows = journal.read_text().count("\n") - 1
@@ -141,7 +141,7 @@ def test_a_callback_that_raises_stops_the_job(tmp_path):
         splatsim.sweep(plan, tmp_path / "sweep", progress=fail)
 
 
-def test_threads_draw_side_by_side():
+def test_threads_draw_in_parallel():
     expected = splatsim.run(SMALL, "tiny").fixed
     found = []
     threads = [threading.Thread(target=lambda: found.append(splatsim.run(SMALL, "tiny").fixed)) for _ in range(4)]

@@ -1,4 +1,4 @@
-"""Twins on Icarus beside the live model. `python3 twins.py TRACE BUILD` runs them, as test_cocotb.py does; a twin in under twenty lines."""
+"""RTL implementations on Icarus, compared with the live model. `python3 twins.py TRACE BUILD` runs them, as test_cocotb.py does; each in under twenty lines."""
 
 import os
 import re
@@ -19,7 +19,7 @@ async def gauss(dut):
     await bench.reset()
     await bench.send_random(600)
     await bench.finish()
-    # No radial index is below 0, though its word has a sign.
+    # A radial index is never below 0, although its word is signed.
     assert bench.coverage[0].missed() == [("radial", "least"), ("radial", "below 0")], bench.coverage[0].missed()
 
 
@@ -34,7 +34,7 @@ async def resolve(dut):
 
 @cocotb.test()
 async def another_machine(dut):
-    """A device that differs is found out: the model has another table."""
+    """A device that differs is detected: the model has another table."""
     bench = Bench(dut, "gauss", TRACE)
     bench.model = Unit("gauss", TRACE / "machine.json", TRACE / "scene.json", ["gauss.table.interpolation=linear"])
     first = []
@@ -45,29 +45,29 @@ async def another_machine(dut):
         await bench.finish()
     except AssertionError as fault:
         assert "field weight is" in str(fault), fault
-        # When, and what it was made from.
+        # The fault names the time and the input record.
         assert re.match(r"at \d+ ns: gauss\.out: record ", str(fault)) and "of gauss.in: radial " in str(fault), fault
         assert len(bench.faults) == FAULTS and bench.faults[:1] == first, (first, bench.faults)
     else:
-        assert False, "nobody has noticed"
+        assert False, "no fault was reported"
 
 
 def refuses(trace):
-    """Numbers that C would cut off."""
+    """Refuses numbers that C would truncate."""
     files = trace / "machine.json", trace / "scene.json"
     unit = Unit("gauss", *files)
-    for ask, says in [
+    for call, message in [
         (lambda: unit.step({"radial": 1 << 64, "amplitude": 1}), "gauss.in: radial is 18446744073709551616"),
         (lambda: unit.step({"radial": 1, "amplitude": -(1 << 63) - 1}), "gauss.in: amplitude is -9223372036854775809"),
         (lambda: Unit("gauss", *files, seed=1 << 64), "seed is"),
         (lambda: Unit("gauss", *files, size=(1 << 32, 1)), "--size"),
     ]:
         try:
-            ask()
+            call()
         except SplatsimError as fault:
-            assert says in str(fault), fault
+            assert message in str(fault), fault
         else:
-            assert False, f"{says}: not refused"
+            assert False, f"{message}: not refused"
 
 
 def main(trace, build):
@@ -79,18 +79,18 @@ def main(trace, build):
     trace = Path(trace).resolve()
     refuses(trace)
     os.environ["SPLATSIM_TRACE"] = str(trace)
-    for twin, tests in [("gauss", ["gauss", "another_machine"]), ("resolve", ["resolve"])]:
+    for unit, tests in [("gauss", ["gauss", "another_machine"]), ("resolve", ["resolve"])]:
         runner = get_runner("icarus")
-        folder = Path(build).resolve() / twin
+        folder = Path(build).resolve() / unit
         runner.build(
-            sources=[trace / "machine_pkg.sv", rtl / f"{twin}.sv"],
-            hdl_toplevel=twin,
+            sources=[trace / "machine_pkg.sv", rtl / f"{unit}.sv"],
+            hdl_toplevel=unit,
             build_args=["-g2012", "-y", str(rtl), "-Y", ".sv"],
             build_dir=folder,
             timescale=("1ns", "1ps"),
         )
         (folder / "rom").exists() or (folder / "rom").symlink_to(trace / "rom")
-        results = runner.test(hdl_toplevel=twin, test_module="twins", testcase=tests, build_dir=folder, test_dir=folder)
+        results = runner.test(hdl_toplevel=unit, test_module="twins", testcase=tests, build_dir=folder, test_dir=folder)
         text = Path(results).read_text()
         assert "<failure" not in text and "<error" not in text, text
     print("twins: all well")

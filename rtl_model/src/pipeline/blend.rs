@@ -4,7 +4,7 @@
 //! transmittance, sums ─►[ layer ]─┐ once for each layer of the deepest pixel ─►[ frame ]─► frame words
 //!          └──────────────────────┘
 //! ```
-//! Law: `pixels_side_by_side_blend_as_each_alone`.
+//! Law: `pixels_of_a_batch_blend_as_single_pixels`.
 
 use crate::graph::{Batch, ROWS, Run};
 use crate::kernels::host::Host;
@@ -13,18 +13,18 @@ use crate::probe::Probe;
 use crate::records::Layer;
 use crate::units::resolve::Resolve;
 
-/// Rows for the two graphs.
+/// Batches for the two graphs.
 #[derive(Clone, Debug)]
 pub struct Blender([Batch; 2]);
 
 impl Blender {
-    /// For a unit.
+    /// Batches for a unit.
     pub fn new(resolve: &Resolve) -> Self {
         Blender([0, 1].map(|nth| resolve.programs()[nth].batch()))
     }
 
-    /// Blends the layers of up to [`BATCH`](crate::graph::BATCH) pixels, which stand in depth
-    /// order, over the background; the channels of each row of pixels.
+    /// Blends the layers of up to [`BATCH`](crate::graph::BATCH) pixels, in depth order, over the
+    /// background. Returns the channels of each row of pixels.
     pub fn blend<H: Host, P: Probe>(
         &mut self,
         host: H,
@@ -41,7 +41,7 @@ impl Blender {
         }
         let deepest = pixels.iter().map(|layers| layers.len()).max().unwrap_or(0);
         for nth in 0..deepest {
-            // What has no such layer has one that hides nothing.
+            // Pixels with fewer layers get a transparent one.
             let (mut light, mut live) = ([[[0; LANES]; ROWS]; 4], [0; ROWS]);
             for (item, layers) in pixels.iter().enumerate() {
                 let (row, lane) = (item / LANES % ROWS, item % LANES);
@@ -101,7 +101,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn pixels_side_by_side_blend_as_each_alone(
+        fn pixels_of_a_batch_blend_as_single_pixels(
             name in prop::sample::select(Machine::NAMES.to_vec()),
             pixels in prop::collection::vec(prop::collection::vec(prop::array::uniform4(0u32..=1 << 16), 0..5), 1..=64),
             background in prop::array::uniform4(0u32..=1 << 16),

@@ -1,10 +1,11 @@
-//! Discs: `project` and `ellipse` of discs for the host, eight splats at a time in registers, where
-//! no probe observes them.
+//! Discs: `project` and `ellipse` of discs for the host, eight splats at a time in registers, for
+//! runs without a probe.
 //!
-//! Both are stated as graphs in their units, whose words and function units these are; a batch of
-//! those takes 1.8 times as many instructions a splat. Names and order are those of the graphs.
+//! Both units are specified as graphs, and this code uses the graphs' words and function units. A
+//! batch of the graphs takes 1.8 times as many instructions per splat. Names and order are those of
+//! the graphs.
 //!
-//! Law: `discs_are_set_up_as_their_graphs_say`.
+//! Law: `discs_are_set_up_as_by_their_graphs`.
 
 use super::set_up::Made;
 use crate::elaboration::Signal;
@@ -23,17 +24,17 @@ const PARTS_FRAC_BITS: i32 = NORMALISED_FRAC_BITS + 1;
 
 /// Function units.
 #[derive(Clone, Debug)]
-struct Units {
+struct FunctionUnits {
     reciprocal: Reciprocal,
     root: ReciprocalRoot,
     extent_root: ReciprocalRoot,
     slope_reciprocal: Reciprocal,
 }
 
-/// What the host needs of both units.
+/// Constants of both units for the host.
 #[derive(Clone, Debug)]
 pub struct Discs {
-    units: Units,
+    units: FunctionUnits,
     relative: Fit,
     camera: Fit,
     depth: Fit,
@@ -47,7 +48,7 @@ pub struct Discs {
     scaled_radius: Fit,
     size: Fit,
     size_squared: Fit,
-    /// Products of `size_squared` and `aspect`; none where all pixels are square.
+    /// Products of `size_squared` and `aspect`; `None` where all pixels are square.
     stretched: Option<Fit>,
     shape: Fit,
     low_pass: Fit,
@@ -67,13 +68,13 @@ pub struct Discs {
     slope_scale: Fit,
     depth_slope: Fit,
     depth_range: Fit,
-    places: Places,
+    places: Alignment,
 }
 
-/// Where binary points lie, for aligning the terms of sums.
+/// Left shifts that align the terms of sums, and their fraction bits.
 #[derive(Clone, Copy, Debug)]
-struct Places {
-    /// Position, eye; and the fraction bits that both then have.
+struct Alignment {
+    /// Position, eye; and their common fraction bits.
     position: [u32; 2],
     difference: i64,
     slope: u32,
@@ -104,7 +105,7 @@ struct Projected<W> {
     outside: W,
 }
 
-/// What a disc leaves on the screen.
+/// Screen footprint of a disc.
 struct Footprint<W> {
     conic: [W; 3],
     amplitude: W,
@@ -115,7 +116,7 @@ struct Footprint<W> {
 }
 
 impl Discs {
-    /// From the graphs of both units.
+    /// Extracts the constants from the graphs of both units.
     pub fn new(
         machine: &Machine,
         signals: &[Signal],
@@ -138,7 +139,7 @@ impl Discs {
         else {
             unreachable!("ellipse has these")
         };
-        let units = Units {
+        let units = FunctionUnits {
             reciprocal: reciprocal.clone(),
             root: root.clone(),
             extent_root: extent_root.clone(),
@@ -178,7 +179,7 @@ impl Discs {
             slope_scale: nth("depth_step", 1),
             depth_slope: of_disc("depth_slope"),
             depth_range: of_disc("depth_range"),
-            places: Places {
+            places: Alignment {
                 position: align([position, eye]),
                 difference: i64::from(position.max(eye)),
                 slope: f(p.slope) as u32,
@@ -199,7 +200,7 @@ impl Discs {
 }
 
 impl Discs {
-    /// Sets eight discs up. A lane that is culled carries harmless words from there on.
+    /// Sets up eight discs. After it is culled, a lane holds arbitrary but harmless words.
     #[inline(always)]
     pub(super) fn set_up<W: Words>(
         &self,
@@ -207,7 +208,7 @@ impl Discs {
         size_px: [u32; 2],
         splats: &[Splat; LANES],
     ) -> Made<W> {
-        // The first eight words of each record as they lie in memory: red comes along.
+        // The first eight words of each record as stored: the eighth, red, is not used here.
         let mut records = [W::splat(0); LANES];
         for (record, splat) in records.iter_mut().zip(splats) {
             let Splat {
@@ -300,7 +301,7 @@ impl Discs {
         let [of_position, of_eye] = self.places.position;
         let difference = three!(axis => position[axis].exact().left(of_position) - W::Exact::splat(view.eye[axis] << of_eye));
         let [x, y, z] = three!(axis => difference[axis].abs());
-        // As many as those of the largest.
+        // Leading zeros of the largest difference.
         let lead = (x | y | z | W::Exact::splat(1)).leading_zeros() - W::splat(2);
         let relative = three!(axis => self.relative.top(difference[axis].left_by(lead)));
         (
@@ -309,7 +310,7 @@ impl Discs {
         )
     }
 
-    /// From a shape's variance without size, and its faces, to a conic and a box.
+    /// Computes a conic and a box from a shape's variance without size, and its faces.
     #[inline(always)]
     fn footprint<W: Words>(
         &self,
@@ -358,8 +359,8 @@ impl Discs {
         three!(row => self.normal.words(W::dot(view.rotation[row], normal)))
     }
 
-    /// The normal that fragments sum: towards the viewer where the machine turns it, so that a
-    /// sheet's two sides do not cancel.
+    /// The normal that fragments sum. It is turned towards the viewer where the machine does that,
+    /// so that the two sides of a sheet do not cancel.
     #[inline(always)]
     fn seen_normal<W: Words>(&self, normal: [W; 3]) -> [W; 3] {
         let mut seen = normal;
@@ -385,7 +386,7 @@ impl Discs {
         let lead = scaled.leading_zeros() - W::splat(2);
         let mantissa = self.scaled_radius.top(scaled.left_by(lead));
         let floor = i64::from(NORMALISED_FRAC_BITS) - self.places.scaled_radius;
-        // k = mantissa · inverse_depth · 2^power, where the product lies in [½, 2].
+        // k = mantissa · inverse_depth · 2^power, where the product is in [½, 2].
         let inverse_depth = point.inverse_depth;
         let power = inverse_depth.exponent - point.exponent + W::splat(floor) - lead;
         let exponent = (power + W::splat(1)).max(W::splat(0));
@@ -456,8 +457,8 @@ impl Discs {
         ]
     }
 
-    /// First and last column, or row, clipped to the picture; the first lies behind the last where
-    /// nothing is left.
+    /// First and last column, or row, clipped to the picture. The first is beyond the last where
+    /// the splat is outside.
     #[inline(always)]
     fn side<W: Words>(
         &self,
@@ -509,7 +510,7 @@ impl Discs {
             )
         };
         let across = scale(view.inverse_focals()[0]);
-        // Of square pixels it is the same step.
+        // Square pixels have the same step on both axes.
         let down = view
             .aspect
             .map_or(across, |aspect| scale(aspect.inverse_focal[1]));

@@ -19,12 +19,12 @@ use crate::records::{
 use crate::units::fragment::sheets::{SheetInput, SheetRegisters, has_stopped};
 use crate::units::fragment::window::{self, Cluster, Clusters, WindowRegisters};
 use crate::units::fragment::{self, FragmentRegisters};
-use crate::units::raster::short::{Shape, ShortRows, ShortWalks};
+use crate::units::raster::short::{BlockShape, ShortRows, ShortWalks};
 use crate::units::{raster, shade};
 use crate::work::Bins;
 use rayon::prelude::*;
 
-/// The second half: raster, gauss, fragment, shade and resolve.
+/// Draws all tiles: raster, gauss, fragment, shade and resolve.
 pub fn fill<P: Probe>(
     machine: &Elaborated,
     frame: &Frame,
@@ -34,7 +34,7 @@ pub fn fill<P: Probe>(
     let (true, Some(host)) = (P::QUICK, Vectorised::there()) else {
         return fill_as::<false, i64, P, _>(Plainly, machine, frame, setup, probe);
     };
-    // Paths of their own for what is common: each is compiled once more for every probe.
+    // The common case has its own compiled path; each path is compiled once per probe.
     let simple = machine.gauss.kernel().is_simple() && machine.fragment.is_simple();
     let narrow = machine.fragment.is_narrow();
     match (simple, narrow) {
@@ -44,7 +44,7 @@ pub fn fill<P: Probe>(
     }
 }
 
-/// Runs of tiles for each thread.
+/// Runs of tiles per thread.
 const RUNS_A_THREAD: usize = 8;
 
 fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
@@ -82,7 +82,7 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
     let touched: Vec<usize> = (0..bins.tiles())
         .filter(|&tile| !bins.of(tile).is_empty())
         .collect();
-    // One tile's fragments at a time, and one probe, for every run of tiles that a thread takes.
+    // One tile's fragments and one probe per run of tiles that a thread takes.
     let clusters = || windows.as_ref().map(|_| Clusters::default());
     let start = || Run {
         tile: Box::<Tile<L>>::default(),
@@ -104,7 +104,7 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
             is_short,
             is_lit_by_eight,
         };
-        let part = Part {
+        let part = TileEntries {
             splats: bins.of(index),
             corner: [
                 (index % bins.columns * TILE_PX) as u16,
@@ -142,8 +142,8 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
         run
     };
     let finish = |run: Run<L, P>| (run.done, run.probe);
-    // Tiles differ: so many runs that a thread which is free, or becomes so, finds another to begin
-    // with.
+    // Tiles differ in cost. There are several runs per thread, so that a thread that finishes finds
+    // another run.
     let longest = touched
         .len()
         .div_ceil(RUNS_A_THREAD * rayon::current_num_threads());
@@ -174,18 +174,18 @@ fn fill_as<const SIMPLE_FITS: bool, L: Accumulator, P: Probe, H: Host>(
     drawing
 }
 
-/// Some tiles, one after the other.
+/// Tiles drawn one after the other.
 struct Run<L, P> {
     tile: Box<Tile<L>>,
     queue: Box<Queue>,
     resolve: Blender,
-    /// Of windows.
+    /// Slots of windows.
     clusters: Option<Clusters>,
     probe: P,
     done: Vec<Resolved>,
 }
 
-/// Which splats touch which tile. A call of its own, so that its instructions can be counted.
+/// Bins splats by tile. Not inlined, so that its instructions can be counted.
 #[inline(never)]
 fn bins(frame: &Frame, setup: &Setup) -> Bins {
     setup.bins([frame.width, frame.height])
@@ -213,7 +213,7 @@ impl Resolved {
     }
 }
 
-/// What all tiles need.
+/// State shared by all tiles.
 #[derive(Clone, Copy)]
 pub(super) struct Shared<'a> {
     pub machine: &'a Elaborated,
@@ -223,35 +223,35 @@ pub(super) struct Shared<'a> {
     registers: FragmentRegisters,
     sheets: Option<&'a SheetRegisters<'a>>,
     windows: Option<&'a WindowRegisters>,
-    /// Whether raster, gauss and fragment may go through words of 32 bits.
+    /// Whether raster, gauss and fragment may use words of 32 bits.
     is_short: bool,
-    /// Whether fragments may be shaded eight side by side, those that merge too.
+    /// Whether fragments, including merged ones, may be shaded in batches of eight.
     pub is_lit_by_eight: bool,
 }
 
-/// A splat that is drawn: what fragment reads of it is one line of the host's cache.
+/// A drawn splat. The words that fragment reads fill one cache line of the host.
 #[repr(C, align(64))]
-struct Drawn<'a> {
+struct DrawnSplat<'a> {
     attributes: Attributes,
     material: u32,
-    /// What a bin calls it.
+    /// Index in a bin.
     entry: u32,
     record: &'a SetupRecord,
 }
 
-impl<'a> Drawn<'a> {
+impl<'a> DrawnSplat<'a> {
     #[inline(always)]
     fn new(setup: &Setup, frame: &Frame, record: &'a SetupRecord, entry: u32) -> Self {
         let own = &frame.splats[record.splat as usize];
         let ([n, m, o], mut light) = (record.normal, own.rgb);
-        // Of windows sums take a splat's colour as it is: what closed slots take is lit.
+        // For windows the sums take a splat's own colour; closed slots take its light.
         if frame.window.is_none()
             && let Some(emission) = setup.emission(entry)
         {
             light = emission.light;
         }
         let [r, g, b] = light;
-        Drawn {
+        DrawnSplat {
             attributes: [1, r, g, b, own.opacity, n, m, o],
             material: own.material,
             entry,
@@ -260,26 +260,26 @@ impl<'a> Drawn<'a> {
     }
 }
 
-/// What raster and gauss are.
-struct Units {
+/// Raster and gauss, as used by a tile.
+struct HostUnits {
     raster: raster::Raster,
     gauss: Weigh,
 }
 
-/// Raster, gauss and fragment's depth in words of 32 bits, with their constants on all lanes.
+/// Raster, gauss and fragment's depth in words of 32 bits, with their constants in all lanes.
 #[derive(Clone, Copy)]
 struct Short<'a, W: Words> {
     cutoff: W,
     gauss: ShortWeigh<'a, W>,
     depth: Natural<W>,
-    /// The greatest weight that makes no fragment.
+    /// Greatest weight that makes no fragment.
     below: W,
 }
 
 impl<'a, W: Words> Short<'a, W> {
     #[inline(always)]
     fn new(
-        units: &'a Units,
+        units: &'a HostUnits,
         Shared {
             machine,
             frame,
@@ -298,11 +298,10 @@ impl<'a, W: Words> Short<'a, W> {
     }
 }
 
-/// Pixels before they are resolved, and the layers of all, each pixel's in the order of their
-/// depths.
+/// Pixels before they are resolved, and the layers of all pixels, in depth order per pixel.
 #[derive(Default)]
 struct Blends {
-    /// A pixel, and where its layers begin.
+    /// A pixel, and the index of its first layer.
     pixels: Vec<(u8, usize)>,
     layers: Vec<Layer>,
 }
@@ -319,12 +318,12 @@ impl Blends {
 
 /// A tile, and the entries that touch it.
 #[derive(Clone, Copy)]
-pub(super) struct Part<'a> {
+pub(super) struct TileEntries<'a> {
     splats: &'a [u32],
     corner: [u16; 2],
 }
 
-impl Part<'_> {
+impl TileEntries<'_> {
     /// Column and row in the picture of one of the tile's pixels.
     pub fn pixel(&self, pixel: u8) -> [u32; 2] {
         let pixel = u32::from(pixel);
@@ -338,7 +337,7 @@ impl Part<'_> {
 struct FillTile<'a, const SIMPLE_FITS: bool, H, L, P> {
     host: H,
     shared: Shared<'a>,
-    part: Part<'a>,
+    part: TileEntries<'a>,
     tile: &'a mut Tile<L>,
     queue: &'a mut Queue,
     resolve: &'a mut Blender,
@@ -347,9 +346,9 @@ struct FillTile<'a, const SIMPLE_FITS: bool, H, L, P> {
     probe: &'a mut P,
 }
 
-/// Draws a tile once more, for another to observe.
+/// Draws a tile once more, for another probe.
 #[inline(never)]
-fn resample_tile(shared: Shared, part: Part, probe: &mut Ranges) {
+fn resample_tile(shared: Shared, part: TileEntries, probe: &mut Ranges) {
     let mut clusters = shared.windows.map(|_| Clusters::default());
     let (tile, queue, clusters) = (&mut Box::default(), &mut Box::default(), clusters.as_mut());
     let resolve = &mut Blender::new(&shared.machine.resolve);
@@ -381,10 +380,9 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> Kernel
         let mut outcomes = Outcomes::default();
         let mut span = raster::Span::default();
         let mut rows = ShortRows::default();
-        // Copies that nobody else can see, so that the host need not load their constants again and
-        // again.
+        // Local copies, so that the compiler keeps the constants in registers.
         let Elaborated { raster, gauss, .. } = self.shared.machine;
-        let units = &Units {
+        let units = &HostUnits {
             raster: raster.clone(),
             gauss: gauss.kernel().clone(),
         };
@@ -396,8 +394,8 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> Kernel
             .chunks(Self::AT_A_TIME)
             .zip(records.chunks(Self::AT_A_TIME))
         {
-            // Records lie scattered: those of the time after the next are on their way meanwhile,
-            // and so are the next one's splats.
+            // Records are scattered in memory: those of the group after the next, and the next
+            // one's splats, are prefetched.
             later = later.get(Self::AT_A_TIME..).unwrap_or_default();
             let (next, after) = later.split_at(later.len().min(Self::AT_A_TIME));
             for record in next {
@@ -421,16 +419,16 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe> Kernel
 impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
     FillTile<'_, SIMPLE_FITS, H, L, P>
 {
-    /// Splats, and fragments, that are worked on side by side.
+    /// Splats, and fragments, that are processed in parallel.
     const AT_A_TIME: usize = if P::TRANSFERS { 1 } else { LANES };
-    /// Pixels that are resolved side by side.
+    /// Pixels that are resolved in parallel.
     const PIXELS: usize = if P::TRANSFERS { 1 } else { graph::BATCH };
 
-    /// Raster, gauss and fragment: up to eight splats, as far as they lie in the tile.
+    /// Raster, gauss and fragment: the parts of up to eight splats in the tile.
     #[inline(always)]
     fn splats<V: Lanes>(
         &mut self,
-        units: &Units,
+        units: &HostUnits,
         splats: &[u32],
         records: &[&SetupRecord],
         (span, rows): (&mut raster::Span, &mut ShortRows),
@@ -440,7 +438,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
         let raster = &units.raster;
         let size_px = [frame.width, frame.height];
         let cutoff = raster.cutoff(frame.view.cutoff);
-        // Beyond the last splat, the last again: a lane that nobody looks at.
+        // Lanes beyond the last splat repeat it; their results are not used.
         let record: [&SetupRecord; LANES] =
             std::array::from_fn(|lane| records[lane.min(records.len() - 1)]);
         let inputs = record.map(|splat| &splat.raster);
@@ -455,8 +453,8 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
             None
         };
         let mut wide_walks = None;
-        let drawn: [Drawn; LANES] = std::array::from_fn(|lane| {
-            Drawn::new(
+        let drawn: [DrawnSplat; LANES] = std::array::from_fn(|lane| {
+            DrawnSplat::new(
                 setup,
                 frame,
                 record[lane],
@@ -465,7 +463,8 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
         });
         let mut lane = 0;
         while lane < splats.len().min(LANES) {
-            // Asked before the bits, so that it is not compiled where it is never so.
+            // `is_short` is tested before the bit mask, so that this is not compiled where it is
+            // always false.
             if is_short && let Some((walks, held, short)) = &short_walks {
                 let first = lane;
                 while lane < splats.len()
@@ -484,7 +483,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
                     lane += 1;
                 }
                 if lane > first {
-                    self.add_up::<V>(&drawn, outcomes);
+                    self.accumulate_queued::<V>(&drawn, outcomes);
                     continue;
                 }
             }
@@ -513,12 +512,12 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
         }
     }
 
-    /// Raster and gauss in words of 32 bits, with nobody watching: queues the fragments of one of
-    /// eight splats.
+    /// Raster and gauss in words of 32 bits, without a probe: queues the fragments of one of eight
+    /// splats.
     #[inline(always)]
     fn weigh<W: Words>(
         &mut self,
-        units: &Units,
+        units: &HostUnits,
         short: &Short<W>,
         walks: &ShortWalks,
         lane: usize,
@@ -535,7 +534,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
             W::splat(amplitude.into()),
             W::splat((lane as i64) << TILE_AREA.ilog2()),
         );
-        for shape in Shape::of(walks.columns(lane)) {
+        for shape in BlockShape::of(walks.columns(lane)) {
             let mut blocks = units.raster.blocks(walks, lane, rows, shape);
             loop {
                 let [radial, depth] = units.raster.short_fragments(walks, lane, &blocks, cutoff);
@@ -552,9 +551,13 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
         }
     }
 
-    /// Fragment: all that are queued.
+    /// Fragment: all queued fragments.
     #[inline(always)]
-    fn add_up<V: Lanes>(&mut self, drawn: &[Drawn; LANES], outcomes: &mut Outcomes) {
+    fn accumulate_queued<V: Lanes>(
+        &mut self,
+        drawn: &[DrawnSplat; LANES],
+        outcomes: &mut Outcomes,
+    ) {
         let Shared {
             machine,
             registers,
@@ -603,7 +606,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
                 pixel,
                 lane,
             } = queue.get(nth);
-            let Drawn {
+            let DrawnSplat {
                 attributes,
                 material,
                 ..
@@ -624,12 +627,12 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
         queue.clear();
     }
 
-    /// Gauss and fragment: up to eight of a span's fragments.
+    /// Gauss and fragment: up to eight fragments of a span.
     #[inline(always)]
     fn contribute<V: Lanes>(
         &mut self,
-        units: &Units,
-        drawn: &Drawn,
+        units: &HostUnits,
+        drawn: &DrawnSplat,
         (walks, lane): (&raster::Walks, usize),
         span: &raster::Span,
         first: usize,
@@ -670,7 +673,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
                 },
             );
         }
-        // A weight that rounds to 0 makes no fragment: its depth is nobody's.
+        // A weight that rounds to 0 makes no fragment, and its depth is not used.
         if P::WORDS {
             tap.live &= weight.above(V::splat(0)).signs();
         }
@@ -734,7 +737,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
                         tile, pixel, input, &registers, merges, tap,
                     )
                 }
-                // A call of its own, so that surfaces pay nothing for it.
+                // Not inlined, so that it costs surfaces nothing.
                 Some(registers) => self.host.run(ToSheet::<SIMPLE_FITS, L, P> {
                     machine,
                     tile,
@@ -745,20 +748,20 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
                     tap,
                 }),
             };
-            // Most are accumulated: those are what is left of the contributions in the end.
+            // Most contributions are accumulated. Their number is what remains at the end.
             if !matches!(decision, Decision::Accumulated(_)) {
                 outcomes.count(decision);
             }
             if P::WORK {
-                // A Gaussian that is blended at once takes no longer than one that is added; nor
-                // does what a stopped pixel drops.
+                // A Gaussian that is blended immediately takes as long as one that is accumulated.
+                // So does a contribution that a stopped pixel drops.
                 let each = sheets.is_some_and(|registers| registers.sheets.each == Each::Splat);
                 if sheets.is_some() && !had_stopped && has_stopped(tile, pixel) {
                     tap.probe.stopped(!each);
                 } else {
                     let plain = had_stopped || each && decision == Decision::Merged(0, 1);
-                    // Windows are formed before it is known that the deepest is hidden: that takes
-                    // as long as a sum.
+                    // Windows are formed before the unit detects that the deepest is hidden, which
+                    // takes as long as a sum.
                     let is_formed = windows.is_some() && matches!(decision, Decision::Evicted(_));
                     let took_as_long_as = if plain {
                         Decision::Accumulated(0)
@@ -783,9 +786,9 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
         }
     }
 
-    /// Shades all fragments of the tile that are not shaded yet, eight at a time, where the host
-    /// gains by it: in the order of pixels and slots. None otherwise, and of sheets, which are not
-    /// shaded here. A call of its own, so that its instructions can be counted.
+    /// Shades all unshaded fragments of the tile, eight at a time, in the order of pixels and
+    /// slots, where that is faster on the host. Returns nothing otherwise, and for sheets, which
+    /// are not shaded here. Not inlined, so that its instructions can be counted.
     #[inline(never)]
     fn shade_side_by_side(&mut self) -> Vec<shade::Output> {
         let Shared {
@@ -815,8 +818,8 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
         outputs
     }
 
-    /// Shade and resolve: every pixel of the tile. A call of its own, so that its instructions can
-    /// be counted.
+    /// Shade and resolve: every pixel of the tile. Not inlined, so that its instructions can be
+    /// counted.
     #[inline(never)]
     fn resolve(mut self, mut outcomes: Outcomes) -> Resolved {
         let (
@@ -860,7 +863,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
                 continue;
             }
             let tap = &mut Tap::new(&mut *self.probe);
-            // Of windows all slots are gone through, and what lies inside of another is shaded too.
+            // For windows all slots are visited; slots inside another are shaded too.
             let mut formed = None;
             let live = match sheets {
                 None if let (Some(registers), Some(clusters)) =
@@ -913,7 +916,7 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
                 tap.probe.held(fragments, shades);
             }
             if P::TRANSFERS {
-                // Of sheets the open one too, which is no layer yet.
+                // For sheets this includes the open one, which is not a layer yet.
                 let open = sheets.is_some_and(|registers| registers.sheets.each == Each::Slice);
                 let held = if open { self.tile.live(at) } else { live };
                 let slots: Vec<Slot> = (0..held).map(|slot| self.tile.slot(at, slot)).collect();
@@ -968,8 +971,8 @@ impl<const SIMPLE_FITS: bool, H: Host, L: Accumulator, P: Probe>
     }
 }
 
-/// One contribution to a pixel of windows. A call of its own, so that other fragments pay nothing
-/// for it.
+/// Adds one contribution to a pixel of windows. Not inlined, so that it costs other fragments
+/// nothing.
 #[inline(never)]
 fn to_window<L: Accumulator, P: Probe>(
     machine: &Elaborated,
@@ -997,7 +1000,7 @@ struct ToSheet<'a, 'p, const SIMPLE_FITS: bool, L, P> {
     tile: &'a mut Tile<L>,
     pixel: u8,
     weight: i64,
-    drawn: &'a Drawn<'a>,
+    drawn: &'a DrawnSplat<'a>,
     registers: &'a SheetRegisters<'a>,
     tap: &'a mut Tap<'p, P>,
 }

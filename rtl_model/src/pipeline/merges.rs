@@ -1,10 +1,10 @@
-//! Merges: the host shades the fragments of a tile that merge eight side by side, as soon as there
-//! are as many, and none before. Until then a slot is closed and has no colour yet: nobody asks for
-//! it before the pixel overflows again, or the tile is resolved.
+//! Merges: the host shades the merging fragments of a tile in batches of eight, once eight are
+//! queued. Until then a slot is closed and its colour is pending. It is not read before the pixel
+//! overflows again, or the tile is resolved.
 //!
-//! Laws: `every_machine_that_elaborates_draws_every_frame`, `merges_that_wait_are_those_at_once`.
+//! Laws: `every_machine_that_elaborates_draws_every_frame`, `queued_merges_equal_immediate_ones`.
 
-use super::fill::{Part, Shared};
+use super::fill::{Shared, TileEntries};
 use super::shading::{ShadeEight, input_of, shade_for_merge};
 use crate::kernels::host::Host;
 use crate::kernels::{Accumulator, NO_MATCH, PackedSlot, Tile};
@@ -15,40 +15,40 @@ use crate::units::fragment::{Fragment, Merging};
 use crate::units::shade;
 use std::cell::Cell;
 
-/// Merges of a tile that wait to be shaded.
+/// Queued merges of a tile, to be shaded.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Waiting {
     len: usize,
-    pairs: [Pair; LANES],
-    /// Their pixels, bit by bit.
+    pairs: [QueuedMerge; LANES],
+    /// Bit mask of their pixels.
     pixels: [u64; 4],
-    /// Fragments among them that are not shaded.
+    /// Number of their fragments that are not shaded.
     unshaded: usize,
 }
 
-/// One of them.
+/// One queued merge.
 #[derive(Clone, Copy, Debug, Default)]
-struct Pair {
+struct QueuedMerge {
     at: (u8, usize),
     /// Front and back.
     fragments: [Slot; 2],
 }
 
-/// How the fragments of a tile merge.
+/// Shades and merges the fragments of a tile.
 pub struct Merges<'a, H> {
     pub host: H,
     pub shared: Shared<'a>,
-    pub part: Part<'a>,
+    pub part: TileEntries<'a>,
     pub waiting: &'a mut Waiting,
 }
 
 impl<H: Host> Merges<'_, H> {
-    /// Whether they may wait: not where somebody watches what is shaded when.
+    /// Whether merges may be queued: not where a probe observes the order of shading.
     fn may_wait<P: Probe>(&self) -> bool {
         !P::WORDS && !P::DECISIONS && !P::WORK && !P::TRANSFERS && self.shared.is_lit_by_eight
     }
 
-    /// Comes to an end with all that wait.
+    /// Shades and merges all queued pairs.
     pub fn end<A: Accumulator, P: Probe>(&mut self, tile: &mut Tile<A>, probe: &mut P) {
         if self.waiting.len > 0 {
             self.shade(&self.shared.machine.fragment, tile, probe);
@@ -90,13 +90,13 @@ impl<H: Host> Merges<'_, H> {
                 probe: &mut *probe,
             });
         }
-        // Asked for in the order in which they were put in.
+        // Results are read in the order in which the fragments were queued.
         let next = Cell::new(0);
         let light = |_: &Slot, _: &mut Tap<P>| {
             let shade::Output { colour, opacity } = outputs[next.replace(next.get() + 1) % LANES];
             Premultiplied { colour, opacity }
         };
-        for Pair {
+        for QueuedMerge {
             at: (pixel, slot),
             fragments: [front, back],
         } in pairs
@@ -146,14 +146,14 @@ impl<A: Accumulator, H: Host, P: Probe> Merging<A, P> for Merges<'_, H> {
             },
         );
         let waiting = &mut *self.waiting;
-        waiting.pairs[waiting.len % LANES] = Pair {
+        waiting.pairs[waiting.len % LANES] = QueuedMerge {
             at,
             fragments: *pair,
         };
         waiting.len += 1;
         waiting.pixels[usize::from(pixel) / 64] |= 1 << (pixel % 64);
         waiting.unshaded += pair.iter().filter(|fragment| !fragment.shaded).count();
-        // There is room for one pair more.
+        // The queue keeps room for one more pair.
         if waiting.len == LANES || waiting.unshaded > LANES - 2 {
             self.shade(unit, tile, probe);
         }

@@ -1,14 +1,14 @@
-//! Pipeline: wires the units, the only folder that knows their order.
+//! Pipeline: connects the units. Only this folder defines their order.
 //!
 //! ```text
 //! splats ─► project ─► ellipse ─► raster ─► gauss ─► fragment ─► resolve ─► frame
 //!           └──── "setup" ────┘                        └► shade ◄┘
 //! ```
-//! The simulator draws tile by tile, whatever order the modelled machine has: a pixel's result
-//! depends on nothing but the order of its own contributions, which is the order of the splats.
-//! Tiles and blocks of splats are shared out to threads.
+//! The simulator draws tile by tile, whatever the order of the modelled machine: a pixel's result
+//! depends only on the order of its own contributions, which is the order of the splats. Tiles and
+//! blocks of splats are distributed over threads.
 //!
-//! Law: `threads_and_watchers_change_no_bit`.
+//! Law: `threads_and_probes_change_no_bit`.
 
 mod blend;
 mod discs;
@@ -40,11 +40,11 @@ pub struct Culled {
     pub near: u64,
     /// Outside the guard band, or the box misses the picture.
     pub outside: u64,
-    /// Nothing to see.
+    /// Nothing visible.
     pub faint: u64,
     /// Faces away.
     pub backface: u64,
-    /// Of so little opacity that none of its weights would count.
+    /// Opacity so low that no weight would count.
     pub transparent: u64,
 }
 
@@ -61,7 +61,7 @@ impl Culled {
 /// A finished frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Drawing {
-    /// Pixels a row.
+    /// Pixels per row.
     pub width: u32,
     /// Rows.
     pub height: u32,
@@ -81,8 +81,8 @@ pub fn draw<P: Probe>(machine: &Elaborated, frame: &Frame, probe: &mut P) -> Dra
     fill(machine, frame, &setup, probe)
 }
 
-/// Draws a frame with no probe. Compiled here, once; what is generic is compiled again by each
-/// crate that calls it.
+/// Draws a frame with no probe. It is compiled here once; generic functions are compiled again in
+/// each crate that calls them.
 pub fn draw_unobserved(machine: &Elaborated, frame: &Frame) -> Drawing {
     fill_unobserved(machine, frame, &set_up_unobserved(machine, frame))
 }
@@ -121,7 +121,7 @@ pub fn fill_measured(
     fill(machine, frame, setup, probe)
 }
 
-/// Draws a frame and tells an observer every decision, tile by tile.
+/// Draws a frame and reports every decision to an observer, tile by tile.
 pub fn draw_with_decisions<'w>(
     machine: &Elaborated,
     frame: &Frame,
@@ -135,7 +135,7 @@ pub fn draw_with_decisions<'w>(
     )
 }
 
-/// Draws a frame and tells an observer everything, transfer by transfer.
+/// Draws a frame and reports every transfer to an observer.
 pub fn draw_observed<'w>(
     machine: &Elaborated,
     frame: &Frame,
@@ -145,7 +145,7 @@ pub fn draw_observed<'w>(
     fill_observed(machine, frame, &setup, observer)
 }
 
-/// [`set_up`], telling an observer everything.
+/// [`set_up`], with every transfer reported to an observer.
 pub fn set_up_observed<'w>(
     machine: &Elaborated,
     frame: &Frame,
@@ -154,7 +154,7 @@ pub fn set_up_observed<'w>(
     set_up(machine, frame, &mut DynProbe::<true>::new(observer))
 }
 
-/// [`fill`], telling an observer everything.
+/// [`fill`], with every transfer reported to an observer.
 pub fn fill_observed<'w>(
     machine: &Elaborated,
     frame: &Frame,
@@ -164,7 +164,7 @@ pub fn fill_observed<'w>(
     fill(machine, frame, setup, &mut DynProbe::<true>::new(observer))
 }
 
-/// Does a probe's work: the branch that is not taken is not compiled either.
+/// Runs a kernel on the host path for a probe. The other branch is not compiled.
 fn run<P: Probe, K: Kernel>(kernel: K) -> K::Output {
     if P::QUICK {
         vectorised(kernel)

@@ -1,20 +1,20 @@
-//! Ports: what crosses the wires between units, field by field: the records that a trace holds and
-//! that a twin in hardware takes and gives.
+//! Ports: fields of the records on the wires between units. A trace holds these records, and the
+//! RTL implementation of a unit reads and writes them.
 //!
 //! ```text
 //! frame, lights, materials                          constants
 //! project.in ─► project.out ─► ellipse.in ─► ellipse.out ─► raster.in ─► raster.out ─► gauss.in ─► gauss.out ─► fragment.in ─► fragment.out
 //!                                                                 fragment.request ─► fragment.answer      fragment.held ─► resolve.in ─► resolve.out
 //! ```
-//! Ellipsoids bring their axes along, and may be lit before they are drawn (`ellipse.request`,
-//! `ellipse.answer`) and sorted by depth (`sort.in`, `sort.out`); where fragments are grouped by
-//! sheets, they have the number of one in the place of depth, normal and opacity. Where they are
-//! grouped by windows every splat is lit before it is drawn, a contribution brings its light and
-//! its density along, and what a pixel holds in the end are its layers, lit.
+//! Ellipsoids also carry their axes, and may be lit before they are drawn (`ellipse.request`,
+//! `ellipse.answer`) and sorted by depth (`sort.in`, `sort.out`). Where fragments are grouped by
+//! sheets, contributions carry the sheet's number instead of depth, normal and opacity. Where they
+//! are grouped by windows, every splat is lit before it is drawn, a contribution also carries its
+//! light and its density, and a pixel finally holds lit layers.
 //!
-//! A record is one transfer through a port: words side by side, the first field in the most
-//! significant bits, two's complement. Fields that mean nothing in a record (a culled splat's
-//! pixel) are 0, and [`Field::unless`] says when.
+//! A record is one transfer through a port: its words concatenated, the first field in the most
+//! significant bits, two's complement. Fields without meaning in a record (a culled splat's pixel)
+//! are 0; [`Field::unless`] names the flags for that.
 //!
 //! Law: `records_have_the_widths_of_their_fields`.
 
@@ -30,34 +30,34 @@ use crate::units::raster::Raster;
 
 /// Bits of a column or row.
 const PIXEL_BITS: i32 = 14;
-/// Bits of a power of two.
+/// Bits of a power of two's exponent.
 const EXPONENT_BITS: i32 = 8;
 /// Bits of a material's index.
 pub const MATERIAL_BITS: i32 = 8;
-/// Bits of what a splat is called on its way through the raster.
+/// Bits of a splat's tag in the raster.
 const TAG_BITS: i32 = 32;
 /// Bits of a slot's number.
 const SLOT_BITS: i32 = 4;
 
-/// Kind of frame: all that records depend on beside the machine.
+/// Properties of a frame that, with the machine, determine its records.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Kind {
-    /// Splats are ellipsoids; else they are discs.
+    /// Splats are ellipsoids; otherwise discs.
     pub ellipsoids: bool,
-    /// They are lit before they are drawn.
+    /// Splats are lit before they are drawn.
     pub preshaded: bool,
-    /// They are drawn in the order of their depths.
+    /// Splats are drawn in depth order.
     pub sorted: bool,
-    /// Fragments are grouped by sheets; else by depth.
+    /// Fragments are grouped by sheets; otherwise by depth.
     pub sheets: bool,
-    /// Of those that are grouped by depth, by intervals or windows.
+    /// Fragments grouped by depth form intervals or windows.
     pub windows: bool,
-    /// Materials mirror surroundings.
+    /// Materials reflect their surroundings.
     pub mirrors: bool,
 }
 
 impl Kind {
-    /// That of a frame.
+    /// Kind of a frame.
     pub fn of(frame: &Frame) -> Self {
         let ellipsoids = frame.ellipsoids.as_ref();
         let windows = frame.window.is_some();
@@ -75,27 +75,27 @@ impl Kind {
 /// One field of a record.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Field {
-    /// Its name in the record, such as `pixel_x`.
+    /// Name in the record, such as `pixel_x`.
     pub name: String,
-    /// The signal whose word it is, such as `project.pixel`; none for numbers that count something.
+    /// Signal of the word, such as `project.pixel`; `None` for numbers that count something.
     pub signal: Option<String>,
-    /// Where its bits are, and how the signal rounds and overflows.
+    /// Format of its bits, and how the signal rounds and overflows.
     pub word: Word,
-    /// Flags of the same record that say that it means nothing and is 0.
+    /// Flags of the same record; the field is 0 and has no meaning where one of them is set.
     pub unless: &'static [&'static str],
 }
 
 impl Field {
-    /// Bits.
+    /// Width in bits.
     pub fn width(&self) -> u32 {
         self.word.format.width() as u32
     }
 }
 
-/// Order: what may be exchanged among a stream's records without changing what they mean.
+/// Reordering of a stream's records that does not change their meaning.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {
-    /// Nothing.
+    /// None.
     Total,
     /// Records of different pixels.
     PerPixel,
@@ -104,11 +104,11 @@ pub enum Order {
 /// The records that cross one port.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stream {
-    /// Unit and port, such as `raster.in`; or what is constant in a frame, such as `light`.
+    /// Unit and port, such as `raster.in`; or a constant of a frame, such as `light`.
     pub name: &'static str,
-    /// From the most significant bits down.
+    /// Fields from the most significant bits down.
     pub fields: Vec<Field>,
-    /// Which order counts.
+    /// Order that must be kept.
     pub order: Order,
 }
 
@@ -154,7 +154,7 @@ impl Stream {
         })
     }
 
-    /// The fields of a declared record, each with what its wire carries.
+    /// Fields of a declared record, with what each wire carries.
     fn record<const N: usize>(self, names: &[&str], wires: [Wire; N]) -> Self {
         names
             .iter()
@@ -168,7 +168,7 @@ impl Stream {
         self.field(name, None, Word::new(Format::signed(EXPONENT_BITS, 0)))
     }
 
-    /// All fields from here on mean nothing where one of these flags is set.
+    /// Adds flags to all fields from `first` on: the fields have no meaning where one is set.
     fn unless(mut self, first: usize, flags: &'static [&'static str]) -> Self {
         self.fields[first..]
             .iter_mut()
@@ -181,7 +181,7 @@ impl Stream {
         self.fields.iter().map(Field::width).sum()
     }
 
-    /// The least significant bit of each field.
+    /// Position of each field's LSB in the record.
     pub fn places(&self) -> Vec<u32> {
         let mut below = self.width();
         self.fields
@@ -193,13 +193,13 @@ impl Stream {
             .collect()
     }
 
-    /// The unit that it belongs to; none for constants.
+    /// Unit of the stream; `None` for constants.
     pub fn unit(&self) -> Option<&'static str> {
         self.name.split_once('.').map(|(unit, _)| unit)
     }
 }
 
-/// What a wire of a record carries.
+/// Content of a wire of a record.
 #[derive(Clone, Copy, Debug)]
 struct Wire {
     signal: Option<&'static str>,
@@ -230,7 +230,7 @@ fn power() -> Wire {
     }
 }
 
-/// A depth that leaves the raster's clamp.
+/// Clamped depth of the raster.
 fn clamped_depth(m: &Machine) -> Wire {
     Wire {
         signal: None,
@@ -249,13 +249,13 @@ fn axes(stream: Stream, name: &str, signal: &str, word: Word) -> Stream {
     stream.words(&names.each_ref().map(String::as_str), signal, word)
 }
 
-/// The depth that leaves the raster's clamp: exact.
+/// Exact format of the raster's clamped depth.
 pub fn exact_depth(machine: &Machine) -> Format {
     let exact = Raster::depth_exact(machine);
     Format::signed(exact.int_bits + 1, exact.frac_bits)
 }
 
-/// The constants of a frame: registers, lights, materials, and what each material makes of each
+/// Constants of a frame: registers, lights, materials, and the products of each material and each
 /// light.
 pub fn constants(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
     let m = &elaborated.machine;
@@ -333,12 +333,12 @@ pub fn constants(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
     ]
 }
 
-/// Whether what is asked of shade has its pixel: mirrors are looked at along that one's ray.
+/// Whether a request to shade carries its pixel: reflections are looked up along the pixel's ray.
 pub fn asks_for_pixel(m: &Machine, kind: Kind) -> bool {
     kind.mirrors && m.reflect.is_some_and(|reflect| reflect.sight == Sight::Ray)
 }
 
-/// What a material does with its surroundings.
+/// Fields of a material that reflects its surroundings.
 fn mirrored(material: Stream, m: &Machine, kind: Kind) -> Stream {
     let (true, Some(words)) = (kind.mirrors, &m.reflect) else {
         return material;
@@ -350,7 +350,7 @@ fn mirrored(material: Stream, m: &Machine, kind: Kind) -> Stream {
     )
 }
 
-/// Registers of pixels that are not square; none where the machine draws square ones alone.
+/// Registers for pixels that are not square; none where the machine draws only square pixels.
 fn aspect(frame: Stream, m: &Machine) -> Stream {
     let Some(word) = m.ellipse.aspect else {
         return frame;
@@ -369,7 +369,7 @@ fn aspect(frame: Stream, m: &Machine) -> Stream {
         )
 }
 
-/// Registers that all ellipsoids have in common.
+/// Registers common to all ellipsoids.
 fn kernel(frame: Stream, m: &Machine, kind: Kind) -> Stream {
     let (true, Some(words)) = (kind.ellipsoids, &m.ellipse.ellipsoid) else {
         return frame;
@@ -392,7 +392,7 @@ fn kernel(frame: Stream, m: &Machine, kind: Kind) -> Stream {
     )
 }
 
-/// Registers that all sheets have in common.
+/// Registers common to all sheets.
 fn sheet_registers(frame: Stream, m: &Machine, kind: Kind) -> Stream {
     if !kind.sheets {
         return frame;
@@ -409,7 +409,7 @@ fn sheet_registers(frame: Stream, m: &Machine, kind: Kind) -> Stream {
         .naturals(&["has_ratio"], 1)
 }
 
-/// Registers that all windows have in common.
+/// Registers common to all windows.
 fn window_registers(frame: Stream, m: &Machine, kind: Kind) -> Stream {
     if kind.windows {
         frame.word("reach", "fragment.depth", m.fragment.depth)
@@ -469,14 +469,14 @@ pub fn streams(elaborated: &Elaborated, kind: Kind) -> Vec<Stream> {
         ]);
     } else {
         streams.extend([
-            asked("fragment.request", m, kind),
+            shade_request("fragment.request", m, kind),
             premultiplied(Stream::new("fragment.answer"), m),
             start(m),
             lit(slot("fragment.held", m).unless(6, &["shaded"]), m).per_pixel(),
         ]);
     }
     streams.extend([
-        asked("shade.in", m, kind),
+        shade_request("shade.in", m, kind),
         premultiplied(Stream::new("shade.out"), m),
         premultiplied(
             Stream::new("resolve.in")
@@ -520,7 +520,7 @@ fn pipeline_in(m: &Machine, kind: Kind) -> Stream {
 
 const SCALES: [&str; 3] = ["scale_0", "scale_1", "scale_2"];
 
-/// A splat's own axes; 0 where it has those of the frame.
+/// A splat's own axes; 0 where the frame's axes are used.
 fn orientation(stream: Stream, m: &Machine, kind: Kind) -> Stream {
     let (true, Some(words)) = (kind.ellipsoids, &m.ellipse.ellipsoid) else {
         return stream;
@@ -535,7 +535,7 @@ fn orientation(stream: Stream, m: &Machine, kind: Kind) -> Stream {
         .words(&SCALES, "ellipse.scale", words.scale)
 }
 
-/// The point, and of an ellipsoid what it is culled by.
+/// The point, and for an ellipsoid its opacity.
 fn project_in(m: &Machine, kind: Kind) -> Stream {
     let point = axes(
         Stream::new("project.in"),
@@ -755,7 +755,7 @@ fn fragment_in(m: &Machine) -> Stream {
         .per_pixel()
 }
 
-/// A contribution to windows: with its splat's light, and how fast that hides what lies behind it.
+/// A contribution to windows, with its splat's light and density.
 fn window_in(m: &Machine, words: &Window) -> Stream {
     let fragment = fragment_in(m);
     let light = fragment.words(
@@ -766,8 +766,8 @@ fn window_in(m: &Machine, words: &Window) -> Stream {
     light.word("density", "fragment.window.density", words.density)
 }
 
-/// What became of a contribution; of windows its place among the slots too, where it was one too
-/// many.
+/// Decision on a contribution. For windows it includes the place among the slots where a pixel
+/// overflows.
 fn fragment_out(kind: Kind) -> Stream {
     let pixel = Stream::new("fragment.out").naturals(&["x", "y"], PIXEL_BITS);
     let decision = pixel
@@ -781,7 +781,7 @@ fn fragment_out(kind: Kind) -> Stream {
     }
 }
 
-/// Bits of what became of a contribution.
+/// Bits of a decision.
 pub fn outcome_bits(kind: Kind) -> i32 {
     if kind.windows { 4 } else { 3 }
 }
@@ -820,8 +820,8 @@ fn sums(stream: Stream, m: &Machine) -> Stream {
     all_sums(stream, m).naturals(&["material"], MATERIAL_BITS)
 }
 
-/// What shade is asked of a fragment: where, if it looks along rays, and its sums.
-fn asked(name: &'static str, m: &Machine, kind: Kind) -> Stream {
+/// A request to shade: the pixel, if shade needs its ray, and the fragment's sums.
+fn shade_request(name: &'static str, m: &Machine, kind: Kind) -> Stream {
     let stream = Stream::new(name);
     sums(
         if asks_for_pixel(m, kind) {
@@ -841,7 +841,7 @@ fn premultiplied(stream: Stream, m: &Machine) -> Stream {
     )
 }
 
-/// A fragment in its slot; where it is shaded, `colour` and `opacity` are those of its light.
+/// A fragment in its slot; in a shaded slot `colour` and `opacity` are shaded words.
 fn slot(name: &'static str, m: &Machine) -> Stream {
     let key = Stream::new(name)
         .naturals(&["x", "y"], PIXEL_BITS)
@@ -854,7 +854,7 @@ fn slot(name: &'static str, m: &Machine) -> Stream {
     )
 }
 
-/// A pixel of sheets: what has been blended, and the open sheet.
+/// A pixel of sheets: the composite, and the open sheet.
 fn composite(name: &'static str, m: &Machine) -> Stream {
     let f = &m.fragment;
     let pixel = Stream::new(name)
@@ -885,7 +885,7 @@ fn lit(stream: Stream, m: &Machine) -> Stream {
     )
 }
 
-/// What a pixel held before a window, in the places of its slots.
+/// State of a pixel before a window, in the fields of its slots.
 fn start(m: &Machine) -> Stream {
     let mut start = slot("fragment.start", m).per_pixel();
     let means_nothing =
@@ -910,7 +910,7 @@ fn frame_words(name: &'static str, m: &Machine) -> Stream {
 }
 
 impl Stream {
-    /// One field means nothing where one of these flags is set.
+    /// Adds flags to one field: it has no meaning where one is set.
     fn unless_first(mut self, field: usize, flags: &'static [&'static str]) -> Self {
         self.fields[field].unless = flags;
         self

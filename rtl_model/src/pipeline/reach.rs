@@ -1,5 +1,5 @@
-//! Reach: how far from its centre, as a radial index, a splat whose amplitude is its opacity has
-//! weights that count. What the table of cutoffs by opacity is made of, exactly.
+//! Reach: computes the radial index up to which a splat's weights count, where the splat's
+//! amplitude is its opacity. The table of cutoffs by opacity is built from this, exactly.
 //!
 //! ```text
 //! opacity ─►[ellipse: peak]─► amplitude ─►[gauss]─► weight at each radial index, ≥ least?
@@ -17,12 +17,12 @@ use crate::units::gauss;
 pub struct Reach {
     peak: Fit,
     gauss: Graph<1>,
-    /// The greatest words of an opacity up to 1, and of a radial index.
+    /// Greatest words: of an opacity up to 1, and of a radial index.
     most: [i64; 2],
 }
 
 impl Reach {
-    /// On a machine.
+    /// Weights on a machine.
     pub fn new(machine: &Machine) -> Self {
         let (opacity, radial) = (machine.splat.opacity, machine.gauss.radial_index.format);
         Reach {
@@ -32,7 +32,7 @@ impl Reach {
         }
     }
 
-    /// Weight (`gauss.weight`) of an opacity (`splat.opacity`) at a radial index
+    /// Weight (`gauss.weight`) for an opacity (`splat.opacity`) at a radial index
     /// (`gauss.radial_index`).
     pub fn weight(&self, opacity: i64, radial_index: i64) -> i64 {
         let [weight] = self.gauss.one(
@@ -42,15 +42,15 @@ impl Reach {
         weight
     }
 
-    /// The greatest radial index (`gauss.radial_index`) at which an opacity has at least this
-    /// weight; none where it has none. Weights fall with the radial index.
+    /// Greatest radial index (`gauss.radial_index`) at which an opacity has at least this weight;
+    /// `None` where it has it nowhere. Weights fall with the radial index.
     pub fn farthest(&self, opacity: i64, least_weight: i64) -> Option<i64> {
         let counts = |radial: i64| self.weight(opacity, radial) >= least_weight;
         counts(0).then(|| last_that([0, self.most[1]], counts))
     }
 
-    /// The least opacity (`splat.opacity`) that has at least this weight anywhere; one place above
-    /// 1 where none up to 1 has.
+    /// Least opacity (`splat.opacity`) that has at least this weight anywhere; 1 plus one ulp where
+    /// no opacity up to 1 has.
     pub fn least_opacity(&self, least_weight: i64) -> i64 {
         let is_seen = |opacity: i64| self.weight(opacity, 0) >= least_weight;
         if is_seen(0) {
@@ -61,7 +61,8 @@ impl Reach {
     }
 }
 
-/// The last number of a range up to which something holds: it holds of the first.
+/// Last number of a range for which `holds`. It must hold for a first part of the range, at least
+/// for its first number.
 fn last_that([first, last]: [i64; 2], holds: impl Fn(i64) -> bool) -> i64 {
     let (mut below, mut above) = (first, last + 1);
     while above - below > 1 {

@@ -1,8 +1,8 @@
-//! Unit replay: drives one unit by itself, records in and records out, as its twin in hardware sees
-//! it.
+//! Unit replay: drives one unit by itself, records in and records out, as in a test bench of its
+//! RTL implementation.
 //!
-//! Words and order of a record are those of [`ports`](crate::pipeline::ports). The pipeline is not
-//! here: what one unit makes reaches no other.
+//! Words and order of a record are those of [`ports`](crate::pipeline::ports). Units are not
+//! connected: the output of one unit is not passed to another.
 //!
 //! Laws: `a_trace_replays_through_the_units` (tests/trace.rs of the bench).
 
@@ -31,7 +31,7 @@ fn narrow(word: i64) -> i32 {
     word as i32
 }
 
-/// `project`: a record of `project.in`; the opacity counts where the frame has ellipsoids.
+/// `project`: takes a record of `project.in`; the opacity counts where the frame has ellipsoids.
 pub fn project(
     machine: &Elaborated,
     frame: &Frame,
@@ -53,7 +53,7 @@ pub fn project(
     projected_words(made, transparent)
 }
 
-/// `ellipse`: a record of `ellipse.in`, in a picture of this size.
+/// `ellipse`: takes a record of `ellipse.in`, in a picture of this size.
 pub fn ellipse(
     machine: &Elaborated,
     view: &View,
@@ -86,8 +86,8 @@ pub fn ellipse(
     )
 }
 
-/// `ellipse` of ellipsoids: a record of `ellipse.in`, in a frame of them; none where the frame or
-/// the machine has none.
+/// `ellipse` of ellipsoids: takes a record of `ellipse.in`. `None` where the frame or the machine
+/// has no ellipsoids.
 pub fn ellipsoid(
     machine: &Elaborated,
     frame: &Frame,
@@ -140,7 +140,7 @@ pub fn ellipsoid(
     ))
 }
 
-/// Request that a splat with this colour, normal and material sends to `shade` before it is drawn:
+/// Request to `shade` for a splat with this colour, normal and material, before it is drawn:
 /// `ellipse.request`.
 pub fn emission(
     machine: &Elaborated,
@@ -158,7 +158,7 @@ pub fn emission(
     )
 }
 
-/// The colour that a splat has after that, of the light in `ellipse.answer`.
+/// Colour of a splat after it is lit, from the light in `ellipse.answer`.
 pub fn emitted_colour(
     machine: &Elaborated,
     light: [i64; 3],
@@ -167,8 +167,8 @@ pub fn emitted_colour(
     emitted(machine, light, &mut Tap::new(&mut DynProbe::new(observer))).map(i64::from)
 }
 
-/// `sort`: depths in the order of `sort.in`; of each record of `sort.out` which of them it is, and
-/// its key. None where the machine has no sort.
+/// `sort`: takes depths in the order of `sort.in`. Returns for each record of `sort.out` the index
+/// of its depth, and its key. `None` where the machine has no sort.
 pub fn sort(
     machine: &Elaborated,
     depths: &[i64],
@@ -186,8 +186,8 @@ pub fn sort(
     Some(keyed)
 }
 
-/// `raster`: a record of `raster.in` without its tag; column, row, radial index and depth of each
-/// fragment, row by row.
+/// `raster`: takes a record of `raster.in` without its tag. Returns column, row, radial index and
+/// depth of each fragment, row by row.
 pub fn raster(
     machine: &Elaborated,
     view: &View,
@@ -257,7 +257,7 @@ pub fn raster(
     fragments
 }
 
-/// `gauss`: a record of `gauss.in`; its weight.
+/// `gauss`: takes a record of `gauss.in`; returns its weight.
 pub fn gauss(
     machine: &Elaborated,
     input: [i64; GaussIn::WORDS],
@@ -270,7 +270,7 @@ pub fn gauss(
     weight
 }
 
-/// `shade`: one fragment, with the lights and materials of a frame.
+/// `shade`: shades one fragment with the lights and materials of a frame.
 pub fn shade(
     machine: &Elaborated,
     frame: &Frame,
@@ -285,7 +285,7 @@ pub fn shade(
     )
 }
 
-/// `resolve`: the layers of a pixel, front to back; its frame word.
+/// `resolve`: takes the layers of a pixel, front to back; returns its frame word.
 pub fn resolve(
     machine: &Elaborated,
     frame: &Frame,
@@ -299,7 +299,7 @@ pub fn resolve(
     )
 }
 
-/// `fragment`, with pixels of one tile.
+/// `fragment`, with the pixels of one tile.
 pub struct Fragments<'a> {
     machine: &'a Elaborated,
     frame: &'a Frame,
@@ -307,7 +307,7 @@ pub struct Fragments<'a> {
 }
 
 impl<'a> Fragments<'a> {
-    /// All pixels empty.
+    /// A tile with empty pixels.
     pub fn new(machine: &'a Elaborated, frame: &'a Frame) -> Self {
         Fragments {
             machine,
@@ -316,7 +316,7 @@ impl<'a> Fragments<'a> {
         }
     }
 
-    /// Takes a record of `fragment.in` whose pixel lies in the tile; `answer` stands in for shade.
+    /// Takes a record of `fragment.in` for a pixel of the tile; `answer` replaces shade.
     pub fn take(
         &mut self,
         input: [i64; FragmentIn::WORDS],
@@ -380,7 +380,7 @@ impl<'a> Fragments<'a> {
         decision
     }
 
-    /// Fragments that a pixel of the tile holds, slot by slot.
+    /// Fragments of a pixel of the tile, slot by slot.
     pub fn held(&self, pixel: usize) -> Vec<Slot> {
         let at = (pixel % TILE_AREA) as u8;
         (0..self.tile.live(at))
@@ -388,7 +388,7 @@ impl<'a> Fragments<'a> {
             .collect()
     }
 
-    /// Light that a shaded fragment is read as.
+    /// Light of a shaded fragment, as it is read from its slot.
     pub fn lit(&self, slot: &Slot, observer: &mut dyn Observer<'_>) -> Premultiplied {
         self.machine
             .fragment
@@ -396,7 +396,7 @@ impl<'a> Fragments<'a> {
     }
 }
 
-/// `fragment` with sheets, with pixels of one tile.
+/// `fragment` with sheets, with the pixels of one tile.
 #[derive(Clone)]
 pub struct Sheets<'a> {
     machine: &'a Elaborated,
@@ -405,7 +405,7 @@ pub struct Sheets<'a> {
 }
 
 impl<'a> Sheets<'a> {
-    /// All pixels empty.
+    /// A tile with empty pixels.
     pub fn new(machine: &'a Elaborated, sheets: &'a frame::Sheets) -> Self {
         Sheets {
             machine,
@@ -414,7 +414,7 @@ impl<'a> Sheets<'a> {
         }
     }
 
-    /// Takes a record of `fragment.in` whose pixel lies in the tile.
+    /// Takes a record of `fragment.in` for a pixel of the tile.
     pub fn take(
         &mut self,
         input: [i64; SheetIn::WORDS],
@@ -448,10 +448,10 @@ impl<'a> Sheets<'a> {
         )
     }
 
-    /// Sheets that a pixel of the tile holds; none where nothing came.
+    /// Sheets of a pixel of the tile; `None` where it is empty.
     pub fn held(&self, pixel: usize) -> Option<Held> {
         let at = (pixel % TILE_AREA) as u8;
-        // Where each splat is a sheet none is ever open.
+        // Where each splat is a sheet, a sheet is never open.
         let open = self.registers.sheets.each == Each::Slice;
         let slots: Vec<Slot> = (0..self.tile.live(at).min(1 + usize::from(open)))
             .map(|slot| self.tile.slot(at, slot))
@@ -459,7 +459,7 @@ impl<'a> Sheets<'a> {
         (!slots.is_empty()).then(|| Held::of(&slots))
     }
 
-    /// Light that its sheets come to.
+    /// Composite of its sheets.
     pub fn lit(&self, pixel: usize, observer: &mut dyn Observer<'_>) -> Option<Premultiplied> {
         let at = (pixel % TILE_AREA) as u8;
         self.machine.fragment.composite(
@@ -471,7 +471,7 @@ impl<'a> Sheets<'a> {
     }
 }
 
-/// `fragment` with intervals or windows, with pixels of one tile.
+/// `fragment` with intervals or windows, with the pixels of one tile.
 pub struct Windows<'a> {
     machine: &'a Elaborated,
     registers: WindowRegisters,
@@ -480,7 +480,7 @@ pub struct Windows<'a> {
 }
 
 impl<'a> Windows<'a> {
-    /// All pixels empty; none where the frame's fragments are grouped otherwise.
+    /// A tile with empty pixels; `None` where the frame's fragments are grouped otherwise.
     pub fn new(machine: &'a Elaborated, frame: &Frame) -> Option<Self> {
         let registers = machine.windows(frame)?;
         Some(Windows {
@@ -491,7 +491,7 @@ impl<'a> Windows<'a> {
         })
     }
 
-    /// Takes a record of `fragment.in` whose pixel lies in the tile; `answer` stands in for shade.
+    /// Takes a record of `fragment.in` for a pixel of the tile; `answer` replaces shade.
     pub fn take(
         &mut self,
         input: [i64; WindowIn::WORDS],
@@ -554,13 +554,13 @@ impl<'a> Windows<'a> {
         decision
     }
 
-    /// Slots that a pixel of the tile holds.
+    /// Slots of a pixel of the tile.
     pub fn held(&mut self, pixel: usize) -> &mut [Cluster] {
         let at = (pixel % TILE_AREA) as u8;
         &mut self.clusters.of(at)[..usize::from(self.live[usize::from(at)])]
     }
 
-    /// The layers that they come to in the end; `answer` stands in for shade.
+    /// Final layers of a pixel; `answer` replaces shade.
     pub fn layers(
         &mut self,
         pixel: usize,

@@ -11,7 +11,7 @@
 //! of all words; counts are those of a sample that does not depend on threads: all items where they
 //! are few, one in [`MOST_APART`] where they are many.
 //!
-//! Laws: `meters_read_what_ranges_count`, `a_sample_is_spread_evenly`.
+//! Laws: `meters_equal_counted_ranges`, `a_sample_is_spread_evenly`.
 
 use super::ranges::{Range, Ranges};
 use super::{Probe, Seen};

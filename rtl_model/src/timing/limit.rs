@@ -15,8 +15,8 @@
 //! gain more than was found is not tried. Where units share memory, a replay may gain a little
 //! more, by another order of requests: that is not what the unit takes, and does not count.
 //!
-//! Laws: `no_limit_costs_more_than_is_said_without_a_replay`,
-//! `the_limit_is_what_gains_most_where_it_is_lifted`,
+//! Laws: `no_limit_costs_more_than_its_bound_without_a_replay`,
+//! `lifting_the_limit_gains_most`,
 //! `a_hazard_that_blocks_is_the_limit_not_a_busy_memory`.
 
 use super::{Cycles, Detail, UnitCycles, Wait, replay, replay_all};

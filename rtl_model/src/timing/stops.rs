@@ -12,7 +12,7 @@
 //! The bits lie beside the tile's buffer. An immediate machine has none: its fragments lie in
 //! memory, and what comes to a pixel that has stopped is looked up, and dropped, like any other.
 //!
-//! Laws: `a_binned_frame_ticks_as_it_is_replayed`, `a_pixel_that_has_stopped_takes_no_cycle`.
+//! Laws: `a_binned_frame_ticks_as_it_is_replayed`, `a_stopped_pixel_takes_no_cycles`.
 
 use super::stamps::Piece;
 use crate::work::{Event, TILE_PX, Work};

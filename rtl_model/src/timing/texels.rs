@@ -8,7 +8,7 @@
 //! address in shade's latency counts behind it: that moves every look-up by as many cycles, and
 //! changes no distance between two.
 //!
-//! Law: `a_frame_that_mirrors_ticks_as_it_is_replayed`.
+//! Law: `a_frame_with_reflections_ticks_as_it_is_replayed`.
 
 use super::account::{Ready, Unit};
 use super::cache::{EMPTY, find};

@@ -1,13 +1,13 @@
-//! Colour: turns spherical harmonics and the direction of sight into the colour of a splat (Kerbl
-//! et al. 2023).
+//! Colour: turns spherical harmonics and the viewing direction into the colour of a splat (Kerbl et
+//! al. 2023).
 //!
 //! ```text
 //! centre − eye ─►[ · / |·| ]─► direction ─►[ monomials ]─► basis ─►( Σ coefficient · basis )─► + ½, at least 0 ─► rgb
 //!                                       coefficients, 3·(degree + 1)² ─┘
 //! ```
-//! So far this is what the unit is built of and how long it takes: its datapath is not there yet,
-//! and colours are worked out in f64 before they become words (the bench's `quantise`). Constants
-//! of the basis are taken to lie in the coefficients.
+//! This file declares the unit's operators and its latency only: it has no datapath yet. Colours
+//! are computed in f64 before they are quantised (the bench's `quantise`). Constants of the basis
+//! are assumed to be multiplied into the coefficients.
 
 use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};
@@ -19,26 +19,27 @@ const UNIT: &str = unit::COLOUR;
 /// Greatest degree of harmonics.
 pub const MOST_DEGREE: u32 = 3;
 
-/// Bits of a coefficient, in memory and in the unit: of single precision, as files have them, and
-/// its fraction.
+/// Bits of a coefficient in memory (single precision, as in files), and bits of its fraction in the
+/// unit.
 pub const COEFFICIENT_BITS: [i32; 2] = [32, 24];
 
-/// Products for a splat of a degree: three squares, an inverse root of a table and a Newton step,
-/// three that scale; monomials; and three channels of all coefficients but the constant one, which
-/// takes none. A colour of degree 0 is the same from all sides: it takes nothing.
+/// Products per splat of a degree: three squares, an inverse root from a table with a Newton step,
+/// three for scaling; monomials; and three channels of all coefficients except the constant one,
+/// which needs no product. A colour of degree 0 is the same from all directions and needs no
+/// products.
 pub fn products(degree: u32) -> u32 {
     let monomials = match degree {
         0 => return 0,
         1 => 0,
-        // Squares and products of two.
+        // Squares and products of two coordinates.
         2 => 6,
-        // Each of degree 3 is one of these, or a sum of some, times a coordinate.
+        // Each monomial of degree 3 is one of these, or a sum of some, times a coordinate.
         _ => 13,
     };
     3 + 3 + 3 + monomials + 3 * ((degree + 1) * (degree + 1) - 1)
 }
 
-/// Longest way: length, inverse root, direction, monomials one after the other, the coefficients'
+/// Critical path: length, inverse root, direction, monomials one after the other, the coefficients'
 /// products and a tree of their sums.
 pub fn path(degree: u32) -> Path {
     let [_, bits] = COEFFICIENT_BITS;
@@ -58,7 +59,7 @@ pub fn path(degree: u32) -> Path {
         .then(sum.times(coefficients.next_power_of_two().ilog2()))
 }
 
-/// Declares what the unit is built of, on a machine that has it.
+/// Declares the operators of the unit, on a machine that has it.
 pub fn declare(e: &mut Elaboration, machine: &Machine) {
     let Some(colour) = &machine.colour else {
         return;

@@ -8,22 +8,22 @@
 //!                  │     └─►[ 1/|c_n| ]─► depth_slope                      └─► visibility ─► amplitude
 //!                  └─►[ −n where n_z > 0 ]─► normal of the fragments
 //! ```
-//! Each splat picks a power of two 2^e near its own radius in pixels and works relative to it, so
-//! that footprints of a tenth of a pixel and of a thousand pixels keep the same relative precision
-//! in the same words. det V' = area² + v'·tr V' − v'²: the three terms of docs/book/algorithm.md §3
-//! with v'·tr V_r' + v'² gathered, none of which can go negative.
+//! For each splat the unit chooses a power of two 2^e near the splat's radius in pixels and works
+//! relative to it. Footprints of 0.1 and of 1000 pixels therefore keep the same relative precision
+//! in the same words. det V' = area² + v'·tr V' − v'²: these are the three terms of
+//! docs/book/algorithm.md §3, with v'·tr V_r' + v'² gathered. No term can be negative.
 //!
-//! Where pixels are not square, k'² is three words: k'_x², k'_x·k'_y and k'_y², each k'² times a
-//! register (`aspect`) of at most 1, for k' is that of the larger focal length; and the depth
-//! slopes come of a step each. Where they are square the registers are 1 and change no bit.
+//! Where pixels are not square, k'² is three words: k'_x², k'_x·k'_y and k'_y². Each is k'² times
+//! a register (`aspect`) of at most 1, because k' uses the larger focal length. The depth slopes
+//! then have one step per axis. Where pixels are square the registers are 1 and change no bit.
 //!
-//! Losses: every word is rounded to nearest, but `scaled_radius`, which a normaliser cuts; `extent`
-//! gets one more place than it needs, so the box never loses a pixel to rounding; `depth_slope` is
-//! clamped, for a grazing plane's slope has no limit and the depth clamp (`depth_range`) rules
-//! there.
+//! Losses: every word is rounded to nearest, except `scaled_radius`, which a normaliser truncates.
+//! `extent` gets one ulp more than it needs, so the box never loses a pixel to rounding.
+//! `depth_slope` is clamped: a grazing plane's slope has no limit, and there the depth clamp
+//! (`depth_range`) takes over.
 //!
-//! Culls: *faint* where c_n, det V', σ or A is 0; *backface* where c_n > 0, if asked; *outside*
-//! where the box misses the picture.
+//! Culls: *faint* where c_n, det V', σ or A is 0; *backface* where c_n > 0, if culling of backfaces
+//! is on; *outside* where the box misses the picture.
 
 use crate::elaboration::latency::{PRODUCT, Path};
 use crate::elaboration::{Elaboration, MAX_OPERAND_BITS, Operator, Signal};
@@ -40,13 +40,13 @@ use ellipsoid::Ellipsoids;
 
 const UNIT: &str = unit::ELLIPSE;
 
-/// Longest way: normal, tilt, shape, variance, determinant, root, inverse, conic; visibility and
-/// amplitude, extents and slopes beside that.
+/// Critical path: normal, tilt, shape, variance, determinant, root, inverse, conic. Visibility and
+/// amplitude, extents and slopes run in parallel with it.
 pub fn path(machine: &Machine) -> Path {
     let (m, p) = (&machine.ellipse, &machine.project);
     let bits = |word: Word| word.format.width();
     let root = m.root.bits.min(64) as i32;
-    // An ellipsoid's axes come from its quaternion, and are stretched before they are squared.
+    // An ellipsoid's axes come from its quaternion, and are scaled before they are squared.
     let own = m.ellipsoid.map_or(Path::default(), |of| {
         let quaternion = bits(of.quaternion);
         Path::default()
@@ -73,7 +73,7 @@ pub fn path(machine: &Machine) -> Path {
         .product(bits(m.low_pass), bits(m.variance))
         .sum(bits(m.determinant))
         .fit(bits(m.determinant))
-        // Registers that the squares of an area have.
+        // Delay registers while the areas are squared.
         .wait(PRODUCT)
         .normalise(bits(m.determinant))
         .then(square_root::path(m.root, bits(m.determinant)))
@@ -82,11 +82,11 @@ pub fn path(machine: &Machine) -> Path {
         .product(bits(m.variance), bits(m.inverse))
         .shift(bits(m.conic))
         .fit(bits(m.conic))
-        // And those of an amplitude.
+        // Delay registers while the amplitude is multiplied.
         .wait(PRODUCT)
 }
 
-/// Way of a size: focal length, normalise, 1/t_z, square, aspect.
+/// Path of a size: focal length, normalise, 1/t_z, square, aspect.
 fn size_path(machine: &Machine) -> Path {
     let (m, p) = (&machine.ellipse, &machine.project);
     let bits = |word: Word| word.format.width();
@@ -106,27 +106,28 @@ fn size_path(machine: &Machine) -> Path {
     })
 }
 
-/// Inputs of each splat: normal, radius; of `project` the exponent, t_z, 1/t_z and its exponent,
-/// slope, pixel. Ellipsoids: opacity, cutoff of the box. Axes of its own: quaternion, standard
-/// deviations. Then [`Ellipse::registers`].
+/// Inputs of each splat: normal, radius; from `project` the exponent, t_z, 1/t_z and its exponent,
+/// slope, pixel. Ellipsoids add opacity and cutoff of the box. Ellipsoids with their own axes add
+/// quaternion and standard deviations. Then [`Ellipse::registers`].
 pub const INPUTS: usize = 12;
-/// Those of ellipsoids.
+/// Inputs of each ellipsoid.
 pub const ELLIPSOID_INPUTS: usize = INPUTS + 2;
-/// And of those with axes of their own.
+/// Inputs of each ellipsoid with its own axes.
 pub const OWN_INPUTS: usize = ELLIPSOID_INPUTS + 7;
 /// Results: normal, conic, amplitude, columns, rows, depth slope, depth range, backface, faint,
 /// outside.
 pub const OUTPUTS: usize = 17;
-/// Results that have bounds: normal, its part towards the viewer, facing, determinant, conic,
+/// Results that have bounds: normal, its component towards the viewer, facing, determinant, conic,
 /// amplitude, half-extents, depth slope, depth range.
 const BOUNDS: usize = 15;
 
-/// What the unit sets up: its graph differs by that.
+/// Kind of splat that the unit sets up. Each variant has its own graph.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Variant {
     /// Where pixels are not square, on a machine that has the words for it.
+    /// Pixels are not square, and the machine has the words for that.
     has_aspect: bool,
-    /// None of discs.
+    /// `None` for discs.
     ellipsoid: Option<ellipsoid::Variant>,
 }
 
@@ -149,19 +150,19 @@ impl Variant {
 /// A variant's arithmetic.
 #[derive(Clone, Debug)]
 pub struct Datapath {
-    /// Of one splat.
+    /// For one splat.
     pub graph: Graph<OUTPUTS>,
-    /// Of batches.
+    /// For batches.
     pub program: Program,
     bounds: Asked<BOUNDS>,
 }
 
-/// The elaborated unit.
+/// Elaborated unit.
 #[derive(Clone, Debug)]
 pub struct Ellipse {
     machine: Machine,
     signals: Vec<Signal>,
-    /// Made when a frame asks for one.
+    /// Built at first use.
     datapaths: [OnceLock<Datapath>; VARIANTS],
     normal: Fit,
     root: ReciprocalRoot,
@@ -171,7 +172,7 @@ pub struct Ellipse {
     ellipsoids: Option<Ellipsoids>,
 }
 
-/// Kinds of ellipsoids, and discs; each with and without an aspect.
+/// Variants: discs and each variant of ellipsoids, with and without an aspect.
 const VARIANTS: usize = 2 * (1 + ellipsoid::VARIANTS);
 
 /// 1/2π with 62 fraction bits.
@@ -211,7 +212,7 @@ impl Ellipse {
         }
         e.signedness(UNIT, "determinant", m.determinant, false);
         e.saturates(UNIT, "determinant", m.determinant);
-        // The magnitude of the least area, and the sum of two variances, are multiplier operands
+        // The magnitude of the least area and the sum of two variances are multiplier operands
         // too.
         for (name, word, limit) in [
             ("area", m.area, MAX_OPERAND_BITS - 1),
@@ -303,7 +304,7 @@ impl Ellipse {
         let filtered = e.times(UNIT, m.low_pass, trace);
         let filter_squared = e.times(UNIT, m.low_pass, m.low_pass);
         e.part(UNIT, Operator::Adder(trace.width()));
-        // One face of a disc, three of an ellipsoid.
+        // A disc has one face, an ellipsoid three.
         let squares = if m.ellipsoid.is_some() {
             e.sum(UNIT, [area_squared; 3])
         } else {
@@ -340,7 +341,7 @@ impl Ellipse {
             let reached = e.times(UNIT, root_bits, root_bits).scaled(1);
             e.fit_shifted(UNIT, "extent", m.extent, reached)
         });
-        // The picture's middle lies up to 8192 pixels from its first.
+        // The picture's middle is up to 8192 pixels from its first pixel.
         let middle = MIDDLE;
         e.copies(4, |e| {
             let sum = e.sum(
@@ -350,7 +351,7 @@ impl Ellipse {
             e.fit(UNIT, "edge", EDGE, sum);
             e.limit(UNIT, 17);
         });
-        // A box in which the first lies behind the last; magnitudes of facing and area; each scale
+        // Test for an empty box (first beyond last); magnitudes of facing and area; each scale
         // to either side.
         let steps = if m.aspect.is_some() { 2 } else { 1 };
         e.adders(UNIT, 2, 17);
@@ -383,7 +384,7 @@ impl Ellipse {
         let turns_normals = machine.fragment.turn_normals;
         let mut seen_normal = Exact::from(m.normal);
         if turns_normals {
-            // The least word has no opposite among the words.
+            // The most negative word has no negation in its format.
             seen_normal.int_bits += 1;
             e.copies(3, |e| e.limit(UNIT, m.normal.format.width() + 1));
         }
@@ -450,7 +451,7 @@ impl Ellipse {
         &self.slope_reciprocal
     }
 
-    /// Whether the normal of a splat is turned on its way to the fragments.
+    /// Whether a splat's normal is negated before it reaches the fragments.
     pub fn turns(&self, view: &View, normal: [i32; 3]) -> bool {
         let z: i64 = view.rotation[2]
             .iter()
@@ -460,7 +461,7 @@ impl Ellipse {
         self.machine.fragment.turn_normals && self.normal.one(z) > 0
     }
 
-    /// What a frame asks for; discs on a machine that has not the words for its ellipsoids.
+    /// The variant for a frame. Discs on a machine that lacks the words for its ellipsoids.
     pub fn variant(&self, has_aspect: bool, ellipsoids: Option<ellipsoid::Variant>) -> Variant {
         let has_aspect = has_aspect && self.machine.ellipse.aspect.is_some();
         Variant {
@@ -469,7 +470,7 @@ impl Ellipse {
         }
     }
 
-    /// What a frame asks for.
+    /// The variant for a frame.
     pub fn variant_of(&self, frame: &Frame) -> Variant {
         let of_ellipsoids = |of: &frame::Ellipsoids| ellipsoid::Variant {
             own: !of.own.is_empty(),
@@ -488,7 +489,7 @@ impl Ellipse {
             .map_or(0, |ellipsoid| 1 + ellipsoid.number())
             + usize::from(variant.has_aspect);
         self.datapaths[number].get_or_init(|| {
-            // Its parts are declared.
+            // Its parts are already declared.
             let e = &mut Elaboration::default();
             e.signals.clone_from(&self.signals);
             let g = &mut Builder::new(e, UNIT);
@@ -507,7 +508,7 @@ impl Ellipse {
         })
     }
 
-    /// Registers of a view and a picture, as inputs of a variant's graph, in their order there.
+    /// Registers of a view and a picture, in the input order of a variant's graph.
     pub fn registers(
         &self,
         variant: Variant,
@@ -553,7 +554,7 @@ impl Ellipse {
 
 /// First and last columns and rows, before they are clipped to the picture.
 const EDGE: Word = Word::new(Format::signed(17, 0)).rounded(Rounding::Truncate);
-/// The picture's middle lies up to 8192 pixels from its first.
+/// The picture's middle is up to 8192 pixels from its first pixel.
 const MIDDLE: Exact = Exact {
     int_bits: 14,
     frac_bits: 1,
@@ -579,7 +580,7 @@ struct Wires {
     size: [[Wire; 2]; 2],
 }
 
-/// A disc or an ellipsoid, from its record to its conic and box; and what of that has bounds.
+/// A disc or an ellipsoid, from its record to its conic and box; then the wires that have bounds.
 fn set_up(
     g: &mut Builder,
     machine: &Machine,
@@ -713,7 +714,7 @@ fn disc(
     )
 }
 
-/// Results in their order.
+/// Results in output order.
 fn done(
     g: &mut Builder,
     footprint: &Footprint,
@@ -772,8 +773,8 @@ fn done(
     )
 }
 
-/// Where a splat faces away and that counts, and where there is nothing to see: it has no size, or
-/// `nothing` holds.
+/// Cull flags: backface, where that is culled; faint, where the splat has no size or `nothing`
+/// holds.
 fn culled(g: &mut Builder, w: &Wires, facing: Wire, nothing: Wire) -> (Wire, Wire) {
     let zero = g.constant(0, g.shape(facing));
     let turned_away = g.above(facing, zero);
@@ -793,8 +794,8 @@ fn camera_normal(g: &mut Builder, machine: &Machine, w: &Wires, direction: [Wire
     })
 }
 
-/// The normal that fragments sum: towards the viewer where the machine turns it, so that a sheet's
-/// two sides do not cancel.
+/// The normal that fragments sum. It is turned towards the viewer where the machine does that, so
+/// that the two sides of a sheet do not cancel.
 fn seen_normal(g: &mut Builder, machine: &Machine, normal: [Wire; 3]) -> [Wire; 3] {
     three!(axis => {
         let seen = if machine.fragment.turn_normals { g.turned(normal[axis], normal[2]) } else { normal[axis] };
@@ -823,7 +824,7 @@ fn sized(g: &mut Builder, machine: &Machine, w: &Wires) -> ([Wire; 3], Power) {
     let scaled = g.at_least_a_place(scaled);
     let [normalised] = g.normalised(scaled, [scaled], 1);
     let mantissa = g.fit("scaled_radius", m.scaled_radius, normalised);
-    // k = mantissa · inverse_depth, where the product lies in [½, 2] times their power.
+    // k = mantissa · inverse_depth, where the product is in [½, 2] times their power.
     let product = g.times(mantissa, w.inverse_depth);
     let exponent = g.at_least_one(g.power(product).shifted(1));
     let size = g.fit_to("size", m.size, product, exponent);
@@ -839,7 +840,7 @@ fn sized(g: &mut Builder, machine: &Machine, w: &Wires) -> ([Wire; 3], Power) {
     (squares, exponent)
 }
 
-/// What both kinds of splats leave on the screen.
+/// Screen footprint, common to discs and ellipsoids.
 struct Footprint {
     determinant: Wire,
     conic: [Wire; 3],
@@ -852,7 +853,7 @@ struct Footprint {
     outside: Wire,
 }
 
-/// From a shape's variance without size, and its faces, to a conic and a box.
+/// Computes a conic and a box from a shape's variance without size, and its faces.
 fn footprint(
     g: &mut Builder,
     machine: &Machine,
@@ -938,15 +939,15 @@ fn squared_sum(g: &mut Builder, areas: &[Wire]) -> Wire {
     sum
 }
 
-/// How much of an area is seen: times 1/√det V.
+/// Visible part of an area: area times 1/√det V.
 fn visibility(g: &mut Builder, machine: &Machine, area: Wire, root: Wire) -> Wire {
     let area = g.magnitude(area);
     let seen = g.times(area, root);
     g.fit_to("visibility", machine.ellipse.visibility, seen, Power::ONE)
 }
 
-/// First and last column, or row, clipped to the picture; the first lies behind the last where
-/// nothing is left.
+/// First and last column, or row, clipped to the picture. The first is beyond the last where the
+/// splat is outside.
 fn side(g: &mut Builder, w: &Wires, axis: usize, extent: Wire) -> [Wire; 2] {
     let [first_centre, last_px] = w.size[axis];
     let centre = g.plus(w.pixel[axis], first_centre);
@@ -985,7 +986,7 @@ fn depth_slope(
         g.opposed(steep, facing)
     });
     let scales: Vec<Wire> = scales.collect();
-    // Of square pixels it is the same step.
+    // Square pixels have the same step on both axes.
     let scales = [scales[0], *scales.last().unwrap_or(&scales[0])];
     two!(axis => {
         let leaning = g.times(scales[axis], n[axis]);

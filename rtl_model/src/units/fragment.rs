@@ -1,4 +1,4 @@
-//! Fragment: keeps at most `layers` fragments a pixel: accumulates, inserts, merges, evicts
+//! Fragment: keeps at most `layers` fragments per pixel: accumulates, inserts, merges, evicts
 //! (Surface Splatting §6, docs/book/algorithm.md §6).
 //!
 //! ```text
@@ -7,9 +7,9 @@
 //!                                                                        └─ full ─► evict the deepest if something is hidden,
 //!                                                        shade ◄── two fragments ──┘ else merge an adjacent pair, front over back
 //! ```
-//! Losses: each sum is rounded once per contribution and saturates; so is what a merge writes back,
-//! by the same fits. A shaded slot keeps its premultiplied colour and its opacity where an unshaded
-//! one keeps their sums.
+//! Losses: each sum is rounded once per contribution and saturates. The results of a merge are
+//! written back through the same fits. A shaded slot keeps its premultiplied colour and its opacity
+//! in the fields that hold the sums of an unshaded slot.
 //!
 //! Laws: `every_contribution_has_one_outcome`, `slots_are_in_depth_order_after_a_merge`.
 
@@ -23,9 +23,9 @@ use crate::machine::{FragmentDepth, Group, Machine, Merge};
 use crate::num::{Exact, Exacts, Fit, Lanes, Word, Words, fit, three};
 use crate::probe::{Probe, Tap};
 use crate::records::{SHEET_BITS, unit};
-use sheets::Sheets;
+use sheets::SheetDatapath;
 use std::cmp::Ordering;
-use window::Windows;
+use window::WindowDatapath;
 
 pub use crate::records::{
     Attributes, COLOUR, Contribution, Decision, MAX_LAYERS, NORMAL, OPACITY, Outcomes,
@@ -34,14 +34,14 @@ pub use crate::records::{
 
 const UNIT: &str = unit::FRAGMENT;
 
-/// Input port: one contribution. Its material is not read unless it opens a fragment.
+/// Input port: one contribution. Its material is read only when it opens a fragment.
 #[derive(Clone, Copy, Debug)]
 pub struct Input<'a> {
     /// w (`gauss.weight`).
     pub weight: i64,
     /// z (`fragment.depth`).
     pub depth: i64,
-    /// The splat's part.
+    /// Attributes of the splat.
     pub attributes: &'a Attributes,
     /// Index into the frame's materials.
     pub material: &'a u32,
@@ -56,39 +56,39 @@ pub struct FragmentRegisters {
     pub coverage_threshold: i64,
 }
 
-/// What a full pixel does with one fragment more.
+/// Rule for one more fragment at a full pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Full {
-    /// The nearer of the two stays.
+enum FullRule {
+    /// The nearer of the two fragments stays.
     Replace,
-    /// Two of them become one.
-    Merge(Pair),
+    /// Two fragments are merged.
+    Merge(MergePair),
 }
 
-/// Which two.
+/// Which two fragments are merged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Pair {
+enum MergePair {
     Nearest,
     Farthest,
 }
 
-impl From<Merge> for Full {
+impl From<Merge> for FullRule {
     fn from(merge: Merge) -> Self {
         match merge {
-            Merge::NearestPair => Full::Merge(Pair::Nearest),
-            Merge::FarthestPair => Full::Merge(Pair::Farthest),
-            Merge::Replace => Full::Replace,
-            // Windows have a rule of their own, which never comes here.
-            Merge::Window => Full::Merge(Pair::Farthest),
+            Merge::NearestPair => FullRule::Merge(MergePair::Nearest),
+            Merge::FarthestPair => FullRule::Merge(MergePair::Farthest),
+            Merge::Replace => FullRule::Replace,
+            // Windows have their own rule and never use this one.
+            Merge::Window => FullRule::Merge(MergePair::Farthest),
         }
     }
 }
 
-/// How two fragments become one, which has to be shaded.
+/// How two fragments are merged and shaded.
 pub trait Merging<A, P> {
-    /// Comes to an end with what waits in a pixel that is looked at again.
+    /// Completes the postponed merges of a pixel before it is accessed again.
     fn settle(&mut self, unit: &Fragment, tile: &mut Tile<A>, pixel: u8, probe: &mut P);
-    /// The front and the back of a pair become what is in this slot of a pixel.
+    /// Merges the front and the back of a pair into this slot of a pixel.
     fn merge(
         &mut self,
         unit: &Fragment,
@@ -99,7 +99,7 @@ pub trait Merging<A, P> {
     );
 }
 
-/// At once, with the light that a function finds.
+/// Merges immediately, and shades by a function.
 impl<A: Accumulator, P: Probe, F: Fn(&Slot, &mut Tap<P>) -> Premultiplied> Merging<A, P> for F {
     fn settle(&mut self, _: &Fragment, _: &mut Tile<A>, _: u8, _: &mut P) {}
 
@@ -119,7 +119,7 @@ impl<A: Accumulator, P: Probe, F: Fn(&Slot, &mut Tap<P>) -> Premultiplied> Mergi
     }
 }
 
-/// Longest way: read, compare depths, product, sum, write.
+/// Critical path: read, compare depths, product, sum, write.
 pub fn path(machine: &Machine) -> Path {
     let m = &machine.fragment;
     let bits = |word: Word| word.format.width();
@@ -127,7 +127,7 @@ pub fn path(machine: &Machine) -> Path {
         bits(machine.gauss.weight),
         bits(m.colour_sum).max(bits(m.normal_sum)),
     );
-    // The product does not wait for the match, but has its registers behind it.
+    // The product runs in parallel with the match, and is registered behind it.
     let product = Path::default().product(weight, bits(machine.splat.rgb).max(bits(m.normal)));
     let matched = Path::default()
         .sum(bits(m.depth))
@@ -142,7 +142,7 @@ pub fn path(machine: &Machine) -> Path {
         .fit(sum)
         .choose(m.layers.saturating_add(1))
         .memory();
-    // No part of it is longer.
+    // No other part of the path is longer.
     let longest = [way, decision(machine), sheet(machine), stamp(machine)]
         .into_iter()
         .map(|way| way.delay)
@@ -153,9 +153,9 @@ pub fn path(machine: &Machine) -> Path {
     }
 }
 
-/// From a contribution that is a sheet of its own to the composite with it: its sums, what a sheet
-/// comes to, front over back, and whether the pixel stops by that. A sheet that is open comes to
-/// the same, its sums behind it.
+/// From a contribution that is a whole sheet to the composite that includes it: its sums, the
+/// closed sheet, front over back, and the test whether the pixel stops. A sheet that is already
+/// open has the same path, after its sums.
 fn sheet(machine: &Machine) -> Path {
     let m = &machine.fragment;
     let Some(words) = &m.sheets else {
@@ -183,8 +183,8 @@ fn sheet(machine: &Machine) -> Path {
         .memory()
 }
 
-/// From a pixel that is read to its slots as they are written, as the twin is built: the nearest
-/// slot, the sum, the order of all slots.
+/// From the read pixel to the written slots, as in the RTL implementation: the nearest slot, the
+/// sum, the order of all slots.
 fn decision(machine: &Machine) -> Path {
     let m = &machine.fragment;
     let bits = |word: Word| word.format.width();
@@ -199,7 +199,7 @@ fn decision(machine: &Machine) -> Path {
         .memory()
 }
 
-/// From a pixel that is read to the nearest slot.
+/// From the read pixel to the nearest slot.
 fn nearest(machine: &Machine) -> Path {
     let m = &machine.fragment;
     let depth = m.depth.format.width();
@@ -212,10 +212,10 @@ fn nearest(machine: &Machine) -> Path {
         .then(nearer.times(m.layers.clamp(1, 64).next_power_of_two().ilog2()))
 }
 
-/// What a stamp takes in the one cycle in which the twin has to know whether it can take another:
-/// of a slot whether it is near, and the deepest of all, each a comparison; what is opaque it has
-/// known since the pixel was read. Of sheets it is whether the open one has the same number.
-/// Windows are formed a slot a cycle, which asks for more than whether a slot is near.
+/// Logic in the one cycle in which the RTL implementation decides whether it can take another
+/// stamp: one comparison per slot for its match, and one for the deepest fragment. Opaque slots are
+/// marked when the pixel is read. For sheets it compares the number of the open sheet. Windows are
+/// formed one slot per cycle, which takes longer than a match.
 pub fn stamp(machine: &Machine) -> Path {
     let m = &machine.fragment;
     let bits = |word: Word| word.format.width();
@@ -232,7 +232,7 @@ pub fn stamp(machine: &Machine) -> Path {
     near.beside(window::slot(machine))
 }
 
-/// What merging two fragments that are shaded takes: the front over the back, and a slot again.
+/// Merges two shaded fragments: the front over the back, and the result into a slot.
 pub fn over(machine: &Machine) -> Path {
     let light = machine.shade.premultiplied.format.width();
     Path::default()
@@ -241,27 +241,27 @@ pub fn over(machine: &Machine) -> Path {
         .fit(machine.fragment.colour_sum.format.width())
 }
 
-/// The opacity, in `fragment.opaque`, from which a fragment counts as opaque.
+/// Opacity, in `fragment.opaque`, from which a fragment counts as opaque.
 fn opaque(machine: &Machine) -> i128 {
     let m = &machine.fragment;
     i128::from(m.opaque.format.one()) * i128::from(m.opaque_permille) / 1000
 }
 
-/// Digits of a number that are 1 or −1, in the way of writing it that has the fewest of them: where
-/// the number and its triple differ.
+/// Nonzero digits of a number in its non-adjacent form, the signed-digit form with the fewest: the
+/// positions in which the number and three times the number differ.
 fn signed_digits(number: i128) -> u32 {
     (number ^ number.wrapping_mul(3)).count_ones()
 }
 
-/// The elaborated unit.
+/// Elaborated unit.
 #[derive(Clone, Debug)]
 pub struct Fragment {
     layers: usize,
-    full: Full,
+    full: FullRule,
     evict_hidden: bool,
     nearest_depth: bool,
     depth: Fit,
-    /// Whether 32 bits hold every depth that raster's clamps let through.
+    /// Whether 32 bits hold every depth that raster's clamps produce.
     is_depth_natural: bool,
     sums: [Fit; SUMS],
     /// Left shifts that align a sum and a product.
@@ -269,27 +269,27 @@ pub struct Fragment {
     limits: SumLimits,
     /// Whether 32-bit sums and products hold everything.
     narrow: bool,
-    /// Factors that bring Σw·α and Σw times the opacity limit to the same places.
+    /// Factors that align Σw·α and Σw times the opacity limit.
     opaque_scales: [i128; 2],
-    /// Least opacity of a shaded fragment that is opaque.
+    /// Least opacity of an opaque shaded fragment.
     opaque_shaded: i64,
-    /// Shaded words into the slot, and back.
+    /// From shaded words to the words of a slot, and back.
     store: [Fit; 2],
     read: [Fit; 2],
     blend: [Fit; 2],
     premultiplied_frac_bits: u32,
-    sheets: Option<Sheets>,
-    windows: Option<Windows>,
-    /// Of a contribution's weight.
+    sheets: Option<SheetDatapath>,
+    windows: Option<WindowDatapath>,
+    /// Fraction bits of a contribution's weight.
     weight_frac_bits: u32,
 }
 
 impl Fragment {
-    /// Elaborates the unit; `depth` is the shape of the depth that arrives.
+    /// Elaborates the unit. `depth` is the shape of the input depth.
     pub fn new(e: &mut Elaboration, machine: &Machine, depth: Exact) -> Self {
         let m = &machine.fragment;
         let layers = e.within(UNIT, "layers", m.layers, 1, MAX_LAYERS as u32) as usize;
-        e.require(Full::from(m.merge) != Full::Replace || m.layers == 1, || {
+        e.require(FullRule::from(m.merge) != FullRule::Replace || m.layers == 1, || {
             format!("fragment.merge is replace, a z-buffer, with {} layers: it needs fragment.layers 1", m.layers)
         });
         e.require((m.merge == Merge::Window) == (m.group != Group::First), || {
@@ -344,15 +344,15 @@ impl Fragment {
         });
         let slot = machine.fragment_bits();
         e.per_lane(|e| {
-            // All slots, as they are read and as they are written.
+            // All slots, as read and as written.
             e.copies(2 * layers as u32, |e| {
                 e.part(UNIT, Operator::Register(slot))
             });
-            // A pixel that was read stays as long as it keeps the unit.
+            // A pixel that was read is held until it leaves the unit.
             e.copies(layers as u32, |e| e.part(UNIT, Operator::Hold(slot)));
             if m.sheets.is_some() {
-                // A sheet's number against the open one's; each slot stays, is added to, or is
-                // begun.
+                // A sheet's number is compared with the open one's. Each slot stays, is added to,
+                // or is opened.
                 e.adders(UNIT, 1, m.depth.format.width());
                 e.copies(layers as u32, |e| e.choice(UNIT, 3, slot));
             } else if m.window.is_none() {
@@ -373,12 +373,12 @@ impl Fragment {
             e.sum(UNIT, [product, shaded])
         });
         let light = premultiplied.format.width();
-        // 1 less the front's opacity; lights of the front, of the back and of what is handed on,
-        // shaded before or now.
+        // 1 minus the front's opacity; colours of the front, of the back and of the result, shaded
+        // earlier or now.
         e.adders(UNIT, 1, light);
         e.copies(2 * 4, |e| e.choice(UNIT, 2, light));
         e.choice(UNIT, layers as u32, slot);
-        // Compared in 128 bits: Σw·α with the opacity limit times Σw.
+        // The comparison of Σw·α with the opacity limit times Σw uses 128 bits.
         let limit = Exact::from(m.opaque).times(m.weight_sum);
         let compared = limit.plus(m.opacity_sum).bits();
         e.require(compared <= 126, || {
@@ -391,7 +391,7 @@ impl Fragment {
         let (limit_places, opacity_places) = (limit.frac_bits, m.opacity_sum.format.frac_bits);
         let half = sums.map(|fit| fit.half());
         let depth = e.per_lane(|e| e.fit(UNIT, "depth", m.depth, depth));
-        // From the middle's depth as far as a splat reaches.
+        // The depth farthest from the centre's that a splat reaches.
         let farthest = machine
             .project
             .depth
@@ -440,8 +440,8 @@ impl Fragment {
                 e.fit(UNIT, "opacity_sum", m.opacity_sum, over),
             ],
             premultiplied_frac_bits: premultiplied.format.frac_bits as u32,
-            sheets: Sheets::new(e, machine),
-            windows: Windows::new(e, machine),
+            sheets: SheetDatapath::new(e, machine),
+            windows: WindowDatapath::new(e, machine),
             weight_frac_bits: machine.gauss.weight.format.frac_bits.max(0) as u32,
         };
         let simple = fragment.is_simple();
@@ -452,31 +452,31 @@ impl Fragment {
         fragment
     }
 
-    /// What finds a contribution's slot, or makes room for it: all slots and the fresh one are
-    /// ranked, for any of them may be evicted.
+    /// Finds a contribution's slot, or frees one. All slots and the new fragment are ranked,
+    /// because any of them may be evicted.
     fn sorter(e: &mut Elaboration, machine: &Machine, layers: u32, slot: i32) {
         let m = &machine.fragment;
         let (depth, weight) = (m.depth.format.width(), m.weight_sum.format.width());
         let places = layers + 1;
-        // |z − z_f| < ε against every slot, and the nearest of them: accumulated.
+        // |z − z_f| < ε against every slot; the nearest match accumulates.
         e.copies(layers, |e| {
             e.adders(UNIT, 3, depth);
             e.choice(UNIT, 2, depth);
         });
         e.copies(layers - 1, |e| e.limit(UNIT, depth));
         e.choice(UNIT, layers, slot);
-        // Each against each: which is in front; each place takes one of them.
+        // Pairwise depth comparisons; each place selects one of the slots.
         e.adders(UNIT, places * layers / 2, depth);
         e.copies(places, |e| e.choice(UNIT, places, slot));
-        // Whether one is opaque: Σw against what covers, Σw·α against Σw times a constant, which
-        // takes a sum less than it has digits.
+        // Tests for an opaque slot: Σw against the threshold, Σw·α against Σw times a constant,
+        // which takes one adder less than the constant has digits.
         let limit = Exact::from(m.opaque).times(m.weight_sum).bits();
         e.copies(places, |e| {
             e.adders(UNIT, 1, weight);
             e.adders(UNIT, signed_digits(opaque(machine)), limit);
         });
-        // Of the fresh one that is known before its pixel is there: its Σw·α, were it alone. It
-        // stays while a merge holds the unit, and so does between which depths a slot is near.
+        // Σw·α of the new fragment is computed before its pixel is read. It is held while a merge
+        // holds the unit, as are the two depth limits of a match.
         let s = &machine.splat;
         e.times(UNIT, machine.gauss.weight, s.opacity);
         let fresh = [
@@ -496,30 +496,29 @@ impl Fragment {
             UNIT,
             Operator::Hold(fresh.iter().map(|word| word.format.width()).sum()),
         );
-        // The front's light, the back's, and that which is handed on, each cut to four words.
+        // Colours of the front, of the back and of the result, of four words each.
         e.copies(3 * 4, |e| {
             e.choice(UNIT, 2, machine.shade.premultiplied.format.width())
         });
-        // Written: the sums, the merged one, or what has this place now.
+        // Each written slot selects the sums, the merged slot, or the slot that moves there.
         let written = |e: &mut Elaboration, slots: u32, more: u32| {
             e.copies(slots, |e| e.choice(UNIT, 3 + more, slot))
         };
-        match Full::from(m.merge) {
-            // Behind the pair, of which the first may be anywhere, what has the next place moves
-            // up.
-            Full::Merge(Pair::Nearest) => {
+        match FullRule::from(m.merge) {
+            // The pair may be anywhere; slots behind it move up by one place.
+            FullRule::Merge(MergePair::Nearest) => {
                 e.adders(UNIT, layers, depth);
                 e.copies(layers - 1, |e| e.limit(UNIT, depth));
                 e.choice(UNIT, layers, slot);
                 written(e, 1, 0);
                 written(e, layers - 1, 1);
             }
-            // Which two it is is wired.
-            Full::Merge(Pair::Farthest) | Full::Replace => written(e, layers, 0),
+            // The pair is fixed by wiring.
+            FullRule::Merge(MergePair::Farthest) | FullRule::Replace => written(e, layers, 0),
         }
     }
 
-    /// Whether all of its hot fits are plain.
+    /// Whether all fits of its inner loop are simple.
     pub fn is_simple(&self) -> bool {
         let short = |fit: &Fit| fit.is_simple() && fit.places() < 32;
         self.is_depth_natural
@@ -532,12 +531,13 @@ impl Fragment {
         self.narrow
     }
 
-    /// The opacity (`fragment.opacity_sum`) from which a shaded fragment counts as opaque.
+    /// Opacity (`fragment.opacity_sum`) from which a shaded fragment counts as opaque.
     pub fn opaque_shaded(&self) -> i64 {
         self.opaque_shaded
     }
 
-    /// 1/x of windows, `fragment.window.reciprocal`; none where fragments are grouped otherwise.
+    /// 1/x of windows, `fragment.window.reciprocal`; `None` where fragments are not grouped by
+    /// windows.
     pub fn window_reciprocal(&self) -> Option<&Reciprocal> {
         self.windows.as_ref().map(|windows| &windows.reciprocal)
     }
@@ -552,7 +552,7 @@ impl Fragment {
         &self.depth
     }
 
-    /// Depths as the comparators see them. Nobody but a probe can tell what lies below 0 from 0.
+    /// Depths as the comparators use them. Values below 0 differ from 0 for a probe only.
     #[inline(always)]
     pub fn depth<const SIMPLE_FITS: bool, V: Lanes, P: Probe>(
         &self,
@@ -566,18 +566,18 @@ impl Fragment {
         }
     }
 
-    /// Whether [`Fragment::short_depth`] may be asked, for depths below 2^30.
+    /// Whether [`Fragment::short_depth`] is exact, for depths below 2^30.
     pub fn is_depth_narrow(&self) -> bool {
         self.depth.is_simple() && self.depth.places() < 31
     }
 
-    /// [`Fragment::depth`] in words of 32 bits, of what is cut at 0 before.
+    /// [`Fragment::depth`] in words of 32 bits, for depths that were clamped at 0 before.
     #[inline(always)]
     pub fn short_depth<W: Words>(&self) -> fit::Natural<W> {
         self.depth.natural()
     }
 
-    /// Takes one contribution in.
+    /// Adds one contribution to a pixel.
     #[inline(always)]
     pub fn contribute<H: HostPath, P: Probe>(
         &self,
@@ -649,7 +649,7 @@ impl Fragment {
         }
     }
 
-    /// One fragment too many: replace, evict or merge.
+    /// Handles one fragment too many: replace, evict or merge.
     #[cold]
     #[inline(never)]
     fn overflow<A: Accumulator, P: Probe>(
@@ -662,13 +662,13 @@ impl Fragment {
         probe: &mut P,
     ) -> Decision {
         let pair = match self.full {
-            Full::Replace => return replace(tile, pixel, fresh),
-            Full::Merge(pair) => pair,
+            FullRule::Replace => return replace(tile, pixel, fresh),
+            FullRule::Merge(pair) => pair,
         };
         merging.settle(self, tile, pixel, probe);
-        // After the first overflow they stay in order.
+        // After the first overflow the slots stay in depth order.
         tile.sort(pixel, self.layers);
-        // Stable: the fresh one comes after its equals.
+        // Stable: the new fragment comes after its equals.
         let place = tile.place(pixel, self.layers, fresh.key);
         if self.evict_hidden && self.hides(tile, pixel, fresh, place, registers) {
             if place < self.layers {
@@ -686,7 +686,7 @@ impl Fragment {
         };
         let front = self.front_of_pair(pair, |position| stacked(position, tile).depth());
         let pair = [stacked(front, tile), stacked(front + 1, tile)].map(|fragment| fragment.get());
-        // The slots between the pair and the fresh one's place move over by one.
+        // The slots between the pair and the place of the new fragment move by one.
         if place < front {
             (place..front - 1)
                 .rev()
@@ -700,7 +700,7 @@ impl Fragment {
         Decision::Merged(front as u8, front as u8 + 1)
     }
 
-    /// Whether one of the fragments, the fresh one at its place among them, hides the deepest.
+    /// Whether one of the fragments, including the new one at its place, hides the deepest.
     #[inline(always)]
     fn hides<A: Accumulator>(
         &self,
@@ -717,17 +717,17 @@ impl Fragment {
     }
 
     /// The nearer of the two to merge, in a stack in depth order.
-    fn front_of_pair(&self, pair: Pair, depth: impl Fn(usize) -> i32) -> usize {
+    fn front_of_pair(&self, pair: MergePair, depth: impl Fn(usize) -> i32) -> usize {
         match pair {
-            // The first of equals: the pair nearer to the eye.
-            Pair::Nearest => (0..self.layers)
+            // The first among equal gaps: the pair nearer to the eye.
+            MergePair::Nearest => (0..self.layers)
                 .min_by_key(|&i| depth(i + 1) - depth(i))
                 .unwrap_or(0),
-            Pair::Farthest => self.layers - 1,
+            MergePair::Farthest => self.layers - 1,
         }
     }
 
-    /// Whether nothing behind a fragment can be seen: opaque itself, and covering the pixel.
+    /// Whether a fragment hides everything behind it: it is opaque and covers the pixel.
     #[inline(always)]
     fn is_opaque<A: Accumulator>(
         &self,
@@ -756,8 +756,8 @@ impl Fragment {
             if fragment.shaded {
                 return self.shaded(fragment, tap);
             }
-            // A shaded fragment lives in a slot: what a slot cannot hold is lost before the blend,
-            // as after it.
+            // A shaded fragment is kept in a slot, so the slot's words round it before the blend
+            // and after it.
             let Premultiplied { colour, opacity } = shade(fragment, tap);
             let mut stored = *fragment;
             for (channel, colour) in colour.into_iter().enumerate() {
@@ -798,7 +798,8 @@ impl Fragment {
         sums
     }
 
-    /// One splat, of weight 1 and opaque, as if it were a fragment: what is lit before it is drawn.
+    /// One splat, of weight 1 and opaque, as a fragment: splats are lit with it before they are
+    /// drawn.
     pub fn emitting<P: Probe>(
         &self,
         rgb: [i32; 3],
@@ -866,7 +867,7 @@ impl Fragment {
     }
 }
 
-/// A z-buffer: the nearer of the two stays.
+/// Depth buffer: the nearer of the two fragments stays.
 fn replace<A: Accumulator>(tile: &mut Tile<A>, pixel: u8, fresh: &PackedSlot<A>) -> Decision {
     if fresh.key < tile.depth(pixel, 0) {
         tile.write(pixel, 0, *fresh);

@@ -4,9 +4,9 @@
 //! radial_index ─►[table]─► falloff ─►(×)─► weight
 //! amplitude ─────────────────────────┘
 //! ```
-//! Losses: `radial_index` is cut to the table's reach; `falloff` and `weight` are rounded to
-//! nearest: weights are summed many times, and a cut would bias coverage (colours survive it: they
-//! are divided by the same sum).
+//! Losses: `radial_index` is clamped to the table's range; `falloff` and `weight` are rounded to
+//! nearest. Weights are summed many times, and truncation would bias coverage. Colours are divided
+//! by the same sum, so a bias would cancel there.
 //!
 //! Law: `a_weight_never_exceeds_its_amplitude`.
 
@@ -21,7 +21,7 @@ use crate::records::unit;
 
 const UNIT: &str = unit::GAUSS;
 
-/// Longest way: table, product.
+/// Critical path: table, product.
 pub fn path(machine: &Machine) -> Path {
     let m = &machine.gauss;
     let [index, falloff, weight, amplitude] = [
@@ -51,7 +51,7 @@ fn weight(
     g.fit("weight", machine.gauss.weight, product)
 }
 
-/// The table of e^(−r/2).
+/// Table of e^(−r/2).
 fn falloff(e: &mut Elaboration, machine: &Machine) -> Table {
     let (m, argument) = (&machine.gauss, machine.gauss.radial_index.format);
     let shape = table::shape(e, UNIT, "table", m.table, argument.width());
@@ -82,7 +82,7 @@ fn falloff(e: &mut Elaboration, machine: &Machine) -> Table {
     )
 }
 
-/// Weights from arguments of the table, without what comes before it: inputs are `radial_index` and
+/// Weights from arguments of the table, without the clamp before it: inputs are `radial_index` and
 /// `amplitude`.
 pub fn weights(machine: &Machine) -> Graph<1> {
     let e = &mut Elaboration::default();
@@ -96,10 +96,10 @@ pub fn weights(machine: &Machine) -> Graph<1> {
     g.build([weight])
 }
 
-/// The elaborated unit.
+/// Elaborated unit.
 #[derive(Clone, Debug)]
 pub struct Gauss {
-    /// Radial index and weight, of r, which is not negative, and the amplitude.
+    /// Radial index and weight, from a non-negative r and the amplitude.
     graph: Graph<2>,
     asked: Asked<1>,
     kernel: Weigh,
@@ -156,13 +156,13 @@ impl Gauss {
         &self.graph.tables()[0]
     }
 
-    /// Radial index and weight of a fragment, of `raster.radial`, which is not negative, and
+    /// Radial index and weight of a fragment, from a non-negative `raster.radial` and
     /// `ellipse.amplitude`.
     pub fn graph(&self) -> &Graph<2> {
         &self.graph
     }
 
-    /// The same for the host, eight wide.
+    /// The graph for the host, eight lanes wide.
     pub fn kernel(&self) -> &Weigh {
         &self.kernel
     }

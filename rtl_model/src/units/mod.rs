@@ -1,5 +1,5 @@
-//! Units: the blocks of the diagram, in its order. Each file holds one block whole: ports, formats,
-//! losses, function, laws.
+//! Units: the blocks of the diagram, in its order. One file per block: ports, formats, losses,
+//! function, laws.
 
 pub mod colour;
 pub mod ellipse;

@@ -1,24 +1,25 @@
-//! Project: takes a splat's centre to camera space and to the screen (Surface Splatting §3, first
-//! half of "setup").
+//! Project: transforms a splat's centre to camera space and to the screen (Surface Splatting §3,
+//! first half of "setup").
 //!
 //! ```text
 //! position ─►(− eye)─►[ << ]─► relative ─►[ W· ]─► camera t ─┬─►[ 1/t_z ]─► inverse_depth ─┐
 //!                       └─► exponent ──────────────┐         ├────────────────────────────(×)─► slope (a, b) ─►(× s)─►(+ centre)─► pixel
 //!                                                  └────────►[ >> ]─► depth t_z
 //! ```
-//! Each splat picks a power of two near its own distance from the eye, and t is relative to it: the
-//! quotients a and b do not see it, and splats at a hundredth and at a hundred units keep the same
-//! relative precision in the same words.
+//! For each splat the unit chooses a power of two near the splat's distance from the eye, and t is
+//! relative to that power. It cancels in the quotients a and b. Splats at a distance of 0.01 units
+//! and of 100 units therefore keep the same relative precision in the same words.
 //!
-//! Losses: `relative` is cut by its normaliser; `camera`, `depth`, `slope` and `pixel` are rounded
-//! to nearest, for a picture is a mean of many splats' errors and a cut would move it; the
-//! reciprocal's inner words are its own affair.
+//! Losses: `relative` is truncated by its normaliser. `camera`, `depth`, `slope` and `pixel` are
+//! rounded to nearest: a picture averages the errors of many splats, and truncation would shift it.
+//! The reciprocal's inner words are described with the reciprocal.
 //!
-//! Culls: *near* where t_z ≤ near; *outside* where |a| or |b| exceeds the guard band, tested
-//! as |t_x| > guard·t_z, exactly and before the division, so that no quotient ever saturates;
-//! *transparent* where an ellipsoid's opacity is below the least whose weights count at all.
+//! Culls: *near* where t_z ≤ near; *outside* where |a| or |b| exceeds the guard band. The guard
+//! band is tested as |t_x| > guard·t_z, exactly and before the division, so that a quotient never
+//! saturates. *Transparent* where an ellipsoid's opacity is below the least opacity whose weights
+//! count.
 //!
-//! Law: `a_projected_point_is_within_its_last_places`.
+//! Law: `a_projected_point_is_within_its_ulps`.
 
 use crate::elaboration::Elaboration;
 use crate::elaboration::latency::Path;
@@ -31,7 +32,7 @@ use crate::records::unit;
 
 const UNIT: &str = unit::PROJECT;
 
-/// Longest way: difference, normalise, rotate, 1/t_z, quotient, pixel.
+/// Critical path: difference, normalise, rotate, 1/t_z, quotient, pixel.
 pub fn path(machine: &Machine) -> Path {
     let m = &machine.project;
     let bits = |word: Word| word.format.width();
@@ -39,7 +40,7 @@ pub fn path(machine: &Machine) -> Path {
     let reciprocal = m.reciprocal.bits.min(64) as i32;
     Path::default()
         .sum(difference)
-        // The largest of three magnitudes says how far all go.
+        // All three are shifted by the amount that the largest magnitude needs.
         .limit(difference)
         .normalise(difference)
         .fit(bits(m.relative))
@@ -50,12 +51,12 @@ pub fn path(machine: &Machine) -> Path {
         .product(bits(m.camera), reciprocal)
         .shift(bits(m.slope))
         .fit(bits(m.slope))
-        // The principal point is one more row of the product's tree.
+        // The principal point is one more row of the product's adder tree.
         .product(bits(m.focal), bits(m.slope))
         .fit(bits(m.pixel))
 }
 
-/// The elaborated unit.
+/// Elaborated unit.
 #[derive(Clone, Debug)]
 pub struct Project {
     graph: Graph<OUTPUTS>,
@@ -63,14 +64,14 @@ pub struct Project {
     bounds: Asked<BOUNDS>,
 }
 
-/// Inputs: position, and whether there is too little opacity; then [`registers`].
+/// Inputs: position, and whether the opacity is too low; then [`registers`].
 pub const INPUTS: usize = 4;
 /// Results: camera, exponent, depth, 1/t_z and its exponent, slope, pixel, near, outside.
 pub const OUTPUTS: usize = 13;
 /// Results that have bounds: camera, exponent, depth, 1/t_z, slope, pixel.
 const BOUNDS: usize = 10;
 
-/// Registers of a view, as inputs of the graph: eye, rotation, near, guard band, focal lengths,
+/// Registers of a view, in the graph's input order: eye, rotation, near, guard band, focal lengths,
 /// centre.
 pub fn registers(view: &View) -> [i64; 19] {
     let ([x, y, z], [[a, b, c], [d, e, f], [g, h, i]]) = (view.eye, view.rotation);
@@ -82,8 +83,8 @@ pub fn registers(view: &View) -> [i64; 19] {
     ]
 }
 
-/// A splat's centre in camera space and on the screen, and whether it is culled there; and what of
-/// that has bounds.
+/// A splat's centre in camera space and on the screen, and its cull flags; then the wires that have
+/// bounds.
 fn projected(g: &mut Builder, machine: &Machine) -> ([Wire; OUTPUTS], [Wire; BOUNDS]) {
     let m = &machine.project;
     let position = three!(_i => g.input(machine.splat.position));
@@ -109,7 +110,7 @@ fn projected(g: &mut Builder, machine: &Machine) -> ([Wire; OUTPUTS], [Wire; BOU
     let depth = g.fit_to("depth", m.depth, ahead, Power::ONE);
     let is_ahead = g.above(depth, near_plane);
     let near = g.not(is_ahead);
-    // The magnitude is one more than the greatest word where that is the least.
+    // The most negative word's magnitude is one more than the greatest word.
     let [beyond_x, beyond_y] = two!(axis => {
         let limit = g.times(guard[axis], forward);
         let across = g.magnitude(camera[axis]);
@@ -121,7 +122,7 @@ fn projected(g: &mut Builder, machine: &Machine) -> ([Wire; OUTPUTS], [Wire; BOU
     g.drop_where(culled);
 
     let inverse = g.reciprocal("reciprocal", m.reciprocal, forward);
-    // The quotient's binary point moves with the exponent of 1/t_z.
+    // The binary point of the quotient moves with the exponent of 1/t_z.
     let slope = two!(axis => {
         let offset = g.guarded(camera[axis], off, 0);
         let quotient = g.times(offset, inverse);
@@ -195,7 +196,7 @@ impl Project {
             "the difference of splat.position and project.eye",
             difference,
         );
-        // |t_x| is aligned with guard · t_z: a magnitude and a comparison, of a bit more than the
+        // |t_x| is aligned with guard · t_z: a magnitude and a comparison, one bit wider than the
         // product.
         let beyond = Exact::from(m.camera).times(m.slope).plus(m.camera);
         e.adders(UNIT, 4, beyond.bits());
@@ -205,7 +206,7 @@ impl Project {
             "the comparison of project.camera with the guard band project.slope",
             beyond,
         );
-        // An ellipsoid's opacity is compared with the least.
+        // An ellipsoid's opacity is compared with the least opacity.
         if machine.ellipse.ellipsoid.is_some() {
             e.adders(UNIT, 1, machine.splat.opacity.format.width());
         }
@@ -219,13 +220,13 @@ impl Project {
         }
     }
 
-    /// A splat's centre on the screen, of a position and whether there is too little opacity, and
-    /// of a view's [`registers`].
+    /// Computes a splat's centre on the screen from its position, the flag for too low an opacity,
+    /// and a view's [`registers`].
     pub fn graph(&self) -> &Graph<OUTPUTS> {
         &self.graph
     }
 
-    /// The same for batches.
+    /// The graph compiled for batches.
     pub fn program(&self) -> &Program {
         &self.program
     }

@@ -2,22 +2,22 @@
 //! (forward differencing, docs/book/algorithm.md §4).
 //!
 //! ```text
-//! conic ─►[ seed ]─► radial ─►(+)─►(+)─► …   r at each pixel centre; first += second, radial += first: two adds a pixel
+//! conic ─►[ seed ]─► radial ─►(+)─►(+)─► …   r at each pixel centre; first += second, radial += first: two adds per pixel
 //! pixel ─►    │      first  ─►(+)─┘
-//!             └────► depth  ─►(+)─► …        z of the tangent plane: one add a pixel; clamped to t_z ± depth_range
+//!             └────► depth  ─►(+)─► …        z of the tangent plane: one add per pixel; clamped to t_z ± depth_range
 //! ```
-//! A row is seeded afresh, or rows are differenced as pixels are (`rows`). Adds are exact, so an
-//! error is that of the seed and of the increments alone: e₀ + n·e₁ + n(n−1)/2·e₂ after n pixels.
-//! Both adders wrap: that is harmless inside the footprint as long as the register holds the r of
-//! the whole box, of which corners reach 2·cutoff/(1−|ρ|).
+//! Each row is seeded again, or rows are differenced as pixels are (`rows`). Adds are exact, so the
+//! only errors are those of the seed and of the increments: e₀ + n·e₁ + n(n−1)/2·e₂ after n pixels.
+//! Both adders wrap. That is harmless inside the footprint as long as the register holds the r of
+//! the whole box, whose corners reach 2·cutoff/(1−|ρ|).
 //!
-//! Because adds are exact, the simulator may take them in any order: it enters the boxes of eight
-//! splats side by side, straight where they meet a square of 16 × 16 pixels, and steps eight
-//! columns of one from row to row. Depth is summed up for fragments alone. Where nobody watches,
-//! [`short`] walks most boxes in words of 32 bits.
+//! Because adds are exact, the simulator may change their order. It enters the boxes of eight
+//! splats in parallel, directly where they meet a square of 16 × 16 pixels, and steps eight columns
+//! of one box from row to row. Depth is computed for fragments only. Without a probe, [`short`]
+//! walks most boxes in words of 32 bits.
 //!
 //! Losses: `offset`, `gradient`, the seeds of `radial` and `depth`, and the differences are rounded
-//! to nearest; the radial index is clamped to [0, cutoff) on its way out, for differencing may
+//! to nearest. The radial index is clamped to [0, cutoff) at the output, because differencing may
 //! leave it slightly below 0.
 //!
 //! Laws: `stepping_equals_the_closed_form`,
@@ -38,11 +38,11 @@ const UNIT: &str = unit::RASTER;
 
 /// Side of the square that boxes are cut to, pixels.
 const SIDE_PX: usize = 16;
-/// Most fragments of a span; eight lanes more have room after them.
+/// Greatest number of fragments of a span. The array has eight more entries, one vector.
 const SPAN_FRAGMENTS: usize = SIDE_PX * SIDE_PX;
 
-/// Input port: one splat. In memory as here, so that its first eight words are one vector of the
-/// host's.
+/// Input port: one splat. The memory layout is as declared, so that the first eight words are one
+/// vector of the host.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(C)]
 pub struct Input {
@@ -62,12 +62,11 @@ pub struct Input {
     pub rows: [u16; 2],
 }
 
-/// Eight splats where their boxes enter a square of 16 × 16 pixels: registers there, with their
-/// differences by column and row.
+/// Eight splats where their boxes enter a square of 16 × 16 pixels: registers at that pixel, with
+/// their differences by column and row.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Walks {
-    /// The part of each box that lies in the square: its first row, and how many columns and rows
-    /// it has.
+    /// Part of each box in the square: its first row, and its numbers of columns and rows.
     top: [i64; LANES],
     columns: [i64; LANES],
     rows: [i64; LANES],
@@ -75,7 +74,7 @@ pub struct Walks {
     columns_on: [i64; LANES],
     /// The part's first pixel in the square: 16 · row + column.
     first_pixel: [i64; LANES],
-    /// Where rows are differenced; else each row has its own.
+    /// Used where rows are differenced; otherwise each row has its own seed.
     seed: Seed<[Held; LANES]>,
     by_column_twice: [Held; LANES],
     by_row: [Held; LANES],
@@ -88,15 +87,15 @@ pub struct Walks {
 }
 
 impl Walks {
-    /// Which of the square's pixels lie at a [`Span`]'s places: 16 · row + column.
+    /// Pixels of the square at a [`Span`]'s places: 16 · row + column.
     #[inline(always)]
     pub fn pixels(&self, lane: usize, places: [u8; LANES]) -> [u8; LANES] {
-        // No pixel is beyond 255: a byte never carries into the next.
+        // Every pixel number is at most 255, so a byte never carries into the next.
         let first = EACH * (self.first_pixel[lane] as u64 & 0xff);
         u64::from_le_bytes(places).wrapping_add(first).to_le_bytes()
     }
 
-    /// Rows of a splat's box in the tile, and the tile's column that it begins at.
+    /// Rows of a splat's box in the tile, and the tile's column at which the box begins.
     pub fn part(&self, lane: usize) -> (usize, usize) {
         (
             self.size(lane)[1],
@@ -121,21 +120,21 @@ struct Seed<T> {
     depth: T,
 }
 
-/// Eight splats' words side by side.
+/// Words of eight splats, one vector per field.
 #[derive(Clone, Copy, Debug)]
 struct Splats<L> {
     pixel: [L; 2],
     conic: [L; 3],
     depth: L,
     depth_slope: [L; 2],
-    /// Of their boxes.
+    /// First columns of their boxes.
     first_column: L,
     first_row: L,
 }
 
 /// Where eight boxes meet a square.
 #[derive(Clone, Copy, Debug)]
-struct Parts<L> {
+struct BoxParts<L> {
     /// Columns and rows of each box before its part in the square.
     on: [L; 2],
     /// Columns and rows of the part.
@@ -144,9 +143,9 @@ struct Parts<L> {
     first_pixel: L,
 }
 
-/// Registers of eight splats at the first pixels of such parts, with what rows add to them.
+/// Registers of eight splats at the first pixels of their parts, with the increments per row.
 #[derive(Clone, Copy, Debug)]
-struct Entered<L> {
+struct EnteredBoxes<L> {
     seed: Seed<L>,
     by_row: L,
     by_row_twice: L,
@@ -168,13 +167,14 @@ macro_rules! word {
 #[derive(Clone, Debug)]
 pub struct Span {
     fragments: usize,
-    /// Where each lies, from the first pixel of the box's part there: 16 · row + column.
+    /// Place of each fragment, from the first pixel of the box's part in the square: 16 · row +
+    /// column.
     place: [u8; SPAN_FRAGMENTS + LANES],
-    /// r of every pixel of the part, as its register holds it (`raster.radial`), eight columns at a
-    /// time.
+    /// r of every pixel of the part, as in its register (`raster.radial`), eight columns per
+    /// vector.
     radial: [[[Held; LANES]; 2]; SIDE_PX],
-    /// z of each row's first pixel, unclamped, as its register holds it (`raster.depth`), where
-    /// rows are seeded afresh.
+    /// z of each row's first pixel, unclamped, as in its register (`raster.depth`), where each row
+    /// is seeded again.
     depth: [Held; SIDE_PX],
 }
 
@@ -196,12 +196,12 @@ impl Span {
         self.fragments
     }
 
-    /// Where they lie, from the part's first pixel: 16 · row + column.
+    /// Places of all fragments, from the part's first pixel: 16 · row + column.
     pub fn all(&self) -> &[u8] {
         &self.place[..self.fragments]
     }
 
-    /// Where eight fragments lie, from the part's first pixel: 16 · row + column.
+    /// Places of eight fragments, from the part's first pixel: 16 · row + column.
     #[inline(always)]
     pub fn places(&self, first: usize) -> [u8; LANES] {
         let first = first % SPAN_FRAGMENTS;
@@ -210,13 +210,12 @@ impl Span {
             .unwrap_or_default()
     }
 
-    /// Keeps those of eight pixels of a row that lie in the part, of which it has `columns`, and
-    /// below the cutoff.
+    /// Keeps the pixels, of eight in a row, that are in the part's `columns` and below the cutoff.
     #[inline(always)]
     fn keep<L: Lanes>(&mut self, [row, eight]: [usize; 2], radial: L, cutoff: L, columns: u8) {
         let inside = cutoff.above(radial).signs() & columns;
         let places = ONES[usize::from(inside)] + EACH * (SIDE_PX * row + LANES * eight) as u64;
-        // No more fragments than pixels: eight always have room.
+        // There are no more fragments than pixels, so eight more always fit.
         let kept = self.fragments % SPAN_FRAGMENTS;
         self.place[kept..kept + LANES].copy_from_slice(&places.to_le_bytes());
         self.radial[row][eight] = radial.to_array();
@@ -224,7 +223,7 @@ impl Span {
     }
 }
 
-/// One in each byte.
+/// 1 in each byte.
 const EACH: u64 = 0x0101_0101_0101_0101;
 
 /// Columns of the square, eight at a time.
@@ -235,7 +234,7 @@ const PAIRS: [[i64; LANES]; 2] = [
     [28, 36, 45, 55, 66, 78, 91, 105],
 ];
 
-/// The same for all steps across the square.
+/// n(n−1)/2 for each number of steps across the square.
 const PAIRS_BEFORE: [i64; SIDE_PX + 1] = [
     0, 0, 1, 3, 6, 10, 15, 21, 28, 36, 45, 55, 66, 78, 91, 105, 120,
 ];
@@ -243,7 +242,7 @@ const PAIRS_BEFORE: [i64; SIDE_PX + 1] = [
 /// Bits of a column or a row: a picture has up to 16384.
 const PIXEL_BITS: i32 = 14;
 
-/// Longest way: offset, gradient, seed, compare.
+/// Critical path: offset, gradient, seed, compare.
 pub fn path(machine: &Machine) -> Path {
     let m = &machine.raster;
     let bits = |word: Word| word.format.width();
@@ -261,8 +260,8 @@ pub fn path(machine: &Machine) -> Path {
         .product(offset, gradient)
         .sum(offset + gradient)
         .fit(bits(m.radial));
-    // To a tile: products are there when the seed is, and sums have no cycles of their own, nor
-    // have those down and on two rows of carries.
+    // To a tile: products are ready with the seed, and sums take no extra cycles. Down and across
+    // use two rows of carries.
     let on = Path {
         cycles: 0,
         ..Path::default().sum_of_three(bits(m.radial))
@@ -275,19 +274,19 @@ pub fn path(machine: &Machine) -> Path {
     seed.then(on).sum(bits(m.radial))
 }
 
-/// Whether boxes are cut to tiles, so that seeds have to go on to these.
+/// Whether boxes are cut to tiles, so that seeds are moved to each tile.
 fn cuts_boxes(machine: &Machine) -> bool {
     machine.timing.organisation == Organisation::Binned
 }
 
-/// In how many directions registers are stepped.
+/// Number of directions in which registers are stepped.
 fn directions(rows: Rows) -> u32 {
     if rows == Rows::Differenced { 2 } else { 1 }
 }
 
-/// What lies in one cycle: from a pixel's registers to the next one's, as a seed, the next column
-/// or the next row has them. Which pixel is next it knows before any seed, but of a box that is cut
-/// to a tile not before its sides.
+/// Logic in one cycle: from a pixel's registers to those of the next pixel, which come from a seed,
+/// the next column or the next row. The next pixel is selected before its seed is ready, except
+/// that a box cut to a tile needs its sides first.
 pub fn stamp(machine: &Machine) -> Path {
     let m = &machine.raster;
     let registers = Path::default()
@@ -306,7 +305,7 @@ pub fn stamp(machine: &Machine) -> Path {
     }
 }
 
-/// The elaborated unit.
+/// Elaborated unit.
 #[derive(Clone, Debug)]
 pub struct Raster {
     rows: Rows,
@@ -318,23 +317,23 @@ pub struct Raster {
     depth: Fit,
     radial_register: Register,
     depth_register: Register,
-    places: Places,
-    /// Below this z, and all that is added to it, is a word of 31 bits in all places that it goes
-    /// through; 0 where a clamp is none.
+    places: Alignment,
+    /// Limit of z below which z and all its partial sums fit in 31 bits at every place; 0 where
+    /// there is no clamp.
     short_depth: i64,
 }
 
-/// Left shifts that bring words to common places.
+/// Left shifts that align words.
 #[derive(Clone, Copy, Debug)]
-struct Places {
+struct Alignment {
     /// Fraction bits of positions, and of offsets.
     pixel: u32,
     offset: u32,
-    /// To those of the register `radial`.
+    /// To the fraction bits of the register `radial`.
     cutoff: u32,
     first: u32,
     second: u32,
-    /// To those of the register `depth`.
+    /// To the fraction bits of the register `depth`.
     depth_slope: u32,
     /// Left shifts that align t_z with the products of depth slopes.
     plane: [u32; 2],
@@ -392,7 +391,7 @@ impl Raster {
         });
         let pixel = machine.project.pixel;
         let bits = |word: Word| word.format.width();
-        // The splat is kept while it is walked.
+        // The splat is held while it is walked.
         let held = 2 * (bits(pixel) + bits(s.conic) + bits(s.depth_slope))
             + bits(s.conic_cross)
             + bits(machine.project.depth)
@@ -406,7 +405,7 @@ impl Raster {
             e.choice(UNIT, 3, PIXEL_BITS);
             e.adders(UNIT, 2, PIXEL_BITS);
         });
-        // The picture's middle lies up to 8192 pixels from its first.
+        // The picture's middle is up to 8192 pixels from its first pixel.
         let middle = Exact {
             int_bits: 14,
             frac_bits: 1,
@@ -453,7 +452,7 @@ impl Raster {
             }
         };
         if m.rows == Rows::Differenced {
-            // Rows are stepped as pixels are, and their first differences too.
+            // Rows and their first differences are stepped as pixels are.
             step(e, &[radial_bits, first_bits, depth_bits, first_bits]);
         }
         e.per_lane(|e| {
@@ -494,7 +493,7 @@ impl Raster {
             depth,
             radial_register: Register::new(m.radial),
             depth_register: Register::new(m.depth),
-            places: Places {
+            places: Alignment {
                 pixel: f(pixel).max(1) as u32,
                 offset: f(m.offset) as u32,
                 cutoff: places(f(m.radial), f(m.cutoff)),
@@ -510,19 +509,19 @@ impl Raster {
         }
     }
 
-    /// Parts that cut a box to a tile, and take the registers of its seed there in closed form, at
-    /// most a picture's columns and rows on.
+    /// Parts that cut a box to a tile, and compute the registers of its seed there in closed form,
+    /// at most a picture's columns and rows away.
     fn goes_on(e: &mut Elaboration, machine: &Machine, directions: u32) {
         let (m, slope) = (&machine.raster, machine.ellipse.depth_slope);
-        // Of columns and of rows: the tile's far side, the nearer one of both sides, and how many
-        // lie before it.
+        // For columns and for rows: the tile's far side, the nearer of both far sides, and the
+        // number of columns or rows before the tile.
         e.copies(2, |e| {
             e.adders(UNIT, 2, PIXEL_BITS);
             e.copies(2, |e| e.limit(UNIT, PIXEL_BITS));
         });
-        // Products of at most so many bits, and what adds them up: no multiplier is wider for it.
-        // Of each its register takes what lies within its bits, and no more is built: as many rows
-        // as have those full adders.
+        // Products of at most this many bits, and their adders. They need no wider multiplier. A
+        // register keeps only the bits in its range, so only full adders for those bits are built,
+        // one row of them per product row.
         let product = |e: &mut Elaboration, bits: i32, times: i32, room: i32| {
             for lowest in (0..bits.min(room)).step_by(PIXEL_BITS as usize) {
                 let (piece, room) = ((bits - lowest).min(PIXEL_BITS), room - lowest);
@@ -538,11 +537,11 @@ impl Raster {
                 }
             }
         };
-        // Bits of a register from the lowest one of a difference on.
+        // Bits of a register from the LSB of a difference upwards.
         let room = |register: Word, difference: Word| {
             register.format.width() - (register.format.frac_bits - difference.format.frac_bits)
         };
-        // A register gets a difference times the steps, or times the pairs of steps.
+        // A register adds a difference times the steps, or times the pairs of steps.
         let gets = |e: &mut Elaboration, register: Word, difference: Word, times: i32| {
             product(
                 e,
@@ -557,26 +556,26 @@ impl Raster {
             product(e, PIXEL_BITS, PIXEL_BITS, room(m.radial, m.second) + 1);
             gets(e, m.radial, m.first, PIXEL_BITS);
             gets(e, m.radial, m.second, 2 * PIXEL_BITS - 1);
-            // The first difference by column, and by row where rows are stepped too.
+            // The first difference by column; by row too where rows are stepped.
             e.copies(directions, |e| gets(e, m.first, m.second, PIXEL_BITS));
             gets(e, m.depth, slope, PIXEL_BITS);
         });
     }
 
-    /// Shape of the depth that leaves the clamp.
+    /// Shape of the clamped depth.
     pub fn depth_exact(machine: &Machine) -> Exact {
         Exact::from(machine.project.depth)
             .plus(machine.ellipse.depth_range)
             .plus(machine.raster.depth)
     }
 
-    /// The cutoff as the register sees it.
+    /// The cutoff, aligned to the register.
     pub fn cutoff(&self, cutoff: i64) -> i64 {
         self.radial_register.load(cutoff, self.places.cutoff)
     }
 
-    /// Enters eight splats' boxes where they lie in the square with this first pixel, which they
-    /// touch.
+    /// Enters eight splats' boxes in the square with this first pixel. Each box must touch the
+    /// square.
     #[inline(always)]
     pub fn enter<L: Lanes, P: Probe>(
         &self,
@@ -586,7 +585,7 @@ impl Raster {
         tap: &mut Tap<P>,
     ) -> Walks {
         let splats = Splats::<L>::of(inputs);
-        let parts = Parts::<L>::of(square, inputs, &splats);
+        let parts = BoxParts::<L>::of(square, inputs, &splats);
         let [nearest, deepest] = self.clamps(inputs, &splats);
         let mut walks = Walks {
             top: (splats.first_row + parts.on[1]).to_array(),
@@ -601,7 +600,7 @@ impl Raster {
             ..Walks::default()
         };
         if self.rows == Rows::Differenced {
-            let Entered {
+            let EnteredBoxes {
                 seed,
                 by_row,
                 by_row_twice,
@@ -621,7 +620,7 @@ impl Raster {
         walks
     }
 
-    /// The depth clamps of eight splats (shape: [`Raster::depth_exact`]).
+    /// Depth clamps of eight splats (shape: [`Raster::depth_exact`]).
     #[inline(always)]
     fn clamps<L: Lanes>(&self, inputs: &[&Input; LANES], splats: &Splats<L>) -> [L; 2] {
         let (depth, range) = (
@@ -631,7 +630,7 @@ impl Raster {
         [depth - range, depth + range]
     }
 
-    /// Seeds the boxes' first pixels and goes on from there, in closed form.
+    /// Seeds the first pixels of the boxes and moves to the square, in closed form.
     #[inline(always)]
     fn enter_boxes<L: Lanes, P: Probe>(
         &self,
@@ -640,7 +639,7 @@ impl Raster {
         by_column_twice: L,
         [columns_on, rows_on]: [L; 2],
         tap: &mut Tap<P>,
-    ) -> Entered<L> {
+    ) -> EnteredBoxes<L> {
         let at = self.offsets(size_px, splats, splats.first_row, tap);
         let seed = self.seed(splats, at, tap);
         let [_, xy, yy] = splats.conic;
@@ -655,7 +654,7 @@ impl Raster {
             by_column: seed.by_column.wrapping_add(by_both.times(rows_on)),
             depth: seed.depth.wrapping_add(depth_by[1].times(rows_on)),
         };
-        Entered {
+        EnteredBoxes {
             seed: below.skip(by_column_twice, depth_by[0], columns_on),
             by_row: by_row
                 .wrapping_add(by_row_twice.times(rows_on))
@@ -673,10 +672,7 @@ impl Raster {
 
     /// Makes the fragments of one of the splats.
     #[inline(always)]
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "the ports of the unit, one by one"
-    )]
+    #[expect(clippy::too_many_arguments, reason = "one argument per port")]
     pub fn span<L: Lanes, P: Probe>(
         &self,
         size_px: [u32; 2],
@@ -694,7 +690,7 @@ impl Raster {
         }
     }
 
-    /// Every column steps from row to row.
+    /// Steps all columns from row to row.
     #[inline(always)]
     fn walk_down<L: Lanes, P: Probe>(
         &self,
@@ -710,13 +706,13 @@ impl Raster {
         }
         let by_row_twice = L::splat(w.by_row_twice[lane]);
         for eight in 0..eights(columns) {
-            let mut radial: L = side_by_side(
+            let mut radial: L = eight_columns(
                 w.seed.radial[lane],
                 w.seed.by_column[lane],
                 w.by_column_twice[lane],
                 eight,
             );
-            let mut by_row: L = side_by_side(w.by_row[lane], w.by_both[lane], 0, eight);
+            let mut by_row: L = eight_columns(w.by_row[lane], w.by_both[lane], 0, eight);
             let inside = first_bits(columns - eight * LANES);
             for row in 0..rows {
                 span.keep([row, eight], radial, L::splat(cutoff), inside);
@@ -726,7 +722,7 @@ impl Raster {
         }
     }
 
-    /// Every row is seeded afresh, eight rows at a time.
+    /// Seeds every row, eight rows at a time.
     #[inline(always)]
     #[expect(clippy::too_many_arguments, reason = "as `span`")]
     fn row_by_row<L: Lanes, P: Probe>(
@@ -775,7 +771,7 @@ impl Raster {
                 }
                 span.depth[row] = seed.depth[row % LANES];
                 for eight in 0..eights(columns) {
-                    let radial = side_by_side(radial, by_column, by_column_twice, eight);
+                    let radial = eight_columns(radial, by_column, by_column_twice, eight);
                     let inside = first_bits(columns - eight * LANES);
                     span.keep([row, eight], radial, L::splat(cutoff), inside);
                 }
@@ -783,7 +779,7 @@ impl Raster {
         }
     }
 
-    /// Shows the probe how far the registers go in the part of a box, and where they wrap.
+    /// Reports to the probe how far the registers go in the part of a box, and where they wrap.
     #[inline(always)]
     fn watch_rows<P: Probe>(&self, w: &Walks, lane: usize, tap: &mut Tap<P>) {
         let seed = Seed {
@@ -805,7 +801,7 @@ impl Raster {
         }
     }
 
-    /// Shows the probe how far the registers go in a row, and where they wrap.
+    /// Reports to the probe how far the registers go in a row, and where they wrap.
     #[inline(always)]
     fn watch_row<P: Probe>(
         &self,
@@ -827,9 +823,9 @@ impl Raster {
         }
     }
 
-    /// How far the registers would go if they never wrapped: r, up to the column after the last,
-    /// its first difference, and z, at the part's corners, for r is convex. Says whether one may
-    /// wrap.
+    /// Extremes of the registers without wrapping: r, up to the column after the last, its first
+    /// difference, and z. They are at the part's corners, because r is convex. Returns whether a
+    /// register may wrap.
     #[inline(always)]
     fn reach<P: Probe>(
         &self,
@@ -845,7 +841,7 @@ impl Raster {
             [seed.radial, seed.by_column].map(|held| self.radial_register.read(held));
         let by_column_twice = self.radial_register.read(by_column_twice);
         let [by_row, by_row_twice, by_both] = by_row.map(|held| self.radial_register.read(held));
-        // No word has more than 48 bits and no side more than 16 pixels: 64 bits hold all of this.
+        // Words have at most 48 bits and sides at most 16 pixels, so 64 bits hold all of this.
         let along = on * by_column + PAIRS_BEFORE[columns % 17] * by_column_twice;
         let across = down * by_row + PAIRS_BEFORE[(rows - 1) % 17] * by_row_twice;
         let both = on * down * by_both;
@@ -868,13 +864,13 @@ impl Raster {
             extremes([z, z + along, z + across, z + along + across]),
         );
 
-        // Below its tangent plane a convex r never falls.
+        // A convex r is never below its tangent plane.
         let lowest = r + (on * by_column).min(0) + (down * by_row).min(0) + both.min(0);
         let [min, max] = self.radial.limits();
         lowest.min(least) < min || high.max(most) > max || by_column_twice < 0 || by_row_twice < 0
     }
 
-    /// Shows the probe where the rows' registers wrap.
+    /// Reports to the probe where the rows' registers wrap.
     #[inline(never)]
     fn walk_rows<P: Probe>(&self, w: &Walks, lane: usize, tap: &mut Tap<P>) {
         let [columns, rows] = w.size(lane);
@@ -999,7 +995,7 @@ impl Raster {
 }
 
 impl<L: Lanes> Splats<L> {
-    /// The words of eight splats.
+    /// Words of eight splats.
     #[inline(always)]
     fn of(inputs: &[&Input; LANES]) -> Self {
         let mut words = [[0; LANES]; LANES];
@@ -1025,7 +1021,7 @@ impl<L: Lanes> Splats<L> {
         }
     }
 
-    /// The same splat eight times.
+    /// Words of one splat, repeated eight times.
     #[inline(always)]
     fn all(splat: &Input) -> Self {
         Splats {
@@ -1039,8 +1035,8 @@ impl<L: Lanes> Splats<L> {
     }
 }
 
-impl<L: Lanes> Parts<L> {
-    /// Where boxes meet the square with this first pixel, which they touch.
+impl<L: Lanes> BoxParts<L> {
+    /// Parts of boxes in the square with this first pixel. Each box must touch the square.
     #[inline(always)]
     fn of(square: [u16; 2], inputs: &[&Input; LANES], splats: &Splats<L>) -> Self {
         let [x, y] = two!(axis => L::splat(square[axis].into()));
@@ -1050,7 +1046,7 @@ impl<L: Lanes> Parts<L> {
             word!(inputs.columns[1]).min(x + last),
             word!(inputs.rows[1]).min(y + last),
         ];
-        Parts {
+        BoxParts {
             on: [from[0] - splats.first_column, from[1] - splats.first_row],
             size: two!(axis => to[axis] - from[axis] + L::splat(1)),
             first_pixel: (from[1] - y).left(SIDE_PX.ilog2()) + from[0] - x,
@@ -1059,7 +1055,7 @@ impl<L: Lanes> Parts<L> {
 }
 
 impl<L: Lanes> Seed<L> {
-    /// Goes some columns on, in closed form.
+    /// Moves some columns ahead, in closed form.
     #[inline(always)]
     fn skip(self, by_column_twice: L, depth_by_column: L, columns: L) -> Self {
         Seed {
@@ -1088,9 +1084,9 @@ fn after<L: Lanes>(value: L, first: L, second: L, steps: L) -> L {
         .wrapping_add(second.times(pairs))
 }
 
-/// A twice differenced register at the first or second eight of the columns from here on.
+/// A twice differenced register at the first or second eight columns from this one.
 #[inline(always)]
-fn side_by_side<L: Lanes>(value: Held, first: Held, second: Held, eight: usize) -> L {
+fn eight_columns<L: Lanes>(value: Held, first: Held, second: Held, eight: usize) -> L {
     let [columns, pairs] = [L::from_array(COLUMNS[eight]), L::from_array(PAIRS[eight])];
     L::splat(value)
         .wrapping_add(L::splat(first).times(columns))
@@ -1109,13 +1105,13 @@ fn extremes([a, b, c, d]: [i64; 4]) -> [i64; 2] {
     [a.min(b).min(c.min(d)), a.max(b).max(c.max(d))]
 }
 
-/// Times eight columns that hold so many, of those in a row of the square.
+/// Number of vectors of eight columns for this many columns of the square.
 #[inline(always)]
 fn eights(columns: usize) -> usize {
     columns.div_ceil(LANES).min(2)
 }
 
-/// Eight bits of which the first few are set.
+/// A byte with its lowest `count` bits set.
 #[inline(always)]
 fn first_bits(count: usize) -> u8 {
     ((1 << count.min(8)) - 1) as u8

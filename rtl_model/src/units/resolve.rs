@@ -1,11 +1,11 @@
-//! Resolve: shades what a pixel still holds, blends it front to back over the background and writes
-//! the frame word (docs/book/algorithm-resolve.md §7).
+//! Resolve: shades the remaining fragments of a pixel, blends them front to back over the
+//! background and writes the frame word (docs/book/algorithm-resolve.md §7).
 //!
 //! ```text
 //! layers in depth order ─►(× transmittance)─►(Σ)─►(+ background)─► frame
 //! opacity ─►(1 − α')─►(×)─► transmittance
 //! ```
-//! Losses: `transmittance` is rounded at each layer; the sum is exact and rounded once, into
+//! Losses: `transmittance` is rounded at each layer. The sum is exact and rounded once, into
 //! `frame`.
 //!
 //! Laws: `an_empty_pixel_is_background`, `an_opaque_layer_hides_all_behind_it`.
@@ -22,8 +22,7 @@ pub use crate::records::Layer;
 
 const UNIT: &str = unit::RESOLVE;
 
-/// Longest way of a layer: a product and a sum, in which the next layer waits for its
-/// transmittance.
+/// Critical path of a layer: a product and a sum. The next layer depends on its transmittance.
 pub fn layer(machine: &Machine) -> Path {
     let (transmittance, premultiplied) = (
         machine.resolve.transmittance.format.width(),
@@ -35,13 +34,13 @@ pub fn layer(machine: &Machine) -> Path {
         .fit(transmittance)
 }
 
-/// Longest way: a product and a sum for each layer.
+/// Critical path: a product and a sum per layer.
 pub fn path(machine: &Machine) -> Path {
     layer(machine).times(machine.fragment.layers)
 }
 
-/// What a layer hides behind it and adds in front: inputs are the transmittance, three sums, a
-/// layer's colour and its opacity; results the transmittance behind it and the sums.
+/// One layer's step. Inputs are the transmittance, three sums, a layer's colour and its opacity;
+/// results the transmittance behind the layer and the sums.
 fn layered(g: &mut Builder, machine: &Machine, sum: Exact) -> [Wire; 4] {
     let (m, premultiplied) = (&machine.resolve, machine.shade.premultiplied);
     let transmittance = g.input(m.transmittance);
@@ -64,8 +63,7 @@ fn layered(g: &mut Builder, machine: &Machine, sum: Exact) -> [Wire; 4] {
     ]
 }
 
-/// The frame's word: inputs are the transmittance, three sums, and the background's colour and
-/// alpha.
+/// The frame word. Inputs are the transmittance, three sums, and the background's colour and alpha.
 fn framed(g: &mut Builder, machine: &Machine, sum: Exact) -> [Wire; 4] {
     let m = &machine.resolve;
     let transmittance = g.input(m.transmittance);
@@ -85,7 +83,7 @@ fn framed(g: &mut Builder, machine: &Machine, sum: Exact) -> [Wire; 4] {
     [red, green, blue, covered].map(|channel| g.fit("frame", m.frame, channel))
 }
 
-/// The elaborated unit.
+/// Elaborated unit.
 #[derive(Clone, Debug)]
 pub struct Resolve {
     layer: Graph<4>,
@@ -105,7 +103,7 @@ impl Resolve {
             e.signedness(UNIT, name, word, false);
             e.holds_one(UNIT, name, word);
         }
-        // Transmittances add up to at most 1, and so do what layers add and the background.
+        // The transmittances add up to at most 1, as do the layers' parts and the background.
         let [through, behind] = [machine.shade.premultiplied, m.frame]
             .map(|word| Exact::from(m.transmittance).times(word));
         let sum = through
@@ -113,8 +111,8 @@ impl Resolve {
             .plus(through)
             .plus(through)
             .plus(behind);
-        // The three sums are kept; the transmittance begins as 1, and goes on as what is behind a
-        // layer or as it is.
+        // The three sums are registered. The transmittance register is loaded with 1, with the
+        // value behind a layer, or keeps its value.
         e.copies(3, |e| e.part(UNIT, Operator::Register(sum.bits())));
         e.choice(UNIT, 3, m.transmittance.format.width());
         let g = &mut Builder::new(e, UNIT);
@@ -133,19 +131,19 @@ impl Resolve {
         }
     }
 
-    /// For batches: what a layer does to what is kept of a pixel, and the frame's word of that. Of
-    /// both the first four inputs are what is kept, which begins as [`Resolve::clear`]; of the
-    /// first the results are.
+    /// Programs for batches: the step of a layer, and the frame word. The first four inputs of both
+    /// are the state of a pixel, which starts as [`Resolve::clear`]. The results of the first
+    /// program are the next state.
     pub fn programs(&self) -> &[Program; 2] {
         &self.programs
     }
 
-    /// What is kept of a pixel before its first layer: a transmittance of 1, and sums of 0.
+    /// State of a pixel before its first layer: a transmittance of 1, and sums of 0.
     pub fn clear(&self) -> [i64; 4] {
         [self.clear, 0, 0, 0]
     }
 
-    /// Blends layers, which stand in depth order, over the background.
+    /// Blends layers, in depth order, over the background.
     pub fn one<P: Probe>(
         &self,
         layers: &[Layer],

@@ -11,7 +11,7 @@
 //! input order. Every organisation of a machine goes through the same tiles in its own order, for a
 //! pixel's result depends on nothing but the order of its contributions.
 //!
-//! Laws: `what_is_recorded_is_what_was_drawn`, `a_record_is_the_same_for_any_number_of_threads`.
+//! Laws: `the_record_equals_the_drawing`, `a_record_is_the_same_for_any_number_of_threads`.
 
 mod sound;
 

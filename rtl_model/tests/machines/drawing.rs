@@ -1,5 +1,5 @@
-//! Does every machine that elaborates draw every frame in its words, watched or not, by any number
-//! of threads?
+//! Does every machine that elaborates draw every frame within its words, with and without a probe,
+//! on any number of threads?
 
 use crate::frames::{ellipsoids, frame};
 use crate::mutation::{Mutation, differences, mutated, mutations, named};
@@ -19,12 +19,15 @@ fn counted(machine: &Elaborated, frame: &Frame) -> Ranges {
     ranges
 }
 
-/// Draws watched, eight words at a time and one by one, without vectors, and not; what was seen
-/// must lie in the signals' formats.
+/// Draws with probes, in batches of eight words and one by one, without vectors, and without a
+/// probe. Every recorded word must be in its signal's format.
 fn draws(machine: &Elaborated, frame: &Frame) -> Drawing {
     let drawing = draw_unobserved(machine, frame);
     let (watched, ranges, _) = draw_measured(machine, frame);
-    assert_eq!(watched, drawing, "watched and unwatched differ");
+    assert_eq!(
+        watched, drawing,
+        "the drawings with and without a probe differ"
+    );
     let mut one_by_one = Ranges::new(machine.signals.len());
     assert_eq!(
         draw(machine, frame, &mut one_by_one),
@@ -54,7 +57,7 @@ fn draws(machine: &Elaborated, frame: &Frame) -> Drawing {
     drawing
 }
 
-/// Keeps every change that leaves a machine that elaborates.
+/// Applies the changes that leave a machine that elaborates.
 fn wander(machine: Machine, changes: &[Mutation]) -> (Machine, Elaborated) {
     let first = machine.elaborate().unwrap();
     changes
@@ -68,12 +71,12 @@ fn wander(machine: Machine, changes: &[Mutation]) -> (Machine, Elaborated) {
         })
 }
 
-/// So many random cases, or this run's third of them.
+/// This number of random cases, or this run's third of them.
 fn cases(all: u32) -> u32 {
     tier::of([3, 3], all as usize) as u32
 }
 
-/// The named machines of discs: all, or those whose turn it is.
+/// The named machines of discs: all, or this run's part of them.
 fn discs() -> impl Iterator<Item = &'static str> {
     tier::some(
         [12, 12],
@@ -99,7 +102,7 @@ proptest! {
 }
 
 #[test]
-fn meters_read_what_ranges_count() {
+fn meters_equal_counted_ranges() {
     for name in Machine::NAMES.into_iter().chain(Machine::WINDOW_NAMES) {
         for rows in [Rows::Seeded, Rows::Differenced] {
             let mut machine = Machine::named(name).unwrap();
@@ -130,10 +133,10 @@ fn meters_read_what_ranges_count() {
     }
 }
 
-/// Ellipsoids and sheets: what eight lanes are told is what one by one is counted, and no word is
-/// beyond its format.
+/// Ellipsoids and sheets: meters of eight lanes equal ranges counted word by word, and every word
+/// is in its format.
 #[test]
-fn meters_read_what_ranges_count_of_ellipsoids() {
+fn meters_of_ellipsoids_equal_counted_ranges() {
     let mut saturated = 0;
     for name in Machine::ELLIPSOID_NAMES {
         let machine = Machine::named(name).unwrap();
@@ -172,7 +175,7 @@ fn crowd(machine: &Machine) -> Frame {
     frame
 }
 
-/// Where they count a sample, only what is counted is less.
+/// Where meters count a sample, only the counts are less.
 #[test]
 fn meters_measure_all_and_count_a_sample() {
     for name in discs() {
@@ -210,8 +213,8 @@ fn meters_measure_all_and_count_a_sample() {
             );
             if words > 10_000 {
                 let share = |range: &Range| range.inexact as f64 / range.words as f64;
-                // Windows are formed anew for each contribution that finds no room, from slots that
-                // hardly change, so tiles differ; and shade lights splats too, of which fewer are
+                // Windows are formed again for each contribution without a slot, from slots that
+                // hardly change, so tiles differ. Shade also lights splats, fewer of which are
                 // counted than of fragments.
                 let apart = if name.ends_with(" of window") {
                     0.1
@@ -231,10 +234,10 @@ fn meters_measure_all_and_count_a_sample() {
     }
 }
 
-/// Of pixels that overflow again and again, with one slot to merge with or several, and materials
-/// of their own side by side.
+/// Pixels that overflow repeatedly, with one slot to merge with or several, and neighbours with
+/// different materials.
 #[test]
-fn merges_that_wait_are_those_at_once() {
+fn queued_merges_equal_immediate_ones() {
     let rules = [
         (1, Merge::FarthestPair),
         (2, Merge::NearestPair),
@@ -264,9 +267,9 @@ fn merges_that_wait_are_those_at_once() {
     }
 }
 
-/// The same frame by one, two and three threads, watched and not.
+/// The same frame on one, two and three threads, with and without probes.
 #[test]
-fn threads_and_watchers_change_no_bit() {
+fn threads_and_probes_change_no_bit() {
     for name in discs() {
         let machine = Machine::named(name).unwrap();
         let (elaborated, frame) = (machine.elaborate().unwrap(), crowd(&machine));
@@ -293,10 +296,10 @@ fn threads_and_watchers_change_no_bit() {
     }
 }
 
-/// Kinds of sorts give the picture of the radix sort, on random frames of random keys; and their
-/// own steps, done here one by one with the keys that were recorded, give the lists that are drawn.
+/// All kinds of sorts give the picture of the radix sort, on random frames with random keys. Their
+/// steps, repeated here one by one on the recorded keys, give the lists that are drawn.
 #[test]
-fn every_sort_that_claims_an_order_gives_the_picture_of_radix() {
+fn every_sort_with_an_order_draws_the_picture_of_radix() {
     let (mut distributed, mut equal_keys, mut pictures) = (0, 0, 0);
     for seed in 0..tier::of([3, 2], 45) as u64 {
         let mut machine = Machine::named("gaussian").unwrap();
@@ -310,7 +313,7 @@ fn every_sort_that_claims_an_order_gives_the_picture_of_radix() {
             draw_measured(&other.elaborate().unwrap(), &frame)
         };
         let (radix, _, work) = with(SortKind::Radix, None);
-        assert!(work.keys.is_empty(), "nothing depends on keys");
+        assert!(work.keys.is_empty(), "keys are recorded without a use");
         for (kind, tile_bits) in [
             (SortKind::Tile, None),
             (SortKind::Hierarchical, None),

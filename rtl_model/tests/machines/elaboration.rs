@@ -1,4 +1,4 @@
-//! Which machines can be built, and what is said about those that cannot.
+//! Which machines elaborate, and which errors are reported for the others?
 
 use crate::mutation::{mutated, mutations, named, with_field, with_format};
 use proptest::prelude::*;
@@ -14,7 +14,7 @@ fn built(name: &str) -> Elaborated {
     Machine::named(name)
         .unwrap()
         .elaborate()
-        .unwrap_or_else(|misfits| panic!("{name}: {misfits:#?}"))
+        .unwrap_or_else(|errors| panic!("{name}: {errors:#?}"))
 }
 
 #[test]
@@ -46,17 +46,17 @@ fn a_named_machine_reads_back_from_its_json() {
     }
 }
 
-/// A machine that draws splats in their order, and so cuts no box to a tile.
+/// A machine that draws splats in submission order, and so cuts no box to a tile.
 fn immediate(name: &str) -> Elaborated {
     let mut machine = Machine::named(name).unwrap();
     machine.timing.organisation = Organisation::Immediate;
     machine.elaborate().unwrap()
 }
 
-/// Signed operands carry their sign; an unsigned one of n bits goes into a signed multiplier of n +
-/// 1, which is not counted here.
+/// Signed operands carry their sign. An unsigned operand of n bits needs a signed multiplier of n +
+/// 1 bits, which is not counted here.
 #[test]
-fn no_multiplier_is_wider_than_promised() {
+fn no_multiplier_is_wider_than_specified() {
     for (name, most) in [("reference", 27), ("lean", 18), ("tiny", 18)] {
         for part in built(name).parts {
             let Operator::Multiplier(operand_bits) = part.operator else {
@@ -71,7 +71,7 @@ fn no_multiplier_is_wider_than_promised() {
     }
 }
 
-/// Slopes below 1, which are added to 1 and to the normal: sums are as wide as their widest term.
+/// Slopes below 1 are added to 1 and to the normal: sums are as wide as their widest term.
 #[test]
 fn a_sum_is_as_wide_as_its_widest_term() {
     let slope = with_format(
@@ -80,18 +80,18 @@ fn a_sum_is_as_wide_as_its_widest_term() {
         Format::signed(-2, 20),
     );
     assert!(slope.elaborate().is_ok());
-    let misfits = with_format(&slope, "ellipse.tilt", Format::signed(-5, 31))
+    let errors = with_format(&slope, "ellipse.tilt", Format::signed(-5, 31))
         .elaborate()
         .unwrap_err();
     assert_eq!(
-        misfits,
+        errors,
         [
             "ellipse.shape is made from an exact result of 65 bits, but 62 can be held: 3 bits must go from its operands"
         ]
     );
 }
 
-/// Products a cycle, unit by unit, of the units of which the simulator cannot count its own.
+/// Products per cycle, unit by unit, for units whose products the simulator cannot count itself.
 #[test]
 fn every_multiplier_is_declared() {
     let count = |machine: &Elaborated, unit: &str| {
@@ -105,35 +105,36 @@ fn every_multiplier_is_declared() {
     let reference = built("reference");
     // The conic along and across, squares, depth.
     assert_eq!(count(&immediate("reference"), "raster"), 2 + 2 + 2 + 2);
-    // To a tile, down and along: pairs of steps; r by its first difference of 43 bits and its
-    // second of 29, two first differences by their second, z by its slope of 27; all in pieces of
-    // 14 bits.
+    // To a tile, down and along: pairs of steps; r times its first difference of 43 bits and its
+    // second of 29, two first differences times their second, z times its slope of 27; all in
+    // pieces of 14 bits.
     assert_eq!(
         count(&reference, "raster"),
         2 + 2 + 2 + 2 + 2 * (1 + 4 + 3 + 2 * 3 + 2)
     );
-    // Line between table words, amplitude.
+    // Interpolation between table words, amplitude.
     assert_eq!(count(&reference, "gauss"), 2);
-    // Seven attributes, one of them alone besides; four channels of two fragments that merge. The
-    // opacity limit is a product with a constant: sums.
+    // Seven attributes, one of which is needed alone too; four channels of two merging fragments.
+    // The opacity limit is a product with a constant: adders.
     assert_eq!(count(&reference, "fragment"), 7 + 1 + 4);
-    // 1/W in a step; four shares, three squares; 1/|n| in a step; the normal; two cosines; light,
-    // colour, gloss; coverage, opacity, three channels; a line between the words of the highlight.
+    // 1/W with one step; four shares, three squares; 1/|n| with one step; the normal; two cosines;
+    // light, colour, gloss; coverage, opacity, three channels; interpolation between the words of
+    // the highlight.
     assert_eq!(
         count(&reference, "shade"),
         2 + 4 + 3 + 3 + 3 + 2 * 3 + 3 * 3 + 2 + 3 + 1
     );
-    // Three channels and what goes through, of a layer and of the background.
+    // Three channels and the transmittance, for a layer and for the background.
     assert_eq!(count(&reference, "resolve"), 4 + 4);
-    // The tables of the tiny machine have no lines, its function units no steps.
+    // The tables of the tiny machine do not interpolate, and its function units have no steps.
     let tiny = built("tiny");
     assert_eq!(count(&tiny, "gauss"), 1);
     assert_eq!(
         count(&reference, "project") - count(&tiny, "project"),
         2 * 2
     );
-    // And it draws square pixels alone: no three products with an aspect, no second step and scale
-    // of depth.
+    // It draws only square pixels: no three products with an aspect, no second step and scale of
+    // depth.
     assert_eq!(
         count(&reference, "ellipse") - count(&tiny, "ellipse"),
         2 * 3 + 2 * 3 + 2 + 3 + 2
@@ -168,16 +169,16 @@ fn no_lean_accumulator_is_wider_than_24_bits() {
     }
 }
 
-fn misfits(machine: &Machine) -> Vec<String> {
+fn elaboration_errors(machine: &Machine) -> Vec<String> {
     machine.elaborate().err().unwrap_or_default()
 }
 
-/// The signal that a misfit names and the format that it says would fit.
-fn suggestion(misfit: &str) -> Option<(String, Format)> {
-    let signal = misfit.split_whitespace().next()?;
-    let (before, _) = misfit
+/// Signal that an elaboration error names, and the format that it suggests.
+fn suggestion(error: &str) -> Option<(String, Format)> {
+    let signal = error.split_whitespace().next()?;
+    let (before, _) = error
         .split_once(" would fit")
-        .or_else(|| misfit.split_once(" would hold all of it"))?;
+        .or_else(|| error.split_once(" would hold all of it"))?;
     Some((
         signal.to_owned(),
         before.split_whitespace().last()?.parse().ok()?,
@@ -185,7 +186,7 @@ fn suggestion(misfit: &str) -> Option<(String, Format)> {
 }
 
 #[test]
-fn a_misfit_names_the_signal_and_what_would_fit() {
+fn an_elaboration_error_names_the_signal_and_a_format_that_fits() {
     let reference = Machine::named("reference").unwrap();
     let format = |text: &str| text.parse::<Format>().unwrap();
     for (signal, wrong, sentence) in [
@@ -230,16 +231,16 @@ fn a_misfit_names_the_signal_and_what_would_fit() {
             "raster.depth is I4F20, coarser than the steps ellipse.depth_slope I3F24 that it adds: I4F24 would fit",
         ),
     ] {
-        let found = misfits(&with_format(&reference, signal, format(wrong)));
+        let found = elaboration_errors(&with_format(&reference, signal, format(wrong)));
         assert!(
-            found.iter().any(|misfit| misfit == sentence),
+            found.iter().any(|error| error == sentence),
             "{signal} {wrong}: {found:#?}"
         );
     }
 }
 
 #[test]
-fn rules_that_contradict_each_other_are_misfits() {
+fn contradicting_rules_are_elaboration_errors() {
     let reference = Machine::named("reference").unwrap();
     for (field, value, sentence) in [
         (
@@ -288,16 +289,16 @@ fn rules_that_contradict_each_other_are_misfits() {
             "fragment.depth wraps, but only the raster's registers and the fragment's sums may: let it saturate",
         ),
     ] {
-        let found = misfits(&with_field(&reference, field, value));
+        let found = elaboration_errors(&with_field(&reference, field, value));
         assert!(
-            found.iter().any(|misfit| misfit == sentence),
+            found.iter().any(|error| error == sentence),
             "{field}: {found:#?}"
         );
     }
 }
 
 #[test]
-fn all_misfits_are_reported_at_once() {
+fn all_elaboration_errors_are_reported_together() {
     let mut machine = Machine::named("lean").unwrap();
     for (signal, format) in [
         ("shade.opacity", "U0F14"),
@@ -308,7 +309,7 @@ fn all_misfits_are_reported_at_once() {
         machine = with_format(&machine, signal, format.parse().unwrap());
     }
     machine.fragment.layers = 11;
-    let found = misfits(&machine);
+    let found = elaboration_errors(&machine);
     for signal in [
         "shade.opacity",
         "splat.rgb",
@@ -317,7 +318,7 @@ fn all_misfits_are_reported_at_once() {
         "fragment.layers",
     ] {
         assert!(
-            found.iter().any(|misfit| misfit.starts_with(signal)),
+            found.iter().any(|error| error.starts_with(signal)),
             "{signal}: {found:#?}"
         );
     }
@@ -354,23 +355,23 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(1500) })]
 
     #[test]
-    fn elaboration_never_panics_and_speaks_in_sentences(name in named(), changes in mutations(1..40)) {
+    fn elaboration_never_panics_and_reports_sentences(name in named(), changes in mutations(1..40)) {
         let machine = changes.iter().fold(Machine::named(name).unwrap(), |machine, change| mutated(&machine, change));
-        for misfit in misfits(&machine) {
-            prop_assert!(misfit.len() > 20 && !misfit.contains('\n') && misfit.contains('.'), "{misfit}");
+        for error in elaboration_errors(&machine) {
+            prop_assert!(error.len() > 20 && !error.contains('\n') && error.contains('.'), "{error}");
         }
     }
 
-    /// Whoever does what a misfit says does not see that misfit again.
+    /// After the suggestion of an elaboration error is applied, that error is gone.
     #[test]
-    fn a_suggested_format_removes_its_misfit(name in named(), changes in mutations(1..6)) {
+    fn a_suggested_format_removes_its_elaboration_error(name in named(), changes in mutations(1..6)) {
         let machine = changes.iter().fold(Machine::named(name).unwrap(), |machine, change| mutated(&machine, change));
-        for misfit in misfits(&machine) {
-            prop_assert!(suggestion(&misfit).is_some() || !misfit.contains(" would "), "{misfit}");
-            if let Some((signal, format)) = suggestion(&misfit) {
-                let again = misfits(&with_format(&machine, &signal, format));
+        for error in elaboration_errors(&machine) {
+            prop_assert!(suggestion(&error).is_some() || !error.contains(" would "), "{error}");
+            if let Some((signal, format)) = suggestion(&error) {
+                let again = elaboration_errors(&with_format(&machine, &signal, format));
                 let complaint = |text: &str| text.split(": ").next().unwrap_or_default().replace(char::is_numeric, "");
-                prop_assert!(!again.iter().any(|other| complaint(other) == complaint(&misfit)), "{misfit}\nthen {again:#?}");
+                prop_assert!(!again.iter().any(|other| complaint(other) == complaint(&error)), "{error}\nthen {again:#?}");
             }
         }
     }

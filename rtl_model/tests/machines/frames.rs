@@ -8,7 +8,7 @@ use rtl_model::frame::{
 use rtl_model::machine::{self, Interpolation, Machine};
 use rtl_model::num::{Format, Word};
 
-/// SplitMix64: small, and the same everywhere.
+/// SplitMix64: small, and identical on all platforms.
 pub struct Rng(pub u64);
 
 impl Rng {
@@ -29,7 +29,7 @@ impl Rng {
     }
 }
 
-/// Draws words; one in `wildness` is any word of its format, the extremes above all.
+/// Draws words. One in `wildness` is any word of its format, most often an extreme.
 struct Words {
     rng: Rng,
     wildness: u64,
@@ -82,7 +82,7 @@ pub fn nearest(format: Format, value: f64) -> i64 {
     (word.round().clamp(-4e18, 4e18) as i64).clamp(format.min(), format.max())
 }
 
-/// A frame with a few splats: `wildness` 1 draws every word at random, large numbers almost none.
+/// A frame with a few splats: `wildness` 1 draws every word at random, a large number almost none.
 pub fn frame(machine: &Machine, seed: u64, wildness: u64) -> Frame {
     let mut w = Words {
         rng: Rng(seed),
@@ -112,7 +112,7 @@ pub fn frame(machine: &Machine, seed: u64, wildness: u64) -> Frame {
     }
 }
 
-/// The same of ellipsoids, by sheets, on a machine that has what they need.
+/// A frame of ellipsoids, grouped by sheets, on a machine that supports them.
 pub fn ellipsoids(machine: &Machine, seed: u64, wildness: u64) -> Frame {
     let mut frame = frame(machine, seed, wildness);
     let mut w = Words {
@@ -213,7 +213,7 @@ fn view(machine: &Machine, width: u32, w: &mut Words) -> View {
     let (p, e) = (&machine.project, &machine.ellipse);
     let focal = w.rng.between(0.5, 3.0) * f64::from(width);
     let cutoff = w.rng.between(0.5, 4.0);
-    // By numbers of its own: what else is drawn stays as it was.
+    // Separate random numbers, so that the rest of the frame does not change.
     let mut lens = Words {
         rng: Rng(!w.rng.0),
         wildness: w.wildness,
@@ -242,7 +242,7 @@ fn view(machine: &Machine, width: u32, w: &mut Words) -> View {
     }
 }
 
-/// Pixels up to three times as wide as they are high, or the reverse.
+/// Pixels up to three times as wide as high, or the reverse.
 fn aspect(focal_word: Word, inverse: Word, square: Word, focal: f64, w: &mut Words) -> Aspect {
     let ratio = w.rng.between(0.3, 1.0);
     let focals = if w.rng.below(2) == 0 {
@@ -308,7 +308,7 @@ fn lighting(machine: &Machine, w: &mut Words) -> Lighting {
     Lighting { lights, materials }
 }
 
-/// Which of sixteen pixels from `corner` on lie between the first and the last, counted from the
+/// Those of sixteen pixels from `corner` that are between the first and the last, counted from the
 /// corner.
 pub fn in_tile([first, last]: [u16; 2], corner: u16) -> std::ops::Range<usize> {
     let inside: Vec<usize> = (0..16)

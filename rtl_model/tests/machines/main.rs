@@ -1,5 +1,5 @@
-//! Which machines can be built, what is said about those that cannot, and whether those that can
-//! draw whatever they are given.
+//! Which machines elaborate, which errors are reported for the others, and does every machine that
+//! elaborates draw every frame?
 
 mod drawing;
 mod elaboration;

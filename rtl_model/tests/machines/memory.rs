@@ -1,5 +1,5 @@
-//! What does memory beyond one channel take: channels, ranks, refresh, turns to writing, rows,
-//! presets? Numbers are worked out by hand.
+//! How long does memory with more than one channel take: channels, ranks, refresh, turns to
+//! writing, rows, presets? Numbers are worked out by hand.
 
 use crate::frames::Rng;
 use rtl_model::Machine;
@@ -7,7 +7,7 @@ use rtl_model::machine::timing::{Memory, Preset};
 use rtl_model::timing::{Direction, Request, serve};
 use serde_json::json;
 
-/// One channel of 16 bytes a cycle in bursts of 64, whose rows take no time.
+/// One channel of 16 bytes per cycle in bursts of 64, whose rows take no time.
 fn plain() -> Memory {
     let memory = Machine::named("reference").unwrap().timing.memory;
     Memory {
@@ -37,7 +37,7 @@ fn write(address: u64) -> Request {
     }
 }
 
-/// Cycles in which everything is asked for at once.
+/// Cycles in which all requests are served, if all are issued at once.
 fn all_at_once(memory: Memory, requests: &[Request]) -> u64 {
     serve(memory, requests.iter().copied(), requests.len() as u32)
 }
@@ -60,8 +60,8 @@ fn every_channel_moves_its_own_bytes_line_by_line() {
             "{channels} channels"
         );
     }
-    // Two lines in a channel, then the next: every other line of four channels is in all of them,
-    // every eighth in one.
+    // Two consecutive lines per channel: every other line of four channels is in all of them, every
+    // eighth in one.
     let coarse = Memory {
         channels: Some(4),
         interleave_bytes: Some(128),
@@ -76,7 +76,7 @@ fn every_channel_moves_its_own_bytes_line_by_line() {
         [2, 8].map(|step| all_at_once(coarse, &every(step))),
         [32 / 4 * 4 + 10, 32 * 4 + 10]
     );
-    // A request over lines of all channels is done when the last has come.
+    // A request for lines of all channels is done when the last has arrived.
     let long = [Request {
         bytes: 1024,
         ..read(0)
@@ -104,8 +104,8 @@ fn thousandths_of_a_byte_add_up() {
     assert_eq!(all_at_once(memory, &lines), 64_000 * 10 / 128 + 10);
 }
 
-/// Cycle by cycle: how many it takes until so many were not refreshing, those at the end of each
-/// interval being so.
+/// Cycles until this many of them were without a refresh, counted cycle by cycle. A refresh takes
+/// the last cycles of each interval.
 fn until_awake_for(cycles: u64, interval: u64, refresh: u64) -> u64 {
     (1..)
         .scan(0, |awake, cycle| {
@@ -145,7 +145,7 @@ fn a_refresh_closes_rows() {
         refresh_cycles: Some(10),
         ..plain()
     };
-    // One after the other: 14 cycles each, but for the first of each refresh, which opens the row
+    // One after the other: 14 cycles each, except the first after each refresh, which opens the row
     // again.
     let one_by_one =
         |memory: Memory, many: u64| serve(memory, (0..many).map(|line| read(64 * line)), 1);
@@ -160,12 +160,12 @@ fn a_refresh_closes_rows() {
         ),
         34 + 5 * 14
     );
-    // The sixth is asked for in cycle 90, in a refresh, and begins in cycle 100 with a closed row.
+    // The sixth is issued in cycle 90, during a refresh, and starts in cycle 100 with a closed row.
     assert_eq!(one_by_one(memory, 6), 100 + 34);
 }
 
 #[test]
-fn a_turn_to_writing_is_paid_once_a_batch() {
+fn a_turn_to_writing_costs_once_per_batch() {
     let alternating: Vec<Request> = (0..32)
         .flat_map(|line| [read(64 * line), write((1 << 20) + 64 * line)])
         .collect();
@@ -202,7 +202,7 @@ fn a_turn_to_writing_is_paid_once_a_batch() {
 
 #[test]
 fn a_change_of_ranks_costs_its_cycles_and_doubles_the_rows() {
-    // Rows 0 to 7 are those of the first rank, 8 to 15 those of the second.
+    // Rows 0 to 7 are in the first rank, 8 to 15 in the second.
     let alternating: Vec<Request> = (0..10)
         .flat_map(|line| [read(64 * line), read(8 * 2048 + 64 * line)])
         .collect();
@@ -212,7 +212,7 @@ fn a_change_of_ranks_costs_its_cycles_and_doubles_the_rows() {
         ..plain()
     };
     assert_eq!(all_at_once(two, &alternating), 20 * 4 + 19 * 3 + 10);
-    // One after the other, each opens its row again with one rank; with two both stay open.
+    // With one rank, each request opens its row again; with two, both rows stay open.
     let of = |memory: Memory| {
         serve(
             Memory {
@@ -235,14 +235,14 @@ fn a_change_of_ranks_costs_its_cycles_and_doubles_the_rows() {
 
 #[test]
 fn a_bank_and_a_rank_open_rows_now_and_then() {
-    // The same bank, another row each.
+    // The same bank, each time another row.
     let conflicts: Vec<Request> = (0..20).map(|row| read(8 * 2048 * row)).collect();
     let memory = Memory {
         row_cycles: Some(25),
         ..plain()
     };
     assert_eq!(all_at_once(memory, &conflicts), 19 * 25 + 4 + 10);
-    // Another bank each: the first four at once, then one in a quarter of the time.
+    // Each time another bank: the first four at once, then one per quarter of the time.
     let rows: Vec<Request> = (0..8).map(|row| read(2048 * row)).collect();
     assert_eq!(all_at_once(memory, &rows), 8 * 4 + 10);
     let memory = Memory {
@@ -252,7 +252,7 @@ fn a_bank_and_a_rank_open_rows_now_and_then() {
     assert_eq!(all_at_once(memory, &rows), 4 * 10 + 4 + 10);
 }
 
-/// What is asked of a row that is open goes before another row is opened in its bank.
+/// Requests to an open row are served before another row is opened in its bank.
 #[test]
 fn an_open_row_is_used_before_the_bank_opens_another() {
     let memory = Memory {
@@ -265,7 +265,7 @@ fn an_open_row_is_used_before_the_bank_opens_another() {
         memory,
         &[read(row), read(other), read(row + 64), read(row + 128)],
     );
-    // The other row is opened after 50 cycles; the rest is there by then.
+    // The other row is opened after 50 cycles; the remaining data has arrived by then.
     assert_eq!(cycles, 50 + 4 + 30);
 }
 
@@ -309,8 +309,8 @@ fn more_channels_never_take_more_cycles() {
     }
 }
 
-/// Whatever its clock, a machine gets the bandwidth of the data sheet, to a thousandth of a byte a
-/// cycle and rounded down, and no time is shorter than the data sheet has it, or by a cycle longer.
+/// At any clock, a machine gets the bandwidth of the data sheet, rounded down to a thousandth of a
+/// byte per cycle. Each time is at least that of the data sheet, and less than a cycle longer.
 #[test]
 fn a_preset_is_as_fast_as_its_data_sheet_at_any_clock() {
     // GB/s; read latency, tRC, tREFI, tRFC in ps.
@@ -367,7 +367,7 @@ fn a_preset_is_as_fast_as_its_data_sheet_at_any_clock() {
 }
 
 #[test]
-fn what_a_machine_says_goes_before_its_preset() {
+fn fields_of_a_machine_override_its_preset() {
     let mut machine = Machine::named("reference").unwrap();
     machine.timing.memory = serde_json::from_value(json!({
         "preset": "hbm2", "outstanding": 16, "banks": 4, "channels": 2, "refresh_interval_cycles": 0,
@@ -382,7 +382,7 @@ fn what_a_machine_says_goes_before_its_preset() {
         ),
         (4, Some(2), Some(0))
     );
-    // 32 GB/s of each channel at 400 MHz.
+    // 32 GB/s per channel at 400 MHz.
     assert_eq!(
         (
             memory.bytes_per_cycle,
@@ -391,7 +391,7 @@ fn what_a_machine_says_goes_before_its_preset() {
         ),
         (80, 64, 6)
     );
-    // What the file left out is left out again.
+    // Fields absent from the file are absent in the output.
     let written = serde_json::to_value(machine.timing.memory).unwrap();
     assert!(
         written.get("bytes_per_cycle").is_none() && written["banks"] == 4,
@@ -400,7 +400,7 @@ fn what_a_machine_says_goes_before_its_preset() {
 }
 
 #[test]
-fn memory_that_cannot_be_is_refused_in_a_sentence() {
+fn impossible_memory_is_refused_in_a_sentence() {
     let refused = |memory: Memory| {
         let mut machine = Machine::named("reference").unwrap();
         machine.timing.memory = memory;
@@ -492,9 +492,9 @@ fn memory_that_cannot_be_is_refused_in_a_sentence() {
     }
 }
 
-/// What a channel gathers is kept on the chip, and is in its bits.
+/// Writes gathered by a channel are stored on chip, and their bits are counted.
 #[test]
-fn writes_that_are_gathered_are_kept_on_the_chip() {
+fn gathered_writes_are_stored_on_chip() {
     let bits = |channels: u32, batch: u32| {
         let mut machine = Machine::named("reference").unwrap();
         machine.timing.memory = Memory {
@@ -512,8 +512,8 @@ fn writes_that_are_gathered_are_kept_on_the_chip() {
 }
 
 #[test]
-fn fields_that_say_what_is_left_out_change_nothing() {
-    let said = Memory {
+fn explicit_defaults_change_nothing() {
+    let explicit = Memory {
         channels: Some(1),
         ranks: Some(1),
         interleave_bytes: Some(64),
@@ -547,12 +547,12 @@ fn fields_that_say_what_is_left_out_change_nothing() {
                 8,
             )
         };
-        assert_eq!(of(said), of(plain()));
-        // The general way with one channel takes as long as the short one.
+        assert_eq!(of(explicit), of(plain()));
+        // With one channel the general path takes as long as the short one.
         assert_eq!(
             of(Memory {
                 refresh_interval_cycles: Some(1 << 20),
-                ..said
+                ..explicit
             }),
             of(plain())
         );

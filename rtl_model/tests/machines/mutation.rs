@@ -1,5 +1,5 @@
-//! Machines that nobody would design: named ones with words, counts and rules changed at random,
-//! through their JSON.
+//! Implausible machines: named ones with words, counts and rules changed at random, through their
+//! JSON.
 
 use proptest::prelude::*;
 use rtl_model::Machine;
@@ -32,8 +32,8 @@ pub fn named() -> impl Strategy<Value = &'static str> {
     prop::sample::select([&Machine::NAMES[..], &Machine::WINDOW_NAMES].concat())
 }
 
-/// The fields in which a machine differs from the one that it is named after, for whoever has to
-/// find out why it failed.
+/// Fields in which a machine differs from the machine that it is named after, for messages of
+/// failures.
 pub fn differences(machine: &Machine) -> Vec<String> {
     let [own, base] = [machine, &Machine::named(&machine.name).unwrap()]
         .map(|machine| serde_json::to_value(machine).unwrap());
@@ -57,7 +57,7 @@ pub fn mutated(machine: &Machine, mutation: &Mutation) -> Machine {
     serde_json::from_value(value).unwrap_or_else(|error| panic!("{pointer}: {error}"))
 }
 
-/// The machine with one word given another format.
+/// The machine with another format for one word.
 pub fn with_format(machine: &Machine, signal: &str, format: Format) -> Machine {
     let mut value = serde_json::to_value(machine).unwrap();
     let pointer = format!("/{}", signal.replace('.', "/"));
@@ -81,7 +81,7 @@ pub fn with_field(machine: &Machine, field: &str, to: Value) -> Machine {
 
 fn leaves(value: &Value, pointer: &str, out: &mut Vec<String>) {
     match value {
-        // It changes no picture: `timing.rs` changes it.
+        // It changes no picture: `timing.rs` covers it.
         Value::Object(_) if pointer == "/timing" => {}
         Value::Object(fields) if !fields.contains_key("format") => {
             fields
@@ -153,7 +153,7 @@ fn word(format: Format, long: Option<&Value>, m: &Mutation) -> Value {
     }
 }
 
-/// As wide as a port can be, the point anywhere.
+/// A word as wide as a port can be, with the binary point anywhere.
 fn wide(signed: bool, m: &Mutation) -> Format {
     let frac_bits = m.second.rem_euclid(MAX_FRACTION_BITS + 1);
     Format {

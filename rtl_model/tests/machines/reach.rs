@@ -1,5 +1,5 @@
-//! Does no weight beyond its reach count, and the last within it? Every opacity and every radial
-//! index of small formats, through the units.
+//! Does a weight beyond its reach never count, and does the last one within it? Every opacity and
+//! every radial index of small formats, through the units.
 
 use rtl_model::Machine;
 use rtl_model::machine::{Interpolation, TableShape};
@@ -12,7 +12,7 @@ fn unsigned(int_bits: i32, frac_bits: i32) -> Word {
 }
 
 /// Machines of Gaussians with few bits: opacities finer and coarser than amplitudes and weights,
-/// tables with lines and without.
+/// tables with and without interpolation.
 fn machines() -> Vec<Machine> {
     let shapes = [
         (
@@ -81,7 +81,8 @@ fn no_weight_beyond_its_reach_counts() {
         ]
         .map(|word| word.format);
         let more = machine.raster.radial.format.frac_bits - radial.frac_bits;
-        // What `ellipse` makes of an opacity, on paper: the nearest amplitude, ties up.
+        // Amplitude of an opacity according to the specification of `ellipse`: the nearest word,
+        // ties up.
         let peak = |word: i64| {
             let places = opacity.frac_bits - amplitude.frac_bits;
             let nearest = if places > 0 {

@@ -1,4 +1,4 @@
-//! Which microarchitectures can be built, and does every one that can go through a frame?
+//! Which microarchitectures elaborate, and does every one of them complete a frame?
 
 use crate::frames::{ellipsoids, frame};
 use proptest::prelude::*;
@@ -29,7 +29,7 @@ fn work_of(machine: &Machine) -> Work {
     draw_measured(&machine.elaborate().unwrap(), &frame).2
 }
 
-/// Of ellipsoids, which are lit before they are drawn, and sorted by a machine that sorts.
+/// Work of ellipsoids, which are lit before they are drawn, and sorted on a machine that sorts.
 fn work_of_sheets(machine: &Machine) -> Work {
     let mut frame = ellipsoids(machine, 5, 500);
     (frame.width, frame.height) = (75, 40);
@@ -48,7 +48,7 @@ fn with(machine: &Machine, field: &str, to: Value) -> Machine {
     serde_json::from_value(value).unwrap()
 }
 
-/// What a machine without a mistake cannot have; each misfit names its field.
+/// Impossible values; each elaboration error names its field.
 #[test]
 fn impossible_microarchitectures_are_refused_all_at_once_in_sentences() {
     let wrong = [
@@ -155,33 +155,33 @@ fn impossible_microarchitectures_are_refused_all_at_once_in_sentences() {
     ];
     let mut all = reference();
     for (field, value, sentence) in wrong {
-        let misfits = with(&reference(), field, value.clone())
+        let errors = with(&reference(), field, value.clone())
             .elaborate()
             .unwrap_err();
-        assert_eq!(misfits, [sentence]);
+        assert_eq!(errors, [sentence]);
         all = with(&all, field, value);
     }
     all.timing.clock_hz = 0;
-    let misfits = all.elaborate().unwrap_err();
+    let errors = all.elaborate().unwrap_err();
     assert!(
-        misfits.len() >= 9
-            && misfits
+        errors.len() >= 9
+            && errors
                 .iter()
-                .any(|misfit| misfit.starts_with("timing.clock_hz is 0")),
-        "{misfits:#?}"
+                .any(|error| error.starts_with("timing.clock_hz is 0")),
+        "{errors:#?}"
     );
 }
 
 /// An immediate machine has no tiles that engines could share.
 #[test]
-fn engines_are_a_binned_machines() {
+fn only_a_binned_machine_has_several_engines() {
     let mut machine = reference();
     (machine.timing.engines, machine.timing.queue) = (Some(2), Queue::Longest);
     assert!(machine.elaborate().is_ok());
     machine.timing.organisation = Organisation::Immediate;
-    let misfits = machine.elaborate().unwrap_err();
+    let errors = machine.elaborate().unwrap_err();
     assert_eq!(
-        misfits,
+        errors,
         [
             "timing.engines is 2, but an immediate machine has no tiles to share: binned would do",
             "timing.queue is longest, but an immediate machine has no tiles: order would do"
@@ -194,7 +194,7 @@ fn engines_are_a_binned_machines() {
     );
 }
 
-/// What a faster clock asks for, and what multipliers in turns do, is not had for nothing.
+/// A faster clock and shared multipliers cost cycles.
 #[test]
 fn a_machine_cannot_be_faster_than_its_operators() {
     let built = |change: &dyn Fn(&mut Machine)| {
@@ -203,10 +203,10 @@ fn a_machine_cannot_be_faster_than_its_operators() {
         machine.elaborate().map(|elaborated| elaborated.timing)
     };
     let refused = |change: &dyn Fn(&mut Machine)| built(change).unwrap_err();
-    // In open 180 nm cells a layer takes resolve 5.8 ns and its register half a one.
-    let misfits = refused(&|m| m.timing.technology = Technology::Nm180);
+    // In open 180 nm cells a layer takes resolve 5.8 ns and its register half a nanosecond.
+    let errors = refused(&|m| m.timing.technology = Technology::Nm180);
     assert_eq!(
-        misfits,
+        errors,
         [
             "timing.clock_hz is 400000000, but a layer takes resolve 59.5 FO4, and has one cycle: at most 156 MHz in 180 nm"
         ]
@@ -215,23 +215,23 @@ fn a_machine_cannot_be_faster_than_its_operators() {
         built(&|m| (m.timing.technology, m.timing.clock_hz) = (Technology::Nm180, 156_000_000))
             .is_ok()
     );
-    let misfits = refused(&|m| m.timing.clock_hz = 2_500_000_000);
+    let errors = refused(&|m| m.timing.clock_hz = 2_500_000_000);
     assert!(
-        misfits.len() == 1 && misfits[0].ends_with("at most 1536 MHz in 28 nm"),
-        "{misfits:?}"
+        errors.len() == 1 && errors[0].ends_with("at most 1536 MHz in 28 nm"),
+        "{errors:?}"
     );
-    // A pixel is not taken again before it has gone the whole way.
-    let soon = |clock_hz| {
+    // A pixel is not taken again before it has passed the whole critical path.
+    let hazard_of_one = |clock_hz| {
         move |m: &mut Machine| (m.timing.fragment.hazard, m.timing.clock_hz) = (Some(1), clock_hz)
     };
-    assert!(built(&soon(700_000_000)).is_ok());
+    assert!(built(&hazard_of_one(700_000_000)).is_ok());
     assert_eq!(
-        refused(&soon(750_000_000)),
+        refused(&hazard_of_one(750_000_000)),
         [
             "timing.fragment.hazard is 1, but its longest way takes 132.1 FO4: 2 cycles at 750 MHz in 28 nm"
         ]
     );
-    // A latency that would do at a slow clock does not at a fast one.
+    // A latency that is enough at a slow clock is too short at a fast one.
     let three = |clock_hz| {
         move |m: &mut Machine| (m.timing.shade.latency, m.timing.clock_hz) = (Some(3), clock_hz)
     };
@@ -256,14 +256,14 @@ fn a_machine_cannot_be_faster_than_its_operators() {
         ["timing.project.interval is 18, but 19 products take 19 cycles where multipliers are 1"]
     );
     assert_eq!(refused(&one(None, Some(18))).len(), 1);
-    // Two that merge are blended in no less than a cycle.
+    // A merge of two fragments takes at least one cycle.
     assert_eq!(
         refused(&|m| m.timing.fragment.merge = 0),
         [
             "timing.fragment.merge is 0, but its longest way takes 60.1 FO4: 1 cycle at 400 MHz in 28 nm"
         ]
     );
-    // Whatever is absurd is refused in sentences.
+    // All absurd values are refused in sentences.
     let absurd: [&dyn Fn(&mut Machine); 9] = [
         &|m| m.timing.clock_hz = u64::MAX,
         &|m| m.fragment.layers = u32::MAX,
@@ -278,7 +278,7 @@ fn a_machine_cannot_be_faster_than_its_operators() {
     for absurd in absurd {
         assert!(!refused(absurd).is_empty());
     }
-    // Ideal gates are for asking.
+    // Ideal gates are allowed for what-if studies.
     assert!(
         built(&|m| (
             m.timing.technology,
@@ -289,7 +289,7 @@ fn a_machine_cannot_be_faster_than_its_operators() {
     );
 }
 
-/// The four counts of every unit sum to the total, whatever it waits for.
+/// The four counts of every unit sum to the total, for every stall reason.
 fn accounts_for_all(cycles: &Cycles) {
     for unit in &cycles.units {
         let account = unit.account;
@@ -318,10 +318,15 @@ fn accounts_for_all(cycles: &Cycles) {
                 .count(),
             together.clone().filter(|other| other.index == 0).count(),
         ];
-        assert_eq!([index, first], [1, 1], "two units are called {}", unit.name);
+        assert_eq!(
+            [index, first],
+            [1, 1],
+            "two units have the name {}",
+            unit.name
+        );
         let busy = account.busy;
         let Some(timeline) = &unit.timeline else {
-            panic!("of {} nobody says when it was used", unit.name)
+            panic!("the use of {} over time is missing", unit.name)
         };
         let over_time: u64 = timeline.busy.iter().sum();
         let waits = unit.name == "cache" && over_time >= busy;
@@ -344,7 +349,7 @@ fn accounts_for_all(cycles: &Cycles) {
     }
 }
 
-/// Numbers from the smallest to far too many.
+/// Numbers from the smallest to far too large.
 fn numbers() -> impl Strategy<Value = Vec<u32>> {
     prop::collection::vec(
         prop_oneof![4 => 1..5u32, 3 => prop::sample::select(vec![8, 16, 32, 64]), 1 => prop::sample::select(vec![0, 4096, u32::MAX])],
@@ -380,7 +385,7 @@ proptest! {
         let machine: Machine = serde_json::from_value(value).unwrap();
         match machine.elaborate() {
             Ok(elaborated) => accounts_for_all(&replay(&elaborated.timing, &work(), Detail::Histograms)),
-            Err(misfits) => prop_assert!(misfits.iter().all(|misfit| misfit.contains("timing") && misfit.len() < 200), "{:#?}", misfits),
+            Err(errors) => prop_assert!(errors.iter().all(|error| error.contains("timing") && error.len() < 200), "{:#?}", errors),
         }
     }
 }
@@ -400,7 +405,7 @@ fn every_cycle_of_the_default_machines_is_accounted_for() {
     }
 }
 
-/// Where memory is slow and all else is quick, a frame takes what its bytes take.
+/// With slow memory and all else fast, a frame takes the time of its bytes.
 #[test]
 fn a_frame_bound_by_memory_takes_its_bytes_over_the_bandwidth() {
     for organisation in [Organisation::Immediate, Organisation::Binned] {
@@ -430,7 +435,7 @@ fn a_frame_bound_by_memory_takes_its_bytes_over_the_bandwidth() {
     }
 }
 
-/// Merging takes no longer than anything else.
+/// A machine whose merging is as fast as anything else.
 fn quick() -> Machine {
     let mut machine = reference();
     machine.timing.technology = Technology::Ideal;
@@ -438,7 +443,7 @@ fn quick() -> Machine {
     machine
 }
 
-/// Cycles of a frame without each of its limits, by itself.
+/// Cycles of a frame when each of its limits is lifted, one at a time.
 fn lifted(
     timing: &Microarchitecture,
     work: &Work,
@@ -472,10 +477,9 @@ fn lifted(
         .collect()
 }
 
-/// What limits is what gains most where it is lifted, and nothing that is not tried would gain
-/// more.
+/// The limit is the one whose removal gains most, and no removal that is not tried would gain more.
 #[test]
-fn the_limit_is_what_gains_most_where_it_is_lifted() {
+fn lifting_the_limit_gains_most() {
     let work = work();
     let fields: [(&str, &[Value]); 6] = [
         ("raster/lanes", &[json!([1, 1]), json!([8, 8])]),
@@ -510,12 +514,12 @@ fn the_limit_is_what_gains_most_where_it_is_lifted() {
         }
     }
     for name in ["hazard", "memory", "raster", "fragment", "project"] {
-        assert!(met.contains(&name), "nothing is limited by {name}: {met:?}");
+        assert!(met.contains(&name), "{name} never is the limit: {met:?}");
     }
 }
 
-/// One pixel, again and again: the fragment unit waits for itself, and memory, which is busier than
-/// any unit, limits nothing.
+/// One pixel, repeated: the fragment unit stalls on itself. Memory is busier than any unit, and
+/// still limits nothing.
 #[test]
 fn a_hazard_that_blocks_is_the_limit_not_a_busy_memory() {
     let mut machine = quick();
@@ -547,7 +551,7 @@ fn a_hazard_that_blocks_is_the_limit_not_a_busy_memory() {
     );
 }
 
-/// Tiles of any size hold the same pixels and end with the same light.
+/// Tiles of any size contain the same pixels, with the same final light.
 #[test]
 fn tiles_of_any_size_do_the_same_work() {
     let work = work();
@@ -575,7 +579,7 @@ fn tiles_of_any_size_do_the_same_work() {
     }
 }
 
-/// Machines and what they have to do.
+/// Machines and their work.
 static WORKS: LazyLock<[(Machine, Work); 6]> = LazyLock::new(|| {
     let names = [
         ("reference", None),
@@ -620,7 +624,7 @@ static WORKS: LazyLock<[(Machine, Work); 6]> = LazyLock::new(|| {
     works
 });
 
-/// Values that decide between limits, one of each in turn.
+/// Values that select between limits, one of each in turn.
 const BETWEEN: [(&str, [u32; 5]); 10] = [
     ("fragment/hazard", [1, 2, 8, 40, 300]),
     ("fragment/merge", [0, 1, 3, 12, 60]),
@@ -634,8 +638,8 @@ const BETWEEN: [(&str, [u32; 5]); 10] = [
     ("tile/buffers", [1, 2, 1, 2, 1]),
 ];
 
-/// Whether no limit of a machine with these values costs more than is said, and the one that is
-/// found costs most.
+/// Whether every limit of a machine with these values costs at most its bound, and the limit found
+/// costs most.
 fn bounds_hold(
     values: &[usize],
     binned: bool,
@@ -647,7 +651,7 @@ fn bounds_hold(
     for ((field, choice), value) in BETWEEN.iter().zip(values) {
         machine = with(&machine, field, json!(choice[*value]));
     }
-    // To form windows takes 23 cycles.
+    // Forming windows takes 23 cycles.
     machine.timing.fragment.merge += if which == 1 { 23 } else { 0 };
     machine.timing.organisation = if binned {
         Organisation::Binned
@@ -667,7 +671,7 @@ fn bounds_hold(
             .iter()
             .find(|(_, other, why)| (*other, *why) == (name, by))
             .unwrap();
-        // Requests in another order may gain as much more, where others wait for what one asks.
+        // Requests in another order may gain as much again, where others stall on one of them.
         let reordered = if ideal || by == Limited::Memory {
             0
         } else {
@@ -695,18 +699,18 @@ fn bounds_hold(
     Ok(())
 }
 
-/// What did not hold once.
+/// A case in which a bound was wrong in the past.
 #[test]
-fn bounds_on_limits_hold_where_they_did_not() {
+fn bounds_on_limits_hold_in_a_former_failure() {
     bounds_hold(&[0, 0, 0, 1, 2, 0, 2, 0, 0, 0], true, 2, false).unwrap();
 }
 
 proptest! {
     #![proptest_config(ProptestConfig { cases: 120, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// So what is not tried, because it could not gain more than was found, would not have.
+    /// Limits whose bound is below the found gain are not tried; so none of them would gain more.
     #[test]
-    fn no_limit_costs_more_than_is_said_without_a_replay(
+    fn no_limit_costs_more_than_its_bound_without_a_replay(
         values in prop::collection::vec(0..5usize, BETWEEN.len()), binned in any::<bool>(), which in 0..6usize, ideal in prop::bool::weighted(0.25),
     ) {
         bounds_hold(&values, binned, which, ideal)?;

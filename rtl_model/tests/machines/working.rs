@@ -1,4 +1,4 @@
-//! Is the work that is recorded the work that was done?
+//! Is the recorded work the work that was done?
 
 use crate::frames::{ellipsoids, frame, in_tile};
 use rtl_model::frame::Each;
@@ -12,19 +12,19 @@ use rtl_model::{Elaborated, Frame, Machine};
 use std::any::Any;
 use std::collections::BTreeMap;
 
-/// Hears decisions one by one: what became of each contribution, pixel by pixel, and what each
-/// pixel held.
+/// Observes decisions one by one: the decision on each contribution, pixel by pixel, and the final
+/// slots of each pixel.
 #[derive(Default)]
-struct Witness {
+struct DecisionLog {
     pixels: BTreeMap<[u32; 2], Vec<(u32, Decision)>>,
     held: BTreeMap<[u32; 2], [u8; 2]>,
-    /// Slots that contributions opened.
+    /// Number of slots that contributions opened.
     inserted: BTreeMap<[u32; 2], u8>,
 }
 
-impl Observer<'static> for Witness {
+impl Observer<'static> for DecisionLog {
     fn fork(&self) -> Box<dyn Observer<'static>> {
-        Box::new(Witness::default())
+        Box::new(DecisionLog::default())
     }
 
     fn hand_over(self: Box<Self>) -> Box<dyn Any + Send> {
@@ -32,7 +32,7 @@ impl Observer<'static> for Witness {
     }
 
     fn take_over(&mut self, seen: Box<dyn Any + Send>) {
-        let fork = seen.downcast::<Witness>().unwrap();
+        let fork = seen.downcast::<DecisionLog>().unwrap();
         self.pixels.extend(fork.pixels);
         self.held.extend(fork.held);
         self.inserted.extend(fork.inserted);
@@ -53,8 +53,8 @@ impl Observer<'static> for Witness {
     }
 }
 
-/// The record's contributions, pixel by pixel; faint ones too.
-fn told(work: &Work) -> BTreeMap<[u32; 2], Vec<(u32, Event)>> {
+/// Contributions in the record, pixel by pixel, including faint ones.
+fn recorded_contributions(work: &Work) -> BTreeMap<[u32; 2], Vec<(u32, Event)>> {
     let mut pixels: BTreeMap<[u32; 2], Vec<_>> = BTreeMap::new();
     for tile in &work.tiles {
         let mut reader = tile.reader();
@@ -89,7 +89,7 @@ fn told(work: &Work) -> BTreeMap<[u32; 2], Vec<(u32, Event)>> {
             }
             assert!(
                 events.is_empty(),
-                "of pixels that were not kept: {events:?}"
+                "events of pixels that were not kept: {events:?}"
             );
         }
     }
@@ -142,16 +142,16 @@ fn crowds() -> Vec<(Elaborated, Frame)> {
 }
 
 #[test]
-fn what_is_recorded_is_what_was_drawn() {
+fn the_record_equals_the_drawing() {
     let mut seen = BTreeMap::new();
     for (machine, frame) in crowds() {
         let (drawing, _, work) = draw_measured(&machine, &frame);
         assert_eq!(drawing, draw_unobserved(&machine, &frame));
-        let mut witness = Witness::default();
+        let mut witness = DecisionLog::default();
         draw_with_decisions(&machine, &frame, &mut witness);
 
-        let told = told(&work);
-        for (pixel, events) in &told {
+        let recorded = recorded_contributions(&work);
+        for (pixel, events) in &recorded {
             let decisions = witness.pixels.remove(pixel).unwrap_or_default();
             let kept: Vec<_> = events
                 .iter()
@@ -178,8 +178,8 @@ fn what_is_recorded_is_what_was_drawn() {
                 .unwrap();
             let is = tile.pixel(TILE_PX * row + column);
             if frame.window.is_some() {
-                // All slots, of which windows make fewer layers; what lies inside of another is
-                // shaded too.
+                // All slots. Windows make fewer layers of them; slots inside another are shaded
+                // too.
                 assert!(
                     is[0] == witness.inserted.remove(&pixel).unwrap_or(0)
                         && is[1] >= held[1]
@@ -213,8 +213,8 @@ fn what_is_recorded_is_what_was_drawn() {
             work.footprints
                 .is_sorted_by_key(|footprint| footprint.splat)
         );
-        // A merge needs light where a fragment has none yet.
-        let shades: u64 = told
+        // A merge shades each of its fragments that is not shaded yet.
+        let shades: u64 = recorded
             .values()
             .flatten()
             .map(|(_, event)| {
@@ -245,7 +245,7 @@ fn what_is_recorded_is_what_was_drawn() {
     }
 }
 
-/// Of sheets: a pixel stops once, with the contribution after which it drops whatever comes.
+/// A pixel of sheets stops once, with the contribution after which it drops all others.
 #[test]
 fn where_a_pixel_stops_is_recorded() {
     let mut seen = [0; 3];
@@ -258,9 +258,9 @@ fn where_a_pixel_stops_is_recorded() {
             };
             let machine = machine.elaborate().unwrap();
             let (_, _, work) = draw_measured(&machine, &frame);
-            let mut witness = Witness::default();
+            let mut witness = DecisionLog::default();
             draw_with_decisions(&machine, &frame, &mut witness);
-            for (pixel, events) in told(&work) {
+            for (pixel, events) in recorded_contributions(&work) {
                 let decisions = witness.pixels.remove(&pixel).unwrap_or_default();
                 let kept: Vec<_> = events
                     .into_iter()
@@ -278,7 +278,7 @@ fn where_a_pixel_stops_is_recorded() {
                             (Event::Accumulated, Decision::Dropped),
                             "{pixel:?}"
                         ),
-                        // The last one may count still; a sheet before it has been blended.
+                        // The last one may still count; the sheet before it has been blended.
                         Some(at) if nth == at => {
                             assert_eq!(
                                 decision == Decision::Dropped,

@@ -1,8 +1,8 @@
-//! Do ticks and replay agree in every number, on any machine and any work?
+//! Do ticked and replayed frames agree in every number, on any machine and any work?
 
 use crate::frames::{Rng, ellipsoids, frame};
 use crate::memory::Traffic;
-use crate::parts::{Side, Ticked};
+use crate::parts::{Ticked, UnitInstance};
 use crate::scene::Scene;
 use crate::{binned, immediate, machines, scene};
 use rtl_model::Machine;
@@ -13,16 +13,16 @@ use rtl_model::timing::{Account, Cycles, Detail, Share, TileCycles, UnitCycles, 
 use rtl_model::work::Work;
 use std::collections::BTreeMap;
 
-/// The first number in which they differ.
+/// First number in which they differ.
 fn difference(ticked: &Ticked, replayed: &Cycles) -> Option<String> {
     let mut others = replayed.units.iter();
     for unit in &ticked.units {
-        for (place, side) in unit.sides.iter().enumerate() {
+        for (place, instance) in unit.instances.iter().enumerate() {
             let other = others.next().filter(|other| {
                 other.name == unit.name && other.index as usize == unit.others as usize + place
             });
             let Some(other) = other else {
-                return Some(format!("{} {place} is not there", unit.name));
+                return Some(format!("{} {place} is missing", unit.name));
             };
             if place == 0 && unit.log != other.log {
                 let at = unit
@@ -34,11 +34,14 @@ fn difference(ticked: &Ticked, replayed: &Cycles) -> Option<String> {
                 let [ticked, replayed] =
                     [&unit.log, &other.log].map(|log| (log.len(), log.get(at)));
                 return Some(format!(
-                    "{} takes item {at} (of so many, in cycle): ticked {ticked:?}, replayed {replayed:?}",
+                    "{} takes item {at} (item, cycle): ticked {ticked:?}, replayed {replayed:?}",
                     unit.name
                 ));
             }
-            let [ticked, replayed] = [(side.items, side.account), (other.items, other.account)];
+            let [ticked, replayed] = [
+                (instance.items, instance.account),
+                (other.items, other.account),
+            ];
             if ticked != replayed {
                 return Some(format!(
                     "{} {place}: ticked {ticked:?}, replayed {replayed:?}",
@@ -70,7 +73,7 @@ fn difference(ticked: &Ticked, replayed: &Cycles) -> Option<String> {
     })
 }
 
-/// What is moved does not depend on when.
+/// Traffic does not depend on timing.
 pub fn difference_in_traffic(ticked: &Ticked, replayed: &Cycles) -> Option<String> {
     let Traffic { bytes, bursts, .. } = ticked.traffic;
     let [ticked, replayed] = [
@@ -88,9 +91,9 @@ pub fn tick(timing: &Microarchitecture, scene: &Scene) -> Ticked {
     }
 }
 
-/// What is told with so much detail.
-fn told_briefly(cycles: Cycles, detail: Detail) -> Cycles {
-    let told = if detail == Detail::Total {
+/// Cycles as reported at this level of detail.
+fn at_detail(cycles: Cycles, detail: Detail) -> Cycles {
+    let reported = if detail == Detail::Total {
         Vec::new()
     } else {
         cycles.units
@@ -109,22 +112,22 @@ fn told_briefly(cycles: Cycles, detail: Detail) -> Cycles {
     };
     let tiles = cycles.tiles.filter(|_| detail >= Detail::Histograms);
     Cycles {
-        units: told.into_iter().map(of).collect(),
+        units: reported.into_iter().map(of).collect(),
         requests: Vec::new(),
         tiles,
         ..cycles
     }
 }
 
-/// The first thing in which an engine's tiles are not what one of its units did.
+/// First engine whose tiles differ from its units' activity.
 fn difference_in_shares(
     (name, base): (&str, &str),
     mut from: u64,
     (drawn, shares): (&[&TileCycles], &[Share]),
-    side: Option<(&Side, Option<&Vec<u64>>)>,
+    instance: Option<(&UnitInstance, Option<&Vec<u64>>)>,
     stops: bool,
 ) -> Option<String> {
-    // Shares lie end to end and leave nothing out.
+    // Shares are contiguous and cover all cycles.
     for Share {
         until,
         account:
@@ -149,11 +152,11 @@ fn difference_in_shares(
         sum(|account| account.blocked),
         sum(|account| account.memory),
     ];
-    // A shade unit that is setup's did what it did before.
+    // A shade unit used by setup did the same work before.
     if base == "shade" && shared == [0; 3] {
         return None;
     }
-    let Some((Side { account: whole, .. }, log)) = side else {
+    let Some((UnitInstance { account: whole, .. }, log)) = instance else {
         return Some(format!("{name} does not tick"));
     };
     if shared != [whole.busy, whole.blocked, whole.memory] {
@@ -188,7 +191,7 @@ fn difference_in_shares(
     }
 }
 
-/// The first thing in which a frame's tiles are not what its units did.
+/// First tile of a frame that differs from its units' activity.
 fn difference_in_tiles(
     ticked: &Ticked,
     replayed: &Cycles,
@@ -196,7 +199,7 @@ fn difference_in_tiles(
     stops: bool,
 ) -> Option<String> {
     let Some(tiles) = &replayed.tiles else {
-        // Without an entry there is no tile.
+        // Without an entry there are no tiles.
         let is_drawn = ticked
             .units
             .iter()
@@ -221,20 +224,19 @@ fn difference_in_tiles(
                 .iter()
                 .filter(|other| other.split('.').next() == Some(base))
                 .count();
-            // Its first cycle is not known of a side that is not the first: logs are those of all
-            // sides.
-            let side = ticked
+            // The first cycle of instances other than the first is unknown: logs cover all.
+            let instance = ticked
                 .units
                 .iter()
                 .filter(|unit| unit.name == base)
                 .find_map(|unit| {
                     let place = (engine * each + own).checked_sub(unit.others as usize)?;
-                    unit.sides
-                        .get(place)
-                        .map(|side| (side, (unit.sides.len() == 1).then_some(&unit.log)))
+                    unit.instances.get(place).map(|instance| {
+                        (instance, (unit.instances.len() == 1).then_some(&unit.log))
+                    })
                 });
             if let Some(difference) =
-                difference_in_shares((name, base), tiles.from, (&drawn, &shares), side, stops)
+                difference_in_shares((name, base), tiles.from, (&drawn, &shares), instance, stops)
             {
                 return Some(difference);
             }
@@ -251,7 +253,7 @@ fn compare(timing: &Microarchitecture, scene: &Scene, work: &Work) -> Result<Tic
     let replayed = replay(timing, work, Detail::Log);
     for detail in [Detail::Total, Detail::Accounts, Detail::Histograms] {
         let [brief, all] = [replay(timing, work, detail), replayed.clone()]
-            .map(|cycles| told_briefly(cycles, detail));
+            .map(|cycles| at_detail(cycles, detail));
         assert_eq!(brief, all);
     }
     let in_tiles = || match timing.timing.organisation {
@@ -272,15 +274,15 @@ fn compare(timing: &Microarchitecture, scene: &Scene, work: &Work) -> Result<Tic
     }
 }
 
-/// Counts what came to pass, so that nothing is tried only in name.
+/// Counts of events, to check that each kind really occurs.
 #[derive(Default)]
-struct Seen(BTreeMap<String, u64>);
+struct EventCounts(BTreeMap<String, u64>);
 
-impl Seen {
-    fn see(&mut self, ticked: &Ticked) {
+impl EventCounts {
+    fn count(&mut self, ticked: &Ticked) {
         for unit in &ticked.units {
-            for side in &unit.sides {
-                let account = side.account;
+            for instance in &unit.instances {
+                let account = instance.account;
                 for (what, cycles) in [
                     ("busy", account.busy),
                     ("starved", account.starved),
@@ -293,14 +295,14 @@ impl Seen {
         }
         *self.0.entry("look-ups".into()).or_default() += ticked.lookups[0];
         *self.0.entry("texels".into()).or_default() += ticked.texels[0];
-        *self.0.entry("texels that were here".into()).or_default() += ticked.texels[1];
+        *self.0.entry("texel hits".into()).or_default() += ticked.texels[1];
         *self.0.entry("misses".into()).or_default() += ticked.lookups[0] - ticked.lookups[1];
     }
 
-    /// Of frames that were drawn: a third of them need not have met all that seldom happens.
-    fn demand_of_drawn(&self, never: &[&str]) {
+    /// Required counts for drawn frames, where a third of the rare events may be missing.
+    fn require_of_drawn(&self, never: &[&str]) {
         if crate::tier::tier() == crate::tier::Tier::Full {
-            return self.demand(15, never);
+            return self.require(15, never);
         }
         assert!(
             self.0
@@ -316,9 +318,9 @@ impl Seen {
         );
     }
 
-    fn demand(&self, least: u64, never: &[&str]) {
+    fn require(&self, least: u64, never: &[&str]) {
         for (what, cycles) in &self.0 {
-            // Few are drawn that have a colour to wait with.
+            // Few drawn frames have a colour that can block.
             let least = if what == "colour blocked" {
                 least / 8
             } else {
@@ -337,10 +339,10 @@ impl Seen {
     }
 }
 
-/// What cannot happen to the units of an immediate machine.
+/// Events that cannot happen to units of an immediate machine.
 const NEVER: [&str; 9] = [
     "texels",
-    "texels that were here",
+    "texel hits",
     "ellipse memory",
     "colour memory",
     "setup-shade memory",
@@ -349,10 +351,10 @@ const NEVER: [&str; 9] = [
     "shade memory",
     "resolve blocked",
 ];
-/// And to those of a binned one, which looks nothing up.
+/// Events that cannot happen to units of a binned machine without a reflected map.
 const NEVER_BINNED: [&str; 16] = [
     "texels",
-    "texels that were here",
+    "texel hits",
     "ellipse memory",
     "colour memory",
     "setup-shade memory",
@@ -384,17 +386,17 @@ pub fn of(organisation: Organisation, rng: &mut Rng) -> Timing {
 
 /// This run's third of the seeds.
 fn seeds(cases: u64) -> impl Iterator<Item = u64> {
-    // Eight in a row: what a scene has depends on remainders of the seed.
+    // Eight consecutive seeds: the features of a scene depend on remainders of the seed.
     (0..cases).filter(|seed| crate::tier::has([3, 3], *seed as usize / 8))
 }
 
-/// How much must have been seen in these.
-fn of_all(least: u64) -> u64 {
+/// Number of events required in this run's part of the seeds.
+fn share_of(least: u64) -> u64 {
     crate::tier::of([3, 3], least as usize) as u64
 }
 
 fn compare_random(organisation: Organisation, cases: u64, never: &[&str]) {
-    let mut seen = Seen::default();
+    let mut events = EventCounts::default();
     for (size, splats, share) in [
         ([3, 3], 1, 1),
         ([4, 4], 3, 2),
@@ -407,7 +409,7 @@ fn compare_random(organisation: Organisation, cases: u64, never: &[&str]) {
             let timing = of(organisation, &mut rng);
             let scene = scene::random(&mut rng, size, splats);
             let scene = if seed % 4 == 3 { scene.lit() } else { scene };
-            // Some have harmonics, of which most have light of their own.
+            // Some have harmonics, most of those with their own light.
             let scene = Scene {
                 harmonics: [0, 0, 1, 2, 3][seed as usize % 5],
                 ..scene
@@ -429,7 +431,7 @@ fn compare_random(organisation: Organisation, cases: u64, never: &[&str]) {
                 machines::elaborate(timing)
             };
             match compare(&timing, &scene, &scene.record()) {
-                Ok(ticked) => seen.see(&ticked),
+                Ok(ticked) => events.count(&ticked),
                 Err(difference) => panic!(
                     "{difference}\nseed {seed} of {size:?}, {splats} splats\n{:#?}\n{scene:?}",
                     timing.timing
@@ -437,11 +439,11 @@ fn compare_random(organisation: Organisation, cases: u64, never: &[&str]) {
             }
         }
     }
-    seen.demand(of_all(1000), never);
+    events.require(share_of(1000), never);
 }
 
 fn compare_drawn(organisation: Organisation, never: &[&str]) {
-    let mut seen = Seen::default();
+    let mut events = EventCounts::default();
     let sorting = (organisation == Organisation::Binned).then_some(("gaussian", 160));
     for (name, frames) in Machine::NAMES
         .into_iter()
@@ -466,7 +468,7 @@ fn compare_drawn(organisation: Organisation, never: &[&str]) {
                 frame(&machine, seed, 500)
             };
             if is_volume && frame.sheets.is_none() {
-                // What is lit already is not lit again.
+                // Splats that are lit are not lit again.
                 frame
                     .ellipsoids
                     .iter_mut()
@@ -482,7 +484,7 @@ fn compare_drawn(organisation: Organisation, never: &[&str]) {
             let machine = machine.elaborate().unwrap();
             let (_, _, work) = draw_measured(&machine, &frame);
             match compare(&machine.timing, &Scene::read(&work), &work) {
-                Ok(ticked) => seen.see(&ticked),
+                Ok(ticked) => events.count(&ticked),
                 Err(difference) => panic!(
                     "{difference}\nframe {seed} of {name}\n{:#?}",
                     machine.timing.timing
@@ -490,7 +492,7 @@ fn compare_drawn(organisation: Organisation, never: &[&str]) {
             }
         }
     }
-    seen.demand_of_drawn(never);
+    events.require_of_drawn(never);
 }
 
 #[test]
@@ -505,8 +507,8 @@ fn a_binned_frame_ticks_as_it_is_replayed() {
 
 /// Surroundings in memory behind any cache, or loaded before the frame.
 #[test]
-fn a_frame_that_mirrors_ticks_as_it_is_replayed() {
-    let mut seen = Seen::default();
+fn a_frame_with_reflections_ticks_as_it_is_replayed() {
+    let mut events = EventCounts::default();
     for (nth, organisation) in (0..).zip([Organisation::Immediate, Organisation::Binned]) {
         for (size, splats, cases) in [([3, 3], 2, 300), ([8, 8], 5, 300), ([60, 50], 30, 60)] {
             for seed in seeds(cases) {
@@ -519,7 +521,7 @@ fn a_frame_that_mirrors_ticks_as_it_is_replayed() {
                     ..scene
                 };
                 match compare(&timing, &scene, &scene.record()) {
-                    Ok(ticked) => seen.see(&ticked),
+                    Ok(ticked) => events.count(&ticked),
                     Err(difference) => panic!(
                         "{difference}\nseed {seed} of {size:?}, {splats} splats\n{:#?}\n{scene:?}",
                         timing.timing
@@ -533,11 +535,11 @@ fn a_frame_that_mirrors_ticks_as_it_is_replayed() {
         "resolve-shade memory",
         "fetch memory",
         "texels",
-        "texels that were here",
+        "texel hits",
     ] {
-        assert!(seen.0[what] > of_all(1000), "{what}: {:?}", seen.0);
+        assert!(events.0[what] > share_of(1000), "{what}: {:?}", events.0);
     }
-    assert!(seen.0["texels"] > seen.0["texels that were here"]);
+    assert!(events.0["texels"] > events.0["texel hits"]);
 }
 
 #[test]
@@ -550,9 +552,9 @@ fn a_drawn_and_binned_frame_ticks_as_it_is_replayed() {
     compare_drawn(Organisation::Binned, &NEVER_BINNED);
 }
 
-/// Of units side by side each shares pixels, fragments or tiles with the others.
+/// Parallel units share pixels, fragments or tiles.
 fn compare_several(organisation: Organisation, cases: u64) {
-    let mut seen = Seen::default();
+    let mut events = EventCounts::default();
     for (size, splats) in [([4, 4], 3), ([12, 9], 12), ([60, 50], 40)] {
         for seed in seeds(cases) {
             let mut rng = Rng(seed);
@@ -567,7 +569,7 @@ fn compare_several(organisation: Organisation, cases: u64) {
             };
             let timing = machines::elaborate(timing);
             match compare(&timing, &scene, &scene.record()) {
-                Ok(ticked) => seen.see(&ticked),
+                Ok(ticked) => events.count(&ticked),
                 Err(difference) => panic!(
                     "{difference}\nseed {seed} of {size:?}, {splats} splats\n{:#?}\n{scene:?}",
                     timing.timing
@@ -577,13 +579,13 @@ fn compare_several(organisation: Organisation, cases: u64) {
     }
     let waits: u64 = ["fragment blocked", "resolve blocked"]
         .iter()
-        .map(|what| seen.0[*what].min(1))
+        .map(|what| events.0[*what].min(1))
         .sum();
-    assert_eq!(waits, 2, "{:?}", seen.0);
+    assert_eq!(waits, 2, "{:?}", events.0);
 }
 
 #[test]
-fn units_side_by_side_tick_as_they_are_replayed() {
+fn parallel_units_tick_as_they_are_replayed() {
     compare_several(Organisation::Immediate, 250);
 }
 
@@ -592,7 +594,7 @@ fn engines_tick_as_they_are_replayed() {
     compare_several(Organisation::Binned, 250);
 }
 
-/// So many entries that they are sorted in several parts.
+/// Enough entries that they are sorted in several parts.
 #[test]
 fn a_crowd_that_is_sorted_ticks_as_it_is_replayed() {
     let mut parts = 0;
@@ -622,10 +624,10 @@ fn a_crowd_that_is_sorted_ticks_as_it_is_replayed() {
     assert!(parts > 2, "{parts} parts");
 }
 
-/// Sorters of any size: lists that fit, chunks and buckets, of long lists and short ones.
+/// Sorters of any size: lists that fit, chunks and buckets, long lists and short ones.
 #[test]
 fn sorters_tick_as_they_are_replayed() {
-    let (mut seen, mut jobs) = (Seen::default(), BTreeMap::new());
+    let (mut events, mut jobs) = (EventCounts::default(), BTreeMap::new());
     for (size, splats, cases) in [
         ([8, 8], 6, 300),
         ([60, 50], 40, 300),
@@ -645,7 +647,7 @@ fn sorters_tick_as_they_are_replayed() {
             let elaborated = machine.elaborate().unwrap().timing;
             match compare(&elaborated, &scene, &scene.record()) {
                 Ok(ticked) => {
-                    seen.see(&ticked);
+                    events.count(&ticked);
                     let units = ticked.units.iter().filter(|unit| unit.name == "sort");
                     *jobs
                         .entry(format!("{:?}", machine.sort.unwrap().kind))
@@ -659,20 +661,20 @@ fn sorters_tick_as_they_are_replayed() {
         }
     }
     assert!(
-        jobs.len() == 2 && jobs.values().all(|jobs| *jobs as u64 > of_all(3000)),
+        jobs.len() == 2 && jobs.values().all(|jobs| *jobs as u64 > share_of(3000)),
         "{jobs:?}"
     );
     assert!(
         ["sort busy", "sort memory", "sort starved"]
             .iter()
-            .all(|what| seen.0[*what] > of_all(10_000)),
+            .all(|what| events.0[*what] > share_of(10_000)),
         "{:?}",
-        seen.0
+        events.0
     );
 }
 
 #[test]
-fn a_scene_is_read_as_it_was_told() {
+fn a_scene_is_read_back_from_its_record() {
     for seed in 0..300 {
         let scene = scene::random(&mut Rng(seed), [60, 50], 40);
         let scene = if seed % 4 == 3 { scene.lit() } else { scene };

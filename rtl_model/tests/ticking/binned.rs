@@ -1,27 +1,29 @@
-//! What does the binned machine do in each cycle? Two passes: lists are written, then tile after
-//! tile is drawn on the chip.
+//! What does the binned machine do in each cycle? It has two passes: it writes lists, then it draws
+//! tile after tile on chip.
 //!
-//! Between them a machine that sorts goes through all entries once for each digit of their depths:
-//! an entry a cycle, and a cycle for each value of the digit. It moves them in parts of 4096 bytes:
-//! a part is read when the one before is written, but not before the turn of its first entry, and
-//! written when it is here. A pass is over when it has no more to do and the last part is written.
+//! Between the passes a machine that sorts goes through all entries once per digit of their depths.
+//! A pass takes one cycle per entry and one per value of the digit. It moves entries in parts of
+//! 4096 bytes. A part is read after the part before is written, and not before the turn of its
+//! first entry; it is written when it has arrived. A pass ends when it has no more to do and the
+//! last part is written.
 //!
-//! Or sorters sort list after list (`sorters.rs`): then `bin` writes entries with their keys.
+//! Alternatively, sorters sort list after list (`sorters.rs`). Then `bin` writes entries with their
+//! keys.
 //!
-//! `bin` writes a record, then an entry a cycle; a burst goes when it is full, all that are begun
-//! go when the last word is written. `list` reads entries, and what they point to; fragments wait
-//! for a buffer; a tile is resolved when the last of its stamps is written, or left out; one that
-//! has stopped, when nothing of it is under way.
+//! `bin` writes a record, then one entry per cycle. A burst is sent when it is full; after the last
+//! word all partial bursts are sent. `list` reads entries and the records that they point to.
+//! Fragments stall until a buffer is free. A tile is resolved when the last of its stamps is
+//! written or skipped; a stopped tile when none of its stamps is in flight.
 //!
-//! A pixel that stops is left out by raster from the cycle on in which the stamp that stopped it is
-//! written. When all pixels of a tile have stopped, list passes over what is left of it, in no
-//! time, and raster drops what has come, an entry a cycle. Stamps of which every pixel has stopped
-//! raster passes over in no time; where none is left, that takes it a cycle.
+//! Raster skips a stopped pixel from the cycle on in which the stamp that stopped it is written.
+//! When all pixels of a tile have stopped, list skips the rest of the tile in no time, and raster
+//! drops the entries that have arrived, one per cycle. Raster skips stamps of which every pixel has
+//! stopped in no time; an entry without a remaining stamp takes it one cycle.
 
 use super::memory::{Done, LIST_BYTES, LISTS, Memory, RECORDS, Requests, WORDS};
 use super::parts::{
-    Act, Fill, HELD, Link, Merge, Mirror, SetUp, Ticked, Unit, light, places, resolve,
-    resolve_cycles, resolve_texels, run, stamps_of, texels_looked_up, turn,
+    Act, Fill, HELD, Link, Merge, SetupUnits, TexelShade, Ticked, TickedUnit, light, places,
+    resolve, resolve_cycles, resolve_texels, run, stamps_of, texels_looked_up, turn,
 };
 use super::scene::Scene;
 use super::sorters::{self, Sorters};
@@ -33,42 +35,42 @@ use std::ops::Range;
 
 /// Bytes of a list's entry.
 const ENTRY_BYTES: u64 = 4;
-/// Bytes that are sorted at a time, and where: from the one half to the other.
+/// Bytes sorted at a time, and the two halves of memory between which they move.
 const PART_BYTES: u64 = 4096;
 const HALVES: [u64; 2] = [1 << 60, (1 << 60) + (1 << 40)];
 
 /// A splat in a tile.
 struct Entry {
     splat: usize,
-    /// How many splats are drawn before it.
+    /// Number of splats drawn before it.
     record: u64,
     corner: [usize; 2],
-    /// Its tile's place in the picture, and its own place in the tile's list.
+    /// Place of its tile in the picture, and its own place in the tile's list.
     tile: u64,
     nth: u64,
-    /// Its tile among those that have an entry, and how many stamps with a weight it has there.
+    /// Index of its tile among tiles with entries, and the number of its stamps with a weight
+    /// there.
     drawn: usize,
     stamps: usize,
 }
 
-/// A tile to be drawn: those without an entry are none.
-struct Tile {
+/// A tile with entries.
+struct ListedTile {
     corner: [usize; 2],
     place: u64,
     entries: Range<usize>,
-    /// Stamps with a weight that are neither written nor left out, and when the last of the others
-    /// was.
+    /// Stamps with a weight that are neither written nor skipped, and the cycle of the last of the
+    /// others.
     left: usize,
     last: u64,
     /// Stamps with a weight between raster and fragment.
     under_way: usize,
-    /// Its pixels.
+    /// Pixels of the tile.
     pixels: Vec<usize>,
 }
 
-/// In which order they are drawn. Longer than two digits of 256 values can say is as long as they
-/// can.
-fn queue(timing: &Microarchitecture, tiles: &[Tile]) -> VecDeque<usize> {
+/// Order in which tiles are drawn. Lengths beyond two digits of 256 values count as the greatest.
+fn queue(timing: &Microarchitecture, tiles: &[ListedTile]) -> VecDeque<usize> {
     let mut all: Vec<usize> = (0..tiles.len()).collect();
     if timing.timing.queue == Queue::Longest {
         all.sort_by_key(|tile| {
@@ -81,74 +83,73 @@ fn queue(timing: &Microarchitecture, tiles: &[Tile]) -> VecDeque<usize> {
     all.into()
 }
 
-struct Machine<'a> {
+struct BinnedMachine<'a> {
     timing: &'a Microarchitecture,
     scene: &'a Scene,
     memory: Memory,
     now: u64,
     /// First pass.
-    setup: SetUp<'a>,
-    /// For each splat the tiles that it touches; how many splats do.
+    setup: SetupUnits<'a>,
+    /// For each splat the tiles that it touches; the number of splats that touch any.
     touched: Vec<Vec<usize>>,
     drawn: usize,
-    bin: Unit,
+    bin: TickedUnit,
     writes: Requests,
     record_bytes: u64,
     list_bytes: Vec<u64>,
-    /// When the last entry's cycle is over.
+    /// Cycle after that of the last entry.
     binned: u64,
-    /// What is left of records and lists goes; all lists are in memory, and in the order in which
-    /// splats are drawn.
+    /// The last bytes of records and lists are sent; all lists are in memory; they are sorted.
     flushed: bool,
     listed_all: bool,
     sorted: bool,
-    sort: Unit,
-    /// Passes begun, when the last was, bytes that it has moved, and the part on its way, to be
+    sort: TickedUnit,
+    /// Passes begun, start of the last one, bytes that it has moved, and the part in flight, to be
     /// read or written.
     passes: u32,
     begun: u64,
     moved: u64,
     part: Option<(Done, Direction)>,
-    /// In the place of all that.
+    /// Replaces all of the above.
     sorters: Option<Sorters>,
-    /// Second pass, from which cycle on it is known, with all entries, tile by tile.
+    /// Second pass: its first cycle, and all entries, tile by tile.
     from: u64,
     entries: Vec<Entry>,
-    tiles: Vec<Tile>,
-    /// Tiles without an entry: how many that have one come before, and the place in the picture.
+    tiles: Vec<ListedTile>,
+    /// Tiles without an entry: number of tiles with entries before them, and the place in the
+    /// picture.
     empty: Vec<(usize, u64)>,
-    /// Those that no engine has taken, and all of them in the same order.
+    /// Tiles that no engine has taken, and all tiles in the same order.
     queue: VecDeque<usize>,
     in_turn: Vec<usize>,
     engines: Vec<Engine>,
     words: Requests,
 }
 
-/// All that follows the lists.
+/// All units after the lists.
 struct Engine {
-    /// The tiles that it took, those of them that are resolved, and when they left their buffers.
+    /// Tiles taken, those of them that are resolved, and when each left its buffer.
     taken: Vec<usize>,
     resolved: Vec<u64>,
-    /// The first entry that list has not taken, up to the end of the tile, and the one that raster
-    /// looks at.
+    /// Entries of the tile that list has not taken, and the entry that raster processes.
     next: Range<usize>,
     looked_at: usize,
-    list: Unit,
+    list: TickedUnit,
     reads: Requests,
-    /// The burst of its list that the last entry is in; entries whose records are read when that
-    /// has come; every entry's record.
+    /// Burst of the list that holds the last entry; entries whose records are read after a burst;
+    /// each entry's record.
     burst: Done,
     waiting: VecDeque<(Done, usize)>,
     records: BTreeMap<usize, Done>,
     listed: Link<usize>,
     fill: Fill,
     merge: Merge,
-    resolve: Vec<Unit>,
-    lit: Unit,
+    resolve: Vec<TickedUnit>,
+    lit: TickedUnit,
     to_light: VecDeque<(u64, u64, Option<usize>)>,
-    /// What mirrors, of that; and the tile that resolve waits with for its light: which it is, when
-    /// it was taken, and for how long and until when it is done if it waits for nothing.
-    mirror: Option<Mirror>,
+    /// Reflecting shade unit of resolve; and the tile for whose light resolve stalls: its index, when
+    /// it was taken, how long it takes, and when it is done without stalls.
+    mirror: Option<TexelShade>,
     unwritten: Option<(usize, [u64; 3])>,
 }
 
@@ -160,7 +161,7 @@ impl Engine {
             resolved: Vec::new(),
             next: 0..0,
             looked_at: 0,
-            list: Unit::new("list", 1),
+            list: TickedUnit::new("list", 1),
             reads: Requests::new(t.memory.outstanding),
             burst: Done::default(),
             waiting: VecDeque::new(),
@@ -173,10 +174,10 @@ impl Engine {
             })),
             fill: Fill::new(timing).leaving_out((scene.width * scene.height) as usize),
             merge: Merge::new(timing, scene),
-            resolve: Unit::each("resolve", timing.resolve.units),
-            lit: Unit::new("resolve-shade", timing.shade.units),
+            resolve: TickedUnit::each("resolve", timing.resolve.units),
+            lit: TickedUnit::new("resolve-shade", timing.shade.units),
             to_light: VecDeque::new(),
-            mirror: Mirror::new(timing, scene),
+            mirror: TexelShade::new(timing, scene),
             unwritten: None,
         }
     }
@@ -198,10 +199,10 @@ impl Engine {
                 .all(|unit| unit.is_idle(now))
     }
 
-    /// Its units in the order of the diagram, under the names of all engines'.
-    fn units(self, timing: &Microarchitecture, nth: u32) -> Vec<Unit> {
+    /// Its units in the order of the diagram, with the numbers that they have among all engines.
+    fn units(self, timing: &Microarchitecture, nth: u32) -> Vec<TickedUnit> {
         let (fragment, shade) = self.merge.units();
-        let numbered = |units: Vec<Unit>, each: u32| {
+        let numbered = |units: Vec<TickedUnit>, each: u32| {
             units
                 .into_iter()
                 .map(|unit| unit.of_engine(nth, each))
@@ -224,7 +225,7 @@ impl Engine {
     }
 }
 
-impl<'a> Machine<'a> {
+impl<'a> BinnedMachine<'a> {
     fn new(timing: &'a Microarchitecture, scene: &'a Scene) -> Self {
         let t = &timing.timing;
         let side = t.tile.side_px as usize;
@@ -279,7 +280,7 @@ impl<'a> Machine<'a> {
                         })
                         .collect();
                     let entries = entries.len() - nth as usize..entries.len();
-                    tiles.push(Tile {
+                    tiles.push(ListedTile {
                         corner,
                         place: tile as u64,
                         entries,
@@ -291,8 +292,8 @@ impl<'a> Machine<'a> {
                 }
             }
         }
-        // Lists in the order in which they are written.
-        let listed = |tile: &Tile| {
+        // Lists in write order.
+        let listed = |tile: &ListedTile| {
             let mut splats: Vec<usize> = entries[tile.entries.clone()]
                 .iter()
                 .map(|entry: &Entry| entry.splat)
@@ -310,16 +311,16 @@ impl<'a> Machine<'a> {
         let sorters = timing.sort.filter(|_| !scene.order.is_empty());
         let sorters =
             sorters.and_then(|shape| Sorters::new(shape, t.memory.burst_bytes.into(), lists));
-        Machine {
+        BinnedMachine {
             sorters,
             timing,
             scene,
             memory: Memory::new(t.memory),
             now: 0,
-            setup: SetUp::new(timing, scene),
+            setup: SetupUnits::new(timing, scene),
             drawn: touched.iter().filter(|tiles| !tiles.is_empty()).count(),
             touched,
-            bin: Unit::new("bin", 1),
+            bin: TickedUnit::new("bin", 1),
             writes: Requests::new(t.memory.outstanding),
             record_bytes: 0,
             list_bytes: vec![0; across * down],
@@ -327,7 +328,7 @@ impl<'a> Machine<'a> {
             flushed: false,
             listed_all: false,
             sorted: false,
-            sort: Unit::new("sort", 1),
+            sort: TickedUnit::new("sort", 1),
             passes: 0,
             begun: 0,
             moved: 0,
@@ -349,10 +350,10 @@ impl<'a> Machine<'a> {
         self.timing.timing.memory.burst_bytes.into()
     }
 
-    /// Writes the burst that ends here, or would if it were full.
+    /// Writes the burst that ends here, full or not.
     fn write(&mut self, when: u64, region: u64, end: u64) {
         let end = region + end.next_multiple_of(self.burst());
-        self.memory.ask(
+        self.memory.request(
             when,
             Client::Binning,
             Direction::Write,
@@ -366,7 +367,7 @@ impl<'a> Machine<'a> {
             return Act::Starve;
         };
         if !self.writes.is_free(self.now) {
-            return Act::Wait;
+            return Act::StallOnMemory;
         }
         self.setup.done().pop();
         let burst = self.burst();
@@ -399,12 +400,12 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// When all splats have been binned.
+    /// Sends the remaining bytes when all splats have been binned.
     fn flush(&mut self) {
         if self.listed_all
             || self.bin.log.len() < self.drawn
             || self.binned > self.now
-            || !self.writes.have_all_come(self.now)
+            || !self.writes.are_all_done(self.now)
         {
             return;
         }
@@ -425,14 +426,15 @@ impl<'a> Machine<'a> {
                 }
             }
         }
-        self.listed_all = self.writes.have_all_come(self.now);
+        self.listed_all = self.writes.are_all_done(self.now);
         if self.listed_all && !self.sorts() {
             self.begin_second_pass();
         }
     }
 
-    /// All lists are there. If the longest is to be drawn first, their lengths are sorted: by two
-    /// digits, each a cycle for every tile that has an entry and for every value.
+    /// Begins the second pass once all lists are written. If the longest is drawn first, their
+    /// lengths are sorted first: by two digits, with one cycle per tile with entries and one per
+    /// value for each digit.
     fn begin_second_pass(&mut self) {
         let by_length = self.timing.timing.queue == Queue::Longest;
         self.sorted = true;
@@ -453,7 +455,7 @@ impl<'a> Machine<'a> {
         self.timing.sort.expect("a machine that sorts")
     }
 
-    /// Bytes of all entries that are sorted.
+    /// Bytes of all entries to sort.
     fn sorted_bytes(&self) -> u64 {
         self.entries.len() as u64 * u64::from(self.shape().entry_bytes)
     }
@@ -480,7 +482,7 @@ impl<'a> Machine<'a> {
         }
         let shape = self.shape();
         if self.passes > 0 && (self.part.is_some() || self.moved < self.sorted_bytes()) {
-            return Act::Wait;
+            return Act::StallOnMemory;
         }
         if self.passes == shape.passes {
             self.begin_second_pass();
@@ -491,14 +493,14 @@ impl<'a> Machine<'a> {
         Act::Take(self.entries.len() as u64 + (1 << shape.digit_bits))
     }
 
-    /// The part on its way goes on, or the next one is read.
+    /// Advances the part in flight, or reads the next one.
     fn move_part(&mut self) {
         if self.passes == 0 || self.sorted {
             return;
         }
         let bytes = PART_BYTES.min(self.sorted_bytes() - self.moved);
         let direction = match &self.part {
-            Some((done, _)) if !done.has_come(self.now) => return,
+            Some((done, _)) if !done.is_done(self.now) => return,
             Some((_, Direction::Read)) => Direction::Write,
             Some((_, Direction::Write)) => {
                 self.part = None;
@@ -514,7 +516,7 @@ impl<'a> Machine<'a> {
         };
         let half = (self.passes as usize + usize::from(direction == Direction::Read)) % 2;
         let done = Done::default();
-        self.memory.ask(
+        self.memory.request(
             self.now,
             Client::Sort,
             direction,
@@ -528,8 +530,8 @@ impl<'a> Machine<'a> {
         self.timing.timing.tile.buffers as usize
     }
 
-    /// Tiles without an entry are written behind the one before, before which are so many that have
-    /// one.
+    /// Writes tiles without an entry after the tile before them. `tiles` is the number of tiles
+    /// with entries before them.
     fn leave_out(&mut self, when: u64, tiles: usize) {
         let empty: Vec<u64> = self
             .empty
@@ -550,7 +552,7 @@ impl<'a> Machine<'a> {
             .map(|(at, size)| side.min(size - at * side));
         let [from, bytes] = [place * side * side, size[0] * size[1]]
             .map(|words| words * u64::from(self.timing.frame_bytes));
-        self.memory.ask(
+        self.memory.request(
             when,
             Client::FrameWrite,
             Direction::Write,
@@ -585,7 +587,7 @@ impl<'a> Machine<'a> {
         let engine = &mut self.engines[e];
         let number = engine.next.start;
         if !engine.reads.is_free(self.now) {
-            return Act::Wait;
+            return Act::StallOnMemory;
         }
         if !engine.listed.has_room() {
             return Act::Block;
@@ -594,7 +596,7 @@ impl<'a> Machine<'a> {
         if (nth * ENTRY_BYTES).is_multiple_of(burst_bytes) {
             engine.burst = engine.reads.next();
             let from = LISTS + tile * LIST_BYTES + nth * ENTRY_BYTES;
-            self.memory.ask(
+            self.memory.request(
                 self.now,
                 Client::Lists,
                 Direction::Read,
@@ -618,26 +620,26 @@ impl<'a> Machine<'a> {
             .all(|pixel| self.engines[e].fill.stopped[*pixel] <= self.now)
     }
 
-    /// So many stamps of a tile come no more.
+    /// Removes this many stamps from a tile.
     fn leave_out_stamps(&mut self, e: usize, tile: usize, stamps: usize) {
         self.tiles[tile].left -= stamps;
-        // A tile that has stopped waits for nobody but those under way.
+        // A stopped tile waits only for stamps in flight.
         if !self.has_stopped(e, tile) {
             self.tiles[tile].last = self.tiles[tile].last.max(self.now);
         }
     }
 
-    /// Records are read when it is known which.
+    /// Reads records once their list entries have arrived.
     fn read_records(&mut self, e: usize) {
         let bytes = u64::from(self.timing.prepared_bytes);
         let Engine {
             waiting, records, ..
         } = &mut self.engines[e];
         waiting.retain(|(burst, number)| {
-            let is_known = burst.has_come(self.now);
+            let is_known = burst.is_done(self.now);
             if is_known {
                 let from = RECORDS + self.entries[*number].record * bytes;
-                self.memory.ask(
+                self.memory.request(
                     self.now,
                     Client::Lists,
                     Direction::Read,
@@ -678,7 +680,7 @@ impl<'a> Machine<'a> {
                 ..
             } = self.entries[*number];
             let last = corner.map(|at| at + self.timing.timing.tile.side_px as usize - 1);
-            records[number].has_come(self.now).then(|| {
+            records[number].is_done(self.now).then(|| {
                 let mut stamps = stamps_of(self.timing, self.scene, splat, [corner, last]);
                 stamps.iter_mut().for_each(|stamp| stamp.tile = drawn);
                 stamps
@@ -688,7 +690,7 @@ impl<'a> Machine<'a> {
         act
     }
 
-    /// What is left of a footprint that was begun is passed over in no time, if all of it has
+    /// Skips the remaining stamps of a started footprint in no time, if all their pixels have
     /// stopped.
     fn pass_over(&mut self, e: usize) {
         let fill = &mut self.engines[e].fill;
@@ -699,7 +701,7 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// Those of the footprint that raster looks at.
+    /// Counts the stamps of the footprint that raster processes.
     fn count_stamps(&mut self, e: usize) {
         let [passed, left_out] = std::mem::take(&mut self.engines[e].fill.decided);
         let tile = self
@@ -757,7 +759,7 @@ impl<'a> Machine<'a> {
         }
     }
 
-    /// The tile that an engine resolves next: if it is the only one, maybe before its list has
+    /// The tile that an engine resolves next. If it is the only one, possibly before its list has
     /// begun.
     fn next_resolved(&self, e: usize) -> Option<usize> {
         let Engine {
@@ -778,7 +780,7 @@ impl<'a> Machine<'a> {
         let Some(tile) = self.next_resolved(e) else {
             return Act::Starve;
         };
-        let Tile {
+        let ListedTile {
             left,
             last,
             under_way,
@@ -814,7 +816,7 @@ impl<'a> Machine<'a> {
             + cycles.iter().max().expect("a unit")
             + u64::from(self.timing.resolve.latency);
         if is_held {
-            // Known when the last texels are here.
+            // Known when the last texels have arrived.
             let texels = resolve_texels(
                 self.scene,
                 self.tiles[tile].corner,
@@ -828,7 +830,10 @@ impl<'a> Machine<'a> {
                 ..
             } = &mut self.engines[e];
             let mirror = if two { mirror } else { &mut merge.mirror };
-            mirror.as_mut().expect("a mirror").ask(self.now, texels);
+            mirror
+                .as_mut()
+                .expect("a reflecting shade unit")
+                .queue_resolve(self.now, texels);
             *unwritten = Some((
                 tile,
                 [
@@ -851,18 +856,18 @@ impl<'a> Machine<'a> {
         self.hand_out(e, tile, done);
     }
 
-    /// A tile is resolved.
+    /// Records that a tile is resolved.
     fn hand_out(&mut self, e: usize, tile: usize, done: u64) {
         self.engines[e].resolved.push(done);
         self.write_words(done, self.tiles[tile].place);
         self.leave_out(done, tile + 1);
     }
 
-    /// The tile that resolve waited with has its light, after so many cycles in which texels were
-    /// waited for.
+    /// Completes the tile for whose light resolve stalled; `waited` is the number of stall cycles
+    /// for texels.
     fn end_wait(&mut self, e: usize, waited: u64) {
         if let Some((tile, [begun, cycles, done])) = self.engines[e].unwritten.take() {
-            self.engines[e].resolve[0].sides[0].until = begun + cycles + waited;
+            self.engines[e].resolve[0].instances[0].until = begun + cycles + waited;
             self.hand_out(e, tile, done + waited);
         }
     }
@@ -882,9 +887,9 @@ impl<'a> Machine<'a> {
     fn light(&mut self, e: usize) -> Act {
         let now = self.now;
         if let Some(mirror) = &mut self.engines[e].mirror {
-            let (act, asked) =
+            let (act, consumer) =
                 mirror.shade(now, self.timing.shade.interval.into(), &mut self.memory);
-            let waited = mirror.waited(asked);
+            let waited = mirror.waited(consumer);
             waited
                 .into_iter()
                 .for_each(|waited| self.end_wait(e, waited));
@@ -947,19 +952,19 @@ impl<'a> Machine<'a> {
             && self.queue.is_empty()
             && self.engines.iter().all(|engine| engine.is_done(self.now))
             && self.bin.is_idle(self.now)
-            && self.words.have_all_come(self.now)
+            && self.words.are_all_done(self.now)
     }
 }
 
 /// Draws a scene, cycle by cycle.
 pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
-    let mut machine = Machine::new(timing, scene);
-    let total = run(&mut machine, Machine::tick, Machine::is_done);
+    let mut machine = BinnedMachine::new(timing, scene);
+    let total = run(&mut machine, BinnedMachine::tick, BinnedMachine::is_done);
     let sort = match &machine.sorters {
         Some(sorters) => sorters.units.clone(),
         None => Vec::from_iter(machine.sorts().then(|| machine.sort.clone())),
     };
-    let Machine {
+    let BinnedMachine {
         memory,
         setup,
         bin,
@@ -982,13 +987,13 @@ pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
         |[all, had], [more, more_had]| [all + more, had + more_had],
     );
     let (setup, shade) = setup.units();
-    let mut second: Vec<Unit> = engines
+    let mut second: Vec<TickedUnit> = engines
         .into_iter()
         .zip(0..)
         .flat_map(|(engine, nth)| engine.units(timing, nth))
         .collect();
     if let Some(shade) = shade {
-        // It is the only one that ever shades.
+        // Only this unit ever shades.
         let at = second
             .iter()
             .position(|unit| unit.name == "shade")
@@ -996,7 +1001,7 @@ pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
         second[at] = shade;
         second.retain(|unit| unit.name != "shade" || unit.others == 0);
     }
-    let place = |unit: &Unit| {
+    let place = |unit: &TickedUnit| {
         [
             "list",
             "raster",

@@ -1,5 +1,5 @@
-//! How far off is the replay where memory is shared: a narrow channel, few rows open, any machine
-//! and any work?
+//! How large is the error of the replay where memory is shared: a narrow channel, few open rows,
+//! any machine and any work?
 
 use crate::agreement::{difference_in_traffic, of, tick};
 use crate::frames::Rng;
@@ -8,7 +8,7 @@ use crate::scene;
 use rtl_model::machine::timing::{Memory, Organisation, Timing};
 use rtl_model::timing::{Detail, replay};
 
-/// Memory of any small numbers.
+/// Memory with any small numbers.
 fn finite(rng: &mut Rng, memory: Memory) -> Memory {
     let hit_latency = 1 + rng.below(30) as u32;
     Memory {
@@ -22,8 +22,7 @@ fn finite(rng: &mut Rng, memory: Memory) -> Memory {
     }
 }
 
-/// The same with channels, ranks, refresh, turns to writing, and rows that cannot be opened at any
-/// time.
+/// Such memory with channels, ranks, refresh, turns to writing, and limits on opening rows.
 fn with_channels(rng: &mut Rng, memory: Memory) -> Memory {
     let mut some = |numbers: &[u32]| Some(numbers[rng.below(numbers.len() as u64) as usize]);
     let memory = Memory {
@@ -50,8 +49,8 @@ fn with_channels(rng: &mut Rng, memory: Memory) -> Memory {
     )
 }
 
-/// The same of a machine with sorters of lists, on scenes whose lists do not fit: all together are
-/// off by at most so many thousandths, and nine in ten by at most the other number.
+/// Checks a machine with sorters of lists, on scenes whose lists do not fit. All frames together
+/// are off by at most `together` thousandths, and nine in ten by at most `most`.
 fn check_sorters(memory: fn(&mut Rng, Memory) -> Memory, most: i64, together: i64) {
     let (mut errors, mut totals) = (Vec::new(), [0; 2]);
     for seed in 0..150 {
@@ -97,8 +96,8 @@ fn a_frame_with_sorters_and_channels_moves_the_same_bytes_in_about_the_time() {
     check_sorters(with_channels, 45, 10);
 }
 
-/// By how many thousandths of the ticks the replay is off, from the fastest to the slowest, and of
-/// all ticks together.
+/// Error of the replay in thousandths of the ticks, from fastest to slowest, and for all ticks
+/// together.
 fn errors(
     organisation: Organisation,
     memory: fn(&mut Rng, Memory) -> Memory,
@@ -131,9 +130,9 @@ fn errors(
     (errors, thousandths(totals))
 }
 
-/// Of random frames nine in ten are off by at most so many thousandths, all by at most the next
-/// number, and all together by the last. Those that are off by much are small: a row that is opened
-/// once more is a large part of them.
+/// Checks random frames: nine in ten are off by at most the first number of thousandths, all by at
+/// most the second, and all together by the third. Frames with large errors are small: opening one
+/// row again is a large part of them.
 fn check(
     organisation: Organisation,
     memory: fn(&mut Rng, Memory) -> Memory,

@@ -1,12 +1,12 @@
-//! What does the immediate machine do in each cycle? It ticks: every unit looks, in every cycle, at
+//! What does the immediate machine do in each cycle? It is ticked: in every cycle every unit tests
 //! the item that it would take next.
 //!
-//! Nothing that happens in a cycle is seen in the same cycle by another unit (but shading by its
-//! unit, which goes last), so their order within a cycle does not matter.
+//! An event in a cycle is visible to other units in the next cycle, so their order within a cycle
+//! does not matter. The exception is shading by its unit, which is ticked last.
 
 use super::memory::{Done, LINES, Memory, Requests, WORDS};
 use super::parts::{
-    Act, Fill, HELD, Link, Merge, SetUp, Stamp, Ticked, Unit, light, places, resolve,
+    Act, Fill, HELD, Link, Merge, SetupUnits, Stamp, Ticked, TickedUnit, light, places, resolve,
     resolve_cycles, resolve_texels, run, stamps_of, texels_looked_up, turn,
 };
 use super::scene::Scene;
@@ -16,7 +16,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ops::Range;
 
 /// A line in the cache.
-struct Way {
+struct CacheLine {
     line: usize,
     used: u64,
     /// The stamps that looked it up.
@@ -24,8 +24,8 @@ struct Way {
     read: Option<Done>,
 }
 
-/// A line that leaves, or one that is read in its place, when the stamps that used the one that
-/// leaves are written.
+/// A line that is evicted, or one that is read in its place, held up until the stamps that used the
+/// evicted line are written.
 struct HeldUp {
     client: Client,
     line: usize,
@@ -33,36 +33,36 @@ struct HeldUp {
     done: Done,
 }
 
-/// What the cache holds.
-struct Lines {
-    sets: Vec<Vec<Way>>,
+/// State of the cache.
+struct CacheState {
+    sets: Vec<Vec<CacheLine>>,
     ways: usize,
     line_bytes: u64,
     clock: u64,
-    /// Lines that have left, and the stamps that had used each.
+    /// Evicted lines, and the stamps that had used each.
     written_back: BTreeMap<usize, Vec<usize>>,
     touched: BTreeSet<usize>,
     reads: Requests,
-    /// The stamps that used the line that left for the look-up that is not over yet.
+    /// Stamps that used the line evicted for the look-up in progress.
     before: Vec<usize>,
     held_up: Vec<HeldUp>,
     lookups: [u64; 2],
 }
 
-impl Lines {
-    /// Looks a line up for a stamp: whether that is over in this cycle, and for which read the
-    /// stamp has to wait.
+impl CacheState {
+    /// Looks a line up for a stamp. Returns whether the look-up ends in this cycle, and the read on
+    /// which the stamp depends.
     fn look_up(&mut self, now: u64, line: usize, stamp: usize) -> Option<Option<Done>> {
         let of = line % self.sets.len();
         let set = &mut self.sets[of];
         let found = set.iter().position(|way| way.line == line);
-        // The line used longest ago leaves, even if the one that comes has to wait.
+        // The least recently used line is evicted, even if the new line is delayed.
         if found.is_none() && set.len() == self.ways {
             let oldest = (0..set.len())
                 .min_by_key(|way| set[*way].used)
                 .expect("a way");
             let victim = set.swap_remove(oldest);
-            // A stamp cannot wait for itself.
+            // A stamp cannot depend on itself.
             self.before = victim
                 .users
                 .into_iter()
@@ -94,7 +94,7 @@ impl Lines {
             return Some(way.read.clone());
         }
         let mut stamps = std::mem::take(&mut self.before);
-        // What has not left yet cannot come back.
+        // A line that is still to be written back cannot be read.
         stamps.extend(self.written_back.get(&line).into_iter().flatten());
         let read = must_read.then(|| {
             let done = self.reads.next();
@@ -106,7 +106,7 @@ impl Lines {
             });
             done
         });
-        set.push(Way {
+        set.push(CacheLine {
             line,
             used: self.clock,
             users: vec![stamp],
@@ -121,7 +121,7 @@ impl Lines {
         from..from + self.line_bytes
     }
 
-    /// Asks for what is no longer held up.
+    /// Issues the requests that are no longer held up.
     fn send(&mut self, now: u64, memory: &mut Memory, written: &[Option<u64>]) {
         let is_held_up = |of: &HeldUp| {
             !of.stamps
@@ -140,7 +140,7 @@ impl Lines {
             } else {
                 Direction::Write
             };
-            memory.ask(now, client, direction, self.bytes(line), &done);
+            memory.request(now, client, direction, self.bytes(line), &done);
         }
     }
 
@@ -159,32 +159,31 @@ struct Looking {
 }
 
 /// The machine.
-struct Machine<'a> {
+struct ImmediateMachine<'a> {
     timing: &'a Microarchitecture,
     scene: &'a Scene,
     memory: Memory,
     now: u64,
-    setup: SetUp<'a>,
-    /// How many stamps will reach the fragment unit.
+    setup: SetupUnits<'a>,
+    /// Number of stamps that will reach the fragment unit.
     expected: usize,
     fill: Fill,
-    cache: Unit,
-    lines: Lines,
+    cache: TickedUnit,
+    lines: CacheState,
     looking: Option<Looking>,
     looked_up: Link<(Stamp, Vec<Done>)>,
     merge: Merge,
-    /// When each stamp is written, and when those that were taken all are.
+    /// Cycle in which each stamp is written, and the cycle in which all taken stamps are.
     written: Vec<Option<u64>>,
     taken: usize,
     all_written: u64,
-    resolve: Vec<Unit>,
-    /// The line that resolve waits with for its light: when it will be written, if it waits no
-    /// more.
+    resolve: Vec<TickedUnit>,
+    /// Line for whose light resolve stalls: when it will be written without further stalls.
     unwritten: Option<(u64, Range<u64>)>,
-    /// When it took that, and for how long if it waited for nothing.
+    /// Cycle in which resolve took it, and its duration without stalls.
     resolve_begun: [u64; 2],
-    /// For each line of the picture its read, if it has one; known when resolve begins. Those that
-    /// are still to be asked for.
+    /// Read of each line of the picture, if it has one; known when resolve begins. Then the reads
+    /// that are still to be issued.
     line_reads: Option<Vec<Option<Done>>>,
     to_read: VecDeque<usize>,
     reads: Requests,
@@ -194,21 +193,21 @@ struct Machine<'a> {
 /// A whole splat.
 const ALL: [[usize; 2]; 2] = [[0; 2], [usize::MAX; 2]];
 
-impl<'a> Machine<'a> {
+impl<'a> ImmediateMachine<'a> {
     fn new(timing: &'a Microarchitecture, scene: &'a Scene) -> Self {
         let t = &timing.timing;
         let stamps = (0..scene.splats.len()).flat_map(|splat| stamps_of(timing, scene, splat, ALL));
         let expected = stamps.filter(|stamp| !stamp.pixels.is_empty()).count();
-        Machine {
+        ImmediateMachine {
             timing,
             scene,
             memory: Memory::new(t.memory),
             now: 0,
-            setup: SetUp::new(timing, scene),
+            setup: SetupUnits::new(timing, scene),
             expected,
             fill: Fill::new(timing),
-            cache: Unit::new("cache", 1),
-            lines: Lines {
+            cache: TickedUnit::new("cache", 1),
+            lines: CacheState {
                 sets: (0..t.cache.lines / t.cache.ways)
                     .map(|_| Vec::new())
                     .collect(),
@@ -228,7 +227,7 @@ impl<'a> Machine<'a> {
             written: vec![None; expected],
             taken: 0,
             all_written: 0,
-            resolve: Unit::each("resolve", timing.resolve.units),
+            resolve: TickedUnit::each("resolve", timing.resolve.units),
             unwritten: None,
             resolve_begun: [0; 2],
             line_reads: None,
@@ -248,9 +247,9 @@ impl<'a> Machine<'a> {
         self.fill.gauss(self.now)
     }
 
-    /// Counts its cycles itself: looking a line up is work, waiting for a read to come is not.
+    /// Counts its own cycles: looking up a line is work, waiting for a read is a stall.
     fn cache(&mut self) {
-        let account = &mut self.cache.sides[0].account;
+        let account = &mut self.cache.instances[0].account;
         if self.looking.is_none() {
             if self.fill.weighted.front(self.now).is_none() {
                 account.starved += 1;
@@ -266,10 +265,10 @@ impl<'a> Machine<'a> {
                 next: 0,
                 reads: Vec::new(),
             });
-            self.cache.sides[0].items += 1;
+            self.cache.instances[0].items += 1;
             self.cache.log.push(self.now);
         }
-        let account = &mut self.cache.sides[0].account;
+        let account = &mut self.cache.instances[0].account;
         let looking = self.looking.as_mut().expect("a stamp");
         let line = looking.stamp.lines[looking.next];
         let Some(read) = self.lines.look_up(self.now, line, looking.stamp.number) else {
@@ -292,7 +291,9 @@ impl<'a> Machine<'a> {
         let first = self.looked_up.front(self.now);
         let reason = match first {
             None => Act::Starve,
-            Some((_, reads)) if !reads.iter().all(|read| read.has_come(self.now)) => Act::Wait,
+            Some((_, reads)) if !reads.iter().all(|read| read.is_done(self.now)) => {
+                Act::StallOnMemory
+            }
             Some(_) => Act::Take(1),
         };
         if self
@@ -320,7 +321,7 @@ impl<'a> Machine<'a> {
         ]
     }
 
-    /// Once the last stamp is written, what resolve needs is read, whatever it does itself.
+    /// Issues resolve's reads once the last stamp is written, in parallel with resolve itself.
     fn read_lines(&mut self) {
         if self.taken < self.expected || self.merge.is_waiting() || self.all_written > self.now {
             return;
@@ -340,7 +341,7 @@ impl<'a> Machine<'a> {
             && let Some(line) = self.to_read.pop_front()
         {
             let done = self.reads.next();
-            self.memory.ask(
+            self.memory.request(
                 self.now,
                 Client::FrameRead,
                 Direction::Read,
@@ -359,9 +360,9 @@ impl<'a> Machine<'a> {
             Some(reads)
                 if reads[line]
                     .as_ref()
-                    .is_some_and(|read| !read.has_come(self.now)) =>
+                    .is_some_and(|read| !read.is_done(self.now)) =>
             {
-                Act::Wait
+                Act::StallOnMemory
             }
             Some(_) => Act::Take(1),
         }
@@ -388,7 +389,9 @@ impl<'a> Machine<'a> {
             + cycles.iter().max().expect("a unit")
             + u64::from(self.timing.resolve.latency);
         match mirror {
-            Some(mirror) => mirror.ask(self.now, resolve_texels(self.scene, corner, size)),
+            Some(mirror) => {
+                mirror.queue_resolve(self.now, resolve_texels(self.scene, corner, size))
+            }
             None => self
                 .merge
                 .to_shade
@@ -403,12 +406,12 @@ impl<'a> Machine<'a> {
             .map(|words| words as u64 * u64::from(self.timing.frame_bytes));
         let words = WORDS + from..WORDS + from + bytes;
         if is_held {
-            // Known when the last texels are here.
+            // Known when the last texels have arrived.
             self.resolve_begun = [self.now, cycles[0]];
             self.unwritten = Some((written, words));
             return;
         }
-        self.memory.ask(
+        self.memory.request(
             written,
             Client::FrameWrite,
             Direction::Write,
@@ -426,8 +429,8 @@ impl<'a> Machine<'a> {
             && let Some((written, words)) = self.unwritten.take()
         {
             let [begun, cycles] = self.resolve_begun;
-            self.resolve[0].sides[0].until = begun + cycles + waited;
-            self.memory.ask(
+            self.resolve[0].instances[0].until = begun + cycles + waited;
+            self.memory.request(
                 written + waited,
                 Client::FrameWrite,
                 Direction::Write,
@@ -468,15 +471,19 @@ impl<'a> Machine<'a> {
             && self.merge.is_done(self.now)
             && self.taken == self.expected
             && self.resolve.iter().all(|unit| unit.is_idle(self.now))
-            && self.words.have_all_come(self.now)
+            && self.words.are_all_done(self.now)
     }
 }
 
 /// Draws a scene, cycle by cycle.
 pub fn draw(timing: &Microarchitecture, scene: &Scene) -> Ticked {
-    let mut machine = Machine::new(timing, scene);
-    let total = run(&mut machine, Machine::tick, Machine::is_done);
-    let Machine {
+    let mut machine = ImmediateMachine::new(timing, scene);
+    let total = run(
+        &mut machine,
+        ImmediateMachine::tick,
+        ImmediateMachine::is_done,
+    );
+    let ImmediateMachine {
         memory,
         setup,
         fill,

@@ -1,5 +1,4 @@
-//! What can be said beforehand: how long does a frame take, by hand? Can more of anything make it
-//! slower?
+//! Which times are known in closed form, and can more of anything make a frame slower?
 
 use crate::frames::Rng;
 use crate::machines::{elaborate, ideal, random, several, sorting_lists};
@@ -12,7 +11,7 @@ use rtl_model::machine::timing::{Cache, Memory, Organisation, Queue, Sorter, Til
 use rtl_model::timing::{Client, Detail, EarlyTermination, limit, limits, replay, replay_all};
 use rtl_model::work::Event;
 
-/// So many splats of the same pixel, of a picture of that one, and what it ends with.
+/// This many splats on one pixel, the whole picture, and the pixel's final fragments.
 fn dots(splats: usize, lit: u8, unlit: u8) -> Scene {
     Scene {
         width: 1,
@@ -28,7 +27,7 @@ fn dots(splats: usize, lit: u8, unlit: u8) -> Scene {
     }
 }
 
-/// One of each unit, and FIFOs that hold what memory keeps waiting.
+/// One unit of each kind, and FIFOs deep enough for memory stalls.
 fn single(rng: &mut Rng) -> Timing {
     let mut timing = random(rng);
     (timing.project.units, timing.ellipse.units) = (1, 1);
@@ -37,7 +36,7 @@ fn single(rng: &mut Rng) -> Timing {
     timing
 }
 
-/// Both of them, which have to agree.
+/// Cycles of both implementations, which must agree.
 fn cycles(timing: Timing, scene: &Scene) -> u64 {
     let timing = elaborate(timing);
     let total = replay(&timing, &scene.record(), Detail::Accounts).total;
@@ -115,10 +114,10 @@ fn splats_in_a_row_take_the_largest_interval_each() {
     }
 }
 
-/// Of a pixel that has stopped, list reads nothing more, and raster drops what has come: however
-/// many splats follow.
+/// For a stopped pixel, list reads nothing more and raster drops the entries that have arrived, for
+/// any number of later splats.
 #[test]
-fn a_pixel_that_has_stopped_takes_no_cycle() {
+fn a_stopped_pixel_takes_no_cycles() {
     for seed in 0..60 {
         let mut rng = Rng(seed);
         let timing = Timing {
@@ -162,7 +161,7 @@ fn a_pixel_that_has_stopped_takes_no_cycle() {
             few == many && many[0] < 600,
             "seed {seed}: {few:?} {many:?}"
         );
-        // Of the list's entries each is walked, or dropped by raster.
+        // Each entry of the list is walked, or dropped by raster.
         assert!(
             many[0] == many[1] && many[2] < many[1] && many[2] == many[3],
             "seed {seed}: {many:?}"
@@ -170,10 +169,10 @@ fn a_pixel_that_has_stopped_takes_no_cycle() {
     }
 }
 
-type Field = fn(&mut Timing) -> &mut u32;
+type TimingField = fn(&mut Timing) -> &mut u32;
 
-/// Every number of which a machine can have more.
-const RAISES: [(&str, Field); 11] = [
+/// Numbers of a machine that can be raised.
+const RAISES: [(&str, TimingField); 11] = [
     ("fetch.fifo", |timing| &mut timing.fetch.fifo),
     ("project.fifo", |timing| &mut timing.project.fifo),
     ("project.units", |timing| &mut timing.project.units),
@@ -189,8 +188,7 @@ const RAISES: [(&str, Field); 11] = [
     }),
 ];
 
-/// What makes a frame slower if there is more of it: its name, in how many cases, and the first of
-/// them.
+/// Fields that make a frame slower when raised: name, number of cases, and the first case.
 type Slower = Vec<(&'static str, u64, u64)>;
 
 fn note(found: &mut Slower, name: &'static str, seed: u64) {
@@ -200,7 +198,7 @@ fn note(found: &mut Slower, name: &'static str, seed: u64) {
     }
 }
 
-/// What makes a frame slower, in so many cases.
+/// Fields that make a frame slower when raised, in this many cases.
 fn slower(cases: u64, of: impl Fn(&mut Rng) -> Timing) -> Slower {
     let mut found = Slower::new();
     for seed in 0..cases {
@@ -236,7 +234,7 @@ fn more_of_anything_is_never_slower_if_the_cache_holds_all() {
     assert_eq!(found, []);
 }
 
-/// The cache's lines follow from the order of stamps alone, and a look-up waits for all before it.
+/// The cache's lines depend only on the order of stamps, and a look-up waits for all before it.
 #[test]
 fn more_of_anything_is_never_slower_if_lines_come_and_go() {
     assert_eq!(slower(2000, random), []);
@@ -263,8 +261,8 @@ fn more_of_anything_but_requests_is_never_slower_if_tiles_are_binned() {
 
 type Setting = fn(&mut Timing, u32);
 
-/// What can stand side by side, and how much more of it is tried.
-const SIDE_BY_SIDE: [(&str, Setting); 5] = [
+/// Units that can be replicated, and the numbers that are tried.
+const REPLICATED: [(&str, Setting); 5] = [
     ("fragment.units", |timing, more| {
         timing.fragment.units = Some((timing.fragment.units.unwrap_or(1) << (1 + more % 2)).min(16))
     }),
@@ -283,16 +281,16 @@ const SIDE_BY_SIDE: [(&str, Setting); 5] = [
     }),
 ];
 
-/// Which of them makes a frame slower if there is more of it: in how many of so many cases, and the
-/// first of them.
-fn slower_side_by_side(cases: u64, of: impl Fn(&mut Rng) -> Timing) -> Slower {
+/// Units that make a frame slower when replicated: in how many of this many cases, and the first
+/// case.
+fn slower_in_parallel(cases: u64, of: impl Fn(&mut Rng) -> Timing) -> Slower {
     let mut found = Slower::new();
     for seed in 0..cases {
         let mut rng = Rng(seed);
         let timing = of(&mut rng);
         let scene = scene::random(&mut rng, [60, 40], 40).record();
         let before = replay(&elaborate(timing), &scene, Detail::Accounts).total;
-        for (name, more_of) in SIDE_BY_SIDE
+        for (name, more_of) in REPLICATED
             .into_iter()
             .filter(|(name, _)| timing.organisation == Organisation::Binned || *name != "engines")
         {
@@ -307,8 +305,8 @@ fn slower_side_by_side(cases: u64, of: impl Fn(&mut Rng) -> Timing) -> Slower {
 }
 
 #[test]
-fn more_units_side_by_side_are_never_slower() {
-    let found = slower_side_by_side(800, |rng| {
+fn more_parallel_units_are_never_slower() {
+    let found = slower_in_parallel(800, |rng| {
         let timing = random(rng);
         several(rng, timing)
     });
@@ -326,7 +324,7 @@ fn several_binned(rng: &mut Rng) -> Timing {
 #[test]
 fn several_engines_are_never_slower_than_one_nor_more_units_in_that() {
     assert_eq!(
-        slower_side_by_side(800, |rng| Timing {
+        slower_in_parallel(800, |rng| Timing {
             engines: None,
             ..several_binned(rng)
         }),
@@ -334,12 +332,12 @@ fn several_engines_are_never_slower_than_one_nor_more_units_in_that() {
     );
 }
 
-/// Which engine takes a tile follows from when lists are through, not from what waits behind them:
-/// of three engines one may take a tile that lies behind more work than on two.
+/// The engine that takes a tile depends on when lists end, not on the work behind them. With three
+/// engines a tile may queue behind more work than with two.
 #[test]
 fn more_engines_can_be_slower_than_several_but_seldom_are() {
     let cases = 1500;
-    let found = slower_side_by_side(cases, several_binned);
+    let found = slower_in_parallel(cases, several_binned);
     assert!(
         found.iter().any(|(name, ..)| *name == "engines"),
         "{found:?}"
@@ -350,9 +348,9 @@ fn more_engines_can_be_slower_than_several_but_seldom_are() {
     );
 }
 
-/// An entry that begins a burst asks for two things, but waits for one to be free: of five on their
-/// way, the one that it waits for may be a splat, which was asked for late, where of four it is a
-/// burst of the list.
+/// An entry that begins a burst issues two requests, but waits until one place is free. With five
+/// in flight that one may be a splat, which was requested late; with four it is a burst of the
+/// list.
 #[test]
 fn more_requests_can_be_slower_if_tiles_are_binned() {
     let scene = Scene {
@@ -380,8 +378,8 @@ fn more_requests_can_be_slower_if_tiles_are_binned() {
     assert_eq!(total(5), total(4) + 8);
 }
 
-/// One channel gives its moments to who asks first: what comes earlier may take the moment of
-/// something more urgent.
+/// One channel serves requests in order of issue. An earlier request may take the place of a more
+/// urgent one.
 #[test]
 fn more_of_something_can_be_slower_where_memory_is_shared() {
     let found = slower(600, |rng| {
@@ -398,7 +396,7 @@ fn more_of_something_can_be_slower_where_memory_is_shared() {
     assert!(!found.is_empty());
 }
 
-/// A wide stamp waits for all of its lines and for all of its pixels.
+/// A wide stamp waits for all of its lines and all of its pixels.
 #[test]
 fn wider_lanes_can_be_slower() {
     let mut counts = [0; 3];
@@ -416,10 +414,10 @@ fn wider_lanes_can_be_slower() {
     assert!(faster > 5 * slower && slower > 0, "{counts:?}");
 }
 
-/// Replayed together, machines take what each takes by itself: those that go through tiles alike,
-/// those that do not, and those of which something is infinitely fast.
+/// In a batched replay each machine takes the time that it takes alone: machines that process tiles
+/// alike, machines that do not, and machines with an infinitely fast part.
 #[test]
-fn machines_abreast_take_as_long_as_one_by_one() {
+fn a_batched_replay_equals_single_replays() {
     let (mut together, mut stamps, mut merges) = (0, 0, 0);
     for seed in 0..300 {
         let mut rng = Rng(seed);
@@ -447,7 +445,7 @@ fn machines_abreast_take_as_long_as_one_by_one() {
                     timing.tile.side_px,
                     timing.tile.buffers,
                 ) = (lanes, side_px, 1 + rng.below(2) as u32);
-                // What comes behind the lists alone may differ.
+                // Only fields of units behind the lists may differ.
                 if rng.below(2) == 0 {
                     let Timing {
                         fetch,
@@ -548,7 +546,7 @@ fn machines_abreast_take_as_long_as_one_by_one() {
     );
 }
 
-/// A list of so many entries, in one tile.
+/// One list with this many entries, in one tile.
 fn list(splats: usize, keys: impl Fn(u32) -> u32) -> Scene {
     let scene = dots(splats, 1, 0);
     Scene {
@@ -558,8 +556,8 @@ fn list(splats: usize, keys: impl Fn(u32) -> u32) -> Scene {
     }
 }
 
-/// What the sorter of a list is busy for, and the bytes that it reads and writes, in bursts of 64;
-/// memory answers at once.
+/// Busy cycles of the sorter of a list, and the bytes that it reads and writes, in bursts of 64.
+/// Memory responds immediately.
 fn sorted(kind: SortKind, sorter: Sorter, scene: &Scene) -> (u64, [u64; 2]) {
     let mut machine = Machine::named("gaussian").unwrap();
     machine.sort.as_mut().unwrap().kind = kind;
@@ -590,7 +588,7 @@ fn a_list_that_fits_the_buffer_takes_its_formula() {
         bucket_bits: None,
     };
     let up = |key| key << 12;
-    // 7 bytes an entry, of which 4 are its number.
+    // 7 bytes per entry, 4 of which are its number.
     assert_eq!(
         sorted(SortKind::Tile, sorter(256, 16), &list(256, up)),
         (16 + 10 + 4 * 256, [1792, 1024])
@@ -611,15 +609,15 @@ fn a_list_that_fits_the_buffer_takes_its_formula() {
         sorted(SortKind::Tile, sorter(256, 1), &list(256, up)),
         (256 + 8 * 256, [1792, 1024])
     );
-    // One that fits is not distributed.
+    // A list that fits is not distributed.
     assert_eq!(
         sorted(SortKind::Hierarchical, sorter(256, 16), &list(256, up)),
         sorted(SortKind::Tile, sorter(256, 16), &list(256, up))
     );
 }
 
-/// Worked out by hand: of 1024 entries, four chunks of 256 and two passes of merging in memory; or
-/// 4 of 16 buckets of 256 entries, which no chunk of is merged; or one bucket with all of them.
+/// Worked out by hand. For 1024 entries: four chunks of 256 and two passes of merging in memory; or
+/// 4 of 16 buckets with 256 entries each, none of which is merged; or one bucket with all entries.
 #[test]
 fn a_list_that_does_not_fit_is_spilled() {
     let sorter = |bucket_bits| Sorter {
@@ -646,7 +644,7 @@ fn a_list_that_does_not_fit_is_spilled() {
     );
 }
 
-/// Sorters do not share lists: more of them take at most as long, and a larger buffer never spills
+/// Sorters do not share lists. More of them take at most as long, and a larger buffer never spills
 /// more.
 #[test]
 fn more_sorters_are_never_slower_on_memory_without_limits() {

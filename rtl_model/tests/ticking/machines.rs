@@ -1,5 +1,5 @@
-//! Which machines are tried? Any small numbers, and memory so wide that when data comes is known
-//! beforehand.
+//! Which machines are tried? Any small numbers, and memory so wide that the arrival of data is
+//! known in advance.
 
 use crate::frames::Rng;
 use rtl_model::Machine;
@@ -33,7 +33,7 @@ pub fn elaborate(timing: Timing) -> Microarchitecture {
     machine.elaborate().unwrap().timing
 }
 
-/// A machine that mirrors surroundings, by a map of any size on the chip or behind any cache.
+/// A machine that reflects surroundings, by a map of any size on chip or behind any cache.
 pub fn mirroring(rng: &mut Rng, timing: Timing) -> Microarchitecture {
     let index_bits = 1 + rng.below(6) as u32;
     let mut power = |most: u64| 1 << rng.below(most + 1);
@@ -68,7 +68,7 @@ pub fn sorting(rng: &mut Rng, timing: Timing) -> Machine {
     machine
 }
 
-/// The same with any sorters of lists, which are so small that most lists do not fit.
+/// A machine with any sorters of lists, so small that most lists do not fit.
 pub fn sorting_lists(rng: &mut Rng, timing: Timing) -> Machine {
     let mut machine = sorting(rng, timing);
     let kind = if rng.below(2) == 0 {
@@ -91,8 +91,8 @@ pub fn sorting_lists(rng: &mut Rng, timing: Timing) -> Machine {
     machine
 }
 
-/// The same with several units side by side, and merges in flight; of a binned machine several
-/// engines, too.
+/// Timing with several parallel units and merges in flight; for a binned machine several engines,
+/// too.
 pub fn several(rng: &mut Rng, timing: Timing) -> Timing {
     let mut some = |most: u64| (rng.below(3) > 0).then(|| 1 + rng.below(most) as u32);
     let mut other = timing;
@@ -122,12 +122,12 @@ pub fn random(rng: &mut Rng) -> Timing {
         fifo: to(rng, 6),
     };
     let [project, ellipse] = [setup(rng), setup(rng)];
-    // Of numbers of its own: all else is as it would be without.
+    // Separate random numbers, so that the rest does not change.
     let rng_of_colour = &mut Rng(rng.0 ^ 0xc010);
     let colour = (rng_of_colour.below(4) > 0).then(|| {
         let latency = (rng_of_colour.below(4) > 0).then(|| to(rng_of_colour, 3));
         let interval = (rng_of_colour.below(3) > 0).then(|| to(rng_of_colour, 2));
-        // Where it is said how long it takes, no product waits for a multiplier.
+        // Where its duration is given, no product stalls on a multiplier.
         let multipliers = if latency.is_some() || interval.is_some() {
             80
         } else {
@@ -189,7 +189,7 @@ pub fn random(rng: &mut Rng) -> Timing {
                 _ => to(rng, 6),
             };
             let burst_bytes = of(rng, &[4, 16, 64, 256]);
-            // Whether it is said of memory, or that there is no end to it.
+            // Unlimited either by memory's own field or by the technology.
             Memory {
                 ideal: rng.below(2) == 0,
                 ..ideal(to(rng, 30), outstanding, burst_bytes)

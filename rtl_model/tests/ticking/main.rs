@@ -1,5 +1,5 @@
-//! Is a frame that is replayed by recurrences the frame that a machine, ticking cycle by cycle,
-//! would draw? How far off is it if not?
+//! Is a frame replayed by recurrences equal to the frame of a machine that ticks cycle by cycle,
+//! and how large is the error if not?
 
 mod agreement;
 mod binned;

@@ -1,11 +1,12 @@
-//! What does memory do in each cycle? Each channel moves the bytes of the request that came first,
-//! and opens rows as it meets them. Where it can open a row only now and then, those that came
-//! first open theirs first, and of requests whose row is open the first goes.
+//! What does memory do in each cycle? Each channel moves the bytes of its oldest request and opens
+//! rows as they are needed. Where it can open rows only at some times, the oldest requests open
+//! theirs first, and the oldest request whose row is open is served.
 //!
-//! Of requests of the same cycle, splats go first, then lists and what they point to, then what
-//! leaves the frame, then what comes back, then texels; those of one client in the order of asking.
-//! Bytes come a latency after the channel has moved them: that of the row, open or another, for all
-//! that a request has in it. A channel as wide as all that is asked for is ideal memory.
+//! Among requests of the same cycle, splats go first, then lists and records, then writes of the
+//! frame, then reads of the frame, then texels. Requests of one requester keep their order of
+//! issue. Bytes arrive a latency after the channel has moved them: the latency of an open or a
+//! closed row, for all bytes of a request in that row. A channel as wide as all requests together
+//! is ideal memory.
 
 use rtl_model::machine::timing::Memory as Description;
 use rtl_model::timing::{CLIENTS, Client, Direction};
@@ -14,104 +15,104 @@ use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
 use std::rc::Rc;
 
-/// Where what lies: no two of them share a row.
+/// Address regions; no two of them share a row.
 pub const SPLATS: u64 = 0;
 pub const RECORDS: u64 = 1 << 40;
 pub const LISTS: u64 = 2 << 40;
 pub const LINES: u64 = 3 << 40;
 pub const WORDS: u64 = 4 << 40;
 pub const MAP: u64 = 6 << 40;
-/// Lists lie so far apart.
+/// Distance between two lists.
 pub const LIST_BYTES: u64 = 1 << 24;
 
-/// When a request is done: known once its bytes are moved.
+/// Completion cycle of a request: known once its bytes are moved.
 #[derive(Clone, Debug, Default)]
 pub struct Done(Rc<Cell<Option<u64>>>);
 
 impl Done {
-    pub fn has_come(&self, now: u64) -> bool {
+    pub fn is_done(&self, now: u64) -> bool {
         self.0.get().is_some_and(|at| at <= now)
     }
 }
 
-/// Requests on their way, in the order of asking, at most so many at a time.
+/// Outstanding requests in order of issue, limited in number.
 pub struct Requests {
     limit: usize,
-    pub asked: Vec<Done>,
-    /// The first so many have come.
-    come: usize,
+    pub issued: Vec<Done>,
+    /// Number of requests at the front that are done.
+    done_count: usize,
 }
 
 impl Requests {
     pub fn new(limit: u32) -> Self {
         Requests {
             limit: limit as usize,
-            asked: Vec::new(),
-            come: 0,
+            issued: Vec::new(),
+            done_count: 0,
         }
     }
 
-    /// One more, whether or not it is known yet what it asks for.
+    /// Issues a request; its address may still be unknown.
     pub fn next(&mut self) -> Done {
-        self.asked.push(Done::default());
-        self.asked[self.asked.len() - 1].clone()
+        self.issued.push(Done::default());
+        self.issued[self.issued.len() - 1].clone()
     }
 
     pub fn is_free(&self, now: u64) -> bool {
-        match self.asked.len().checked_sub(self.limit) {
-            Some(before) => self.asked[before].has_come(now),
+        match self.issued.len().checked_sub(self.limit) {
+            Some(before) => self.issued[before].is_done(now),
             None => true,
         }
     }
 
-    pub fn have_all_come(&mut self, now: u64) -> bool {
-        self.come += self.asked[self.come..]
+    pub fn are_all_done(&mut self, now: u64) -> bool {
+        self.done_count += self.issued[self.done_count..]
             .iter()
-            .take_while(|done| done.has_come(now))
+            .take_while(|done| done.is_done(now))
             .count();
-        self.come == self.asked.len()
+        self.done_count == self.issued.len()
     }
 }
 
-/// What was moved.
+/// Moved data.
 #[derive(Clone, Debug, Default)]
 pub struct Traffic {
-    /// Cycles in which anything was.
+    /// Cycles in which any data was moved.
     pub busy: u64,
-    /// By client, read and written.
+    /// By requester, read and written.
     pub bytes: [[u64; 2]; CLIENTS.len()],
     pub bursts: [u64; CLIENTS.len()],
     pub row_hits: u64,
 }
 
-/// A request, the last of whose parts says when it is done.
-struct Request {
+/// A request. It is done when the last of its parts is.
+struct PendingRequest {
     parts: Cell<u64>,
     here: Cell<u64>,
     done: Done,
 }
 
-/// What of a request lies in one channel, and waits.
-struct Part {
-    /// In the channel's own addresses.
+/// Waiting part of a request in one channel.
+struct PartialRequest {
+    /// Range in the channel's own addresses.
     bytes: Range<u64>,
     is_write: bool,
-    /// Its row was opened for it.
+    /// The row was opened for it.
     has_opened: bool,
-    /// Thousandths of bytes of the row that are still to be moved, once it is begun, and the
-    /// latency.
+    /// Thousandths of bytes of the current row that are still to be moved, and the latency; `None`
+    /// before it starts.
     begun: Option<(u64, u64)>,
-    request: Rc<Request>,
+    request: Rc<PendingRequest>,
 }
 
 #[derive(Default)]
 struct Channel {
-    /// By cycle, client and order of asking.
-    waiting: BTreeMap<(u64, usize, u64), Part>,
-    /// Whose bytes are being moved.
+    /// By cycle, requester priority and order of issue.
+    waiting: BTreeMap<(u64, usize, u64), PartialRequest>,
+    /// Request whose bytes are being moved.
     now: Option<(u64, usize, u64)>,
     open: Vec<Option<u64>>,
-    /// When each bank opened a row last, and each rank its last four.
+    /// Cycle in which each bank last opened a row, and the last four such cycles per rank.
     opened: Vec<Option<u64>>,
     opened_by_rank: Vec<VecDeque<u64>>,
     rank: usize,
@@ -123,7 +124,7 @@ struct Channel {
 pub struct Memory {
     description: Description,
     channels: Vec<Channel>,
-    asked: u64,
+    issued: u64,
     pub traffic: Traffic,
 }
 
@@ -143,13 +144,13 @@ impl Memory {
         Memory {
             description,
             channels,
-            asked: 0,
+            issued: 0,
             traffic: Traffic::default(),
         }
     }
 
-    /// Asks, in this cycle or one to come, for whole bursts.
-    pub fn ask(
+    /// Issues a request for whole bursts, in this cycle or a later one.
+    pub fn request(
         &mut self,
         when: u64,
         client: Client,
@@ -168,8 +169,8 @@ impl Memory {
             Client::FrameRead => 3,
             Client::Environment => 4,
         };
-        self.asked += 1;
-        // Line after line goes to the next channel, which has those of its own side by side.
+        self.issued += 1;
+        // Consecutive lines go to consecutive channels; a channel's own lines are contiguous.
         let count = self.channels.len() as u64;
         let line_bytes = if count == 1 {
             1 << 60
@@ -190,7 +191,7 @@ impl Memory {
             at = end;
         }
         let many = parts.iter().flatten().count() as u64;
-        let request = Rc::new(Request {
+        let request = Rc::new(PendingRequest {
             parts: Cell::new(many),
             here: Cell::new(0),
             done: done.clone(),
@@ -198,18 +199,18 @@ impl Memory {
         for (channel, part) in self.channels.iter_mut().zip(parts) {
             let Some(bytes) = part else { continue };
             let is_write = direction == Direction::Write;
-            let part = Part {
+            let part = PartialRequest {
                 bytes,
                 is_write,
                 has_opened: false,
                 begun: None,
                 request: request.clone(),
             };
-            channel.waiting.insert((when, turn, self.asked), part);
+            channel.waiting.insert((when, turn, self.issued), part);
         }
     }
 
-    /// After all that is asked in a cycle.
+    /// Called after all requests of a cycle.
     pub fn tick(&mut self, now: u64) {
         let is_busy = self
             .channels
@@ -220,7 +221,7 @@ impl Memory {
 }
 
 impl Channel {
-    /// Moves what it can in a cycle; something if it does.
+    /// Moves one cycle's bytes; `Some` if it moved any.
     fn tick(&mut self, now: u64, d: &Description, row_hits: &mut u64) -> Option<()> {
         let [row_bytes, banks, burst] = [d.row_bytes, d.banks, d.burst_bytes].map(u64::from);
         let [interval, refresh, still, turn, row_cycles, four_rows] = [
@@ -243,7 +244,7 @@ impl Channel {
                 return None;
             }
         }
-        let place = |part: &Part, banks_of_all: usize| {
+        let place = |part: &PartialRequest, banks_of_all: usize| {
             let row = part.bytes.start / row_bytes;
             let bank = (row % banks_of_all as u64) as usize;
             (row, bank, bank / banks as usize)
@@ -251,7 +252,7 @@ impl Channel {
         let all = self.open.len();
         let is_limited = row_cycles > 0 || four_rows > 0;
         if is_limited {
-            // The first that asks for a bank opens its row there, as soon as that may be.
+            // The oldest request of a bank opens its row as soon as the limits allow it.
             let mut claimed = vec![false; all];
             for (_, part) in self
                 .waiting
@@ -278,7 +279,7 @@ impl Channel {
             + u64::from(d.bytes_per_cycle_permille.unwrap_or(0));
         let mut left = whole;
         while left > 0 {
-            let is_ready = |part: &Part| {
+            let is_ready = |part: &PartialRequest| {
                 let (row, bank, _) = place(part, all);
                 !is_limited || self.open[bank] == Some(row)
             };
@@ -301,7 +302,7 @@ impl Channel {
                 if !is_limited {
                     part.has_opened = self.open[bank].replace(row) != Some(row);
                 }
-                // Its first burst opens the row for the others.
+                // The first burst opens the row for the others.
                 *row_hits += bursts - u64::from(part.has_opened);
                 let mut nothing = 0;
                 if std::mem::replace(&mut self.rank, rank) != rank {
@@ -344,7 +345,7 @@ impl Channel {
                     request.done.0.set(Some(request.here.get()));
                 }
             } else if !is_limited {
-                // The next row is that of the same request.
+                // The next row belongs to the same request.
                 self.now = Some(key);
             }
         }

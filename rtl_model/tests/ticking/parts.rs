@@ -1,139 +1,139 @@
-//! What is a ticking machine made of? Units, FIFOs with credits, stamps; and the units that both
+//! What is a ticked machine made of? Units, FIFOs with credits, stamps; and the units that both
 //! organisations have.
 
 use super::memory::{Done, MAP, Memory, Requests, SPLATS, Traffic};
-use super::scene::{Asks, Scene};
+use super::scene::{LitFragment, Scene};
 use rtl_model::elaboration::microarchitecture::{Microarchitecture, Pace};
 use rtl_model::timing::{Account, Client, Direction};
 use rtl_model::work::{Event, Fate};
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::RangeInclusive;
 
-/// One of several side by side.
+/// One of several parallel instances of a unit.
 #[derive(Clone, Debug, Default)]
-pub struct Side {
+pub struct UnitInstance {
     pub items: u64,
     pub account: Account,
-    /// The first cycle in which nothing holds it.
+    /// First cycle in which it is free.
     pub until: u64,
 }
 
 /// A unit.
 #[derive(Clone, Debug)]
-pub struct Unit {
+pub struct TickedUnit {
     pub name: &'static str,
-    /// How many of the same name come before its sides.
+    /// Number of units of the same name before its first instance.
     pub others: u32,
-    pub sides: Vec<Side>,
+    pub instances: Vec<UnitInstance>,
     pub log: Vec<u64>,
-    /// How full it was behind it.
+    /// Occupancy of the FIFO behind it.
     pub occupancy: Vec<u64>,
 }
 
-/// What happened.
+/// Result of a ticked frame.
 #[derive(Clone, Debug)]
 pub struct Ticked {
     pub total: u64,
-    pub units: Vec<Unit>,
+    pub units: Vec<TickedUnit>,
     pub lookups: [u64; 2],
-    /// Of the caches of the map of surroundings.
+    /// Look-ups and hits of the caches of the map of surroundings.
     pub texels: [u64; 2],
-    /// All that the raster took, and those that kept a pixel.
+    /// All stamps that the raster took, and those that kept a pixel.
     pub stamps: [u64; 2],
     pub traffic: Traffic,
 }
 
-/// What a free unit does in a cycle.
+/// Action of a free unit in a cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Act {
     Starve,
-    Wait,
+    StallOnMemory,
     Block,
-    /// Takes an item that holds it for so many cycles.
+    /// Takes an item that holds it for this many cycles.
     Take(u64),
 }
 
-impl Unit {
-    pub fn new(name: &'static str, sides: u32) -> Self {
-        Unit {
+impl TickedUnit {
+    pub fn new(name: &'static str, instances: u32) -> Self {
+        TickedUnit {
             name,
             others: 0,
-            sides: vec![Side::default(); sides as usize],
+            instances: vec![UnitInstance::default(); instances as usize],
             log: Vec::new(),
             occupancy: Vec::new(),
         }
     }
 
-    /// So many of them, each of one side.
-    pub fn each(name: &'static str, count: u32) -> Vec<Unit> {
+    /// `count` units of one instance each.
+    pub fn each(name: &'static str, count: u32) -> Vec<TickedUnit> {
         (0..count)
-            .map(|others| Unit {
+            .map(|others| TickedUnit {
                 others,
-                ..Unit::new(name, 1)
+                ..TickedUnit::new(name, 1)
             })
             .collect()
     }
 
-    /// That of an engine, each of which has as many.
+    /// Unit of an engine; every engine has `each` of them.
     pub fn of_engine(self, engine: u32, each: u32) -> Self {
-        Unit {
+        TickedUnit {
             others: engine * each + self.others,
             ..self
         }
     }
 
-    /// In the end it takes over what its FIFO counted.
+    /// Finally takes the occupancy counts of its FIFO.
     pub fn before<T>(self, link: Link<T>) -> Self {
-        Unit {
+        TickedUnit {
             occupancy: link.occupancy,
             ..self
         }
     }
 
-    /// Whose turn it is.
+    /// Instance that takes the next item.
     pub fn turn(&self) -> usize {
-        self.log.len() % self.sides.len()
+        self.log.len() % self.instances.len()
     }
 
     pub fn is_idle(&self, now: u64) -> bool {
-        self.sides.iter().all(|side| side.until <= now)
+        self.instances.iter().all(|instance| instance.until <= now)
     }
 
     pub fn is_free(&self, now: u64) -> bool {
-        self.sides[self.turn()].until <= now
+        self.instances[self.turn()].until <= now
     }
 
     pub fn take(&mut self, now: u64, cycles: u64) {
         let turn = self.turn();
-        self.sides[turn].until = now + cycles;
-        self.sides[turn].items += 1;
+        self.instances[turn].until = now + cycles;
+        self.instances[turn].items += 1;
         self.log.push(now);
     }
 
-    /// Counts the cycle. The side whose turn it is would have taken an item but for a reason.
+    /// Counts the cycle. `reason` is why the instance whose turn it is did not take an item.
     pub fn count(&mut self, now: u64, reason: Act) {
         let turn = self.turn();
-        for (place, side) in self.sides.iter_mut().enumerate() {
+        for (place, instance) in self.instances.iter_mut().enumerate() {
             match reason {
-                _ if side.until > now => side.account.busy += 1,
-                Act::Wait if place == turn => side.account.memory += 1,
-                Act::Block if place == turn => side.account.blocked += 1,
-                _ => side.account.starved += 1,
+                _ if instance.until > now => instance.account.busy += 1,
+                Act::StallOnMemory if place == turn => instance.account.memory += 1,
+                Act::Block if place == turn => instance.account.blocked += 1,
+                _ => instance.account.starved += 1,
             }
         }
     }
 }
 
-/// A FIFO and the pipeline before it: items with the cycle in which they are here. Places are
-/// credits.
+/// A FIFO and the pipeline before it: items with the cycle in which they arrive. Places are counted
+/// as credits.
 pub struct Link<T> {
     pub items: VecDeque<(u64, T)>,
     pub credits: u32,
-    /// Given back in this cycle.
+    /// Credits returned in this cycle.
     pub returned: u32,
-    /// From when on each place is free again that has an item which does not come out.
+    /// Cycle in which each place becomes free whose item does not come out.
     pub vanishing: VecDeque<u64>,
-    /// How often so many places were taken when another one was, with that.
+    /// Histogram of the number of occupied places, taken when an item enters and including it.
     pub occupancy: Vec<u64>,
 }
 
@@ -158,13 +158,13 @@ impl<T> Link<T> {
         self.occupancy[taken] += 1;
     }
 
-    /// What does not come out has a place until then.
+    /// Occupies a place until this cycle, for an item that does not come out.
     pub fn vanish(&mut self, free_again: u64) {
         self.credits = self.credits.checked_sub(1).expect("a place");
         self.vanishing.push_back(free_again);
     }
 
-    /// Before anything happens in a cycle.
+    /// Called before all other events of a cycle.
     pub fn begin_tick(&mut self, now: u64) {
         while self
             .vanishing
@@ -198,26 +198,26 @@ impl<T> Link<T> {
     }
 }
 
-/// The pixels of a stamp.
+/// A stamp and its pixels.
 #[derive(Clone, Debug, Default)]
 pub struct Stamp {
-    /// Its pixels that are not faint, as places in the picture.
+    /// Pixels that are not faint, as places in the picture.
     pub pixels: Vec<usize>,
-    /// Those that are.
+    /// Faint pixels.
     pub faint: Vec<usize>,
-    /// All that it tests.
+    /// All tested pixels.
     pub tested: Vec<usize>,
-    /// Those that stop with it.
+    /// Pixels that stop with this stamp.
     pub stops: Vec<usize>,
-    /// Those in which fragments merge, and how many are shaded for that.
+    /// Pixels in which fragments merge, and the number of fragments shaded for each.
     pub merged: Vec<(usize, u64)>,
-    /// What they look up, one after the other.
+    /// Look-ups of the pixels, one after the other.
     pub texels: Vec<Option<[usize; 2]>>,
-    /// Lines in the order in which pixels meet them.
+    /// Lines in the order in which the pixels touch them.
     pub lines: Vec<usize>,
-    /// Among those that reach the fragment unit.
+    /// Number among the stamps that reach the fragment unit.
     pub number: usize,
-    /// Of a binned machine's tiles, those without an entry left out.
+    /// Number of its tile among a binned machine's tiles with entries.
     pub tile: usize,
 }
 
@@ -266,7 +266,7 @@ pub fn stamps_of(
                         stamp.merged.push((pixel, u64::from(shades)));
                         stamp.texels.extend(
                             (0..shades.into())
-                                .map(|nth| scene.texel(Asks::Merge(place, pixel), nth)),
+                                .map(|nth| scene.texel(LitFragment::Merge(place, pixel), nth)),
                         );
                     }
                     let line = y / line_height * lines_across + x / line_width;
@@ -286,7 +286,7 @@ pub fn places(pace: Pace) -> u32 {
     (pace.fifo + pace.latency.div_ceil(pace.interval)) * pace.units
 }
 
-/// What colours take; anything where splats have none to work out.
+/// Pace of colours; any value where splats have no harmonics.
 fn colour_pace(timing: &Microarchitecture, scene: &Scene) -> Pace {
     timing
         .colour
@@ -294,26 +294,26 @@ fn colour_pace(timing: &Microarchitecture, scene: &Scene) -> Pace {
         .map_or(timing.ellipse, |colour| colour.pace)
 }
 
-/// Ticks a machine until it is done; says for how many cycles.
+/// Ticks a machine until it is done; returns the number of cycles.
 pub fn run<M>(machine: &mut M, tick: fn(&mut M), is_done: fn(&mut M) -> bool) -> u64 {
     let mut cycles = 0;
     while !is_done(machine) {
         tick(machine);
         cycles += 1;
-        assert!(cycles < 1_000_000_000, "it is stuck");
+        assert!(cycles < 1_000_000_000, "the machine is deadlocked");
     }
     cycles
 }
 
-/// Every side of a unit gets its chance.
+/// Ticks a unit: each of its instances may take an item.
 pub fn turn<M>(
     machine: &mut M,
     now: u64,
-    unit: impl Fn(&mut M) -> &mut Unit,
+    unit: impl Fn(&mut M) -> &mut TickedUnit,
     mut act: impl FnMut(&mut M) -> Act,
 ) {
     let mut reason = Act::Starve;
-    for _ in 0..unit(machine).sides.len() {
+    for _ in 0..unit(machine).instances.len() {
         if !unit(machine).is_free(now) {
             break;
         }
@@ -324,7 +324,7 @@ pub fn turn<M>(
     unit(machine).count(now, reason);
 }
 
-/// The cache of a map of surroundings, where it has one: sets of lines, the one used longest ago
+/// The cache of a map of surroundings, where there is one: sets of lines, least recently used
 /// first.
 pub struct Texels {
     sets: Vec<Vec<usize>>,
@@ -333,7 +333,7 @@ pub struct Texels {
     side: usize,
     line_bytes: u64,
     pub lookups: [u64; 2],
-    /// What the fragment waits for that shade would take next, once it has looked up.
+    /// Reads for the fragment that shade takes next, after its look-up.
     awaited: Option<Vec<Done>>,
 }
 
@@ -352,8 +352,8 @@ impl Texels {
         })
     }
 
-    /// Whether the fragment that shade looks at in this cycle has its texels; it looks them up when
-    /// it is looked at first.
+    /// Whether the next fragment of shade has its texels. The first call for a fragment looks them
+    /// up.
     fn are_here(&mut self, now: u64, texel: Option<[usize; 2]>, memory: &mut Memory) -> bool {
         if self.awaited.is_none() {
             let mut lines = Vec::new();
@@ -374,7 +374,7 @@ impl Texels {
                     .collect(),
             );
         }
-        self.awaited.iter().flatten().all(|done| done.has_come(now))
+        self.awaited.iter().flatten().all(|done| done.is_done(now))
     }
 
     fn look_up(&mut self, now: u64, line: usize, memory: &mut Memory) -> Option<Done> {
@@ -392,7 +392,7 @@ impl Texels {
         }
         set.push(line);
         let (done, from) = (Done::default(), MAP + line as u64 * self.line_bytes);
-        memory.ask(
+        memory.request(
             now,
             Client::Environment,
             Direction::Read,
@@ -404,42 +404,42 @@ impl Texels {
 }
 
 /// Fetch, project and ellipse; and shade where splats are lit before they are drawn.
-pub struct SetUp<'a> {
+pub struct SetupUnits<'a> {
     timing: &'a Microarchitecture,
     scene: &'a Scene,
     now: u64,
-    fetch: Unit,
+    fetch: TickedUnit,
     requests: Requests,
     records: Link<usize>,
-    project: Unit,
+    project: TickedUnit,
     projected: Link<usize>,
-    ellipse: Unit,
+    ellipse: TickedUnit,
     ellipses: Link<usize>,
-    colour: Unit,
+    colour: TickedUnit,
     coloured: Link<usize>,
-    shade: Unit,
+    shade: TickedUnit,
     lit: Link<usize>,
     pub texels: Option<Texels>,
-    /// The map that the chip has all of, once it is asked for.
+    /// Read of the whole map, for a machine that stores all of it on chip.
     map: Option<Done>,
 }
 
-impl<'a> SetUp<'a> {
+impl<'a> SetupUnits<'a> {
     pub fn new(timing: &'a Microarchitecture, scene: &'a Scene) -> Self {
-        SetUp {
+        SetupUnits {
             timing,
             scene,
             now: 0,
-            fetch: Unit::new("fetch", 1),
+            fetch: TickedUnit::new("fetch", 1),
             requests: Requests::new(timing.timing.memory.outstanding),
             records: Link::new(places(timing.fetch)),
-            project: Unit::new("project", timing.project.units),
+            project: TickedUnit::new("project", timing.project.units),
             projected: Link::new(places(timing.project)),
-            ellipse: Unit::new("ellipse", timing.ellipse.units),
+            ellipse: TickedUnit::new("ellipse", timing.ellipse.units),
             ellipses: Link::new(places(timing.ellipse)),
-            colour: Unit::new("colour", colour_pace(timing, scene).units),
+            colour: TickedUnit::new("colour", colour_pace(timing, scene).units),
             coloured: Link::new(places(colour_pace(timing, scene))),
-            shade: Unit::new(
+            shade: TickedUnit::new(
                 if timing.lights_setup {
                     "setup-shade"
                 } else {
@@ -453,7 +453,7 @@ impl<'a> SetUp<'a> {
         }
     }
 
-    /// Whether the chip has the map, if it is to have all of it.
+    /// Whether the map is on chip, for a machine that stores all of it there.
     fn has_map(&mut self, memory: &mut Memory) -> bool {
         let Some(side) = self
             .scene
@@ -466,7 +466,7 @@ impl<'a> SetUp<'a> {
         let done = self.map.get_or_insert_with(|| {
             let done = Done::default();
             let bytes = (side * side) as u64 * u64::from(self.timing.map.unwrap().texel_bytes);
-            memory.ask(
+            memory.request(
                 now,
                 Client::Environment,
                 Direction::Read,
@@ -475,10 +475,10 @@ impl<'a> SetUp<'a> {
             );
             done
         });
-        done.has_come(now)
+        done.is_done(now)
     }
 
-    /// The bursts that a record lies in.
+    /// Bursts that contain a record.
     fn bursts(&self, record: usize) -> RangeInclusive<usize> {
         let of_splat = match (self.scene.shared_axes, self.colours()) {
             (true, _) => self.timing.voxel_bytes.unwrap(),
@@ -496,21 +496,21 @@ impl<'a> SetUp<'a> {
             return Act::Starve;
         }
         if !has_map {
-            return Act::Wait;
+            return Act::StallOnMemory;
         }
         let last = *self.bursts(record).end();
-        if last >= self.requests.asked.len() && !self.requests.is_free(self.now) {
-            return Act::Wait;
+        if last >= self.requests.issued.len() && !self.requests.is_free(self.now) {
+            return Act::StallOnMemory;
         }
         if !self.records.has_room() {
             return Act::Block;
         }
-        // All bursts of a record go in one cycle, so that more can be on their way than may be, if
-        // a record has more.
+        // All bursts of a record are issued in one cycle, so a record of several bursts may exceed
+        // the limit of outstanding requests.
         let burst = u64::from(self.timing.timing.memory.burst_bytes);
-        for nth in self.requests.asked.len()..=last {
+        for nth in self.requests.issued.len()..=last {
             let from = SPLATS + nth as u64 * burst;
-            memory.ask(
+            memory.request(
                 self.now,
                 Client::Splats,
                 Direction::Read,
@@ -526,11 +526,11 @@ impl<'a> SetUp<'a> {
         let Some(&record) = self.records.front(self.now) else {
             return Act::Starve;
         };
-        if !self.requests.asked[self.bursts(record)]
+        if !self.requests.issued[self.bursts(record)]
             .iter()
-            .all(|burst| burst.has_come(self.now))
+            .all(|burst| burst.is_done(self.now))
         {
-            return Act::Wait;
+            return Act::StallOnMemory;
         }
         let ends = matches!(
             self.scene.splats[record].fate,
@@ -563,7 +563,7 @@ impl<'a> SetUp<'a> {
         Act::Take(self.timing.ellipse.interval.into())
     }
 
-    /// Whether splats have harmonics, and the machine works their colours out.
+    /// Whether the machine computes colours from the harmonics of the splats.
     fn colours(&self) -> bool {
         self.scene.harmonics > 0 && !self.timing.colour.is_empty()
     }
@@ -592,9 +592,13 @@ impl<'a> SetUp<'a> {
             return Act::Starve;
         };
         if let Some(texels) = &mut self.texels
-            && !texels.are_here(self.now, self.scene.texel(Asks::Splat(record), 0), memory)
+            && !texels.are_here(
+                self.now,
+                self.scene.texel(LitFragment::Splat(record), 0),
+                memory,
+            )
         {
-            return Act::Wait;
+            return Act::StallOnMemory;
         }
         if !self.lit.has_room() {
             return Act::Block;
@@ -608,7 +612,7 @@ impl<'a> SetUp<'a> {
         Act::Take(self.timing.shade.interval.into())
     }
 
-    /// What the next unit takes from.
+    /// Output of setup.
     pub fn done(&mut self) -> &mut Link<usize> {
         match (self.scene.preshaded, self.colours()) {
             (true, _) => &mut self.lit,
@@ -630,7 +634,7 @@ impl<'a> SetUp<'a> {
         }
     }
 
-    /// After all that happens in a cycle.
+    /// Called after all events of a cycle.
     pub fn end_tick(&mut self) {
         self.records.tick();
         self.projected.tick();
@@ -662,9 +666,9 @@ impl<'a> SetUp<'a> {
             .all(|unit| unit.is_idle(self.now))
     }
 
-    /// Fetch, project and ellipse, colour, if splats have any to be worked out, and a shade of its
-    /// own; and shade, if it is the only one.
-    pub fn units(self) -> (Vec<Unit>, Option<Unit>) {
+    /// Fetch, project and ellipse; colour, if splats have harmonics, and setup's own shade; and
+    /// separately the shade unit, if it is the only one.
+    pub fn units(self) -> (Vec<TickedUnit>, Option<TickedUnit>) {
         let colours = self.colours();
         let mut units = vec![
             self.fetch.before(self.records),
@@ -684,21 +688,20 @@ impl<'a> SetUp<'a> {
 /// Raster and gauss.
 pub struct Fill {
     latencies: [u64; 2],
-    pub raster: Unit,
-    /// What is left of the footprint that the raster looks at, and whether it took any of it.
+    pub raster: TickedUnit,
+    /// Remaining stamps of the current footprint, and whether any of it was taken.
     pub left: VecDeque<Stamp>,
     pub begun: bool,
-    /// From which cycle on each pixel is left out; where pixels never are, none.
+    /// First cycle in which each pixel is skipped; empty where pixels never stop.
     pub stopped: Vec<u64>,
-    /// Footprints of which nothing was left.
+    /// Footprints without a remaining stamp.
     pub dropped: u64,
-    /// Stamps so far that go on to the fragment unit.
+    /// Number of stamps so far that go on to the fragment unit.
     numbered: usize,
-    /// Stamps with a weight: those that kept some of it, and those that did not, since this was
-    /// asked last.
+    /// Stamps with a weight since the last reset: those that kept a pixel, and those that did not.
     pub decided: [usize; 2],
     stamps: Link<Stamp>,
-    pub gauss: Unit,
+    pub gauss: TickedUnit,
     pub weighted: Link<Stamp>,
 }
 
@@ -706,7 +709,7 @@ impl Fill {
     pub fn new(timing: &Microarchitecture) -> Self {
         Fill {
             latencies: [timing.raster.latency.into(), timing.gauss.latency.into()],
-            raster: Unit::new("raster", 1),
+            raster: TickedUnit::new("raster", 1),
             left: VecDeque::new(),
             begun: false,
             stopped: Vec::new(),
@@ -714,12 +717,12 @@ impl Fill {
             numbered: 0,
             decided: [0; 2],
             stamps: Link::new(places(timing.raster)),
-            gauss: Unit::new("gauss", 1),
+            gauss: TickedUnit::new("gauss", 1),
             weighted: Link::new(places(timing.gauss)),
         }
     }
 
-    /// The same for a picture of so many pixels, which is told when each of them is left out.
+    /// A raster that skips stopped pixels, in a picture with this many pixels.
     pub fn leaving_out(self, pixels: usize) -> Self {
         Fill {
             stopped: vec![u64::MAX; pixels],
@@ -727,7 +730,7 @@ impl Fill {
         }
     }
 
-    /// Passes over stamps of which every pixel has stopped.
+    /// Skips stamps of which every pixel has stopped.
     pub fn pass_over(&mut self, now: u64) {
         let is_left = |pixel: &usize| self.stopped.get(*pixel).is_none_or(|from| *from > now);
         while self
@@ -740,7 +743,7 @@ impl Fill {
         }
     }
 
-    /// Looks at a footprint, of which `stamps` says which it has, unless they are on their way.
+    /// Ticks the raster. `stamps` returns an item's stamps, or `None` while its data is in flight.
     pub fn raster<T>(
         &mut self,
         now: u64,
@@ -754,13 +757,13 @@ impl Fill {
                 return Act::Starve;
             };
             let Some(stamps) = stamps(item) else {
-                return Act::Wait;
+                return Act::StallOnMemory;
             };
             self.left = stamps;
         }
         self.pass_over(now);
         if self.left.is_empty() {
-            // Nothing of it is left.
+            // Every stamp has stopped.
             from.pop();
             self.dropped += 1;
             return Act::Take(1);
@@ -831,7 +834,7 @@ impl Fill {
         ]
     }
 
-    pub fn units(self) -> Vec<Unit> {
+    pub fn units(self) -> Vec<TickedUnit> {
         vec![
             self.raster.before(self.stamps),
             self.gauss.before(self.weighted),
@@ -839,25 +842,25 @@ impl Fill {
     }
 }
 
-/// A stamp that merges in a unit: those of its pixels that are this unit's.
+/// A merging stamp in one unit, with the pixels of that unit.
 struct Merging {
     number: usize,
     pixels: Vec<usize>,
     merges: u64,
-    /// Fragments that shade has not taken yet, and when the last that it took is lit.
+    /// Fragments that shade has not taken yet, and the cycle in which the last taken one is lit.
     left: u64,
     lit: u64,
 }
 
-/// A fragment unit, with what is merged beside it, the oldest first, and when that one is through:
-/// known once it is lit.
-struct OfPixels {
-    unit: Unit,
+/// A fragment unit, with the merges in flight, oldest first, and the cycle in which the oldest
+/// ends, known once it is lit.
+struct FragmentUnit {
+    unit: TickedUnit,
     merging: VecDeque<Merging>,
     through: Option<u64>,
 }
 
-/// Fragment units, and the light for their merges.
+/// Fragment units, and the shading of their merges.
 pub struct Merge {
     fragment_latency: u64,
     shade_pace: Pace,
@@ -866,65 +869,69 @@ pub struct Merge {
     hazard: u64,
     width: usize,
     columns: usize,
-    units: Vec<OfPixels>,
-    /// From when on each pixel can be taken again.
+    units: Vec<FragmentUnit>,
+    /// Cycle from which each pixel can be taken again.
     pixel_free: Vec<u64>,
-    pub shade: Unit,
-    /// What mirrors, of shade: then fragments are shaded one by one. A machine that has it has one
-    /// of each unit.
-    pub mirror: Option<Mirror>,
-    /// Work for shade units: from which cycle on, for how long, and for which fragment unit.
+    pub shade: TickedUnit,
+    /// Reflecting shade unit: fragments are then shaded one by one. Such a machine has one of each
+    /// unit.
+    pub mirror: Option<TexelShade>,
+    /// Work for shade units: first cycle, duration, and fragment unit.
     pub to_shade: VecDeque<(u64, u64, Option<usize>)>,
-    /// By number: stamps that are not written yet, for how many units they wait, and when the
-    /// others have written them.
+    /// Unwritten stamps by number: for how many units they wait, and when the other units have
+    /// written them.
     waiting: BTreeMap<usize, (Stamp, usize, u64)>,
-    /// Those that all units are through with since this was asked last, and when they are written.
+    /// Stamps completed by all units since the last call, and when they are written.
     pub written: Vec<(Stamp, u64)>,
 }
 
-/// Who waits for the light of a fragment: a merge, or resolve, if it is the last that it waits for.
+/// Consumer of a fragment's light: a merge, or resolve, with a flag for its last fragment.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Asked {
+pub enum LightConsumer {
     Merge,
     Resolve { is_last: bool },
 }
 
-/// A shade unit that mirrors: its cache, and what it is to shade, from which cycle on, and for
-/// whom.
-pub struct Mirror {
+/// A shade unit that reflects surroundings: its cache, and its queue: first cycle, texel, consumer.
+pub struct TexelShade {
     pub texels: Texels,
-    pub queue: VecDeque<(u64, Option<[usize; 2]>, Asked)>,
-    /// Cycles that fragments waited for texels since the last of something.
+    pub queue: VecDeque<(u64, Option<[usize; 2]>, LightConsumer)>,
+    /// Stall cycles of fragments for texels since the last reset.
     pub waited: u64,
 }
 
-impl Mirror {
+impl TexelShade {
     pub fn new(timing: &Microarchitecture, scene: &Scene) -> Option<Self> {
-        Texels::new(timing, scene).map(|texels| Mirror {
+        Texels::new(timing, scene).map(|texels| TexelShade {
             texels,
             queue: VecDeque::new(),
             waited: 0,
         })
     }
 
-    /// What resolve is to have shaded together, from a cycle on.
-    pub fn ask(&mut self, here: u64, texels: Vec<Option<[usize; 2]>>) {
+    /// Queues fragments that resolve shades together, from a cycle on.
+    pub fn queue_resolve(&mut self, here: u64, texels: Vec<Option<[usize; 2]>>) {
         let last = texels.len() - 1;
         self.queue
             .extend(texels.into_iter().enumerate().map(|(nth, texel)| {
                 (
                     here,
                     texel,
-                    Asked::Resolve {
+                    LightConsumer::Resolve {
                         is_last: nth == last,
                     },
                 )
             }));
     }
 
-    /// Looks at the next fragment; and for whom it is taken.
-    pub fn shade(&mut self, now: u64, interval: u64, memory: &mut Memory) -> (Act, Option<Asked>) {
-        let Some(&(here, texel, asked)) = self.queue.front() else {
+    /// Ticks the unit for its next fragment; also returns the consumer of a taken fragment.
+    pub fn shade(
+        &mut self,
+        now: u64,
+        interval: u64,
+        memory: &mut Memory,
+    ) -> (Act, Option<LightConsumer>) {
+        let Some(&(here, texel, consumer)) = self.queue.front() else {
             return (Act::Starve, None);
         };
         if here > now {
@@ -932,30 +939,30 @@ impl Mirror {
         }
         if !self.texels.are_here(now, texel, memory) {
             self.waited += 1;
-            return (Act::Wait, None);
+            return (Act::StallOnMemory, None);
         }
         self.texels.awaited = None;
         self.queue.pop_front();
-        if asked == Asked::Merge {
-            // Nobody counts these cycles.
+        if consumer == LightConsumer::Merge {
+            // Stalls of merges are not reported.
             self.waited = 0;
         }
-        (Act::Take(interval), Some(asked))
+        (Act::Take(interval), Some(consumer))
     }
 
-    /// If the last fragment is taken that resolve waits for: for how many cycles texels were waited
-    /// for.
-    pub fn waited(&mut self, asked: Option<Asked>) -> Option<u64> {
-        (asked == Some(Asked::Resolve { is_last: true })).then(|| std::mem::take(&mut self.waited))
+    /// Stall cycles for texels, once the last fragment of a resolve is taken.
+    pub fn waited(&mut self, consumer: Option<LightConsumer>) -> Option<u64> {
+        (consumer == Some(LightConsumer::Resolve { is_last: true }))
+            .then(|| std::mem::take(&mut self.waited))
     }
 }
 
-/// For ever, until somebody says otherwise.
+/// Held until further notice.
 pub const HELD: u64 = 1 << 40;
 
 impl Merge {
     pub fn new(timing: &Microarchitecture, scene: &Scene) -> Self {
-        let units = Unit::each("fragment", timing.fragment.units).into_iter();
+        let units = TickedUnit::each("fragment", timing.fragment.units).into_iter();
         Merge {
             fragment_latency: timing.fragment.latency.into(),
             shade_pace: timing.shade,
@@ -965,32 +972,32 @@ impl Merge {
             width: scene.width as usize,
             columns: timing.timing.raster.lanes[0] as usize,
             units: units
-                .map(|unit| OfPixels {
+                .map(|unit| FragmentUnit {
                     unit,
                     merging: VecDeque::new(),
                     through: None,
                 })
                 .collect(),
             pixel_free: vec![0; (scene.width * scene.height) as usize],
-            shade: Unit::new("shade", timing.shade.units),
+            shade: TickedUnit::new("shade", timing.shade.units),
             to_shade: VecDeque::new(),
-            mirror: Mirror::new(timing, scene),
+            mirror: TexelShade::new(timing, scene),
             waiting: BTreeMap::new(),
             written: Vec::new(),
         }
     }
 
-    /// Whose a pixel is.
+    /// Fragment unit of a pixel.
     fn owner(&self, pixel: usize) -> usize {
         (pixel % self.width + pixel / self.width * self.columns) % self.units.len()
     }
 
-    /// Before anything else happens in a cycle: what is lit is merged, in its turn.
+    /// Called before all other events of a cycle: merges lit fragments, in order.
     pub fn begin_tick(&mut self, now: u64) {
         for of in 0..self.units.len() {
             loop {
                 let merge = self.merge;
-                let OfPixels {
+                let FragmentUnit {
                     unit,
                     merging,
                     through,
@@ -1006,16 +1013,16 @@ impl Merge {
                 }
                 *through = None;
                 let first = merging.pop_front().expect("the first");
-                debug_assert!(unit.sides.len() == 1);
+                debug_assert!(unit.instances.len() == 1);
                 first
                     .pixels
                     .iter()
                     .for_each(|pixel| self.pixel_free[*pixel] = now - 1 + self.hazard);
                 self.part_written(first.number, now - 1 + self.fragment_latency);
             }
-            let OfPixels { unit, merging, .. } = &mut self.units[of];
+            let FragmentUnit { unit, merging, .. } = &mut self.units[of];
             if merging.len() >= self.in_flight {
-                unit.sides[0].until = unit.sides[0].until.max(now + 1);
+                unit.instances[0].until = unit.instances[0].until.max(now + 1);
             }
         }
     }
@@ -1030,8 +1037,7 @@ impl Merge {
         }
     }
 
-    /// Looks at the first stamp that waits, if one is here, and takes it if nothing but the units
-    /// and its pixels stands in the way.
+    /// Ticks the fragment units. The first stamp is taken if its units and its pixels are free.
     pub fn fragment(&mut self, now: u64, stamp: Option<&Stamp>, reason: Act) -> bool {
         let has = |of: usize| {
             let pixels = |stamp: &Stamp| {
@@ -1049,7 +1055,7 @@ impl Merge {
             })
         };
         let mut owners: Vec<usize> = (0..self.units.len()).filter(|of| has(*of)).collect();
-        // The even ones first, of these those that four divides, and so on.
+        // Even units first, among these the multiples of four, and so on.
         owners.sort_by_key(|of| [1, 2, 4, 8].map(|bit| of & bit));
         let can = |stamp: &Stamp| {
             owners.iter().all(|of| self.units[*of].unit.is_free(now))
@@ -1113,7 +1119,7 @@ impl Merge {
                     stamp
                         .texels
                         .iter()
-                        .map(|texel| (now + 1, *texel, Asked::Merge)),
+                        .map(|texel| (now + 1, *texel, LightConsumer::Merge)),
                 ),
                 None => self.to_shade.extend(
                     (0..left).map(|_| (now + 1, self.shade_pace.interval.into(), Some(of))),
@@ -1142,25 +1148,25 @@ impl Merge {
         }
     }
 
-    /// A fragment is taken to be shaded for one of a unit's merges.
+    /// Records that a fragment is taken to be shaded for one of a unit's merges.
     fn light(&mut self, owner: usize, now: u64) {
         let of = self.units[owner]
             .merging
             .iter_mut()
             .find(|merging| merging.left > 0)
-            .expect("who waits for light");
+            .expect("a merge to be lit");
         (of.left, of.lit) = (of.left - 1, now + u64::from(self.shade_pace.latency));
     }
 
-    /// Shades with texels; if that was the last that resolve waits for: for how many cycles texels
-    /// were waited for.
+    /// Ticks the reflecting shade unit; also returns resolve's stall cycles for texels, once its
+    /// last fragment is taken.
     pub fn mirror(&mut self, now: u64, memory: &mut Memory) -> (Act, Option<u64>) {
         let Some(mirror) = &mut self.mirror else {
             return (Act::Starve, None);
         };
-        let (act, asked) = mirror.shade(now, self.shade_pace.interval.into(), memory);
-        let waited = mirror.waited(asked);
-        if asked == Some(Asked::Merge) {
+        let (act, consumer) = mirror.shade(now, self.shade_pace.interval.into(), memory);
+        let waited = mirror.waited(consumer);
+        if consumer == Some(LightConsumer::Merge) {
             self.light(0, now);
         }
         (act, waited)
@@ -1181,12 +1187,12 @@ impl Merge {
             && self.shade.is_idle(now)
     }
 
-    /// Stamps that were taken and that all units are not through with.
+    /// Whether stamps were taken that some unit has not completed.
     pub fn is_waiting(&self) -> bool {
         !self.waiting.is_empty()
     }
 
-    pub fn units(self) -> (Vec<Unit>, Unit) {
+    pub fn units(self) -> (Vec<TickedUnit>, TickedUnit) {
         (
             self.units.into_iter().map(|of| of.unit).collect(),
             self.shade,
@@ -1194,7 +1200,7 @@ impl Merge {
     }
 }
 
-/// Shares so many fragments out among the shade units, of a resolve that begins now.
+/// Distributes this many fragments over the shade units, for a resolve that begins now.
 pub fn light(timing: &Microarchitecture, now: u64, shades: u64) -> Vec<(u64, u64, Option<usize>)> {
     let mut shares = vec![0; timing.shade.units as usize];
     (0..shades as usize).for_each(|nth| {
@@ -1207,7 +1213,7 @@ pub fn light(timing: &Microarchitecture, now: u64, shades: u64) -> Vec<(u64, u64
         .collect()
 }
 
-/// For how long pixels hold each resolve unit, and how many fragments are shaded for that.
+/// Cycles that pixels hold each resolve unit, and the number of fragments shaded for them.
 pub fn resolve_cycles(
     timing: &Microarchitecture,
     scene: &Scene,
@@ -1218,14 +1224,14 @@ pub fn resolve_cycles(
     let mut held = vec![0; timing.resolve.units as usize];
     let mut shades = 0;
     let shaders = u64::from(timing.shade.units);
-    // So many at a time.
+    // `shaders` fragments at a time.
     let light = |fragments: u64| fragments.div_ceil(shaders) * u64::from(timing.shade.interval);
     for y in top..height.min(top + rows) {
         for x in left..width.min(left + columns) {
             let end = scene.ends[y * width + x];
             let [lit, unlit] = [end.lit, end.unlit].map(u64::from);
-            // All come through one port, one after the other; light comes in its own time. Whoever
-            // is free first takes the pixel.
+            // All pixels come through one port, one after the other; light arrives independently.
+            // The first free unit takes the pixel.
             let first = (0..held.len())
                 .min_by_key(|unit| held[*unit])
                 .expect("a unit");
@@ -1236,14 +1242,14 @@ pub fn resolve_cycles(
             shades += unlit;
         }
     }
-    // Who gets none looks, too.
+    // A unit without a pixel takes a cycle too.
     held.iter_mut()
         .for_each(|cycles| *cycles = light(shades).max(*cycles).max(1));
     (held, shades)
 }
 
-/// What all resolve units do in a cycle, who take what they take together.
-pub fn resolve(units: &mut [Unit], now: u64, reason: Act, cycles: &[u64]) -> bool {
+/// Ticks all resolve units. They take their work at the same time.
+pub fn resolve(units: &mut [TickedUnit], now: u64, reason: Act, cycles: &[u64]) -> bool {
     let taken = matches!(reason, Act::Take(_)) && units.iter().all(|unit| unit.is_free(now));
     if taken {
         units
@@ -1260,7 +1266,7 @@ pub fn resolve(units: &mut [Unit], now: u64, reason: Act, cycles: &[u64]) -> boo
     taken
 }
 
-/// What is looked up for these pixels in the end, one after the other.
+/// Final look-ups of these pixels, one after the other.
 pub fn resolve_texels(
     scene: &Scene,
     [left, top]: [usize; 2],
@@ -1271,12 +1277,13 @@ pub fn resolve_texels(
     let pixels = rows.flat_map(|y| (left..width.min(left + columns)).map(move |x| y * width + x));
     pixels
         .flat_map(|pixel| {
-            (0..scene.ends[pixel].unlit.into()).map(move |nth| scene.texel(Asks::End(pixel), nth))
+            (0..scene.ends[pixel].unlit.into())
+                .map(move |nth| scene.texel(LitFragment::End(pixel), nth))
         })
         .collect()
 }
 
-/// Look-ups of several caches, and those among them that had their line.
+/// Look-ups and hits of several caches.
 pub fn texels_looked_up<const N: usize>(caches: [Option<&Texels>; N]) -> [u64; 2] {
     caches.into_iter().flatten().fold([0; 2], |all, cache| {
         [0, 1].map(|i| all[i] + cache.lookups[i])

@@ -4,8 +4,8 @@
 use super::frames::{Rng, in_tile};
 use rtl_model::work::{CULLED, Event, Fate, Recorder, TILE_PX, Work};
 
-/// A splat, and what became of every pixel of its box, row by row; of those that it does not cover,
-/// nothing.
+/// A splat, with the event of every pixel of its box, row by row; `None` for pixels that it does
+/// not cover.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Splat {
     pub fate: Fate,
@@ -44,15 +44,15 @@ impl Splat {
     }
 }
 
-/// A pixel in the end: its fragments that were lit so that they could merge, and those that no
-/// light has met yet.
+/// Final state of a pixel: the number of its fragments that were lit for merges, and of those that
+/// are not lit.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct End {
     pub lit: u8,
     pub unlit: u8,
 }
 
-/// A frame: its splats, and what each pixel ends with.
+/// A frame: its splats, and the final state of each pixel.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scene {
     pub width: u32,
@@ -61,22 +61,22 @@ pub struct Scene {
     pub ends: Vec<End>,
     /// Splats are lit before they are drawn.
     pub preshaded: bool,
-    /// Their axes lie in registers.
+    /// Their axes are in registers.
     pub shared_axes: bool,
     /// Degree of their harmonics.
     pub harmonics: u8,
-    /// In which order they are drawn, those that are: their places. Without one, as they come.
+    /// Places of the drawn splats in drawing order; empty for submission order.
     pub order: Vec<usize>,
-    /// By place, a key of 24 bits that has them in this order; none without an order.
+    /// Key of 24 bits by place, which sorts splats into this order; empty without an order.
     pub keys: Vec<u32>,
-    /// Surroundings are mirrored, in a map of so many texels a side.
+    /// Texels per side of the map of reflected surroundings.
     pub mirrored: Option<usize>,
 }
 
-/// Whose light is asked for: a splat before it is drawn, or a pixel for a splat that makes it
-/// merge, or in the end.
+/// Fragment to be lit: of a splat before it is drawn, of a pixel in which this splat makes
+/// fragments merge, or of a pixel at the end.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Asks {
+pub enum LitFragment {
     Splat(usize),
     Merge(usize, usize),
     End(usize),
@@ -116,7 +116,7 @@ fn any_splat(
         pixels: Vec::new(),
     };
     let area = splat.size()[0] * splat.size()[1];
-    // Some keep nothing, some nothing but faint pixels.
+    // Some keep nothing, some only faint pixels.
     let kind = rng.below(12);
     splat.pixels = (0..area)
         .map(|_| match kind {
@@ -128,7 +128,7 @@ fn any_splat(
     splat
 }
 
-/// A scene of at most so many pixels a side and so many splats.
+/// A scene of at most this many pixels per side and this many splats.
 pub fn random(rng: &mut Rng, [width, height]: [u64; 2], splats: u64) -> Scene {
     let [width, height] = [width, height].map(|most| 1 + rng.below(most) as u32);
     let culled = rng.below(60);
@@ -171,17 +171,17 @@ pub fn random(rng: &mut Rng, [width, height]: [u64; 2], splats: u64) -> Scene {
 }
 
 impl Scene {
-    /// The first column and row of what somebody's nth fragment looks up, if it mirrors anything:
-    /// neighbours mostly look beside each other.
-    pub fn texel(&self, asks: Asks, nth: usize) -> Option<[usize; 2]> {
+    /// First column and row of the look-up of the nth fragment, if it reflects anything.
+    /// Neighbouring pixels mostly look up neighbouring texels.
+    pub fn texel(&self, fragment: LitFragment, nth: usize) -> Option<[usize; 2]> {
         let side = self.mirrored?;
-        let ([x, y], salt) = match asks {
-            Asks::Splat(place) => ([3 * place, place], place),
-            Asks::Merge(place, pixel) => (
+        let ([x, y], salt) = match fragment {
+            LitFragment::Splat(place) => ([3 * place, place], place),
+            LitFragment::Merge(place, pixel) => (
                 [pixel % self.width as usize, pixel / self.width as usize],
                 place,
             ),
-            Asks::End(pixel) => (
+            LitFragment::End(pixel) => (
                 [pixel % self.width as usize, pixel / self.width as usize],
                 7,
             ),
@@ -192,16 +192,16 @@ impl Scene {
         (rng.below(5) > 0).then_some(texel)
     }
 
-    fn tell(&self, recorder: &mut Recorder, asks: Asks, fragments: u8) {
+    fn record_texels(&self, recorder: &mut Recorder, fragment: LitFragment, fragments: u8) {
         for nth in (0..fragments.into()).filter(|_| self.mirrored.is_some()) {
             recorder.lit();
-            if let Some(texel) = self.texel(asks, nth) {
+            if let Some(texel) = self.texel(fragment, nth) {
                 recorder.looked_up(texel.map(|at| at as u8));
             }
         }
     }
 
-    /// The same, its splats lit before they are drawn, and nothing after.
+    /// The scene with all splats lit before they are drawn, and nothing lit after.
     pub fn lit(mut self) -> Self {
         self.ends.iter_mut().for_each(|end| end.unlit = 0);
         self.splats
@@ -218,8 +218,8 @@ impl Scene {
         }
     }
 
-    /// The same, in which pixels stop, most of them in some scenes: after that nothing happens to
-    /// them but that they are drawn over.
+    /// The scene with pixels that stop, most of them in some scenes. After that, the only events of
+    /// such a pixel are dropped contributions.
     pub fn stopping(mut self, rng: &mut Rng) -> Self {
         let [share, later] = [
             [20, 60, 100, 100][rng.below(4) as usize],
@@ -268,17 +268,17 @@ impl Scene {
         self
     }
 
-    /// The same, drawn in any order.
+    /// The scene in a random drawing order.
     pub fn sorted(self, rng: &mut Rng) -> Self {
         let mut order = self.drawn();
         for place in (1..order.len()).rev() {
             order.swap(place, rng.below(place as u64 + 1) as usize);
         }
-        // Keys are of numbers of their own: all else is as it would be without. Most scenes have
-        // some that are equal.
+        // Keys use separate random numbers, so that the rest does not change. Most scenes have some
+        // equal keys.
         let rng = &mut Rng(rng.0 ^ 0x5047);
         let most = [1, 3, 1 << 10, (1 << 24) / (order.len() as u64 + 1)][rng.below(4) as usize];
-        // Where nothing is drawn there is no order, and no key.
+        // A scene without drawn splats has neither order nor keys.
         let splats = if order.is_empty() {
             0
         } else {
@@ -291,7 +291,7 @@ impl Scene {
             key += u32::from(nth > 0 && !comes_later) + rng.below(most) as u32;
             keys[*place] = key;
         }
-        // Those of little range may lie among the upper bits.
+        // Keys with a small range may use the upper bits.
         let up = if key < 1 << 10 {
             [0, 8, 14][rng.below(3) as usize]
         } else {
@@ -305,15 +305,14 @@ impl Scene {
         }
     }
 
-    /// Splats that are drawn, by their places, in the order in which they come.
+    /// Places of the drawn splats, in submission order.
     fn drawn(&self) -> Vec<usize> {
         (0..self.splats.len())
             .filter(|place| self.splats[*place].fate == Fate::Drawn)
             .collect()
     }
 
-    /// The same in the order in which they are drawn; beside each, how many that are drawn come
-    /// before it.
+    /// Places of the drawn splats in drawing order, each with its number in submission order.
     pub fn in_order(&self) -> Vec<(usize, usize)> {
         let drawn = self.drawn();
         let order = if self.order.is_empty() {
@@ -327,7 +326,7 @@ impl Scene {
             .collect()
     }
 
-    /// Where no box touches a tile, there are no fragments.
+    /// Removes fragments from tiles that no box touches.
     fn clear_untouched(&mut self) {
         let touched = |tile: [u16; 2]| {
             self.splats
@@ -348,7 +347,7 @@ impl Scene {
         }
     }
 
-    /// Tells a recorder what is drawn.
+    /// Records the frame.
     pub fn record(&self) -> Work {
         let mut recorder = Recorder::default();
         for (first, splats) in self.splats.chunks(8).enumerate() {
@@ -373,7 +372,7 @@ impl Scene {
         self.drawn()
             .into_iter()
             .filter(|_| self.preshaded)
-            .for_each(|place| self.tell(&mut setup, Asks::Splat(place), 1));
+            .for_each(|place| self.record_texels(&mut setup, LitFragment::Splat(place), 1));
         if !self.order.is_empty() {
             let keys = self
                 .drawn()
@@ -416,7 +415,11 @@ impl Scene {
                     recorder.span(rows.len(), columns.start, &places);
                     for (event, pixel) in events {
                         if let Event::Merged(shades) = event {
-                            self.tell(&mut recorder, Asks::Merge(place, pixel), shades);
+                            self.record_texels(
+                                &mut recorder,
+                                LitFragment::Merge(place, pixel),
+                                shades,
+                            );
                         }
                         recorder.became(event);
                     }
@@ -435,7 +438,11 @@ impl Scene {
                     } else {
                         End::default()
                     };
-                    self.tell(&mut recorder, Asks::End(y * self.width as usize + x), unlit);
+                    self.record_texels(
+                        &mut recorder,
+                        LitFragment::End(y * self.width as usize + x),
+                        unlit,
+                    );
                     recorder.pixel(lit + unlit, unlit);
                 }
                 recorder.tile([left, top]);
@@ -478,11 +485,11 @@ impl Scene {
                         let [x, y] = [usize::from(first) + column, usize::from(top) + row];
                         let pixel = (y - usize::from(splat.rows[0])) * splat.size()[0] + x
                             - usize::from(splat.columns[0]);
-                        let told = events
+                        let event = events
                             .iter()
                             .find(|(place, _)| usize::from(*place) == 16 * nth + column);
                         splat.pixels[pixel] =
-                            Some(told.map_or(Event::Accumulated, |(_, event)| *event));
+                            Some(event.map_or(Event::Accumulated, |(_, event)| *event));
                     }
                 }
             }
@@ -524,7 +531,7 @@ impl Scene {
             harmonics,
             ..
         } = *work;
-        // What was looked up is not told again.
+        // Look-ups are not part of the record.
         Scene {
             width,
             height,

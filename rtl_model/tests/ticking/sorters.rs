@@ -1,42 +1,43 @@
-//! What do sorters do in each cycle, which sort one tile's list after the other?
+//! What do sorters do in each cycle? Each sorts one tile's list after the other.
 //!
-//! A sorter has room for a buffer of entries, which its network takes `network` at a time, in a
-//! cycle; after as many cycles as the network has stages the runs are merged, two and two, an entry
-//! a cycle, until one is left. Lists that are longer are sorted a buffer after the other and merged
-//! in memory, half a buffer at a time; or are distributed first. What it stores has a buffer of its
-//! own, into which the last pass writes: that waits until everything has been written.
+//! A sorter has a buffer of entries. Its network takes `network` entries per cycle and has a
+//! latency of one cycle per stage. Then runs are merged in pairs, one entry per cycle, until one
+//! run is left. Longer lists are sorted one buffer after the other and merged in memory, half a
+//! buffer at a time; or they are distributed to buckets first. Stored entries go through a separate
+//! buffer, into which the last pass writes. The last pass stalls until everything before has been
+//! written.
 
 use super::memory::{Done, LIST_BYTES, LISTS, Memory, Requests};
-use super::parts::Unit;
+use super::parts::TickedUnit;
 use rtl_model::elaboration::microarchitecture::SortShape;
 use rtl_model::elaboration::sorter::SorterShape;
 use rtl_model::timing::{Client, Direction};
 use std::collections::VecDeque;
 use std::ops::Range;
 
-/// Lists with keys lie here, so far apart; then two places for what is merged, then the buckets of
-/// each sorter.
+/// Address regions: lists with keys, at this distance; then two regions for merged lists, then the
+/// buckets of each sorter.
 const KEYED: u64 = 1 << 60;
 const APART: u64 = 1 << 28;
 const PLACES: u64 = 1 << 54;
 const OF_SORTER: u64 = 1 << 42;
 
-/// Where the list of a tile is written first.
+/// First address of a tile's list.
 pub fn keyed(tile: u64) -> u64 {
     KEYED + APART * tile
 }
 
-/// Entry after entry goes to memory, a burst when it is full.
-struct Stream {
+/// Writes consecutive entries to memory, in full bursts.
+struct WriteStream {
     base: u64,
     bytes: u64,
     burst: u64,
     gone: u64,
 }
 
-impl Stream {
+impl WriteStream {
     fn new(base: u64, burst: u64) -> Self {
-        Stream {
+        WriteStream {
             base,
             bytes: 0,
             burst,
@@ -48,7 +49,7 @@ impl Stream {
         self.bytes += bytes;
     }
 
-    /// Whole bursts that have not gone; in the end all bytes.
+    /// Full bursts that have not been sent; finally all bytes.
     fn take(&mut self, all: bool) -> Option<Range<u64>> {
         let mut until = self.gone;
         while until + self.burst <= self.bytes || all && until < self.bytes {
@@ -59,12 +60,13 @@ impl Stream {
     }
 }
 
-/// What is loaded, worked on and stored at a time.
+/// Unit of loading, sorting and storing.
 struct Piece {
     load: Range<u64>,
-    /// Everything that was stored has to be written before.
+    /// All stores before must be written before it is loaded.
     is_stored_before: bool,
-    /// Cycles until the next piece can be loaded; before the last pass; and of that.
+    /// Cycles until the next piece can be loaded; cycles before the last pass; cycles of the last
+    /// pass.
     room_after: u64,
     before: u64,
     last: u64,
@@ -73,21 +75,21 @@ struct Piece {
 
 struct Sorter {
     pieces: VecDeque<Piece>,
-    /// From when on there is room to load, and what is on its way, or here.
+    /// First cycle with room to load, and the piece in flight or loaded.
     room: u64,
     loaded: Option<(Done, Piece)>,
     working: Option<Piece>,
     stored: Requests,
 }
 
-/// All sorters, and the lists that none has taken: a tile, and its keys in the order in which they
-/// were written.
+/// All sorters, and the lists that none has taken: each a tile and its keys in the order in which
+/// they were written.
 pub struct Sorters {
     shape: SortShape,
     sorter: SorterShape,
     burst: u64,
     sorters: Vec<Sorter>,
-    pub units: Vec<Unit>,
+    pub units: Vec<TickedUnit>,
     lists: VecDeque<(u64, Vec<u32>)>,
     begun: bool,
 }
@@ -107,7 +109,7 @@ impl Sorters {
             sorter,
             burst,
             sorters: (0..sorter.units).map(|_| one()).collect(),
-            units: Unit::each("sort", sorter.units),
+            units: TickedUnit::each("sort", sorter.units),
             lists: lists.into(),
             begun: false,
         })
@@ -120,7 +122,7 @@ impl Sorters {
             .for_each(|unit| unit.count(now, super::parts::Act::Starve));
     }
 
-    /// A cycle from that on; whether all lists are sorted.
+    /// A later cycle; returns whether all lists are sorted.
     pub fn tick(&mut self, now: u64, memory: &mut Memory) -> bool {
         if !std::mem::replace(&mut self.begun, true) {
             self.sorters.iter_mut().for_each(|sorter| sorter.room = now);
@@ -131,7 +133,7 @@ impl Sorters {
                 .take_if(|piece| piece.before + piece.last == 0)
             {
                 for bytes in piece.stores {
-                    memory.ask(
+                    memory.request(
                         now,
                         Client::Sort,
                         Direction::Write,
@@ -154,10 +156,10 @@ impl Sorters {
         if sorter.working.is_some() {
             return;
         }
-        if let Some((_, piece)) = sorter.loaded.take_if(|(here, _)| here.has_come(now)) {
+        if let Some((_, piece)) = sorter.loaded.take_if(|(here, _)| here.is_done(now)) {
             sorter.room = now + piece.room_after;
             sorter.working = Some(piece);
-            unit.sides[0].items += 1;
+            unit.instances[0].items += 1;
             unit.log.push(now);
         }
     }
@@ -173,13 +175,13 @@ impl Sorters {
         }
         let sorter = &mut self.sorters[nth];
         let may_load = |piece: &Piece, is_quiet: bool| !piece.is_stored_before || is_quiet;
-        let is_quiet = sorter.working.is_none() && sorter.stored.have_all_come(now);
+        let is_quiet = sorter.working.is_none() && sorter.stored.are_all_done(now);
         if let Some(piece) = sorter
             .pieces
             .pop_front_if(|piece| may_load(piece, is_quiet))
         {
             let here = Done::default();
-            memory.ask(
+            memory.request(
                 now,
                 Client::Sort,
                 Direction::Read,
@@ -192,7 +194,7 @@ impl Sorters {
 
     fn work(&mut self, nth: usize, now: u64) {
         let sorter = &mut self.sorters[nth];
-        let account = &mut self.units[nth].sides[0].account;
+        let account = &mut self.units[nth].instances[0].account;
         let has_more = sorter.loaded.is_some() || !sorter.pieces.is_empty();
         let Some(piece) = &mut sorter.working else {
             if has_more {
@@ -205,7 +207,7 @@ impl Sorters {
         // Once the last pass has begun nothing else is stored.
         if piece.before > 0 {
             piece.before -= 1;
-        } else if sorter.stored.have_all_come(now) {
+        } else if sorter.stored.are_all_done(now) {
             piece.last -= 1;
         } else {
             account.memory += 1;
@@ -220,13 +222,13 @@ impl Sorters {
 
     fn plan(&self, tile: u64, keys: &[u32], sorter: u64) -> VecDeque<Piece> {
         let mut pieces = VecDeque::new();
-        let mut numbers = Stream::new(LISTS + LIST_BYTES * tile, self.burst);
+        let mut numbers = WriteStream::new(LISTS + LIST_BYTES * tile, self.burst);
         let limit = self.sorter.buffer_entries as usize;
         match self.sorter.bucket_bits {
             Some(bits) if keys.len() > limit => {
                 let place = |bucket: u64| KEYED + 3 * PLACES + OF_SORTER * sorter + APART * bucket;
-                let mut buckets: Vec<Stream> = (0..1 << bits)
-                    .map(|bucket| Stream::new(place(bucket), self.burst))
+                let mut buckets: Vec<WriteStream> = (0..1 << bits)
+                    .map(|bucket| WriteStream::new(place(bucket), self.burst))
                     .collect();
                 let mut loaded = keyed(tile);
                 for (nth, some) in keys.chunks(limit / 2).enumerate() {
@@ -244,7 +246,7 @@ impl Sorters {
                     pieces.push_back(streaming(loaded..to, some.len(), is_last, stores));
                     loaded = to;
                 }
-                let full: Vec<Stream> = buckets
+                let full: Vec<WriteStream> = buckets
                     .into_iter()
                     .filter(|bucket| bucket.bytes > 0)
                     .collect();
@@ -273,13 +275,13 @@ impl Sorters {
         pieces
     }
 
-    /// Sorts so many entries, whose numbers follow those that went before.
+    /// Sorts this many entries; their numbers are appended to those before.
     fn sort(
         &self,
         tile: u64,
         base: u64,
         entries: usize,
-        numbers: &mut Stream,
+        numbers: &mut WriteStream,
         is_end: bool,
         pieces: &mut VecDeque<Piece>,
     ) {
@@ -293,13 +295,13 @@ impl Sorters {
             rounds += 1;
         }
         let place = |round: u64| KEYED + (1 + round % 2) * PLACES + APART * tile;
-        let mut chunks = Stream::new(place(0), self.burst);
+        let mut chunks = WriteStream::new(place(0), self.burst);
         let mut loaded = base;
         for (nth, size) in sizes.iter().enumerate() {
             let is_last = nth + 1 == sizes.len();
             let to = loaded + *size as u64 * self.entry();
             let cycles = size.div_ceil(self.sorter.network as usize) as u64;
-            // Of runs of the network's length, two become one.
+            // Pairs of runs, first of the network's length, become one.
             let (mut runs, mut merging) = (cycles, 0);
             while runs > 1 {
                 (runs, merging) = (runs.div_ceil(2), merging + *size as u64);
@@ -325,7 +327,7 @@ impl Sorters {
             loaded = to;
         }
         for round in 0..rounds {
-            let mut merged = Stream::new(place(round + 1), self.burst);
+            let mut merged = WriteStream::new(place(round + 1), self.burst);
             let mut first = 0;
             while first < entries {
                 let some = (limit / 2).min(entries - first);
@@ -350,7 +352,7 @@ impl Sorters {
     }
 }
 
-/// An entry a cycle; the other half of the buffer is free, but not for more than a half.
+/// A piece of one entry per cycle. The other half of the buffer is free, but not more than that.
 fn streaming(load: Range<u64>, entries: usize, is_last: bool, stores: Vec<Range<u64>>) -> Piece {
     let entries = entries as u64;
     Piece {
@@ -368,6 +370,6 @@ impl Sorter {
         self.pieces.is_empty()
             && self.loaded.is_none()
             && self.working.is_none()
-            && self.stored.have_all_come(now)
+            && self.stored.are_all_done(now)
     }
 }

@@ -1,12 +1,12 @@
-//! Gates: of how many NAND2 of standard cells an operator has the area.
+//! Gates: area of an operator in NAND2 of standard cells.
 //!
 //! ```text
-//! multiplier  p · (a − 1)(b − 1) + 4/3 · (a + b − 1): full adders, but for a row and a column of ANDs
-//! rounder     nothing: half of the last place is a row of the product's array
-//! choice      0.56 p · words · bits: of several words each has its AND, and all have an OR
-//! all else    p · bits
+//! multiplier   p · (a − 1)(b − 1) + 4/3 · (a + b − 1): full adders, except a row and a column of ANDs
+//! rounder      nothing: half an ulp is a row of the product's array
+//! multiplexer  0.56 p · words · bits, for more than two words: an AND per word, and a common OR
+//! all else     p · bits
 //! ```
-//! The default prices are round numbers near the least squares of relative errors over units of
+//! The default unit costs are round numbers near the least squares of relative errors over units of
 //! `tiny`, `lean` and `reference`, mapped for area to open 180 nm cells in which a NAND2 has 24
 //! units of area (`sh tests/programs/gates.sh`; docs/book/cost.md has the table).
 //!
@@ -16,7 +16,7 @@ use super::PerBit;
 use rtl_model::elaboration::Operator;
 
 /// See the head of this file. A flip-flop is DFFPOSX1, 96 units. A bit of FIFOs and memory is
-/// assumed: a NAND2, its part of what reads and writes it included.
+/// assumed to be a NAND2, including its share of read and write logic.
 pub(super) const DEFAULT: PerBit = PerBit {
     multiplier: 9.5,
     adder: 6.0,
@@ -29,10 +29,10 @@ pub(super) const DEFAULT: PerBit = PerBit {
 
 /// An AND2X2, 32 units.
 const AND: f64 = 32.0 / 24.0;
-/// Of a multiplexer of two words, what each of several takes.
+/// Cost per word of a multiplexer of more than two words, as a fraction of a multiplexer of two.
 const OF_SEVERAL: f64 = 0.56;
 
-/// Of an operator; a register is no logic.
+/// Gates of an operator; a register is not logic.
 pub(super) fn of(prices: &PerBit, operator: Operator) -> f64 {
     let bits = |bits: i32| f64::from(bits.max(0));
     match operator {

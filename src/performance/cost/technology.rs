@@ -1,11 +1,11 @@
-//! Technology: what energy takes in another technology than that of the prices.
+//! Technology: scales energy to other technologies than that of the unit costs.
 //!
-//! *At work*: the energy factors of Stillmaker and Baas, "Scaling equations for the accurate
+//! *Dynamic*: the energy factors of Stillmaker and Baas, "Scaling equations for the accurate
 //! prediction of CMOS device performance from 180 nm to 7 nm" (Integration 58, 2017, table 5 and
-//! corrigendum, high performance), at the nominal voltage of each, as a part of that of 45 nm at
-//! 0.9 V, with which Horowitz' figures are told:
+//! corrigendum, high performance), at the nominal voltage of each, relative to 45 nm at 0.9 V, the
+//! technology of Horowitz' figures:
 //!
-//! | | V | energy factor | part of 45 nm |
+//! | | V | energy factor | relative to 45 nm |
 //! |---|---|---|---|
 //! | 180 nm | 1.8 | 24.64·V² − 17.98·V = 47.47 | 68 |
 //! | 65 nm | 1.1 | 3.755·V² − 4.398·V + 1.975 = 1.681 | 2.4 |
@@ -13,81 +13,80 @@
 //! | 28 nm | 0.9 | 0.362, on a power law between 0.4571 at 32 nm and 0.2008 at 20 nm | 0.52 |
 //! | 7 nm | 0.7 | 0.1776·V² − 0.09097·V + 0.02447 = 0.0478 | 0.068 |
 //!
-//! *Leaking*, in the same time: assumed. Width and voltage of a gate, at an off current for each
-//! width that is the same from 65 nm on, as roadmaps ask of fast logic, and a twentieth of that in
-//! 180 nm; a fin counts as if it were flat.
+//! *Leakage*, in the same time: assumed. It is proportional to a gate's width and voltage. The off
+//! current per width is assumed to be the same from 65 nm on, as roadmaps require for fast logic,
+//! and a twentieth of that in 180 nm. A fin counts as if it were flat.
 //!
-//! *An FPGA* of 28 nm takes 14 times what its standard cells would, and leaks 35 times as much, as
-//! their areas compare (Kuon and Rose, "Measuring the gap between FPGAs and ASICs", 2007; that
-//! leakage goes with area is assumed).
+//! *An FPGA* of 28 nm takes 14 times the energy of standard cells, and has 35 times their leakage,
+//! the ratio of the areas (Kuon and Rose, "Measuring the gap between FPGAs and ASICs", 2007; that
+//! leakage is proportional to area is assumed).
 //!
-//! Memory outside of the chip is not scaled.
+//! Off-chip memory is not scaled.
 
 use rtl_model::machine::timing::Technology;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-/// Energy in a technology, as a part of what the prices say.
+/// Energy in a technology, as a fraction of the unit costs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
-pub struct Scale {
-    /// Of bits that work.
+pub struct EnergyScale {
+    /// Dynamic energy.
     #[schemars(range(min = 0))]
     pub dynamic: f64,
-    /// Of what leaks in the same time.
+    /// Leakage in the same time.
     #[schemars(range(min = 0))]
     pub leakage: f64,
 }
 
-/// The scale of each technology; `ideal` has that of 28 nm, the default.
+/// Scale of each technology; `ideal` uses that of 28 nm, the default.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Scales {
     /// 180 nm.
     #[serde(rename = "180nm")]
-    pub nm180: Scale,
+    pub nm180: EnergyScale,
     /// 65 nm.
     #[serde(rename = "65nm")]
-    pub nm65: Scale,
+    pub nm65: EnergyScale,
     /// 28 nm.
     #[serde(rename = "28nm")]
-    pub nm28: Scale,
+    pub nm28: EnergyScale,
     /// 7 nm.
     #[serde(rename = "7nm")]
-    pub nm7: Scale,
+    pub nm7: EnergyScale,
     /// An FPGA.
-    pub fpga: Scale,
+    pub fpga: EnergyScale,
 }
 
 /// See the head of this file.
 pub const DEFAULT: Scales = Scales {
-    nm180: Scale {
+    nm180: EnergyScale {
         dynamic: 68.0,
         leakage: 0.4,
     },
-    nm65: Scale {
+    nm65: EnergyScale {
         dynamic: 2.4,
         leakage: 1.8,
     },
-    nm28: Scale {
+    nm28: EnergyScale {
         dynamic: 0.52,
         leakage: 0.62,
     },
-    nm7: Scale {
+    nm7: EnergyScale {
         dynamic: 0.068,
         leakage: 0.12,
     },
-    fpga: Scale {
+    fpga: EnergyScale {
         dynamic: 7.3,
         leakage: 22.0,
     },
 };
 
 impl Scales {
-    /// Prices hold as they are, whatever the technology: what a file of prices says that has no
-    /// scales.
+    /// Unit costs without scales: the same in every technology, as for a file without `scales`.
     pub fn none() -> Self {
-        let one = Scale {
+        let one = EnergyScale {
             dynamic: 1.0,
             leakage: 1.0,
         };
@@ -100,8 +99,8 @@ impl Scales {
         }
     }
 
-    /// That of a technology.
-    pub fn of(&self, technology: Technology) -> Scale {
+    /// Scale of a technology.
+    pub fn of(&self, technology: Technology) -> EnergyScale {
         match technology {
             Technology::Nm180 => self.nm180,
             Technology::Nm65 => self.nm65,
@@ -128,7 +127,7 @@ mod tests {
             factor([0.8367, -0.4341, 0.1701], 0.9),
             factor([0.373, -0.1582, 0.04104], 0.9),
         ];
-        // The corrigendum works this one out.
+        // The corrigendum gives this value.
         assert!((at_32 - 0.4571).abs() < 5e-5, "{at_32}");
         let power = (at_32 / at_20).ln() / (32.0f64 / 20.0).ln();
         let at_28 = at_32 * (28.0f64 / 32.0).powf(power);
@@ -158,18 +157,18 @@ mod tests {
         ];
         for (scale, energy, nanometres, volts, off_current) in nodes {
             let leakage = off_current * nanometres / 45.0 * volts / 0.9;
-            for (told, exact) in [(scale.dynamic, energy / base), (scale.leakage, leakage)] {
+            for (ratio, exact) in [(scale.dynamic, energy / base), (scale.leakage, leakage)] {
                 assert!(
-                    (told / exact - 1.0).abs() < 0.03,
-                    "{nanometres} nm: {told}, {exact}"
+                    (ratio / exact - 1.0).abs() < 0.03,
+                    "{nanometres} nm: {ratio}, {exact}"
                 );
             }
         }
-        for (told, times) in [
+        for (ratio, times) in [
             (DEFAULT.fpga.dynamic / DEFAULT.nm28.dynamic, 14.0),
             (DEFAULT.fpga.leakage / DEFAULT.nm28.leakage, 35.0),
         ] {
-            assert!((told / times - 1.0).abs() < 0.03, "{told}");
+            assert!((ratio / times - 1.0).abs() < 0.03, "{ratio}");
         }
     }
 }

@@ -1,4 +1,4 @@
-use super::technology::Scale;
+use super::technology::EnergyScale;
 use super::*;
 use crate::hardware::{fixed, machines};
 use rtl_model::timing::{self, Detail};
@@ -19,9 +19,9 @@ fn area(settings: &[&str]) -> f64 {
     Cost::new(&built_with(settings), &DEFAULT).area
 }
 
-/// A raster of one lane, written by others in SystemVerilog with accumulators of 20, 28 and 36
-/// bits, took 242, 331 and 425 LUTs (Yosys 0.23, `synth_xilinx -family xc7 -nowidelut -flatten`),
-/// its seeds not counted. The lane's own parts should follow in the same proportion.
+/// An independent raster of one lane in SystemVerilog, with accumulators of 20, 28 and 36 bits,
+/// took 242, 331 and 425 LUTs (Yosys 0.23, `synth_xilinx -family xc7 -nowidelut -flatten`), without
+/// its seeds. The lane's own parts must grow in the same proportion.
 #[test]
 fn the_parts_of_a_raster_grow_as_synthesis_says() {
     let synthesised = [242.0, 331.0, 425.0];
@@ -52,7 +52,7 @@ fn the_parts_of_a_raster_grow_as_synthesis_says() {
         {
             lane.add(part.operator, part.copies.into());
         }
-        lane.price(
+        lane.weighted(
             &PerBit {
                 register: 0.0,
                 ..DEFAULT.area
@@ -95,7 +95,7 @@ fn a_wider_word_costs_more_and_more_lanes_cost_lanes_alone() {
             .area
     };
     let [one, two] = ["timing.raster.lanes=[1,1]", "timing.raster.lanes=[2,1]"];
-    // All but what a splat's attributes take in the pipeline, which go with both lanes.
+    // All except the pipeline registers of a splat's attributes, which both lanes share.
     let [lane, both] = [unit(one, "gauss"), unit(two, "gauss")];
     assert!(both < 2.0 * lane && both > 1.8 * lane, "{lane}, {both}");
     assert_eq!(unit(two, "shade"), unit(one, "shade"));
@@ -105,9 +105,9 @@ fn a_wider_word_costs_more_and_more_lanes_cost_lanes_alone() {
     );
 }
 
-/// What makes a machine faster and is no operator takes area too.
+/// Timing features without operators take area too.
 #[test]
-fn speed_is_paid_for() {
+fn speed_costs_area() {
     let reference = area(&[]);
     let forwarding = ["timing.fragment.latency=6", "timing.fragment.hazard=1"];
     assert!(area(&forwarding) > area(&forwarding[..1]) + 1.0);
@@ -118,11 +118,11 @@ fn speed_is_paid_for() {
     ] {
         assert!(area(&[faster]) > reference + 1.0, "{faster}");
     }
-    // More stages hold more.
+    // More stages hold more items.
     assert!(area(&["timing.shade.latency=60"]) > reference);
     let immediate = |more: &str| area(&["timing.organisation=immediate", more]);
     assert!(immediate("timing.cache.misses=16") > immediate("timing.cache.misses=8"));
-    // Of two tile buffers a shade unit of their own lights what a tile holds.
+    // With two tile buffers, a separate shade unit lights the fragments that a tile holds.
     let shade = |settings: &[&str]| {
         Cost::new(&built_with(settings), &DEFAULT)
             .units
@@ -131,15 +131,15 @@ fn speed_is_paid_for() {
             .unwrap()
             .area
     };
-    // But for what reads a fragment that was shaded before.
+    // Except the logic that reads a fragment shaded before.
     let more = shade(&["timing.tile.buffers=2"]) / shade(&[]);
     assert!(more > 1.98 && more <= 2.0, "{more}");
 }
 
-/// Whatever stands side by side is built as often, and so is what stands between; nothing of it is
-/// free, even where it gains nothing.
+/// Parallel instances are counted, and so is the logic between them. None of it is free, even where
+/// it gains nothing.
 #[test]
-fn what_stands_side_by_side_is_paid_for() {
+fn parallel_instances_cost_area() {
     let reference = area(&[]);
     let fields = [
         "timing.fragment.merges_in_flight=2",
@@ -164,7 +164,7 @@ fn what_stands_side_by_side_is_paid_for() {
             .find(|unit| unit.name == name)
             .map_or(0.0, |unit| unit.area)
     };
-    // An engine has all that follows the lists, and setup is there once.
+    // An engine contains all units after the lists; setup exists once.
     for name in ["raster", "gauss", "fragment", "resolve"] {
         assert_eq!(
             unit(&["timing.engines=4"], name),
@@ -175,14 +175,15 @@ fn what_stands_side_by_side_is_paid_for() {
     assert_eq!(unit(&["timing.engines=4"], "project"), unit(&[], "project"));
     let storage = |settings: &[&str]| Cost::new(&built_with(settings), &DEFAULT).memory_bits;
     assert_eq!(storage(&["timing.engines=4"]), 4 * storage(&[]));
-    // Units of a lane each are as many lanes as there were, until there are more units than lanes.
+    // Units of one lane each have as many lanes as one unit of several, until there are more units
+    // than lanes.
     let of_lanes =
         [1, 4, 16].map(|units| unit(&[&format!("timing.fragment.units={units}")], "fragment"));
     assert!(
         of_lanes[1] < 2.0 * of_lanes[0] && of_lanes[2] > 3.0 * of_lanes[1],
         "{of_lanes:?}"
     );
-    // A merge in flight keeps both fragments of each lane in registers, which are not those of the
+    // A merge in flight keeps both fragments of each lane in registers, in addition to those of the
     // stages.
     let bits = |merges: u32| {
         let cost = Cost::new(
@@ -210,7 +211,7 @@ fn a_pipeline_has_as_many_registers_as_stages_times_live_bits() {
         bits_of(&machine, "shade").register,
         (37 * (fragment + light)).div_ceil(2)
     );
-    // A stage of a unit that takes an item in two cycles holds one in two.
+    // A stage of a unit with initiation interval 2 holds an item in every second cycle.
     let slow = built_with(&["timing.project.interval=2", "timing.project.latency=200"]);
     let quick = built_with(&["timing.project.interval=1", "timing.project.latency=100"]);
     assert_eq!(
@@ -220,7 +221,7 @@ fn a_pipeline_has_as_many_registers_as_stages_times_live_bits() {
 }
 
 #[test]
-fn what_multipliers_share_is_as_wide_as_the_widest() {
+fn a_shared_multiplier_is_as_wide_as_its_widest_product() {
     let shared = |count: u32| {
         bits_of(
             &built_with(&[&format!("timing.project.multipliers={count}")]),
@@ -235,7 +236,7 @@ fn what_multipliers_share_is_as_wide_as_the_widest() {
 }
 
 #[test]
-fn a_price_of_nothing_but_one_kind_counts_that_kind() {
+fn a_unit_cost_of_one_kind_counts_that_kind() {
     let machine = built_with(&[]);
     let nothing = PerBit {
         multiplier: 0.0,
@@ -284,7 +285,7 @@ fn energy_is_the_sum_of_its_parts_and_grows_with_traffic() {
         energy.total,
         energy.units + energy.storage + energy.dram + energy.leakage
     );
-    // An empty frame: background words alone.
+    // An empty frame writes only background words.
     assert_eq!((energy.units, energy.storage), (0.0, 0.0));
     assert!(energy.dram > 0.0 && energy.leakage > 0.0);
     let dearer = Energy::new(
@@ -299,8 +300,7 @@ fn energy_is_the_sum_of_its_parts_and_grows_with_traffic() {
     assert_eq!(dearer.dram, 2.0 * energy.dram);
 }
 
-/// Work and the cycles that it takes are the same; only what a cycle lasts and what a bit takes
-/// differ.
+/// Work and its cycles are the same; only the duration of a cycle and the energy of a bit differ.
 #[test]
 fn a_technology_and_a_clock_show_in_energy() {
     let work = rtl_model::work::Work {
@@ -316,7 +316,7 @@ fn a_technology_and_a_clock_show_in_energy() {
         Energy::new(&machine, &Cost::new(&machine, prices), &cycles, prices)
     };
     let close = |a: f64, b: f64| (a / b - 1.0).abs() < 1e-9;
-    // Latencies that suit all, for those that are left out follow the clock.
+    // Latencies valid in all technologies, because defaults depend on the clock.
     let latencies = [
         "project", "ellipse", "raster", "gauss", "fragment", "shade", "resolve",
     ]
@@ -341,7 +341,7 @@ fn a_technology_and_a_clock_show_in_energy() {
         )
     };
     let [old, new] = ["180nm", "7nm"].map(|technology| in_technology(technology, "5e6"));
-    let Scale { dynamic, leakage } = DEFAULT.technology.nm180;
+    let EnergyScale { dynamic, leakage } = DEFAULT.technology.nm180;
     assert!(
         close(
             old.units / new.units,
@@ -368,7 +368,7 @@ fn a_technology_and_a_clock_show_in_energy() {
             && faster.units == new.units
             && faster.storage == new.storage
     );
-    // As before there were technologies: at 400 MHz, whatever it is built in.
+    // Without scales: at 400 MHz, the same in all technologies.
     let plain = Prices {
         technology: Scales::none(),
         ..DEFAULT
@@ -384,7 +384,7 @@ fn a_technology_and_a_clock_show_in_energy() {
 }
 
 #[test]
-fn prices_are_read_whole_or_refused_in_a_sentence() {
+fn unit_costs_are_read_completely_or_refused_in_a_sentence() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("prices.json");
     let refused = |text: &str| {
@@ -407,7 +407,7 @@ fn prices_are_read_whole_or_refused_in_a_sentence() {
 }
 
 #[test]
-fn who_takes_turns_at_a_multiplier_pays_for_the_choice_of_its_operands() {
+fn a_shared_multiplier_costs_multiplexers_for_its_operands() {
     let bits = |setting: &str| bits_of(&built_with(&[setting]), "project");
     let whole = bits_of(&built_with(&[]), "project");
     let mut before = whole.multiplexer;
@@ -457,7 +457,7 @@ fn a_bit_more_never_takes_fewer_gates() {
         }
     }
     assert!(of(Operator::Choice([3, 8])) > of(Operator::Multiplexer(8)));
-    // A bit times a word is an AND for each.
+    // One bit times a word takes one AND per bit.
     assert_eq!(of(Operator::Multiplier([1, 12])), 12.0 * 32.0 / 24.0);
     let gates = |setting: &str| Cost::new(&built_with(&[setting]), &DEFAULT).gates;
     let reference = gates("timing.engines=1");
@@ -477,7 +477,7 @@ fn a_bit_more_never_takes_fewer_gates() {
 }
 
 #[test]
-fn gates_are_those_of_the_units_and_of_what_is_stored() {
+fn gates_are_the_sum_of_units_and_storage() {
     let prices = Prices {
         gates: PerBit {
             memory: 0.5,
@@ -516,7 +516,7 @@ fn gates_are_those_of_the_units_and_of_what_is_stored() {
 }
 
 #[test]
-fn a_file_of_prices_from_before_there_were_gates_still_holds() {
+fn an_older_file_of_unit_costs_without_gates_is_valid() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("prices.json");
     let load = |value: &serde_json::Value| {
@@ -526,7 +526,7 @@ fn a_file_of_prices_from_before_there_were_gates_still_holds() {
     let mut value = serde_json::to_value(DEFAULT).unwrap();
     value.as_object_mut().unwrap().remove("gates");
     assert_eq!(load(&value).unwrap(), DEFAULT);
-    // What it says is taken, whole.
+    // Its values are used unchanged.
     value["gates"] = serde_json::to_value(PerBit {
         adder: 1.0,
         ..DEFAULT.gates

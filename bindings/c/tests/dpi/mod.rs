@@ -1,24 +1,25 @@
-//! Does each twin say what the live model says, over DPI-C, of random records that no trace has?
+//! Does each RTL implementation agree with the live model, over DPI-C, on random records that are
+//! in no trace?
 
 use crate::tier::{self, Tier};
 use crate::traced::{Traced, bouquet, cloud, machine, shells, traced};
-use crate::{have, libraries, root, run};
+use crate::{is_installed, libraries, root, run};
 use serde_json::json;
 use splatsim::cosim::trace::Window;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// A twin that the bench can drive.
+/// An RTL implementation that the bench can drive.
 #[derive(Clone, Copy, Debug)]
-struct Twin {
+struct RtlUnit {
     module: &'static str,
     unit: &'static str,
     machine: &'static str,
     macros: &'static [&'static str],
 }
 
-const fn of(unit: &'static str, macros: &'static [&'static str]) -> Twin {
-    Twin {
+const fn of(unit: &'static str, macros: &'static [&'static str]) -> RtlUnit {
+    RtlUnit {
         module: unit,
         unit,
         machine: "reference",
@@ -27,52 +28,52 @@ const fn of(unit: &'static str, macros: &'static [&'static str]) -> Twin {
 }
 
 const HOLDS: [&str; 3] = ["HAS_FRAME", "HAS_DRAIN", "HAS_HELD"];
-const ASKS: [&str; 4] = ["HAS_FRAME", "HAS_DRAIN", "HAS_HELD", "HAS_SHADE"];
+const REQUESTS: [&str; 4] = ["HAS_FRAME", "HAS_DRAIN", "HAS_HELD", "HAS_SHADE"];
 
-const TWINS: [Twin; 11] = [
+const RTL_UNITS: [RtlUnit; 11] = [
     of("project", &["HAS_FRAME"]),
     of("ellipse", &["HAS_FRAME"]),
     of("raster", &["HAS_FRAME", "HAS_CORNER"]),
     of("gauss", &["HAS_LEAST"]),
-    of("fragment", &ASKS),
+    of("fragment", &REQUESTS),
     of("shade", &["HAS_FRAME", "HAS_LIGHTING"]),
     of("resolve", &["HAS_FRAME"]),
-    Twin {
+    RtlUnit {
         module: "ellipsoid",
         unit: "ellipse",
         machine: "gaussian",
         macros: &["HAS_FRAME"],
     },
-    Twin {
+    RtlUnit {
         module: "sheets",
         unit: "fragment",
         machine: "gaussian",
         macros: &HOLDS,
     },
-    Twin {
+    RtlUnit {
         module: "sheets",
         unit: "fragment",
         machine: "volume",
         macros: &HOLDS,
     },
-    Twin {
+    RtlUnit {
         module: "windows",
         unit: "fragment",
         machine: "window",
-        macros: &ASKS,
+        macros: &REQUESTS,
     },
 ];
 
-/// A trace for its package, its tables and its constants: of records it has next to none.
-fn package(twin: Twin) -> Traced {
-    let text = match twin.machine {
+/// A trace for its package, its tables and its constants; it has almost no records.
+fn package(rtl_unit: RtlUnit) -> Traced {
+    let text = match rtl_unit.machine {
         "gaussian" => bouquet(20, 16, &json!({"stop": 0.2})),
         "volume" => shells(10, 16, &json!({"stop": 0.6})),
         _ => cloud(4, 16),
     };
     traced(
         &text,
-        &machine(twin.machine, &["timing.raster.lanes=[1,1]"]),
+        &machine(rtl_unit.machine, &["timing.raster.lanes=[1,1]"]),
         &Window {
             units: vec!["gauss".into()],
             ..Window::default()
@@ -84,23 +85,23 @@ fn rtl() -> PathBuf {
     root().join("../../rtl_model/rtl").canonicalize().unwrap()
 }
 
-/// The twin and the bench, linked with the library.
-fn simulation(twin: Twin, trace: &Traced) -> PathBuf {
-    let folder = trace.path(&format!("live-{}", twin.module));
-    let upper = twin.unit.to_uppercase();
+/// The RTL implementation and the bench, linked with the library.
+fn simulation(rtl_unit: RtlUnit, trace: &Traced) -> PathBuf {
+    let folder = trace.path(&format!("live-{}", rtl_unit.module));
+    let upper = rtl_unit.unit.to_uppercase();
     let libraries = libraries();
     let mut verilator = Command::new("verilator");
     if Command::new("ccache").arg("--version").output().is_ok() {
         verilator.env("OBJCACHE", "ccache");
     }
     let mut defines = vec![
-        format!("-DDUT={}", twin.module),
-        format!("-DUNIT=\"{}\"", twin.unit),
+        format!("-DDUT={}", rtl_unit.module),
+        format!("-DUNIT=\"{}\"", rtl_unit.unit),
         format!("-DIN_W=machine_pkg::{upper}_IN_W"),
         format!("-DOUT_W=machine_pkg::{upper}_OUT_W"),
     ];
-    defines.extend(twin.macros.iter().map(|name| format!("-D{name}")));
-    if twin.macros.contains(&"HAS_DRAIN") {
+    defines.extend(rtl_unit.macros.iter().map(|name| format!("-D{name}")));
+    if rtl_unit.macros.contains(&"HAS_DRAIN") {
         defines.push("-DDUT_PARAMETERS=.WIDTH(16),.HEIGHT(16)".into());
     }
     run(verilator
@@ -136,9 +137,9 @@ fn simulation(twin: Twin, trace: &Traced) -> PathBuf {
 }
 
 /// The bench's last line, in a folder with the machine and the scene of the model, and the tables
-/// of the twin.
-fn told(simulation: &Path, folder: &Path, records: u32, stall: u32) -> String {
-    // Other records where it is stalled.
+/// of the RTL implementation.
+fn last_line(simulation: &Path, folder: &Path, records: u32, stall: u32) -> String {
+    // A stalled run uses other records.
     let source = 1 + stall;
     let output = Command::new(simulation)
         .current_dir(folder)
@@ -158,24 +159,24 @@ fn told(simulation: &Path, folder: &Path, records: u32, stall: u32) -> String {
         .join("\n")
 }
 
-fn compared(told: &str) -> u32 {
-    let (_, count) = told
+fn compared(line: &str) -> u32 {
+    let (_, count) = line
         .split_once("compared=")
-        .unwrap_or_else(|| panic!("{told}"));
-    assert!(told.starts_with("live: done"), "{told}");
+        .unwrap_or_else(|| panic!("{line}"));
+    assert!(line.starts_with("live: done"), "{line}");
     count.trim().parse().unwrap()
 }
 
 #[test]
-fn the_live_model_agrees_with_a_twin_and_names_what_is_different() {
-    if !have("verilator") {
+fn the_live_model_agrees_with_an_rtl_unit_and_names_a_difference() {
+    if !is_installed("verilator") {
         return;
     }
-    let gauss = TWINS[3];
+    let gauss = RTL_UNITS[3];
     let trace = package(gauss);
     let simulation = simulation(gauss, &trace);
-    assert!(compared(&told(&simulation, &trace.folder, 20_000, 30)) >= 20_000);
-    // The same twin beside another machine.
+    assert!(compared(&last_line(&simulation, &trace.folder, 20_000, 30)) >= 20_000);
+    // The same RTL implementation with a model of another machine.
     let other = machine(
         "reference",
         &[
@@ -188,13 +189,13 @@ fn the_live_model_agrees_with_a_twin_and_names_what_is_different() {
         serde_json::to_string(&other).unwrap(),
     )
     .unwrap();
-    let told = told(&simulation, &trace.folder, 20_000, 0);
+    let line = last_line(&simulation, &trace.folder, 20_000, 0);
     assert!(
-        told.contains("field weight is") && told.contains("live: FAILED: record"),
-        "{told}"
+        line.contains("field weight is") && line.contains("live: FAILED: record"),
+        "{line}"
     );
-    // When, and what it was made from.
-    let fault = told
+    // The fault names the time and the input record.
+    let fault = line
         .lines()
         .find(|line| line.contains("field weight is"))
         .unwrap();
@@ -214,43 +215,43 @@ fn the_live_model_agrees_with_a_twin_and_names_what_is_different() {
 }
 
 #[test]
-fn the_bench_may_stop_inside_of_a_pixel_of_resolve() {
-    if !have("verilator") {
+fn the_bench_may_stop_inside_a_pixel_of_resolve() {
+    if !is_installed("verilator") {
         return;
     }
-    let trace = package(TWINS[6]);
-    let simulation = simulation(TWINS[6], &trace);
-    // Of so many counts some lie inside.
+    let trace = package(RTL_UNITS[6]);
+    let simulation = simulation(RTL_UNITS[6], &trace);
+    // Some of these counts end inside a pixel.
     for records in 100..110 {
-        assert!(compared(&told(&simulation, &trace.folder, records, 0)) >= records);
+        assert!(compared(&last_line(&simulation, &trace.folder, records, 0)) >= records);
     }
 }
 
 #[test]
-fn every_twin_agrees_with_the_live_model_on_a_million_random_records() {
+fn every_rtl_unit_agrees_with_the_live_model_on_a_million_random_records() {
     if !tier::runs(Tier::Full) {
         return;
     }
-    if !have("verilator") {
+    if !is_installed("verilator") {
         return;
     }
-    // Two at a time: a compiler keeps one core busy.
-    let mine: Vec<Twin> = tier::some([12, 12], TWINS).collect();
+    // Two in parallel: a compiler keeps one core busy.
+    let mine: Vec<RtlUnit> = tier::some([12, 12], RTL_UNITS).collect();
     for pair in mine.chunks(2) {
         std::thread::scope(|scope| {
             pair.iter()
-                .for_each(|twin| drop(scope.spawn(|| a_million(*twin))))
+                .for_each(|rtl_unit| drop(scope.spawn(|| a_million(*rtl_unit))))
         });
     }
 }
 
-fn a_million(twin: Twin) {
-    let trace = package(twin);
-    let simulation = simulation(twin, &trace);
-    // Stalled and not: half of the records each.
+fn a_million(rtl_unit: RtlUnit) {
+    let trace = package(rtl_unit);
+    let simulation = simulation(rtl_unit, &trace);
+    // Half of the records with stalls, half without.
     for stall in [0, 25] {
-        let told = told(&simulation, &trace.folder, 500_000, stall);
-        println!("{} of {}: {told}", twin.module, twin.machine);
-        assert!(compared(&told) >= 500_000);
+        let line = last_line(&simulation, &trace.folder, 500_000, stall);
+        println!("{} of {}: {line}", rtl_unit.module, rtl_unit.machine);
+        assert!(compared(&line) >= 500_000);
     }
 }

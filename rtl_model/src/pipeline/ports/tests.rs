@@ -1,6 +1,6 @@
 use super::*;
 
-/// Everything that a machine can be given to draw.
+/// All kinds of frames that a machine can draw.
 fn kinds(machine: &Elaborated) -> Vec<Kind> {
     let m = &machine.machine;
     let can = [
@@ -11,7 +11,7 @@ fn kinds(machine: &Elaborated) -> Vec<Kind> {
     ];
     let all = (0..16u8).map(|bits| [0, 1, 2, 3].map(|bit| bits >> bit & 1 == 1));
     let kinds = all.filter(|kind| kind.iter().zip(can).all(|(wanted, can)| can || !wanted));
-    // A machine that groups by windows does so whatever it draws, and has all splats lit before.
+    // A machine that groups by windows always does so, and has all splats lit before.
     let windows = m.fragment.window.is_some();
     let kind = |[ellipsoids, preshaded, sorted, sheets]: [bool; 4]| Kind {
         ellipsoids,
@@ -24,7 +24,7 @@ fn kinds(machine: &Elaborated) -> Vec<Kind> {
     kinds.map(kind).collect()
 }
 
-/// All streams of all machines, and which of them a frame has.
+/// All streams of all machines, for all kinds of frames.
 fn all() -> Vec<Stream> {
     let of = |machine: &Elaborated| {
         let kinds = kinds(machine).into_iter();
@@ -68,7 +68,7 @@ fn records_have_the_widths_of_their_fields() {
 }
 
 #[test]
-fn fields_have_names_of_their_own_and_depend_on_fields_before_them() {
+fn field_names_are_unique_and_depend_on_earlier_fields() {
     for stream in all() {
         for (i, field) in stream.fields.iter().enumerate() {
             let before: Vec<&str> = stream.fields[..i]
@@ -92,7 +92,7 @@ fn fields_have_names_of_their_own_and_depend_on_fields_before_them() {
 }
 
 #[test]
-fn what_discs_have_is_there_for_ellipsoids_too_but_what_sheets_replace() {
+fn ellipsoids_have_the_fields_of_discs_except_those_that_sheets_replace() {
     for machine in machines() {
         let names = |kind| -> Vec<String> {
             let all = constants(&machine, kind)
@@ -125,7 +125,7 @@ fn what_discs_have_is_there_for_ellipsoids_too_but_what_sheets_replace() {
 }
 
 #[test]
-fn what_setup_makes_has_the_fields_of_its_records() {
+fn results_of_setup_have_the_fields_of_their_records() {
     for machine in machines() {
         let width = |name: &str| {
             streams(&machine, Kind::default())

@@ -7,7 +7,7 @@ use crate::num::lanes::Plain;
 use crate::probe::{NoProbe, Ranges};
 use proptest::prelude::*;
 
-/// A word of a format: its ends, 0 and 1 too.
+/// A word of a format, often one of its ends, 0 or 1.
 fn word(of: Word, seed: u64) -> i64 {
     let (least, most) = (of.format.min(), of.format.max());
     match seed % 16 {
@@ -15,13 +15,13 @@ fn word(of: Word, seed: u64) -> i64 {
         1 => most,
         2 => 0,
         3 => of.format.one().min(most),
-        // Small ones, as splats near the middle have them.
+        // Small ones, as for splats near the middle.
         4..9 => (least + (seed / 16 % (most - least + 1) as u64) as i64) / (1 << (seed / 7 % 20)),
         _ => least + (seed / 16 % (most - least + 1) as u64) as i64,
     }
 }
 
-/// What is kept of eight splats: why each is culled, or all.
+/// Results for eight splats: the cull reason of each, or all its words.
 fn kept<W: Words>(made: Made<W>, splats: usize) -> impl Iterator<Item = Vec<i32>> {
     let Made {
         culled,
@@ -55,7 +55,7 @@ fn kept<W: Words>(made: Made<W>, splats: usize) -> impl Iterator<Item = Vec<i32>
     )
 }
 
-/// By the graphs.
+/// Results of the graphs.
 fn by_graphs<P: Probe>(stages: &mut Stages, splats: &[Splat], probe: &mut P) -> Vec<Vec<i32>> {
     stages.set_up(splats, 0, None, probe, &mut Block::of(splats.len()));
     let eights = splats.chunks(LANES).enumerate();
@@ -64,7 +64,7 @@ fn by_graphs<P: Probe>(stages: &mut Stages, splats: &[Splat], probe: &mut P) -> 
         .collect()
 }
 
-/// By the host's kernel.
+/// Results of the host's kernel.
 struct ByKernel<'a>(&'a Elaborated, &'a Frame);
 
 impl Kernel for ByKernel<'_> {
@@ -91,7 +91,7 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(400))]
 
     #[test]
-    fn discs_are_set_up_as_their_graphs_say(
+    fn discs_are_set_up_as_by_their_graphs(
         name in prop::sample::select(Machine::NAMES.to_vec()),
         seeds in prop::collection::vec(prop::array::uniform7(any::<u64>()), 1..=BATCH),
         registers in prop::array::uniform32(any::<u64>()),

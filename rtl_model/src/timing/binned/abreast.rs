@@ -10,7 +10,7 @@
 //! and fragment take a stamp on eight machines at once, by the same rules as the units of
 //! `stages.rs`. Nothing here is hardware: it is how the simulator keeps a host's vector units busy.
 //!
-//! Law: `machines_abreast_take_as_long_as_one_by_one`.
+//! Law: `a_batched_replay_equals_single_replays`.
 
 use super::super::account::{Account, Detail, Unit};
 use super::super::stages::{Held, light, merges_of};

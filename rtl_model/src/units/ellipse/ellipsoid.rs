@@ -6,21 +6,22 @@
 //!                                   └─► facing cᵢ ─►(× sⱼsₖ)─► face ─► area k'²·sⱼsₖcᵢ ─────┴─► as for a disc
 //! ```
 //! The variance V = J W V Wᵀ Jᵀ of the local affine approximation (EWA (31), third row and column
-//! dropped) is the sum of what each axis leaves on the screen, V_r = k² Σ sᵢ² gᵢgᵢᵀ with gᵢ = (r_x
-//! − a·r_z, r_y − b·r_z); and its determinant is the sum of what each pair of axes spans there, det
-//! V_r = k⁴ Σ (sⱼsₖcᵢ)² with cᵢ = rᵢ·(a, b, 1): no term is ever negative, none cancels. A disc is
-//! the ellipsoid with s = (1, 1, 0): one face, seen under c₃ = c_n. So all that follows is the
-//! disc's.
+//! dropped) is the sum of each axis's contribution on the screen, V_r = k² Σ sᵢ² gᵢgᵢᵀ with
+//! gᵢ = (r_x − a·r_z, r_y − b·r_z). Its determinant is the sum over pairs of axes of the area that
+//! they span there, det V_r = k⁴ Σ (sⱼsₖcᵢ)² with cᵢ = rᵢ·(a, b, 1). No term is negative, so
+//! nothing cancels. A disc is the ellipsoid with s = (1, 1, 0): one face, seen under c₃ = c_n. All
+//! later steps are those of a disc.
 //!
-//! In the Jacobian, and nowhere else, a and b are clamped (`jacobian`), for the approximation has
-//! no meaning far to the side.
+//! a and b are clamped in the Jacobian only (`jacobian`): far off the axis the approximation has
+//! no meaning.
 //!
-//! What the amplitude is follows from what is drawn ([`Amplitude`]): a disc's, the integral along
-//! the ray, the peak itself, or the peak times √(det V_r/det V). That root is taken of the sum of
-//! the squared faces, and goes on as the one face of a disc does.
+//! The frame selects the meaning of the amplitude ([`Amplitude`]): a disc's, the integral along
+//! the ray, the peak itself, or the peak times √(det V_r/det V). The root of det V_r is taken of
+//! the sum of the squared faces, and then replaces the one face of a disc.
 //!
-//! Where it is the peak itself and lesser weights than some do not count, none counts beyond r =
-//! 2·ln(α/least): the box has that cutoff, from a table by the first bits of the opacity, where it
+//! Where the amplitude is the peak itself and weights below a least weight do not count, no weight
+//! counts beyond r = 2·ln(α/least). The box then uses that cutoff where it is less than the
+//! frame's. It comes from a table addressed by the leading bits of the opacity.
 //! is less than the frame's.
 
 use super::{
@@ -34,26 +35,26 @@ use crate::graph::{Builder, Power, Wire};
 use crate::machine::{self, Machine};
 use crate::num::{Exact, three, two};
 
-/// Parts of the unit for ellipsoids alone.
+/// Parts of the unit that only ellipsoids use.
 #[derive(Clone, Debug)]
 pub(super) struct Ellipsoids {
     ray_root: ReciprocalRoot,
     compensation_root: Option<ReciprocalRoot>,
-    /// Bits of opacity below the address of the table of cutoffs, and its last address.
+    /// Bits of opacity below the address of the cutoff table, and the table's last address.
     reach: [u32; 2],
 }
 
-/// What a frame's ellipsoids ask for.
+/// Options of a frame that change the graph of its ellipsoids.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Variant {
-    /// Axes of their own: a unit quaternion (w, x, y, z) and standard deviations, relative to σ.
-    /// Else the frame's.
+    /// Each splat has its own axes: a unit quaternion (w, x, y, z) and standard deviations, relative
+    /// to σ. Otherwise the frame's axes are used.
     pub own: bool,
-    /// Meaning of their amplitude.
+    /// Meaning of the amplitude.
     pub amplitude: Amplitude,
 }
 
-/// How many there are.
+/// Number of variants.
 pub(super) const VARIANTS: usize = 8;
 
 impl Variant {
@@ -71,8 +72,8 @@ impl Variant {
 /// The two other axes.
 const OTHERS: [[usize; 2]; 3] = [[1, 2], [2, 0], [0, 1]];
 
-/// Shape of the table of cutoffs: bits of its address, and bits of an opacity below 1 that are not
-/// among them; none where there is no table.
+/// Shape of the cutoff table: bits of its address, and the other bits of an opacity below 1.
+/// `None` where there is no table.
 fn reach_shape(e: &mut Elaboration, machine: &Machine) -> Option<[u32; 2]> {
     let opacity = machine.splat.opacity.format.frac_bits.clamp(1, 31) as u32;
     let bits = e.within(
@@ -115,7 +116,7 @@ impl Ellipsoids {
             );
             e.fit(UNIT, "rotation", machine.splat.normal, sum)
         });
-        // Two axes more than a disc has to turn.
+        // An ellipsoid turns two axes more than a disc.
         e.copies(6, |e| {
             let rotated = e.copies(3, |e| e.times(UNIT, p.rotation, machine.splat.normal));
             e.sum(UNIT, [rotated; 3]);
@@ -137,7 +138,7 @@ impl Ellipsoids {
             let turned = e.times(UNIT, words.scale, m.facing);
             e.fit(UNIT, "face", m.facing, turned)
         });
-        // Two faces more than a disc has to square.
+        // An ellipsoid squares two faces more than a disc.
         let squared = e.copies(2, |e| e.times(UNIT, m.area, m.area));
         let slope_squared = e.copies(2, |e| e.times(UNIT, p.slope, p.slope));
         let length_squared = e.sum(
@@ -188,7 +189,7 @@ impl Ellipsoids {
                 UNIT,
                 Operator::Rom([1 << bits, machine.raster.cutoff.format.width()]),
             );
-            // An opacity of 1 and above has the last address.
+            // An opacity of at least 1 uses the last address.
             e.choice(UNIT, 2, bits as i32);
             [below, (1 << bits) - 1]
         });
@@ -209,7 +210,7 @@ impl Ellipsoids {
         self.compensation_root.as_ref()
     }
 
-    /// The cutoff of a box.
+    /// Cutoff of a box.
     fn cutoff(&self, view: &View, kernel: &Kernel, opacity: i32) -> i64 {
         let [below, last] = self.reach;
         let address = table::address(opacity.max(0).into(), below).min(last as usize);
@@ -218,7 +219,7 @@ impl Ellipsoids {
 }
 
 impl Ellipse {
-    /// The cutoff of an ellipsoid's box, from its opacity.
+    /// Cutoff of an ellipsoid's box, from its opacity.
     pub fn box_cutoff(&self, view: &View, kernel: &Kernel, opacity: i32) -> i64 {
         self.ellipsoids
             .as_ref()
@@ -226,7 +227,7 @@ impl Ellipse {
     }
 }
 
-/// The columns of the rotation that a quaternion means.
+/// Columns of the rotation that a quaternion represents.
 fn directions(g: &mut Builder, machine: &Machine, [w, x, y, z]: [Wire; 4]) -> [[Wire; 3]; 3] {
     let mut pair = |a: [Wire; 2], b: [Wire; 2], is_sum: bool| {
         let (a, b) = (g.times(a[0], a[1]), g.times(b[0], b[1]));
@@ -265,7 +266,7 @@ fn directions(g: &mut Builder, machine: &Machine, [w, x, y, z]: [Wire; 4]) -> [[
 /// A quaternion, and standard deviations.
 type Axes = ([Wire; 4], [Wire; 3]);
 
-/// An ellipsoid, from its record to its conic and box; and what of that has bounds.
+/// An ellipsoid, from its record to its conic and box; then the wires that have bounds.
 pub(super) fn set_up(
     g: &mut Builder,
     machine: &Machine,
@@ -355,7 +356,7 @@ pub(super) fn set_up(
                     weighed(g, spanned)
                 }
                 (Amplitude::Peak, ..) => g.fit("amplitude", m.amplitude, opacity),
-                // No frame asks a machine to compensate that has not the root.
+                // A machine without the root refuses frames with compensation.
                 _ => g.constant(0, m.amplitude.into()),
             }
         },

@@ -1,9 +1,9 @@
-//! Ellipse over the reals: how far a footprint may lie from the exact one.
+//! Ellipse over the reals: bounds the distance of a footprint from the exact one.
 //!
-//! Every word is relative to the splat's own power of two, so that with last places u the variance
-//! is known to some u·k², its determinant to u·k⁴ and, where the footprint is not thinner than the
-//! low-pass filter, the conic to a few u of itself. A needle is where it breaks: there the
-//! determinant is as small as v·k² and the conic's relative error grows as u·k²/v.
+//! Every word is relative to the splat's own power of two. With ulps u the error of the variance is
+//! a few u·k², that of its determinant u·k⁴. Where the footprint is not thinner than the low-pass
+//! filter, the relative error of the conic is a few u. A needle is the bad case: its determinant is
+//! as small as v·k², and the relative error of the conic grows as u·k²/v.
 
 use super::{Ellipse, ellipsoid};
 use crate::graph::real::{Bounded, Given};
@@ -15,9 +15,9 @@ use crate::real::{Real, Scale};
 pub struct Input<R> {
     /// The splat's record.
     pub splat: Splat<R>,
-    /// t_z, machine units, at least a word.
+    /// t_z, machine units, at least one ulp.
     pub forward: R,
-    /// The power of two that its word is relative to.
+    /// Power of two that its word is relative to.
     pub exponent: Scale,
     /// 1/t_z.
     pub inverse_depth: R,
@@ -30,11 +30,11 @@ pub struct Input<R> {
 pub struct Output<R> {
     /// Camera-space normal.
     pub normal: [R; 3],
-    /// n_z, by which a normal is turned.
+    /// n_z; its sign decides whether the normal is turned.
     pub facing_viewer: R,
     /// c_n.
     pub facing: R,
-    /// det V, pixel⁴; the machine draws nothing where it has none left.
+    /// det V, pixel⁴; the machine draws nothing where it is 0.
     pub determinant: R,
     /// Q00, Q01, Q11, pixel⁻².
     pub conic: [R; 3],
@@ -42,7 +42,7 @@ pub struct Output<R> {
     pub amplitude: R,
     /// Half-extents of the box, pixels.
     pub extent: [R; 2],
-    /// z_x, z_y, machine units a pixel.
+    /// z_x, z_y, machine units per pixel.
     pub depth_slope: [R; 2],
     /// Half-width of the depth clamp, machine units.
     pub depth_range: R,
@@ -63,7 +63,7 @@ impl Ellipse {
         let variant = self.variant(view.aspect.is_some(), kind);
         let ([n, m, o], [a, b]) = (input.splat.normal, input.slope);
         let (none, value) = (R::constant(0.0), Bounded::of);
-        // The box's place decides nothing here.
+        // The position of the box decides nothing here.
         let mut inputs = vec![
             value(n),
             value(m),

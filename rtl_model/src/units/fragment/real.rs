@@ -1,15 +1,15 @@
-//! Fragment over the reals: how far sums and merged fragments may lie from the exact ones.
+//! Fragment over the reals: bounds the distance of sums and merged fragments from the exact ones.
 //!
-//! p(word) is a last place; a word that is cut loses a whole one, downwards, where this says half
-//! of one.
+//! p(word) is an ulp. A truncated word loses up to a whole ulp, downwards, where this text gives
+//! half an ulp.
 //! ```text
-//! accumulate   one contribution adds ½p(sum) to what it carries in itself, nothing where the sum has all of the product's places;
-//!              K of them K·½p(sum): one-sided, and so without cancelling, where the sum is cut
-//! store, read  a shaded word in a slot: ½p(sum), then ½p(premultiplied), and nothing of both where the sum can hold every shaded word
+//! accumulate   one contribution adds ½p(sum) to its own error, nothing where the sum has all of the product's places;
+//!              K of them K·½p(sum): one-sided, and so without cancelling, where the sum is truncated
+//! store, read  a shaded word in a slot: ½p(sum), then ½p(premultiplied), and neither where the sum can hold every shaded word
 //! blend        C_f + C_b·(1 − α_f): δC_f + (1 − α_f)·δC_b + (C_b + δC_b)·δα_f + ½p(sum)
 //!              1 − (1 − α_f)·(1 − α_b): (1 − α_b)·δα_f + (1 − α_f)·δα_b + δα_f·δα_b + ½p(sum)
 //! ```
-//! Each then keeps to its word's limits. Colours and opacity have a sum's format each.
+//! Each result is clamped to its word's limits. Colours and opacity each have their sum's format.
 //!
 //! Laws: `accumulating_is_within_its_bound`, `merging_is_within_its_bound`, and `…_is_tight` of
 //! both.
@@ -34,8 +34,8 @@ impl Fragment {
         )
     }
 
-    /// Distance that so many roundings may take a sum down and up, where it never leaves its
-    /// format's range.
+    /// Greatest error, down and up, that the roundings of this many contributions cause, where the
+    /// sum stays in its format's range.
     pub fn accumulation_loss(&self, lane: usize, contributions: u32) -> [f64; 2] {
         let fit = &self.sums[lane];
         if fit.places() <= 0 {
@@ -45,7 +45,7 @@ impl Fragment {
             .map(|places| places * f64::from(contributions) * fit.word.format.value(1))
     }
 
-    /// Words that a slot holds of a fragment that was shaded, as a merge or resolve reads it again.
+    /// Words that a slot holds of a shaded fragment, as a merge or resolve reads them.
     pub fn real_stored<R: Real>(&self, shaded: [R; 4]) -> [R; 4] {
         let [r, g, b, opacity] = shaded;
         let [of_colour, of_opacity] = &self.store;
@@ -85,8 +85,8 @@ impl Fragment {
         let one = R::constant(1.0);
         let through = one - front[3];
         let [of_colour, of_opacity] = &self.blend;
-        // α_f + α_b·(1 − α_f) as 1 − (1 − α_f)·(1 − α_b): each error counts once, and less where
-        // the other hides more.
+        // α_f + α_b·(1 − α_f) as 1 − (1 − α_f)·(1 − α_b): each error counts once, and is scaled by
+        // what the other fragment lets through.
         let opacity = one - through * (one - back[3]);
         std::array::from_fn(|i| {
             if i < 3 {

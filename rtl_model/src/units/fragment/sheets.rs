@@ -1,20 +1,20 @@
-//! Sheets: fragments of the same sheet add up, and a sheet is blended when the next one begins (EWA
-//! §7.1, docs/book/algorithm-resolve.md §9).
+//! Sheets: sums fragments of the same sheet, and blends a sheet when the next one begins (EWA §7.1,
+//! docs/book/algorithm-resolve.md §9).
 //!
 //! ```text
 //! weight, sheet, rgb ─►[ sheet = open? ]─┬─ yes ─► accumulate: Σw, Σw·rgb
 //!                                        └─ no ──► close: x = Σw ─►[ ratio ρ(x) = α/x ]─► α = x·ρ, Σw·rgb·ρ ─►[ over ]─► composite
 //! ```
-//! Two slots a pixel: the open sheet, and the composite of those before it. The rule that opens a
-//! fragment is "another sheet" in the place of "|Δz| ≥ ε"; sums, their fits and the blend are those
-//! of surfaces. Σw is a sheet's optical depth x: its opacity is x itself, as far as 1 (e^(−x) ≈ 1 −
-//! x, EWA (6)), or 1 − e^(−x); the table holds the ratio of the two, which scales colour and
+//! Two slots per pixel: the open sheet, and the composite of the sheets before it. The rule that
+//! opens a fragment is "another sheet" instead of "|Δz| ≥ ε". Sums, their fits and the blend are
+//! those of surfaces. Σw is a sheet's optical depth x. Its opacity is x itself, up to 1 (e^(−x) ≈
+//! 1 − x, EWA (6)), or 1 − e^(−x). The table holds the ratio of the two, which scales colour and
 //! opacity alike.
 //!
-//! Where every splat is a sheet of its own (Gaussians), nothing adds up: its weight, held to a
-//! limit, is its opacity, and it is blended at once.
+//! Where every splat is its own sheet (Gaussians), nothing is summed: its weight, clamped to a
+//! limit, is its opacity, and it is blended immediately.
 //!
-//! A pixel that lets less than `stop` through takes nothing more.
+//! A pixel that lets less than `stop` through accepts no more contributions.
 
 use super::{
     Attributes, COLOUR, Decision, Fragment, OPACITY, Premultiplied, Slot, Sums, UNIT, WEIGHT,
@@ -30,40 +30,40 @@ pub use crate::records::Held;
 use crate::records::STOPPED;
 use crate::records::unit;
 
-/// Parts of the unit for sheets alone.
+/// Parts of the unit that only sheets use.
 #[derive(Clone, Debug)]
-pub(super) struct Sheets {
+pub(super) struct SheetDatapath {
     index: Fit,
     ratio: Fit,
     shape: crate::machine::TableShape,
     argument_bits: u32,
     /// Σw·ρ and Σw·rgb·ρ.
     closed: [Fit; 2],
-    /// Σw and Σw·rgb as they are.
+    /// Σw and Σw·rgb, unscaled.
     plain: [Fit; 2],
 }
 
 /// Input port: one contribution to a sheet.
 #[derive(Clone, Copy, Debug)]
 pub struct SheetInput<'a> {
-    /// The number of its sheet.
+    /// Number of the sheet.
     pub sheet: u32,
     /// w (`gauss.weight`).
     pub weight: i64,
-    /// The splat's part.
+    /// Attributes of the splat.
     pub attributes: &'a Attributes,
 }
 
 /// Registers of the sheets, and their table.
 #[derive(Clone, Debug)]
 pub struct SheetRegisters<'a> {
-    /// As the frame has them.
+    /// Settings of the frame.
     pub sheets: &'a frame::Sheets,
     /// ρ.
     pub ratio: Option<Table>,
 }
 
-impl Sheets {
+impl SheetDatapath {
     pub(super) fn new(e: &mut Elaboration, machine: &Machine) -> Option<Self> {
         let (m, premultiplied) = (&machine.fragment, machine.shade.premultiplied);
         let words = m.sheets.as_ref()?;
@@ -97,7 +97,7 @@ impl Sheets {
         let mut fit = |from: Exact| e.fit(unit::SHADE, "premultiplied", premultiplied, from);
         let closed = scaled.map(&mut fit);
         let plain = [m.weight_sum, m.colour_sum].map(|sum| fit(sum.into()));
-        Some(Sheets {
+        Some(SheetDatapath {
             closed,
             plain,
             index: e.fit(UNIT, "depth_index", words.depth_index, m.weight_sum.into()),
@@ -112,7 +112,7 @@ impl Sheets {
         })
     }
 
-    /// Colour times opacity, and opacity, of a sheet that is done.
+    /// Colour times opacity, and opacity, of a closed sheet.
     fn close<P: Probe>(
         &self,
         sums: &Sums,
@@ -136,7 +136,7 @@ impl Sheets {
     }
 }
 
-/// Whether a pixel takes nothing more.
+/// Whether a pixel accepts no more contributions.
 #[inline(always)]
 pub fn has_stopped<A: Accumulator>(tile: &Tile<A>, pixel: u8) -> bool {
     tile.live(pixel) > 0 && tile.key(pixel, 0) & STOPPED != 0
@@ -145,7 +145,7 @@ pub fn has_stopped<A: Accumulator>(tile: &Tile<A>, pixel: u8) -> bool {
 impl Fragment {
     /// A frame's registers for sheets.
     pub fn sheets<'a>(&self, sheets: &'a frame::Sheets) -> SheetRegisters<'a> {
-        let table = |own: &Sheets| {
+        let table = |own: &SheetDatapath| {
             Table::new(
                 own.ratio,
                 own.shape.index_bits,
@@ -162,7 +162,7 @@ impl Fragment {
         SheetRegisters { sheets, ratio }
     }
 
-    /// Takes one contribution in, of a sheet with this number.
+    /// Adds one contribution to the sheet with this number.
     #[inline(always)]
     pub fn contribute_to_sheet<H: HostPath, P: Probe>(
         &self,
@@ -232,7 +232,7 @@ impl Fragment {
         }
     }
 
-    /// Blends a sheet that is done; `false` if it is left out because it would let too little
+    /// Blends a closed sheet; `false` if it is left out because it would let too little
     /// through.
     fn blend_sheet<A: Accumulator, P: Probe>(
         &self,
@@ -296,7 +296,7 @@ impl Fragment {
         Some(self.blended(over, under, tap))
     }
 
-    /// Composes a pixel's sheets; none where it has none.
+    /// Composes a pixel's sheets; `None` where it has none.
     pub fn composite<A: Accumulator, P: Probe>(
         &self,
         tile: &Tile<A>,

@@ -1,5 +1,5 @@
-//! Fragment: against a small model written from docs/book/algorithm.md §6, and against itself in
-//! all its fast forms.
+//! Fragment: checked against a small model written from docs/book/algorithm.md §6, and between all
+//! of its host implementations.
 
 use super::*;
 use crate::kernels::Path;
@@ -11,21 +11,21 @@ use proptest::prelude::*;
 
 /// One contribution: weight, depth, r, g, b, α, normal, material.
 #[derive(Clone, Debug)]
-struct Arrival {
+struct TestContribution {
     weight: i64,
     depth: i64,
     attributes: Attributes,
     material: u32,
 }
 
-/// The rules and formats that a model needs, and the frame's registers.
+/// Rules and formats for the model, and the frame's registers.
 #[derive(Clone, Debug)]
 struct Rules {
     machine: Machine,
     registers: FragmentRegisters,
 }
 
-/// Stands in for the unit shade: any function of a fragment's sums that stays between 0 and 1.
+/// Replaces the unit shade by an arbitrary function of a fragment's sums between 0 and 1.
 fn trivial_shade(one: i64, sums: &Sums, material: u32) -> Premultiplied {
     let channel = |i: usize| (sums[COLOUR + i] + i64::from(material) * 37) % (one + 1);
     Premultiplied {
@@ -34,7 +34,7 @@ fn trivial_shade(one: i64, sums: &Sums, material: u32) -> Premultiplied {
     }
 }
 
-/// An exact quotient `value / 2^places` in a word.
+/// Exact quotient `value / 2^places` in a word.
 fn put(word: Word, value: i128, places: i32) -> i64 {
     let format = word.format;
     let (value, divisor) = if places > 0 {
@@ -59,7 +59,7 @@ fn put(word: Word, value: i128, places: i32) -> i64 {
     }
 }
 
-/// One pixel, as docs/book/algorithm.md §6 tells it.
+/// One pixel, as specified in docs/book/algorithm.md §6.
 struct Model<'a> {
     rules: &'a Rules,
     slots: Vec<Slot>,
@@ -80,7 +80,7 @@ impl Model<'_> {
         ]
     }
 
-    fn add(&self, sums: &mut Sums, arrival: &Arrival) {
+    fn add(&self, sums: &mut Sums, contribution: &TestContribution) {
         let machine = &self.rules.machine;
         let [rgb, opacity, normal] = [
             machine.splat.rgb,
@@ -90,7 +90,8 @@ impl Model<'_> {
         .map(|word| word.format.frac_bits);
         let of_attribute = [0, rgb, rgb, rgb, opacity, normal, normal, normal];
         for (lane, word) in self.words().into_iter().enumerate() {
-            let product = i128::from(arrival.weight) * i128::from(arrival.attributes[lane]);
+            let product =
+                i128::from(contribution.weight) * i128::from(contribution.attributes[lane]);
             let product_bits = machine.gauss.weight.format.frac_bits + of_attribute[lane];
             let finest = product_bits.max(word.format.frac_bits);
             let exact = (product << (finest - product_bits))
@@ -99,34 +100,34 @@ impl Model<'_> {
         }
     }
 
-    fn take(&mut self, arrival: &Arrival) -> Decision {
+    fn take(&mut self, contribution: &TestContribution) -> Decision {
         let m = self.rules.machine.fragment;
-        let near = |slot: &Slot| (slot.depth - arrival.depth).abs();
+        let near = |slot: &Slot| (slot.depth - contribution.depth).abs();
         let candidates = self
             .slots
             .iter()
             .enumerate()
             .filter(|(_, slot)| !slot.shaded && near(slot) < self.rules.registers.z_threshold);
-        // `min_by_key` takes the first of equals: the lowest slot.
+        // `min_by_key` returns the first among equals: the lowest slot.
         if let Some(at) = candidates
             .min_by_key(|(_, slot)| near(slot))
             .map(|(at, _)| at)
         {
             let mut slot = self.slots[at];
-            self.add(&mut slot.sums, arrival);
+            self.add(&mut slot.sums, contribution);
             if m.fragment_depth == FragmentDepth::Nearest {
-                slot.depth = slot.depth.min(arrival.depth);
+                slot.depth = slot.depth.min(contribution.depth);
             }
             self.slots[at] = slot;
             return Decision::Accumulated(at as u8);
         }
         let mut fresh = Slot {
             sums: [0; SUMS],
-            depth: arrival.depth,
-            material: arrival.material,
+            depth: contribution.depth,
+            material: contribution.material,
             shaded: false,
         };
-        self.add(&mut fresh.sums, arrival);
+        self.add(&mut fresh.sums, contribution);
         if self.slots.len() < m.layers as usize {
             self.slots.push(fresh);
             return Decision::Inserted(self.slots.len() as u8 - 1);
@@ -188,7 +189,7 @@ impl Model<'_> {
             && opacity << (limit_bits + weight_bits) >= (limit * weight) << opacity_bits
     }
 
-    /// Colour and opacity as a slot holds and as the blender reads them: C_f + C_b(1 − α_f).
+    /// Colour and opacity as a slot holds them and the blender reads them: C_f + C_b(1 − α_f).
     fn light(&self, slot: &Slot) -> [i128; 4] {
         let machine = &self.rules.machine;
         let lit = machine.shade.premultiplied;
@@ -236,41 +237,41 @@ impl Model<'_> {
     }
 }
 
-/// Every contribution's decision, and what the pixel holds after each.
-type Story = Vec<(Decision, Vec<Slot>)>;
+/// Every contribution's decision, and the pixel's slots after each.
+type PixelTrace = Vec<(Decision, Vec<Slot>)>;
 
-fn model(rules: &Rules, arrivals: &[Arrival]) -> Story {
+fn model(rules: &Rules, contributions: &[TestContribution]) -> PixelTrace {
     let mut model = Model {
         rules,
         slots: Vec::new(),
     };
-    arrivals
+    contributions
         .iter()
-        .map(|arrival| (model.take(arrival), model.slots.clone()))
+        .map(|contribution| (model.take(contribution), model.slots.clone()))
         .collect()
 }
 
 fn machine<const SIMPLE_FITS: bool, A: Accumulator, P: Probe>(
     rules: &Rules,
-    arrivals: &[Arrival],
+    contributions: &[TestContribution],
     pixel: u8,
     probe: &mut P,
-) -> Story {
+) -> PixelTrace {
     let unit = rules.machine.elaborate().unwrap().fragment;
     let one = rules.machine.shade.premultiplied.format.one();
     let mut tile = Box::<Tile<A>>::default();
     let tap = &mut Tap::new(probe);
-    arrivals
+    contributions
         .iter()
-        .map(|arrival| {
+        .map(|contribution| {
             let mut shade =
                 |slot: &Slot, _: &mut Tap<P>| trivial_shade(one, &slot.sums, slot.material);
-            let Arrival {
+            let TestContribution {
                 weight,
                 depth,
                 attributes,
                 material,
-            } = arrival;
+            } = contribution;
             let input = Input {
                 weight: *weight,
                 depth: *depth,
@@ -295,33 +296,48 @@ fn machine<const SIMPLE_FITS: bool, A: Accumulator, P: Probe>(
         .collect()
 }
 
-/// The unit in each form that its formats allow.
-fn stories(rules: &Rules, arrivals: &[Arrival]) -> Vec<Story> {
+/// Pixel traces of every host implementation that the formats allow.
+fn pixel_traces(rules: &Rules, contributions: &[TestContribution]) -> Vec<PixelTrace> {
     let elaborated = rules.machine.elaborate().unwrap();
     let ranges = &mut Ranges::new(elaborated.signals.len());
     let mut all = vec![
-        machine::<false, i64, _>(rules, arrivals, 0, &mut NoProbe),
-        machine::<false, i64, _>(rules, arrivals, 255, ranges),
+        machine::<false, i64, _>(rules, contributions, 0, &mut NoProbe),
+        machine::<false, i64, _>(rules, contributions, 255, ranges),
     ];
     let (simple, narrow) = (
         elaborated.fragment.is_simple(),
         elaborated.fragment.is_narrow(),
     );
     if simple {
-        all.push(machine::<true, i64, _>(rules, arrivals, 17, &mut NoProbe));
-        all.push(machine::<true, i64, _>(rules, arrivals, 17, ranges));
+        all.push(machine::<true, i64, _>(
+            rules,
+            contributions,
+            17,
+            &mut NoProbe,
+        ));
+        all.push(machine::<true, i64, _>(rules, contributions, 17, ranges));
     }
     if narrow {
-        all.push(machine::<false, i32, _>(rules, arrivals, 200, &mut NoProbe));
+        all.push(machine::<false, i32, _>(
+            rules,
+            contributions,
+            200,
+            &mut NoProbe,
+        ));
     }
     if simple && narrow {
-        all.push(machine::<true, i32, _>(rules, arrivals, 3, &mut NoProbe));
-        all.push(machine::<true, i32, _>(rules, arrivals, 3, ranges));
+        all.push(machine::<true, i32, _>(
+            rules,
+            contributions,
+            3,
+            &mut NoProbe,
+        ));
+        all.push(machine::<true, i32, _>(rules, contributions, 3, ranges));
     }
     all
 }
 
-/// A named machine or one with wider, wrapping or oddly rounded sums; any rule.
+/// A named machine, or one with wider, wrapping or unusually rounded sums; any rule.
 fn rules() -> impl Strategy<Value = Rules> {
     let rule = prop::sample::select(vec![
         Merge::NearestPair,
@@ -368,16 +384,16 @@ fn rules() -> impl Strategy<Value = Rules> {
     )
 }
 
-/// Contributions whose depths meet often: few values, some an ε apart and one more or less.
-fn arrivals(rules: &Rules) -> impl Strategy<Value = Vec<Arrival>> + use<> {
+/// Contributions with few different depths, so that many are equal or about ε apart.
+fn contributions(rules: &Rules) -> impl Strategy<Value = Vec<TestContribution>> + use<> {
     let machine = rules.machine.clone();
     let near = rules.registers.z_threshold;
     let one = (any::<u64>(), any::<[u32; 7]>(), 0..6i64, -1..=1i64, 0..4u32);
-    let arrival = one.prop_map(move |(weight, words, step, off, material)| {
+    let contribution = one.prop_map(move |(weight, words, step, off, material)| {
         let s = &machine.splat;
         let unsigned = |word: Word, any: u32| {
             let one = word.format.one();
-            // Opaque white half of the time.
+            // Half of them are opaque white.
             if any & 1 == 0 {
                 one as i32
             } else {
@@ -393,7 +409,7 @@ fn arrivals(rules: &Rules) -> impl Strategy<Value = Vec<Arrival>> + use<> {
             0 => machine.gauss.weight.format.max(),
             _ => 1 + (weight >> 2) as i64 % machine.gauss.weight.format.max(),
         };
-        Arrival {
+        TestContribution {
             weight,
             depth: (60 + step * near + off * (step & 1))
                 .clamp(0, machine.fragment.depth.format.max()),
@@ -410,47 +426,47 @@ fn arrivals(rules: &Rules) -> impl Strategy<Value = Vec<Arrival>> + use<> {
             material,
         }
     });
-    prop::collection::vec(arrival, 1..40)
+    prop::collection::vec(contribution, 1..40)
 }
 
-fn cases() -> impl Strategy<Value = (Rules, Vec<Arrival>)> {
-    rules().prop_flat_map(|rules| (Just(rules.clone()), arrivals(&rules)))
+fn cases() -> impl Strategy<Value = (Rules, Vec<TestContribution>)> {
+    rules().prop_flat_map(|rules| (Just(rules.clone()), contributions(&rules)))
 }
 
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
-    /// Decisions and slots, after every contribution, in every form of the unit.
+    /// Decisions and slots, after every contribution, in every host implementation.
     #[test]
-    fn the_unit_is_the_algorithm((rules, arrivals) in cases()) {
-        let expected = model(&rules, &arrivals);
-        for (form, story) in stories(&rules, &arrivals).into_iter().enumerate() {
-            for (step, (own, expected)) in story.iter().zip(&expected).enumerate() {
+    fn the_unit_is_the_algorithm((rules, contributions) in cases()) {
+        let expected = model(&rules, &contributions);
+        for (form, pixel_trace) in pixel_traces(&rules, &contributions).into_iter().enumerate() {
+            for (step, (own, expected)) in pixel_trace.iter().zip(&expected).enumerate() {
                 prop_assert_eq!(own, expected, "form {}, contribution {}", form, step);
             }
         }
     }
 
     #[test]
-    fn every_contribution_has_one_outcome((rules, arrivals) in cases()) {
-        let story = machine::<false, i64, _>(&rules, &arrivals, 0, &mut NoProbe);
+    fn every_contribution_has_one_outcome((rules, contributions) in cases()) {
+        let pixel_trace = machine::<false, i64, _>(&rules, &contributions, 0, &mut NoProbe);
         let mut outcomes = Outcomes::default();
-        story.iter().for_each(|(decision, _)| outcomes.count(*decision));
-        prop_assert_eq!(outcomes.total(), arrivals.len() as u64);
-        let told = |is: fn(&Decision) -> bool| story.iter().filter(|(decision, _)| is(decision)).count() as u64;
-        prop_assert_eq!(outcomes.accumulated, told(|decision| matches!(decision, Decision::Accumulated(_))));
-        prop_assert_eq!(outcomes.merged, told(|decision| matches!(decision, Decision::Merged(..))));
-        prop_assert_eq!(outcomes.evicted, told(|decision| matches!(decision, Decision::Evicted(_))));
+        pixel_trace.iter().for_each(|(decision, _)| outcomes.count(*decision));
+        prop_assert_eq!(outcomes.total(), contributions.len() as u64);
+        let count_of = |is: fn(&Decision) -> bool| pixel_trace.iter().filter(|(decision, _)| is(decision)).count() as u64;
+        prop_assert_eq!(outcomes.accumulated, count_of(|decision| matches!(decision, Decision::Accumulated(_))));
+        prop_assert_eq!(outcomes.merged, count_of(|decision| matches!(decision, Decision::Merged(..))));
+        prop_assert_eq!(outcomes.evicted, count_of(|decision| matches!(decision, Decision::Evicted(_))));
         let layers = rules.machine.fragment.layers as u64;
-        prop_assert!(outcomes.inserted <= layers && story.iter().all(|(_, slots)| slots.len() as u64 <= layers));
+        prop_assert!(outcomes.inserted <= layers && pixel_trace.iter().all(|(_, slots)| slots.len() as u64 <= layers));
         let [stacked, flat] = [outcomes.merged + outcomes.evicted, outcomes.replaced + outcomes.dropped];
         prop_assert_eq!(if rules.machine.fragment.merge == Merge::Replace { stacked } else { flat }, 0);
         prop_assert!(rules.machine.fragment.evict_hidden || outcomes.evicted == 0);
     }
 
     #[test]
-    fn slots_are_in_depth_order_after_a_merge((rules, arrivals) in cases()) {
-        for (decision, slots) in machine::<false, i64, _>(&rules, &arrivals, 0, &mut NoProbe) {
+    fn slots_are_in_depth_order_after_a_merge((rules, contributions) in cases()) {
+        for (decision, slots) in machine::<false, i64, _>(&rules, &contributions, 0, &mut NoProbe) {
             if matches!(decision, Decision::Merged(..) | Decision::Evicted(_)) {
                 prop_assert!(slots.is_sorted_by_key(|slot| slot.depth));
             }
@@ -458,7 +474,7 @@ proptest! {
     }
 }
 
-/// Reference, one rule, ε = 10 unless said otherwise.
+/// The reference machine with one rule, ε = 10 unless stated otherwise.
 fn reference(layers: u32, merge: Merge, evict_hidden: bool) -> Rules {
     let mut machine = Machine::named("reference").unwrap();
     machine.fragment = crate::machine::Fragment {
@@ -478,9 +494,9 @@ fn reference(layers: u32, merge: Merge, evict_hidden: bool) -> Rules {
 }
 
 /// Half-transparent grey unless opaque.
-fn at(depth: i64, opaque: bool) -> Arrival {
+fn at(depth: i64, opaque: bool) -> TestContribution {
     let opacity = if opaque { 4096 } else { 1000 };
-    Arrival {
+    TestContribution {
         weight: (1 << 18) - 1,
         depth,
         attributes: [1, 2048, 2048, 2048, opacity, 0, 0, -4096],
@@ -489,8 +505,9 @@ fn at(depth: i64, opaque: bool) -> Arrival {
 }
 
 fn decisions(rules: &Rules, depths: &[i64]) -> Vec<Decision> {
-    let arrivals: Vec<Arrival> = depths.iter().map(|depth| at(*depth, false)).collect();
-    machine::<true, i32, _>(rules, &arrivals, 0, &mut NoProbe)
+    let contributions: Vec<TestContribution> =
+        depths.iter().map(|depth| at(*depth, false)).collect();
+    machine::<true, i32, _>(rules, &contributions, 0, &mut NoProbe)
         .into_iter()
         .map(|(decision, _)| decision)
         .collect()
@@ -525,7 +542,7 @@ fn equal_distances_go_to_the_lowest_slot() {
 }
 
 #[test]
-fn of_equal_gaps_the_pair_nearer_to_the_eye_merges() {
+fn among_equal_gaps_the_pair_nearer_to_the_eye_merges() {
     let rules = reference(3, Merge::NearestPair, false);
     assert_eq!(
         decisions(&rules, &[300, 100, 200, 400])[3],
@@ -546,62 +563,65 @@ fn of_equal_gaps_the_pair_nearer_to_the_eye_merges() {
 
 #[test]
 fn a_contribution_comes_after_its_equals() {
-    // A shaded fragment at 100 matches nothing, so another at 100 has to stand behind it: the front
-    // one's material stays.
+    // A shaded fragment at 100 matches nothing, so another contribution at 100 goes behind it: the
+    // front one's material stays.
     let rules = reference(1, Merge::FarthestPair, true);
-    let arrivals = [
+    let contributions = [
         at(100, false),
         at(200, false),
-        Arrival {
+        TestContribution {
             material: 1,
             ..at(100, false)
         },
     ];
-    let story = machine::<true, i32, _>(&rules, &arrivals, 0, &mut NoProbe);
-    assert_eq!([story[1].0, story[2].0], [Decision::Merged(0, 1); 2]);
-    assert_eq!(story[2].1[0].material, 0);
+    let pixel_trace = machine::<true, i32, _>(&rules, &contributions, 0, &mut NoProbe);
+    assert_eq!(
+        [pixel_trace[1].0, pixel_trace[2].0],
+        [Decision::Merged(0, 1); 2]
+    );
+    assert_eq!(pixel_trace[2].1[0].material, 0);
 }
 
 #[test]
-fn what_lies_behind_an_opaque_fragment_is_evicted() {
+fn a_fragment_behind_an_opaque_one_is_evicted() {
     let rules = reference(2, Merge::FarthestPair, true);
-    let story = |arrivals: &[Arrival]| {
-        machine::<true, i32, _>(&rules, arrivals, 0, &mut NoProbe)
+    let pixel_trace = |contributions: &[TestContribution]| {
+        machine::<true, i32, _>(&rules, contributions, 0, &mut NoProbe)
             .pop()
             .unwrap()
             .0
     };
     assert_eq!(
-        story(&[at(100, true), at(200, false), at(300, false)]),
+        pixel_trace(&[at(100, true), at(200, false), at(300, false)]),
         Decision::Evicted(true)
     );
     assert_eq!(
-        story(&[at(100, true), at(300, false), at(200, false)]),
+        pixel_trace(&[at(100, true), at(300, false), at(200, false)]),
         Decision::Evicted(false)
     );
-    // The new one is itself what hides.
+    // The new fragment itself hides the others.
     assert_eq!(
-        story(&[at(200, false), at(300, false), at(100, true)]),
+        pixel_trace(&[at(200, false), at(300, false), at(100, true)]),
         Decision::Evicted(false)
     );
-    // Nothing lies behind it.
+    // Nothing is behind it.
     assert_eq!(
-        story(&[at(100, false), at(300, true), at(200, false)]),
+        pixel_trace(&[at(100, false), at(300, true), at(200, false)]),
         Decision::Merged(1, 2)
     );
     // It covers too little of the pixel.
-    let thin = Arrival {
+    let thin = TestContribution {
         weight: 100,
         ..at(100, true)
     };
     assert_eq!(
-        story(&[thin, at(200, false), at(300, false)]),
+        pixel_trace(&[thin, at(200, false), at(300, false)]),
         Decision::Merged(1, 2)
     );
 }
 
-/// What the short form is told is what the wide one is: depths that raster lets through, and a
-/// little beyond 0.
+/// The short form returns what the wide form returns: for the depths that raster produces, and
+/// for some below 0.
 #[test]
 fn words_of_32_bits_hold_depths_as_wide_ones_do() {
     for name in ["reference", "lean", "volume", "gaussian"] {

@@ -1,5 +1,5 @@
-//! Window: keeps at most `layers` slots a pixel as clusters of depth, and groups them into windows
-//! of ε as late as it can (docs/book/algorithm-resolve.md §11).
+//! Window: keeps at most `layers` slots per pixel as clusters of depth, and groups them into
+//! windows of ε as late as possible (docs/book/algorithm-resolve.md §11).
 //!
 //! ```text
 //! weight, depth, attributes ─►[ 1 a cluster spans it? ]─ yes ─► accumulate
@@ -9,12 +9,12 @@
 //!                                                               6 sum the cheapest pair narrower than ε
 //!                                               shade ◄──────── 7 close the two deepest: one over or inside the other
 //! ```
-//! An open slot holds sums, the least and greatest depth and Σw·z; a closed one a premultiplied
-//! colour, the depths and weights of its front and its back part, TF (seen behind the front) and TB
-//! (seen before the back). Depths are compared exactly, and so are costs.
+//! An open slot holds sums, the least and greatest depth, and Σw·z. A closed slot holds a
+//! premultiplied colour, the depths and weights of its front part and its back part, TF (seen
+//! behind the front) and TB (seen before the back). Depths and costs are compared exactly.
 //!
-//! Losses: what is written into a slot is rounded once, by the fits of sums and of TF, TB; T, β and
-//! the mean of a splat that lies inside have words of their own.
+//! Losses: words written into a slot are rounded once, by the fits of sums and of TF, TB. T, β and
+//! the mean of a splat inside have their own words.
 //!
 //! Laws (tests/windows.rs of the program): `every_option_is_drawn_within_its_bound`,
 //! `in_partial_precision_it_is_golden_and_the_machine`.
@@ -37,14 +37,14 @@ use crate::records::unit;
 use std::array::from_fn;
 use std::ops::{Mul, Shl};
 
-/// Where a closed slot keeps Wh, TF and TB: in the places of the normal's sums.
+/// Sums in which a closed slot keeps Wh, TF and TB: those of the normal.
 const BACK_WEIGHT: usize = NORMAL;
 const BEHIND_FRONT: usize = NORMAL + 1;
 const BEFORE_BACK: usize = NORMAL + 2;
 
-/// T is 2^−this, 0 to 8, or 0.
-type Seen = Option<u32>;
-/// What is seen through less than 2^−this is not seen.
+/// T is 2^−n for this n, 0 to 8; `None` for T = 0.
+type Visibility = Option<u32>;
+/// T below 2^−8 counts as 0.
 const LEAST_SEEN: u32 = 8;
 
 /// Input port: one contribution.
@@ -54,7 +54,7 @@ pub struct Input<'a> {
     pub weight: i64,
     /// z (`fragment.depth`).
     pub depth: i64,
-    /// The splat's part.
+    /// Attributes of the splat.
     pub attributes: &'a Attributes,
     /// Index into the frame's materials.
     pub material: u32,
@@ -69,7 +69,7 @@ pub struct Input<'a> {
 pub struct WindowRegisters {
     /// ε and τ.
     pub thresholds: FragmentRegisters,
-    /// A contribution joins a cluster that stays narrower than this (`fragment.depth`).
+    /// Limit of a cluster's width: a contribution joins only below it (`fragment.depth`).
     pub reach: i64,
     /// −2·ln(1 − min(α, 0.95)).
     pub density: Table,
@@ -80,17 +80,17 @@ pub struct WindowRegisters {
 /// One slot of a pixel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Cluster {
-    /// Sums; of a closed one Wl, the premultiplied colour and opacity, Wh, TF, TB.
+    /// Sums. In a closed slot Wl, the premultiplied colour and opacity, Wh, TF, TB.
     pub sums: Sums,
-    /// Σw·z (`fragment.window.depth_sum`) of an open one.
+    /// Σw·z (`fragment.window.depth_sum`) of an open slot.
     pub depth_sum: i64,
     /// Nearest and farthest depth of the front part.
     pub front: [i64; 2],
-    /// Of the back part.
+    /// Nearest and farthest depth of the back part.
     pub back: [i64; 2],
     /// Index into the frame's materials.
     pub material: u32,
-    /// Whether it is closed.
+    /// Whether the slot is closed.
     pub closed: bool,
 }
 
@@ -119,13 +119,13 @@ impl Cluster {
         (self.front, self.back) = (span, span);
     }
 
-    /// Whether it has an inside, and a closed one lies there.
+    /// Whether it has an inside that contains this closed slot.
     fn encloses(&self, other: &Cluster) -> bool {
         self.front[1] < other.near() && other.far() < self.back[1]
     }
 }
 
-/// The slots of a tile's pixels, with a spare one each.
+/// Slots of a tile's pixels, each pixel with one spare slot.
 #[derive(Clone, Debug)]
 pub struct Clusters(Box<[[Cluster; MAX_LAYERS + 1]; TILE_AREA]>);
 
@@ -136,49 +136,49 @@ impl Default for Clusters {
 }
 
 impl Clusters {
-    /// A pixel's slots, and the spare one.
+    /// Slots of a pixel, with the spare slot.
     #[inline(always)]
     pub fn of(&mut self, pixel: u8) -> &mut [Cluster; MAX_LAYERS + 1] {
         &mut self.0[usize::from(pixel)]
     }
 }
 
-/// What step 4 finds out about one slot.
+/// Result of step 4 for one slot.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Window {
-    /// The place at which its window starts.
+    /// Place at which its window starts.
     pub first: usize,
     /// Nearest depth of its window.
     pub start: i64,
-    /// T: what of it is seen through those before it.
-    pub seen: Seen,
+    /// T: fraction of it that is seen through the windows before it.
+    pub seen: Visibility,
 }
 
-/// Parts of the unit for windows alone.
+/// Parts of the unit that only windows use.
 #[derive(Clone, Debug)]
-pub(super) struct Windows {
+pub(super) struct WindowDatapath {
     interval: bool,
     late: bool,
     inside: bool,
     depth_sum: Fit,
-    /// Two slots in one.
+    /// Sums of two slots.
     pub(super) sums: [Fit; SUMS],
     pub(super) depth_of_two: Fit,
-    /// Whether 63 bits hold all that is compared.
+    /// Whether 63 bits hold all compared values.
     narrow: bool,
     /// Whether [`Fragment::is_simple`].
     pub(super) simple: bool,
     /// Left shifts that align Σw·z with w·z.
     depth_align: [u32; 2],
-    /// Those that align Σw·z with Σw times a depth, to compare.
+    /// Left shifts that align Σw·z with Σw times a depth, for comparison.
     mean_align: [u32; 2],
     pub(super) reciprocal: Reciprocal,
-    /// Numerators of windows' opacities, of β, and of what a closed slot's own colour loses.
+    /// Numerators of the opacity of a window, of β, and of the loss of a closed slot's colour.
     pub(super) shares: [Fit; 3],
     pub(super) part: Fit,
     /// (1 − A)·β.
     pub(super) under: Fit,
-    /// T after one factor more, of an opacity and of TF.
+    /// T after one more factor: an opacity, or TF.
     pub(super) through: [Fit; 2],
     /// 1 − A as TF.
     pub(super) rest: Fit,
@@ -189,20 +189,20 @@ pub(super) struct Windows {
     pub(super) density: Fit,
     /// A splat inside: opacity and colour.
     pub(super) splat: [Fit; 2],
-    /// Late, over the front: colour and opacity; under the back; inside.
+    /// A late contribution over the front: colour and opacity; under the back; inside.
     pub(super) over: [Fit; 2],
     pub(super) beneath: [Fit; 2],
     pub(super) within: [Fit; 2],
     density_shape: TableShape,
     hidden_shape: TableShape,
     opacity_bits: u32,
-    /// Integer bits of what the table of densities spans.
+    /// Integer bits of the range of the density table.
     opacity_range: i32,
     index_bits: u32,
     frac: Fractions,
 }
 
-/// Fraction bits of what is aligned.
+/// Fraction bits of values that are aligned.
 #[derive(Clone, Copy, Debug)]
 struct Fractions {
     light: i32,
@@ -213,12 +213,12 @@ struct Fractions {
     opacity: i32,
 }
 
-/// Longest way of a contribution after its match which finds no room or comes to a closed slot: the
-/// longer of two.
+/// Critical path after its match of a contribution that overflows the pixel or joins a closed slot:
+/// the longer of the two.
 ///
-/// Windows: opacities by one reciprocal, a slot a cycle, T, and the cost of a sum. Inside: weight
-/// times density, the table, the splat's own light, what is seen of it, the reciprocal, and the
-/// blend. Late is shorter than that.
+/// Windows: opacities by one reciprocal, one slot per cycle, T, and the cost of a sum. Inside:
+/// weight times density, the table, the splat's own light, its visible part, the reciprocal, and
+/// the blend. A late contribution has a shorter path.
 pub fn overflow_path(machine: &Machine) -> Path {
     let m = &machine.fragment;
     let Some(words) = &m.window else {
@@ -233,7 +233,7 @@ pub fn overflow_path(machine: &Machine) -> Path {
     );
     let inverse = words.reciprocal.bits.min(64) as i32;
     let divide = reciprocal::path(words.reciprocal, bits(m.weight_sum)).product(share, inverse);
-    // T goes on from slot to slot, a slot a cycle.
+    // T passes from slot to slot, one slot per cycle.
     let slots = Path {
         cycles: 1,
         ..Path::default().product(part, through)
@@ -260,7 +260,7 @@ pub fn overflow_path(machine: &Machine) -> Path {
     }
 }
 
-/// What forming windows takes in the one cycle of a slot: T of the next one.
+/// Logic of forming windows in the one cycle of a slot: T of the next slot.
 pub fn slot(machine: &Machine) -> Path {
     let Some(words) = &machine.fragment.window else {
         return Path::default();
@@ -272,18 +272,18 @@ pub fn slot(machine: &Machine) -> Path {
         .choose(2)
 }
 
-/// Cycles of that way: its steps are sequenced, a slot a cycle, so that every operator keeps its
+/// Cycles of that path. Its steps are sequenced, one slot per cycle, so every operator has its
 /// registers.
 pub fn overflow_cycles(machine: &Machine) -> u32 {
     overflow_path(machine).registered_at(&machine.timing)
 }
 
-impl Windows {
+impl WindowDatapath {
     pub(super) fn new(e: &mut Elaboration, machine: &Machine) -> Option<Self> {
         let m = &machine.fragment;
         if m.group == Group::First {
             e.require(m.window.is_none(), || {
-                "fragment.window has words of windows, but fragment.group is first: say interval or window, or leave them out".into()
+                "fragment.window has words of windows, but fragment.group is first: use interval or window, or leave them out".into()
             });
             return None;
         }
@@ -334,11 +334,11 @@ impl Windows {
                 e.limit(UNIT, depth_bits);
             });
             e.choice(UNIT, layers, machine.fragment_bits());
-            // 3: each against each; each place takes one.
+            // 3: pairwise comparisons; each place selects one slot.
             e.adders(UNIT, places * layers / 2, depth_bits);
             e.copies(places, |e| e.choice(UNIT, places, machine.fragment_bits()));
             e.copies(layers, |e| e.choice(UNIT, 4, machine.fragment_bits()));
-            // 6: both of a pair; what lies behind it moves up.
+            // 6: both slots of a pair; the slots behind it move up.
             e.copies(2, |e| e.choice(UNIT, places, machine.fragment_bits()));
             e.copies(layers, |e| e.choice(UNIT, 2, machine.fragment_bits()));
         });
@@ -347,8 +347,8 @@ impl Windows {
             let sum = e.sum(UNIT, [product, words.depth_sum.into()]);
             e.fit(UNIT, "window.depth_sum", words.depth_sum, sum)
         });
-        // 4: does the next join, whichever before it starts the window: Σw·z against Σw times where
-        // that ends.
+        // 4: whether the next slot joins, for every slot that may start the window: Σw·z against Σw
+        // times the end of that window.
         let ends = e.copies(layers, |e| e.times(UNIT, weight, m.depth));
         e.copies(layers, |e| e.sum(UNIT, [ends, words.depth_sum.into()]));
         let mean_align = align([words.depth_sum.format.frac_bits, ends.frac_bits]);
@@ -394,14 +394,14 @@ impl Windows {
         let part = e.fit(UNIT, "window.part", words.part, divided);
         // T: after a window, and behind a closed slot.
         let by_part = e.copies(places, |e| e.times(UNIT, words.through, words.part));
-        // Of each place and each closed slot before it.
+        // For each place and each closed slot before it.
         let by_through = e.copies(places * layers / 2, |e| {
             e.times(UNIT, words.through, words.through)
         });
         e.adders(UNIT, layers, shaded.format.width());
         let through =
             [by_part, by_through].map(|from| e.fit(UNIT, "window.through", words.through, from));
-        // 6: u·(ε + hi − start), shifted by T; the least. Intervals are not summed before the end.
+        // 6: u·(ε + hi − start), shifted by T; the least. Intervals are summed only when complete.
         e.copies(if m.group == Group::Window { layers } else { 0 }, |e| {
             let cost = e.times(UNIT, m.depth, m.depth);
             e.adders(UNIT, 4, depth_bits);
@@ -461,7 +461,7 @@ impl Windows {
         table::interpolator(e, UNIT, hidden_shape, words.hidden, hidden_bits);
         let coloured = e.copies(3, |e| e.times(UNIT, light, shaded));
         let depth_align = align([words.depth_sum.format.frac_bits, product.frac_bits]);
-        Some(Windows {
+        Some(WindowDatapath {
             interval: m.group == Group::Interval,
             late: words.late,
             inside: words.inside,
@@ -473,8 +473,8 @@ impl Windows {
             narrow: {
                 let means = words.depth_sum.format.width() + mean_align[0] as i32;
                 let ends = weight.format.width() + depth_bits + 1 + mean_align[1] as i32;
-                // The product of two widths of up to three ranges, shifted by as many places as are
-                // seen.
+                // The product of two widths of up to three ranges, shifted by up to LEAST_SEEN
+                // places.
                 means.max(ends).max(2 * depth_bits + 3 + LEAST_SEEN as i32) < 63
             },
             simple: false,
@@ -522,11 +522,11 @@ impl Windows {
     }
 }
 
-/// The rule, and what a frame loads.
+/// The rule, and the frame's registers.
 #[derive(Clone, Copy)]
 struct Rule<'a> {
     fragment: &'a Fragment,
-    own: &'a Windows,
+    own: &'a WindowDatapath,
     registers: &'a WindowRegisters,
 }
 
@@ -536,7 +536,7 @@ impl Rule<'_> {
         self.registers.thresholds.z_threshold
     }
 
-    /// 1: the open slot that a depth joins; of equally near ones the first.
+    /// 1: the open slot that a depth joins; the first among equally near slots.
     fn taker(&self, z: i64, slots: &[Cluster]) -> Option<usize> {
         let reach = if self.own.interval {
             self.epsilon()
@@ -555,8 +555,8 @@ impl Rule<'_> {
         nearest.map(|(_, place)| place)
     }
 
-    /// 2: the closed slot, and its side, that a depth is late for; of equally near ones the first,
-    /// its front before its back.
+    /// 2: the closed slot, and its side, for which a depth is late. Among equally near ones it is
+    /// the first, and its front before its back.
     fn late_for(&self, z: i64, slots: &[Cluster]) -> Option<(usize, Side)> {
         let closed = slots.iter().enumerate().filter(|(_, slot)| slot.closed);
         let parts = closed.flat_map(|(place, slot)| {
@@ -585,8 +585,8 @@ impl Rule<'_> {
         }
     }
 
-    /// A quotient of words that are not negative, at most 1; `frac_bits` of the denominator beyond
-    /// those of the numerator's fit.
+    /// Quotient of non-negative words, at most 1. `frac_bits` is the number of fraction bits of the
+    /// denominator beyond those of the numerator's fit.
     fn quotient<P: Probe>(
         &self,
         [numerator, denominator]: [i64; 2],
@@ -632,7 +632,7 @@ impl Rule<'_> {
         self.fragment.shaded(&slot.slot(), tap)
     }
 
-    /// 4: the window of each slot, in the order of nearest depths, and what is seen of it.
+    /// 4: the window of each slot, in order of nearest depth, and the slot's T.
     fn windows<P: Probe>(&self, slots: &[Cluster], tap: &mut Tap<P>) -> [Window; MAX_LAYERS + 1] {
         let mut windows = [Window::default(); MAX_LAYERS + 1];
         let own = self.own;
@@ -672,16 +672,15 @@ impl Rule<'_> {
         windows
     }
 
-    /// By how many places a part of one lies below it, at least, as a power of two; none of less
-    /// than is seen.
-    fn places_below(&self, part: i64, one: i64) -> Seen {
+    /// Bit length of `one` less that of `part`: about −log2(part/one). `None` for an invisible part.
+    fn places_below(&self, part: i64, one: i64) -> Visibility {
         let below = one.leading_zeros() as i32 - part.leading_zeros() as i32;
         let places = (-below).max(0) as u32;
         (part > 0 && places <= LEAST_SEEN).then_some(places)
     }
 
-    /// 6: the front of the pair that is best summed, if any two may be; of equals the one nearer to
-    /// the eye.
+    /// 6: the front of the pair with the least cost, among the pairs that may be summed. Among
+    /// equal costs it is the pair nearer to the eye.
     fn pair_to_sum(&self, slots: &[Cluster], windows: &[Window]) -> Option<usize> {
         if self.own.narrow {
             self.cheapest::<i64>(slots, windows)
@@ -690,8 +689,8 @@ impl Rule<'_> {
         }
     }
 
-    /// Costs are 2^9·ε times those of RULES: T·u·(ε + hi − start)/(2ε), or T·ε where the two are of
-    /// two windows.
+    /// Costs are 2^9·ε times those of RULES: T·u·(ε + hi − start)/(2ε), or T·ε where the two slots
+    /// are in different windows.
     fn cheapest<N>(&self, slots: &[Cluster], windows: &[Window]) -> Option<usize>
     where
         N: Copy + Ord + Default + From<i64> + Mul<Output = N> + Shl<u32, Output = N>,
@@ -721,7 +720,7 @@ impl Rule<'_> {
         least.map(|(_, front)| front)
     }
 
-    /// 6: one open slot with another behind it; the material is the front's. Sums saturate.
+    /// 6: one open slot summed with another behind it; the front's material is kept. Sums saturate.
     fn summed<P: Probe>(&self, front: &Cluster, back: &Cluster, tap: &mut Tap<P>) -> Cluster {
         let mut sum = *front;
         for (lane, fit) in self.own.sums.iter().enumerate() {
@@ -763,7 +762,7 @@ impl Rule<'_> {
         slot.sums[OPACITY] = tap.fit_one(&self.fragment.store[1], light.opacity);
     }
 
-    /// 7: one closed slot behind or inside of another, and whether inside.
+    /// 7: merges a closed slot behind or inside another; returns whether inside.
     fn merge<P: Probe>(&self, front: &mut Cluster, back: &Cluster, tap: &mut Tap<P>) -> bool {
         let (over, under) = (self.read(front, tap), self.read(back, tap));
         if self.own.inside && front.encloses(back) {
@@ -782,8 +781,8 @@ impl Rule<'_> {
         false
     }
 
-    /// 2, 7: what lies between the front and the back of a closed slot, all of which is taken for
-    /// one colour.
+    /// 2, 7: blends x between the front and the back of a closed slot, all of which counts as one
+    /// colour.
     fn put_inside<P: Probe>(
         &self,
         slot: &mut Cluster,
@@ -800,8 +799,8 @@ impl Rule<'_> {
         } = self.own.frac;
         let (one, part_one) = (self.one(), self.own.part.word.format.one());
         let through = self.rest(light, tap);
-        // What of x is seen: all that the front lets through, or, nearer to the back, what reaches
-        // the back.
+        // Visible part of x: what the front lets through; or, nearer to the back, what reaches the
+        // back.
         let mut seen = slot.sums[BEHIND_FRONT].max(through);
         if near + far >= slot.front[1] + slot.back[0] {
             seen = slot.sums[BEFORE_BACK].max(through).min(seen);
@@ -824,7 +823,7 @@ impl Rule<'_> {
         slot.sums[BEFORE_BACK] = tap.fit_one(&self.own.dimmed[1], slot.sums[BEFORE_BACK] * behind);
     }
 
-    /// 2: a contribution by itself, as what lies inside of a closed slot.
+    /// 2: a contribution by itself, as a layer inside a closed slot.
     fn splat_inside<P: Probe>(&self, input: &Input, tap: &mut Tap<P>) -> Premultiplied {
         let index = tap.fit_one(&self.own.index, input.weight * i64::from(input.density));
         let hidden = tap.fit_one(&self.own.hidden, self.registers.hidden.exact(index));
@@ -835,8 +834,7 @@ impl Rule<'_> {
         }
     }
 
-    /// 2: adds a late contribution to a closed slot, as far as its surface did not cover the pixel
-    /// yet.
+    /// 2: adds a late contribution to a closed slot, where its surface did not cover the pixel yet.
     fn add_late<P: Probe>(&self, slot: &mut Cluster, side: Side, input: &Input, tap: &mut Tap<P>) {
         let own = self.own;
         let Fractions {
@@ -932,7 +930,7 @@ impl Rule<'_> {
         slot.span(input.depth, input.depth);
     }
 
-    /// 5 to 7: one slot too many.
+    /// 5 to 7: handles one slot too many.
     fn overflow<P: Probe>(
         &self,
         slots: &mut [Cluster],
@@ -963,7 +961,7 @@ impl Rule<'_> {
 }
 
 impl Fragment {
-    /// A frame's registers for windows; none where fragments are not grouped by them.
+    /// A frame's registers for windows; `None` where fragments are not grouped by windows.
     pub fn windows(
         &self,
         window: &frame::Window,
@@ -986,7 +984,8 @@ impl Fragment {
         })
     }
 
-    /// How fast a splat of some opacity (`splat.opacity`) hides what lies behind it, by its weight.
+    /// Rate, per weight, at which a splat with this opacity (`splat.opacity`) hides what is behind
+    /// it.
     pub fn density<P: Probe>(
         &self,
         opacity: i32,
@@ -1005,7 +1004,7 @@ impl Fragment {
         })
     }
 
-    /// Takes one contribution into a pixel's slots, of which so many are in use and one more is
+    /// Adds one contribution to a pixel's slots. `live` of them are occupied, and one more is
     /// spare.
     pub fn contribute_to_window<P: Probe>(
         &self,
@@ -1054,9 +1053,9 @@ impl Fragment {
         rule.overflow(&mut slots[..=live], place, shade, tap)
     }
 
-    /// A pixel's windows, each shaded and blended behind or inside of those before it, in the order
-    /// of depth: how many layers they are, at which places a window starts, a bit each, the first
-    /// in the last place, and how many were shaded.
+    /// A pixel's windows, each shaded and blended behind or inside those before it, in depth order.
+    /// Returns the number of layers, a bit mask of the places at which a window starts (the first
+    /// place in the LSB), and the number of shaded windows.
     pub fn layers_of_windows<P: Probe>(
         &self,
         slots: &mut [Cluster],
@@ -1109,12 +1108,12 @@ impl Fragment {
     }
 }
 
-/// How far a depth lies outside of a span.
+/// Distance of a depth from a span; 0 inside it.
 fn gap([near, far]: [i64; 2], z: i64) -> i64 {
     (near - z).max(z - far).max(0)
 }
 
-/// A span that holds a depth too.
+/// Smallest span that contains a span and a depth.
 fn with([near, far]: [i64; 2], z: i64) -> [i64; 2] {
     [near.min(z), far.max(z)]
 }

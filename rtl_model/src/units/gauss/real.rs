@@ -1,8 +1,8 @@
-//! Gauss over the reals: how far a weight may lie from the exact one.
+//! Gauss over the reals: bounds the distance of a weight from the exact one.
 //!
-//! |Δw| ≤ A·e^(−r/2)·(|Δr| + u_r/2)/2 + ΔA·e^(−r/2) + A·(table error + u_f/2) + u_w/2, with last
-//! places u of `radial_index`, `falloff` and `weight`; the table errs by h²/32 + u_f/2 with
-//! straight lines over steps of h, by h/4 + u_f/2 without.
+//! |Δw| ≤ A·e^(−r/2)·(|Δr| + u_r/2)/2 + ΔA·e^(−r/2) + A·(table error + u_f/2) + u_w/2, with ulps u
+//! of `radial_index`, `falloff` and `weight`. The error of the table is h²/32 + u_f/2 with linear
+//! interpolation over steps of h, and h/4 + u_f/2 without.
 
 use super::Gauss;
 use crate::functions::table;
@@ -21,7 +21,7 @@ impl Gauss {
         )
     }
 
-    /// The table's arguments are below this.
+    /// Upper limit of the table's arguments.
     fn range(&self) -> f64 {
         power_of_two(self.range_bits)
     }
@@ -31,7 +31,7 @@ impl Gauss {
         self.real_within(radial, amplitude, self.table_error())
     }
 
-    /// The same, whose [`Gauss::table_error`] is known.
+    /// A·e^(−r/2), with a known [`Gauss::table_error`].
     pub fn real_within<R: Real>(&self, radial: R, amplitude: R, table_error: f64) -> R {
         let range = self.range();
         let [weight] = self.graph.real(

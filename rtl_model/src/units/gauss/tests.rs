@@ -13,8 +13,8 @@ fn gauss(name: &str) -> (Machine, Gauss) {
     (machine, gauss)
 }
 
-/// Radial index and weight: eight wide, whatever is known of the fits, as the graph has one. Fits
-/// that are known to be plain are for fragments, which lie below the cutoff.
+/// Radial index and weight from the kernel of eight lanes, with and without simple fits, compared
+/// with the graph. Simple fits are for fragments, which are below the cutoff.
 fn one(machine: &Machine, gauss: &Gauss, radial: i64, amplitude: i64) -> [i64; 2] {
     let probe = &mut NoProbe;
     let tap = &mut Tap::new(probe);
@@ -46,7 +46,7 @@ fn one(machine: &Machine, gauss: &Gauss, radial: i64, amplitude: i64) -> [i64; 2
     words
 }
 
-/// The amplitude in the weight's own places, ties up.
+/// The amplitude, rounded to the weight's fraction bits, ties up.
 fn most(machine: &Machine, amplitude: i64) -> i64 {
     let places = machine.ellipse.amplitude.format.frac_bits - machine.gauss.weight.format.frac_bits;
     ((2 * amplitude + (1 << places)) >> (places + 1)).min(machine.gauss.weight.format.max())
@@ -67,8 +67,8 @@ proptest! {
     }
 }
 
-/// What fills the picture, on the machines that it is for: every r that it may be asked, in steps,
-/// and those at the end.
+/// 32-bit kernels equal wide ones, on the machines that have them: for every possible r, in steps,
+/// and for the last ones.
 #[test]
 fn words_of_32_bits_weigh_as_wide_ones_do() {
     for name in ["reference", "lean"] {
@@ -93,7 +93,7 @@ fn the_middle_of_a_splat_has_its_amplitude() {
         let amplitude = machine.ellipse.amplitude.format.max();
         let [radial_index, weight] = one(&machine, &gauss, 0, amplitude);
         assert_eq!(radial_index, 0);
-        // The first word of a table without interpolation is that of its first step's middle.
+        // The first word of a table without interpolation is the value at its first step's middle.
         assert!(
             most(&machine, amplitude) - weight <= most(&machine, amplitude) / 16,
             "{name}: full weight is {weight}"
@@ -101,9 +101,9 @@ fn the_middle_of_a_splat_has_its_amplitude() {
     }
 }
 
-/// What lets a falloff go without limits.
+/// A falloff is never clamped, so its fit needs no limits.
 #[test]
-fn no_falloff_lies_beyond_its_word() {
+fn a_falloff_never_exceeds_its_word() {
     for name in Machine::NAMES {
         let (machine, gauss) = gauss(name);
         for radial_index in 0..=machine.gauss.radial_index.format.max() {
@@ -119,8 +119,8 @@ fn no_falloff_lies_beyond_its_word() {
     }
 }
 
-/// One last place of the register below the cutoff, which is the table's whole reach: the last
-/// word, not the first.
+/// One ulp of the register below the cutoff, which is the table's range: the last word, not the
+/// first.
 #[test]
 fn just_below_the_cutoff_is_the_tables_end() {
     for name in Machine::NAMES {

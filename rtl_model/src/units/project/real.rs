@@ -1,8 +1,9 @@
-//! Project over the reals: how far a projected point may lie from the exact one.
+//! Project over the reals: bounds the distance of a projected point from the exact one.
 //!
-//! `relative` is cut to a last place of 2^(exponent − frac_bits), `camera` adds the rotation's own
-//! last places and half of one more, 1/t_z its unit's relative error, `slope` and `pixel` half a
-//! last place each; `pixel` takes the slope's error s-fold. So with words of equal relative
+//! `relative` is truncated to an ulp of 2^(exponent − frac_bits). `camera` adds the rotation's
+//! ulps and half an ulp of its own, 1/t_z its unit's relative error, `slope` and `pixel` half an
+//! ulp each; `pixel` multiplies the slope's error by s. With words of equal relative precision u
+//! the position on the screen is therefore off by about 4·s·u pixels. `camera` contributes most.
 //! precision u the position on the screen is off by some 4·s·u pixels: `camera`'s part counts most.
 
 use super::Project;
@@ -16,9 +17,9 @@ use crate::real::{Real, Scale};
 pub struct Projected<R> {
     /// t, machine units.
     pub camera: [R; 3],
-    /// The power of two that the words of t are relative to.
+    /// Power of two that the words of t are relative to.
     pub exponent: Scale,
-    /// t_z as the near plane sees it, machine units.
+    /// t_z as compared with the near plane, machine units.
     pub depth: R,
     /// 1/t_z.
     pub inverse_depth: R,

@@ -1,4 +1,4 @@
-//! Project: against f64, whose own error is below 2⁻⁴⁰.
+//! Project: checked against f64, whose own error is below 2⁻⁴⁰.
 
 use super::*;
 use crate::frame::Aspect;
@@ -33,13 +33,13 @@ fn view(machine: &Machine, eye: [f64; 3], angle: f64, focal: [f64; 2], centre: [
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
 
-    /// With place(x) the last place of word x. t is relative to a power of two, its largest part
-    /// before the turn in [½, 1): `relative` is cut by a place each, three of them turned by
-    /// elements of at most 1; `camera` is rounded by half a place. a = t_x/t_z: both parts' errors
-    /// over t_z, the reciprocal's relative error, half a place of `slope`. Then s times that, and
-    /// half of `pixel`'s.
+    /// ulp(x) is the ulp of word x. t is relative to a power of two that puts its largest part in
+    /// [½, 1) before the rotation. `relative` is truncated by up to one ulp; three such errors are
+    /// multiplied by matrix elements of at most 1. `camera` is rounded by half an ulp.
+    /// a = t_x/t_z has the errors of both parts over t_z, the reciprocal's relative error, and half
+    /// an ulp of `slope`. `pixel` has s times that, and half an ulp of its own.
     #[test]
-    fn a_projected_point_is_within_its_last_places(
+    fn a_projected_point_is_within_its_ulps(
         name in prop::sample::select(Machine::NAMES.to_vec()),
         position in prop::array::uniform3(-0.45..0.45), eye in prop::array::uniform3(-1.0..1.0), angle in -3.0..3.0,
         focal in prop::array::uniform2(100.0..1000.0), centre in prop::array::uniform2(-100.0..100.0),
@@ -61,7 +61,7 @@ proptest! {
         let of_camera = 2.0 * place(p.relative) + place(p.camera) / 2.0;
         for (axis, exact) in t.into_iter().enumerate() {
             let word = p.camera.format.value([x, y, forward][axis]);
-            // The third part is what the quotients use, at least one place, and 1 where the splat
+            // The third part is the divisor of the quotients: at least one ulp, and 1 where the splat
             // is culled.
             let culled = axis == 2 && (near || outside);
             prop_assert!(culled || (word - exact / power).abs() <= of_camera, "camera {axis}");

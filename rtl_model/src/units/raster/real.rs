@@ -1,14 +1,14 @@
-//! Raster over the reals: how far r and z may lie from the exact ones at a pixel.
+//! Raster over the reals: bounds the distance of r and z at a pixel from the exact ones.
 //!
-//! The adds are exact, so r at (i, j) columns and rows from the seed is dᵀQd of the machine's own Q
-//! and d, and what its seed and its differences lost when they were rounded (docs/book/algorithm.md
-//! §4):
+//! The adds are exact. r at (i, j) columns and rows from the seed is therefore dᵀQd of the
+//! machine's own Q and d, plus the rounding errors of its seed and its differences
+//! (docs/book/algorithm.md §4):
 //! ```text
 //! |Δr| ≤ |d|ᵀ ΔQ |d| + 2·|Q d|·Δd + Δdᵀ |Q| Δd                                      other words than the exact ones
 //!      + e₀ + (i + j)·e₁ + (C(i,2) + C(j,2) + i·j)·e₂                               rounded seed and differences
 //! e₀ = (|d_x| + |d_y|)·u_gradient/2 + u_radial/2 at the seed,  e₁ = u_first/2,  e₂ = u_second/2
 //! ```
-//! A register that r outruns, or a difference that is cut off, may hold anything.
+//! A register whose range r exceeds, or a saturated difference, may hold anything.
 
 use super::{Raster, Rows};
 use crate::machine::Machine;
@@ -31,8 +31,7 @@ pub struct Input<R> {
     pub depth_range: R,
 }
 
-/// Loss by cutting a result to a word may lose where it stays in range; nothing where no places are
-/// cut.
+/// Greatest loss by fitting a result to a word in range; 0 where no places are dropped.
 fn loss(fit: &Fit) -> f64 {
     if fit.places() <= 0 {
         return 0.0;
@@ -45,27 +44,27 @@ fn loss(fit: &Fit) -> f64 {
     }
 }
 
-/// Whether a number may lie outside of a word's range.
+/// Whether a number may be outside a word's range.
 fn outruns(fit: &Fit, most: f64) -> bool {
     let format = fit.word.format;
-    // A NaN outruns everything.
+    // NaN counts as outside.
     most.partial_cmp(&format.value(format.max()))
         .is_none_or(std::cmp::Ordering::is_gt)
 }
 
-/// Sum of rounded differences on the way: e₁ each step, e₂ each pair of steps; rows that are seeded
-/// afresh take no steps.
+/// Sum of rounding errors of differences on the way: e₁ per step, e₂ per pair of steps. Rows that
+/// are seeded again take no steps.
 fn stepped(rows: Rows, [columns, lines]: [f64; 2], first: f64, second: f64) -> f64 {
     let [i, j] = [columns, if rows == Rows::Seeded { 0.0 } else { lines }];
     let pairs = |n: f64| n * (n - 1.0).max(0.0) / 2.0;
     (i + j) * first + (pairs(i) + pairs(j) + i * j) * second
 }
 
-/// Errors of a splat's differences, worked out once for all of its pixels.
+/// Errors of a splat's differences, computed once for all of its pixels.
 #[derive(Clone, Copy, Debug)]
 pub struct Walk {
     input: Input<Near>,
-    /// Pixel and offset, together.
+    /// Error of pixel and offset together.
     offset_error: [f64; 2],
     /// e₀.
     seed: f64,
@@ -73,14 +72,14 @@ pub struct Walk {
     seed_at: [f64; 2],
     /// e₁, e₂.
     steps: [f64; 2],
-    /// Whether every difference stays in its word.
+    /// Whether every difference is in its word's range.
     sound: bool,
-    /// The greatest r that its register holds.
+    /// Greatest r that the register holds.
     most: f64,
 }
 
 impl Raster {
-    /// Enters a box whose first pixel lies within `reach` pixels of the centre.
+    /// Enters a box whose first pixel is within `reach` pixels of the centre.
     pub fn near(&self, input: &Input<Near>, reach: [f64; 2]) -> Walk {
         let offset_error = two!(axis => input.pixel[axis].error + loss(&self.offset));
         let [xx, xy, yy] = [0, 1, 2].map(|i| input.conic[i].most());
@@ -108,7 +107,7 @@ impl Raster {
         }
     }
 
-    /// r at a pixel centre, given from the picture's middle.
+    /// r at a pixel centre, relative to the picture's middle.
     pub fn near_radial(&self, walk: &Walk, at: [f64; 2]) -> Near {
         let d = two!(axis => at[axis] - walk.input.pixel[axis].value);
         let [ex, ey] = walk.offset_error;
@@ -130,12 +129,12 @@ impl Raster {
             + xx.value.abs() * ex * ex
             + 2.0 * xy.value.abs() * ex * ey
             + yy.value.abs() * ey * ey;
-        // The f64 sum above, for a needle's terms cancel.
+        // Rounding of the f64 sum above: the terms of a needle cancel.
         let rounding = 8.0
             * f64::EPSILON
             * (xx.value.abs() * x * x + 2.0 * xy.value.abs() * x * y + yy.value.abs() * y * y);
         let radial = Near::within(value, conic + moved + rounding + self.walked(walk, d));
-        // A NaN outruns everything.
+        // NaN counts as out of range.
         if radial.most() <= walk.most {
             radial
         } else {
@@ -146,7 +145,7 @@ impl Raster {
         }
     }
 
-    /// What rounded seed and differences add up to on the way to a pixel.
+    /// Sum of the rounding errors of seed and differences at a pixel.
     fn walked(&self, walk: &Walk, d: [f64; 2]) -> f64 {
         let steps =
             two!(axis => (d[axis] + walk.seed_at[axis] + walk.offset_error[axis] + 1.0).max(0.0));
@@ -154,7 +153,7 @@ impl Raster {
         walk.seed + stepped(self.rows, steps, first, second)
     }
 
-    /// z at a pixel centre, clamped to what the disc can reach.
+    /// z at a pixel centre, clamped to the disc's depth range.
     pub fn near_depth(&self, walk: &Walk, at: [f64; 2]) -> Near {
         let input = &walk.input;
         let d =
@@ -187,8 +186,8 @@ pub struct Row<'a> {
 }
 
 impl Raster {
-    /// Registers at the first pixels of `rows` rows of a box, of which the very first has this
-    /// centre from the picture's middle.
+    /// Registers at the first pixels of `rows` rows of a box. `[left, top]` is the box's first pixel
+    /// relative to the picture's middle.
     pub fn partial_precision_rows<'a>(
         &self,
         input: &Input<PartialPrecision<'a>>,
@@ -238,8 +237,8 @@ impl Raster {
         })
     }
 
-    /// r and z at some columns from the first pixel of a row; r may be below 0, z is clamped to
-    /// what the disc can reach.
+    /// r and z at some columns from the first pixel of a row. r may be below 0; z is clamped to the
+    /// disc's depth range.
     pub fn partial_precision_pixel<'a>(
         &self,
         row: &Row<'a>,
@@ -257,20 +256,20 @@ impl Raster {
     }
 }
 
-/// Greatest distance of `raster.radial` from r = Q00·x² + 2·Q01·xy + Q11·y² after `columns` and
-/// `rows` steps from where it was seeded, r; the conic's and the offset's words as they are, |x|
-/// and |y| at the seed at most `reach_px`.
+/// Greatest distance of `raster.radial` from r = Q00·x² + 2·Q01·xy + Q11·y², in r, at `columns` and
+/// `rows` steps from its seed. The conic and the offset are exact words, and |x| and |y| at the
+/// seed are at most `reach_px`.
 ///
-/// Adds are exact, so what is left is what the words lost that are added (docs/book/algorithm.md
-/// §4), each of them as often as it is added:
-/// - `radial`, once, and the gradients at the seed, weighed by x and y;
-/// - `first`, once a step;
-/// - `second`, once for each pair of steps: n(n−1)/2 along a row or a column, and, by column and
-///   row, their product.
+/// Adds are exact, so only the rounding of the added words remains (docs/book/algorithm.md §4).
+/// Each word counts as often as it is added:
+/// - `radial`, once, and the gradients at the seed, weighted by x and y;
+/// - `first`, once per step;
+/// - `second`, once per pair of steps: n(n−1)/2 along a row or a column, and, for steps in both
+///   directions, their product.
 ///
-/// A word that holds all of its exact result's places loses nothing; twice a conic needs one place
-/// less. Where rows are seeded afresh, their steps do not count. Modulo the register's reach, and
-/// only where none of `gradient`, `first` and `second` saturates.
+/// A word that holds all places of its exact result loses nothing; twice a conic needs one place
+/// less. Where each row is seeded again, steps between rows do not count. The bound is modulo the
+/// register's range, and holds only where none of `gradient`, `first` and `second` saturates.
 pub fn steps_error(machine: &Machine, reach_px: f64, [columns, rows]: [u32; 2]) -> f64 {
     let m = &machine.raster;
     let conic = machine.ellipse.conic.format.frac_bits;

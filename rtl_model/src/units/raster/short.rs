@@ -1,15 +1,15 @@
-//! Short: raster in words of 32 bits, eight pixels at a time, for whoever wants fragments and
-//! nothing else. Nothing here is hardware: it is how the simulator draws fast.
+//! Short: raster in words of 32 bits, eight pixels at a time, for runs that need fragments only.
+//! This is not hardware: it is how the simulator draws fast.
 //!
-//! A pixel is inside where r less the cutoff is below 0. Modulo 2^32 that is right wherever it is
-//! known beforehand that r stays within 2^31 of the cutoff, and its register does not wrap, all
-//! over a part of a box. Along a row, or a column, r is convex there: it is nowhere above the
-//! greatest of the part's corners, and nowhere farther below the least of them than an eighth of
-//! its second differences times the squares of the sides.
+//! A pixel is inside where r less the cutoff is below 0. Modulo 2^32 that test is exact if r is
+//! known to stay within 2^31 of the cutoff, and its register not to wrap, over a whole part of a
+//! box. r is convex along a row or a column of the part. It is therefore at most the greatest of
+//! the part's corners, and at least the least of them minus an eighth of its second differences
+//! times the squares of the sides.
 //!
 //! Law: `words_of_32_bits_walk_as_wide_ones_do`.
 
-use super::{Entered, Input, Parts, Raster, Rows, SIDE_PX, Splats, first_bits, magnitude};
+use super::{BoxParts, EnteredBoxes, Input, Raster, Rows, SIDE_PX, Splats, first_bits, magnitude};
 use crate::num::register::Held;
 use crate::num::{LANES, Lanes, Words, two};
 use crate::probe::{Probe, Tap};
@@ -17,7 +17,7 @@ use crate::probe::{Probe, Tap};
 /// Eight splats where their boxes enter a square of 16 × 16 pixels, in words of 32 bits.
 #[derive(Clone, Copy, Debug)]
 pub struct ShortWalks {
-    /// The parts of the boxes that lie in the square.
+    /// Parts of the boxes in the square.
     columns: [i32; LANES],
     rows: [i32; LANES],
     /// The part's first pixel in the square: 16 · row + column.
@@ -31,7 +31,7 @@ pub struct ShortWalks {
     by_row: [i32; LANES],
     by_row_twice: [i32; LANES],
     by_both: [i32; LANES],
-    /// z there, unclamped, with its differences, in the places of its register.
+    /// z there, unclamped, with its differences, at the fraction bits of its register.
     depth: [i32; LANES],
     depth_by: [[i32; LANES]; 2],
     /// The depth clamp (shape: [`Raster::depth_exact`]).
@@ -39,8 +39,7 @@ pub struct ShortWalks {
     deepest: [i32; LANES],
 }
 
-/// Rows that are seeded afresh: r less the cutoff, its difference by column, and z at each row's
-/// first pixel.
+/// Seeds of each row: r less the cutoff, its difference by column, and z at each row's first pixel.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ShortRows {
     beyond: [[i32; LANES]; 2],
@@ -48,9 +47,9 @@ pub struct ShortRows {
     depth: [[i32; LANES]; 2],
 }
 
-/// How eight pixels lie that are looked at together.
+/// Arrangement of eight pixels that are tested together.
 #[derive(Debug)]
-pub struct Shape {
+pub struct BlockShape {
     rows: usize,
     first_column: usize,
     column: [i32; LANES],
@@ -58,17 +57,17 @@ pub struct Shape {
     pairs: [i32; LANES],
     /// −1 in the second row.
     second: [i32; LANES],
-    /// Steps to the next rows: how often by_row goes into that, and how often by_row_twice.
+    /// Increments to the next rows: multiples of by_row, and of by_row_twice.
     by_row: [i32; LANES],
     by_row_twice: [i32; LANES],
-    /// Where each pixel lies: 16 · row + column.
+    /// Place of each pixel: 16 · row + column.
     place: [i32; LANES],
 }
 
-impl Shape {
+impl BlockShape {
     const fn new(rows: usize, first_column: usize) -> Self {
         let (mut shape, mut lane) = (
-            Shape {
+            BlockShape {
                 rows,
                 first_column,
                 column: [0; LANES],
@@ -85,8 +84,8 @@ impl Shape {
             shape.column[lane] = column as i32;
             shape.pairs[lane] = (column * column.saturating_sub(1) / 2) as i32;
             shape.second[lane] = -(row as i32);
-            // From row j to j + 2: by_row twice, and by_row_twice once, and twice more where by_row
-            // has it once already.
+            // From row j to j + 2: by_row twice and by_row_twice once, and by_row_twice twice more
+            // where by_row already includes it once.
             shape.by_row_twice[lane] = (rows as i32 - 1) * (1 + 2 * row as i32);
             shape.place[lane] = (SIDE_PX * row + column) as i32;
             lane += 1;
@@ -94,10 +93,14 @@ impl Shape {
         shape
     }
 
-    /// Shapes that a part of so many columns is looked at in.
+    /// Shapes that cover a part with this many columns.
     #[inline(always)]
-    pub fn of(columns: usize) -> &'static [Shape] {
-        static SHAPES: [Shape; 3] = [Shape::new(2, 0), Shape::new(1, 0), Shape::new(1, LANES)];
+    pub fn of(columns: usize) -> &'static [BlockShape] {
+        static SHAPES: [BlockShape; 3] = [
+            BlockShape::new(2, 0),
+            BlockShape::new(1, 0),
+            BlockShape::new(1, LANES),
+        ];
         match columns {
             0..=4 => &SHAPES[..1],
             5..=8 => &SHAPES[1..2],
@@ -105,7 +108,7 @@ impl Shape {
         }
     }
 
-    /// Which of its pixels lie within so many columns, bit by bit.
+    /// Bit mask of its pixels that are in the first `columns` columns.
     #[inline(always)]
     fn within(&self, columns: usize) -> u8 {
         let row = first_bits(columns - self.first_column);
@@ -113,21 +116,21 @@ impl Shape {
     }
 }
 
-/// A part of a box, eight pixels at a time, from its first rows on.
+/// A part of a box, eight pixels at a time, starting at its first rows.
 #[derive(Clone, Copy, Debug)]
 pub struct Blocks<'a, W> {
-    shape: &'static Shape,
-    /// Of rows that are seeded afresh.
+    shape: &'static BlockShape,
+    /// Seeds of the rows, where each row has one.
     seeds: Option<&'a ShortRows>,
     row: usize,
     rows: usize,
-    /// Which pixels lie in the part's columns.
+    /// Bit mask of pixels in the part's columns.
     within: u8,
     place: W,
     beyond: W,
     by_rows: W,
     by_rows_twice: W,
-    /// What a row's second differences add up to by column.
+    /// Sum of a row's second differences by column.
     bend: W,
     depth: W,
     depth_by_rows: W,
@@ -135,7 +138,7 @@ pub struct Blocks<'a, W> {
 }
 
 impl<W: Words> Blocks<'_, W> {
-    /// Which of the eight pixels make a fragment, of those for which a condition holds, bit by bit.
+    /// Bit mask of the pixels that make a fragment, among those for which a condition holds.
     #[inline(always)]
     pub fn inside(&self, condition: W) -> u8 {
         let inside = (self.beyond & condition).signs() & self.within;
@@ -146,13 +149,13 @@ impl<W: Words> Blocks<'_, W> {
         }
     }
 
-    /// Where the pixels lie in the square: 16 · row + column.
+    /// Places of the pixels in the square: 16 · row + column.
     #[inline(always)]
     pub fn pixels(&self) -> W {
         self.place
     }
 
-    /// Goes on to the next rows; says whether there are any.
+    /// Moves to the next rows; returns whether there are any.
     #[inline(always)]
     pub fn go_on(&mut self) -> bool {
         self.row += self.shape.rows;
@@ -170,7 +173,7 @@ impl<W: Words> Blocks<'_, W> {
         true
     }
 
-    /// Rows as they are seeded.
+    /// Loads rows from their seeds.
     #[inline(always)]
     fn seed(&mut self, seeds: &ShortRows) {
         let eight = self.row / LANES % 2;
@@ -197,14 +200,14 @@ impl ShortWalks {
 }
 
 impl Raster {
-    /// Whether words of 31 bits hold what lies below a cutoff, and every depth that leaves a clamp.
+    /// Whether words of 31 bits hold r less a cutoff, and every clamped depth.
     pub fn is_short(&self, cutoff: Held) -> bool {
         self.radial_register.read(cutoff) <= 1 << 30 && self.short_depth > 0
     }
 
-    /// [`Raster::enter`] in words of 32 bits, for a cutoff that [`Raster::is_short`] says so of;
-    /// and which splats they hold, bit by bit. Of rows that are seeded afresh
-    /// [`Raster::short_rows`] says whether.
+    /// [`Raster::enter`] in words of 32 bits, for a cutoff for which [`Raster::is_short`] holds;
+    /// also returns a bit mask of the splats that they hold. Where each row has a seed,
+    /// [`Raster::short_rows`] decides that.
     #[inline(always)]
     pub fn enter_short<L: Lanes, P: Probe>(
         &self,
@@ -215,7 +218,7 @@ impl Raster {
         tap: &mut Tap<P>,
     ) -> (ShortWalks, u8) {
         let splats = Splats::<L>::of(inputs);
-        let parts = Parts::<L>::of(square, inputs, &splats);
+        let parts = BoxParts::<L>::of(square, inputs, &splats);
         let [nearest, deepest] = self.clamps(inputs, &splats);
         let by_column_twice = self.second(splats.conic[0], tap);
         let bend = self.radial_register.read_lanes(by_column_twice);
@@ -229,7 +232,7 @@ impl Raster {
             depth_by: two!(axis => slopes[axis].low().to_array()),
             nearest: nearest.low().to_array(),
             deepest: deepest.low().to_array(),
-            // Of each row its own.
+            // Each row has its own value.
             beyond: [0; LANES],
             by_column: [0; LANES],
             by_row: [0; LANES],
@@ -240,7 +243,7 @@ impl Raster {
         if self.rows == Rows::Seeded {
             return (walks, u8::MAX);
         }
-        let Entered {
+        let EnteredBoxes {
             seed,
             by_row,
             by_row_twice,
@@ -277,8 +280,8 @@ impl Raster {
         (walks, held.signs() & !(bend | bend_down).signs())
     }
 
-    /// Where words of 32 bits hold r less the cutoff between such corners, below which it dips by
-    /// no more than an eighth of `dip`, and no register wraps.
+    /// Lanes in which words of 32 bits hold r less the cutoff between these corners and no register
+    /// wraps. r is at most an eighth of `dip` below the corners.
     #[inline(always)]
     fn stays<L: Lanes>(&self, [a, b, c, d]: [L; 4], dip: L, cutoff: i64) -> L {
         const REACH: i64 = 1 << 31;
@@ -289,18 +292,18 @@ impl Raster {
             & least.above(L::splat(min.max(cutoff - REACH) - 1))
     }
 
-    /// Whether z, from what a register holds, stays short in a square with this sum of steps.
+    /// Whether z, from a register's value, stays short in a square with this sum of steps.
     #[inline(always)]
     fn are_short<L: Lanes>(&self, held: L, steps: L) -> L {
-        // Elaboration has seen to it that 64 bits hold this: words of at most 48 bits, and two of
-        // 32 moved up by less than 20.
+        // 64 bits hold this, as elaboration checks: words of at most 48 bits, and two of 32 bits
+        // shifted up by less than 20.
         let farthest =
             steps.left(SIDE_PX.ilog2()) + magnitude(self.depth_register.read_lanes(held));
         L::splat(self.short_depth).above(farthest)
     }
 
-    /// Seeds the rows of one of the splats, where each has its own; false where words of 32 bits do
-    /// not hold one.
+    /// Seeds the rows of one of the splats, where each row has a seed; false where words of 32 bits
+    /// do not hold one.
     #[inline(always)]
     #[must_use]
     #[expect(clippy::too_many_arguments, reason = "as `span`")]
@@ -354,14 +357,14 @@ impl Raster {
         true
     }
 
-    /// Begins with one of the splats that words of 32 bits hold.
+    /// Starts with one of the splats that words of 32 bits hold.
     #[inline(always)]
     pub fn blocks<'a, W: Words>(
         &self,
         walks: &ShortWalks,
         lane: usize,
         rows: &'a ShortRows,
-        shape: &'static Shape,
+        shape: &'static BlockShape,
     ) -> Blocks<'a, W> {
         let columns = W::from_array(shape.column);
         // No closure: see `three`.
@@ -409,13 +412,13 @@ impl Raster {
         blocks
     }
 
-    /// The cutoff as [`Raster::short_fragments`] take it, where [`Raster::is_short`].
+    /// The cutoff for [`Raster::short_fragments`], where [`Raster::is_short`].
     #[inline(always)]
     pub fn short_cutoff<W: Words>(&self, cutoff: Held) -> W {
         W::splat(self.radial_register.read(cutoff))
     }
 
-    /// r, at least 0, and z clamped to what the disc can reach (shape: [`Raster::depth_exact`]), of
+    /// r, at least 0, and z clamped to the disc's depth range (shape: [`Raster::depth_exact`]), of
     /// the fragments among a block's pixels.
     #[inline(always)]
     pub fn short_fragments<W: Words>(
@@ -442,8 +445,8 @@ impl Raster {
     }
 }
 
-/// What a first and a second difference add up to along a side of so many steps, and eight times
-/// how far they may dip below its ends.
+/// Sum of a first and a second difference along a side of this many steps, and eight times the
+/// greatest dip below its ends.
 #[inline(always)]
 fn side<L: Lanes>(first: L, second: L, steps: L) -> [L; 2] {
     let square = steps * steps;

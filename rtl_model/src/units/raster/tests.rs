@@ -1,4 +1,4 @@
-//! Raster: registers against closed forms and exact rationals.
+//! Raster: registers checked against closed forms and exact rationals.
 
 use super::*;
 use crate::num::lanes::Plain;
@@ -26,10 +26,10 @@ fn word(word: Word, value: f64) -> i32 {
         .clamp(format.min() as f64, format.max() as f64) as i32
 }
 
-/// A splat: centre in pixels of the picture, standard deviations along the axes of a turned
+/// A splat: centre in pixels of the picture, standard deviations along the axes of a rotated
 /// ellipse, depth plane, box.
 #[derive(Clone, Copy, Debug)]
-struct Shape {
+struct TestSplat {
     centre: [f64; 2],
     deviation: [f64; 2],
     turn: f64,
@@ -40,7 +40,7 @@ struct Shape {
 
 /// Splats whose differences stay within every named machine's words: 2·|Q d| + Q, at most
 /// 2·(width + height + 1)/σ², is below 120.
-fn shapes() -> impl Strategy<Value = Shape> {
+fn test_splats() -> impl Strategy<Value = TestSplat> {
     let centre = [0.0..512.0, 0.0..384.0];
     let slopes = prop::array::uniform2(-0.01..0.01);
     let sides = prop::array::uniform2(prop_oneof![Just(1u16), 2u16..120]);
@@ -68,7 +68,7 @@ fn shapes() -> impl Strategy<Value = Shape> {
                     (centre[axis] - before[axis] * f64::from(size[axis]))
                         .clamp(0.0, f64::from(limit)) as u16
                 });
-                Shape {
+                TestSplat {
                     centre,
                     deviation,
                     turn,
@@ -80,7 +80,7 @@ fn shapes() -> impl Strategy<Value = Shape> {
         )
 }
 
-impl Shape {
+impl TestSplat {
     fn input(&self, machine: &Machine) -> Input {
         let (e, p) = (&machine.ellipse, &machine.project);
         let [a, b] = self
@@ -106,12 +106,12 @@ impl Shape {
     }
 }
 
-/// Every pixel's registers of part of a row, whatever the cutoff: radial, depth.
+/// Registers of every pixel of part of a row, for any cutoff: radial, depth.
 fn registers(raster: &Raster, input: &Input, y: u16, from: u16, to: u16) -> Vec<[i64; 2]> {
     let mut all = Vec::new();
     for from in (from..=to).step_by(SIDE_PX) {
         let top = input.rows[0].max(y.saturating_sub(SIDE_PX as u16 - 1));
-        // From rows above, and straight into the row.
+        // Once stepped from the rows above, once entered directly.
         let stepped = row(raster, input, [from, top], y - top);
         let entered = row(raster, input, [from, y], 0);
         assert_eq!(
@@ -133,10 +133,10 @@ fn row(raster: &Raster, input: &Input, square: [u16; 2], row: u16) -> Vec<[i64; 
     own.map(|(_, read)| read).collect()
 }
 
-/// Where [`drawn`] draws.
+/// Lane in which [`drawn`] draws.
 const LANE: usize = 5;
 
-/// The box's part in the square with this first pixel, beside seven of another splat.
+/// Part of the box in the square with this first pixel, drawn together with seven other splats.
 fn drawn<P: Probe>(
     raster: &Raster,
     input: &Input,
@@ -163,7 +163,7 @@ fn beside_others(input: &Input) -> [Input; LANES] {
     inputs
 }
 
-/// The places of a span's fragments, in order, with their registers: radial, depth.
+/// Places of a span's fragments, in order, with their registers: radial, depth.
 fn read_span(raster: &Raster, walks: &Walks, span: &Span) -> Vec<(u8, [i64; 2])> {
     let unclamped = Walks {
         nearest: [i64::MIN; LANES],
@@ -187,8 +187,7 @@ fn read_span(raster: &Raster, walks: &Walks, span: &Span) -> Vec<(u8, [i64; 2])>
     all
 }
 
-/// The low bits of a difference, as a signed number: zero where two registers differ by wraps
-/// alone.
+/// The low bits of a difference, as a signed number: zero where two registers differ by wraps only.
 fn modulo(difference: i128, format: Format) -> i128 {
     let values = 1i128 << format.width();
     (difference + values / 2).rem_euclid(values) - values / 2
@@ -198,11 +197,10 @@ fn names() -> impl Strategy<Value = &'static str> {
     prop::sample::select(Machine::NAMES.to_vec())
 }
 
-/// Fraction bits to spare beyond those of the terms.
+/// Extra fraction bits beyond those of the terms.
 const FINE: i32 = 80;
 
-/// r of a pixel with the conic's and the pixel's words as they are: an exact rational, as a
-/// multiple of 2^−80.
+/// Exact r of a pixel for the words of the conic and the pixel, as a multiple of 2^−80.
 fn exact_radial(machine: &Machine, input: &Input, x: u16, y: u16) -> i128 {
     let places = machine.project.pixel.format.frac_bits;
     let d: [i128; 2] = std::array::from_fn(|axis| {
@@ -214,11 +212,11 @@ fn exact_radial(machine: &Machine, input: &Input, x: u16, y: u16) -> i128 {
     r << (FINE - 2 * places - machine.ellipse.conic.format.frac_bits)
 }
 
-/// Errors of the seed, of the first differences by column and row, of the second ones, in pixels
-/// and r (docs/book/algorithm.md §4).
+/// Errors of the seed, of the first differences by column and row, and of the second differences,
+/// in pixels and r (docs/book/algorithm.md §4).
 ///
-/// Each is half a last place of its own word; the offset's half place counts as often as r or its
-/// difference changes with it.
+/// Each is half an ulp of its own word. The offset's half ulp is multiplied by the slope of r or of
+/// its difference.
 struct Errors {
     seed: f64,
     by_column: f64,
@@ -268,11 +266,11 @@ impl Errors {
     }
 }
 
-/// How far a register is from the exact r, in r.
+/// Distance of a register from the exact r, in r.
 fn radial_error(machine: &Machine, input: &Input, radial: i64, x: u16, y: u16) -> f64 {
     let format = machine.raster.radial.format;
     let places = FINE - format.frac_bits;
-    // Modulo the register's reach; the fraction below its last place stays.
+    // Modulo the register's range; the fraction below its ulp stays.
     let difference = (i128::from(radial) << places) - exact_radial(machine, input, x, y);
     let reach = 1i128 << (format.width() + places);
     let wrapped = (difference + reach / 2).rem_euclid(reach) - reach / 2;
@@ -280,10 +278,10 @@ fn radial_error(machine: &Machine, input: &Input, radial: i64, x: u16, y: u16) -
 }
 
 proptest! {
-    /// From any column the registers are those that stepping from the box's first column reaches,
-    /// and both are the closed form.
+    /// From any column the registers equal those reached by stepping from the box's first column,
+    /// and both equal the closed form.
     #[test]
-    fn stepping_equals_the_closed_form(name in names(), differenced in any::<bool>(), shape in shapes(), skip in any::<prop::sample::Index>()) {
+    fn stepping_equals_the_closed_form(name in names(), differenced in any::<bool>(), shape in test_splats(), skip in any::<prop::sample::Index>()) {
         let machine = machine(name, if differenced { Rows::Differenced } else { Rows::Seeded });
         let (raster, input) = (unit(&machine), shape.input(&machine));
         let [first, last] = input.columns;
@@ -302,11 +300,12 @@ proptest! {
         }
     }
 
-    /// Rows seeded afresh: the error grows along the row alone. Rows differenced: over the whole
-    /// box. Both stay within their guard bits of the exact dᵀQd, and so of each other; where the
-    /// register is narrow, up to whole wraps, which the footprint never sees.
+    /// Where each row is seeded, the error grows along the row only. Where rows are differenced, it
+    /// grows over the whole box. Both stay within their guard bits of the exact dᵀQd, and so of
+    /// each other. In a narrow register they may differ by whole wraps, which never affect the
+    /// footprint.
     #[test]
-    fn seeded_and_differenced_rows_agree_within_their_guard_bits(name in names(), shape in shapes()) {
+    fn seeded_and_differenced_rows_agree_within_their_guard_bits(name in names(), shape in test_splats()) {
         for rows in [Rows::Seeded, Rows::Differenced] {
             let machine = machine(name, rows);
             let (raster, input) = (unit(&machine), shape.input(&machine));
@@ -326,9 +325,9 @@ proptest! {
         }
     }
 
-    /// r of the offset's own words: what differencing alone loses.
+    /// r for exact offset words: the error of differencing alone.
     #[test]
-    fn the_registers_stay_within_the_error_of_their_steps(name in names(), differenced in any::<bool>(), shape in shapes()) {
+    fn the_registers_stay_within_the_error_of_their_steps(name in names(), differenced in any::<bool>(), shape in test_splats()) {
         let machine = machine(name, if differenced { Rows::Differenced } else { Rows::Seeded });
         let (raster, input) = (unit(&machine), shape.input(&machine));
         let [left, top] = [input.columns[0], input.rows[0]];
@@ -357,9 +356,9 @@ proptest! {
         }
     }
 
-    /// A fragment wherever the register is below the cutoff, nowhere else, in order.
+    /// A fragment at every pixel whose register is below the cutoff, nowhere else, in order.
     #[test]
-    fn a_fragment_exists_where_the_radial_index_is_below_the_cutoff(name in names(), shape in shapes(), cutoff in 0.1..8.0) {
+    fn a_fragment_exists_where_the_radial_index_is_below_the_cutoff(name in names(), shape in test_splats(), cutoff in 0.1..8.0) {
         let machine = machine(name, Rows::Seeded);
         let (raster, input) = (unit(&machine), shape.input(&machine));
         let [from, last] = input.columns;
@@ -374,9 +373,9 @@ proptest! {
         prop_assert_eq!(read_span(&raster, &walks, &span), expected);
     }
 
-    /// Each pixel of a box lies in one square of 16 × 16, under its own number.
+    /// Each pixel of a box is in exactly one square of 16 × 16, with its own number.
     #[test]
-    fn squares_share_out_a_box(name in names(), differenced in any::<bool>(), shape in shapes()) {
+    fn squares_share_out_a_box(name in names(), differenced in any::<bool>(), shape in test_splats()) {
         let machine = machine(name, if differenced { Rows::Differenced } else { Rows::Seeded });
         let (raster, input) = (unit(&machine), shape.input(&machine));
         let squares = |[first, last]: [u16; 2]| (first / 16 * 16..=last).step_by(16);
@@ -393,10 +392,10 @@ proptest! {
         prop_assert!(all.into_iter().eq(rows.flat_map(|y| columns.clone().map(move |x| (y, x)))));
     }
 
-    /// The plane of docs/book/algorithm.md §3, in the depth register's last places: half a place
-    /// for the seed, the offset's half place times the slope.
+    /// The plane of docs/book/algorithm.md §3, in ulps of the depth register: half an ulp for the
+    /// seed, plus the offset's half ulp times the slope.
     #[test]
-    fn depth_is_the_tangent_plane_between_its_clamps(name in names(), shape in shapes()) {
+    fn depth_is_the_tangent_plane_between_its_clamps(name in names(), shape in test_splats()) {
         let machine = machine(name, Rows::Seeded);
         let (raster, input) = (unit(&machine), shape.input(&machine));
         let [e, p, depth] = [machine.ellipse.depth_slope, machine.project.depth, machine.raster.depth].map(|word| word.format);
@@ -422,18 +421,18 @@ proptest! {
 }
 
 proptest! {
-    /// The same fragments, with the same r and z, or none where words of 32 bits have no room for
-    /// them: where z is steep, or where r grows by more than these hold, or its register wraps.
+    /// The same fragments, with the same r and z; or none where words of 32 bits cannot hold them:
+    /// z is steep, r grows too much, or its register wraps.
     #[test]
     fn words_of_32_bits_walk_as_wide_ones_do(
-        name in names(), differenced in any::<bool>(), shape in shapes(), steep in prop::array::uniform2(-40.0..40.0), is_steep in any::<bool>(),
+        name in names(), differenced in any::<bool>(), shape in test_splats(), steep in prop::array::uniform2(-40.0..40.0), is_steep in any::<bool>(),
         narrower in 0..20i32, deeper in 0..3i32,
     ) {
         let mut machine = machine(name, if differenced { Rows::Differenced } else { Rows::Seeded });
         let radial = &mut machine.raster.radial.format;
         radial.int_bits = (radial.int_bits - narrower).max(machine.raster.cutoff.format.int_bits + 1);
         let raster = unit(&machine);
-        let shape = if is_steep { Shape { depth_slope: steep, ..shape } } else { shape };
+        let shape = if is_steep { TestSplat { depth_slope: steep, ..shape } } else { shape };
         let input = shape.input(&machine);
         let cutoff = raster.cutoff(1 << (machine.raster.cutoff.format.frac_bits + deeper));
         let square = [input.columns[0] / 16 * 16, input.rows[0] / 16 * 16];
@@ -442,7 +441,7 @@ proptest! {
         if let Some(short) = short {
             prop_assert_eq!(short, fragments(&raster, &walks, &wide));
         } else {
-            // Within the part r dips by no more than twice its greatest value below its corners.
+            // In the part r dips below its corners by at most twice its greatest value.
             let format = machine.raster.radial.format;
             let corners = input.columns.map(|x| input.rows.map(|y| exact_radial(&machine, &input, x, y)));
             let farthest = corners.into_iter().flatten().max().unwrap() as f64 * f64::from(-FINE).exp2();
@@ -453,7 +452,7 @@ proptest! {
     }
 }
 
-/// The fragments that [`drawn`] draws, by pixel: radial, depth.
+/// Fragments that [`drawn`] draws, by pixel: radial, depth.
 fn fragments(raster: &Raster, walks: &Walks, span: &Span) -> Vec<(u8, [i64; 2])> {
     let each = (0..span.fragments()).map(|first| {
         let places = span.places(first);
@@ -467,8 +466,7 @@ fn fragments(raster: &Raster, walks: &Walks, span: &Span) -> Vec<(u8, [i64; 2])>
     all
 }
 
-/// The fragments of what [`drawn`] draws, as words of 32 bits make them, if they do: pixel, radial,
-/// depth.
+/// Fragments of [`drawn`] in words of 32 bits, where they hold: pixel, radial, depth.
 fn drawn_short(
     raster: &Raster,
     input: &Input,
@@ -494,7 +492,7 @@ fn drawn_short(
         return None;
     }
     let mut all = Vec::new();
-    for shape in super::short::Shape::of(walks.columns(LANE)) {
+    for shape in super::short::BlockShape::of(walks.columns(LANE)) {
         let mut blocks = raster.blocks::<PlainWords>(&walks, LANE, &rows, shape);
         loop {
             let words = raster.short_fragments(&walks, LANE, &blocks, raster.short_cutoff(cutoff));
@@ -513,10 +511,10 @@ fn drawn_short(
     Some(all)
 }
 
-/// r of a conic that is no ellipse falls below 0: along a row that lies 8.5 below its centre from
-/// −13.6 to −14.4, and back again. With a cutoff of 2 a word has room down to −14.
+/// r of a conic that is not an ellipse falls below 0: along a row 8.5 below its centre from −13.6
+/// to −14.4, and back. With a cutoff of 2 a word can hold down to −14.
 #[test]
-fn r_that_dips_between_corners_is_held_or_said_not_to_be() {
+fn r_that_dips_between_corners_is_held_or_refused() {
     for rows in [Rows::Differenced, Rows::Seeded] {
         let machine = machine("reference", rows);
         let raster = unit(&machine);
@@ -547,7 +545,7 @@ fn r_that_dips_between_corners_is_held_or_said_not_to_be() {
     }
 }
 
-/// A splat of a few pixels that is nearly flat is held, and a steep one is not.
+/// A nearly flat splat of a few pixels is held, and a steep one is not.
 #[test]
 fn most_splats_are_walked_in_words_of_32_bits() {
     for name in ["reference", "lean"] {
@@ -555,7 +553,7 @@ fn most_splats_are_walked_in_words_of_32_bits() {
             let machine = machine(name, rows);
             let raster = unit(&machine);
             let cutoff = raster.cutoff(1 << (machine.raster.cutoff.format.frac_bits + 1));
-            let shape = Shape {
+            let shape = TestSplat {
                 centre: [200.3, 150.8],
                 deviation: [4.0, 3.0],
                 turn: 0.7,
@@ -567,7 +565,7 @@ fn most_splats_are_walked_in_words_of_32_bits() {
                 drawn_short(&raster, &shape.input(&machine), [192, 144], cutoff).is_some(),
                 "{name}, {rows:?}"
             );
-            let steep = Shape {
+            let steep = TestSplat {
                 depth_slope: [4.0, -7.9],
                 ..shape
             };
@@ -577,7 +575,7 @@ fn most_splats_are_walked_in_words_of_32_bits() {
     }
 }
 
-/// Where differencing has left r slightly below 0, or a wrapped register is negative, r is 0.
+/// Where differencing leaves r slightly below 0, or a wrapped register is negative, r is 0.
 #[test]
 fn a_radial_index_below_zero_is_zero() {
     let machine = machine("reference", Rows::Seeded);
@@ -596,7 +594,7 @@ fn a_radial_index_below_zero_is_zero() {
     );
 }
 
-/// A register of ±4 wraps at the corners of a box that reaches r = 60, and is right wherever r is
+/// A register of ±4 wraps at the corners of a box that reaches r = 60, and is exact wherever r is
 /// small.
 #[test]
 fn a_wrap_is_harmless_inside_the_footprint() {
@@ -604,7 +602,7 @@ fn a_wrap_is_harmless_inside_the_footprint() {
     machine.raster.radial.format = Format::signed(4, 28);
     machine.raster.cutoff.format = Format::unsigned(3, 16);
     let raster = unit(&machine);
-    let shape = Shape {
+    let shape = TestSplat {
         centre: [200.3, 150.8],
         deviation: [9.0, 2.0],
         turn: 0.7,

@@ -1,11 +1,11 @@
-//! Resolve over the reals: how far a pixel may lie from the exact one.
+//! Resolve over the reals: bounds the distance of a pixel from the exact one.
 //!
-//! With T₀ = 1, Tᵢ₊₁ = Tᵢ·(1 − αᵢ), and δ before what may be wrong:
+//! With T₀ = 1, Tᵢ₊₁ = Tᵢ·(1 − αᵢ), and δ for an error:
 //! ```text
 //! transmittance  δTᵢ₊₁ = (1 − αᵢ)·δTᵢ + (Tᵢ + δTᵢ)·δαᵢ + ½p(transmittance)
 //! frame          Σ (Cᵢ·δTᵢ + (Tᵢ + δTᵢ)·δCᵢ), the background the same as a last layer; ½p(frame)
 //! ```
-//! p(word) is a last place; a word that is cut loses a whole one, downwards. Both sums are exact on
+//! p(word) is an ulp. A truncated word loses up to a whole ulp, downwards. Both sums are exact on
 //! the machine until `frame` is fitted.
 //!
 //! Laws: `blending_is_within_its_bound`, `the_bound_of_blending_is_tight`.
@@ -14,7 +14,7 @@ use super::Resolve;
 use crate::real::Real;
 
 /// Inputs of both graphs.
-fn beside<R: Real>([a, b, c, d]: [R; 4], [e, f, g, h]: [R; 4]) -> [R; 8] {
+fn inputs<R: Real>([a, b, c, d]: [R; 4], [e, f, g, h]: [R; 4]) -> [R; 8] {
     [a, b, c, d, e, f, g, h]
 }
 
@@ -30,10 +30,10 @@ impl Resolve {
         for layer in layers {
             state = self
                 .layer
-                .real(&self.asked[0], beside(state, *layer), |_, x| x);
+                .real(&self.asked[0], inputs(state, *layer), |_, x| x);
         }
         self.frame
-            .real(&self.asked[1], beside(state, background), |_, x| x)
+            .real(&self.asked[1], inputs(state, background), |_, x| x)
     }
 }
 

@@ -18,7 +18,7 @@ fn names() -> impl Strategy<Value = &'static str> {
     prop::sample::select(Machine::NAMES.to_vec())
 }
 
-/// A layer whose colour does not exceed its opacity, as shade makes them; all as parts of 1.
+/// A layer whose colour does not exceed its opacity, as from shade; values are fractions of 1.
 fn layer(machine: &Machine, parts: [f64; 4]) -> Layer {
     let one = machine.shade.premultiplied.format.one() as f64;
     let opacity = (parts[3] * one) as i64;
@@ -64,10 +64,10 @@ proptest! {
         }
     }
 
-    /// Front to back in exact arithmetic; each layer's transmittance may be off by half a place
-    /// more, and the frame's word by half of its own.
+    /// Checked against front to back in exact arithmetic. Each layer's transmittance may add half
+    /// an ulp of error, and the frame word half of its own.
     #[test]
-    fn a_blend_is_within_half_a_place_a_layer(name in names(), parts in parts(), background in prop::array::uniform4(0.0..=1.0)) {
+    fn a_blend_is_within_half_an_ulp_per_layer(name in names(), parts in parts(), background in prop::array::uniform4(0.0..=1.0)) {
         let (machine, resolve) = unit(name);
         let layers: Vec<Layer> = parts.iter().map(|parts| layer(&machine, *parts)).collect();
         let (p, frame) = (machine.shade.premultiplied.format, machine.resolve.frame.format);

@@ -1,4 +1,4 @@
-//! Fragment's bounds against sums and blends in f64, and the integer unit on words.
+//! Fragment's bounds checked against sums and blends in f64, and against the integer unit.
 
 use super::super::{PackedSums, Premultiplied, SUMS, Slot, Sums, WEIGHT};
 use super::*;
@@ -11,7 +11,7 @@ use crate::real::Near;
 use crate::real::tests::{Rng, Use, held, used};
 use std::cell::RefCell;
 
-/// Attributes that are words, and what sums of them become.
+/// Attributes that are exact words, and the words of their sums.
 struct Pixel {
     machine: Machine,
     unit: Fragment,
@@ -29,8 +29,8 @@ impl Pixel {
         self.unit.sums[lane].word
     }
 
-    /// Contributions whose words have no error of their own: the machine's sums, the exact ones,
-    /// the bounds, and how many there were.
+    /// Contributions whose words are exact: the machine's sums, the exact sums, the bounds, and the
+    /// number of contributions.
     fn accumulated(&self, rng: &mut Rng) -> ([f64; SUMS], [f64; SUMS], [Near; SUMS], u32) {
         let (s, weight) = (&self.machine.splat, self.machine.gauss.weight);
         let normal = self.machine.fragment.normal;
@@ -114,8 +114,9 @@ fn accumulating_is_within_its_bound() {
     }
 }
 
-/// Of one contribution and of up to thirty. Worst 0.94 to 1, and 0.78 to 0.99; typically 0.22
-/// (colours), 0.48 (normals), and 0.09, 0.14: thirty roundings seldom all go the same way.
+/// For one contribution and for up to thirty. Error over bound is at worst 0.94 to 1, and 0.78 to
+/// 0.99; typically 0.22 (colours), 0.48 (normals), and 0.09, 0.14: thirty roundings seldom all have
+/// the same sign.
 #[test]
 fn the_bound_of_accumulating_is_tight() {
     for name in Machine::NAMES {
@@ -132,7 +133,7 @@ fn the_bound_of_accumulating_is_tight() {
                 ));
             }
         }
-        // The reference machine's weight sum has all places of a weight: nothing is lost there.
+        // The reference machine's weight sum has all places of a weight, so it loses nothing.
         assert!(
             uses.iter()
                 .all(|of| of[COLOUR..].iter().all(|of| of.is_tight(0.7, 0.08))),
@@ -141,9 +142,9 @@ fn the_bound_of_accumulating_is_tight() {
     }
 }
 
-/// Two fragments of which each is shaded just now, or was before, in a slot; the machine's words,
-/// the exact numbers, and the bounds.
-struct Side {
+/// Two fragments, each shaded just now or read from a slot: the machine's words, the exact numbers,
+/// and the bounds.
+struct MergeOperand {
     slot: Slot,
     shaded: Premultiplied,
     exact: [f64; 4],
@@ -151,7 +152,7 @@ struct Side {
 }
 
 impl Pixel {
-    fn side(&self, rng: &mut Rng) -> Side {
+    fn side(&self, rng: &mut Rng) -> MergeOperand {
         let opacity = rng.channel();
         let [r, g, b] = [0; 3].map(|_| rng.channel() * opacity);
         let (exact, is_old) = ([r, g, b, opacity], rng.below(2) == 0);
@@ -168,7 +169,7 @@ impl Pixel {
         }
         sums[WEIGHT] = 1;
         let near = [r.1, g.1, b.1, a.1];
-        Side {
+        MergeOperand {
             slot: Slot {
                 sums,
                 shaded: is_old,
@@ -187,7 +188,7 @@ impl Pixel {
         }
     }
 
-    /// What a merge of two fragments leaves in the slot: the machine's, exactly, and the bound.
+    /// Slot after a merge of two fragments: the machine's words, the exact numbers, and the bound.
     fn merged(&self, rng: &mut Rng) -> [(f64, f64, Near); 4] {
         let [front, back] = [self.side(rng), self.side(rng)];
         let both = RefCell::new([front.shaded, back.shaded].into_iter());
@@ -224,13 +225,13 @@ fn merging_is_within_its_bound() {
     }
 }
 
-/// Worst 1.00 on each machine, typically 0.2 to 0.3.
+/// Error over bound is at worst 1.00 on each machine, typically 0.2 to 0.3.
 #[test]
 fn the_bound_of_merging_is_tight() {
     for name in Machine::NAMES {
         let pixel = Pixel::new(Machine::named(name).unwrap());
-        // A bound of less than a place is one that 0 or 1 cuts short, or a back that is hidden: too
-        // easily reached.
+        // A bound below an ulp was limited by 0 or 1, or its back is hidden. It is reached too
+        // easily.
         let place = pixel.machine.shade.premultiplied.format.value(1);
         let mut of_slot = Use::default();
         for seed in 0..20_000 {

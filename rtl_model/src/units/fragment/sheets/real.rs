@@ -1,7 +1,8 @@
-//! Sheets over the reals: how far an optical depth, and what it hides, may lie from the exact ones.
+//! Sheets over the reals: bounds the distance of an optical depth, and of its opacity, from the
+//! exact ones.
 //!
-//! A sum adds half a last place a contribution; the ratio adds its table's error times x. Both are
-//! then weighed by what the sheets before let through, which the blend's bounds count
+//! A sum adds half an ulp per contribution. The ratio adds its table's error times x. Both are
+//! multiplied by the transmittance of the sheets before, which the blend's bounds include
 //! ([`super::Fragment::real_blend`]).
 
 use super::{Fragment, SheetRegisters};
@@ -14,19 +15,19 @@ use crate::real::{Real, Scale, power_of_two};
 pub struct Ratio {
     /// ρ, monotone.
     pub exact: fn(f64) -> f64,
-    /// Greatest |ρ'|, and greatest |ρ''| but for kinks that lie at a step's end.
+    /// Greatest |ρ'|, and greatest |ρ''| except at kinks at the ends of table steps.
     pub curves: [f64; 2],
 }
 
 impl Fragment {
-    /// The range of optical depths that the table spans.
+    /// Range of optical depths that the table spans.
     pub fn ratio_range(&self) -> f64 {
         self.sheets
             .as_ref()
             .map_or(1.0, |own| power_of_two(own.index.word.format.int_bits))
     }
 
-    /// Premultiplied colour and opacity of a sheet that is done, from Σw and Σw·rgb.
+    /// Premultiplied colour and opacity of a closed sheet, from Σw and Σw·rgb.
     pub fn real_close<R: Real>(
         &self,
         weight: R,

@@ -1,4 +1,4 @@
-//! Sheets: against a small model in real numbers, and the rules one by one.
+//! Sheets: checked against a small model in real numbers; then each rule by itself.
 
 use super::*;
 use crate::frame;
@@ -10,9 +10,9 @@ use proptest::prelude::*;
 const WEIGHT_PLACES: f64 = 1048576.0;
 
 /// Sheet, weight, rgb.
-type Arrival = (u32, f64, [f64; 3]);
+type SheetContribution = (u32, f64, [f64; 3]);
 
-/// The words of α/x for a law, over [0, 8), linear between.
+/// Words of α/x for a law, over [0, 8), with linear interpolation.
 fn ratio(law: fn(f64) -> f64) -> Vec<i64> {
     (0..=1024)
         .map(|i| (law(f64::from(i) / 128.0) * WEIGHT_PLACES).round() as i64)
@@ -40,13 +40,13 @@ fn rules() -> frame::Sheets {
     }
 }
 
-/// Result that the unit makes of contributions to one pixel: each decision, and the composite.
-fn drawn(sheets: &frame::Sheets, arrivals: &[Arrival]) -> (Vec<Decision>, [f64; 4]) {
+/// Decision of the unit on each contribution to one pixel, and the composite.
+fn drawn(sheets: &frame::Sheets, contributions: &[SheetContribution]) -> (Vec<Decision>, [f64; 4]) {
     let machine = Machine::named("volume").unwrap().elaborate().unwrap();
     let (unit, mut tile, probe) = (&machine.fragment, Box::<Tile<i64>>::default(), &mut NoProbe);
     let registers = unit.sheets(sheets);
     let tap = &mut Tap::new(probe);
-    let decisions = arrivals.iter().map(|(sheet, weight, rgb)| {
+    let decisions = contributions.iter().map(|(sheet, weight, rgb)| {
         let [r, g, b] = rgb.map(|channel| (channel * 4096.0).round() as i32);
         let weight = (weight * WEIGHT_PLACES).round() as i64;
         let attributes = [1, r, g, b, 0, 0, 0, 0];
@@ -66,10 +66,10 @@ fn drawn(sheets: &frame::Sheets, arrivals: &[Arrival]) -> (Vec<Decision>, [f64; 
     (decisions, [r, g, b, composite.opacity as f64 / places])
 }
 
-/// Sheets that follow each other, blended front to back.
-fn model(law: fn(f64) -> f64, arrivals: &[Arrival]) -> [f64; 4] {
+/// Consecutive sheets, blended front to back.
+fn model(law: fn(f64) -> f64, contributions: &[SheetContribution]) -> [f64; 4] {
     let mut front = [0.0; 4];
-    for sheet in arrivals.chunk_by(|a, b| a.0 == b.0) {
+    for sheet in contributions.chunk_by(|a, b| a.0 == b.0) {
         let depth: f64 = sheet.iter().map(|(_, weight, _)| weight).sum();
         let scale = law(depth) * (1.0 - front[3]);
         for channel in 0..3 {
@@ -88,7 +88,7 @@ fn close(a: [f64; 4], b: [f64; 4], by: f64) -> bool {
     a.iter().zip(b).all(|(a, b)| (a - b).abs() < by)
 }
 
-fn arrivals() -> impl Strategy<Value = Vec<Arrival>> {
+fn contributions() -> impl Strategy<Value = Vec<SheetContribution>> {
     let channel = || (0u32..=4096).prop_map(|word| f64::from(word) / 4096.0);
     let one = (0u32..3, 0.0..0.5, [channel(), channel(), channel()]);
     prop::collection::vec(one, 0..40).prop_map(|steps| {
@@ -105,26 +105,26 @@ fn arrivals() -> impl Strategy<Value = Vec<Arrival>> {
 
 proptest! {
     #[test]
-    fn a_pixel_is_its_sheets_blended(arrivals in arrivals()) {
+    fn a_pixel_is_its_sheets_blended(contributions in contributions()) {
         for law in [linear, exponential] {
-            let (_, composite) = drawn(&frame::Sheets { ratio: ratio(law), ..rules() }, &arrivals);
-            prop_assert!(close(composite, model(law, &arrivals), 1e-4), "{composite:?} {:?}", model(law, &arrivals));
+            let (_, composite) = drawn(&frame::Sheets { ratio: ratio(law), ..rules() }, &contributions);
+            prop_assert!(close(composite, model(law, &contributions), 1e-4), "{composite:?} {:?}", model(law, &contributions));
         }
     }
 
     #[test]
-    fn sheets_are_the_same_from_both_ends(arrivals in arrivals()) {
-        let reversed: Vec<Arrival> = arrivals.iter().rev().copied().collect();
+    fn sheets_are_the_same_from_both_ends(contributions in contributions()) {
+        let reversed: Vec<SheetContribution> = contributions.iter().rev().copied().collect();
         let behind = frame::Sheets { back_to_front: true, ..rules() };
-        let (front, back) = (drawn(&rules(), &arrivals).1, drawn(&behind, &reversed).1);
+        let (front, back) = (drawn(&rules(), &contributions).1, drawn(&behind, &reversed).1);
         prop_assert!(close(front, back, 1e-4), "{front:?} {back:?}");
     }
 
-    /// Each by itself is a sheet, where sheets are added up to no more than one weight.
+    /// With at most one weight per sheet, every splat is a sheet.
     #[test]
-    fn a_splat_is_a_sheet_of_its_own(arrivals in arrivals()) {
+    fn a_splat_is_a_sheet_of_its_own(contributions in contributions()) {
         let each = frame::Sheets { each: Each::Splat, ratio: Vec::new(), ..rules() };
-        let numbered: Vec<Arrival> = arrivals.iter().zip(0..).map(|((_, weight, rgb), number)| (number, *weight, *rgb)).collect();
+        let numbered: Vec<SheetContribution> = contributions.iter().zip(0..).map(|((_, weight, rgb), number)| (number, *weight, *rgb)).collect();
         let (_, composite) = drawn(&each, &numbered);
         prop_assert!(close(composite, model(|_| 1.0, &numbered), 1e-4), "{composite:?}");
     }
@@ -135,7 +135,7 @@ const BLUE: [f64; 3] = [0.0, 0.0, 1.0];
 
 #[test]
 fn decisions_have_their_names() {
-    let arrivals = [
+    let contributions = [
         (3, 0.2, RED),
         (3, 0.1, RED),
         (4, 0.2, BLUE),
@@ -149,20 +149,20 @@ fn decisions_have_their_names() {
         Decision::Accumulated(1),
         Decision::Merged(0, 1),
     ];
-    assert_eq!(drawn(&rules(), &arrivals).0, expected);
+    assert_eq!(drawn(&rules(), &contributions).0, expected);
     let each = frame::Sheets {
         each: Each::Splat,
         ratio: Vec::new(),
         ..rules()
     };
     assert_eq!(
-        drawn(&each, &arrivals[..2]).0,
+        drawn(&each, &contributions[..2]).0,
         [Decision::Inserted(0), Decision::Merged(0, 1)]
     );
 }
 
 #[test]
-fn a_weight_is_held_to_its_limit() {
+fn a_weight_is_clamped_to_its_limit() {
     let each = frame::Sheets {
         each: Each::Splat,
         ratio: Vec::new(),
@@ -199,7 +199,7 @@ fn a_pixel_stops_where_it_lets_too_little_through() {
         close(composite, [0.625, 0.0, 0.25, 0.875], 1e-5),
         "{composite:?}"
     );
-    // A slice is blended when the next one comes, which then is too late.
+    // A slice is blended when the next one begins, which is then too late.
     let slices = frame::Sheets {
         each: Each::Slice,
         ratio: ratio(linear),

@@ -1,5 +1,5 @@
-//! Windows over the reals: how far what is blended into a closed slot, and what is seen through
-//! others, may lie from the exact.
+//! Windows over the reals: bounds the errors of contributions blended into a closed slot, and of
+//! what is seen through other slots.
 //!
 //! ```text
 //! quotient  n/d: the share of n that goes with d normalised ½p(share), 1/d: ε, the fit: ½p(part); anything from 0 to 1 where d may be 0
@@ -7,12 +7,11 @@
 //! inside    C·(1 − a) + C_x·F, a = A_x·(F − T)/A; opacity 1 − (1 − A)·(1 − A_x)
 //! T         a product of what windows and closed slots let through: ½p(through) each
 //! ```
-//! Depths are compared exactly: what of them a caller needs it knows.
+//! Depths are compared exactly: callers need no bound on them.
 //!
-//! Laws: those of the whole, `no_pixel_of_a_machine_of_windows_exceeds_its_bound`
-//! (tests/windows.rs).
+//! Law of the whole: `no_pixel_of_a_machine_of_windows_exceeds_its_bound` (tests/windows.rs).
 
-use super::{Fragment, WindowRegisters, Windows};
+use super::{Fragment, WindowDatapath, WindowRegisters};
 use crate::functions::Table;
 use crate::machine::Interpolation;
 use crate::num::Fit;
@@ -23,7 +22,7 @@ use crate::records::WEIGHT;
 /// A closed slot.
 #[derive(Clone, Copy, Debug)]
 pub struct Closed<R> {
-    /// Premultiplied colour and opacity, as the slot keeps them.
+    /// Premultiplied colour and opacity, as kept in the slot.
     pub light: [R; 4],
     /// Wl and Wh.
     pub weights: [R; 2],
@@ -42,17 +41,17 @@ pub struct Single<R> {
     pub light: [R; 3],
 }
 
-/// The functions of a frame's tables, and how far the tables are from them.
+/// The functions in a frame's tables, and the errors of the tables.
 #[derive(Clone, Debug)]
 pub struct Tables {
     /// −2·ln(1 − min(α, 0.95)).
     pub density: fn(f64) -> f64,
-    /// Of each step of its table, before the result is fitted.
+    /// Error of each step of the density table, before the result is fitted.
     density_errors: Vec<f64>,
 }
 
 impl Tables {
-    /// Of a function that rises without turning down.
+    /// Tables for a density that is a nondecreasing function.
     pub fn new(registers: &WindowRegisters, range: f64, density: fn(f64) -> f64) -> Self {
         Tables {
             density,
@@ -60,7 +59,7 @@ impl Tables {
         }
     }
 
-    /// Greatest error for an argument that may lie a step beside this one.
+    /// Greatest error for an argument that may be one step off.
     fn density_error(&self, part: f64) -> f64 {
         let steps = self.density_errors.len();
         let at = ((part * steps as f64).max(0.0) as usize).min(steps - 1);
@@ -71,8 +70,8 @@ impl Tables {
     }
 }
 
-/// How far a table may be from a function that rises: no farther than this rises in a step, and
-/// half a place for its words.
+/// Greatest distance of a table from a nondecreasing function, per step: the function's rise in the
+/// step, and half an ulp of the table's words.
 fn errors(table: &Table, range: f64, function: fn(f64) -> f64) -> Vec<f64> {
     let (width, place) = (
         table.step() * range,
@@ -83,7 +82,7 @@ fn errors(table: &Table, range: f64, function: fn(f64) -> f64) -> Vec<f64> {
         let [low, middle, high] =
             [0.0, 0.5, 1.0].map(|part| function((step as f64 + part) * width));
         let most = table.fit().word.format.value(table.fit().word.format.max());
-        // A word that cannot hold the value is off by all that is beyond it.
+        // A saturated word is off by the excess.
         let beyond = (high - most).max(0.0);
         let apart = match table.interpolation() {
             Interpolation::Nearest => (middle - low).max(high - middle),
@@ -94,8 +93,8 @@ fn errors(table: &Table, range: f64, function: fn(f64) -> f64) -> Vec<f64> {
     (0..steps).map(error).collect()
 }
 
-impl Windows {
-    /// A quotient, at most 1, of numbers that are not negative.
+impl WindowDatapath {
+    /// A quotient of non-negative numbers, at most 1.
     fn real_quotient<R: Real>(&self, numerator: R, denominator: R, share: &Fit) -> R {
         let zero = numerator.beside(0.0);
         let divide = || {
@@ -114,7 +113,7 @@ impl Windows {
 }
 
 impl Fragment {
-    fn real_windows(&self) -> &Windows {
+    fn real_windows(&self) -> &WindowDatapath {
         self.windows
             .as_ref()
             .expect("fragments that are grouped by windows")
@@ -126,17 +125,17 @@ impl Fragment {
         own.real_quotient(opacity, weight.max(coverage_threshold), &own.shares[0])
     }
 
-    /// What is seen behind a window of this opacity.
+    /// Transmittance behind a window of this opacity.
     pub fn real_through_window<R: Real>(&self, through: R, opacity: R) -> R {
         (through * (through.beside(1.0) - opacity)).fit(&self.real_windows().through[0], Scale::ONE)
     }
 
-    /// What is seen behind a closed slot too, or within it.
+    /// Transmittance behind a closed slot too, or within it.
     pub fn real_through_closed<R: Real>(&self, through: R, behind: R) -> R {
         (through * behind).fit(&self.real_windows().through[1], Scale::ONE)
     }
 
-    /// 1 − A, as TF is kept, of a shaded opacity.
+    /// 1 − A of a shaded opacity, in the format of TF.
     pub fn real_rest<R: Real>(&self, opacity: R) -> R {
         (opacity.beside(1.0) - opacity)
             .refit(
@@ -171,7 +170,7 @@ impl Fragment {
         &self.real_windows().depth_sum
     }
 
-    /// A slot that was shaded and closes, from what shade answers.
+    /// A slot that was shaded and closes, from shade's result.
     pub fn real_closed<R: Real>(&self, shaded: [R; 4], weight: R) -> Closed<R> {
         let through = [self.real_rest(shaded[3]), weight.beside(1.0)];
         Closed {
@@ -181,7 +180,7 @@ impl Fragment {
         }
     }
 
-    /// Words that a slot holds of a fragment that was shaded.
+    /// Words of a shaded fragment in a slot.
     fn real_stored_words<R: Real>(&self, [r, g, b, opacity]: [R; 4]) -> [R; 4] {
         let [of_colour, of_opacity] = &self.store;
         let places = self.premultiplied_frac_bits as i32;
@@ -189,7 +188,7 @@ impl Fragment {
         [r, g, b, opacity.refit(places, of_opacity)]
     }
 
-    /// Another closed slot behind this one; whether it reaches farther back.
+    /// Merges another closed slot behind this one; `is_farther` if its back is the farther one.
     pub fn real_put_behind<R: Real>(
         &self,
         front: &mut Closed<R>,
@@ -206,7 +205,7 @@ impl Fragment {
         front.light = self.real_blend(over, under);
     }
 
-    /// Something between a slot's front and its back, `nearer_the_back` or not.
+    /// Blends x between a slot's front and its back, `nearer_the_back` or not.
     pub fn real_put_inside<R: Real>(&self, slot: &mut Closed<R>, x: [R; 4], nearer_the_back: bool) {
         let own = self.real_windows();
         let light = self.real_read(slot.light);
@@ -225,8 +224,7 @@ impl Fragment {
         slot.through[1] = (slot.through[1] * behind).fit(&own.dimmed[1], Scale::ONE);
     }
 
-    /// A contribution by itself, as what lies inside of a closed slot; `opacity` is α as the scene
-    /// has it.
+    /// A contribution by itself, as a layer inside a closed slot; `opacity` is α of the scene.
     pub fn real_splat_inside<R: Real>(
         &self,
         single: &Single<R>,

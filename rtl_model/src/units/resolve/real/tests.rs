@@ -1,4 +1,4 @@
-//! Resolve's bound against front to back in f64, and the integer unit on words.
+//! Resolve's bound checked against front to back in f64, and against the integer unit.
 
 use super::super::Layer;
 use crate::num::Word;
@@ -7,7 +7,7 @@ use crate::real::Near;
 use crate::real::tests::{Rng, Use, held, used};
 use crate::{Elaborated, Machine};
 
-/// A colour times its opacity, and its opacity, on both sides; the machine's a few places off.
+/// A colour times its opacity, and its opacity: exact, and in machine words a few ulps off.
 fn premultiplied(rng: &mut Rng, word: Word, off: u64) -> ([f64; 4], [i64; 4], [Near; 4]) {
     let opacity = rng.channel();
     let exact = [0; 3].map(|_| rng.channel() * opacity);
@@ -33,7 +33,7 @@ fn exact(layers: &[[f64; 4]], background: [f64; 4]) -> [f64; 4] {
     front
 }
 
-/// The machine's frame word, what it should be, and the bound.
+/// The machine's frame word, the exact value, and the bound.
 fn blend(rng: &mut Rng, machine: &Elaborated, layers: u64, off: u64) -> [(f64, f64, Near); 4] {
     let Elaborated {
         machine,
@@ -90,7 +90,7 @@ fn blending_is_within_its_bound() {
 fn the_bound_of_blending_is_tight() {
     for name in Machine::NAMES {
         let machine = Machine::named(name).unwrap().elaborate().unwrap();
-        // A bound of less than a place is one that 0 or 1 cuts short: too easily reached.
+        // A bound below an ulp was limited by 0 or 1. It is reached too easily.
         let place = machine.machine.resolve.frame.format.value(1) * (1.0 - 1e-9);
         for layers in [1, 4] {
             let mut of_frame = Use::default();
