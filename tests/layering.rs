@@ -634,7 +634,7 @@ fn only_the_pipeline_knows_several_units() {
 
 /// Function and time meet only in recorded work: timing computes no value, and what computes values
 /// counts no cycle. So that machines that differ in these alone take the same cycles
-/// (`Microarchitecture::keeps_time_as`).
+/// (`Microarchitecture::same_cycles_as`).
 #[test]
 fn timing_asks_for_no_path_and_for_no_bit_that_is_kept() {
     let asked = |code: &str| {

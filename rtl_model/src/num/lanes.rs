@@ -83,9 +83,9 @@ pub trait Lanes:
         limits: [&[i32; LANES]; 2],
     ) -> Self::Words;
 
-    /// Says that an item will soon be read.
+    /// Says that an item will prefetch be read.
     #[inline(always)]
-    fn soon<T>(_item: &T) {}
+    fn prefetch<T>(_item: &T) {}
 
     /// Whether any lane is negative.
     #[inline(always)]

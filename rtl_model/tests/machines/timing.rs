@@ -150,7 +150,7 @@ fn impossible_microarchitectures_are_refused_all_at_once_in_sentences() {
         (
             "shade/latency",
             json!(2),
-            "timing.shade.latency is 2, but its longest way takes 565.0 FO4: 3 cycles at 400 MHz in 28 nm",
+            "timing.shade.latency is 2, but its critical path takes 565.0 FO4: 3 cycles at 400 MHz in 28 nm",
         ),
     ];
     let mut all = reference();
@@ -228,7 +228,7 @@ fn a_machine_cannot_be_faster_than_its_operators() {
     assert_eq!(
         refused(&soon(750_000_000)),
         [
-            "timing.fragment.hazard is 1, but its longest way takes 132.1 FO4: 2 cycles at 750 MHz in 28 nm"
+            "timing.fragment.hazard is 1, but its critical path takes 132.1 FO4: 2 cycles at 750 MHz in 28 nm"
         ]
     );
     // A latency that would do at a slow clock does not at a fast one.
@@ -260,7 +260,7 @@ fn a_machine_cannot_be_faster_than_its_operators() {
     assert_eq!(
         refused(&|m| m.timing.fragment.merge = 0),
         [
-            "timing.fragment.merge is 0, but its longest way takes 60.1 FO4: 1 cycle at 400 MHz in 28 nm"
+            "timing.fragment.merge is 0, but its critical path takes 60.1 FO4: 1 cycle at 400 MHz in 28 nm"
         ]
     );
     // Whatever is absurd is refused in sentences.

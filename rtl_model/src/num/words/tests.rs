@@ -1,7 +1,7 @@
 //! Vector words are held to plain words, operation by operation; plain words to what the words say.
 
 use super::*;
-use crate::kernels::host::{Kernel, plainly, vectorised};
+use crate::kernels::host::{Kernel, unvectorised, vectorised};
 use crate::num::Lanes;
 use proptest::prelude::*;
 
@@ -153,7 +153,7 @@ proptest! {
         exacts[1][equal] = exacts[0][equal];
         let table: Vec<i32> = (0..1 << table_bits).map(|i| i * 1_000_003 - 7).collect();
         let work = || Everything { words, exacts, by, table: &table };
-        let plain = plainly(work());
+        let plain = unvectorised(work());
         let vector = vectorised(work());
         for (operation, (vector, plain)) in vector.0.iter().zip(&plain.0).enumerate() {
             prop_assert_eq!(vector, plain, "operation {} of words", operation);

@@ -101,7 +101,7 @@ fn side_by_side(timings: &[&Microarchitecture], work: &Work, detail: Detail) -> 
     for t in timings {
         let known = machines
             .iter()
-            .find(|machine| machine.pass.t.lists_as(t, work.preshaded));
+            .find(|machine| machine.pass.t.same_lists_as(t, work.preshaded));
         let listed = known.map_or_else(
             || Listed::new(t, work, &lists, detail),
             |machine| machine.listed.clone(),
