@@ -3,7 +3,7 @@
 //! Units declare their arithmetic, and elaboration keeps the parts that it is built of: a
 //! multiplier per product, an adder per sum, a register per word.
 //!
-//! Laws: `what_setup_multiplies_is_what_it_declares`, `every_multiplier_is_declared`.
+//! Laws: `setup_makes_the_products_that_it_declares`, `every_multiplier_is_declared`.
 
 use crate::machine::FunctionUnit;
 pub mod latency;

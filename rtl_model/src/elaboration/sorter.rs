@@ -9,7 +9,7 @@
 //! each stage. Without merging (the network is as wide as the buffer), the two buffers in the
 //! middle are not built. Without a network, runs are single entries.
 //!
-//! Laws: `what_a_sorter_has_is_priced`, `a_sorter_that_cannot_be_is_refused`.
+//! Laws: `every_part_of_a_sorter_is_counted`, `a_sorter_that_cannot_be_is_refused`.
 
 use super::latency::Path;
 use super::microarchitecture::{ENTRY_BYTES, SORT_COUNT_BITS};

@@ -4,7 +4,7 @@ use crate::machine::timing::Sorter;
 use crate::machine::{Machine, SortKind};
 
 #[test]
-fn what_setup_multiplies_is_what_it_declares() {
+fn setup_makes_the_products_that_it_declares() {
     for name in Machine::NAMES {
         let file = Machine::named(name).unwrap();
         let machine = file.elaborate().unwrap();
@@ -64,7 +64,7 @@ fn sorting(kind: SortKind, sorter: Option<Sorter>) -> Machine {
 /// Buffers and buckets are memory, comparators are parts; each sorter has its own. Counts are
 /// worked out by hand.
 #[test]
-fn what_a_sorter_has_is_priced() {
+fn every_part_of_a_sorter_is_counted() {
     let of = |kind, units, buffer_entries, network, bucket_bits| {
         let machine = sorting(
             kind,

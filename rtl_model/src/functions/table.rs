@@ -8,7 +8,7 @@
 //! Losses: the words of the ROM are rounded to nearest when it is made; an interpolated sum is
 //! fitted to the same format.
 //!
-//! Laws: `a_table_is_within_its_bound`, `the_exponential_table_is_right_to_the_last_place`.
+//! Laws: `a_table_is_within_its_bound`, `the_exponential_table_is_right_within_half_an_ulp`.
 
 use crate::elaboration::latency::Path;
 use crate::elaboration::{Elaboration, Operator};

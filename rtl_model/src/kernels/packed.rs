@@ -1,7 +1,7 @@
 //! Packed: a fragment in the host's words; eight sums of 32 bits fill one vector register.
 
 use super::tile::NO_MATCH;
-use crate::num::{Fit, Lanes, Seen, Word, Words};
+use crate::num::{Fit, Lanes, LimitedWords, Word, Words};
 use crate::records::{Attributes, SUMS, Slot, Sums};
 
 /// [`Sums`] in the host's words.
@@ -32,7 +32,7 @@ pub trait Accumulator: Copy + Default + Send + Sync + 'static {
         attributes: &Attributes,
         weight: i64,
         limits: &Limits<Self>,
-    ) -> Option<Seen<V::Words>>;
+    ) -> Option<LimitedWords<V::Words>>;
     /// From a word that fits.
     fn put(word: i64) -> Self;
     /// The word.
@@ -86,7 +86,7 @@ impl Accumulator for i32 {
         attributes: &Attributes,
         weight: i64,
         limits: &Limits<i32>,
-    ) -> Option<Seen<V::Words>> {
+    ) -> Option<LimitedWords<V::Words>> {
         let Limits {
             half,
             right,
@@ -102,7 +102,7 @@ impl Accumulator for i32 {
             [min, max],
         );
         let words = V::Words::from_array(sums.0);
-        Some(Seen {
+        Some(LimitedWords {
             words,
             limited: !(unlimited - words).is_zero().signs(),
         })
@@ -127,7 +127,7 @@ impl Accumulator for i64 {
         attributes: &Attributes,
         weight: i64,
         limits: &Limits<i64>,
-    ) -> Option<Seen<V::Words>> {
+    ) -> Option<LimitedWords<V::Words>> {
         // Both words have at most 32 bits: one multiplication.
         let weight = weight as i32;
         for lane in 0..SUMS {

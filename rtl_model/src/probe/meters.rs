@@ -1,30 +1,30 @@
-//! Meters: what [`Ranges`] say, with all words measured eight at a time and a sample of them
-//! counted one by one.
+//! Meters: measures the [`Ranges`] of all words eight at a time, and counts a sample of them one by
+//! one.
 //!
 //! ```text
 //! all words ─►[ least, greatest, every bit set ]──────────────┐
-//!     └► some met a limit ──┬─►( the item of work again )─►[ Ranges ]─► saturated, wrapped
+//!     └► some limited ──────┬─►( item of work repeated )─►[ Ranges ]─► saturated, wrapped
 //! every n-th item of work ──┘                           └─►[ Ranges ]─► words, inexact, bins
 //! ```
-//! Of words that come alone a few that met a limit are kept: for them alone nothing is done again.
-//! An item of work is eight splats in setup, a tile in what follows. Extremes and limits are those
-//! of all words; counts are those of a sample that does not depend on threads: all items where they
-//! are few, one in [`MOST_APART`] where they are many.
+//! If single words are limited, a few of them are kept, so that their item is not repeated. An item
+//! of work is eight splats in setup, a tile elsewhere. Extremes and limits are those of all words.
+//! Counts are those of a sample that does not depend on threads: all items if they are few, at
+//! least one in [`MOST_APART`] if they are many.
 //!
 //! Laws: `meters_read_what_ranges_count`, `a_sample_is_spread_evenly`.
 
 use super::ranges::{Range, Ranges};
-use super::{Probe, Seen};
+use super::{LimitedWords, Probe};
 use crate::num::{Fit, LANES, Words};
 use crate::records::{SUM_SIGNALS, Signal, unit};
 
-/// Items in the sample, if there are as many and not too many more.
+/// Size up to which all items are in the sample.
 const FEW: usize = 12;
-/// The sample is no thinner than one item in this many.
+/// The sample has at least one of this many items.
 pub const MOST_APART: usize = 256;
 
-/// Whether an item, of so many, belongs to the sample: every n-th, but by steps of the golden
-/// ratio, which no width of a picture divides.
+/// Whether an item, out of `of`, belongs to the sample: a fraction of them, by steps of the golden
+/// ratio, to which no picture width is related.
 fn is_sampled(item: usize, of: usize) -> bool {
     let apart = (of / FEW).clamp(1, MOST_APART) as u32;
     (item as u32).wrapping_mul(0x9E37_79B9) <= u32::MAX / apart
@@ -64,31 +64,30 @@ impl Extremes {
         }
     }
 
-    /// Tells a range what a lane saw.
-    fn tell(&self, lane: usize, range: &mut Range) {
-        Alone::of(
+    fn add_to(&self, lane: usize, range: &mut Range) {
+        SingleExtremes::of(
             self.min[lane].into(),
             self.max[lane].into(),
             self.any[lane].into(),
         )
-        .tell(range);
+        .add_to(range);
     }
 }
 
-/// The same of words that came alone.
+/// Extremes of single words.
 #[derive(Clone, Copy, Debug)]
-struct Alone {
+struct SingleExtremes {
     min: i64,
     max: i64,
-    /// From the least to the greatest.
+    /// Distance from the least to the greatest word.
     span: u64,
     any: i64,
 }
 
-impl Default for Alone {
-    /// Every word but that of the least, which no signal has, lies out of the span.
+impl Default for SingleExtremes {
+    /// Every word except `i64::MAX`, which no signal has, is outside the span.
     fn default() -> Self {
-        Alone {
+        SingleExtremes {
             min: i64::MAX,
             max: i64::MIN,
             span: 0,
@@ -97,18 +96,18 @@ impl Default for Alone {
     }
 }
 
-impl Alone {
-    /// With its least above its greatest it has seen nothing.
+impl SingleExtremes {
+    /// Without words, the minimum is above the maximum.
     fn of(min: i64, max: i64, any: i64) -> Self {
         if min <= max {
-            Alone {
+            SingleExtremes {
                 min,
                 max,
                 span: max.wrapping_sub(min) as u64,
                 any,
             }
         } else {
-            Alone::default()
+            SingleExtremes::default()
         }
     }
 
@@ -120,7 +119,7 @@ impl Alone {
         }
     }
 
-    /// Becomes rare.
+    /// Called rarely.
     #[cold]
     #[inline(never)]
     fn widen(&mut self, min: i64, max: i64) {
@@ -128,15 +127,15 @@ impl Alone {
         self.span = self.max.wrapping_sub(self.min) as u64;
     }
 
-    fn absorb(&mut self, other: &Alone) {
+    fn absorb(&mut self, other: &SingleExtremes) {
         if other.min <= other.max {
             self.widen(other.min, other.max);
             self.any |= other.any;
         }
     }
 
-    /// What saw nothing has its least above its greatest.
-    fn tell(&self, range: &mut Range) {
+    /// Without words, the minimum is above the maximum.
+    fn add_to(&self, range: &mut Range) {
         if self.min <= self.max {
             range.min = range.min.min(self.min);
             range.max = range.max.max(self.max);
@@ -147,17 +146,17 @@ impl Alone {
     }
 }
 
-/// The same of eight lanes of more than 32 bits.
+/// Extremes of eight lanes of more than 32 bits.
 #[derive(Clone, Debug)]
-struct Wide {
+struct WideExtremes {
     min: [i64; LANES],
     max: [i64; LANES],
     any: [i64; LANES],
 }
 
-impl Default for Wide {
+impl Default for WideExtremes {
     fn default() -> Self {
-        Wide {
+        WideExtremes {
             min: [i64::MAX; LANES],
             max: [i64::MIN; LANES],
             any: [0; LANES],
@@ -165,7 +164,7 @@ impl Default for Wide {
     }
 }
 
-impl Wide {
+impl WideExtremes {
     #[inline(always)]
     fn see(&mut self, words: [i64; LANES]) {
         for (lane, word) in words.into_iter().enumerate() {
@@ -175,37 +174,37 @@ impl Wide {
         }
     }
 
-    fn lanes(&self) -> impl Iterator<Item = Alone> {
-        (0..LANES).map(|lane| Alone::of(self.min[lane], self.max[lane], self.any[lane]))
+    fn lanes(&self) -> impl Iterator<Item = SingleExtremes> {
+        (0..LANES).map(|lane| SingleExtremes::of(self.min[lane], self.max[lane], self.any[lane]))
     }
 }
 
-/// A word that met a limit alone: of which item, its fit, its exact result and that one's
-/// additional fraction bits, the word.
+/// A limited single word: bit of its item, fit, exact result, additional fraction bits of the
+/// result, word.
 type Limited = (u64, Fit, i64, i64, i64);
 
-/// Most of them that are kept of an item of work: with more it is resampled.
+/// Greatest number of them kept per item of work; with more, the item is resampled.
 const KEPT: usize = 64;
 
-/// Watches the range of every signal.
+/// Measures the range of every signal.
 #[derive(Clone, Debug)]
 pub struct Meters {
-    /// By signal: words of eight at a time, of up to 32 bits and of more; words that came alone;
-    /// what registers were to hold on their way.
+    /// Per signal: words in groups of eight, of up to 32 bits and of more; single words; values
+    /// that passed through registers.
     together: Vec<Extremes>,
-    wide: Vec<Wide>,
-    alone: Vec<Alone>,
-    way: Vec<Alone>,
-    /// The sums of a fragment: every lane is a signal of its own.
+    wide: Vec<WideExtremes>,
+    alone: Vec<SingleExtremes>,
+    way: Vec<SingleExtremes>,
+    /// The sums of a fragment: every lane is another signal.
     sums: Extremes,
     /// Signals of the lanes of `sums`.
     sum_signals: [usize; LANES],
-    /// The item of a batch whose words come, a bit each.
+    /// Bit of the current item in a batch.
     item: u64,
-    /// Items of which a word met a limit, of those that came with others; words that came alone.
+    /// Items with a limited word in a group of eight; limited single words.
     is_limited: u64,
     limited: Vec<Limited>,
-    /// Items of the sample, word by word, and other items where a word met a limit.
+    /// Sampled items, word by word, and other items with a limited word.
     resampled: [Ranges; 2],
 }
 
@@ -224,9 +223,9 @@ impl Meters {
     fn of(signals: usize, sum_signals: [usize; LANES]) -> Self {
         Meters {
             together: vec![Extremes::default(); signals],
-            wide: vec![Wide::default(); signals],
-            alone: vec![Alone::default(); signals],
-            way: vec![Alone::default(); signals],
+            wide: vec![WideExtremes::default(); signals],
+            alone: vec![SingleExtremes::default(); signals],
+            way: vec![SingleExtremes::default(); signals],
             sums: Extremes::default(),
             sum_signals,
             item: 1,
@@ -236,7 +235,7 @@ impl Meters {
         }
     }
 
-    /// Reads them.
+    /// The measured ranges.
     pub fn ranges(&self) -> Ranges {
         let [sample, limited] = &self.resampled;
         let mut ranges = sample.clone();
@@ -247,9 +246,11 @@ impl Meters {
                 bins: Range::default().bins,
                 ..limited.0[signal]
             });
-            (0..LANES).for_each(|lane| self.together[signal].tell(lane, range));
-            self.wide[signal].lanes().for_each(|lane| lane.tell(range));
-            self.alone[signal].tell(range);
+            (0..LANES).for_each(|lane| self.together[signal].add_to(lane, range));
+            self.wide[signal]
+                .lanes()
+                .for_each(|lane| lane.add_to(range));
+            self.alone[signal].add_to(range);
             let way = self.way[signal];
             if way.min <= way.max {
                 range.reach(way.min);
@@ -258,7 +259,7 @@ impl Meters {
             }
         }
         for (lane, signal) in self.sum_signals.into_iter().enumerate() {
-            self.sums.tell(lane, &mut ranges.0[signal]);
+            self.sums.add_to(lane, &mut ranges.0[signal]);
         }
         ranges
     }
@@ -311,11 +312,11 @@ impl Probe for Meters {
     }
 
     #[inline(always)]
-    fn eight<W: Words>(&mut self, signal: usize, seen: Seen<W>, live: u8) {
+    fn eight<W: Words>(&mut self, signal: usize, seen: LimitedWords<W>, live: u8) {
         if live == 0 {
             return;
         }
-        // What met a limit is resampled, and with it all that came with it.
+        // A limited word is resampled, together with its item.
         if seen.limited & live != 0 {
             self.is_limited |= self.item;
             return;
@@ -344,7 +345,7 @@ impl Probe for Meters {
     }
 
     #[inline(always)]
-    fn sums<W: Words>(&mut self, seen: Seen<W>) {
+    fn sums<W: Words>(&mut self, seen: LimitedWords<W>) {
         if seen.limited != 0 {
             self.is_limited |= self.item;
             return;
@@ -376,7 +377,7 @@ impl Probe for Meters {
                 return None;
             }
         };
-        // They are resampled with all others.
+        // The item is resampled as a whole.
         self.limited.clear();
         resampled
     }
@@ -407,8 +408,8 @@ impl Probe for Meters {
     }
 }
 
-/// For each set of live lanes, which lane each of the eight is to take its word from: itself, or
-/// the first that is live.
+/// For each set of live lanes, the lane that each of the eight lanes copies: itself if live, else
+/// the first live one.
 const STAND_IN: [[i32; LANES]; 256] = {
     let mut all = [[0; LANES]; 256];
     let mut live = 1;

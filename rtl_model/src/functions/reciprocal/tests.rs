@@ -81,7 +81,7 @@ fn a_reciprocal_is_within_its_bound() {
 }
 
 #[test]
-fn a_power_of_two_inverts_to_the_last_place_after_enough_steps() {
+fn a_power_of_two_inverts_to_the_last_bit_after_enough_steps() {
     let unit = unit(8, 2, 26, 10);
     for places in 0..48 {
         let (mantissa, exponent) = one(&unit, 1 << places);

@@ -78,7 +78,7 @@ fn a_reciprocal_root_is_within_its_bound() {
 }
 
 #[test]
-fn an_even_power_of_two_has_its_root_to_the_last_places() {
+fn an_even_power_of_two_has_its_root_to_the_last_bits() {
     let unit = unit(8, 2, 26, 10);
     for places in (0..48).step_by(2) {
         let (mantissa, exponent) = one(&unit, 1 << places);

@@ -52,7 +52,7 @@ fn the_exponential_is_right_to_two_to_the_minus_54() {
 
 /// Half an ulp, and 2^−50 for the errors of the oracle and of the series.
 #[test]
-fn the_exponential_table_is_right_to_the_last_place() {
+fn the_exponential_table_is_right_within_half_an_ulp() {
     for (interpolation, index_bits, range_bits) in [
         (Interpolation::Nearest, 8, 2),
         (Interpolation::Linear, 8, 2),

@@ -1,4 +1,5 @@
-//! Vector lanes are held to plain lanes, operation by operation; plain lanes to what the words say.
+//! Vector lanes, checked against plain lanes, operation by operation; plain lanes, checked against
+//! words.
 
 use super::*;
 use crate::kernels::host::{Kernel, unvectorised, vectorised};

@@ -1,4 +1,5 @@
-//! Vector words are held to plain words, operation by operation; plain words to what the words say.
+//! Vector words, checked against plain words, operation by operation; plain words, checked against
+//! single words.
 
 use super::*;
 use crate::kernels::host::{Kernel, unvectorised, vectorised};
@@ -11,7 +12,7 @@ type Row = [i64; LANES];
 struct Everything<'a> {
     words: [[i32; LANES]; 3],
     exacts: [Row; 2],
-    /// Of exact results; halved and quartered, of words.
+    /// Shifts of exact results; halved and quartered, of words.
     by: [i32; LANES],
     table: &'a [i32],
 }
@@ -19,7 +20,7 @@ struct Everything<'a> {
 impl Everything<'_> {
     fn of_words<W: Words>(&self) -> Vec<[i32; LANES]> {
         let [a, b, c] = self.words.map(W::from_array);
-        // Sums and magnitudes are words themselves.
+        // Sums and magnitudes must be words.
         let [half_a, half_b] = [a.right(1), b.right(1)];
         let by = self.by[0] as u32 & 31;
         let pairs: Vec<[i32; 2]> = self
@@ -118,7 +119,7 @@ impl Kernel for Everything<'_> {
     }
 }
 
-/// Powers of two, a step above and below, and any word.
+/// Powers of two, one more and one less, and any word.
 fn word() -> impl Strategy<Value = i32> {
     prop_oneof![
         any::<i32>(),
@@ -164,7 +165,7 @@ proptest! {
     }
 }
 
-/// All powers of two, and a little above and below.
+/// All powers of two, and a little more and less.
 #[test]
 fn leading_zeros_do_not_round() {
     struct LeadingZeros([i64; LANES]);

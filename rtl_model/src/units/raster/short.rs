@@ -10,7 +10,7 @@
 //! Law: `words_of_32_bits_walk_as_wide_ones_do`.
 
 use super::{Entered, Input, Parts, Raster, Rows, SIDE_PX, Splats, first_bits, magnitude};
-use crate::num::register::Held;
+use crate::num::register::RegisterBits;
 use crate::num::{LANES, Lanes, Words, two};
 use crate::probe::{Probe, Tap};
 
@@ -198,7 +198,7 @@ impl ShortWalks {
 
 impl Raster {
     /// Whether words of 31 bits hold what lies below a cutoff, and every depth that leaves a clamp.
-    pub fn is_short(&self, cutoff: Held) -> bool {
+    pub fn is_short(&self, cutoff: RegisterBits) -> bool {
         self.radial_register.read(cutoff) <= 1 << 30 && self.short_depth > 0
     }
 
@@ -211,7 +211,7 @@ impl Raster {
         size_px: [u32; 2],
         square: [u16; 2],
         inputs: &[&Input; LANES],
-        cutoff: Held,
+        cutoff: RegisterBits,
         tap: &mut Tap<P>,
     ) -> (ShortWalks, u8) {
         let splats = Splats::<L>::of(inputs);
@@ -310,7 +310,7 @@ impl Raster {
         walks: &ShortWalks,
         lane: usize,
         input: &Input,
-        cutoff: Held,
+        cutoff: RegisterBits,
         rows: &mut ShortRows,
         tap: &mut Tap<P>,
     ) -> bool {
@@ -411,7 +411,7 @@ impl Raster {
 
     /// The cutoff as [`Raster::short_fragments`] take it, where [`Raster::is_short`].
     #[inline(always)]
-    pub fn short_cutoff<W: Words>(&self, cutoff: Held) -> W {
+    pub fn short_cutoff<W: Words>(&self, cutoff: RegisterBits) -> W {
         W::splat(self.radial_register.read(cutoff))
     }
 
