@@ -660,10 +660,10 @@ fn timing_knows_recorded_work_and_its_own_description_alone() {
     };
     let all = sources(&[MACHINE]);
     assert!(all.keys().filter(|path| is_timing(path)).count() >= 8);
-    // Several machines abreast are lanes of the host's vector registers.
+    // The machines of a batched replay are lanes of the host's vector registers.
     let is_known = |path: &str, step: &str| match step {
         "elaboration" | "machine" | "work" | "timing" => true,
-        "kernels" | "num" => path.ends_with("timing/binned/abreast.rs"),
+        "kernels" | "num" => path.ends_with("timing/binned/batched.rs"),
         _ => false,
     };
     let stranger = |path: &str, code: &str| -> Vec<String> {

@@ -9,7 +9,7 @@ use rtl_model::Machine;
 use rtl_model::machine::timing::Environment;
 use rtl_model::machine::{FunctionUnit, Sight};
 use rtl_model::num::{Format, Overflow, Rounding, Word};
-use rtl_model::timing::{self, Client, Cycles, Detail};
+use rtl_model::timing::{self, Cycles, Detail, Requester};
 use serde_json::{Value, json};
 use splatsim::accuracy::partial::{Choice, Stage};
 use splatsim::accuracy::{Lockstep, lockstep, metrics};
@@ -378,7 +378,7 @@ fn a_map_in_memory_draws_the_same_picture_and_pays_for_what_it_reads() {
         let (drawing, _, work) =
             fixed::draw_measured(&elaborated, &quantise::quantise(&scene, machine).unwrap());
         let cycles = timing::replay(&elaborated.timing, &work, Detail::Accounts);
-        let bytes = cycles.memory.bytes[Client::Environment as usize];
+        let bytes = cycles.memory.bytes[Requester::Environment as usize];
         (
             fixed::picture(&elaborated, &drawing).rgba,
             cycles,
@@ -441,7 +441,7 @@ fn a_map_in_memory_draws_the_same_picture_and_pays_for_what_it_reads() {
     assert_eq!(
         timing::replay(&cached.timing, &work, Detail::Accounts)
             .memory
-            .bytes[Client::Environment as usize],
+            .bytes[Requester::Environment as usize],
         [0; 2]
     );
 }

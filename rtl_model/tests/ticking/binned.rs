@@ -27,7 +27,7 @@ use super::scene::Scene;
 use super::sorters::{self, Sorters};
 use rtl_model::elaboration::microarchitecture::{Microarchitecture, Pace, SortShape};
 use rtl_model::machine::timing::Queue;
-use rtl_model::timing::{Client, Direction};
+use rtl_model::timing::{Direction, Requester};
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
 
@@ -354,7 +354,7 @@ impl<'a> Machine<'a> {
         let end = region + end.next_multiple_of(self.burst());
         self.memory.ask(
             when,
-            Client::Binning,
+            Requester::Binning,
             Direction::Write,
             end - self.burst()..end,
             &self.writes.next(),
@@ -516,7 +516,7 @@ impl<'a> Machine<'a> {
         let done = Done::default();
         self.memory.ask(
             self.now,
-            Client::Sort,
+            Requester::Sort,
             direction,
             HALVES[half] + self.moved..HALVES[half] + self.moved + bytes,
             &done,
@@ -552,7 +552,7 @@ impl<'a> Machine<'a> {
             .map(|words| words * u64::from(self.timing.frame_bytes));
         self.memory.ask(
             when,
-            Client::FrameWrite,
+            Requester::FrameWrite,
             Direction::Write,
             WORDS + from..WORDS + from + bytes,
             &self.words.next(),
@@ -596,7 +596,7 @@ impl<'a> Machine<'a> {
             let from = LISTS + tile * LIST_BYTES + nth * ENTRY_BYTES;
             self.memory.ask(
                 self.now,
-                Client::Lists,
+                Requester::Lists,
                 Direction::Read,
                 from..from + burst_bytes,
                 &engine.burst,
@@ -639,7 +639,7 @@ impl<'a> Machine<'a> {
                 let from = RECORDS + self.entries[*number].record * bytes;
                 self.memory.ask(
                     self.now,
-                    Client::Lists,
+                    Requester::Lists,
                     Direction::Read,
                     from..from + bytes,
                     &records[number],

@@ -11,7 +11,7 @@ use super::parts::{
 };
 use super::scene::Scene;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
-use rtl_model::timing::{Client, Direction};
+use rtl_model::timing::{Direction, Requester};
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ops::Range;
 
@@ -27,7 +27,7 @@ struct Way {
 /// A line that leaves, or one that is read in its place, when the stamps that used the one that
 /// leaves are written.
 struct HeldUp {
-    client: Client,
+    client: Requester,
     line: usize,
     stamps: Vec<usize>,
     done: Done,
@@ -71,7 +71,7 @@ impl Lines {
             self.written_back.insert(victim.line, self.before.clone());
             let stamps = self.before.clone();
             self.held_up.push(HeldUp {
-                client: Client::FrameWrite,
+                client: Requester::FrameWrite,
                 line: victim.line,
                 stamps,
                 done: Done::default(),
@@ -99,7 +99,7 @@ impl Lines {
         let read = must_read.then(|| {
             let done = self.reads.next();
             self.held_up.push(HeldUp {
-                client: Client::FrameRead,
+                client: Requester::FrameRead,
                 line,
                 stamps,
                 done: done.clone(),
@@ -135,7 +135,7 @@ impl Lines {
             .extract_if(.., |of| !is_held_up(of))
             .collect::<Vec<_>>()
         {
-            let direction = if client == Client::FrameRead {
+            let direction = if client == Requester::FrameRead {
                 Direction::Read
             } else {
                 Direction::Write
@@ -342,7 +342,7 @@ impl<'a> Machine<'a> {
             let done = self.reads.next();
             self.memory.ask(
                 self.now,
-                Client::FrameRead,
+                Requester::FrameRead,
                 Direction::Read,
                 self.lines.bytes(line),
                 &done,
@@ -410,7 +410,7 @@ impl<'a> Machine<'a> {
         }
         self.memory.ask(
             written,
-            Client::FrameWrite,
+            Requester::FrameWrite,
             Direction::Write,
             words,
             &self.words.next(),
@@ -429,7 +429,7 @@ impl<'a> Machine<'a> {
             self.resolve[0].sides[0].until = begun + cycles + waited;
             self.memory.ask(
                 written + waited,
-                Client::FrameWrite,
+                Requester::FrameWrite,
                 Direction::Write,
                 words,
                 &self.words.next(),

@@ -9,7 +9,7 @@ use rtl_model::Machine;
 use rtl_model::elaboration::microarchitecture::Microarchitecture;
 use rtl_model::machine::SortKind;
 use rtl_model::machine::timing::{Cache, Memory, Organisation, Queue, Sorter, Tile, Timing};
-use rtl_model::timing::{Client, Detail, EarlyTermination, limit, limits, replay, replay_all};
+use rtl_model::timing::{Detail, EarlyTermination, Requester, limit, limits, replay, replay_all};
 use rtl_model::work::Event;
 
 /// So many splats of the same pixel, of a picture of that one, and what it ends with.
@@ -419,7 +419,7 @@ fn wider_lanes_can_be_slower() {
 /// Replayed together, machines take what each takes by itself: those that go through tiles alike,
 /// those that do not, and those of which something is infinitely fast.
 #[test]
-fn machines_abreast_take_as_long_as_one_by_one() {
+fn a_batched_replay_takes_the_cycles_of_single_replays() {
     let (mut together, mut stamps, mut merges) = (0, 0, 0);
     for seed in 0..300 {
         let mut rng = Rng(seed);
@@ -576,7 +576,7 @@ fn sorted(kind: SortKind, sorter: Sorter, scene: &Scene) -> (u64, [u64; 2]) {
         .filter(|unit| unit.name == "sort")
         .map(|unit| unit.account.busy)
         .sum();
-    (busy, replayed.memory.bytes[Client::Sort as usize])
+    (busy, replayed.memory.bytes[Requester::Sort as usize])
 }
 
 /// Worked out by hand: runs of the network, its stages, ⌈log2(n/network)⌉·n cycles of merging
@@ -675,7 +675,7 @@ fn more_sorters_are_never_slower_on_memory_without_limits() {
         let bytes = |entries: u32| {
             let replayed =
                 of(&|sorter: &mut Sorter| sorter.buffer_entries = entries.max(sorter.network));
-            replayed.memory.bytes[Client::Sort as usize]
+            replayed.memory.bytes[Requester::Sort as usize]
                 .iter()
                 .sum::<u64>()
         };

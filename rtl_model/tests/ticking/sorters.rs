@@ -10,7 +10,7 @@ use super::memory::{Done, LIST_BYTES, LISTS, Memory, Requests};
 use super::parts::Unit;
 use rtl_model::elaboration::microarchitecture::SortShape;
 use rtl_model::elaboration::sorter::SorterShape;
-use rtl_model::timing::{Client, Direction};
+use rtl_model::timing::{Direction, Requester};
 use std::collections::VecDeque;
 use std::ops::Range;
 
@@ -133,7 +133,7 @@ impl Sorters {
                 for bytes in piece.stores {
                     memory.ask(
                         now,
-                        Client::Sort,
+                        Requester::Sort,
                         Direction::Write,
                         bytes,
                         &sorter.stored.next(),
@@ -181,7 +181,7 @@ impl Sorters {
             let here = Done::default();
             memory.ask(
                 now,
-                Client::Sort,
+                Requester::Sort,
                 Direction::Read,
                 piece.load.clone(),
                 &here,
