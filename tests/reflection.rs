@@ -356,7 +356,7 @@ fn a_mirror_costs_area_and_cycles() {
     assert_eq!(rest(&mirror(Sight::Ray)), rest(&without));
     let mut cache_alone = without;
     cache_alone.timing.environment = Some(Environment::default());
-    assert!(cache_alone.elaborate().unwrap_err()[0].contains("no `reflect` that looks one up"));
+    assert!(cache_alone.elaborate().unwrap_err()[0].contains("no `reflect` that uses one"));
 }
 
 /// The same bits from memory as from a table, with a cache's area in the place of the table's, its

@@ -277,7 +277,7 @@ pub struct Pipeline {
     /// Bits of one unit: stages that hold an item each, times bits per stage.
     pub bits: u64,
     /// Bits outside the pipeline of one unit: fragments that are to be merged.
-    pub beside: u64,
+    pub merge_bits: u64,
     /// Number of parallel units.
     pub units: u32,
 }
@@ -288,7 +288,7 @@ impl Pipeline {
         Pipeline {
             unit,
             bits: (stages * (comes_in.max(0) + goes_out.max(0)) as u64).div_ceil(2),
-            beside: 0,
+            merge_bits: 0,
             units,
         }
     }
@@ -414,7 +414,7 @@ fn bytes(bits: i32) -> u32 {
     (bits.max(0) as u32).div_ceil(8)
 }
 
-/// Bits of so many words.
+/// Bits of `words`, each with the number of its copies.
 fn bits(words: &[(i32, Word)]) -> i32 {
     words
         .iter()
@@ -547,9 +547,13 @@ impl Machine {
                 }
             })
             .collect();
-        e.require(self.sort.is_none() || t.organisation == Organisation::Binned, || {
-            "timing.organisation is immediate, but a sort needs all splats first: binned would do".into()
-        });
+        e.require(
+            self.sort.is_none() || t.organisation == Organisation::Binned,
+            || {
+                "timing.organisation is immediate, but a sort needs all splats first: use binned"
+                    .into()
+            },
+        );
         let sorter = self.sorter_shape(e);
         let sort = self.sort.map(|sort| {
             let [passes, digit_bits] = if sorter.is_some() {
@@ -581,7 +585,7 @@ impl Machine {
             .saturating_mul(fragment_bytes);
         e.require(line_bytes <= MOST, || {
             format!(
-                "timing.cache.line_px {}×{} makes lines of {line_bytes} bytes: at most {MOST} can be had",
+                "timing.cache.line_px {}×{} makes lines of {line_bytes} bytes: at most {MOST} are possible",
                 t.cache.line_px[0], t.cache.line_px[1]
             )
         });
@@ -673,7 +677,7 @@ impl Machine {
                 [widths.rastered, widths.weighed],
             ),
             Pipeline {
-                beside: in_flight.max(0) as u64,
+                merge_bits: in_flight.max(0) as u64,
                 ..Pipeline::new(
                     unit::FRAGMENT,
                     &fragment,
@@ -813,7 +817,7 @@ impl Machine {
     fn map_shape(&self, e: &mut Elaboration) -> Option<MapShape> {
         let cache = self.timing.environment;
         e.require(cache.is_none() || self.reflect.is_some(), || {
-            "timing.environment is the cache of a map, and the machine has no `reflect` that looks one up: it can be left out".into()
+            "timing.environment is the cache of a map, and the machine has no `reflect` that uses one: leave it out".into()
         });
         let reflect = self.reflect.as_ref()?;
         let index_bits = reflect.index_bits.clamp(1, 8);
@@ -845,7 +849,7 @@ impl Machine {
                 t.resolve.units,
             ];
             e.require(several.into_iter().all(|several| units(several) == 1), || {
-                "timing.environment, a map in memory, goes with one engine, one unit each of fragment, shade and resolve, and one merge in \
+                "timing.environment, a map in memory, requires one engine, one unit each of fragment, shade and resolve, and one merge in \
                  flight: leave it out, and each shade unit has the map on the chip"
                     .into()
             });
@@ -1286,17 +1290,17 @@ fn check(timing: &Timing, e: &mut Elaboration) {
     });
     let of_fragment = units(timing.fragment.units);
     e.require(of_fragment.is_power_of_two(), || {
-        format!("timing.fragment.units is {of_fragment}: it must be a power of two, for pixels go to units by their address")
+        format!("timing.fragment.units is {of_fragment}: it must be a power of two, because the address of a pixel selects its unit")
     });
     let is_immediate = timing.organisation == Organisation::Immediate;
     e.require(!is_immediate || units(timing.engines) == 1, || {
         format!(
-            "timing.engines is {}, but an immediate machine has no tiles to share: binned would do",
+            "timing.engines is {}, but an immediate machine has no tiles to share: use binned",
             units(timing.engines)
         )
     });
     e.require(!is_immediate || timing.queue == Queue::Order, || {
-        "timing.queue is longest, but an immediate machine has no tiles: order would do".into()
+        "timing.queue is longest, but an immediate machine has no tiles: use order".into()
     });
     e.require((1..=2).contains(&buffers), || {
         format!("timing.tile.buffers is {buffers}: it can be 1 or 2")
@@ -1322,7 +1326,7 @@ fn check_memory(given: &Memory, memory: &Memory, e: &mut Elaboration) {
         format!("timing.memory.miss_latency is {miss_latency}: it can be {hit_latency}, the latency of an open row, to {MOST}")
     });
     let permille = memory.bytes_per_cycle_permille.unwrap_or(0);
-    e.require(permille < 1000, || format!("timing.memory.bytes_per_cycle_permille is {permille}: it can be 0 to 999, more are a byte"));
+    e.require(permille < 1000, || format!("timing.memory.bytes_per_cycle_permille is {permille}: it can be 0 to 999, because 1000 are a byte"));
     let interleave = memory.interleave_bytes();
     for (name, value, most) in [
         ("channels", memory.channels(), MOST_CHANNELS),
@@ -1359,7 +1363,7 @@ fn check_memory(given: &Memory, memory: &Memory, e: &mut Elaboration) {
         [memory.refresh_interval_cycles, memory.refresh_cycles].map(|cycles| cycles.unwrap_or(0));
     if interval > 0 {
         e.require(refresh < interval, || {
-            format!("timing.memory.refresh_cycles is {refresh}: it must be less than refresh_interval_cycles, {interval}, for memory to move anything")
+            format!("timing.memory.refresh_cycles is {refresh}: it must be less than refresh_interval_cycles, {interval}, so that memory can move data")
         });
     } else {
         e.require(given.refresh_cycles.unwrap_or(0) == 0, || {

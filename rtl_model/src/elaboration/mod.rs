@@ -127,7 +127,7 @@ impl Elaboration {
     pub fn holds_exact(&mut self, what: &str, exact: Exact) {
         self.require(exact.bits() <= MAX_EXACT_BITS, || {
             let over = exact.bits() - MAX_EXACT_BITS;
-            format!("{what} needs {} bits, but {MAX_EXACT_BITS} can be held: {over} bits must go from its operands", exact.bits())
+            format!("{what} needs {} bits, but {MAX_EXACT_BITS} can be held: {over} bits must be removed from its operands", exact.bits())
         });
     }
 
@@ -229,7 +229,7 @@ impl Elaboration {
         let left = (word.format.frac_bits - from.frac_bits).max(0);
         if from.bits() > MAX_EXACT_BITS {
             self.misfits.push(format!(
-                "{unit}.{name} is made from an exact result of {} bits, but {MAX_EXACT_BITS} can be held: {} bits must go from its operands",
+                "{unit}.{name} is made from an exact result of {} bits, but {MAX_EXACT_BITS} can be held: {} bits must be removed from its operands",
                 from.bits(),
                 from.bits() - MAX_EXACT_BITS
             ));
@@ -265,12 +265,12 @@ impl Elaboration {
     }
 
     fn signal(&mut self, unit: &'static str, name: &str, word: Word) -> usize {
-        if let Some(known) = self
+        if let Some(declared) = self
             .signals
             .iter()
             .position(|s| s.unit == unit && s.name == name)
         {
-            return known;
+            return declared;
         }
         self.signals.push(Signal {
             unit,

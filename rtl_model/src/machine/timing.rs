@@ -641,7 +641,7 @@ impl Memory {
             )
         };
         let thousandths = u128::from(sheet.bytes) * 1000 / u128::from(clock_hz.max(1));
-        let or = |said: u32, value: u32| if said == 0 { value } else { said };
+        let or = |given: u32, value: u32| if given == 0 { value } else { given };
         // Thousandths belong to the bytes of the preset.
         let permille = if self.bytes_per_cycle == 0 {
             number(thousandths % 1000)

@@ -66,8 +66,8 @@ impl Probe for Composite {
     }
 
     #[inline(always)]
-    fn eight<W: Words>(&mut self, signal: usize, seen: LimitedWords<W>, live: u8) {
-        self.meters.eight(signal, seen, live);
+    fn eight<W: Words>(&mut self, signal: usize, fitted: LimitedWords<W>, live: u8) {
+        self.meters.eight(signal, fitted, live);
     }
 
     #[inline(always)]
@@ -81,8 +81,8 @@ impl Probe for Composite {
     }
 
     #[inline(always)]
-    fn sums<W: Words>(&mut self, seen: LimitedWords<W>) {
-        self.meters.sums(seen);
+    fn sums<W: Words>(&mut self, fitted: LimitedWords<W>) {
+        self.meters.sums(fitted);
     }
 
     fn wrapped(&mut self, signal: usize) {
@@ -104,9 +104,9 @@ impl Probe for Composite {
         &mut self,
         items: Range<usize>,
         of: usize,
-        again: impl FnMut(usize, &mut Ranges),
+        repeat: impl FnMut(usize, &mut Ranges),
     ) {
-        self.meters.resample_batch(items, of, again);
+        self.meters.resample_batch(items, of, repeat);
     }
 
     // Work goes to the recorder.

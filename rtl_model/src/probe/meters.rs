@@ -50,7 +50,7 @@ impl Default for Extremes {
 
 impl Extremes {
     #[inline(always)]
-    fn see<W: Words>(&mut self, words: W) {
+    fn add<W: Words>(&mut self, words: W) {
         self.min = W::from_array(self.min).min(words).to_array();
         self.max = W::from_array(self.max).max(words).to_array();
         self.any = (W::from_array(self.any) | words).to_array();
@@ -112,7 +112,7 @@ impl SingleExtremes {
     }
 
     #[inline(always)]
-    fn see(&mut self, word: i64) {
+    fn add(&mut self, word: i64) {
         self.any |= word;
         if word.wrapping_sub(self.min) as u64 > self.span {
             self.widen(word, word);
@@ -166,7 +166,7 @@ impl Default for WideExtremes {
 
 impl WideExtremes {
     #[inline(always)]
-    fn see(&mut self, words: [i64; LANES]) {
+    fn add(&mut self, words: [i64; LANES]) {
         for (lane, word) in words.into_iter().enumerate() {
             self.min[lane] = self.min[lane].min(word);
             self.max[lane] = self.max[lane].max(word);
@@ -191,10 +191,10 @@ const KEPT: usize = 64;
 pub struct Meters {
     /// Per signal: words in groups of eight, of up to 32 bits and of more; single words; values
     /// that passed through registers.
-    together: Vec<Extremes>,
+    grouped: Vec<Extremes>,
     wide: Vec<WideExtremes>,
-    alone: Vec<SingleExtremes>,
-    way: Vec<SingleExtremes>,
+    single: Vec<SingleExtremes>,
+    passed: Vec<SingleExtremes>,
     /// The sums of a fragment: every lane is another signal.
     sums: Extremes,
     /// Signals of the lanes of `sums`.
@@ -222,10 +222,10 @@ impl Meters {
 
     fn of(signals: usize, sum_signals: [usize; LANES]) -> Self {
         Meters {
-            together: vec![Extremes::default(); signals],
+            grouped: vec![Extremes::default(); signals],
             wide: vec![WideExtremes::default(); signals],
-            alone: vec![SingleExtremes::default(); signals],
-            way: vec![SingleExtremes::default(); signals],
+            single: vec![SingleExtremes::default(); signals],
+            passed: vec![SingleExtremes::default(); signals],
             sums: Extremes::default(),
             sum_signals,
             item: 1,
@@ -246,16 +246,16 @@ impl Meters {
                 bins: Range::default().bins,
                 ..limited.0[signal]
             });
-            (0..LANES).for_each(|lane| self.together[signal].add_to(lane, range));
+            (0..LANES).for_each(|lane| self.grouped[signal].add_to(lane, range));
             self.wide[signal]
                 .lanes()
                 .for_each(|lane| lane.add_to(range));
-            self.alone[signal].add_to(range);
-            let way = self.way[signal];
-            if way.min <= way.max {
-                range.reach(way.min);
-                range.reach(way.max);
-                range.any |= way.any;
+            self.single[signal].add_to(range);
+            let passed = self.passed[signal];
+            if passed.min <= passed.max {
+                range.reach(passed.min);
+                range.reach(passed.max);
+                range.any |= passed.any;
             }
         }
         for (lane, signal) in self.sum_signals.into_iter().enumerate() {
@@ -272,17 +272,17 @@ impl Probe for Meters {
     const DECISIONS: bool = false;
 
     fn fork(&self) -> Self {
-        Meters::of(self.alone.len(), self.sum_signals)
+        Meters::of(self.single.len(), self.sum_signals)
     }
 
     fn absorb(&mut self, fork: Self) {
-        for (signal, alone) in self.alone.iter_mut().enumerate() {
-            self.together[signal].absorb(&fork.together[signal]);
+        for (signal, single) in self.single.iter_mut().enumerate() {
+            self.grouped[signal].absorb(&fork.grouped[signal]);
             fork.wide[signal]
                 .lanes()
-                .for_each(|lane| alone.absorb(&lane));
-            alone.absorb(&fork.alone[signal]);
-            self.way[signal].absorb(&fork.way[signal]);
+                .for_each(|lane| single.absorb(&lane));
+            single.absorb(&fork.single[signal]);
+            self.passed[signal].absorb(&fork.passed[signal]);
         }
         self.sums.absorb(&fork.sums);
         for (own, other) in self.resampled.iter_mut().zip(fork.resampled) {
@@ -293,7 +293,7 @@ impl Probe for Meters {
     #[inline(always)]
     fn word(&mut self, fit: &Fit, exact: i64, more: i64, word: i64) {
         if fit.is_within(exact, more, word) {
-            self.alone[fit.signal].see(word);
+            self.single[fit.signal].add(word);
         } else if self.limited.len() < KEPT {
             self.limited.push((self.item, *fit, exact, more, word));
         } else {
@@ -308,20 +308,24 @@ impl Probe for Meters {
 
     #[inline(always)]
     fn one(&mut self, signal: usize, word: i64) {
-        self.alone[signal].see(word);
+        self.single[signal].add(word);
     }
 
     #[inline(always)]
-    fn eight<W: Words>(&mut self, signal: usize, seen: LimitedWords<W>, live: u8) {
+    fn eight<W: Words>(&mut self, signal: usize, fitted: LimitedWords<W>, live: u8) {
         if live == 0 {
             return;
         }
         // A limited word is resampled, together with its item.
-        if seen.limited & live != 0 {
+        if fitted.limited & live != 0 {
             self.is_limited |= self.item;
             return;
         }
-        self.together[signal].see(seen.words.pick(W::from_array(STAND_IN[usize::from(live)])));
+        self.grouped[signal].add(
+            fitted
+                .words
+                .pick(W::from_array(STAND_IN[usize::from(live)])),
+        );
     }
 
     #[inline(always)]
@@ -330,27 +334,27 @@ impl Probe for Meters {
             self.is_limited |= self.item;
         } else if live != 0 {
             self.wide[signal]
-                .see(STAND_IN[usize::from(live)].map(|lane| words[lane as usize % LANES]));
+                .add(STAND_IN[usize::from(live)].map(|lane| words[lane as usize % LANES]));
         }
     }
 
     #[inline(always)]
     fn three(&mut self, signal: usize, words: [i64; 3]) {
-        let alone = &mut self.alone[signal];
-        alone.any |= words[0] | words[1] | words[2];
-        let [a, b, c] = words.map(|word| word.wrapping_sub(alone.min) as u64);
-        if a.max(b).max(c) > alone.span {
-            words.into_iter().for_each(|word| alone.widen(word, word));
+        let single = &mut self.single[signal];
+        single.any |= words[0] | words[1] | words[2];
+        let [a, b, c] = words.map(|word| word.wrapping_sub(single.min) as u64);
+        if a.max(b).max(c) > single.span {
+            words.into_iter().for_each(|word| single.widen(word, word));
         }
     }
 
     #[inline(always)]
-    fn sums<W: Words>(&mut self, seen: LimitedWords<W>) {
-        if seen.limited != 0 {
+    fn sums<W: Words>(&mut self, fitted: LimitedWords<W>) {
+        if fitted.limited != 0 {
             self.is_limited |= self.item;
             return;
         }
-        self.sums.see(seen.words);
+        self.sums.add(fitted.words);
     }
 
     fn wrapped(&mut self, _signal: usize) {
@@ -359,9 +363,9 @@ impl Probe for Meters {
 
     #[inline(always)]
     fn reached(&mut self, signal: usize, [low, high]: [i64; 2]) {
-        let way = &mut self.way[signal];
-        way.see(low);
-        way.see(high);
+        let passed = &mut self.passed[signal];
+        passed.add(low);
+        passed.add(high);
     }
 
     #[inline(always)]
@@ -386,19 +390,19 @@ impl Probe for Meters {
         &mut self,
         items: std::ops::Range<usize>,
         of: usize,
-        mut again: impl FnMut(usize, &mut Ranges),
+        mut repeat: impl FnMut(usize, &mut Ranges),
     ) {
         let [sample, limited] = &mut self.resampled;
         let is_limited = std::mem::take(&mut self.is_limited);
         let mut bit = 1;
         for item in items {
             if is_sampled(item, of) {
-                again(item, sample);
+                repeat(item, sample);
             } else if is_limited & bit != 0 {
-                again(item, limited);
+                repeat(item, limited);
             } else {
-                let alone = self.limited.iter().filter(|word| word.0 == bit);
-                alone.for_each(|(_, fit, exact, more, word)| {
+                let single = self.limited.iter().filter(|word| word.0 == bit);
+                single.for_each(|(_, fit, exact, more, word)| {
                     limited.word(fit, *exact, *more, *word)
                 });
             }

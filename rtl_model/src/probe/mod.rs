@@ -57,7 +57,7 @@ pub trait Probe: Send + Sync + Sized {
     fn one(&mut self, _signal: usize, _word: i64) {}
     /// Words of a signal. Only the `live` lanes count (a bit each).
     #[inline(always)]
-    fn eight<W: Words>(&mut self, _signal: usize, _seen: LimitedWords<W>, _live: u8) {}
+    fn eight<W: Words>(&mut self, _signal: usize, _fitted: LimitedWords<W>, _live: u8) {}
     /// [`Probe::eight`] for words of up to 48 bits, and the lanes that a limit changed.
     #[inline(always)]
     fn wide(&mut self, _signal: usize, _words: [i64; LANES], _limited: u8, _live: u8) {}
@@ -66,7 +66,7 @@ pub trait Probe: Send + Sync + Sized {
     fn three(&mut self, _signal: usize, _words: [i64; 3]) {}
     /// The eight sums of a fragment, in the order of their signals.
     #[inline(always)]
-    fn sums<W: Words>(&mut self, _seen: LimitedWords<W>) {}
+    fn sums<W: Words>(&mut self, _fitted: LimitedWords<W>) {}
     /// A register exceeded its format and wrapped.
     fn wrapped(&mut self, _signal: usize) {}
     /// A register of a signal passes through all values from the first to the second, which are not
@@ -398,14 +398,14 @@ impl<'a, P: Probe> Tap<'a, P> {
         &mut self,
         fit: &Fit,
         exact: X,
-        seen: Option<LimitedWords<X::Words>>,
+        fitted: Option<LimitedWords<X::Words>>,
     ) -> X::Words {
-        let Some(seen) = seen else {
+        let Some(fitted) = fitted else {
             return X::from_array(self.observe_one_by_one(*fit, exact.to_array(), [0; LANES]))
                 .low();
         };
-        self.probe.eight(fit.signal, seen, self.live);
-        seen.words
+        self.probe.eight(fit.signal, fitted, self.live);
+        fitted.words
     }
 
     /// Fits eight results to words that can have more than 32 bits.
@@ -441,10 +441,10 @@ impl<'a, P: Probe> Tap<'a, P> {
     #[inline(always)]
     pub fn fit_shifted<X: Exacts>(&mut self, fit: &Fit, exact: X, more: X::Words) -> X::Words {
         if P::EIGHT
-            && let Some(seen) = fit.shifted_limited(exact, more)
+            && let Some(fitted) = fit.shifted_limited(exact, more)
         {
-            self.probe.eight(fit.signal, seen, self.live);
-            return seen.words;
+            self.probe.eight(fit.signal, fitted, self.live);
+            return fitted.words;
         }
         if P::WORDS {
             X::from_array(self.observe_one_by_one(*fit, exact.to_array(), more.exact().to_array()))

@@ -16,7 +16,7 @@ pub trait Observer<'w>: Send + Sync {
     /// Hands over its observations, in a form that observers of the same kind can take over.
     fn hand_over(self: Box<Self>) -> Box<dyn Any + Send>;
     /// Adds the observations that a fork has handed over.
-    fn take_over(&mut self, seen: Box<dyn Any + Send>);
+    fn take_over(&mut self, observations: Box<dyn Any + Send>);
     /// As [`Probe::word`].
     fn word(&mut self, _fit: &Fit, _exact: i64, _more: i64, _word: i64) {}
     /// As [`Probe::wrapped`].

@@ -70,7 +70,7 @@ pub fn bin(word: i64) -> usize {
 
 impl Range {
     /// Counts one word.
-    pub fn see(&mut self, fit: &Fit, exact: i64, more: i64, word: i64) {
+    pub fn count(&mut self, fit: &Fit, exact: i64, more: i64, word: i64) {
         self.words += 1;
         // Rare: a new extreme.
         if word < self.min {
@@ -82,7 +82,7 @@ impl Range {
         self.inexact += u64::from(fit.is_inexact(exact, more));
         self.bins[bin(word)] += 1;
         if !fit.is_within(exact, more, word) {
-            return self.see_limited(fit, exact, more);
+            return self.count_limited(fit, exact, more);
         }
         if word < self.least {
             self.least = word;
@@ -95,7 +95,7 @@ impl Range {
 
     #[cold]
     #[inline(never)]
-    fn see_limited(&mut self, fit: &Fit, exact: i64, more: i64) {
+    fn count_limited(&mut self, fit: &Fit, exact: i64, more: i64) {
         let loss = fit.loss(exact, more);
         self.saturated_low += u64::from(loss.saturated_low);
         self.saturated_high += u64::from(loss.saturated_high);
@@ -128,7 +128,7 @@ impl Range {
     }
 
     /// Whether there was any word, counted or not.
-    pub fn is_seen(&self) -> bool {
+    pub fn has_words(&self) -> bool {
         self.min <= self.max
     }
 
@@ -136,7 +136,7 @@ impl Range {
     /// a signal in `format`; none if there was no word. Results below 0 are ignored for an unsigned
     /// format.
     pub fn narrowest(&self, format: Format) -> Option<Format> {
-        if !self.is_seen() {
+        if !self.has_words() {
             return None;
         }
         // A sign, and the bits of the magnitude of −1 − x or x, whichever is longer.
@@ -182,7 +182,7 @@ impl Probe for Ranges {
     }
 
     fn word(&mut self, fit: &Fit, exact: i64, more: i64, word: i64) {
-        self.0[fit.signal].see(fit, exact, more, word);
+        self.0[fit.signal].count(fit, exact, more, word);
     }
 
     fn wrapped(&mut self, signal: usize) {

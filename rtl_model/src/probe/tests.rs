@@ -37,7 +37,7 @@ fn words() -> impl Strategy<Value = Word> {
     )
 }
 
-fn seen(fit: &Fit, results: &[(i64, i64)]) -> Range {
+fn range_of(fit: &Fit, results: &[(i64, i64)]) -> Range {
     let mut ranges = Ranges::new(1);
     for &(exact, more) in results {
         ranges.word(fit, exact, more, fit.one_shifted(exact, more));
@@ -59,7 +59,7 @@ proptest! {
         let together = |order: &[&[usize]]| {
             order.iter().map(|group| {
                 let all: Vec<_> = group.iter().flat_map(|part| parts[*part].clone()).collect();
-                seen(&fit, &all)
+                range_of(&fit, &all)
             }).fold(Range::default(), |mut whole, part| {
                 whole.absorb(&part);
                 whole
@@ -75,7 +75,7 @@ proptest! {
     #[test]
     fn the_narrowest_format_holds_every_result_and_no_narrower_one_does(word in words(), results in results()) {
         let fit = Fit::new(0, word, Exact { int_bits: 30, frac_bits: 16 });
-        let (range, format) = (seen(&fit, &results), word.format);
+        let (range, format) = (range_of(&fit, &results), word.format);
         let Some(narrowest) = range.narrowest(format) else {
             prop_assert!(results.is_empty());
             return Ok(());
@@ -105,7 +105,7 @@ fn a_range_counts_its_words() {
         },
     );
     // 1 ulp, 1½ ulp, −2 ulp, 0, and far too much.
-    let range = seen(&fit, &[(4, 0), (6, 0), (-8, 0), (0, 0), (400, 0), (16, 1)]);
+    let range = range_of(&fit, &[(4, 0), (6, 0), (-8, 0), (0, 0), (400, 0), (16, 1)]);
     assert_eq!(
         [
             range.words,
@@ -126,7 +126,7 @@ fn a_range_counts_its_words() {
     );
     assert_eq!(range.narrowest(word.format).unwrap().to_string(), "I4F4");
     assert_eq!(
-        seen(&fit, &[(0, 0)])
+        range_of(&fit, &[(0, 0)])
             .narrowest(word.format)
             .unwrap()
             .to_string(),

@@ -167,7 +167,7 @@ pub struct Use {
 }
 
 impl Use {
-    pub fn see(&mut self, used: f64) {
+    pub fn add(&mut self, used: f64) {
         *self = Use {
             worst: self.worst.max(used),
             sum: self.sum + used,

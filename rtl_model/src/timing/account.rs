@@ -192,7 +192,7 @@ impl UnitPlaces {
     }
 
     /// Whether the cycle in which a place is free is known.
-    pub fn is_known(&self) -> bool {
+    pub fn is_scheduled(&self) -> bool {
         self.claimed - self.given < self.room
     }
 
@@ -230,9 +230,9 @@ impl UnitPlaces {
             .front_mut()
             .filter(|(first, _)| *first <= now)
         {
-            let gone = (*count).min(now + 1 - *first);
-            (*first, *count) = (*first + gone, *count - gone);
-            self.vanishing_items -= gone;
+            let vanished = (*count).min(now + 1 - *first);
+            (*first, *count) = (*first + vanished, *count - vanished);
+            self.vanishing_items -= vanished;
             if *count == 0 {
                 self.vanishing.pop_front();
             }
@@ -242,13 +242,13 @@ impl UnitPlaces {
         }
         let (mut at, mut left) = (now, self.vanishing_items);
         for (first, count) in &self.vanishing {
-            for again in *first..first + count {
+            for end in *first..first + count {
                 // Until then `left` items remain, and a place can be given back earlier.
                 let given = self.given_except(left).max(at);
-                if given <= again {
+                if given <= end {
                     return given;
                 }
-                (at, left) = (again, left - 1);
+                (at, left) = (end, left - 1);
             }
         }
         self.given_except(left).max(at)
@@ -435,7 +435,7 @@ impl Unit {
     }
 
     /// Stalls as for an item, without taking one.
-    pub fn wait(&mut self, ready: Ready) {
+    pub fn stall(&mut self, ready: Ready) {
         self.hold(ready, 0, 0, 0);
     }
 

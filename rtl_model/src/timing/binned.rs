@@ -523,7 +523,7 @@ impl<'a> SecondPass<'a> {
         {
             // The rest of the tile.
             *list_from = list.free().max(ready.here).max(stops.all());
-            list.wait(Ready {
+            list.stall(Ready {
                 memory: ready.memory.min(*list_from),
                 room: ready.room.min(*list_from),
                 ..ready
@@ -534,12 +534,12 @@ impl<'a> SecondPass<'a> {
         list.behind.take(now);
         // A unit that stalls for texels is behind list: resolve can request texels of a tile
         // without entries.
-        let asked_from = if merge.texels.is_none() {
+        let requested_from = if merge.texels.is_none() {
             now
         } else {
             merge.free().min(resolve.free())
         };
-        memory.forget(now.min(others_from).min(asked_from));
+        memory.forget(now.min(others_from).min(requested_from));
         if needed > tile.bursts {
             let address = LISTS + tile.place as u64 * LIST_BYTES + tile.bursts * burst;
             tile.burst_here =
@@ -672,7 +672,7 @@ fn first_pass<'a>(
         // there is room.
         while let Some((fate, index)) = fates.next_if(|(_, index)| match ahead.front() {
             Some(here) => {
-                setup.is_known()
+                setup.is_scheduled()
                     && setup.when(*index) <= bin.free().max(outstanding.free()).max(*here)
             }
             None => true,
@@ -787,7 +787,7 @@ fn sort_entries(
         let (mut done, mut moved) = (now, 0);
         while moved < bytes {
             let part = SORT_BYTES.min(bytes - moved);
-            let asked = done.max(
+            let requested = done.max(
                 now + if sort.is_lifted() {
                     0
                 } else {
@@ -795,7 +795,7 @@ fn sort_entries(
                 },
             );
             let here = memory.request(
-                asked,
+                requested,
                 Requester::Sort,
                 Direction::Read,
                 source + moved,

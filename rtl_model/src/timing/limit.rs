@@ -167,15 +167,15 @@ fn candidates(timing: &Microarchitecture, work: &Work, cycles: &Cycles) -> Vec<C
     let mut all: Vec<Candidate> = Vec::new();
     for unit in &cycles.units {
         // Requesters of shade stall for its latency.
-        let waits = if unit.name.ends_with("shade") {
+        let stalls = if unit.name.ends_with("shade") {
             unit.items * u64::from(timing.shade.latency)
         } else {
             0
         };
         match all.iter_mut().find(|(_, _, name, _)| *name == unit.name) {
-            Some((at_most, ..)) => *at_most += unit.account.busy + waits,
+            Some((at_most, ..)) => *at_most += unit.account.busy + stalls,
             None => all.push((
-                unit.account.busy + waits,
+                unit.account.busy + stalls,
                 all.len(),
                 unit.name,
                 Limited::Work,

@@ -289,13 +289,13 @@ impl<'a> SetUp<'a> {
     }
 
     /// Whether the cycle in which the last unit has room for another splat is known.
-    pub fn is_known(&self) -> bool {
+    pub fn is_scheduled(&self) -> bool {
         self.shade
             .as_ref()
             .or(self.colour.as_ref())
             .unwrap_or(&self.ellipse)
             .behind
-            .is_known()
+            .is_scheduled()
     }
 
     /// The next unit takes the next splat, which arrived at `here`, in this cycle.
@@ -348,9 +348,9 @@ impl<'a> Fill<'a> {
     }
 
     /// Replays the part of the next footprint in an area of the picture, given by corner and side;
-    /// `ready` is its arrival, possibly from memory. `next` takes each stamp with a weight, with
-    /// the first cycle in which gauss can take it, and returns the cycle. Returns the cycle in
-    /// which raster takes the footprint, and whether it has such a stamp.
+    /// it arrives at `here`, its record at `memory`. `next` takes each stamp with a weight, with the
+    /// first cycle in which gauss can take it, and returns the cycle. Returns the cycle in which
+    /// raster takes the footprint, and whether it has such a stamp.
     #[inline(always)]
     pub fn footprint(
         &mut self,
@@ -528,25 +528,25 @@ impl<'a> Fill<'a> {
                 self.raster.behind.free_from(now)
             };
             // The stamp is tested until it has room, or until all of its pixels have stopped.
-            let looked = if stopped <= room {
+            let tested = if stopped <= room {
                 now.max(stopped)
             } else {
                 room
             };
-            let waited = Ready {
-                room: looked,
+            let tested_ready = Ready {
+                room: tested,
                 ..ready
             };
-            if stopped <= looked {
-                self.raster.wait(waited);
+            if stopped <= tested {
+                self.raster.stall(tested_ready);
                 if has_weight {
-                    stops.leave_out(looked);
+                    stops.leave_out(tested);
                 }
                 continue;
             }
             self.stamps[0] += 1;
-            if whole <= looked {
-                let now = self.raster.take(waited, 1);
+            if whole <= tested {
+                let now = self.raster.take(tested_ready, 1);
                 first_taken = first_taken.min(now);
                 if !self.raster.is_lifted() {
                     self.raster
@@ -554,12 +554,12 @@ impl<'a> Fill<'a> {
                         .vanish(now + u64::from(t.raster.latency), 1);
                 }
                 if has_weight {
-                    stops.leave_out(looked);
+                    stops.leave_out(tested);
                 }
                 continue;
             }
             self.stamps[1] += 1;
-            let now = self.raster.take(waited, 1);
+            let now = self.raster.take(tested_ready, 1);
             first_taken = first_taken.min(now);
             self.raster.behind.take(now);
             stops.kept(stamp, now, &mut self.kept);
@@ -1111,7 +1111,7 @@ impl<'a> Resolve<'a> {
             // There is only one unit in this case.
             let here = ready.here.max(free).max(ready.memory).max(ready.room);
             for texel in self.held.texels_of(columns, rows) {
-                let [_, waited] = cache.shade(
+                let [_, stalled] = cache.shade(
                     shade,
                     Ready {
                         here,
@@ -1121,7 +1121,7 @@ impl<'a> Resolve<'a> {
                     *texel,
                     memory,
                 );
-                cycles[0] += waited;
+                cycles[0] += stalled;
             }
         }
         let mut now = 0;

@@ -64,15 +64,15 @@ impl Texels {
             [row + 1, column],
             [row + 1, column + 1],
         ];
-        let mut seen = [EMPTY; 4];
+        let mut looked_up = [EMPTY; 4];
         let mut here = now;
         for nth in 0..4 {
             let [row, column] = corners[nth];
             let line = row / down * columns + column / across;
-            if !seen[..nth].contains(&line) {
+            if !looked_up[..nth].contains(&line) {
                 here = here.max(self.line(now, line, memory));
             }
-            seen[nth] = line;
+            looked_up[nth] = line;
         }
         here
     }

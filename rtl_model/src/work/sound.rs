@@ -37,13 +37,13 @@ impl Work {
         )?;
         let columns = (self.width as usize).div_ceil(TILE_PX);
         let is_after = |pair: &[Tile]| pair[0].place(columns) < pair[1].place(columns);
-        let lies_in = |tile: &Tile| {
+        let is_inside = |tile: &Tile| {
             (0..2).all(|i| {
                 usize::from(tile.corner[i]) % TILE_PX == 0 && u32::from(tile.corner[i]) < sizes[i]
             })
         };
         require(
-            self.tiles.iter().all(lies_in) && self.tiles.windows(2).all(is_after),
+            self.tiles.iter().all(is_inside) && self.tiles.windows(2).all(is_after),
             "its tiles are misaligned, out of order or outside the picture",
         )?;
         // Counted before lists of them are made: a box of a few bytes can touch a million tiles.
@@ -129,12 +129,13 @@ impl Work {
             ascends && drawn == self.footprints.len() && self.footprints.iter().all(is_drawn),
             "its boxes are not those of its splats",
         )?;
-        let lies_in = |[first, last]: [u16; 2], size: u32| first <= last && u32::from(last) < size;
-        let all_lie_in = self
+        let is_inside =
+            |[first, last]: [u16; 2], size: u32| first <= last && u32::from(last) < size;
+        let all_inside = self
             .footprints
             .iter()
-            .all(|f| lies_in(f.columns, self.width) && lies_in(f.rows, self.height));
-        require(all_lie_in, "a box lies outside of the picture")?;
+            .all(|f| is_inside(f.columns, self.width) && is_inside(f.rows, self.height));
+        require(all_inside, "a box lies outside of the picture")?;
         let mut seen = vec![false; self.order.len()];
         for nth in &self.order {
             if let Some(seen) = seen.get_mut(*nth as usize) {

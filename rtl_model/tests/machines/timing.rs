@@ -125,7 +125,7 @@ fn impossible_microarchitectures_are_refused_all_at_once_in_sentences() {
         (
             "fragment/units",
             json!(3),
-            "timing.fragment.units is 3: it must be a power of two, for pixels go to units by their address",
+            "timing.fragment.units is 3: it must be a power of two, because the address of a pixel selects its unit",
         ),
         (
             "fragment/merges_in_flight",
@@ -183,8 +183,8 @@ fn engines_are_a_binned_machines() {
     assert_eq!(
         misfits,
         [
-            "timing.engines is 2, but an immediate machine has no tiles to share: binned would do",
-            "timing.queue is longest, but an immediate machine has no tiles: order would do"
+            "timing.engines is 2, but an immediate machine has no tiles to share: use binned",
+            "timing.queue is longest, but an immediate machine has no tiles: use order"
         ]
     );
     (machine.timing.organisation, machine.timing.engines) = (Organisation::Binned, Some(65));

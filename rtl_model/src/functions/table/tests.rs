@@ -143,13 +143,13 @@ fn the_exponential_is_where_the_proofs_suppose_it() {
         // r/2 = half-steps / 2^shift.
         let shift = (index_bits as i32 + 2 - argument.int_bits) as u32;
         let middle = u64::from(interpolation == Interpolation::Nearest);
-        let known: Vec<u128> = (0..=1u64 << index_bits)
+        let ends_or_middles: Vec<u128> = (0..=1u64 << index_bits)
             .map(|i| exponential_or_one(2 * i + middle, shift))
             .collect();
         for (word, exact) in
             gaussian_words(index_bits, argument.int_bits, interpolation, EXP_FRAC_BITS)
                 .into_iter()
-                .zip(&known)
+                .zip(&ends_or_middles)
         {
             assert!(
                 (word as u64).abs_diff((exact >> (128 - EXP_FRAC_BITS)) as u64)
@@ -164,7 +164,7 @@ fn the_exponential_is_where_the_proofs_suppose_it() {
                 u128::from(r) & ((1 << fraction_bits) - 1),
             );
             let exact = exponential_or_one(r, argument.frac_bits as u32 + 1);
-            let (from, to) = (known[address], known[address + 1]);
+            let (from, to) = (ends_or_middles[address], ends_or_middles[address + 1]);
             let chord = from - ((from - to) >> fraction_bits) * fraction;
             // The shift and the errors of the oracle are below 2^−100.
             let above = (chord.wrapping_sub(exact) as i128) as f64 * f64::from(-128).exp2();

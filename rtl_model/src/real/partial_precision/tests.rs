@@ -68,8 +68,8 @@ proptest! {
         let e = &mut Elaboration::default();
         let reciprocal = Reciprocal::new(e, "test", "reciprocal", config, operand_frac_bits);
         let root = ReciprocalRoot::new(e, "test", "root", config, operand_frac_bits);
-        let nobody = &mut NoProbe;
-        let tap = &mut Tap::new(nobody);
+        let probe = &mut NoProbe;
+        let tap = &mut Tap::new(probe);
         let (value, bits, switches) = (x as f64 * power_of_two(-operand_frac_bits), config.bits as i32, ON());
         let mixed = PartialPrecision::new(value, &switches);
         let scientific = |(mantissa, exponent): (i64, i64)| mantissa as f64 * power_of_two(exponent as i32 - bits);

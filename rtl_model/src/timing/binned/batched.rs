@@ -99,10 +99,10 @@ fn replay_batch(timings: &[&Microarchitecture], work: &Work, detail: Detail) -> 
     let held = FinalPixels::new(work);
     let mut machines: Vec<BatchedMachine> = Vec::new();
     for t in timings {
-        let known = machines
+        let written = machines
             .iter()
             .find(|machine| machine.pass.t.same_lists_as(t, work.preshaded));
-        let listed = known.map_or_else(
+        let listed = written.map_or_else(
             || Listed::new(t, work, &lists, detail),
             |machine| machine.listed.clone(),
         );
@@ -681,9 +681,9 @@ impl<'a, L: Lanes> BatchedFill<'a, L> {
         for (lane, t) in self.timings.iter().enumerate() {
             let latency = u64::from(t.fragment.latency);
             let now = written[lane] as u64;
-            let asked = now + 1;
-            let light = light(&mut machines[lane].engine.merge.shade, t, asked, lit);
-            self.light[lane] += light - asked;
+            let requested = now + 1;
+            let light = light(&mut machines[lane].engine.merge.shade, t, requested, lit);
+            self.light[lane] += light - requested;
             if t.lifted == Some(unit::FRAGMENT) {
                 written[lane] = (now + latency) as i64;
                 continue;
@@ -707,12 +707,12 @@ impl<'a, L: Lanes> BatchedFill<'a, L> {
         let has_run = self
             .behind_raster
             .are_free(with_memory, self.latencies[0] - L::splat(1));
-        let waits = (self.raster.held - (self.raster.held & has_run)).signs();
+        let stalled = (self.raster.held - (self.raster.held & has_run)).signs();
         let cycles = L::splat(stamps as i64) & self.raster.held;
         let (mut first, mut end) = (with_memory, with_memory + cycles);
-        if waits != 0 {
+        if stalled != 0 {
             let (mut first_of, mut end_of) = (first.to_array(), end.to_array());
-            self.waiting_stamps(&mut first_of, &mut end_of, stamps, waits);
+            self.stalled_stamps(&mut first_of, &mut end_of, stamps, stalled);
             (first, end) = (L::from_array(first_of), L::from_array(end_of));
         }
         self.raster.hold(
@@ -726,19 +726,19 @@ impl<'a, L: Lanes> BatchedFill<'a, L> {
     /// [`Self::empty_stamps`] on machines without room in every cycle: returns the cycle in which
     /// raster takes the first, and the one in which it is free.
     #[inline(never)]
-    fn waiting_stamps(
+    fn stalled_stamps(
         &mut self,
         first: &mut [i64; LANES],
         end: &mut [i64; LANES],
         stamps: u64,
-        waits: u8,
+        stalled: u8,
     ) {
         let places = &mut self.behind_raster;
         let waiting = self
             .timings
             .iter()
             .enumerate()
-            .filter(|(lane, _)| waits & (1 << lane) != 0);
+            .filter(|(lane, _)| stalled & (1 << lane) != 0);
         for (lane, t) in waiting {
             end[lane] = first[lane];
             for nth in 0..stamps {
