@@ -239,7 +239,7 @@ mod tests {
     }
 
     #[test]
-    fn the_least_cycles_are_those_that_the_period_has_room_for() {
+    fn the_least_cycles_leave_room_for_a_register_in_each_period() {
         // 100 FO4 of 10 ps and a register of 5 FO4: 1.05 ns in one cycle, 0.55 ns in two.
         let path = Path {
             cycles: 1,

@@ -609,7 +609,7 @@ impl Machine {
         let (engines, merges_in_flight) = (units(t.engines), units(t.fragment.merges_in_flight));
         let hazard = t.fragment.hazard.unwrap_or(fragment.latency).max(1);
         // Forwarding: compare with the incoming pixels, and select instead of the read word, at
-        // every stage of the hazard.
+        // every stage that forwarding skips.
         let slots = f.layers.min(64) as i32 * self.fragment_bits();
         e.per_lane(|e| {
             e.copies(fragment.latency.saturating_sub(hazard), |e| {

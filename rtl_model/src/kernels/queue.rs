@@ -111,7 +111,7 @@ mod tests {
     use crate::num::words::PlainWords;
 
     #[test]
-    fn what_is_pushed_comes_in_order_without_what_is_left_out() {
+    fn pushed_fragments_keep_their_order_and_dropped_ones_are_absent() {
         let mut queue = Queue::default();
         let mut expected = Vec::new();
         for round in 0..300 {

@@ -146,7 +146,7 @@ fn aligned(word: i64, from: i32, to: i32) -> i128 {
 
 proptest! {
     #[test]
-    fn text_is_never_a_panic(text in "[UIui]?-?[0-9]{0,6}F?-?[0-9]{0,6}\\PC{0,2}") {
+    fn no_text_makes_a_format_panic(text in "[UIui]?-?[0-9]{0,6}F?-?[0-9]{0,6}\\PC{0,2}") {
         let _ = text.parse::<Format>();
     }
 

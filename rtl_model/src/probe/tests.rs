@@ -54,7 +54,7 @@ fn holds(format: Format, of: Format, ulps: i64) -> bool {
 
 proptest! {
     #[test]
-    fn ranges_come_together_in_any_order(word in words(), parts in prop::collection::vec(results(), 3)) {
+    fn ranges_are_the_same_in_any_order_of_absorption(word in words(), parts in prop::collection::vec(results(), 3)) {
         let fit = Fit::new(0, word, Exact { int_bits: 30, frac_bits: 16 });
         let together = |order: &[&[usize]]| {
             order.iter().map(|group| {

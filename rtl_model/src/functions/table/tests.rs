@@ -128,7 +128,7 @@ fn exponential_or_one(numerator: u64, shift: u32) -> u128 {
 /// within 2^−54. Within a step it is below the chord, or off the middle, by at most
 /// `real::between`.
 #[test]
-fn the_exponential_is_where_the_proofs_suppose_it() {
+fn the_exponential_is_where_the_proofs_assume_it() {
     for name in Machine::NAMES {
         let gauss = Machine::named(name).unwrap().gauss;
         let (

@@ -101,7 +101,7 @@ proptest! {
 }
 
 #[test]
-fn plain_lanes_do_what_words_do() {
+fn plain_lanes_compute_what_single_words_do() {
     let a = Plain([3, -3, 0, 7, i64::MAX, -1, 12, -64]);
     let b = Plain([4, -4, 0, -7, 5, 1, 12, 64]);
     assert_eq!(a.above(b).0, [0, -1, 0, -1, -1, 0, 0, 0]);

@@ -195,7 +195,7 @@ fn leading_zeros_do_not_round() {
 }
 
 #[test]
-fn plain_words_do_what_words_do() {
+fn plain_words_compute_what_single_words_do() {
     let (a, b) = (
         PlainWords([3, -3, 0, 7, i32::MAX, -1, 12, -64]),
         PlainWords([4, -4, 0, -7, 5, 1, 12, 64]),
@@ -229,7 +229,7 @@ fn plain_words_do_what_words_do() {
 }
 
 #[test]
-fn plain_results_are_cut_where_the_words_say() {
+fn plain_results_are_shifted_by_the_given_amounts() {
     let a = Plain([
         1 << 40,
         -1 << 40,
