@@ -165,8 +165,8 @@ impl Path {
             .unwrap_or(1)
     }
 
-    /// Cycles if every operator keeps its registers: [`Path::cycles`], or more if the clock requires
-    /// more.
+    /// Cycles if every operator keeps its registers: [`Path::cycles`], or more if the clock
+    /// requires more.
     pub fn registered_at(self, timing: &Timing) -> u32 {
         self.cycles.max(
             self.least_cycles(timing.technology, timing.clock_hz)

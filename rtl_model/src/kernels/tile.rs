@@ -1,4 +1,4 @@
-//! PackedTile: the fragments of 16 × 16 pixels, packed so that a contribution finds its fragment with one
+//! Tile: the fragments of 16 × 16 pixels, packed so that a contribution finds its fragment with one
 //! vector instruction.
 
 use super::packed::{Accumulator, PackedSlot, PackedSums};

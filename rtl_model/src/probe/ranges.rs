@@ -8,7 +8,7 @@
 //! Sums, minima, maxima and unions do not depend on the order, so threads cannot change them.
 //!
 //! Laws: `ranges_are_the_same_in_any_order_of_absorption`,
-//! `the_narrowest_format_holds_what_was_seen_and_no_narrower_one_does`.
+//! `the_narrowest_format_holds_every_result_and_no_narrower_one_does`.
 
 use super::Probe;
 use crate::num::{Fit, Format};

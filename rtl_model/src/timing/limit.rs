@@ -82,7 +82,7 @@ pub fn limits(frames: &[(&Microarchitecture, &Cycles)], work: &Work) -> Vec<Limi
     }
 }
 
-/// LimitSearch for the limit of a machine.
+/// Search for the limit of a machine.
 struct LimitSearch<'a> {
     timing: &'a Microarchitecture,
     cycles: &'a Cycles,

@@ -36,7 +36,7 @@ pub struct SetUp<'a> {
     /// Pace of `colour`.
     colour_pace: Pace,
     outstanding: Outstanding,
-    /// TreeWalk of the tree, if splats are in one.
+    /// Walk of the tree, if splats are in one.
     walk: Option<TreeWalk<'a>>,
     /// Shade's cache of texels, and the texels of each drawn splat.
     pub texels: Option<Texels>,
@@ -348,9 +348,9 @@ impl<'a> Fill<'a> {
     }
 
     /// Replays the part of the next footprint in an area of the picture, given by corner and side;
-    /// it arrives at `here`, its record at `memory`. `next` takes each stamp with a weight, with the
-    /// first cycle in which gauss can take it, and returns the cycle. Returns the cycle in which
-    /// raster takes the footprint, and whether it has such a stamp.
+    /// it arrives at `here`, its record at `memory`. `next` takes each stamp with a weight, with
+    /// the first cycle in which gauss can take it, and returns the cycle. Returns the cycle in
+    /// which raster takes the footprint, and whether it has such a stamp.
     #[inline(always)]
     pub fn footprint(
         &mut self,

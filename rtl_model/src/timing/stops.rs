@@ -1,4 +1,4 @@
-//! StopMap: the pixels of a tile that have stopped, and the cycles from which they have.
+//! Stops: the pixels of a tile that have stopped, and the cycles from which they have.
 //!
 //! ```text
 //!            ┌── stop map: one bit per pixel of the tile ◄── transmittance below the limit ── fragment

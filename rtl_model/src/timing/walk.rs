@@ -1,4 +1,4 @@
-//! TreeWalk: cycles of `fetch` to find the splats of a tree.
+//! Walk: cycles of `fetch` to find the splats of a tree.
 //!
 //! ```text
 //! stack ─►( children of some nodes, requested together )─► memory ─►( a node per cycle )─┬─► project, in this order

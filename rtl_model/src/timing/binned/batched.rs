@@ -464,7 +464,7 @@ struct BatchedPiece {
     pixels: u16,
 }
 
-/// Pixels in flight, like [`BatchedHazards`](super::super::hazards::Hazards).
+/// Pixels in flight, like [`Hazards`](super::super::hazards::Hazards).
 struct BatchedHazards {
     last: Vec<BatchedPiece>,
     before: Vec<BatchedPiece>,
